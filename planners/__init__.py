@@ -1,0 +1,1 @@
+"""How one part moves: arm solvers, base drives and collision distances on plain values."""

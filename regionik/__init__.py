@@ -1,0 +1,1 @@
+"""Exact base areas and whole-path planning for mobile manipulators."""

@@ -1,0 +1,67 @@
+"""Every failure of regionik, and the evidence it carries."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+Verdict = Literal["unreachable", "ladder-broken", "no-posture", "start-blocked", "plan-invalid"]
+CauseKind = Literal[
+    "obstacle", "reach", "limits", "clearance", "direction", "floor", "base", "path"
+]
+RepairKind = Literal[
+    "clearance", "move-target", "move-obstacle", "cone", "raise", "lift-off"
+]
+
+
+@dataclass(frozen=True)
+class Cause:
+    """One thing that stands in the way."""
+
+    kind: CauseKind
+    name: str
+    margin: float | None = None  # how much is missing [m]
+
+
+@dataclass(frozen=True)
+class Repair:
+    """One change that would make the answer a yes."""
+
+    kind: RepairKind
+    name: str
+    amount: float  # [m], [rad] for a cone, 1 for a lift-off
+    text: str
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """Why the answer is no: one paragraph for people, the same as data for programs.
+
+    ``setpoint`` counts from 0; ``reason`` counts from 1, as people do.
+    """
+
+    verdict: Verdict
+    setpoint: int | None
+    reason: str
+    causes: tuple[Cause, ...] = ()
+    repairs: tuple[Repair, ...] = field(default=())
+
+
+class RegionikError(Exception):
+    """Root of every error that regionik raises on purpose."""
+
+
+class InputError(RegionikError):
+    """What was given cannot be used; the message says where and what was expected."""
+
+
+class EngineError(RegionikError):
+    """A third-party engine failed on input that passed our checks."""
+
+
+class NoPlanFound(RegionikError):
+    """The answer is no, and ``explanation`` says why."""
+
+    def __init__(self, explanation: Explanation) -> None:
+        super().__init__(explanation.reason)
+        self.explanation = explanation

@@ -1,0 +1,127 @@
+"""The machine: a base on the floor and an arm mounted on it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from regionik.worlds.arrays import Array, frozen
+from regionik.worlds.chain import Chain, planar_pose
+from regionik.worlds.errors import InputError
+
+BaseKind = Literal["omni", "differential", "car"]
+
+
+@dataclass(frozen=True, eq=False)
+class LinkCapsule:
+    """The solid of one arm link: all points within ``radius`` of a segment.
+
+    Attributes
+    ----------
+    link : int
+        Index into ``Chain.frames``: the link that joint ``link`` moves.
+    name : str
+    start, end : (3,) array
+        Ends of the segment in the link's frame [m].
+    radius : float
+        [m]
+    """
+
+    link: int
+    name: str
+    start: Array
+    end: Array
+    radius: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "start", frozen(self.start, (3,), f"{self.name}: start"))
+        object.__setattr__(self, "end", frozen(self.end, (3,), f"{self.name}: end"))
+        if not 0 < self.radius < np.inf:
+            raise InputError(f"{self.name}: radius must be above 0, got {self.radius}")
+
+
+@dataclass(frozen=True, eq=False)
+class Robot:
+    """A mobile manipulator.
+
+    Attributes
+    ----------
+    name : str
+    base : {"omni", "differential", "car"}
+    footprint : (n, 2) array
+        Corners of the base's convex outline in the base frame [m]; one row is a point base.
+    mount : (4,) array
+        Arm base frame in the base frame: x, y, z [m], yaw [rad].
+    chain : Chain
+    solids : tuple of LinkCapsule
+    body_height : float
+        Solids that begin at this height or above concern the arm alone [m].
+    turning_radius : float
+        Least turning radius of a car [m].
+    carry : (dof,) array
+        Joint values in which the arm is driven about with the tool lifted.
+    """
+
+    name: str
+    base: BaseKind
+    footprint: Array
+    mount: Array
+    chain: Chain
+    solids: tuple[LinkCapsule, ...]
+    body_height: float
+    carry: Array
+    turning_radius: float = 0.0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "footprint", frozen(self.footprint, (None, 2), "footprint"))
+        object.__setattr__(self, "mount", frozen(self.mount, (4,), "mount"))
+        object.__setattr__(self, "carry", frozen(self.carry, (self.chain.dof,), "carry"))
+        if len(self.footprint) not in (1,) and len(self.footprint) < 3:
+            raise InputError("footprint: expected one point or at least three corners")
+        if not 0 < self.body_height < np.inf:
+            raise InputError(f"body_height must be above 0, got {self.body_height}")
+
+    @property
+    def T_base_arm(self) -> Array:
+        x, y, z, yaw = self.mount
+        return planar_pose(x, y, yaw, z)
+
+    def frames(self, base: ArrayLike, joints: ArrayLike) -> Array:
+        """Link and tool frames in the world, (..., dof + 1, 4, 4).
+
+        Parameters
+        ----------
+        base : (..., 3) array_like
+            x, y [m], yaw [rad].
+        joints : (..., dof) array_like
+        """
+        return self._T_world_arm(np.asarray(base))[..., None, :, :] @ self.chain.frames(joints)
+
+    def tool(self, base: ArrayLike, joints: ArrayLike) -> Array:
+        """Tool frame in the world, (..., 4, 4)."""
+        frame: Array = self.frames(base, joints)[..., -1, :, :]
+        return frame
+
+    def _T_world_arm(self, base: Array) -> Array:
+        T_world_base = np.zeros((*base.shape[:-1], 4, 4))
+        c, s = np.cos(base[..., 2]), np.sin(base[..., 2])
+        T_world_base[..., 0, 0], T_world_base[..., 0, 1] = c, -s
+        T_world_base[..., 1, 0], T_world_base[..., 1, 1] = s, c
+        T_world_base[..., 2, 2] = T_world_base[..., 3, 3] = 1.0
+        T_world_base[..., :2, 3] = base[..., :2]
+        T: Array = T_world_base @ self.T_base_arm
+        return T
+
+
+def capsules_along(chain: Chain, radius: float) -> tuple[LinkCapsule, ...]:
+    """One capsule a link, from its joint to the next joint (or the tool); links of no length have none."""
+    capsules = []
+    for k, joint in enumerate(chain.joints):
+        T_next = chain.joints[k + 1].T_parent_joint if k + 1 < chain.dof else chain.T_last_tool
+        end = T_next[:3, 3]
+        if np.linalg.norm(end) > 1e-9:
+            capsules.append(LinkCapsule(k, f"link {k + 1} ({joint.name})", np.zeros(3), end, radius))
+    return tuple(capsules)
