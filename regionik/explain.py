@@ -1,0 +1,227 @@
+"""The reason why not: which set-point, which obstacle, what is missing and what would mend it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import shapely
+from shapely.geometry import Point
+from shapely.geometry.base import BaseGeometry
+
+from regionik.ground import ground_of, grow
+from regionik.plan import Violation
+from regionik.regions import TakenAway, largest_clearance, outer_areas, what_took_away
+from regionik.worlds.arrays import Array
+from regionik.worlds.errors import Cause, Explanation, Repair
+from regionik.worlds.planar import planar_arm
+from regionik.worlds.scene import Target, World
+
+
+def unreachable(world: World, i: int, targets: Sequence[Target] | None = None) -> Explanation:
+    """Why the area of set-point i is empty.
+
+    Parameters
+    ----------
+    world : World
+    i : int
+        Counts from 0.
+    targets : sequence of Target, optional
+        The world's task by default.
+    """
+    every = world.task if targets is None else targets
+    target = every[i]
+    who = f"{_setpoint(i, len(every))} at {_spot(target.position)}"
+    taken = what_took_away(world, target)
+    proven = outer_areas(world, [target])[0].is_empty
+    open_clearance = largest_clearance(world, target)
+    if open_clearance is None:
+        reason, causes, repairs = _out_of_reach(world, target, who, taken)
+    else:
+        reason, causes, repairs = _crowded_out(world, who, taken, open_clearance)
+    if not proven:
+        reason += " This is not proven: the outer area is not empty, so finer arcs might leave a sliver."
+    return Explanation("unreachable", i, reason, causes, repairs)
+
+
+def _out_of_reach(
+    world: World, target: Target, who: str, taken: tuple[TakenAway, ...]
+) -> tuple[str, tuple[Cause, ...], tuple[Repair, ...]]:
+    arm = planar_arm(world.robot.chain)
+    shoulder = float(arm.shoulder[1] + world.robot.mount[2])
+    length = float(arm.lengths.sum())
+    over = abs(float(target.position[2]) - shoulder) - length
+    if over > 0:
+        way = "above" if target.position[2] > shoulder else "below"
+        reason = (
+            f"{who} cannot be reached from anywhere: it lies {over:.3f} m {way} the highest and lowest reach "
+            f"of {world.robot.name} ({shoulder - length:.3f} to {shoulder + length:.3f} m)."
+        )
+        text = f"raise the arm or lower the target by {over:.3f} m" if way == "above" else (
+            f"raise the target by {over:.3f} m"
+        )
+        return reason, (Cause("reach", world.robot.name, over),), (
+            Repair("move-target", "target", over, text),
+        )  # fmt: skip
+    kinds = {part.kind for part in taken}
+    ground = ground_of(world)
+    off = ground.inner.floor.distance(Point(target.position[:2]))
+    if off > 0:
+        reason = (
+            f"{who} cannot be reached from the floor: it lies {off:.3f} m beyond the places where the base "
+            f"may stand, and the arm of {world.robot.name} does not reach that far."
+        )
+        return reason, (Cause("floor", "edge of the floor", off),), ()
+    kind = "direction" if "direction" in kinds else "limits"
+    what = "no posture with the wanted tool direction" if kind == "direction" else "no posture within limits"
+    reason = f"{who} cannot be reached from anywhere: {what} brings the tool of {world.robot.name} there."
+    return reason, (Cause("direction" if kind == "direction" else "limits", world.robot.name, None),), ()
+
+
+def _crowded_out(
+    world: World, who: str, taken: tuple[TakenAway, ...], open_clearance: float
+) -> tuple[str, tuple[Cause, ...], tuple[Repair, ...]]:
+    wanted = world.rules.clearance
+    missing = wanted - open_clearance
+    blockers = sorted((part for part in taken if part.kind == "obstacle"), key=lambda p: -p.polygon.area)
+    names = list(dict.fromkeys(part.name for part in blockers))
+    reason = (
+        f"{who} cannot be reached: wherever the arm could reach it from, the base is nearer than its "
+        f"clearance of {wanted:.3f} m to {_join(names[:4])}. "
+        f"The most clearance that leaves a place is {open_clearance:.3f} m, {missing:.3f} m less."
+    )
+    causes = tuple(Cause("obstacle", name, missing) for name in names)
+    repair = Repair(
+        "clearance", "rules.clearance", open_clearance, f"lower the clearance to {open_clearance:.3f} m"
+    )
+    return reason, causes, (repair,)
+
+
+def cut_off(world: World, i: int, here: BaseGeometry, areas: BaseGeometry) -> Explanation:
+    """Why the base cannot get from the floor it stands on to any place of set-point i.
+
+    Parameters
+    ----------
+    world : World
+    i : int
+    here : BaseGeometry
+        Piece of free floor that the base can drive on.
+    areas : BaseGeometry
+        Admissible area of set-point i, all of it elsewhere.
+    """
+    bridge = shapely.shortest_line(here, areas)
+    blockers = _crossed(world, bridge)
+    gap = float(bridge.length)
+    who = _setpoint(i, len(world.task))
+    if i > 0:
+        who = f"The path breaks between set-points {i} and {i + 1} of {len(world.task)}: {who[0].lower()}{who[1:]}"
+    names = _join(blockers) if blockers else "the edge of the floor"
+    reason = (
+        f"{who} at {_spot(world.task[i].position)} can be reached only from floor that the base cannot get "
+        f"to: {names} cuts it off. The nearest such place is {gap:.3f} m beyond the floor the base can "
+        f"drive on, at a clearance of {world.rules.clearance:.3f} m."
+    )
+    causes = tuple(Cause("obstacle", name, gap) for name in blockers)
+    return Explanation("ladder-broken", i, reason, causes or (Cause("floor", names, gap),))
+
+
+def too_many_lifts(world: World, breaks: Sequence[int], bridges: Sequence[BaseGeometry]) -> Explanation:
+    """Why the path cannot be done with as few lift-offs as the rules allow."""
+    allowed = world.rules.max_lift_offs or 0
+    i, bridge = breaks[allowed], bridges[allowed]
+    blockers = _crossed(world, bridge)
+    names = _join(blockers) if blockers else "the arm's reach"
+    reason = (
+        f"The path breaks between set-points {i} and {i + 1} of {len(world.task)}: no place of the base serves "
+        f"both, {bridge.length:.3f} m apart at the nearest, because of {names}; the tool would have to be "
+        f"lifted {len(breaks)} times in all and the rules allow {allowed}."
+    )
+    causes = tuple(Cause("obstacle", name, float(bridge.length)) for name in blockers)
+    repair = Repair("lift-off", f"set-point {i + 1}", 1.0, f"allow a lift-off before set-point {i + 1}")
+    return Explanation("ladder-broken", i, reason, causes or (Cause("reach", names, None),), (repair,))
+
+
+def blocked_start(world: World) -> Explanation | None:
+    """Why the base cannot stand where it starts; None where it can."""
+    if world.start is None:
+        return None
+    robot, ground = world.robot, ground_of(world)
+    x, y, yaw = world.start.base
+    c, s = np.cos(yaw), np.sin(yaw)
+    corners = robot.footprint @ np.array([[c, s], [-s, c]]) + (x, y)
+    outline = Point(corners[0]) if len(corners) == 1 else shapely.Polygon(corners)
+    where = f"The start at ({x:.3f}, {y:.3f})"
+    if not world.floor.polygon.covers(outline):
+        off = float(shapely.hausdorff_distance(outline - world.floor.polygon, world.floor.polygon.boundary))
+        reason = f"{where} is off the floor by {off:.3f} m; the base must start on it."
+        return Explanation("start-blocked", None, reason, (Cause("floor", "edge of the floor", off),))
+    found = ground.nearest(outline)
+    if found is None or found[1] >= ground.clearance - 1e-9:
+        return None
+    name, gap = found
+    depth = max(
+        (shadow.radius - float(shadow.core.distance(outline)) if shadow.radius else _depth(shadow.core, outline))
+        for n, shadow in zip(ground.names, ground.shadows, strict=True)
+        if n == name
+    )
+    if gap == 0.0:
+        place = f"inside {name}, {depth:.3f} m deep"
+    else:
+        place = f"{gap:.3f} m from {name}"
+    missing = ground.clearance - gap + (depth if gap == 0.0 else 0.0)
+    reason = (
+        f"{where} is blocked: the base stands {place}, and must keep a clearance of "
+        f"{ground.clearance:.3f} m. It would have to start at least {missing:.3f} m farther away."
+    )
+    return Explanation("start-blocked", None, reason, (Cause("obstacle", name, missing),))
+
+
+def invalid_plan(world: World, violations: Sequence[Violation]) -> Explanation:
+    """The first thing for which verification turned a finished plan down."""
+    first = violations[0]
+    more = f" ({len(violations) - 1} more of this and other kinds.)" if len(violations) > 1 else ""
+    reason = f"A plan was found but does not hold: {first.text}{more}"
+    names = [solid.name for solid in world.solids if solid.name in first.text]
+    cause = Cause("path", first.kind, first.amount)
+    if names:
+        cause = Cause("obstacle", max(names, key=len), first.amount)
+    return Explanation("plan-invalid", first.setpoint, reason, (cause,))
+
+
+def no_posture(world: World, i: int) -> Explanation:
+    """M-FABRIK found no posture although the area is not empty."""
+    reason = (
+        f"{_setpoint(i, len(world.task))} at {_spot(world.task[i].position)} has admissible places for the base, "
+        f"but no posture within the joint limits was found at heading policy '{world.rules.heading}'."
+    )
+    return Explanation("no-posture", i, reason, (Cause("limits", world.robot.name, None),))
+
+
+def _crossed(world: World, bridge: BaseGeometry) -> list[str]:
+    """Obstacles whose grown shadows a line on the floor runs through."""
+    ground = ground_of(world)
+    by = ground.clearance + ground.far
+    names = [
+        name
+        for name, shadow in zip(ground.names, ground.shadows, strict=True)
+        if grow(shadow, by, inner=True).intersects(bridge)
+    ]
+    return list(dict.fromkeys(names))[:6]
+
+
+def _depth(core: BaseGeometry, outline: BaseGeometry) -> float:
+    return float(core.boundary.distance(outline)) if core.covers(outline) else 0.0
+
+
+def _setpoint(i: int, count: int) -> str:
+    return f"Set-point {i + 1} of {count}"
+
+
+def _spot(position: Array) -> str:
+    return f"({', '.join(f'{value:.3f}' for value in position)})"
+
+
+def _join(names: Sequence[str]) -> str:
+    if not names:
+        return "nothing"
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"

@@ -1,0 +1,172 @@
+"""The floor as the arm axis sees it: where it may not stand, and what forbids it.
+
+All areas are sets of arm-axis positions. A footprint keeps its clearance at every heading where the axis
+keeps ``clearance`` plus the footprint's largest distance from the axis; nowhere where it does not keep
+``clearance`` plus the smallest. The first gives inner areas, the second outer ones.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely import STRtree
+from shapely.geometry import Point, Polygon
+from shapely.geometry.base import BaseGeometry
+
+from regionik.worlds.obstacles import Shadow
+from regionik.worlds.scene import World
+
+QUAD_SEGMENTS = 16
+CIRCUMSCRIBED = 1.0 / np.cos(np.pi / (4 * QUAD_SEGMENTS))
+GUARD = 1e-6  # kept beyond every bound of an inner area, so that rounding never breaks one [m]
+
+Geometries = NDArray[np.object_]
+
+
+@dataclass(frozen=True, eq=False)
+class Side:
+    """Rejection and floor of one side, inner or outer, ready for bulk booleans.
+
+    Attributes
+    ----------
+    floor : BaseGeometry
+        Where the axis may be, obstacles left aside.
+    parts : array of Polygon
+        Disjoint pieces of the rejection.
+    """
+
+    floor: BaseGeometry
+    parts: Geometries
+
+    @cached_property
+    def tree(self) -> STRtree:
+        return STRtree(self.parts)
+
+    @cached_property
+    def free(self) -> BaseGeometry:
+        """Navigable floor minus rejection."""
+        return shapely.difference(self.floor, shapely.union_all(self.parts))
+
+    @cached_property
+    def pieces(self) -> Geometries:
+        """Connected pieces of the free floor."""
+        pieces: Geometries = shapely.get_parts(self.free)
+        shapely.prepare(pieces)
+        return pieces
+
+    def subtract(self, shapes: Geometries) -> Geometries:
+        """Take floor edge and rejection away from many shapes at once."""
+        left = shapes.copy()
+        shapely.prepare(self.floor)
+        cut = ~shapely.contains_properly(self.floor, left)
+        left[cut] = shapely.intersection(left[cut], self.floor)
+        which, part = self.tree.query(left, predicate="intersects")
+        if not len(which):
+            return left
+        order = np.argsort(which, kind="stable")
+        which, part = which[order], part[order]
+        pieces = self._local(left, which, part)
+        rows, starts = np.unique(which, return_index=True)
+        groups = np.split(pieces, starts[1:])
+        taken = np.array([g[0] if len(g) == 1 else shapely.union_all(g) for g in groups], dtype=object)
+        left[rows] = shapely.difference(left[rows], taken)
+        return left
+
+    def _local(self, shapes: Geometries, which: NDArray[np.intp], part: NDArray[np.intp]) -> Geometries:
+        """Parts met by shapes; large ones clipped to the shape's surroundings first."""
+        pieces: Geometries = self.parts[part]
+        for k in np.flatnonzero(shapely.get_num_coordinates(self.parts)[part] > 400):
+            x0, y0, x1, y1 = shapely.bounds(shapes[which[k]])
+            pieces[k] = shapely.clip_by_rect(pieces[k], x0 - 0.1, y0 - 0.1, x1 + 0.1, y1 + 0.1)
+        return pieces
+
+
+@dataclass(frozen=True, eq=False)
+class Ground:
+    """Shadows of a world's solids, and both sides of what they forbid.
+
+    Attributes
+    ----------
+    floor : Polygon
+    names : tuple of str
+    shadows : tuple of Shadow
+    clearance : float
+        [m]
+    far, near : float
+        Largest and smallest distance of the footprint's edge from the arm axis [m].
+    """
+
+    floor: Polygon
+    names: tuple[str, ...]
+    shadows: tuple[Shadow, ...]
+    clearance: float
+    far: float
+    near: float
+
+    @cached_property
+    def inner(self) -> Side:
+        grown = self.grown(self.clearance + GUARD, inner=True)
+        return Side(self.floor.buffer(-self.far - GUARD), _disjoint(grown))
+
+    @cached_property
+    def outer(self) -> Side:
+        return Side(self.floor.buffer(-self.near), _disjoint(self.grown(self.clearance, inner=False)))
+
+    def grown(self, clearance: float, *, inner: bool) -> Geometries:
+        """Every shadow grown by clearance and footprint: circumscribed for inner areas, else inscribed."""
+        spare = self.far if inner else self.near
+        return np.array([grow(shadow, clearance + spare, inner) for shadow in self.shadows], dtype=object)
+
+    @cached_property
+    def cores(self) -> STRtree:
+        """Tree over the shadows' cores."""
+        return STRtree([shadow.core for shadow in self.shadows])
+
+    def nearest(self, shape: BaseGeometry) -> tuple[str, float] | None:
+        """Name and distance of the shadow nearest to a shape on the floor."""
+        gaps = [shadow.distance(shape) for shadow in self.shadows]
+        if not gaps:
+            return None
+        k = int(np.argmin(gaps))
+        return self.names[k], gaps[k]
+
+
+def grow(shadow: Shadow, by: float, inner: bool) -> BaseGeometry:
+    """A shadow grown by a disc, as a polygon around it (``inner``) or within it."""
+    radius = shadow.radius + by
+    return shadow.core.buffer(radius * (CIRCUMSCRIBED if inner else 1.0), quad_segs=QUAD_SEGMENTS)
+
+
+@lru_cache(maxsize=8)
+def ground_of(world: World) -> Ground:
+    """The ground of a world; kept for the last few worlds."""
+    robot = world.robot
+    found = [(solid.name, solid.shadow(robot.body_height)) for solid in world.solids]
+    met = [(name, shadow) for name, shadow in found if shadow is not None]
+    corners = robot.footprint - robot.mount[:2]
+    far = float(np.hypot(corners[:, 0], corners[:, 1]).max())
+    near = 0.0
+    if len(corners) > 2:
+        outline = Polygon(corners)
+        near = float(outline.exterior.distance(Point(0, 0))) if outline.contains(Point(0, 0)) else 0.0
+    return Ground(
+        floor=world.floor.polygon,
+        names=tuple(name for name, _ in met),
+        shadows=tuple(shadow for _, shadow in met),
+        clearance=world.rules.clearance,
+        far=far,
+        near=near,
+    )
+
+
+def _disjoint(shapes: Geometries) -> Geometries:
+    """Union as disjoint polygons."""
+    solid = shapes[~shapely.is_empty(shapes)] if len(shapes) else shapes
+    if not len(solid):
+        return np.empty(0, dtype=object)
+    parts: Geometries = shapely.get_parts(shapely.disjoint_subset_union_all(solid))
+    return parts[shapely.area(parts) > 0]

@@ -1,0 +1,120 @@
+import itertools
+
+import numpy as np
+import shapely
+
+from regionik.ground import ground_of
+from regionik.mfabrik import configurations
+from regionik.motion import connect
+from regionik.pipeline import finish, start_axis, whole_path
+from regionik.pruning import Ladder, build_ladder, choose_chain, prune
+from regionik.regions import FRONT, Family, path_areas
+from regionik.worlds.format import load_world
+
+
+def random_ladder(rng: np.random.Generator) -> Ladder:
+    """Up to six rungs of one to three components, joined at random."""
+    sizes = rng.integers(1, 4, rng.integers(2, 7))
+    target = np.repeat(np.arange(len(sizes)), sizes)
+    pairs = [
+        (a, b)
+        for a, b in itertools.product(range(len(target)), repeat=2)
+        if target[b] == target[a] + 1 and rng.random() < 0.5
+    ]
+    squares = np.array([shapely.box(k, 0, k + 1, 1) for k in range(len(target))], dtype=object)
+    return Ladder(
+        len(sizes),
+        squares,
+        target.astype(np.intp),
+        tuple(Family(FRONT) for _ in target),
+        np.zeros(len(target), dtype=np.intp),
+        np.array(pairs, dtype=np.intp).reshape(-1, 2),
+    )
+
+
+def traversals(ladder: Ladder) -> list[tuple[int, ...]]:
+    """Every choice of one component a rung."""
+    rungs = ladder.rungs()
+    return list(itertools.product(*(range(a, b) for a, b in itertools.pairwise(rungs))))
+
+
+def lifts(ladder: Ladder, chain: tuple[int, ...] | list[int]) -> int:
+    edges = set(map(tuple, ladder.edges.tolist()))
+    return sum(pair not in edges for pair in itertools.pairwise(chain))
+
+
+def test_lift_offs_are_fewest_and_cuts_keep_every_full_traversal() -> None:
+    rng = np.random.default_rng(0)
+    whole = 0
+    for _ in range(300):
+        ladder = random_ladder(rng)
+        pruned = prune(ladder, np.ones(len(ladder.component), dtype=bool))
+        every = traversals(ladder)
+        assert len(pruned.breaks) == min(lifts(ladder, chain) for chain in every)
+        if not pruned.breaks:
+            whole += 1
+            used = {k for chain in every if lifts(ladder, chain) == 0 for k in chain}
+            assert used == set(np.flatnonzero(pruned.keep).tolist())
+        chosen = choose_chain(pruned, None)
+        assert lifts(ladder, chosen) == len(pruned.breaks)
+        assert all(pruned.keep[k] for k in chosen)
+    assert whole > 50
+
+
+def test_unusable_components_are_never_kept() -> None:
+    rng = np.random.default_rng(1)
+    for _ in range(100):
+        ladder = random_ladder(rng)
+        usable = rng.random(len(ladder.component)) < 0.6
+        assert not prune(ladder, usable).keep[~usable].any()
+
+
+def test_pocket_of_l_shape_is_cut_out() -> None:
+    """M-FABRIK, experiment 4: the components inside the L at set-points 14 to 22 lead nowhere."""
+    world = load_world("l_shape")
+    _, pruned = whole_path(world)
+    rungs = pruned.ladder.rungs()
+    cut = [i + 1 for i in range(40) if not pruned.keep[rungs[i] : rungs[i + 1]].all()]
+    assert pruned.breaks == ()
+    assert cut == list(range(14, 23))
+    assert all(pruned.keep[a:b].sum() == 1 for a, b in itertools.pairwise(rungs))
+    pocket = shapely.Point(1.5, 0.4)
+    assert pruned.ladder.component[rungs[17] : rungs[18]][0] is not None
+    assert not any(pruned.area(i).covers(pocket) for i in range(13, 22))
+
+
+def test_l_shape_without_pruning_lifts_off() -> None:
+    """The nearest place of every area, one after the other, ends in the pocket."""
+    world = load_world("l_shape")
+    side = ground_of(world).inner
+    areas = path_areas(world, facings=(FRONT,))
+    ladder = build_ladder(areas, len(world.task), side)
+    rungs = ladder.rungs()
+    start = start_axis(world)
+    assert start is not None
+    assert world.start is not None
+    spot = shapely.Point(start)
+    chain: list[int] = []
+    for a, b in itertools.pairwise(rungs):
+        gaps = shapely.distance(ladder.component[a:b], spot)
+        chain.append(int(a + np.argmin(gaps)))
+        spot = shapely.Point(shapely.shortest_line(ladder.component[chain[-1]], spot).coords[0])
+    edges = set(map(tuple, ladder.edges.tolist()))
+    breaks = tuple(i + 1 for i, pair in enumerate(itertools.pairwise(chain)) if pair not in edges)
+    goals = configurations(world, ladder, chain, (world.start.base, world.start.joints))
+    course = connect(world, ladder, chain, breaks, goals, side, 0)
+    everything = prune(ladder, np.ones(len(ladder.component), dtype=bool))
+    assert finish(world, 0, areas, everything, course).lift_offs >= 1
+
+
+def test_overlaps_agree_with_every_pair() -> None:
+    world = load_world("l_shape")
+    ladder = build_ladder(path_areas(world), len(world.task), ground_of(world).inner)
+    expected = {
+        (a, b)
+        for a in range(len(ladder.target))
+        for b in np.flatnonzero(ladder.target == ladder.target[a] + 1).tolist()
+        if ladder.family[a].facing == ladder.family[b].facing
+        and ladder.component[a].intersection(ladder.component[b]).area > 1e-8
+    }
+    assert set(map(tuple, ladder.edges.tolist())) == expected

@@ -1,0 +1,133 @@
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from regionik.ground import ground_of
+from regionik.regions import BACK, FRONT, admissible_area, outer_areas, path_areas, reach_rows
+from regionik.worlds.errors import InputError
+from regionik.worlds.format import load_world
+from regionik.worlds.library import robot_named
+from regionik.worlds.obstacles import Box, Cylinder, Solid
+from regionik.worlds.scene import Floor, Rules, Start, Target, World
+
+FLOOR = Floor(shapely.box(-3, -3, 3, 3))
+
+
+def world(*solids: Solid, **rules: object) -> World:
+    return World("test", robot_named("youbot"), FLOOR, solids, (), Rules(**rules))  # type: ignore[arg-type]
+
+
+def box(x: float, y: float, size: float = 0.4, name: str = "box") -> Box:
+    return Box(name, np.array([size, size, 0.1]), np.array([x, y, 0.05]))
+
+
+@pytest.mark.parametrize("z", [0.05, 0.2, 0.25, 0.3, 0.6])
+def test_inner_points_work_and_points_outside_outer_do_not(z: float) -> None:
+    scene = world(box(0.5, 0.1), Cylinder("post", 0.1, 0.5, np.array([-0.2, 0.4, 0.25])))
+    area = admissible_area(scene, [0, 0, z])
+    _, _, rings = reach_rows(scene, [Target(np.array([0, 0, z]))], (FRONT, BACK), inner=False)
+    rng = np.random.default_rng(0)
+    shadows = ground_of(scene).shadows
+    for spot in rng.uniform(-0.8, 0.8, (2000, 2)):
+        point = shapely.Point(spot)
+        gap = min(shadow.distance(point) for shadow in shadows)
+        if area.inner.contains(point):
+            assert gap >= 0.2
+            assert any(ring.contains(point) for ring in rings)
+        if not area.outer.contains(point):
+            outside_reach = not any(ring.contains(point) for ring in rings)
+            assert gap <= 0.2 or outside_reach
+    assert area.outer.covers(area.inner.buffer(-1e-9))
+    assert area.gap < 0.08
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    spots=st.lists(st.tuples(st.floats(-1, 1), st.floats(-1, 1)), max_size=6),
+    less=st.floats(0.0, 0.3),
+    more=st.floats(0.0, 0.3),
+)
+def test_more_clearance_never_adds_area(spots: list[tuple[float, float]], less: float, more: float) -> None:
+    solids = [box(x, y, name=f"box {k}") for k, (x, y) in enumerate(spots)]
+    wide = admissible_area(world(*solids, clearance=less), [0, 0, 0.25])
+    tight = admissible_area(world(*solids, clearance=less + more), [0, 0, 0.25])
+    assert tight.inner.difference(wide.inner).area < 1e-4
+    assert tight.inner.area <= wide.inner.area + 1e-9
+
+
+def test_order_of_obstacles_does_not_matter() -> None:
+    solids = [box(0.5, 0.1, name="a"), box(-0.3, 0.4, name="b"), box(0.1, -0.5, name="c")]
+    one = admissible_area(world(*solids), [0, 0, 0.25]).inner
+    two = admissible_area(world(*solids[::-1]), [0, 0, 0.25]).inner
+    assert one.symmetric_difference(two).area < 1e-12
+
+
+def test_all_at_once_equals_one_by_one() -> None:
+    scene = load_world("l_shape")
+    areas = path_areas(scene)
+    for i, target in enumerate(scene.task):
+        whole = shapely.union_all(areas.inner[areas.target == i])
+        assert whole.symmetric_difference(admissible_area(scene, target).inner).area < 1e-12
+
+
+def test_causes_are_named() -> None:
+    area = admissible_area(world(box(0.5, 0.1, name="crate")), [0, 0, 0.25])
+    assert {"crate", "joint limits"} <= {cause.name for cause in area.causes}
+    crate = next(cause for cause in area.causes if cause.name == "crate")
+    assert crate.polygon.intersection(area.inner).area < 1e-12
+
+
+def test_clearance_is_the_largest_that_leaves_an_area() -> None:
+    scene = world(box(0.0, 0.0, 1.2, name="plate"), clearance=0.2)
+    area = admissible_area(scene, [0.3, 0, 0.25])
+    best = area.clearance
+    assert best is not None
+    assert area.inner.is_empty == (best < 0.2)
+    for clearance, empty in ((best - 1e-4, False), (best + 1e-3, True)):
+        again = admissible_area(world(box(0.0, 0.0, 1.2), clearance=clearance), [0.3, 0, 0.25])
+        assert again.inner.is_empty == empty
+
+
+def test_high_obstacles_concern_the_arm_alone() -> None:
+    shelf = Box("shelf", np.array([2.0, 2.0, 0.1]), np.array([0, 0, 1.0]))
+    assert not admissible_area(world(shelf), [0, 0, 0.25]).inner.is_empty
+
+
+def test_fixed_heading_cuts_the_ring_behind_the_base() -> None:
+    robot = robot_named("youbot")
+    start = Start(np.zeros(3), robot.carry)
+    free = World("w", robot, FLOOR, (), (), Rules(), start)
+    fixed = World("w", robot, FLOOR, (), (), Rules(heading="fixed"), start)
+    whole = admissible_area(free, [0, 0, 0.25]).inner.area
+    front = path_areas(fixed, [Target(np.array([0, 0, 0.25]))], (FRONT,)).inner
+    ring = path_areas(free, [Target(np.array([0, 0, 0.25]))], (FRONT,)).inner
+    assert shapely.area(front).sum() == pytest.approx(shapely.area(ring).sum() * 338 / 360, rel=2e-3)
+    # +-169 deg of pivot leave 22 deg behind the base; the target lies there for places ahead of it
+    assert not front[0].intersects(shapely.Point(0.4, 0.0))
+    assert whole > 0
+
+
+def test_tool_direction_gives_ring_sectors() -> None:
+    scene = world()
+    target = Target(np.array([0, 0, 0.25]), np.array([0, -1, 0]), np.deg2rad(15))
+    areas = path_areas(scene, [target], (FRONT,))
+    x0, y0, x1, y1 = shapely.total_bounds(areas.inner)
+    assert (x0, y0, x1, y1) == pytest.approx((-0.134, 0.236, 0.134, 0.517), abs=2e-3)
+    outer = outer_areas(scene, [target])[0]
+    assert outer.covers(shapely.union_all(areas.inner).buffer(-1e-9))
+
+
+def test_out_of_reach_is_an_empty_outer_area() -> None:
+    area = admissible_area(world(), [0, 0, 0.9])
+    assert area.outer.is_empty
+    assert area.inner.is_empty
+    assert area.components == []
+    assert area.clearance is None
+
+
+@pytest.mark.parametrize("target", [[0, 0], [0, 0, np.nan], "here"])
+def test_bad_targets_are_refused(target: object) -> None:
+    with pytest.raises(InputError, match="target"):
+        admissible_area(world(), target)  # type: ignore[arg-type]

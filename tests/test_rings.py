@@ -1,0 +1,77 @@
+import numpy as np
+import pytest
+
+from regionik.planners import kernels
+from regionik.planners.rings import boundary_circles, reach_intervals
+from regionik.worlds.library import robot_named
+from regionik.worlds.planar import planar_arm
+
+ARM = planar_arm(robot_named("youbot").chain)
+Z = float(ARM.shoulder[1])
+
+# Reach of the youBot arm with limits, found on a 2 mm grid of postures: height, free pitch, last link
+# horizontal, last link down; intervals of r in mm.
+TABLE = [
+    (0, [(-387, 507)], [], [(-241, 5), (85, 313)]),
+    (50, [(-419, 525)], [(373, 499)], [(-223, 25), (41, 289)]),
+    (100, [(-441, -27), (93, 537)], [(93, 183), (353, 531)], [(-161, -37), (103, 227)]),
+    (147, [(-453, -43), (113, 539)], [(141, 175), (339, 539)], []),
+    (200, [(-459, -37), (123, 537)], [(321, 535)], []),
+    (250, [(-457, -19), (121, 529)], [(241, 521)], []),
+    (300, [(-447, 15), (107, 515)], [(213, 495)], []),
+    (350, [(-431, 497)], [(85, 457)], []),
+    (400, [(-405, 471)], [(125, 391)], []),
+    (450, [(-373, 439)], [], []),
+    (500, [(-331, 397)], [], []),
+    (550, [(-275, 341)], [], []),
+    (600, [(-195, 261)], [], []),
+    (650, [(-33, 99)], [], []),
+]  # fmt: skip
+
+
+def joined(intervals: np.ndarray) -> list[tuple[float, float]]:
+    """Intervals with the split at the axis undone, in mm."""
+    out: list[tuple[float, float]] = []
+    for low, high in (intervals * 1000).tolist():
+        if out and abs(out[-1][1] - low) < 1e-6:
+            out[-1] = (out[-1][0], high)
+        else:
+            out.append((low, high))
+    return out
+
+
+@pytest.mark.parametrize("column", [1, 2, 3])
+def test_reach_of_the_youbot(column: int) -> None:
+    pitch = {1: np.nan, 2: 0.0, 3: -np.pi / 2}[column]
+    for row in TABLE:
+        found = joined(reach_intervals(ARM, Z, np.array([row[0] / 1000]), pitch)[0])
+        expected = row[column]
+        assert len(found) == len(expected), row
+        np.testing.assert_allclose(found, np.reshape(expected, (-1, 2)), atol=2.0 + 0.5)
+
+
+@pytest.mark.parametrize("pitch", [np.nan, 0.0, -1.0, 2.0])
+def test_every_end_of_the_reach_is_sharp(pitch: float) -> None:
+    rng = np.random.default_rng(3)
+    args = (float(ARM.shoulder[0]), Z, ARM.lengths, ARM.lower, ARM.upper, pitch)
+    for z in rng.uniform(-0.3, 0.7, 60):
+        intervals = reach_intervals(ARM, Z, np.array([z]), pitch)[0]
+        for r in rng.uniform(-0.6, 0.6, 50):
+            inside = any(low < r < high for low, high in intervals)
+            if min((abs(r - end) for end in intervals.ravel()), default=1.0) > 1e-9:
+                assert kernels.reaches(*args, r, z) == inside
+
+
+def test_sampled_postures_lie_within_the_reach() -> None:
+    rng = np.random.default_rng(4)
+    bends = rng.uniform(ARM.lower, ARM.upper, (3000, 3))
+    angles = np.cumsum(bends, axis=1)
+    r = ARM.shoulder[0] + np.cos(angles) @ ARM.lengths
+    z = Z + np.sin(angles) @ ARM.lengths
+    for interval, spot in zip(reach_intervals(ARM, Z, z), r, strict=True):
+        assert any(low - 1e-9 <= spot <= high + 1e-9 for low, high in interval)
+
+
+def test_boundary_circles_hold_the_stretched_arm() -> None:
+    circles = boundary_circles(ARM, Z)
+    assert np.isclose(circles[:, 2], ARM.lengths.sum()).any()
