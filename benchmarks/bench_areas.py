@@ -16,7 +16,8 @@ import shapely
 from shapely import STRtree
 
 from regionik.ground import Geometries, ground_of
-from regionik.regions import FRONT, path_areas, reach_rows
+from regionik.reachable import FRONT, reach_rows
+from regionik.regions import path_areas
 from regionik.worlds.library import robot_named
 from regionik.worlds.obstacles import Box
 from regionik.worlds.scene import Floor, Rules, Target, World
@@ -80,7 +81,10 @@ def main() -> None:
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
     ratio = statistics.median(p / b for p, b in zip(plain, bulk, strict=True))
     print(f"{setpoints} set-points, {obstacles} obstacles")
-    print(f"bulk: first call {first:.2f} s, then {statistics.median(bulk):.2f} s ({min(bulk):.2f}-{max(bulk):.2f})")
+    print(
+        f"bulk: first call {first:.2f} s, then {statistics.median(bulk):.2f} s "
+        f"({min(bulk):.2f}-{max(bulk):.2f})"
+    )
     print(f"loop over targets: {statistics.median(plain):.2f} s; ratio {ratio:.1f}")
     print(f"largest difference in area {gap:.1e} m2; peak memory {memory:.0f} MB")
 

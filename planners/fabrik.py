@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+from numpy.typing import NDArray
 
-from regionik.planners.flat import clamp, contains
+from regionik.planners.flat import clamp, compiled, contains
 from regionik.planners.kernels import fit, place, widest_posture, wrap
+from regionik.worlds.arrays import Array
+
+Ints = NDArray[np.int64]
 
 
-@njit(cache=True)
-def forward_reach(lengths, lower, upper, pitch, r_t, z_t, points):
+@compiled
+def forward_reach(
+    lengths: Array, lower: Array, upper: Array, pitch: float, r_t: float, z_t: float, points: Array
+) -> None:
     """From the tool inwards: each knot on the line to the old one, bends kept within limits."""
     points[3, 0], points[3, 1] = r_t, z_t
     outer = 0.0
@@ -28,8 +33,17 @@ def forward_reach(lengths, lower, upper, pitch, r_t, z_t, points):
         outer = angle
 
 
-@njit(cache=True)
-def backward_reach(shoulder_r, shoulder_z, lengths, lower, upper, pitch, points, bends):
+@compiled
+def backward_reach(
+    shoulder_r: float,
+    shoulder_z: float,
+    lengths: Array,
+    lower: Array,
+    upper: Array,
+    pitch: float,
+    points: Array,
+    bends: Array,
+) -> float:
     """From the shoulder outwards; returns by how much a fixed pitch breaks the last limit [rad]."""
     old_r, old_z = points[0, 0], points[0, 1]
     points[0, 0], points[0, 1] = shoulder_r, shoulder_z
@@ -53,25 +67,25 @@ def backward_reach(shoulder_r, shoulder_z, lengths, lower, upper, pitch, points,
     return excess if np.isfinite(pitch) else 0.0
 
 
-@njit(cache=True)
+@compiled
 def mfabrik(
-    shoulder_r,
-    shoulder_z,
-    lengths,
-    lower,
-    upper,
-    vertices,
-    starts,
-    mobile,
-    base,
-    plane_yaw,
-    bends,
-    target,
-    facing,
-    pitch,
-    tolerance,
-    most,
-):
+    shoulder_r: float,
+    shoulder_z: float,
+    lengths: Array,
+    lower: Array,
+    upper: Array,
+    vertices: Array,
+    starts: Ints,
+    mobile: bool,
+    base: Array,
+    plane_yaw: float,
+    bends: Array,
+    target: Array,
+    facing: int,
+    pitch: float,
+    tolerance: float,
+    most: int,
+) -> tuple[float, int, float]:
     """M-FABRIK, Algorithm 1, for a planar arm on an omnidirectional base.
 
     Parameters
@@ -141,11 +155,26 @@ def mfabrik(
     return error, iterations, np.arctan2(uy, ux)
 
 
-@njit(cache=True)
+@compiled
 def solve(
-    shoulder_r, shoulder_z, lengths, lower, upper, postures, vertices, starts, mobile,
-    base, plane_yaw, bends, target, facing, pitch, tolerance, most,
-):
+    shoulder_r: float,
+    shoulder_z: float,
+    lengths: Array,
+    lower: Array,
+    upper: Array,
+    postures: Array,
+    vertices: Array,
+    starts: Ints,
+    mobile: bool,
+    base: Array,
+    plane_yaw: float,
+    bends: Array,
+    target: Array,
+    facing: int,
+    pitch: float,
+    tolerance: float,
+    most: int,
+) -> tuple[float, int, int, float]:
     """M-FABRIK with restarts: the given posture, then ``postures`` (k, 3), then the widest one at the base.
 
     Limits can stall the passes; the last resort looks through the arm's self-motion, so that a base in the
@@ -164,8 +193,22 @@ def solve(
         base[:] = first_base
         bends[:] = start if attempt == 0 else postures[attempt - 1]
         error, passes, yaw = mfabrik(
-            shoulder_r, shoulder_z, lengths, lower, upper, vertices, starts, mobile,
-            base, plane_yaw, bends, target, facing, pitch, tolerance, most,
+            shoulder_r,
+            shoulder_z,
+            lengths,
+            lower,
+            upper,
+            vertices,
+            starts,
+            mobile,
+            base,
+            plane_yaw,
+            bends,
+            target,
+            facing,
+            pitch,
+            tolerance,
+            most,
         )
         total += passes
         if error <= tolerance:
@@ -199,14 +242,46 @@ def solve(
     return error, total + 1, len(postures) + 1, yaw
 
 
-@njit(cache=True)
+@compiled
 def solve_batch(
-    shoulder_r, shoulder_z, lengths, lower, upper, postures, vertices, starts, mobile,
-    bases, plane_yaws, bends, targets, facing, pitch, tolerance, most, errors, iterations,
-):
+    shoulder_r: float,
+    shoulder_z: float,
+    lengths: Array,
+    lower: Array,
+    upper: Array,
+    postures: Array,
+    vertices: Array,
+    starts: Ints,
+    mobile: bool,
+    bases: Array,
+    plane_yaws: Array,
+    bends: Array,
+    targets: Array,
+    facing: int,
+    pitch: float,
+    tolerance: float,
+    most: int,
+    errors: Array,
+    iterations: Ints,
+) -> None:
     """`solve` for many targets; ``bases``, ``plane_yaws`` and ``bends`` are overwritten with the answers."""
     for k in range(len(targets)):
         errors[k], iterations[k], _, plane_yaws[k] = solve(
-            shoulder_r, shoulder_z, lengths, lower, upper, postures, vertices, starts, mobile,
-            bases[k], plane_yaws[k], bends[k], targets[k], facing, pitch, tolerance, most,
+            shoulder_r,
+            shoulder_z,
+            lengths,
+            lower,
+            upper,
+            postures,
+            vertices,
+            starts,
+            mobile,
+            bases[k],
+            plane_yaws[k],
+            bends[k],
+            targets[k],
+            facing,
+            pitch,
+            tolerance,
+            most,
         )

@@ -7,20 +7,23 @@ against the one before it (the first against the r axis), counter-clockwise from
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from regionik.planners.flat import compiled
+from regionik.worlds.arrays import Array
 
 TWO_PI = 2.0 * np.pi
 LIMIT_SLACK = 1e-10  # rounding allowed when a bend is held against its limit [rad]
 
 
-@njit(cache=True, inline="always")
-def wrap(angle):
+@compiled
+def wrap(angle: float) -> float:
     """Angle taken to (-pi, pi]."""
-    return angle - TWO_PI * np.ceil((angle - np.pi) / TWO_PI)
+    turned: float = angle - TWO_PI * np.ceil((angle - np.pi) / TWO_PI)
+    return turned
 
 
-@njit(cache=True)
-def fit(bend, lower, upper):
+@compiled
+def fit(bend: float, lower: float, upper: float) -> tuple[float, float]:
     """The turn of ``bend`` that lies within its limits, or else the nearer limit, and how far that is."""
     middle = 0.0
     if np.isfinite(lower) and np.isfinite(upper):
@@ -33,8 +36,8 @@ def fit(bend, lower, upper):
     return near, 0.0
 
 
-@njit(cache=True)
-def place(shoulder_r, shoulder_z, lengths, bends, points):
+@compiled
+def place(shoulder_r: float, shoulder_z: float, lengths: Array, bends: Array, points: Array) -> None:
     """Forward kinematics in the plane: knots (4, 2) from bends (3,)."""
     points[0, 0], points[0, 1] = shoulder_r, shoulder_z
     angle = 0.0
@@ -44,9 +47,9 @@ def place(shoulder_r, shoulder_z, lengths, bends, points):
         points[i + 1, 1] = points[i, 1] + lengths[i] * np.sin(angle)
 
 
-@njit(cache=True)
-def triangle(length_a, length_b, x, z):
-    """Two links that end at (x, z): direction of the end, angles at the root and at the end, whether they can.
+@compiled
+def triangle(length_a: float, length_b: float, x: float, z: float) -> tuple[float, float, float, bool]:
+    """Two links that end at (x, z): direction of the end, angles at root and end, whether they can.
 
     With the elbow on side e (+1 or -1) the links lie at ``lead + e * root`` and ``lead - e * tip``.
     """
@@ -60,8 +63,8 @@ def triangle(length_a, length_b, x, z):
     return np.arctan2(z, x), np.arccos(root), np.arccos(tip), True
 
 
-@njit(cache=True)
-def slack(lower, upper, a, b, c):
+@compiled
+def slack(lower: Array, upper: Array, a: float, b: float, c: float) -> float:
     """Least distance of the three bends to their limits, from absolute link angles; negative outside."""
     least = np.inf
     previous = 0.0
@@ -74,22 +77,47 @@ def slack(lower, upper, a, b, c):
     return least
 
 
-@njit(cache=True)
-def reaches(shoulder_r, shoulder_z, lengths, lower, upper, pitch, r, z):
-    """Whether a posture within limits puts the tool at (r, z).
+@compiled
+def fits(
+    lower: Array, upper: Array, a: float, b: float, c: float, pitch_low: float, pitch_high: float
+) -> bool:
+    """Whether absolute link angles keep every bend within limits and the last link within its pitches."""
+    if fit(a, lower[0], upper[0])[1] > LIMIT_SLACK or fit(b - a, lower[1], upper[1])[1] > LIMIT_SLACK:
+        return False
+    return fit(c - b, lower[2], upper[2])[1] <= LIMIT_SLACK and (
+        pitch_high - pitch_low >= TWO_PI or fit(c, pitch_low, pitch_high)[1] <= LIMIT_SLACK
+    )
 
-    Every connected piece of the arm's self-motion holds a posture with a bend at its limit, with the
-    elbow straight or folded, or else every pitch; so it is enough to try those.
+
+@compiled
+def reaches(
+    shoulder_r: float,
+    shoulder_z: float,
+    lengths: Array,
+    lower: Array,
+    upper: Array,
+    pitch_low: float,
+    pitch_high: float,
+    r: float,
+    z: float,
+) -> bool:
+    """Whether a posture within limits, its last link within two pitches, puts the tool at (r, z).
+
+    Every connected piece of the arm's self-motion holds a posture with a bend or the pitch at its limit,
+    with the elbow straight or folded, or else every pitch; so it is enough to try those.
     """
     x, y = r - shoulder_r, z - shoulder_z
     a, b, c = lengths[0], lengths[1], lengths[2]
-    tool = pitch if np.isfinite(pitch) else 0.0
-    lead, root, tip, ok = triangle(a, b, x - c * np.cos(tool), y - c * np.sin(tool))
-    if ok:
-        for e in (-1.0, 1.0):
-            if slack(lower, upper, lead + e * root, lead - e * tip, tool) >= -LIMIT_SLACK:
-                return True
-    if np.isfinite(pitch):
+    for side in range(1 if pitch_low == pitch_high else 2):
+        tool = pitch_low if side == 0 else pitch_high
+        if not np.isfinite(tool):
+            tool = 0.0
+        lead, root, tip, ok = triangle(a, b, x - c * np.cos(tool), y - c * np.sin(tool))
+        if ok:
+            for e in (-1.0, 1.0):
+                if fits(lower, upper, lead + e * root, lead - e * tip, tool, pitch_low, pitch_high):
+                    return True
+    if pitch_low == pitch_high:
         return False
     for side in range(2):
         first = lower[0] if side == 0 else upper[0]
@@ -97,7 +125,7 @@ def reaches(shoulder_r, shoulder_z, lengths, lower, upper, pitch, r, z):
             lead, root, tip, ok = triangle(b, c, x - a * np.cos(first), y - a * np.sin(first))
             if ok:
                 for e in (-1.0, 1.0):
-                    if slack(lower, upper, first, lead + e * root, lead - e * tip) >= -LIMIT_SLACK:
+                    if fits(lower, upper, first, lead + e * root, lead - e * tip, pitch_low, pitch_high):
                         return True
     for kind in range(4):
         bend = lower[1] if kind == 0 else (upper[1] if kind == 1 else (0.0 if kind == 2 else np.pi))
@@ -108,7 +136,7 @@ def reaches(shoulder_r, shoulder_z, lengths, lower, upper, pitch, r, z):
                 turn = np.arctan2(ez, er)
                 for e in (-1.0, 1.0):
                     first = lead + e * root - turn
-                    if slack(lower, upper, first, first + bend, lead - e * tip) >= -LIMIT_SLACK:
+                    if fits(lower, upper, first, first + bend, lead - e * tip, pitch_low, pitch_high):
                         return True
     for side in range(2):
         bend = lower[2] if side == 0 else upper[2]
@@ -119,13 +147,24 @@ def reaches(shoulder_r, shoulder_z, lengths, lower, upper, pitch, r, z):
                 turn = np.arctan2(ez, er)
                 for e in (-1.0, 1.0):
                     second = lead - e * tip - turn
-                    if slack(lower, upper, lead + e * root, second, second + bend) >= -LIMIT_SLACK:
+                    if fits(lower, upper, lead + e * root, second, second + bend, pitch_low, pitch_high):
                         return True
     return False
 
 
-@njit(cache=True)
-def widest_posture(shoulder_r, shoulder_z, lengths, lower, upper, pitch, r, z, bends, tries):
+@compiled
+def widest_posture(
+    shoulder_r: float,
+    shoulder_z: float,
+    lengths: Array,
+    lower: Array,
+    upper: Array,
+    pitch: float,
+    r: float,
+    z: float,
+    bends: Array,
+    tries: int,
+) -> bool:
     """Among postures that reach (r, z), the one farthest from its limits; False where none is found."""
     x, y = r - shoulder_r, z - shoulder_z
     best = -LIMIT_SLACK
@@ -148,8 +187,20 @@ def widest_posture(shoulder_r, shoulder_z, lengths, lower, upper, pitch, r, z, b
     return found
 
 
-@njit(cache=True)
-def reach_intervals(shoulder_r, shoulder_z, lengths, lower, upper, pitch, centers, radii, z, out):
+@compiled
+def reach_intervals(
+    shoulder_r: float,
+    shoulder_z: float,
+    lengths: Array,
+    lower: Array,
+    upper: Array,
+    pitch_low: float,
+    pitch_high: float,
+    centers: Array,
+    radii: Array,
+    z: float,
+    out: Array,
+) -> int:
     """Intervals of r that the tool can reach at height z; returns their number, fills ``out`` (k, 2).
 
     ``centers`` and ``radii`` are the circles on which the reach can begin or end.
@@ -175,7 +226,7 @@ def reach_intervals(shoulder_r, shoulder_z, lengths, lower, upper, pitch, center
         a, b = ordered[k], ordered[k + 1]
         if b - a < 1e-9:
             continue
-        if reaches(shoulder_r, shoulder_z, lengths, lower, upper, pitch, 0.5 * (a + b), z):
+        if reaches(shoulder_r, shoulder_z, lengths, lower, upper, pitch_low, pitch_high, 0.5 * (a + b), z):
             if count > 0 and a - open_end < 1e-9 and a != 0.0:
                 out[count - 1, 1] = b
             elif count < len(out):
@@ -185,11 +236,24 @@ def reach_intervals(shoulder_r, shoulder_z, lengths, lower, upper, pitch, center
     return count
 
 
-@njit(cache=True)
-def nearest_posture(shoulder_r, shoulder_z, lengths, lower, upper, pitch, r, z, near, bends, tries, reach):
+@compiled
+def nearest_posture(
+    shoulder_r: float,
+    shoulder_z: float,
+    lengths: Array,
+    lower: Array,
+    upper: Array,
+    pitch: float,
+    r: float,
+    z: float,
+    near: Array,
+    bends: Array,
+    tries: int,
+    reach: float,
+) -> float:
     """Among postures that reach (r, z), the one with the least largest change of a bend against ``near``.
 
-    Pitches within ``reach`` of the present one are tried, ``tries`` of them; returns the change, inf for none.
+    Pitches within ``reach`` of the present one are tried, ``tries`` a side; returns the change, inf for none.
     """
     x, y = r - shoulder_r, z - shoulder_z
     best = np.inf

@@ -1,1 +1,93 @@
-"""Exact base areas and whole-path planning for mobile manipulators."""
+"""Exact base areas and whole-path planning for mobile manipulators.
+
+>>> import regionik as rik
+>>> world = rik.load_world("free")
+>>> len(world.task)
+21
+
+The names below are looked up when they are first used, so that ``import regionik`` itself stays light.
+"""
+
+from __future__ import annotations
+
+import sys
+from importlib import import_module
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from regionik.mfabrik import Solver
+    from regionik.pipeline import plan
+    from regionik.plan import Plan
+    from regionik.planfile import load_plan
+    from regionik.reach import reach
+    from regionik.regions import admissible_area
+    from regionik.verify import verify
+    from regionik.view import show, to_html
+    from regionik.worlds.errors import InputError, NoPlanFound, RegionikError
+    from regionik.worlds.library import load_world
+    from regionik.worlds.scene import World
+
+__version__ = "0.1.0"
+
+__all__ = [
+    "InputError",
+    "NoPlanFound",
+    "Plan",
+    "RegionikError",
+    "Solver",
+    "World",
+    "admissible_area",
+    "load_plan",
+    "load_world",
+    "plan",
+    "reach",
+    "show",
+    "to_html",
+    "verify",
+]
+
+_HOME = {
+    "InputError": "regionik.worlds.errors",
+    "NoPlanFound": "regionik.worlds.errors",
+    "Plan": "regionik.plan",
+    "RegionikError": "regionik.worlds.errors",
+    "Solver": "regionik.mfabrik",
+    "World": "regionik.worlds.scene",
+    "admissible_area": "regionik.regions",
+    "load_plan": "regionik.planfile",
+    "load_world": "regionik.worlds.library",
+    "plan": "regionik.pipeline",
+    "reach": "regionik.reach",
+    "show": "regionik.view",
+    "to_html": "regionik.view",
+    "verify": "regionik.verify",
+}
+
+
+class _Package(ModuleType):
+    """The package, where ``plan``, ``reach`` and ``verify`` are the functions.
+
+    Modules of the same names exist. Python binds a submodule to its parent when it is imported, which
+    would hide the function; ``from regionik.plan import Plan`` does not need that binding.
+    """
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        if name in _HOME and isinstance(value, ModuleType):
+            return
+        super().__setattr__(name, value)
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module 'regionik' has no attribute {name!r}")
+    value = getattr(import_module(_HOME[name]), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})
+
+
+sys.modules[__name__].__class__ = _Package

@@ -36,16 +36,16 @@ def unreachable(world: World, i: int, targets: Sequence[Target] | None = None) -
     proven = outer_areas(world, [target])[0].is_empty
     open_clearance = largest_clearance(world, target)
     if open_clearance is None:
-        reason, causes, repairs = _out_of_reach(world, target, who, taken)
+        reason, causes, repairs = _out_of_reach(world, target, who)
     else:
         reason, causes, repairs = _crowded_out(world, who, taken, open_clearance)
     if not proven:
-        reason += " This is not proven: the outer area is not empty, so finer arcs might leave a sliver."
+        reason += " This is not proven: the outer area is not empty, so a place may hide in the gap."
     return Explanation("unreachable", i, reason, causes, repairs)
 
 
 def _out_of_reach(
-    world: World, target: Target, who: str, taken: tuple[TakenAway, ...]
+    world: World, target: Target, who: str
 ) -> tuple[str, tuple[Cause, ...], tuple[Repair, ...]]:
     arm = planar_arm(world.robot.chain)
     shoulder = float(arm.shoulder[1] + world.robot.mount[2])
@@ -54,16 +54,17 @@ def _out_of_reach(
     if over > 0:
         way = "above" if target.position[2] > shoulder else "below"
         reason = (
-            f"{who} cannot be reached from anywhere: it lies {over:.3f} m {way} the highest and lowest reach "
-            f"of {world.robot.name} ({shoulder - length:.3f} to {shoulder + length:.3f} m)."
+            f"{who} cannot be reached from anywhere: it lies {over:.3f} m {way} all that "
+            f"{world.robot.name} reaches (heights from {shoulder - length:.3f} to {shoulder + length:.3f} m)."
         )
-        text = f"raise the arm or lower the target by {over:.3f} m" if way == "above" else (
-            f"raise the target by {over:.3f} m"
+        text = (
+            f"raise the arm or lower the target by {over:.3f} m"
+            if way == "above"
+            else (f"raise the target by {over:.3f} m")
         )
         return reason, (Cause("reach", world.robot.name, over),), (
             Repair("move-target", "target", over, text),
         )  # fmt: skip
-    kinds = {part.kind for part in taken}
     ground = ground_of(world)
     off = ground.inner.floor.distance(Point(target.position[:2]))
     if off > 0:
@@ -72,7 +73,7 @@ def _out_of_reach(
             f"may stand, and the arm of {world.robot.name} does not reach that far."
         )
         return reason, (Cause("floor", "edge of the floor", off),), ()
-    kind = "direction" if "direction" in kinds else "limits"
+    kind = "limits" if target.direction is None else "direction"
     what = "no posture with the wanted tool direction" if kind == "direction" else "no posture within limits"
     reason = f"{who} cannot be reached from anywhere: {what} brings the tool of {world.robot.name} there."
     return reason, (Cause("direction" if kind == "direction" else "limits", world.robot.name, None),), ()
@@ -114,7 +115,7 @@ def cut_off(world: World, i: int, here: BaseGeometry, areas: BaseGeometry) -> Ex
     gap = float(bridge.length)
     who = _setpoint(i, len(world.task))
     if i > 0:
-        who = f"The path breaks between set-points {i} and {i + 1} of {len(world.task)}: {who[0].lower()}{who[1:]}"
+        who = f"The path breaks between set-points {i} and {i + 1} of {len(world.task)}: the latter"
     names = _join(blockers) if blockers else "the edge of the floor"
     reason = (
         f"{who} at {_spot(world.task[i].position)} can be reached only from floor that the base cannot get "
@@ -132,9 +133,9 @@ def too_many_lifts(world: World, breaks: Sequence[int], bridges: Sequence[BaseGe
     blockers = _crossed(world, bridge)
     names = _join(blockers) if blockers else "the arm's reach"
     reason = (
-        f"The path breaks between set-points {i} and {i + 1} of {len(world.task)}: no place of the base serves "
-        f"both, {bridge.length:.3f} m apart at the nearest, because of {names}; the tool would have to be "
-        f"lifted {len(breaks)} times in all and the rules allow {allowed}."
+        f"The path breaks between set-points {i} and {i + 1} of {len(world.task)}: no place of the base "
+        f"serves both, {bridge.length:.3f} m apart at the nearest, because of {names}; the tool would have to be "
+        f"lifted here, lift-off {allowed + 1} of {len(breaks)} in all, and the rules allow {allowed}."
     )
     causes = tuple(Cause("obstacle", name, float(bridge.length)) for name in blockers)
     repair = Repair("lift-off", f"set-point {i + 1}", 1.0, f"allow a lift-off before set-point {i + 1}")
@@ -152,7 +153,7 @@ def blocked_start(world: World) -> Explanation | None:
     outline = Point(corners[0]) if len(corners) == 1 else shapely.Polygon(corners)
     where = f"The start at ({x:.3f}, {y:.3f})"
     if not world.floor.polygon.covers(outline):
-        off = float(shapely.hausdorff_distance(outline - world.floor.polygon, world.floor.polygon.boundary))
+        off = max(float(world.floor.polygon.distance(Point(corner))) for corner in corners)
         reason = f"{where} is off the floor by {off:.3f} m; the base must start on it."
         return Explanation("start-blocked", None, reason, (Cause("floor", "edge of the floor", off),))
     found = ground.nearest(outline)
@@ -160,14 +161,15 @@ def blocked_start(world: World) -> Explanation | None:
         return None
     name, gap = found
     depth = max(
-        (shadow.radius - float(shadow.core.distance(outline)) if shadow.radius else _depth(shadow.core, outline))
+        (
+            shadow.radius - float(shadow.core.distance(outline))
+            if shadow.radius
+            else _depth(shadow.core, outline)
+        )
         for n, shadow in zip(ground.names, ground.shadows, strict=True)
         if n == name
     )
-    if gap == 0.0:
-        place = f"inside {name}, {depth:.3f} m deep"
-    else:
-        place = f"{gap:.3f} m from {name}"
+    place = f"inside {name}, {depth:.3f} m deep" if gap == 0.0 else f"{gap:.3f} m from {name}"
     missing = ground.clearance - gap + (depth if gap == 0.0 else 0.0)
     reason = (
         f"{where} is blocked: the base stands {place}, and must keep a clearance of "
@@ -191,8 +193,8 @@ def invalid_plan(world: World, violations: Sequence[Violation]) -> Explanation:
 def no_posture(world: World, i: int) -> Explanation:
     """M-FABRIK found no posture although the area is not empty."""
     reason = (
-        f"{_setpoint(i, len(world.task))} at {_spot(world.task[i].position)} has admissible places for the base, "
-        f"but no posture within the joint limits was found at heading policy '{world.rules.heading}'."
+        f"{_setpoint(i, len(world.task))} at {_spot(world.task[i].position)} has admissible places for the "
+        f"base, but no posture within the joint limits was found at heading policy '{world.rules.heading}'."
     )
     return Explanation("no-posture", i, reason, (Cause("limits", world.robot.name, None),))
 

@@ -169,4 +169,5 @@ def _disjoint(shapes: Geometries) -> Geometries:
     if not len(solid):
         return np.empty(0, dtype=object)
     parts: Geometries = shapely.get_parts(shapely.disjoint_subset_union_all(solid))
-    return parts[shapely.area(parts) > 0]
+    real: Geometries = parts[shapely.area(parts) > 0]
+    return real

@@ -9,14 +9,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from shapely.geometry.base import BaseGeometry
 
 from regionik.plan import Configuration
 from regionik.planners import fabrik, kernels
 from regionik.planners.flat import FlatPolygon
 from regionik.pruning import Ladder
-from regionik.regions import FRONT, Family
+from regionik.reachable import FRONT, Family
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.errors import InputError
 from regionik.worlds.planar import PlanarArm, planar_arm
@@ -101,7 +101,7 @@ class Solver:
         )
 
     def least_change(self, target: Array, base: Array, joints: Array) -> Configuration | None:
-        """With the arm axis held, the posture on target whose bends change least; None where there is none."""
+        """With the arm axis held, the posture on target whose bends change least, if there is one."""
         axis, _, near = self._planar(base, joints)
         arm = self._arm
         dx, dy = target[:2] - axis
@@ -145,11 +145,11 @@ class Solver:
         return Batch(base, q, errors, iterations, (errors <= self.tolerance) & fits)
 
     def _solve(self, target: Array, base: Array, joints: Array, *, mobile: bool) -> Configuration:
-        axis, yaw, bends = self._planar(base, joints)
+        axis, plane, bends = self._planar(base, joints)
         arm = self._arm
         error, iterations, _, yaw = fabrik.solve(
             arm.shoulder[0], self._shoulder_z, arm.lengths, arm.lower, arm.upper, self._postures,
-            self._flat.vertices, self._flat.starts, mobile, axis, yaw, bends, target,
+            self._flat.vertices, self._flat.starts, mobile, axis, float(plane), bends, target,
             self.family.facing, self.family.pitch, self.tolerance, MOST_PASSES,
         )  # fmt: skip
         q = np.array(joints)
@@ -197,8 +197,8 @@ class Batch:
     base: Array
     joints: Array
     error: Array
-    iterations: Array
-    converged: Array
+    iterations: NDArray[np.int64]
+    converged: NDArray[np.bool_]
 
 
 def axis_of(robot: Robot, base: Array) -> Array:

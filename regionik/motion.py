@@ -22,7 +22,7 @@ from regionik.planners import kernels
 from regionik.planners.drive import drive, resample
 from regionik.planners.flat import FlatPolygon, segment_inside
 from regionik.pruning import Ladder
-from regionik.regions import Family
+from regionik.reachable import Family
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import World
 

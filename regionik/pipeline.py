@@ -15,7 +15,8 @@ from regionik.mfabrik import axis_of, configurations
 from regionik.motion import Course, connect
 from regionik.plan import Plan, PlannedArea
 from regionik.pruning import Ladder, Pruned, build_ladder, choose_chain, prune
-from regionik.regions import BACK, FRONT, PathAreas, path_areas
+from regionik.reachable import BACK, FRONT
+from regionik.regions import PathAreas, path_areas
 from regionik.verify import verify
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError, NoPlanFound
@@ -143,7 +144,7 @@ def _start_pieces(world: World, ladder: Ladder) -> list[int]:
 def _first_gap(pruned: Pruned) -> int | None:
     """First set-point of which nothing is left."""
     rungs = pruned.ladder.rungs()
-    left = [pruned.keep[a:b].any() for a, b in zip(rungs[:-1], rungs[1:], strict=True)]
+    left = [bool(pruned.keep[a:b].any()) for a, b in zip(rungs[:-1], rungs[1:], strict=True)]
     return None if all(left) else left.index(False)
 
 

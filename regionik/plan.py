@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any, Literal
@@ -10,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
+from regionik.files import write_whole
+from regionik.plandocument import plan_to_text
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.errors import InputError
 from regionik.worlds.scene import World
@@ -90,9 +93,7 @@ class Motion:
     def __getitem__(self, k: int) -> State:
         i, t = int(self.setpoint[k]), float(self.time[k])
         kind: Any = str(self.kind[k])
-        return State(
-            self.base[k], self.joints[k], kind, None if i < 0 else i, None if np.isnan(t) else t
-        )
+        return State(self.base[k], self.joints[k], kind, None if i < 0 else i, None if np.isnan(t) else t)
 
     def __iter__(self) -> Iterator[State]:
         return (self[k] for k in range(len(self)))
@@ -152,6 +153,16 @@ class Plan:
         frames = self.world.robot.tool(self.motion.base, self.motion.joints)
         positions: Array = frames[:, :3, 3]
         return positions
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write ``plan.json``, whole or not at all; `regionik.load_plan` reads it back.
+
+        Raises
+        ------
+        InputError
+            When the file cannot be written.
+        """
+        write_whole(path, plan_to_text(self))
 
 
 @dataclass(frozen=True)

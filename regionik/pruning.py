@@ -1,7 +1,7 @@
 """Whole-path areas: the ladder of components, cut to what a full traversal uses.
 
-While the tool rests at set-point i the base may go anywhere within one component of its area; the tool goes on
-to i + 1 while the base stands in a component of both. So a path without lift-offs is a chain of components
+While the tool rests at set-point i the base may go anywhere within one component of its area; the tool goes
+on to i + 1 while the base stands in a component of both. So a path without lift-offs is a chain of components
 with non-empty intersections. Source: M-FABRIK, experiment 4 (areas made for the whole path in advance).
 """
 
@@ -17,7 +17,8 @@ from shapely.geometry import Point
 from shapely.geometry.base import BaseGeometry
 
 from regionik.ground import Geometries, Side
-from regionik.regions import Family, PathAreas
+from regionik.reachable import Family
+from regionik.regions import PathAreas
 from regionik.worlds.arrays import Array
 
 LEAST_AREA = 1e-8  # components and intersections below this are noise [m2]
@@ -189,7 +190,7 @@ def _neighbours(ladder: Ladder, *, forward: bool) -> list[list[int]]:
 def choose_chain(pruned: Pruned, start: Array | None) -> list[int]:
     """One kept component for each set-point, joined within every run, with the least base travel.
 
-    Travel is what a base makes that always moves to the nearest point of the next component, as M-FABRIK does.
+    Travel is that of a base that always moves to the nearest point of the next component, as M-FABRIK does.
 
     Parameters
     ----------

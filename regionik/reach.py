@@ -47,7 +47,7 @@ class Answer:
 def reach(world: World, targets: ArrayLike | Sequence[Target]) -> Answer:
     """Ask for many targets whether the tool can get there, and from where.
 
-    Base and arm are found by M-FABRIK inside the admissible area, from the place nearest to the world's start.
+    Base and arm are found by M-FABRIK inside the admissible area, from its place nearest to the start.
     Obstacles bind the base; whether the arm would touch one on the way is for a plan to say.
 
     Parameters
@@ -82,7 +82,7 @@ def reach(world: World, targets: ArrayLike | Sequence[Target]) -> Answer:
     rest = np.flatnonzero(~reachable)
     outer = outer_areas(world, [asked[i] for i in rest])
     reason = [""] * n
-    for i, area in zip(rest, outer, strict=True):
+    for i, area in zip(rest.tolist(), outer, strict=True):
         if area.is_empty:
             verdict[i] = "unreachable"
         reason[i] = explain.unreachable(world, 0, [asked[i]]).reason
@@ -115,10 +115,10 @@ def _solve(world: World, target: Target, areas: PathAreas, row: int) -> tuple[Ar
     solver = solver_for(world, areas.family[row], area)
     found = solver(target.position, pose_of(world.robot, spot, base[2]), joints)
     tool = world.robot.tool(found.base, found.joints)
-    close = np.linalg.norm(tool[:3, 3] - target.position) <= world.rules.tolerance + 1e-9
+    close = bool(np.linalg.norm(tool[:3, 3] - target.position) <= world.rules.tolerance + 1e-9)
     if target.direction is not None:
         turn = np.arccos(np.clip(tool[:3, 2] @ target.direction, -1.0, 1.0))
-        close = close and turn <= target.cone + 1e-9
+        close = close and bool(turn <= target.cone + 1e-9)
     return (found.base, found.joints) if found.converged and close else None
 
 

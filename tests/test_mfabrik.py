@@ -3,7 +3,8 @@ import pytest
 import shapely
 
 from regionik.mfabrik import Solver
-from regionik.regions import FRONT, path_areas
+from regionik.reachable import FRONT
+from regionik.regions import path_areas
 from regionik.worlds.errors import InputError
 from regionik.worlds.format import load_world
 from regionik.worlds.library import robot_named
@@ -14,9 +15,7 @@ FREE = load_world("free").robot  # the same arm, limits ignored
 
 
 # M-FABRIK, table 3: 2.92, 4.24, 5.58, 6.89 iterations on average over 1000 random targets.
-@pytest.mark.parametrize(
-    ("tolerance", "most"), [(1e-3, 3.0), (1e-4, 4.35), (1e-5, 5.65), (1e-6, 7.0)]
-)
+@pytest.mark.parametrize(("tolerance", "most"), [(1e-3, 3.0), (1e-4, 4.35), (1e-5, 5.65), (1e-6, 7.0)])
 def test_iterations_of_table_3(tolerance: float, most: float) -> None:
     rng = np.random.default_rng(1)
     targets = np.column_stack([rng.uniform(-1, 1, (1000, 2)), rng.uniform(0.147, 0.3, 1000)])

@@ -7,7 +7,7 @@ import shapely
 
 from regionik.pipeline import plan
 from regionik.plan import Plan
-from regionik.planfile import plan_to_text
+from regionik.plandocument import plan_to_text
 from regionik.verify import verify
 from regionik.worlds.errors import NoPlanFound
 from regionik.worlds.format import load_world

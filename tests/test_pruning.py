@@ -8,7 +8,8 @@ from regionik.mfabrik import configurations
 from regionik.motion import connect
 from regionik.pipeline import finish, start_axis, whole_path
 from regionik.pruning import Ladder, build_ladder, choose_chain, prune
-from regionik.regions import FRONT, Family, path_areas
+from regionik.reachable import FRONT, Family
+from regionik.regions import path_areas
 from regionik.worlds.format import load_world
 
 

@@ -5,7 +5,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from regionik.ground import ground_of
-from regionik.regions import BACK, FRONT, admissible_area, outer_areas, path_areas, reach_rows
+from regionik.reachable import BACK, FRONT, reach_rows
+from regionik.regions import admissible_area, outer_areas, path_areas
 from regionik.worlds.errors import InputError
 from regionik.worlds.format import load_world
 from regionik.worlds.library import robot_named

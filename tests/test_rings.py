@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from regionik.planners import kernels
-from regionik.planners.rings import boundary_circles, reach_intervals
+from regionik.planners.rings import FREE, boundary_circles, reach_intervals
 from regionik.worlds.library import robot_named
 from regionik.worlds.planar import planar_arm
 
@@ -11,7 +11,7 @@ Z = float(ARM.shoulder[1])
 
 # Reach of the youBot arm with limits, found on a 2 mm grid of postures: height, free pitch, last link
 # horizontal, last link down; intervals of r in mm.
-TABLE = [
+TABLE: list[tuple[float, list[tuple[float, float]], list[tuple[float, float]], list[tuple[float, float]]]] = [
     (0, [(-387, 507)], [], [(-241, 5), (85, 313)]),
     (50, [(-419, 525)], [(373, 499)], [(-223, 25), (41, 289)]),
     (100, [(-441, -27), (93, 537)], [(93, 183), (353, 531)], [(-161, -37), (103, 227)]),
@@ -42,20 +42,20 @@ def joined(intervals: np.ndarray) -> list[tuple[float, float]]:
 
 @pytest.mark.parametrize("column", [1, 2, 3])
 def test_reach_of_the_youbot(column: int) -> None:
-    pitch = {1: np.nan, 2: 0.0, 3: -np.pi / 2}[column]
-    for row in TABLE:
-        found = joined(reach_intervals(ARM, Z, np.array([row[0] / 1000]), pitch)[0])
-        expected = row[column]
-        assert len(found) == len(expected), row
-        np.testing.assert_allclose(found, np.reshape(expected, (-1, 2)), atol=2.0 + 0.5)
+    pitches = {1: FREE, 2: (0.0, 0.0), 3: (-np.pi / 2, -np.pi / 2)}[column]
+    for height, *columns in TABLE:
+        found = joined(reach_intervals(ARM, Z, np.array([height / 1000]), pitches)[0])
+        expected = columns[column - 1]
+        assert len(found) == len(expected), height
+        np.testing.assert_allclose(np.reshape(found, (-1, 2)), np.reshape(expected, (-1, 2)), atol=2.0 + 0.5)
 
 
-@pytest.mark.parametrize("pitch", [np.nan, 0.0, -1.0, 2.0])
-def test_every_end_of_the_reach_is_sharp(pitch: float) -> None:
+@pytest.mark.parametrize("pitches", [FREE, (0.0, 0.0), (-1.0, -1.0), (-0.5, 0.5), (2.0, 3.5)])
+def test_every_end_of_the_reach_is_sharp(pitches: tuple[float, float]) -> None:
     rng = np.random.default_rng(3)
-    args = (float(ARM.shoulder[0]), Z, ARM.lengths, ARM.lower, ARM.upper, pitch)
+    args = (float(ARM.shoulder[0]), Z, ARM.lengths, ARM.lower, ARM.upper, *pitches)
     for z in rng.uniform(-0.3, 0.7, 60):
-        intervals = reach_intervals(ARM, Z, np.array([z]), pitch)[0]
+        intervals = reach_intervals(ARM, Z, np.array([z]), pitches)[0]
         for r in rng.uniform(-0.6, 0.6, 50):
             inside = any(low < r < high for low, high in intervals)
             if min((abs(r - end) for end in intervals.ravel()), default=1.0) > 1e-9:
@@ -70,6 +70,18 @@ def test_sampled_postures_lie_within_the_reach() -> None:
     z = Z + np.sin(angles) @ ARM.lengths
     for interval, spot in zip(reach_intervals(ARM, Z, z), r, strict=True):
         assert any(low - 1e-9 <= spot <= high + 1e-9 for low, high in interval)
+
+
+def test_a_band_of_pitches_is_the_union_of_its_pitches() -> None:
+    rng = np.random.default_rng(6)
+    args = (float(ARM.shoulder[0]), Z, ARM.lengths, ARM.lower, ARM.upper)
+    for r, z in rng.uniform([-0.6, -0.2], [0.6, 0.7], (400, 2)):
+        band = kernels.reaches(*args, -0.4, 0.3, r, z)
+        each = [kernels.reaches(*args, pitch, pitch, r, z) for pitch in np.linspace(-0.4, 0.3, 141)]
+        assert band >= any(each)
+        if band and not any(each):  # only a sliver between two pitches may differ
+            fine = np.linspace(-0.4, 0.3, 20001)
+            assert any(kernels.reaches(*args, pitch, pitch, r, z) for pitch in fine)
 
 
 def test_boundary_circles_hold_the_stretched_arm() -> None:

@@ -56,7 +56,9 @@ class Joint:
         norm = float(np.linalg.norm(axis))
         if norm < 1e-9:
             raise InputError(f"joint {self.name}: axis must not be zero")
-        object.__setattr__(self, "axis", frozen(axis / norm, (3,), "axis"))
+        if abs(norm - 1.0) > 1e-12:  # a unit vector stays as it is, so that files read back equal
+            axis = frozen(axis / norm, (3,), "axis")
+        object.__setattr__(self, "axis", axis)
 
 
 @dataclass(frozen=True, eq=False)

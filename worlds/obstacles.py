@@ -27,7 +27,7 @@ class Shadow:
 
     def distance(self, other: BaseGeometry) -> float:
         """Distance from the shadow to a shape on the floor, 0 where they meet [m]."""
-        return max(0.0, self.core.distance(other) - self.radius)
+        return max(0.0, float(self.core.distance(other)) - self.radius)
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,7 +177,7 @@ class Mesh:
         """Floor area of the part lower than ``below`` [m]; None where there is no such part."""
         if self.z_range[0] >= below:
             return None
-        part = trimesh.intersections.slice_mesh_plane(
+        part = trimesh.intersections.slice_mesh_plane(  # type: ignore[no-untyped-call]
             self._trimesh, plane_normal=[0, 0, -1], plane_origin=[0, 0, below]
         )
         triangles = shapely.polygons(part.vertices[part.faces][:, :, :2])
@@ -186,7 +186,8 @@ class Mesh:
     def distance(self, point: Array) -> float:
         """Signed distance of a point, negative inside [m]."""
         corners = self.vertices[self.faces]
-        nearest = trimesh.triangles.closest_point(corners, np.broadcast_to(point, (len(corners), 3)))
+        spots = np.broadcast_to(point, (len(corners), 3))
+        nearest = trimesh.triangles.closest_point(corners, spots)  # type: ignore[no-untyped-call]
         gap = float(np.linalg.norm(nearest - point, axis=1).min())
         return -gap if self.contains(point) else gap
 

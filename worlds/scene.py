@@ -49,7 +49,9 @@ class Target:
             norm = float(np.linalg.norm(direction))
             if norm < 1e-9:
                 raise InputError("target: direction must not be zero")
-            object.__setattr__(self, "direction", frozen(direction / norm, (3,), "direction"))
+            if abs(norm - 1.0) > 1e-12:  # a unit vector stays as it is, so that files read back equal
+                direction = frozen(direction / norm, (3,), "direction")
+            object.__setattr__(self, "direction", direction)
         if not 0 < self.cone <= np.pi:
             raise InputError(f"target: cone must be above 0 and at most pi, got {self.cone}")
 

@@ -1,0 +1,50 @@
+# make demo    plan a bundled world, verify the plan, write a page to look at
+# make test    the whole test suite
+# make lint    style, types, import order
+# make bench   areas and base motion, timed against simpler ways in the same run
+# make clean   remove what the others made
+
+# The newest Python that fits and can make virtual environments; or say PYTHON=/path/to/python.
+FITS := import ensurepip, sys, venv; sys.exit(not (3, 11) <= sys.version_info[:2] < (3, 14))
+PYTHON ?= $(shell for python in python3.13 python3.12 python3.11 python3; do \
+	if $$python -c '$(FITS)' >/dev/null 2>&1; then command -v $$python; break; fi; done)
+BIN := .venv/bin
+PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
+NEEDS := pyproject.toml constraints.txt
+
+.PHONY: demo test lint bench clean
+
+demo: .venv/installed
+	$(BIN)/regionik plan l_shape -o plan.json --html l_shape.html
+	$(BIN)/regionik verify plan.json
+	@echo "Look at it: file://$(CURDIR)/l_shape.html"
+
+test: .venv/installed-test
+	$(BIN)/python -m pytest -q -n 2 --dist loadfile
+
+lint: .venv/installed-lint
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+bench: .venv/installed
+	@for script in benchmarks/bench_*.py; do echo "$$script"; $(BIN)/python $$script || exit 1; done
+
+clean:
+	rm -rf .venv build dist regionik.egg-info plan.json l_shape.html
+
+.venv/bin/python:
+	@test -n "$(PYTHON)" || { echo "regionik needs Python 3.11, 3.12 or 3.13 with venv and ensurepip" \
+		"(on Debian and Ubuntu: apt install python3-venv); none was found, see make PYTHON=..." >&2; exit 1; }
+	$(PYTHON) -m venv .venv
+
+.venv/installed: .venv/bin/python $(NEEDS)
+	@echo "Installing regionik into .venv (a few minutes the first time)"
+	$(PIP) --editable .
+	@touch $@
+
+.venv/installed-%: .venv/bin/python $(NEEDS)
+	@echo "Installing regionik[$*] into .venv (a few minutes the first time)"
+	$(PIP) --editable '.[$*]'
+	@touch $@

@@ -1,0 +1,100 @@
+"""Base drives over random maps: time per query and length against the exact shortest path.
+
+Run: python benchmarks/bench_drive.py
+"""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+import shapely
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import dijkstra
+from shapely.geometry import Polygon
+
+from regionik.planners.drive import _connect, drive, resample, tighten
+from regionik.planners.flat import FlatPolygon, segment_inside
+from regionik.planners.pulling import route
+from regionik.planners.stepping import step_through
+from regionik.planners.triangles import triangulate
+from regionik.worlds.arrays import Array
+
+MAPS, OBSTACLES, SIDE, STEP = 20, 30, 10.0, 0.1
+
+
+def clutter(seed: int) -> Polygon:
+    """The largest free part of a square room with boxes and discs, grown by a clearance of 0.2 m."""
+    rng = np.random.default_rng(seed)
+    centres = rng.uniform(1.2, SIDE - 1.2, (OBSTACLES, 2))
+    sizes = rng.uniform(0.1, 0.8, (OBSTACLES, 2))
+    boxes = shapely.box(*(centres - sizes).T, *(centres + sizes).T)
+    discs = shapely.buffer(shapely.points(centres), sizes[:, 0])
+    solids = np.where(rng.random(OBSTACLES) < 0.5, boxes, discs)
+    free = shapely.box(0, 0, SIDE, SIDE) - shapely.union_all(shapely.buffer(solids, 0.2, quad_segs=4))
+    parts = shapely.get_parts(free)
+    part: Polygon = parts[np.argmax(shapely.area(parts))]
+    return part
+
+
+def length(points: Array) -> float:
+    return float(np.hypot(*np.diff(points, axis=0).T).sum())
+
+
+def shortest(free: Polygon, start: Array, goal: Array) -> float:
+    """Exact: Dijkstra over all polygon vertices that see each other."""
+    flat = FlatPolygon.from_shapely(free)
+    nodes = np.vstack([start, goal, flat.vertices])
+    n = len(nodes)
+    pairs = [
+        (i, j)
+        for i in range(n)
+        for j in range(i + 1, n)
+        if segment_inside(flat.vertices, flat.starts, *nodes[i], *nodes[j])
+    ]
+    i, j = np.array(pairs).T
+    graph = csr_array((np.hypot(*(nodes[i] - nodes[j]).T), (i, j)), shape=(n, n))
+    return float(dijkstra(graph, directed=False, indices=0)[1])
+
+
+def timed(function, *args, **kwargs):
+    begin = time.perf_counter()
+    answer = function(*args, **kwargs)
+    return answer, 1e3 * (time.perf_counter() - begin)
+
+
+def main() -> None:
+    rows, methods = [], []
+    start, goal = np.array([0.1, 0.1]), np.array([9.9, 9.9])
+    drive(clutter(0), start, goal, step=STEP, seed=0)  # compiles
+    tighten(clutter(0), [start, start])
+    for seed in range(MAPS):
+        free = clutter(seed)
+        flat = FlatPolygon.from_shapely(free)
+        triangulate.cache_clear()
+        found, ms_drive = timed(drive, free, start, goal, step=STEP, seed=seed)
+        _, ms_mesh = timed(triangulate.__wrapped__, free)
+        triangulate(free)
+        _, ms_steps = timed(step_through, free, start, goal, STEP)
+        raw, ms_ompl = timed(_connect, flat, start, goal, seed)
+        tight, ms_tight = timed(tighten, free, raw)
+        by_triangles, ms_route = timed(route, free, start, goal)
+        best = shortest(free, start, goal)
+        rows.append(
+            [ms_drive, ms_steps, ms_ompl, ms_mesh, ms_tight, ms_route]
+            + [length(p) / best for p in (found.points, raw, tight, by_triangles)]
+        )
+        methods.append(found.method)
+        assert abs(length(resample(tight, STEP)) - length(tight)) < 1e-9
+    names = ["drive", "Algorithm 2", "RRTConnect", "triangles made", "tighten", "route"]
+    for k, name in enumerate(names):
+        column = np.array(rows)[:, k]
+        print(f"{name:>16}: median {np.median(column):7.2f} ms, worst {column.max():7.2f} ms")
+    for k, name in enumerate(["drive", "RRTConnect", "+ tighten", "triangles' route"], start=len(names)):
+        column = np.array(rows)[:, k]
+        print(f"{name:>16}: length / shortest: median {np.median(column):.3f}, worst {column.max():.3f}")
+    print("methods:", {m: methods.count(m) for m in sorted(set(methods))})
+
+
+if __name__ == "__main__":
+    main()

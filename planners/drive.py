@@ -1,0 +1,215 @@
+"""Base motion inside a polygon: straight, else by Algorithm 2 of M-FABRIK, else planned by OMPL."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from threading import Lock
+from typing import Any, Literal
+
+import numpy as np
+import shapely
+from numpy.typing import ArrayLike
+from shapely.geometry import MultiPolygon, Point, Polygon
+
+from regionik.planners.flat import DEPTH, FlatPolygon, clamp, contains, segment_inside
+from regionik.planners.pulling import resample, route, tighten
+from regionik.planners.stepping import step_through
+from regionik.worlds.arrays import Array, frozen
+from regionik.worlds.errors import InputError, RegionikError
+
+__all__ = ["Drive", "NoPathError", "drive", "resample", "tighten"]
+
+Method = Literal["straight", "steps", "ompl", "triangles"]
+
+ITERATIONS = 2000  # of RRTConnect, before the triangles are searched instead
+ATTEMPTS = 4  # of which the shortest is kept: 2 % above the shortest way in the median, where one is 9 %
+_OMPL = Lock()  # its seed and its log level belong to the whole process
+
+
+@dataclass(frozen=True, eq=False)
+class Drive:
+    """How the base gets from start to goal.
+
+    Attributes
+    ----------
+    points : (k, 2) array
+        From start to goal, each leg inside the free area and no longer than the step; one point where start
+        and goal are the same [m].
+    method : {"straight", "steps", "ompl", "triangles"}
+        What found it. "steps" are Algorithm 2's own points; "triangles" is the complete search that
+        answers where RRTConnect gave up.
+    """
+
+    points: Array
+    method: Method
+
+
+class NoPathError(RegionikError):
+    """The base cannot drive there; ``start`` and ``goal`` (2,) [m] say from where to where."""
+
+    def __init__(self, reason: str, start: Array, goal: Array) -> None:
+        super().__init__(reason)
+        self.start = start
+        self.goal = goal
+
+
+def drive(
+    free: Polygon | MultiPolygon, start: ArrayLike, goal: ArrayLike, *, step: float, seed: int
+) -> Drive:
+    """Drive the base from start to goal without leaving the free area.
+
+    Parameters
+    ----------
+    free : Polygon or MultiPolygon
+        Where the base may stand [m].
+    start, goal : (2,) array_like
+        [m]; moved onto the boundary when rounding put them outside by at most 1e-9 m.
+    step : float
+        Longest leg (rho of Algorithm 2) [m].
+    seed : int
+        Of the sampling planner, 0 or above. Same input, same path, whatever was planned before.
+
+    Returns
+    -------
+    Drive
+
+    Raises
+    ------
+    NoPathError
+        When start or goal is not in ``free``, or they are in parts of it that do not join. In all other cases
+        there is a path, and it is found.
+    InputError
+        When ``step`` is not above 0, ``seed`` is negative, ``free`` is empty or a point is not two numbers.
+
+    Examples
+    --------
+    >>> from shapely import box
+    >>> drive(box(0, 0, 2, 1), [0.2, 0.5], [1.2, 0.5], step=0.5, seed=0).points.tolist()
+    [[0.2, 0.5], [0.7, 0.5], [1.2, 0.5]]
+    """
+    if not 0 < step < np.inf:
+        raise InputError(f"step: expected a length above 0, got {step}")
+    if seed < 0:
+        raise InputError(f"seed: expected a whole number from 0 up, got {seed}")
+    a, b = frozen(start, (2,), "start"), frozen(goal, (2,), "goal")
+    part = _common_part(free, a, b)
+    flat = FlatPolygon.from_shapely(part)
+    a, b = (frozen(clamp(flat.vertices, flat.starts, *p), (2,), "point") for p in (a, b))
+    if np.array_equal(a, b):
+        return Drive(frozen([a], (None, 2), "drive"), "straight")
+    if segment_inside(flat.vertices, flat.starts, *a, *b):
+        return Drive(resample([a, b], step), "straight")
+    steps = step_through(part, a, b, step)
+    if steps.arrived:
+        return Drive(steps.points, "steps")
+    planned = [tighten(part, path) for path in _attempts(flat, a, b, seed)]
+    if planned:
+        return Drive(resample(min(planned, key=_length), step), "ompl")
+    path = route(part, a, b)
+    if path is None:
+        raise NoPathError(f"no way through the free area from {_at(a)} to {_at(b)}", a, b)
+    return Drive(resample(path, step), "triangles")
+
+
+def _common_part(free: Polygon | MultiPolygon, start: Array, goal: Array) -> Polygon:
+    """The part of the free area that holds both points."""
+    FlatPolygon.from_shapely(free)
+    parts = shapely.get_parts(free)
+    gaps = np.stack([shapely.distance(parts, Point(p)) for p in (start, goal)])
+    for what, p, gap in (("start", start, gaps[0].min()), ("goal", goal, gaps[1].min())):
+        if gap > DEPTH:
+            raise NoPathError(f"{what} {_at(p)} is {gap:.3g} m outside the free area", start, goal)
+    common = np.flatnonzero((gaps <= DEPTH).all(axis=0))
+    if not len(common):
+        raise NoPathError(
+            f"start {_at(start)} and goal {_at(goal)} are in parts of the free area that do not join",
+            start,
+            goal,
+        )
+    part: Polygon = parts[common[0]]
+    return part
+
+
+def _at(p: Array) -> str:
+    return f"({p[0]:.3f}, {p[1]:.3f})"
+
+
+def _length(points: Array) -> float:
+    return float(np.hypot(*np.diff(points, axis=0).T).sum())
+
+
+def _attempts(flat: FlatPolygon, start: Array, goal: Array, seed: int) -> Iterator[Array]:
+    """Paths of RRTConnect, up to the first attempt that finds none: the next would hardly do better."""
+    for k in range(ATTEMPTS):
+        path = _connect(flat, start, goal, seed * ATTEMPTS + k)
+        if path is None:
+            return
+        yield path
+
+
+def _connect(flat: FlatPolygon, start: Array, goal: Array, seed: int) -> Array | None:
+    """RRTConnect between two points, motions checked exactly; None when it used up its iterations."""
+    with _ompl(seed) as (base, geometric):
+        space = base.RealVectorStateSpace(2)
+        bounds = base.RealVectorBounds(2)
+        for axis in (0, 1):
+            bounds.setLow(axis, float(flat.vertices[:, axis].min()))
+            bounds.setHigh(axis, float(flat.vertices[:, axis].max()))
+        space.setBounds(bounds)
+        setup = geometric.SimpleSetup(space)
+        information = setup.getSpaceInformation()
+        setup.setStateValidityChecker(lambda p: bool(contains(flat.vertices, flat.starts, p[0], p[1])))
+        information.setMotionValidator(_exact_motions(base, information, flat))
+        setup.setStartAndGoalStates(_state(space, start), _state(space, goal))
+        setup.setPlanner(geometric.RRTConnect(information))
+        status = setup.solve(base.PlannerTerminationCondition(_after(ITERATIONS)))
+        if status != base.PlannerStatus.EXACT_SOLUTION:
+            return None
+        states = setup.getSolutionPath().getStates()
+        path = np.array([[p[0], p[1]] for p in states])
+    path[0], path[-1] = start, goal
+    return path
+
+
+@contextmanager
+def _ompl(seed: int) -> Iterator[tuple[Any, Any]]:
+    """OMPL's modules, imported late, silent and freshly seeded.
+
+    Setting the seed restarts the stream from which every later generator takes its own seed, so a planner
+    made after it does not depend on those made before. OMPL warns about that on its log, and refuses 0.
+    """
+    from ompl import base, geometric, util
+
+    with _OMPL:
+        level = util.getLogLevel()
+        util.setLogLevel(util.LOG_NONE)
+        util.RNG.setSeed(seed % (2**32 - 1) + 1)
+        try:
+            yield base, geometric
+        finally:
+            util.setLogLevel(level)
+
+
+def _exact_motions(base: Any, information: Any, flat: FlatPolygon) -> Any:
+    """A motion validator that tests the whole segment in one call."""
+    vertices, starts = flat.vertices, flat.starts
+
+    class ExactMotions(base.MotionValidator):  # type: ignore[misc]
+        def checkMotion(self, p: Any, q: Any) -> bool:
+            return bool(segment_inside(vertices, starts, p[0], p[1], q[0], q[1]))
+
+    return ExactMotions(information)
+
+
+def _state(space: Any, point: Array) -> Any:
+    state = space.allocState()
+    state[0], state[1] = float(point[0]), float(point[1])
+    return state
+
+
+def _after(calls: int) -> Any:
+    """A condition that turns true after so many calls: a bound without a clock."""
+    left = iter(range(calls))
+    return lambda: next(left, None) is None

@@ -1,0 +1,232 @@
+"""Polygons as flat arrays, with compiled point and segment queries.
+
+Every kernel takes ``vertices`` (n, 2) [m] and ``starts`` (m + 1,): ring r is
+``vertices[starts[r]:starts[r + 1]]``, not closed. A point is inside when a ray from it crosses the
+rings an odd number of times, so holes and parts need no marks.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, TypeVar, cast
+
+import numpy as np
+import shapely
+from numba import njit
+from numpy.typing import NDArray
+from shapely.geometry import MultiPolygon, Polygon
+from shapely.geometry.base import BaseGeometry
+
+from regionik.worlds.arrays import Array
+from regionik.worlds.errors import InputError
+
+Index = NDArray[np.int64]
+Kernel = TypeVar("Kernel", bound=Callable[..., Any])
+
+ON_EDGE = 1e-12  # a point this near to the boundary counts as inside [m]
+DEPTH = 1e-9  # a segment may leave the polygon this far, which is rounding and not motion [m]
+
+
+def compiled(function: Kernel) -> Kernel:
+    """Compile with numba and keep the machine code on disk; type checkers still see the function."""
+    return cast(Kernel, njit(cache=True)(function))
+
+
+@dataclass(frozen=True, eq=False)
+class FlatPolygon:
+    """A polygon, or several with holes, as flat vertex arrays.
+
+    Attributes
+    ----------
+    vertices : (n, 2) array
+        [m]
+    starts : (m + 1,) array of int
+        Ring r is ``vertices[starts[r]:starts[r + 1]]``, not closed; even-odd rule.
+    """
+
+    vertices: Array
+    starts: Index
+
+    @classmethod
+    def from_shapely(cls, geometry: BaseGeometry) -> FlatPolygon:
+        """Flatten a Polygon or MultiPolygon.
+
+        Raises
+        ------
+        InputError
+            For any other geometry, and for an empty one.
+
+        Examples
+        --------
+        >>> flat = FlatPolygon.from_shapely(shapely.box(0, 0, 2, 1))
+        >>> contains(flat.vertices, flat.starts, 1.0, 0.5)
+        True
+        """
+        if not isinstance(geometry, Polygon | MultiPolygon) or geometry.is_empty:
+            raise InputError(
+                f"polygon: expected a Polygon or MultiPolygon that is not empty, got {geometry!r:.60}"
+            )
+        rings, vertices = _rings(geometry)
+        vertices.flags.writeable = False
+        rings.flags.writeable = False
+        return cls(vertices, rings)
+
+
+def _rings(geometry: Polygon | MultiPolygon) -> tuple[Index, Array]:
+    """First vertex of every ring (and the end), and the vertices without the closing ones."""
+    rings = shapely.get_rings(shapely.get_parts(geometry))
+    coordinates, owner = shapely.get_coordinates(rings, return_index=True)
+    counts = np.bincount(owner) - 1
+    closing = np.cumsum(counts + 1) - 1
+    starts = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
+    return starts, np.ascontiguousarray(np.delete(coordinates, closing, axis=0))
+
+
+@compiled
+def nearest_on_segment(ax: float, ay: float, bx: float, by: float, x: float, y: float) -> tuple[float, float]:
+    """Nearest point of a segment; a segment without length is its first end."""
+    dx, dy = bx - ax, by - ay
+    length2 = dx * dx + dy * dy
+    if length2 == 0.0:
+        return ax, ay
+    t = min(1.0, max(0.0, ((x - ax) * dx + (y - ay) * dy) / length2))
+    return ax + t * dx, ay + t * dy
+
+
+@compiled
+def nearest(vertices: Array, starts: Index, x: float, y: float) -> tuple[float, float]:
+    """Nearest point of the boundary; the first one where several are as near."""
+    best, best_x, best_y = np.inf, np.nan, np.nan
+    for r in range(len(starts) - 1):
+        ax, ay = vertices[starts[r + 1] - 1]
+        for k in range(starts[r], starts[r + 1]):
+            bx, by = vertices[k]
+            px, py = nearest_on_segment(ax, ay, bx, by, x, y)
+            gap2 = (px - x) * (px - x) + (py - y) * (py - y)
+            if gap2 < best:
+                best, best_x, best_y = gap2, px, py
+            ax, ay = bx, by
+    return best_x, best_y
+
+
+@compiled
+def near_boundary(vertices: Array, starts: Index, x: float, y: float, within: float) -> bool:
+    """Whether the boundary comes as near as ``within`` [m]."""
+    for r in range(len(starts) - 1):
+        ax, ay = vertices[starts[r + 1] - 1]
+        for k in range(starts[r], starts[r + 1]):
+            bx, by = vertices[k]
+            beside = x < min(ax, bx) - within or x > max(ax, bx) + within
+            if not (beside or y < min(ay, by) - within or y > max(ay, by) + within):
+                px, py = nearest_on_segment(ax, ay, bx, by, x, y)
+                if (px - x) * (px - x) + (py - y) * (py - y) <= within * within:
+                    return True
+            ax, ay = bx, by
+    return False
+
+
+@compiled
+def contains(vertices: Array, starts: Index, x: float, y: float) -> bool:
+    """Whether the point lies inside or within 1e-12 m of the boundary."""
+    inside = False
+    for r in range(len(starts) - 1):
+        ax, ay = vertices[starts[r + 1] - 1]
+        for k in range(starts[r], starts[r + 1]):
+            bx, by = vertices[k]
+            if (ay > y) != (by > y):
+                side = (bx - ax) * (y - ay) - (x - ax) * (by - ay)
+                if (side > 0.0) == (by > ay):
+                    inside = not inside
+            ax, ay = bx, by
+    return inside or near_boundary(vertices, starts, x, y, ON_EDGE)
+
+
+@compiled
+def clamp(vertices: Array, starts: Index, x: float, y: float) -> tuple[float, float]:
+    """The point itself when it is inside, else the nearest point of the boundary."""
+    if contains(vertices, starts, x, y):
+        return x, y
+    return nearest(vertices, starts, x, y)
+
+
+@compiled
+def _within(vertices: Array, starts: Index, x: float, y: float) -> bool:
+    # Half the depth: a gap between two cuts is at most twice as deep anywhere as it is half way.
+    return contains(vertices, starts, x, y) or near_boundary(vertices, starts, x, y, DEPTH / 2)
+
+
+@compiled
+def _insert(cuts: Array, count: int, value: float) -> int:
+    """Put a value into the sorted head of ``cuts``; returns the new count."""
+    k = count
+    while k > 0 and cuts[k - 1] > value:
+        cuts[k] = cuts[k - 1]
+        k -= 1
+    cuts[k] = value
+    return count + 1
+
+
+@compiled
+def _meeting(s0: float, t0: float, s1: float, t1: float, length: float) -> tuple[bool, float]:
+    """Where an edge crosses the segment's line, and whether it truly cuts the segment in two.
+
+    An edge end lies ``s`` beside the line and ``t`` along it. The cut is true when all four ends keep
+    more than ``DEPTH`` from the other line, so that no rounding can explain it.
+    """
+    t = t0 + (t1 - t0) * s0 / (s0 - s1)
+    sine = abs(s0 - s1) / np.hypot(s0 - s1, t0 - t1)
+    true_cut = min(abs(s0), abs(s1)) > DEPTH and min(t, length - t) * sine > DEPTH
+    return true_cut, t
+
+
+@compiled
+def _cut(vertices: Array, starts: Index, a: Array, u: Array, length: float, cuts: Array) -> int:
+    """Sorted places along the segment where it may pass from inside to outside.
+
+    Fills ``cuts`` [m] and returns how many there are, or -1 when an edge truly cuts the segment.
+    """
+    count = _insert(cuts, _insert(cuts, 0, 0.0), length)
+    for r in range(len(starts) - 1):
+        x, y = vertices[starts[r + 1] - 1, 0] - a[0], vertices[starts[r + 1] - 1, 1] - a[1]
+        s0, t0 = x * u[1] - y * u[0], x * u[0] + y * u[1]
+        for k in range(starts[r], starts[r + 1]):
+            x, y = vertices[k, 0] - a[0], vertices[k, 1] - a[1]
+            s1, t1 = x * u[1] - y * u[0], x * u[0] + y * u[1]
+            beside = min(s0, s1) > DEPTH or max(s0, s1) < -DEPTH
+            if not (beside or max(t0, t1) < -DEPTH or min(t0, t1) > length + DEPTH):
+                if (s0 < 0.0) != (s1 < 0.0):
+                    true_cut, t = _meeting(s0, t0, s1, t1, length)
+                    if true_cut:
+                        return -1
+                    if 0.0 < t < length:
+                        count = _insert(cuts, count, t)
+                if abs(s0) <= DEPTH and 0.0 < t0 < length:
+                    count = _insert(cuts, count, t0)
+                if abs(s1) <= DEPTH and 0.0 < t1 < length:
+                    count = _insert(cuts, count, t1)
+            s0, t0 = s1, t1
+    return count
+
+
+@compiled
+def segment_inside(vertices: Array, starts: Index, ax: float, ay: float, bx: float, by: float) -> bool:
+    """Whether the whole segment lies in the closed polygon.
+
+    Touching the boundary, running along it and passing a vertex are allowed. Segments that leave the
+    polygon by more than 1e-9 m are refused, those that stay within 0.5e-9 m of it are taken, unless
+    they cross it from side to side: a hole of any width is a hole.
+    """
+    length = np.hypot(bx - ax, by - ay)
+    if length <= DEPTH:
+        return _within(vertices, starts, ax, ay) and _within(vertices, starts, bx, by)
+    a = np.array([ax, ay])
+    u = np.array([(bx - ax) / length, (by - ay) / length])
+    cuts = np.empty(3 * len(vertices) + 2)
+    count = _cut(vertices, starts, a, u, length, cuts)
+    for k in range(count - 1):
+        if cuts[k + 1] - cuts[k] > DEPTH:
+            t = 0.5 * (cuts[k] + cuts[k + 1])
+            if not _within(vertices, starts, a[0] + t * u[0], a[1] + t * u[1]):
+                return False
+    return count > 0

@@ -1,0 +1,306 @@
+"""The command line: parse, call, print.
+
+Exit codes: 0 done; 1 the answer is no, explained; 2 the input is wrong, one line; 3 an engine failed;
+130 interrupted. Whatever is heavy is imported inside the command that needs it, so that help comes at once.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from threading import Event
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from regionik import __version__
+from regionik.console import (
+    LateProgress,
+    check_output,
+    complain,
+    plan_summary,
+    print_answers,
+    print_json,
+    print_worlds,
+    refusal,
+    report_document,
+    report_summary,
+    say,
+)
+from regionik.worlds.errors import InputError, NoPlanFound, RegionikError
+
+if TYPE_CHECKING:
+    from regionik.plan import Plan
+    from regionik.worlds.scene import World
+
+DONE, NO, WRONG_INPUT, ENGINE_FAILED, INTERRUPTED = 0, 1, 2, 3, 130
+EXPORTS = ("csv", "geojson", "urdf")
+
+app = typer.Typer(
+    add_completion=False,
+    rich_markup_mode=None,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    help="Exact base areas and whole-path planning for mobile manipulators.",
+    epilog="Exit codes: 0 done; 1 the answer is no, explained; 2 the input is wrong; 130 interrupted.",
+)
+
+WorldName = Annotated[str, typer.Argument(metavar="WORLD", help="A bundled world's name, or a world file.")]
+PlanPath = Annotated[Path, typer.Argument(metavar="PLAN", help="A plan.json.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON document, and only it, on stdout.")]
+
+
+def main() -> None:
+    """Run the command ``regionik`` and leave with its exit code."""
+    sys.exit(run(sys.argv[1:]))
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Run one command and return its exit code; what a user did wrong becomes words, never a traceback."""
+    try:
+        code = app(args=_fold_targets(arguments), prog_name="regionik", standalone_mode=False)
+        sys.stdout.flush()
+    except typer.TyperException as error:
+        complain(f"{error.format_message()} (regionik --help lists what there is)")
+        return WRONG_INPUT
+    except InputError as error:
+        complain(str(error))
+        return WRONG_INPUT
+    except RegionikError as error:
+        complain(str(error))
+        return ENGINE_FAILED
+    except (BrokenPipeError, SystemExit):
+        # The reader of our output has left, as in `regionik worlds | head -1`; typer makes it a SystemExit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+        return DONE
+    except (KeyboardInterrupt, typer.Abort):
+        code = INTERRUPTED
+    if code == INTERRUPTED:
+        complain("interrupted, nothing was written")
+    return int(code or DONE)
+
+
+def _fold_targets(arguments: Sequence[str]) -> list[str]:
+    """Join the three numbers after each ``--target`` to one value: typer has no repeated options of three."""
+    folded: list[str] = []
+    rest = list(arguments)
+    while rest:
+        word = rest.pop(0)
+        folded.append(word)
+        if word == "--target":
+            folded.append(" ".join(rest[:3]))
+            del rest[:3]
+    return folded
+
+
+@app.callback(invoke_without_command=True)
+def _start(
+    context: typer.Context,
+    version: Annotated[bool, typer.Option("--version", help="Print the version and leave.")] = False,
+) -> None:
+    if version:
+        print(f"regionik {__version__}")
+        raise typer.Exit(DONE)
+    if context.invoked_subcommand is None:
+        print(context.get_help())
+
+
+@app.command()
+def worlds(as_json: AsJson = False) -> None:
+    """List the bundled worlds."""
+    from regionik.worlds.library import load_world, world_names
+
+    rows = [(name, load_world(name).about) for name in world_names()]
+    if as_json:
+        print_json({"ok": True, "worlds": [{"name": name, "about": about} for name, about in rows]})
+    else:
+        print_worlds(rows)
+
+
+@app.command()
+def plan(
+    world: WorldName,
+    output: Annotated[Path | None, typer.Option("-o", "--output", help="Write the plan here.")] = None,
+    html: Annotated[Path | None, typer.Option("--html", help="Write an offline page of it here.")] = None,
+    seed: Annotated[int, typer.Option("--seed", min=0, max=2**31 - 1, help="Same seed, same plan.")] = 0,
+    as_json: AsJson = False,
+) -> None:
+    """Plan the whole tool path of WORLD and verify the plan."""
+    check_output(output)
+    check_output(html)
+    if output is not None and html is not None and output.resolve() == html.resolve():
+        raise InputError(f"{html}: the plan and the page need two different files")
+    began = time.monotonic()
+    with LateProgress() as progress, _explained(as_json):
+        found = _planned(world, seed, progress)
+        seconds = time.monotonic() - began
+        written = _write_plan(found, output, html, progress)
+    say(plan_summary(found, seconds, written))
+    if as_json:
+        files = [str(path) for path in written]
+        print_json({"ok": True, **_key_figures(found), "stats": found.stats, "files": files})
+
+
+def _planned(world: str, seed: int, progress: LateProgress) -> Plan:
+    progress("load", 0, 1)
+    from regionik.pipeline import plan as plan_world
+    from regionik.worlds.library import load_world
+
+    scene = load_world(world)
+    progress("load", 1, 1)
+    return plan_world(scene, seed=seed, progress=progress)
+
+
+def _write_plan(found: Plan, output: Path | None, html: Path | None, progress: LateProgress) -> list[Path]:
+    written = [path for path in (output, html) if path is not None]
+    if output is not None:
+        from regionik.planfile import save_plan
+
+        save_plan(found, output)
+    progress("write", 1 if output else 0, max(len(written), 1))
+    if html is not None:
+        from regionik.view import to_html
+
+        to_html(found, html)
+    progress("write", 1, 1)
+    return written
+
+
+def _key_figures(found: Plan) -> dict[str, Any]:
+    return {
+        "world": found.world.name,
+        "seed": found.seed,
+        "setpoints": len(found.setpoints),
+        "states": len(found.motion),
+        "lift_offs": found.lift_offs,
+    }
+
+
+@contextmanager
+def _explained(as_json: bool) -> Iterator[None]:
+    """Turn a `NoPlanFound` into its paragraph, its document if asked for, and exit code 1."""
+    try:
+        yield
+    except NoPlanFound as no:
+        say(no.explanation.reason)
+        if as_json:
+            print_json(refusal(no.explanation))
+        raise typer.Exit(NO) from None
+
+
+@app.command()
+def reach(
+    world: WorldName,
+    target: Annotated[
+        list[str] | None, typer.Option("--target", metavar="X Y Z", help="A target [m]; may be repeated.")
+    ] = None,
+    table: Annotated[Path | None, typer.Option("--csv", help="Targets from a CSV file: x, y, z.")] = None,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="Answers to a .csv, .json or .geojson file.")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Say for each target whether the tool reaches it, and where the base then stands.
+
+    Without --target and --csv the set-points of WORLD are asked for. The exit code is 1 when any target is
+    not reachable.
+    """
+    check_output(output, (".csv", ".json", ".geojson"))
+    with LateProgress() as progress:
+        progress("load", 0, 1)
+        from regionik.answers import answers_document, targets_asked, write_answers
+        from regionik.reach import reach as ask
+        from regionik.worlds.library import load_world
+
+        scene = load_world(world)
+        progress("load", 1, 1)
+        progress("reach", 0, 0)
+        answer = ask(scene, targets_asked(scene, target or [], table))
+        if output is not None:
+            write_answers(answer, scene.robot.chain.names, output)
+    if as_json:
+        print_json(answers_document(answer))
+    elif output is None:
+        print_answers(answer)
+    count = int(answer.reachable.sum())
+    say(f"{scene.name}: {count} of {len(answer.verdict)} targets are reachable")
+    if count < len(answer.verdict):
+        raise typer.Exit(NO)
+
+
+@app.command()
+def verify(path: PlanPath, as_json: AsJson = False) -> None:
+    """Check a plan again from its world alone; exit code 1 and the violations if it does not hold."""
+    with LateProgress() as progress:
+        progress("load", 0, 1)
+        from regionik.planfile import load_plan
+        from regionik.verify import verify as check
+
+        found = load_plan(path)
+        progress("load", 1, 1)
+        progress("verify", 0, 0)
+        report = check(found)
+    say(report_summary(str(path), report))
+    if as_json:
+        print_json(report_document(report))
+    if not report.ok:
+        raise typer.Exit(NO)
+
+
+@app.command()
+def show(
+    what: Annotated[str, typer.Argument(metavar="PLAN|WORLD", help="A plan.json, a world's name or file.")],
+    browser: Annotated[bool, typer.Option(help="Open a browser at the address.")] = True,
+) -> None:
+    """Show a plan or a world in the browser until Ctrl-C."""
+    from regionik.view import show as open_view
+    from regionik.view import stop
+
+    with LateProgress() as progress:
+        progress("load", 0, 1)
+        seen = _plan_or_world(what)
+    visualizer = open_view(seen, open_browser=browser)
+    try:
+        say("Ctrl-C ends")
+        Event().wait()
+    except KeyboardInterrupt:
+        return
+    finally:
+        stop(visualizer)
+
+
+def _plan_or_world(what: str) -> Plan | World:
+    """Load what a file holds: a plan has states, a world has none."""
+    import json
+
+    from regionik.planfile import load_plan
+    from regionik.worlds.library import load_world
+
+    if what.endswith(".json") and Path(what).is_file():
+        try:
+            document = json.loads(Path(what).read_bytes())
+        except (ValueError, RecursionError):
+            document = None  # the loader below says what is wrong with it
+        if isinstance(document, dict) and "states" in document:
+            return load_plan(what)
+    return load_world(what)
+
+
+@app.command()
+def export(
+    path: PlanPath,
+    kind: Annotated[str, typer.Option("--format", metavar="|".join(EXPORTS), help="What to write.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="The file to write.")],
+) -> None:
+    """Write a plan for other programs: its states, its areas, or its robot."""
+    if kind not in EXPORTS:
+        raise InputError(f"--format: expected one of {', '.join(EXPORTS)}, got {kind!r}")
+    check_output(output)
+    from regionik.export import export as write
+    from regionik.planfile import load_plan
+
+    write(load_plan(path), kind, output)
+    say(f"wrote {output}")

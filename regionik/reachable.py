@@ -1,0 +1,162 @@
+"""Reach alone: where the arm axis may stand if nothing is in the way, as rings and ring sectors."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from regionik.ground import GUARD, Geometries
+from regionik.planners.rings import FREE, reach_intervals
+from regionik.worlds.arrays import Array
+from regionik.worlds.planar import PlanarArm, planar_arm
+from regionik.worlds.scene import Target, World
+
+ARC_POINTS = 64  # vertices of a full circle
+FRONT, BACK = 1, -1
+
+
+@dataclass(frozen=True)
+class Family:
+    """Postures of one kind for one target: how the arm's plane and last link lie.
+
+    Attributes
+    ----------
+    facing : int
+        `FRONT` where the target lies ahead in the arm's plane (r > 0), `BACK` where behind (r < 0).
+    pitch : float
+        Angle at which the solver holds the last link in the plane [rad]; NaN where it is free.
+    azimuth, half : float
+        The plane may point within ``half`` of ``azimuth``, seen from above [rad].
+    pitches : (low, high)
+        Pitches that the reach allows [rad].
+    """
+
+    facing: int
+    pitch: float = np.nan
+    azimuth: float = 0.0
+    half: float = np.pi
+    pitches: tuple[float, float] = FREE
+
+
+def families(world: World, target: Target, facings: Sequence[int], *, inner: bool) -> list[Family]:
+    """Posture families that may reach a target.
+
+    A given tool direction sets the last link's pitch: with the plane along the direction seen from above,
+    or against it. Inner areas hold the pitch itself and let the plane swing within the cone; outer areas
+    take every pitch and every swing that the cone lets through, each by itself.
+    """
+    if target.direction is None:
+        return [Family(facing) for facing in facings]
+    x, y, z = target.direction.tolist()
+    flat, cone = float(np.hypot(x, y)), target.cone
+    pitch = float(np.arctan2(z, flat))
+    azimuth = float(np.arctan2(y, x)) if flat > 0 else 0.0
+    if inner:
+        # cos(cone) = cos^2(pitch) cos(swing) + sin^2(pitch)
+        swing = np.cos(cone) - z * z
+        half = np.pi if swing <= -flat * flat else float(np.arccos(swing / flat**2))
+        spread = 0.0
+    else:
+        # The widest swing of the cone's edge, unless the cone holds the vertical.
+        half = float(np.arcsin(np.sin(cone) / flat)) if cone < np.pi / 2 and np.sin(cone) < flat else np.pi
+        spread = cone
+    low, high = max(pitch - spread, -np.pi / 2), min(pitch + spread, np.pi / 2)
+    along = Family(FRONT, pitch, azimuth, half, (low, high))
+    against = Family(FRONT, np.pi - pitch, azimuth + np.pi, half, (np.pi - high, np.pi - low))
+    kinds = [along] if inner and half >= np.pi else [along, against]
+    return [replace(kind, facing=facing) for facing in facings for kind in kinds]
+
+
+def reach_rows(
+    world: World, targets: Sequence[Target], facings: Sequence[int], *, inner: bool
+) -> tuple[NDArray[np.intp], tuple[Family, ...], Geometries]:
+    """Reach of every target as rings and ring sectors, before rejection."""
+    arm = planar_arm(world.robot.chain)
+    margin = world.rules.reach_margin if inner else 0.0
+    shoulder_z = float(arm.shoulder[1] + world.robot.mount[2])
+    heights = np.array([target.position[2] for target in targets])
+    kinds = [families(world, target, facings, inner=inner) for target in targets]
+    intervals: dict[tuple[int, tuple[float, float]], Array] = {}
+    for pitches in sorted({family.pitches for kind in kinds for family in kind}):
+        rows = [i for i, kind in enumerate(kinds) if any(family.pitches == pitches for family in kind)]
+        found = reach_intervals(arm, shoulder_z, heights[rows], pitches)
+        intervals |= {(i, pitches): one for i, one in zip(rows, found, strict=True)}
+    table: list[tuple[int, Family, float, float]] = []
+    for i, kind in enumerate(kinds):
+        for family in kind:
+            for low, high in intervals[i, family.pitches].tolist():
+                if (low + high) * family.facing > 0:
+                    a, b = sorted((abs(low), abs(high)))
+                    if b - a > 2 * margin:
+                        table.append((i, family, a, b))
+    spans = _headings(world, arm, [row[1] for row in table])
+    flat = [(row, center, half) for row, span in zip(table, spans, strict=True) for center, half in span]
+    positions = np.array([targets[row[0]].position[:2] for row, _, _ in flat]).reshape(-1, 2)
+    rings = _ring_sectors(
+        positions,
+        np.array([row[2] for row, _, _ in flat]),
+        np.array([row[3] for row, _, _ in flat]),
+        np.array([center + (np.pi if row[1].facing == FRONT else 0.0) for row, center, _ in flat]),
+        np.array([half for _, _, half in flat]),
+        margin if inner else None,
+    )
+    which = np.array([row[0] for row, _, _ in flat], dtype=np.intp)
+    return which, tuple(row[1] for row, _, _ in flat), rings
+
+
+def _headings(world: World, arm: PlanarArm, rows: list[Family]) -> list[list[tuple[float, float]]]:
+    """Directions the plane may take: the family's own, cut to what a fixed heading leaves the pivot."""
+    spans = [[(family.azimuth, family.half)] for family in rows]
+    if world.rules.heading != "fixed" or arm.pivot_upper - arm.pivot_lower >= 2 * np.pi:
+        return spans
+    yaw = 0.0 if world.start is None else float(world.start.base[2])
+    middle = yaw + float(world.robot.mount[3]) + arm.pivot_zero + (arm.pivot_lower + arm.pivot_upper) / 2
+    reach = (arm.pivot_upper - arm.pivot_lower) / 2
+    return [_common_span(span[0], (middle, reach)) for span in spans]
+
+
+def _common_span(a: tuple[float, float], b: tuple[float, float]) -> list[tuple[float, float]]:
+    """Intersection of two arcs given by center and half width: none, one or two arcs."""
+    if a[1] >= np.pi:
+        return [b]
+    if b[1] >= np.pi:
+        return [a]
+    shift = (b[0] - a[0] + np.pi) % (2 * np.pi) - np.pi
+    arcs = []
+    for turn in (-2 * np.pi, 0.0, 2 * np.pi):
+        low = max(-a[1], shift + turn - b[1])
+        high = min(a[1], shift + turn + b[1])
+        if high > low:
+            arcs.append((a[0] + (low + high) / 2, (high - low) / 2))
+    return arcs
+
+
+def _ring_sectors(
+    centers: Array, low: Array, high: Array, azimuth: Array, half: Array, margin: float | None
+) -> Geometries:
+    """Rings and ring sectors as polygons: within the true shape where a margin is given, else around it."""
+    out = np.empty(len(centers), dtype=object)
+    full = half >= np.pi
+    spread = np.where(full, np.pi, half)
+    step = 2 * spread / ARC_POINTS
+    outwards = 1.0 / np.cos(step / 2)
+    far, near = high * outwards, low
+    if margin is not None:
+        far, near = high - margin, (low + margin) * outwards
+    angles = (azimuth - spread)[:, None] + step[:, None] * np.arange(ARC_POINTS + 1)
+    unit = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+    unit[full, -1] = unit[full, 0]
+    rim = centers[:, None] + far[:, None, None] * unit
+    hole = centers[:, None] + near[:, None, None] * unit
+    solid = full & (near <= GUARD)
+    ring = full & ~solid
+    out[solid] = shapely.polygons(rim[solid])
+    out[ring] = shapely.polygons(
+        shapely.linearrings(rim[ring]), holes=shapely.linearrings(hole[ring])[:, None]
+    )
+    out[~full] = shapely.polygons(np.concatenate([rim[~full], hole[~full, ::-1]], axis=1))
+    return out

@@ -1,0 +1,144 @@
+"""A robot as URDF, so that any other kinematics library can check a plan."""
+
+from __future__ import annotations
+
+from xml.etree import ElementTree
+
+import numpy as np
+from shapely.geometry import Polygon
+
+from regionik.worlds.arrays import Array
+from regionik.worlds.chain import Joint, translation
+from regionik.worlds.errors import InputError
+from regionik.worlds.robot import LinkCapsule, Robot
+
+# URDF demands numbers where we know of no limit.
+_UNLIMITED = 1e6
+_OUR_JOINTS = ("base_x", "base_y", "base_yaw", "mount", "tool_fixed")
+
+
+def robot_to_urdf(robot: Robot, floor: Polygon) -> str:
+    """URDF text of a robot on a floor.
+
+    The base is three virtual joints: ``base_x``, ``base_y`` (prismatic, limited to the floor's extent)
+    and ``base_yaw`` (continuous). The arm's joints keep their names; the link that joint ``j`` moves is
+    ``j_link``; the tool is the link ``tool``. A capsule becomes a cylinder and two spheres, a footprint its
+    bounding box up to ``body_height``; a point base has no solid.
+
+    Raises
+    ------
+    InputError
+        When an arm joint bears a name of the virtual joints.
+    """
+    taken = [name for name in robot.chain.names if name in _OUR_JOINTS]
+    if taken:
+        raise InputError(
+            f"robot {robot.name}: joint {taken[0]} cannot be exported: URDF needs {', '.join(_OUR_JOINTS)}"
+        )
+    root = ElementTree.Element("robot", name=robot.name)
+    x_low, y_low, x_high, y_high = floor.bounds
+    _link(root, "world")
+    _joint(root, _slide("base_x", 0, x_low, x_high), "world", "base_x_link")
+    _link(root, "base_x_link")
+    _joint(root, _slide("base_y", 1, y_low, y_high), "base_x_link", "base_y_link")
+    _link(root, "base_y_link")
+    _joint(root, Joint("base_yaw", "revolute", -np.inf, np.inf, np.eye(4)), "base_y_link", "base")
+    _body(_link(root, "base"), robot)
+    _fixed(root, "mount", robot.T_base_arm, "base", "arm_base")
+    _link(root, "arm_base")
+    parent = "arm_base"
+    for k, joint in enumerate(robot.chain.joints):
+        child = f"{joint.name}_link"
+        _joint(root, joint, parent, child)
+        link = _link(root, child)
+        for capsule in (solid for solid in robot.solids if solid.link == k):
+            _capsule(link, capsule)
+        parent = child
+    _fixed(root, "tool_fixed", robot.chain.T_last_tool, parent, "tool")
+    _link(root, "tool")
+    ElementTree.indent(root)
+    return '<?xml version="1.0"?>\n' + ElementTree.tostring(root, encoding="unicode") + "\n"
+
+
+def _slide(name: str, axis: int, lower: float, upper: float) -> Joint:
+    return Joint(name, "prismatic", lower, upper, np.eye(4), np.eye(3)[axis])
+
+
+def _link(root: ElementTree.Element, name: str) -> ElementTree.Element:
+    return ElementTree.SubElement(root, "link", name=name)
+
+
+def _fixed(root: ElementTree.Element, name: str, T: Array, parent: str, child: str) -> None:
+    element = ElementTree.SubElement(root, "joint", name=name, type="fixed")
+    _origin(element, T)
+    ElementTree.SubElement(element, "parent", link=parent)
+    ElementTree.SubElement(element, "child", link=child)
+
+
+def _joint(root: ElementTree.Element, joint: Joint, parent: str, child: str) -> None:
+    endless = joint.kind == "revolute" and np.isinf(joint.lower) and np.isinf(joint.upper)
+    element = ElementTree.SubElement(
+        root, "joint", name=joint.name, type="continuous" if endless else joint.kind
+    )
+    _origin(element, joint.T_parent_joint)
+    ElementTree.SubElement(element, "parent", link=parent)
+    ElementTree.SubElement(element, "child", link=child)
+    ElementTree.SubElement(element, "axis", xyz=_words(joint.axis))
+    limit = {"effort": repr(_UNLIMITED), "velocity": repr(_finite(joint.velocity))}
+    if not endless:
+        limit = {"lower": repr(_finite(joint.lower)), "upper": repr(_finite(joint.upper)), **limit}
+    ElementTree.SubElement(element, "limit", limit)
+
+
+def _body(link: ElementTree.Element, robot: Robot) -> None:
+    if len(robot.footprint) == 1:
+        return
+    low, high = robot.footprint.min(axis=0), robot.footprint.max(axis=0)
+    (x, y), (length, width) = (low + high) / 2, high - low
+    shape = _solid(link, "footprint", translation(x, y, robot.body_height / 2))
+    ElementTree.SubElement(shape, "box", size=_words(np.array([length, width, robot.body_height])))
+
+
+def _capsule(link: ElementTree.Element, capsule: LinkCapsule) -> None:
+    radius = repr(float(capsule.radius))
+    along = capsule.end - capsule.start
+    length = float(np.linalg.norm(along))
+    ends = {"start": capsule.start, "end": capsule.end} if length > 0 else {"start": capsule.start}
+    for which, center in ends.items():
+        shape = _solid(link, f"{capsule.name} {which}", translation(*center))
+        ElementTree.SubElement(shape, "sphere", radius=radius)
+    if length > 0:
+        # Yaw and pitch that take z to the capsule's axis.
+        yaw, pitch = np.arctan2(along[1], along[0]), np.arctan2(np.hypot(along[0], along[1]), along[2])
+        middle = (capsule.start + capsule.end) / 2
+        shape = _solid(link, f"{capsule.name} side", translation(*middle), (0.0, pitch, yaw))
+        ElementTree.SubElement(shape, "cylinder", radius=radius, length=repr(length))
+
+
+def _solid(
+    link: ElementTree.Element, name: str, T: Array, rpy: tuple[float, float, float] = (0.0, 0.0, 0.0)
+) -> ElementTree.Element:
+    collision = ElementTree.SubElement(link, "collision", name=name)
+    ElementTree.SubElement(collision, "origin", xyz=_words(T[:3, 3]), rpy=_words(np.array(rpy)))
+    return ElementTree.SubElement(collision, "geometry")
+
+
+def _origin(element: ElementTree.Element, T: Array) -> None:
+    ElementTree.SubElement(element, "origin", xyz=_words(T[:3, 3]), rpy=_words(roll_pitch_yaw(T)))
+
+
+def roll_pitch_yaw(T: Array) -> Array:
+    """Angles (3,) about the fixed x, y and z axes, applied in this order, of a frame (4, 4) [rad]."""
+    across = float(np.hypot(T[0, 0], T[1, 0]))
+    pitch = np.arctan2(-T[2, 0], across)
+    if across < 1e-12:  # x points up or down: roll and yaw turn about the same axis, yaw takes it all
+        return np.array([0.0, pitch, np.arctan2(-T[0, 1], T[1, 1])])
+    return np.array([np.arctan2(T[2, 1], T[2, 2]), pitch, np.arctan2(T[1, 0], T[0, 0])])
+
+
+def _finite(value: float) -> float:
+    return float(np.clip(value, -_UNLIMITED, _UNLIMITED))
+
+
+def _words(values: Array) -> str:
+    return " ".join(repr(float(value) + 0.0) for value in values)

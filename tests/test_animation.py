@@ -1,0 +1,98 @@
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from regionik.animation import LONGEST, MOST_FRAMES, REST, SHORTEST, key_frames, turning
+from regionik.plan import Motion, Plan
+from regionik.worlds.chain import Joint, motion
+from tests.plans import every_solid, l_shape, synthetic_plan
+
+
+def _with(plan: Plan, table: np.ndarray, kinds: list[str]) -> Plan:
+    n = len(table)
+    owner = np.where(np.array(kinds) == "setpoint", 0, -1)
+    moved = Motion(table[:, :3], table[:, 3:], np.array(kinds), owner, np.full(n, np.nan))
+    return dataclasses.replace(plan, motion=moved)
+
+
+@pytest.fixture(scope="module")
+def plan() -> Plan:
+    return synthetic_plan(l_shape())
+
+
+@pytest.mark.parametrize("world", [l_shape(), every_solid()])
+def test_setpoints_are_kept_and_time_runs_on(world: object) -> None:
+    plan = synthetic_plan(world)  # type: ignore[arg-type]
+    frames = key_frames(plan)
+    assert (np.diff(frames.times) > 0).all()
+    assert SHORTEST - 1e-9 <= frames.times[-1] <= LONGEST + 1e-9
+    assert frames.duration == pytest.approx(frames.times[-1] + REST)
+    assert np.isin(frames.passed, frames.times).all()
+    at = np.searchsorted(frames.times, frames.passed)
+    tools = world.robot.tool(frames.base[at], frames.joints[at])[:, :3, 3]  # type: ignore[attr-defined]
+    assert np.allclose(tools, [t.position for t in plan.world.task], atol=1e-9)
+
+
+@pytest.mark.parametrize(("length", "seconds"), [(0.01, SHORTEST), (5.0, 20.0), (1000.0, LONGEST)])
+def test_speed_is_readable_whatever_the_size(plan: Plan, length: float, seconds: float) -> None:
+    table = np.zeros((50, 8))
+    table[:, 0] = np.linspace(0, length, 50)
+    frames = key_frames(_with(plan, table, ["setpoint"] + ["step"] * 49))
+    assert frames.times[-1] == pytest.approx(seconds, abs=1e-6)
+
+
+def test_long_motions_are_thinned_but_keep_every_setpoint(plan: Plan) -> None:
+    n = 30_000
+    rng = np.random.default_rng(0)
+    table = np.cumsum(rng.normal(scale=0.005, size=(n, 8)), axis=0)
+    kinds = np.full(n, "step", dtype="<U8")
+    chosen = np.sort(rng.choice(n, 700, replace=False))
+    kinds[chosen] = "setpoint"
+    frames = key_frames(_with(plan, table, kinds.tolist()))
+    assert len(frames.times) <= 1.1 * MOST_FRAMES
+    rows = np.column_stack([frames.base, frames.joints])
+    unwrapped = table.copy()
+    unwrapped[:, 2] = np.unwrap(table[:, 2])
+    assert np.allclose(rows[np.isin(frames.times, frames.passed)], unwrapped[chosen], atol=1e-9)
+
+
+def test_yaw_goes_the_shorter_way_and_big_turns_are_cut(plan: Plan) -> None:
+    table = np.zeros((3, 8))
+    table[:, 2] = [3.0, -3.0, 3.0]
+    table[:, 3] = [0.0, 5.0, -5.0]
+    frames = key_frames(_with(plan, table, ["setpoint", "transit", "step"]))
+    assert frames.base[:, 2].max() == pytest.approx(2 * np.pi - 3)
+    assert frames.base[:, 2].min() == pytest.approx(3.0)
+    assert np.abs(np.diff(frames.joints[:, 0])).max() <= np.pi / 2 + 1e-9
+    middle = int(np.flatnonzero(frames.joints[:, 0] == 5.0)[0])
+    assert frames.lifted[1 : middle + 1].all()
+    assert not frames.lifted[0]
+    assert not frames.lifted[middle + 1 :].any()
+
+
+def test_a_plan_that_rests_is_one_frame(plan: Plan) -> None:
+    frames = key_frames(_with(plan, np.zeros((1, 8)), ["setpoint"]))
+    assert len(frames.times) == 1
+
+
+@settings(max_examples=50)
+@given(
+    st.lists(st.floats(-0.99, 0.99), min_size=3, max_size=3).filter(lambda v: np.linalg.norm(v) > 0.1),
+    st.floats(-9, 9),
+)
+def test_quaternions_turn_as_joints_do(axis: list[float], angle: float) -> None:
+    joint = Joint("j", "revolute", -10, 10, np.eye(4), np.array(axis))
+    x, y, z, w = turning(joint.axis, np.array([angle]))[0]
+    turned = np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+    assert np.allclose(turned, motion(joint, np.array(angle))[:3, :3], atol=1e-12)

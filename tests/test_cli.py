@@ -1,0 +1,429 @@
+"""The commands: exit codes, what stands on stdout, what is left on disk."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import pytest
+
+from regionik import __version__, cli, console
+from regionik.worlds.errors import EngineError
+
+HEAVY = ("fcl", "meshcat", "numba", "numpy", "ompl", "pydantic_core", "rich", "scipy", "shapely", "yaml")
+LIGHT = ("pydantic_core", "rich")  # typer itself may bring these
+
+
+class Outcome(NamedTuple):
+    """What a command left behind."""
+
+    code: int
+    out: str
+    err: str
+
+
+Run = Callable[..., Outcome]
+
+
+@pytest.fixture
+def run(capfd: pytest.CaptureFixture[str]) -> Run:
+    """Run a command in this process."""
+
+    def run(*arguments: object) -> Outcome:
+        capfd.readouterr()
+        code = cli.run([str(argument) for argument in arguments])
+        return Outcome(code, *capfd.readouterr())
+
+    return run
+
+
+@contextmanager
+def spawned(*arguments: object, **options: Any) -> Iterator[subprocess.Popen[str]]:
+    """Run a command in a process of its own, which does not outlive the test."""
+    command = [sys.executable, "-m", "regionik", *map(str, arguments)]
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True, **options}
+    with subprocess.Popen(command, **pipes) as process:
+        try:
+            yield process
+        finally:
+            process.kill()
+
+
+@pytest.fixture(scope="module")
+def planned(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A plan of ``pillar``, made once."""
+    path = tmp_path_factory.mktemp("planned") / "plan.json"
+    assert cli.run(["plan", "pillar", "-o", str(path)]) == 0
+    return path
+
+
+# Worlds to which the answer is no -----------------------------------------------------------------------
+
+SLAB = "  - {name: divider, box: {size: [0.1, 4.0, 1.0], center: [1.5, 0, 0.5]}}"
+WORLD = """
+version: 1
+robot: youbot
+floor: {{polygon: [[-1, -2], [4, -2], [4, 2], [-1, 2]]}}
+obstacles:
+{obstacles}
+start: {{base: {start}, joints: [0, 1.5708, 0, 1.5708, 0]}}
+task:
+  - {{points: {points}}}
+rules: {{clearance: 0.2}}
+"""
+
+
+class No(NamedTuple):
+    """A world, and what the paragraph about it must name."""
+
+    verdict: str
+    setpoint: int | None
+    words: Sequence[str]
+    points: object
+    start: object = (0.0, 0.0, 0.0)
+
+
+NOES = [
+    No("unreachable", 1, ["set-point 2 of 3", " m"], [[0.5, 0, 0.3], [0.6, 0, 2.0], [0.7, 0, 0.3]]),
+    No(
+        "ladder-broken",
+        2,
+        ["3 of 3", "divider", " m"],
+        [[0.5, 0, 0.3], [0.6, 0, 0.3], [2.6, 0, 0.3]],
+    ),
+    No("start-blocked", None, ["divider", " m"], [[0.5, 0, 0.3], [0.6, 0, 0.3]], (1.5, 0.0, 0.0)),
+]
+
+
+@pytest.fixture(params=NOES, ids=lambda no: no.verdict)
+def no(request: pytest.FixtureRequest, tmp_path: Path) -> tuple[No, Path]:
+    what: No = request.param
+    path = tmp_path / "no.yaml"
+    text = WORLD.format(obstacles=SLAB, start=list(map(float, what.start)), points=what.points)  # type: ignore[call-overload]
+    path.write_text(text)
+    return what, path
+
+
+def test_no_is_one_paragraph_on_stderr(run: Run, no: tuple[No, Path], tmp_path: Path) -> None:
+    what, world = no
+    done = run("plan", world, "-o", tmp_path / "plan.json", "--html", tmp_path / "plan.html")
+    assert done.code == 1
+    assert done.out == ""
+    assert len(done.err.strip().splitlines()) == 1
+    assert all(word in done.err.replace("Set-point", "set-point") for word in what.words), done.err
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["no.yaml"]
+
+
+def test_no_as_json(run: Run, no: tuple[No, Path]) -> None:
+    what, world = no
+    done = run("plan", world, "--json")
+    assert done.code == 1
+    document = json.loads(done.out)
+    assert set(document) == {"ok", "verdict", "setpoint", "reason", "causes", "repairs"}
+    assert document["ok"] is False
+    assert (document["verdict"], document["setpoint"]) == (what.verdict, what.setpoint)
+    assert document["reason"] in done.err
+    assert all(set(cause) == {"kind", "name", "margin"} for cause in document["causes"])
+    assert all(set(repair) == {"kind", "name", "amount", "text"} for repair in document["repairs"])
+    assert document["causes"]
+
+
+# What a user did wrong ----------------------------------------------------------------------------------
+
+WRONG: list[tuple[Sequence[str], str]] = [
+    (["plam"], "plan"),
+    (["plan"], "WORLD"),
+    (["plan", "pillar", "--speed", "9"], "--speed"),
+    (["plan", "pillar", "--seed", "red"], "--seed"),
+    (["plan", "pillar", "--seed", "-1"], "--seed"),
+    (["plan", "pilar"], "pillar"),
+    (["plan", "nowhere.yaml"], "nowhere.yaml"),
+    (["plan", "pillar", "-o", "no/such/folder/plan.json"], "no/such/folder"),
+    (["plan", "pillar", "-o", "."], "folder"),
+    (["plan", "pillar", "-o", "a.json", "--html", "./a.json"], "two different files"),
+    (["reach", "pillar", "--target", "1", "2"], "three finite numbers"),
+    (["reach", "pillar", "--target", "1", "2", "nan"], "three finite numbers"),
+    (["reach", "pillar", "--target", "1", "2", "--json"], "three finite numbers"),
+    (["reach", "pillar", "--csv", "nowhere.csv"], "nowhere.csv"),
+    (["reach", "pillar", "-o", "answers.txt"], ".geojson"),
+    (["verify", "nowhere.json"], "nowhere.json"),
+    (["show", "nowhere.json"], "nowhere.json"),
+    (["export", "nowhere.json", "--format", "csv", "-o", "x.csv"], "nowhere.json"),
+    (["export", "nowhere.json", "--format", "ros2", "-o", "x.yaml"], "csv, geojson, urdf"),
+    (["export", "nowhere.json", "--format", "csv"], "--output"),
+]
+
+
+@pytest.mark.parametrize(("arguments", "word"), WRONG, ids=lambda value: str(value)[:40])
+def test_wrong_input_is_one_line(
+    run: Run, arguments: Sequence[str], word: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    done = run(*arguments)
+    assert done.code == 2
+    assert done.out == ""
+    assert len(done.err.splitlines()) == 1
+    assert word in done.err
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("content", ["", "{", "[]", "{}", '{"version": 1}', "[" * 5000, "\x00", "nan"])
+def test_wrong_plan_file_is_one_line(run: Run, content: str, tmp_path: Path) -> None:
+    path = tmp_path / "plan.json"
+    path.write_text(content)
+    for arguments in (["verify", path], ["show", path], ["export", path, "--format", "csv", "-o", "x.csv"]):
+        done = run(*arguments)
+        assert (done.code, done.out, len(done.err.splitlines())) == (2, "", 1), done.err
+        assert "plan.json" in done.err
+
+
+def test_wrong_csv_names_the_line(run: Run, tmp_path: Path) -> None:
+    path = tmp_path / "targets.csv"
+    path.write_text("x,y,z\n1,2,0.3\n1,high,0.3\n")
+    done = run("reach", "free", "--csv", path)
+    assert done.code == 2
+    assert f"{path}: line 3: y" in done.err
+
+
+# Plan, verify, export -----------------------------------------------------------------------------------
+
+
+def test_plan_as_json_and_files(run: Run, tmp_path: Path) -> None:
+    path, page = tmp_path / "plan.json", tmp_path / "plan.html"
+    done = run("plan", "free", "-o", path, "--html", page, "--json")
+    assert done.code == 0, done.err
+    document = json.loads(done.out)
+    plan = json.loads(path.read_bytes())
+    assert document["ok"] is True
+    assert document["stats"] == plan["stats"]
+    assert document["setpoints"] == len(plan["setpoints"]) == 21
+    assert document["files"] == [str(path), str(page)]
+    assert page.read_text().lstrip().lower().startswith("<!doctype html>")
+    for word in ("21 set-points", "iterations", "lift-offs", "base travel", "states", "verified in"):
+        assert word in done.err
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["plan.html", "plan.json"]
+
+
+def test_plan_without_files_writes_none(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    done = run("plan", "free")
+    assert (done.code, done.out) == (0, "")
+    assert not list(tmp_path.iterdir())
+
+
+def test_verify_yes(run: Run, planned: Path) -> None:
+    assert run("verify", planned).code == 0
+    document = json.loads(run("verify", planned, "--json").out)
+    assert document["ok"] is True
+    assert document["violations"] == []
+    assert all(margin is None or margin >= 0 for margin in document["margins"].values())
+
+
+def test_verify_no(run: Run, planned: Path, tmp_path: Path) -> None:
+    document = json.loads(planned.read_bytes())
+    middle = document["states"][len(document["states"]) // 2]
+    middle["base"][0] += 5.0
+    path = tmp_path / "moved.json"
+    path.write_text(json.dumps(document))
+    done = run("verify", path)
+    assert (done.code, done.out) == (1, "")
+    assert "does not hold" in done.err
+    done = run("verify", path, "--json")
+    assert done.code == 1
+    answer = json.loads(done.out)
+    assert (answer["ok"], answer["verdict"]) == (False, "plan-invalid")
+    assert answer["violations"]
+    assert answer["violations"][0]["text"] in answer["reason"]
+
+
+@pytest.mark.parametrize("kind", cli.EXPORTS)
+def test_export(run: Run, kind: str, planned: Path, tmp_path: Path) -> None:
+    path = tmp_path / "exported"
+    done = run("export", planned, "--format", kind, "-o", path)
+    assert (done.code, done.out) == (0, "")
+    text = path.read_text()
+    start = {"csv": "index,", "geojson": "{", "urdf": "<?xml"}[kind]
+    assert text.startswith(start)
+
+
+def test_same_seed_same_bytes_in_two_processes(tmp_path: Path) -> None:
+    files = [tmp_path / "a.json", tmp_path / "b.json"]
+    for salt, file in zip("12", files, strict=True):
+        environment = {**os.environ, "PYTHONHASHSEED": salt}
+        with spawned("plan", "slab", "--seed", 3, "-o", file, env=environment) as process:
+            _, err = process.communicate(timeout=120)
+            assert process.returncode == 0, err
+    assert files[0].read_bytes() == files[1].read_bytes()
+
+
+# Reach --------------------------------------------------------------------------------------------------
+
+
+def test_reach_mixes_yes_and_no(run: Run, tmp_path: Path) -> None:
+    table, path = tmp_path / "targets.csv", tmp_path / "answers.csv"
+    table.write_text("x,y,z\n0.6,-0.2,0.3\n")
+    done = run("reach", "free", "--target", 0.5, "-0.1", 0.3, "--target", 0, 0, 3, "--csv", table, "-o", path)
+    assert (done.code, done.out) == (1, "")
+    assert "2 of 3 targets" in done.err
+    rows = list(csv.DictReader(io.StringIO(path.read_text())))
+    joints = [name for name in rows[0] if name not in ("x", "y", "z", "verdict", "reason")]
+    assert [row["verdict"] for row in rows] == ["reachable", "unreachable", "reachable"]
+    assert list(rows[0]) == ["x", "y", "z", "verdict", *joints, "reason"]
+    assert joints[:3] == ["base_x", "base_y", "base_yaw"]
+    assert len(joints) == 8
+    assert [float(row["x"]) for row in rows] == [0.5, 0.0, 0.6]
+    assert [bool(row["reason"]) for row in rows] == [False, True, False]
+    assert [bool(row["base_x"]) for row in rows] == [True, False, True]
+
+
+def test_reach_as_json(run: Run) -> None:
+    done = run("reach", "free", "--target", 0, 0, 3, "--json")
+    assert done.code == 1
+    document = json.loads(done.out)
+    assert {"ok", "verdict", "setpoint", "reason", "causes", "repairs", "answers"} == set(document)
+    assert (document["ok"], document["verdict"], document["setpoint"]) == (False, "unreachable", 0)
+    assert document["answers"][0]["base"] is None
+
+
+def test_reach_asks_for_the_worlds_own_task(run: Run, tmp_path: Path) -> None:
+    path = tmp_path / "answers.geojson"
+    done = run("reach", "free", "--json", "-o", path)
+    assert done.code == 0, done.err
+    document = json.loads(done.out)
+    assert document["ok"] is True
+    features = json.loads(path.read_bytes())["features"]
+    assert len(features) == len(document["answers"]) == 21
+    for feature, answer in zip(features, document["answers"], strict=True):
+        assert feature["geometry"]["coordinates"] == [answer["x"], answer["y"]]
+        assert feature["properties"]["base_x"] == answer["base"][0]
+
+
+def test_reach_prints_a_table(run: Run) -> None:
+    done = run("reach", "free", "--target", 0.5, 0, 0.3)
+    assert done.code == 0
+    assert "verdict" in done.out
+    assert "reachable" in done.out
+
+
+# The frame around the commands --------------------------------------------------------------------------
+
+
+def test_worlds_are_one_line_each(run: Run) -> None:
+    done = run("worlds")
+    assert done.code == 0
+    names = [line.split()[0] for line in done.out.splitlines()]
+    assert {"depot", "free", "l_shape", "pillar", "slab", "wall"} <= set(names)
+    assert all(len(line.split()) > 2 for line in done.out.splitlines())
+    assert [world["name"] for world in json.loads(run("worlds", "--json").out)["worlds"]] == names
+
+
+def test_version_and_help(run: Run) -> None:
+    assert run("--version").out == f"regionik {__version__}\n"
+    for arguments in ([], ["--help"], ["-h"]):
+        done = run(*arguments)
+        assert done.code == 0
+        assert all(name in done.out for name in ("worlds", "plan", "reach", "verify", "show", "export"))
+
+
+def test_help_imports_nothing_heavy() -> None:
+    code = "import sys, regionik, regionik.cli; print(*{name.partition('.')[0] for name in sys.modules})"
+    loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    assert not set(loaded.split()) & (set(HEAVY) - set(LIGHT))
+
+
+def test_functions_win_over_modules_of_the_same_name() -> None:
+    code = (
+        "import regionik.plan, regionik.reach, regionik.verify, regionik as rik\n"
+        "from regionik.plan import Plan\n"
+        "assert rik.Plan is Plan\n"
+        "assert callable(rik.plan) and callable(rik.reach) and callable(rik.verify)\n"
+        "assert all(getattr(rik, name) is not None for name in rik.__all__)\n"
+        "assert set(rik.__all__) <= set(dir(rik))\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", code], capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize(
+    ("error", "code"), [(KeyboardInterrupt(), 130), (EngineError("engine: it broke"), 3)]
+)
+def test_what_stops_a_plan(
+    run: Run, error: BaseException, code: int, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    def stop(*_: object, **__: object) -> None:
+        raise error
+
+    monkeypatch.setattr("regionik.pipeline.plan", stop)
+    done = run("plan", "free", "-o", tmp_path / "plan.json")
+    assert (done.code, done.out) == (code, "")
+    assert len(done.err.splitlines()) == 1
+    assert not list(tmp_path.iterdir())
+
+
+def test_ctrl_c_leaves_nothing(tmp_path: Path) -> None:
+    with spawned("plan", "depot", "-o", "plan.json", "--html", "plan.html", cwd=tmp_path) as process:
+        with pytest.raises(subprocess.TimeoutExpired):
+            process.wait(timeout=2.0)  # it is at work now
+        process.send_signal(signal.SIGINT)
+        out, err = process.communicate(timeout=5.0)
+        assert process.returncode == 130
+    assert out == ""
+    assert "Traceback" not in err
+    assert len(err.splitlines()) == 1
+    assert not list(tmp_path.iterdir())
+
+
+def test_show_ends_with_ctrl_c(planned: Path) -> None:
+    with spawned("show", "--no-browser", planned) as process:
+        assert process.stderr is not None
+        first = process.stderr.readline()
+        assert "Ctrl-C" in first
+        process.send_signal(signal.SIGINT)
+        out, err = process.communicate(timeout=10.0)
+        assert process.returncode == 0
+    assert "http://" in out
+    assert err == ""
+
+
+def test_a_reader_that_leaves_is_no_error() -> None:
+    reading, writing = os.pipe()
+    os.close(reading)
+    with spawned("worlds", stdout=writing) as process:
+        os.close(writing)
+        _, err = process.communicate(timeout=30)
+        assert process.returncode == 0
+    assert err == ""
+
+
+class _Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+@pytest.mark.parametrize(
+    ("patience", "terminal", "shows"), [(0.0, True, True), (60.0, True, False), (0.0, False, False)]
+)
+def test_progress_shows_late_and_only_on_a_terminal(
+    patience: float, terminal: bool, shows: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    screen = _Terminal() if terminal else io.StringIO()
+    monkeypatch.setattr(sys, "stderr", screen)
+    monkeypatch.setattr(console, "PATIENCE", patience)
+    monkeypatch.setenv("TERM", "xterm")
+    with console.LateProgress() as progress:
+        if progress._timer is not None and shows:
+            progress._timer.join()
+        for k in range(4):
+            progress("areas", k, 3)
+    assert ("areas" in screen.getvalue()) is shows

@@ -1,0 +1,205 @@
+from __future__ import annotations
+
+import csv
+import dataclasses
+import json
+import os
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from regionik.export import FORMATS, export
+from regionik.plan import Plan
+from regionik.urdf_text import robot_to_urdf, roll_pitch_yaw
+from regionik.worlds.arrays import Array
+from regionik.worlds.chain import Chain, Joint
+from regionik.worlds.errors import InputError
+from regionik.worlds.robot import LinkCapsule, Robot
+from tests.plans import FOOTPRINT, every_solid, l_shape, synthetic_plan, youbot
+
+
+@pytest.fixture(scope="module")
+def plan() -> Plan:
+    return synthetic_plan(l_shape())
+
+
+def awkward() -> Robot:
+    """Tilted frames, a slide, an endless joint, a half-limited one, a joint that stands at gimbal lock."""
+    rng = np.random.default_rng(5)
+    frames = []
+    for k in range(4):
+        T = np.eye(4)
+        T[:3, :3] = Rotation.from_euler(
+            "xyz", [0.3, np.pi / 2, 0.7] if k == 2 else rng.uniform(-3, 3, 3)
+        ).as_matrix()
+        T[:3, 3] = rng.uniform(-0.3, 0.3, 3)
+        frames.append(T)
+    joints = (
+        Joint("turn", "revolute", -np.inf, np.inf, frames[0], rng.normal(size=3)),
+        Joint("lift", "prismatic", -0.2, 0.4, frames[1], rng.normal(size=3), velocity=0.5),
+        Joint("bend", "revolute", -1.0, np.inf, frames[2], rng.normal(size=3)),
+    )
+    solids = (LinkCapsule(1, "rail", np.zeros(3), np.array([0.1, -0.2, 0.2]), 0.03),)
+    mount = np.array([0.1, -0.2, 0.4, 0.8])
+    return Robot(
+        "awkward", "omni", np.array(FOOTPRINT), mount, Chain(joints, frames[3]), solids, 0.3, np.zeros(3)
+    )
+
+
+def _numbers(text: str) -> Array:
+    return np.array([float(word) for word in text.split()])
+
+
+def _frame(element: ElementTree.Element) -> Array:
+    origin = element.find("origin")
+    T = np.eye(4)
+    if origin is not None:
+        T[:3, :3] = Rotation.from_euler("xyz", _numbers(origin.attrib["rpy"])).as_matrix()
+        T[:3, 3] = _numbers(origin.attrib["xyz"])
+    return T
+
+
+def link_frame(root: ElementTree.Element, link: str, values: dict[str, float]) -> Array:
+    """Pose of a link by walking from it to the root: an independent reading of URDF."""
+    T = np.eye(4)
+    while link != "world":
+        (joint,) = (j for j in root.iter("joint") if j.find("child").attrib["link"] == link)  # type: ignore[union-attr]
+        move = np.eye(4)
+        if joint.attrib["type"] != "fixed":
+            axis = _numbers(joint.find("axis").attrib["xyz"]) * values[joint.attrib["name"]]  # type: ignore[union-attr]
+            if joint.attrib["type"] == "prismatic":
+                move[:3, 3] = axis
+            else:
+                move[:3, :3] = Rotation.from_rotvec(axis).as_matrix()
+        T = _frame(joint) @ move @ T
+        link = joint.find("parent").attrib["link"]  # type: ignore[union-attr]
+    return T
+
+
+@pytest.mark.parametrize("robot", [youbot(), youbot(FOOTPRINT, (0.143, 0.0, 0.11, 0.2)), awkward()])
+def test_the_urdf_moves_as_the_robot_does(robot: Robot) -> None:
+    root = ElementTree.fromstring(robot_to_urdf(robot, shapely.box(-5, -5, 5, 5)))
+    rng = np.random.default_rng(1)
+    for _ in range(100):
+        base, joints = rng.uniform(-4, 4, 3), rng.uniform(-3, 3, robot.chain.dof)
+        values = dict(
+            zip(("base_x", "base_y", "base_yaw", *robot.chain.names), [*base, *joints], strict=True)
+        )
+        assert np.abs(link_frame(root, "tool", values) - robot.tool(base, joints)).max() < 1e-9
+
+
+@pytest.mark.parametrize("robot", [youbot(), awkward()])
+def test_a_capsule_is_a_cylinder_and_two_balls_at_its_ends(robot: Robot) -> None:
+    root = ElementTree.fromstring(robot_to_urdf(robot, shapely.box(-5, -5, 5, 5)))
+    for solid in robot.solids:
+        name = f"{robot.chain.names[solid.link]}_link"
+        (link,) = (element for element in root.iter("link") if element.attrib["name"] == name)
+        (side,) = (c for c in link if c.find("geometry/cylinder") is not None)
+        cylinder = side.find("geometry/cylinder")
+        assert cylinder is not None
+        half = float(cylinder.attrib["length"]) / 2
+        ends = [(_frame(side) @ [0, 0, z, 1])[:3] for z in (-half, half)]
+        balls = [_frame(c)[:3, 3] for c in link if c.find("geometry/sphere") is not None]
+        assert np.allclose(ends, [solid.start, solid.end], atol=1e-12)
+        assert np.allclose(balls, [solid.start, solid.end], atol=1e-12)
+
+
+def test_urdf_limits_and_base() -> None:
+    root = ElementTree.fromstring(robot_to_urdf(awkward(), shapely.box(-1, -2, 3, 4)))
+    kinds = {j.attrib["name"]: j.attrib["type"] for j in root.iter("joint")}
+    assert kinds["base_yaw"] == kinds["turn"] == "continuous"
+    assert (kinds["base_x"], kinds["lift"], kinds["bend"], kinds["mount"]) == (
+        "prismatic",
+        "prismatic",
+        "revolute",
+        "fixed",
+    )
+    limits = {
+        j.attrib["name"]: limit.attrib for j in root.iter("joint") if (limit := j.find("limit")) is not None
+    }
+    assert (float(limits["base_y"]["lower"]), float(limits["base_y"]["upper"])) == (-2.0, 4.0)
+    assert (float(limits["lift"]["lower"]), float(limits["lift"]["velocity"])) == (-0.2, 0.5)
+    assert all(np.isfinite(float(v)) for limit in limits.values() for v in limit.values())
+    box = root.find("link[@name='base']/collision/geometry/box")
+    assert box is not None
+    assert np.allclose(_numbers(box.attrib["size"]), [0.58, 0.38, 0.3])
+    point = ElementTree.fromstring(robot_to_urdf(youbot(), shapely.box(0, 0, 1, 1)))
+    assert point.find("link[@name='base']/collision") is None
+
+
+def test_names_of_the_virtual_joints_are_ours() -> None:
+    robot = youbot()
+    joints = (dataclasses.replace(robot.chain.joints[0], name="base_x"), *robot.chain.joints[1:])
+    taken = dataclasses.replace(robot, chain=Chain(joints, robot.chain.T_last_tool))
+    with pytest.raises(InputError, match="joint base_x cannot be exported"):
+        robot_to_urdf(taken, shapely.box(0, 0, 1, 1))
+
+
+@given(st.tuples(*[st.floats(-7, 7)] * 3), st.sampled_from([None, np.pi / 2, -np.pi / 2]))
+def test_roll_pitch_yaw_comes_back(angles: tuple[float, float, float], pitch: float | None) -> None:
+    if pitch is not None:
+        angles = (angles[0], pitch, angles[2])
+    T = np.eye(4)
+    T[:3, :3] = Rotation.from_euler("xyz", angles).as_matrix()
+    back = Rotation.from_euler("xyz", roll_pitch_yaw(T)).as_matrix()
+    assert np.abs(back - T[:3, :3]).max() < 1e-9
+
+
+def test_csv_has_one_row_a_state(plan: Plan, tmp_path: Path) -> None:
+    export(plan, "csv", tmp_path / "plan.csv")
+    rows = list(csv.DictReader((tmp_path / "plan.csv").read_text().splitlines()))
+    assert len(rows) == len(plan.motion)
+    for k, (row, state, tool) in enumerate(zip(rows, plan.motion, plan.tools(), strict=True)):
+        assert (int(row["index"]), row["kind"], row["time"]) == (k, state.kind, "")
+        assert row["setpoint"] == ("" if state.setpoint is None else str(state.setpoint))
+        assert [float(row[f"base_{c}"]) for c in ("x", "y", "yaw")] == state.base.tolist()
+        assert [float(row[name]) for name in plan.world.robot.chain.names] == state.joints.tolist()
+        assert [float(row[f"tool_{c}"]) for c in "xyz"] == tool.tolist()
+
+
+@pytest.mark.parametrize("world", [l_shape(), every_solid()])
+def test_geojson_has_areas_path_and_points(world: object, tmp_path: Path) -> None:
+    plan = synthetic_plan(world)  # type: ignore[arg-type]
+    export(plan, "geojson", tmp_path / "plan.geojson")
+    features = json.loads((tmp_path / "plan.geojson").read_text())["features"]
+    by_part: dict[str, list[dict[str, object]]] = {}
+    for feature in features:
+        by_part.setdefault(feature["properties"]["part"], []).append(feature)
+    count = len(plan.world.task)
+    assert {part: len(found) for part, found in by_part.items()} == {
+        "admissible": count,
+        "pruned": count,
+        "rejected": count,
+        "base-path": 1,
+        "setpoint": count,
+    }
+    for part in ("admissible", "pruned", "rejected"):
+        for k, feature in enumerate(by_part[part]):
+            assert feature["properties"] == {"part": part, "setpoint": k}
+            assert shapely.equals(shapely.geometry.shape(feature["geometry"]), getattr(plan.areas[k], part))
+    path = shapely.geometry.shape(by_part["base-path"][0]["geometry"])
+    assert np.array_equal(shapely.get_coordinates(path), plan.motion.base[:, :2])
+    points = [shapely.geometry.shape(f["geometry"]) for f in by_part["setpoint"]]
+    assert np.array_equal(
+        shapely.get_coordinates(points, include_z=True), [t.position for t in plan.world.task]
+    )
+
+
+def test_an_unknown_format_names_the_valid_ones(plan: Plan, tmp_path: Path) -> None:
+    assert FORMATS == ("csv", "geojson", "urdf")
+    with pytest.raises(InputError, match=r"format dxf: expected one of csv, geojson, urdf"):
+        export(plan, "dxf", tmp_path / "plan.dxf")
+    assert os.listdir(tmp_path) == []
+
+
+@pytest.mark.parametrize("format", FORMATS)
+def test_the_same_plan_gives_the_same_bytes(format: str, tmp_path: Path) -> None:
+    for name in ("a", "b"):
+        export(synthetic_plan(l_shape()), format, tmp_path / name)
+    assert (tmp_path / "a").read_bytes() == (tmp_path / "b").read_bytes()

@@ -1,0 +1,330 @@
+"""World files: what is read, what is refused, and that nothing is lost on the way back."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import numpy as np
+import pytest
+import shapely
+import trimesh
+import yaml
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from nasty import GOOD, NASTY, Nasty, broken
+
+from regionik.worlds.bundled import robot_named
+from regionik.worlds.chain import Chain, Joint, chain_from_dh, planar_pose
+from regionik.worlds.errors import InputError
+from regionik.worlds.format import load_world, world_from_document, world_schema, world_to_document
+from regionik.worlds.library import world_names, world_path
+from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Sphere
+from regionik.worlds.robot import LinkCapsule, Robot, capsules_along
+from regionik.worlds.scene import Rules, World
+from regionik.worlds.schema import RulesPart
+from regionik.worlds.textfile import JSON_LIMIT, YAML_LIMIT, read_document
+
+ROOT = Path(__file__).parent.parent
+
+
+def good() -> dict[str, Any]:
+    document: dict[str, Any] = yaml.safe_load(GOOD)
+    return document
+
+
+def through_json(document: dict[str, Any]) -> dict[str, Any]:
+    again: dict[str, Any] = json.loads(json.dumps(document, allow_nan=False))
+    return again
+
+
+def assert_same(a: Any, b: Any) -> None:
+    """Two worlds, or parts of them, are equal to the last bit."""
+    assert type(a) is type(b)
+    if isinstance(a, np.ndarray):
+        assert a.dtype == b.dtype
+        assert np.array_equal(a, b)
+    elif isinstance(a, shapely.Geometry):
+        assert shapely.equals_exact(a, b, 0.0)
+    elif isinstance(a, tuple):
+        assert len(a) == len(b)
+        for one, other in zip(a, b, strict=True):
+            assert_same(one, other)
+    elif hasattr(a, "__dataclass_fields__"):
+        for field in fields(a):
+            assert_same(getattr(a, field.name), getattr(b, field.name))
+    else:
+        assert a == b
+
+
+def assert_round_trip(world: World) -> None:
+    document = through_json(world_to_document(world))
+    again = world_from_document(document)
+    assert_same(world, again)
+    assert json.dumps(world_to_document(again)) == json.dumps(document)
+    jsonschema.validate(document, world_schema())
+
+
+@pytest.mark.parametrize("case", NASTY, ids=lambda case: case.name)
+def test_broken_files_are_refused_in_one_line(case: Nasty, tmp_path: Path) -> None:
+    path = tmp_path / f"broken{case.suffix}"
+    path.write_text(case.text)
+    with pytest.raises(InputError) as caught:
+        load_world(path)
+    message = str(caught.value)
+    assert message.startswith(f"{path}: ")
+    assert len(message.splitlines()) == 1
+    for part in case.expected:
+        assert part in message
+
+
+def test_there_are_many_kinds_of_broken_files() -> None:
+    assert len({case.name for case in NASTY}) == len(NASTY) >= 20
+
+
+def test_the_good_file_is_good(tmp_path: Path) -> None:
+    (tmp_path / "good.yml").write_text(GOOD)
+    world = load_world(tmp_path / "good.yml")
+    assert (world.name, len(world.task), len(world.obstacles)) == ("good", 5, 2)
+    assert world.rules == Rules(clearance=0.2, step=0.1)
+    assert world.start is not None
+    assert world.start.joints.tolist() == [0, 1, 0, 1, 0]
+
+
+@pytest.mark.parametrize("name", world_names())
+def test_bundled_worlds_come_back_equal(name: str) -> None:
+    world = load_world(name)
+    assert world.name == name
+    assert world.about
+    assert_round_trip(world)
+
+
+@pytest.mark.parametrize("name", world_names())
+def test_bundled_worlds_fit_the_schema(name: str) -> None:
+    jsonschema.validate(read_document(world_path(name)), world_schema())
+
+
+def test_committed_schema_is_the_current_one() -> None:
+    committed = (ROOT / "docs" / "world.schema.json").read_text()
+    assert committed == json.dumps(world_schema(), indent=2) + "\n"
+
+
+def test_schema_is_a_schema_and_refuses_what_the_loader_refuses() -> None:
+    jsonschema.Draft202012Validator.check_schema(world_schema())
+    for text in (
+        broken("yaw: 0.0", "jaw: 0.0"),
+        broken("step: 0.1", "step: 0"),
+        broken("version: 1", "version: 2"),
+    ):
+        with pytest.raises(jsonschema.ValidationError):
+            jsonschema.validate(yaml.safe_load(text), world_schema())
+
+
+def test_rules_of_the_grammar_are_the_rules_of_a_world() -> None:
+    assert set(RulesPart.model_fields) == {field.name for field in fields(Rules)}
+    assert Rules(**RulesPart().model_dump()) == Rules()
+
+
+def test_every_solid_and_every_piece_come_back_equal(tmp_path: Path) -> None:
+    trimesh.creation.box((0.1, 0.2, 0.3)).export(tmp_path / "block.stl")
+    (tmp_path / "path.csv").write_text("x,y,z,dx,dy,dz\n100,200,300,1,2,3\n110,200,300,1,2,-3\n")
+    document = good()
+    document["about"] = "everything at once"
+    document["floor"]["holes"] = [[[3.0, 1.0], [3.5, 1.0], [3.5, 1.5]]]
+    document["obstacles"] += [
+        {"name": "ball", "sphere": {"radius": 0.2, "center": [0.0, 0.1, 0.8]}},
+        {"name": "shelf", "prism": {"polygon": [[2, -0.5], [3, -0.5], [3, -0.1]], "z": [0.9, 1.0]}},
+        {
+            "name": "ring",
+            "prism": {
+                "polygon": [[2, 1], [3, 1], [3, 2], [2, 2]],
+                "holes": [[[2.2, 1.2], [2.8, 1.2], [2.8, 1.8]]],
+                "z": [0, 1],
+            },
+        },
+        {
+            "name": "blade",
+            "mesh": {"file": "block.stl", "position": [3, 1, 0.5], "rpy": [0.1, 0.2, 0.3], "scale": 2.0},
+        },
+    ]
+    document["task"] += [
+        {
+            "arc": {"center": [0, 1, 0.3], "radius": 0.3, "from": -1.57, "to": 0.1, "count": 7},
+            "direction": [0.3, 0.2, -1],
+        },
+        {"points": [[0, 1.5, 0.2], [0.1, 1.5, 0.2]], "orientation": [0.5, 0.5, 0.5, 0.5], "cone": 0.3},
+        {"csv": "path.csv", "frame": {"position": [-1, 1, 0], "rpy": [0, 0, 1]}, "scale": 0.001, "cone": 0.7},
+        {"points": [[0.3, 1.5, 0.2]]},
+    ]
+    document["rules"] |= {"max_lift_offs": 2, "heading": "fixed"}
+    world = world_from_document(document, "everything", tmp_path)
+    kinds = [Box, Cylinder, Sphere, Prism, Prism, Mesh]
+    assert [type(solid) for solid in world.obstacles] == kinds
+    assert len(world.task) == 5 + 7 + 2 + 2 + 1
+    assert_round_trip(world)
+
+
+def test_a_mesh_file_is_scaled_turned_and_moved(tmp_path: Path) -> None:
+    trimesh.creation.box((2.0, 4.0, 6.0)).export(tmp_path / "block.stl")
+    mesh = {"file": "block.stl", "position": [1, 2, 3], "rpy": [0, 0, np.pi / 2], "scale": 0.1}
+    document = good() | {"obstacles": [{"name": "m", "mesh": mesh}]}
+    solid = world_from_document(document, "w", tmp_path).obstacles[0]
+    assert isinstance(solid, Mesh)
+    assert len(solid.vertices) == 8
+    np.testing.assert_allclose(solid.vertices.min(axis=0), [0.8, 1.9, 2.7], atol=1e-7)
+    np.testing.assert_allclose(solid.vertices.max(axis=0), [1.2, 2.1, 3.3], atol=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("suffix", "content"),
+    [
+        (".stl", b""),
+        (".stl", b"solid x\nfacet"),
+        (".ply", b"ply\nnonsense"),
+        (".obj", b"v 1 2 x\n"),
+        (".off", b"OFF\n9"),
+    ],
+)
+def test_broken_meshes_are_refused(suffix: str, content: bytes, tmp_path: Path) -> None:
+    (tmp_path / f"m{suffix}").write_bytes(content)
+    document = good() | {"obstacles": [{"name": "m", "mesh": {"file": f"m{suffix}"}}]}
+    with pytest.raises(InputError, match=r"obstacles\[0\].mesh: .*m\.") as caught:
+        world_from_document(document, "w", tmp_path)
+    assert len(str(caught.value).splitlines()) == 1
+
+
+DH = [
+    [0.3, 0.2, 0.05, 1.2, -2.0, 2.0],
+    [0.0, 0.0, 0.3, 0.1, None, 1.0],
+    [-0.4, 0.1, 0.2, -1.5707963267948966, -1, None],
+]
+
+
+def test_dh_robots() -> None:
+    robot = {
+        "dh": DH,
+        "names": ["a", "b", "c"],
+        "mount": [0.1, 0.2, 0.3, 0.4],
+        "link_radius": 0.02,
+        "carry": [1, 0, 1],
+    }
+    world = world_from_document(good() | {"robot": robot, "start": {"base": [0, 0, 0], "joints": [0, 0, 0]}})
+    assert world.robot.chain.names == ("a", "b", "c")
+    assert world.robot.chain.lower.tolist() == [-2.0, -np.inf, -1.0]
+    assert {solid.radius for solid in world.robot.solids} == {0.02}
+    assert_round_trip(world)
+    ignoring = world_from_document(
+        good() | {"robot": robot | {"limits": "ignore"}, "start": {"base": [0, 0, 0], "joints": [9, 9, 9]}}
+    )
+    assert np.isinf(ignoring.robot.chain.upper).all()
+    assert_round_trip(ignoring)
+
+
+@settings(deadline=None, max_examples=40)
+@given(
+    st.lists(
+        st.tuples(*[st.floats(-3.1, 3.1), st.floats(-1, 1), st.floats(-1, 1), st.floats(-3.1, 3.1)]),
+        min_size=1,
+        max_size=6,
+    )
+)
+def test_any_dh_robot_comes_back_equal(rows: list[tuple[float, float, float, float]]) -> None:
+    robot = {"dh": [[*row, -3.0, 3.0] for row in rows]}
+    document = good() | {"robot": robot}
+    del document["start"]
+    assert_round_trip(world_from_document(document))
+
+
+def test_other_chains_come_back_equal() -> None:
+    joints = (
+        Joint("lift", "prismatic", 0.0, 0.5, planar_pose(0.1, 0.2, 0.3, 0.4), np.array([0.0, 0.6, 0.8]), 0.3),
+        Joint("turn", "revolute", -np.inf, np.inf, planar_pose(0.1, 0.0, -1.3), np.array([1.0, 2.0, 3.0])),
+    )
+    chain = Chain(joints, planar_pose(0.2, 0.0, 0.7))
+    solids = (LinkCapsule(1, "hand", np.zeros(3), np.array([0.2, 0.0, 0.0]), 0.05),)
+    robot = Robot(
+        "own",
+        "omni",
+        np.array([[1.0, 0], [0, 1], [-1, 0]]),
+        np.zeros(4),
+        chain,
+        solids,
+        0.2,
+        np.array([0.1, 4.0]),
+    )
+    plain = world_from_document({key: value for key, value in good().items() if key != "start"})
+    assert_round_trip(World(plain.name, robot, plain.floor, plain.obstacles, plain.task, plain.rules))
+
+
+def test_bundled_robots_are_written_by_name() -> None:
+    world = world_from_document(good())
+    assert world_to_document(world)["robot"] == "youbot"
+    ignoring = world_from_document(good() | {"robot": {"name": "youbot-real", "limits": "ignore"}})
+    assert world_to_document(ignoring)["robot"] == {"name": "youbot-real", "limits": "ignore"}
+    chain = chain_from_dh([[0, 0.1, 0.2, 0, -1, 1]])
+    changed = Robot(
+        "youbot", "omni", np.zeros((1, 2)), np.zeros(4), chain, capsules_along(chain, 0.1), 0.1, np.zeros(1)
+    )
+    own = world_to_document(World("w", changed, world.floor, task=world.task))["robot"]
+    assert own["dh"] == [[0, 0.1, 0.2, 0, -1, 1]]
+    assert robot_named("youbot").chain.dof == 5
+
+
+def test_yaml_numbers_words_and_keys(tmp_path: Path) -> None:
+    text = broken("step: 0.1", "step: 1e-1").replace("post", "no").replace("pillar", "on")
+    (tmp_path / "w.yaml").write_text(text)
+    world = load_world(str(tmp_path / "w.yaml"))
+    assert world.rules.step == 0.1
+    assert [solid.name for solid in world.obstacles] == ["on", "no"]
+
+
+def test_json_and_yaml_give_the_same_world(tmp_path: Path) -> None:
+    (tmp_path / "w.yaml").write_text(GOOD)
+    (tmp_path / "w.json").write_text(json.dumps(good()))
+    assert_same(load_world(tmp_path / "w.yaml"), load_world(tmp_path / "w.json"))
+
+
+def test_unknown_names_and_files() -> None:
+    with pytest.raises(
+        InputError, match=r"unknown world 'pilar': .*depot, free, l_shape, pillar, slab, wall"
+    ):
+        load_world("pilar")
+    with pytest.raises(InputError, match="no such file"):
+        load_world("nowhere/pillar.yaml")
+    with pytest.raises(InputError, match=r"\.yaml, \.yml, \.json"):
+        load_world("nowhere/pillar.txt")
+
+
+@pytest.mark.parametrize(("suffix", "limit"), [(".yaml", YAML_LIMIT), (".json", JSON_LIMIT)])
+def test_large_files_are_refused_unread(suffix: str, limit: int, tmp_path: Path) -> None:
+    path = tmp_path / f"large{suffix}"
+    with path.open("wb") as stream:
+        stream.truncate(limit + 1)
+    with pytest.raises(InputError, match="expected at most"):
+        load_world(path)
+
+
+def test_folders_and_bytes_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "folder.yaml").mkdir()
+    (tmp_path / "bytes.yaml").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(InputError, match="cannot be read"):
+        load_world(tmp_path / "folder.yaml")
+    with pytest.raises(InputError, match="UTF-8"):
+        load_world(tmp_path / "bytes.yaml")
+
+
+def test_documents_from_programs_are_checked_too() -> None:
+    for document in ({"version": object()}, {1: 2}, [], None, {"version": 1, "about": np.array([1])}):
+        with pytest.raises(InputError, match="^here: "):
+            world_from_document(document, "here")  # type: ignore[arg-type]
+
+
+def test_a_target_on_the_surface_is_no_mistake() -> None:
+    touching = good() | {"task": [{"points": [[1.0, 0.1, 0.5], [1.3, 0.1, 1.0 - 5e-7]]}]}
+    assert len(world_from_document(touching).task) == 2
+    inside = good() | {"task": [{"points": [[1.3, 0.1, 1.0 - 2e-6]]}]}
+    with pytest.raises(InputError, match="set-point 1 of 1 lies 2e-06 m inside 'pillar'"):
+        world_from_document(inside)

@@ -1,0 +1,55 @@
+"""The house rules that no other tool holds."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+ROOMS = ("worlds", "planners", "regionik")
+SOURCES = sorted(
+    path for room in ROOMS for path in (ROOT / room).glob("**/*.py") if path.parent.name in ROOMS
+)
+ENGINES = {
+    "ompl": {"planners/drive.py"},
+    "fcl": {"planners/collision.py"},
+    "meshcat": {"regionik/view.py"},
+    "typer": {"regionik/cli.py"},
+}
+
+
+def room_of(path: Path) -> str:
+    return path.relative_to(ROOT).as_posix()
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_one_engine_one_file(engine: str) -> None:
+    imports = re.compile(rf"^\s*(?:import|from) {engine}\b|\(\"{engine}[.\"]", re.MULTILINE)
+    users = {room_of(path) for path in SOURCES if imports.search(path.read_text())}
+    assert users == ENGINES[engine]
+
+
+def test_no_path_of_a_machine() -> None:
+    texts = {room_of(path): path.read_text() for path in [*SOURCES, ROOT / "Makefile", ROOT / ".ci" / "run"]}
+    assert not [name for name, text in texts.items() if re.search(r"/(?:home|root|tmp|work|Users)/", text)]
+
+
+def test_design_names_every_room() -> None:
+    named = set(re.findall(r"`(\w+)`", (ROOT / "docs" / "design.md").read_text()))
+    assert {path.stem for path in SOURCES} - {"__main__"} <= named
+
+
+def test_readme_names_every_bundled_world() -> None:
+    readme = (ROOT / "README.md").read_text()
+    names = {path.name.removesuffix(".world.yaml") for path in (ROOT / "worlds/data").glob("*.world.yaml")}
+    assert names
+    assert names == set(re.findall(r"^\| `(\w+)` \|", readme, re.MULTILINE))
+
+
+def test_constraints_lock_every_dependency() -> None:
+    locked = {line.partition("==")[0] for line in (ROOT / "constraints.txt").read_text().splitlines()}
+    listed = re.findall(r'^  "([A-Za-z0-9-]+)>=', (ROOT / "pyproject.toml").read_text(), re.MULTILINE)
+    assert {name.lower() for name in listed} <= locked
+    assert len(listed) > 10

@@ -1,0 +1,232 @@
+from __future__ import annotations
+
+import copy
+import dataclasses
+import json
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given
+from hypothesis import strategies as st
+from shapely.geometry import GeometryCollection, LineString, MultiPolygon, Point, Polygon, box
+
+from regionik import planfile
+from regionik.plan import Motion, Plan
+from regionik.plandocument import document_to_text, multipolygon, plain, plan_to_document
+from regionik.planfile import load_plan, plan_schema, save_plan
+from regionik.worlds.arrays import same
+from regionik.worlds.errors import InputError
+from tests.plans import every_solid, l_shape, synthetic_plan
+
+SCHEMA = Path(__file__).parents[1] / "docs" / "plan.schema.json"
+
+
+@pytest.fixture(scope="module")
+def plan() -> Plan:
+    return synthetic_plan(l_shape(), seed=7)
+
+
+@pytest.fixture(scope="module")
+def document(plan: Plan) -> dict[str, Any]:
+    return plan_to_document(plan)
+
+
+@pytest.mark.parametrize("world", [l_shape, every_solid])
+def test_a_plan_comes_back_the_same(world: Callable[[], Any], tmp_path: Path) -> None:
+    plan = synthetic_plan(world(), seed=3)
+    save_plan(plan, tmp_path / "plan.json")
+    back = load_plan(tmp_path / "plan.json")
+    for key in ("base", "joints", "kind", "setpoint"):
+        assert same(getattr(back.motion, key), getattr(plan.motion, key))
+    assert np.isnan(back.motion.time).all()
+    assert (back.seed, back.lift_offs, back.stats, back.stops) == (3, 1, plan.stats, ())
+    for a, b in zip(back.setpoints, plan.setpoints, strict=True):
+        assert all(same(getattr(a, f.name), getattr(b, f.name)) for f in dataclasses.fields(a))
+    for ours, theirs in zip(back.areas, plan.areas, strict=True):
+        for part in ("admissible", "pruned", "rejected"):
+            assert shapely.equals(getattr(ours, part), getattr(theirs, part))
+    back.save(tmp_path / "again.json")
+    assert (tmp_path / "again.json").read_bytes() == (tmp_path / "plan.json").read_bytes()
+
+
+def test_times_are_kept_and_nan_is_null(plan: Plan, tmp_path: Path) -> None:
+    m = plan.motion
+    time = np.linspace(0.0, 0.3, len(m))
+    time[2] = np.nan
+    timed = dataclasses.replace(
+        plan,
+        motion=Motion(m.base, m.joints, m.kind, m.setpoint, time),
+        stats={"worst": np.inf, "n": np.int64(3)},
+    )
+    timed.save(tmp_path / "plan.json")
+    text = (tmp_path / "plan.json").read_text()
+    assert "NaN" not in text
+    assert "Infinity" not in text
+    assert json.loads(text)["states"][2]["time"] is None
+    assert np.array_equal(load_plan(tmp_path / "plan.json").motion.time, time, equal_nan=True)
+    assert load_plan(tmp_path / "plan.json").stats == {"worst": None, "n": 3}
+
+
+def test_the_document_is_what_the_schema_says(document: dict[str, Any]) -> None:
+    jsonschema.Draft202012Validator.check_schema(plan_schema())
+    jsonschema.validate(json.loads(document_to_text(document)), plan_schema())
+    assert json.loads(document_to_text(document)) == document
+    assert set(plan_schema()["required"]) == set(document)
+
+
+def test_the_committed_schema_is_this_one() -> None:
+    assert json.loads(SCHEMA.read_text(encoding="utf-8")) == plan_schema()
+
+
+def test_states_carry_the_tool(document: dict[str, Any], plan: Plan) -> None:
+    assert document["joint_names"] == [f"joint_{k}" for k in range(1, 6)]
+    assert np.allclose([s["tool"] for s in document["states"]], plan.tools(), atol=1e-12)
+    at = [s for s in document["states"] if s["kind"] == "setpoint"]
+    assert [s["setpoint"] for s in at] == list(range(40))
+    assert np.allclose([s["tool"] for s in at], [s["target"] for s in document["setpoints"]], atol=1e-9)
+
+
+def _put(document: dict[str, Any], place: tuple[str | int, ...], value: Any) -> None:
+    for step in place[:-1]:
+        document = document[step]  # type: ignore[index]
+    if value is _GONE:
+        del document[place[-1]]  # type: ignore[arg-type]
+    else:
+        document[place[-1]] = value  # type: ignore[index]
+
+
+_GONE = object()
+_RING = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 0.5]]
+_COORDINATES = ("areas", "features", 0, "geometry", "geometries", 0, "coordinates")
+
+WRONG: list[tuple[tuple[str | int, ...], Any, str]] = [
+    (("version",), 2, r"version: expected 1, got 2"),
+    (("version",), True, r"version: expected 1, got true"),
+    (("seed",), _GONE, r"seed: expected this entry, it is missing"),
+    (("seed",), "0", r"seed: expected a valid integer, got \"0\""),
+    (("extra",), 1, r"extra: expected no such entry"),
+    (("world",), [], r"world: expected a valid dictionary, got \[\]"),
+    (("world", "robot"), "nobody", r"plan.json: world: robot"),
+    (("lift_offs",), -1, r"lift_offs: expected greater than or equal to 0, got -1"),
+    (("joint_names", 0), "elbow", r"joint_names: expected \['joint_1'"),
+    (("setpoints", 3, "base"), [0.0, 1.0], r"setpoints\[3\].base: "),
+    (("setpoints", 3, "joints"), [0.0, 1.0], r"setpoints\[3\].joints: expected 5 numbers, got 2"),
+    (("setpoints", 3, "target"), [0.0, 1.0, 2.0], r"setpoints\[3\].target: expected the world's"),
+    (("setpoints", 39), _GONE, r"setpoints: expected 40, one for each target, got 39"),
+    (("states",), [], r"states: expected at least one state"),
+    (
+        ("states", 5, "kind"),
+        "flight",
+        r"states\[5\].kind: expected 'setpoint', 'step' or 'transit', got \"flight\"",
+    ),
+    (("states", 5, "setpoint"), 40, r"states\[5\].setpoint: expected 0 to 39, got 40"),
+    (("states", 5, "setpoint"), 1.0, r"states\[5\].setpoint: expected a valid integer"),
+    (("states", 5, "base", 1), "x", r"states\[5\].base\[1\]: expected a valid number, got \"x\""),
+    (("states", 5, "base", 1), float("inf"), r"every number must be finite, got Infinity"),
+    (("states", 5, "joints", 1), float("nan"), r"every number must be finite, got NaN"),
+    (("states", 5, "joints", 1), None, r"states\[5\].joints\[1\]: expected a valid number, got null"),
+    (("states", 5, "tool"), _GONE, r"states\[5\].tool: expected this entry, it is missing"),
+    (("areas", "type"), "Feature", r"areas.type: expected 'FeatureCollection'"),
+    (("areas", "features", 1), _GONE, r"areas.features: expected 40, one for each target, got 39"),
+    (
+        ("areas", "features", 1, "properties", "setpoint"),
+        0,
+        r"areas.features\[1\].properties: expected set-point 1",
+    ),
+    (
+        _COORDINATES,
+        [[_RING]],
+        r"features\[0\].geometry.geometries\[0\].coordinates\[0\]\[0\]: expected a closed ring",
+    ),
+    (
+        _COORDINATES,
+        [[[[0, 0], [1, 1], [1, 0], [0, 1], [0, 0]]]],
+        r"expected simple polygons: Self-intersection",
+    ),
+    (_COORDINATES, [[]], r"coordinates\[0\]: "),
+]
+
+
+@pytest.mark.parametrize(("place", "value", "words"), WRONG)
+def test_a_wrong_file_is_one_line_that_says_where(
+    place: tuple[str | int, ...], value: Any, words: str, document: dict[str, Any], tmp_path: Path
+) -> None:
+    wrong = copy.deepcopy(document)
+    _put(wrong, place, value)
+    path = tmp_path / "plan.json"
+    path.write_text(json.dumps(wrong))
+    with pytest.raises(InputError, match=words) as caught:
+        load_plan(path)
+    assert str(caught.value).startswith(f"{path}: ")
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("data", "words"),
+    [
+        (b"", "expected a plan in JSON"),
+        (b"{", "expected a plan in JSON"),
+        (b"\xff\xfe\x00", "expected a plan in JSON"),
+        (b"[1]", "a JSON object, got list"),
+        (b"{}", "version: expected 1, got null"),
+        (b"[" * 200_000, "nested too deep"),
+        (b'{"version": 1, "seed": 1e999}', "expected this entry|expected a valid integer"),
+    ],
+)
+def test_what_is_no_plan_is_one_line(data: bytes, words: str, tmp_path: Path) -> None:
+    path = tmp_path / "plan.json"
+    path.write_bytes(data)
+    with pytest.raises(InputError, match=words) as caught:
+        load_plan(path)
+    assert "\n" not in str(caught.value)
+
+
+def test_missing_and_too_large_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(InputError, match=r"none.json: cannot be read: No such file"):
+        load_plan(tmp_path / "none.json")
+    with pytest.raises(InputError, match=r"cannot be read: Is a directory"):
+        load_plan(tmp_path)
+    huge = tmp_path / "huge.json"
+    huge.touch()
+    os.truncate(huge, planfile.SIZE_LIMIT + 1)
+    with pytest.raises(InputError, match=r"expected a plan of at most 512 MB"):
+        load_plan(huge)
+
+
+@pytest.mark.parametrize(
+    ("geometry", "area"),
+    [
+        (Polygon(), 0.0),
+        (GeometryCollection([Point(0, 0), LineString([(0, 0), (1, 1)]), box(0, 0, 1, 1)]), 1.0),
+        (GeometryCollection([MultiPolygon([box(0, 0, 1, 1), box(2, 0, 3, 1)])]), 2.0),
+        (MultiPolygon([box(0, 0, 1, 1), box(1, 0, 2, 1)]), 2.0),  # share a side: no valid MultiPolygon
+        (Polygon([(0, 0), (2, 2), (2, 0), (0, 2)]), 2.0),
+        (box(0, 0, 3, 3) - box(1, 1, 2, 2), 8.0),
+    ],
+)
+def test_areas_become_valid_multipolygons(geometry: shapely.Geometry, area: float) -> None:
+    written = shapely.geometry.shape(multipolygon(geometry))
+    assert written.is_valid
+    assert written.area == pytest.approx(area)
+    assert all(polygon.exterior.is_ccw for polygon in written.geoms)
+    assert multipolygon(written) == multipolygon(geometry)
+
+
+JSON = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(),
+    lambda inner: st.lists(inner) | st.dictionaries(st.text(), inner),
+    max_leaves=20,
+)
+
+
+@given(JSON)
+def test_plain_values_are_json_and_stay_as_they_are(value: Any) -> None:
+    once = plain(value)
+    assert json.loads(json.dumps(once, allow_nan=False)) == once
+    assert plain(once) == once

@@ -1,0 +1,130 @@
+"""Algorithm 2: the paper's experiments, and the laws of its step area."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from shapely import box
+from shapely.geometry import Point, Polygon
+
+from regionik.planners.flat import FlatPolygon, clamp, nearest, segment_inside
+from regionik.planners.stepping import step_area, step_through
+from regionik.worlds.arrays import Array
+from regionik.worlds.errors import InputError
+
+SQUARE = box(-0.5, -1.5, 3, 1.5) - box(1.0, -0.2, 1.6, 0.4).buffer(0.2)  # experiment 2
+BLOCK = box(-0.5, -1.5, 3, 1.5) - box(1.175, -0.45, 1.425, 0.45).buffer(0.2)  # experiment 2b
+
+
+def clutter(seed: int) -> Polygon:
+    """Largest part of a 4 m room with ten obstacles."""
+    rng = np.random.default_rng(seed)
+    centres, sizes = rng.uniform(0.4, 3.6, (10, 2)), rng.uniform(0.05, 0.4, (10, 2))
+    boxes = shapely.box(*(centres - sizes).T, *(centres + sizes).T)
+    discs = shapely.buffer(shapely.points(centres), sizes[:, 0])
+    free = box(0, 0, 4, 4) - shapely.union_all(np.where(rng.random(10) < 0.5, boxes, discs))
+    part: Polygon = max(shapely.get_parts(free), key=lambda p: p.area)
+    return part
+
+
+def legs_inside(free: Polygon, points: Array) -> bool:
+    flat = FlatPolygon.from_shapely(free)
+    return all(
+        segment_inside(flat.vertices, flat.starts, *p, *q)
+        for p, q in zip(points[:-1], points[1:], strict=True)
+    )
+
+
+def test_experiment_2_takes_three_intermediate_steps() -> None:
+    steps = step_through(SQUARE, (0.7896162428305282, 0.1585664255264057), (1.0723551929579735, -0.4), 0.25)
+    assert steps.arrived
+    expected = [[0.8, -0.0645], [0.8, -0.2586], [0.916, -0.4408]]
+    np.testing.assert_allclose(steps.points[1:-1], expected, atol=2e-3)
+    assert legs_inside(SQUARE, steps.points)
+
+
+@pytest.mark.parametrize("rho", [0.10, 0.15, 0.20, 0.25, 0.30])
+def test_experiment_2b_stalls_before_the_opposite_face(rho: float) -> None:
+    steps = step_through(BLOCK, (0.887, 0.044), (1.625, 0.033), rho)
+    assert not steps.arrived
+    np.testing.assert_allclose(steps.points[-1], [0.975, 0.033], atol=2e-3)
+    assert legs_inside(BLOCK, steps.points)
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    seed=st.integers(0, 40), rho=st.floats(0.05, 1.0), ends=st.lists(st.floats(0, 4), min_size=4, max_size=4)
+)
+def test_steps_keep_rho_stay_inside_and_never_move_away(seed: int, rho: float, ends: list[float]) -> None:
+    free = clutter(seed)
+    flat = FlatPolygon.from_shapely(free)
+    start, goal = (np.array(clamp(flat.vertices, flat.starts, *p)) for p in (ends[:2], ends[2:]))
+    steps = step_through(free, start, goal, rho)
+    lengths = np.hypot(*np.diff(steps.points, axis=0).T)
+    left = np.hypot(*(steps.points - goal).T)
+    assert (lengths <= rho * (1 + 1e-12)).all()
+    assert (np.diff(left) <= 1e-9).all()
+    assert legs_inside(free, steps.points)
+    np.testing.assert_allclose(steps.points[0], start, atol=1e-12)
+    assert steps.arrived == (left[-1] == 0.0)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_step_area_is_what_a_straight_step_reaches(seed: int) -> None:
+    free = clutter(seed)
+    flat = FlatPolygon.from_shapely(free)
+    rng = np.random.default_rng(seed)
+    vertex = flat.vertices[rng.integers(len(flat.vertices))]
+    edge = nearest(flat.vertices, flat.starts, *rng.uniform(0, 4, 2))
+    within = clamp(flat.vertices, flat.starts, *rng.uniform(0, 4, 2))
+    for base in (vertex, edge, within):
+        rho = 0.6
+        star = FlatPolygon(step_area(free, base, rho), np.array([0, len(step_area(free, base, rho))]))
+        for x in base + rng.uniform(-rho, rho, (400, 2)):
+            if abs(np.hypot(*(x - base)) - rho) < 0.002 * rho:
+                continue  # between the disc and the polygon inscribed in it
+            sees = segment_inside(flat.vertices, flat.starts, *base, *x) and np.hypot(*(x - base)) < rho
+            on = np.hypot(*(np.array(nearest(star.vertices, star.starts, *x)) - x)) < 1e-7
+            assert on or sees == (tuple(clamp(star.vertices, star.starts, *x)) == tuple(x))
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_step_area_has_the_area_of_the_view(seed: int) -> None:
+    """Against shadows cast behind every edge, taken from the disc by shapely."""
+    free = clutter(seed)
+    base = np.array(free.representative_point().coords[0])
+    rho = 0.8
+    view = Point(base).buffer(rho, quad_segs=512) & free
+    flat = FlatPolygon.from_shapely(free)
+    shadows = []
+    for first, last in zip(flat.starts[:-1], flat.starts[1:], strict=True):
+        ring = flat.vertices[first:last]
+        for p, q in zip(ring, np.roll(ring, -1, axis=0), strict=True):
+            if Point(base).distance(shapely.LineString([p, q])) <= rho:
+                far = [base + (v - base) * (50 / np.hypot(*(v - base))) for v in (q, p)]
+                shadows.append(shapely.make_valid(Polygon([p, q, *far])))
+    expected = (view - shapely.union_all(shadows)).area
+    star = Polygon(step_area(free, base, rho))
+    assert star.area == pytest.approx(expected, rel=4e-3)
+
+
+def test_a_goal_out_of_the_pocket_stalls_in_it() -> None:
+    pocket = box(0, 0, 3, 3) - (box(1, 1, 2, 2) - box(1, 1.2, 1.8, 1.8))
+    steps = step_through(pocket, (1.5, 1.5), (2.5, 1.5), 0.2)
+    assert not steps.arrived
+    assert steps.points[-1][0] == pytest.approx(1.8)
+
+
+def test_shorter_goals_take_one_step() -> None:
+    steps = step_through(box(0, 0, 1, 1), (0.2, 0.2), (0.3, 0.2), 0.5)
+    assert steps.points.tolist() == [[0.2, 0.2], [0.3, 0.2]]
+    assert step_through(box(0, 0, 1, 1), (0.2, 0.2), (0.2, 0.2), 0.5).arrived
+
+
+@pytest.mark.parametrize("rho", [0.0, -1.0, np.nan, np.inf])
+def test_a_step_must_be_above_zero(rho: float) -> None:
+    with pytest.raises(InputError, match="step: expected a length above 0"):
+        step_through(box(0, 0, 1, 1), (0, 0), (1, 1), rho)

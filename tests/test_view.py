@@ -1,0 +1,229 @@
+from __future__ import annotations
+
+import base64
+import dataclasses
+import io
+import os
+import re
+import shutil
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import umsgpack
+from PIL import Image
+
+from regionik import view
+from regionik.animation import MOST_FRAMES
+from regionik.camera import camera_for
+from regionik.plan import Plan
+from regionik.plan_view import picture_of_plan
+from regionik.scene_view import picture_of_world
+from regionik.view import to_html
+from regionik.worlds.arrays import Array
+from regionik.worlds.errors import InputError
+from regionik.worlds.obstacles import Box
+from regionik.worlds.scene import World
+from tests.plans import every_solid, l_shape, synthetic_plan
+
+BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+REQUIRED = os.environ.get("REGIONIK_REQUIRE_BROWSER") == "1"
+FLAGS = [
+    "--headless",
+    "--no-sandbox",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--disable-gpu-sandbox",
+    "--no-first-run",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--hide-scrollbars",
+    "--window-size=1280,800",
+    "--enable-logging=stderr",
+    "--v=0",
+]
+
+
+@pytest.fixture(scope="module")
+def plan() -> Plan:
+    return synthetic_plan(l_shape())
+
+
+def commands(path: Path) -> list[dict[str, Any]]:
+    lines = re.findall(r'^"([A-Za-z0-9+/=]+)",?$', path.read_text(encoding="utf-8"), re.MULTILINE)
+    return [umsgpack.unpackb(base64.b64decode(line)) for line in lines]
+
+
+def test_a_page_is_one_small_file_made_without_a_server(
+    plan: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def started(*_: object, **__: object) -> None:
+        raise AssertionError("a process was started")
+
+    monkeypatch.setattr(subprocess, "Popen", started)
+    to_html(plan, tmp_path / "plan.html")
+    assert (tmp_path / "plan.html").stat().st_size < 8e6
+    text = (tmp_path / "plan.html").read_text(encoding="utf-8")
+    assert not re.findall(r"<(?:script|link|img)[^>]*(?:src|href)=", text)
+    assert "<title>l_shape - regionik</title>" in text
+    assert "40 set-points · 1 lift-off<" in text
+    to_html(plan, tmp_path / "again.html")
+    assert (tmp_path / "again.html").read_bytes() == (tmp_path / "plan.html").read_bytes()
+
+
+def test_every_animated_thing_is_there_and_all_last_equally_long(plan: Plan, tmp_path: Path) -> None:
+    to_html(plan, tmp_path / "plan.html")
+    sent = commands(tmp_path / "plan.html")
+    assert [c["type"] for c in sent].count("set_animation") == 1
+    meshes = {f"{c['path']}/<object>" for c in sent if c["type"] == "set_object"}
+    nodes = {c["path"] for c in sent if c["type"] == "set_transform"}
+    animation = sent[-1]["animations"]
+    tracks = [(a["path"], track) for a in animation for track in a["clip"]["tracks"]]
+    assert len({track["keys"][-1]["time"] for _, track in tracks}) == 1
+    for path, track in tracks:
+        times = [key["time"] for key in track["keys"]]
+        assert times[0] == 0.0
+        assert (np.diff(times) >= 0).all()
+        assert len(times) <= 1.1 * MOST_FRAMES
+        assert path in (nodes if track["type"] in ("vector3", "quaternion") else meshes)
+
+
+def test_no_matrix_or_mesh_has_anything_but_numbers(tmp_path: Path) -> None:
+    drawn: tuple[Plan | World, ...] = (l_shape(), every_solid(), synthetic_plan(every_solid()))
+    for k, what in enumerate(drawn):
+        to_html(what, tmp_path / f"{k}.html")
+        for command in commands(tmp_path / f"{k}.html"):
+            if command["type"] == "set_transform":
+                assert len(command["matrix"]) == 16
+                assert np.isfinite(command["matrix"]).all()
+            for geometry in command.get("object", {}).get("geometries", []):
+                data = geometry["data"]["attributes"]["position"]["array"].data
+                assert np.isfinite(np.frombuffer(data, dtype=np.float32)).all()
+
+
+def _pose(picture_poses: dict[str, Array], path: str) -> Array:
+    T, node = np.eye(4), ""
+    for step in path.split("/"):
+        node = f"{node}/{step}".lstrip("/")
+        T = T @ picture_poses.get(node, np.eye(4))
+    return T
+
+
+@pytest.mark.parametrize("world", [l_shape(), every_solid()])
+def test_the_tool_hangs_where_the_robot_has_it(world: World) -> None:
+    plan = synthetic_plan(world)
+    picture = picture_of_plan(plan)
+    tip = next(body.path for body in picture.bodies if body.path.endswith("tool/tip"))
+    first = plan.world.robot.tool(plan.motion.base[0], plan.motion.joints[0])
+    assert np.allclose(_pose(picture.poses, tip), first, atol=1e-12)
+
+
+def test_the_picture_holds_what_the_plan_has(plan: Plan) -> None:
+    picture = picture_of_plan(plan)
+    bodies = {body.path: body for body in picture.bodies}
+    tracks = {(track.path, track.kind): track for track in picture.tracks}
+    count = tracks["task/passed", "faces"].values[:, 1]
+    assert (count[0], count[-1]) == (0, len(bodies["task/passed"].mesh.faces))
+    assert (np.diff(count) >= 0).all()
+    assert tracks["tool/trace", "faces"].values[-1, 1] == len(bodies["tool/trace"].mesh.faces)
+    nexts = tracks["areas/next", "faces"].values
+    assert nexts.sum(axis=1).max() == len(bodies["areas/next"].mesh.faces)
+    assert any(words == "tool lifted" for _, words in picture.legend)
+
+
+def test_a_world_without_task_start_or_obstacles_is_drawn() -> None:
+    world = l_shape()
+    bare = World("bare", world.robot, world.floor)
+    picture = picture_of_world(bare)
+    assert picture.tracks == ()
+    assert {"floor/all", "robot/base"} <= {body.path for body in picture.bodies}
+    assert np.allclose(picture.camera.center[:2], world.floor.polygon.centroid.coords[0], atol=1e-9)
+
+
+def test_the_camera_avoids_a_wall() -> None:
+    world = l_shape()
+    spots = np.array([[0.0, 0.0], [3.0, 1.0]])
+    open_view = camera_for(world, spots)
+    wall = Box("wall", np.array([4.5, 0.1, 2.0]), np.array([1.75, -0.4, 1.0]))
+    walled = camera_for(dataclasses.replace(world, obstacles=(wall,)), spots)
+    assert open_view.eye[1] < open_view.center[1]
+    assert walled.eye[1] > walled.center[1]
+
+
+def test_names_are_shown_as_text(tmp_path: Path) -> None:
+    world = l_shape()
+    named = World("<script>alert(1)</script>", world.robot, world.floor, about='"&"')
+    to_html(named, tmp_path / "world.html")
+    text = (tmp_path / "world.html").read_text(encoding="utf-8")
+    assert "<script>alert" not in text
+    assert "&lt;script&gt;alert(1)&lt;/script&gt;" in text
+
+
+def test_a_missing_folder_is_one_line(plan: Plan, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="expected an existing folder"):
+        to_html(plan, tmp_path / "none" / "plan.html")
+
+
+def test_show_serves_and_stop_ends_it(plan: Plan) -> None:
+    visualizer = view.show(plan, open_browser=False)
+    process = visualizer.window.server_proc
+    try:
+        assert visualizer.url().startswith("http://127.0.0.1")
+        visualizer["more"].set_transform(np.eye(4))  # the server answers
+        assert process.poll() is None
+    finally:
+        view.stop(visualizer)
+    assert process.poll() is not None
+
+
+def shares(image: Image.Image) -> dict[str, float]:
+    """Share of pixels of every kind of colour, the legend and the controls left out."""
+    rgb = np.asarray(image.convert("RGB"), dtype=float)[280:] / 255
+    r, g, b = rgb[..., 0], rgb[..., 1], rgb[..., 2]
+    return {
+        "green": float(((g > r + 0.1) & (g > b + 0.1)).mean()),
+        "red": float(((r > g + 0.15) & (r > b + 0.15)).mean()),
+        "blue": float(((b > r + 0.15) & (b > g + 0.05)).mean()),
+        "grey": float(((rgb.max(axis=-1) - rgb.min(axis=-1) < 0.06) & (r > 0.3) & (r < 0.8)).mean()),
+    }
+
+
+@pytest.mark.skipif(
+    BROWSER is None and not REQUIRED, reason="no Chromium; REGIONIK_REQUIRE_BROWSER=1 demands one"
+)
+@pytest.mark.parametrize(
+    ("what", "milliseconds", "least"),
+    [
+        (lambda: synthetic_plan(l_shape()), 6000, {"green": 0.05, "red": 0.03, "blue": 0.2, "grey": 0.005}),
+        (every_solid, 1500, {"red": 0.1, "blue": 0.2, "grey": 0.03}),
+    ],
+    ids=["plan", "world"],
+)
+def test_a_browser_shows_it(
+    what: Callable[[], Any], milliseconds: int, least: dict[str, float], tmp_path: Path
+) -> None:
+    assert BROWSER is not None, "no Chromium found, and REGIONIK_REQUIRE_BROWSER=1"
+    to_html(what(), tmp_path / "page.html")
+    shot = tmp_path / "page.png"
+    run = subprocess.run(
+        [
+            BROWSER,
+            *FLAGS,
+            f"--user-data-dir={tmp_path / 'profile'}",
+            f"--virtual-time-budget={milliseconds}",
+            f"--screenshot={shot}",
+            (tmp_path / "page.html").as_uri(),
+        ],
+        capture_output=True,
+        timeout=120,
+        check=False,
+    )
+    words = run.stderr.decode("utf-8", "replace")
+    assert shot.exists(), words
+    assert "CONSOLE" not in words, [line for line in words.splitlines() if "CONSOLE" in line]
+    found = shares(Image.open(io.BytesIO(shot.read_bytes())))
+    assert all(found[color] >= share for color, share in least.items()), found

@@ -1,0 +1,93 @@
+"""What comes with regionik: two robots, and the folder of world files."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import inf, pi, radians
+from pathlib import Path
+
+import numpy as np
+
+from regionik.worlds.chain import Chain, chain_from_dh
+from regionik.worlds.errors import InputError
+from regionik.worlds.robot import Robot, capsules_along
+
+DATA = Path(__file__).parent / "data"
+WORLD_SUFFIX = ".world.yaml"
+LINK_RADIUS = 0.035  # [m]
+BODY_HEIGHT = 0.14  # [m]
+
+# M-FABRIK, table 1: d, a [m], alpha [rad]. Limits [deg] are the datasheet's (+-169, -65..90, -151..146,
+# +-102.5, +-167.5, zero with the arm straight up), turned into the table's angles: theta1 = q1,
+# theta2 = 90 - q2, theta3 = -q3, theta4 = 90 - q4, theta5 = q5.
+_YOUBOT = (
+    (0.147, 0.033, pi / 2, -169.0, 169.0),
+    (0.0, 0.155, 0.0, 0.0, 155.0),
+    (0.0, 0.135, 0.0, -146.0, 151.0),
+    (0.0, 0.0, pi / 2, -12.5, 192.5),
+    (0.2175, 0.0, 0.0, -167.5, 167.5),
+)
+_STRAIGHT_UP = np.radians([0.0, 90.0, 0.0, 90.0, 0.0])
+
+
+def robot_names() -> tuple[str, ...]:
+    """Names of the bundled robots."""
+    return ("youbot", "youbot-real")
+
+
+def robot_named(name: str) -> Robot:
+    """A bundled robot.
+
+    ``youbot`` is the robot of the M-FABRIK paper: a point base with the arm on its centre.
+    ``youbot-real`` carries the same arm 0.143 m ahead of the centre of a 0.58 x 0.38 m base.
+
+    Raises
+    ------
+    InputError
+        For an unknown name; lists the valid ones.
+
+    Examples
+    --------
+    >>> robot_named("youbot").chain.names
+    ('joint_1', 'joint_2', 'joint_3', 'joint_4', 'joint_5')
+    """
+    if name == "youbot":
+        return _youbot(name, 0.0, [[0.0, 0.0]])
+    if name == "youbot-real":
+        return _youbot(name, 0.143, [[0.29, 0.19], [-0.29, 0.19], [-0.29, -0.19], [0.29, -0.19]])
+    raise InputError(f"unknown robot {name!r}, valid names: {', '.join(robot_names())}")
+
+
+def without_limits(robot: Robot) -> Robot:
+    """The same robot with joints that turn without end (experiment 1 of the M-FABRIK paper)."""
+    joints = tuple(replace(joint, lower=-inf, upper=inf) for joint in robot.chain.joints)
+    return replace(robot, chain=Chain(joints, robot.chain.T_last_tool))
+
+
+def world_names() -> tuple[str, ...]:
+    """Names of the bundled worlds, sorted."""
+    return tuple(sorted(path.name.removesuffix(WORLD_SUFFIX) for path in DATA.glob(f"*{WORLD_SUFFIX}")))
+
+
+def world_path(name: str) -> Path:
+    """File of a bundled world.
+
+    Raises
+    ------
+    InputError
+        For an unknown name; lists the valid ones.
+    """
+    if name not in world_names():
+        raise InputError(
+            f"unknown world {name!r}: expected a path that ends in .yaml, .yml or .json, "
+            f"or one of {', '.join(world_names())}"
+        )
+    return DATA / f"{name}{WORLD_SUFFIX}"
+
+
+def _youbot(name: str, ahead: float, footprint: list[list[float]]) -> Robot:
+    rows = [(0.0, d, a, alpha, radians(lo), radians(hi)) for d, a, alpha, lo, hi in _YOUBOT]
+    chain = chain_from_dh(rows)
+    solids = capsules_along(chain, LINK_RADIUS)
+    mount = np.array([ahead, 0.0, 0.0, 0.0])
+    return Robot(name, "omni", np.array(footprint), mount, chain, solids, BODY_HEIGHT, _STRAIGHT_UP)

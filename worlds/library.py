@@ -1,0 +1,8 @@
+"""Everything that comes with regionik, by name."""
+
+from __future__ import annotations
+
+from regionik.worlds.bundled import robot_named, robot_names, world_names, world_path
+from regionik.worlds.format import load_world
+
+__all__ = ["load_world", "robot_named", "robot_names", "world_names", "world_path"]

@@ -1,0 +1,155 @@
+"""The robot part of a document -> a Robot."""
+
+from __future__ import annotations
+
+from math import inf
+
+import numpy as np
+from shapely.geometry import MultiPoint, Polygon
+
+from regionik.worlds import robotschema
+from regionik.worlds.arrays import Array
+from regionik.worlds.bundled import robot_named, without_limits
+from regionik.worlds.chain import Chain, Joint, chain_from_dh
+from regionik.worlds.checking import at, wrong
+from regionik.worlds.errors import InputError
+from regionik.worlds.robot import LinkCapsule, Robot, capsules_along
+
+_RIGID = 1e-6
+
+
+def build_robot(part: robotschema.RobotPart, where: str) -> Robot:
+    """Robot from a bundled name, DH rows or a joint list; URDF is refused by this version."""
+    if isinstance(part, robotschema.UrdfRobot):
+        raise wrong(
+            where,
+            "robot.urdf",
+            "URDF robots are not read by this version, valid choices: a bundled name, dh, chain",
+        )
+    if isinstance(part, str):
+        with at(where, "robot"):
+            return robot_named(part)
+    if isinstance(part, robotschema.NamedRobot):
+        with at(where, "robot.name"):
+            robot = robot_named(part.name)
+    else:
+        robot = _own_robot(part, where)
+    return without_limits(robot) if part.limits == "ignore" else robot
+
+
+def check_limits(chain: Chain, values: list[float], where: str, place: str) -> None:
+    """Refuse the first joint value outside its limits."""
+    for k, (joint, value) in enumerate(zip(chain.joints, values, strict=True)):
+        if not joint.lower <= value <= joint.upper:
+            limits = f"{joint.lower:.6g} to {joint.upper:.6g}"
+            text = f"{joint.name} must be within its limits {limits}, got {value:.6g}"
+            raise wrong(where, f"{place}[{k}]", text)
+
+
+def rotation(matrix: Array) -> Array:
+    """The matrix itself, once it is known to be a rotation."""
+    if np.abs(matrix @ matrix.T - np.eye(3)).max() > _RIGID or np.linalg.det(matrix) < 0:
+        raise InputError("expected a rotation matrix (right-handed, unit rows at right angles)")
+    return matrix
+
+
+def _own_robot(part: robotschema.DhRobot | robotschema.ChainRobot, where: str) -> Robot:
+    if part.base != "omni":
+        raise wrong(
+            where, "robot.base", f"{part.base!r} cannot be planned by this version, valid choices: omni"
+        )
+    chain = (
+        _dh_chain(part, where) if isinstance(part, robotschema.DhRobot) else _joint_chain(part.chain, where)
+    )
+    _check_footprint(part.footprint, where)
+    return Robot(
+        name=part.name,
+        base=part.base,
+        footprint=np.array(part.footprint),
+        mount=np.array(part.mount),
+        chain=chain,
+        solids=_solids(part, chain, where),
+        body_height=part.body_height,
+        carry=_carry(part.carry, chain, where),
+        turning_radius=part.turning_radius,
+    )
+
+
+def _dh_chain(part: robotschema.DhRobot, where: str) -> Chain:
+    rows = []
+    for k, (theta, d, a, alpha, lower, upper) in enumerate(part.dh):
+        if theta is None or d is None or a is None or alpha is None:
+            raise wrong(where, f"robot.dh[{k}]", "theta, d, a, alpha: expected numbers, got null")
+        rows.append((theta, d, a, alpha, *_limits(lower, upper, where, f"robot.dh[{k}]")))
+    if part.names is not None and len(part.names) != len(rows):
+        raise wrong(where, "robot.names", f"expected {len(rows)} joint names, got {len(part.names)}")
+    with at(where, "robot.names"):
+        return chain_from_dh(rows, part.names)
+
+
+def _joint_chain(part: robotschema.ChainPart, where: str) -> Chain:
+    joints = []
+    for k, joint in enumerate(part.joints):
+        place = f"robot.chain.joints[{k}]"
+        lower, upper = _limits(joint.lower, joint.upper, where, place)
+        frame = _frame(joint.frame, where, f"{place}.frame")
+        with at(where, place):
+            speed = inf if joint.velocity is None else joint.velocity
+            joints.append(Joint(joint.name, joint.kind, lower, upper, frame, np.array(joint.axis), speed))
+    tool = _frame(part.tool, where, "robot.chain.tool")
+    with at(where, "robot.chain.joints"):
+        return Chain(tuple(joints), tool)
+
+
+def _frame(rows: list[list[float]], where: str, place: str) -> Array:
+    T = np.array(rows)
+    with at(where, place):
+        rotation(T[:3, :3])
+        if not np.array_equal(T[3], [0, 0, 0, 1]):
+            raise InputError(f"expected 0, 0, 0, 1 as last row, got {T[3].tolist()}")
+    return T
+
+
+def _limits(lower: float | None, upper: float | None, where: str, place: str) -> tuple[float, float]:
+    low, high = -inf if lower is None else lower, inf if upper is None else upper
+    if low > high:
+        raise wrong(where, place, f"expected lower limit <= upper limit, got {low:g} and {high:g}")
+    return low, high
+
+
+def _solids(
+    part: robotschema.DhRobot | robotschema.ChainRobot, chain: Chain, where: str
+) -> tuple[LinkCapsule, ...]:
+    if part.solids is None:
+        return capsules_along(chain, part.link_radius)
+    for k, solid in enumerate(part.solids):
+        if solid.link >= chain.dof:
+            raise wrong(
+                where,
+                f"robot.solids[{k}].link",
+                f"expected a link from 0 to {chain.dof - 1}, got {solid.link}",
+            )
+    return tuple(
+        LinkCapsule(solid.link, solid.name, np.array(solid.start), np.array(solid.end), solid.radius)
+        for solid in part.solids
+    )
+
+
+def _carry(values: list[float] | None, chain: Chain, where: str) -> Array:
+    if values is None:
+        return np.clip(np.zeros(chain.dof), chain.lower, chain.upper)
+    if len(values) != chain.dof:
+        raise wrong(where, "robot.carry", f"expected {chain.dof} values, one a joint, got {len(values)}")
+    check_limits(chain, values, where, "robot.carry")
+    return np.array(values)
+
+
+def _check_footprint(corners: list[list[float]], where: str) -> None:
+    if len(corners) == 1:
+        return
+    if len(corners) == 2:
+        raise wrong(where, "robot.footprint", "expected one point or at least three corners, got 2")
+    outline = Polygon(corners)
+    hull = MultiPoint(corners).convex_hull
+    if not outline.is_valid or outline.area <= 0 or hull.area - outline.area > 1e-9 * hull.area:
+        raise wrong(where, "robot.footprint", "expected the corners of a convex outline, in order")

@@ -1,0 +1,178 @@
+"""Text files of keys and values, read with care: YAML and JSON.
+
+YAML is read by the core schema of YAML 1.2 (so ``1e-3`` is a number and ``no`` is a word), without
+aliases, tags or duplicate keys.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from regionik.worlds.errors import InputError
+
+JSON_LIMIT = 64 * 2**20  # [bytes]
+YAML_LIMIT = 16 * 2**20  # [bytes]
+DEPTH_LIMIT = 40
+SUFFIXES = (".yaml", ".yml", ".json")
+
+_Base: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+
+
+class _Loader(_Base):  # type: ignore[misc]
+    """Safe loader with the scalars of YAML 1.2 only."""
+
+    yaml_implicit_resolvers: dict[str, Any] = {}  # noqa: RUF012
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        seen: set[str] = set()
+        for key, _ in node.value:
+            if not isinstance(key, yaml.ScalarNode):
+                raise yaml.MarkedYAMLError(problem="a key must be plain text", problem_mark=key.start_mark)
+            if key.value in seen:
+                raise yaml.MarkedYAMLError(
+                    problem=f"key {key.value!r} is given twice", problem_mark=key.start_mark
+                )
+            seen.add(key.value)
+        mapping: dict[Any, Any] = super().construct_mapping(node, deep=deep)
+        return mapping
+
+
+for _tag, _pattern, _first in (
+    ("null", r"~|null|", ["~", "n", ""]),
+    ("bool", r"true|false", ["t", "f"]),
+    ("int", r"[-+]?(?:0|[1-9][0-9]*)", list("-+0123456789")),
+    ("float", r"[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?", list("-+.0123456789")),
+    ("float", r"[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN)", list("-+.")),
+):
+    _Loader.add_implicit_resolver(f"tag:yaml.org,2002:{_tag}", re.compile(rf"^(?:{_pattern})$"), _first)
+
+
+def read_text(path: Path, limit: int) -> str:
+    """Text of a UTF-8 file of at most ``limit`` bytes."""
+    try:
+        size = path.stat().st_size
+        if size > limit:
+            raise InputError(f"{path}: expected at most {limit / 2**20:g} MB, got {size / 2**20:.1f} MB")
+        return path.read_text(encoding="utf-8-sig")
+    except FileNotFoundError:
+        raise InputError(f"{path}: there is no such file") from None
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path}: expected UTF-8 text, byte {error.start} is none") from None
+    except (OSError, ValueError) as error:  # ValueError: a NUL in the path
+        raise InputError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
+
+
+def read_document(path: Path) -> dict[str, Any]:
+    """Keys and plain values of a YAML or JSON file.
+
+    Raises
+    ------
+    InputError
+        One line: the file, the line where known, and what was expected.
+    """
+    suffix = path.suffix.lower()
+    if suffix not in SUFFIXES:
+        raise InputError(f"{path}: expected a file that ends in {', '.join(SUFFIXES)}")
+    where = str(path)
+    if suffix == ".json":
+        value = _json_value(read_text(path, JSON_LIMIT), where)
+    else:
+        value = _yaml_value(read_text(path, YAML_LIMIT), where)
+    return plain_mapping(value, where)
+
+
+def plain_mapping(value: Any, where: str) -> dict[str, Any]:
+    """``value`` itself, once it is known to be a mapping of plain, finite, bounded values."""
+    if not isinstance(value, dict):
+        raise InputError(f"{where}: expected a mapping of keys to values, got {clip(value)}")
+    _plain(value, where, "", 0)
+    return value
+
+
+def clip(value: Any) -> str:
+    """Short one-line form of a value for messages."""
+    text = " ".join(repr(value).split())
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def _plain(value: Any, where: str, place: str, depth: int) -> None:
+    at = f"{where}: {place}" if place else where
+    if depth > DEPTH_LIMIT:
+        raise InputError(f"{where}: expected at most {DEPTH_LIMIT} levels of nesting")
+    if isinstance(value, dict):
+        for key, item in value.items():
+            if not isinstance(key, str):
+                raise InputError(f"{at}: expected text as key, got {clip(key)}")
+            _plain(item, where, f"{place}.{key}" if place else key, depth + 1)
+    elif isinstance(value, list):
+        for k, item in enumerate(value):
+            _plain(item, where, f"{place}[{k}]", depth + 1)
+    elif isinstance(value, int | float):
+        if not _finite(value):
+            raise InputError(f"{at}: expected a finite number, got {clip(value)}")
+    elif value is not None and not isinstance(value, str):
+        raise InputError(f"{at}: expected numbers, text, lists and mappings, got {type(value).__name__}")
+
+
+def _finite(value: float) -> bool:
+    try:
+        return math.isfinite(value)
+    except OverflowError:  # a whole number beyond every float
+        return False
+
+
+def _json_value(text: str, where: str) -> Any:
+    def once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+        mapping = dict(pairs)
+        if len(mapping) < len(pairs):
+            keys = [key for key, _ in pairs]
+            twice = next(key for key in keys if keys.count(key) > 1)
+            raise InputError(f"{where}: key {clip(twice)} is given twice")
+        return mapping
+
+    try:
+        return json.loads(text, object_pairs_hook=once)
+    except json.JSONDecodeError as error:
+        raise InputError(f"{where}: line {error.lineno}: not valid JSON: {error.msg}") from None
+    except (RecursionError, ValueError):  # ValueError: a number of thousands of digits
+        raise InputError(f"{where}: not valid JSON: nested too deeply, or a number is too long") from None
+
+
+def _yaml_value(text: str, where: str) -> Any:
+    try:
+        _scan(text, where)
+        return yaml.load(text, Loader=_Loader)
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark
+        line = f"line {mark.line + 1}: " if mark else ""
+        raise InputError(f"{where}: {line}not valid YAML: {_flat(error.problem)}") from None
+    except yaml.YAMLError as error:
+        raise InputError(f"{where}: not valid YAML: {_flat(error)}") from None
+    except ValueError:  # a number of thousands of digits
+        raise InputError(f"{where}: not valid YAML: a number is too long") from None
+
+
+def _scan(text: str, where: str) -> None:
+    """Refuse aliases and deep nesting before anything is built from them."""
+    depth = 0
+    for event in yaml.parse(text, Loader=_Base):
+        if isinstance(event, yaml.AliasEvent) or getattr(event, "anchor", None):
+            mark = event.start_mark
+            line = f"line {mark.line + 1}: " if mark else ""
+            raise InputError(f"{where}: {line}YAML anchors and aliases are not read, write the value out")
+        if isinstance(event, yaml.CollectionStartEvent):
+            depth += 1
+        elif isinstance(event, yaml.CollectionEndEvent):
+            depth -= 1
+        if depth > DEPTH_LIMIT:
+            raise InputError(f"{where}: expected at most {DEPTH_LIMIT} levels of nesting")
+
+
+def _flat(value: object) -> str:
+    return " ".join(str(value).split())
