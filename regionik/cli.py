@@ -12,6 +12,7 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from threading import Event
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -31,13 +32,14 @@ from regionik.console import (
     report_summary,
     say,
 )
+from regionik.interrupts import INTERRUPTED, end_at_leisure, end_on_interrupt
 from regionik.worlds.errors import InputError, NoPlanFound, RegionikError
 
 if TYPE_CHECKING:
     from regionik.plan import Plan
     from regionik.worlds.scene import World
 
-DONE, NO, WRONG_INPUT, ENGINE_FAILED, INTERRUPTED = 0, 1, 2, 3, 130
+DONE, NO, WRONG_INPUT, ENGINE_FAILED = 0, 1, 2, 3
 EXPORTS = ("csv", "geojson", "urdf")
 
 app = typer.Typer(
@@ -55,6 +57,7 @@ AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON document, a
 
 def main() -> None:
     """Run the command ``regionik`` and leave with its exit code."""
+    end_on_interrupt()
     sys.exit(run(sys.argv[1:]))
 
 
@@ -79,7 +82,7 @@ def run(arguments: Sequence[str]) -> int:
     except (KeyboardInterrupt, typer.Abort):
         code = INTERRUPTED
     if code == INTERRUPTED:
-        complain("interrupted, nothing was written")
+        complain("interrupted")
     return int(code or DONE)
 
 
@@ -155,18 +158,27 @@ def _planned(world: str, seed: int, progress: LateProgress) -> Plan:
 
 
 def _write_plan(found: Plan, output: Path | None, html: Path | None, progress: LateProgress) -> list[Path]:
-    written = [path for path in (output, html) if path is not None]
-    if output is not None:
-        from regionik.planfile import save_plan
+    """Make all that is to be written, then write it: who interrupts before finds no file at all."""
+    from regionik.files import write_whole
 
-        save_plan(found, output)
-    progress("write", 1 if output else 0, max(len(written), 1))
+    contents: dict[Path, str] = {}
+    if output is not None:
+        progress("write", 0, 2)
+        from regionik.plandocument import plan_to_text
+
+        contents[output] = plan_to_text(found)
     if html is not None:
+        progress("write", 1, 2)
         from regionik.view import to_html
 
-        to_html(found, html)
-    progress("write", 1, 1)
-    return written
+        with TemporaryDirectory() as folder:
+            page = Path(folder, "page.html")
+            to_html(found, page)
+            contents[html] = page.read_text(encoding="utf-8")
+    progress("write", 2, 2)
+    for path, content in contents.items():
+        write_whole(path, content)
+    return list(contents)
 
 
 def _key_figures(found: Plan) -> dict[str, Any]:
@@ -264,6 +276,7 @@ def show(
         seen = _plan_or_world(what)
     visualizer = open_view(seen, open_browser=browser)
     try:
+        end_at_leisure()
         say("Ctrl-C ends")
         Event().wait()
     except KeyboardInterrupt:

@@ -20,7 +20,7 @@ from shapely.geometry.base import BaseGeometry
 from regionik.worlds.obstacles import Shadow
 from regionik.worlds.scene import World
 
-QUAD_SEGMENTS = 16
+QUAD_SEGMENTS = 12
 CIRCUMSCRIBED = 1.0 / np.cos(np.pi / (4 * QUAD_SEGMENTS))
 GUARD = 1e-6  # kept beyond every bound of an inner area, so that rounding never breaks one [m]
 

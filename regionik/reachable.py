@@ -15,7 +15,8 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.planar import PlanarArm, planar_arm
 from regionik.worlds.scene import Target, World
 
-ARC_POINTS = 64  # vertices of a full circle
+ARC_POINTS = 48  # vertices of a full circle
+OUTWARDS = 1.0 / np.cos(np.pi / ARC_POINTS)  # from inscribed to circumscribed circle
 FRONT, BACK = 1, -1
 
 
@@ -91,7 +92,8 @@ def reach_rows(
             for low, high in intervals[i, family.pitches].tolist():
                 if (low + high) * family.facing > 0:
                     a, b = sorted((abs(low), abs(high)))
-                    if b - a > 2 * margin:
+                    # A ring thinner than its chords has no inner polygon.
+                    if not inner or (a + margin) * OUTWARDS + GUARD < b - margin:
                         table.append((i, family, a, b))
     spans = _headings(world, arm, [row[1] for row in table])
     flat = [(row, center, half) for row, span in zip(table, spans, strict=True) for center, half in span]
@@ -141,22 +143,31 @@ def _ring_sectors(
     """Rings and ring sectors as polygons: within the true shape where a margin is given, else around it."""
     out = np.empty(len(centers), dtype=object)
     full = half >= np.pi
-    spread = np.where(full, np.pi, half)
-    step = 2 * spread / ARC_POINTS
+    step = 2 * np.where(full, np.pi, half) / ARC_POINTS
     outwards = 1.0 / np.cos(step / 2)
     far, near = high * outwards, low
     if margin is not None:
         far, near = high - margin, (low + margin) * outwards
-    angles = (azimuth - spread)[:, None] + step[:, None] * np.arange(ARC_POINTS + 1)
+    if full.any():
+        out[full] = _rings(centers[full], far[full], near[full])
+    part = ~full
+    angles = (azimuth - half)[part, None] + step[part, None] * np.arange(ARC_POINTS + 1)
     unit = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
-    unit[full, -1] = unit[full, 0]
-    rim = centers[:, None] + far[:, None, None] * unit
-    hole = centers[:, None] + near[:, None, None] * unit
-    solid = full & (near <= GUARD)
-    ring = full & ~solid
-    out[solid] = shapely.polygons(rim[solid])
-    out[ring] = shapely.polygons(
-        shapely.linearrings(rim[ring]), holes=shapely.linearrings(hole[ring])[:, None]
-    )
-    out[~full] = shapely.polygons(np.concatenate([rim[~full], hole[~full, ::-1]], axis=1))
+    rim = centers[part, None] + far[part, None, None] * unit
+    hole = centers[part, None] + near[part, None, None] * unit
+    out[part] = shapely.polygons(np.concatenate([rim, hole[:, ::-1]], axis=1))
     return out
+
+
+def _rings(centers: Array, far: Array, near: Array) -> Geometries:
+    """Whole rings; discs where there is no hole."""
+    turns = 2 * np.pi / ARC_POINTS * np.arange(ARC_POINTS)
+    unit = np.column_stack([np.cos(turns), np.sin(turns)])
+    unit = np.vstack([unit, unit[:1]])
+    rims = shapely.linearrings(centers[:, None] + far[:, None, None] * unit)
+    holed = near > GUARD
+    holes = shapely.linearrings(centers[holed, None] + near[holed, None, None] * unit)
+    rings = np.empty(len(centers), dtype=object)
+    rings[holed] = shapely.polygons(rims[holed], holes=holes[:, None])
+    rings[~holed] = shapely.polygons(rims[~holed])
+    return rings

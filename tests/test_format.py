@@ -15,7 +15,6 @@ import trimesh
 import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from nasty import GOOD, NASTY, Nasty, broken
 
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain, Joint, chain_from_dh, planar_pose
@@ -27,6 +26,7 @@ from regionik.worlds.robot import LinkCapsule, Robot, capsules_along
 from regionik.worlds.scene import Rules, World
 from regionik.worlds.schema import RulesPart
 from regionik.worlds.textfile import JSON_LIMIT, YAML_LIMIT, read_document
+from tests.nasty import GOOD, NASTY, Nasty, broken
 
 ROOT = Path(__file__).parent.parent
 
@@ -317,9 +317,10 @@ def test_folders_and_bytes_are_refused(tmp_path: Path) -> None:
 
 
 def test_documents_from_programs_are_checked_too() -> None:
-    for document in ({"version": object()}, {1: 2}, [], None, {"version": 1, "about": np.array([1])}):
-        with pytest.raises(InputError, match="^here: "):
-            world_from_document(document, "here")  # type: ignore[arg-type]
+    documents: list[Any] = [{"version": object()}, {1: 2}, [], None, {"version": 1, "about": np.array([1])}]
+    for document in documents:
+        with pytest.raises(InputError, match=r"^here: "):
+            world_from_document(document, "here")
 
 
 def test_a_target_on_the_surface_is_no_mistake() -> None:
@@ -328,3 +329,46 @@ def test_a_target_on_the_surface_is_no_mistake() -> None:
     inside = good() | {"task": [{"points": [[1.3, 0.1, 1.0 - 2e-6]]}]}
     with pytest.raises(InputError, match="set-point 1 of 1 lies 2e-06 m inside 'pillar'"):
         world_from_document(inside)
+
+
+def places(value: Any, here: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
+    """Every place in a document."""
+    inner: Any = (
+        value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    )
+    return [here, *(place for key, item in inner for place in places(item, (*here, key)))]
+
+
+junk = st.recursive(
+    st.none()
+    | st.booleans()
+    | st.integers(-3, 10**20)
+    | st.floats()
+    | st.sampled_from(["", "a", "ignore", "x\ny", "\x00"]),
+    lambda inner: (
+        st.lists(inner, max_size=4) | st.dictionaries(st.sampled_from(["name", "dh", "box", "z", "0"]), inner)
+    ),
+    max_leaves=6,
+)
+
+
+@settings(deadline=None, max_examples=300)
+@given(st.data())
+def test_whatever_stands_anywhere_is_read_or_refused_in_one_line(data: st.DataObject) -> None:
+    document: Any = good()
+    document["task"].append({"csv": "no.csv", "frame": {"rpy": [0, 0, 0]}})
+    document["obstacles"].append(
+        {"name": "m", "mesh": {"vertices": [[0, 0, 0]] * 4, "faces": [[0, 1, 2]] * 4}}
+    )
+    document["robot"] = {"dh": DH, "mount": [0, 0, 0, 0], "footprint": [[0, 0]], "carry": [0, 0, 0]}
+    document["start"]["joints"] = [0, 0, 0]
+    document = through_json(document)  # lists of its own
+    *way, last = data.draw(st.sampled_from(places(document)[1:]))
+    part = document
+    for key in way:
+        part = part[key]
+    part[last] = data.draw(junk)
+    with pytest.raises(InputError) as caught:  # the CSV file is missing, whatever else is read
+        world_from_document(document, "here")
+    assert len(str(caught.value).splitlines()) == 1
+    assert str(caught.value).startswith("here: ")

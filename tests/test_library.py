@@ -21,8 +21,9 @@ DEGREES = np.pi / 180
 
 
 def wave(n: int, x0: float, dx: float, amplitude: float, period: float, middle: float) -> tuple[Array, Array]:
-    k = np.arange(n)
-    return x0 + dx * k, middle + amplitude * np.sin(2 * np.pi * k / period)
+    k = np.arange(n, dtype=np.float64)
+    across: Array = middle + amplitude * np.sin(2 * np.pi * k / period)
+    return x0 + dx * k, across
 
 
 def flat(n: int, x0: float, dx: float, amplitude: float, period: float, y: float, z: float) -> Array:
@@ -157,7 +158,7 @@ def test_names() -> None:
     assert world_names() == ("depot", "free", "l_shape", "pillar", "slab", "wall")
     assert robot_names() == ("youbot", "youbot-real")
     assert all(world_path(name).is_file() for name in world_names())
-    with pytest.raises(InputError, match="unknown world 'moon'.*depot, free"):
+    with pytest.raises(InputError, match=r"unknown world 'moon'.*depot, free"):
         world_path("moon")
     with pytest.raises(InputError, match="unknown robot 'r2d2', valid names: youbot, youbot-real"):
         robot_named("r2d2")

@@ -73,6 +73,14 @@ def test_all_at_once_equals_one_by_one() -> None:
         assert whole.symmetric_difference(admissible_area(scene, target).inner).area < 1e-12
 
 
+def test_thin_rings_leave_valid_areas() -> None:
+    heights = np.linspace(-0.4, 0.7, 2000)
+    targets = [Target(np.array([0, 0, z])) for z in heights]
+    areas = path_areas(world(), targets)
+    assert shapely.is_valid(areas.inner).all()
+    assert shapely.is_valid(areas.reach).all()
+
+
 def test_causes_are_named() -> None:
     area = admissible_area(world(box(0.5, 0.1, name="crate")), [0, 0, 0.25])
     assert {"crate", "joint limits"} <= {cause.name for cause in area.causes}

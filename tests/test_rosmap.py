@@ -38,7 +38,7 @@ def write_map(folder: Path, pixels: np.ndarray, image: str = "map.pgm", **change
 
 
 def blocked_area(floor: Floor) -> float:
-    return sum(cell.polygon.area for cell in floor.cells)
+    return float(sum(cell.polygon.area for cell in floor.cells))
 
 
 def test_row_0_of_the_image_is_the_far_side(tmp_path: Path) -> None:

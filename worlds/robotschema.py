@@ -32,8 +32,8 @@ class Capsule(Strict):
 class _OwnRobot(Strict):
     name: OneLine = "robot"
     base: Literal["omni", "differential", "car"] = "omni"
-    footprint: Annotated[list[Vec2], Field(min_length=1)] = [[0.0, 0.0]]
-    mount: Vec4 = [0.0, 0.0, 0.0, 0.0]
+    footprint: Annotated[list[Vec2], Field(min_length=1)] = Field(default=[[0.0, 0.0]])
+    mount: Vec4 = Field(default=[0.0, 0.0, 0.0, 0.0])
     body_height: Positive = BODY_HEIGHT
     turning_radius: NotNegative = 0.0
     link_radius: Positive = LINK_RADIUS
@@ -73,8 +73,8 @@ class UrdfRobot(Strict):
     tip: OneLine
     root: OneLine | None = None
     base: Literal["omni", "differential", "car"] = "omni"
-    footprint: Annotated[list[Vec2], Field(min_length=1)] = [[0.0, 0.0]]
-    mount: Vec4 = [0.0, 0.0, 0.0, 0.0]
+    footprint: Annotated[list[Vec2], Field(min_length=1)] = Field(default=[[0.0, 0.0]])
+    mount: Vec4 = Field(default=[0.0, 0.0, 0.0, 0.0])
     turning_radius: NotNegative = 0.0
     body_height: Positive = BODY_HEIGHT
     limits: Literal["ignore"] | None = None

@@ -1,0 +1,340 @@
+"""Distances between arm links and solids, with the points that witness them. The only file that imports fcl.
+
+A link is a segment with a radius, so its distance is that of the segment less the radius. fcl measures
+segments against surfaces of triangles, in closed form and to the last digits. Its solvers for convex shapes
+(GJK, EPA) are left alone on purpose: where edges run parallel their answers were centimetres too large, and
+the signed distance of an axis that ends in a corner never came back.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
+
+import fcl
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from regionik.planners.convex import convex_pieces
+from regionik.worlds.arrays import Array, frozen
+from regionik.worlds.errors import InputError
+from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Solid, Sphere
+
+_REQUEST = fcl.DistanceRequest(enable_nearest_points=True)
+_HALVINGS = 44  # of a segment of some metres: far below a nanometre
+_TOUCH = 1e-9  # [m]
+_UP = np.array([0.0, 0.0, 1.0])
+_ROUND = np.linspace(0.0, 2 * np.pi, 64, endpoint=False)
+
+
+class Near(NamedTuple):
+    """The nearest solid to a link."""
+
+    distance: float  # [m], negative where they overlap
+    solid: int  # index into Obstacles.solids, -1 where there is none
+    on_link: Array  # (3,) [m]
+    on_solid: Array  # (3,) [m]
+
+
+class Separation(NamedTuple):
+    """A segment and a piece of a solid: distance, and the unit direction from the piece to the segment."""
+
+    distance: float  # [m], minus the way out along ``normal`` where they overlap
+    normal: Array  # (3,)
+    on_axis: Array  # (3,) [m]
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """A convex part of a solid, or the surface of a mesh.
+
+    All points within ``disc`` (level) and ``ball`` (any way) of the hull of ``corners``.
+    """
+
+    corners: Array  # (k, 3) [m]
+    normals: Array  # (f, 3) outward, of the faces of a convex part with corners
+    disc: float = 0.0  # [m]
+    ball: float = 0.0  # [m]
+    surface: fcl.CollisionObject | None = None
+    mesh: Mesh | None = None
+
+    def support(self, directions: Array) -> Array:
+        """How far the piece reaches along each direction (..., 3), as (...)."""
+        far: Array = (directions @ self.corners.T).max(-1)
+        level = np.hypot(directions[..., 0], directions[..., 1])
+        reach: Array = far + self.disc * level + self.ball * np.linalg.norm(directions, axis=-1)
+        return reach
+
+
+@dataclass(frozen=True, eq=False)
+class Obstacles:
+    """Solids prepared for distance queries; made by `obstacles_from`.
+
+    Attributes
+    ----------
+    solids : tuple of Solid
+    pieces : tuple of Piece
+        Convex parts, and meshes whole.
+    owner : (m,) array of int
+        The solid of each piece.
+    low, high : (m, 3) array
+        Boxes along the axes round the pieces [m].
+    """
+
+    solids: tuple[Solid, ...]
+    pieces: tuple[Piece, ...]
+    owner: NDArray[np.int64]
+    low: Array
+    high: Array
+
+
+def obstacles_from(solids: Sequence[Solid]) -> Obstacles:
+    """Cut solids into convex pieces and prepare them for distance queries."""
+    parts = [(k, piece) for k, solid in enumerate(solids) for piece in _pieces(solid)]
+    pieces = tuple(piece for _, piece in parts)
+    owner = np.array([k for k, _ in parts], dtype=np.int64)
+    axes = np.eye(3)
+    high = np.array([piece.support(axes) for piece in pieces]).reshape(-1, 3)
+    low = -np.array([piece.support(-axes) for piece in pieces]).reshape(-1, 3)
+    return Obstacles(tuple(solids), pieces, owner, low, high)
+
+
+def capsule_distance(
+    obstacles: Obstacles,
+    start: ArrayLike,
+    end: ArrayLike,
+    radius: float,
+    *,
+    only: Sequence[int] | None = None,
+) -> Near:
+    """Distance of a capsule from the nearest solid.
+
+    Where the capsule's axis enters a convex piece, the distance is minus the shortest way out of that piece
+    (of cylinders: the shortest of a fine fan of ways); inside a mesh it is minus the way to its surface.
+
+    Parameters
+    ----------
+    obstacles : Obstacles
+    start, end : (3,) array_like
+        Ends of the capsule's axis [m].
+    radius : float
+        [m]
+    only : sequence of int, optional
+        Indices of the solids to look at; all by default.
+
+    Returns
+    -------
+    Near
+        Infinite and -1 where there is no solid.
+
+    Raises
+    ------
+    InputError
+        When a number is not finite.
+    """
+    a, b = frozen(start, (3,), "capsule: start"), frozen(end, (3,), "capsule: end")
+    frozen(radius, (), "capsule: radius")
+    gaps = aabb_gaps(obstacles, a[None], b[None], np.array([radius]))[0]
+    if only is not None:
+        gaps = np.where(np.isin(obstacles.owner, only), gaps, np.inf)
+    best, owner = Separation(np.inf, _UP, np.full(3, np.nan)), -1
+    for k in np.argsort(gaps, kind="stable"):
+        if gaps[k] >= best.distance - radius:
+            break
+        found = separation(obstacles.pieces[k], a, b)
+        if found.distance < best.distance:
+            best, owner = found, int(obstacles.owner[k])
+    if owner < 0:
+        return Near(np.inf, -1, best.on_axis, best.on_axis)
+    on_link = best.on_axis - radius * best.normal
+    return Near(best.distance - radius, owner, on_link, best.on_axis - best.distance * best.normal)
+
+
+def aabb_gaps(obstacles: Obstacles, starts: Array, ends: Array, radii: ArrayLike) -> Array:
+    """Lower bounds of the distances between capsules and pieces, from their boxes along the axes.
+
+    Parameters
+    ----------
+    obstacles : Obstacles
+    starts, ends : (n, 3) array
+        [m]
+    radii : (n,) array_like
+        [m]
+
+    Returns
+    -------
+    (n, m) array
+        [m]; -inf where the box of a capsule's axis meets that of a piece.
+    """
+    low, high = np.minimum(starts, ends)[:, None], np.maximum(starts, ends)[:, None]
+    gaps: Array = box_gaps(obstacles, low, high) - np.asarray(radii)[:, None]
+    return gaps
+
+
+def box_gaps(obstacles: Obstacles, low: Array, high: Array) -> Array:
+    """Distances between boxes (n, 1, 3) and the boxes of all pieces, (n, m); -inf where they meet [m]."""
+    square = np.zeros((len(low), len(obstacles.pieces)))
+    for k in range(3):
+        apart = np.maximum(low[..., k] - obstacles.high[:, k], obstacles.low[:, k] - high[..., k])
+        square += np.maximum(apart, 0.0) ** 2
+    return np.where(square > 0, np.sqrt(square), -np.inf)
+
+
+def separation(piece: Piece, start: Array, end: Array) -> Separation:
+    """Signed distance of a segment from a piece; the numbers must be finite."""
+    if piece.ball:
+        return _from_ball(piece, start, end)
+    if piece.disc:
+        distance, on_axis, on_piece = _from_cylinder(piece, start, end)
+    else:
+        distance, on_axis, on_piece = _from_surface(piece, start, end)
+    inside = distance > 0 and not piece.disc and _contains(piece, start)
+    if distance > 0 and not inside:
+        return Separation(distance, (on_axis - on_piece) / distance, on_axis)
+    if piece.mesh is None:
+        return _way_out(piece, start, end)
+    gap = -min(0.0, piece.mesh.distance(start)) if inside else 0.0
+    out = on_piece - on_axis
+    return Separation(-min(gap, distance), out / distance if distance > 0 else _UP, on_axis)
+
+
+def _from_surface(piece: Piece, a: Array, b: Array) -> tuple[float, Array, Array]:
+    """Distance from the triangles of a piece, and the two points; 0 where the segment meets one."""
+    length, pose = _pose(a, b)
+    axis = _axis(round(length, 12), threading.get_ident())
+    axis.setTransform(pose)
+    found = fcl.DistanceResult()
+    distance = fcl.distance(axis, piece.surface, _REQUEST, found)
+    on_axis, on_piece = found.nearest_points
+    return max(0.0, float(distance)), on_axis, on_piece
+
+
+def _pose(a: Array, b: Array) -> tuple[float, fcl.Transform]:
+    """Length of a segment, and the transform that lays one along z onto it."""
+    (ax, ay, az), (bx, by, bz) = a.tolist(), b.tolist()
+    x, y, z = bx - ax, by - ay, bz - az
+    length = math.sqrt(x * x + y * y + z * z)
+    if not math.isfinite(length):  # fcl would call such a pose free
+        raise InputError(f"capsule: every number must be finite, got {a.tolist()} and {b.tolist()}")
+    x, y, z = (x / length, y / length, z / length) if length > 0 else (0.0, 0.0, 1.0)
+    s = math.copysign(1.0, z)
+    u = -1.0 / (s + z)
+    v = x * y * u
+    turn = np.array([[1 + s * x * x * u, v, x], [s * v, s + y * y * u, y], [-s * x, -y, z]])
+    return length, fcl.Transform(turn, np.array([(ax + bx) / 2, (ay + by) / 2, (az + bz) / 2]))
+
+
+@lru_cache(maxsize=512)
+def _axis(length: float, thread: int) -> fcl.CollisionObject:
+    """A segment along z as a triangle without area; one for each thread, because it is moved about."""
+    half = length / 2
+    return _surface(np.array([[0, 0, -half], [0, 0, half], [0, 0, half]]), np.array([[0, 1, 2]]))
+
+
+def _surface(vertices: Array, faces: NDArray[np.int64]) -> fcl.CollisionObject:
+    middle = (vertices.min(0) + vertices.max(0)) / 2
+    model = fcl.BVHModel()
+    model.beginModel(len(vertices), len(faces))
+    model.addSubModel(vertices - middle, np.array(faces))
+    model.endModel()
+    return fcl.CollisionObject(model, fcl.Transform(np.eye(3), middle))
+
+
+def _from_ball(piece: Piece, a: Array, b: Array) -> Separation:
+    along = b - a
+    t = float(np.clip((piece.corners[0] - a) @ along / max(float(along @ along), 1e-300), 0.0, 1.0))
+    on_axis = a + t * along
+    away = on_axis - piece.corners[0]
+    length = float(np.linalg.norm(away))
+    return Separation(length - piece.ball, away / length if length > 0 else _UP, on_axis)
+
+
+def _from_cylinder(piece: Piece, a: Array, b: Array) -> tuple[float, Array, Array]:
+    """Distance from an upright cylinder and the two points; 0 where the segment enters it.
+
+    The distance is convex along the segment, so the sign of its slope leads to the least one.
+    """
+    middle = piece.corners.mean(0)
+    (ax, ay, az), (dx, dy, dz) = (a - middle).tolist(), (b - a).tolist()
+    half, radius = float(piece.corners[1, 2] - middle[2]), piece.disc
+    low, high, t = 0.0, 1.0, 0.0
+    for step in range(_HALVINGS + 2):
+        t = (0.0, 1.0)[step] if step < 2 else (low + high) / 2
+        x, y, z = ax + t * dx, ay + t * dy, az + t * dz
+        flat = math.hypot(x, y)
+        level = max(0.0, 1.0 - radius / flat) if flat > 0 else 0.0
+        over = z - min(max(z, -half), half)
+        slope = level * (x * dx + y * dy) + over * dz
+        if (level == 0 and over == 0) or (step == 0 and slope >= 0) or (step == 1 and slope <= 0):
+            break
+        if step >= 2:
+            low, high = (t, high) if slope < 0 else (low, t)
+    gap = np.array([level * x, level * y, over])
+    on_axis = a + t * (b - a)
+    return float(np.linalg.norm(gap)), on_axis, on_axis - gap
+
+
+def _contains(piece: Piece, point: Array) -> bool:
+    """Whether a point is inside or on the surface, where fcl overlooks a segment within one triangle."""
+    if piece.mesh is None:
+        return bool((piece.normals @ point <= piece.support(piece.normals) + _TOUCH).all())
+    within = (piece.corners.min(0) <= point + _TOUCH) & (point <= piece.corners.max(0) + _TOUCH)
+    return bool(within.all()) and piece.mesh.distance(point) <= _TOUCH
+
+
+def _way_out(piece: Piece, a: Array, b: Array) -> Separation:
+    """Least push that frees a segment: along a face's normal, or square to an edge and the segment."""
+    if piece.disc:
+        level = np.column_stack([np.cos(_ROUND), np.sin(_ROUND), np.zeros(len(_ROUND))])
+        normals = np.vstack([level, _UP, -_UP])
+        edges = np.vstack([np.column_stack([-level[:, 1], level[:, 0], level[:, 2]]), _UP])
+    else:
+        normals = piece.normals
+        edges = np.vstack([np.cross(normals, _UP), _UP])
+    square = np.cross(edges, b - a)
+    size = np.linalg.norm(square, axis=1)
+    square = square[size > 1e-12] / size[size > 1e-12, None]
+    normals = np.vstack([normals, square, -square])
+    ends = np.stack([normals @ a, normals @ b])
+    depths = piece.support(normals) - ends.min(0)
+    k = int(np.argmin(depths))
+    deepest = a if ends[0, k] <= ends[1, k] else b
+    return Separation(-float(depths[k]), normals[k], deepest)
+
+
+def _pieces(solid: Solid) -> list[Piece]:
+    none = np.zeros((0, 3))
+    match solid:
+        case Sphere():
+            return [Piece(solid.center[None], none, ball=solid.radius)]
+        case Cylinder():
+            ends = solid.center + np.outer([-solid.height / 2, solid.height / 2], _UP)
+            return [Piece(ends, none, disc=solid.radius)]
+        case Mesh():
+            return [Piece(solid.vertices, none, surface=_surface(solid.vertices, solid.faces), mesh=solid)]
+        case Box():
+            c, s = np.cos(solid.yaw), np.sin(solid.yaw)
+            level = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * solid.size[:2] / 2
+            outline = level @ np.array([[c, s], [-s, c]]) + solid.center[:2]
+            return [_prism(outline, *solid.z_range)]
+        case Prism():
+            return [_prism(outline, *solid.z_range) for outline in convex_pieces(solid.polygon)]
+
+
+def _prism(outline: Array, bottom: float, top: float) -> Piece:
+    """A convex outline, counter-clockwise, raised from one height to another."""
+    n = len(outline)
+    corners = np.vstack([np.column_stack([outline, np.full(n, z)]) for z in (bottom, top)])
+    fan = [[0, k, k + 1] for k in range(1, n - 1)]
+    lid = [[n, n + k, n + k + 1] for k in range(1, n - 1)]
+    sides = [[k, (k + 1) % n, n + k] for k in range(n)] + [
+        [(k + 1) % n, n + (k + 1) % n, n + k] for k in range(n)
+    ]
+    edges = np.roll(outline, -1, 0) - outline
+    level = np.column_stack([edges[:, 1], -edges[:, 0]]) / np.linalg.norm(edges, axis=1)[:, None]
+    normals = np.vstack([np.column_stack([level, np.zeros(n)]), _UP, -_UP])
+    return Piece(corners, normals, surface=_surface(corners, np.array(fan + lid + sides)))

@@ -1,0 +1,96 @@
+"""Floor polygons cut into a few convex pieces."""
+
+from __future__ import annotations
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely.geometry import Polygon
+
+from regionik.worlds.arrays import Array
+
+# fcl searches the corners of a solid one by one up to 32 and walks along its edges above that;
+# 16 corners of a floor polygon make 32 of a prism.
+MOST_CORNERS = 16
+_FLAT = 1e-12  # area that rounding may put between a convex ring and its hull [m^2]
+
+
+def convex_pieces(polygon: Polygon) -> list[Array]:
+    """Convex polygons that cover the polygon, overlap in edges only and add no area to it.
+
+    Parameters
+    ----------
+    polygon : Polygon
+        With holes or without.
+
+    Returns
+    -------
+    list of (k, 2) array
+        Corners in counter-clockwise order, k at most 16 [m].
+
+    Examples
+    --------
+    >>> ell = Polygon([(0, 0), (2, 0), (2, 1), (1, 1), (1, 2), (0, 2)])
+    >>> sorted(Polygon(piece).area for piece in convex_pieces(ell))
+    [1.0, 2.0]
+    """
+    outline = np.asarray(polygon.exterior.coords)[:-1]
+    if not polygon.interiors and _is_convex(outline):
+        corners = _hull_corners(outline)
+        if len(corners) <= MOST_CORNERS:
+            return [corners]
+    triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(polygon))
+    spots = shapely.get_coordinates(triangles).reshape(-1, 4, 2)[:, :3]
+    points, index = np.unique(spots.reshape(-1, 2), axis=0, return_inverse=True)
+    rings = [_counter_clockwise(points, ring) for ring in index.reshape(-1, 3)]
+    return [_hull_corners(points[ring]) for ring in _merged(points, rings)]
+
+
+def _merged(points: Array, rings: list[list[int]]) -> list[list[int]]:
+    """Triangles joined across shared edges, longest first, while they stay convex (Hertel, Mehlhorn)."""
+    home = {edge: k for k, ring in enumerate(rings) for edge in _edges(ring)}
+    inner = [(u, v) for u, v in home if u < v and (v, u) in home]
+    inner.sort(key=lambda e: (-float(np.linalg.norm(points[e[0]] - points[e[1]])), e))
+    parts = dict(enumerate(rings))
+    for u, v in inner:
+        a, b = home[u, v], home[v, u]
+        if a == b:
+            continue
+        joined = _joined(parts[a], parts[b], u)
+        if len(joined) > MOST_CORNERS or not _is_convex(points[joined]):
+            continue
+        parts[a] = joined
+        for edge in _edges(parts.pop(b)):
+            home[edge] = a
+    return [parts[k] for k in sorted(parts)]
+
+
+def _joined(a: list[int], b: list[int], u: int) -> list[int]:
+    """Ring ``a``, whose edge from u on is shared, with that edge replaced by the rest of ring ``b``."""
+    i, j = a.index(u), b.index(u)
+    around = b[j + 1 :] + b[:j]  # ends in the edge's other corner, which ring a has already
+    return a[: i + 1] + around[:-1] + a[i + 1 :]
+
+
+def _edges(ring: list[int]) -> list[tuple[int, int]]:
+    return list(zip(ring, ring[1:] + ring[:1], strict=True))
+
+
+def _counter_clockwise(points: Array, ring: NDArray[np.intp]) -> list[int]:
+    return [int(k) for k in (ring if _area(points[ring]) > 0 else ring[::-1])]
+
+
+def _area(corners: Array) -> float:
+    x, y = (corners - corners[0]).T
+    return float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)) / 2)
+
+
+def _is_convex(corners: Array) -> bool:
+    # By area, because turning angles say nothing where corners lie a rounding error apart.
+    return bool(shapely.convex_hull(shapely.multipoints(corners)).area - abs(_area(corners)) < _FLAT)
+
+
+def _hull_corners(corners: Array) -> Array:
+    """Counter-clockwise corners of a convex ring, those left out that lie on a straight edge."""
+    hull = shapely.orient_polygons(shapely.convex_hull(shapely.multipoints(corners)))
+    return np.asarray(hull.exterior.coords)[:-1]

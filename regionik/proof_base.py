@@ -1,0 +1,192 @@
+"""Proof that the base stays on its floor and clear of what it could hit."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from regionik.findings import Finding, Words, finding
+from regionik.journey import Indices, Journey, Mask, Parts, Verdicts, prove, sag
+from regionik.plan import Violation
+from regionik.worlds.arrays import Array
+from regionik.worlds.scene import World
+
+EXACT = 1e-9  # where the floor swept by a hop is known exactly [m]
+TURNING = 1e-6  # where the footprint turns on the way [m]
+SHORTEST = 1e-4  # motion of the footprint over half a part below which its halves are not looked at [m]
+
+Shapes = NDArray[np.object_]
+
+
+@dataclass(frozen=True, eq=False)
+class _Sweep:
+    """The footprint on its way."""
+
+    journey: Journey
+
+    def footprints(self, base: Array) -> Shapes:
+        return _hulls(self._corners(base))
+
+    def swept(self, hop: Indices, low: Array, high: Array) -> tuple[Shapes, Array]:
+        """Hulls of the footprints at both ends of parts, and how far the footprint strays out of them [m]."""
+        ends = [self._corners(self.journey.base(hop, s)) for s in (low, high)]
+        far = float(np.linalg.norm(self.journey.robot.footprint, axis=1).max())
+        return _hulls(np.concatenate(ends, axis=1)), sag(self.journey.turn[hop] ** 2 * far, high - low)
+
+    @property
+    def exact(self) -> Mask:
+        """Hops on which the hull is what the footprint sweeps: a point, or no turn."""
+        corners = self.journey.robot.footprint
+        far = float(np.linalg.norm(corners, axis=1).max())
+        straight: Mask = np.abs(self.journey.turn) * far < 1e-12
+        return straight
+
+    def moved(self, hop: Indices, part: Array) -> Array:
+        """Most that a corner moves over half a part [m]."""
+        far = float(np.linalg.norm(self.journey.robot.footprint, axis=1).max())
+        way = np.linalg.norm(self.journey.drive[hop], axis=1) + np.abs(self.journey.turn[hop]) * far
+        length: Array = way * part / 2
+        return length
+
+    def _corners(self, base: Array) -> Array:
+        c, s = np.cos(base[:, 2]), np.sin(base[:, 2])
+        turn = np.stack([np.stack([c, s], -1), np.stack([-s, c], -1)], 1)
+        corners: Array = self.journey.robot.footprint @ turn + base[:, None, :2]
+        return corners
+
+
+def _hulls(corners: Array) -> Shapes:
+    n, k, _ = corners.shape
+    owner = np.repeat(np.arange(n), k)
+    points = shapely.multipoints(shapely.points(corners.reshape(-1, 2)), indices=owner)
+    hulls: Shapes = shapely.convex_hull(points)
+    return hulls
+
+
+def floor(world: World, journey: Journey, words: Words) -> Finding:
+    """Footprint inside the floor, on all the way."""
+    sweep = _Sweep(journey)
+    ground = world.floor.polygon
+    edge = ground.boundary
+    roomy = {tol: shapely.buffer(ground, tol, join_style="mitre") for tol in (EXACT, TURNING)}
+    for shape in (ground, edge, *roomy.values()):
+        shapely.prepare(shape)
+    standing = sweep.footprints(journey.motion.base)
+    inside = shapely.covers(roomy[EXACT], standing)
+    violations = [
+        _off_floor(words, k, words.state(k), standing[k], ground) for k in np.flatnonzero(~inside).tolist()
+    ]
+    hops = np.flatnonzero(inside[:-1] & inside[1:])
+    exact = sweep.exact
+
+    def look(parts: Parts) -> Verdicts:
+        hop = hops[parts.item]
+        hull, bulge = sweep.swept(hop, parts.low, parts.high)
+        within = np.where(
+            exact[hop], shapely.covers(roomy[EXACT], hull), shapely.covers(roomy[TURNING], hull)
+        )
+        proven = within & (exact[hop] | (bulge <= TURNING) | (shapely.distance(hull, edge) >= bulge))
+        middle = sweep.footprints(journey.base(hop, parts.middle))
+        failed = np.where(exact[hop], ~within, ~shapely.covers(roomy[TURNING], middle))
+        return Verdicts(proven, failed, sweep.moved(hop, parts.high - parts.low) + 100 * bulge < SHORTEST)
+
+    outcome = prove(len(hops), look)
+    for item, s in {**outcome.failed, **outcome.stuck}.items():
+        k = int(hops[item])
+        one = np.array([k])
+        if exact[k]:
+            shape = sweep.swept(one, np.zeros(1), np.ones(1))[0][0]
+        else:
+            shape = sweep.footprints(journey.base(one, np.array([s])))[0]
+        violations.append(_off_floor(words, k, words.hop(k), shape, ground))
+    inner = shapely.distance(standing[inside], edge)
+    return finding("floor", float(inner.min(initial=np.inf)), violations)
+
+
+def _off_floor(
+    words: Words, state: int, where: str, shape: shapely.Geometry, ground: shapely.Geometry
+) -> Violation:
+    outside = shapely.get_coordinates(shapely.difference(shape, ground))
+    out = float(shapely.distance(shapely.points(outside), ground).max(initial=0.0))
+    text = f"the base is off the floor {where}, by {out:.4f} m"
+    return Violation("floor", state, words.owner(state), out, text)
+
+
+def clearance(world: World, journey: Journey, words: Words) -> Finding:
+    """Footprint at least ``clearance`` away from every solid it could hit, on all the way."""
+    shadows = [(solid.name, solid.shadow(below=world.robot.body_height)) for solid in world.solids]
+    known = [(name, shadow) for name, shadow in shadows if shadow is not None and not shadow.core.is_empty]
+    if not known:
+        return finding("clearance", np.inf, [])
+    names = [name for name, _ in known]
+    cores: Shapes = np.array([shadow.core for _, shadow in known], dtype=object)
+    radii = np.array([shadow.radius for _, shadow in known])
+    shapely.prepare(cores)
+    sweep, limit = _Sweep(journey), world.rules.clearance
+    exact = sweep.exact
+
+    def gaps(shapes: Shapes, which: Indices) -> Array:
+        gap: Array = shapely.distance(shapes, cores[which]) - radii[which]
+        return gap
+
+    def tell(state: int, where: str, which: int, gap: float) -> Violation:
+        how = "comes within" if gap < limit else "is not proven to stay outside"
+        text = f"the base {how} {max(gap, 0.0):.4f} m of {names[which]} {where}; the clearance is {limit:g} m"
+        return Violation("clearance", state, words.owner(state), max(0.0, limit - gap), text)
+
+    standing = sweep.footprints(journey.motion.base)
+    state, which = _near(cores, standing, limit + radii.max())
+    gap = gaps(standing[state], which)
+    bad = gap < limit - EXACT
+    violations = [
+        tell(int(k), words.state(int(k)), int(w), float(g))
+        for k, w, g in zip(state[bad], which[bad], gap[bad], strict=True)
+    ]
+    known_bad = {
+        (k + d, w) for k, w in zip(state[bad].tolist(), which[bad].tolist(), strict=True) for d in (0, -1)
+    }
+    every = np.arange(journey.hops)
+    hull, bulge = sweep.swept(every, np.zeros(journey.hops), np.ones(journey.hops))
+    hop, which = _near(cores, hull, limit + radii.max() + bulge)
+    fresh = np.array(
+        [pair not in known_bad for pair in zip(hop.tolist(), which.tolist(), strict=True)], dtype=bool
+    )
+    hop, which = hop[fresh], which[fresh]
+
+    def look(parts: Parts) -> Verdicts:
+        h, w = hop[parts.item], which[parts.item]
+        hulls, out = sweep.swept(h, parts.low, parts.high)
+        swept = gaps(hulls, w)
+        proven = swept - np.where(exact[h], 0.0, out) >= limit - np.where(exact[h], EXACT, TURNING)
+        middle = gaps(sweep.footprints(journey.base(h, parts.middle)), w)
+        failed = np.where(exact[h], ~proven, middle < limit - TURNING)
+        return Verdicts(proven, failed, sweep.moved(h, parts.high - parts.low) + 100 * out < SHORTEST)
+
+    outcome = prove(len(hop), look)
+    for item, s in {**outcome.failed, **outcome.stuck}.items():
+        k = hop[item : item + 1]
+        shape = hull[k] if exact[k[0]] else sweep.footprints(journey.base(k, np.array([s])))
+        g = float(gaps(shape, which[item : item + 1])[0])
+        violations.append(tell(int(k[0]), words.hop(int(k[0])), int(which[item]), g))
+    shapes = np.concatenate([standing, hull[exact]])
+    return finding("clearance", _least(cores, radii, shapes) - limit, violations)
+
+
+def _near(cores: Shapes, shapes: Shapes, within: Array | float) -> tuple[Indices, Indices]:
+    """Pairs of shapes and cores that may be within a distance."""
+    shape, core = shapely.STRtree(cores).query(shapes, predicate="dwithin", distance=within)
+    order = np.lexsort((core, shape))
+    return shape[order], core[order]
+
+
+def _least(cores: Shapes, radii: Array, shapes: Shapes) -> float:
+    """Least distance of any shape from any shadow."""
+    found = []
+    for radius in np.unique(radii):
+        tree = shapely.STRtree(cores[radii == radius])
+        _, distance = tree.query_nearest(shapes, return_distance=True, all_matches=False)
+        found.append(float(distance.min()) - float(radius))
+    return min(found)

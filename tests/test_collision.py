@@ -1,0 +1,255 @@
+"""Distances of links against computations that share no code with them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.optimize import minimize_scalar
+from scipy.spatial import ConvexHull
+from shapely.geometry import Point, Polygon, box
+
+from regionik.planners.collision import (
+    Obstacles,
+    aabb_gaps,
+    capsule_distance,
+    obstacles_from,
+    separation,
+)
+from regionik.planners.convex import MOST_CORNERS, convex_pieces
+from regionik.worlds.arrays import Array
+from regionik.worlds.errors import InputError
+from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Solid, Sphere
+
+ELL = Polygon([(-0.4, -0.4), (0.4, -0.4), (0.4, 0.0), (0.0, 0.0), (0.0, 0.4), (-0.4, 0.4)])
+RING = Point(0, 0).buffer(0.4, quad_segs=8) - box(-0.2, -0.1, 0.2, 0.15)
+CUBE = (
+    np.array([[x, y, z] for x in (-0.1, 0.1) for y in (-0.2, 0.2) for z in (-0.3, 0.3)]),
+    np.array(
+        [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1]]
+        + [[2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]]
+    ),
+)
+SOLIDS: dict[str, Solid] = {
+    "box": Box("box", np.array([0.2, 0.4, 0.6]), np.zeros(3)),
+    "turned box": Box("turned box", np.array([0.5, 0.02, 0.3]), np.array([0.1, -0.1, 0.05]), 0.7),
+    "cylinder": Cylinder("cylinder", 0.1, 0.6, np.array([0.02, 0.0, 0.1])),
+    "plate": Cylinder("plate", 0.3, 0.02, np.zeros(3)),
+    "ball": Sphere("ball", 0.2, np.array([0.1, 0.0, 0.0])),
+    "prism": Prism("prism", Polygon([(-0.2, -0.1), (0.3, -0.2), (0.1, 0.3)]), -0.3, 0.1),
+    "ell": Prism("ell", ELL, -0.1, 0.1),
+    "ring": Prism("ring", RING, -0.2, 0.2),
+    "mesh": Mesh("mesh", *CUBE),
+}
+# Lengths that put segments on faces, edges, corners and at a radius from them.
+NASTY = np.array([-0.4, -0.335, -0.3, -0.235, -0.2, -0.135, -0.1, 0, 0.1, 0.135, 0.2, 0.235, 0.3, 0.335, 0.4])
+
+
+def axis_distance(solid: Solid, a: Array, b: Array, count: int = 60) -> float:
+    """Least distance of points on the segment: samples, then a search between the best of them."""
+
+    def at(t: float) -> float:
+        return solid.distance(a + t * (b - a))
+
+    t = np.linspace(0, 1, count + 1)
+    values = np.array([at(s) for s in t])
+    best = float(values.min())
+    for k in np.argsort(values)[:3]:
+        bounds = (t[max(k - 1, 0)], t[min(k + 1, count)])
+        best = min(best, minimize_scalar(at, bounds=bounds, method="bounded", options={"xatol": 1e-12}).fun)
+    return best
+
+
+def segments(count: int, seed: int) -> list[tuple[Array, Array]]:
+    """Segments anywhere, and degenerate ones."""
+    rng = np.random.default_rng(seed)
+    found = []
+    for k in range(count):
+        if k % 2:
+            a = rng.uniform(-0.6, 0.6, 3)
+            found.append((a, a + rng.uniform(-0.3, 0.3, 3)))
+            continue
+        a = rng.choice(NASTY, 3)
+        b = a.copy() if k % 4 else rng.choice(NASTY, 3)
+        if k % 8 == 2:
+            b[rng.integers(3)] += 0.155
+        if k % 6 == 0:
+            a = a + rng.normal(size=3) * 10.0 ** rng.integers(-16, -6)
+        found.append((a, b))
+    return found
+
+
+@pytest.mark.parametrize("name", SOLIDS)
+def test_distance_agrees_with_points_of_the_axis(name: str) -> None:
+    solid = SOLIDS[name]
+    obstacles = obstacles_from([solid])
+    for a, b in segments(150, seed=len(name)):
+        near = capsule_distance(obstacles, a, b, 0.035)
+        expected = axis_distance(solid, a, b)
+        if expected > 1e-7:
+            assert near.distance == pytest.approx(expected - 0.035, abs=1e-6)
+        elif expected < -1e-7:
+            assert near.distance < -0.035 + 1e-9
+        else:
+            assert near.distance < -0.035 + 1e-6
+
+
+@pytest.mark.parametrize("name", SOLIDS)
+def test_witnesses_lie_on_both_surfaces(name: str) -> None:
+    solid = SOLIDS[name]
+    obstacles = obstacles_from([solid])
+    for a, b in segments(100, seed=3):
+        near = capsule_distance(obstacles, a, b, 0.035)
+        if near.distance < -0.035 + 1e-6:
+            continue
+        assert near.solid == 0
+        assert abs(solid.distance(near.on_solid)) < 1e-6
+        square = max(float((b - a) @ (b - a)), 1e-12)
+        t = np.clip((near.on_link - a) @ (b - a) / square, 0, 1)
+        assert np.linalg.norm(near.on_link - a - t * (b - a)) == pytest.approx(0.035, abs=1e-6)
+        assert np.linalg.norm(near.on_link - near.on_solid) == pytest.approx(abs(near.distance), abs=1e-6)
+
+
+@pytest.mark.parametrize("name", ["box", "turned box", "cylinder", "plate", "ball", "prism"])
+def test_the_way_out_frees_the_link_and_none_is_much_shorter(name: str) -> None:
+    obstacles = obstacles_from([SOLIDS[name]])
+    rng = np.random.default_rng(7)
+    directions = rng.normal(size=(200, 3))
+    directions /= np.linalg.norm(directions, axis=1)[:, None]
+    seen = 0
+    for a, b in segments(200, seed=11):
+        near = separation(obstacles.pieces[0], a, b)
+        if near.distance >= -1e-6:
+            continue
+        seen += 1
+        depth = -near.distance
+        freed = (depth + 1e-7) * near.normal
+        assert separation(obstacles.pieces[0], a + freed, b + freed).distance > 0
+        short = 0.98 * depth
+        for way in directions[:20]:
+            moved = separation(obstacles.pieces[0], a + short * way, b + short * way)
+            assert moved.distance < 1e-9
+    assert seen >= 8
+
+
+def test_distance_from_a_ball_in_closed_form() -> None:
+    obstacles = obstacles_from([Sphere("ball", 0.2, np.array([1.0, 0.0, 0.0]))])
+    near = capsule_distance(obstacles, [0, -1, 0], [0, 1, 0], 0.05)
+    assert near.distance == pytest.approx(0.75, abs=1e-12)
+    np.testing.assert_allclose(near.on_link, [0.05, 0, 0], atol=1e-12)
+    np.testing.assert_allclose(near.on_solid, [0.8, 0, 0], atol=1e-12)
+
+
+def test_the_nearest_of_many_and_only_some() -> None:
+    solids = [Sphere(f"ball {k}", 0.1, np.array([k, 0.0, 0.0])) for k in range(1, 20)]
+    obstacles = obstacles_from(solids)
+    near = capsule_distance(obstacles, [0, 0, 0], [0, 0, 1], 0.05)
+    assert near.solid == 0
+    assert near.distance == pytest.approx(0.85)
+    far = capsule_distance(obstacles, [0, 0, 0], [0, 0, 1], 0.05, only=[7, 4])
+    assert far.solid == 4
+    assert far.distance == pytest.approx(4.85)
+
+
+def test_no_solids_is_infinitely_far() -> None:
+    for obstacles, only in ((obstacles_from([]), None), (obstacles_from([SOLIDS["box"]]), [])):
+        near = capsule_distance(obstacles, [0, 0, 0], [0, 0, 1], 0.05, only=only)
+        assert (near.distance, near.solid) == (np.inf, -1)
+
+
+@pytest.mark.parametrize("number", [np.nan, np.inf, -np.inf])
+def test_numbers_that_are_not_finite_are_refused(number: float) -> None:
+    obstacles = obstacles_from([SOLIDS["box"]])
+    for start, end, radius in (
+        ([number, 0, 0], [1, 0, 0], 0.1),
+        ([0, 0, 0], [1, number, 0], 0.1),
+        ([0, 0, 0], [1, 0, 0], number),
+    ):
+        with pytest.raises(InputError, match="finite"):
+            capsule_distance(obstacles, start, end, radius)
+
+
+def test_numbers_that_are_not_finite_do_not_reach_the_engine() -> None:
+    piece = obstacles_from([SOLIDS["mesh"]]).pieces[0]
+    with pytest.raises(InputError, match="finite"):
+        separation(piece, np.array([np.nan, 0, 0]), np.zeros(3))
+
+
+@pytest.mark.parametrize("name", ["box", "mesh"])
+def test_a_link_that_lies_in_a_face_touches(name: str) -> None:
+    obstacles = obstacles_from([SOLIDS[name]])
+    for a, b in (([0.1, 0.05, -0.1], [0.1, 0.1, -0.12]), ([0.0, -0.15, 0.3], [0.05, -0.1, 0.3])):
+        assert capsule_distance(obstacles, a, b, 0.035).distance == pytest.approx(-0.035, abs=2e-9)
+
+
+def test_a_mesh_that_swallows_the_link_is_touched() -> None:
+    vertices, faces = CUBE
+    obstacles = obstacles_from([Mesh("mesh", vertices * 10, faces)])
+    near = capsule_distance(obstacles, [0, 0, 0], [0.1, 0.1, 0.1], 0.035)
+    assert near.distance == pytest.approx(-0.9 - 0.035)
+
+
+def test_a_mesh_of_many_triangles() -> None:
+    rng = np.random.default_rng(0)
+    vertices = rng.normal(size=(600, 3))
+    vertices /= np.linalg.norm(vertices, axis=1)[:, None]
+    mesh = Mesh("ball", vertices, ConvexHull(vertices).simplices)
+    obstacles = obstacles_from([mesh])
+    for a, b in segments(40, seed=5):
+        a, b = a + [0.9, 0.9, 0.0], b + [0.9, 0.9, 0.0]
+        expected = axis_distance(mesh, a, b, 20)
+        if expected > 0:
+            assert capsule_distance(obstacles, a, b, 0.01).distance == pytest.approx(
+                expected - 0.01, abs=1e-6
+            )
+
+
+def test_gaps_are_lower_bounds() -> None:
+    obstacles = obstacles_from(list(SOLIDS.values()))
+    pairs = segments(60, seed=2)
+    starts, ends = (np.array([p[k] for p in pairs]) + [0.5, 0, 0] for k in (0, 1))
+    gaps = aabb_gaps(obstacles, starts, ends, np.full(60, 0.035))
+    assert gaps.shape == (60, len(obstacles.pieces))
+    for n in range(60):
+        for m, piece in enumerate(obstacles.pieces):
+            true = separation(piece, starts[n], ends[n]).distance - 0.035
+            assert gaps[n, m] <= true + 1e-9
+    assert (gaps > 0).any()
+
+
+coordinate = st.integers(0, 12).map(lambda k: k * 0.05)
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.lists(st.tuples(coordinate, coordinate, coordinate, coordinate), min_size=1, max_size=8), st.booleans()
+)
+def test_convex_pieces_tile_the_polygon(rectangles: list[tuple[float, ...]], bite: bool) -> None:
+    shape = shapely.union_all([box(x, y, x + w + 0.05, y + h + 0.05) for x, y, w, h in rectangles])
+    if bite:
+        shape = shape - Point(0.4, 0.4).buffer(0.13)
+    for polygon in shapely.get_parts(shape):
+        pieces = [Polygon(corners) for corners in convex_pieces(polygon)]
+        assert all(
+            piece.exterior.is_ccw and len(piece.exterior.coords) <= MOST_CORNERS + 1 for piece in pieces
+        )
+        assert sum(piece.area for piece in pieces) == pytest.approx(polygon.area, abs=1e-10)
+        assert shapely.union_all(pieces).symmetric_difference(polygon).area < 1e-10
+
+
+def test_rectangles_of_a_map_become_few_pieces() -> None:
+    assert len(obstacles_from([SOLIDS["ell"]]).pieces) <= 3
+    stairs = shapely.union_all([box(0, k, 20 - k, k + 1) for k in range(20)])
+    assert len(convex_pieces(stairs)) <= 30  # 38 triangles
+
+
+def test_pieces_know_their_solid() -> None:
+    obstacles: Obstacles = obstacles_from(list(SOLIDS.values()))
+    assert sorted(set(obstacles.owner.tolist())) == list(range(len(SOLIDS)))
+    for k, solid in enumerate(SOLIDS.values()):
+        mine = obstacles.owner == k
+        low, high = solid.z_range
+        assert obstacles.low[mine, 2].min() == pytest.approx(low)
+        assert obstacles.high[mine, 2].max() == pytest.approx(high)
