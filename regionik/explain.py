@@ -18,7 +18,9 @@ from regionik.worlds.planar import planar_arm
 from regionik.worlds.scene import Target, World
 
 
-def unreachable(world: World, i: int, targets: Sequence[Target] | None = None) -> Explanation:
+def unreachable(
+    world: World, i: int, targets: Sequence[Target] | None = None, others: int = 0
+) -> Explanation:
     """Why the area of set-point i is empty.
 
     Parameters
@@ -28,6 +30,8 @@ def unreachable(world: World, i: int, targets: Sequence[Target] | None = None) -
         Counts from 0.
     targets : sequence of Target, optional
         The world's task by default.
+    others : int
+        How many more set-points have empty areas.
     """
     every = world.task if targets is None else targets
     target = every[i]
@@ -41,6 +45,8 @@ def unreachable(world: World, i: int, targets: Sequence[Target] | None = None) -
         reason, causes, repairs = _crowded_out(world, who, taken, open_clearance)
     if not proven:
         reason += " This is not proven: the outer area is not empty, so a place may hide in the gap."
+    if others:
+        reason += f" {others} more set-point{'s have' if others > 1 else ' has'} no place for the base either."
     return Explanation("unreachable", i, reason, causes, repairs)
 
 
@@ -93,7 +99,7 @@ def _crowded_out(
     )
     causes = tuple(Cause("obstacle", name, missing) for name in names)
     repair = Repair(
-        "clearance", "rules.clearance", open_clearance, f"lower the clearance to {open_clearance:.3f} m"
+        "clearance", "rules.clearance", open_clearance, f"a clearance of {open_clearance:.3f} m lets it be reached"
     )
     return reason, causes, (repair,)
 

@@ -113,7 +113,7 @@ def prune_path(world: World, facings: tuple[int, ...]) -> tuple[PathAreas, Prune
     rungs = ladder.rungs()
     empty = np.flatnonzero(np.diff(rungs) == 0)
     if len(empty):
-        raise NoPlanFound(explain.unreachable(world, int(empty[0])))
+        raise NoPlanFound(explain.unreachable(world, int(empty[0]), others=len(empty) - 1))
     pruned = min(
         (prune(ladder, ladder.floor == piece) for piece in _start_pieces(world, ladder)),
         key=lambda found: (_first_gap(found) is not None, len(found.breaks)),

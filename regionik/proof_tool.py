@@ -68,7 +68,7 @@ class _OnPath:
 
 
 def _on_path(world: World, journey: Journey) -> _OnPath:
-    """What binds the tool: all but transits. Before the first set-point and past the last it holds that one."""
+    """What binds the tool: all but transits. Before the first set-point and past the last it holds one."""
     motion = journey.motion
     n, last = len(motion), len(world.task) - 1
     is_setpoint = motion.kind == "setpoint"

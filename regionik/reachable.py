@@ -59,7 +59,7 @@ def families(world: World, target: Target, facings: Sequence[int], *, inner: boo
     if inner:
         # cos(cone) = cos^2(pitch) cos(swing) + sin^2(pitch)
         swing = np.cos(cone) - z * z
-        half = np.pi if swing <= -flat * flat else float(np.arccos(swing / flat**2))
+        half = np.pi if swing <= -flat * flat else max(0.0, float(np.arccos(swing / flat**2)) - GUARD)
         spread = 0.0
     else:
         # The widest swing of the cone's edge, unless the cone holds the vertical.

@@ -18,6 +18,7 @@ import pytest
 
 from regionik import __version__, cli, console
 from regionik.worlds.errors import EngineError
+from tests.nasty import NASTY, Nasty
 
 HEAVY = ("fcl", "meshcat", "numba", "numpy", "ompl", "pydantic_core", "rich", "scipy", "shapely", "yaml")
 LIGHT = ("pydantic_core", "rich")  # typer itself may bring these
@@ -174,6 +175,21 @@ def test_wrong_input_is_one_line(
     assert len(done.err.splitlines()) == 1
     assert word in done.err
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("nasty", NASTY, ids=lambda nasty: nasty.name)
+def test_broken_world_file_is_one_line(run: Run, nasty: Nasty, tmp_path: Path) -> None:
+    world = tmp_path / f"world{nasty.suffix}"
+    world.write_text(nasty.text)
+    for command in (
+        ["plan", world, "-o", tmp_path / "plan.json", "--json"],
+        ["reach", world],
+        ["show", world],
+    ):
+        done = run(*command)
+        assert (done.code, done.out, len(done.err.splitlines())) == (2, "", 1), done.err
+        assert all(words in done.err for words in nasty.expected), done.err
+    assert list(tmp_path.iterdir()) == [world]
 
 
 @pytest.mark.parametrize("content", ["", "{", "[]", "{}", '{"version": 1}', "[" * 5000, "\x00", "nan"])
