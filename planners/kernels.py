@@ -199,11 +199,14 @@ def reach_intervals(
     centers: Array,
     radii: Array,
     z: float,
+    front: bool,
+    back: bool,
     out: Array,
 ) -> int:
     """Intervals of r that the tool can reach at height z; returns their number, fills ``out`` (k, 2).
 
-    ``centers`` and ``radii`` are the circles on which the reach can begin or end.
+    ``centers`` and ``radii`` are the circles on which the reach can begin or end; ``front`` and ``back`` say
+    which side of r = 0 to look at.
     """
     breaks = np.empty(2 * len(radii) + 1)
     n = 0
@@ -224,7 +227,7 @@ def reach_intervals(
     open_end = np.nan
     for k in range(n - 1):
         a, b = ordered[k], ordered[k + 1]
-        if b - a < 1e-9:
+        if b - a < 1e-9 or (a >= 0.0 and not front) or (b <= 0.0 and not back):
             continue
         if reaches(shoulder_r, shoulder_z, lengths, lower, upper, pitch_low, pitch_high, 0.5 * (a + b), z):
             if count > 0 and a - open_end < 1e-9 and a != 0.0:

@@ -73,7 +73,13 @@ def _pitched_circles(
 
 
 def reach_intervals(
-    arm: PlanarArm, shoulder_z: float, heights: Array, pitches: tuple[float, float] = FREE
+    arm: PlanarArm,
+    shoulder_z: float,
+    heights: Array,
+    pitches: tuple[float, float] = FREE,
+    *,
+    front: bool = True,
+    back: bool = True,
 ) -> list[Array]:
     """Intervals of signed r within reach, for every height.
 
@@ -86,6 +92,8 @@ def reach_intervals(
         Tool heights above the floor [m].
     pitches : (low, high)
         Angles that the last link may take in the plane [rad]; equal where it is fixed.
+    front, back : bool
+        Which of r > 0 and r < 0 to look at.
 
     Returns
     -------
@@ -98,9 +106,8 @@ def reach_intervals(
     out = np.empty((_MOST_INTERVALS, 2))
     found = []
     shoulder_r = float(arm.shoulder[0])
+    limits = arm.lengths, arm.lower, arm.upper, *pitches
     for z in distinct.tolist():
-        n = kernels.reach_intervals(
-            shoulder_r, shoulder_z, arm.lengths, arm.lower, arm.upper, *pitches, centers, radii, z, out
-        )
+        n = kernels.reach_intervals(shoulder_r, shoulder_z, *limits, centers, radii, z, front, back, out)
         found.append(out[:n].copy())
     return [found[k] for k in where]

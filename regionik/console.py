@@ -159,7 +159,8 @@ def _count(number: int, what: str) -> str:
 
 
 def _margins(margins: Mapping[str, float]) -> str:
-    return ", ".join(f"{name} {value:.4g}" for name, value in margins.items())
+    unit = dict.fromkeys(("direction", "joints"), "rad")
+    return ", ".join(f"{name} {value:.4f} {unit.get(name, 'm')}" for name, value in margins.items())
 
 
 def print_worlds(rows: Iterable[tuple[str, str]]) -> None:

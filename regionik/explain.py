@@ -46,7 +46,8 @@ def unreachable(
     if not proven:
         reason += " This is not proven: the outer area is not empty, so a place may hide in the gap."
     if others:
-        reason += f" {others} more set-point{'s have' if others > 1 else ' has'} no place for the base either."
+        have = "set-points have" if others > 1 else "set-point has"
+        reason += f" {others} more {have} no place for the base either."
     return Explanation("unreachable", i, reason, causes, repairs)
 
 
@@ -98,9 +99,8 @@ def _crowded_out(
         f"The most clearance that leaves a place is {open_clearance:.3f} m, {missing:.3f} m less."
     )
     causes = tuple(Cause("obstacle", name, missing) for name in names)
-    repair = Repair(
-        "clearance", "rules.clearance", open_clearance, f"a clearance of {open_clearance:.3f} m lets it be reached"
-    )
+    text = f"a clearance of {open_clearance:.3f} m lets it be reached"
+    repair = Repair("clearance", "rules.clearance", open_clearance, text)
     return reason, causes, (repair,)
 
 
@@ -140,8 +140,8 @@ def too_many_lifts(world: World, breaks: Sequence[int], bridges: Sequence[BaseGe
     names = _join(blockers) if blockers else "the arm's reach"
     reason = (
         f"The path breaks between set-points {i} and {i + 1} of {len(world.task)}: no place of the base "
-        f"serves both, {bridge.length:.3f} m apart at the nearest, because of {names}; the tool would have to be "
-        f"lifted here, lift-off {allowed + 1} of {len(breaks)} in all, and the rules allow {allowed}."
+        f"serves both, {bridge.length:.3f} m apart at the nearest, because of {names}; the tool would have "
+        f"to be lifted here, lift-off {allowed + 1} of {len(breaks)} in all, and the rules allow {allowed}."
     )
     causes = tuple(Cause("obstacle", name, float(bridge.length)) for name in blockers)
     repair = Repair("lift-off", f"set-point {i + 1}", 1.0, f"allow a lift-off before set-point {i + 1}")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import shapely
@@ -73,7 +74,7 @@ def plan(world: World, *, seed: int = 0, progress: Progress | None = None) -> Pl
     report = verify(found)
     if not report.ok:
         raise NoPlanFound(explain.invalid_plan(world, report.violations))
-    return found
+    return replace(found, stats={**found.stats, "margins": report.margins})
 
 
 def check(world: World) -> None:

@@ -22,6 +22,7 @@ from regionik.worlds.scene import World
 
 TOUCH = 1e-6  # [m]
 SHORTEST = 1e-4  # motion of a link over half a part below which its halves are not looked at [m]
+LOOK = 0.05  # how far beyond the clearance distances at states are measured for the margin [m]
 ROWS = 1_000_000  # pairs of links and pieces whose boxes are compared together
 
 
@@ -149,7 +150,7 @@ class _Arm:
     def check(self) -> Finding:
         motion = self.journey.motion
         ends, tools = self.links.place(self.journey.robot.frames(motion.base, motion.joints))
-        still = self._close(ends, np.zeros(ends.shape[:2]))
+        still = self._close(ends, np.full(ends.shape[:2], LOOK))
         gap = self._gaps(ends[still.row, still.capsule], still)
         bulge = np.zeros(len(gap))
         exempt = self._exempt(still, tools[still.row][:, None], bulge)[1]
@@ -164,7 +165,7 @@ class _Arm:
         outcome = prove(len(hops.row), lambda parts: self._look(hops, parts))
         told = [self._tell(key, self.words.state(key[0]), g) for key, g in violations.items()]
         told += self._untold(hops, {**outcome.stuck, **outcome.failed})
-        return finding("arm", float(gap[~exempt].min(initial=np.inf)) - self.limit, told)
+        return finding("arm", min(LOOK, float(gap[~exempt].min(initial=np.inf)) - self.limit), told)
 
     def _close(self, points: Array, bulge: Array) -> _Pairs:
         """Pairs whose boxes come within the clearance; points (n, capsules, k, 3), bulge (n, capsules)."""

@@ -16,6 +16,7 @@ from regionik.worlds.scene import World
 
 EXACT = 1e-9  # where the floor swept by a hop is known exactly [m]
 TURNING = 1e-6  # where the footprint turns on the way [m]
+OVERLAP = 4e-6  # that shapes must have in common to be told from shapes that touch [m]
 SHORTEST = 1e-4  # motion of the footprint over half a part below which its halves are not looked at [m]
 
 Shapes = NDArray[np.object_]
@@ -76,9 +77,8 @@ def floor(world: World, journey: Journey, words: Words) -> Finding:
         shapely.prepare(shape)
     standing = sweep.footprints(journey.motion.base)
     inside = shapely.covers(roomy[EXACT], standing)
-    violations = [
-        _off_floor(words, k, words.state(k), standing[k], ground) for k in np.flatnonzero(~inside).tolist()
-    ]
+    off = np.flatnonzero(~inside).tolist()
+    violations = [_off_floor(words, k, words.state(k), standing[k], ground) for k in off]
     hops = np.flatnonzero(inside[:-1] & inside[1:])
     exact = sweep.exact
 
@@ -121,72 +121,86 @@ def clearance(world: World, journey: Journey, words: Words) -> Finding:
     known = [(name, shadow) for name, shadow in shadows if shadow is not None and not shadow.core.is_empty]
     if not known:
         return finding("clearance", np.inf, [])
-    names = [name for name, _ in known]
     cores: Shapes = np.array([shadow.core for _, shadow in known], dtype=object)
-    radii = np.array([shadow.radius for _, shadow in known])
     shapely.prepare(cores)
-    sweep, limit = _Sweep(journey), world.rules.clearance
-    exact = sweep.exact
+    names = tuple(name for name, _ in known)
+    radii = np.array([shadow.radius for _, shadow in known])
+    return _Clearance(_Sweep(journey), words, world.rules.clearance, names, cores, radii).check()
 
-    def gaps(shapes: Shapes, which: Indices) -> Array:
-        gap: Array = shapely.distance(shapes, cores[which]) - radii[which]
+
+@dataclass(frozen=True, eq=False)
+class _Clearance:
+    sweep: _Sweep
+    words: Words
+    limit: float
+    names: tuple[str, ...]
+    cores: Shapes
+    radii: Array
+
+    def check(self) -> Finding:
+        journey, exact = self.sweep.journey, self.sweep.exact
+        standing = self.sweep.footprints(journey.motion.base)
+        state, which = self._near(standing, 0.0)
+        gap = self._gaps(standing[state], which)
+        bad = gap < self.limit - EXACT
+        rows = list(zip(state[bad].tolist(), which[bad].tolist(), gap[bad].tolist(), strict=True))
+        told = [self._tell(k, self.words.state(k), w, g) for k, w, g in rows]
+        hit = {(k + d, w) for k, w, _ in rows for d in (0, -1)}
+        every = np.arange(journey.hops)
+        hull, bulge = self.sweep.swept(every, np.zeros(journey.hops), np.ones(journey.hops))
+        hop, which = self._near(hull, bulge)
+        pairs = zip(hop.tolist(), which.tolist(), strict=True)
+        fresh = np.array([pair not in hit for pair in pairs], dtype=bool)
+        hop, which = hop[fresh], which[fresh]
+        outcome = prove(len(hop), lambda parts: self._look(hop, which, parts))
+        for item, s in {**outcome.failed, **outcome.stuck}.items():
+            k, w = hop[item : item + 1], which[item : item + 1]
+            shape = hull[k] if exact[k[0]] else self.sweep.footprints(journey.base(k, np.array([s])))
+            told.append(
+                self._tell(int(k[0]), self.words.hop(int(k[0])), int(w[0]), float(self._gaps(shape, w)[0]))
+            )
+        return finding("clearance", self._least(np.concatenate([standing, hull[exact]])) - self.limit, told)
+
+    def _look(self, hop: Indices, which: Indices, parts: Parts) -> Verdicts:
+        h, w = hop[parts.item], which[parts.item]
+        hull, bulge = self.sweep.swept(h, parts.low, parts.high)
+        exact = self.sweep.exact[h]
+        proven = self._gaps(hull, w) - np.where(exact, -EXACT, bulge - TURNING) >= self.limit
+        middle = self._gaps(self.sweep.footprints(self.sweep.journey.base(h, parts.middle)), w)
+        failed = np.where(exact, ~proven, middle < self.limit - TURNING)
+        return Verdicts(proven, failed, self.sweep.moved(h, parts.high - parts.low) + 100 * bulge < SHORTEST)
+
+    def _gaps(self, shapes: Shapes, which: Indices) -> Array:
+        gap: Array = _distances(shapes, self.cores[which]) - self.radii[which]
         return gap
 
-    def tell(state: int, where: str, which: int, gap: float) -> Violation:
-        how = "comes within" if gap < limit else "is not proven to stay outside"
-        text = f"the base {how} {max(gap, 0.0):.4f} m of {names[which]} {where}; the clearance is {limit:g} m"
-        return Violation("clearance", state, words.owner(state), max(0.0, limit - gap), text)
+    def _near(self, shapes: Shapes, bulge: Array | float) -> tuple[Indices, Indices]:
+        """Pairs of shapes and shadows that may be closer than the clearance."""
+        within = self.limit + self.radii.max() + bulge
+        shape, core = shapely.STRtree(self.cores).query(shapes, predicate="dwithin", distance=within)
+        order = np.lexsort((core, shape))
+        return shape[order], core[order]
 
-    standing = sweep.footprints(journey.motion.base)
-    state, which = _near(cores, standing, limit + radii.max())
-    gap = gaps(standing[state], which)
-    bad = gap < limit - EXACT
-    violations = [
-        tell(int(k), words.state(int(k)), int(w), float(g))
-        for k, w, g in zip(state[bad], which[bad], gap[bad], strict=True)
-    ]
-    known_bad = {
-        (k + d, w) for k, w in zip(state[bad].tolist(), which[bad].tolist(), strict=True) for d in (0, -1)
-    }
-    every = np.arange(journey.hops)
-    hull, bulge = sweep.swept(every, np.zeros(journey.hops), np.ones(journey.hops))
-    hop, which = _near(cores, hull, limit + radii.max() + bulge)
-    fresh = np.array(
-        [pair not in known_bad for pair in zip(hop.tolist(), which.tolist(), strict=True)], dtype=bool
-    )
-    hop, which = hop[fresh], which[fresh]
+    def _least(self, shapes: Shapes) -> float:
+        """Least distance of any shape from any shadow."""
+        found = []
+        for radius in np.unique(self.radii):
+            tree = shapely.STRtree(self.cores[self.radii == radius])
+            _, distance = tree.query_nearest(shapes, return_distance=True, all_matches=False)
+            found.append(float(distance.min()) - float(radius))
+        return min(found)
 
-    def look(parts: Parts) -> Verdicts:
-        h, w = hop[parts.item], which[parts.item]
-        hulls, out = sweep.swept(h, parts.low, parts.high)
-        swept = gaps(hulls, w)
-        proven = swept - np.where(exact[h], 0.0, out) >= limit - np.where(exact[h], EXACT, TURNING)
-        middle = gaps(sweep.footprints(journey.base(h, parts.middle)), w)
-        failed = np.where(exact[h], ~proven, middle < limit - TURNING)
-        return Verdicts(proven, failed, sweep.moved(h, parts.high - parts.low) + 100 * out < SHORTEST)
-
-    outcome = prove(len(hop), look)
-    for item, s in {**outcome.failed, **outcome.stuck}.items():
-        k = hop[item : item + 1]
-        shape = hull[k] if exact[k[0]] else sweep.footprints(journey.base(k, np.array([s])))
-        g = float(gaps(shape, which[item : item + 1])[0])
-        violations.append(tell(int(k[0]), words.hop(int(k[0])), int(which[item]), g))
-    shapes = np.concatenate([standing, hull[exact]])
-    return finding("clearance", _least(cores, radii, shapes) - limit, violations)
+    def _tell(self, state: int, where: str, which: int, gap: float) -> Violation:
+        how = "comes within" if gap < self.limit else "is not proven to stay outside"
+        near = f"the base {how} {max(gap, 0.0):.4f} m of {self.names[which]} {where}"
+        text = f"{near}; the clearance is {self.limit:g} m"
+        return Violation("clearance", state, self.words.owner(state), max(0.0, self.limit - gap), text)
 
 
-def _near(cores: Shapes, shapes: Shapes, within: Array | float) -> tuple[Indices, Indices]:
-    """Pairs of shapes and cores that may be within a distance."""
-    shape, core = shapely.STRtree(cores).query(shapes, predicate="dwithin", distance=within)
-    order = np.lexsort((core, shape))
-    return shape[order], core[order]
-
-
-def _least(cores: Shapes, radii: Array, shapes: Shapes) -> float:
-    """Least distance of any shape from any shadow."""
-    found = []
-    for radius in np.unique(radii):
-        tree = shapely.STRtree(cores[radii == radius])
-        _, distance = tree.query_nearest(shapes, return_distance=True, all_matches=False)
-        found.append(float(distance.min()) - float(radius))
-    return min(found)
+def _distances(shapes: Shapes, cores: Shapes) -> Array:
+    """Distances, below 0 where shapes overlap by more than a touch, though not by how much."""
+    distance: Array = shapely.distance(shapes, cores)
+    met = distance <= 0
+    inner = shapely.distance(shapes[met], shapely.buffer(cores[met], -OVERLAP, join_style="mitre")) - OVERLAP
+    distance[met] = np.minimum(np.where(np.isnan(inner), -OVERLAP, inner), 0.0)
+    return distance

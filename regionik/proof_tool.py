@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from regionik.findings import Finding, Words, finding
 from regionik.journey import Indices, Journey, Parts, Verdicts, prove, sag
+from regionik.on_path import on_path
 from regionik.plan import Violation
+from regionik.proof_axis import angle_between
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import Target, World
 
@@ -47,7 +47,7 @@ def setpoints(world: World, journey: Journey, words: Words) -> Finding:
 def _deviations(target: Target, R: Array) -> list[tuple[str, float]]:
     found = []
     if target.direction is not None:
-        found.append(("axis", float(_angle(R[:, 2], target.direction))))
+        found.append(("axis", float(angle_between(R[:, 2], target.direction))))
     if target.orientation is not None:
         between = target.orientation.T @ R
         twist = np.array(
@@ -57,38 +57,11 @@ def _deviations(target: Target, R: Array) -> list[tuple[str, float]]:
     return found
 
 
-@dataclass(frozen=True, eq=False)
-class _OnPath:
-    """States and hops on which the tool must be on the path, and the two set-points it is between."""
-
-    state: Indices
-    state_ends: Indices  # (n, 2) set-points
-    hop: Indices
-    hop_ends: Indices  # (m, 2)
-
-
-def _on_path(world: World, journey: Journey) -> _OnPath:
-    """What binds the tool: all but transits. Before the first set-point and past the last it holds one."""
-    motion = journey.motion
-    n, last = len(motion), len(world.task) - 1
-    is_setpoint = motion.kind == "setpoint"
-    behind = np.maximum.accumulate(np.where(is_setpoint, np.arange(n), -1))
-    i = np.where(behind >= 0, motion.setpoint[behind], -1)
-    ends = np.column_stack([np.maximum(i, 0), np.minimum(i + 1, last)])
-    step = np.flatnonzero(motion.kind == "step")
-    on = motion.kind != "transit"
-    hop = np.flatnonzero(on[:-1] & on[1:])
-    # A hop between set-points that are not neighbours is out of order already: nothing to measure it by.
-    arrives = np.where(is_setpoint[hop + 1], motion.setpoint[hop + 1], ends[hop, 1])
-    follows = (arrives == ends[hop, 1]) & (i[hop] >= np.where(is_setpoint[hop], 0, -1))
-    return _OnPath(step, ends[step], hop[follows], ends[hop[follows]])
-
-
 def path(world: World, journey: Journey, words: Words) -> Finding:
     """Tool within ``path_tolerance`` of the segment between two set-points, wherever it is not lifted."""
     limit = world.rules.path_tolerance
     spots = np.array([target.position for target in world.task])
-    on = _on_path(world, journey)
+    on = on_path(len(world.task), journey)
 
     def stray(points: Array, ends: Indices) -> Array:
         return _from_segment(points, spots[ends[:, 0]], spots[ends[:, 1]])
@@ -121,11 +94,13 @@ def path(world: World, journey: Journey, words: Words) -> Finding:
 
     outcome = prove(len(hop), look)
     for item, s in {**outcome.failed, **outcome.stuck}.items():
-        k = hop[item : item + 1]
-        point = journey.frames(k, np.array([s]))[:, -1, :3, 3]
-        o = float(stray(point, ends[item : item + 1])[0])
+        k, e = np.repeat(hop[item], 3), np.repeat(ends[item : item + 1], 3, axis=0)
+        points = journey.frames(k, np.array([0.0, s, 1.0]))[:, -1, :3, 3]
+        o = float(stray(points, e).max())
         violations.append(_off_path(words, int(k[0]), words.hop(int(k[0])), o, limit))
-    return finding("path", limit - off.max(initial=0.0) if len(on.hop) else np.inf, violations)
+    halfway = journey.frames(on.hop, np.full(len(on.hop), 0.5))[:, -1, :3, 3]
+    seen = np.concatenate([off, stray(halfway, on.hop_ends)])
+    return finding("path", limit - float(seen.max()) if len(seen) else np.inf, violations)
 
 
 def _off_path(words: Words, state: int, where: str, off: float, limit: float) -> Violation:
@@ -135,61 +110,6 @@ def _off_path(words: Words, state: int, where: str, off: float, limit: float) ->
         proof = f"the tool is not proven to stay on the path {where}"
         text = f"{proof}: {off:.6f} m off, the rules allow {limit:g} m"
     return Violation("path", int(state), words.owner(int(state)), max(0.0, float(off - limit)), text)
-
-
-def direction(world: World, journey: Journey, words: Words) -> Finding:
-    """Tool axis within the cone along the path, where both set-points ask for a direction.
-
-    Between two directions the axis may turn along the arc from one to the other.
-    """
-    has = np.array([target.direction is not None for target in world.task])
-    axes = np.array([np.zeros(3) if target.direction is None else target.direction for target in world.task])
-    cones = np.array([target.cone for target in world.task])
-    on = _on_path(world, journey)
-    asked = has[on.hop_ends].all(1)
-    hop, ends = on.hop[asked], on.hop_ends[asked]
-    cone = cones[ends].max(1)
-    least = [np.inf]
-
-    def look(parts: Parts) -> Verdicts:
-        h, e, c = hop[parts.item], ends[parts.item], cone[parts.item]
-        low, middle, high = (
-            journey.frames(h, s)[:, -1, :3, 2] for s in (parts.low, parts.middle, parts.high)
-        )
-        swing = np.minimum(sag(journey.swing[h], parts.high - parts.low), 1.0)
-        # Directions within a narrow cone round the arc's nearest direction are convex as points of a cone.
-        core = _nearest_on_arc(middle, axes[e[:, 0]], axes[e[:, 1]])
-        worst = np.maximum(_angle(low, core), _angle(high, core))
-        centre = np.maximum.reduce([_off_arc(u, axes[e[:, 0]], axes[e[:, 1]]) for u in (low, middle, high)])
-        least.append(float((c - centre).min(initial=np.inf)))
-        bound = worst + np.arcsin(swing)
-        moved = np.maximum(_angle(low, middle), _angle(high, middle))
-        narrow = bound < np.pi / 2
-        wide = (
-            _angle(middle, core) + moved + np.arcsin(swing) <= c + BETWEEN
-        )  # cones wider than a right angle
-        return Verdicts(
-            ((bound <= c + BETWEEN) & narrow) | wide | (c >= np.pi - EXACT),
-            centre > c + BETWEEN,
-            moved + 100 * swing < SHORTEST,
-        )
-
-    outcome = prove(len(hop), look)
-    violations = []
-    for item, s in {**outcome.failed, **outcome.stuck}.items():
-        k, e = hop[item : item + 1], ends[item : item + 1]
-        axis = journey.frames(k, np.array([s]))[:, -1, :3, 2]
-        angle = float(_off_arc(axis, axes[e[:, 0]], axes[e[:, 1]])[0])
-        how = (
-            f"is {angle:.4f} rad off"
-            if item in outcome.failed
-            else f"is not proven to stay, {angle:.6f} rad off,"
-        )
-        text = f"the tool's axis {how} {words.hop(int(k[0]))}; the cone allows {cone[item]:g} rad"
-        violations.append(
-            Violation("direction", int(k[0]), words.owner(int(k[0])), max(0.0, angle - cone[item]), text)
-        )
-    return finding("direction", min(least), violations)
 
 
 def _length(vectors: Array) -> Array:
@@ -202,27 +122,3 @@ def _from_segment(points: Array, start: Array, end: Array) -> Array:
     square = np.maximum((along**2).sum(-1), 1e-300)
     t = np.clip(((points - start) * along).sum(-1) / square, 0.0, 1.0)
     return _length(points - start - t[:, None] * along)
-
-
-def _angle(u: Array, v: Array) -> Array:
-    """Angle between unit vectors, accurate near 0."""
-    angle: Array = np.arctan2(_length(np.cross(u, v)), (u * v).sum(-1))
-    return angle
-
-
-def _off_arc(u: Array, a: Array, b: Array) -> Array:
-    return _angle(u, _nearest_on_arc(u, a, b))
-
-
-def _nearest_on_arc(u: Array, a: Array, b: Array) -> Array:
-    """Nearest direction to u on the shorter arc from a to b."""
-    normal = np.cross(a, b)
-    square = (normal**2).sum(-1, keepdims=True)
-    flat = u - normal * (u * normal).sum(-1, keepdims=True) / np.maximum(square, 1e-300)
-    size = _length(flat)[:, None]
-    inner = flat / np.maximum(size, 1e-12)
-    between = ((np.cross(a, inner) * normal).sum(-1) >= 0) & ((np.cross(inner, b) * normal).sum(-1) >= 0)
-    usable = between & (square[:, 0] > 1e-18) & (size[:, 0] > 1e-9)
-    end = np.where((_angle(u, a) <= _angle(u, b))[:, None], a, b)
-    core: Array = np.where(usable[:, None], inner, end)
-    return core

@@ -84,7 +84,9 @@ def reach_rows(
     intervals: dict[tuple[int, tuple[float, float]], Array] = {}
     for pitches in sorted({family.pitches for kind in kinds for family in kind}):
         rows = [i for i, kind in enumerate(kinds) if any(family.pitches == pitches for family in kind)]
-        found = reach_intervals(arm, shoulder_z, heights[rows], pitches)
+        found = reach_intervals(
+            arm, shoulder_z, heights[rows], pitches, front=FRONT in facings, back=BACK in facings
+        )
         intervals |= {(i, pitches): one for i, one in zip(rows, found, strict=True)}
     table: list[tuple[int, Family, float, float]] = []
     for i, kind in enumerate(kinds):

@@ -202,11 +202,8 @@ def test_configurations_that_differ_from_the_states() -> None:
     wrong = replace(plan.setpoints[2], base=plan.setpoints[2].base + [0.01, 0, 0])
     plan = replace(plan, setpoints=(*plan.setpoints[:2], wrong, *plan.setpoints[3:]))
     assert only(verify(plan), "structure").setpoint == 2
-    assert (
-        "lists 4 set-points"
-        in only(verify(replace(plan, setpoints=plan.setpoints[:2] + plan.setpoints[3:])), "structure").text
-        or True
-    )
+    short = verify(replace(plan, setpoints=plan.setpoints[:2]))
+    assert "lists 2 set-points" in only(short, "structure").text
 
 
 def test_start_of_the_world() -> None:
@@ -506,7 +503,7 @@ def touching(*solids: Solid, out: float = 0.0, contact: float = 0.05) -> Report:
 
 
 def block(name: str, gap: float = 0.0) -> Box:
-    """A block whose side is ahead of the tool; its top and bottom leave room for nothing but the last link."""
+    """A block whose side is ahead of the tool, out of reach of the other links."""
     tip = youbot().tool(np.zeros(3), Q)[:3, 3]
     return Box(name, np.array([0.2, 0.6, 0.1]), np.array([tip[0] + 0.1 + gap, 0.0, tip[2]]))
 
@@ -543,7 +540,7 @@ def test_too_far_for_contact() -> None:
 
 
 def test_the_other_links_may_not_touch_the_work() -> None:
-    work = Box("work", np.array([0.4, 0.6, 0.06]), np.array([0.4, 0.0, 0.239]))
+    work = Box("work", np.array([0.4, 0.6, 0.12]), np.array([0.4, 0.0, 0.239]))
     found = of_kind(touching(work, contact=1.0), "arm")
     assert not any("link 5" in v.text for v in found)
 
@@ -661,15 +658,10 @@ def test_ok_is_never_contradicted_by_samples() -> None:
     """Nor is a violation told where samples find room."""
     rng = np.random.default_rng(5)
     told = {True: 0, False: 0}
-    for k in range(60):
+    for k in range(100):
         rows = [
-            (
-                rng.normal(scale=0.1, size=3),
-                Q + rng.normal(scale=0.3, size=5),
-                "setpoint" if j == 0 else "transit",
-                j - 1 if j > 1 else -j,
-            )
-            for j in range(2)
+            (rng.normal(scale=0.1, size=3), Q + rng.normal(scale=0.3, size=5), kind, i)
+            for kind, i in (("setpoint", 0), ("transit", -1))
         ]
         motion = motion_of(rows)
         rules = replace(RULES, step=9.0, tool_contact=0.0, arm_clearance=0.01)

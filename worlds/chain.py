@@ -160,9 +160,7 @@ def chain_from_dh(rows: Sequence[Sequence[float]], names: Sequence[str] | None =
     joints = []
     for k, row in enumerate(rows):
         if len(row) != 6:
-            raise InputError(
-                f"dh[{k}]: expected theta, d, a, alpha, lower, upper, got {len(row)} numbers"
-            )
+            raise InputError(f"dh[{k}]: expected theta, d, a, alpha, lower, upper, got {len(row)} numbers")
         theta, d, a, alpha, lower, upper = row
         name = names[k] if names is not None else f"joint_{k + 1}"
         joints.append(Joint(name, "revolute", lower, upper, fixed @ rot_z(theta)))

@@ -6,12 +6,8 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 Verdict = Literal["unreachable", "ladder-broken", "no-posture", "start-blocked", "plan-invalid"]
-CauseKind = Literal[
-    "obstacle", "reach", "limits", "clearance", "direction", "floor", "base", "path"
-]
-RepairKind = Literal[
-    "clearance", "move-target", "move-obstacle", "cone", "raise", "lift-off"
-]
+CauseKind = Literal["obstacle", "reach", "limits", "clearance", "direction", "floor", "base", "path"]
+RepairKind = Literal["clearance", "move-target", "move-obstacle", "cone", "raise", "lift-off"]
 
 
 @dataclass(frozen=True)
