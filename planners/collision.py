@@ -20,15 +20,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from regionik.planners.convex import convex_pieces
+from regionik.planners.pieces import UP, Piece, Separation, contains, from_ball, from_cylinder, way_out
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.errors import InputError
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Solid, Sphere
 
 _REQUEST = fcl.DistanceRequest(enable_nearest_points=True)
-_HALVINGS = 44  # of a segment of some metres: far below a nanometre
-_TOUCH = 1e-9  # [m]
-_UP = np.array([0.0, 0.0, 1.0])
-_ROUND = np.linspace(0.0, 2 * np.pi, 64, endpoint=False)
 
 
 class Near(NamedTuple):
@@ -38,36 +35,6 @@ class Near(NamedTuple):
     solid: int  # index into Obstacles.solids, -1 where there is none
     on_link: Array  # (3,) [m]
     on_solid: Array  # (3,) [m]
-
-
-class Separation(NamedTuple):
-    """A segment and a piece of a solid: distance, and the unit direction from the piece to the segment."""
-
-    distance: float  # [m], minus the way out along ``normal`` where they overlap
-    normal: Array  # (3,)
-    on_axis: Array  # (3,) [m]
-
-
-@dataclass(frozen=True, eq=False)
-class Piece:
-    """A convex part of a solid, or the surface of a mesh.
-
-    All points within ``disc`` (level) and ``ball`` (any way) of the hull of ``corners``.
-    """
-
-    corners: Array  # (k, 3) [m]
-    normals: Array  # (f, 3) outward, of the faces of a convex part with corners
-    disc: float = 0.0  # [m]
-    ball: float = 0.0  # [m]
-    surface: fcl.CollisionObject | None = None
-    mesh: Mesh | None = None
-
-    def support(self, directions: Array) -> Array:
-        """How far the piece reaches along each direction (..., 3), as (...)."""
-        far: Array = (directions @ self.corners.T).max(-1)
-        level = np.hypot(directions[..., 0], directions[..., 1])
-        reach: Array = far + self.disc * level + self.ball * np.linalg.norm(directions, axis=-1)
-        return reach
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,7 +108,7 @@ def capsule_distance(
     gaps = aabb_gaps(obstacles, a[None], b[None], np.array([radius]))[0]
     if only is not None:
         gaps = np.where(np.isin(obstacles.owner, only), gaps, np.inf)
-    best, owner = Separation(np.inf, _UP, np.full(3, np.nan)), -1
+    best, owner = Separation(np.inf, UP, np.full(3, np.nan)), -1
     for k in np.argsort(gaps, kind="stable"):
         if gaps[k] >= best.distance - radius:
             break
@@ -187,19 +154,19 @@ def box_gaps(obstacles: Obstacles, low: Array, high: Array) -> Array:
 def separation(piece: Piece, start: Array, end: Array) -> Separation:
     """Signed distance of a segment from a piece; the numbers must be finite."""
     if piece.ball:
-        return _from_ball(piece, start, end)
+        return from_ball(piece, start, end)
     if piece.disc:
-        distance, on_axis, on_piece = _from_cylinder(piece, start, end)
+        distance, on_axis, on_piece = from_cylinder(piece, start, end)
     else:
         distance, on_axis, on_piece = _from_surface(piece, start, end)
-    inside = distance > 0 and not piece.disc and _contains(piece, start)
+    inside = distance > 0 and not piece.disc and contains(piece, start)
     if distance > 0 and not inside:
         return Separation(distance, (on_axis - on_piece) / distance, on_axis)
     if piece.mesh is None:
-        return _way_out(piece, start, end)
+        return way_out(piece, start, end)
     gap = -min(0.0, piece.mesh.distance(start)) if inside else 0.0
     out = on_piece - on_axis
-    return Separation(-min(gap, distance), out / distance if distance > 0 else _UP, on_axis)
+    return Separation(-min(gap, distance), out / distance if distance > 0 else UP, on_axis)
 
 
 def _from_surface(piece: Piece, a: Array, b: Array) -> tuple[float, Array, Array]:
@@ -244,75 +211,13 @@ def _surface(vertices: Array, faces: NDArray[np.int64]) -> fcl.CollisionObject:
     return fcl.CollisionObject(model, fcl.Transform(np.eye(3), middle))
 
 
-def _from_ball(piece: Piece, a: Array, b: Array) -> Separation:
-    along = b - a
-    t = float(np.clip((piece.corners[0] - a) @ along / max(float(along @ along), 1e-300), 0.0, 1.0))
-    on_axis = a + t * along
-    away = on_axis - piece.corners[0]
-    length = float(np.linalg.norm(away))
-    return Separation(length - piece.ball, away / length if length > 0 else _UP, on_axis)
-
-
-def _from_cylinder(piece: Piece, a: Array, b: Array) -> tuple[float, Array, Array]:
-    """Distance from an upright cylinder and the two points; 0 where the segment enters it.
-
-    The distance is convex along the segment, so the sign of its slope leads to the least one.
-    """
-    middle = piece.corners.mean(0)
-    (ax, ay, az), (dx, dy, dz) = (a - middle).tolist(), (b - a).tolist()
-    half, radius = float(piece.corners[1, 2] - middle[2]), piece.disc
-    low, high, t = 0.0, 1.0, 0.0
-    for step in range(_HALVINGS + 2):
-        t = (0.0, 1.0)[step] if step < 2 else (low + high) / 2
-        x, y, z = ax + t * dx, ay + t * dy, az + t * dz
-        flat = math.hypot(x, y)
-        level = max(0.0, 1.0 - radius / flat) if flat > 0 else 0.0
-        over = z - min(max(z, -half), half)
-        slope = level * (x * dx + y * dy) + over * dz
-        if (level == 0 and over == 0) or (step == 0 and slope >= 0) or (step == 1 and slope <= 0):
-            break
-        if step >= 2:
-            low, high = (t, high) if slope < 0 else (low, t)
-    gap = np.array([level * x, level * y, over])
-    on_axis = a + t * (b - a)
-    return float(np.linalg.norm(gap)), on_axis, on_axis - gap
-
-
-def _contains(piece: Piece, point: Array) -> bool:
-    """Whether a point is inside or on the surface, where fcl overlooks a segment within one triangle."""
-    if piece.mesh is None:
-        return bool((piece.normals @ point <= piece.support(piece.normals) + _TOUCH).all())
-    within = (piece.corners.min(0) <= point + _TOUCH) & (point <= piece.corners.max(0) + _TOUCH)
-    return bool(within.all()) and piece.mesh.distance(point) <= _TOUCH
-
-
-def _way_out(piece: Piece, a: Array, b: Array) -> Separation:
-    """Least push that frees a segment: along a face's normal, or square to an edge and the segment."""
-    if piece.disc:
-        level = np.column_stack([np.cos(_ROUND), np.sin(_ROUND), np.zeros(len(_ROUND))])
-        normals = np.vstack([level, _UP, -_UP])
-        edges = np.vstack([np.column_stack([-level[:, 1], level[:, 0], level[:, 2]]), _UP])
-    else:
-        normals = piece.normals
-        edges = np.vstack([np.cross(normals, _UP), _UP])
-    square = np.cross(edges, b - a)
-    size = np.linalg.norm(square, axis=1)
-    square = square[size > 1e-12] / size[size > 1e-12, None]
-    normals = np.vstack([normals, square, -square])
-    ends = np.stack([normals @ a, normals @ b])
-    depths = piece.support(normals) - ends.min(0)
-    k = int(np.argmin(depths))
-    deepest = a if ends[0, k] <= ends[1, k] else b
-    return Separation(-float(depths[k]), normals[k], deepest)
-
-
 def _pieces(solid: Solid) -> list[Piece]:
     none = np.zeros((0, 3))
     match solid:
         case Sphere():
             return [Piece(solid.center[None], none, ball=solid.radius)]
         case Cylinder():
-            ends = solid.center + np.outer([-solid.height / 2, solid.height / 2], _UP)
+            ends = solid.center + np.outer([-solid.height / 2, solid.height / 2], UP)
             return [Piece(ends, none, disc=solid.radius)]
         case Mesh():
             return [Piece(solid.vertices, none, surface=_surface(solid.vertices, solid.faces), mesh=solid)]
@@ -336,5 +241,5 @@ def _prism(outline: Array, bottom: float, top: float) -> Piece:
     ]
     edges = np.roll(outline, -1, 0) - outline
     level = np.column_stack([edges[:, 1], -edges[:, 0]]) / np.linalg.norm(edges, axis=1)[:, None]
-    normals = np.vstack([np.column_stack([level, np.zeros(n)]), _UP, -_UP])
+    normals = np.vstack([np.column_stack([level, np.zeros(n)]), UP, -UP])
     return Piece(corners, normals, surface=_surface(corners, np.array(fan + lid + sides)))

@@ -31,8 +31,11 @@ def convex_pieces(polygon: Polygon) -> list[Array]:
     Examples
     --------
     >>> ell = Polygon([(0, 0), (2, 0), (2, 1), (1, 1), (1, 2), (0, 2)])
-    >>> sorted(Polygon(piece).area for piece in convex_pieces(ell))
-    [1.0, 2.0]
+    >>> pieces = [Polygon(piece) for piece in convex_pieces(ell)]
+    >>> sum(piece.area for piece in pieces)
+    3.0
+    >>> max(piece.convex_hull.area - piece.area for piece in pieces)
+    0.0
     """
     outline = np.asarray(polygon.exterior.coords)[:-1]
     if not polygon.interiors and _is_convex(outline):

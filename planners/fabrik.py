@@ -150,7 +150,9 @@ def mfabrik(
                 points[i, 0] += moved
         excess = backward_reach(shoulder_r, shoulder_z, lengths, lower, upper, pitch, points, bends)
         er, ez = points[3, 0] - r_t, points[3, 1] - tz
-        error = np.sqrt(er * er + ez * ez) + excess * lengths[2]
+        error = np.sqrt(er * er + ez * ez)
+        if excess > 1e-9:  # a fixed pitch is not met to within the tolerance, but met
+            error += tolerance + excess * lengths[2]
         settled = True
     return error, iterations, np.arctan2(uy, ux)
 

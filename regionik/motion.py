@@ -221,7 +221,9 @@ class _Mover:
         return rows if all(advance(float(share), 0) for share in shares) else None
 
     def _holds(self, here: Pose, there: Pose, p: Array, q: Array) -> bool:
-        """Whether the tool stays by the segment pq between two states, and the arm does not jump."""
+        """Whether the tool stays by the segment pq between two states, and nothing jumps."""
+        if np.hypot(*(there.base - here.base)[:2]) > self.world.rules.step:
+            return False
         if np.abs(there.joints - here.joints).max() > LARGEST_BEND:
             return False
         if abs(kernels.wrap(there.base[2] - here.base[2])) > LARGEST_BEND:

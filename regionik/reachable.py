@@ -97,7 +97,7 @@ def reach_rows(
                     # A ring thinner than its chords has no inner polygon.
                     if not inner or (a + margin) * OUTWARDS + GUARD < b - margin:
                         table.append((i, family, a, b))
-    spans = _headings(world, arm, [row[1] for row in table])
+    spans = _headings(world, arm, [row[1] for row in table], GUARD if inner else 0.0)
     flat = [(row, center, half) for row, span in zip(table, spans, strict=True) for center, half in span]
     positions = np.array([targets[row[0]].position[:2] for row, _, _ in flat]).reshape(-1, 2)
     rings = _ring_sectors(
@@ -112,14 +112,16 @@ def reach_rows(
     return which, tuple(row[1] for row, _, _ in flat), rings
 
 
-def _headings(world: World, arm: PlanarArm, rows: list[Family]) -> list[list[tuple[float, float]]]:
+def _headings(
+    world: World, arm: PlanarArm, rows: list[Family], guard: float
+) -> list[list[tuple[float, float]]]:
     """Directions the plane may take: the family's own, cut to what a fixed heading leaves the pivot."""
     spans = [[(family.azimuth, family.half)] for family in rows]
     if world.rules.heading != "fixed" or arm.pivot_upper - arm.pivot_lower >= 2 * np.pi:
         return spans
     yaw = 0.0 if world.start is None else float(world.start.base[2])
     middle = yaw + float(world.robot.mount[3]) + arm.pivot_zero + (arm.pivot_lower + arm.pivot_upper) / 2
-    reach = (arm.pivot_upper - arm.pivot_lower) / 2
+    reach = (arm.pivot_upper - arm.pivot_lower) / 2 - guard
     return [_common_span(span[0], (middle, reach)) for span in spans]
 
 

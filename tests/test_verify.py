@@ -196,6 +196,15 @@ def test_unknown_kind_of_state() -> None:
     assert "setpoint, step, transit" in text
 
 
+@pytest.mark.parametrize("owner", [-2, 5])
+def test_state_of_a_setpoint_that_is_not_there(owner: int) -> None:
+    motion = straight()
+    owners = motion.setpoint.copy()
+    owners[1] = owner
+    world = world_of(motion)
+    assert only(verify(plan_of(world, replace(motion, setpoint=owners))), "structure").state == 1
+
+
 def test_configurations_that_differ_from_the_states() -> None:
     motion = straight()
     plan = plan_of(world_of(motion), motion)
@@ -348,6 +357,18 @@ def test_tool_axis_off_between_states() -> None:
     assert {v.kind for v in found} == {"direction"}
 
 
+def test_tool_axis_that_wobbles_twice_between_states() -> None:
+    """Both ends and the middle look the same."""
+    joint = Joint("spin", "revolute", -7, 7, np.eye(4))
+    chain = Chain((joint,), translation(0, 0, 0.3) @ rot_x(0.06))
+    robot = Robot("top", "omni", np.zeros((1, 2)), np.zeros(4), chain, (), 0.1, np.zeros(1))
+    turns = [np.array([k * 2 * np.pi]) for k in (-1, 1)]
+    motion = motion_of([(np.zeros(3), q, "setpoint", i) for i, q in enumerate(turns)])
+    found = only(verify(plan_of(world_of(motion, robot=robot, axes=True), motion)), "direction")
+    assert found.amount > 0.001
+    assert "between states 1 and 2" in found.text
+
+
 # The base
 
 
@@ -401,7 +422,7 @@ def test_base_leaves_a_floor_that_turns_in() -> None:
             assert "between states" in only(report, "floor").text
 
 
-@pytest.mark.parametrize(("gap", "holds"), [(0.36, True), (0.34, False)])
+@pytest.mark.parametrize(("gap", "holds"), [(0.347, True), (0.346, False), (0.34, False)])
 def test_a_footprint_turns_into_a_wall(gap: float, holds: bool) -> None:
     robot = youbot(FOOTPRINT)  # a corner reaches 0.3467 m, a side 0.19 m
     motion = drive([0.0, 0.0, 0.0], [0.0, 0.0, 0.9], [0.0, 0.0, 1.9], [0.0, 0.0, np.pi])
@@ -533,6 +554,12 @@ def test_contact_ends_between_states() -> None:
     short = replace(block("work"), size=np.array([0.2, 0.2, 0.1]))
     found = only(verify(plan_of(world_of(motion, short, rules=rules), motion, 1)), "arm")
     assert "between states 1 and 2" in found.text
+
+
+def test_the_tool_leaves_its_work_and_its_surroundings_in_one_hop() -> None:
+    rules = replace(RULES, clearance=0.0)
+    motion = drive([0.0, 0.0, 0.0], [-0.06, 0.0, 0.0])
+    assert verify(plan_of(world_of(motion, block("work"), rules=rules), motion, 1)).ok
 
 
 def test_too_far_for_contact() -> None:
