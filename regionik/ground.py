@@ -69,10 +69,12 @@ class Side:
             return left
         order = np.argsort(which, kind="stable")
         which, part = which[order], part[order]
-        pieces = self._local(left, which, part)
-        rows, starts = np.unique(which, return_index=True)
-        groups = np.split(pieces, starts[1:])
-        taken = np.array([g[0] if len(g) == 1 else shapely.union_all(g) for g in groups], dtype=object)
+        pieces, piece = shapely.get_parts(self._local(left, which, part), return_index=True)
+        solid = shapely.get_type_id(pieces) == shapely.GeometryType.POLYGON
+        pieces, which = pieces[solid], which[piece[solid]]
+        rows, group = np.unique(which, return_inverse=True)
+        # Disjoint pieces make a valid multipolygon as they are: no union is needed.
+        taken = shapely.multipolygons(pieces, indices=group)
         left[rows] = shapely.difference(left[rows], taken)
         return left
 

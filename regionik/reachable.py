@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 import shapely
@@ -43,17 +44,20 @@ class Family:
     pitches: tuple[float, float] = FREE
 
 
-def families(world: World, target: Target, facings: Sequence[int], *, inner: bool) -> list[Family]:
+@lru_cache(maxsize=4096)
+def families(
+    direction: tuple[float, float, float] | None, cone: float, facings: tuple[int, ...], inner: bool
+) -> tuple[Family, ...]:
     """Posture families that may reach a target.
 
     A given tool direction sets the last link's pitch: with the plane along the direction seen from above,
     or against it. Inner areas hold the pitch itself and let the plane swing within the cone; outer areas
     take every pitch and every swing that the cone lets through, each by itself.
     """
-    if target.direction is None:
-        return [Family(facing) for facing in facings]
-    x, y, z = target.direction.tolist()
-    flat, cone = float(np.hypot(x, y)), target.cone
+    if direction is None:
+        return tuple(Family(facing) for facing in facings)
+    x, y, z = direction
+    flat = float(np.hypot(x, y))
     pitch = float(np.arctan2(z, flat))
     azimuth = float(np.arctan2(y, x)) if flat > 0 else 0.0
     if inner:
@@ -69,7 +73,7 @@ def families(world: World, target: Target, facings: Sequence[int], *, inner: boo
     along = Family(FRONT, pitch, azimuth, half, (low, high))
     against = Family(FRONT, np.pi - pitch, azimuth + np.pi, half, (np.pi - high, np.pi - low))
     kinds = [along] if inner and half >= np.pi else [along, against]
-    return [replace(kind, facing=facing) for facing in facings for kind in kinds]
+    return tuple(replace(kind, facing=facing) for facing in facings for kind in kinds)
 
 
 def reach_rows(
@@ -79,37 +83,47 @@ def reach_rows(
     arm = planar_arm(world.robot.chain)
     margin = world.rules.reach_margin if inner else 0.0
     shoulder_z = float(arm.shoulder[1] + world.robot.mount[2])
-    heights = np.array([target.position[2] for target in targets])
-    kinds = [families(world, target, facings, inner=inner) for target in targets]
-    intervals: dict[tuple[int, tuple[float, float]], Array] = {}
-    for pitches in sorted({family.pitches for kind in kinds for family in kind}):
-        rows = [i for i, kind in enumerate(kinds) if any(family.pitches == pitches for family in kind)]
-        found = reach_intervals(
-            arm, shoulder_z, heights[rows], pitches, front=FRONT in facings, back=BACK in facings
-        )
-        intervals |= {(i, pitches): one for i, one in zip(rows, found, strict=True)}
+    positions = np.array([target.position for target in targets]).reshape(-1, 3)
+    heights = positions[:, 2]
+    alike: dict[tuple[Family, ...], list[int]] = {}
+    for i, target in enumerate(targets):
+        direction = None if target.direction is None else tuple(target.direction.tolist())
+        alike.setdefault(families(direction, target.cone, tuple(facings), inner), []).append(i)
     table: list[tuple[int, Family, float, float]] = []
-    for i, kind in enumerate(kinds):
-        for family in kind:
-            for low, high in intervals[i, family.pitches].tolist():
-                if (low + high) * family.facing > 0:
-                    a, b = sorted((abs(low), abs(high)))
-                    # A ring thinner than its chords has no inner polygon.
-                    if not inner or (a + margin) * OUTWARDS + GUARD < b - margin:
-                        table.append((i, family, a, b))
+    for kinds, members in alike.items():
+        for pitches in sorted({family.pitches for family in kinds}):
+            intervals = reach_intervals(
+                arm, shoulder_z, heights[members], pitches, front=FRONT in facings, back=BACK in facings
+            )
+            for family in kinds:
+                if family.pitches == pitches:
+                    table += _spans_of(family, members, intervals, margin if inner else None)
+    table.sort(key=lambda row: row[0])
     spans = _headings(world, arm, [row[1] for row in table], GUARD if inner else 0.0)
     flat = [(row, center, half) for row, span in zip(table, spans, strict=True) for center, half in span]
-    positions = np.array([targets[row[0]].position[:2] for row, _, _ in flat]).reshape(-1, 2)
+    which = np.array([row[0] for row, _, _ in flat], dtype=np.intp)
     rings = _ring_sectors(
-        positions,
+        positions[which, :2],
         np.array([row[2] for row, _, _ in flat]),
         np.array([row[3] for row, _, _ in flat]),
         np.array([center + (np.pi if row[1].facing == FRONT else 0.0) for row, center, _ in flat]),
         np.array([half for _, _, half in flat]),
         margin if inner else None,
     )
-    which = np.array([row[0] for row, _, _ in flat], dtype=np.intp)
     return which, tuple(row[1] for row, _, _ in flat), rings
+
+
+def _spans_of(
+    family: Family, members: Sequence[int], intervals: Sequence[Array], margin: float | None
+) -> Iterator[tuple[int, Family, float, float]]:
+    """Distances between axis and target that a family reaches, as rows of target, family, low, high."""
+    for i, interval in zip(members, intervals, strict=True):
+        for low, high in interval.tolist():
+            if (low + high) * family.facing > 0:
+                a, b = (low, high) if low >= 0 else (-high, -low)
+                # A ring thinner than its chords has no inner polygon.
+                if margin is None or (a + margin) * OUTWARDS + GUARD < b - margin:
+                    yield i, family, a, b
 
 
 def _headings(
