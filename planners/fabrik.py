@@ -6,17 +6,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from regionik.planners.flat import clamp, compiled, contains
-from regionik.planners.kernels import fit, place, widest_posture, wrap
+from regionik.planners.kernels import PlaneArm, fit, place, widest_posture, wrap
 from regionik.worlds.arrays import Array
 
 Ints = NDArray[np.int64]
 
 
 @compiled
-def forward_reach(
-    lengths: Array, lower: Array, upper: Array, pitch: float, r_t: float, z_t: float, points: Array
-) -> None:
+def forward_reach(arm: PlaneArm, pitch: float, r_t: float, z_t: float, points: Array) -> None:
     """From the tool inwards: each knot on the line to the old one, bends kept within limits."""
+    lengths, lower, upper = arm.lengths, arm.lower, arm.upper
     points[3, 0], points[3, 1] = r_t, z_t
     outer = 0.0
     for i in range(2, -1, -1):
@@ -35,16 +34,13 @@ def forward_reach(
 
 @compiled
 def backward_reach(
-    shoulder_r: float,
-    shoulder_z: float,
-    lengths: Array,
-    lower: Array,
-    upper: Array,
+    arm: PlaneArm,
     pitch: float,
     points: Array,
     bends: Array,
 ) -> float:
     """From the shoulder outwards; returns by how much a fixed pitch breaks the last limit [rad]."""
+    shoulder_r, shoulder_z, lengths, lower, upper = arm
     old_r, old_z = points[0, 0], points[0, 1]
     points[0, 0], points[0, 1] = shoulder_r, shoulder_z
     inner, excess = 0.0, 0.0
@@ -69,11 +65,7 @@ def backward_reach(
 
 @compiled
 def mfabrik(
-    shoulder_r: float,
-    shoulder_z: float,
-    lengths: Array,
-    lower: Array,
-    upper: Array,
+    arm: PlaneArm,
     vertices: Array,
     starts: Ints,
     mobile: bool,
@@ -111,8 +103,9 @@ def mfabrik(
     -------
     error [m], iterations, plane_yaw
     """
+    shoulder_r, _, lengths, _, _ = arm
     points = np.empty((4, 2))
-    place(shoulder_r, shoulder_z, lengths, bends, points)
+    place(arm, bends, points)
     bounded = len(starts) > 1
     tx, ty, tz = target[0], target[1], target[2]
     ux, uy = np.cos(plane_yaw), np.sin(plane_yaw)
@@ -133,7 +126,7 @@ def mfabrik(
         if rho > 1e-12:
             ux, uy = facing * dx / rho, facing * dy / rho
         r_t = facing * rho
-        forward_reach(lengths, lower, upper, pitch, r_t, tz, points)  # l. 11
+        forward_reach(arm, pitch, r_t, tz, points)  # l. 11
         if mobile:
             shift = points[0, 0] - shoulder_r  # l. 13: projected onto the floor
             x, y = base[0] + shift * ux, base[1] + shift * uy
@@ -148,7 +141,7 @@ def mfabrik(
             r_t = facing * rho
             for i in range(4):
                 points[i, 0] += moved
-        excess = backward_reach(shoulder_r, shoulder_z, lengths, lower, upper, pitch, points, bends)
+        excess = backward_reach(arm, pitch, points, bends)
         er, ez = points[3, 0] - r_t, points[3, 1] - tz
         error = np.sqrt(er * er + ez * ez)
         if excess > 1e-9:  # a fixed pitch is not met to within the tolerance, but met
@@ -159,11 +152,7 @@ def mfabrik(
 
 @compiled
 def solve(
-    shoulder_r: float,
-    shoulder_z: float,
-    lengths: Array,
-    lower: Array,
-    upper: Array,
+    arm: PlaneArm,
     postures: Array,
     vertices: Array,
     starts: Ints,
@@ -186,6 +175,7 @@ def solve(
     -------
     error [m], iterations (all starts together), restarts, plane_yaw
     """
+    shoulder_r, _, lengths, _, _ = arm
     first_base = base.copy()
     total = 0
     error = np.inf
@@ -195,11 +185,7 @@ def solve(
         base[:] = first_base
         bends[:] = start if attempt == 0 else postures[attempt - 1]
         error, passes, yaw = mfabrik(
-            shoulder_r,
-            shoulder_z,
-            lengths,
-            lower,
-            upper,
+            arm,
             vertices,
             starts,
             mobile,
@@ -221,15 +207,11 @@ def solve(
     dx, dy = target[0] - base[0], target[1] - base[1]
     rho = np.sqrt(dx * dx + dy * dy)
     yaw = np.arctan2(facing * dy, facing * dx) if rho > 1e-12 else plane_yaw
-    found = widest_posture(
-        shoulder_r, shoulder_z, lengths, lower, upper, pitch, facing * rho, target[2], bends, 1440
-    )
+    found = widest_posture(arm, pitch, facing * rho, target[2], bends, 1440)
     if not found and mobile and len(starts) <= 1:
         for k in range(200):
             rho = (k + 0.5) / 200.0 * (lengths.sum() + abs(shoulder_r))
-            found = widest_posture(
-                shoulder_r, shoulder_z, lengths, lower, upper, pitch, facing * rho, target[2], bends, 360
-            )
+            found = widest_posture(arm, pitch, facing * rho, target[2], bends, 360)
             if found:
                 base[0] = target[0] - facing * rho * np.cos(yaw)
                 base[1] = target[1] - facing * rho * np.sin(yaw)
@@ -239,18 +221,14 @@ def solve(
         base[:] = first_base
         return error, total, len(postures), plane_yaw
     points = np.empty((4, 2))
-    place(shoulder_r, shoulder_z, lengths, bends, points)
+    place(arm, bends, points)
     error = np.hypot(points[3, 0] - facing * rho, points[3, 1] - target[2])
     return error, total + 1, len(postures) + 1, yaw
 
 
 @compiled
 def solve_batch(
-    shoulder_r: float,
-    shoulder_z: float,
-    lengths: Array,
-    lower: Array,
-    upper: Array,
+    arm: PlaneArm,
     postures: Array,
     vertices: Array,
     starts: Ints,
@@ -269,11 +247,7 @@ def solve_batch(
     """`solve` for many targets; ``bases``, ``plane_yaws`` and ``bends`` are overwritten with the answers."""
     for k in range(len(targets)):
         errors[k], iterations[k], _, plane_yaws[k] = solve(
-            shoulder_r,
-            shoulder_z,
-            lengths,
-            lower,
-            upper,
+            arm,
             postures,
             vertices,
             starts,

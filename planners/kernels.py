@@ -6,6 +6,8 @@ against the one before it (the first against the r axis), counter-clockwise from
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from regionik.planners.flat import compiled
@@ -13,6 +15,16 @@ from regionik.worlds.arrays import Array
 
 TWO_PI = 2.0 * np.pi
 LIMIT_SLACK = 1e-10  # rounding allowed when a bend is held against its limit [rad]
+
+
+class PlaneArm(NamedTuple):
+    """What the kernels know of an arm: shoulder [m], link lengths [m], limits of the bends [rad]."""
+
+    shoulder_r: float
+    shoulder_z: float
+    lengths: Array
+    lower: Array
+    upper: Array
 
 
 @compiled
@@ -37,8 +49,9 @@ def fit(bend: float, lower: float, upper: float) -> tuple[float, float]:
 
 
 @compiled
-def place(shoulder_r: float, shoulder_z: float, lengths: Array, bends: Array, points: Array) -> None:
+def place(arm: PlaneArm, bends: Array, points: Array) -> None:
     """Forward kinematics in the plane: knots (4, 2) from bends (3,)."""
+    shoulder_r, shoulder_z, lengths, _, _ = arm
     points[0, 0], points[0, 1] = shoulder_r, shoulder_z
     angle = 0.0
     for i in range(3):
@@ -91,11 +104,7 @@ def fits(
 
 @compiled
 def reaches(
-    shoulder_r: float,
-    shoulder_z: float,
-    lengths: Array,
-    lower: Array,
-    upper: Array,
+    arm: PlaneArm,
     pitch_low: float,
     pitch_high: float,
     r: float,
@@ -106,6 +115,7 @@ def reaches(
     Every connected piece of the arm's self-motion holds a posture with a bend or the pitch at its limit,
     with the elbow straight or folded, or else every pitch; so it is enough to try those.
     """
+    shoulder_r, shoulder_z, lengths, lower, upper = arm
     x, y = r - shoulder_r, z - shoulder_z
     a, b, c = lengths[0], lengths[1], lengths[2]
     for side in range(1 if pitch_low == pitch_high else 2):
@@ -154,11 +164,7 @@ def reaches(
 
 @compiled
 def widest_posture(
-    shoulder_r: float,
-    shoulder_z: float,
-    lengths: Array,
-    lower: Array,
-    upper: Array,
+    arm: PlaneArm,
     pitch: float,
     r: float,
     z: float,
@@ -166,6 +172,7 @@ def widest_posture(
     tries: int,
 ) -> bool:
     """Among postures that reach (r, z), the one farthest from its limits; False where none is found."""
+    shoulder_r, shoulder_z, lengths, lower, upper = arm
     x, y = r - shoulder_r, z - shoulder_z
     best = -LIMIT_SLACK
     found = False
@@ -189,11 +196,7 @@ def widest_posture(
 
 @compiled
 def reach_intervals(
-    shoulder_r: float,
-    shoulder_z: float,
-    lengths: Array,
-    lower: Array,
-    upper: Array,
+    arm: PlaneArm,
     pitch_low: float,
     pitch_high: float,
     centers: Array,
@@ -229,7 +232,7 @@ def reach_intervals(
         a, b = ordered[k], ordered[k + 1]
         if b - a < 1e-9 or (a >= 0.0 and not front) or (b <= 0.0 and not back):
             continue
-        if reaches(shoulder_r, shoulder_z, lengths, lower, upper, pitch_low, pitch_high, 0.5 * (a + b), z):
+        if reaches(arm, pitch_low, pitch_high, 0.5 * (a + b), z):
             if count > 0 and a - open_end < 1e-9 and a != 0.0:
                 out[count - 1, 1] = b
             elif count < len(out):
@@ -241,11 +244,7 @@ def reach_intervals(
 
 @compiled
 def nearest_posture(
-    shoulder_r: float,
-    shoulder_z: float,
-    lengths: Array,
-    lower: Array,
-    upper: Array,
+    arm: PlaneArm,
     pitch: float,
     r: float,
     z: float,
@@ -258,6 +257,7 @@ def nearest_posture(
 
     Pitches within ``reach`` of the present one are tried, ``tries`` a side; returns the change, inf for none.
     """
+    shoulder_r, shoulder_z, lengths, lower, upper = arm
     x, y = r - shoulder_r, z - shoulder_z
     best = np.inf
     old_a, old_b, old_c = near[0], near[1], near[2]

@@ -105,9 +105,8 @@ def reach_intervals(
     distinct, where = np.unique(heights, return_inverse=True)
     out = np.empty((_MOST_INTERVALS, 2))
     found = []
-    shoulder_r = float(arm.shoulder[0])
-    limits = arm.lengths, arm.lower, arm.upper, *pitches
+    plane = kernels.PlaneArm(float(arm.shoulder[0]), shoulder_z, arm.lengths, arm.lower, arm.upper)
     for z in distinct.tolist():
-        n = kernels.reach_intervals(shoulder_r, shoulder_z, *limits, centers, radii, z, front, back, out)
+        n = kernels.reach_intervals(plane, *pitches, centers, radii, z, front, back, out)
         found.append(out[:n].copy())
     return [found[k] for k in where]

@@ -58,6 +58,7 @@ class Solver:
     heading: Heading = "free"
     family: Family = field(default_factory=lambda: Family(FRONT))
     _arm: PlanarArm = field(init=False, repr=False)
+    _plane: kernels.PlaneArm = field(init=False, repr=False)
     _flat: FlatPolygon = field(init=False, repr=False)
     _postures: Array = field(init=False, repr=False)
 
@@ -68,6 +69,9 @@ class Solver:
             raise InputError(f"solver: heading must be one of {', '.join(HEADINGS)}, got {self.heading}")
         arm = planar_arm(self.robot.chain)
         object.__setattr__(self, "_arm", arm)
+        shoulder = float(arm.shoulder[0]), float(arm.shoulder[1] + self.robot.mount[2])
+        plane = kernels.PlaneArm(*shoulder, arm.lengths, arm.lower, arm.upper)
+        object.__setattr__(self, "_plane", plane)
         flat = NOWHERE if self.area is None else FlatPolygon.from_shapely(self.area)
         object.__setattr__(self, "_flat", flat)
         object.__setattr__(self, "_postures", spread_postures(arm))
@@ -107,7 +111,7 @@ class Solver:
         dx, dy = target[:2] - axis
         facing, bends = self.family.facing, np.empty(3)
         change = kernels.nearest_posture(
-            arm.shoulder[0], self._shoulder_z, arm.lengths, arm.lower, arm.upper, self.family.pitch,
+            self._plane, self.family.pitch,
             facing * np.hypot(dx, dy), target[2], near, bends, 180, 0.5,
         )  # fmt: skip
         q = np.array(joints)
@@ -132,7 +136,7 @@ class Solver:
         errors, iterations = np.empty(len(points)), np.empty(len(points), dtype=np.int64)
         arm = self._arm
         fabrik.solve_batch(
-            arm.shoulder[0], self._shoulder_z, arm.lengths, arm.lower, arm.upper, self._postures,
+            self._plane, self._postures,
             self._flat.vertices, self._flat.starts, True, axes, yaws, bends, points,
             self.family.facing, self.family.pitch, self.tolerance, MOST_PASSES, errors, iterations,
         )  # fmt: skip
@@ -148,7 +152,7 @@ class Solver:
         axis, plane, bends = self._planar(base, joints)
         arm = self._arm
         error, iterations, _, yaw = fabrik.solve(
-            arm.shoulder[0], self._shoulder_z, arm.lengths, arm.lower, arm.upper, self._postures,
+            self._plane, self._postures,
             self._flat.vertices, self._flat.starts, mobile, axis, float(plane), bends, target,
             self.family.facing, self.family.pitch, self.tolerance, MOST_PASSES,
         )  # fmt: skip
@@ -156,10 +160,6 @@ class Solver:
         q[1:4] = arm.hinge_joints(bends, joints)
         pose, q[0], fits = self._set_heading(axis, yaw, base, joints[0])
         return Configuration(pose, q, float(error), int(iterations), bool(error <= self.tolerance and fits))
-
-    @property
-    def _shoulder_z(self) -> float:
-        return float(self._arm.shoulder[1] + self.robot.mount[2])
 
     @property
     def _zero(self) -> float:

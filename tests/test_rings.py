@@ -8,6 +8,7 @@ from regionik.worlds.planar import planar_arm
 
 ARM = planar_arm(robot_named("youbot").chain)
 Z = float(ARM.shoulder[1])
+PLANE = kernels.PlaneArm(float(ARM.shoulder[0]), Z, ARM.lengths, ARM.lower, ARM.upper)
 
 # Reach of the youBot arm with limits, found on a 2 mm grid of postures: height, free pitch, last link
 # horizontal, last link down; intervals of r in mm.
@@ -53,7 +54,7 @@ def test_reach_of_the_youbot(column: int) -> None:
 @pytest.mark.parametrize("pitches", [FREE, (0.0, 0.0), (-1.0, -1.0), (-0.5, 0.5), (2.0, 3.5)])
 def test_every_end_of_the_reach_is_sharp(pitches: tuple[float, float]) -> None:
     rng = np.random.default_rng(3)
-    args = (float(ARM.shoulder[0]), Z, ARM.lengths, ARM.lower, ARM.upper, *pitches)
+    args = (PLANE, *pitches)
     for z in rng.uniform(-0.3, 0.7, 60):
         intervals = reach_intervals(ARM, Z, np.array([z]), pitches)[0]
         for r in rng.uniform(-0.6, 0.6, 50):
@@ -74,7 +75,7 @@ def test_sampled_postures_lie_within_the_reach() -> None:
 
 def test_a_band_of_pitches_is_the_union_of_its_pitches() -> None:
     rng = np.random.default_rng(6)
-    args = (float(ARM.shoulder[0]), Z, ARM.lengths, ARM.lower, ARM.upper)
+    args = (PLANE,)
     for r, z in rng.uniform([-0.6, -0.2], [0.6, 0.7], (400, 2)):
         band = kernels.reaches(*args, -0.4, 0.3, r, z)
         each = [kernels.reaches(*args, pitch, pitch, r, z) for pitch in np.linspace(-0.4, 0.3, 141)]
