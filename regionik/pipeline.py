@@ -21,6 +21,7 @@ from regionik.regions import PathAreas, path_areas
 from regionik.verify import verify
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError, NoPlanFound
+from regionik.worlds.planar import planar_arm
 from regionik.worlds.scene import World
 
 Progress = Callable[[str, int, int], None]
@@ -85,6 +86,15 @@ def check(world: World) -> None:
         raise InputError(f"{world.name}: robot.base: only omni can be planned for, got {world.robot.base}")
     if world.rules.mode != "continuous":
         raise InputError(f"{world.name}: rules.mode: expected continuous, got {world.rules.mode}")
+    if any(target.orientation is not None for target in world.task):
+        what = "full orientations cannot be planned yet; give a direction"
+        raise InputError(f"{world.name}: task: {what}")
+    directed = any(target.direction is not None for target in world.task)
+    if directed and not planar_arm(world.robot.chain).tool_along_link:
+        raise InputError(
+            f"{world.name}: task: a tool direction can be planned for only where the tool's z axis lies along "
+            "the arm's last link"
+        )
     blocked = explain.blocked_start(world)
     if blocked is not None:
         raise NoPlanFound(blocked)

@@ -9,7 +9,8 @@ from regionik.pipeline import plan
 from regionik.plan import Plan
 from regionik.plandocument import plan_to_text
 from regionik.verify import verify
-from regionik.worlds.errors import NoPlanFound
+from regionik.worlds.chain import rot_x
+from regionik.worlds.errors import InputError, NoPlanFound
 from regionik.worlds.format import load_world
 from regionik.worlds.obstacles import Box
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
@@ -156,6 +157,27 @@ def test_an_arm_that_would_touch_is_named() -> None:
     assert "plate" in why.reason
     assert "link" in why.reason
     assert why.causes[0].name == "plate"
+
+
+def test_what_cannot_be_planned_yet_is_refused() -> None:
+    world = load_world("pillar")
+    turned = Target(np.array([0.5, 0.0, 0.25]), orientation=np.eye(3))
+    with pytest.raises(InputError, match="full orientations"):
+        plan(changed(world, task=(turned,)))
+    with pytest.raises(InputError, match="at least one set-point"):
+        plan(changed(world, task=()))
+    tilted = replace(world.robot, chain=replace(world.robot.chain, T_last_tool=np.eye(4)))
+    with pytest.raises(InputError):
+        plan(changed(world, robot=tilted))
+
+
+def test_a_tool_across_the_last_link_takes_no_direction() -> None:
+    world = load_world("pillar")
+    chain = world.robot.chain
+    across = replace(chain, T_last_tool=chain.T_last_tool @ rot_x(np.pi / 2))
+    down = Target(np.array([0.5, 0.0, 0.25]), np.array([0, 0, -1.0]))
+    with pytest.raises(InputError, match="along the arm's last link"):
+        plan(changed(world, robot=replace(world.robot, chain=across), task=(down,)))
 
 
 def test_without_a_start_the_plan_begins_at_the_first_set_point() -> None:

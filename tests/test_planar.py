@@ -42,3 +42,11 @@ def test_other_arms_are_refused_in_one_line(rows: list[tuple[float, ...]], word:
 def test_a_chain_needs_joints() -> None:
     with pytest.raises(InputError, match="at least one joint"):
         Chain((), np.eye(4))
+
+
+def test_a_roll_beside_the_last_link_is_refused() -> None:
+    chain = robot_named("youbot").chain
+    aside = chain.T_last_tool.copy()
+    aside[0, 3] = 0.01
+    with pytest.raises(InputError, match="roll about the last link"):
+        planar_arm(Chain(chain.joints, aside))

@@ -15,6 +15,7 @@ from regionik.worlds.chain import Chain
 from regionik.worlds.errors import InputError
 
 _ALIGNED = 1e-9
+_HINGES = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,6 +39,8 @@ class PlanarArm:
         Direction of the plane, seen from above in the arm base frame, at joint zero [rad].
     roll : int or None
         Index of the joint that rolls about the last link, if there is one.
+    tool_along_link : bool
+        Whether the tool's axis (its frame's z) points along the last link.
     """
 
     shoulder: Array
@@ -50,6 +53,7 @@ class PlanarArm:
     pivot_upper: float
     pivot_zero: float
     roll: int | None
+    tool_along_link: bool
 
     @property
     def hinges(self) -> int:
@@ -85,71 +89,63 @@ def planar_arm(chain: Chain) -> PlanarArm:
     frames = chain.frames(np.zeros(chain.dof))
     origins = frames[:, :3, 3]
     axes = np.array([f[:3, :3] @ j.axis for f, j in zip(frames, chain.joints, strict=False)])
-    if any(joint.kind != "revolute" for joint in chain.joints):
-        raise _not_planar("every joint must be revolute")
-    pivot = chain.joints[0]
-    if abs(axes[0, 2]) < 1 - _ALIGNED or np.hypot(*origins[0, :2]) > _ALIGNED:
-        raise _not_planar("its first axis must be the vertical through its base frame")
-    normal = axes[1] if chain.dof > 1 else np.zeros(3)
-    hinges = 1
-    while 1 + hinges < chain.dof and abs(axes[1 + hinges] @ normal) > 1 - _ALIGNED:
-        hinges += 1
-    if hinges != 3 or abs(normal[2]) > _ALIGNED:
-        raise _not_planar("its first axis must be followed by three parallel horizontal hinges")
-    rolls = range(1 + hinges, chain.dof)
-    if len(rolls) > 1:
-        raise _not_planar("at most one joint may follow the hinges")
-    # At joint zero the plane is spanned by r (horizontal, normal to the hinges) and z; hinges turn from r
-    # to z when their axis is r x z.
-    r_axis = np.array([-normal[1], normal[0], 0.0])
-    along = (origins - origins[0]) @ r_axis
-    if along[1] < -_ALIGNED or (abs(along[1]) <= _ALIGNED and axes[1] @ _turn(r_axis) < 0):
-        r_axis = -r_axis
-    turn = _turn(r_axis)
+    _check_axes(chain, origins, axes)
+    r_axis = _plane(origins, axes)
+    turn = np.cross(r_axis, [0.0, 0.0, 1.0])
     if np.abs(origins[1:] @ turn).max() > _ALIGNED:
         raise _not_planar("its hinges and tool must lie in the pivot's plane")
-    points = np.column_stack([origins @ r_axis, origins[:, 2]])
-    knots = np.vstack([points[1 : 1 + hinges], points[-1]])
+    knots = np.column_stack([origins @ r_axis, origins[:, 2]])[[1, 2, 3, -1]]
     links = np.diff(knots, axis=0)
     lengths = np.hypot(links[:, 0], links[:, 1])
     if lengths.min() < 1e-6:
         raise _not_planar("its hinges and tool must lie apart")
-    if rolls:
-        last = frames[-2][:3, :3] @ chain.joints[-1].axis
-        if np.linalg.norm(np.cross(last[[0, 1, 2]], origins[-1] - knots_3d(knots[-2], r_axis))) > _ALIGNED:
-            raise _not_planar("the joint after the hinges must roll about the last link")
-    sign = np.sign(axes[1 : 1 + hinges] @ turn)
-    absolute = np.arctan2(links[:, 1], links[:, 0])
-    offset = np.diff(absolute, prepend=0.0)
-    limits = np.array([[j.lower, j.upper] for j in chain.joints[1 : 1 + hinges]])
+    last = links[-1] / lengths[-1]
+    along = last[0] * r_axis + np.array([0.0, 0.0, last[1]])
+    rolls = chain.dof > 1 + _HINGES
+    roll_lines = np.array([axes[-1], origins[-1] - origins[-2]])
+    if rolls and np.abs(np.cross(roll_lines, along)).max() > _ALIGNED:
+        raise _not_planar("the joint after the hinges must roll about the last link")
+    sign = np.sign(axes[1 : 1 + _HINGES] @ turn)
+    offset = np.diff(np.arctan2(links[:, 1], links[:, 0]), prepend=0.0)
+    limits = np.array([[j.lower, j.upper] for j in chain.joints[1 : 1 + _HINGES]])
     ends = np.sort(sign[:, None] * limits + offset[:, None], axis=1)
-    up = np.sign(axes[0, 2])
-    zero = float(np.arctan2(r_axis[1], r_axis[0]))
-    if up < 0:
-        raise _not_planar("its first axis must point up")
     return PlanarArm(
-        shoulder=frozen(points[1], (2,), "shoulder"),
-        lengths=frozen(lengths, (hinges,), "lengths"),
+        shoulder=frozen(knots[0], (2,), "shoulder"),
+        lengths=frozen(lengths, (_HINGES,), "lengths"),
         sign=sign,
         offset=offset,
         lower=ends[:, 0],
         upper=ends[:, 1],
-        pivot_lower=pivot.lower,
-        pivot_upper=pivot.upper,
-        pivot_zero=zero,
+        pivot_lower=chain.joints[0].lower,
+        pivot_upper=chain.joints[0].upper,
+        pivot_zero=float(np.arctan2(r_axis[1], r_axis[0])),
         roll=chain.dof - 1 if rolls else None,
+        tool_along_link=bool(np.linalg.norm(frames[-1][:3, 2] - along) < _ALIGNED),
     )
 
 
-def knots_3d(knot: Array, r_axis: Array) -> Array:
-    """A point of the plane at pivot zero, in the arm base frame."""
-    point: Array = knot[0] * r_axis + np.array([0.0, 0.0, knot[1]])
-    return point
+def _check_axes(chain: Chain, origins: Array, axes: Array) -> None:
+    """Refuse chains whose joints are not a vertical pivot, three horizontal hinges and perhaps one more."""
+    if any(joint.kind != "revolute" for joint in chain.joints):
+        raise _not_planar("every joint must be revolute")
+    if axes[0, 2] < 1 - _ALIGNED or np.hypot(*origins[0, :2]) > _ALIGNED:
+        raise _not_planar("its first axis must be the vertical through its base frame, pointing up")
+    hinges = axes[1 : 1 + _HINGES]
+    parallel = len(hinges) == _HINGES and np.abs(hinges @ hinges[0]).min() > 1 - _ALIGNED
+    if not parallel or abs(hinges[0, 2]) > _ALIGNED:
+        raise _not_planar("its first axis must be followed by three parallel horizontal hinges")
+    if chain.dof > 2 + _HINGES:
+        raise _not_planar("at most one joint may follow the hinges")
 
 
-def _turn(r_axis: Array) -> Array:
-    """Axis about which a link turns from r to z."""
-    return np.cross(r_axis, [0.0, 0.0, 1.0])
+def _plane(origins: Array, axes: Array) -> Array:
+    """The horizontal r axis of the arm's plane: towards the first hinge, or the way that it turns upwards."""
+    normal = axes[1]
+    r_axis = np.array([-normal[1], normal[0], 0.0])
+    ahead = float((origins[1] - origins[0]) @ r_axis)
+    if abs(ahead) <= _ALIGNED:
+        ahead = float(axes[1] @ np.cross(r_axis, [0.0, 0.0, 1.0]))
+    return r_axis if ahead > 0 else -r_axis
 
 
 def _not_planar(what: str) -> InputError:
