@@ -92,7 +92,7 @@ def check(world: World) -> None:
     directed = any(target.direction is not None for target in world.task)
     if directed and not planar_arm(world.robot.chain).tool_along_link:
         raise InputError(
-            f"{world.name}: task: a tool direction can be planned for only where the tool's z axis lies along "
+            f"{world.name}: task: a tool direction can be planned only where the tool's z axis lies along "
             "the arm's last link"
         )
     blocked = explain.blocked_start(world)
