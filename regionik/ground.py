@@ -72,9 +72,14 @@ class Side:
         pieces, piece = shapely.get_parts(self._local(left, which, part), return_index=True)
         solid = shapely.get_type_id(pieces) == shapely.GeometryType.POLYGON
         pieces, which = pieces[solid], which[piece[solid]]
-        rows, group = np.unique(which, return_inverse=True)
+        rows, first, group, count = np.unique(
+            which, return_index=True, return_inverse=True, return_counts=True
+        )
         # Disjoint pieces make a valid multipolygon as they are: no union is needed.
-        taken = shapely.multipolygons(pieces, indices=group)
+        taken, several = pieces[first], count > 1
+        place = np.cumsum(several) - 1
+        together = several[group]
+        taken[several] = shapely.multipolygons(pieces[together], indices=place[group[together]])
         left[rows] = shapely.difference(left[rows], taken)
         return left
 
