@@ -13,7 +13,7 @@ from regionik.ground import ground_of, grow
 from regionik.plan import Violation
 from regionik.regions import TakenAway, largest_clearance, outer_areas, what_took_away
 from regionik.worlds.arrays import Array
-from regionik.worlds.errors import Cause, Explanation, Repair
+from regionik.worlds.errors import Cause, CauseKind, Explanation, Repair
 from regionik.worlds.planar import planar_arm
 from regionik.worlds.scene import Target, World
 
@@ -80,10 +80,12 @@ def _out_of_reach(
             f"may stand, and the arm of {world.robot.name} does not reach that far."
         )
         return reason, (Cause("floor", "edge of the floor", off),), ()
-    kind = "limits" if target.direction is None else "direction"
-    what = "no posture with the wanted tool direction" if kind == "direction" else "no posture within limits"
+    kind: CauseKind = "limits"
+    what = "no posture within limits"
+    if target.direction is not None:
+        kind, what = "direction", "no posture with the wanted tool direction"
     reason = f"{who} cannot be reached from anywhere: {what} brings the tool of {world.robot.name} there."
-    return reason, (Cause("direction" if kind == "direction" else "limits", world.robot.name, None),), ()
+    return reason, (Cause(kind, world.robot.name),), ()
 
 
 def _crowded_out(

@@ -133,6 +133,12 @@ class Ground:
         """Tree over the shadows' cores."""
         return STRtree([shadow.core for shadow in self.shadows])
 
+    def within(self, shape: BaseGeometry, by: float) -> list[int]:
+        """Shadows that may meet a shape once grown by ``by`` [m], in order."""
+        widest = max((shadow.radius for shadow in self.shadows), default=0.0)
+        found = self.cores.query(shape, predicate="dwithin", distance=(by + widest) * 1.01)
+        return [int(k) for k in np.sort(found)]
+
     def nearest(self, shape: BaseGeometry) -> tuple[str, float] | None:
         """Name and distance of the shadow nearest to a shape on the floor."""
         gaps = [shadow.distance(shape) for shadow in self.shadows]

@@ -125,14 +125,15 @@ def prune_path(world: World, facings: tuple[int, ...]) -> tuple[PathAreas, Prune
     empty = np.flatnonzero(np.diff(rungs) == 0)
     if len(empty):
         raise NoPlanFound(explain.unreachable(world, int(empty[0]), others=len(empty) - 1))
+    pieces = _start_pieces(world, ladder)
     pruned = min(
-        (prune(ladder, ladder.floor == piece) for piece in _start_pieces(world, ladder)),
+        (prune(ladder, ladder.floor == piece) for piece in pieces),
         key=lambda found: (_first_gap(found) is not None, len(found.breaks)),
     )
     gap = _first_gap(pruned)
     if gap is not None:
         piece = ladder.floor[np.flatnonzero(pruned.keep)[0]] if pruned.keep.any() else None
-        here = side.pieces[_start_pieces(world, ladder)[0] if piece is None else piece]
+        here = side.pieces[pieces[0] if piece is None else piece]
         there = shapely.union_all(ladder.component[rungs[gap] : rungs[gap + 1]])
         raise NoPlanFound(explain.cut_off(world, gap, here, there))
     allowed = world.rules.max_lift_offs

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
-from regionik.ground import GUARD, Geometries, Ground, Side, ground_of, grow
+from regionik.ground import GUARD, Geometries, Side, ground_of, grow
 from regionik.reachable import BACK, FRONT, Family, reach_rows
 from regionik.worlds.arrays import frozen
 from regionik.worlds.errors import CauseKind
@@ -165,9 +165,9 @@ def what_took_away(world: World, target: Target) -> tuple[TakenAway, ...]:
     kind: CauseKind = "limits" if target.direction is None else "direction"
     taken = [TakenAway(kind, "joint limits" if kind == "limits" else "tool direction", disc - reach)]
     taken.append(TakenAway("floor", "edge of the floor", reach - ground.inner.floor))
-    near = np.sort(ground.cores.query(reach, predicate="dwithin", distance=_grip(ground)))
-    for k in near:
-        part = reach & grow(ground.shadows[k], ground.clearance + ground.far + GUARD, inner=True)
+    by = ground.clearance + ground.far + GUARD
+    for k in ground.within(reach, by):
+        part = reach & grow(ground.shadows[k], by, inner=True)
         taken.append(TakenAway("obstacle", ground.names[k], part))
     return tuple(part for part in taken if part.polygon.area > 1e-12)
 
@@ -183,9 +183,7 @@ def largest_clearance(world: World, target: Target) -> float | None:
 
     def open_at(clearance: float) -> bool:
         by = clearance + ground.far + GUARD
-        widest = max((shadow.radius for shadow in ground.shadows), default=0.0)
-        near = ground.cores.query(reach, predicate="dwithin", distance=(by + widest) * 1.01)
-        grown = [grow(ground.shadows[k], by, inner=True) for k in near]
+        grown = [grow(ground.shadows[k], by, inner=True) for k in ground.within(reach, by)]
         return float((reach - shapely.union_all(grown)).area) > 1e-12
 
     low, high = 0.0, 1.0
@@ -199,9 +197,3 @@ def largest_clearance(world: World, target: Target) -> float | None:
         middle = (low + high) / 2
         low, high = (middle, high) if open_at(middle) else (low, middle)
     return low if ground.shadows else np.inf
-
-
-def _grip(ground: Ground) -> float:
-    """Distance from a core within which its grown shadow may lie."""
-    widest = max((shadow.radius for shadow in ground.shadows), default=0.0)
-    return (ground.clearance + ground.far + widest) * 1.01

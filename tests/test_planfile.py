@@ -20,7 +20,6 @@ from regionik import planfile
 from regionik.plan import Motion, Plan
 from regionik.plandocument import document_to_text, multipolygon, plain, plan_to_document
 from regionik.planfile import load_plan, plan_schema, save_plan
-from regionik.worlds.arrays import same
 from regionik.worlds.errors import InputError
 from tests.plans import every_solid, l_shape, synthetic_plan
 
@@ -35,6 +34,13 @@ def plan() -> Plan:
 @pytest.fixture(scope="module")
 def document(plan: Plan) -> dict[str, Any]:
     return plan_to_document(plan)
+
+
+def same(a: Any, b: Any) -> bool:
+    """Equality of two values that may be arrays."""
+    if isinstance(a, np.ndarray) or isinstance(b, np.ndarray):
+        return bool(np.array_equal(a, b))
+    return bool(a == b)
 
 
 @pytest.mark.parametrize("world", [l_shape, every_solid])

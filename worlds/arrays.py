@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -44,10 +43,3 @@ def frozen(values: ArrayLike, shape: Sequence[int | None], what: str) -> Array:
         raise InputError(f"{what}: every number must be finite, got {array.tolist()}")
     array.flags.writeable = False
     return array
-
-
-def same(a: Any, b: Any) -> bool:
-    """Equality of two frozen values that may hold arrays."""
-    if isinstance(a, np.ndarray) or isinstance(b, np.ndarray):
-        return bool(np.array_equal(a, b))
-    return bool(a == b)

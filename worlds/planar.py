@@ -7,6 +7,7 @@ then at most a roll about the last link. In the plane, r points away from the pi
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -77,8 +78,9 @@ class PlanarArm:
         return values
 
 
+@lru_cache(maxsize=64)
 def planar_arm(chain: Chain) -> PlanarArm:
-    """Read a chain as a planar arm.
+    """Read a chain as a planar arm; kept for the last few chains, as every solver asks for it.
 
     Raises
     ------
