@@ -352,6 +352,14 @@ junk = st.recursive(
 )
 
 
+@pytest.mark.parametrize("value", [1.3407807929942597e154, -1e10, 10**20])
+def test_numbers_too_large_to_square_are_refused(value: float) -> None:
+    document = through_json(good())
+    document["start"]["base"][0] = value
+    with pytest.raises(InputError, match=r"here: start.base\[0\]: expected a number of at most 1e\+09"):
+        world_from_document(document, "here")
+
+
 @settings(deadline=None, max_examples=300)
 @given(st.data())
 def test_whatever_stands_anywhere_is_read_or_refused_in_one_line(data: st.DataObject) -> None:

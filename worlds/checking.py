@@ -14,6 +14,8 @@ from regionik.worlds.textfile import clip
 
 Model = TypeVar("Model", bound=BaseModel)
 
+LARGEST = 1e9  # any length, angle or count in a file is smaller
+
 
 class Strict(BaseModel):
     """A mapping with known keys only, nothing converted, every number finite."""
@@ -48,6 +50,20 @@ def checked(model: type[Model], document: dict[str, Any], where: str) -> Model:
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
     raise wrong(where, _place(first["loc"]), _expected(first))
+
+
+def bounded(value: Any, where: str, place: tuple[int | str, ...] = ()) -> None:
+    """Refuse numbers so large that squares and sums of them would overflow."""
+    if isinstance(value, dict):
+        for key, item in value.items():
+            bounded(item, where, (*place, key))
+    elif isinstance(value, list):
+        for k, item in enumerate(value):
+            bounded(item, where, (*place, k))
+    elif isinstance(value, int | float) and abs(value) > LARGEST:
+        raise wrong(
+            where, _place(place), f"expected a number of at most {LARGEST:g} in size, got {clip(value)}"
+        )
 
 
 def wrong(where: str, place: str, text: str) -> InputError:

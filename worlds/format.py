@@ -10,7 +10,7 @@ from typing import Any
 
 from regionik.worlds.build import build_world
 from regionik.worlds.bundled import world_path
-from regionik.worlds.checking import checked
+from regionik.worlds.checking import bounded, checked
 from regionik.worlds.document import document_of
 from regionik.worlds.scene import World
 from regionik.worlds.schema import WorldDocument
@@ -54,7 +54,9 @@ def world_from_document(document: dict[str, Any], where: str = "world", folder: 
     InputError
         One line: ``where``, the place in the document, what was expected and the valid choices.
     """
-    model = checked(WorldDocument, plain_mapping(document, where), where)
+    plain = plain_mapping(document, where)
+    model = checked(WorldDocument, plain, where)
+    bounded(plain, where)
     return build_world(model, where, Path() if folder is None else folder)
 
 
