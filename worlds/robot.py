@@ -42,6 +42,53 @@ class LinkCapsule:
         if not 0 < self.radius < np.inf:
             raise InputError(f"{self.name}: radius must be above 0, got {self.radius}")
 
+    @property
+    def corners(self) -> Array:
+        """The solid is all points within ``radius`` of the hull of these, in the link's frame (2, 3) [m]."""
+        return np.stack([self.start, self.end])
+
+
+@dataclass(frozen=True, eq=False)
+class LinkBox:
+    """A box that moves with one arm link.
+
+    Attributes
+    ----------
+    link : int
+        Index into ``Chain.frames``: the link that joint ``link`` moves.
+    name : str
+    T_link_box : (4, 4) array
+        Middle and axes of the box in the link's frame.
+    size : (3,) array
+        [m]
+    """
+
+    link: int
+    name: str
+    T_link_box: Array
+    size: Array
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "T_link_box", frozen(self.T_link_box, (4, 4), f"{self.name}: frame"))
+        object.__setattr__(self, "size", frozen(self.size, (3,), f"{self.name}: size"))
+        if not (self.size > 0).all():
+            raise InputError(f"{self.name}: size must be above 0, got {self.size.tolist()}")
+
+    @property
+    def radius(self) -> float:
+        """A box is the hull of its corners and no more."""
+        return 0.0
+
+    @property
+    def corners(self) -> Array:
+        """In the link's frame (8, 3) [m]."""
+        signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+        corners: Array = (signs * self.size / 2) @ self.T_link_box[:3, :3].T + self.T_link_box[:3, 3]
+        return corners
+
+
+LinkSolid = LinkCapsule | LinkBox
+
 
 @dataclass(frozen=True, eq=False)
 class Robot:
@@ -56,7 +103,7 @@ class Robot:
     mount : (4,) array
         Arm base frame in the base frame: x, y, z [m], yaw [rad].
     chain : Chain
-    solids : tuple of LinkCapsule
+    solids : tuple of LinkCapsule or LinkBox
     body_height : float
         Solids that begin at this height or above concern the arm alone [m].
     turning_radius : float
@@ -70,7 +117,7 @@ class Robot:
     footprint: Array
     mount: Array
     chain: Chain
-    solids: tuple[LinkCapsule, ...]
+    solids: tuple[LinkSolid, ...]
     body_height: float
     carry: Array
     turning_radius: float = 0.0
