@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
-from threading import Lock
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 import shapely
@@ -15,6 +13,7 @@ from shapely.geometry import MultiPolygon, Point, Polygon
 
 from regionik.planners.flat import DEPTH, FlatPolygon, clamp, contains, segment_inside
 from regionik.planners.pulling import resample, route, tighten
+from regionik.planners.sampling import connect
 from regionik.planners.stepping import step_through
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.errors import InputError, RegionikError
@@ -25,7 +24,6 @@ Method = Literal["straight", "steps", "ompl", "triangles"]
 
 ITERATIONS = 2000  # of RRTConnect, before the triangles are searched instead
 ATTEMPTS = 4  # the shortest is kept: over 40 cluttered maps 3 % too long in the median, one attempt 8 %
-_OMPL = Lock()  # its seed and its log level belong to the whole process
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,65 +149,14 @@ def _attempts(flat: FlatPolygon, start: Array, goal: Array, seed: int) -> Iterat
 
 def _connect(flat: FlatPolygon, start: Array, goal: Array, seed: int) -> Array | None:
     """RRTConnect between two points, motions checked exactly; None when it used up its iterations."""
-    with _ompl(seed) as (base, geometric):
-        space = base.RealVectorStateSpace(2)
-        bounds = base.RealVectorBounds(2)
-        for axis in (0, 1):
-            bounds.setLow(axis, float(flat.vertices[:, axis].min()))
-            bounds.setHigh(axis, float(flat.vertices[:, axis].max()))
-        space.setBounds(bounds)
-        setup = geometric.SimpleSetup(space)
-        information = setup.getSpaceInformation()
-        setup.setStateValidityChecker(lambda p: bool(contains(flat.vertices, flat.starts, p[0], p[1])))
-        information.setMotionValidator(_exact_motions(base, information, flat))
-        setup.setStartAndGoalStates(_state(space, start), _state(space, goal))
-        setup.setPlanner(geometric.RRTConnect(information))
-        status = setup.solve(base.PlannerTerminationCondition(_after(ITERATIONS)))
-        if status != base.PlannerStatus.EXACT_SOLUTION:
-            return None
-        states = setup.getSolutionPath().getStates()
-        path = np.array([[p[0], p[1]] for p in states])
-    path[0], path[-1] = start, goal
-    return path
-
-
-@contextmanager
-def _ompl(seed: int) -> Iterator[tuple[Any, Any]]:
-    """OMPL's modules, imported late, silent and freshly seeded.
-
-    Setting the seed restarts the stream from which every later generator takes its own seed, so a planner
-    made after it does not depend on those made before. OMPL warns about that on its log, and refuses 0.
-    """
-    from ompl import base, geometric, util
-
-    with _OMPL:
-        level = util.getLogLevel()
-        util.setLogLevel(util.LOG_NONE)
-        util.RNG.setSeed(seed % (2**32 - 1) + 1)
-        try:
-            yield base, geometric
-        finally:
-            util.setLogLevel(level)
-
-
-def _exact_motions(base: Any, information: Any, flat: FlatPolygon) -> Any:
-    """A motion validator that tests the whole segment in one call."""
     vertices, starts = flat.vertices, flat.starts
-
-    class ExactMotions(base.MotionValidator):  # type: ignore[misc]
-        def checkMotion(self, p: Any, q: Any) -> bool:
-            return bool(segment_inside(vertices, starts, p[0], p[1], q[0], q[1]))
-
-    return ExactMotions(information)
-
-
-def _state(space: Any, point: Array) -> Any:
-    state = space.allocState()
-    state[0], state[1] = float(point[0]), float(point[1])
-    return state
-
-
-def _after(calls: int) -> Any:
-    """A condition that turns true after so many calls: a bound without a clock."""
-    left = iter(range(calls))
-    return lambda: next(left, None) is None
+    return connect(
+        vertices.min(axis=0),
+        vertices.max(axis=0),
+        start,
+        goal,
+        lambda p: contains(vertices, starts, p[0], p[1]),
+        lambda p, q: segment_inside(vertices, starts, p[0], p[1], q[0], q[1]),
+        seed=seed,
+        most=ITERATIONS,
+    )

@@ -13,7 +13,7 @@ SOURCES = sorted(
     path for room in ROOMS for path in (ROOT / room).glob("**/*.py") if path.parent.name in ROOMS
 )
 ENGINES = {
-    "ompl": {"planners/drive.py"},
+    "ompl": {"planners/sampling.py"},
     "fcl": {"planners/collision.py"},
     "meshcat": {"regionik/view.py"},
     "typer": {"regionik/cli.py"},

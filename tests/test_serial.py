@@ -9,7 +9,12 @@ from regionik.worlds.chain import Chain, Joint, chain_from_dh, rot_x, rot_y, tra
 
 def lifted_arm() -> Chain:
     """A torso lift, a pivot, and joints about odd axes."""
-    frames = [translation(0.1, 0, 0.2), rot_x(0.3), translation(0, 0.2, 0.1) @ rot_y(-0.7), translation(0.3, 0, 0)]
+    frames = [
+        translation(0.1, 0, 0.2),
+        rot_x(0.3),
+        translation(0, 0.2, 0.1) @ rot_y(-0.7),
+        translation(0.3, 0, 0),
+    ]
     axes = [[0, 0, 1.0], [0, 0, 1.0], [1.0, 2.0, -1.0], [0, 1.0, 0]]
     joints = [
         Joint(f"j{k}", "prismatic" if k == 0 else "revolute", -1.0, 1.0, T, np.array(axis))
