@@ -1,9 +1,9 @@
 """Distances between arm links and solids, with the points that witness them. The only file that imports fcl.
 
-A link is a segment with a radius, so its distance is that of the segment less the radius. fcl measures
-segments against surfaces of triangles, in closed form and to the last digits. Its solvers for convex shapes
-(GJK, EPA) are left alone on purpose: where edges run parallel their answers were centimetres too large, and
-the signed distance of an axis that ends in a corner never came back.
+A link is a segment with a radius, so its distance is that of the segment less the radius, or a box. fcl
+measures both against surfaces of triangles, in closed form and to the last digits. Its solvers for convex
+shapes (GJK, EPA) are left alone on purpose: where edges run parallel their answers were centimetres too
+large, and the signed distance of an axis that ends in a corner never came back.
 """
 
 from __future__ import annotations
@@ -20,12 +20,28 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from regionik.planners.convex import convex_pieces
-from regionik.planners.pieces import UP, Piece, Separation, contains, from_ball, from_cylinder, way_out
+from regionik.planners.hulls import hull_gap
+from regionik.planners.pieces import (
+    NONE,
+    TOUCH,
+    UP,
+    Piece,
+    Separation,
+    contains,
+    from_ball,
+    from_cylinder,
+    way_out,
+    within_box,
+)
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.errors import InputError
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Solid, Sphere
+from regionik.worlds.robot import LinkSolid
 
 _REQUEST = fcl.DistanceRequest(enable_nearest_points=True)
+_SIGNS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+_QUADS = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])
+_BOX = np.vstack([_QUADS[:, [0, 1, 2]], _QUADS[:, [0, 2, 3]]])  # triangles of corners ordered as _SIGNS
 
 
 class Near(NamedTuple):
@@ -158,26 +174,76 @@ def separation(piece: Piece, start: Array, end: Array) -> Separation:
     if piece.disc:
         distance, on_axis, on_piece = from_cylinder(piece, start, end)
     else:
-        distance, on_axis, on_piece = _from_surface(piece, start, end)
+        distance, on_axis, on_piece = _between(_axis_on(start, end), piece.surface)
     inside = distance > 0 and not piece.disc and contains(piece, start)
     if distance > 0 and not inside:
         return Separation(distance, (on_axis - on_piece) / distance, on_axis)
     if piece.mesh is None:
-        return way_out(piece, start, end)
+        return way_out(piece, np.stack([start, end]))
     gap = -min(0.0, piece.mesh.distance(start)) if inside else 0.0
     out = on_piece - on_axis
     return Separation(-min(gap, distance), out / distance if distance > 0 else UP, on_axis)
 
 
-def _from_surface(piece: Piece, a: Array, b: Array) -> tuple[float, Array, Array]:
-    """Distance from the triangles of a piece, and the two points; 0 where the segment meets one."""
+def hull_separation(piece: Piece, corners: Array) -> Separation:
+    """Signed distance of a segment (2, 3), or of a box (8, 3) with corners as `LinkBox` orders them.
+
+    A box that is within a mesh, or a mesh within a box, is as deep as their surfaces are apart; a box that
+    cuts the surface of a mesh counts as a nanometre deep. A cylinder and a box are never nearer than told,
+    and not a micrometre farther. The numbers must be finite.
+    """
+    if len(corners) == 2:
+        return separation(piece, corners[0], corners[1])
+    if piece.disc:
+        way, on_box = np.zeros(3), np.empty(3)
+        distance = hull_gap(corners, piece.corners, piece.disc, way, on_box)[0]
+        return Separation(distance, way, on_box) if distance > TOUCH else way_out(piece, corners)
+    surface = _axis_on(piece.corners[0], piece.corners[-1]) if piece.ball else piece.surface
+    distance, on_box, on_piece = _between(_box_on(corners), surface)
+    swallowed = distance > 0 and bool(within_box(corners, piece.corners).any())
+    inside = swallowed or (distance > 0 and not piece.ball and contains(piece, corners[0]))
+    normal = (on_box - on_piece) / distance if distance > 0 else UP
+    if distance > 0 and not inside:
+        return Separation(distance - piece.ball, normal, on_box)
+    if piece.mesh is None:
+        return way_out(piece, corners)
+    return Separation(-max(distance, TOUCH), -normal, on_box)
+
+
+def link_piece(solid: LinkSolid) -> Piece:
+    """A link's solid, prepared as what others keep away from, in the link's frame."""
+    corners = solid.corners
+    if len(corners) == 2:
+        return Piece(corners, NONE, np.diff(corners, axis=0), ball=solid.radius)
+    axes = (corners[[4, 2, 1]] - corners[0]) / np.linalg.norm(corners[[4, 2, 1]] - corners[0], axis=1)[
+        :, None
+    ]
+    return Piece(corners, np.vstack([axes, -axes]), axes, surface=_surface(corners, _BOX))
+
+
+def _between(a: fcl.CollisionObject, b: fcl.CollisionObject) -> tuple[float, Array, Array]:
+    """Distance of two surfaces, and the two points; 0 where they meet."""
+    found = fcl.DistanceResult()
+    distance = fcl.distance(a, b, _REQUEST, found)
+    on_a, on_b = found.nearest_points
+    return max(0.0, float(distance)), on_a, on_b
+
+
+def _axis_on(a: Array, b: Array) -> fcl.CollisionObject:
     length, pose = _pose(a, b)
     axis = _axis(round(length, 12), threading.get_ident())
     axis.setTransform(pose)
-    found = fcl.DistanceResult()
-    distance = fcl.distance(axis, piece.surface, _REQUEST, found)
-    on_axis, on_piece = found.nearest_points
-    return max(0.0, float(distance)), on_axis, on_piece
+    return axis
+
+
+def _box_on(corners: Array) -> fcl.CollisionObject:
+    middle, sides = corners.mean(0), corners[[4, 2, 1]] - corners[0]
+    if not math.isfinite(float(middle.sum())):  # fcl would call such a pose free
+        raise InputError(f"box: every number must be finite, got {corners.tolist()}")
+    size = np.linalg.norm(sides, axis=1)
+    box = _box(*np.round(size, 12).tolist(), threading.get_ident())
+    box.setTransform(fcl.Transform((sides / size[:, None]).T, middle))
+    return box
 
 
 def _pose(a: Array, b: Array) -> tuple[float, fcl.Transform]:
@@ -202,6 +268,11 @@ def _axis(length: float, thread: int) -> fcl.CollisionObject:
     return _surface(np.array([[0, 0, -half], [0, 0, half], [0, 0, half]]), np.array([[0, 1, 2]]))
 
 
+@lru_cache(maxsize=512)
+def _box(x: float, y: float, z: float, thread: int) -> fcl.CollisionObject:
+    return _surface(_SIGNS * np.array([x, y, z]) / 2, _BOX)
+
+
 def _surface(vertices: Array, faces: NDArray[np.int64]) -> fcl.CollisionObject:
     middle = (vertices.min(0) + vertices.max(0)) / 2
     model = fcl.BVHModel()
@@ -212,15 +283,14 @@ def _surface(vertices: Array, faces: NDArray[np.int64]) -> fcl.CollisionObject:
 
 
 def _pieces(solid: Solid) -> list[Piece]:
-    none = np.zeros((0, 3))
     match solid:
         case Sphere():
-            return [Piece(solid.center[None], none, ball=solid.radius)]
+            return [Piece(solid.center[None], NONE, ball=solid.radius)]
         case Cylinder():
             ends = solid.center + np.outer([-solid.height / 2, solid.height / 2], UP)
-            return [Piece(ends, none, disc=solid.radius)]
+            return [Piece(ends, NONE, disc=solid.radius)]
         case Mesh():
-            return [Piece(solid.vertices, none, surface=_surface(solid.vertices, solid.faces), mesh=solid)]
+            return [Piece(solid.vertices, NONE, surface=_surface(solid.vertices, solid.faces), mesh=solid)]
         case Box():
             c, s = np.cos(solid.yaw), np.sin(solid.yaw)
             level = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * solid.size[:2] / 2
@@ -242,4 +312,5 @@ def _prism(outline: Array, bottom: float, top: float) -> Piece:
     edges = np.roll(outline, -1, 0) - outline
     level = np.column_stack([edges[:, 1], -edges[:, 0]]) / np.linalg.norm(edges, axis=1)[:, None]
     normals = np.vstack([np.column_stack([level, np.zeros(n)]), UP, -UP])
-    return Piece(corners, normals, surface=_surface(corners, np.array(fan + lid + sides)))
+    edges = np.vstack([np.column_stack([-level[:, 1], level[:, 0], np.zeros(n)]), UP])
+    return Piece(corners, normals, edges, surface=_surface(corners, np.array(fan + lid + sides)))

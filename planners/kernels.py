@@ -278,3 +278,27 @@ def nearest_posture(
                     best = change
                     bends[0], bends[1], bends[2] = a, b, c
     return best
+
+
+@compiled
+def self_motion(arm: PlaneArm, pitch: float, r: float, z: float, tries: int, out: Array) -> int:
+    """Postures that reach (r, z), elbow either way, at ``tries`` pitches or the fixed one.
+
+    Returns their number; fills bends into ``out`` (2 tries, 3).
+    """
+    shoulder_r, shoulder_z, lengths, lower, upper = arm
+    x, y = r - shoulder_r, z - shoulder_z
+    count = 0
+    for k in range(1 if np.isfinite(pitch) else tries):
+        tool = pitch if np.isfinite(pitch) else TWO_PI * k / tries
+        lead, root, tip, ok = triangle(
+            lengths[0], lengths[1], x - lengths[2] * np.cos(tool), y - lengths[2] * np.sin(tool)
+        )
+        for elbow in (-1.0, 1.0):
+            first, second = lead + elbow * root, lead - elbow * tip
+            if ok and slack(lower, upper, first, second, tool) >= 0.0:
+                out[count, 0], _ = fit(first, lower[0], upper[0])
+                out[count, 1], _ = fit(second - first, lower[1], upper[1])
+                out[count, 2], _ = fit(tool - second, lower[2], upper[2])
+                count += 1
+    return count

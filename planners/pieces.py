@@ -3,22 +3,25 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from regionik.planners.hulls import hull_gap
 from regionik.worlds.arrays import Array
 from regionik.worlds.obstacles import Mesh
 
 TOUCH = 1e-9  # [m]
 UP = np.array([0.0, 0.0, 1.0])
+NONE = np.zeros((0, 3))
 HALVINGS = 44  # of a segment of some metres: far below a nanometre
 ROUND = np.linspace(0.0, 2 * np.pi, 64, endpoint=False)
 
 
 class Separation(NamedTuple):
-    """A segment and a piece of a solid: distance, and the unit direction from the piece to the segment."""
+    """A hull (of a link's axis or box) and a piece: distance, and the unit direction from the piece to it."""
 
     distance: float  # [m], minus the way out along ``normal`` where they overlap
     normal: Array  # (3,)
@@ -29,11 +32,13 @@ class Separation(NamedTuple):
 class Piece:
     """A convex part of a solid, or the surface of a mesh.
 
-    All points within ``disc`` (level) and ``ball`` (any way) of the hull of ``corners``.
+    All points within ``disc`` (level) and ``ball`` (any way) of the hull of ``corners``. Where there is a
+    disc or a ball, there are one or two corners.
     """
 
     corners: Array  # (k, 3) [m]
     normals: Array  # (f, 3) outward, of the faces of a convex part with corners
+    edges: Array = field(default_factory=lambda: NONE)  # (e, 3) along its edges
     disc: float = 0.0  # [m]
     ball: float = 0.0  # [m]
     surface: Any = None  # the engine's triangles, of a part with corners
@@ -56,7 +61,11 @@ def contains(piece: Piece, point: Array) -> bool:
 
 
 def from_ball(piece: Piece, a: Array, b: Array) -> Separation:
-    """Signed distance from a ball."""
+    """Signed distance from a ball, or from a capsule."""
+    if len(piece.corners) == 2:
+        way, on_axis = np.zeros(3), np.empty(3)
+        gap = hull_gap(np.stack([a, b]), piece.corners, 0.0, way, on_axis)[0]
+        return Separation(max(0.0, gap) - piece.ball, way, on_axis)
     along = b - a
     t = float(np.clip((piece.corners[0] - a) @ along / max(float(along @ along), 1e-300), 0.0, 1.0))
     on_axis = a + t * along
@@ -90,21 +99,32 @@ def from_cylinder(piece: Piece, a: Array, b: Array) -> tuple[float, Array, Array
     return float(np.linalg.norm(gap)), on_axis, on_axis - gap
 
 
-def way_out(piece: Piece, a: Array, b: Array) -> Separation:
-    """Least push that frees a segment: along a face's normal, or square to an edge and the segment."""
+def within_box(corners: Array, points: Array) -> NDArray[np.bool_]:
+    """Which points (n, 3) lie in or on a box, given by its corners as `LinkBox` orders them."""
+    sides = corners[[4, 2, 1]] - corners[0]
+    shares = (points - corners[0]) @ sides.T / (sides**2).sum(1)
+    slack = TOUCH / np.linalg.norm(sides, axis=1)
+    inside: NDArray[np.bool_] = ((shares >= -slack) & (shares <= 1 + slack)).all(1)
+    return inside
+
+
+def way_out(piece: Piece, corners: Array) -> Separation:
+    """Least push that frees a segment or box: along a normal of a face, or square to an edge of each."""
     if piece.disc:
         level = np.column_stack([np.cos(ROUND), np.sin(ROUND), np.zeros(len(ROUND))])
         normals = np.vstack([level, UP, -UP])
         edges = np.vstack([np.column_stack([-level[:, 1], level[:, 0], level[:, 2]]), UP])
     else:
         normals = piece.normals
-        edges = np.vstack([np.cross(normals, UP), UP])
-    square = np.cross(edges, b - a)
+        edges = piece.edges
+    sides = corners[[4, 2, 1] if len(corners) == 8 else [1]] - corners[0]
+    square = np.cross(edges[:, None], sides).reshape(-1, 3)
+    if len(corners) == 8:
+        square = np.vstack([square, sides])
     size = np.linalg.norm(square, axis=1)
     square = square[size > 1e-12] / size[size > 1e-12, None]
     normals = np.vstack([normals, square, -square])
-    ends = np.stack([normals @ a, normals @ b])
-    depths = piece.support(normals) - ends.min(0)
+    along = normals @ corners.T
+    depths = piece.support(normals) - along.min(1)
     k = int(np.argmin(depths))
-    deepest = a if ends[0, k] <= ends[1, k] else b
-    return Separation(-float(depths[k]), normals[k], deepest)
+    return Separation(-float(depths[k]), normals[k], corners[int(np.argmin(along[k]))])

@@ -207,6 +207,38 @@ def no_posture(world: World, i: int) -> Explanation:
     return Explanation("no-posture", i, reason, (Cause("limits", world.robot.name, None),))
 
 
+def no_clear_posture(
+    world: World, i: int, looked: tuple[int, int], closest: str, cause: Cause, *, cut_off: bool
+) -> Explanation:
+    """Why the arm cannot be at set-point i, or cannot get there, without touching something.
+
+    Parameters
+    ----------
+    world : World
+    i : int
+    looked : (places, postures)
+        How many places of the base and postures were looked at.
+    closest : str
+        What the posture that came nearest to being clear touches, in words.
+    cause : Cause
+    cut_off : bool
+        Clear postures exist, but no way to them was found.
+    """
+    who = f"{_setpoint(i, len(world.task))} at {_spot(world.task[i].position)}"
+    rule = f"the arm's clearance is {world.rules.arm_clearance:g} m"
+    if cut_off:
+        reason = (
+            f"{who} has postures in which the arm touches nothing, but no way to one of them was found on "
+            f"which it touches nothing either; on the straight way {closest}, and {rule}."
+        )
+    else:
+        reason = (
+            f"{who} has admissible places for the base, but in none of the {looked[1]} postures at "
+            f"{looked[0]} places that were looked at is the arm clear: at best {closest}, and {rule}."
+        )
+    return Explanation("no-posture", i, reason, (cause,))
+
+
 def _crossed(world: World, bridge: BaseGeometry) -> list[str]:
     """Obstacles whose grown shadows a line on the floor runs through."""
     ground = ground_of(world)

@@ -17,12 +17,21 @@ from numpy.typing import NDArray
 
 from regionik.plan import Motion
 from regionik.worlds.arrays import Array
+from regionik.worlds.chain import motion as joint_motion
 from regionik.worlds.robot import Robot
 
 Indices = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 
 CHUNK = 8192  # parts of hops that are looked at together, so that memory stays small
+
+
+class Bounds(NamedTuple):
+    """Most of a point in a frame on every hop, each (hops,)."""
+
+    distance: Array  # from the frame's origin [m]
+    speed: Array  # [m per hop]
+    acceleration: Array  # [m per hop^2]
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,21 +70,41 @@ class Journey:
 
     def frames(self, hop: Indices, s: Array) -> Array:
         """Link and tool frames in the world, (m, dof + 1, 4, 4)."""
-        joints = self.motion.joints[hop] + s[:, None] * self.bend[hop]
-        return self.robot.frames(self.base(hop, s), joints)
+        return self.robot.frames(self.base(hop, s), self.joints(hop, s))
+
+    def joints(self, hop: Indices, s: Array) -> Array:
+        """Joint values at part s in [0, 1] of a hop, (m, dof)."""
+        values: Array = self.motion.joints[hop] + s[:, None] * self.bend[hop]
+        return values
+
+    def between(self, lower: int, link: int, joints: Array) -> Array:
+        """Pose of a link in the frame of a lower link, or of the base (-1), (m, 4, 4)."""
+        chain = self.robot.chain
+        start = self.robot.T_base_arm if lower < 0 else np.eye(4)
+        T = np.broadcast_to(start, (len(joints), 4, 4))
+        for k in range(lower + 1, link + 1):
+            T = T @ chain.joints[k].T_parent_joint @ joint_motion(chain.joints[k], joints[:, k])
+        return T
 
     def acceleration(self, link: int, point: Array) -> Array:
-        """Most that a point fixed to a link can accelerate in the world, (hops,) [m per hop^2].
+        """Most that a point fixed to a link can accelerate in the world, (hops,) [m per hop^2]."""
+        bounds = self.bounds_between(-1, link, point)
+        rate = np.abs(self.turn)
+        reach = bounds.distance + float(np.hypot(*self.robot.mount[:2]))
+        bound: Array = bounds.acceleration + rate**2 * reach + 2 * rate * bounds.speed
+        return bound
 
-        Frame by frame from the link to the base: a joint that turns at rate w under a point that moves at
-        speed v at a distance r of its axis adds w^2 r + 2 w v, and w r to the speed.
+    def bounds_between(self, lower: int, link: int, point: Array) -> Bounds:
+        """Bounds for a point fixed to a link, as seen from a lower link or from the arm's mount (-1).
+
+        Frame by frame from the link down: a joint that turns at rate w under a point that moves at speed v
+        at a distance r of its axis adds w^2 r + 2 w v, and w r to the speed.
         """
         chain = self.robot.chain
-        axis = chain.joints[link].axis
         far = np.full(self.hops, float(np.linalg.norm(point)))  # from the joint's origin
-        arm = np.full(self.hops, float(np.linalg.norm(np.cross(axis, point))))  # from its axis
+        arm = np.full(self.hops, float(np.linalg.norm(np.cross(chain.joints[link].axis, point))))  # its axis
         speed, acceleration = np.zeros(self.hops), np.zeros(self.hops)
-        for k in range(link, -1, -1):
+        for k in range(link, lower, -1):
             rate = np.abs(self.bend[:, k])
             if chain.joints[k].kind == "revolute":
                 acceleration += rate**2 * arm + 2 * rate * speed
@@ -85,10 +114,7 @@ class Journey:
                 far = far + np.maximum(*np.abs([self.motion.joints[:-1, k], self.motion.joints[1:, k]]))
             far = far + float(np.linalg.norm(chain.joints[k].T_parent_joint[:3, 3]))
             arm = far
-        rate = np.abs(self.turn)
-        reach = far + float(np.hypot(*self.robot.mount[:2]))
-        bound: Array = acceleration + rate**2 * reach + 2 * rate * speed
-        return bound
+        return Bounds(far, speed, acceleration)
 
     @cached_property
     def tool_acceleration(self) -> Array:

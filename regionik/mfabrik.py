@@ -120,6 +120,21 @@ class Solver:
         pose, q[0], fits = self._set_heading(axis, yaw, base, joints[0])
         return Configuration(pose, q, 0.0, 0, True) if fits and np.isfinite(change) else None
 
+    def self_motion(self, target: Array, base: Array, joints: Array, tries: int) -> list[Configuration]:
+        """With the arm axis held, postures on target at ``tries`` pitches, the least changed first."""
+        axis, _, _ = self._planar(base, joints)
+        dx, dy = target[:2] - axis
+        facing, bends = self.family.facing, np.empty((2 * tries, 3))
+        count = kernels.self_motion(
+            self._plane, self.family.pitch, facing * np.hypot(dx, dy), target[2], tries, bends
+        )
+        q = np.tile(joints, (count, 1))
+        q[:, 1:4] = self._arm.hinge_joints(bends[:count], joints)
+        yaw = float(np.arctan2(facing * dy, facing * dx))
+        pose, q[:, 0], fits = self._set_heading(axis, yaw, base, joints[0])
+        order = np.argsort(np.abs(q - joints).max(axis=1), kind="stable")
+        return [Configuration(pose, q[k], 0.0, 0, True) for k in order] if fits else []
+
     def batch(self, targets: ArrayLike, bases: ArrayLike, joints: ArrayLike) -> Batch:
         """Solve for many targets at once.
 

@@ -1,56 +1,36 @@
-"""The motion between configurations: the tool stays on its path wherever the areas allow it.
+"""The motion between configurations: the tool stays on its path wherever areas and obstacles allow it.
 
-Between set-points i and i + 1 of one run the base first tries to go straight while the tool goes on; else it
-moves inside the area of i to a place shared with the area of i + 1, the tool goes on from there, and the base
-moves on inside the area of i + 1. Where a run ends, the tool is lifted and the base drives over free floor.
+A run of set-points is a walk through spots, each a clear configuration at one set-point; a step of the walk is
+the tool going on to the next. The walk follows what M-FABRIK found. Where the arm would touch something, other
+spots of the same set-point are tried, and where none can be come to, earlier steps are taken back. Where a run
+ends, the tool is lifted and the base drives over free floor.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from itertools import islice
 
 import numpy as np
-import shapely
-from shapely.geometry import LineString, Point
-from shapely.geometry.base import BaseGeometry
 
+from regionik import explain
+from regionik.avoid import Avoider, Evidence, Spot
 from regionik.ground import Side
-from regionik.mfabrik import Solver, axis_of, pose_of, solver_for
+from regionik.guard import guard_of
 from regionik.plan import Configuration, Motion
-from regionik.planners import kernels
-from regionik.planners.drive import drive, resample
-from regionik.planners.flat import FlatPolygon, segment_inside
-from regionik.pruning import Ladder
-from regionik.reachable import Family
-from regionik.worlds.arrays import Array
+from regionik.poses import Pose, Row, columns
+from regionik.pruning import Pruned
+from regionik.stretch import Stretcher
+from regionik.transit import Carrier, Driver
+from regionik.worlds.errors import Cause, Explanation, NoPlanFound
 from regionik.worlds.scene import World
 
-TOOL_STRIDE = 0.05  # longest way of base or tool between two states on the path [m]
-TURN_STRIDE = 0.1  # largest turn of the base between two states [rad]
-SOLVE_TOLERANCE = 0.1  # arms between set-points are solved to this share of the tolerance
-SAG_SHARE = 0.3  # share of the path tolerance that motion between two states may use
-DEEPEST = 6  # halvings before a stretch counts as discontinuous
-LARGEST_BEND = 0.5  # change of a joint between two states above which the arm has jumped [rad]
+TRIES = 16  # spots of the next set-point tried from one spot
+HARD_TRIES = 3  # of them, how many are worth a search in the space of the whole robot
+PATIENCE = 200  # spots tried without getting farther before the tool is lifted
 
 Progress = Callable[[str, int, int], None]
-
-
-@dataclass(frozen=True, eq=False)
-class Pose:
-    """Where base and arm are."""
-
-    base: Array  # (3,)
-    joints: Array  # (dof,)
-
-
-@dataclass(frozen=True, eq=False)
-class Row:
-    """One state under construction."""
-
-    pose: Pose
-    kind: str
-    setpoint: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,9 +53,8 @@ class Course:
 
 def connect(
     world: World,
-    ladder: Ladder,
+    pruned: Pruned,
     chain: list[int],
-    breaks: tuple[int, ...],
     goals: tuple[Configuration, ...],
     side: Side,
     seed: int,
@@ -86,11 +65,10 @@ def connect(
     Parameters
     ----------
     world : World
-    ladder : Ladder
+    pruned : Pruned
+        The ladder, and the set-points before which the tool is lifted.
     chain : list of int
         Component of each set-point.
-    breaks : tuple of int
-        Set-points before which the tool is lifted.
     goals : tuple of Configuration
         From M-FABRIK, one for each set-point.
     side : Side
@@ -98,232 +76,131 @@ def connect(
     seed : int
     progress : callable, optional
         Called with stage, done, total.
+
+    Raises
+    ------
+    NoPlanFound
+        Where the arm touches something in every posture that was looked at, or cannot get there.
     """
-    mover = _Mover(world, ladder, side, seed, {})
-    rows: list[Row] = []
-    passed: list[Configuration] = []
-    if world.start is not None:
-        here = Pose(world.start.base, world.start.joints)
-        rows.append(Row(here, "transit", -1))
-        rows += mover.transit(here, _pose(goals[0]), ladder.floor[chain[0]], -1)
-    for i, goal in enumerate(goals):
-        arrived = goal
-        if i > 0:
-            here = _pose(passed[-1])
-            stretch = None if i in breaks else mover.follow(i - 1, chain[i - 1], chain[i], here, goal)
-            if stretch is None:
-                rows += mover.transit(here, _pose(goal), ladder.floor[chain[i]], i - 1)
-            else:
-                rows += stretch[:-1]
-                arrived = _arrive(world, i, stretch[-1].pose, goal)
-        rows.append(Row(_pose(arrived), "setpoint", i))
-        passed.append(arrived)
-        if progress is not None:
-            progress("motion", i + 1, len(goals))
-    return Course(_columns(rows), tuple(passed), dict(sorted(mover.methods.items())))
+    guard, driver = guard_of(world), Driver(world, seed)
+    avoider = Avoider(world, guard, pruned.ladder, seed)
+    carrier = Carrier(world, side, guard, driver)
+    stretcher = Stretcher(world, pruned.ladder, guard, driver)
+    nominal = tuple(Spot(goal, k) for goal, k in zip(goals, chain, strict=True))
+    walker = _Walker(world, pruned, nominal, avoider, stretcher, carrier, progress or (lambda *_: None))
+    rows, spots = walker.walk()
+    return Course(columns(rows), tuple(spot.found for spot in spots), dict(sorted(driver.methods.items())))
 
 
 @dataclass(frozen=True, eq=False)
-class _Mover:
+class _Step:
+    """A spot of a run, how the tool came there, and what may follow."""
+
+    spot: Spot
+    rows: list[Row]
+    ahead: Iterator[Spot]
+
+
+@dataclass(frozen=True, eq=False)
+class _Walker:
     world: World
-    ladder: Ladder
-    side: Side
-    seed: int
-    methods: dict[str, int]
+    pruned: Pruned
+    nominal: tuple[Spot, ...]
+    avoider: Avoider
+    stretcher: Stretcher
+    carrier: Carrier
+    tell: Progress
 
-    def follow(self, i: int, k: int, j: int, here: Pose, goal: Configuration) -> list[Row] | None:
-        """From set-point i to i + 1 with the tool on the path; None where the arm would have to jump."""
-        ladder, robot = self.ladder, self.world.robot
-        a, b = axis_of(robot, here.base), axis_of(robot, goal.base)
-        start, end = self.world.task[i].position, self.world.task[i + 1].position
-        families = ladder.family[k], ladder.family[j]
-        free = shapely.union(ladder.component[k], ladder.component[j])
-        flat = FlatPolygon.from_shapely(free)
-        if segment_inside(flat.vertices, flat.starts, a[0], a[1], b[0], b[1]):
-            rows = self._leg(i, here, a, b, start, end, *families)
-            if rows is not None:
-                return rows
-        shared = ladder.component[k] & ladder.component[j]
-        over = _handover(shared, a, b)
-        to_over = self._drive(ladder.component[k], a, over)
-        from_over = self._drive(ladder.component[j], over, b)
-        rows = []
-        legs = [(p, q, start, start, families[0], families[0]) for p, q in _pairs(to_over)]
-        legs.append((over, over, start, end, *families))
-        legs += [(p, q, end, end, families[1], families[1]) for p, q in _pairs(from_over)]
-        for leg in legs:
-            part = self._leg(i, here, *leg)
-            if part is None:
-                return None
-            rows += part
-            here = rows[-1].pose if rows else here
-        return rows
-
-    def transit(self, here: Pose, there: Pose, piece: int, setpoint: int) -> list[Row]:
-        """Drive over free floor with the tool lifted and the arm in its carry posture."""
-        robot = self.world.robot
-        a, b = axis_of(robot, here.base), axis_of(robot, there.base)
-        near = float(np.hypot(*(b - a))) <= 2 * self.world.rules.step
-        path = self._drive(self.side.pieces[piece], a, b)
-        if near and len(path) == 2:
-            return self._carry(here, there, path, setpoint)
-        lifted = Pose(here.base, _carried(robot.carry, here.joints))
-        lowered = Pose(there.base, _carried(robot.carry, there.joints))
-        rows = self._carry(here, lifted, np.array([a, a]), setpoint)
-        rows.append(Row(lifted, "transit", setpoint))
-        rows += self._carry(lifted, lowered, path, setpoint)
-        rows.append(Row(lowered, "transit", setpoint))
-        return rows + self._carry(lowered, there, np.array([b, b]), setpoint)
-
-    def _drive(self, free: BaseGeometry, a: Array, b: Array) -> Array:
-        """Base path from a to b inside a polygon; counts the method used."""
-        # Ends may lie outside by rounding, or by the gap between the exact and the inner area.
-        spots = [_into(free, a), _into(free, b)]
-        if np.hypot(*(spots[1] - spots[0])) < 1e-9:
-            return np.array([a, b])
-        found = drive(free, spots[0], spots[1], step=self.world.rules.step, seed=self.seed)
-        self.methods[found.method] = self.methods.get(found.method, 0) + 1
-        points = np.array(found.points)
-        points[0], points[-1] = a, b
-        return points
-
-    def _leg(
-        self, i: int, here: Pose, a: Array, b: Array, start: Array, end: Array, first: Family, last: Family
-    ) -> list[Row] | None:
-        """Axis from a to b while the tool goes from start to end; the arm solved at every state."""
-        far = max(np.hypot(*(b - a)), float(np.linalg.norm(end - start)))
-        stride = min(TOOL_STRIDE, self.world.rules.step)
-        shares = np.linspace(0.0, 1.0, max(1, int(np.ceil(far / stride))) + 1)[1:]
+    def walk(self) -> tuple[list[Row], list[Spot]]:
+        """Run after run until the path is done."""
         rows: list[Row] = []
-        done = 0.0
-        base = solver_for(self.world, first)
-        pitches = np.array([first.pitch, first.pitch + kernels.wrap(last.pitch - first.pitch)])
+        spots: list[Spot] = []
+        while len(spots) < len(self.nominal):
+            way, first = self._arrive(len(spots), rows[-1].pose if rows else None)
+            rows += way
+            for step in self._run(len(spots), first):
+                rows += [*step.rows, Row(step.spot.pose, "setpoint", len(spots))]
+                spots.append(step.spot)
+                self.tell("motion", len(spots), len(self.nominal))
+        return rows, spots
 
-        def pose_at(share: float, near: Pose) -> Pose | None:
-            pitch = float(pitches @ (1 - share, share))
-            solver = replace(
-                base,
-                tolerance=base.tolerance * SOLVE_TOLERANCE,
-                family=replace(first, pitch=pitch),
-            )
-            return _solve_near(solver, a + share * (b - a), start + share * (end - start), near)
-
-        def advance(share: float, depth: int) -> bool:
-            nonlocal here, done
-            there = pose_at(share, here)
-            chord = start + done * (end - start), start + share * (end - start)
-            if there is not None and self._holds(here, there, *chord):
-                here, done = there, share
-                rows.append(Row(there, "step", i))
-                return True
-            return depth < DEEPEST and advance((done + share) / 2, depth + 1) and advance(share, depth + 1)
-
-        return rows if all(advance(float(share), 0) for share in shares) else None
-
-    def _holds(self, here: Pose, there: Pose, p: Array, q: Array) -> bool:
-        """Whether the tool stays by the segment pq between two states, and nothing jumps."""
-        if np.hypot(*(there.base - here.base)[:2]) > self.world.rules.step:
-            return False
-        if np.abs(there.joints - here.joints).max() > LARGEST_BEND:
-            return False
-        if abs(kernels.wrap(there.base[2] - here.base[2])) > LARGEST_BEND:
-            return False
-        shares = np.array([0.25, 0.5, 0.75])[:, None]
-        base = here.base + shares * _turn_to(here.base, there.base)
-        joints = here.joints + shares * (there.joints - here.joints)
-        tools = self.world.robot.tool(base, joints)[:, :3, 3]
-        along = shares * (q - p) + p
-        worst = float(np.linalg.norm(tools - along, axis=1).max())
-        return worst <= SAG_SHARE * self.world.rules.path_tolerance
-
-    def _carry(self, here: Pose, there: Pose, path: Array, setpoint: int) -> list[Row]:
-        """States strictly between two poses: axis along a path, heading and joints spread over it."""
-        robot = self.world.robot
-        turn = _turn_to(here.base, there.base)[2]
-        lever = float(np.hypot(*robot.mount[:2]))
-        step = self.world.rules.step / (1.0 + lever)
-        points = resample(path, step * 0.999)
-        lengths = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
-        swing = max(abs(turn) / TURN_STRIDE, float(np.abs(there.joints - here.joints).max()) / LARGEST_BEND)
-        if lever > 0:
-            swing = max(swing, abs(turn) * lever / (step * 0.5))
-        stops = lengths / lengths[-1] if lengths[-1] > 0 else np.array([0.0, 1.0])
-        shares = np.union1d(stops, np.linspace(0.0, 1.0, int(np.ceil(swing)) + 1))[1:-1]
-        shares = shares[np.diff(shares, prepend=0.0) > 1e-9]
+    def _arrive(self, i: int, here: Pose | None) -> tuple[list[Row], Spot]:
+        """Get to a first spot of set-point i with the tool lifted, from the start or the last run."""
         rows = []
-        for share in shares:
-            at = share * lengths[-1]
-            axis = np.array([np.interp(at, lengths, points[:, d]) for d in (0, 1)])
-            if lengths[-1] == 0:
-                axis = points[0]
-            base = pose_of(robot, axis, here.base[2] + share * turn)
-            rows.append(
-                Row(Pose(base, here.joints + share * (there.joints - here.joints)), "transit", setpoint)
-            )
-        return rows
+        if here is None and self.world.start is not None:
+            here = Pose(self.world.start.base, self.world.start.joints)
+            rows = [Row(here, "transit", -1)]
+        components = self._kept(i)
+        found = self.avoider.options(i, components, here or self.nominal[i].pose, self.nominal[i])
+        spots = list(islice(found, TRIES if here is not None else 1))
+        if here is None and spots:
+            return [], spots[0]
+        ways = [(self.carrier.folded, spot) for spot in spots]
+        ways += [(self.carrier.sampled, spot) for spot in spots[:HARD_TRIES]]
+        for carry, spot in ways:
+            way = carry(here, spot.pose, int(self.pruned.ladder.floor[spot.component]))
+            if way is not None:
+                return rows + [Row(pose, "transit", i - 1) for pose in way], spot
+        raise NoPlanFound(self._why_not(i, here))
 
+    def _why_not(self, i: int, here: Pose | None) -> Explanation:
+        """What stands in the arm's way at set-point i, or on the way there."""
+        guard, seen = self.avoider.guard, self.avoider.evidence.get(i, Evidence())
+        touch, cut_off = seen.best, here is not None and seen.clear > 0
+        if here is not None and cut_off:
+            piece = int(self.pruned.ladder.floor[self.nominal[i].component])
+            touch = self.carrier.obstruction(here, self.nominal[i].pose, piece)
+        closest, cause = "nothing is left", Cause("limits", self.world.robot.name)
+        if touch is not None:
+            closest, cause = guard.words(touch), guard.cause(touch)
+        looked = seen.places, seen.postures
+        return explain.no_clear_posture(self.world, i, looked, closest, cause, cut_off=cut_off)
 
-def _solve_near(solver: Solver, axis: Array, target: Array, near: Pose) -> Pose | None:
-    """Pose with the arm axis on a spot and the tool on target, as near as may be to another pose.
+    def _run(self, i: int, first: Spot) -> list[_Step]:
+        """The longest walk found from a spot of set-point i, to the end of the run at most."""
+        end = min((k for k in self.pruned.breaks if k > i), default=len(self.nominal))
+        steps = [_Step(first, [], self._ahead(i, first))]
+        best, tried, seen = list(steps), 0, set[int]()
+        while steps and len(best) < end - i and tried < PATIENCE:
+            k = i + len(steps) - 1
+            spot = next(steps[-1].ahead, None)
+            if spot is None:
+                steps.pop()
+                continue
+            if id(spot) in seen:
+                continue
+            rows = self.stretcher.follow(k, steps[-1].spot, spot)
+            tried += 1
+            if rows is None:
+                continue
+            seen.add(id(spot))
+            arrived = self._arrived(k + 1, spot, rows)
+            steps.append(_Step(arrived, rows[:-1], self._ahead(k + 1, arrived)))
+            if len(steps) > len(best):
+                best, tried = list(steps), 0
+        return best
 
-    FABRIK from the near posture first; where its passes stall or jump, the posture of least change.
-    """
-    base = pose_of(solver.robot, axis, near.base[2])
-    found = solver.hold(target, base, near.joints)
-    if found.converged and np.abs(found.joints - near.joints).max() <= LARGEST_BEND / 2:
-        return Pose(found.base, found.joints)
-    nearest = solver.least_change(target, base, near.joints)
-    return None if nearest is None else _pose(nearest)
+    def _ahead(self, i: int, here: Spot) -> Iterator[Spot]:
+        """Spots of the set-point after i, in components that the base can go on to."""
+        if i + 1 >= len(self.nominal):
+            return iter(())
+        edges = self.pruned.ladder.edges
+        after = set(edges[edges[:, 0] == here.component, 1].tolist())
+        components = [k for k in self._kept(i + 1) if k in after]
+        return islice(self.avoider.options(i + 1, components, here.pose, self.nominal[i + 1]), TRIES)
 
+    def _kept(self, i: int) -> list[int]:
+        """Components of a set-point that the pruning left, the chosen one first."""
+        rungs = self.pruned.ladder.rungs()
+        kept = [k for k in range(rungs[i], rungs[i + 1]) if self.pruned.keep[k]]
+        return sorted(kept, key=lambda k: (k != self.nominal[i].component, k))
 
-def _handover(shared: BaseGeometry, a: Array, b: Array) -> Array:
-    """Place in the shared area nearest to the way from a to b, a little inside where there is room."""
-    inside = shared.buffer(-0.002)
-    goal = shared if inside.is_empty else inside
-    return np.array(shapely.shortest_line(goal, LineString([a, b])).coords[0])
-
-
-def _into(free: BaseGeometry, spot: Array) -> Array:
-    """The spot, or the nearest point of the polygon."""
-    point = Point(spot)
-    if free.covers(point):
-        return spot
-    return np.array(shapely.shortest_line(free, point).coords[0])
-
-
-def _pairs(points: Array) -> list[tuple[Array, Array]]:
-    return list(zip(points[:-1], points[1:], strict=True))
-
-
-def _turn_to(here: Array, there: Array) -> Array:
-    """Base difference, yaw the shorter way."""
-    step = there - here
-    return np.array([step[0], step[1], kernels.wrap(step[2])])
-
-
-def _carried(carry: Array, joints: Array) -> Array:
-    """Carry posture with the pivot left where it is, so that the arm folds in its own plane."""
-    q = np.array(carry)
-    q[0] = joints[0]
-    return q
-
-
-def _pose(configuration: Configuration) -> Pose:
-    return Pose(configuration.base, configuration.joints)
-
-
-def _arrive(world: World, i: int, pose: Pose, goal: Configuration) -> Configuration:
-    """The configuration as the motion reaches it; iterations stay those of M-FABRIK."""
-    tool = world.robot.tool(pose.base, pose.joints)[:3, 3]
-    error = float(np.linalg.norm(tool - world.task[i].position))
-    return Configuration(pose.base, pose.joints, error, goal.iterations, error <= world.rules.tolerance)
-
-
-def _columns(rows: list[Row]) -> Motion:
-    return Motion(
-        base=np.array([row.pose.base for row in rows]),
-        joints=np.array([row.pose.joints for row in rows]),
-        kind=np.array([row.kind for row in rows]),
-        setpoint=np.array([row.setpoint for row in rows], dtype=np.int64),
-        time=np.full(len(rows), np.nan),
-    )
+    def _arrived(self, i: int, spot: Spot, rows: list[Row]) -> Spot:
+        """The spot as the motion reaches it; iterations stay those of M-FABRIK."""
+        pose, rules = rows[-1].pose, self.world.rules
+        tool = self.world.robot.tool(pose.base, pose.joints)[:3, 3]
+        error = float(np.linalg.norm(tool - self.world.task[i].position))
+        found = replace(
+            spot.found, base=pose.base, joints=pose.joints, error=error, converged=error <= rules.tolerance
+        )
+        return replace(spot, found=found)

@@ -67,9 +67,7 @@ def plan(world: World, *, seed: int = 0, progress: Progress | None = None) -> Pl
     for i, goal in enumerate(goals):
         if not goal.converged:
             raise NoPlanFound(explain.no_posture(world, i))
-    course = connect(
-        world, ladder, chain, pruned.breaks, goals, ground_of(world).inner, seed, progress=progress
-    )
+    course = connect(world, pruned, chain, goals, ground_of(world).inner, seed, progress)
     tell("verify", 0, 1)
     found = finish(world, seed, areas, pruned, course)
     report = verify(found)

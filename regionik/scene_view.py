@@ -26,7 +26,7 @@ from regionik.picture import (
 )
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import motion, planar_pose
-from regionik.worlds.robot import Robot
+from regionik.worlds.robot import LinkBox, Robot
 from regionik.worlds.scene import World
 
 BALL = 0.014  # set-points [m]
@@ -104,7 +104,7 @@ def robot_bodies(robot: Robot, base: Array, joints: Array) -> tuple[list[Body], 
         moving = joint_path(k)
         poses[moving.rsplit("/", 1)[0]] = joint.T_parent_joint
         poses[moving] = motion(joint, joints[k])
-        links = [shapes.capsule(s.start, s.end, s.radius) for s in robot.solids if s.link == k]
+        links = [shapes.link_solid(solid) for solid in robot.solids if solid.link == k]
         if links:
             bodies.append(Body(f"{moving}/link", shapes.merged(links), ARM))
     last = joint_path(robot.chain.dof - 1)
@@ -120,8 +120,11 @@ def joint_path(k: int) -> str:
 
 
 def tip_radius(robot: Robot) -> float:
-    """The tool's ball shows outside the last link."""
-    return 1.25 * max((solid.radius for solid in robot.solids), default=0.02)
+    """The tool's ball shows outside the last link that has a solid [m]."""
+    last = max((solid.link for solid in robot.solids), default=0)
+    solids = [solid for solid in robot.solids if solid.link == last]
+    half = [float(s.size.min()) / 2 if isinstance(s, LinkBox) else s.radius for s in solids]
+    return 1.25 * max([BALL, *half])
 
 
 def extent(world: World, camera: Camera) -> float:

@@ -12,9 +12,16 @@ from shapely.geometry.base import BaseGeometry
 
 from regionik.worlds.arrays import Array
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Solid, Sphere
+from regionik.worlds.robot import LinkBox, LinkCapsule, LinkSolid
 
 _AROUND = 24  # facets of what is round
 TUBE_SIDES = 5
+# Two triangles a side, counter-clockwise seen from outside; corners as `LinkBox.corners` has them.
+_BOX_SIDES = [
+    *([0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5]),  # x
+    *([0, 4, 5], [0, 5, 1], [2, 3, 7], [2, 7, 6]),  # y
+    *([0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]),  # z
+]
 
 
 class Triangles(NamedTuple):
@@ -128,6 +135,15 @@ def solid(body: Solid) -> Triangles:
             return extruded(body.polygon, body.bottom, body.top)
         case Mesh():
             return unshared(Triangles(body.vertices, body.faces.astype(np.uint32)))
+
+
+def link_solid(body: LinkSolid) -> Triangles:
+    """The surface of an arm link's solid, in the link's frame."""
+    match body:
+        case LinkCapsule():
+            return capsule(body.start, body.end, body.radius)
+        case LinkBox():
+            return _soup(body.corners[_BOX_SIDES])
 
 
 def outline(body: Solid) -> BaseGeometry:

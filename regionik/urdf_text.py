@@ -5,12 +5,13 @@ from __future__ import annotations
 from xml.etree import ElementTree
 
 import numpy as np
+from numpy.typing import ArrayLike
 from shapely.geometry import Polygon
 
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Joint, translation
 from regionik.worlds.errors import InputError
-from regionik.worlds.robot import LinkCapsule, Robot
+from regionik.worlds.robot import LinkBox, LinkCapsule, LinkSolid, Robot
 
 # URDF demands numbers where we know of no limit.
 _UNLIMITED = 1e6
@@ -22,8 +23,8 @@ def robot_to_urdf(robot: Robot, floor: Polygon) -> str:
 
     The base is three virtual joints: ``base_x``, ``base_y`` (prismatic, limited to the floor's extent)
     and ``base_yaw`` (continuous). The arm's joints keep their names; the link that joint ``j`` moves is
-    ``j_link``; the tool is the link ``tool``. A capsule becomes a cylinder and two spheres, a footprint its
-    bounding box up to ``body_height``; a point base has no solid.
+    ``j_link``; the tool is the link ``tool``. A link's box stays a box, a capsule becomes a cylinder and two
+    spheres, a footprint its bounding box up to ``body_height``; a point base has no solid.
 
     Raises
     ------
@@ -51,8 +52,9 @@ def robot_to_urdf(robot: Robot, floor: Polygon) -> str:
         child = f"{joint.name}_link"
         _joint(root, joint, parent, child)
         link = _link(root, child)
-        for capsule in (solid for solid in robot.solids if solid.link == k):
-            _capsule(link, capsule)
+        for solid in robot.solids:
+            if solid.link == k:
+                _link_solid(link, solid)
         parent = child
     _fixed(root, "tool_fixed", robot.chain.T_last_tool, parent, "tool")
     _link(root, "tool")
@@ -99,6 +101,15 @@ def _body(link: ElementTree.Element, robot: Robot) -> None:
     ElementTree.SubElement(shape, "box", size=_words(np.array([length, width, robot.body_height])))
 
 
+def _link_solid(link: ElementTree.Element, solid: LinkSolid) -> None:
+    match solid:
+        case LinkCapsule():
+            _capsule(link, solid)
+        case LinkBox():
+            shape = _solid(link, solid.name, solid.T_link_box, roll_pitch_yaw(solid.T_link_box))
+            ElementTree.SubElement(shape, "box", size=_words(solid.size))
+
+
 def _capsule(link: ElementTree.Element, capsule: LinkCapsule) -> None:
     radius = repr(float(capsule.radius))
     along = capsule.end - capsule.start
@@ -116,10 +127,10 @@ def _capsule(link: ElementTree.Element, capsule: LinkCapsule) -> None:
 
 
 def _solid(
-    link: ElementTree.Element, name: str, T: Array, rpy: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    link: ElementTree.Element, name: str, T: Array, rpy: ArrayLike = (0.0, 0.0, 0.0)
 ) -> ElementTree.Element:
     collision = ElementTree.SubElement(link, "collision", name=name)
-    ElementTree.SubElement(collision, "origin", xyz=_words(T[:3, 3]), rpy=_words(np.array(rpy)))
+    ElementTree.SubElement(collision, "origin", xyz=_words(T[:3, 3]), rpy=_words(np.asarray(rpy)))
     return ElementTree.SubElement(collision, "geometry")
 
 

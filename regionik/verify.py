@@ -15,6 +15,7 @@ from regionik.plan import Configuration, Plan, Report, Violation
 from regionik.proof_arm import arm
 from regionik.proof_axis import direction
 from regionik.proof_base import clearance, floor
+from regionik.proof_self import itself
 from regionik.proof_tool import path, setpoints
 from regionik.worlds.arrays import Array
 
@@ -33,8 +34,9 @@ def verify(plan: Plan) -> Report:
     -------
     Report
         ``margins`` has the least margin of every check that measured something: ``joints`` [rad or m],
-        ``step``, ``setpoint``, ``path``, ``floor``, ``clearance``, ``arm`` [m], ``direction`` [rad]. That of
-        ``arm`` is told up to 0.05. Of many violations of a kind the first 20 are told, and the rest in one.
+        ``step``, ``setpoint``, ``path``, ``floor``, ``clearance``, ``arm``, ``self`` [m], ``direction``
+        [rad]. Those of ``arm`` and ``self`` are told up to 0.05. Of many violations of a kind the first 20
+        are told, and the rest in one.
     """
     flaws = tuple(_malformed(plan))
     if flaws:
@@ -52,6 +54,7 @@ def verify(plan: Plan) -> Report:
             floor(plan.world, journey, words),
             clearance(plan.world, journey, words),
             arm(plan.world, journey, words),
+            itself(journey, words),
         ]
     )
 

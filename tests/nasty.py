@@ -24,6 +24,9 @@ BOX = "box: {size: [0.6, 0.6, 1.0], center: [1.3, 0.1, 0.5], yaw: 0.0}"
 FLOOR = "{polygon: [[-1, -1], [4, -1], [4, 2], [-1, 2]]}"
 
 
+_TURN = "[[0, -1, 0, 0.1], [1, 0, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]"
+
+
 @dataclass(frozen=True)
 class Nasty:
     """A broken world file."""
@@ -38,6 +41,11 @@ def broken(old: str, new: str) -> str:
     """The good file with one thing changed."""
     assert GOOD.count(old) == 1, old
     return GOOD.replace(old, new)
+
+
+def solid(entry: str) -> str:
+    """The good file with an arm of one link that has one solid."""
+    return broken("youbot", f"{{dh: [[0, 0.1, 0, 0, -1, 1]], solids: [{{link: 0, name: fist, {entry}}}]}}")
 
 
 NASTY = (
@@ -91,6 +99,41 @@ NASTY = (
         "hollow footprint",
         broken("youbot", "{dh: [[0, 0.1, 0, 0, -1, 1]], footprint: [[0, 0], [2, 0], [0.5, 0.5], [0, 2]]}"),
         ("robot.footprint", "convex"),
+    ),
+    Nasty("solid of no kind", solid("mass: 3"), ("robot.solids[0]", "start, end, radius", "size, position")),
+    Nasty("solid of two kinds", solid("size: [1, 1, 1], radius: 1"), ("robot.solids[0]", "either start")),
+    Nasty(
+        "solid without a link",
+        solid("size: [1, 1, 1]").replace("link: 0, ", ""),
+        ("robot.solids[0]", "missing key 'link'", "number of a joint"),
+    ),
+    Nasty(
+        "solid beyond", solid("size: [1, 1, 1]").replace("link: 0", "link: 1"), ("solids[0].link", "0 to 0")
+    ),
+    Nasty("capsule with one end", solid("start: [0, 0, 0], radius: 1"), ("solids[0]", "missing key 'end'")),
+    Nasty("link box of no size", solid("position: [0, 0, 0]"), ("robot.solids[0]", "missing key 'size'")),
+    Nasty("flat link box", solid("size: [1, 0, 1]"), ("robot.solids[0].size[1]", "above 0", "got 0")),
+    Nasty("square link box", solid("size: [1, 1]"), ("robot.solids[0].size", "3 values", "got 2")),
+    Nasty("link box askew", solid("size: [1, 1, 1], rpy: 0.3"), ("robot.solids[0].rpy", "a list", "0.3")),
+    Nasty(
+        "misspelt link box",
+        solid("size: [1, 1, 1], centre: [0, 0, 0]"),
+        ("robot.solids[0]", "'centre'", "link, name, size, position, rpy"),
+    ),
+    Nasty(
+        "link box placed twice",
+        solid(f"size: [1, 1, 1], position: [0, 0, 0], frame: {_TURN}"),
+        ("robot.solids[0]", "unknown key 'position'", "link, name, size, frame"),
+    ),
+    Nasty(
+        "mirrored link box",
+        solid(f"size: [1, 1, 1], frame: {_TURN.replace('-1', '1')}"),
+        ("robot.solids[0].frame", "rotation matrix"),
+    ),
+    Nasty(
+        "frame with no last row",
+        solid(f"size: [1, 1, 1], frame: {_TURN.replace('[0, 0, 0, 1]', '[0, 0, 0, 0]')}"),
+        ("robot.solids[0].frame", "last row", "[0.0, 0.0, 0.0, 0.0]"),
     ),
     Nasty(
         "wrong type",

@@ -7,14 +7,17 @@ import pytest
 import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.optimize import minimize_scalar
+from scipy.optimize import minimize, minimize_scalar
 from scipy.spatial import ConvexHull
+from scipy.spatial.transform import Rotation
 from shapely.geometry import Point, Polygon, box
 
 from regionik.planners.collision import (
     Obstacles,
     aabb_gaps,
     capsule_distance,
+    hull_separation,
+    link_piece,
     obstacles_from,
     separation,
 )
@@ -22,6 +25,7 @@ from regionik.planners.convex import MOST_CORNERS, convex_pieces
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Solid, Sphere
+from regionik.worlds.robot import LinkBox, LinkCapsule
 
 ELL = Polygon([(-0.4, -0.4), (0.4, -0.4), (0.4, 0.0), (0.0, 0.0), (0.0, 0.4), (-0.4, 0.4)])
 RING = Point(0, 0).buffer(0.4, quad_segs=8) - box(-0.2, -0.1, 0.2, 0.15)
@@ -253,3 +257,199 @@ def test_pieces_know_their_solid() -> None:
         low, high = solid.z_range
         assert obstacles.low[mine, 2].min() == pytest.approx(low)
         assert obstacles.high[mine, 2].max() == pytest.approx(high)
+
+
+def box_corners(size: Array, middle: Array, turn: Array) -> Array:
+    T = np.eye(4)
+    T[:3, :3], T[:3, 3] = turn, middle
+    return LinkBox(0, "box", T, size).corners
+
+
+def boxes(count: int, seed: int) -> list[Array]:
+    """Boxes anywhere, and in degenerate places: level, upright, on the grid of lengths."""
+    rng = np.random.default_rng(seed)
+    found = []
+    for k in range(count):
+        turn = Rotation.random(random_state=seed * 1000 + k).as_matrix()
+        if k % 3 == 0:
+            turn = Rotation.from_euler("z", rng.choice([0.0, 0.7, np.pi / 2])).as_matrix()
+        middle = rng.choice(NASTY, 3) if k % 2 else rng.uniform(-0.7, 0.7, 3)
+        found.append(box_corners(rng.choice([0.01, 0.1, 0.2, 0.37], 3), middle, turn))
+    return found
+
+
+def within(corners: Array, count: int) -> Array:
+    """Points all over a box, corners included."""
+    t = np.linspace(0, 1, count)
+    shares = np.stack(np.meshgrid(t, t, t), axis=-1).reshape(-1, 3)
+    points: Array = corners[0] + shares @ (corners[[4, 2, 1]] - corners[0])
+    return points
+
+
+def least(solid: Box | Cylinder | Prism | Sphere, corners: Array) -> float:
+    """Distance of a box from a convex solid, by searching both at once for the nearest pair of points."""
+
+    def apart(x: Array) -> float:
+        return float(((x[:3] - x[3:]) ** 2).sum())
+
+    def slope(x: Array) -> Array:
+        return 2 * np.concatenate([x[:3] - x[3:], x[3:] - x[:3]])
+
+    def room(x: Array) -> Array:
+        p, q = x[:3], x[3:]
+        sides = corners[[4, 2, 1]] - corners[0]
+        shares = (p - corners[0]) @ sides.T / (sides**2).sum(1)
+        low, high = (0.0, 0.0) if isinstance(solid, Sphere) else solid.z_range
+        match solid:
+            case Sphere():
+                own = [solid.radius**2 - ((q - solid.center) ** 2).sum()]
+            case Cylinder():
+                own = [solid.radius**2 - ((q - solid.center)[:2] ** 2).sum(), q[2] - low, high - q[2]]
+            case _:
+                shadow = solid.shadow(np.inf)
+                assert shadow is not None
+                outline = np.asarray(shapely.orient_polygons(shadow.core).exterior.coords)
+                edges = np.diff(outline, axis=0)
+                level = (
+                    edges[:, 0] * (q[1] - outline[:-1, 1]) - edges[:, 1] * (q[0] - outline[:-1, 0])
+                ).tolist()
+                own = [*level, q[2] - low, high - q[2]]
+        return np.concatenate([shares, 1 - shares, own])
+
+    middle = solid.polygon.centroid.coords[0] if isinstance(solid, Prism) else solid.center[:2]
+    start = np.concatenate([corners.mean(0), middle, [np.mean(solid.z_range)]])
+    found = minimize(
+        apart,
+        start,
+        jac=slope,
+        method="SLSQP",
+        constraints={"type": "ineq", "fun": room},
+        options={"ftol": 1e-15, "maxiter": 300},
+    )
+    return float(np.sqrt(max(0.0, found.fun)))
+
+
+@pytest.mark.parametrize("name", ["box", "turned box", "cylinder", "plate", "ball", "prism"])
+def test_boxes_agree_with_a_search_for_the_nearest_points(name: str) -> None:
+    solid = SOLIDS[name]
+    assert isinstance(solid, Box | Cylinder | Prism | Sphere)
+    piece = obstacles_from([solid]).pieces[0]
+    seen = 0
+    for corners in boxes(60, seed=len(name)):
+        found = hull_separation(piece, corners)
+        expected = least(solid, corners)
+        if expected < 1e-3:  # the search is not good at depths and touches
+            assert found.distance < 2e-3
+            continue
+        seen += 1
+        assert found.distance == pytest.approx(expected, abs=2e-6)
+        assert abs(solid.distance(found.on_axis - found.distance * found.normal)) < 1e-4
+    assert seen > 20
+
+
+@pytest.mark.parametrize("name", SOLIDS)
+def test_boxes_agree_with_their_points(name: str) -> None:
+    solid = SOLIDS[name]
+    pieces = obstacles_from([solid]).pieces
+    for corners in boxes(25, seed=4):
+        distance = min(hull_separation(piece, corners).distance for piece in pieces)
+        sampled = min(solid.distance(p) for p in within(corners, 7))
+        longest = float(np.linalg.norm(corners[7] - corners[0]))
+        assert distance <= max(sampled, 0.0) + 1e-7
+        assert distance >= sampled - longest / 12 - 1e-9 or distance <= 0
+        if sampled < -1e-6:
+            assert distance < 0
+
+
+@pytest.mark.parametrize("name", ["box", "turned box", "prism", "cylinder", "ball"])
+def test_the_way_out_frees_a_box_and_none_is_much_shorter(name: str) -> None:
+    piece = obstacles_from([SOLIDS[name]]).pieces[0]
+    ways = np.random.default_rng(3).normal(size=(20, 3))
+    ways /= np.linalg.norm(ways, axis=1)[:, None]
+    seen = 0
+    for corners in boxes(300, seed=9):
+        found = hull_separation(piece, corners)
+        if found.distance > -1e-6:
+            continue
+        seen += 1
+        depth = -found.distance
+        assert hull_separation(piece, corners + (depth + 1e-6) * found.normal).distance > 0
+        for way in ways:
+            assert hull_separation(piece, corners + 0.98 * depth * way).distance < 1e-9
+    assert seen >= 8
+
+
+@pytest.mark.parametrize("name", SOLIDS)
+def test_what_swallows_the_other_overlaps(name: str) -> None:
+    solid = SOLIDS[name]
+    around = box_corners(
+        np.full(3, 4.0), np.array([0.1, 0.2, 0.0]), Rotation.random(random_state=1).as_matrix()
+    )
+    for piece in obstacles_from([solid]).pieces:
+        assert hull_separation(piece, around).distance < -0.5
+    inside = solid.center if isinstance(solid, Box | Sphere | Cylinder) else np.zeros(3)
+    if name == "ring":
+        inside = np.array([0.3, 0.0, 0.05])
+    crumb = box_corners(np.full(3, 1e-3), inside, Rotation.random(random_state=2).as_matrix())
+    assert min(hull_separation(piece, crumb).distance for piece in obstacles_from([solid]).pieces) < 0
+
+
+@pytest.mark.parametrize("name", ["box", "mesh"])
+def test_a_box_that_lies_on_a_face_touches(name: str) -> None:
+    piece = obstacles_from([SOLIDS[name]]).pieces[0]
+    for size in ([0.02, 0.03, 0.04], [0.2, 0.4, 0.6], [1.0, 1.0, 1.0]):
+        for axis in range(3):
+            middle = np.zeros(3)
+            middle[axis] = np.array([0.1, 0.2, 0.3])[axis] + size[axis] / 2
+            found = hull_separation(piece, box_corners(np.array(size), middle, np.eye(3)))
+            assert found.distance == pytest.approx(0.0, abs=3e-9)
+
+
+def test_a_box_and_a_ball_in_closed_form() -> None:
+    piece = obstacles_from([Sphere("ball", 0.2, np.array([1.0, 1.0, 0.0]))]).pieces[0]
+    corners = box_corners(np.full(3, 1.0), np.zeros(3), np.eye(3))
+    found = hull_separation(piece, corners)
+    assert found.distance == pytest.approx(np.sqrt(0.5) - 0.2, abs=1e-9)
+    np.testing.assert_allclose(found.normal, [-np.sqrt(0.5), -np.sqrt(0.5), 0], atol=1e-8)
+    deep = hull_separation(piece, corners + [0.9, 1.0, 0.0])
+    assert deep.distance == pytest.approx(-0.6, abs=1e-9)
+
+
+def test_links_keep_away_from_links_either_way_round() -> None:
+    rng = np.random.default_rng(6)
+    for corners in boxes(60, seed=7):
+        a, b = rng.uniform(-0.7, 0.7, (2, 3))
+        rod = LinkCapsule(0, "rod", a, b, 0.05)
+        turned = Rotation.random(random_state=8).as_matrix()
+        sides = corners[[4, 2, 1]] - corners[0]
+        size = np.linalg.norm(sides, axis=1)
+        T = np.eye(4)
+        T[:3, :3], T[:3, 3] = (sides / size[:, None]).T, corners.mean(0)
+        one = hull_separation(link_piece(rod), corners).distance
+        other = hull_separation(link_piece(LinkBox(0, "box", T, size)), rod.corners).distance - 0.05
+        assert one == pytest.approx(other, abs=1e-8)
+        T[:3] = turned @ T[:3]
+        moved = (
+            hull_separation(link_piece(LinkBox(0, "box", T, size)), rod.corners @ turned.T).distance - 0.05
+        )
+        assert moved == pytest.approx(one, abs=1e-8)
+
+
+def test_two_capsules() -> None:
+    piece = link_piece(LinkCapsule(0, "rod", np.array([0, 0, -1.0]), np.array([0, 0, 1.0]), 0.1))
+    found = separation(piece, np.array([0.5, -1, 0]), np.array([0.5, 1, 0]))
+    assert found.distance == pytest.approx(0.4, abs=1e-9)
+    np.testing.assert_allclose(found.on_axis, [0.5, 0, 0], atol=1e-9)
+    np.testing.assert_allclose(found.normal, [1, 0, 0], atol=1e-9)
+    assert separation(piece, np.array([-1.0, 0, 0]), np.array([1.0, 0, 0])).distance == pytest.approx(-0.1)
+    assert separation(piece, np.array([0.3, 0, 5.0]), np.array([0.3, 0, 5.0])).distance == pytest.approx(
+        np.hypot(4.0, 0.3) - 0.1, abs=1e-9
+    )
+
+
+def test_boxes_that_are_not_finite_do_not_reach_the_engine() -> None:
+    piece = obstacles_from([SOLIDS["mesh"]]).pieces[0]
+    corners = box_corners(np.ones(3), np.zeros(3), np.eye(3))
+    corners[3, 1] = np.nan
+    with pytest.raises(InputError, match="finite"):
+        hull_separation(piece, corners)

@@ -18,9 +18,9 @@ from regionik.export import FORMATS, export
 from regionik.plan import Plan
 from regionik.urdf_text import robot_to_urdf, roll_pitch_yaw
 from regionik.worlds.arrays import Array
-from regionik.worlds.chain import Chain, Joint
+from regionik.worlds.chain import Chain, Joint, pose
 from regionik.worlds.errors import InputError
-from regionik.worlds.robot import LinkCapsule, Robot
+from regionik.worlds.robot import LinkBox, LinkCapsule, Robot
 from tests.plans import FOOTPRINT, every_solid, l_shape, synthetic_plan, youbot
 
 
@@ -45,7 +45,11 @@ def awkward() -> Robot:
         Joint("lift", "prismatic", -0.2, 0.4, frames[1], rng.normal(size=3), velocity=0.5),
         Joint("bend", "revolute", -1.0, np.inf, frames[2], rng.normal(size=3)),
     )
-    solids = (LinkCapsule(1, "rail", np.zeros(3), np.array([0.1, -0.2, 0.2]), 0.03),)
+    solids = (
+        LinkCapsule(1, "rail", np.zeros(3), np.array([0.1, -0.2, 0.2]), 0.03),
+        LinkBox(2, "upright", pose([0.0, 0.1, 0.2], [0.3, np.pi / 2, 0.7]), np.array([0.1, 0.2, 0.3])),
+        LinkBox(2, "askew", pose([-0.1, 0.0, 0.3], [3.0, -0.4, -2.0]), np.array([1e-3, 0.2, 0.05])),
+    )
     mount = np.array([0.1, -0.2, 0.4, 0.8])
     return Robot(
         "awkward", "omni", np.array(FOOTPRINT), mount, Chain(joints, frames[3]), solids, 0.3, np.zeros(3)
@@ -63,6 +67,12 @@ def _frame(element: ElementTree.Element) -> Array:
         T[:3, :3] = Rotation.from_euler("xyz", _numbers(origin.attrib["rpy"])).as_matrix()
         T[:3, 3] = _numbers(origin.attrib["xyz"])
     return T
+
+
+def _link_of(root: ElementTree.Element, robot: Robot, k: int) -> ElementTree.Element:
+    name = f"{robot.chain.names[k]}_link"
+    (link,) = (element for element in root.iter("link") if element.attrib["name"] == name)
+    return link
 
 
 def link_frame(root: ElementTree.Element, link: str, values: dict[str, float]) -> Array:
@@ -97,9 +107,8 @@ def test_the_urdf_moves_as_the_robot_does(robot: Robot) -> None:
 @pytest.mark.parametrize("robot", [youbot(), awkward()])
 def test_a_capsule_is_a_cylinder_and_two_balls_at_its_ends(robot: Robot) -> None:
     root = ElementTree.fromstring(robot_to_urdf(robot, shapely.box(-5, -5, 5, 5)))
-    for solid in robot.solids:
-        name = f"{robot.chain.names[solid.link]}_link"
-        (link,) = (element for element in root.iter("link") if element.attrib["name"] == name)
+    for solid in (solid for solid in robot.solids if isinstance(solid, LinkCapsule)):
+        link = _link_of(root, robot, solid.link)
         (side,) = (c for c in link if c.find("geometry/cylinder") is not None)
         cylinder = side.find("geometry/cylinder")
         assert cylinder is not None
@@ -108,6 +117,19 @@ def test_a_capsule_is_a_cylinder_and_two_balls_at_its_ends(robot: Robot) -> None
         balls = [_frame(c)[:3, 3] for c in link if c.find("geometry/sphere") is not None]
         assert np.allclose(ends, [solid.start, solid.end], atol=1e-12)
         assert np.allclose(balls, [solid.start, solid.end], atol=1e-12)
+
+
+def test_a_box_stays_a_box_on_its_link() -> None:
+    robot = awkward()
+    root = ElementTree.fromstring(robot_to_urdf(robot, shapely.box(-5, -5, 5, 5)))
+    boxes = [solid for solid in robot.solids if isinstance(solid, LinkBox)]
+    assert len(boxes) == 2
+    assert [len(_link_of(root, robot, k)) for k in range(3)] == [0, 3, len(boxes)]
+    for box in boxes:
+        (shape,) = (c for c in _link_of(root, robot, box.link) if c.attrib["name"] == box.name)
+        size = _numbers(shape.find("geometry/box").attrib["size"])  # type: ignore[union-attr]
+        assert np.array_equal(size, box.size)
+        assert np.abs(_frame(shape) - box.T_link_box).max() < 1e-12
 
 
 def test_urdf_limits_and_base() -> None:

@@ -15,6 +15,7 @@ import trimesh
 import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
 
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain, Joint, chain_from_dh, planar_pose
@@ -22,7 +23,7 @@ from regionik.worlds.errors import InputError
 from regionik.worlds.format import load_world, world_from_document, world_schema, world_to_document
 from regionik.worlds.library import world_names, world_path
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Sphere
-from regionik.worlds.robot import LinkCapsule, Robot, capsules_along
+from regionik.worlds.robot import LinkBox, LinkCapsule, Robot, capsules_along
 from regionik.worlds.scene import Rules, World
 from regionik.worlds.schema import RulesPart
 from regionik.worlds.textfile import JSON_LIMIT, YAML_LIMIT, read_document
@@ -259,6 +260,56 @@ def test_other_chains_come_back_equal() -> None:
     assert_round_trip(World(plain.name, robot, plain.floor, plain.obstacles, plain.task, plain.rules))
 
 
+PLACED = {
+    "link": 0,
+    "name": "case",
+    "size": [0.1, 0.2, 0.3],
+    "position": [0.4, 0.5, 0.6],
+    "rpy": [0.1, 0.2, 3],
+}
+FRAMED = {"link": 2, "name": "jaw", "size": [1, 2, 3], "frame": planar_pose(0.1, 0.2, 0.7, 0.3).tolist()}
+CAPSULE = {"link": 1, "name": "tube", "start": [0, 0, 0], "end": [0.3, 0, 0.1], "radius": 0.04}
+
+
+def of_solids(*solids: dict[str, Any]) -> World:
+    document = good() | {"robot": {"dh": DH, "solids": list(solids)}}
+    del document["start"]
+    return world_from_document(document)
+
+
+def test_boxes_on_links_stand_where_the_file_has_them() -> None:
+    placed, framed, tube = of_solids(PLACED, FRAMED, CAPSULE).robot.solids
+    assert isinstance(placed, LinkBox)
+    assert isinstance(framed, LinkBox)
+    assert isinstance(tube, LinkCapsule)
+    assert (placed.link, placed.name, placed.size.tolist()) == (0, "case", [0.1, 0.2, 0.3])
+    turn = Rotation.from_euler("xyz", [0.1, 0.2, 3.0]).as_matrix()  # about fixed axes, x first
+    np.testing.assert_allclose(placed.T_link_box[:3, :3], turn, atol=1e-15)
+    assert placed.T_link_box[:3, 3].tolist() == [0.4, 0.5, 0.6]
+    assert framed.T_link_box.tolist() == FRAMED["frame"]
+    (plain,) = of_solids({"link": 0, "name": "case", "size": [1, 1, 1]}).robot.solids
+    assert np.array_equal(np.abs(plain.corners), np.full((8, 3), 0.5))
+
+
+@pytest.mark.parametrize(
+    "solids", [(), (PLACED,), (FRAMED, CAPSULE), (CAPSULE, PLACED, FRAMED), (CAPSULE, CAPSULE | {"link": 2})]
+)
+def test_solids_of_links_come_back_equal(solids: tuple[dict[str, Any], ...]) -> None:
+    world = of_solids(*solids)
+    assert len(world.robot.solids) == len(solids)
+    assert_round_trip(world)
+
+
+@given(
+    st.lists(st.floats(-3.2, 3.2), min_size=6, max_size=6),
+    st.lists(st.floats(1e-9, 1e3), min_size=3, max_size=3),
+)
+def test_any_box_on_a_link_comes_back_equal(place: list[float], size: list[float]) -> None:
+    world = of_solids(PLACED | {"position": place[:3], "rpy": place[3:], "size": size})
+    (again,) = world_from_document(through_json(world_to_document(world))).robot.solids
+    assert_same(world.robot.solids[0], again)
+
+
 def test_bundled_robots_are_written_by_name() -> None:
     world = world_from_document(good())
     assert world_to_document(world)["robot"] == "youbot"
@@ -369,6 +420,7 @@ def test_whatever_stands_anywhere_is_read_or_refused_in_one_line(data: st.DataOb
         {"name": "m", "mesh": {"vertices": [[0, 0, 0]] * 4, "faces": [[0, 1, 2]] * 4}}
     )
     document["robot"] = {"dh": DH, "mount": [0, 0, 0, 0], "footprint": [[0, 0]], "carry": [0, 0, 0]}
+    document["robot"]["solids"] = [CAPSULE, PLACED, FRAMED]
     document["start"]["joints"] = [0, 0, 0]
     document = through_json(document)  # lists of its own
     *way, last = data.draw(st.sampled_from(places(document)[1:]))

@@ -150,9 +150,11 @@ def test_a_start_off_the_floor_is_refused() -> None:
 def test_an_arm_that_would_touch_is_named() -> None:
     world = load_world("free")
     plate = Box("plate", np.array([0.02, 2.0, 0.3]), np.array([0.62, 0.0, 0.35]))
-    start = world.start
-    why = failure(World("plate", world.robot, Floor(shapely.box(-2, -2, 3, 2)), (plate,),
-                        world.task, Rules(heading="face_target"), start)).explanation  # fmt: skip
+    floor = Floor(shapely.box(-2, -2, 3, 2))
+    rules = Rules(heading="face_target")
+    plated = World("plate", world.robot, floor, (plate,), world.task, rules, world.start)
+    assert plan(plated).lift_offs <= 1
+    why = failure(changed(plated, rules=replace(rules, avoidance=False))).explanation
     assert why.verdict == "plan-invalid"
     assert "plate" in why.reason
     assert "link" in why.reason

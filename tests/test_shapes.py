@@ -8,7 +8,9 @@ import trimesh
 from regionik import shapes
 from regionik.shapes import Triangles
 from regionik.worlds.arrays import Array
+from regionik.worlds.chain import pose
 from regionik.worlds.obstacles import Solid
+from regionik.worlds.robot import LinkBox, LinkCapsule
 from tests.plans import every_solid
 
 
@@ -55,6 +57,23 @@ def test_a_capsule_lies_just_within_its_radius(end: list[float]) -> None:
     mesh = trimesh.Trimesh(part.vertices, part.faces, process=True, merge_norm=True)
     whole = 4 / 3 * np.pi * 0.05**3 + np.pi * 0.05**2 * float(np.linalg.norm(end))
     assert abs(mesh.volume) == pytest.approx(whole, rel=0.05)
+
+
+def test_a_box_on_a_link_is_closed_and_has_its_corners() -> None:
+    T_link_box, size = pose([0.1, -0.2, 0.3], [0.4, 0.5, -2.0]), np.array([0.1, 0.2, 0.4])
+    part = shapes.link_solid(LinkBox(0, "case", T_link_box, size))
+    own = (part.vertices - T_link_box[:3, 3]) @ T_link_box[:3, :3]
+    assert np.allclose(np.abs(own), size / 2, atol=1e-12)
+    mesh = trimesh.Trimesh(part.vertices, part.faces, process=True, merge_norm=True)
+    assert len(mesh.vertices) == 8
+    assert mesh.is_watertight
+    assert mesh.volume == pytest.approx(np.prod(size))  # above zero: every side faces outwards
+
+
+def test_a_capsule_on_a_link_is_drawn_as_one() -> None:
+    start, end = np.array([0.0, 0.1, 0.2]), np.array([0.3, 0.1, 0.0])
+    part = shapes.link_solid(LinkCapsule(0, "tube", start, end, 0.05))
+    assert np.array_equal(part.vertices, shapes.capsule(start, end, 0.05).vertices)
 
 
 def test_tubes_and_balls_have_equal_shares_of_faces() -> None:

@@ -638,10 +638,10 @@ def test_points_stay_as_near_their_chords_as_their_acceleration_says(robot: Robo
     s = np.linspace(0, 1, 60)
     tightest = 0.0
     for capsule in robot.solids:
-        bound = sag(journey.acceleration(capsule.link, capsule.end), np.ones(1))
+        bound = sag(journey.acceleration(capsule.link, capsule.corners[1]), np.ones(1))
         for hop in range(n - 1):
             frames = journey.frames(np.full(60, hop), s)[:, capsule.link]
-            points = frames[:, :3, :3] @ capsule.end + frames[:, :3, 3]
+            points = frames[:, :3, :3] @ capsule.corners[1] + frames[:, :3, 3]
             chord = points[0] + s[:, None] * (points[-1] - points[0])
             off = float(np.linalg.norm(points - chord, axis=1).max())
             assert off <= bound[hop] + 1e-12
@@ -660,7 +660,7 @@ def sampled_gap(world: World, motion: Motion, hop: int) -> float:
     least = np.inf
     for capsule in world.robot.solids:
         for t in np.linspace(0, 1, 7):
-            spot = (1 - t) * capsule.start + t * capsule.end
+            spot = (1 - t) * capsule.corners[0] + t * capsule.corners[1]
             points = frames[:, capsule.link, :3, :3] @ spot + frames[:, capsule.link, :3, 3]
             for solid in world.obstacles:
                 least = min(least, *(solid.distance(p) - capsule.radius for p in points))

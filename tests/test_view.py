@@ -21,11 +21,13 @@ from regionik.animation import MOST_FRAMES
 from regionik.camera import camera_for
 from regionik.plan import Plan
 from regionik.plan_view import picture_of_plan
-from regionik.scene_view import picture_of_world
+from regionik.scene_view import BALL, first_posture, picture_of_world, tip_radius
 from regionik.view import to_html
 from regionik.worlds.arrays import Array
+from regionik.worlds.chain import pose
 from regionik.worlds.errors import InputError
 from regionik.worlds.obstacles import Box
+from regionik.worlds.robot import LinkBox
 from regionik.worlds.scene import World
 from tests.plans import every_solid, l_shape, synthetic_plan
 
@@ -142,6 +144,33 @@ def test_a_world_without_task_start_or_obstacles_is_drawn() -> None:
     assert picture.tracks == ()
     assert {"floor/all", "robot/base"} <= {body.path for body in picture.bodies}
     assert np.allclose(picture.camera.center[:2], world.floor.polygon.centroid.coords[0], atol=1e-9)
+
+
+def test_boxes_on_links_are_drawn_where_the_robot_has_them() -> None:
+    world = every_solid()
+    box = LinkBox(3, "hand", pose([0.02, 0.0, 0.1], [0.3, 0.2, 0.1]), np.array([0.1, 0.2, 0.06]))
+    other = LinkBox(4, "finger", np.eye(4), np.array([0.05, 0.05, 0.3]))
+    robot = dataclasses.replace(world.robot, solids=(*world.robot.solids[:2], box, other))
+    picture = picture_of_world(dataclasses.replace(world, robot=robot))
+    (drawn,) = (body for body in picture.bodies if body.path.endswith("joint_3/link"))
+    base, joints = first_posture(world)
+    T_world_link = robot.frames(base, joints)[3]
+    T_world_drawn = _pose(picture.poses, drawn.path.rsplit("/", 1)[0])
+    seen, true = (
+        points @ T[:3, :3].T + T[:3, 3]
+        for points, T in ((drawn.mesh.vertices, T_world_drawn), (box.corners, T_world_link))
+    )
+    apart = np.linalg.norm(seen[:, None] - true[None], axis=2)
+    assert apart.min(axis=0).max() < 1e-12
+    assert apart.min(axis=1).max() < 1e-12
+
+
+def test_the_ball_at_the_tool_shows_outside_the_last_solid() -> None:
+    robot = every_solid().robot
+    assert tip_radius(robot) > robot.solids[-1].radius
+    box = LinkBox(4, "hand", np.eye(4), np.array([0.1, 0.2, 0.06]))
+    assert tip_radius(dataclasses.replace(robot, solids=(*robot.solids[:-1], box))) > 0.03
+    assert tip_radius(dataclasses.replace(robot, solids=())) >= BALL
 
 
 def test_the_camera_avoids_a_wall() -> None:

@@ -10,9 +10,10 @@ from shapely.geometry import Polygon
 
 from regionik.worlds import schema
 from regionik.worlds.arrays import Array
+from regionik.worlds.chain import pose
 from regionik.worlds.checking import at, wrong
 from regionik.worlds.makerobot import build_robot, check_limits
-from regionik.worlds.maketask import build_task, pose
+from regionik.worlds.maketask import build_task
 from regionik.worlds.meshfile import is_closed, read_mesh
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Solid, Sphere
 from regionik.worlds.robot import Robot

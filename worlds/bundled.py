@@ -1,4 +1,4 @@
-"""What comes with regionik: two robots, and the folder of world files."""
+"""What comes with regionik: robots, and the folder of world files."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from regionik.worlds.robot import Robot, capsules_along
 DATA = Path(__file__).parent / "data"
 WORLD_SUFFIX = ".world.yaml"
 LINK_RADIUS = 0.035  # [m]
+ARM_RADIUS = 0.025  # of the FABRIK-R paper's arms, whose links are 68 to 150 mm long [m]
 BODY_HEIGHT = 0.14  # [m]
 
 # M-FABRIK, table 1: d, a [m], alpha [rad]. Limits [deg] are the datasheet's (+-169, -65..90, -151..146,
@@ -27,12 +28,47 @@ _YOUBOT = (
     (0.0, 0.0, pi / 2, -12.5, 192.5),
     (0.2175, 0.0, 0.0, -167.5, 167.5),
 )
+
+# FABRIK-R's arms without limits: theta offset [rad], d, a [m], alpha [rad].
+_ARMS = {
+    # Table 1: a pivot, three parallel hinges and an orthogonal one, 340 mm in five links.
+    "hinge5": (
+        (0.0, 0.068, 0.0, -pi / 2),
+        (0.0, 0.0, 0.068, 0.0),
+        (0.0, 0.0, 0.068, 0.0),
+        (0.0, 0.0, 0.068, -pi / 2),
+        (0.0, 0.0, 0.068, 0.0),
+    ),
+    # Table 2: 900 mm in ten links.
+    "dof10": (
+        (0.0, 0.09, 0.0, -pi / 2),
+        *2 * ((0.0, 0.0, 0.09, 0.0),),
+        *5 * ((0.0, 0.0, 0.09, -pi / 2),),
+        *2 * ((0.0, 0.0, 0.09, 0.0),),
+    ),
+    # Table 5 with d_1 = 148.9 mm, with which the printed results of table 6 agree.
+    "pioneer7": (
+        (0.0, 0.1489, 0.0, -pi / 2),
+        (0.0, 0.0, 0.0, -pi / 2),
+        (0.0, 0.15, 0.0, -pi / 2),
+        (0.0, 0.0, 0.0, -pi / 2),
+        (0.0, 0.145, 0.0, -pi / 2),
+        (0.0, 0.0, 0.075, pi / 2),
+        (0.0, 0.0, 0.075, 0.0),
+    ),
+}
+# Upright, a bend in each so that no joint stands at a singular place; pioneer7's servos at 150 deg.
+_CARRY = {
+    "hinge5": (0.0, -90.0, 0.0, 0.0, 0.0),
+    "dof10": (0.0, -90.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+    "pioneer7": (-90.0, 180.0, 0.0, 180.0, 0.0, -90.0, 0.0),
+}
 _STRAIGHT_UP = np.radians([0.0, 90.0, 0.0, 90.0, 0.0])
 
 
 def robot_names() -> tuple[str, ...]:
     """Names of the bundled robots."""
-    return ("youbot", "youbot-real")
+    return ("youbot", "youbot-real", "hinge5", "dof10", "pioneer7")
 
 
 def robot_named(name: str) -> Robot:
@@ -40,6 +76,9 @@ def robot_named(name: str) -> Robot:
 
     ``youbot`` is the robot of the M-FABRIK paper: a point base with the arm on its centre.
     ``youbot-real`` carries the same arm 0.143 m ahead of the centre of a 0.58 x 0.38 m base.
+    ``hinge5``, ``dof10`` and ``pioneer7`` are the arms of the FABRIK-R paper (340, 900 and 594 mm), without
+    joint limits, on the centre of a point base. Joint values are the thetas of their DH tables; pioneer7's
+    are ``s (servo - 150 deg) + o`` with s = (+, +, +, +, +, +, -), o = (-90, 180, 0, 180, 0, -90, 0) deg.
 
     Raises
     ------
@@ -55,6 +94,8 @@ def robot_named(name: str) -> Robot:
         return _youbot(name, 0.0, [[0.0, 0.0]])
     if name == "youbot-real":
         return _youbot(name, 0.143, [[0.29, 0.19], [-0.29, 0.19], [-0.29, -0.19], [0.29, -0.19]])
+    if name in _ARMS:
+        return _bare_arm(name)
     raise InputError(f"unknown robot {name!r}, valid names: {', '.join(robot_names())}")
 
 
@@ -91,3 +132,11 @@ def _youbot(name: str, ahead: float, footprint: list[list[float]]) -> Robot:
     solids = capsules_along(chain, LINK_RADIUS)
     mount = np.array([ahead, 0.0, 0.0, 0.0])
     return Robot(name, "omni", np.array(footprint), mount, chain, solids, BODY_HEIGHT, _STRAIGHT_UP)
+
+
+def _bare_arm(name: str) -> Robot:
+    chain = chain_from_dh([(*row, -inf, inf) for row in _ARMS[name]])
+    carry = np.radians(_CARRY[name])
+    return Robot(
+        name, "omni", np.zeros((1, 2)), np.zeros(4), chain, capsules_along(chain, ARM_RADIUS), BODY_HEIGHT, carry
+    )

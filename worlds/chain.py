@@ -196,3 +196,9 @@ def rot_z(angle: float) -> Array:
 def planar_pose(x: float, y: float, yaw: float, z: float = 0.0) -> Array:
     """Frame at (x, y, z) turned by yaw about z, (4, 4)."""
     return translation(x, y, z) @ rot_z(yaw)
+
+
+def pose(position: Sequence[float], rpy: Sequence[float]) -> Array:
+    """Transform from a position [m] and roll, pitch, yaw [rad] about fixed axes, (4, 4)."""
+    roll, pitch, yaw = rpy
+    return translation(*position) @ rot_z(yaw) @ rot_y(pitch) @ rot_x(roll)

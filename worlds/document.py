@@ -14,7 +14,7 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named, robot_names, without_limits
 from regionik.worlds.chain import Chain, Joint, chain_from_dh
 from regionik.worlds.obstacles import Box, Cylinder, Prism, Solid, Sphere
-from regionik.worlds.robot import LinkCapsule, Robot, capsules_along
+from regionik.worlds.robot import LinkCapsule, LinkSolid, Robot, capsules_along
 from regionik.worlds.scene import Floor, Target, World
 
 Document = dict[str, Any]
@@ -64,12 +64,7 @@ def _full_robot(robot: Robot) -> Document:
     document["mount"] = robot.mount.tolist()
     document["body_height"] = float(robot.body_height)
     document["turning_radius"] = float(robot.turning_radius)
-    solids = [_capsule(solid) for solid in robot.solids]
-    radius = robot.solids[0].radius if robot.solids else 1.0
-    if solids and solids == [_capsule(solid) for solid in capsules_along(robot.chain, radius)]:
-        document["link_radius"] = float(radius)
-    else:
-        document["solids"] = solids
+    document |= _link_solids(robot)
     document["carry"] = robot.carry.tolist()
     return document
 
@@ -120,14 +115,21 @@ def _joint(joint: Joint) -> Document:
     return document
 
 
-def _capsule(solid: LinkCapsule) -> Document:
-    return {
-        "link": solid.link,
-        "name": solid.name,
-        "start": solid.start.tolist(),
-        "end": solid.end.tolist(),
-        "radius": float(solid.radius),
-    }
+def _link_solids(robot: Robot) -> Document:
+    """One radius where it says it all, else every solid."""
+    solids = [_link_solid(solid) for solid in robot.solids]
+    radius = robot.solids[0].radius if robot.solids else 0.0
+    if radius > 0 and solids == [_link_solid(solid) for solid in capsules_along(robot.chain, radius)]:
+        return {"link_radius": float(radius)}
+    return {"solids": solids}
+
+
+def _link_solid(solid: LinkSolid) -> Document:
+    document: Document = {"link": solid.link, "name": solid.name}
+    if isinstance(solid, LinkCapsule):
+        ends = {"start": solid.start.tolist(), "end": solid.end.tolist()}
+        return {**document, **ends, "radius": float(solid.radius)}
+    return {**document, "size": solid.size.tolist(), "frame": solid.T_link_box.tolist()}
 
 
 # --- floor, solids, task

@@ -10,10 +10,10 @@ from shapely.geometry import MultiPoint, Polygon
 from regionik.worlds import robotschema
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named, without_limits
-from regionik.worlds.chain import Chain, Joint, chain_from_dh
+from regionik.worlds.chain import Chain, Joint, chain_from_dh, pose
 from regionik.worlds.checking import at, wrong
 from regionik.worlds.errors import InputError
-from regionik.worlds.robot import LinkCapsule, Robot, capsules_along
+from regionik.worlds.robot import LinkBox, LinkCapsule, LinkSolid, Robot, capsules_along
 
 _RIGID = 1e-6
 
@@ -119,20 +119,28 @@ def _limits(lower: float | None, upper: float | None, where: str, place: str) ->
 
 def _solids(
     part: robotschema.DhRobot | robotschema.ChainRobot, chain: Chain, where: str
-) -> tuple[LinkCapsule, ...]:
+) -> tuple[LinkSolid, ...]:
     if part.solids is None:
         return capsules_along(chain, part.link_radius)
+    solids = []
     for k, solid in enumerate(part.solids):
+        place = f"robot.solids[{k}]"
         if solid.link >= chain.dof:
-            raise wrong(
-                where,
-                f"robot.solids[{k}].link",
-                f"expected a link from 0 to {chain.dof - 1}, got {solid.link}",
-            )
-    return tuple(
-        LinkCapsule(solid.link, solid.name, np.array(solid.start), np.array(solid.end), solid.radius)
-        for solid in part.solids
-    )
+            text = f"expected a link from 0 to {chain.dof - 1}, got {solid.link}"
+            raise wrong(where, f"{place}.link", text)
+        solids.append(_link_solid(solid, where, place))
+    return tuple(solids)
+
+
+def _link_solid(part: robotschema.LinkSolidPart, where: str, place: str) -> LinkSolid:
+    match part:
+        case robotschema.Capsule():
+            return LinkCapsule(part.link, part.name, np.array(part.start), np.array(part.end), part.radius)
+        case robotschema.PlacedBox():
+            T_link_box = pose(part.position, part.rpy)
+        case robotschema.FramedBox():
+            T_link_box = _frame(part.frame, where, f"{place}.frame")
+    return LinkBox(part.link, part.name, T_link_box, np.array(part.size))
 
 
 def _carry(values: list[float] | None, chain: Chain, where: str) -> Array:

@@ -8,7 +8,7 @@ import numpy as np
 
 from regionik.worlds import schema
 from regionik.worlds.arrays import Array
-from regionik.worlds.chain import rot_x, rot_y, rot_z, translation
+from regionik.worlds.chain import pose
 from regionik.worlds.checking import at, wrong
 from regionik.worlds.makerobot import rotation
 from regionik.worlds.scene import Target
@@ -79,9 +79,3 @@ def _path(part: schema.Piece, where: str, place: str, folder: Path) -> ToolPath:
 def _turn(orientation: list[float] | list[list[float]]) -> Array:
     values = np.array(orientation)
     return rotation(values) if values.ndim == 2 else rotation_from_quaternion(values)
-
-
-def pose(position: list[float], rpy: list[float]) -> Array:
-    """Transform from a position [m] and roll, pitch, yaw [rad] about fixed axes, (4, 4)."""
-    roll, pitch, yaw = rpy
-    return translation(*position) @ rot_z(yaw) @ rot_y(pitch) @ rot_x(roll)

@@ -8,7 +8,7 @@ from pydantic import Discriminator, Field, Tag
 
 from regionik.worlds.bundled import BODY_HEIGHT, LINK_RADIUS
 from regionik.worlds.checking import Strict
-from regionik.worlds.grammar import File, Matrix4, NotNegative, OneLine, Positive, Vec2, Vec3, Vec4
+from regionik.worlds.grammar import File, Matrix4, NotNegative, OneLine, Positive, Size3, Vec2, Vec3, Vec4
 
 DhRow = Annotated[
     list[float | None],
@@ -21,12 +21,55 @@ class NamedRobot(Strict):
     limits: Literal["ignore"] | None = None
 
 
-class Capsule(Strict):
-    link: Annotated[int, Field(ge=0)]
-    name: OneLine
-    start: Vec3
-    end: Vec3
-    radius: Positive
+class _OfLink(Strict):
+    link: Annotated[int, Field(ge=0)] = Field(description="the number of a joint, from 0")
+    name: OneLine = Field(description="a name")
+
+
+class Capsule(_OfLink):
+    """All points within ``radius`` of a segment in the link's frame."""
+
+    start: Vec3 = Field(description="x, y, z [m]")
+    end: Vec3 = Field(description="x, y, z [m]")
+    radius: Positive = Field(description="a length [m]")
+
+
+class PlacedBox(_OfLink):
+    """A box whose middle and turn in the link's frame are given by hand."""
+
+    size: Size3 = Field(description="three lengths [m]")
+    position: Vec3 = Field(default=[0.0, 0.0, 0.0])
+    rpy: Vec3 = Field(default=[0.0, 0.0, 0.0])
+
+
+class FramedBox(_OfLink):
+    """A box as `regionik.worlds.format.world_to_document` writes it, exact to the last bit."""
+
+    size: Size3 = Field(description="three lengths [m]")
+    frame: Matrix4 = Field(description="the box's frame in the link, as a 4 x 4 matrix")
+
+
+def _solid_kind(value: Any) -> str | None:
+    keys = set(value) if isinstance(value, dict) else set()
+    capsule, box = keys & {"start", "end", "radius"}, keys & {"size", "position", "rpy", "frame"}
+    if bool(capsule) == bool(box):
+        return None
+    if capsule:
+        return "<capsule>"
+    return "<framed>" if "frame" in keys else "<placed>"
+
+
+LinkSolidPart = Annotated[
+    Annotated[Capsule, Tag("<capsule>")]
+    | Annotated[PlacedBox, Tag("<placed>")]
+    | Annotated[FramedBox, Tag("<framed>")],
+    Discriminator(
+        _solid_kind,
+        custom_error_type="kind",
+        custom_error_message="expected link, name and either start, end, radius (a capsule)"
+        " or size, position, rpy (a box)",
+    ),
+]
 
 
 class _OwnRobot(Strict):
@@ -37,7 +80,7 @@ class _OwnRobot(Strict):
     body_height: Positive = BODY_HEIGHT
     turning_radius: NotNegative = 0.0
     link_radius: Positive = LINK_RADIUS
-    solids: list[Capsule] | None = None
+    solids: list[LinkSolidPart] | None = None
     carry: list[float] | None = None
     limits: Literal["ignore"] | None = None
 

@@ -79,6 +79,8 @@ class Rules:
         Kept from both ends of the reach, where the arm is stretched or folded.
     max_lift_offs : int or None
         How often the tool may leave the path; None is no bound.
+    avoidance : bool
+        Whether plans take the arm round things; without it a plan whose arm touches something is refused.
     mode : {"continuous", "stops"}
     """
 
@@ -91,6 +93,7 @@ class Rules:
     tool_contact: float = 0.05
     reach_margin: float = 0.005
     max_lift_offs: int | None = None
+    avoidance: bool = True
     mode: Mode = "continuous"
 
 

@@ -231,6 +231,7 @@ class RulesPart(Strict):
     tool_contact: NotNegative = Rules.tool_contact
     reach_margin: NotNegative = Rules.reach_margin
     max_lift_offs: Annotated[int, Field(ge=0)] | None = Rules.max_lift_offs
+    avoidance: bool = Rules.avoidance
     mode: Mode = Rules.mode
 
 

@@ -1,0 +1,415 @@
+"""What the solids of a robot touch: obstacles, the robot itself and its own base.
+
+Lower bounds of distances come from compiled code (`hulls`, `sweeping`) and say where nothing needs to be
+looked at; the distances that are told come from `collision`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from regionik.planners.collision import hull_separation, link_piece, obstacles_from
+from regionik.planners.flat import Index
+from regionik.planners.pieces import Piece, Separation
+from regionik.planners.serial import SerialArm, serial_arm
+from regionik.planners.sweeping import (
+    BASE,
+    WORLD,
+    Exempt,
+    Hop,
+    Hulls,
+    Movers,
+    exempt_for,
+    first_stop,
+    lower_bounds,
+    pace,
+    place,
+)
+from regionik.worlds.arrays import Array, frozen
+from regionik.worlds.errors import InputError
+from regionik.worlds.obstacles import Solid
+from regionik.worlds.robot import LinkSolid, Robot
+from regionik.worlds.selfpairs import base_body, self_pairs
+
+LOOK = 1e-3  # part of a motion between two looks for a link inside a mesh
+
+
+class Touch(NamedTuple):
+    """What comes nearest to the robot's solids; points in the world."""
+
+    distance: float  # [m], negative where they overlap; infinite where there is nothing
+    solid: int  # index into Robot.solids, -1 where there is nothing
+    kind: Literal["obstacle", "self", "base", "none"]
+    other: int  # index of the obstacle, or of the other solid of the robot; -1 otherwise
+    on_solid: Array  # (3,) [m]
+    on_other: Array  # (3,) [m]
+
+
+@dataclass(frozen=True, eq=False)
+class Contact:
+    """Where the tool works: the solids of the last link that has one may touch what it works on.
+
+    Attributes
+    ----------
+    spots : (m, 3) array
+        [m]
+    owner : (m,) array of int
+        Index of the obstacle that each spot belongs to.
+    reach : float
+        Distance of the tool from a spot within which its owner may be touched [m].
+    """
+
+    spots: Array
+    owner: Index
+    reach: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "spots", frozen(self.spots, (None, 3), "contact: spots"))
+        owner = np.array(self.owner, dtype=np.int64)
+        if owner.shape != (len(self.spots),):
+            raise InputError(f"contact: expected one owner a spot, got {owner.shape} and {len(self.spots)}")
+        owner.flags.writeable = False
+        object.__setattr__(self, "owner", owner)
+        object.__setattr__(self, "reach", float(frozen(self.reach, (), "contact: reach")))
+
+
+_NO_CONTACT = Contact(np.zeros((0, 3)), np.zeros(0, dtype=np.int64), 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Bodies:
+    """A robot and obstacles, prepared for `nearest`, `solid_clear` and `motion_clear`; made by `bodies_from`.
+
+    Attributes
+    ----------
+    robot : Robot
+    obstacles : tuple of Solid
+    arm : SerialArm
+    mount : (4, 4) array
+    movers : Movers
+    hulls : Hulls
+    pieces : tuple of Piece
+        One for each row of ``hulls``, in its frame; triangles name their mesh.
+    """
+
+    robot: Robot
+    obstacles: tuple[Solid, ...]
+    arm: SerialArm
+    mount: Array
+    movers: Movers
+    hulls: Hulls
+    pieces: tuple[Piece, ...]
+
+
+class _Row(NamedTuple):
+    """A row of the table of hulls."""
+
+    corners: Array
+    piece: Piece
+    frame: int
+    owner: int
+    skips: int = 0  # rows of triangles that follow
+
+
+def bodies_from(robot: Robot, solids: Sequence[Solid]) -> Bodies:
+    """Prepare a robot and obstacles for distance queries.
+
+    Parameters
+    ----------
+    robot : Robot
+    solids : sequence of Solid
+
+    Returns
+    -------
+    Bodies
+    """
+    around = obstacles_from(solids)
+    rows = [
+        row
+        for piece, k in zip(around.pieces, around.owner.tolist(), strict=True)
+        for row in _rows(piece, WORLD, k)
+    ]
+    world = len(rows)
+    body = base_body(robot)
+    rows += [row for piece in obstacles_from([body] if body else []).pieces for row in _rows(piece, BASE, 0)]
+    arm = len(rows)
+    rows += [_Row(s.corners, link_piece(s), s.link, k) for k, s in enumerate(robot.solids)]
+    meets = np.zeros((len(robot.solids), len(rows) - world), dtype=np.bool_)
+    for i, k in self_pairs(robot):
+        if i < 0:
+            meets[k, : arm - world] = True
+        else:
+            still, moving = sorted((i, k), key=lambda s: robot.solids[s].link)
+            meets[moving, arm - world + still] = True
+    return Bodies(
+        robot,
+        tuple(solids),
+        serial_arm(robot.chain),
+        np.array(robot.T_base_arm),
+        _movers(robot.solids, meets),
+        _hulls(rows, world),
+        tuple(row.piece for row in rows),
+    )
+
+
+def nearest(
+    bodies: Bodies,
+    base: ArrayLike,
+    joints: ArrayLike,
+    *,
+    contact: Contact | None = None,
+    within: float = np.inf,
+) -> Touch:
+    """What comes nearest to the robot's solids: an obstacle, another of its solids, or its own base.
+
+    Parameters
+    ----------
+    bodies : Bodies
+    base : (3,) array_like
+        x, y [m], yaw [rad].
+    joints : (dof,) array_like
+    contact : Contact, optional
+        What may be touched is not looked at.
+    within : float
+        Distance beyond which nothing is looked for [m].
+
+    Returns
+    -------
+    Touch
+        Of kind "none" where nothing is within that distance.
+
+    Raises
+    ------
+    InputError
+        When a number is not finite.
+    """
+    state = (base, joints)
+    hop = _hop(bodies, state, state)
+    return _nearest(bodies, hop, np.arange(len(bodies.robot.solids)), contact, within)
+
+
+def solid_clear(
+    bodies: Bodies,
+    base: ArrayLike,
+    joints: ArrayLike,
+    k: int,
+    margin: float,
+    *,
+    contact: Contact | None = None,
+) -> bool:
+    """Whether one solid keeps a distance from obstacles, the base, and solids of links nearer to the base.
+
+    Asked of every solid, it looks at every pair once; joints beyond the solid's link do not matter.
+
+    Parameters
+    ----------
+    bodies : Bodies
+    base : (3,) array_like
+        x, y [m], yaw [rad].
+    joints : (dof,) array_like
+    k : int
+        Index into ``Robot.solids``.
+    margin : float
+        [m]
+    contact : Contact, optional
+        As for `nearest`; the place of the tool does depend on all joints.
+    """
+    state = (base, joints)
+    hop = _hop(bodies, state, state)
+    return _nearest(bodies, hop, np.array([k]), contact, margin).distance >= margin
+
+
+def motion_clear(
+    bodies: Bodies,
+    base_a: ArrayLike,
+    joints_a: ArrayLike,
+    base_b: ArrayLike,
+    joints_b: ArrayLike,
+    margin: float,
+    *,
+    contact: Contact | None = None,
+) -> Touch | None:
+    """Whether every link keeps a distance from everything over the whole motion between two states.
+
+    The base moves straight in x, y and turns the shorter way; joints move linearly. Proven, not sampled: see
+    `sweeping`.
+
+    Parameters
+    ----------
+    bodies : Bodies
+    base_a, base_b : (3,) array_like
+        x, y [m], yaw [rad].
+    joints_a, joints_b : (dof,) array_like
+    margin : float
+        From obstacles, of the robot's solids from each other, and from its own base; at least 0 [m].
+    contact : Contact, optional
+        What may be touched while the tool is near.
+
+    Returns
+    -------
+    Touch or None
+        None when proven clear; otherwise what could not be passed, where the proof ended.
+
+    Raises
+    ------
+    InputError
+        When a number is not finite or the margin is negative.
+    """
+    if not 0 <= margin < np.inf:
+        raise InputError(f"margin: expected a finite number, at least 0, got {margin}")
+    hop = _hop(bodies, (base_a, joints_a), (base_b, joints_b))
+    boxes, exempt = np.empty((len(bodies.robot.solids), 2, 3)), _exempt(contact)
+    k, m, s = first_stop(
+        bodies.arm, bodies.mount, bodies.movers, bodies.hulls, hop, exempt, boxes, float(margin)
+    )
+    if k < 0:
+        k, m, s = _swallowed(bodies, hop, exempt, boxes)
+    if k < 0:
+        return None
+    return _touch(bodies, _at(hop, s), k, m)
+
+
+def _nearest(bodies: Bodies, hop: Hop, which: Index, contact: Contact | None, within: float) -> Touch:
+    lower = np.empty((len(bodies.robot.solids), len(bodies.pieces)))
+    exempt = _exempt(contact)
+    bound = lower_bounds(
+        bodies.arm, bodies.mount, bodies.movers, bodies.hulls, hop, exempt, which, within, lower
+    )
+    best, at = np.inf, (-1, -1)
+    near = np.argwhere(lower <= bound)
+    for k, m in near[np.argsort(lower[near[:, 0], near[:, 1]], kind="stable")].tolist():
+        if lower[k, m] >= min(best, within):
+            break
+        distance = _measure(bodies, hop, k, m)[0].distance
+        if distance < min(best, within):
+            best, at = distance, (k, m)
+    if at[0] < 0:
+        return Touch(np.inf, -1, "none", -1, np.full(3, np.nan), np.full(3, np.nan))
+    return _touch(bodies, hop, *at)
+
+
+def _touch(bodies: Bodies, hop: Hop, k: int, m: int) -> Touch:
+    """A solid and the piece of a row at the start of a hop, as told to others."""
+    found, T = _measure(bodies, hop, k, m)
+    frame = int(bodies.hulls.frame[m])
+    on_solid = found.on_axis
+    on_other = on_solid - found.distance * found.normal
+    kind: Literal["obstacle", "self", "base"] = "obstacle"
+    if frame != WORLD:
+        kind = "base" if frame == BASE else "self"
+        seen = _frames(bodies, hop, WORLD)[bodies.robot.solids[k].link]
+        turn = seen[:3, :3] @ T[:3, :3].T
+        on_solid, on_other = (turn @ (p - T[:3, 3]) + seen[:3, 3] for p in (on_solid, on_other))
+    other = -1 if kind == "base" else int(bodies.hulls.owner[m])
+    return Touch(found.distance, k, kind, other, on_solid, on_other)
+
+
+def _measure(bodies: Bodies, hop: Hop, k: int, m: int) -> tuple[Separation, Array]:
+    """Signed distance of a solid from the piece of a row, and the pose of its link, seen as the row is."""
+    solid = bodies.robot.solids[k]
+    T = _frames(bodies, hop, int(bodies.hulls.frame[m]))[solid.link]
+    found = hull_separation(bodies.pieces[m], solid.corners @ T[:3, :3].T + T[:3, 3])
+    on_solid = found.on_axis - solid.radius * found.normal
+    return Separation(float(found.distance - solid.radius), found.normal, on_solid), T
+
+
+def _frames(bodies: Bodies, hop: Hop, frame: int) -> Array:
+    """Frames at the start of a hop."""
+    frames = np.empty((bodies.robot.chain.dof + 1, 4, 4))
+    place(bodies.arm, bodies.mount, hop, 0.0, frame, frames)
+    return frames
+
+
+def _swallowed(bodies: Bodies, hop: Hop, exempt: Exempt, boxes: Array) -> tuple[int, int, float]:
+    """A solid inside a mesh whose surface it does not touch; -1, -1, 1 if there is none.
+
+    While the surface is not touched a solid stays inside or outside, so one look is enough unless the tool
+    comes and goes.
+    """
+    tool = bodies.arm.tool[:3, 3].copy().reshape(1, 3)
+    speed = pace(bodies.arm, bodies.mount, hop, bodies.robot.chain.dof - 1, WORLD, tool)[0]
+    for k, solid in enumerate(bodies.robot.solids):
+        for m in np.flatnonzero(_meet(bodies.hulls, boxes[k])).tolist():
+            mesh, s = bodies.pieces[m].mesh, 0.0
+            while mesh is not None and s <= 1.0:
+                frames = _frames(bodies, _at(hop, s), WORLD)
+                left = exempt_for(exempt, bodies.hulls.owner[m], frames[-1, :3, 3])
+                left = left if bodies.movers.outermost[k] else -np.inf
+                T = frames[solid.link]
+                if left < 0 and mesh.contains(T[:3, :3] @ solid.corners[0] + T[:3, 3]):
+                    return k, m, s
+                s += max(abs(left) / speed if speed > 0 else np.inf, LOOK)
+    return -1, -1, 1.0
+
+
+def _meet(hulls: Hulls, box: Array) -> NDArray[np.bool_]:
+    """Rows that bound triangles and whose boxes meet a box."""
+    meshes = hulls.next > np.arange(len(hulls.next)) + 1
+    meet: NDArray[np.bool_] = (box[0] <= hulls.boxes[:, 1]).all(1) & (hulls.boxes[:, 0] <= box[1]).all(1)
+    return meshes & meet
+
+
+def _exempt(contact: Contact | None) -> Exempt:
+    one = _NO_CONTACT if contact is None else contact
+    return Exempt(one.spots, one.owner, one.reach)
+
+
+def _hop(bodies: Bodies, a: tuple[ArrayLike, ArrayLike], b: tuple[ArrayLike, ArrayLike]) -> Hop:
+    """The motion between two states, each a base and joints; the base turns the shorter way."""
+    dof = bodies.robot.chain.dof
+    base, joints = np.array(frozen(a[0], (3,), "base")), np.array(frozen(a[1], (dof,), "joints"))
+    if a is b:
+        return Hop(base, np.zeros(3), joints, np.zeros(dof))
+    drive, bend = frozen(b[0], (3,), "base") - base, frozen(b[1], (dof,), "joints") - joints
+    drive[2] = np.remainder(drive[2] + np.pi, 2 * np.pi) - np.pi
+    return Hop(base, drive, joints, bend)
+
+
+def _at(hop: Hop, s: float) -> Hop:
+    """A hop that stays where another one is at part s."""
+    return Hop(hop.base + s * hop.drive, 0.0 * hop.drive, hop.joints + s * hop.bend, 0.0 * hop.bend)
+
+
+def _rows(piece: Piece, frame: int, owner: int) -> list[_Row]:
+    if piece.mesh is None:
+        return [_Row(piece.corners, piece, frame, owner)]
+    triangles = piece.mesh.vertices[piece.mesh.faces]
+    parts = [_Row(corners, piece, frame, owner) for corners in triangles]
+    return [_Row(piece.corners, piece, frame, owner, len(parts)), *parts]
+
+
+def _movers(solids: Sequence[LinkSolid], meets: NDArray[np.bool_]) -> Movers:
+    links = np.array([solid.link for solid in solids], dtype=np.int64)
+    corners = [solid.corners for solid in solids]
+    return Movers(
+        np.concatenate([np.zeros((0, 3)), *corners]),
+        np.cumsum([0, *(len(c) for c in corners)]),
+        np.array([solid.radius for solid in solids], dtype=np.float64),
+        links,
+        links == links.max(initial=-1),
+        meets,
+    )
+
+
+def _hulls(rows: Sequence[_Row], world: int) -> Hulls:
+    disc = np.array([row.piece.disc for row in rows])
+    ball = np.array([row.piece.ball for row in rows])
+    low = np.array([row.corners.min(0) for row in rows]).reshape(-1, 3)
+    high = np.array([row.corners.max(0) for row in rows]).reshape(-1, 3)
+    grown = np.column_stack([disc + ball, disc + ball, ball])
+    return Hulls(
+        np.concatenate([np.zeros((0, 3)), *(row.corners for row in rows)]),
+        np.cumsum([0, *(len(row.corners) for row in rows)]),
+        disc,
+        ball,
+        np.array([row.frame for row in rows], dtype=np.int64),
+        np.array([row.owner for row in rows], dtype=np.int64),
+        np.array([m + 1 + row.skips for m, row in enumerate(rows)], dtype=np.int64),
+        np.stack([low - grown, high + grown], axis=1),
+        world,
+    )

@@ -1,0 +1,187 @@
+"""Configurations at a set-point whose arm touches nothing.
+
+First what M-FABRIK found and how it would go on from where the robot is; then the arm alone goes round, by
+FABRIK with obstacle-avoiding rotations; then the self-motion of the whole robot is looked through: places of
+the base in the area, and the arm's postures at each.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import shapely
+from scipy.stats import qmc
+from shapely.geometry import Point
+from shapely.geometry.base import BaseGeometry
+
+from regionik.guard import Guard
+from regionik.mfabrik import Solver, axis_of, pose_of, solver_for
+from regionik.plan import Configuration
+from regionik.planners.touching import Touch
+from regionik.poses import Pose, pose
+from regionik.pruning import Ladder
+from regionik.worlds.arrays import Array
+from regionik.worlds.scene import World
+
+PLACES = 24  # of the base, looked through in one component
+PITCHES = 48  # of the last link, looked through at every place
+FAR = 1.5  # change of an endless joint from which on the other way round is tried too [rad]
+KEPT = 2  # postures that a place offers to one that asks
+
+
+@dataclass(frozen=True, eq=False)
+class Spot:
+    """A configuration at a set-point, and the component its base stands in."""
+
+    found: Configuration
+    component: int
+
+    @property
+    def pose(self) -> Pose:
+        return pose(self.found)
+
+
+@dataclass(eq=False)
+class Evidence:
+    """What a search at one set-point looked at.
+
+    Attributes
+    ----------
+    places, postures : int
+        Places of the base and postures that were tried.
+    clear : int
+        How many of the postures were clear.
+    best : Touch or None
+        Of the posture that came nearest to being clear.
+    """
+
+    places: int = 0
+    postures: int = 0
+    clear: int = 0
+    best: Touch | None = None
+
+    def add(self, touch: Touch, clear: bool) -> None:
+        self.postures += 1
+        self.clear += clear
+        if self.best is None or touch.distance > self.best.distance:
+            self.best = touch
+
+
+@dataclass(frozen=True, eq=False)
+class Avoider:
+    """Finds clear configurations for the set-points of a world.
+
+    Attributes
+    ----------
+    world : World
+    guard : Guard
+    ladder : Ladder
+    seed : int
+    evidence : dict of int to Evidence
+        What was looked at, by set-point.
+    """
+
+    world: World
+    guard: Guard
+    ladder: Ladder
+    seed: int
+    evidence: dict[int, Evidence] = field(default_factory=dict)
+    _places: dict[int, Array] = field(default_factory=dict)
+    _clear: dict[tuple[int, int], list[Spot]] = field(default_factory=dict)
+
+    def options(self, i: int, components: Sequence[int], here: Pose, nominal: Spot) -> Iterator[Spot]:
+        """Clear configurations at set-point i, the likeliest first.
+
+        Parameters
+        ----------
+        i : int
+        components : sequence of int
+            Where the base may stand.
+        here : Pose
+            Where the robot comes from.
+        nominal : Spot
+            What M-FABRIK found for this set-point.
+        """
+        if nominal.component in components and self.clear(i, nominal.pose):
+            yield from self._turns(nominal, here)
+        if not self.guard.on:
+            return
+        target = self.world.task[i].position
+        for k in components:
+            onward = self._solver(k)(target, here.base, here.joints)
+            if onward.converged and self.clear(i, pose(onward)):
+                yield Spot(onward, k)
+        for k in components:
+            yield from self._elsewhere(i, k, here)
+
+    def _turns(self, spot: Spot, here: Pose) -> Iterator[Spot]:
+        """A spot with its endless joints turned the shorter way from here, then with each the longer way."""
+        chain, found = self.world.robot.chain, spot.found
+        turns = np.array(
+            [np.isinf(joint.upper - joint.lower) and joint.kind == "revolute" for joint in chain.joints]
+        )
+        change = found.joints - here.joints
+        near = here.joints + np.where(turns, np.remainder(change + np.pi, 2 * np.pi) - np.pi, change)
+        yield replace(spot, found=replace(found, joints=near)) if (near != found.joints).any() else spot
+        for k in np.flatnonzero(turns & (np.abs(near - here.joints) > FAR)).tolist():
+            far = near - 2 * np.pi * np.sign(near - here.joints) * (np.arange(chain.dof) == k)
+            yield replace(spot, found=replace(found, joints=far))
+
+    def clear(self, i: int, at: Pose) -> bool:
+        """Whether the arm keeps clear; what it comes near to is kept as evidence."""
+        if not self.guard.on:
+            return True
+        touch = self.guard.touch(at)
+        clear = self.guard.allows(touch)
+        self.evidence.setdefault(i, Evidence()).add(touch, clear)
+        return clear
+
+    def _elsewhere(self, i: int, k: int, here: Pose) -> Iterator[Spot]:
+        """Clear postures at places of the base in a component, near places first."""
+        axis = axis_of(self.world.robot, here.base)
+        places = self._spread(k)
+        for m in np.argsort(np.hypot(*(places - axis).T), kind="stable").tolist():
+            found = self._at(i, k, m)
+            change = [float(np.abs(spot.found.joints - here.joints).max()) for spot in found]
+            for n in np.argsort(change, kind="stable")[:KEPT].tolist():
+                yield found[n]
+
+    def _at(self, i: int, k: int, m: int) -> list[Spot]:
+        """All clear postures at one place, looked through once."""
+        key = (k, m)
+        if key not in self._clear:
+            target = self.world.task[i].position
+            base = pose_of(self.world.robot, self._spread(k)[m], self._heading(target, self._spread(k)[m]))
+            found = self._solver(k).self_motion(target, base, self.world.robot.carry, PITCHES)
+            self.evidence.setdefault(i, Evidence()).places += 1
+            self._clear[key] = [Spot(one, k) for one in found if self.clear(i, pose(one))]
+        return self._clear[key]
+
+    def _heading(self, target: Array, axis: Array) -> float:
+        """Base yaw that looks at the target, or the one that is kept."""
+        if self.world.rules.heading == "fixed":
+            return 0.0 if self.world.start is None else float(self.world.start.base[2])
+        return float(np.arctan2(*(target[:2] - axis)[::-1]))
+
+    def _solver(self, k: int) -> Solver:
+        return solver_for(self.world, self.ladder.family[k], self.ladder.component[k])
+
+    def _spread(self, k: int) -> Array:
+        """Places spread over a component."""
+        if k not in self._places:
+            self._places[k] = spread(self.ladder.component[k], PLACES, self.seed)
+        return self._places[k]
+
+
+def spread(area: BaseGeometry, count: int, seed: int) -> Array:
+    """Points (n, 2) spread evenly over a polygon, at most ``count`` of them and at least one."""
+    x0, y0, x1, y1 = area.bounds
+    share = area.area / max((x1 - x0) * (y1 - y0), 1e-12)
+    draws = int(np.ceil(count / max(share, 0.02)))
+    unit = qmc.Halton(2, scramble=True, rng=np.random.default_rng(seed)).random(draws)
+    points = unit * (x1 - x0, y1 - y0) + (x0, y0)
+    inside = points[shapely.contains_xy(area, points)][:count]
+    middle: Point = area.representative_point()
+    return inside if len(inside) else np.array([[middle.x, middle.y]])

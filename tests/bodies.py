@@ -1,0 +1,64 @@
+"""Random chains, links and hops, and distances of convex bodies by other means than the library's."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.optimize import nnls
+from scipy.spatial import ConvexHull
+
+from regionik.plan import Motion
+from regionik.worlds.arrays import Array
+from regionik.worlds.chain import Chain, Joint, rot_x, rot_y, rot_z, translation
+from regionik.worlds.robot import LinkBox, LinkCapsule, LinkSolid, Robot
+
+HEAVY = 1e4  # weight of "the parts add up to one" against distances
+
+
+def signed_distance(one: Array, other: Array) -> float:
+    """Of the hulls of corners (k, 3): the point of their difference that is nearest to the origin [m].
+
+    Minus the depth of the origin where it lies inside.
+    """
+    difference = (other[None] - one[:, None]).reshape(-1, 3)
+    rows = np.vstack([difference.T, np.full(len(difference), HEAVY)])
+    parts, _ = nnls(rows, np.array([0.0, 0.0, 0.0, HEAVY]))
+    distance = float(np.linalg.norm(parts @ difference / parts.sum()))
+    flat = np.linalg.matrix_rank(difference - difference[0], tol=1e-9) < 3
+    if distance > 1e-6 or flat:
+        return distance
+    return float(ConvexHull(difference).equations[:, 3].max())
+
+
+def random_frame(rng: np.random.Generator, reach: float) -> Array:
+    turn = rot_z(rng.uniform(-3, 3)) @ rot_y(rng.uniform(-3, 3)) @ rot_x(rng.uniform(-3, 3))
+    frame: Array = translation(*rng.uniform(-reach, reach, 3)) @ turn
+    return frame
+
+
+def random_solid(rng: np.random.Generator, link: int) -> LinkSolid:
+    name = f"part {link}"
+    if rng.random() < 0.5:
+        return LinkBox(link, name, random_frame(rng, 0.1), rng.uniform(0.02, 0.3, 3))
+    start, end = rng.uniform(-0.2, 0.2, (2, 3))
+    return LinkCapsule(link, name, start, end, rng.uniform(0.01, 0.08))
+
+
+def random_robot(rng: np.random.Generator, dof: int, reach: float = 0.3) -> Robot:
+    """Joints of both kinds about slanted axes, one solid a link, and an arm mounted off the centre."""
+    joints = []
+    for k in range(dof):
+        kind = "prismatic" if rng.random() < 0.3 else "revolute"
+        frame = random_frame(rng, reach)
+        axis = rng.normal(size=3)
+        joints.append(Joint(f"j{k}", kind, -3, 3, frame, axis))  # type: ignore[arg-type]
+    chain = Chain(tuple(joints), random_frame(rng, 0.2))
+    solids = tuple(random_solid(rng, k) for k in range(dof))
+    corners = np.array([[0.2, 0.15], [-0.25, 0.15], [-0.2, -0.2], [0.2, -0.15]])
+    mount = np.array([*rng.uniform(-reach, reach, 3), rng.uniform(-3, 3)])
+    return Robot("random", "omni", corners, mount, chain, solids, 0.2, np.zeros(dof))
+
+
+def motion_through(base: Array, joints: Array) -> Motion:
+    """States of no set-point."""
+    n = len(base)
+    return Motion(base, joints, np.full(n, "transit"), np.full(n, -1), np.full(n, np.nan))

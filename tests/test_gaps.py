@@ -1,0 +1,111 @@
+"""Closed forms for distances of hulls against least squares, convex hulls of differences, and tables."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from shapely.geometry import Point, Polygon
+
+from regionik.gaps import Hull, beyond, gaps, hull_of, hull_of_prism, plane_gaps
+from regionik.worlds.arrays import Array
+from regionik.worlds.chain import translation
+from regionik.worlds.obstacles import Prism
+from regionik.worlds.robot import LinkBox, LinkCapsule
+from tests.bodies import random_frame, signed_distance
+
+HEPTAGON = Prism("body", Polygon(Point(0, 0).buffer(0.2, 2).exterior.coords[:-2]), 0.0, 0.15)
+
+
+def segment(*ends: tuple[float, float, float], radius: float = 0.1) -> Hull:
+    return hull_of(LinkCapsule(0, "capsule", np.array(ends[0]), np.array(ends[1]), radius))
+
+
+def cube(size: float = 1.0) -> Hull:
+    return hull_of(LinkBox(0, "cube", np.eye(4), np.full(3, size)))
+
+
+def some_hull(rng: np.random.Generator, kind: str) -> Hull:
+    if kind == "prism":
+        return hull_of_prism(HEPTAGON)
+    if kind == "box":
+        return hull_of(LinkBox(0, "box", random_frame(rng, 0.1), rng.uniform(0.01, 0.5, 3)))
+    ends = rng.uniform(-0.3, 0.3, (2, 3))
+    if kind == "point":
+        ends[1] = ends[0]
+    return hull_of(LinkCapsule(0, "capsule", ends[0], ends[1], 0.05))
+
+
+@pytest.mark.parametrize("moving", ["capsule", "box", "point"])
+@pytest.mark.parametrize("still", ["capsule", "box", "prism", "point"])
+def test_distance_is_that_of_the_difference_body(still: str, moving: str) -> None:
+    rng = np.random.default_rng(4)
+    one, other = some_hull(rng, still), some_hull(rng, moving)
+    T = np.array([random_frame(rng, reach) for reach in (0.0, 0.1, 0.2, 0.4, 0.8) for _ in range(12)])
+    found = gaps(one, other, T)
+    for k, corners in enumerate(other.placed(T)):
+        expected = signed_distance(one.corners, corners) - one.radius - other.radius
+        assert found.distance[k] == pytest.approx(expected, abs=2e-7)
+    proof = beyond(one, other.placed(T), found.normal) - one.radius - other.radius
+    assert proof == pytest.approx(found.distance, abs=1e-12)
+    assert np.linalg.norm(found.normal, axis=1) == pytest.approx(1.0, abs=1e-12)
+    assert (plane_gaps(one, other, T).distance <= found.distance + 1e-15).all()
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "at", "distance"),
+    [
+        (cube(), cube(), (1.5, 0, 0), 0.5),
+        (cube(), cube(), (0.75, 0.1, 0.2), -0.25),
+        (cube(), cube(), (0, 0, 0), -1.0),
+        (cube(), cube(), (1.0, 1.0, 1.0), 0.0),
+        (cube(), cube(), (2.0, 2.0, 2.0), np.sqrt(3)),
+        (cube(), cube(), (2.0, 2.0, 0.3), np.sqrt(2)),
+        (cube(), cube(0.1), (0, 0, 0.2), -0.35),
+        (segment((0, 0, 0), (1, 0, 0)), segment((0, 0, 0), (1, 0, 0)), (0, 0.5, 0), 0.3),
+        (segment((0, 0, 0), (1, 0, 0)), segment((0, 0, 0), (1, 0, 0)), (3, 0, 0), 1.8),
+        (segment((0, 0, 0), (1, 0, 0)), segment((0, 0, 0), (1, 0, 0)), (0.5, 0, 0), -0.2),
+        (segment((0, 0, 0), (1, 0, 0)), segment((0, -1, 0), (0, 1, 0)), (0.5, 0, 0.15), -0.05),
+        (segment((0, 0, 0), (0, 0, 0)), segment((0, 0, 0), (0, 0, 0)), (0, 0, 0), -0.2),
+        (segment((0, 0, 0), (0, 0, 0)), segment((1, -1, 0), (1, 1, 0)), (0, 0, 0), 0.8),
+        (cube(), segment((-1, 0, 0), (1, 0, 0)), (0, 0, 0.7), 0.1),
+        (cube(), segment((-2, 0, 0), (2, 0, 0)), (0, 0, 0), -0.6),
+        (
+            hull_of_prism(Prism("p", Polygon([(0, 0), (0, 1), (1, 1), (1, 0)]), 0, 1)),
+            cube(),
+            (2, 0.5, 0.5),
+            0.5,
+        ),
+    ],
+)
+def test_distances_by_hand(one: Hull, other: Hull, at: tuple[float, float, float], distance: float) -> None:
+    found = gaps(one, other, translation(*at)[None])
+    assert found.distance[0] == pytest.approx(distance, abs=1e-12)
+    swapped = gaps(other, one, translation(*(-np.array(at)))[None])
+    assert swapped.distance[0] == pytest.approx(distance, abs=1e-12)
+
+
+@pytest.mark.parametrize("slant", [0.0, 1e-16, 1e-12, 1e-9, 1e-8, 1e-6, 1e-3])
+def test_edges_that_are_nearly_parallel(slant: float) -> None:
+    """Where two lines meet is ill-conditioned then; how near two segments come is not."""
+    one = segment((0, 0, 0), (1, 0, 0))
+    other = segment((0.2, 0.3, 0), (0.9, 0.3 + slant, slant))
+    found = gaps(one, other, np.eye(4)[None])
+    assert found.distance[0] == pytest.approx(0.1, abs=1e-12)
+    box = gaps(cube(), segment((-0.3, 0.5, 0.7), (0.3, 0.5 + slant, 0.7 + slant)), np.eye(4)[None])
+    assert box.distance[0] == pytest.approx(0.1, abs=1e-12)
+
+
+def test_no_poses_give_no_distances() -> None:
+    none: Array = np.zeros((0, 4, 4))
+    for other in (cube(), segment((0, 0, 0), (1, 0, 0)), segment((0, 0, 0), (0, 0, 0))):
+        assert gaps(cube(), other, none).distance.shape == (0,)
+        assert gaps(other, cube(), none).normal.shape == (0, 3)
+
+
+def test_many_poses_are_those_one_by_one() -> None:
+    rng = np.random.default_rng(2)
+    T = np.array([random_frame(rng, 0.6) for _ in range(3000)])
+    one, other = some_hull(rng, "box"), some_hull(rng, "box")
+    found = gaps(one, other, T)
+    for k in range(0, 3000, 97):
+        assert gaps(one, other, T[k : k + 1]).distance[0] == pytest.approx(found.distance[k], abs=1e-14)

@@ -1,0 +1,135 @@
+"""Which solids of a robot may run into each other."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
+from shapely.geometry import Polygon
+
+from regionik.worlds.arrays import Array
+from regionik.worlds.bundled import robot_named, without_limits
+from regionik.worlds.chain import Chain, Joint, translation
+from regionik.worlds.obstacles import Prism
+from regionik.worlds.robot import LinkBox, LinkCapsule, LinkSolid, Robot
+from regionik.worlds.selfpairs import BASE, _from_prism, _nearest_on_segments, base_body, self_pairs
+
+SQUARE = np.array([[0.2, 0.2], [-0.2, 0.2], [-0.2, -0.2], [0.2, -0.2]])
+POINT = np.zeros((1, 2))
+
+
+def arm(
+    solids: tuple[LinkSolid, ...], limit: float = 2.0, footprint: Array = POINT, height: float = 0.5
+) -> Robot:
+    """Four level hinges 0.3 m apart, mounted on a mast."""
+    joints = tuple(
+        Joint(f"j{k}", "revolute", -limit, limit, translation(0.3 if k else 0.0, 0, 0), np.array([0, 1.0, 0]))
+        for k in range(4)
+    )
+    chain = Chain(joints, translation(0.3, 0, 0))
+    mount = np.array([0.0, 0.0, height, 0.0])
+    return Robot("arm", "omni", footprint, mount, chain, solids, 0.2, np.zeros(4))
+
+
+def rod(link: int, start: float = 0.0, end: float = 0.3, radius: float = 0.03) -> LinkCapsule:
+    return LinkCapsule(link, f"rod {link}", np.array([start, 0, 0]), np.array([end, 0, 0]), radius)
+
+
+def block(link: int, size: tuple[float, float, float], x: float = 0.15) -> LinkBox:
+    return LinkBox(link, f"block {link}", translation(x, 0, 0), np.array(size))
+
+
+def test_the_bundled_robots() -> None:
+    """The fourth link has no length and no solid; the second begins within the base's body and stays there."""
+    assert self_pairs(robot_named("youbot")) == ((0, 2), (0, 3), (1, 3))
+    assert self_pairs(robot_named("youbot-real")) == ((BASE, 2), (BASE, 3), (0, 2), (0, 3), (1, 3))
+
+
+def test_pairs_are_kept() -> None:
+    robot = robot_named("youbot")
+    assert self_pairs(robot) is self_pairs(robot)
+
+
+def test_solids_of_one_link_and_of_neighbours_belong_together() -> None:
+    robot = arm((rod(0), rod(1), block(1, (0.1, 0.1, 0.1)), rod(2), rod(3)))
+    assert self_pairs(robot) == ((0, 3), (0, 4), (1, 4), (2, 4))
+
+
+def test_links_without_solids_are_passed_over() -> None:
+    assert self_pairs(arm((rod(0), rod(3)))) == ()
+    assert self_pairs(arm((rod(0), rod(2), rod(3)))) == ((0, 2),)
+
+
+def test_order_of_the_solids_does_not_matter() -> None:
+    assert self_pairs(arm((rod(2), rod(0), rod(1)))) == ((0, 1),)
+
+
+@pytest.mark.parametrize("shape", ["capsule", "box"])
+def test_what_touches_in_every_posture_is_built_that_way(shape: str) -> None:
+    def far(back: float) -> LinkSolid:
+        if shape == "capsule":
+            return rod(2, -back, 0.3)
+        return block(2, (0.3 + back, 0.06, 0.06), 0.15 - back / 2)
+
+    assert self_pairs(arm((rod(0), rod(1), far(0.0)), limit=0.1)) == ((0, 2),)
+    assert self_pairs(arm((rod(0), rod(1), far(0.3)), limit=0.1)) == ()  # reaches back to joint 1
+
+
+def test_joints_that_cannot_move_and_joints_without_end() -> None:
+    assert self_pairs(arm((rod(0), rod(1), rod(2, -0.3)), limit=0.0)) == ()
+    free = without_limits(arm((rod(0), rod(1), rod(2))))
+    assert self_pairs(free) == ((0, 2),)
+    half = [replace(joint, upper=np.inf) for joint in free.chain.joints]
+    half[0] = replace(half[0], lower=4.0)
+    assert self_pairs(replace(free, chain=Chain(tuple(half), free.chain.T_last_tool))) == ((0, 2),)
+
+
+def test_the_base_body_is_the_footprint_raised() -> None:
+    body = base_body(arm((), footprint=SQUARE))
+    assert body is not None
+    assert (body.bottom, body.top, body.polygon.area) == (0.0, 0.2, pytest.approx(0.16))
+    assert base_body(arm(())) is None
+
+
+def test_the_base_against_all_links_but_the_first_with_a_solid() -> None:
+    solids = (rod(1), rod(2), block(3, (0.3, 0.1, 0.1)))
+    assert self_pairs(arm(solids, footprint=SQUARE)) == ((BASE, 1), (BASE, 2), (0, 2))
+    assert self_pairs(arm(solids)) == ((0, 2),)
+
+
+def test_what_always_stands_in_the_base_is_left_out() -> None:
+    low = arm((rod(0), rod(1), rod(2)), limit=0.05, footprint=SQUARE * 10, height=0.1)
+    assert self_pairs(low) == ((0, 2),)
+
+
+coordinates = st.lists(st.integers(-4, 4).map(lambda k: k * 0.1), min_size=12, max_size=12)
+
+
+@given(coordinates)
+def test_nearest_points_of_segments(numbers: list[float]) -> None:
+    a, b, c, d = np.array(numbers).reshape(4, 3)
+    p, q = _nearest_on_segments(a, b, c, d)
+    t = np.linspace(0, 1, 41)[:, None]
+    one, other = a + t * (b - a), c + t * (d - c)
+    sampled = np.linalg.norm(one[:, None] - other, axis=-1).min()
+    distance = np.linalg.norm(p - q)
+    slack = (np.linalg.norm(b - a) + np.linalg.norm(d - c)) / 80
+    assert sampled - slack - 1e-9 <= distance <= sampled + 1e-9
+    for point, start, end in ((p, a, b), (q, c, d)):
+        detour = np.linalg.norm(point - start) + np.linalg.norm(point - end) - np.linalg.norm(end - start)
+        assert abs(detour) < 1e-7
+
+
+@example([0.0, 0.0, -0.5, 0.0, 0.0, 0.5])
+@example([0.1, 0.1, 0.1, 0.1, 0.1, 0.1])
+@given(st.lists(st.integers(-6, 6).map(lambda k: k * 0.1), min_size=6, max_size=6))
+def test_distance_of_segments_from_the_body(numbers: list[float]) -> None:
+    body = Prism("body", Polygon([(-0.2, -0.1), (0.3, -0.2), (0.1, 0.3)]), 0.0, 0.25)
+    a, b = np.array(numbers).reshape(2, 3)
+    points = a + np.linspace(0, 1, 101)[:, None] * (b - a)
+    sampled = max(0.0, min(body.distance(p) for p in points))
+    distance = _from_prism(body, np.stack([a, b])[None])[0]
+    assert sampled - np.linalg.norm(b - a) / 200 - 1e-9 <= distance <= sampled + 1e-9

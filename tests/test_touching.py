@@ -1,0 +1,520 @@
+"""What the robot's solids touch, against points sampled all over them and computations that share no code."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+import pytest
+import shapely
+from shapely.geometry import Polygon
+
+from regionik.planners.touching import (
+    Bodies,
+    Contact,
+    Touch,
+    bodies_from,
+    motion_clear,
+    nearest,
+    solid_clear,
+)
+from regionik.worlds.arrays import Array
+from regionik.worlds.bundled import robot_named
+from regionik.worlds.chain import Chain, Joint, planar_pose, rot_x, rot_y, translation
+from regionik.worlds.errors import InputError
+from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Solid, Sphere
+from regionik.worlds.robot import LinkBox, LinkCapsule, Robot
+from regionik.worlds.selfpairs import base_body, self_pairs
+
+MARGIN = 0.01
+GRAIN = 0.035  # nothing of a solid is farther from its sampled points [m]
+CLUTTER: tuple[Solid, ...] = (
+    Box("box", np.array([0.3, 0.2, 0.5]), np.array([0.5, 0.3, 0.4]), 0.4),
+    Box("shelf", np.array([0.6, 1.2, 0.03]), np.array([-0.7, 0.0, 0.3]), 0.0),
+    Cylinder("post", 0.06, 1.0, np.array([0.1, -0.5, 0.5])),
+    Sphere("ball", 0.15, np.array([-0.3, 0.6, 0.45])),
+    Prism("wedge", Polygon([(0.6, -0.7), (1.1, -0.6), (0.8, -0.2)]), 0.1, 0.5),
+    Prism("ell", Polygon([(1, 0.5), (2, 0.5), (2, 0.7), (1.2, 0.7), (1.2, 1.2), (1, 1.2)]), 0.0, 0.7),
+)
+FACES = np.array(
+    [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1]]
+    + [[2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]]
+)
+
+
+def box_mesh(low: list[float], high: list[float]) -> Mesh:
+    ends = np.array([low, high])
+    corners = [[ends[x, 0], ends[y, 1], ends[z, 2]] for x in (0, 1) for y in (0, 1) for z in (0, 1)]
+    return Mesh("mesh", np.array(corners), FACES)
+
+
+def lifted() -> Robot:
+    """A torso lift, a pivot, hinges about odd axes, capsules and boxes, a base with a body."""
+    frames = [
+        translation(0.1, 0, 0.25),
+        rot_x(0.2),
+        translation(0, 0.1, 0.1) @ rot_y(-0.4),
+        translation(0.3, 0, 0),
+    ]
+    axes = [[0, 0, 1.0], [0, 0, 1.0], [1.0, 2.0, -1.0], [0, 1.0, 0]]
+    joints = tuple(
+        Joint(
+            f"j{k}",
+            "prismatic" if k == 0 else "revolute",
+            *((0.0, 0.3) if k == 0 else (-2.2, 2.2)),
+            T,
+            np.array(a),
+        )
+        for k, (T, a) in enumerate(zip(frames, axes, strict=True))
+    )
+    chain = Chain(joints, translation(0.3, 0.05, 0.0))
+    solids = (
+        LinkBox(0, "torso", translation(0, 0, 0.05) @ rot_y(0.3), np.array([0.1, 0.15, 0.2])),
+        LinkCapsule(1, "shoulder", np.zeros(3), np.array([0, 0.1, 0.1]), 0.04),
+        LinkBox(2, "upper arm", translation(0.15, 0, 0) @ rot_x(0.7), np.array([0.3, 0.08, 0.06])),
+        LinkCapsule(3, "fore arm", np.zeros(3), np.array([0.25, 0.05, 0]), 0.03),
+        LinkBox(3, "hand", translation(0.27, 0.05, 0) @ rot_y(1.0), np.array([0.06, 0.1, 0.04])),
+    )
+    footprint = np.array([[0.25, 0.2], [-0.25, 0.2], [-0.25, -0.2], [0.25, -0.2]])
+    mount = np.array([0.05, 0.02, 0.0, 0.3])
+    return Robot("lifted", "omni", footprint, mount, chain, solids, 0.2, np.zeros(4))
+
+
+@lru_cache
+def prepared(name: str) -> Bodies:
+    return bodies_from(lifted() if name == "lifted" else robot_named(name), CLUTTER)
+
+
+def states(robot: Robot, count: int, seed: int) -> tuple[Array, Array]:
+    rng = np.random.default_rng(seed)
+    base = np.column_stack([rng.uniform(-1.2, 1.2, (count, 2)), rng.uniform(-np.pi, np.pi, count)])
+    return base, rng.uniform(robot.chain.lower, robot.chain.upper, (count, robot.chain.dof))
+
+
+def core(solid: LinkCapsule | LinkBox, count: int) -> Array:
+    """Points all over the hull of a solid's corners, in its link's frame."""
+    t = np.linspace(0, 1, count)
+    if isinstance(solid, LinkCapsule):
+        return solid.start + t[:, None] * (solid.end - solid.start)
+    shares = np.stack(np.meshgrid(t, t, t), axis=-1).reshape(-1, 3) - 0.5
+    points: Array = (shares * solid.size) @ solid.T_link_box[:3, :3].T + solid.T_link_box[:3, 3]
+    return points
+
+
+def place(frames: Array, solid: LinkCapsule | LinkBox, count: int = 8) -> Array:
+    """Points of a solid in each of many frames (n, links, 4, 4), as (n, points, 3)."""
+    T = frames[:, solid.link]
+    placed: Array = core(solid, count) @ T[:, :3, :3].swapaxes(1, 2) + T[:, None, :3, 3]
+    return placed
+
+
+def outside(solid: Solid, points: Array) -> Array:
+    """Distances of points (..., 3) from a solid, 0 inside."""
+    x, y, z = np.moveaxis(points, -1, 0)
+    match solid:
+        case Sphere():
+            return np.maximum(np.linalg.norm(points - solid.center, axis=-1) - solid.radius, 0.0)
+        case Cylinder():
+            level = np.hypot(x - solid.center[0], y - solid.center[1]) - solid.radius
+        case Mesh():
+            gap = np.maximum(solid.vertices.min(0) - points, points - solid.vertices.max(0))
+            return np.linalg.norm(np.maximum(gap, 0.0), axis=-1)
+        case _:
+            shadow = solid.shadow(np.inf)
+            assert shadow is not None
+            level = shapely.distance(shadow.core, shapely.points(np.stack([x, y], axis=-1)))
+    low, high = solid.z_range
+    return np.hypot(np.maximum(level, 0.0), np.maximum(np.maximum(low - z, z - high), 0.0))
+
+
+def sampled(bodies: Bodies, base: Array, joints: Array) -> Array:
+    """Distances to everything in many states, from points of the solids, (n,): too large by GRAIN at most."""
+    robot = bodies.robot
+    frames = robot.frames(base, joints)
+    points = [place(frames, solid) for solid in robot.solids]
+    radii = [solid.radius for solid in robot.solids]
+    found = np.full(len(base), np.inf)
+    for cloud, radius in zip(points, radii, strict=True):
+        for obstacle in bodies.obstacles:
+            found = np.minimum(found, outside(obstacle, cloud).min(1) - radius)
+    body = base_body(robot)
+    for i, k in self_pairs(robot):
+        if i < 0:
+            assert body is not None
+            T = np.linalg.inv(np.array([planar_pose(*b) for b in base]))
+            seen = points[k] @ T[:, :3, :3].swapaxes(1, 2) + T[:, None, :3, 3]
+            found = np.minimum(found, outside(body, seen).min(1) - radii[k])
+        else:
+            apart = np.linalg.norm(points[i][:, :, None] - points[k][:, None], axis=-1)
+            found = np.minimum(found, apart.min((1, 2)) - radii[i] - radii[k])
+    return found
+
+
+ROBOTS = ("youbot", "youbot-real", "lifted")
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_nearest_agrees_with_points_of_the_solids(name: str) -> None:
+    bodies = prepared(name)
+    base, joints = states(bodies.robot, 150, 1)
+    kinds = set()
+    for b, q, expected in zip(base, joints, sampled(bodies, base, joints), strict=True):
+        touch = nearest(bodies, b, q)
+        kinds.add(touch.kind)
+        assert touch.distance <= max(expected, -0.2) + 1e-6 or expected < -0.01
+        assert touch.distance >= expected - 2 * GRAIN or touch.distance <= 0
+        if expected < -1e-6:
+            assert touch.distance < 0
+    assert kinds >= ({"obstacle", "self"} if name == "youbot" else {"obstacle", "self", "base"})
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_witnesses_lie_on_what_they_name(name: str) -> None:
+    bodies = prepared(name)
+    base, joints = states(bodies.robot, 100, 2)
+    body = base_body(bodies.robot)
+    for b, q in zip(base, joints, strict=True):
+        touch = nearest(bodies, b, q)
+        if touch.distance <= 1e-6:
+            continue
+        frames = bodies.robot.frames(b, q)
+        assert np.linalg.norm(touch.on_solid - touch.on_other) == pytest.approx(touch.distance, abs=1e-6)
+        assert distance_of(bodies.robot, frames, touch.solid, touch.on_solid) == pytest.approx(0.0, abs=1e-6)
+        if touch.kind == "obstacle":
+            other = bodies.obstacles[touch.other].distance(touch.on_other)
+        elif touch.kind == "base":
+            assert body is not None
+            other = body.distance((np.linalg.inv(planar_pose(*b)) @ [*touch.on_other, 1.0])[:3])
+        else:
+            assert touch.kind == "self"
+            other = distance_of(bodies.robot, frames, touch.other, touch.on_other)
+        assert other == pytest.approx(0.0, abs=1e-6)
+
+
+def distance_of(robot: Robot, frames: Array, k: int, point: Array) -> float:
+    """Distance of a point of the world from a solid of the robot."""
+    solid = robot.solids[k]
+    local = (np.linalg.inv(frames[solid.link]) @ [*point, 1.0])[:3]
+    if isinstance(solid, LinkCapsule):
+        way = solid.end - solid.start
+        t = np.clip((local - solid.start) @ way / (way @ way), 0, 1)
+        return float(np.linalg.norm(local - solid.start - t * way)) - solid.radius
+    inner = (np.linalg.inv(solid.T_link_box) @ [*local, 1.0])[:3]
+    return float(np.linalg.norm(np.maximum(np.abs(inner) - solid.size / 2, 0.0)))
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_nearest_within_is_nearest_or_nothing(name: str) -> None:
+    bodies = prepared(name)
+    for b, q in zip(*states(bodies.robot, 60, 3), strict=True):
+        whole, some = nearest(bodies, b, q), nearest(bodies, b, q, within=0.05)
+        if whole.distance < 0.05:
+            assert (some.distance, some.kind) == (whole.distance, whole.kind)
+        else:
+            assert (some.distance, some.kind, some.solid, some.other) == (np.inf, "none", -1, -1)
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_all_solids_clear_is_nothing_near(name: str) -> None:
+    bodies = prepared(name)
+    for b, q in zip(*states(bodies.robot, 60, 4), strict=True):
+        each = [solid_clear(bodies, b, q, k, 0.02) for k in range(len(bodies.robot.solids))]
+        assert all(each) == (nearest(bodies, b, q).distance >= 0.02)
+
+
+def test_joints_behind_a_solid_do_not_matter_to_it() -> None:
+    bodies = prepared("lifted")
+    for b, q in zip(*states(bodies.robot, 40, 5), strict=True):
+        for k, solid in enumerate(bodies.robot.solids):
+            bent = q + np.where(np.arange(4) > solid.link, 0.7, 0.0)
+            assert solid_clear(bodies, b, q, k, 0.02) == solid_clear(bodies, b, bent, k, 0.02)
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_moving_everything_changes_nothing(name: str) -> None:
+    here = prepared(name)
+    x, y, yaw = 3.0, -2.0, 2.1
+    T = planar_pose(x, y, yaw)
+    there = bodies_from(here.robot, [moved(solid, T, yaw) for solid in CLUTTER])
+    for b, q in zip(*states(here.robot, 40, 6), strict=True):
+        one = nearest(here, b, q)
+        spot = T @ [b[0], b[1], 0, 1]
+        other = nearest(there, [spot[0], spot[1], b[2] + yaw], q)
+        assert other.distance == pytest.approx(one.distance, abs=2e-3 if one.distance < 0 else 1e-6)
+        if one.distance > 1e-3 and one.kind == other.kind:
+            assert np.linalg.norm(other.on_solid - other.on_other) == pytest.approx(one.distance, abs=1e-6)
+
+
+def moved(solid: Solid, T: Array, yaw: float) -> Solid:
+    match solid:
+        case Box():
+            return replace(solid, center=(T @ [*solid.center, 1])[:3], yaw=solid.yaw + yaw)
+        case Cylinder() | Sphere():
+            return replace(solid, center=(T @ [*solid.center, 1])[:3])
+        case Prism():
+            outline = np.asarray(solid.polygon.exterior.coords) @ T[:2, :2].T + T[:2, 3]
+            return replace(solid, polygon=Polygon(outline))
+        case Mesh():
+            return replace(solid, vertices=solid.vertices @ T[:3, :3].T + T[:3, 3])
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_a_small_step_of_the_base_changes_the_distance_no_more(name: str) -> None:
+    bodies = prepared(name)
+    rng = np.random.default_rng(7)
+    for b, q in zip(*states(bodies.robot, 60, 7), strict=True):
+        step = np.array([*rng.normal(size=2) * 0.01, 0.0])
+        one, other = nearest(bodies, b, q).distance, nearest(bodies, b + step, q).distance
+        if min(one, other) > 0:
+            assert abs(one - other) <= np.linalg.norm(step) + 1e-6
+
+
+def between(a: Array, b: Array, qa: Array, qb: Array, count: int) -> tuple[Array, Array]:
+    """States of a motion, the turn the shorter way."""
+    s = np.linspace(0, 1, count)[:, None]
+    step = b - a
+    step[2] = (step[2] + np.pi) % (2 * np.pi) - np.pi
+    return a + s * step, qa + s * (qb - qa)
+
+
+def motions(bodies: Bodies, count: int, seed: int) -> list[tuple[Array, Array, Array, Array]]:
+    """Short ones and long ones, all from a state that is clear."""
+    rng = np.random.default_rng(seed)
+    found = []
+    lower, upper = bodies.robot.chain.lower, bodies.robot.chain.upper
+    for b, q in zip(*states(bodies.robot, 10 * count, seed), strict=True):
+        if nearest(bodies, b, q, within=0.03).distance < 0.03:
+            continue
+        size = 10.0 ** rng.uniform(-2, 0)
+        end = b + size * rng.normal(size=3) * [0.7, 0.7, 2.0]
+        found.append((b, q, end, np.clip(q + size * rng.normal(size=len(q)), lower, upper)))
+        if len(found) == count:
+            break
+    return found
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_what_is_proven_clear_is_clear_in_every_sample(name: str) -> None:
+    bodies = prepared(name)
+    clear = 0
+    for a, qa, b, qb in motions(bodies, 100, 8):
+        if motion_clear(bodies, a, qa, b, qb, MARGIN) is not None:
+            continue
+        clear += 1
+        base, joints = between(a, b, qa, qb, 500)
+        assert sampled(bodies, base, joints).min() >= MARGIN - 1e-6
+        for k in range(0, 500, 25):
+            assert nearest(bodies, base[k], joints[k]).distance >= MARGIN - 1e-6
+    assert 25 < clear < 95
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_no_false_alarms(name: str) -> None:
+    bodies = prepared(name)
+    for a, qa, b, qb in motions(bodies, 100, 9):
+        touch = motion_clear(bodies, a, qa, b, qb, MARGIN)
+        base, joints = between(a, b, qa, qb, 150)
+        least = min(
+            nearest(bodies, *state, within=MARGIN + 0.002).distance
+            for state in zip(base, joints, strict=True)
+        )
+        if least >= MARGIN + 0.002:
+            assert touch is None
+        elif least < MARGIN - 1e-6:
+            assert touch is not None
+            assert touch.distance < MARGIN + 1e-3
+
+
+def wall(x: float, thick: float = 0.1) -> Box:
+    return Box("wall", np.array([thick, 4.0, 4.0]), np.array([x + thick / 2, 0.0, 0.0]))
+
+
+UP = np.radians([0.0, 90.0, 0.0, 90.0, 0.0])  # the youbot's arm straight up
+AHEAD = np.radians([0.0, 0.0, 0.0, 90.0, 0.0])  # and straight ahead
+
+
+def ahead(base_x: float = 0.0) -> float:
+    """How far the solids reach when the arm points ahead [m]."""
+    return float(robot_named("youbot").tool([base_x, 0, 0], AHEAD)[0, 3]) + 0.035
+
+
+def test_driving_along_a_wall_a_little_beyond_the_margin() -> None:
+    """A long way beside a wall at nearly constant distance costs few steps and raises no alarm."""
+    bodies = bodies_from(robot_named("youbot"), [wall(ahead() + MARGIN + 1e-4)])
+    assert motion_clear(bodies, [0, -1, 0], AHEAD, [0, 1, 0], AHEAD, MARGIN) is None
+    touch = motion_clear(bodies, [0, -1, 0], AHEAD, [2e-4, 1, 0], AHEAD, MARGIN)
+    assert touch is not None
+    assert (touch.kind, touch.other, touch.solid) == ("obstacle", 0, 3)
+    assert touch.distance == pytest.approx(MARGIN, abs=1e-5)
+
+
+def test_a_thin_plate_in_the_way_is_not_jumped() -> None:
+    bodies = bodies_from(robot_named("youbot"), [wall(1.0, thick=1e-4)])
+    assert motion_clear(bodies, [0, 0, 0], AHEAD, [3, 0, 0], AHEAD, 0.0) is not None
+    assert motion_clear(bodies, [0, 0, 0], UP, [0, 2, 0], UP, 0.0) is None
+
+
+def test_the_base_turns_the_shorter_way() -> None:
+    post = Cylinder("post", 0.05, 1.0, np.array([0.45, 0.0, 0.5]))
+    bodies = bodies_from(robot_named("youbot"), [post])
+    assert motion_clear(bodies, [0, 0, 3.0], AHEAD, [0, 0, -3.0], AHEAD, MARGIN) is None
+    assert motion_clear(bodies, [0, 0, 1.0], AHEAD, [0, 0, -1.0], AHEAD, MARGIN) is not None
+
+
+def test_the_arm_folds_onto_its_base_and_onto_itself() -> None:
+    bodies = bodies_from(robot_named("youbot-real"), [])
+    down = np.radians([0.0, 20.0, -90.0, 90.0, 0.0])
+    touch = motion_clear(bodies, [0, 0, 0], UP, [5, 5, 2], down, 0.0)
+    assert touch is not None
+    assert touch.kind == "base"
+    folded = np.radians([0.0, 90.0, 145.0, 180.0, 0.0])
+    bodies = bodies_from(robot_named("youbot"), [])
+    touch = motion_clear(bodies, [0, 0, 0], UP, [5, 5, 2], folded, 0.0)
+    assert touch is not None
+    assert touch.kind == "self"
+    assert abs(touch.distance) < 1e-3
+
+
+def test_how_the_base_moves_does_not_matter_to_the_robot_itself() -> None:
+    bodies = bodies_from(robot_named("youbot-real"), [])
+    for b, q in zip(*states(bodies.robot, 40, 11), strict=True):
+        still = motion_clear(bodies, b, q, b, q + 0.3, MARGIN)
+        drive = motion_clear(bodies, b, q, b + [5, -3, 2], q + 0.3, MARGIN)
+        assert (still is None) == (drive is None)
+
+
+def push(depth: float, mesh: bool = False) -> tuple[Bodies, Contact, float]:
+    """A wall before the arm, what may touch it, and the base x from which the tool is that deep in it."""
+    solid = box_mesh([1.0, -2, -2], [2.0, 2, 2]) if mesh else wall(1.0, 1.0)
+    bodies = bodies_from(robot_named("youbot"), [Sphere("far", 0.1, np.array([0.0, 5, 0])), solid])
+    z = float(bodies.robot.tool([0, 0, 0], AHEAD)[2, 3])
+    contact = Contact(np.array([[1.0, 0.0, z]]), np.array([1]), 0.05)
+    return bodies, contact, 1.0 + depth - (ahead() - 0.035)
+
+
+@pytest.mark.parametrize("mesh", [False, True])
+def test_the_last_link_may_touch_what_it_works_on(mesh: bool) -> None:
+    bodies, contact, x = push(0.0, mesh)
+    start = [x - 0.3, 0, 0]
+    assert motion_clear(bodies, start, AHEAD, [x, 0, 0], AHEAD, MARGIN, contact=contact) is None
+    assert motion_clear(bodies, [x, 0, 0], AHEAD, start, AHEAD, MARGIN, contact=contact) is None
+    touch = motion_clear(bodies, start, AHEAD, [x, 0, 0], AHEAD, MARGIN)
+    assert touch is not None
+    assert (touch.kind, touch.other, touch.solid) == ("obstacle", 1, 3)
+    assert nearest(bodies, [x, 0, 0], AHEAD, contact=contact).distance > 0.1
+    assert nearest(bodies, [x, 0, 0], AHEAD).distance < 0
+    assert solid_clear(bodies, [x, 0, 0], AHEAD, 3, MARGIN, contact=contact)
+    assert not solid_clear(bodies, [x, 0, 0], AHEAD, 3, MARGIN)
+
+
+@pytest.mark.parametrize("mesh", [False, True])
+def test_not_beyond_the_reach_of_the_spot(mesh: bool) -> None:
+    bodies, contact, x = push(0.0, mesh)
+    aside = motion_clear(bodies, [x, 0, 0], AHEAD, [x, 0.2, 0], AHEAD, MARGIN, contact=contact)
+    assert aside is not None
+    assert aside.on_solid[1] >= -0.05
+    deeper = motion_clear(bodies, [x, 0, 0], AHEAD, [x + 0.1, 0, 0], AHEAD, MARGIN, contact=contact)
+    assert deeper is not None
+    other = replace(contact, owner=np.array([0]))
+    assert motion_clear(bodies, [x - 0.3, 0, 0], AHEAD, [x, 0, 0], AHEAD, MARGIN, contact=other) is not None
+
+
+def test_spots_along_a_path_join_up() -> None:
+    bodies, contact, x = push(0.0)
+    spots = contact.spots + np.linspace(0, 1, 16)[:, None] * [0, 1.0, 0]
+    along = Contact(spots, np.full(16, 1), 0.05)
+    assert motion_clear(bodies, [x, 0, 0], AHEAD, [x, 1, 0], AHEAD, MARGIN, contact=along) is None
+    gappy = Contact(spots[[0, 1, 2, 6, 7, 8]], np.full(6, 1), 0.05)
+    assert motion_clear(bodies, [x, 0, 0], AHEAD, [x, 0.5, 0], AHEAD, MARGIN, contact=gappy) is not None
+
+
+def test_only_the_last_link_may_touch() -> None:
+    """The elbow meets the wall while the tool, bent back, is near its spot on it."""
+    robot = robot_named("youbot")
+    bent = np.radians([0.0, 0.0, 0.0, 180.0, 0.0])
+    tool = robot.tool([0, 0, 0], bent)[:3, 3]
+    bodies = bodies_from(robot, [wall(float(robot.frames([0, 0, 0], bent)[3, 0, 3]))])
+    contact = Contact(tool[None], np.array([0]), 0.05)
+    touch = nearest(bodies, [0, 0, 0], bent, contact=contact)
+    assert touch.distance < 0
+    assert touch.solid < 3
+    assert motion_clear(bodies, [0, 0, 0], bent, [0, 0, 0], bent, 0.0, contact=contact) is not None
+
+
+def test_inside_a_mesh_without_touching_it() -> None:
+    robot = robot_named("youbot")
+    bodies = bodies_from(robot, [box_mesh([-5, -5, -5], [5, 5, 5])])
+    touch = motion_clear(bodies, [0, 0, 0], UP, [0.1, 0, 0], UP, MARGIN)
+    assert touch is not None
+    assert touch.distance < -4
+    spot = Contact(robot.tool([0, 0, 0], UP)[None, :3, 3], np.array([0]), 0.05)
+    last = replace(robot, solids=robot.solids[-1:])
+    swallowed = bodies_from(last, bodies.obstacles)
+    assert motion_clear(swallowed, [0, 0, 0], UP, [0.04, 0, 0], UP, MARGIN, contact=spot) is None
+    assert motion_clear(swallowed, [0, 0, 0], UP, [0.08, 0, 0], UP, MARGIN, contact=spot) is not None
+    assert motion_clear(swallowed, [-0.1, 0, 0], UP, [0, 0, 0], UP, MARGIN, contact=spot) is not None
+
+
+@pytest.mark.parametrize("name", ["youbot", "lifted"])
+def test_a_mesh_is_as_clear_as_the_box_it_draws(name: str) -> None:
+    robot = prepared(name).robot
+    low, high = np.array([0.35, -0.3, 0.2]), np.array([0.7, 0.3, 0.6])
+    mesh = bodies_from(robot, [box_mesh(low.tolist(), high.tolist())])
+    box = bodies_from(robot, [Box("box", high - low, (low + high) / 2)])
+    verdicts = []
+    for a, qa, b, qb in motions(box, 60, 12):
+        one, other = (motion_clear(bodies, a, qa, b, qb, MARGIN) for bodies in (mesh, box))
+        assert (one is None) == (other is None)
+        verdicts.append(one is None)
+        near = nearest(mesh, a, qa)
+        assert near.distance == pytest.approx(nearest(box, a, qa).distance, abs=1e-6)
+    assert 10 < sum(verdicts) < 55
+
+
+def test_touching_at_no_margin_ends_and_is_not_clear() -> None:
+    bodies = bodies_from(robot_named("youbot"), [wall(ahead())])
+    assert motion_clear(bodies, [0, -1, 0], AHEAD, [0, 1, 0], AHEAD, 0.0) is not None
+
+
+def test_a_robot_without_solids_and_a_world_without_obstacles() -> None:
+    bare = bodies_from(replace(robot_named("youbot"), solids=()), CLUTTER)
+    assert nearest(bare, [0, 0, 0], UP)[:4] == (np.inf, -1, "none", -1)
+    assert motion_clear(bare, [0, 0, 0], UP, [1, 1, 1], AHEAD, MARGIN) is None
+    one = replace(robot_named("youbot"), solids=robot_named("youbot").solids[:1])
+    alone = bodies_from(one, [])
+    assert nearest(alone, [0, 0, 0], UP).kind == "none"
+    assert motion_clear(alone, [0, 0, 0], UP, [1, 1, 1], AHEAD, MARGIN) is None
+
+
+@pytest.mark.parametrize("number", [np.nan, np.inf])
+def test_numbers_that_are_not_finite_are_refused_at_the_door(number: float) -> None:
+    bodies = prepared("youbot")
+    bad = UP.copy()
+    bad[2] = number
+    with pytest.raises(InputError, match="base: every number must be finite"):
+        nearest(bodies, [number, 0, 0], UP)
+    with pytest.raises(InputError, match="joints: every number must be finite"):
+        solid_clear(bodies, [0, 0, 0], bad, 0, 0.0)
+    with pytest.raises(InputError, match="finite"):
+        motion_clear(bodies, [0, 0, 0], UP, [0, 0, 0], bad, 0.0)
+    with pytest.raises(InputError, match="margin"):
+        motion_clear(bodies, [0, 0, 0], UP, [0, 0, 0], UP, number)
+    with pytest.raises(InputError, match="finite"):
+        Contact(np.array([[0, 0, number]]), np.array([0]), 0.05)
+
+
+def test_wrong_shapes_are_refused() -> None:
+    bodies = prepared("youbot")
+    with pytest.raises(InputError, match="joints: expected 5 numbers"):
+        nearest(bodies, [0, 0, 0], [0, 0])
+    with pytest.raises(InputError, match="margin"):
+        motion_clear(bodies, [0, 0, 0], UP, [0, 0, 0], UP, -0.1)
+    with pytest.raises(InputError, match="one owner a spot"):
+        Contact(np.zeros((2, 3)), np.array([0]), 0.05)
+
+
+def test_a_touch_is_a_tuple_with_names() -> None:
+    touch = nearest(prepared("youbot"), [0, 0, 0], UP)
+    assert isinstance(touch, Touch)
+    assert touch._fields == ("distance", "solid", "kind", "other", "on_solid", "on_other")
