@@ -1,4 +1,3 @@
-# NOTE to helpers: bodies.py belongs to the FABRIK-R part. What link solids touch goes into planners/touching.py.
 """A chain as rigid bodies between points on its axes: the form in which FABRIK-R passes read it.
 
 Body k moves with joint k and carries the axes of joints k and k + 1, or the tool. A joint point may be slid
@@ -70,10 +69,10 @@ def pointing_bodies(chain: Chain) -> Bodies:
     """Bodies up to the last joint that moves the tool's point: all that a position needs."""
     arm = serial_arm(chain)
     count, tool = chain.dof, arm.tool
-    span = _span(arm)
+    length = span(arm)
     while count > 1 and arm.revolute[count - 1]:
         p = tool[:3, 3]
-        if np.linalg.norm(np.cross(arm.axis[count - 1], p)) > 1e-12 * span:
+        if np.linalg.norm(np.cross(arm.axis[count - 1], p)) > 1e-12 * length:
             break
         tool, count = arm.fixed[count - 1] @ tool, count - 1
     short = SerialArm(
@@ -112,7 +111,7 @@ def bodies_of(arm: SerialArm) -> Bodies:
     )  # fmt: skip
 
 
-def _span(arm: SerialArm) -> float:
+def span(arm: SerialArm) -> float:
     """Length of the arm laid straight, joint origin to joint origin; 1 for an arm without length [m]."""
     length = float(np.linalg.norm(arm.fixed[1:, :3, 3], axis=1).sum() + np.linalg.norm(arm.tool[:3, 3]))
     return length if length > 0 else 1.0
@@ -120,7 +119,7 @@ def _span(arm: SerialArm) -> float:
 
 def _slides(arm: SerialArm, after: list[Array], next_axis: Array) -> tuple[Array, Array]:
     """Outer and inner point of every axis, as distances along it from the joint's origin."""
-    n, span = len(arm.axis), _span(arm)
+    n, length = len(arm.axis), span(arm)
     out, inn = np.zeros(n), np.full(n, np.nan)
     for k in range(n - 1, -1, -1):
         if not arm.revolute[k]:
@@ -132,7 +131,7 @@ def _slides(arm: SerialArm, after: list[Array], next_axis: Array) -> tuple[Array
             c = u @ next_axis[k]
             here, there = np.array([[1, -c], [c, -1]]) @ [u @ p, next_axis[k] @ p] / (1 - c * c)
             # Nearly parallel axes meet far away: such a point would only amplify rounding.
-            if max(abs(here), abs(there)) < 2 * span:
+            if max(abs(here), abs(there)) < 2 * length:
                 out[k], inn[k + 1] = here, there
     return out, np.where(np.isnan(inn), out, inn)
 
@@ -142,9 +141,11 @@ def _parallel(arm: SerialArm, next_axis: Array, k: int) -> bool:
     return bool(np.linalg.norm(np.cross(arm.axis[k], next_axis[k])) <= PARALLEL)
 
 
-def _rule(arm: SerialArm, next_axis: Array, links: Array, slide: Array, k: int, way: int) -> tuple[int, int, int]:
+def _rule(
+    arm: SerialArm, next_axis: Array, links: Array, slide: Array, k: int, way: int
+) -> tuple[int, int, int]:
     """How joint k chooses its turn going outward (``way`` 1) or inward (-1): aim, plane, goal."""
-    n, span = len(arm.axis), _span(arm)
+    n, length = len(arm.axis), span(arm)
     last = n if way > 0 else 0
     if k == last:
         return last, -1, -1
@@ -165,19 +166,19 @@ def _rule(arm: SerialArm, next_axis: Array, links: Array, slide: Array, k: int, 
         parallel = _parallel(arm, next_axis, body)
         # The link lies along the next pivot's axis: the pivot must point, it cannot turn the link.
         own = links[body] - slide[g] * (next_axis[body] if way > 0 else arm.axis[body])
-        if np.linalg.norm(own) < MEETING * span and abs(slide[g]) > MEETING * span:
+        if np.linalg.norm(own) < MEETING * length and abs(slide[g]) > MEETING * length:
             return g, -1, -1
     return (g, -1, -1) if parallel else (-1, g, _concurrent(arm, next_axis, links, g, way))
 
 
 def _concurrent(arm: SerialArm, next_axis: Array, links: Array, i: int, way: int) -> int:
     """Algorithm 2, FIND_CONCURRENT: the first point beyond i that lies on a differing axis and off point i."""
-    n, span = len(arm.axis), _span(arm)
+    n, length = len(arm.axis), span(arm)
     last = n if way > 0 else 0
     differs, apart, j = False, False, i
     while j != last:
         body = j if way > 0 else j - 1
-        apart = apart or bool(np.linalg.norm(links[body]) > MEETING * span) or not arm.revolute[body]
+        apart = apart or bool(np.linalg.norm(links[body]) > MEETING * length) or not arm.revolute[body]
         j += way
         if j == n:
             break

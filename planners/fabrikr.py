@@ -107,6 +107,8 @@ def backward_choice(bodies: Bodies, k: int, posture: Posture) -> float:
     arm, base = bodies.arm, np.empty((3, 3))
     _joint_turn(bodies, k, posture, base)
     axis = turned(base, row(arm.axis, k))
+    if k == 0:  # a forward pass has pulled the root away
+        posture.outer[0] = posture.inner[0] = bodies.root
     here, now = row(posture.outer, k), posture.joints[k]
     if not arm.revolute[k]:
         start = plus(here, turned(base, row(bodies.outer, k)))
@@ -169,7 +171,7 @@ def forward_start(bodies: Bodies, target: Array, posture: Posture) -> None:
         _turn_frame(lever, axis, line, new_axis, turn)
     put(posture.outer, n, tool)
     put(posture.inner, n, tool)
-    _place_behind(bodies, n - 1, posture)
+    place_behind(bodies, n - 1, posture)
 
 
 @compiled
@@ -178,7 +180,7 @@ def forward_start_posed(bodies: Bodies, target: Array, turn: Array, posture: Pos
     n = len(posture.joints)
     posture.turns[n - 1] = turn
     posture.outer[n] = posture.inner[n] = target
-    _place_behind(bodies, n - 1, posture)
+    place_behind(bodies, n - 1, posture)
 
 
 @compiled
@@ -219,7 +221,7 @@ def forward_place(bodies: Bodies, k: int, value: float, posture: Posture) -> Non
         put(posture.outer, k, row(posture.inner, k))
     posture.joints[k] = value
     _product_back(back, arm.fixed[k], posture.turns[k - 1])
-    _place_behind(bodies, k - 1, posture)
+    place_behind(bodies, k - 1, posture)
 
 
 @compiled
@@ -294,7 +296,7 @@ def _joint_turn(bodies: Bodies, k: int, posture: Posture, out: Array) -> None:
 
 
 @compiled
-def _place_behind(bodies: Bodies, k: int, posture: Posture) -> None:
+def place_behind(bodies: Bodies, k: int, posture: Posture) -> None:
     """Points of axis k from the orientation of link k and the inner point ahead of it."""
     turn, link, axis = posture.turns[k], row(bodies.inner, k), row(bodies.arm.axis, k)
     if not bodies.arm.revolute[k]:

@@ -63,7 +63,7 @@ def rotate_about(axis: Array, angle: float, R: Array) -> None:
 
 @compiled
 def chain_frames(arm: SerialArm, joints: Array, frames: Array) -> None:
-    """Write the pose of every link, then of the tool, into ``frames`` (n + 1, 4, 4), in the arm's base frame."""
+    """Write the pose of every link, then of the tool, into ``frames`` (n + 1, 4, 4), in the base frame."""
     n = len(joints)
     R, p = np.eye(3), np.zeros(3)
     turn, turned = np.empty((3, 3)), np.empty((3, 3))

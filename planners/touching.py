@@ -6,36 +6,23 @@ looked at; the distances that are told come from `collision`.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from regionik.planners.collision import hull_separation, link_piece, obstacles_from
+from regionik.planners.collision import hull_separation
 from regionik.planners.flat import Index
-from regionik.planners.pieces import Piece, Separation
-from regionik.planners.serial import SerialArm, serial_arm
-from regionik.planners.sweeping import (
-    BASE,
-    WORLD,
-    Exempt,
-    Hop,
-    Hulls,
-    Movers,
-    exempt_for,
-    first_stop,
-    lower_bounds,
-    pace,
-    place,
-)
+from regionik.planners.moving import BASE, WORLD, Exempt, Hop, Hulls, pace, place
+from regionik.planners.pieces import Separation
+from regionik.planners.prepared import Bodies, Contact, bodies_from
+from regionik.planners.sweeping import ROUNDING, exempt_for, first_stop, lower_bounds
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.errors import InputError
-from regionik.worlds.obstacles import Solid
-from regionik.worlds.robot import LinkSolid, Robot
-from regionik.worlds.selfpairs import base_body, self_pairs
 
+__all__ = ["Bodies", "Contact", "Touch", "bodies_from", "motion_clear", "nearest", "solid_clear"]
+
+_NO_CONTACT = Contact(np.zeros((0, 3)), np.zeros(0, dtype=np.int64), 0.0)
 LOOK = 1e-3  # part of a motion between two looks for a link inside a mesh
 
 
@@ -48,113 +35,6 @@ class Touch(NamedTuple):
     other: int  # index of the obstacle, or of the other solid of the robot; -1 otherwise
     on_solid: Array  # (3,) [m]
     on_other: Array  # (3,) [m]
-
-
-@dataclass(frozen=True, eq=False)
-class Contact:
-    """Where the tool works: the solids of the last link that has one may touch what it works on.
-
-    Attributes
-    ----------
-    spots : (m, 3) array
-        [m]
-    owner : (m,) array of int
-        Index of the obstacle that each spot belongs to.
-    reach : float
-        Distance of the tool from a spot within which its owner may be touched [m].
-    """
-
-    spots: Array
-    owner: Index
-    reach: float
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "spots", frozen(self.spots, (None, 3), "contact: spots"))
-        owner = np.array(self.owner, dtype=np.int64)
-        if owner.shape != (len(self.spots),):
-            raise InputError(f"contact: expected one owner a spot, got {owner.shape} and {len(self.spots)}")
-        owner.flags.writeable = False
-        object.__setattr__(self, "owner", owner)
-        object.__setattr__(self, "reach", float(frozen(self.reach, (), "contact: reach")))
-
-
-_NO_CONTACT = Contact(np.zeros((0, 3)), np.zeros(0, dtype=np.int64), 0.0)
-
-
-@dataclass(frozen=True, eq=False)
-class Bodies:
-    """A robot and obstacles, prepared for `nearest`, `solid_clear` and `motion_clear`; made by `bodies_from`.
-
-    Attributes
-    ----------
-    robot : Robot
-    obstacles : tuple of Solid
-    arm : SerialArm
-    mount : (4, 4) array
-    movers : Movers
-    hulls : Hulls
-    pieces : tuple of Piece
-        One for each row of ``hulls``, in its frame; triangles name their mesh.
-    """
-
-    robot: Robot
-    obstacles: tuple[Solid, ...]
-    arm: SerialArm
-    mount: Array
-    movers: Movers
-    hulls: Hulls
-    pieces: tuple[Piece, ...]
-
-
-class _Row(NamedTuple):
-    """A row of the table of hulls."""
-
-    corners: Array
-    piece: Piece
-    frame: int
-    owner: int
-    skips: int = 0  # rows of triangles that follow
-
-
-def bodies_from(robot: Robot, solids: Sequence[Solid]) -> Bodies:
-    """Prepare a robot and obstacles for distance queries.
-
-    Parameters
-    ----------
-    robot : Robot
-    solids : sequence of Solid
-
-    Returns
-    -------
-    Bodies
-    """
-    around = obstacles_from(solids)
-    rows = [
-        row
-        for piece, k in zip(around.pieces, around.owner.tolist(), strict=True)
-        for row in _rows(piece, WORLD, k)
-    ]
-    world = len(rows)
-    body = base_body(robot)
-    rows += [row for piece in obstacles_from([body] if body else []).pieces for row in _rows(piece, BASE, 0)]
-    arm = len(rows)
-    rows += [_Row(s.corners, link_piece(s), s.link, k) for k, s in enumerate(robot.solids)]
-    meets = np.zeros((len(robot.solids), len(rows) - world), dtype=np.bool_)
-    for i, k in self_pairs(robot):
-        if i < 0:
-            meets[k, : arm - world] = True
-        else:
-            still, moving = sorted((i, k), key=lambda s: robot.solids[s].link)
-            meets[moving, arm - world + still] = True
-    return Bodies(
-        robot,
-        tuple(solids),
-        serial_arm(robot.chain),
-        np.array(robot.T_base_arm),
-        _movers(robot.solids, meets),
-        _hulls(rows, world),
-        tuple(row.piece for row in rows),
-    )
 
 
 def nearest(
@@ -281,7 +161,7 @@ def _nearest(bodies: Bodies, hop: Hop, which: Index, contact: Contact | None, wi
         bodies.arm, bodies.mount, bodies.movers, bodies.hulls, hop, exempt, which, within, lower
     )
     best, at = np.inf, (-1, -1)
-    near = np.argwhere(lower <= bound)
+    near = np.argwhere(lower <= bound + ROUNDING)
     for k, m in near[np.argsort(lower[near[:, 0], near[:, 1]], kind="stable")].tolist():
         if lower[k, m] >= min(best, within):
             break
@@ -373,43 +253,3 @@ def _hop(bodies: Bodies, a: tuple[ArrayLike, ArrayLike], b: tuple[ArrayLike, Arr
 def _at(hop: Hop, s: float) -> Hop:
     """A hop that stays where another one is at part s."""
     return Hop(hop.base + s * hop.drive, 0.0 * hop.drive, hop.joints + s * hop.bend, 0.0 * hop.bend)
-
-
-def _rows(piece: Piece, frame: int, owner: int) -> list[_Row]:
-    if piece.mesh is None:
-        return [_Row(piece.corners, piece, frame, owner)]
-    triangles = piece.mesh.vertices[piece.mesh.faces]
-    parts = [_Row(corners, piece, frame, owner) for corners in triangles]
-    return [_Row(piece.corners, piece, frame, owner, len(parts)), *parts]
-
-
-def _movers(solids: Sequence[LinkSolid], meets: NDArray[np.bool_]) -> Movers:
-    links = np.array([solid.link for solid in solids], dtype=np.int64)
-    corners = [solid.corners for solid in solids]
-    return Movers(
-        np.concatenate([np.zeros((0, 3)), *corners]),
-        np.cumsum([0, *(len(c) for c in corners)]),
-        np.array([solid.radius for solid in solids], dtype=np.float64),
-        links,
-        links == links.max(initial=-1),
-        meets,
-    )
-
-
-def _hulls(rows: Sequence[_Row], world: int) -> Hulls:
-    disc = np.array([row.piece.disc for row in rows])
-    ball = np.array([row.piece.ball for row in rows])
-    low = np.array([row.corners.min(0) for row in rows]).reshape(-1, 3)
-    high = np.array([row.corners.max(0) for row in rows]).reshape(-1, 3)
-    grown = np.column_stack([disc + ball, disc + ball, ball])
-    return Hulls(
-        np.concatenate([np.zeros((0, 3)), *(row.corners for row in rows)]),
-        np.cumsum([0, *(len(row.corners) for row in rows)]),
-        disc,
-        ball,
-        np.array([row.frame for row in rows], dtype=np.int64),
-        np.array([row.owner for row in rows], dtype=np.int64),
-        np.array([m + 1 + row.skips for m, row in enumerate(rows)], dtype=np.int64),
-        np.stack([low - grown, high + grown], axis=1),
-        world,
-    )

@@ -24,31 +24,31 @@ def put(points: Array, k: int, a: Vector) -> None:
 
 @compiled
 def plus(a: Vector, b: Vector) -> Vector:
-    """a + b."""
+    """A + b."""
     return a[0] + b[0], a[1] + b[1], a[2] + b[2]
 
 
 @compiled
 def minus(a: Vector, b: Vector) -> Vector:
-    """a - b."""
+    """A - b."""
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
 @compiled
 def scaled(a: Vector, s: float) -> Vector:
-    """s a."""
+    """S a."""
     return a[0] * s, a[1] * s, a[2] * s
 
 
 @compiled
 def dot(a: Vector, b: Vector) -> float:
-    """a . b."""
+    """A . b."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @compiled
 def cross(a: Vector, b: Vector) -> Vector:
-    """a x b."""
+    """A x b."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 

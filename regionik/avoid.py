@@ -19,6 +19,7 @@ from shapely.geometry.base import BaseGeometry
 from regionik.guard import Guard
 from regionik.mfabrik import Solver, axis_of, pose_of, solver_for
 from regionik.plan import Configuration
+from regionik.planners.avoidance import avoid
 from regionik.planners.touching import Touch
 from regionik.poses import Pose, pose
 from regionik.pruning import Ladder
@@ -111,8 +112,9 @@ class Avoider:
         target = self.world.task[i].position
         for k in components:
             onward = self._solver(k)(target, here.base, here.joints)
-            if onward.converged and self.clear(i, pose(onward)):
-                yield Spot(onward, k)
+            if onward.converged:
+                spot = Spot(onward, k)
+                yield from [spot] if self.clear(i, spot.pose) else self._around(i, spot)
         for k in components:
             yield from self._elsewhere(i, k, here)
 
@@ -137,6 +139,25 @@ class Avoider:
         clear = self.guard.allows(touch)
         self.evidence.setdefault(i, Evidence()).add(touch, clear)
         return clear
+
+    def _around(self, i: int, spot: Spot) -> Iterator[Spot]:
+        """The base stays; the arm goes round what it touches, by FABRIK with avoiding rotations."""
+        robot, target = self.world.robot, self.world.task[i]
+        if target.direction is not None:
+            return
+        base = spot.found.base
+        T = robot.T_world_arm(base)
+        goal = T[:3, :3].T @ (target.position - T[:3, 3])
+        found = avoid(
+            robot.chain,
+            goal,
+            spot.found.joints,
+            lambda k, frame: self.guard.link_clear(k, T @ frame, target.position),
+            tolerance=self.world.rules.tolerance,
+            seed=self.seed,
+        )
+        if found.converged and self.clear(i, Pose(base, found.joints)):
+            yield Spot(replace(spot.found, joints=found.joints, error=found.error), spot.component)
 
     def _elsewhere(self, i: int, k: int, here: Pose) -> Iterator[Spot]:
         """Clear postures at places of the base in a component, near places first."""

@@ -14,8 +14,8 @@ from regionik.plan import Violation
 from regionik.regions import TakenAway, largest_clearance, outer_areas, what_took_away
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Cause, CauseKind, Explanation, Repair
-from regionik.worlds.planar import planar_arm
 from regionik.worlds.scene import Target, World
+from regionik.worlds.upright import span_of
 
 
 def unreachable(
@@ -54,9 +54,8 @@ def unreachable(
 def _out_of_reach(
     world: World, target: Target, who: str
 ) -> tuple[str, tuple[Cause, ...], tuple[Repair, ...]]:
-    arm = planar_arm(world.robot.chain)
-    shoulder = float(arm.shoulder[1] + world.robot.mount[2])
-    length = float(arm.lengths.sum())
+    span = span_of(world.robot.chain)
+    shoulder, length = span.height + float(world.robot.mount[2]), span.length
     over = abs(float(target.position[2]) - shoulder) - length
     if over > 0:
         way = "above" if target.position[2] > shoulder else "below"

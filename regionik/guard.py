@@ -10,14 +10,14 @@ from functools import lru_cache
 
 import numpy as np
 
-from regionik.planners.collision import box_gaps, obstacles_from
+from regionik.planners.collision import Obstacles, box_gaps, hull_separation, obstacles_from
 from regionik.planners.touching import Bodies, Contact, Touch, bodies_from, motion_clear, nearest
 from regionik.poses import Pose
+from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Cause
 from regionik.worlds.scene import World
 
 SPARE = 5e-4  # kept beyond the arm's clearance, so that what is planned can be proven [m]
-SIGHT = 1.0  # how far the nearest thing is looked for where nothing is clear [m]
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,12 +32,15 @@ class Guard:
         Where the last link may touch.
     margin : float
         Distance that links keep [m].
+    obstacles : Obstacles
+        The world's solids alone, for one link at a time.
     """
 
     world: World
     bodies: Bodies
     contact: Contact
     margin: float
+    obstacles: Obstacles
 
     @property
     def on(self) -> bool:
@@ -62,6 +65,32 @@ class Guard:
             return None
         a, b = (here.base, here.joints), (there.base, there.joints)
         return motion_clear(self.bodies, *a, *b, self.margin, contact=self.contact)
+
+    def link_clear(self, link: int, T_world_link: Array, spot: Array) -> bool:
+        """Whether one link keeps its margin from the world's solids while the tool works at a spot."""
+        for solid in self.world.robot.solids:
+            if solid.link != link:
+                continue
+            corners = solid.corners @ T_world_link[:3, :3].T + T_world_link[:3, 3]
+            low, high = corners.min(axis=0)[None, None], corners.max(axis=0)[None, None]
+            near = box_gaps(self.obstacles, low, high)[0] < solid.radius + self.margin
+            if link == self._last:
+                near &= ~np.isin(self.obstacles.owner, self._owners(spot))
+            for k in np.flatnonzero(near):
+                gap = hull_separation(self.obstacles.pieces[k], corners).distance - solid.radius
+                if gap < self.margin:
+                    return False
+        return True
+
+    @property
+    def _last(self) -> int:
+        return max((solid.link for solid in self.world.robot.solids), default=-1)
+
+    def _owners(self, spot: Array) -> Array:
+        """Solids that may be touched by a tool that is at a spot."""
+        away = np.linalg.norm(self.contact.spots - spot, axis=1)
+        owners: Array = self.contact.owner[away <= self.contact.reach]
+        return owners
 
     def words(self, touch: Touch) -> str:
         """Which link comes how near to what."""
@@ -88,13 +117,14 @@ class Guard:
 def guard_of(world: World) -> Guard:
     """The guard of a world; kept for the last few worlds."""
     bodies = bodies_from(world.robot, world.solids)
-    return Guard(world, bodies, _contact(world), world.rules.arm_clearance + SPARE)
+    obstacles = obstacles_from(world.solids)
+    contact = _contact(world, obstacles)
+    return Guard(world, bodies, contact, world.rules.arm_clearance + SPARE, obstacles)
 
 
-def _contact(world: World) -> Contact:
+def _contact(world: World, obstacles: Obstacles) -> Contact:
     """Each set-point with the solid that it lies on or in, or is nearest to within ``tool_contact``."""
     reach = world.rules.tool_contact
-    obstacles = obstacles_from(world.solids)
     spots, owners = [], []
     for target in world.task:
         spot = target.position[None, None]

@@ -12,18 +12,17 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from shapely.geometry.base import BaseGeometry
 
+from regionik.arms import Arm, Reached, arm_solver
 from regionik.plan import Configuration
-from regionik.planners import fabrik, kernels
+from regionik.planners import kernels
 from regionik.planners.flat import FlatPolygon
 from regionik.pruning import Ladder
 from regionik.reachable import FRONT, Family
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.errors import InputError
-from regionik.worlds.planar import PlanarArm, planar_arm
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Heading, World
 
-MOST_PASSES = 100
 NOWHERE = FlatPolygon(np.empty((0, 2)), np.zeros(1, dtype=np.int64))
 HEADINGS = ("free", "face_target", "fixed")
 
@@ -57,24 +56,18 @@ class Solver:
     tolerance: float = 1e-3
     heading: Heading = "free"
     family: Family = field(default_factory=lambda: Family(FRONT))
-    _arm: PlanarArm = field(init=False, repr=False)
-    _plane: kernels.PlaneArm = field(init=False, repr=False)
+    _arm: Arm = field(init=False, repr=False)
     _flat: FlatPolygon = field(init=False, repr=False)
-    _postures: Array = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         if not 0 < self.tolerance < np.inf:
             raise InputError(f"solver: tolerance must be above 0, got {self.tolerance}")
         if self.heading not in HEADINGS:
             raise InputError(f"solver: heading must be one of {', '.join(HEADINGS)}, got {self.heading}")
-        arm = planar_arm(self.robot.chain)
+        arm = arm_solver(self.robot.chain, float(self.robot.mount[2]), self.family, self.tolerance)
         object.__setattr__(self, "_arm", arm)
-        shoulder = float(arm.shoulder[0]), float(arm.shoulder[1] + self.robot.mount[2])
-        plane = kernels.PlaneArm(*shoulder, arm.lengths, arm.lower, arm.upper)
-        object.__setattr__(self, "_plane", plane)
         flat = NOWHERE if self.area is None else FlatPolygon.from_shapely(self.area)
         object.__setattr__(self, "_flat", flat)
-        object.__setattr__(self, "_postures", spread_postures(arm))
 
     def __call__(self, target: ArrayLike, base: ArrayLike, joints: ArrayLike) -> Configuration:
         """Move base and arm so that the tool reaches a target.
@@ -105,35 +98,18 @@ class Solver:
         )
 
     def least_change(self, target: Array, base: Array, joints: Array) -> Configuration | None:
-        """With the arm axis held, the posture on target whose bends change least, if there is one."""
-        axis, _, near = self._planar(base, joints)
-        arm = self._arm
-        dx, dy = target[:2] - axis
-        facing, bends = self.family.facing, np.empty(3)
-        change = kernels.nearest_posture(
-            self._plane, self.family.pitch,
-            facing * np.hypot(dx, dy), target[2], near, bends, 180, 0.5,
-        )  # fmt: skip
-        q = np.array(joints)
-        q[1:4] = arm.hinge_joints(bends, joints)
-        yaw = np.arctan2(facing * dy, facing * dx)
-        pose, q[0], fits = self._set_heading(axis, yaw, base, joints[0])
-        return Configuration(pose, q, 0.0, 0, True) if fits and np.isfinite(change) else None
+        """With the arm axis held, the posture on target that changes least, if there is one."""
+        reached = self._arm.least_change(target, axis_of(self.robot, base), self._yaw(base), joints)
+        found = None if reached is None else self._headed(reached, base, joints)
+        return found if found is not None and found.converged else None
 
     def self_motion(self, target: Array, base: Array, joints: Array, tries: int) -> list[Configuration]:
-        """With the arm axis held, postures on target at ``tries`` pitches, the least changed first."""
-        axis, _, _ = self._planar(base, joints)
-        dx, dy = target[:2] - axis
-        facing, bends = self.family.facing, np.empty((2 * tries, 3))
-        count = kernels.self_motion(
-            self._plane, self.family.pitch, facing * np.hypot(dx, dy), target[2], tries, bends
-        )
-        q = np.tile(joints, (count, 1))
-        q[:, 1:4] = self._arm.hinge_joints(bends[:count], joints)
-        yaw = float(np.arctan2(facing * dy, facing * dx))
-        pose, q[:, 0], fits = self._set_heading(axis, yaw, base, joints[0])
-        order = np.argsort(np.abs(q - joints).max(axis=1), kind="stable")
-        return [Configuration(pose, q[k], 0.0, 0, True) for k in order] if fits else []
+        """With the arm axis held, postures on target of many kinds, the least changed first."""
+        axis = axis_of(self.robot, base)
+        reached = self._arm.self_motion(target, axis, self._yaw(base), joints, tries)
+        found = [self._headed(one, base, joints) for one in reached]
+        found.sort(key=lambda one: float(np.abs(one.joints - joints).max()))
+        return [one for one in found if one.converged]
 
     def batch(self, targets: ArrayLike, bases: ArrayLike, joints: ArrayLike) -> Batch:
         """Solve for many targets at once.
@@ -147,62 +123,43 @@ class Solver:
         points = frozen(targets, (None, 3), "targets")
         here = frozen(bases, (len(points), 3), "bases")
         now = frozen(joints, (len(points), self.robot.chain.dof), "joints")
-        axes, yaws, bends = self._planar(here, now)
-        errors, iterations = np.empty(len(points)), np.empty(len(points), dtype=np.int64)
-        arm = self._arm
-        fabrik.solve_batch(
-            self._plane, self._postures,
-            self._flat.vertices, self._flat.starts, True, axes, yaws, bends, points,
-            self.family.facing, self.family.pitch, self.tolerance, MOST_PASSES, errors, iterations,
-        )  # fmt: skip
-        q = np.array(now)
-        q[:, 1:4] = arm.hinge_joints(bends, now)
-        base = np.empty((len(points), 3))
-        fits = np.empty(len(points), dtype=bool)
-        for k in range(len(points)):
-            base[k], q[k, 0], fits[k] = self._set_heading(axes[k], yaws[k], here[k], now[k, 0])
-        return Batch(base, q, errors, iterations, (errors <= self.tolerance) & fits)
+        axes, yaws = axis_of(self.robot, here), here[:, 2] + self.robot.mount[3]
+        reached = self._arm.reach_many(points, axes, yaws, now, self._flat)
+        rows = [self._headed(*row) for row in zip(reached, here, now, strict=True)]
+        return Batch(
+            np.array([row.base for row in rows]).reshape(-1, 3),
+            np.array([row.joints for row in rows]).reshape(now.shape),
+            np.array([row.error for row in rows]),
+            np.array([row.iterations for row in rows], dtype=np.int64),
+            np.array([row.converged for row in rows], dtype=bool),
+        )
 
     def _solve(self, target: Array, base: Array, joints: Array, *, mobile: bool) -> Configuration:
-        axis, plane, bends = self._planar(base, joints)
-        arm = self._arm
-        error, iterations, _, yaw = fabrik.solve(
-            self._plane, self._postures,
-            self._flat.vertices, self._flat.starts, mobile, axis, float(plane), bends, target,
-            self.family.facing, self.family.pitch, self.tolerance, MOST_PASSES,
-        )  # fmt: skip
-        q = np.array(joints)
-        q[1:4] = arm.hinge_joints(bends, joints)
-        pose, q[0], fits = self._set_heading(axis, yaw, base, joints[0])
-        return Configuration(pose, q, float(error), int(iterations), bool(error <= self.tolerance and fits))
+        axis = axis_of(self.robot, base)
+        reached = self._arm.reach(target, axis, self._yaw(base), joints, self._flat, mobile)
+        return self._headed(reached, base, joints)
 
-    @property
-    def _zero(self) -> float:
-        """Direction of the plane in the base frame at joint zero."""
-        return float(self.robot.mount[3] + self._arm.pivot_zero)
+    def _yaw(self, base: Array) -> float:
+        """Heading of the arm's base frame."""
+        return float(base[2] + self.robot.mount[3])
 
-    def _planar(self, base: Array, joints: Array) -> tuple[Array, Array, Array]:
-        """Arm axis, direction of the plane and bends, of one pose or of many."""
-        yaw = base[..., 2] + self._zero + joints[..., 0]
-        return axis_of(self.robot, base), yaw, self._arm.bends(joints)
-
-    def _set_heading(
-        self, axis: Array, plane_yaw: float, base: Array, pivot: float
-    ) -> tuple[Array, float, bool]:
-        """SetBaseOrientation of Algorithm 1: base pose, first joint, and whether its limits hold."""
-        lower, upper = self._arm.pivot_lower, self._arm.pivot_upper
-        wanted = plane_yaw - self._zero
+    def _headed(self, reached: Reached, base: Array, joints: Array) -> Configuration:
+        """SetBaseOrientation of Algorithm 1: the pivot's turn shared between joint and base."""
+        pivot = self.robot.chain.joints[0]
+        wanted, q, fits = float(reached.joints[0]), np.array(reached.joints), True
         if self.heading == "face_target":
-            q = float(np.clip(0.0, lower, upper))
-            yaw = base[2] + kernels.wrap(wanted - q - base[2])
-            return pose_of(self.robot, axis, yaw), q, True
-        if self.heading == "fixed":
-            q, over = kernels.fit(wanted - base[2], lower, upper)
-            return pose_of(self.robot, axis, base[2]), q, over == 0.0
-        # free: the base turns only by what the first joint cannot take
-        turned = pivot + kernels.wrap(wanted - base[2] - pivot)
-        q = float(np.clip(turned, lower, upper))
-        return pose_of(self.robot, axis, base[2] + turned - q), q, True
+            q[0] = np.clip(0.0, pivot.lower, pivot.upper)
+            yaw = base[2] + kernels.wrap(wanted - q[0])
+        elif self.heading == "fixed":
+            q[0], over = kernels.fit(wanted, pivot.lower, pivot.upper)
+            fits, yaw = over == 0.0, base[2]
+        else:  # free: the base turns only by what the first joint cannot take
+            turned = joints[0] + kernels.wrap(wanted - joints[0])
+            q[0] = np.clip(turned, pivot.lower, pivot.upper)
+            yaw = base[2] + turned - q[0]
+        pose = pose_of(self.robot, reached.axis, float(yaw))
+        good = bool(reached.error <= self.tolerance and fits)
+        return Configuration(pose, q, reached.error, reached.iterations, good)
 
 
 @dataclass(frozen=True, eq=False)
@@ -229,20 +186,6 @@ def pose_of(robot: Robot, axis: Array, yaw: float) -> Array:
     c, s = np.cos(yaw), np.sin(yaw)
     x, y = robot.mount[0], robot.mount[1]
     return np.array([axis[0] - (c * x - s * y), axis[1] - (s * x + c * y), yaw])
-
-
-def spread_postures(arm: PlanarArm) -> Array:
-    """Ten postures to restart from, spread over the limits: elbow up and down, folded, stretched."""
-    lower = np.where(np.isfinite(arm.lower), arm.lower, -np.pi)
-    upper = np.where(np.isfinite(arm.upper), arm.upper, np.pi)
-    share = np.array(
-        [
-            (0.5, 0.5, 0.5), (0.3, 0.2, 0.5), (0.7, 0.8, 0.5), (0.3, 0.7, 0.3), (0.6, 0.2, 0.8),
-            (0.8, 0.3, 0.2), (0.1, 0.5, 0.5), (0.5, 0.1, 0.1), (0.5, 0.9, 0.9), (0.9, 0.5, 0.7),
-        ]
-    )  # fmt: skip
-    postures: Array = lower + share * (upper - lower)
-    return postures
 
 
 def configurations(

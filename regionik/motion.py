@@ -1,9 +1,9 @@
 """The motion between configurations: the tool stays on its path wherever areas and obstacles allow it.
 
-A run of set-points is a walk through spots, each a clear configuration at one set-point; a step of the walk is
-the tool going on to the next. The walk follows what M-FABRIK found. Where the arm would touch something, other
-spots of the same set-point are tried, and where none can be come to, earlier steps are taken back. Where a run
-ends, the tool is lifted and the base drives over free floor.
+A run of set-points is a walk through spots, each a clear configuration at one set-point; a step of the walk
+is the tool going on to the next. The walk follows what M-FABRIK found. Where the arm would touch something,
+other spots of the same set-point are tried, and where none can be come to, earlier steps are taken back. Where
+a run ends, the tool is lifted and the base drives over free floor.
 """
 
 from __future__ import annotations
@@ -130,18 +130,22 @@ class _Walker:
         if here is None and self.world.start is not None:
             here = Pose(self.world.start.base, self.world.start.joints)
             rows = [Row(here, "transit", -1)]
-        components = self._kept(i)
-        found = self.avoider.options(i, components, here or self.nominal[i].pose, self.nominal[i])
-        spots = list(islice(found, TRIES if here is not None else 1))
+        found = self.avoider.options(i, self._kept(i), here or self.nominal[i].pose, self.nominal[i])
+        spots = list(islice(found, TRIES))
         if here is None and spots:
             return [], spots[0]
-        ways = [(self.carrier.folded, spot) for spot in spots]
-        ways += [(self.carrier.sampled, spot) for spot in spots[:HARD_TRIES]]
-        for carry, spot in ways:
-            way = carry(here, spot.pose, int(self.pruned.ladder.floor[spot.component]))
+        for spot, way in self._ways(here, spots) if here is not None else ():
             if way is not None:
                 return rows + [Row(pose, "transit", i - 1) for pose in way], spot
         raise NoPlanFound(self._why_not(i, here))
+
+    def _ways(self, here: Pose, spots: list[Spot]) -> Iterator[tuple[Spot, list[Pose] | None]]:
+        """Lifted ways to spots: the plain ones to all, then searches to the first few."""
+        floor = self.pruned.ladder.floor
+        for spot in spots:
+            yield spot, self.carrier.folded(here, spot.pose, int(floor[spot.component]))
+        for spot in spots[:HARD_TRIES]:
+            yield spot, self.carrier.sampled(here, spot.pose, int(floor[spot.component]))
 
     def _why_not(self, i: int, here: Pose | None) -> Explanation:
         """What stands in the arm's way at set-point i, or on the way there."""

@@ -23,6 +23,7 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError, NoPlanFound
 from regionik.worlds.planar import planar_arm
 from regionik.worlds.scene import World
+from regionik.worlds.upright import is_planar, span_of
 
 Progress = Callable[[str, int, int], None]
 
@@ -87,11 +88,19 @@ def check(world: World) -> None:
     if any(target.orientation is not None for target in world.task):
         what = "full orientations cannot be planned yet; give a direction"
         raise InputError(f"{world.name}: task: {what}")
-    directed = any(target.direction is not None for target in world.task)
-    if directed and not planar_arm(world.robot.chain).tool_along_link:
+    chain = world.robot.chain
+    span_of(chain)
+    planar = is_planar(chain)
+    if not planar and world.rules.heading == "fixed" and np.isfinite(chain.upper[0] - chain.lower[0]):
         raise InputError(
-            f"{world.name}: task: a tool direction can be planned only where the tool's z axis lies along "
-            "the arm's last link"
+            f"{world.name}: rules.heading: fixed can be planned only for an arm in one vertical plane or with "
+            "an endless first joint, valid choices: free, face_target"
+        )
+    directed = any(target.direction is not None for target in world.task)
+    if directed and not (planar and planar_arm(chain).tool_along_link):
+        raise InputError(
+            f"{world.name}: task: a tool direction can be planned only for an arm in one vertical plane whose "
+            "tool's z axis lies along the arm's last link"
         )
     blocked = explain.blocked_start(world)
     if blocked is not None:

@@ -12,9 +12,11 @@ from numpy.typing import NDArray
 
 from regionik.ground import GUARD, Geometries
 from regionik.planners.rings import FREE, reach_intervals
+from regionik.planners.sampledreach import outer_reach, sampled_reach
 from regionik.worlds.arrays import Array
 from regionik.worlds.planar import PlanarArm, planar_arm
 from regionik.worlds.scene import Target, World
+from regionik.worlds.upright import is_planar
 
 ARC_POINTS = 48  # vertices of a full circle
 OUTWARDS = 1.0 / np.cos(np.pi / ARC_POINTS)  # from inscribed to circumscribed circle
@@ -80,6 +82,8 @@ def reach_rows(
     world: World, targets: Sequence[Target], facings: Sequence[int], *, inner: bool
 ) -> tuple[NDArray[np.intp], tuple[Family, ...], Geometries]:
     """Reach of every target as rings and ring sectors, before rejection."""
+    if not is_planar(world.robot.chain):
+        return _whole_rings(world, targets, inner=inner)
     arm = planar_arm(world.robot.chain)
     margin = world.rules.reach_margin if inner else 0.0
     shoulder_z = float(arm.shoulder[1] + world.robot.mount[2])
@@ -111,6 +115,30 @@ def reach_rows(
         margin if inner else None,
     )
     return which, tuple(row[1] for row, _, _ in flat), rings
+
+
+def _whole_rings(
+    world: World, targets: Sequence[Target], *, inner: bool
+) -> tuple[NDArray[np.intp], tuple[Family, ...], Geometries]:
+    """Reach of an arm that does not work in one plane: rings looked for posture by posture, or bounded."""
+    chain, height, family = world.robot.chain, float(world.robot.mount[2]), Family(FRONT)
+    table: list[tuple[int, Family, float, float]] = []
+    for i, target in enumerate(targets):
+        z = float(target.position[2])
+        found = sampled_reach(chain, height, z) if inner else outer_reach(chain, height, z)
+        table += _spans_of(family, [i], [np.array(found)], world.rules.reach_margin if inner else None)
+    which = np.array([row[0] for row in table], dtype=np.intp)
+    positions = np.array([target.position for target in targets]).reshape(-1, 3)
+    spans = np.array([row[2:] for row in table]).reshape(-1, 2)
+    rings = _ring_sectors(
+        positions[which, :2],
+        spans[:, 0],
+        spans[:, 1],
+        np.zeros(len(table)),
+        np.full(len(table), np.pi),
+        world.rules.reach_margin if inner else None,
+    )
+    return which, tuple(row[1] for row in table), rings
 
 
 def _spans_of(

@@ -20,8 +20,8 @@ from regionik.ground import GUARD, Geometries, Side, ground_of, grow
 from regionik.reachable import BACK, FRONT, Family, reach_rows
 from regionik.worlds.arrays import frozen
 from regionik.worlds.errors import CauseKind
-from regionik.worlds.planar import planar_arm
 from regionik.worlds.scene import Target, World
+from regionik.worlds.upright import span_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,12 +154,12 @@ def outer_areas(world: World, targets: Sequence[Target]) -> list[BaseGeometry]:
 def what_took_away(world: World, target: Target) -> tuple[TakenAway, ...]:
     """Obstacles, floor edge and arm limits that make the area smaller than a stretched arm's disc."""
     ground = ground_of(world)
-    arm = planar_arm(world.robot.chain)
-    rise = target.position[2] - arm.shoulder[1] - world.robot.mount[2]
-    stretched = float(arm.lengths.sum()) ** 2 - rise**2
+    span = span_of(world.robot.chain)
+    rise = target.position[2] - span.height - world.robot.mount[2]
+    stretched = span.length**2 - rise**2
     if stretched <= 0:
         return (TakenAway("reach", "height of the target", Polygon()),)
-    disc = shapely.Point(target.position[:2]).buffer(abs(arm.shoulder[0]) + np.sqrt(stretched))
+    disc = shapely.Point(target.position[:2]).buffer(span.radius + np.sqrt(stretched))
     _, _, rings = reach_rows(world, [target], (FRONT, BACK), inner=False)
     reach = shapely.union_all(rings) if len(rings) else Polygon()
     kind: CauseKind = "limits" if target.direction is None else "direction"

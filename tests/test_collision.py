@@ -7,7 +7,7 @@ import pytest
 import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.optimize import minimize, minimize_scalar
+from scipy.optimize import NonlinearConstraint, minimize, minimize_scalar
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 from shapely.geometry import Point, Polygon, box
@@ -323,7 +323,7 @@ def least(solid: Box | Cylinder | Prism | Sphere, corners: Array) -> float:
         start,
         jac=slope,
         method="SLSQP",
-        constraints={"type": "ineq", "fun": room},
+        constraints=[NonlinearConstraint(room, 0.0, np.inf)],
         options={"ftol": 1e-15, "maxiter": 300},
     )
     return float(np.sqrt(max(0.0, found.fun)))

@@ -26,8 +26,8 @@ def arm(
 ) -> Robot:
     """Four level hinges 0.3 m apart, mounted on a mast."""
     joints = tuple(
-        Joint(f"j{k}", "revolute", -limit, limit, translation(0.3 if k else 0.0, 0, 0), np.array([0, 1.0, 0]))
-        for k in range(4)
+        Joint(f"j{k}", "revolute", -limit, limit, translation(x, 0, 0), np.array([0, 1.0, 0]))
+        for k, x in enumerate((0.0, 0.3, 0.3, 0.3))
     )
     chain = Chain(joints, translation(0.3, 0, 0))
     mount = np.array([0.0, 0.0, height, 0.0])
@@ -43,7 +43,7 @@ def block(link: int, size: tuple[float, float, float], x: float = 0.15) -> LinkB
 
 
 def test_the_bundled_robots() -> None:
-    """The fourth link has no length and no solid; the second begins within the base's body and stays there."""
+    """The fourth link has no length, so no solid; the second begins in the base's body and stays there."""
     assert self_pairs(robot_named("youbot")) == ((0, 2), (0, 3), (1, 3))
     assert self_pairs(robot_named("youbot-real")) == ((BASE, 2), (BASE, 3), (0, 2), (0, 3), (1, 3))
 

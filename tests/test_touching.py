@@ -28,7 +28,7 @@ from regionik.worlds.robot import LinkBox, LinkCapsule, Robot
 from regionik.worlds.selfpairs import base_body, self_pairs
 
 MARGIN = 0.01
-GRAIN = 0.035  # nothing of a solid is farther from its sampled points [m]
+GRAIN = 0.055  # nothing of a solid is farther from its sampled points [m]
 CLUTTER: tuple[Solid, ...] = (
     Box("box", np.array([0.3, 0.2, 0.5]), np.array([0.5, 0.3, 0.4]), 0.4),
     Box("shelf", np.array([0.6, 1.2, 0.03]), np.array([-0.7, 0.0, 0.3]), 0.0),
@@ -92,20 +92,20 @@ def states(robot: Robot, count: int, seed: int) -> tuple[Array, Array]:
     return base, rng.uniform(robot.chain.lower, robot.chain.upper, (count, robot.chain.dof))
 
 
-def core(solid: LinkCapsule | LinkBox, count: int) -> Array:
+def core(solid: LinkCapsule | LinkBox) -> Array:
     """Points all over the hull of a solid's corners, in its link's frame."""
-    t = np.linspace(0, 1, count)
     if isinstance(solid, LinkCapsule):
-        return solid.start + t[:, None] * (solid.end - solid.start)
+        return solid.start + np.linspace(0, 1, 9)[:, None] * (solid.end - solid.start)
+    t = np.linspace(0, 1, 4)
     shares = np.stack(np.meshgrid(t, t, t), axis=-1).reshape(-1, 3) - 0.5
     points: Array = (shares * solid.size) @ solid.T_link_box[:3, :3].T + solid.T_link_box[:3, 3]
     return points
 
 
-def place(frames: Array, solid: LinkCapsule | LinkBox, count: int = 8) -> Array:
+def place(frames: Array, solid: LinkCapsule | LinkBox) -> Array:
     """Points of a solid in each of many frames (n, links, 4, 4), as (n, points, 3)."""
     T = frames[:, solid.link]
-    placed: Array = core(solid, count) @ T[:, :3, :3].swapaxes(1, 2) + T[:, None, :3, 3]
+    placed: Array = core(solid) @ T[:, :3, :3].swapaxes(1, 2) + T[:, None, :3, 3]
     return placed
 
 
@@ -114,18 +114,31 @@ def outside(solid: Solid, points: Array) -> Array:
     x, y, z = np.moveaxis(points, -1, 0)
     match solid:
         case Sphere():
-            return np.maximum(np.linalg.norm(points - solid.center, axis=-1) - solid.radius, 0.0)
+            return beyond(np.linalg.norm(points - solid.center, axis=-1)[..., None] - solid.radius)
+        case Box():
+            c, s = np.cos(solid.yaw), np.sin(solid.yaw)
+            gap = (
+                np.abs((points - solid.center) @ np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]))
+                - solid.size / 2
+            )
+            return beyond(gap)
         case Cylinder():
             level = np.hypot(x - solid.center[0], y - solid.center[1]) - solid.radius
         case Mesh():
             gap = np.maximum(solid.vertices.min(0) - points, points - solid.vertices.max(0))
-            return np.linalg.norm(np.maximum(gap, 0.0), axis=-1)
+            return beyond(gap)
         case _:
             shadow = solid.shadow(np.inf)
             assert shadow is not None
             level = shapely.distance(shadow.core, shapely.points(np.stack([x, y], axis=-1)))
     low, high = solid.z_range
-    return np.hypot(np.maximum(level, 0.0), np.maximum(np.maximum(low - z, z - high), 0.0))
+    return beyond(np.stack([level, low - z, z - high], axis=-1))
+
+
+def beyond(excess: Array) -> Array:
+    """Distances from how far points lie beyond faces that stand square to each other or back to back."""
+    distance: Array = np.linalg.norm(np.maximum(excess, 0.0), axis=-1)
+    return distance
 
 
 def sampled(bodies: Bodies, base: Array, joints: Array) -> Array:
@@ -162,10 +175,11 @@ def test_nearest_agrees_with_points_of_the_solids(name: str) -> None:
     for b, q, expected in zip(base, joints, sampled(bodies, base, joints), strict=True):
         touch = nearest(bodies, b, q)
         kinds.add(touch.kind)
-        assert touch.distance <= max(expected, -0.2) + 1e-6 or expected < -0.01
-        assert touch.distance >= expected - 2 * GRAIN or touch.distance <= 0
         if expected < -1e-6:
             assert touch.distance < 0
+        else:
+            assert touch.distance <= expected + 1e-6
+            assert touch.distance >= expected - 2 * GRAIN or touch.distance <= 0
     assert kinds >= ({"obstacle", "self"} if name == "youbot" else {"obstacle", "self", "base"})
 
 
@@ -306,7 +320,7 @@ def test_what_is_proven_clear_is_clear_in_every_sample(name: str) -> None:
         assert sampled(bodies, base, joints).min() >= MARGIN - 1e-6
         for k in range(0, 500, 25):
             assert nearest(bodies, base[k], joints[k]).distance >= MARGIN - 1e-6
-    assert 25 < clear < 95
+    assert 10 < clear < 95
 
 
 @pytest.mark.parametrize("name", ROBOTS)
@@ -364,7 +378,7 @@ def test_the_base_turns_the_shorter_way() -> None:
 
 def test_the_arm_folds_onto_its_base_and_onto_itself() -> None:
     bodies = bodies_from(robot_named("youbot-real"), [])
-    down = np.radians([0.0, 20.0, -90.0, 90.0, 0.0])
+    down = np.radians([180.0, 0.0, -60.0, 90.0, 0.0])
     touch = motion_clear(bodies, [0, 0, 0], UP, [5, 5, 2], down, 0.0)
     assert touch is not None
     assert touch.kind == "base"
@@ -402,7 +416,9 @@ def test_the_last_link_may_touch_what_it_works_on(mesh: bool) -> None:
     touch = motion_clear(bodies, start, AHEAD, [x, 0, 0], AHEAD, MARGIN)
     assert touch is not None
     assert (touch.kind, touch.other, touch.solid) == ("obstacle", 1, 3)
-    assert nearest(bodies, [x, 0, 0], AHEAD, contact=contact).distance > 0.1
+    free = nearest(bodies, [x, 0, 0], AHEAD, contact=contact)
+    assert free.kind == "self"
+    assert free.distance == pytest.approx(0.135 - 0.07)
     assert nearest(bodies, [x, 0, 0], AHEAD).distance < 0
     assert solid_clear(bodies, [x, 0, 0], AHEAD, 3, MARGIN, contact=contact)
     assert not solid_clear(bodies, [x, 0, 0], AHEAD, 3, MARGIN)
@@ -469,7 +485,7 @@ def test_a_mesh_is_as_clear_as_the_box_it_draws(name: str) -> None:
         verdicts.append(one is None)
         near = nearest(mesh, a, qa)
         assert near.distance == pytest.approx(nearest(box, a, qa).distance, abs=1e-6)
-    assert 10 < sum(verdicts) < 55
+    assert 5 < sum(verdicts) < 55
 
 
 def test_touching_at_no_margin_ends_and_is_not_clear() -> None:

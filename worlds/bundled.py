@@ -138,5 +138,12 @@ def _bare_arm(name: str) -> Robot:
     chain = chain_from_dh([(*row, -inf, inf) for row in _ARMS[name]])
     carry = np.radians(_CARRY[name])
     return Robot(
-        name, "omni", np.zeros((1, 2)), np.zeros(4), chain, capsules_along(chain, ARM_RADIUS), BODY_HEIGHT, carry
+        name,
+        "omni",
+        np.zeros((1, 2)),
+        np.zeros(4),
+        chain,
+        capsules_along(chain, ARM_RADIUS),
+        BODY_HEIGHT,
+        carry,
     )

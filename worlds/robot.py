@@ -145,14 +145,15 @@ class Robot:
             x, y [m], yaw [rad].
         joints : (..., dof) array_like
         """
-        return self._T_world_arm(np.asarray(base))[..., None, :, :] @ self.chain.frames(joints)
+        return self.T_world_arm(np.asarray(base))[..., None, :, :] @ self.chain.frames(joints)
 
     def tool(self, base: ArrayLike, joints: ArrayLike) -> Array:
         """Tool frame in the world, (..., 4, 4)."""
         frame: Array = self.frames(base, joints)[..., -1, :, :]
         return frame
 
-    def _T_world_arm(self, base: Array) -> Array:
+    def T_world_arm(self, base: Array) -> Array:
+        """Arm base frame in the world, (..., 4, 4), for base poses (..., 3)."""
         T_world_base = np.zeros((*base.shape[:-1], 4, 4))
         c, s = np.cos(base[..., 2]), np.sin(base[..., 2])
         T_world_base[..., 0, 0], T_world_base[..., 0, 1] = c, -s

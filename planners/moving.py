@@ -1,0 +1,200 @@
+"""Solids of links, what they keep away from, and a motion between two states, as values for kernels."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from regionik.planners.flat import Index, compiled
+from regionik.planners.serial import SerialArm, chain_frames
+from regionik.worlds.arrays import Array
+
+WORLD, BASE = -2, -1  # frames of hulls that no link carries
+
+
+class Movers(NamedTuple):
+    """The solids of links: all points within ``radius`` of the hulls of corners in the links' frames.
+
+    Attributes
+    ----------
+    corners : (c, 3) array
+        [m]
+    first : (n + 1,) array of int
+        Solid k has corners ``first[k]:first[k + 1]``.
+    radius : (n,) array
+        [m]
+    link : (n,) array of int
+    outermost : (n,) array of bool
+        Of the last link that has a solid.
+    meets : (n, o) array of bool
+        Which of the o hulls behind those of the world a solid may run into.
+    """
+
+    corners: Array
+    first: Index
+    radius: Array
+    link: Index
+    outermost: NDArray[np.bool_]
+    meets: NDArray[np.bool_]
+
+
+class Hulls(NamedTuple):
+    """What links keep away from: all points within a disc (level) and a ball of the hulls of corners.
+
+    The surface of a mesh is a row for its hull, which only bounds it, and a row for each triangle.
+
+    Attributes
+    ----------
+    corners : (c, 3) array
+        [m]
+    first : (m + 1,) array of int
+    disc, ball : (m,) array
+        [m]
+    frame : (m,) array of int
+        Link that carries the hull, ``BASE`` or ``WORLD``; those of the world come first.
+    owner : (m,) array of int
+        Obstacle, part of the base (0), or solid of a link.
+    next : (m,) array of int
+        Row to go on with where this one is clear: beyond the triangles if it bounds some.
+    boxes : (m, 2, 3) array
+        Low and high along the axes of the hull's frame, disc and ball included [m].
+    world : int
+        Rows of the world.
+    """
+
+    corners: Array
+    first: Index
+    disc: Array
+    ball: Array
+    frame: Index
+    owner: Index
+    next: Index
+    boxes: Array
+    world: int
+
+
+class Hop(NamedTuple):
+    """A motion between two states."""
+
+    base: Array  # (3,) x, y [m], yaw [rad]
+    drive: Array  # (3,) what is added to it
+    joints: Array  # (dof,)
+    bend: Array  # (dof,) what is added to them
+
+
+class Exempt(NamedTuple):
+    """Where the outermost solids may touch an obstacle: the tool within ``reach`` of a spot it owns."""
+
+    spots: Array  # (n, 3) [m]
+    owner: Index  # (n,)
+    reach: float  # [m]
+
+
+@compiled
+def place(arm: SerialArm, mount: Array, hop: Hop, s: float, frame: int, frames: Array) -> None:
+    """Write the frames of links and tool at part s of a hop, seen from a link, the base or the world."""
+    chain_frames(arm, hop.joints + s * hop.bend, frames)
+    X = np.zeros((3, 4))
+    if frame >= 0:
+        for i in range(3):
+            for j in range(3):
+                X[i, j] = frames[frame, j, i]
+                X[i, 3] -= frames[frame, j, i] * frames[frame, j, 3]
+    elif frame == BASE:
+        X[:] = mount[:3]
+    else:
+        yaw = hop.base[2] + s * hop.drive[2]
+        c, z = math.cos(yaw), math.sin(yaw)
+        for j in range(4):
+            X[0, j] = c * mount[0, j] - z * mount[1, j]
+            X[1, j] = z * mount[0, j] + c * mount[1, j]
+            X[2, j] = mount[2, j]
+        X[0, 3] += hop.base[0] + s * hop.drive[0]
+        X[1, 3] += hop.base[1] + s * hop.drive[1]
+    column = np.empty(3)
+    for k in range(len(frames)):
+        for j in range(4):
+            for i in range(3):
+                column[i] = frames[k, i, j]
+            for i in range(3):
+                turned = X[i, 0] * column[0] + X[i, 1] * column[1] + X[i, 2] * column[2]
+                frames[k, i, j] = turned + (X[i, 3] if j == 3 else 0.0)
+
+
+@compiled
+def put(frame: Array, points: Array, out: Array) -> None:
+    """Write points (n, 3) of a frame, seen from where the frame is seen."""
+    for k in range(len(points)):
+        for i in range(3):
+            out[k, i] = (
+                frame[i, 0] * points[k, 0]
+                + frame[i, 1] * points[k, 1]
+                + frame[i, 2] * points[k, 2]
+                + frame[i, 3]
+            )
+
+
+@compiled
+def pace(arm: SerialArm, mount: Array, hop: Hop, link: int, frame: int, points: Array) -> tuple[float, float]:
+    """Most speed [m per hop] and acceleration [m per hop^2] of points fixed to a link, seen from a frame.
+
+    Frame by frame from the link inwards: a joint that turns at rate w under a point that moves at speed v at
+    a distance r of its axis adds w^2 r + 2 w v to the acceleration and w r to the speed.
+    """
+    far, lever = 0.0, 0.0  # from the joint's origin, and from its axis
+    x, y, z = arm.axis[link, 0], arm.axis[link, 1], arm.axis[link, 2]
+    for p in points:
+        square = p[0] * p[0] + p[1] * p[1] + p[2] * p[2]
+        along = x * p[0] + y * p[1] + z * p[2]
+        far = max(far, math.sqrt(square))
+        lever = max(lever, math.sqrt(max(0.0, square - along * along)))
+    speed, acceleration = 0.0, 0.0
+    for k in range(link, max(frame, BASE), -1):
+        rate = abs(hop.bend[k])
+        if arm.revolute[k]:
+            acceleration += rate * rate * lever + 2 * rate * speed
+            speed += rate * lever
+        else:
+            speed += rate
+            far += max(abs(hop.joints[k]), abs(hop.joints[k] + hop.bend[k]))
+        step = arm.fixed[k]
+        far += math.sqrt(step[0, 3] ** 2 + step[1, 3] ** 2 + step[2, 3] ** 2)
+        lever = far
+    if frame == WORLD:
+        rate = abs(hop.drive[2])
+        lever = far + math.hypot(mount[0, 3], mount[1, 3])
+        acceleration += rate * rate * lever + 2 * rate * speed
+        speed += rate * lever + math.hypot(hop.drive[0], hop.drive[1])
+    return speed, acceleration
+
+
+@compiled
+def twist(
+    arm: SerialArm, hop: Hop, frames: Array, s: float, link: int, frame: int, V: Array, W: Array
+) -> None:
+    """Write how a link moves, seen from a frame: a point p of it has velocity V + W x p [m per hop]."""
+    V[:] = 0.0
+    W[:] = 0.0
+    if frame == WORLD:
+        W[2] = hop.drive[2]
+        V[0] = hop.drive[0] + W[2] * (hop.base[1] + s * hop.drive[1])
+        V[1] = hop.drive[1] - W[2] * (hop.base[0] + s * hop.drive[0])
+    w = np.empty(3)
+    for k in range(max(frame, BASE) + 1, link + 1):
+        T = frames[k]
+        for i in range(3):
+            w[i] = hop.bend[k] * (
+                T[i, 0] * arm.axis[k, 0] + T[i, 1] * arm.axis[k, 1] + T[i, 2] * arm.axis[k, 2]
+            )
+        if arm.revolute[k]:
+            for i in range(3):
+                W[i] += w[i]
+            V[0] += T[1, 3] * w[2] - T[2, 3] * w[1]
+            V[1] += T[2, 3] * w[0] - T[0, 3] * w[2]
+            V[2] += T[0, 3] * w[1] - T[1, 3] * w[0]
+        else:
+            for i in range(3):
+                V[i] += w[i]

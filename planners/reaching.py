@@ -1,0 +1,219 @@
+"""The loop over FABRIK-R passes: give up what stalls, start again elsewhere, polish; compiled."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from regionik.planners.bodies import Bodies
+from regionik.planners.fabrikr import (
+    Posture,
+    backward_pass,
+    forward_pass,
+    forward_start_posed,
+    forward_step,
+    posture_of,
+)
+from regionik.planners.flat import compiled
+from regionik.planners.kernels import wrap
+from regionik.planners.polish import DIRECTION, POSITION, Aim, misses, polish
+from regionik.planners.serial import rotate_about
+from regionik.worlds.arrays import Array
+
+WINDOW = 5  # passes over which progress is judged
+PATIENCE = 40  # passes that a start may still need at its present pace
+MOST_STEPS = 200  # of polishing
+
+
+class Effort(NamedTuple):
+    """When to be content and when to give up.
+
+    Attributes
+    ----------
+    tolerance, angle_tolerance : float
+        [m], [rad]
+    most_passes : int
+        From each start.
+    reach : float
+        Length of the arm [m].
+    polishing : bool
+    """
+
+    tolerance: float
+    angle_tolerance: float
+    most_passes: int
+    reach: float
+    polishing: bool
+
+
+@compiled
+def solve(
+    bodies: Bodies, aim: Aim, starts: Array, effort: Effort, joints: Array
+) -> tuple[float, float, int, int, bool]:
+    """Bring the tool to its aim: passes from ``joints``, then from each of ``starts``, then polishing.
+
+    Parameters
+    ----------
+    bodies : Bodies
+        Pointing ones for a position, posing ones for more.
+    starts : (r, n) array
+        Postures to start again from.
+    joints : (dof,) array
+        Start, within limits; overwritten with the answer, or with the nearest posture found. Joints beyond
+        the bodies' n keep their values.
+
+    Returns
+    -------
+    error [m], angle error [rad], passes in all, restarts, whether it was polished
+    """
+    n, count = len(bodies.slide), len(starts) + 1
+    ends = np.empty((2 * count - 1, n))
+    ends[count:] = starts  # for polishing: passes may lead every start into one corner of the limits
+    best, best_error, best_angle, passes = np.inf, np.inf, np.inf, 0
+    answer = np.empty(n)
+    for i in range(count):
+        ends[i] = joints[:n] if i == 0 else starts[i - 1]
+        error, angle, used = reach(bodies, aim, effort, ends[i], i == count - 1)
+        passes += used
+        share = _share(error, angle, effort)
+        if share < best:
+            best, best_error, best_angle = share, error, angle
+            answer[:] = ends[i]
+        if share <= 1.0:
+            _unwind(bodies, answer, joints)
+            return error, angle, passes, i, False
+    for i in range(len(ends) if effort.polishing else 0):
+        error, angle, _ = polish(
+            bodies.arm, aim, ends[i], effort.reach, effort.tolerance, effort.angle_tolerance, MOST_STEPS
+        )
+        share = _share(error, angle, effort)
+        if share < best:
+            best, best_error, best_angle = share, error, angle
+            answer[:] = ends[i]
+        if share <= 1.0:
+            break
+    _unwind(bodies, answer, joints)
+    return best_error, best_angle, passes, count - 1, effort.polishing
+
+
+@compiled
+def reach(
+    bodies: Bodies, aim: Aim, effort: Effort, joints: Array, to_the_end: bool
+) -> tuple[float, float, int]:
+    """Passes from one start; ``joints`` (n,) becomes the best posture met.
+
+    At its present pace a start may need `PATIENCE` passes more; the last one (``to_the_end``) is dropped
+    only when it makes no headway at all.
+    """
+    posture = posture_of(bodies, joints)
+    n, miss = len(posture.joints), np.empty(6)
+    trail = np.empty(effort.most_passes + 1)
+    best, best_error, best_angle, used = np.inf, np.inf, np.inf, 0
+    for used in range(effort.most_passes + 1):
+        error, angle = _tool(bodies, aim, posture, miss)
+        share = _share(error, angle, effort)
+        if share < best:
+            best, best_error, best_angle = share, error, angle
+            joints[:] = posture.joints
+        trail[used] = best
+        if best <= 1.0 or n < 1:
+            break
+        if used >= WINDOW + 2:
+            gain = np.log(trail[used - WINDOW] / best)
+            if gain <= 1e-4 or (not to_the_end and gain * PATIENCE < WINDOW * np.log(best)):
+                break
+        if used < effort.most_passes:
+            _pass(bodies, aim, posture)
+    return best_error, best_angle, used
+
+
+@compiled
+def _pass(bodies: Bodies, aim: Aim, posture: Posture) -> None:
+    """One iteration: in from the target, out from the root."""
+    if aim.kind == POSITION:
+        forward_pass(bodies, aim.position, posture)
+    else:
+        n = len(posture.joints)
+        turn = np.empty((3, 3))
+        _wanted_last(bodies, aim, posture, turn)
+        forward_start_posed(bodies, aim.position, turn, posture)
+        for k in range(n - 1, 0, -1):
+            forward_step(bodies, k, posture)
+    backward_pass(bodies, posture)
+
+
+@compiled
+def _wanted_last(bodies: Bodies, aim: Aim, posture: Posture, turn: Array) -> None:
+    """Orientation of the last link that the aim asks for; with a free roll the one nearest to the present."""
+    tool = bodies.arm.tool[:3, :3]
+    last, wanted = posture.turns[len(posture.joints) - 1], aim.turn
+    if aim.kind == DIRECTION:
+        now, miss, spin = _times(last, tool), np.empty(6), np.empty((3, 3))
+        misses((0.0, 0.0, 0.0), now, aim, miss)
+        angle = np.sqrt(miss[3] ** 2 + miss[4] ** 2 + miss[5] ** 2)
+        wanted = now
+        if angle > 0.0:
+            rotate_about(miss[3:] / angle, angle, spin)
+            wanted = _times(spin, now)
+    turn[:] = _times(wanted, tool.T)
+
+
+@compiled
+def _tool(bodies: Bodies, aim: Aim, posture: Posture, miss: Array) -> tuple[float, float]:
+    """What the tool misses [m], [rad]."""
+    n = len(posture.joints)
+    position = (posture.outer[n, 0], posture.outer[n, 1], posture.outer[n, 2])
+    turn = posture.turns[n - 1]
+    if aim.kind != POSITION:
+        turn = _times(turn, bodies.arm.tool[:3, :3])
+    return misses(position, turn, aim, miss)
+
+
+@compiled
+def _times(A: Array, B: Array) -> Array:
+    """A B, (3, 3)."""
+    out = np.zeros((3, 3))
+    for i in range(3):
+        for j in range(3):
+            for k in range(3):
+                out[i, j] += A[i, k] * B[k, j]
+    return out
+
+
+@compiled
+def _share(error: float, angle: float, effort: Effort) -> float:
+    """The larger of both misses as a share of its tolerance; rounding must not lift it over 1 later."""
+    return (1.0 + 1e-9) * max(error / effort.tolerance, angle / effort.angle_tolerance)
+
+
+@compiled
+def _unwind(bodies: Bodies, answer: Array, joints: Array) -> None:
+    """Write the answer; joints without limits by the turn nearest to where they were."""
+    for k in range(len(answer)):
+        value = answer[k]
+        if bodies.arm.revolute[k] and np.isinf(bodies.arm.lower[k]) and np.isinf(bodies.arm.upper[k]):
+            value = joints[k] + wrap(value - joints[k])
+        joints[k] = value
+
+
+@compiled
+def solve_batch(
+    bodies: Bodies,
+    positions: Array,
+    starts: Array,
+    effort: Effort,
+    joints: Array,
+    errors: Array,
+    counts: Array,
+) -> None:
+    """`solve` for many positions (m, 3); overwrites joints (m, dof), errors (m,), counts (m, 3).
+
+    A row of counts: passes, restarts, 1 where it was polished.
+    """
+    turn = np.eye(3)
+    for i in range(len(positions)):
+        aim = Aim(positions[i], POSITION, turn)
+        error, _, passes, restarts, polished = solve(bodies, aim, starts, effort, joints[i])
+        errors[i] = error
+        counts[i, 0], counts[i, 1], counts[i, 2] = passes, restarts, 1 if polished else 0

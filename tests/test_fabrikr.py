@@ -1,0 +1,314 @@
+"""FABRIK-R's passes: plain FABRIK in the plane, rigid bodies everywhere, the paper's tables."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from regionik.planners.bodies import bodies_of, pointing_bodies, posing_bodies
+from regionik.planners.fabrikr import (
+    backward_choice,
+    backward_pass,
+    backward_place,
+    backward_step,
+    forward_choice,
+    forward_pass,
+    forward_place,
+    forward_start,
+    held,
+    posture_of,
+)
+from regionik.planners.inverse import ArmSolver
+from regionik.planners.serial import serial_arm
+from regionik.worlds.arrays import Array
+from regionik.worlds.bundled import robot_named
+from regionik.worlds.chain import Chain, Joint, chain_from_dh, motion, rot_x, rot_y, rot_z, translation
+
+ARMS = ("hinge5", "dof10", "pioneer7")
+FREE = (-np.inf, np.inf)
+
+# Table 6: target [mm], calculated servo angles [deg], distance between the two [mm].
+TABLE_6 = (
+    ((-100, 200, 150), (72.0357, 232.9128, 43.3716, 69.2559, 172.3524, 223.2029, 138.845), 0.04),
+    ((0, 300, 200), (289.1147, 235.2849, 202.8857, 100.5722, 240.3555, 232.0421, 172.8121), 8.72),
+    ((300, 300, 100), (273.7206, 238.8962, 162.5669, 130.0883, 221.3856, 174.0569, 117.9238), 3.881),
+    ((300, 0, 150), (300.6636, 211.9604, 94.5865, 59.943, 96.6166, 188.9827, 181.7716), 1.894),
+    ((100, 200, 300), (149.8723, 159.8053, 273.1128, 60.5343, 224.4086, 216.4675, 150.1219), 0.002),
+    ((-200, -250, 100), (150.0939, 200.321, 114.4607, 75.1049, 130.3213, 180.7206, 169.4944), 0.181),
+    ((300, -250, 200), (174.1269, 212.2136, 210.1987, 83.6652, -0.226, 184.7386, 171.2706), 0.162),
+    ((100, -300, 50), (187.3628, 231.8674, 172.7498, 119.6384, 58.4168, 230.7213, 138.7609), 9.812),
+    ((-200, -300, 50), (146.0524, 229.3575, 113.6657, 109.732, 112.199, 192.1306, 141.2146), 0.022),
+    ((0, -300, 150), (133.0709, 239.5468, 138.8185, 121.5291, 320.9745, 260.8913, 223.0277), 2.807),
+)
+SIGNS = np.array([1, 1, 1, 1, 1, 1, -1])
+OFFSETS = np.array([-90, 180, 0, 180, 0, -90, 0])
+
+
+def odd_arm() -> Chain:
+    """Skew axes, offsets, a slide in the middle: nothing lines up."""
+    frames = [
+        translation(0.1, 0, 0.2) @ rot_z(0.4),
+        rot_x(1.3) @ translation(0.05, 0.02, 0.1),
+        translation(0, 0.3, 0.1) @ rot_y(-0.7),
+        translation(0.25, 0.03, 0) @ rot_x(0.8),
+        translation(0.2, 0, 0.05),
+        translation(0.0, 0.1, 0.1) @ rot_y(1.2),
+    ]
+    axes = [[0, 0, 1.0], [0, 0, 1.0], [1.0, 2.0, -1.0], [0, 1.0, 0], [0, 1.0, 0], [1.0, 0, 1.0]]
+    joints = [
+        Joint(f"j{k}", "prismatic" if k == 3 else "revolute", -0.5 if k == 3 else -3.0, 3.0, T, np.array(axis))
+        for k, (T, axis) in enumerate(zip(frames, axes, strict=True))
+    ]
+    return Chain(tuple(joints), translation(0.1, 0.05, 0.2) @ rot_y(0.5))
+
+
+def lifted_arm() -> Chain:
+    """A torso lift under the pioneer arm."""
+    arm = robot_named("pioneer7").chain
+    lift = Joint("lift", "prismatic", 0.0, 0.4, np.eye(4))
+    return Chain((lift, *arm.joints), arm.T_last_tool)
+
+
+CHAINS = {name: robot_named(name).chain for name in (*ARMS, "youbot")} | {
+    "odd": odd_arm(),
+    "lifted": lifted_arm(),
+}
+
+
+def with_limits(chain: Chain, limit: float) -> Chain:
+    return Chain(tuple(replace(joint, lower=-limit, upper=limit) for joint in chain.joints), chain.T_last_tool)
+
+
+def reachable(chain: Chain, count: int, seed: int) -> Array:
+    """Tool points of postures drawn evenly from the limits, or from a whole turn."""
+    lower, upper = np.maximum(chain.lower, -np.pi), np.minimum(chain.upper, np.pi)
+    q = np.random.default_rng(seed).uniform(lower, upper, (count, chain.dof))
+    points: Array = chain.forward(q)[:, :3, 3]
+    return points
+
+
+@pytest.mark.parametrize(
+    ("target", "iterations", "error"),
+    [((2.8, 2.8), 77, 9.863800e-4), ((2.4, 2.4), 7, 8.681949e-4), ((2.0, 2.0), 3, 4.956507e-4)],
+)
+def test_parallel_axes_are_plain_fabrik(target: tuple[float, float], iterations: int, error: float) -> None:
+    # Tao et al., row 1 of tables 1 to 3: four hinges, links of 1, straight along y.
+    bodies = pointing_bodies(chain_from_dh([(0, 0, 1, 0, *FREE)] * 4))
+    posture = posture_of(bodies, np.array([np.pi / 2, 0, 0, 0]))
+    goal, left = np.array([*target, 0.0]), [np.inf]
+    while left[-1] > 1e-3:
+        forward_pass(bodies, goal, posture)
+        backward_pass(bodies, posture)
+        left.append(float(np.linalg.norm(posture.outer[-1] - goal)))
+    assert len(left) - 1 == iterations
+    assert f"{left[-1]:.6e}" == f"{error:.6e}"
+    assert (np.diff(left) < 0).all()
+
+
+def test_one_pass_is_the_textbook_step() -> None:
+    bodies = pointing_bodies(chain_from_dh([(0, 0, length, 0, *FREE) for length in (1.0, 0.7, 0.5)]))
+    posture = posture_of(bodies, np.array([0.3, 0.4, -0.9]))
+    goal, points, d = np.array([0.9, 1.1, 0.0]), posture.outer.copy(), [1.0, 0.7, 0.5]
+    points[3] = goal
+    for i in (2, 1, 0):
+        points[i] = points[i + 1] + d[i] * (points[i] - points[i + 1]) / np.linalg.norm(points[i] - points[i + 1])
+    forward_pass(bodies, goal, posture)
+    np.testing.assert_allclose(posture.outer, points, atol=1e-14)
+    points[0] = 0.0
+    for i in (0, 1, 2):
+        points[i + 1] = points[i] + d[i] * (points[i + 1] - points[i]) / np.linalg.norm(points[i + 1] - points[i])
+    backward_pass(bodies, posture)
+    np.testing.assert_allclose(posture.outer, points, atol=1e-14)
+
+
+@pytest.mark.parametrize("name", CHAINS)
+@pytest.mark.parametrize("whole", [False, True], ids=["pointing", "posing"])
+def test_bodies_stay_rigid_and_within_limits(name: str, whole: bool) -> None:
+    chain = CHAINS[name]
+    bodies = posing_bodies(chain) if whole else pointing_bodies(chain)
+    n = len(bodies.slide)
+    rng = np.random.default_rng(1)
+    goals = reachable(chain, 20, 2)
+    for goal in goals:
+        q = rng.uniform(np.maximum(chain.lower, -3), np.minimum(chain.upper, 3))
+        posture = posture_of(bodies, q)
+        np.testing.assert_allclose(posture.outer[-1], chain.forward(q)[:3, 3], atol=1e-13)
+        for _ in range(3):
+            forward_pass(bodies, goal, posture)
+            np.testing.assert_array_equal(posture.outer[-1], goal)
+            for k in range(1, n):
+                turn = motion(chain.joints[k], posture.joints[k])
+                step = (bodies.arm.fixed[k] @ turn)[:3, :3]
+                np.testing.assert_allclose(posture.turns[k - 1] @ step, posture.turns[k], atol=1e-12)
+            backward_pass(bodies, posture)
+            q[:n] = posture.joints
+            assert (q >= chain.lower).all() and (q <= chain.upper).all()
+            np.testing.assert_allclose(posture.outer[-1], chain.forward(q)[:3, 3], atol=1e-12)
+            np.testing.assert_allclose(posture.turns, chain.frames(q)[:n, :3, :3], atol=1e-12)
+
+
+@pytest.mark.parametrize("name", CHAINS)
+def test_points_lie_on_their_axes_and_travel_with_both_bodies(name: str) -> None:
+    chain = CHAINS[name]
+    bodies = posing_bodies(chain)
+    q = np.linspace(0.1, 0.4, chain.dof)
+    posture, frames = posture_of(bodies, q), chain.frames(q)
+    for k in np.flatnonzero(bodies.arm.revolute):
+        axis = frames[k, :3, :3] @ chain.joints[k].axis
+        for point in (posture.outer[k], posture.inner[k]):
+            assert np.linalg.norm(np.cross(point - frames[k, :3, 3], axis)) < 1e-12
+
+
+@pytest.mark.parametrize("name", CHAINS)
+def test_single_steps_make_up_a_pass(name: str) -> None:
+    # A caller may replace a choice: here it replaces it by itself.
+    chain = CHAINS[name]
+    bodies, goal = pointing_bodies(chain), reachable(chain, 1, 5)[0]
+    start = np.clip(np.linspace(0.2, 0.5, chain.dof), chain.lower, chain.upper)
+    whole, single = posture_of(bodies, start), posture_of(bodies, start)
+    forward_pass(bodies, goal, whole)
+    backward_pass(bodies, whole)
+    forward_start(bodies, goal, single)
+    for k in range(len(single.joints) - 1, 0, -1):
+        forward_place(bodies, k, forward_choice(bodies, k, single), single)
+    for k in range(len(single.joints)):
+        value = backward_choice(bodies, k, single)
+        backward_place(bodies, k, value, single)
+        assert backward_step(bodies, k, posture_of(bodies, single.joints)) is not None
+    np.testing.assert_array_equal(whole.outer, single.outer)
+    np.testing.assert_array_equal(whole.joints, single.joints)
+
+
+def test_a_replaced_choice_is_what_the_rest_builds_on() -> None:
+    chain = robot_named("dof10").chain
+    bodies, goal = pointing_bodies(chain), reachable(chain, 1, 6)[0]
+    posture = posture_of(bodies, np.linspace(0.2, 0.5, 10))
+    forward_pass(bodies, goal, posture)
+    for k in range(10):
+        value = backward_choice(bodies, k, posture)
+        backward_place(bodies, k, value + (0.3 if k == 4 else 0.0), posture)
+    np.testing.assert_allclose(posture.outer[-1], chain.forward(posture.joints)[:3, 3], atol=1e-13)
+
+
+def test_equation_6_makes_the_next_axis_normal_to_the_line() -> None:
+    # hinge5: the pivot turns the hinges' common axis normal to the line to the first point beyond them.
+    chain = robot_named("hinge5").chain
+    bodies = pointing_bodies(chain)
+    assert bodies.outward_aim.tolist() == [-1, 2, 3, -1, 5]
+    assert bodies.outward_goal[0] == 4  # FIND_CONCURRENT passes over the parallel hinges
+    rng = np.random.default_rng(3)
+    for goal in reachable(chain, 20, 4):
+        posture = posture_of(bodies, rng.uniform(-3, 3, 5))
+        forward_pass(bodies, goal, posture)
+        line = posture.outer[4] - bodies.root
+        backward_step(bodies, 0, posture)
+        axis = posture.turns[0] @ bodies.next_axis[0]
+        assert abs(axis @ line) < 1e-12
+
+
+def test_hinges_and_pivots_that_meet_share_their_point() -> None:
+    bodies = pointing_bodies(robot_named("pioneer7").chain)
+    np.testing.assert_allclose(np.linalg.norm(bodies.outer, axis=1), [0, 0.15, 0, 0.145, 0, 0.075, 0.075], atol=1e-15)
+    np.testing.assert_allclose(bodies.root, [0, 0, 0.1489], atol=1e-15)
+    assert bodies.outward_aim[[1, 3]].tolist() == [2, 4]  # pivots point their links
+
+
+def test_joints_that_do_not_move_the_tool_point_are_left_out() -> None:
+    chain = robot_named("youbot").chain
+    assert len(pointing_bodies(chain).slide) == 4
+    assert len(posing_bodies(chain).slide) == 5
+
+
+@pytest.mark.parametrize(
+    ("wanted", "now", "lower", "upper", "expected"),
+    [
+        (0.5, 0.0, -1.0, 1.0, 0.5),
+        (2.0, 0.0, -1.0, 1.0, 1.0),
+        (-2.0, 0.0, -1.0, 1.0, -1.0),
+        (3.5, -2.5, -4.0, 4.0, 3.5 - 2 * np.pi),
+        (0.5, 6.0, -np.inf, np.inf, 0.5 + 2 * np.pi),
+        (0.5, 6.0, -np.inf, 6.1, 0.5),
+        (0.5, -6.0, -0.5, np.inf, 0.5),
+        (np.pi, 0.0, -1.0, 1.5, 1.5),
+    ],
+)
+def test_held(wanted: float, now: float, lower: float, upper: float, expected: float) -> None:
+    assert held(wanted, now, lower, upper) == pytest.approx(expected, abs=1e-12)
+
+
+@pytest.mark.parametrize(("target", "servos", "printed"), TABLE_6)
+def test_forward_kinematics_of_table_6(
+    target: tuple[int, int, int], servos: tuple[float, ...], printed: float
+) -> None:
+    chain = robot_named("pioneer7").chain
+    joints = np.radians(SIGNS * (np.array(servos) - 150) + OFFSETS)
+    error = 1000 * np.linalg.norm(chain.forward(joints)[:3, 3] - np.array(target) / 1000)
+    assert error == pytest.approx(printed, abs=0.002)
+
+
+def test_arms_of_the_paper() -> None:
+    tips = {name: robot_named(name).chain.forward(robot_named(name).carry)[:3, 3] for name in ARMS}
+    for name, height in (("hinge5", 0.34), ("dof10", 0.9), ("pioneer7", 0.5939)):
+        np.testing.assert_allclose(tips[name], [0, 0, height], atol=1e-12)
+
+
+def test_table_6_targets_are_met() -> None:
+    robot = robot_named("pioneer7")
+    targets = np.array([row[0] for row in TABLE_6]) / 1000
+    answers = ArmSolver(robot.chain, tolerance=1e-5).batch(targets, robot.carry)
+    assert answers.converged.all()
+    assert (np.linalg.norm(robot.chain.forward(answers.joints)[:, :3, 3] - targets, axis=1) <= 1e-5).all()
+
+
+def test_dof10_by_passes_alone() -> None:
+    # Paper: 20.4 iterations; start and target at least 600 mm apart.
+    chain = robot_named("dof10").chain
+    starts = np.random.default_rng(11).uniform(-np.pi, np.pi, (5000, 10))
+    targets = reachable(chain, 5000, 12)
+    far = np.flatnonzero(np.linalg.norm(chain.forward(starts)[:, :3, 3] - targets, axis=1) >= 0.6)[:200]
+    assert len(far) == 200
+    solver = ArmSolver(chain, tolerance=1e-6, polish=False)
+    answers = solver.batch(targets[far], starts[far])
+    assert answers.converged.all()
+    assert answers.iterations.mean() <= 5.0
+
+
+def test_hinge5() -> None:
+    # Paper: 19.5 iterations.
+    robot = robot_named("hinge5")
+    targets = reachable(robot.chain, 200, 0)
+    answers = ArmSolver(robot.chain, tolerance=1e-6).batch(targets, robot.carry)
+    assert answers.converged.all()
+    assert answers.iterations.mean() <= 23.0
+    passes = ArmSolver(robot.chain, tolerance=1e-6, restarts=40, polish=False).batch(targets, robot.carry)
+    assert passes.converged.sum() >= 199
+
+
+def test_pioneer7() -> None:
+    robot = robot_named("pioneer7")
+    targets = reachable(robot.chain, 200, 0)
+    rough = ArmSolver(robot.chain, tolerance=1e-2, polish=False).batch(targets, robot.carry)
+    assert rough.converged.all()
+    assert rough.iterations.mean() <= 2.0
+    assert ArmSolver(robot.chain, tolerance=1e-6).batch(targets, robot.carry).converged.all()
+
+
+@pytest.mark.parametrize("name", ARMS)
+def test_with_limits(name: str) -> None:
+    chain = with_limits(robot_named(name).chain, np.radians(150))
+    targets = reachable(chain, 1000, 1)
+    answers = ArmSolver(chain, tolerance=1e-5).batch(targets, np.zeros(chain.dof))
+    assert answers.converged.sum() >= 999
+    assert (np.abs(answers.joints) <= np.radians(150)).all()
+
+
+def test_a_single_prismatic_joint_follows_the_target() -> None:
+    lift = Chain((Joint("lift", "prismatic", -0.2, 0.5, np.eye(4)),), translation(0.3, 0, 0))
+    bodies = bodies_of(serial_arm(lift))
+    for height, expected in ((0.3, 0.3), (0.9, 0.5), (-1.0, -0.2)):
+        posture = posture_of(bodies, np.zeros(1))
+        forward_pass(bodies, np.array([0.3, 0.0, height]), posture)
+        backward_pass(bodies, posture)
+        assert posture.joints[0] == pytest.approx(expected, abs=1e-15)

@@ -1,0 +1,354 @@
+"""The solver of arms on a fixed base: every answer confirmed, every failure explained."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import ArrayLike
+
+from regionik.planners.inverse import ArmPosture, ArmSolver, Goal, aim_of
+from regionik.planners.polish import polish
+from regionik.planners.reaching import solve
+from regionik.planners.serial import serial_arm
+from regionik.worlds.arrays import Array
+from regionik.worlds.bundled import robot_named
+from regionik.worlds.chain import Chain, Joint, chain_from_dh, rot_z, translation
+from regionik.worlds.errors import InputError
+
+FREE = (-np.inf, np.inf)
+
+
+def six_axes() -> Chain:
+    """An industrial arm with a spherical wrist and limits."""
+    h = np.pi / 2
+    rows = [
+        (0, 0.4, 0.025, -h, -2.9, 2.9),
+        (0, 0, 0.455, 0, -2.3, 1.9),
+        (0, 0, 0.035, -h, -2.0, 2.7),
+        (0, 0.42, 0, h, -3.2, 3.2),
+        (0, 0, 0, -h, -2.1, 2.1),
+        (0, 0.08, 0, 0, -6.1, 6.1),
+    ]
+    return chain_from_dh(rows)
+
+
+def six_skewed() -> Chain:
+    """Six axes whose wrist does not meet in a point."""
+    h = np.pi / 2
+    rows = [
+        (0, 0.089, 0, h, -6.2, 6.2),
+        (0, 0, -0.425, 0, -6.2, 6.2),
+        (0, 0, -0.392, 0, -6.2, 6.2),
+        (0, 0.109, 0, h, -6.2, 6.2),
+        (0, 0.095, 0, -h, -6.2, 6.2),
+        (0, 0.082, 0, 0, -6.2, 6.2),
+    ]
+    return chain_from_dh(rows)
+
+
+def lifted() -> Chain:
+    """A torso lift under an arm of seven joints."""
+    lift = Joint("lift", "prismatic", 0.0, 0.4, np.eye(4))
+    arm = robot_named("pioneer7").chain
+    joints = tuple(replace(joint, lower=-2.6, upper=2.6) for joint in arm.joints)
+    return Chain((lift, *joints), arm.T_last_tool)
+
+
+def telescope() -> Chain:
+    """A pivot, a hinge, a sliding boom and a wrist."""
+    turn = robot_named("hinge5").chain.joints[1].T_parent_joint
+    joints = (
+        Joint("pivot", "revolute", -3.0, 3.0, np.eye(4)),
+        Joint("hinge", "revolute", -1.5, 0.5, turn),
+        Joint("boom", "prismatic", 0.2, 0.9, np.eye(4), np.array([1.0, 0, 0])),
+        Joint("wrist", "revolute", -2.0, 2.0, translation(0.1, 0, 0)),
+    )
+    return Chain(joints, translation(0.2, 0.0, 0.0))
+
+
+def planar(*lengths: float) -> Chain:
+    return chain_from_dh([(0, 0, length, 0, *FREE) for length in lengths])
+
+
+CHAINS = {
+    "youbot": robot_named("youbot").chain,
+    "pioneer7": robot_named("pioneer7").chain,
+    "dof10": robot_named("dof10").chain,
+    "six_axes": six_axes(),
+    "six_skewed": six_skewed(),
+    "lifted": lifted(),
+    "telescope": telescope(),
+}
+POSES = ("pioneer7", "dof10", "six_axes", "six_skewed", "lifted")
+
+
+def postures(chain: Chain, count: int, seed: int) -> Array:
+    lower, upper = np.maximum(chain.lower, -np.pi), np.minimum(chain.upper, np.pi)
+    return np.random.default_rng(seed).uniform(lower, upper, (count, chain.dof))
+
+
+def home(chain: Chain) -> Array:
+    return np.clip(np.zeros(chain.dof), chain.lower, chain.upper)
+
+
+def angle_between(a: Array, b: Array) -> float:
+    return float(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b))
+
+
+def check(chain: Chain, solver: ArmSolver, goal: Goal, answer: ArmPosture) -> None:
+    """What holds of every answer, found or not."""
+    tool = chain.forward(answer.joints)
+    assert np.isfinite(answer.joints).all()
+    assert (answer.joints >= chain.lower).all() and (answer.joints <= chain.upper).all()
+    assert answer.error == pytest.approx(np.linalg.norm(tool[:3, 3] - goal.position), abs=1e-12)
+    angle = 0.0
+    if goal.direction is not None:
+        angle = angle_between(tool[:3, 2], goal.direction)
+    elif goal.orientation is not None:
+        turn = goal.orientation @ tool[:3, :3].T
+        angle = float(np.arccos(np.clip(0.5 * (np.trace(turn) - 1), -1, 1)))
+    assert answer.angle_error == pytest.approx(angle, abs=1e-6)
+    within = answer.error <= solver.effort.tolerance and answer.angle_error <= solver.effort.angle_tolerance
+    assert answer.converged == within
+    assert bool(answer.reason) != answer.converged
+    assert "\n" not in answer.reason
+    assert answer.steps[0] == "passes"
+
+
+@pytest.mark.parametrize("name", CHAINS)
+def test_positions(name: str) -> None:
+    chain = CHAINS[name]
+    solver = ArmSolver(chain, tolerance=1e-6)
+    targets = chain.forward(postures(chain, 300, 1))[:, :3, 3]
+    answers = solver.batch(targets, home(chain))
+    assert answers.converged.all()
+    errors = np.linalg.norm(chain.forward(answers.joints)[:, :3, 3] - targets, axis=1)
+    assert (errors <= 1e-6).all()
+    assert (answers.joints >= chain.lower).all() and (answers.joints <= chain.upper).all()
+
+
+@pytest.mark.parametrize("name", POSES)
+@pytest.mark.parametrize("whole", [False, True], ids=["direction", "orientation"])
+def test_poses(name: str, whole: bool) -> None:
+    chain = CHAINS[name]
+    solver = ArmSolver(chain, tolerance=1e-5, angle_tolerance=1e-4)
+    met = 0
+    for T in chain.forward(postures(chain, 100, 2)):
+        goal = Goal(T[:3, 3], orientation=T[:3, :3]) if whole else Goal(T[:3, 3], direction=T[:3, 2])
+        answer = solver(goal, home(chain))
+        check(chain, solver, goal, answer)
+        met += answer.converged
+    assert met >= 98
+
+
+def test_the_roll_of_a_direction_is_free() -> None:
+    chain = CHAINS["pioneer7"]
+    T = chain.forward(postures(chain, 1, 3)[0])
+    solver = ArmSolver(chain, tolerance=1e-5, angle_tolerance=1e-5)
+    for roll in (0.0, 1.0, 2.0):
+        start = postures(chain, 1, 4)[0] + roll
+        answer = solver(Goal(T[:3, 3], direction=3.0 * T[:3, 2]), start)
+        assert answer.converged
+        assert angle_between(chain.forward(answer.joints)[:3, 2], T[:3, 2]) <= 1e-5
+
+
+@pytest.mark.parametrize("name", CHAINS)
+def test_same_bytes_every_time(name: str) -> None:
+    chain = CHAINS[name]
+    T = chain.forward(postures(chain, 20, 5))
+    runs = []
+    for _ in range(2):
+        solver = ArmSolver(chain, tolerance=1e-5, seed=3)
+        runs.append([solver(Goal(t[:3, 3], orientation=t[:3, :3]), home(chain)) for t in T])
+    for a, b in zip(*runs, strict=True):
+        assert a.joints.tobytes() == b.joints.tobytes()
+        assert (a.error, a.iterations, a.restarts, a.steps) == (b.error, b.iterations, b.restarts, b.steps)
+
+
+def test_batch_is_one_by_one() -> None:
+    chain = CHAINS["youbot"]
+    solver = ArmSolver(chain, tolerance=1e-6)
+    targets = chain.forward(postures(chain, 50, 6))[:, :3, 3]
+    starts = postures(chain, 50, 7)
+    together = solver.batch(targets, starts)
+    for i, (target, start) in enumerate(zip(targets, starts, strict=True)):
+        alone = solver(Goal(target), start)
+        assert alone.joints.tobytes() == together.joints[i].tobytes()
+        assert (alone.error, alone.iterations) == (together.error[i], together.iterations[i])
+        assert alone.converged == together.converged[i]
+
+
+def test_in_place_already_is_no_pass() -> None:
+    robot = robot_named("pioneer7")
+    T = robot.chain.forward(robot.carry)
+    for goal in (Goal(T[:3, 3]), Goal(T[:3, 3], direction=T[:3, 2]), Goal(T[:3, 3], orientation=T[:3, :3])):
+        answer = ArmSolver(robot.chain)(goal, robot.carry)
+        assert (answer.iterations, answer.steps, answer.converged) == (0, ("passes",), True)
+        np.testing.assert_array_equal(answer.joints, robot.carry)
+
+
+def test_joints_that_do_not_matter_stay() -> None:
+    chain = CHAINS["youbot"]
+    start = np.array([0.1, 1.0, 0.5, 1.0, 1.234])
+    target = chain.forward(postures(chain, 1, 8)[0])[:3, 3]
+    assert ArmSolver(chain)(Goal(target), start).joints[4] == 1.234
+
+
+def test_joints_without_limits_take_the_nearest_turn() -> None:
+    robot = robot_named("dof10")
+    start = robot.carry + 6 * np.pi
+    for target in robot.chain.forward(postures(robot.chain, 20, 9))[:, :3, 3]:
+        answer = ArmSolver(robot.chain)(Goal(target), start)
+        assert answer.converged
+        assert (np.abs(answer.joints - start) <= np.pi + 1e-12).all()
+
+
+def test_steps_tell_what_was_tried() -> None:
+    robot = robot_named("hinge5")
+    seen = set()
+    for target in robot.chain.forward(postures(robot.chain, 300, 0))[:, :3, 3]:
+        answer = ArmSolver(robot.chain, tolerance=1e-6, restarts=3)(Goal(target), robot.carry)
+        assert ("restarts" in answer.steps) == (answer.restarts > 0)
+        seen.add(answer.steps)
+    assert seen == {("passes",), ("passes", "restarts"), ("passes", "restarts", "polish")}
+
+
+def test_a_start_outside_the_limits_is_taken_into_them() -> None:
+    chain = CHAINS["youbot"]
+    answer = ArmSolver(chain)(Goal([0.3, 0.1, 0.3]), np.full(5, 9.0))
+    assert answer.converged
+    assert (answer.joints <= chain.upper).all()
+
+
+NO_LENGTH = planar(0.0, 0.0, 0.0)
+ONE = planar(1.0)
+STRAIGHT = np.array([np.pi / 2, 0, 0, 0])
+
+
+@pytest.mark.parametrize(
+    ("chain", "joints", "target", "reason"),
+    [
+        pytest.param(NO_LENGTH, [0, 0, 0], [0, 0, 0], "", id="no length, in place"),
+        pytest.param(NO_LENGTH, [0, 0, 0], [0.5, 0, 0], "0.5 m beyond", id="no length"),
+        pytest.param(planar(1, 0, 1), [0, 0, 0], [0.3, -0.7, 0], "", id="a link of no length"),
+        pytest.param(ONE, [0.3], [0, -1, 0], "", id="one joint"),
+        pytest.param(ONE, [0.0], [-1, 0, 0], "", id="one joint, half a turn"),
+        pytest.param(ONE, [0.3], [0, 0.5, 0], "0.5 m closer than the arm can fold", id="one joint, inside"),
+        pytest.param(ONE, [0.3], [0, 0, 0], "1 m closer than the arm can fold", id="one joint, at the root"),
+        pytest.param(ONE, [0.3], [0.8, 0, 0.6], "stalled", id="one joint, off its circle"),
+        pytest.param(planar(1, 1, 1, 1), STRAIGHT, [0, -3, 0], "", id="straight, aimed away"),
+        pytest.param(planar(1, 1, 1, 1), STRAIGHT, [0, 2, 0], "", id="straight, target on the arm"),
+        pytest.param(planar(1, 1, 1, 1), STRAIGHT, [0, 0, 0], "", id="at the root"),
+        pytest.param(planar(1, 1, 1, 1), STRAIGHT, [0, -4, 0], "", id="full stretch, behind"),
+        pytest.param(planar(1, 1, 1, 1), STRAIGHT, [2.4, 3.2, 0], "", id="full stretch"),
+        pytest.param(planar(1, 1, 1, 1), STRAIGHT, [0, 5, 0], "1 m beyond the arm's stretched", id="too far"),
+        pytest.param(planar(3, 1, 1), [0, 1, 1], [0.4, 0, 0], "0.6 m closer than", id="too near"),
+        pytest.param(planar(3, 1, 1), [0, 1, 1], [1, 0, 0], "", id="folded, just"),
+        pytest.param(planar(1, 1), [0, 0], [0, 0, 1], "stalled", id="off the plane"),
+        pytest.param(CHAINS["pioneer7"], np.zeros(7), [0, 0, 0.1489], "", id="pioneer, at its root"),
+        pytest.param(CHAINS["pioneer7"], np.zeros(7), [0, 0, -0.2961], "", id="pioneer, stretched down"),
+        pytest.param(CHAINS["youbot"], [0, 1, 0, 1, 0], [0.2, 0, -0.3], "past its limit", id="limits"),
+    ],
+)
+def test_degenerate(chain: Chain, joints: ArrayLike, target: ArrayLike, reason: str) -> None:
+    solver, goal = ArmSolver(chain), Goal(target)
+    answer = solver(goal, joints)
+    check(chain, solver, goal, answer)
+    assert answer.converged == (not reason)
+    assert reason in answer.reason
+
+
+def test_full_stretch_to_the_micrometre() -> None:
+    chain = planar(1, 1, 1, 1)
+    answer = ArmSolver(chain, tolerance=1e-6)(Goal([2.4, 3.2, 0]), STRAIGHT)
+    assert answer.converged
+
+
+def test_a_direction_that_cannot_be_met_is_named() -> None:
+    # The tool axis of a planar arm stays normal to the plane.
+    chain = planar(1, 1, 1)
+    solver, goal = ArmSolver(chain), Goal([1.5, 0.5, 0], direction=[1, 0, 1])
+    answer = solver(goal, [0.1, 0.2, 0.3])
+    check(chain, solver, goal, answer)
+    assert "position can be reached, but not in this direction" in answer.reason
+
+
+def test_a_lift_goes_where_the_arm_cannot() -> None:
+    chain = CHAINS["lifted"]
+    target = np.array([0.1, 0.1, 0.85])  # above what the arm alone reaches, 0.59 m
+    answer = ArmSolver(chain)(Goal(target), home(chain))
+    assert answer.converged
+    assert 0.2 < answer.joints[0] <= 0.4
+    far = ArmSolver(chain)(Goal([0, 0, 1.2]), home(chain))
+    assert "0.2061 m beyond the arm's stretched length" in far.reason
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    st.lists(st.floats(0.0, 1.0), min_size=1, max_size=5),
+    st.lists(st.sampled_from([0.0, np.pi / 2, -np.pi / 2, 0.7]), min_size=5, max_size=5),
+    st.tuples(*[st.floats(-3, 3)] * 3),
+)
+def test_never_nan_never_unexplained(lengths: list[float], twists: list[float], target: tuple[float, ...]) -> None:
+    chain = chain_from_dh([(0, 0, a, t, -2.5, 2.5) for a, t in zip(lengths, twists, strict=False)])
+    solver, goal = ArmSolver(chain, restarts=2), Goal(target)
+    check(chain, solver, goal, solver(goal, np.full(chain.dof, 0.2)))
+
+
+@pytest.mark.parametrize("name", POSES)
+def test_polishing_alone_from_nearby(name: str) -> None:
+    chain = CHAINS[name]
+    arm = serial_arm(chain)
+    for q in postures(chain, 20, 10):
+        T = chain.forward(q)
+        near = np.clip(q + 0.02, chain.lower, chain.upper)
+        aim = aim_of(Goal(T[:3, 3], orientation=T[:3, :3]))
+        error, angle, steps = polish(arm, aim, near, 1.0, 1e-8, 1e-8, 100)
+        assert error <= 1e-8 and angle <= 1e-8 and steps <= 30
+        np.testing.assert_allclose(chain.forward(near), T, atol=1e-7)
+
+
+def test_half_a_turn_away() -> None:
+    # The rotation vector is at its worst here.
+    chain = CHAINS["pioneer7"]
+    q = postures(chain, 1, 11)[0]
+    T = chain.forward(q)
+    for goal in (Goal(T[:3, 3], orientation=T[:3, :3] @ np.diag([1.0, -1, -1])), Goal(T[:3, 3], direction=-T[:3, 2])):
+        solver = ArmSolver(chain, restarts=0)
+        check(chain, solver, goal, solver(goal, q))
+
+
+def test_the_kernel_solves_without_the_facade() -> None:
+    chain = CHAINS["pioneer7"]
+    solver, q = ArmSolver(chain), np.zeros(7)
+    error, angle, passes, restarts, polished = solve(
+        solver.pointing, aim_of(Goal([0.2, 0.1, 0.3])), solver.starts, solver.effort, q
+    )
+    answer = solver(Goal([0.2, 0.1, 0.3]), np.zeros(7))
+    assert (passes, restarts, polished, angle) == (answer.iterations, 0, False, 0.0)
+    assert error == pytest.approx(answer.error, abs=1e-12)
+    np.testing.assert_array_equal(q, answer.joints)
+
+
+@pytest.mark.parametrize(
+    ("make", "expected"),
+    [
+        (lambda: Goal([0, 0]), "goal: position: expected 3"),
+        (lambda: Goal([0, 0, np.nan]), "goal: position: every number must be finite"),
+        (lambda: Goal([0, 0, 0], direction=[0, 0, 0]), "direction must not be zero"),
+        (lambda: Goal([0, 0, 0], orientation=2 * np.eye(3)), "must be a rotation matrix"),
+        (lambda: Goal([0, 0, 0], [0, 0, 1], rot_z(0)[:3, :3]), "a direction or an orientation, got both"),
+        (lambda: ArmSolver(ONE, tolerance=0.0), "tolerance: expected a number above 0"),
+        (lambda: ArmSolver(ONE, restarts=-1), "restarts: expected 0 or more"),
+        (lambda: ArmSolver(ONE)(Goal([1, 0, 0]), [0, 0]), "joints: expected 1"),
+        (lambda: ArmSolver(ONE).batch([[1, 0, 0]], [[0], [0]]), "joints: expected 1 rows"),
+        (lambda: ArmSolver(ONE).batch([1, 0, 0], [0]), "positions: expected n x 3"),
+    ],
+)
+def test_bad_input_is_named(make, expected: str) -> None:  # type: ignore[no-untyped-def]
+    with pytest.raises(InputError, match=expected):
+        make()
