@@ -63,6 +63,8 @@ class Bodies:
     hulls : Hulls
     pieces : tuple of Piece
         One for each row of ``hulls``, in its frame; triangles name their mesh.
+    clearance : float
+        What links keep from obstacles beyond what they keep from each other and the base [m].
     """
 
     robot: Robot
@@ -72,6 +74,7 @@ class Bodies:
     movers: Movers
     hulls: Hulls
     pieces: tuple[Piece, ...]
+    clearance: float
 
 
 class _Row(NamedTuple):
@@ -84,13 +87,15 @@ class _Row(NamedTuple):
     skips: int = 0  # rows of triangles that follow
 
 
-def bodies_from(robot: Robot, solids: Sequence[Solid]) -> Bodies:
+def bodies_from(robot: Robot, solids: Sequence[Solid], clearance: float = 0.0) -> Bodies:
     """Prepare a robot and obstacles for distance queries.
 
     Parameters
     ----------
     robot : Robot
     solids : sequence of Solid
+    clearance : float
+        Every margin asked for later is kept beyond this from obstacles [m].
 
     Returns
     -------
@@ -120,8 +125,9 @@ def bodies_from(robot: Robot, solids: Sequence[Solid]) -> Bodies:
         serial_arm(robot.chain),
         np.array(robot.T_base_arm),
         _movers(robot.solids, meets),
-        _hulls(rows, world),
+        _hulls(rows, world, clearance),
         tuple(row.piece for row in rows),
+        clearance,
     )
 
 
@@ -146,9 +152,10 @@ def _movers(solids: Sequence[LinkSolid], meets: NDArray[np.bool_]) -> Movers:
     )
 
 
-def _hulls(rows: Sequence[_Row], world: int) -> Hulls:
+def _hulls(rows: Sequence[_Row], world: int, clearance: float) -> Hulls:
     disc = np.array([row.piece.disc for row in rows])
     ball = np.array([row.piece.ball for row in rows])
+    ball[:world] += clearance
     low = np.array([row.corners.min(0) for row in rows]).reshape(-1, 3)
     high = np.array([row.corners.max(0) for row in rows]).reshape(-1, 3)
     grown = np.column_stack([disc + ball, disc + ball, ball])

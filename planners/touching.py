@@ -56,7 +56,7 @@ def nearest(
     contact : Contact, optional
         What may be touched is not looked at.
     within : float
-        Distance beyond which nothing is looked for [m].
+        Distance beyond which nothing is looked for; from obstacles, beyond the bodies' clearance [m].
 
     Returns
     -------
@@ -101,7 +101,7 @@ def solid_clear(
     """
     state = (base, joints)
     hop = _hop(bodies, state, state)
-    return _nearest(bodies, hop, np.array([k]), contact, margin).distance >= margin
+    return _nearest(bodies, hop, np.array([k]), contact, margin).solid < 0
 
 
 def motion_clear(
@@ -126,7 +126,8 @@ def motion_clear(
         x, y [m], yaw [rad].
     joints_a, joints_b : (dof,) array_like
     margin : float
-        From obstacles, of the robot's solids from each other, and from its own base; at least 0 [m].
+        Of the robot's solids from each other, from its own base, and from obstacles beyond the bodies'
+        clearance; at least 0 [m].
     contact : Contact, optional
         What may be touched while the tool is near.
 
@@ -166,6 +167,8 @@ def _nearest(bodies: Bodies, hop: Hop, which: Index, contact: Contact | None, wi
         if lower[k, m] >= min(best, within):
             break
         distance = _measure(bodies, hop, k, m)[0].distance
+        if m < bodies.hulls.world:
+            distance -= bodies.clearance
         if distance < min(best, within):
             best, at = distance, (k, m)
     if at[0] < 0:

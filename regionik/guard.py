@@ -17,7 +17,7 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Cause
 from regionik.worlds.scene import World
 
-SPARE = 5e-4  # kept beyond the arm's clearance, so that what is planned can be proven [m]
+SPARE = 5e-4  # kept beyond what the rules want, so that what is planned can be proven [m]
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,8 +30,6 @@ class Guard:
     bodies : Bodies
     contact : Contact
         Where the last link may touch.
-    margin : float
-        Distance that links keep [m].
     obstacles : Obstacles
         The world's solids alone, for one link at a time.
     """
@@ -39,7 +37,6 @@ class Guard:
     world: World
     bodies: Bodies
     contact: Contact
-    margin: float
     obstacles: Obstacles
 
     @property
@@ -48,37 +45,34 @@ class Guard:
         return self.world.rules.avoidance
 
     def touch(self, pose: Pose) -> Touch:
-        """What comes nearer to the arm than its margin."""
-        return nearest(self.bodies, pose.base, pose.joints, contact=self.contact, within=self.margin)
-
-    def allows(self, touch: Touch) -> bool:
-        """Whether a touch keeps the margin."""
-        return touch.distance >= self.margin
+        """What comes too near to the arm, of kind "none" where nothing does."""
+        return nearest(self.bodies, pose.base, pose.joints, contact=self.contact, within=SPARE)
 
     def clear(self, pose: Pose) -> bool:
-        """Whether every link keeps its margin."""
-        return not self.on or self.allows(self.touch(pose))
+        """Whether every link keeps clear."""
+        return not self.on or self.touch(pose).kind == "none"
 
     def stop(self, here: Pose, there: Pose) -> Touch | None:
         """What keeps the motion between two states from being proven clear."""
         if not self.on:
             return None
         a, b = (here.base, here.joints), (there.base, there.joints)
-        return motion_clear(self.bodies, *a, *b, self.margin, contact=self.contact)
+        return motion_clear(self.bodies, *a, *b, SPARE, contact=self.contact)
 
     def link_clear(self, link: int, T_world_link: Array, spot: Array) -> bool:
-        """Whether one link keeps its margin from the world's solids while the tool works at a spot."""
+        """Whether one link keeps clear of the world's solids while the tool works at a spot."""
+        margin = self.bodies.clearance + SPARE
         for solid in self.world.robot.solids:
             if solid.link != link:
                 continue
             corners = solid.corners @ T_world_link[:3, :3].T + T_world_link[:3, 3]
             low, high = corners.min(axis=0)[None, None], corners.max(axis=0)[None, None]
-            near = box_gaps(self.obstacles, low, high)[0] < solid.radius + self.margin
+            near = box_gaps(self.obstacles, low, high)[0] < solid.radius + margin
             if link == self._last:
                 near &= ~np.isin(self.obstacles.owner, self._owners(spot))
             for k in np.flatnonzero(near):
                 gap = hull_separation(self.obstacles.pieces[k], corners).distance - solid.radius
-                if gap < self.margin:
+                if gap < margin:
                     return False
         return True
 
@@ -107,19 +101,18 @@ class Guard:
 
     def cause(self, touch: Touch) -> Cause:
         """The touch as a cause of a failure; the margin is what is missing [m]."""
-        missing = self.margin - touch.distance
         if touch.kind == "obstacle":
-            return Cause("obstacle", self.other(touch), missing)
-        return Cause("self", self.other(touch), missing)
+            return Cause("obstacle", self.other(touch), max(0.0, self.bodies.clearance - touch.distance))
+        return Cause("self", self.other(touch), max(0.0, -touch.distance))
 
 
 @lru_cache(maxsize=8)
 def guard_of(world: World) -> Guard:
     """The guard of a world; kept for the last few worlds."""
-    bodies = bodies_from(world.robot, world.solids)
+    bodies = bodies_from(world.robot, world.solids, world.rules.arm_clearance)
     obstacles = obstacles_from(world.solids)
     contact = _contact(world, obstacles)
-    return Guard(world, bodies, contact, world.rules.arm_clearance + SPARE, obstacles)
+    return Guard(world, bodies, contact, obstacles)
 
 
 def _contact(world: World, obstacles: Obstacles) -> Contact:

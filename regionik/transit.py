@@ -19,7 +19,6 @@ from regionik.planners.sampling import State, connect
 from regionik.planners.touching import Touch
 from regionik.poses import LARGEST_BEND, Pose, turn_to
 from regionik.worlds.arrays import Array
-from regionik.worlds.errors import InputError
 from regionik.worlds.scene import World
 
 TURN_STRIDE = 0.1  # largest turn of the base between two states [rad]
@@ -109,9 +108,11 @@ class Carrier:
         a, b = (axis_of(self.world.robot, pose.base) for pose in (here, there))
         for berth in BERTHS:
             free = self.side.pieces[piece].buffer(-berth)
+            if free.is_empty:
+                return None
             try:
                 drive = self._along(here, there, self.driver.drive(free, a, b))
-            except (NoPathError, InputError):
+            except NoPathError:
                 return None
             if self._clear([here, *drive, there]):
                 return drive
