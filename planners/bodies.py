@@ -104,11 +104,24 @@ def bodies_of(arm: SerialArm) -> Bodies:
     goal = _concurrent(arm, next_axis, inner, last, -1)
     turns = [k for k in range(last) if arm.revolute[k]]
     planar = all(_parallel(arm, next_axis, k) for k in turns) and len(turns) == last
+    first = -1 if planar else goal
+    aims = [np.ascontiguousarray(column) for column in (*outward.T, *inward.T)]
     return Bodies(
-        arm, root, outer, inner, out - inn, next_axis,
-        *(np.ascontiguousarray(column) for pair in zip(outward.T, inward.T, strict=True) for column in pair),
-        last, -1 if planar else goal,
-    )  # fmt: skip
+        arm=arm,
+        root=root,
+        outer=outer,
+        inner=inner,
+        slide=out - inn,
+        next_axis=next_axis,
+        outward_aim=aims[0],
+        outward_plane=aims[1],
+        outward_goal=aims[2],
+        inward_aim=aims[3],
+        inward_plane=aims[4],
+        inward_goal=aims[5],
+        last=last,
+        start_goal=first,
+    )
 
 
 def span(arm: SerialArm) -> float:
@@ -160,7 +173,7 @@ def _rule(
         lo, hi = min(k, g), max(k, g)
         for i in range(lo + 1, hi + 1):
             turn = turn @ arm.fixed[i][:3, :3]
-        parallel = np.linalg.norm(np.cross(arm.axis[lo], turn @ arm.axis[hi])) <= PARALLEL
+        parallel = bool(np.linalg.norm(np.cross(arm.axis[lo], turn @ arm.axis[hi])) <= PARALLEL)
     else:
         body = k if way > 0 else g
         parallel = _parallel(arm, next_axis, body)
@@ -172,7 +185,7 @@ def _rule(
 
 
 def _concurrent(arm: SerialArm, next_axis: Array, links: Array, i: int, way: int) -> int:
-    """Algorithm 2, FIND_CONCURRENT: the first point beyond i that lies on a differing axis and off point i."""
+    """Algorithm 2, FIND_CONCURRENT: the first point beyond i, and off it, that lies on a differing axis."""
     n, length = len(arm.axis), span(arm)
     last = n if way > 0 else 0
     differs, apart, j = False, False, i

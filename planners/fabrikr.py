@@ -13,27 +13,22 @@ import numpy as np
 
 from regionik.planners.bodies import Bodies
 from regionik.planners.flat import compiled
-from regionik.planners.kernels import TWO_PI, wrap
 from regionik.planners.serial import rotate_about
+from regionik.planners.turns import NOTHING, held, planar_turn, pointing, product, product_back, turn_frame
 from regionik.planners.vectors import (
     Vector,
     across,
-    cross,
     dot,
     minus,
     norm,
     plus,
     put,
-    rotated,
     row,
     scaled,
     turned,
     turned_back,
 )
 from regionik.worlds.arrays import Array
-
-NOTHING = 1e-13  # lengths, and products of lengths, that are rounding and give no direction [m, m^2]
-TIE = 1e-9  # candidates this near to each other are equally good [m, rad]
 
 
 class Posture(NamedTuple):
@@ -113,17 +108,18 @@ def backward_choice(bodies: Bodies, k: int, posture: Posture) -> float:
     if not arm.revolute[k]:
         start = plus(here, turned(base, row(bodies.outer, k)))
         travel = dot(axis, minus(row(posture.outer, k + 1), start))
-        return min(max(travel, arm.lower[k]), arm.upper[k])
+        slid: float = min(max(travel, arm.lower[k]), arm.upper[k])
+        return slid
     aim = bodies.outward_aim[k]
     ahead = aim if aim >= 0 else bodies.outward_plane[k]
     link = turned(base, _span_out(bodies, k, ahead, posture.joints))
     if aim >= 0:
-        wanted = _pointing(axis, link, minus(row(posture.outer, aim), here), now)
+        wanted = pointing(axis, link, minus(row(posture.outer, aim), here), now)
         return held(wanted, now, arm.lower[k], arm.upper[k])
     normal = turned(base, _axis_out(bodies, k, ahead))
     line = minus(here, row(posture.outer, bodies.outward_goal[k]))
     nearest = minus(row(posture.outer, min(ahead + 1, len(posture.joints))), here)
-    return _planar_turn(axis, normal, line, link, nearest, now, arm.lower[k], arm.upper[k], 1.0)
+    return planar_turn(axis, normal, line, link, nearest, now, arm.lower[k], arm.upper[k], 1.0)
 
 
 @compiled
@@ -138,7 +134,7 @@ def backward_place(bodies: Bodies, k: int, value: float, posture: Posture) -> No
     if arm.revolute[k]:
         spin = np.empty((3, 3))
         rotate_about(arm.axis[k], value, spin)
-        _product(base, spin, turn)
+        product(base, spin, turn)
     else:
         turn[:] = base
         link = plus(link, scaled(row(arm.axis, k), value))
@@ -168,7 +164,7 @@ def forward_start(bodies: Bodies, target: Array, posture: Posture) -> None:
         line = minus(tool, row(posture.inner, goal))
         new_axis = across(axis, scaled(line, 1.0 / max(norm(line), NOTHING)))
     if min(norm(lever), norm(line), norm(new_axis)) > NOTHING:
-        _turn_frame(lever, axis, line, new_axis, turn)
+        turn_frame(lever, axis, line, new_axis, turn)
     put(posture.outer, n, tool)
     put(posture.inner, n, tool)
     place_behind(bodies, n - 1, posture)
@@ -193,15 +189,16 @@ def forward_choice(bodies: Bodies, k: int, posture: Posture) -> float:
     link = turned(posture.turns[k], _span_in(bodies, k, behind, posture.joints))
     if not arm.revolute[k]:
         travel = now + dot(axis, minus(plus(here, link), row(posture.inner, behind)))
-        return min(max(travel, arm.lower[k]), arm.upper[k])
+        slid: float = min(max(travel, arm.lower[k]), arm.upper[k])
+        return slid
     # Seen from body k, the body before it turns the other way.
     if aim >= 0:
-        wanted = -_pointing(axis, link, minus(row(posture.inner, aim), here), -now)
+        wanted = -pointing(axis, link, minus(row(posture.inner, aim), here), -now)
         return held(wanted, now, arm.lower[k], arm.upper[k])
     normal = turned(posture.turns[k], _axis_in(bodies, k, behind))
     line = minus(here, row(posture.inner, bodies.inward_goal[k]))
     nearest = minus(row(posture.inner, max(behind - 1, 0)), here)
-    return _planar_turn(axis, normal, line, link, nearest, now, arm.lower[k], arm.upper[k], -1.0)
+    return planar_turn(axis, normal, line, link, nearest, now, arm.lower[k], arm.upper[k], -1.0)
 
 
 @compiled
@@ -212,7 +209,7 @@ def forward_place(bodies: Bodies, k: int, value: float, posture: Posture) -> Non
     if arm.revolute[k]:
         spin, after = np.empty((3, 3)), np.empty((3, 3))
         rotate_about(arm.axis[k], -value, spin)
-        _product(turn, spin, after)
+        product(turn, spin, after)
         back[:] = after
     else:
         back[:] = turn
@@ -220,70 +217,8 @@ def forward_place(bodies: Bodies, k: int, value: float, posture: Posture) -> Non
         put(posture.inner, k, plus(row(posture.inner, k), shift))
         put(posture.outer, k, row(posture.inner, k))
     posture.joints[k] = value
-    _product_back(back, arm.fixed[k], posture.turns[k - 1])
+    product_back(back, arm.fixed[k], posture.turns[k - 1])
     place_behind(bodies, k - 1, posture)
-
-
-@compiled
-def held(wanted: float, now: float, lower: float, upper: float) -> float:
-    """The turn of ``wanted`` within the limits, nearest to ``now``; else the nearer limit."""
-    value = now + wrap(wanted - now)
-    if lower <= value <= upper:
-        return value
-    above = lower + (wanted - lower) % TWO_PI if np.isfinite(lower) else upper - (upper - wanted) % TWO_PI
-    if lower <= above <= upper:
-        return above
-    return upper if above - upper <= TWO_PI - (above - lower) else lower
-
-
-@compiled
-def _pointing(axis: Vector, link: Vector, line: Vector, now: float) -> float:
-    """Turn about ``axis`` that points ``link`` along ``line`` as far as it can; ``now`` where none does."""
-    link, line = across(link, axis), across(line, axis)
-    c, s = dot(link, line), dot(axis, cross(link, line))
-    if np.hypot(c, s) <= NOTHING * norm(link):
-        return now
-    angle: float = np.arctan2(s, c)
-    return angle
-
-
-@compiled
-def _planar_turn(
-    axis: Vector,
-    normal: Vector,
-    line: Vector,
-    link: Vector,
-    nearest: Vector,
-    now: float,
-    lower: float,
-    upper: float,
-    sense: float,
-) -> float:
-    """Eq. (6): the turn about ``axis`` that makes ``normal`` normal to ``line``; ``link`` ends near ``nearest``.
-
-    Of two roots the one within the limits wins, then the one of the smallest circumference (link end
-    nearest to the next point), then the smaller turn. Where there is no root, the closest approach.
-    """
-    K1, K2 = dot(line, normal), dot(axis, normal) * dot(line, axis)
-    a, K3 = K1 - K2, dot(line, cross(axis, normal))
-    R = np.hypot(a, K3)
-    if R <= NOTHING:
-        return held(now, now, lower, upper)
-    delta = np.arctan2(K3, a)
-    half = np.arctan2(np.sqrt(max(0.0, (R - K2) * (R + K2))), -K2)
-    best, best_out, best_gap, best_turn = now, np.inf, np.inf, np.inf
-    for side in (1.0, -1.0):
-        wanted = sense * (delta + side * half)
-        value = held(wanted, now, lower, upper)
-        out = abs(wrap(value - wanted))
-        gap = norm(minus(rotated(axis, sense * value, link), nearest))
-        turn = abs(value - now)
-        better = out < best_out - TIE
-        if not better and out <= best_out + TIE:
-            better = gap < best_gap - TIE or (gap <= best_gap + TIE and turn < best_turn)
-        if better:
-            best, best_out, best_gap, best_turn = value, out, gap, turn
-    return best
 
 
 @compiled
@@ -292,7 +227,7 @@ def _joint_turn(bodies: Bodies, k: int, posture: Posture, out: Array) -> None:
     if k == 0:
         out[:] = bodies.arm.fixed[0, :3, :3]
     else:
-        _product(posture.turns[k - 1], bodies.arm.fixed[k], out)
+        product(posture.turns[k - 1], bodies.arm.fixed[k], out)
 
 
 @compiled
@@ -318,7 +253,7 @@ def _span_out(bodies: Bodies, k: int, ahead: int, joints: Array) -> Vector:
 
 @compiled
 def _span_in(bodies: Bodies, k: int, behind: int, joints: Array) -> Vector:
-    """From the inner point of axis k to that of axis ``behind``, over slides, in link k's frame at joint value 0."""
+    """Inner point of axis k to that of axis ``behind``, over slides, with link k at joint value 0."""
     arm = bodies.arm
     v = (0.0, 0.0, 0.0)
     for i in range(behind, k):
@@ -345,32 +280,3 @@ def _axis_in(bodies: Bodies, k: int, behind: int) -> Vector:
     for i in range(behind, k):
         v = turned_back(bodies.arm.fixed[i + 1], v)
     return v
-
-
-@compiled
-def _turn_frame(x: Vector, z: Vector, new_x: Vector, new_z: Vector, turn: Array) -> None:
-    """Turn ``turn`` (3, 3) as that takes the directions x, z (at right angles) to new_x, new_z."""
-    x, z = scaled(x, 1.0 / norm(x)), scaled(z, 1.0 / norm(z))
-    new_x, new_z = scaled(new_x, 1.0 / norm(new_x)), scaled(new_z, 1.0 / norm(new_z))
-    y, new_y = cross(z, x), cross(new_z, new_x)
-    for j in range(3):
-        column = (turn[0, j], turn[1, j], turn[2, j])
-        a, b, c = dot(x, column), dot(y, column), dot(z, column)
-        for i in range(3):
-            turn[i, j] = a * new_x[i] + b * new_y[i] + c * new_z[i]
-
-
-@compiled
-def _product(A: Array, B: Array, out: Array) -> None:
-    """A B of the 3 x 3 parts."""
-    for i in range(3):
-        for j in range(3):
-            out[i, j] = A[i, 0] * B[0, j] + A[i, 1] * B[1, j] + A[i, 2] * B[2, j]
-
-
-@compiled
-def _product_back(A: Array, B: Array, out: Array) -> None:
-    """A B^T of the 3 x 3 parts."""
-    for i in range(3):
-        for j in range(3):
-            out[i, j] = A[i, 0] * B[j, 0] + A[i, 1] * B[j, 1] + A[i, 2] * B[j, 2]

@@ -123,7 +123,7 @@ def _weigh(tool: Array, kind: int, weight: float, J: Array) -> None:
 def _limited_step(
     arm: SerialArm, J: Array, miss: Array, rows: int, damping: float, joints: Array, step: Array
 ) -> None:
-    """Damped least squares step (n,); joints that would leave their limits are held and the rest solved again."""
+    """Damped least squares step (n,); joints that would leave their limits are held, then the rest solved."""
     n = len(joints)
     free, A, y = np.ones(n, dtype=np.bool_), np.empty((rows, rows)), np.empty(rows)
     for _ in range(n + 1):

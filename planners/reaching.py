@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from regionik.planners.bodies import Bodies
 from regionik.planners.fabrikr import (
@@ -107,7 +108,7 @@ def reach(
     only when it makes no headway at all.
     """
     posture = posture_of(bodies, joints)
-    n, miss = len(posture.joints), np.empty(6)
+    miss = np.empty(6)
     trail = np.empty(effort.most_passes + 1)
     best, best_error, best_angle, used = np.inf, np.inf, np.inf, 0
     for used in range(effort.most_passes + 1):
@@ -117,7 +118,7 @@ def reach(
             best, best_error, best_angle = share, error, angle
             joints[:] = posture.joints
         trail[used] = best
-        if best <= 1.0 or n < 1:
+        if best <= 1.0:
             break
         if used >= WINDOW + 2:
             gain = np.log(trail[used - WINDOW] / best)
@@ -205,7 +206,7 @@ def solve_batch(
     effort: Effort,
     joints: Array,
     errors: Array,
-    counts: Array,
+    counts: NDArray[np.int64],
 ) -> None:
     """`solve` for many positions (m, 3); overwrites joints (m, dof), errors (m,), counts (m, 3).
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from regionik.planners.inverse import ArmSolver
 from regionik.worlds.chain import Chain
-from regionik.worlds.upright import span_of
+from regionik.worlds.pivot import span_of
 
 SAMPLES = 96  # distances looked at, up to the bound of the reach
 TOLERANCE = 1e-4  # [m]

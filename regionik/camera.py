@@ -36,11 +36,12 @@ def camera_for(world: World, spots: Array) -> Camera:
 
 
 def _interest(world: World, spots: Array) -> tuple[Array, Array]:
-    """Corners of the floor that matter: around all that happens, within the floor."""
+    """Corners of the ground that matters: all that happens, and the floor around it."""
     x_low, y_low, x_high, y_high = world.floor.polygon.bounds
-    low = np.maximum(spots.min(axis=0) - _MARGIN, [x_low, y_low])
-    high = np.minimum(spots.max(axis=0) + _MARGIN, [x_high, y_high])
-    return np.minimum(low, high), np.maximum(low, high)
+    first, last = spots.min(axis=0), spots.max(axis=0)
+    low = np.minimum(np.maximum(first - _MARGIN, [x_low, y_low]), first)
+    high = np.maximum(np.minimum(last + _MARGIN, [x_high, y_high]), last)
+    return low, high
 
 
 def _toward(azimuth: float, elevation: float) -> Array:

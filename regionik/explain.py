@@ -15,7 +15,7 @@ from regionik.regions import TakenAway, largest_clearance, outer_areas, what_too
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Cause, CauseKind, Explanation, Repair
 from regionik.worlds.scene import Target, World
-from regionik.worlds.upright import span_of
+from regionik.worlds.pivot import span_of
 
 
 def unreachable(

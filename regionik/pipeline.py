@@ -23,7 +23,7 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError, NoPlanFound
 from regionik.worlds.planar import planar_arm
 from regionik.worlds.scene import World
-from regionik.worlds.upright import is_planar, span_of
+from regionik.worlds.pivot import is_planar, span_of
 
 Progress = Callable[[str, int, int], None]
 

@@ -16,7 +16,7 @@ from regionik.planners.sampledreach import outer_reach, sampled_reach
 from regionik.worlds.arrays import Array
 from regionik.worlds.planar import PlanarArm, planar_arm
 from regionik.worlds.scene import Target, World
-from regionik.worlds.upright import is_planar
+from regionik.worlds.pivot import is_planar
 
 ARC_POINTS = 48  # vertices of a full circle
 OUTWARDS = 1.0 / np.cos(np.pi / ARC_POINTS)  # from inscribed to circumscribed circle

@@ -21,7 +21,7 @@ from regionik.reachable import BACK, FRONT, Family, reach_rows
 from regionik.worlds.arrays import frozen
 from regionik.worlds.errors import CauseKind
 from regionik.worlds.scene import Target, World
-from regionik.worlds.upright import span_of
+from regionik.worlds.pivot import span_of
 
 
 @dataclass(frozen=True, eq=False)

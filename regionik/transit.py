@@ -153,10 +153,7 @@ class Carrier:
             return inside and self.guard.clear(self._pose(self._read(state)))
 
         def clear(p: State, q: State) -> bool:
-            if not segment_inside(flat.vertices, flat.starts, p[0], p[1], q[0], q[1]):
-                return False
-            a, b = self._pose(self._read(p)), self._pose(self._read(q))
-            return self._clear([a, *self._straight(a, b), b])
+            return self._goes(flat, self._pose(self._read(p)), self._pose(self._read(q)))
 
         path = connect(
             lower, upper, start, goal, free, clear, seed=self.driver.seed, most=ITERATIONS, stride=STRIDE
@@ -164,9 +161,24 @@ class Carrier:
         if path is None:
             return None
         self.driver.methods["whole body"] = self.driver.methods.get("whole body", 0) + 1
-        poses = [here, *(self._pose(q) for q in path[1:-1]), there]
+        poses = self._shortened(flat, [here, *(self._pose(q) for q in path[1:-1]), there])
         rows = [row for a, b in zip(poses[:-1], poses[1:], strict=True) for row in [*self._straight(a, b), b]]
         return rows[:-1]
+
+    def _shortened(self, flat: FlatPolygon, poses: list[Pose]) -> list[Pose]:
+        """Poses without those that a straight motion, proven clear, can leave out."""
+        kept, k = [poses[0]], 0
+        while k < len(poses) - 1:
+            ahead = range(len(poses) - 1, k + 1, -1)
+            k = next((m for m in ahead if self._goes(flat, poses[k], poses[m])), k + 1)
+            kept.append(poses[k])
+        return kept
+
+    def _goes(self, flat: FlatPolygon, here: Pose, there: Pose) -> bool:
+        """Whether a straight motion stays on the free floor, and keeps the arm clear."""
+        a, b = (axis_of(self.world.robot, pose.base) for pose in (here, there))
+        inside = bool(segment_inside(flat.vertices, flat.starts, a[0], a[1], b[0], b[1]))
+        return inside and self._clear([here, *self._straight(here, there), there])
 
     def _spread_out(self, pose: Pose, near: Pose) -> Array:
         """A pose as axis, heading and joints in one row, the heading within half a turn of another's."""

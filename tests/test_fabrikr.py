@@ -17,11 +17,11 @@ from regionik.planners.fabrikr import (
     forward_pass,
     forward_place,
     forward_start,
-    held,
     posture_of,
 )
-from regionik.planners.inverse import ArmSolver
+from regionik.planners.inverse import ArmSolver, Goal
 from regionik.planners.serial import serial_arm
+from regionik.planners.turns import held
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain, Joint, chain_from_dh, motion, rot_x, rot_y, rot_z, translation
@@ -58,7 +58,9 @@ def odd_arm() -> Chain:
     ]
     axes = [[0, 0, 1.0], [0, 0, 1.0], [1.0, 2.0, -1.0], [0, 1.0, 0], [0, 1.0, 0], [1.0, 0, 1.0]]
     joints = [
-        Joint(f"j{k}", "prismatic" if k == 3 else "revolute", -0.5 if k == 3 else -3.0, 3.0, T, np.array(axis))
+        Joint(
+            f"j{k}", "prismatic" if k == 3 else "revolute", -0.5 if k == 3 else -3.0, 3.0, T, np.array(axis)
+        )
         for k, (T, axis) in enumerate(zip(frames, axes, strict=True))
     ]
     return Chain(tuple(joints), translation(0.1, 0.05, 0.2) @ rot_y(0.5))
@@ -78,7 +80,9 @@ CHAINS = {name: robot_named(name).chain for name in (*ARMS, "youbot")} | {
 
 
 def with_limits(chain: Chain, limit: float) -> Chain:
-    return Chain(tuple(replace(joint, lower=-limit, upper=limit) for joint in chain.joints), chain.T_last_tool)
+    return Chain(
+        tuple(replace(joint, lower=-limit, upper=limit) for joint in chain.joints), chain.T_last_tool
+    )
 
 
 def reachable(chain: Chain, count: int, seed: int) -> Array:
@@ -95,7 +99,8 @@ def reachable(chain: Chain, count: int, seed: int) -> Array:
 )
 def test_parallel_axes_are_plain_fabrik(target: tuple[float, float], iterations: int, error: float) -> None:
     # Tao et al., row 1 of tables 1 to 3: four hinges, links of 1, straight along y.
-    bodies = pointing_bodies(chain_from_dh([(0, 0, 1, 0, *FREE)] * 4))
+    chain = chain_from_dh([(0, 0, 1, 0, *FREE)] * 4)
+    bodies = pointing_bodies(chain)
     posture = posture_of(bodies, np.array([np.pi / 2, 0, 0, 0]))
     goal, left = np.array([*target, 0.0]), [np.inf]
     while left[-1] > 1e-3:
@@ -105,6 +110,10 @@ def test_parallel_axes_are_plain_fabrik(target: tuple[float, float], iterations:
     assert len(left) - 1 == iterations
     assert f"{left[-1]:.6e}" == f"{error:.6e}"
     assert (np.diff(left) < 0).all()
+    solver = ArmSolver(chain, restarts=0, polish=False)
+    answer = solver(Goal(goal), [np.pi / 2, 0, 0, 0])
+    assert answer.iterations == iterations
+    assert f"{answer.error:.6e}" == f"{error:.6e}"
 
 
 def test_one_pass_is_the_textbook_step() -> None:
@@ -113,12 +122,16 @@ def test_one_pass_is_the_textbook_step() -> None:
     goal, points, d = np.array([0.9, 1.1, 0.0]), posture.outer.copy(), [1.0, 0.7, 0.5]
     points[3] = goal
     for i in (2, 1, 0):
-        points[i] = points[i + 1] + d[i] * (points[i] - points[i + 1]) / np.linalg.norm(points[i] - points[i + 1])
+        points[i] = points[i + 1] + d[i] * (points[i] - points[i + 1]) / np.linalg.norm(
+            points[i] - points[i + 1]
+        )
     forward_pass(bodies, goal, posture)
     np.testing.assert_allclose(posture.outer, points, atol=1e-14)
     points[0] = 0.0
     for i in (0, 1, 2):
-        points[i + 1] = points[i] + d[i] * (points[i + 1] - points[i]) / np.linalg.norm(points[i + 1] - points[i])
+        points[i + 1] = points[i] + d[i] * (points[i + 1] - points[i]) / np.linalg.norm(
+            points[i + 1] - points[i]
+        )
     backward_pass(bodies, posture)
     np.testing.assert_allclose(posture.outer, points, atol=1e-14)
 
@@ -144,7 +157,8 @@ def test_bodies_stay_rigid_and_within_limits(name: str, whole: bool) -> None:
                 np.testing.assert_allclose(posture.turns[k - 1] @ step, posture.turns[k], atol=1e-12)
             backward_pass(bodies, posture)
             q[:n] = posture.joints
-            assert (q >= chain.lower).all() and (q <= chain.upper).all()
+            assert (q >= chain.lower).all()
+            assert (q <= chain.upper).all()
             np.testing.assert_allclose(posture.outer[-1], chain.forward(q)[:3, 3], atol=1e-12)
             np.testing.assert_allclose(posture.turns, chain.frames(q)[:n, :3, :3], atol=1e-12)
 
@@ -176,7 +190,6 @@ def test_single_steps_make_up_a_pass(name: str) -> None:
     for k in range(len(single.joints)):
         value = backward_choice(bodies, k, single)
         backward_place(bodies, k, value, single)
-        assert backward_step(bodies, k, posture_of(bodies, single.joints)) is not None
     np.testing.assert_array_equal(whole.outer, single.outer)
     np.testing.assert_array_equal(whole.joints, single.joints)
 
@@ -210,7 +223,9 @@ def test_equation_6_makes_the_next_axis_normal_to_the_line() -> None:
 
 def test_hinges_and_pivots_that_meet_share_their_point() -> None:
     bodies = pointing_bodies(robot_named("pioneer7").chain)
-    np.testing.assert_allclose(np.linalg.norm(bodies.outer, axis=1), [0, 0.15, 0, 0.145, 0, 0.075, 0.075], atol=1e-15)
+    np.testing.assert_allclose(
+        np.linalg.norm(bodies.outer, axis=1), [0, 0.15, 0, 0.145, 0, 0.075, 0.075], atol=1e-15
+    )
     np.testing.assert_allclose(bodies.root, [0, 0, 0.1489], atol=1e-15)
     assert bodies.outward_aim[[1, 3]].tolist() == [2, 4]  # pivots point their links
 

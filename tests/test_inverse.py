@@ -103,7 +103,8 @@ def check(chain: Chain, solver: ArmSolver, goal: Goal, answer: ArmPosture) -> No
     """What holds of every answer, found or not."""
     tool = chain.forward(answer.joints)
     assert np.isfinite(answer.joints).all()
-    assert (answer.joints >= chain.lower).all() and (answer.joints <= chain.upper).all()
+    assert (answer.joints >= chain.lower).all()
+    assert (answer.joints <= chain.upper).all()
     assert answer.error == pytest.approx(np.linalg.norm(tool[:3, 3] - goal.position), abs=1e-12)
     angle = 0.0
     if goal.direction is not None:
@@ -128,7 +129,8 @@ def test_positions(name: str) -> None:
     assert answers.converged.all()
     errors = np.linalg.norm(chain.forward(answers.joints)[:, :3, 3] - targets, axis=1)
     assert (errors <= 1e-6).all()
-    assert (answers.joints >= chain.lower).all() and (answers.joints <= chain.upper).all()
+    assert (answers.joints >= chain.lower).all()
+    assert (answers.joints <= chain.upper).all()
 
 
 @pytest.mark.parametrize("name", POSES)
@@ -294,7 +296,9 @@ def test_a_lift_goes_where_the_arm_cannot() -> None:
     st.lists(st.sampled_from([0.0, np.pi / 2, -np.pi / 2, 0.7]), min_size=5, max_size=5),
     st.tuples(*[st.floats(-3, 3)] * 3),
 )
-def test_never_nan_never_unexplained(lengths: list[float], twists: list[float], target: tuple[float, ...]) -> None:
+def test_never_nan_never_unexplained(
+    lengths: list[float], twists: list[float], target: tuple[float, ...]
+) -> None:
     chain = chain_from_dh([(0, 0, a, t, -2.5, 2.5) for a, t in zip(lengths, twists, strict=False)])
     solver, goal = ArmSolver(chain, restarts=2), Goal(target)
     check(chain, solver, goal, solver(goal, np.full(chain.dof, 0.2)))
@@ -309,7 +313,9 @@ def test_polishing_alone_from_nearby(name: str) -> None:
         near = np.clip(q + 0.02, chain.lower, chain.upper)
         aim = aim_of(Goal(T[:3, 3], orientation=T[:3, :3]))
         error, angle, steps = polish(arm, aim, near, 1.0, 1e-8, 1e-8, 100)
-        assert error <= 1e-8 and angle <= 1e-8 and steps <= 30
+        assert error <= 1e-8
+        assert angle <= 1e-8
+        assert steps <= 30
         np.testing.assert_allclose(chain.forward(near), T, atol=1e-7)
 
 
@@ -318,7 +324,10 @@ def test_half_a_turn_away() -> None:
     chain = CHAINS["pioneer7"]
     q = postures(chain, 1, 11)[0]
     T = chain.forward(q)
-    for goal in (Goal(T[:3, 3], orientation=T[:3, :3] @ np.diag([1.0, -1, -1])), Goal(T[:3, 3], direction=-T[:3, 2])):
+    for goal in (
+        Goal(T[:3, 3], orientation=T[:3, :3] @ np.diag([1.0, -1, -1])),
+        Goal(T[:3, 3], direction=-T[:3, 2]),
+    ):
         solver = ArmSolver(chain, restarts=0)
         check(chain, solver, goal, solver(goal, q))
 

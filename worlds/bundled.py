@@ -57,7 +57,7 @@ _ARMS = {
         (0.0, 0.0, 0.075, 0.0),
     ),
 }
-# Upright, a bend in each so that no joint stands at a singular place; pioneer7's servos at 150 deg.
+# Straight up [deg]; for pioneer7 that is all servos at 150 deg.
 _CARRY = {
     "hinge5": (0.0, -90.0, 0.0, 0.0, 0.0),
     "dof10": (0.0, -90.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
