@@ -21,12 +21,12 @@ from regionik.planners.fabrikr import (
     forward_choice,
     forward_place,
     forward_start,
-    held,
     place_behind,
     posture_of,
 )
 from regionik.planners.kernels import wrap
 from regionik.planners.serial import rotate_about
+from regionik.planners.turns import held
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
 

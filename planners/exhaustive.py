@@ -8,7 +8,7 @@ work, so the same question always has the same answer.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -65,6 +65,7 @@ def search(
     tolerance: float,
     clearance: float = 0.0,
     most: int = 2_000_000,
+    accept: Callable[[Array], bool] | None = None,
 ) -> Verdict:
     """Decide whether any posture brings the tool to a target with every link clear of the obstacles.
 
@@ -84,6 +85,8 @@ def search(
         Least distance of the links from the obstacles [m].
     most : int
         Budget of boxes.
+    accept : callable, optional
+        What else a posture (n,) must pass to be found; what it refuses is not ruled out by that.
 
     Returns
     -------
@@ -111,14 +114,23 @@ def search(
         return Verdict("none", None, 0, -np.inf, f"none: {why}")
     solid = uprights_from([piece for piece in obstacles.pieces if piece.mesh is None])
     arm, bones = _bounded(chain), bones_from(chain, solids)
-    return _Search(Task(arm, bones, solid, goal, tolerance, clearance), chain, solids, obstacles).run(most)
+    task = Task(arm, bones, solid, goal, tolerance, clearance)
+    return _Search(task, chain, solids, obstacles, accept or (lambda q: True)).run(most)
 
 
 class _Search:
     """The compiled search, and the exact check of each posture that it finds."""
 
-    def __init__(self, task: Task, chain: Chain, solids: Sequence[LinkCapsule], obstacles: Obstacles) -> None:
+    def __init__(
+        self,
+        task: Task,
+        chain: Chain,
+        solids: Sequence[LinkCapsule],
+        obstacles: Obstacles,
+        accept: Callable[[Array], bool],
+    ) -> None:
         self.task, self.chain, self.solids, self.obstacles = task, chain, solids, obstacles
+        self.accept = accept
         self.best, self.refused = -np.inf, 0
 
     def run(self, most: int) -> Verdict:
@@ -129,7 +141,7 @@ class _Search:
             if word == FOUND:
                 q = frozen(boxes.best[1:], (self.chain.dof,), "joints")
                 room, off = self._clearance(q), self._off(q)
-                if room >= task.clearance and off <= task.tolerance:
+                if room >= task.clearance and off <= task.tolerance and self.accept(q):
                     return self._verdict("found", q, boxes, room)
                 self.refused += 1
                 self.best = max(self.best, room if off <= task.tolerance else -np.inf)

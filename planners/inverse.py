@@ -149,7 +149,7 @@ class ArmSolver:
 
     def batch(self, positions: ArrayLike, joints: ArrayLike) -> ArmPostures:
         """Solve many positions (m, 3) from start postures (m, dof), or all from one (dof,)."""
-        p = frozen(positions, (None, 3), "positions")
+        p = np.array(frozen(positions, (None, 3), "positions"))  # writable, as the kernels were compiled for
         start = np.asarray(joints, dtype=np.float64)
         if start.ndim == 1:
             start = np.broadcast_to(start, (len(p), len(start)))

@@ -73,11 +73,11 @@ def whole_pieces(bodies: Bodies) -> Index:
     return np.array(rows, dtype=np.int64)
 
 
-def touchable(contact: Contact | None, tool: Array) -> list[int]:
-    """Obstacles that a tool at a place (3,) may touch."""
+def touchable(contact: Contact | None, tool: Array, off: float = 0.0) -> list[int]:
+    """Obstacles that a tool may touch at a place (3,), or not farther off it than that [m]."""
     if contact is None:
         return []
-    near = np.linalg.norm(contact.spots - tool, axis=1) <= contact.reach
+    near = np.linalg.norm(contact.spots - tool, axis=1) <= contact.reach + off
     owners: list[int] = np.unique(contact.owner[near]).tolist()
     return owners
 

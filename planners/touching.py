@@ -20,7 +20,7 @@ from regionik.planners.sweeping import ROUNDING, exempt_for, first_stop, lower_b
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.errors import InputError
 
-__all__ = ["Bodies", "Contact", "Touch", "bodies_from", "motion_clear", "nearest", "solid_clear"]
+__all__ = ["Bodies", "Contact", "Touch", "bodies_from", "motion_clear", "nearest", "solid_clear", "words"]
 
 _NO_CONTACT = Contact(np.zeros((0, 3)), np.zeros(0, dtype=np.int64), 0.0)
 LOOK = 1e-3  # part of a motion between two looks for a link inside a mesh
@@ -153,6 +153,19 @@ def motion_clear(
     if k < 0:
         return None
     return _touch(bodies, _at(hop, s), k, m)
+
+
+def words(bodies: Bodies, touch: Touch) -> str:
+    """Which solid of the robot comes how near to what."""
+    if touch.kind == "none":
+        return "nothing is near"
+    link, other = bodies.robot.solids[touch.solid].name, "the base"
+    if touch.kind != "base":
+        others = bodies.obstacles if touch.kind == "obstacle" else bodies.robot.solids
+        other = others[touch.other].name
+    if touch.distance < 0:
+        return f"{link} overlaps {other} by {-touch.distance:.4f} m"
+    return f"{link} comes within {touch.distance:.4f} m of {other}"
 
 
 def _nearest(bodies: Bodies, hop: Hop, which: Index, contact: Contact | None, within: float) -> Touch:

@@ -50,8 +50,9 @@ def planar_turn(
 ) -> float:
     """Eq. (6): the turn about ``axis`` that makes ``normal`` normal to ``line``.
 
-    Of two roots the one within the limits wins, then the one of the smallest circumference (the end
-    of ``link`` nearest to the next point), then the smaller turn. Where there is no root, the closest approach.
+    Of two roots the one within the limits wins, then the one of the smallest circumference (the end of
+    ``link`` nearest to the next point), then the smaller turn. Where there is no root, the closest
+    approach.
     """
     K1, K2 = dot(line, normal), dot(axis, normal) * dot(line, axis)
     a, K3 = K1 - K2, dot(line, cross(axis, normal))

@@ -50,7 +50,8 @@ def picture_of_plan(plan: Plan) -> Picture:
     marks, mark_tracks = _passed(plan, frames)
     trace, trace_tracks = _trace(plan, frames)
     tracks = [*_robot_tracks(world.robot, frames), *area_tracks, *mark_tracks, *trace_tracks]
-    camera = camera_for(world, plan.motion.base[:, :2])
+    tools = world.robot.tool(plan.motion.base, plan.motion.joints)[:, :2, 3]
+    camera = camera_for(world, np.vstack([plan.motion.base[:, :2], tools]))
     return Picture(
         title=world.name,
         facts=(counted(len(plan.setpoints), "set-point"), counted(plan.lift_offs, "lift-off")),

@@ -155,8 +155,9 @@ def test_both_robots_carry_the_same_arm() -> None:
 
 
 def test_names() -> None:
-    assert world_names() == ("depot", "free", "l_shape", "pillar", "slab", "wall")
-    assert robot_names() == ("youbot", "youbot-real")
+    known = ("depot", "free", "l_shape", "pillar", "pipe", "shelf", "slab", "tao1", "tao2", "tao3", "wall")
+    assert world_names() == known
+    assert robot_names() == ("youbot", "youbot-real", "hinge5", "dof10", "pioneer7")
     assert all(world_path(name).is_file() for name in world_names())
     with pytest.raises(InputError, match=r"unknown world 'moon'.*depot, free"):
         world_path("moon")

@@ -168,9 +168,11 @@ def test_what_cannot_be_planned_yet_is_refused() -> None:
         plan(changed(world, task=(turned,)))
     with pytest.raises(InputError, match="at least one set-point"):
         plan(changed(world, task=()))
-    tilted = replace(world.robot, chain=replace(world.robot.chain, T_last_tool=np.eye(4)))
-    with pytest.raises(InputError):
-        plan(changed(world, robot=tilted))
+    chain = world.robot.chain
+    tilted = replace(chain.joints[0], T_parent_joint=rot_x(0.1))
+    robot = replace(world.robot, chain=replace(chain, joints=(tilted, *chain.joints[1:])))
+    with pytest.raises(InputError, match="first axis must be the vertical"):
+        plan(changed(world, robot=robot))
 
 
 def test_a_tool_across_the_last_link_takes_no_direction() -> None:

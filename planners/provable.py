@@ -1,0 +1,131 @@
+"""The exhaustive search asked of an arm on a base among obstacles: what it needs, and whether it can end.
+
+What it proves is about the arm and the obstacles alone; that links must also keep off each other and off the
+base only takes postures away, so a proof that there is none holds all the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from shapely.affinity import affine_transform
+
+from regionik.planners.collision import obstacles_from
+from regionik.planners.exhaustive import Verdict, search
+from regionik.planners.linkwise import touchable
+from regionik.planners.prepared import Bodies, Contact
+from regionik.planners.sway import longest_levers
+from regionik.worlds.arrays import Array
+from regionik.worlds.chain import Chain
+from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Solid, Sphere
+from regionik.worlds.robot import LinkBox, LinkCapsule, LinkSolid
+
+MOST_SPARE = 2  # joints beyond what the target takes, up to which the search may come to an end
+LEVER = 1e-9  # a joint that moves no point farther than this plays no part [m]
+WITHIN = 0.999  # of half a box's least side: radius of the capsule inside it, which keeps some length
+
+
+def ask(
+    bodies: Bodies,
+    base: Array,
+    target: Array,
+    tolerance: float,
+    margin: float,
+    contact: Contact | None,
+    accept: Callable[[Array], bool],
+    most: int,
+) -> Verdict:
+    """Search all postures of the arm on a base that stands still.
+
+    Boxes of links count as the capsules inside them, meshes as nothing, and what the tool may touch at the
+    target as nothing too: all of that leaves "none" a proof, and ``accept`` judges what is found.
+
+    Parameters
+    ----------
+    bodies : Bodies
+        Of an arm that `is_bounded`.
+    base : (3,) array
+        x, y [m], yaw [rad].
+    target : (3,) array
+        In the world [m].
+    tolerance, margin : float
+        [m]
+    contact : Contact or None
+    accept : callable
+        Whether a posture (dof,) is clear of everything.
+    most : int
+        Budget of boxes.
+
+    Returns
+    -------
+    Verdict
+    """
+    robot = bodies.robot
+    T = np.linalg.inv(robot.T_world_arm(base))
+    free = touchable(contact, target, tolerance)
+    solids = [
+        _seen(solid, T)
+        for k, solid in enumerate(bodies.obstacles)
+        if k not in free and not isinstance(solid, Mesh)
+    ]
+    inner = [_inner(solid) for solid in robot.solids]
+    goal = T[:3, :3] @ target + T[:3, 3]
+    room = margin + bodies.clearance
+    return search(robot.chain, inner, obstacles_from(solids), goal, tolerance, room, most, accept)
+
+
+def is_bounded(chain: Chain) -> bool:
+    """Whether all sliding joints have limits, as the search needs."""
+    slides = [joint for joint in chain.joints if joint.kind == "prismatic"]
+    return bool(np.isfinite([(joint.lower, joint.upper) for joint in slides]).all())
+
+
+def spare_joints(chain: Chain, solids: tuple[LinkSolid, ...]) -> int:
+    """Joints that move tool or solids, less the directions in which they can move the tool."""
+    points = [(chain.dof - 1, chain.T_last_tool[:3, 3])]
+    points += [(solid.link, end) for solid in solids for end in _inner(solid).corners]
+    levers = np.array([longest_levers(chain, link, point)[0] for link, point in points]).max(0)
+    frames = chain.frames(np.arange(1.0, chain.dof + 1.0))  # no special posture
+    tool, columns = frames[-1, :3, 3], []
+    for joint, frame in zip(chain.joints, frames, strict=False):
+        axis = frame[:3, :3] @ joint.axis
+        columns.append(axis if joint.kind == "prismatic" else np.cross(axis, tool - frame[:3, 3]))
+    return int((levers > LEVER).sum()) - int(np.linalg.matrix_rank(np.array(columns), tol=LEVER))
+
+
+def _inner(solid: LinkSolid) -> LinkCapsule:
+    """A capsule itself, or the one along the middle of a box."""
+    if isinstance(solid, LinkCapsule):
+        return solid
+    return _along(solid)
+
+
+def _along(solid: LinkBox) -> LinkCapsule:
+    longest = int(np.argmax(solid.size))
+    radius = WITHIN * float(solid.size.min()) / 2
+    half = solid.T_link_box[:3, longest] * (solid.size[longest] / 2 - radius)
+    middle = solid.T_link_box[:3, 3]
+    return LinkCapsule(solid.link, solid.name, middle - half, middle + half, radius)
+
+
+def _seen(solid: Solid, T: Array) -> Solid:
+    """A solid in another frame whose z axis is upright too."""
+    match solid:
+        case Box():
+            turn = float(np.arctan2(T[1, 0], T[0, 0]))
+            return replace(solid, center=_moved(solid.center, T), yaw=solid.yaw + turn)
+        case Cylinder() | Sphere():
+            return replace(solid, center=_moved(solid.center, T))
+        case Prism():
+            level = [T[0, 0], T[0, 1], T[1, 0], T[1, 1], T[0, 3], T[1, 3]]
+            outline = affine_transform(solid.polygon, level)
+            return Prism(solid.name, outline, solid.bottom + T[2, 3], solid.top + T[2, 3])
+        case Mesh():
+            return replace(solid, vertices=_moved(solid.vertices, T))
+
+
+def _moved(points: Array, T: Array) -> Array:
+    moved: Array = points @ T[:3, :3].T + T[:3, 3]
+    return moved
