@@ -76,14 +76,19 @@ class Obstacles:
 
 
 def obstacles_from(solids: Sequence[Solid]) -> Obstacles:
-    """Cut solids into convex pieces and prepare them for distance queries."""
+    """Cut solids into convex pieces and prepare them for distance queries; kept for the last few scenes."""
+    return _obstacles(tuple(solids))
+
+
+@lru_cache(maxsize=8)
+def _obstacles(solids: tuple[Solid, ...]) -> Obstacles:
     parts = [(k, piece) for k, solid in enumerate(solids) for piece in _pieces(solid)]
     pieces = tuple(piece for _, piece in parts)
     owner = np.array([k for k, _ in parts], dtype=np.int64)
     axes = np.eye(3)
     high = np.array([piece.support(axes) for piece in pieces]).reshape(-1, 3)
     low = -np.array([piece.support(-axes) for piece in pieces]).reshape(-1, 3)
-    return Obstacles(tuple(solids), pieces, owner, low, high)
+    return Obstacles(solids, pieces, owner, low, high)
 
 
 def capsule_distance(

@@ -158,7 +158,9 @@ def go_round(
     """The passes of `clear_posture` alone, without the search: found or undecided, and soon."""
     quest = _Quest(bodies, base, target, joints, contact, tolerance, margin, seed)
     _at_least_one("attempts", attempts)
-    return quest.by_passes() or quest.by_avoidance(attempts) or quest.answer("undecided", "no search was made")
+    return (
+        quest.by_passes() or quest.by_avoidance(attempts) or quest.answer("undecided", "no search was made")
+    )
 
 
 class _Quest:
@@ -213,9 +215,7 @@ class _Quest:
         clear = links_clear(self.bodies, self.base, self.target, self.margin, self.contact)
         for attempt in range(attempts):
             seed = int(np.random.SeedSequence([self.seed, attempt]).generate_state(1)[0])
-            found = avoid(
-                self.chain, self.goal, self.start, clear, tolerance=self.tolerance, seed=seed
-            )
+            found = avoid(self.chain, self.goal, self.start, clear, tolerance=self.tolerance, seed=seed)
             self.passes += found.iterations
             if found.converged and self._offer(found.joints):
                 return self._found()

@@ -22,8 +22,8 @@ from regionik.planners.reaching import Effort, solve
 from regionik.reachable import Family
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
-from regionik.worlds.planar import PlanarArm, planar_arm
 from regionik.worlds.pivot import is_planar, span_of
+from regionik.worlds.planar import PlanarArm, planar_arm
 
 MOST_PASSES = 100
 RESTARTS = 10

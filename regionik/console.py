@@ -130,7 +130,7 @@ def plan_summary(plan: Plan, seconds: float, written: Iterable[Path]) -> str:
     travel = float(np.hypot(*np.diff(plan.motion.base[:, :2], axis=0).T).sum())
     worst = max(c.error for c in plan.setpoints)
     lines = [
-        f"{plan.world.name}: {_count(len(plan.setpoints), 'set-point')}, each within {worst * 1000:.3f} mm, "
+        f"{plan.world.name}: {_count(len(plan.setpoints), 'set-point')} within {worst * 1000:.3f} mm, "
         f"{_count(sum(c.iterations for c in plan.setpoints), 'iteration')}",
         f"  {_count(plan.lift_offs, 'lift-off')}, {travel:.2f} m of base travel, "
         f"{_count(len(plan.motion), 'state')}",

@@ -14,8 +14,8 @@ from regionik.plan import Violation
 from regionik.regions import TakenAway, largest_clearance, outer_areas, what_took_away
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Cause, CauseKind, Explanation, Repair
-from regionik.worlds.scene import Target, World
 from regionik.worlds.pivot import span_of
+from regionik.worlds.scene import Target, World
 
 
 def unreachable(
@@ -204,6 +204,18 @@ def no_posture(world: World, i: int) -> Explanation:
         f"base, but no posture within the joint limits was found at heading policy '{world.rules.heading}'."
     )
     return Explanation("no-posture", i, reason, (Cause("limits", world.robot.name, None),))
+
+
+def arm_must_lift(world: World, i: int, obstruction: str, cause: Cause | None) -> Explanation:
+    """Why the arm cannot go on to set-point i with as few lift-offs as the rules allow."""
+    count = len(world.task)
+    reason = (
+        f"The path breaks between set-points {i} and {i + 1} of {count}: the base has places that serve "
+        f"both, but no way on was found for the arm: {obstruction}; the tool would have to be lifted here, "
+        f"and the rules allow {world.rules.max_lift_offs} lift-offs."
+    )
+    repair = Repair("lift-off", f"set-point {i + 1}", 1.0, f"allow a lift-off before set-point {i + 1}")
+    return Explanation("ladder-broken", i, reason, (cause or Cause("limits", world.robot.name),), (repair,))
 
 
 def no_clear_posture(

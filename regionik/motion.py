@@ -2,8 +2,8 @@
 
 A run of set-points is a walk through spots, each a clear configuration at one set-point; a step of the walk
 is the tool going on to the next. The walk follows what M-FABRIK found. Where the arm would touch something,
-other spots of the same set-point are tried, and where none can be come to, earlier steps are taken back. Where
-a run ends, the tool is lifted and the base drives over free floor.
+other spots of the same set-point are tried, and where none can be come to, earlier steps are taken back.
+Where a run ends, the tool is lifted and the base drives over free floor.
 """
 
 from __future__ import annotations
@@ -115,7 +115,11 @@ class _Walker:
         """Run after run until the path is done."""
         rows: list[Row] = []
         spots: list[Spot] = []
+        lifts = -1
         while len(spots) < len(self.nominal):
+            lifts += 1
+            if self.world.rules.max_lift_offs is not None and lifts > self.world.rules.max_lift_offs:
+                raise NoPlanFound(self._one_lift_too_many(len(spots)))
             way, first = self._arrive(len(spots), rows[-1].pose if rows else None)
             rows += way
             for step in self._run(len(spots), first):
@@ -159,6 +163,13 @@ class _Walker:
             closest, cause = guard.words(touch), guard.cause(touch)
         looked = seen.places, seen.postures
         return explain.no_clear_posture(self.world, i, looked, closest, cause, cut_off=cut_off)
+
+    def _one_lift_too_many(self, i: int) -> Explanation:
+        """What would have the tool lifted before set-point i, against the rules."""
+        guard, touch = self.avoider.guard, self.stretcher.stops.get(i - 1)
+        if touch is None:
+            return explain.arm_must_lift(self.world, i, "the arm would have to jump", None)
+        return explain.arm_must_lift(self.world, i, guard.words(touch), guard.cause(touch))
 
     def _run(self, i: int, first: Spot) -> list[_Step]:
         """The longest walk found from a spot of set-point i, to the end of the run at most."""

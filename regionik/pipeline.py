@@ -21,9 +21,9 @@ from regionik.regions import PathAreas, path_areas
 from regionik.verify import verify
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError, NoPlanFound
+from regionik.worlds.pivot import is_planar, span_of
 from regionik.worlds.planar import planar_arm
 from regionik.worlds.scene import World
-from regionik.worlds.pivot import is_planar, span_of
 
 Progress = Callable[[str, int, int], None]
 
@@ -93,14 +93,14 @@ def check(world: World) -> None:
     planar = is_planar(chain)
     if not planar and world.rules.heading == "fixed" and np.isfinite(chain.upper[0] - chain.lower[0]):
         raise InputError(
-            f"{world.name}: rules.heading: fixed can be planned only for an arm in one vertical plane or with "
-            "an endless first joint, valid choices: free, face_target"
+            f"{world.name}: rules.heading: fixed can be planned only for an arm in one vertical plane or "
+            "with an endless first joint, valid choices: free, face_target"
         )
     directed = any(target.direction is not None for target in world.task)
     if directed and not (planar and planar_arm(chain).tool_along_link):
         raise InputError(
-            f"{world.name}: task: a tool direction can be planned only for an arm in one vertical plane whose "
-            "tool's z axis lies along the arm's last link"
+            f"{world.name}: task: a tool direction can be planned only for an arm in one vertical plane, "
+            "with the tool's z axis along the arm's last link"
         )
     blocked = explain.blocked_start(world)
     if blocked is not None:

@@ -14,9 +14,9 @@ from regionik.ground import GUARD, Geometries
 from regionik.planners.rings import FREE, reach_intervals
 from regionik.planners.sampledreach import outer_reach, sampled_reach
 from regionik.worlds.arrays import Array
+from regionik.worlds.pivot import is_planar
 from regionik.worlds.planar import PlanarArm, planar_arm
 from regionik.worlds.scene import Target, World
-from regionik.worlds.pivot import is_planar
 
 ARC_POINTS = 48  # vertices of a full circle
 OUTWARDS = 1.0 / np.cos(np.pi / ARC_POINTS)  # from inscribed to circumscribed circle

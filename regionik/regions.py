@@ -20,8 +20,8 @@ from regionik.ground import GUARD, Geometries, Side, ground_of, grow
 from regionik.reachable import BACK, FRONT, Family, reach_rows
 from regionik.worlds.arrays import frozen
 from regionik.worlds.errors import CauseKind
-from regionik.worlds.scene import Target, World
 from regionik.worlds.pivot import span_of
+from regionik.worlds.scene import Target, World
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,6 +18,7 @@ from regionik.guard import Guard
 from regionik.mfabrik import Solver, axis_of, pose_of, solver_for
 from regionik.planners import kernels
 from regionik.planners.flat import FlatPolygon, segment_inside
+from regionik.planners.touching import Touch
 from regionik.poses import LARGEST_BEND, Pose, Row, between, pose, turn_to
 from regionik.pruning import Ladder
 from regionik.reachable import Family
@@ -35,6 +36,10 @@ CLOSEST = 3  # halvings before a motion that is not proven clear counts as block
 
 class _BlockedError(RegionikError):
     """The arm would touch something on the way."""
+
+    def __init__(self, touch: Touch) -> None:
+        super().__init__("the arm would touch something")
+        self.touch = touch
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,19 +64,27 @@ class Leg:
 
 @dataclass(frozen=True, eq=False)
 class Stretcher:
-    """Moves the robot with its tool on the path."""
+    """Moves the robot with its tool on the path.
+
+    Attributes
+    ----------
+    stops : dict of int to Touch
+        What the arm met first on the way on from a set-point.
+    """
 
     world: World
     ladder: Ladder
     guard: Guard
     driver: Driver
+    stops: dict[int, Touch] = field(default_factory=dict)
     _joined: dict[tuple[int, int], FlatPolygon] = field(default_factory=dict)
 
     def follow(self, i: int, here: Spot, goal: Spot) -> list[Row] | None:
         """From set-point i to i + 1; None where the arm would have to jump, or would touch something."""
         try:
             return self._straight(i, here, goal) or self._by_handover(i, here, goal)
-        except _BlockedError:
+        except _BlockedError as blocked:
+            self.stops.setdefault(i, blocked.touch)
             return None
 
     def _straight(self, i: int, here: Spot, goal: Spot) -> list[Row] | None:
@@ -138,14 +151,13 @@ class Stretcher:
             nonlocal done
             there = _solve(solver, leg, share, passed[-1])
             if there is not None and self._holds(passed[-1], there, leg.at(done)[1], leg.at(share)[1]):
-                if not self.guard.clear(there):
-                    raise _BlockedError("state")
-                if self.guard.stop(passed[-1], there) is None:
+                touch = self.guard.stop(passed[-1], there)
+                if touch is None:
                     passed.append(there)
                     done = share
                     return True
-                if depth >= CLOSEST:
-                    raise _BlockedError("motion")
+                if depth >= CLOSEST or not self.guard.clear(there):
+                    raise _BlockedError(touch)
             return depth < DEEPEST and advance((done + share) / 2, depth + 1) and advance(share, depth + 1)
 
         return passed[1:] if all(advance(float(share), 0) for share in shares) else None
