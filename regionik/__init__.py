@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from regionik.verify import verify
     from regionik.view import show, to_html
     from regionik.worlds.errors import InputError, NoPlanFound, RegionikError
-    from regionik.worlds.library import load_world
+    from regionik.worlds.library import load_robot, load_world
     from regionik.worlds.scene import World
 
 __version__ = "0.1.0"
@@ -39,6 +39,7 @@ __all__ = [
     "World",
     "admissible_area",
     "load_plan",
+    "load_robot",
     "load_world",
     "plan",
     "reach",
@@ -56,6 +57,7 @@ _HOME = {
     "World": "regionik.worlds.scene",
     "admissible_area": "regionik.regions",
     "load_plan": "regionik.planfile",
+    "load_robot": "regionik.worlds.library",
     "load_world": "regionik.worlds.library",
     "plan": "regionik.pipeline",
     "reach": "regionik.reach",

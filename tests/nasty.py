@@ -75,7 +75,7 @@ NASTY = (
     Nasty("unknown robot", broken("youbot", "yuobot"), ("robot", "'yuobot'", "youbot, youbot-real")),
     Nasty("robot of number", broken("youbot", "3"), ("robot", "name, dh, urdf, chain")),
     Nasty("robot of two kinds", broken("youbot", "{dh: [], urdf: a.urdf, tip: t}"), ("robot", "one of name")),
-    Nasty("urdf", broken("youbot", "{urdf: a.urdf, tip: tool}"), ("robot.urdf", "not read by this version")),
+    Nasty("urdf", broken("youbot", "{urdf: a.urdf, tip: tool}"), ("robot", "a.urdf", "no such file")),
     Nasty("short dh", broken("youbot", "{dh: [[0, 0.1, 0, 0]]}"), ("robot.dh[0]", "6 values", "got 4")),
     Nasty(
         "limits swapped",

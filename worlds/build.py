@@ -12,11 +12,12 @@ from regionik.worlds import schema
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import pose
 from regionik.worlds.checking import at, wrong
-from regionik.worlds.makerobot import build_robot, check_limits
+from regionik.worlds.makerobot import build_robot
 from regionik.worlds.maketask import build_task
 from regionik.worlds.meshfile import is_closed, read_mesh
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Solid, Sphere
 from regionik.worlds.robot import Robot
+from regionik.worlds.robotchecks import check_limits
 from regionik.worlds.rosmap import load_map
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
 
@@ -39,7 +40,7 @@ def build_world(document: schema.WorldDocument, where: str, folder: Path) -> Wor
     InputError
         One line: where, the place in the document, what was expected.
     """
-    robot = build_robot(document.robot, where)
+    robot = build_robot(document.robot, where, folder)
     floor = _floor(document.floor, where, folder)
     obstacles = _obstacles(document.obstacles, where, folder)
     _check_names(obstacles, floor, where)

@@ -4,5 +4,6 @@ from __future__ import annotations
 
 from regionik.worlds.bundled import robot_named, robot_names, world_names, world_path
 from regionik.worlds.format import load_world
+from regionik.worlds.urdf import load_robot
 
-__all__ = ["load_world", "robot_named", "robot_names", "world_names", "world_path"]
+__all__ = ["load_robot", "load_world", "robot_named", "robot_names", "world_names", "world_path"]

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from math import inf
+from pathlib import Path
 
 import numpy as np
-from shapely.geometry import MultiPoint, Polygon
 
 from regionik.worlds import robotschema
 from regionik.worlds.arrays import Array
@@ -13,19 +13,17 @@ from regionik.worlds.bundled import robot_named, without_limits
 from regionik.worlds.chain import Chain, Joint, chain_from_dh, pose
 from regionik.worlds.checking import at, wrong
 from regionik.worlds.errors import InputError
-from regionik.worlds.robot import LinkBox, LinkCapsule, LinkSolid, Robot, capsules_along
+from regionik.worlds.robot import BaseKind, LinkBox, LinkCapsule, LinkSolid, Robot, capsules_along
+from regionik.worlds.robotchecks import carried, check_footprint
+from regionik.worlds.urdf import load_robot
 
 _RIGID = 1e-6
 
 
-def build_robot(part: robotschema.RobotPart, where: str) -> Robot:
-    """Robot from a bundled name, DH rows or a joint list; URDF is refused by this version."""
+def build_robot(part: robotschema.RobotPart, where: str, folder: Path) -> Robot:
+    """Robot from a bundled name, DH rows, a joint list or a URDF file; its path is relative to ``folder``."""
     if isinstance(part, robotschema.UrdfRobot):
-        raise wrong(
-            where,
-            "robot.urdf",
-            "URDF robots are not read by this version, valid choices: a bundled name, dh, chain",
-        )
+        return _urdf_robot(part, where, folder)
     if isinstance(part, str):
         with at(where, "robot"):
             return robot_named(part)
@@ -37,15 +35,6 @@ def build_robot(part: robotschema.RobotPart, where: str) -> Robot:
     return without_limits(robot) if part.limits == "ignore" else robot
 
 
-def check_limits(chain: Chain, values: list[float], where: str, place: str) -> None:
-    """Refuse the first joint value outside its limits."""
-    for k, (joint, value) in enumerate(zip(chain.joints, values, strict=True)):
-        if not joint.lower <= value <= joint.upper:
-            limits = f"{joint.lower:.6g} to {joint.upper:.6g}"
-            text = f"{joint.name} must be within its limits {limits}, got {value:.6g}"
-            raise wrong(where, f"{place}[{k}]", text)
-
-
 def rotation(matrix: Array) -> Array:
     """The matrix itself, once it is known to be a rotation."""
     if np.abs(matrix @ matrix.T - np.eye(3)).max() > _RIGID or np.linalg.det(matrix) < 0:
@@ -53,15 +42,34 @@ def rotation(matrix: Array) -> Array:
     return matrix
 
 
-def _own_robot(part: robotschema.DhRobot | robotschema.ChainRobot, where: str) -> Robot:
-    if part.base != "omni":
-        raise wrong(
-            where, "robot.base", f"{part.base!r} cannot be planned by this version, valid choices: omni"
+def _check_base(base: BaseKind, where: str) -> None:
+    if base != "omni":
+        raise wrong(where, "robot.base", f"{base!r} cannot be planned by this version, valid choices: omni")
+
+
+def _urdf_robot(part: robotschema.UrdfRobot, where: str, folder: Path) -> Robot:
+    _check_base(part.base, where)
+    with at(where, "robot"):
+        return load_robot(
+            folder / part.urdf,
+            base=part.base,
+            tip=part.tip,
+            root=part.root,
+            footprint=part.footprint,
+            mount=part.mount,
+            turning_radius=part.turning_radius or None,
+            body_height=part.body_height,
+            carry=part.carry,
+            limits=part.limits,
         )
+
+
+def _own_robot(part: robotschema.DhRobot | robotschema.ChainRobot, where: str) -> Robot:
+    _check_base(part.base, where)
     chain = (
         _dh_chain(part, where) if isinstance(part, robotschema.DhRobot) else _joint_chain(part.chain, where)
     )
-    _check_footprint(part.footprint, where)
+    check_footprint(part.footprint, where, "robot.footprint")
     return Robot(
         name=part.name,
         base=part.base,
@@ -70,7 +78,7 @@ def _own_robot(part: robotschema.DhRobot | robotschema.ChainRobot, where: str) -
         chain=chain,
         solids=_solids(part, chain, where),
         body_height=part.body_height,
-        carry=_carry(part.carry, chain, where),
+        carry=carried(part.carry, chain, where, "robot.carry"),
         turning_radius=part.turning_radius,
     )
 
@@ -141,23 +149,3 @@ def _link_solid(part: robotschema.LinkSolidPart, where: str, place: str) -> Link
         case robotschema.FramedBox():
             T_link_box = _frame(part.frame, where, f"{place}.frame")
     return LinkBox(part.link, part.name, T_link_box, np.array(part.size))
-
-
-def _carry(values: list[float] | None, chain: Chain, where: str) -> Array:
-    if values is None:
-        return np.clip(np.zeros(chain.dof), chain.lower, chain.upper)
-    if len(values) != chain.dof:
-        raise wrong(where, "robot.carry", f"expected {chain.dof} values, one a joint, got {len(values)}")
-    check_limits(chain, values, where, "robot.carry")
-    return np.array(values)
-
-
-def _check_footprint(corners: list[list[float]], where: str) -> None:
-    if len(corners) == 1:
-        return
-    if len(corners) == 2:
-        raise wrong(where, "robot.footprint", "expected one point or at least three corners, got 2")
-    outline = Polygon(corners)
-    hull = MultiPoint(corners).convex_hull
-    if not outline.is_valid or outline.area <= 0 or hull.area - outline.area > 1e-9 * hull.area:
-        raise wrong(where, "robot.footprint", "expected the corners of a convex outline, in order")

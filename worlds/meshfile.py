@@ -8,12 +8,14 @@ from typing import Any
 
 import numpy as np
 import trimesh
+from scipy.spatial import ConvexHull, QhullError
 
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError
 
 SUFFIXES = (".stl", ".obj", ".ply", ".off")
 MESH_LIMIT = 256 * 2**20  # [bytes]
+_FLAT = 1e-4
 
 
 def read_mesh(path: Path) -> tuple[Array, np.ndarray]:
@@ -35,7 +37,16 @@ def read_mesh(path: Path) -> tuple[Array, np.ndarray]:
         with path.open("rb") as stream:
             mesh: Any = trimesh.load(stream, file_type=kind[1:], force="mesh", skip_materials=True)
     # What trimesh's readers raise on files that are cut short or no mesh at all.
-    except (ValueError, KeyError, IndexError, TypeError, AttributeError, struct.error, OSError) as error:
+    except (
+        ValueError,
+        KeyError,
+        IndexError,
+        TypeError,
+        AttributeError,
+        struct.error,
+        OSError,
+        ImportError,  # a guess at the encoding of what is no text needs a package that we do not
+    ) as error:
         why = " ".join(str(error).split())[:80]
         raise InputError(
             f"{path}: expected a {kind[1:].upper()} mesh that can be read whole ({why})"
@@ -48,3 +59,31 @@ def read_mesh(path: Path) -> tuple[Array, np.ndarray]:
 def is_closed(vertices: Array, faces: np.ndarray) -> bool:
     """Whether every edge joins two triangles, so that there is an inside."""
     return bool(trimesh.Trimesh(vertices, faces, process=False).is_watertight)
+
+
+def hull_of(points: Array) -> Array:
+    """Corners (m, 3) of the convex hull of points (n, 3); of a flat cloud, each point once."""
+    distinct: Array = np.unique(points, axis=0)
+    try:
+        return np.asarray(distinct[ConvexHull(distinct).vertices], dtype=np.float64)
+    except QhullError:  # fewer than four points, or all in one plane
+        return distinct
+
+
+def oriented_box(points: Array) -> tuple[Array, Array]:
+    """A small box around points (n, 3), at any angle: its frame (4, 4) and sizes (3,) [m].
+
+    Sizes are 0 where points are flat.
+    """
+    spread = points - points.mean(axis=0)
+    _, widths, axes = np.linalg.svd(spread, full_matrices=True)
+    turns = [np.eye(3), axes.T * np.sign(np.linalg.det(axes))]
+    if len(points) > 3 and widths[2] > _FLAT * widths[0]:  # the engine wants an inside
+        engine: Any = trimesh.bounds
+        turns.append(np.asarray(engine.oriented_bounds(points)[0], dtype=np.float64)[:3, :3].T)
+    # Measured again, as what an engine rounds must not leave points outside.
+    boxes = [(turn, (points @ turn).min(axis=0), (points @ turn).max(axis=0)) for turn in turns]
+    turn, low, high = min(boxes, key=lambda box: float(np.prod(box[2] - box[1] + _FLAT)))
+    T = np.eye(4)
+    T[:3, :3], T[:3, 3] = turn, turn @ ((low + high) / 2)
+    return T, high - low

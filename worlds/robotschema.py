@@ -113,13 +113,14 @@ class ChainRobot(_OwnRobot):
 
 class UrdfRobot(Strict):
     urdf: File
-    tip: OneLine
+    tip: OneLine | None = None
     root: OneLine | None = None
     base: Literal["omni", "differential", "car"] = "omni"
-    footprint: Annotated[list[Vec2], Field(min_length=1)] = Field(default=[[0.0, 0.0]])
-    mount: Vec4 = Field(default=[0.0, 0.0, 0.0, 0.0])
+    footprint: Annotated[list[Vec2], Field(min_length=1)] | None = None
+    mount: Vec4 | None = None
     turning_radius: NotNegative = 0.0
-    body_height: Positive = BODY_HEIGHT
+    body_height: Positive | None = None
+    carry: list[float] | None = None
     limits: Literal["ignore"] | None = None
 
 

@@ -1,0 +1,347 @@
+"""The solids of URDF robots: nothing sticks out of what stands for it, and files stay in their folders."""
+
+from __future__ import annotations
+
+import os
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+import shapely
+import trimesh
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from regionik.worlds.arrays import Array
+from regionik.worlds.bounding import bounding_solid, cylinder_capsule, sphere_capsule
+from regionik.worlds.bundled import BODY_HEIGHT, LINK_RADIUS
+from regionik.worlds.chain import pose
+from regionik.worlds.collada import read_points
+from regionik.worlds.errors import InputError
+from regionik.worlds.meshfile import hull_of, oriented_box
+from regionik.worlds.robot import LinkBox, LinkCapsule, LinkSolid, Robot
+from regionik.worlds.urdf import load_robot
+from tests.urdfs import CRANE, UPPER_SIZE, crane, depth, frames_of
+
+
+def solid(robot: Robot, name: str) -> LinkSolid:
+    return next(solid for solid in robot.solids if solid.name == name)
+
+
+def volume(solid: LinkSolid) -> float:
+    if isinstance(solid, LinkBox):
+        return float(np.prod(solid.size))
+    length = float(np.linalg.norm(solid.end - solid.start))
+    return float(np.pi * solid.radius**2 * (length + 4 / 3 * solid.radius))
+
+
+# --- bounds
+
+_SIZE = st.floats(1e-3, 3)
+_POSE = st.tuples(*[st.floats(-3, 3)] * 6).map(lambda values: pose(values[:3], values[3:]))
+
+
+@settings(max_examples=50, deadline=None)
+@given(_POSE, _SIZE, _SIZE)
+def test_a_cylinder_is_inside_its_capsule(T: Array, radius: float, length: float) -> None:
+    capsule = cylinder_capsule(0, "c", T, radius, length)
+    angles = np.linspace(0, 2 * np.pi, 50)
+    rim = radius * np.column_stack([np.cos(angles), np.sin(angles)])
+    points = np.concatenate([np.column_stack([rim, np.full(50, z)]) for z in (-length / 2, 0, length / 2)])
+    assert depth(capsule, points @ T[:3, :3].T + T[:3, 3]).max() < 1e-9
+    plain = np.pi * radius**2 * length + 4 / 3 * np.pi * radius**3  # as long and as thick as the cylinder
+    ball = 4 / 3 * np.pi * np.hypot(radius, length / 2) ** 3
+    assert volume(capsule) <= min(plain, ball) * (1 + 1e-3)
+
+
+def test_a_sphere_is_inside_its_capsule() -> None:
+    capsule = sphere_capsule(2, "ball", np.array([1.0, 2.0, 3.0]), 0.2)
+    directions = np.random.default_rng(0).normal(size=(200, 3))
+    points = 0.2 * directions / np.linalg.norm(directions, axis=1)[:, None] + [1, 2, 3]
+    away = depth(capsule, points)
+    assert away.max() < 1e-9
+    assert away.min() > -1e-5
+    assert np.linalg.norm(capsule.end - capsule.start) > 0
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.integers(1, 40), st.tuples(*[st.floats(0, 1)] * 3), _POSE)
+def test_points_are_inside_their_bounding_solid(
+    seed: int, count: int, sizes: tuple[float, ...], T: Array
+) -> None:
+    cloud = np.random.default_rng(seed).normal(size=(count, 3)) * sizes  # flat or a point, where sizes are 0
+    points = cloud @ T[:3, :3].T + T[:3, 3]
+    bound = bounding_solid(1, "cloud", hull_of(points))
+    assert depth(bound, points).max() < 1e-8
+    along_axes = np.prod(np.maximum(np.ptp(points, axis=0), 1e-4))
+    assert volume(bound) <= along_axes * (1 + 1e-6)
+
+
+def test_the_smaller_bound_is_taken() -> None:
+    turn = Rotation.from_euler("xyz", [0.3, 0.4, 0.5]).as_matrix()
+    rod = trimesh.creation.capsule(height=1.0, radius=0.1).vertices @ turn.T
+    slab = trimesh.creation.box((0.5, 0.3, 0.1)).vertices @ turn.T
+    assert isinstance(bounding_solid(0, "rod", np.asarray(rod)), LinkCapsule)
+    bound = bounding_solid(0, "slab", np.asarray(slab))
+    assert isinstance(bound, LinkBox)
+    assert sorted(bound.size) == pytest.approx([0.1, 0.3, 0.5])
+
+
+def test_a_box_fits_a_turned_cloud() -> None:
+    T = pose([1, 2, 3], [0.3, -0.2, 0.9])
+    corners = trimesh.creation.box((1.0, 0.5, 0.2)).vertices @ T[:3, :3].T + T[:3, 3]
+    frame, size = oriented_box(np.asarray(corners))
+    assert sorted(size) == pytest.approx([0.2, 0.5, 1.0])
+    assert frame[:3, 3] == pytest.approx([1, 2, 3])
+    assert np.linalg.det(frame[:3, :3]) == pytest.approx(1)
+
+
+# --- the crane
+
+
+def test_every_collision_element_is_covered_where_it_is(tmp_path: Path) -> None:
+    robot = load_robot(crane(tmp_path), tip="tool")
+    assert [(s.link, s.name) for s in robot.solids if s.link == 0] == [(0, "torso"), (0, "head")]
+    assert {s.name for s in robot.solids if s.link == 2} == {"fore 1", "fore 2", "left", "right"}
+    joints = np.array([0.2, 0.7, -0.4])
+    ours = robot.frames(np.zeros(3), joints)
+    values = dict(zip(robot.chain.names, joints, strict=True)) | {"grip": 0.01, "grip_too": 0.005}
+    theirs = frames_of(CRANE, values)
+    upper = trimesh.creation.box(np.array(UPPER_SIZE) / 1000).vertices
+    shapes = {
+        "torso": ("torso", pose([0, 0, -0.2], [0, 0, 0]), trimesh.creation.cylinder(0.05, 0.6).vertices),
+        "head": ("head", np.eye(4), trimesh.creation.icosphere(radius=0.1).vertices),
+        "upper": ("upper", pose([0.1, 0, 0], [0, 0, 0.3]), upper),
+        "fore 1": (
+            "fore",
+            pose([0.1, 0, 0], [0.2, 0.3, 0.4]),
+            trimesh.creation.box((0.2, 0.05, 0.06)).vertices,
+        ),
+        "fore 2": ("fore", pose([0.2, 0, 0], [0, 0, 0]), trimesh.creation.icosphere(radius=0.04).vertices),
+        "left": ("left", np.eye(4), trimesh.creation.box((0.02, 0.01, 0.05)).vertices),
+        "right": ("right", np.eye(4), trimesh.creation.box((0.02, 0.01, 0.05)).vertices),
+    }
+    assert set(shapes) == {s.name for s in robot.solids}
+    for name, (link, T, vertices) in shapes.items():
+        body = solid(robot, name)
+        T_solid_shape = np.linalg.inv(ours[body.link]) @ theirs[link] @ T
+        points = np.asarray(vertices) @ T_solid_shape[:3, :3].T + T_solid_shape[:3, 3]
+        assert depth(body, points).max() < 1e-8, name
+        assert depth(body, points).max() > -1e-3, name  # and nothing much to spare
+
+
+def test_boxes_stay_boxes(tmp_path: Path) -> None:
+    body = solid(load_robot(crane(tmp_path), tip="tool"), "fore 1")
+    assert isinstance(body, LinkBox)
+    assert body.size.tolist() == [0.2, 0.05, 0.06]
+    assert np.allclose(body.T_link_box, pose([0.1, 0, 0], [0.2, 0.3, 0.4]))
+
+
+def test_the_footprint_contains_base_and_wheels(tmp_path: Path) -> None:
+    robot = load_robot(crane(tmp_path), tip="tool")
+    outline = shapely.Polygon(robot.footprint)
+    wheel = shapely.box(0, 0.23, 0.2, 0.27)  # seen from above
+    body = shapely.box(-0.3, -0.2, 0.3, 0.2)
+    hull = (wheel | body).convex_hull
+    assert outline.buffer(1e-9).covers(hull)
+    assert outline.area < hull.area * 1.01
+    assert robot.body_height == pytest.approx(0.35)
+    moved = load_robot(crane(tmp_path), tip="tool", mount=[1, 0, 0.1, np.pi / 2])
+    turned = shapely.affinity.translate(shapely.affinity.rotate(outline, 90, origin=(0, 0)), 1, 0)
+    assert shapely.Polygon(moved.footprint).symmetric_difference(turned).area < 1e-9
+    assert moved.body_height == pytest.approx(0.45)
+
+
+def test_links_above_the_root_count_when_they_are_fixed_to_it(tmp_path: Path) -> None:
+    outer = '<link name="floor"><collision><geometry><box size="2 2 0.02"/></geometry></collision></link>'
+    robot = load_robot(crane(tmp_path, ('<link name="floor"/>', outer)), root="base", tip="tool")
+    assert np.ptp(robot.footprint, axis=0) == pytest.approx([2, 2])
+
+
+def test_a_footprint_that_is_given_is_taken(tmp_path: Path) -> None:
+    corners = [[0.5, 0.3], [-0.5, 0.3], [-0.5, -0.3], [0.5, -0.3]]
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")  # nothing is said of what is left out of a footprint that is given
+        robot = load_robot(crane(tmp_path), root="plate", tip="tool", footprint=corners, body_height=0.4)
+    assert robot.footprint.tolist() == corners
+    assert robot.body_height == 0.4
+
+
+def test_a_base_without_solids_is_a_point(tmp_path: Path) -> None:
+    box = '<collision><origin xyz="0 0 0.2"/><geometry><box size="0.6 0.4 0.2"/></geometry></collision>'
+    wheel = '<collision><geometry><cylinder radius="0.1" length="0.04"/></geometry></collision>'
+    robot = load_robot(crane(tmp_path, (box, ""), (wheel, "")), tip="tool")
+    assert robot.footprint.tolist() == [[0, 0]]
+    assert robot.body_height == BODY_HEIGHT
+
+
+def test_outlines_of_many_corners_are_coarser_and_contain_the_fine_one(tmp_path: Path) -> None:
+    disc = trimesh.creation.cylinder(radius=0.3, height=0.2, sections=200)
+    path = crane(tmp_path, ('<box size="0.6 0.4 0.2"/>', '<mesh filename="meshes/disc.stl"/>'))
+    disc.export(path.parent / "meshes" / "disc.stl")
+    outline = shapely.Polygon(load_robot(path, tip="tool").footprint)
+    assert len(outline.exterior.coords) <= 33
+    fine = shapely.MultiPoint(disc.vertices[:, :2]).convex_hull
+    assert outline.buffer(1e-6).covers(fine)  # STL files hold numbers of seven digits
+    assert outline.is_valid
+    assert outline.exterior.is_ccw
+
+
+# --- meshes
+
+
+def test_missing_meshes_are_named_and_stood_in_for(tmp_path: Path) -> None:
+    path = crane(tmp_path)
+    (path.parent / "meshes" / "upper.stl").unlink()
+    with pytest.warns(
+        UserWarning, match=r"link upper: mesh meshes/upper.stl: there is no such file; a capsule"
+    ):
+        robot = load_robot(path, tip="tool")
+    stand_in = solid(robot, "pivot stand-in")
+    assert isinstance(stand_in, LinkCapsule)
+    assert (stand_in.link, stand_in.radius) == (1, LINK_RADIUS)
+    assert stand_in.end.tolist() == [0.4, 0, 0]
+
+
+@pytest.mark.parametrize(
+    "content", [b"", b"solid nothing", b"\0" * 90, b"\xff" * 1000], ids=["empty", "cut", "zeros", "noise"]
+)
+def test_unreadable_meshes_are_named_and_stood_in_for(tmp_path: Path, content: bytes) -> None:
+    path = crane(tmp_path)
+    (path.parent / "meshes" / "upper.stl").write_bytes(content)
+    with pytest.warns(UserWarning, match="mesh meshes/upper.stl: expected .*stands for it"):
+        load_robot(path, tip="tool")
+
+
+def test_a_missing_mesh_of_the_base_is_said(tmp_path: Path) -> None:
+    path = crane(tmp_path, ('<box size="0.6 0.4 0.2"/>', '<mesh filename="meshes/none.stl"/>'))
+    with pytest.warns(UserWarning, match="none.stl: there is no such file; it is left out of the footprint"):
+        robot = load_robot(path, tip="tool")
+    assert np.ptp(robot.footprint, axis=0) == pytest.approx([0.2, 0.04], rel=0.01)  # the wheel's
+
+
+def test_arms_without_any_solid_get_capsules(tmp_path: Path) -> None:
+    path = tmp_path / "bare.urdf"
+    path.write_text(
+        '<robot name="r"><link name="a"/><link name="b"/><joint name="j" type="continuous">'
+        '<parent link="a"/><child link="b"/></joint><link name="c"/><joint name="f" type="fixed">'
+        '<origin xyz="0 0 1"/><parent link="b"/><child link="c"/></joint></robot>'
+    )
+    with pytest.warns(UserWarning, match="no arm link has a collision element: capsules"):
+        robot = load_robot(path)
+    assert [(s.link, s.radius) for s in robot.solids] == [(0, LINK_RADIUS)]
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "package://crane/meshes/upper.stl",
+        "package://crane/./meshes/../meshes/upper.stl",
+        "file:meshes/upper.stl",
+        "package://shared/upper.stl",
+    ],
+)
+def test_where_meshes_are_looked_for(tmp_path: Path, name: str) -> None:
+    path = crane(tmp_path, ("meshes/upper.stl", name))
+    (tmp_path / "shared").mkdir()
+    (tmp_path / "shared" / "upper.stl").write_bytes((path.parent / "meshes" / "upper.stl").read_bytes())
+    if name.startswith("file:"):
+        path.write_text(path.read_text().replace(name, f"file://{path.parent}/meshes/upper.stl"))
+    body = solid(load_robot(path, tip="tool"), "upper")
+    assert isinstance(body, LinkBox)
+    assert sorted(body.size) == pytest.approx([0.06, 0.08, 0.4], rel=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        ("../../secret.stl", "expected a file below {package}"),
+        ("{folder}/secret.stl", "expected a file below {package}"),
+        ("file://{folder}/secret.stl", "expected a file below {package}"),
+        ("package://crane/../secret.stl", "expected a file below {package}"),
+        ("package://crane//{folder}/secret.stl", "expected a file below {package}"),
+        ("meshes/link.stl", "expected a file below {package}"),
+        ("http://example.org/upper.stl", "expected package://name/file or a file relative"),
+        ("https://example.org/upper.stl", "expected package://name/file or a file relative"),
+        ("model://crane/upper.stl", "expected package://name/file or a file relative"),
+    ],
+)
+def test_files_outside_the_package_are_refused(tmp_path: Path, name: str, expected: str) -> None:
+    path = crane(tmp_path, ("meshes/upper.stl", name.format(folder=tmp_path)))
+    trimesh.creation.box((1, 1, 1)).export(tmp_path / "secret.stl")
+    os.symlink(tmp_path / "secret.stl", path.parent / "meshes" / "link.stl")
+    with pytest.raises(InputError) as caught:
+        load_robot(path, tip="tool")
+    assert expected.format(package=path.parent) in str(caught.value)
+    assert "link upper: mesh" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "name", ["package://../secret.stl", "package://etc/secret.stl", "package://", "package:x"]
+)
+def test_packages_that_are_none_are_missing(tmp_path: Path, name: str) -> None:
+    path = crane(tmp_path, ("meshes/upper.stl", name))
+    with pytest.warns(UserWarning, match="there is no folder"):
+        load_robot(path, tip="tool")
+
+
+# --- COLLADA
+
+DAE = """\
+<?xml version="1.0"?>
+<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
+  <asset><unit name="centimeter" meter="0.01"/><up_axis>Y_UP</up_axis></asset>
+  <library_geometries><geometry id="g"><mesh>
+    <source id="p"><float_array id="a" count="12">0 0 0 1 0 0 0 1 0 0 0
+      1</float_array></source>
+    <vertices id="v"><input semantic="POSITION" source="#p"/></vertices>
+  </mesh></geometry></library_geometries>
+  <library_visual_scenes><visual_scene id="s">
+    <node><translate>10 0 0</translate><node><rotate>0 0 1 90</rotate><scale>2 2 2</scale>
+      <instance_geometry url="#g"/></node></node>
+    <node><matrix>1 0 0 0  0 1 0 0  0 0 1 5  0 0 0 1</matrix><instance_geometry url="#g"/></node>
+  </visual_scene></library_visual_scenes>
+</COLLADA>
+"""
+
+
+def test_collada_points_stand_where_the_scene_puts_them(tmp_path: Path) -> None:
+    path = tmp_path / "a.dae"
+    path.write_text(DAE)
+    corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
+    turned = 2 * corners @ np.array([[0, 1, 0], [-1, 0, 0], [0, 0, 1]]) + [10, 0, 0]
+    expected = 0.01 * np.concatenate([turned, corners + [0, 0, 5]])
+    found = {tuple(point) for point in np.round(read_points(path), 9) + 0.0}
+    assert found == {tuple(point) for point in np.round(expected, 9) + 0.0}
+    path.write_text(DAE[: DAE.index("  <library_visual")] + "</COLLADA>")
+    assert np.allclose(read_points(path), 0.01 * corners)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "expected"),
+    [
+        ("<COLLADA", "<COLLADE", "not valid XML"),
+        ("0 0 0 1 0 0", "0 0 0 1 0 x", "line 5: float_array: expected finite numbers"),
+        ("0 0 0 1 0 0", "0 0 0 1 0 nan", "line 5: float_array: expected finite numbers"),
+        ("0 0 0 1 0 0", "0 0 0 1 0", "expected three numbers a vertex, got 11"),
+        ('source="#p"', 'source="#q"', "vertices: expected the id of a source"),
+        ('meter="0.01"', 'meter="-1"', "unit: expected meter above 0"),
+        ("<translate>10 0 0", "<translate>10 0", "translate: expected 3 numbers, got 2"),
+        ("0 0 1 90", "0 0 0 90", "axis must not be zero"),
+        ('<matrix>1 0 0 0  0 1 0 0  0 0 1 5  0 0 0 1</matrix><instance_geometry url="#g"/>',
+         '<instance_geometry url="#h"/>', "instance_geometry: expected the id of a geometry"),
+        ('semantic="POSITION"', 'semantic="NORMAL"', "expected a mesh with finite vertices"),
+        ("<COLLADA", "<!DOCTYPE COLLADA [<!ENTITY a 'b'>]><COLLADA", "leave out <!DOCTYPE"),
+    ],
+)  # fmt: skip
+def test_broken_collada(tmp_path: Path, old: str, new: str, expected: str) -> None:
+    path = tmp_path / "a.dae"
+    assert DAE.count(old) == 1
+    path.write_text(DAE.replace(old, new))
+    with pytest.raises(InputError) as caught:
+        read_points(path)
+    assert expected in str(caught.value)
+    assert str(caught.value).startswith(str(path))
+    assert "\n" not in str(caught.value)
