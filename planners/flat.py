@@ -157,7 +157,7 @@ def _within(vertices: Array, starts: Index, x: float, y: float) -> bool:
 
 
 @compiled
-def _insert(cuts: Array, count: int, value: float) -> int:
+def insert(cuts: Array, count: int, value: float) -> int:
     """Put a value into the sorted head of ``cuts``; returns the new count."""
     k = count
     while k > 0 and cuts[k - 1] > value:
@@ -186,7 +186,7 @@ def _cut(vertices: Array, starts: Index, a: Array, u: Array, length: float, cuts
 
     Fills ``cuts`` [m] and returns how many there are, or -1 when an edge truly cuts the segment.
     """
-    count = _insert(cuts, _insert(cuts, 0, 0.0), length)
+    count = insert(cuts, insert(cuts, 0, 0.0), length)
     for r in range(len(starts) - 1):
         x, y = vertices[starts[r + 1] - 1, 0] - a[0], vertices[starts[r + 1] - 1, 1] - a[1]
         s0, t0 = x * u[1] - y * u[0], x * u[0] + y * u[1]
@@ -200,11 +200,11 @@ def _cut(vertices: Array, starts: Index, a: Array, u: Array, length: float, cuts
                     if true_cut:
                         return -1
                     if 0.0 < t < length:
-                        count = _insert(cuts, count, t)
+                        count = insert(cuts, count, t)
                 if abs(s0) <= DEPTH and 0.0 < t0 < length:
-                    count = _insert(cuts, count, t0)
+                    count = insert(cuts, count, t0)
                 if abs(s1) <= DEPTH and 0.0 < t1 < length:
-                    count = _insert(cuts, count, t1)
+                    count = insert(cuts, count, t1)
             s0, t0 = s1, t1
     return count
 

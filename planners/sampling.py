@@ -1,11 +1,14 @@
-"""Ways found by OMPL's RRTConnect between two points of a box. The only file that imports ompl."""
+"""Ways found by OMPL's RRTConnect and RRT: between two points of a box, or two poses on a floor.
+
+The only file that imports ompl.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from threading import Lock
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -13,6 +16,7 @@ from regionik.worlds.arrays import Array
 
 _OMPL = Lock()  # its seed and its log level belong to the whole process
 
+Curves = Literal["straight", "reeds-shepp", "dubins"]
 State = Any  # one of OMPL's, to be read by index and not kept
 
 
@@ -76,6 +80,83 @@ def connect(
         path = np.array([[p[i] for i in range(count)] for p in states])
     path[0], path[-1] = start, goal
     return path
+
+
+def connect_poses(
+    lower: Array,
+    upper: Array,
+    start: Array,
+    goal: Array,
+    free: Callable[[Array], bool],
+    clear: Callable[[Array, Array], bool],
+    *,
+    curves: Curves,
+    radius: float = 1.0,
+    seed: int,
+    most: int,
+) -> Array | None:
+    """Connect two poses (x, y [m], yaw [rad]) by motions that ``clear`` knows how to make.
+
+    Parameters
+    ----------
+    lower, upper : (2,) array
+        Where to sample [m].
+    start, goal : (3,) array
+        Different poses that are free.
+    free : callable
+        Whether the base may be at a pose (3,).
+    clear : callable
+        Whether it may move from one pose to another.
+    curves : {"straight", "reeds-shepp", "dubins"}
+        By which lengths neighbours are near, and along which motions are cut short.
+    radius : float
+        Turning radius of the curves [m].
+    seed, most
+        As for `connect`.
+
+    Returns
+    -------
+    (k, 3) array or None
+        From start to goal, headings from -pi to pi; None when the iterations are used up.
+    """
+    with _ompl(seed) as (base, geometric):
+        space = _pose_space(base, curves, radius)
+        bounds = base.RealVectorBounds(2)
+        for axis in range(2):
+            bounds.setLow(axis, float(lower[axis]))
+            bounds.setHigh(axis, float(max(upper[axis], lower[axis] + 1e-6)))
+        space.setBounds(bounds)
+        setup = geometric.SimpleSetup(space)
+        information = setup.getSpaceInformation()
+        setup.setStateValidityChecker(lambda p: bool(free(_read(p))))
+        information.setMotionValidator(_motions(base, information, lambda p, q: clear(_read(p), _read(q))))
+        ends = [space.allocState(), space.allocState()]
+        for state, pose in zip(ends, (start, goal), strict=True):
+            state.setXY(float(pose[0]), float(pose[1]))
+            state.setYaw(float(pose[2]))
+        for state in ends:
+            space.enforceBounds(state)
+        setup.setStartAndGoalStates(*ends)
+        # A tree from the goal would need curves that end at its states; where ways differ there and back, one
+        # tree finds them far more often.
+        both = space.hasSymmetricDistance()
+        setup.setPlanner((geometric.RRTConnect if both else geometric.RRT)(information))
+        status = setup.solve(base.PlannerTerminationCondition(_after(most)))
+        if status != base.PlannerStatus.EXACT_SOLUTION:
+            return None
+        path = np.array([_read(p) for p in setup.getSolutionPath().getStates()])
+    path[0], path[-1] = start, goal
+    return path
+
+
+def _pose_space(base: Any, curves: Curves, radius: float) -> Any:
+    if curves == "straight":
+        return base.SE2StateSpace()
+    return base.ReedsSheppStateSpace(radius) if curves == "reeds-shepp" else base.DubinsStateSpace(radius)
+
+
+def _read(state: State) -> Array:
+    return np.array([state.getX(), state.getY(), state.getYaw()])
 
 
 @contextmanager

@@ -1,0 +1,377 @@
+"""Ways on wheels: exact ends and curvature, inside the floor, as short as OMPL's, same seed same way."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from functools import cache
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from ompl import base as ob
+from shapely import box
+from shapely.geometry import MultiPolygon, Point, Polygon
+
+from regionik.planners.arcs import arc_inside, moved, wrapped
+from regionik.planners.drive import NoPathError
+from regionik.planners.flat import FlatPolygon
+from regionik.planners.linking import REEDS_SHEPP, Base, link
+from regionik.planners.room import Room, bare_room, room_of
+from regionik.planners.way import Arc, Line, Turn, Way, pose_on
+from regionik.planners.wheels import drive_car, drive_differential
+from regionik.planners.words import curves
+from regionik.worlds.arrays import Array
+from regionik.worlds.errors import InputError
+from regionik.worlds.obstacles import Shadow
+
+RADIUS = 0.7
+SPOT = st.floats(-4, 4, allow_subnormal=False)
+POSE = st.tuples(SPOT, SPOT, st.floats(-np.pi, np.pi, allow_subnormal=False)).map(np.array)
+LONG = np.array([[0.4, -0.19], [0.4, 0.19], [-0.18, 0.19], [-0.18, -0.19]])  # axle near the tail
+
+
+def clutter(seed: int) -> Polygon:
+    """Largest part of a floor of 10 m with 30 obstacles."""
+    rng = np.random.default_rng(seed)
+    centres, sizes = rng.uniform(0, 10, (30, 2)), rng.uniform(0.2, 0.9, (30, 2))
+    boxes = shapely.box(*(centres - sizes).T, *(centres + sizes).T)
+    discs = shapely.buffer(shapely.points(centres), sizes[:, 0], quad_segs=4)
+    free = box(0, 0, 10, 10) - shapely.union_all(np.where(rng.random(30) < 0.5, boxes, discs))
+    part: Polygon = max(shapely.get_parts(free), key=lambda p: p.area)
+    return part
+
+
+def two_poses(free: Polygon, seed: int) -> list[Array]:
+    """Poses at least 4 m apart and 0.15 m from the edge."""
+    rng, poses = np.random.default_rng(seed), list[Array]()
+    while len(poses) < 2:
+        p = np.array([*rng.uniform(0, 10, 2), rng.uniform(-np.pi, np.pi)])
+        if free.buffer(-0.15).contains(Point(p[:2])) and all(np.hypot(*(p - q)[:2]) > 4 for q in poses):
+            poses.append(p)
+    return poses
+
+
+def random_pairs(count: int, seed: int) -> list[tuple[Array, Array]]:
+    """Pairs of poses, a fifth of them on a grid where words degenerate."""
+    rng, pairs = np.random.default_rng(seed), []
+    for k in range(count):
+        far = (0.5, 2.0, 5.0, 20.0)[k % 4]
+        ends = rng.uniform((-far, -far, -np.pi), (far, far, np.pi), (2, 3))
+        if k % 5 == 0:
+            ends[:, :2] = np.round(ends[:, :2] * 2 / RADIUS) * RADIUS / 2
+            ends[:, 2] = np.round(ends[:, 2] * 4 / np.pi) * np.pi / 4
+        pairs.append((ends[0], ends[1]))
+    return pairs
+
+
+@cache
+def engine(reverse: bool) -> ob.StateSpace:
+    space = (ob.ReedsSheppStateSpace if reverse else ob.DubinsStateSpace)(RADIUS)
+    bounds = ob.RealVectorBounds(2)
+    bounds.setLow(-100)
+    bounds.setHigh(100)
+    space.setBounds(bounds)
+    return space
+
+
+def engine_distance(a: Array, b: Array, reverse: bool) -> float:
+    space = engine(reverse)
+    states = [space.allocState(), space.allocState()]
+    for state, pose in zip(states, (a, b), strict=True):
+        state.setXY(float(pose[0]), float(pose[1]))
+        state.setYaw(float(wrapped(pose[2])))
+    return float(space.distance(*states))
+
+
+def shortest(a: Array, b: Array, reverse: bool) -> float:
+    return float(curves(a, b, RADIUS, reverse)[1][0])
+
+
+def at_the_end(word: Array, start: Array) -> Array:
+    x, y, yaw = start
+    for length, turn in word:
+        x, y, yaw = moved(x, y, yaw, length, turn)
+    return np.array([x, y, yaw])
+
+
+def off(a: Array, b: Array) -> float:
+    """Largest difference of two poses, headings modulo a turn."""
+    return float(max(*np.abs(a - b)[:2], abs(wrapped(a[2] - b[2]))))
+
+
+def holds(way: Way, free: Polygon | MultiPolygon, start: Array, goal: Array) -> None:
+    """What every way in a polygon promises, looked at every 2 mm by shapely."""
+    assert off(way.start, start) == 0
+    assert off(way.end, goal) <= 1e-9
+    poses = way.sample(0.002)
+    np.testing.assert_allclose(poses[[0, -1]], [way.start, way.end], atol=1e-12)
+    assert np.hypot(*np.diff(poses[:, :2], axis=0).T).max(initial=0.0) <= 0.002 + 1e-9
+    assert shapely.distance(free, shapely.points(poses[:, :2])).max() <= 2e-9
+    chords = np.hypot(*np.diff(poses[:, :2], axis=0).T).sum()
+    assert way.length * (1 - 1e-5) - 1e-9 <= chords <= way.length + 1e-9
+
+
+@pytest.mark.parametrize("reverse", [True, False])
+def test_curves_are_as_short_as_those_of_ompl(reverse: bool) -> None:
+    for a, b in random_pairs(4000, seed=int(reverse)):
+        words, lengths = curves(a, b, RADIUS, reverse)
+        assert lengths[0] == pytest.approx(engine_distance(a, b, reverse), abs=1e-9)
+        assert (np.diff(lengths) >= 0).all()
+        for word in words[:3]:
+            assert off(at_the_end(word, a), b) <= 1e-9
+            bent = word[word[:, 1] != 0]
+            np.testing.assert_allclose(np.abs(bent[:, 0] / bent[:, 1]), RADIUS, rtol=1e-14)
+
+
+@given(POSE, POSE)
+@settings(max_examples=200, deadline=None)
+def test_reeds_shepp_is_symmetric_and_never_longer_than_dubins(a: Array, b: Array) -> None:
+    there, back, forwards = shortest(a, b, True), shortest(b, a, True), shortest(a, b, False)
+    assert there == pytest.approx(back, abs=1e-9)
+    assert np.hypot(*(b - a)[:2]) - 1e-9 <= there <= forwards + 1e-9
+
+
+@given(POSE, POSE, st.floats(-2, 2), st.floats(-6, 6))
+@settings(max_examples=100, deadline=None)
+def test_curves_do_not_care_where_the_world_is(a: Array, b: Array, shift: float, turn: float) -> None:
+    c, s = np.cos(turn), np.sin(turn)
+    ends = [np.array([c * p[0] - s * p[1] + shift, s * p[0] + c * p[1] - shift, p[2] + turn]) for p in (a, b)]
+    for reverse in (True, False):
+        here, there = shortest(a, b, reverse), shortest(ends[0], ends[1], reverse)
+        # Where a full circle begins, Dubins' curves jump in length: rounding may fall to either side.
+        gap = abs(here - there)
+        assert gap <= 1e-6 or (not reverse and gap > RADIUS)
+
+
+def test_dubins_never_reverses() -> None:
+    for a, b in random_pairs(400, seed=5):
+        assert (curves(a, b, RADIUS, False)[0][:, :, 0] >= 0).all()
+
+
+def test_arcs_inside_by_dense_sampling() -> None:
+    """Against 400 points an arc: those that leave by more than the sampling can miss are refused."""
+    free = clutter(3)
+    flat = FlatPolygon.from_shapely(free)
+    rng = np.random.default_rng(0)
+    seen = {True: 0, False: 0}
+    for _ in range(1500):
+        x, y, yaw = *rng.uniform(0, 10, 2), rng.uniform(-4, 4)
+        length, turn = rng.normal() * 2, rng.choice([0.0, 1e-7, 1.0, 2.0]) * rng.uniform(-3, 3)
+        points = np.array([moved(x, y, yaw, s * length, s * turn) for s in np.linspace(0, 1, 401)])[:, :2]
+        outside = float(shapely.distance(free, shapely.points(points)).max())
+        inside = bool(arc_inside(flat.vertices, flat.starts, x, y, yaw, length, turn))
+        seen[inside] += 1
+        if inside:
+            assert outside <= 1e-9
+        else:
+            # Between two samples an arc can leave by no more than half their distance.
+            edge = shapely.distance(
+                free.exterior.union(shapely.union_all(free.interiors)), shapely.points(points)
+            )
+            assert outside > 0 or edge.min() <= abs(length) / 800 + 1e-9
+    assert min(seen.values()) > 200
+
+
+@pytest.mark.parametrize(
+    ("turn", "inside"), [(np.pi, True), (np.pi / 2, True), (2 * np.pi, True), (-np.pi, False)]
+)
+def test_arcs_may_touch(turn: float, inside: bool) -> None:
+    """A circle that fits a square exactly touches all four sides."""
+    flat = FlatPolygon.from_shapely(box(-1, 0, 1, 2))
+    assert arc_inside(flat.vertices, flat.starts, 0.0, 0.0, 0.0, abs(turn), turn) is inside
+    assert arc_inside(flat.vertices, flat.starts, 0.0, 0.0, np.pi, -abs(turn), turn) is inside
+    tight = FlatPolygon.from_shapely(box(-1, 0, 1, 2 - 1e-7))
+    reaches_top = turn >= np.pi
+    assert arc_inside(tight.vertices, tight.starts, 0.0, 0.0, 0.0, abs(turn), turn) is (
+        inside and not reaches_top
+    )
+
+
+@pytest.mark.parametrize("reverse", [True, False])
+@pytest.mark.parametrize("seed", range(4))
+def test_cars_in_clutter(seed: int, reverse: bool) -> None:
+    free = clutter(seed + 1)
+    start, goal = two_poses(free, seed + 101)
+    way = drive_car(free, start, goal, turning_radius=0.3, seed=0, reverse=reverse)
+    holds(way, free, start, goal)
+    kinds = {type(segment) for segment in way.segments}
+    assert kinds <= {Line, Arc}
+    assert all(segment.radius >= 0.3 - 1e-12 for segment in way.segments if isinstance(segment, Arc))
+    assert reverse or all(segment.length > 0 for segment in way.segments)
+    tight = drive_differential(free, start, goal, seed=0).length
+    assert tight - 1e-9 <= way.length <= 2 * tight + 2
+
+
+@pytest.mark.parametrize("reverse", [True, False])
+@pytest.mark.parametrize("seed", range(6))
+def test_differential_in_clutter(seed: int, reverse: bool) -> None:
+    free = clutter(seed)
+    start, goal = two_poses(free, seed + 100)
+    way = drive_differential(free, start, goal, seed=0, reverse=reverse)
+    holds(way, free, start, goal)
+    assert {type(segment) for segment in way.segments} <= {Line, Turn}
+    assert reverse or all(segment.length >= 0 for segment in way.segments)
+    ahead = drive_differential(free, start, goal, seed=0, reverse=False)
+    assert way.turning <= ahead.turning + 1e-9
+    assert way.length == pytest.approx(ahead.length, abs=1e-9)
+
+
+def test_a_leg_behind_is_driven_backwards() -> None:
+    way = drive_differential(box(0, 0, 4, 1), [3, 0.5, 0], [1, 0.5, 0], seed=0)
+    assert [type(segment) for segment in way.segments] == [Line]
+    assert way.segments[0].length == pytest.approx(-2)
+    round_about = drive_differential(box(0, 0, 4, 1), [3, 0.5, 0], [1, 0.5, 0], seed=0, reverse=False)
+    assert round_about.turning == pytest.approx(2 * np.pi)
+
+
+def test_a_car_parks_sideways() -> None:
+    way = drive_car(box(0, 0, 4, 4), [1, 1, 0], [1, 1.5, 0], turning_radius=0.5, seed=0)
+    assert way.method == "straight"
+    assert way.reversals > 0
+    assert way.length == pytest.approx(engine_distance_at(0.5, [1, 1, 0], [1, 1.5, 0]), abs=1e-9)
+
+
+def engine_distance_at(radius: float, a: list[float], b: list[float]) -> float:
+    scale = RADIUS / radius
+    ends = [np.array([p[0] * scale, p[1] * scale, p[2]]) for p in (a, b)]
+    return engine_distance(ends[0], ends[1], True) / scale
+
+
+def test_a_shut_shortest_curve_gives_way_to_the_next() -> None:
+    """The shortest curve leaves a corridor; another one that stays inside is taken without a search."""
+    a, b = np.array([0.5, 0.5, 0.0]), np.array([1.0, 0.8, np.pi])
+    words, lengths = curves(a, b, 0.4, True)
+    shut = box(0, 0, 1.25, 1)
+    parts = np.zeros((5, 2))
+    cost = link(bare_room(shut), Base(REEDS_SHEPP, 0.4, 0.0), a, b, np.inf, parts)
+    assert lengths[0] < cost < np.inf
+    assert off(at_the_end(parts, a), b) <= 1e-9
+    assert len(words) > 3
+
+
+def test_footprints_on_wheels() -> None:
+    """A long base in a slalom: every pose of the way, looked at by shapely, keeps floor and clearance."""
+    floor = box(0, 0, 6, 3)
+    obstacles = [Shadow(box(1.8, 0, 2.1, 1.7)), Shadow(box(3.8, 1.2, 4.1, 3)), Shadow(Point(5, 0.6), 0.15)]
+    room = room_of(LONG, floor, obstacles, 0.05)
+    start, goal = np.array([0.8, 0.6, 0.3]), np.array([5.2, 2.2, 1.5])
+    ways = [
+        drive_differential(room, start, goal, seed=0),
+        drive_car(room, start, goal, turning_radius=0.45, seed=0),
+        drive_car(room, start, goal, turning_radius=0.45, seed=0, reverse=False),
+    ]
+    for way in ways:
+        assert off(way.end, goal) <= 1e-9
+        for x, y, yaw in way.sample(0.01):
+            c, s = np.cos(yaw), np.sin(yaw)
+            body = Polygon(LONG @ np.array([[c, s], [-s, c]]) + [x, y])
+            assert floor.covers(body)
+            assert all(shadow.core.distance(body) > 0.05 + shadow.radius - 1e-9 for shadow in obstacles)
+    assert not any(isinstance(segment, Turn) for way in ways[1:] for segment in way.segments)
+
+
+def test_standing_still_is_no_way_at_all() -> None:
+    here = [0.5, 0.5, 1.0]
+    for way in (
+        drive_differential(box(0, 0, 1, 1), here, here, seed=0),
+        drive_car(box(0, 0, 1, 1), here, here, turning_radius=0.3, seed=0),
+    ):
+        assert (way.method, way.segments, way.length) == ("still", (), 0.0)
+        assert way.sample(0.1).tolist() == [here]
+
+
+def test_a_turn_alone() -> None:
+    way = drive_differential(box(0, 0, 1, 1), [0.5, 0.5, 3.0], [0.5, 0.5, -3.0], seed=0)
+    assert [type(segment) for segment in way.segments] == [Turn]
+    assert way.turning == pytest.approx(2 * np.pi - 6)
+
+
+def test_segments_must_join() -> None:
+    line = Line(np.zeros(3), 1.0)
+    with pytest.raises(InputError, match="segment 1 begins"):
+        Way(np.zeros(3), (line, Turn(np.array([1.1, 0, 0]), 1.0)), "straight")
+    with pytest.raises(InputError, match="arc: expected a length and a turn"):
+        Arc(np.zeros(3), 1.0, 0.0)
+    assert pose_on(Arc(np.zeros(3), np.pi, np.pi), 0.5) == pytest.approx([1, 1, np.pi / 2])
+
+
+SCRIPT = """
+import json
+from shapely import box
+from regionik.planners.wheels import drive_car
+free = box(0, 0, 6, 3) - box(1.8, 0, 2.1, 1.9) - box(3.8, 1.2, 4.1, 3)
+drive_car(free, [0.5, 0.5, 0], [1, 2, 1], turning_radius=0.3, seed=WARM)
+way = drive_car(free, [0.8, 0.6, 0.3], [5.2, 2.2, 1.5], turning_radius=0.4, seed=3)
+print(json.dumps([way.method, way.sample(0.05).tolist()]))
+"""
+
+
+def test_same_seed_same_way_in_every_process() -> None:
+    runs = [
+        subprocess.run(
+            [sys.executable, "-c", SCRIPT.replace("WARM", str(warm))],
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout
+        for warm in (1, 2)
+    ]
+    assert runs[0] == runs[1]
+    assert json.loads(runs[0])[0] == "ompl"
+
+
+@pytest.mark.parametrize(
+    ("start", "goal", "words"),
+    [
+        ([9, 0.5, 0], [0.5, 0.5, 0], r"start \(9.000, 0.500\) is 5 m outside the free area"),
+        ([0.5, 0.5, 0], [3.5, 0.5, 0], "in parts of the free area that do not join"),
+    ],
+)
+def test_no_way(start: list[float], goal: list[float], words: str) -> None:
+    rooms = MultiPolygon([box(0, 0, 1, 1), box(3, 0, 4, 1)])
+    with pytest.raises(NoPathError, match=words):
+        drive_differential(rooms, start, goal, seed=0)
+    with pytest.raises(NoPathError, match=words):
+        drive_car(rooms, start, goal, turning_radius=0.2, seed=0)
+
+
+def test_a_car_without_reverse_does_not_turn_in_a_closet() -> None:
+    with pytest.raises(NoPathError, match=r"no way with a turning radius of 1 m .* was found in"):
+        drive_car(box(0, 0, 1, 1), [0.5, 0.5, 0], [0.5, 0.5, 3], turning_radius=1.0, seed=0, reverse=False)
+
+
+def test_a_footprint_that_does_not_fit() -> None:
+    room: Room = room_of(LONG, box(0, 0, 2, 1))
+    with pytest.raises(NoPathError, match=r"goal \(1.900, 0.500, 0.000 rad\): the footprint does not fit"):
+        drive_differential(room, [0.5, 0.5, 0], [1.9, 0.5, 0], seed=0)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"turning_radius": 0.0}, "turning_radius: expected a length above 0, got 0.0"),
+        ({"turning_radius": np.nan}, "turning_radius: expected a length above 0"),
+        ({"seed": -1}, "seed: expected a whole number from 0 up, got -1"),
+        ({"start": [0, 0]}, r"start: expected 3 numbers, got shape \(2,\)"),
+        ({"goal": [0, 0, np.inf]}, "goal: every number must be finite"),
+        ({"free": Polygon()}, "polygon: expected a Polygon or MultiPolygon that is not empty"),
+    ],
+)
+def test_bad_input(change: dict[str, object], words: str) -> None:
+    given_ = {"free": box(0, 0, 1, 1), "start": [0.5, 0.5, 0], "goal": [0.6, 0.5, 0], "turning_radius": 1.0}
+    with pytest.raises(InputError, match=words):
+        drive_car(**{**given_, "seed": 0, **change})
+    if "turning_radius" not in change:
+        del given_["turning_radius"]
+        with pytest.raises(InputError, match=words):
+            drive_differential(**{**given_, "seed": 0, **change})
+
+
+def test_steps_must_be_lengths() -> None:
+    way = drive_differential(box(0, 0, 1, 1), [0.2, 0.5, 0], [0.8, 0.5, 0], seed=0)
+    with pytest.raises(InputError, match="step: expected a length above 0, got 0"):
+        way.sample(0)
