@@ -16,10 +16,10 @@ from scipy.stats import qmc
 from shapely.geometry import Point
 from shapely.geometry.base import BaseGeometry
 
-from regionik.guard import Guard
+from regionik.guard import SPARE, Guard
 from regionik.mfabrik import Solver, axis_of, pose_of, solver_for
 from regionik.plan import Configuration
-from regionik.planners.avoidance import avoid
+from regionik.planners.posture import go_round
 from regionik.planners.touching import Touch
 from regionik.poses import Pose, pose
 from regionik.pruning import Ladder
@@ -142,21 +142,20 @@ class Avoider:
 
     def _around(self, i: int, spot: Spot) -> Iterator[Spot]:
         """The base stays; the arm goes round what it touches, by FABRIK with avoiding rotations."""
-        robot, target = self.world.robot, self.world.task[i]
+        target, bodies, base = self.world.task[i], self.guard.bodies, spot.found.base
         if target.direction is not None:
             return
-        base = spot.found.base
-        T = robot.T_world_arm(base)
-        goal = T[:3, :3].T @ (target.position - T[:3, 3])
-        found = avoid(
-            robot.chain,
-            goal,
+        found = go_round(
+            bodies,
+            base,
+            target.position,
             spot.found.joints,
-            lambda k, frame: self.guard.link_clear(k, T @ frame, target.position),
+            contact=self.guard.contact,
             tolerance=self.world.rules.tolerance,
+            margin=SPARE,
             seed=self.seed,
         )
-        if found.converged and self.clear(i, Pose(base, found.joints)):
+        if found.joints is not None and self.clear(i, Pose(base, found.joints)):
             yield Spot(replace(spot.found, joints=found.joints, error=found.error), spot.component)
 
     def _elsewhere(self, i: int, k: int, here: Pose) -> Iterator[Spot]:

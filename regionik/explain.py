@@ -185,6 +185,12 @@ def blocked_start(world: World) -> Explanation | None:
     return Explanation("start-blocked", None, reason, (Cause("obstacle", name, missing),))
 
 
+def blocked_arm(world: World, closest: str, cause: Cause) -> Explanation:
+    """Why the arm cannot start in the posture that the world gives."""
+    reason = f"The start is blocked: {closest}, and the arm's clearance is {world.rules.arm_clearance:g} m."
+    return Explanation("start-blocked", None, reason, (cause,))
+
+
 def invalid_plan(world: World, violations: Sequence[Violation]) -> Explanation:
     """The first thing for which verification turned a finished plan down."""
     first = violations[0]

@@ -75,18 +75,34 @@ class Carrier:
         plain = self._carried(here, there, piece)
         if self._clear([here, *plain, there]):
             return plain
-        out = next(self._withdrawals(here, piece), None)
+        lead = self._onto(here, piece)
+        out = next(self._withdrawals(lead[-1], piece), None)
         back = next(self._withdrawals(there, piece), None)
-        if out is None or back is None:
+        if out is None or back is None or not self._clear(lead):
             return None
         drive = self._driven(out[-1], back[-1], piece)
-        return None if drive is None else [*out, *drive, *back[::-1]]
+        return None if drive is None else [*lead[1:], *out, *drive, *back[::-1]]
 
     def obstruction(self, here: Pose, there: Pose, piece: int) -> Touch | None:
         """What the arm meets first where it is folded, driven and unfolded without looking."""
         poses = [here, *self._carried(here, there, piece), there]
+        met = next((touch for touch in map(self.guard.touch, poses) if touch.kind != "none"), None)
+        if met is not None:  # tells how deep, where a proof only tells that it ended
+            return met
         stops = (self.guard.stop(a, b) for a, b in zip(poses[:-1], poses[1:], strict=True))
         return next((touch for touch in stops if touch is not None), None)
+
+    def _onto(self, here: Pose, piece: int) -> list[Pose]:
+        """From a pose straight onto the free floor, the arm still; the pose alone where it is there already.
+
+        A robot may start where only its heading keeps it clear.
+        """
+        axis = axis_of(self.world.robot, here.base)
+        spot = _into(self.side.pieces[piece], axis)
+        if spot is axis:
+            return [here]
+        there = Pose(pose_of(self.world.robot, spot, here.base[2]), here.joints)
+        return [here, *self._straight(here, there), there]
 
     def _carried(self, here: Pose, there: Pose, piece: int) -> list[Pose]:
         """Fold where the robot stands, drive in the carry posture, unfold; short ways without folding."""
@@ -144,7 +160,10 @@ class Carrier:
 
     def sampled(self, here: Pose, there: Pose, piece: int) -> list[Pose] | None:
         """States strictly between two poses by RRTConnect in the space of axis, heading and joints."""
-        flat = self._flat(piece)
+        flat, lead = self._flat(piece), self._onto(here, piece)
+        if not self._clear(lead):
+            return None
+        here = lead[-1]
         start, goal = self._spread_out(here, here), self._spread_out(there, here)
         lower, upper = self._box(flat, start, goal)
 
@@ -163,7 +182,7 @@ class Carrier:
         self.driver.methods["whole body"] = self.driver.methods.get("whole body", 0) + 1
         poses = self._shortened(flat, [here, *(self._pose(q) for q in path[1:-1]), there])
         rows = [row for a, b in zip(poses[:-1], poses[1:], strict=True) for row in [*self._straight(a, b), b]]
-        return rows[:-1]
+        return [*lead[1:], *rows[:-1]]
 
     def _shortened(self, flat: FlatPolygon, poses: list[Pose]) -> list[Pose]:
         """Poses without those that a straight motion, proven clear, can leave out."""
