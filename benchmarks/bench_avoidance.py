@@ -35,6 +35,7 @@ THIN = 1e-6  # radius of the links' solids
 STEP = np.radians(0.2)
 RING = 8  # targets of a sweep round the edge of the tolerance
 ATTEMPTS = (1, 2, 3, 5)  # runs of random turns for one scene
+MOST_BOXES = 2_000_000
 UPRIGHT = np.array([np.pi / 2, 0.0, 0.0, 0.0])  # where the arm starts
 
 
@@ -151,7 +152,13 @@ def with_search(number: int, scenes: int, feasible: list[bool]) -> int:
         middles, radii = circles(corner, seed)
         bodies = bodies_of(posts(middles, radii))
         answer = clear_posture(
-            bodies, np.zeros(3), [target, target, 0.0], UPRIGHT, tolerance=TOLERANCE, seed=seed
+            bodies,
+            np.zeros(3),
+            [target, target, 0.0],
+            UPRIGHT,
+            tolerance=TOLERANCE,
+            seed=seed,
+            most_boxes=MOST_BOXES,
         )
         kinds.append(answer.kind)
         stages.append(answer.steps[-1])

@@ -333,7 +333,7 @@ def free_posture(one: Scene, tolerance: float, sweep: Callable[[Array], Array]) 
         for part, distance, T in _all_that_may_meet(one):
             seen = np.linalg.inv(T(frames)) @ frames[:, one.robot.solids[part].link]
             points, radius = _rows(one.robot.solids[part])
-            spots = np.einsum("nij,pj->npi", seen[:, :3, :3], points) + seen[:, None, :3, 3]
+            spots = points @ seen[:, :3, :3].transpose(0, 2, 1) + seen[:, None, :3, 3]
             values = _many(distance, spots.reshape(-1, 3)).reshape(spots.shape[:2])
             free = values.min(1) >= radius
             q, frames = q[free], frames[free]

@@ -28,10 +28,10 @@ def sweep_youbot(goal: Array) -> Array:
 
 
 def sweep_hinge5(goal: Array) -> Array:
-    """Pivots half a degree and pitches a degree apart, both elbows, the last link to either side."""
+    """Pivots a degree and pitches two degrees apart, both elbows, the last link to either side."""
     a, rows = 0.068, []
-    pitch = np.radians(np.arange(0, 360, 1.0))
-    for pivot in np.radians(np.arange(-180, 180, 0.5)):
+    pitch = np.radians(np.arange(0, 360, 2.0))
+    for pivot in np.radians(np.arange(-180, 180, 1.0)):
         c, s = np.cos(pivot), np.sin(pivot)
         level, aside = c * goal[0] + s * goal[1], c * goal[1] - s * goal[0]
         if abs(aside) >= a:

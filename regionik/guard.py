@@ -53,6 +53,10 @@ class Guard:
         """What comes too near to the arm, of kind "none" where nothing does."""
         return nearest(self.bodies, pose.base, pose.joints, contact=self.contact, within=SPARE)
 
+    def room(self, touch: Touch) -> float:
+        """Distance of a touch beyond what the rules want, infinite where nothing is too near [m]."""
+        return touch.distance - (self.bodies.clearance if touch.kind == "obstacle" else 0.0)
+
     def clear(self, pose: Pose) -> bool:
         """Whether every link keeps clear."""
         return not self.on or self.touch(pose).kind == "none"

@@ -18,11 +18,12 @@ from regionik import explain
 from regionik.avoid import Avoider, Evidence, Spot
 from regionik.ground import Side
 from regionik.guard import guard_of
+from regionik.hops import Driver
 from regionik.plan import Configuration, Motion
 from regionik.poses import Pose, Row, between, columns
 from regionik.pruning import Pruned
 from regionik.stretch import Stretcher
-from regionik.transit import Carrier, Driver
+from regionik.transit import Carrier
 from regionik.worlds.errors import Cause, Explanation, NoPlanFound
 from regionik.worlds.scene import Start, World
 
@@ -135,9 +136,11 @@ class _Walker:
             here = self._start(self.world.start)
             rows = [Row(here, "transit", -1)]
         found = self.avoider.options(i, self._kept(i), here or self.nominal[i].pose, self.nominal[i])
-        spots = list(islice(found, TRIES))
-        if here is None and spots:
-            return [], spots[0]
+        spots = islice(found, TRIES)
+        if here is None:
+            first = next(spots, None)
+            if first is not None:
+                return [], first
         for spot, way in self._ways(here, spots) if here is not None else ():
             if way is not None and here is not None:
                 if i > 0 and not way:  # however short the way, the tool leaves its path on it
@@ -153,12 +156,13 @@ class _Walker:
             raise NoPlanFound(explain.blocked_arm(self.world, guard.words(touch), guard.cause(touch)))
         return here
 
-    def _ways(self, here: Pose, spots: list[Spot]) -> Iterator[tuple[Spot, list[Pose] | None]]:
+    def _ways(self, here: Pose, spots: Iterator[Spot]) -> Iterator[tuple[Spot, list[Pose] | None]]:
         """Lifted ways to spots: the plain ones to all, then searches to the first few."""
-        floor = self.pruned.ladder.floor
+        floor, asked = self.pruned.ladder.floor, []
         for spot in spots:
+            asked.append(spot)
             yield spot, self.carrier.folded(here, spot.pose, int(floor[spot.component]))
-        for spot in spots[:HARD_TRIES]:
+        for spot in asked[:HARD_TRIES]:
             yield spot, self.carrier.sampled(here, spot.pose, int(floor[spot.component]))
 
     def _why_not(self, i: int, here: Pose | None) -> Explanation:

@@ -86,12 +86,12 @@ def test_a_place_offers_the_postures_that_change_least() -> None:
 def test_evidence_counts_what_was_looked_at_and_keeps_the_best() -> None:
     seen, off = Evidence(), np.zeros(3)
     for distance, kind in ((-0.2, "obstacle"), (0.01, "obstacle"), (-0.1, "obstacle")):
-        seen.add(Touch(distance, 0, kind, 0, off, off), False)  # type: ignore[arg-type]
-    seen.add(Touch(np.inf, -1, "none", -1, off, off), True)
+        seen.add(Touch(distance, 0, kind, 0, off, off), distance)  # type: ignore[arg-type]
+    seen.add(Touch(np.inf, -1, "none", -1, off, off), np.inf)
     assert (seen.postures, seen.clear) == (4, 1)
     seen = Evidence()
-    seen.add(Touch(-0.2, 0, "obstacle", 0, off, off), False)
-    seen.add(Touch(-0.1, 1, "obstacle", 0, off, off), False)
+    seen.add(Touch(-0.2, 0, "obstacle", 0, off, off), -0.2)
+    seen.add(Touch(-0.1, 1, "obstacle", 0, off, off), -0.1)
     assert seen.best is not None
     assert seen.best.solid == 1
 
