@@ -10,13 +10,13 @@ import shapely
 
 from regionik.avoid import Spot
 from regionik.guard import guard_of
+from regionik.hops import Driver
 from regionik.mfabrik import Solver, axis_of, pose_of
 from regionik.pipeline import whole_path
 from regionik.planners.kernels import wrap
 from regionik.poses import LARGEST_BEND, Pose, Row, between
 from regionik.reachable import FRONT, Family
 from regionik.stretch import Leg, Stretcher
-from regionik.transit import Driver
 from regionik.worlds.errors import NoPlanFound
 from regionik.worlds.library import robot_named
 from regionik.worlds.obstacles import Box, Solid

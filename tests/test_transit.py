@@ -11,10 +11,11 @@ import shapely
 from regionik import transit
 from regionik.ground import ground_of
 from regionik.guard import guard_of
+from regionik.hops import Driver
 from regionik.mfabrik import axis_of
 from regionik.planners.kernels import wrap
 from regionik.poses import LARGEST_BEND, Pose, between
-from regionik.transit import TURN_STRIDE, Carrier, Driver
+from regionik.transit import TURN_STRIDE, Carrier
 from regionik.worlds.library import robot_named
 from regionik.worlds.obstacles import Box, Cylinder, Solid
 from regionik.worlds.scene import Floor, Heading, Rules, World
