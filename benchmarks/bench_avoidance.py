@@ -1,7 +1,9 @@
 """Is a posture free, or is there none? Every scene of the experiment with four links among five circles.
 
 Prints, for each of the three targets, how many of the seeded scenes hold a free posture and how many
-are proven to hold none, the boxes of joint values that took, and seconds. Other code confirms every
+are proven to hold none, the boxes of joint values that took, and seconds; then how many the two steps of
+avoidance solve alone, with one run of random turns a scene and with more, and with less than both steps;
+then what the search behind the two steps makes of the scenes. Other code confirms every
 answer: a posture found by the distances of its links from the circles, a proof by a dense sweep of postures
 that must not find one. Exits 1 where an answer is missing or refuted.
 Run: python benchmarks/bench_avoidance.py [scenes a target]
@@ -15,12 +17,16 @@ import time
 
 import numpy as np
 
+from regionik.planners.avoidance import avoid
 from regionik.planners.collision import Obstacles, obstacles_from
 from regionik.planners.exhaustive import search
+from regionik.planners.linkwise import links_clear
+from regionik.planners.posture import clear_posture
+from regionik.planners.prepared import Bodies, bodies_from
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, Joint, translation
 from regionik.worlds.obstacles import Cylinder
-from regionik.worlds.robot import LinkCapsule
+from regionik.worlds.robot import LinkCapsule, Robot
 
 LINKS = 4  # of length 1
 TESTS = ((2.8, 2.5), (2.4, 2.1), (2.0, 1.7))  # target on the diagonal, far corner of the circles' middles
@@ -28,6 +34,9 @@ TOLERANCE = 1e-3
 THIN = 1e-6  # radius of the links' solids
 STEP = np.radians(0.2)
 RING = 8  # targets of a sweep round the edge of the tolerance
+ATTEMPTS = (1, 2, 3, 5)  # runs of random turns for one scene
+MOST_BOXES = 2_000_000
+UPRIGHT = np.array([np.pi / 2, 0.0, 0.0, 0.0])  # where the arm starts
 
 
 def planar_arm() -> tuple[Chain, list[LinkCapsule]]:
@@ -99,6 +108,72 @@ def swept(target: float, middles: Array, radii: Array) -> float:
     return best
 
 
+def bodies_of(obstacles: Obstacles) -> Bodies:
+    chain, solids = planar_arm()
+    point, mount = np.zeros((1, 2)), np.zeros(4)
+    robot = Robot("planar", "omni", point, mount, chain, tuple(solids), 0.1, UPRIGHT)
+    return bodies_from(robot, obstacles.solids)
+
+
+def free(joints: Array, target: float, middles: Array, radii: Array) -> bool:
+    """Whether a posture is on the target and clear, by exact distances in the plane."""
+    knots = knots_of(joints)
+    off = float(np.linalg.norm(knots[-1] - target))
+    return off <= TOLERANCE and float(clearance(knots, middles, radii)) >= THIN
+
+
+def two_steps(number: int, scenes: int) -> int:
+    """Prints what the two steps solve, whole and in part; returns how many answers are refuted."""
+    target, corner = TESTS[number]
+    chain, goal, wrong = planar_arm()[0], np.array([target, target, 0.0]), 0
+    first, bare, plain = [], 0, 0
+    for seed in range(scenes):
+        middles, radii = circles(corner, seed)
+        clear = links_clear(bodies_of(posts(middles, radii)), np.zeros(3), goal, 0.0)
+        for attempt in range(max(ATTEMPTS)):
+            found = avoid(chain, goal, UPRIGHT, clear, tolerance=TOLERANCE, seed=seed + 10**6 * attempt)
+            if found.converged:
+                first.append(attempt)
+                wrong += not free(found.joints, target, middles, radii)
+                break
+        bare += avoid(chain, goal, UPRIGHT, clear, tolerance=TOLERANCE, seed=seed, turns=0).converged
+        blind = avoid(chain, goal, UPRIGHT, lambda link, T: True, tolerance=TOLERANCE, seed=seed)
+        plain += blind.converged and free(blind.joints, target, middles, radii)
+    runs = ", ".join(f"{sum(k < most for k in first)} with {most}" for most in ATTEMPTS)
+    print(f"  two steps alone: {runs} runs; no random turns {bare}; neither step {plain}")
+    return wrong
+
+
+def with_search(number: int, scenes: int, feasible: list[bool]) -> int:
+    """Prints what all stages together make of the scenes; returns how many answers are wrong or missing."""
+    target, corner = TESTS[number]
+    kinds, stages, wrong = [], [], 0
+    for seed in range(scenes):
+        middles, radii = circles(corner, seed)
+        bodies = bodies_of(posts(middles, radii))
+        answer = clear_posture(
+            bodies,
+            np.zeros(3),
+            [target, target, 0.0],
+            UPRIGHT,
+            tolerance=TOLERANCE,
+            seed=seed,
+            most_boxes=MOST_BOXES,
+        )
+        kinds.append(answer.kind)
+        stages.append(answer.steps[-1])
+        right = answer.kind == ("found" if feasible[seed] else "none")
+        if answer.joints is not None:
+            right &= free(answer.joints, target, middles, radii)
+        if not right:
+            wrong += 1
+            print(f"  scene {seed}: {answer.note}: not confirmed")
+    found = [stage for kind, stage in zip(kinds, stages, strict=True) if kind == "found"]
+    told = ", ".join(f"{found.count(stage)} by {stage}" for stage in ("passes", "avoidance", "search"))
+    print(f"  with the search behind them: found {len(found)} ({told}), none {kinds.count('none')}")
+    return wrong
+
+
 def main(scenes: int) -> int:
     chain, solids = planar_arm()
     wrong = 0
@@ -114,9 +189,7 @@ def main(scenes: int) -> int:
             kinds.append(verdict.kind)
             boxes.append(verdict.boxes)
             if verdict.joints is not None:
-                knots = knots_of(verdict.joints)
-                off = float(np.linalg.norm(knots[-1] - target))
-                right = off <= TOLERANCE and float(clearance(knots, middles, radii)) >= THIN
+                right = free(verdict.joints, target, middles, radii)
             else:
                 room = swept(target, middles, radii)
                 nearest = max(nearest, room)
@@ -131,6 +204,8 @@ def main(scenes: int) -> int:
         )
         if "none" in kinds:
             print(f"  largest clearance that the sweeps of the scenes without a posture met: {nearest:.6f}")
+        wrong += two_steps(number - 1, scenes)
+        wrong += with_search(number - 1, scenes, [kind == "found" for kind in kinds])
     return 1 if wrong else 0
 
 

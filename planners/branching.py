@@ -1,7 +1,8 @@
 """Branch and bound over boxes of joint values: compiled inner loops, flat arrays only.
 
-A box goes when the tool cannot reach the target anywhere in it, or when one link solid hits one obstacle
-everywhere in it. What is left is shrunk by the reach condition, tried for a posture, and halved.
+A box goes when the tool cannot reach the target anywhere in it, or when one link solid hits one obstacle,
+another link solid or the base everywhere in it. What is left is shrunk by the reach condition, tried for a
+posture, and halved.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from regionik.planners.flat import Index, compiled
+from regionik.planners.ownbody import own_clearance, surely_meets_itself
 from regionik.planners.postures import Scratch, Task, clearance_of, pose, to_target
 from regionik.planners.serial import chain_jacobian
 from regionik.planners.sway import chords, sway, sway_from_tool, tool_sway
@@ -152,7 +154,12 @@ def weigh(task: Task, work: Scratch, low: Array, high: Array) -> bool:
         work.half[k] = 0.5 * (high[k] - low[k])
     off = pose(task, work)
     chords(task.arm, work.half, work.chord)
-    return not surely_hits(task, work, off)
+    return not (
+        surely_hits(task, work, off)
+        or surely_meets_itself(
+            task.arm, task.bones, task.own, work.frames, work.axes, work.chord, work.ends, SLACK
+        )
+    )
 
 
 @compiled
@@ -162,7 +169,7 @@ def admit(task: Task, work: Scratch, boxes: Boxes, box: int) -> bool:
     if not weigh(task, work, boxes.low[box], boxes.high[box]):
         return False
     reaches = to_target(task, work) <= task.tolerance
-    clear = clearance_of(task, work)
+    clear = min(clearance_of(task, work), own_clearance(task.bones, task.own, work.ends) + task.clearance)
     boxes.key[box] = -clear
     _rise(boxes.heap, boxes.key, boxes.tally, box)
     if not reaches:

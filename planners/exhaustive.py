@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike
 
 from regionik.planners.branching import DONE, FOUND, FULL, SPENT, Boxes, admit, explore
 from regionik.planners.collision import Obstacles, capsule_distance
+from regionik.planners.ownbody import NO_OWN, Own
 from regionik.planners.postures import Task, scratch_for
 from regionik.planners.serial import SerialArm, serial_arm
 from regionik.planners.sway import PARALLEL, bones_from, longest_levers
@@ -65,9 +66,10 @@ def search(
     tolerance: float,
     clearance: float = 0.0,
     most: int = 2_000_000,
+    own: Own = NO_OWN,
     accept: Callable[[Array], bool] | None = None,
 ) -> Verdict:
-    """Decide whether any posture brings the tool to a target with every link clear of the obstacles.
+    """Decide whether any posture brings the tool to a target with every link clear.
 
     Parameters
     ----------
@@ -85,6 +87,8 @@ def search(
         Least distance of the links from the obstacles [m].
     most : int
         Budget of boxes.
+    own : Own
+        What the solids keep from each other and from a base; nothing by default.
     accept : callable, optional
         What else a posture (n,) must pass to be found; what it refuses is not ruled out by that.
 
@@ -114,7 +118,7 @@ def search(
         return Verdict("none", None, 0, -np.inf, f"none: {why}")
     solid = uprights_from([piece for piece in obstacles.pieces if piece.mesh is None])
     arm, bones = _bounded(chain), bones_from(chain, solids)
-    task = Task(arm, bones, solid, goal, tolerance, clearance)
+    task = Task(arm, bones, solid, goal, tolerance, clearance, own)
     return _Search(task, chain, solids, obstacles, accept or (lambda q: True)).run(most)
 
 

@@ -53,7 +53,7 @@ def roam(
     error [m], passes
     """
     n, passes = len(bodies.slide), 0
-    first, trial = place.copy(), joints[:n].copy()
+    first, nearest, trial, best = place.copy(), place.copy(), joints[:n].copy(), np.inf
     for attempt in range(len(starts) + 1):
         place[:] = first
         trial[:] = joints[:n] if attempt == 0 else starts[attempt - 1]
@@ -64,9 +64,10 @@ def roam(
             for k in range(n):
                 joints[k] = posture.joints[k]
             return error, passes
-    place[:] = first
-    if len(rings) > 1:
-        place[0], place[1] = clamp(vertices, rings, first[0], first[1])
+        if error < best:
+            best = error
+            nearest[:] = place
+    place[:] = nearest  # inside the area: the last pass took it there
     aim = Aim(seen(place, yaw, rise, target), POSITION, np.eye(3))
     error, _, used, _, _ = solve(bodies, aim, starts, effort, joints)
     return error, passes + used

@@ -31,7 +31,7 @@ from regionik.planners.inverse import ArmSolver, Goal, spread_postures
 from regionik.planners.linkwise import links_clear
 from regionik.planners.polish import POSITION, Aim, polish
 from regionik.planners.prepared import Bodies, Contact
-from regionik.planners.provable import MOST_SPARE, ask, is_bounded, spare_joints
+from regionik.planners.provable import MOST_SPARE, ask, is_bounded, smothered, spare_joints
 from regionik.planners.reaching import solve
 from regionik.planners.touching import Touch, nearest, words
 from regionik.worlds.arrays import Array, frozen
@@ -40,7 +40,7 @@ from regionik.worlds.errors import InputError
 
 LOOKS = 300  # postures drawn at random
 GLANCE = 500  # boxes of joint values after which a proof is no longer to be had cheaply
-MOST_BOXES = 100_000
+MOST_BOXES = 200_000
 STEPS = 60  # of damped least squares that take a posture back to the target
 FARTHEST = 1.0  # change of a joint when the best posture so far is varied [rad] or [m]
 
@@ -64,9 +64,9 @@ class ClearPosture:
     steps : tuple of str
         What was used, in order: "passes", "avoidance", "search".
     distance : float
-        Least distance of the posture from anything, or of the one met that came nearest to being clear;
-        obstacles less the bodies' clearance. Infinite where nothing is near, -inf where no posture on the
-        target was met [m].
+        Least distance of the posture from anything, or of the one met that came nearest to being clear; from
+        obstacles, what is left beyond the bodies' clearance. Infinite where nothing is near, -inf where no
+        posture on the target was met [m].
     touch : Touch or None
         Where that distance is; None where no posture on the target was met.
     note : str
@@ -198,16 +198,24 @@ class _Quest:
     def by_passes(self) -> ClearPosture | None:
         """FABRIK-R from the start, obstacles left aside."""
         self.steps.append("passes")
-        found = _solver(self.chain, self.tolerance)(Goal(self.goal), self.start)
+        found = self._solver(Goal(self.goal), self.start)
         self.passes += found.iterations
         return self._found() if self._offer(found.joints) else None
 
     def by_proof(self, most: int) -> ClearPosture | None:
-        """A short search for a proof that there is no posture; what it finds on the way is left."""
+        """A proof that lies at hand, or a short search for one; what it finds on the way is left."""
+        name = smothered(self.bodies, self.target, self.tolerance, self.margin, self.contact)
+        if name:
+            return self.answer(
+                "none", f"at the target the end of the last link is in {name}, or too near to it"
+            )
         if not is_bounded(self.chain):
             return None
         verdict = self._ask(lambda q: False, most)
-        return self.answer("none", verdict) if verdict.startswith("none") else None
+        if not verdict.startswith("none"):
+            return None
+        self.steps.append("search")
+        return self.answer("none", verdict)
 
     def by_avoidance(self, attempts: int) -> ClearPosture | None:
         """Tao's two steps, with other random turns each time."""
@@ -224,7 +232,7 @@ class _Quest:
     def by_looks(self) -> ClearPosture | None:
         """Postures on the target from random starts, every other one near the best so far."""
         self.steps.append("search")
-        solver, rng = _solver(self.chain, self.tolerance), np.random.default_rng([self.seed, 1])
+        solver, rng = self._solver, np.random.default_rng([self.seed, 1])
         n, effort = len(solver.pointing.slide), solver.effort
         aim, none = Aim(self.goal, POSITION, np.eye(3)), np.empty((0, n))
         fresh = spread_postures(self.chain, effort.reach, LOOKS, self.seed)
@@ -256,22 +264,25 @@ class _Quest:
 
     def answer(self, kind: Kind, why: str) -> ClearPosture:
         """No posture, and why."""
-        joints, error, touch = self.best or (None, np.inf, None)
+        _, error, touch = self.best or (None, np.inf, None)
         seen = "no posture on the target was met"
         if touch is not None:
             seen = f"in the best of {self.met} postures on the target, {words(self.bodies, touch)}"
         note = f"{kind}: {why.removeprefix(f'{kind}: ')}; {seen}"
-        distance = -np.inf if touch is None else touch.distance
+        distance = -np.inf if touch is None else self._room(touch)
         return ClearPosture(kind, None, error, self.passes, tuple(self.steps), distance, touch, note)
+
+    @property
+    def _solver(self) -> ArmSolver:
+        return _solver(self.chain, self.tolerance)
 
     def _found(self) -> ClearPosture:
         assert self.best is not None
         joints, error, touch = self.best
         joints.flags.writeable = False
         note = f"found by {self.steps[-1]}: {words(self.bodies, touch)}"
-        return ClearPosture(
-            "found", joints, error, self.passes, tuple(self.steps), touch.distance, touch, note
-        )
+        room, steps = self._room(touch), tuple(self.steps)
+        return ClearPosture("found", joints, error, self.passes, steps, room, touch, note)
 
     def _offer(self, joints: Array) -> bool:
         """Whether a posture is an answer: within limits, on the target, and clear."""
@@ -281,13 +292,15 @@ class _Quest:
             return False
         touch = nearest(self.bodies, self.base, joints, contact=self.contact)
         self.met += 1
-        if self.best is None or touch.distance > self.best[2].distance:
+        if self.best is None or self._room(touch) > self._room(self.best[2]):
             self.best = np.array(joints), error, touch
-        return touch.distance >= self.margin
+        return self._room(touch) >= self.margin
+
+    def _room(self, touch: Touch) -> float:
+        """Distance at a touch; from obstacles, beyond the bodies' clearance [m]."""
+        return touch.distance - (self.bodies.clearance if touch.kind == "obstacle" else 0.0)
 
     def _ask(self, accept: Callable[[Array], bool], most: int) -> str:
-        if "search" not in self.steps:
-            self.steps.append("search")
         return ask(
             self.bodies, self.base, self.target, self.tolerance, self.margin, self.contact, accept, most
         ).note

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from regionik.planners.flat import compiled
+from regionik.planners.ownbody import NO_OWN, Own
 from regionik.planners.serial import SerialArm, chain_frames, chain_jacobian
 from regionik.planners.sway import Bones
 from regionik.planners.upright import Uprights, distance_along, least_along
@@ -18,7 +19,7 @@ DAMPING = 1e-6  # of those steps, in squares of the arm's lever
 
 
 class Task(NamedTuple):
-    """What is asked: the arm, its solids, what stands about, the target [m]."""
+    """What is asked: arm, solids, what stands about, target [m], and what the arm keeps from itself."""
 
     arm: SerialArm
     bones: Bones
@@ -26,6 +27,7 @@ class Task(NamedTuple):
     target: Array
     tolerance: float
     clearance: float
+    own: Own = NO_OWN
 
 
 class Scratch(NamedTuple):

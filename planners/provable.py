@@ -1,8 +1,4 @@
-"""The exhaustive search asked of an arm on a base among obstacles: what it needs, and whether it can end.
-
-What it proves is about the arm and the obstacles alone; that links must also keep off each other and off the
-base only takes postures away, so a proof that there is none holds all the same.
-"""
+"""The exhaustive search asked of an arm on a base among obstacles: what it needs, and whether it can end."""
 
 from __future__ import annotations
 
@@ -15,12 +11,15 @@ from shapely.affinity import affine_transform
 from regionik.planners.collision import obstacles_from
 from regionik.planners.exhaustive import Verdict, search
 from regionik.planners.linkwise import touchable
+from regionik.planners.ownbody import Own
 from regionik.planners.prepared import Bodies, Contact
 from regionik.planners.sway import longest_levers
+from regionik.planners.upright import uprights_from
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Solid, Sphere
 from regionik.worlds.robot import LinkBox, LinkCapsule, LinkSolid
+from regionik.worlds.selfpairs import base_body, self_pairs
 
 MOST_SPARE = 2  # joints beyond what the target takes, up to which the search may come to an end
 LEVER = 1e-9  # a joint that moves no point farther than this plays no part [m]
@@ -63,7 +62,7 @@ def ask(
     Verdict
     """
     robot = bodies.robot
-    T = np.linalg.inv(robot.T_world_arm(base))
+    T = _inverse(robot.T_world_arm(base))
     free = touchable(contact, target, tolerance)
     solids = [
         _seen(solid, T)
@@ -73,7 +72,34 @@ def ask(
     inner = [_inner(solid) for solid in robot.solids]
     goal = T[:3, :3] @ target + T[:3, 3]
     room = margin + bodies.clearance
-    return search(robot.chain, inner, obstacles_from(solids), goal, tolerance, room, most, accept)
+    own = _own(bodies, margin)
+    return search(robot.chain, inner, obstacles_from(solids), goal, tolerance, room, most, own, accept)
+
+
+def smothered(bodies: Bodies, target: Array, tolerance: float, margin: float, contact: Contact | None) -> str:
+    """What the end of the last link is in, or too near to, in any posture; empty where it is in nothing."""
+    chain, free = bodies.robot.chain, touchable(contact, target, tolerance)
+    near = -np.inf  # how far the target must be from obstacles at least
+    for solid in map(_inner, bodies.robot.solids):
+        if solid.link == chain.dof - 1:
+            off = np.linalg.norm(solid.corners - chain.T_last_tool[:3, 3], axis=1).min()
+            near = max(near, solid.radius + margin + bodies.clearance - tolerance - float(off))
+    for k, one in enumerate(bodies.obstacles):
+        if k not in free and one.distance(target) < near - LEVER:
+            return one.name
+    return ""
+
+
+def _own(bodies: Bodies, margin: float) -> Own:
+    """What the arm keeps from itself and its base, in the arm's base frame."""
+    robot = bodies.robot
+    pairs = np.array([pair for pair in self_pairs(robot) if pair[0] >= 0], dtype=np.int64).reshape(-1, 2)
+    links = np.array([solid.link for solid in robot.solids], dtype=np.int64)
+    outwards = links[pairs[:, 0]] <= links[pairs[:, 1]]
+    heeds = np.array([k for i, k in self_pairs(robot) if i < 0], dtype=np.int64)
+    body, T = base_body(robot), _inverse(robot.T_base_arm)
+    pieces = obstacles_from([] if body is None else [_seen(body, T)]).pieces
+    return Own(np.where(outwards[:, None], pairs, pairs[:, ::-1]), uprights_from(pieces), heeds, margin)
 
 
 def is_bounded(chain: Chain) -> bool:
@@ -124,6 +150,12 @@ def _seen(solid: Solid, T: Array) -> Solid:
             return Prism(solid.name, outline, solid.bottom + T[2, 3], solid.top + T[2, 3])
         case Mesh():
             return replace(solid, vertices=_moved(solid.vertices, T))
+
+
+def _inverse(T: Array) -> Array:
+    inverse = np.eye(4)
+    inverse[:3, :3], inverse[:3, 3] = T[:3, :3].T, -T[:3, :3].T @ T[:3, 3]
+    return inverse
 
 
 def _moved(points: Array, T: Array) -> Array:

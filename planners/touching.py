@@ -20,7 +20,17 @@ from regionik.planners.sweeping import ROUNDING, exempt_for, first_stop, lower_b
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.errors import InputError
 
-__all__ = ["Bodies", "Contact", "Touch", "bodies_from", "motion_clear", "nearest", "solid_clear", "words"]
+__all__ = [
+    "Bodies",
+    "Contact",
+    "Touch",
+    "bodies_from",
+    "motion_clear",
+    "nearest",
+    "other",
+    "solid_clear",
+    "words",
+]
 
 _NO_CONTACT = Contact(np.zeros((0, 3)), np.zeros(0, dtype=np.int64), 0.0)
 LOOK = 1e-3  # part of a motion between two looks for a link inside a mesh
@@ -159,13 +169,17 @@ def words(bodies: Bodies, touch: Touch) -> str:
     """Which solid of the robot comes how near to what."""
     if touch.kind == "none":
         return "nothing is near"
-    link, other = bodies.robot.solids[touch.solid].name, "the base"
-    if touch.kind != "base":
-        others = bodies.obstacles if touch.kind == "obstacle" else bodies.robot.solids
-        other = others[touch.other].name
+    link, what = bodies.robot.solids[touch.solid].name, other(bodies, touch)
     if touch.distance < 0:
-        return f"{link} overlaps {other} by {-touch.distance:.4f} m"
-    return f"{link} comes within {touch.distance:.4f} m of {other}"
+        return f"{link} overlaps {what} by {-touch.distance:.4f} m"
+    return f"{link} comes within {touch.distance:.4f} m of {what}"
+
+
+def other(bodies: Bodies, touch: Touch) -> str:
+    """Name of what comes near to the robot."""
+    if touch.kind == "obstacle":
+        return bodies.obstacles[touch.other].name
+    return "the base" if touch.kind == "base" else bodies.robot.solids[touch.other].name
 
 
 def _nearest(bodies: Bodies, hop: Hop, which: Index, contact: Contact | None, within: float) -> Touch:

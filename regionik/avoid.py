@@ -16,10 +16,10 @@ from scipy.stats import qmc
 from shapely.geometry import Point
 from shapely.geometry.base import BaseGeometry
 
-from regionik.guard import Guard
+from regionik.guard import SPARE, Guard
 from regionik.mfabrik import Solver, axis_of, pose_of, solver_for
 from regionik.plan import Configuration
-from regionik.planners.avoidance import avoid
+from regionik.planners.posture import go_round
 from regionik.planners.touching import Touch
 from regionik.poses import Pose, pose
 from regionik.pruning import Ladder
@@ -29,6 +29,7 @@ from regionik.worlds.scene import World
 PLACES = 24  # of the base, looked through in one component
 PITCHES = 48  # of the last link, looked through at every place
 FAR = 1.5  # change of an endless joint from which on the other way round is tried too [rad]
+MENDED = 4  # postures led round what they touch, where no other is clear
 KEPT = 2  # postures that a place offers to one that asks
 
 
@@ -56,18 +57,21 @@ class Evidence:
         How many of the postures were clear.
     best : Touch or None
         Of the posture that came nearest to being clear.
+    room : float
+        By how much that one keeps its distance; negative where it does not [m].
     """
 
     places: int = 0
     postures: int = 0
     clear: int = 0
     best: Touch | None = None
+    room: float = -np.inf
 
-    def add(self, touch: Touch, clear: bool) -> None:
+    def add(self, touch: Touch, room: float) -> None:
         self.postures += 1
-        self.clear += clear
-        if self.best is None or touch.distance > self.best.distance:
-            self.best = touch
+        self.clear += touch.kind == "none"
+        if room > self.room:
+            self.best, self.room = touch, room
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,6 +95,7 @@ class Avoider:
     evidence: dict[int, Evidence] = field(default_factory=dict)
     _places: dict[int, Array] = field(default_factory=dict)
     _clear: dict[tuple[int, int], list[Spot]] = field(default_factory=dict)
+    _nearly: dict[int, list[tuple[float, Spot]]] = field(default_factory=dict)
 
     def options(self, i: int, components: Sequence[int], here: Pose, nominal: Spot) -> Iterator[Spot]:
         """Clear configurations at set-point i, the likeliest first.
@@ -105,7 +110,8 @@ class Avoider:
         nominal : Spot
             What M-FABRIK found for this set-point.
         """
-        if nominal.component in components and self.clear(i, nominal.pose):
+        reached = nominal.found.converged and nominal.component in components
+        if reached and self.clear(i, nominal.pose):
             yield from self._turns(nominal, here)
         if not self.guard.on:
             return
@@ -115,8 +121,13 @@ class Avoider:
             if onward.converged:
                 spot = Spot(onward, k)
                 yield from [spot] if self.clear(i, spot.pose) else self._around(i, spot)
+        nothing = True
         for k in components:
-            yield from self._elsewhere(i, k, here)
+            for spot in self._elsewhere(i, k, here):
+                nothing = False
+                yield spot
+        if nothing:
+            yield from self._mended(i, components)
 
     def _turns(self, spot: Spot, here: Pose) -> Iterator[Spot]:
         """A spot with its endless joints turned the shorter way from here, then with each the longer way."""
@@ -133,30 +144,31 @@ class Avoider:
 
     def clear(self, i: int, at: Pose) -> bool:
         """Whether the arm keeps clear; what it comes near to is kept as evidence."""
-        if not self.guard.on:
-            return True
+        return not self.guard.on or self._room(i, at) == np.inf
+
+    def _room(self, i: int, at: Pose) -> float:
+        """By how much the arm keeps its distance, infinite where it is clear; kept as evidence [m]."""
         touch = self.guard.touch(at)
-        clear = touch.kind == "none"
-        self.evidence.setdefault(i, Evidence()).add(touch, clear)
-        return clear
+        room = self.guard.room(touch)
+        self.evidence.setdefault(i, Evidence()).add(touch, room)
+        return room
 
     def _around(self, i: int, spot: Spot) -> Iterator[Spot]:
         """The base stays; the arm goes round what it touches, by FABRIK with avoiding rotations."""
-        robot, target = self.world.robot, self.world.task[i]
+        target, bodies, base = self.world.task[i], self.guard.bodies, spot.found.base
         if target.direction is not None:
             return
-        base = spot.found.base
-        T = robot.T_world_arm(base)
-        goal = T[:3, :3].T @ (target.position - T[:3, 3])
-        found = avoid(
-            robot.chain,
-            goal,
+        found = go_round(
+            bodies,
+            base,
+            target.position,
             spot.found.joints,
-            lambda k, frame: self.guard.link_clear(k, T @ frame, target.position),
+            contact=self.guard.contact,
             tolerance=self.world.rules.tolerance,
+            margin=SPARE,
             seed=self.seed,
         )
-        if found.converged and self.clear(i, Pose(base, found.joints)):
+        if found.joints is not None and self.clear(i, Pose(base, found.joints)):
             yield Spot(replace(spot.found, joints=found.joints, error=found.error), spot.component)
 
     def _elsewhere(self, i: int, k: int, here: Pose) -> Iterator[Spot]:
@@ -169,6 +181,12 @@ class Avoider:
             for n in np.argsort(change, kind="stable")[:KEPT].tolist():
                 yield found[n]
 
+    def _mended(self, i: int, components: Sequence[int]) -> Iterator[Spot]:
+        """The postures that came nearest to being clear, led round what they touch."""
+        nearly = [one for k in components for one in self._nearly.get(k, [])]
+        for _, spot in sorted(nearly, key=lambda one: -one[0])[:MENDED]:
+            yield from self._around(i, spot)
+
     def _at(self, i: int, k: int, m: int) -> list[Spot]:
         """All clear postures at one place, looked through once."""
         key = (k, m)
@@ -177,7 +195,12 @@ class Avoider:
             base = pose_of(self.world.robot, self._spread(k)[m], self._heading(target, self._spread(k)[m]))
             found = self._solver(k).self_motion(target, base, self.world.robot.carry, PITCHES)
             self.evidence.setdefault(i, Evidence()).places += 1
-            self._clear[key] = [Spot(one, k) for one in found if self.clear(i, pose(one))]
+            spots = [Spot(one, k) for one in found]
+            rooms = [self._room(i, spot.pose) for spot in spots]
+            self._clear[key] = [spot for spot, room in zip(spots, rooms, strict=True) if room == np.inf]
+            if spots and not self._clear[key]:
+                best = int(np.argmax(rooms))
+                self._nearly.setdefault(k, []).append((rooms[best], spots[best]))
         return self._clear[key]
 
     def _heading(self, target: Array, axis: Array) -> float:

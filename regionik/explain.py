@@ -11,10 +11,12 @@ from shapely.geometry.base import BaseGeometry
 
 from regionik.ground import ground_of, grow
 from regionik.plan import Violation
+from regionik.planners.collision import box_gaps, obstacles_from
 from regionik.regions import TakenAway, largest_clearance, outer_areas, what_took_away
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Cause, CauseKind, Explanation, Repair
 from regionik.worlds.pivot import span_of
+from regionik.worlds.robot import LinkCapsule
 from regionik.worlds.scene import Target, World
 
 
@@ -72,6 +74,12 @@ def _out_of_reach(
             Repair("move-target", "target", over, text),
         )  # fmt: skip
     ground = ground_of(world)
+    if ground.inner.floor.is_empty:
+        reason = (
+            f"{who} cannot be reached: nowhere on the floor is room for the base of {world.robot.name}, "
+            f"whose footprint reaches {ground.far:.3f} m from the arm's axis."
+        )
+        return reason, (Cause("floor", "edge of the floor", None),), ()
     off = ground.inner.floor.distance(Point(target.position[:2]))
     if off > 0:
         reason = (
@@ -183,6 +191,59 @@ def blocked_start(world: World) -> Explanation | None:
         f"{ground.clearance:.3f} m. It would have to start at least {missing:.3f} m farther away."
     )
     return Explanation("start-blocked", None, reason, (Cause("obstacle", name, missing),))
+
+
+def buried(world: World) -> Explanation | None:
+    """Why the tool cannot be at some set-point at all, for what stands round it; None where nothing does.
+
+    Where a link ends round in the tool, its radius and the arm's clearance must fit beside every solid but
+    the one that the tool may touch.
+    """
+    tip = _tip_radius(world)
+    if tip is None:
+        return None
+    rules = world.rules
+    need = tip + rules.arm_clearance - rules.tolerance
+    look, obstacles = max(need, rules.tool_contact), obstacles_from(world.solids)
+    for i, target in enumerate(world.task):
+        spot = target.position[None, None]
+        near = np.unique(obstacles.owner[box_gaps(obstacles, spot, spot)[0] <= look]).tolist()
+        gaps = sorted((world.solids[k].distance(target.position), k) for k in near)
+        if gaps and rules.tool_contact > 0 and gaps[0][0] <= rules.tool_contact:
+            gaps = gaps[1:]
+        if not gaps or gaps[0][0] >= need:
+            continue
+        gap, name = gaps[0][0], world.solids[gaps[0][1]].name
+        missing = need + rules.tolerance - gap
+        place = f"{gap:.4f} m from {name}" if gap >= 0 else f"{-gap:.4f} m deep in {name}"
+        reason = (
+            f"{_setpoint(i, len(world.task))} at {_spot(target.position)} lies {place}: no posture keeps the "
+            f"last link, {tip:g} m round about the tool, at the arm's clearance of {rules.arm_clearance:g} m "
+            f"from it. The set-point would have to lie {missing:.4f} m farther away."
+        )
+        repair = Repair("move-target", f"set-point {i + 1}", missing, f"move it {missing:.4f} m from {name}")
+        return Explanation("no-posture", i, reason, (Cause("obstacle", name, missing),), (repair,))
+    return None
+
+
+def _tip_radius(world: World) -> float | None:
+    """Radius of the link that ends round in the tool, if there is one [m]."""
+    chain = world.robot.chain
+    tool = chain.T_last_tool[:3, 3]
+    radii = [
+        solid.radius
+        for solid in world.robot.solids
+        if solid.link == chain.dof - 1
+        and isinstance(solid, LinkCapsule)
+        and np.linalg.norm(solid.corners - tool, axis=1).min() < 1e-9
+    ]
+    return max(radii, default=None)
+
+
+def blocked_arm(world: World, closest: str, cause: Cause) -> Explanation:
+    """Why the arm cannot start in the posture that the world gives."""
+    reason = f"The start is blocked: {closest}, and the arm's clearance is {world.rules.arm_clearance:g} m."
+    return Explanation("start-blocked", None, reason, (cause,))
 
 
 def invalid_plan(world: World, violations: Sequence[Violation]) -> Explanation:

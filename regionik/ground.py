@@ -21,7 +21,8 @@ from regionik.worlds.obstacles import Shadow
 from regionik.worlds.scene import World
 
 QUAD_SEGMENTS = 12
-CIRCUMSCRIBED = 1.0 / np.cos(np.pi / (4 * QUAD_SEGMENTS))
+QUANTUM = np.pi / (2 * QUAD_SEGMENTS)  # angle of one segment of an arc [rad]
+ROUNDING = 1e-6  # a number of segments this near to the next may be rounded either way
 GUARD = 1e-6  # kept beyond every bound of an inner area, so that rounding never breaks one [m]
 
 Geometries = NDArray[np.object_]
@@ -151,7 +152,25 @@ class Ground:
 def grow(shadow: Shadow, by: float, inner: bool) -> BaseGeometry:
     """A shadow grown by a disc, as a polygon around it (``inner``) or within it."""
     radius = shadow.radius + by
-    return shadow.core.buffer(radius * (CIRCUMSCRIBED if inner else 1.0), quad_segs=QUAD_SEGMENTS)
+    if inner:
+        radius /= np.cos(_widest_segment(shadow.core) / 2)
+    return shadow.core.buffer(radius, quad_segs=QUAD_SEGMENTS)
+
+
+def _widest_segment(core: BaseGeometry) -> float:
+    """Widest angle of one segment where the buffer rounds a corner: GEOS rounds their number [rad]."""
+    if shapely.get_type_id(core) > 3:
+        return 1.5 * QUANTUM
+    widest = QUANTUM
+    for ring in shapely.get_rings(core) if shapely.get_type_id(core) == 3 else ():
+        way = np.diff(shapely.get_coordinates(ring), axis=0)
+        way = way[np.hypot(*way.T) > 0]
+        ahead = np.roll(way, -1, axis=0)
+        cross = way[:, 0] * ahead[:, 1] - way[:, 1] * ahead[:, 0]
+        angles = np.abs(np.arctan2(cross, (way * ahead).sum(axis=1)))
+        segments = np.maximum(1.0, np.floor(angles / QUANTUM + 0.5 - ROUNDING))
+        widest = max(widest, float((angles / segments).max()))
+    return min(widest, 1.5 * QUANTUM)
 
 
 @lru_cache(maxsize=8)

@@ -18,13 +18,14 @@ from regionik import explain
 from regionik.avoid import Avoider, Evidence, Spot
 from regionik.ground import Side
 from regionik.guard import guard_of
+from regionik.hops import Driver
 from regionik.plan import Configuration, Motion
-from regionik.poses import Pose, Row, columns
+from regionik.poses import Pose, Row, between, columns
 from regionik.pruning import Pruned
 from regionik.stretch import Stretcher
-from regionik.transit import Carrier, Driver
+from regionik.transit import Carrier
 from regionik.worlds.errors import Cause, Explanation, NoPlanFound
-from regionik.worlds.scene import World
+from regionik.worlds.scene import Start, World
 
 TRIES = 16  # spots of the next set-point tried from one spot
 HARD_TRIES = 3  # of them, how many are worth a search in the space of the whole robot
@@ -132,23 +133,36 @@ class _Walker:
         """Get to a first spot of set-point i with the tool lifted, from the start or the last run."""
         rows = []
         if here is None and self.world.start is not None:
-            here = Pose(self.world.start.base, self.world.start.joints)
+            here = self._start(self.world.start)
             rows = [Row(here, "transit", -1)]
         found = self.avoider.options(i, self._kept(i), here or self.nominal[i].pose, self.nominal[i])
-        spots = list(islice(found, TRIES))
-        if here is None and spots:
-            return [], spots[0]
+        spots = islice(found, TRIES)
+        if here is None:
+            first = next(spots, None)
+            if first is not None:
+                return [], first
         for spot, way in self._ways(here, spots) if here is not None else ():
-            if way is not None:
+            if way is not None and here is not None:
+                if i > 0 and not way:  # however short the way, the tool leaves its path on it
+                    way = [between(here, spot.pose, 0.5)]
                 return rows + [Row(pose, "transit", i - 1) for pose in way], spot
         raise NoPlanFound(self._why_not(i, here))
 
-    def _ways(self, here: Pose, spots: list[Spot]) -> Iterator[tuple[Spot, list[Pose] | None]]:
+    def _start(self, start: Start) -> Pose:
+        """The pose the robot starts in, if its arm is clear there."""
+        guard, here = self.avoider.guard, Pose(start.base, start.joints)
+        touch = guard.touch(here)
+        if guard.on and touch.kind != "none":
+            raise NoPlanFound(explain.blocked_arm(self.world, guard.words(touch), guard.cause(touch)))
+        return here
+
+    def _ways(self, here: Pose, spots: Iterator[Spot]) -> Iterator[tuple[Spot, list[Pose] | None]]:
         """Lifted ways to spots: the plain ones to all, then searches to the first few."""
-        floor = self.pruned.ladder.floor
+        floor, asked = self.pruned.ladder.floor, []
         for spot in spots:
+            asked.append(spot)
             yield spot, self.carrier.folded(here, spot.pose, int(floor[spot.component]))
-        for spot in spots[:HARD_TRIES]:
+        for spot in asked[:HARD_TRIES]:
             yield spot, self.carrier.sampled(here, spot.pose, int(floor[spot.component]))
 
     def _why_not(self, i: int, here: Pose | None) -> Explanation:
@@ -175,20 +189,20 @@ class _Walker:
         """The longest walk found from a spot of set-point i, to the end of the run at most."""
         end = min((k for k in self.pruned.breaks if k > i), default=len(self.nominal))
         steps = [_Step(first, [], self._ahead(i, first))]
-        best, tried, seen = list(steps), 0, set[int]()
+        best, tried, seen = list(steps), 0, set[Spot]()
         while steps and len(best) < end - i and tried < PATIENCE:
             k = i + len(steps) - 1
             spot = next(steps[-1].ahead, None)
             if spot is None:
                 steps.pop()
                 continue
-            if id(spot) in seen:
+            if spot in seen:
                 continue
             rows = self.stretcher.follow(k, steps[-1].spot, spot)
             tried += 1
             if rows is None:
                 continue
-            seen.add(id(spot))
+            seen.add(spot)
             arrived = self._arrived(k + 1, spot, rows)
             steps.append(_Step(arrived, rows[:-1], self._ahead(k + 1, arrived)))
             if len(steps) > len(best):

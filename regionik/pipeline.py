@@ -59,6 +59,9 @@ def plan(world: World, *, seed: int = 0, progress: Progress | None = None) -> Pl
     """
     tell = progress or (lambda stage, done, total: None)
     check(world)
+    sunk = explain.buried(world)
+    if sunk is not None:
+        raise NoPlanFound(sunk)
     tell("areas", 0, len(world.task))
     areas, pruned = whole_path(world)
     ladder = pruned.ladder
@@ -66,7 +69,7 @@ def plan(world: World, *, seed: int = 0, progress: Progress | None = None) -> Pl
     tell("configurations", 0, len(world.task))
     goals = configurations(world, ladder, chain, start_pose(world, pruned, chain))
     for i, goal in enumerate(goals):
-        if not goal.converged:
+        if not goal.converged and not world.rules.avoidance:
             raise NoPlanFound(explain.no_posture(world, i))
     course = connect(world, pruned, chain, goals, ground_of(world).inner, seed, progress)
     tell("verify", 0, 1)

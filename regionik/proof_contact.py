@@ -54,6 +54,6 @@ def contact_of(world: World, obstacles: Obstacles) -> Contact:
         spot = target.position[None, None]
         near = np.unique(obstacles.owner[box_gaps(obstacles, spot, spot)[0] <= reach])
         distances = [(obstacles.solids[k].distance(target.position), int(k)) for k in near.tolist()]
-        if distances and min(distances)[0] <= reach:
+        if distances and reach > 0 and min(distances)[0] <= reach:
             owners.setdefault(min(distances)[1], []).append(target.position)
     return Contact({k: cKDTree(np.array(spots)) for k, spots in sorted(owners.items())}, reach)

@@ -15,6 +15,7 @@ from shapely.geometry.base import BaseGeometry
 
 from regionik.avoid import Spot
 from regionik.guard import Guard
+from regionik.hops import Driver
 from regionik.mfabrik import Solver, axis_of, pose_of, solver_for
 from regionik.planners import kernels
 from regionik.planners.flat import FlatPolygon, segment_inside
@@ -22,7 +23,6 @@ from regionik.planners.touching import Touch
 from regionik.poses import LARGEST_BEND, Pose, Row, between, pose, turn_to
 from regionik.pruning import Ladder
 from regionik.reachable import Family
-from regionik.transit import Driver
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import RegionikError
 from regionik.worlds.scene import World

@@ -1,4 +1,4 @@
-"""Random worlds with things at the height of the arm, for every bundled robot: a plan that holds, or the reason."""
+"""Random worlds with things as high as the arm, for every robot: a plan that holds, or the reason."""
 
 from collections import Counter
 
@@ -16,7 +16,7 @@ from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
 
 ROBOTS = ("youbot", "youbot-real", "hinge5", "dof10", "pioneer7")
-FLOOR = Floor(shapely.box(-1.0, -1.5, 2.5, 1.5))
+FLOOR = Floor(shapely.box(-1.2, -1.5, 2.5, 1.5))
 CORNERS = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]]) / np.sqrt(3)
 FACES = np.array([[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]])
 
@@ -26,12 +26,16 @@ def overhead_world(seed: int, most: int = 12) -> World:
     rng = np.random.default_rng(seed)
     robot = robot_named(ROBOTS[seed % len(ROBOTS)])
     path = random_path(robot, int(rng.integers(1, most)), rng)
-    solids = tuple(random_solid(k, path, rng) for k in range(rng.integers(1, 7)))
+    arm_clearance = float(rng.choice([0.0, 0.005, 0.02, 0.05]))
+    solids = tuple(random_solid(k, path, rng) for k in range(rng.integers(1, 12)))
+    if rng.random() < 0.9:  # a set-point too near to a solid is a no at once
+        berth = arm_clearance + robot.solids[-1].radius + 0.005
+        solids = tuple(one for one in solids if min(one.distance(spot) for spot in path) > berth)
     direction = np.array([0.0, 0.0, -1.0]) if is_planar(robot.chain) and rng.random() < 0.15 else None
     free = np.isinf(robot.chain.upper[0]) or is_planar(robot.chain)
     rules = Rules(
         clearance=float(rng.uniform(0, 0.15)),
-        arm_clearance=float(rng.choice([0.0, 0.005, 0.02, 0.05])),
+        arm_clearance=arm_clearance,
         step=float(rng.uniform(0.05, 0.2)),
         heading=rng.choice(["free", "face_target", "fixed"] if free else ["free", "face_target"]),
         tool_contact=float(rng.choice([0.0, 0.05])),
@@ -53,7 +57,7 @@ def random_path(robot: Robot, count: int, rng: np.random.Generator) -> Array:
 
 def random_solid(k: int, path: Array, rng: np.random.Generator) -> Solid:
     """Near the path, from 0.2 to 0.8 m above the floor, a few of them standing on it."""
-    x, y, _ = path[rng.integers(len(path))] + rng.normal(0.0, [0.3, 0.3, 0.0])
+    x, y, _ = path[rng.integers(len(path))] + rng.normal(0.0, [0.2, 0.2, 0.0])
     z = float(rng.uniform(0.2, 0.8))
     kind = rng.integers(6)
     if kind == 0:
@@ -63,7 +67,9 @@ def random_solid(k: int, path: Array, rng: np.random.Generator) -> Solid:
         return Cylinder(f"post {k}", float(rng.uniform(0.02, 0.08)), 0.8, np.array([x, y, 0.4]))
     if kind == 2:
         height = float(rng.uniform(0.1, 0.6))
-        return Cylinder(f"hanging {k}", float(rng.uniform(0.02, 0.1)), height, np.array([x, y, z + height / 2]))
+        return Cylinder(
+            f"hanging {k}", float(rng.uniform(0.02, 0.1)), height, np.array([x, y, z + height / 2])
+        )
     if kind == 3:
         return Sphere(f"ball {k}", float(rng.uniform(0.03, 0.15)), np.array([x, y, z]))
     if kind == 4:
@@ -88,5 +94,5 @@ def outcome(world: World) -> str:
 
 
 def test_every_world_is_planned_or_explained() -> None:
-    outcomes = Counter(outcome(overhead_world(seed, most=6)) for seed in range(30))
+    outcomes = Counter(outcome(overhead_world(seed, most=6)) for seed in range(18))
     assert outcomes["planned"] > 8

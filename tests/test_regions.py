@@ -4,13 +4,13 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from regionik.ground import ground_of
+from regionik.ground import ground_of, grow
 from regionik.reachable import BACK, FRONT, reach_rows
 from regionik.regions import admissible_area, outer_areas, path_areas
 from regionik.worlds.errors import InputError
 from regionik.worlds.format import load_world
 from regionik.worlds.library import robot_named
-from regionik.worlds.obstacles import Box, Cylinder, Solid
+from regionik.worlds.obstacles import Box, Cylinder, Shadow, Solid
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
 
 FLOOR = Floor(shapely.box(-3, -3, 3, 3))
@@ -140,3 +140,14 @@ def test_out_of_reach_is_an_empty_outer_area() -> None:
 def test_bad_targets_are_refused(target: object) -> None:
     with pytest.raises(InputError, match="target"):
         admissible_area(world(), target)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("corners", range(3, 60))
+def test_inner_growth_holds_the_true_one_for_every_corner(corners: int) -> None:
+    """The number of segments in which a corner is rounded is itself rounded: worst at 8 to 11 degrees."""
+    around = 2 * np.pi * np.arange(corners) / corners
+    core = shapely.Polygon(0.3 * np.column_stack([np.cos(around), np.sin(around)]))
+    edge = grow(Shadow(core, 0.0), 0.4, inner=True).exterior
+    assert shapely.distance(edge, core) >= 0.4 - 1e-9
+    within = shapely.get_coordinates(grow(Shadow(core, 0.0), 0.4, inner=False))
+    assert shapely.distance(shapely.points(within), core).max() <= 0.4 + 1e-9

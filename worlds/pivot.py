@@ -48,7 +48,7 @@ def span_of(chain: Chain) -> Span:
     Raises
     ------
     InputError
-        When the first joint is anything else.
+        When the first joint is anything else, or a sliding joint has no end.
     """
     first = chain.joints[0]
     T = first.T_parent_joint
@@ -60,6 +60,11 @@ def span_of(chain: Chain) -> Span:
         )
     steps = [joint.T_parent_joint[:3, 3] for joint in chain.joints[1:]] + [chain.T_last_tool[:3, 3]]
     first_step = T[:3, 3] + T[:3, :3] @ steps[0]
+    endless = [
+        j.name for j in chain.joints if j.kind == "prismatic" and not np.isfinite([j.lower, j.upper]).all()
+    ]
+    if endless:
+        raise InputError(f"robot: joint {endless[0]}: a sliding joint needs limits to be planned for")
     travel = sum(max(abs(j.lower), abs(j.upper)) for j in chain.joints if j.kind == "prismatic")
     length = float(sum(np.linalg.norm(step) for step in steps[1:])) + travel
     return Span(float(np.hypot(*first_step[:2])), float(first_step[2]), length)

@@ -1,0 +1,130 @@
+"""Options at a set-point: clear, on target, in their component; and the evidence where there are none."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from itertools import islice
+
+import numpy as np
+import pytest
+import shapely
+
+from regionik.avoid import KEPT, PLACES, Avoider, Evidence, Spot, spread
+from regionik.guard import guard_of
+from regionik.mfabrik import axis_of, configurations
+from regionik.pipeline import start_pose, whole_path
+from regionik.planners.touching import Touch
+from regionik.poses import Pose
+from regionik.pruning import Pruned, choose_chain
+from regionik.worlds.format import load_world
+from regionik.worlds.scene import World
+
+
+@cache
+def prepared(name: str) -> tuple[World, Pruned, tuple[Spot, ...]]:
+    world = load_world(name)
+    _, pruned = whole_path(world)
+    chain = choose_chain(pruned, None if world.start is None else axis_of(world.robot, world.start.base))
+    goals = configurations(world, pruned.ladder, chain, start_pose(world, pruned, chain))
+    return world, pruned, tuple(Spot(goal, k) for goal, k in zip(goals, chain, strict=True))
+
+
+def avoider(name: str) -> Avoider:
+    world, pruned, _ = prepared(name)
+    return Avoider(world, guard_of(world), pruned.ladder, 0)
+
+
+@pytest.mark.parametrize(("name", "i"), [("shelf", 0), ("shelf", 12), ("pipe", 5), ("tao1", 0), ("tao3", 0)])
+def test_every_option_is_clear_and_on_target(name: str, i: int) -> None:
+    world, pruned, nominal = prepared(name)
+    looking, robot = avoider(name), world.robot
+    here = nominal[max(i - 1, 0)].pose
+    options = list(islice(looking.options(i, [nominal[i].component], here, nominal[i]), 12))
+    assert len(options) >= 3
+    for spot in options:
+        at = spot.pose
+        tool = robot.tool(at.base, at.joints)[:3, 3]
+        axis = shapely.Point(axis_of(robot, at.base))
+        assert guard_of(world).clear(at)
+        assert np.linalg.norm(tool - world.task[i].position) <= world.rules.tolerance * (1 + 1e-9)
+        assert pruned.ladder.component[spot.component].distance(axis) < 1e-9
+        assert (at.joints >= robot.chain.lower - 1e-9).all()
+        assert (at.joints <= robot.chain.upper + 1e-9).all()
+
+
+def test_the_same_options_again() -> None:
+    world, _, nominal = prepared("pipe")
+    one, other = (
+        list(islice(avoider("pipe").options(5, [nominal[5].component], nominal[4].pose, nominal[5]), 8))
+        for _ in range(2)
+    )
+    for a, b in zip(one, other, strict=True):
+        np.testing.assert_array_equal(a.pose.joints, b.pose.joints)
+        np.testing.assert_array_equal(a.pose.base, b.pose.base)
+    assert len(world.task) == 21
+
+
+def test_without_avoidance_there_is_only_what_mfabrik_found() -> None:
+    world, pruned, nominal = prepared("shelf")
+    bare = replace(world, rules=replace(world.rules, avoidance=False))
+    looking = Avoider(bare, guard_of(bare), pruned.ladder, 0)
+    assert list(looking.options(3, [nominal[3].component], nominal[2].pose, nominal[3])) == [nominal[3]]
+    assert not looking.evidence
+
+
+def test_a_place_offers_the_postures_that_change_least() -> None:
+    _, _, nominal = prepared("shelf")
+    looking, here = avoider("shelf"), nominal[4].pose
+    options = list(looking.options(5, [nominal[5].component], here, nominal[5]))
+    elsewhere = options[-2 * KEPT :]
+    axes = [tuple(axis_of(load_world("shelf").robot, spot.pose.base).round(9)) for spot in options]
+    assert max(axes.count(axis) for axis in set(axes[2:])) <= KEPT
+    assert len(elsewhere) == 2 * KEPT
+
+
+def test_evidence_counts_what_was_looked_at_and_keeps_the_best() -> None:
+    seen, off = Evidence(), np.zeros(3)
+    for distance, kind in ((-0.2, "obstacle"), (0.01, "obstacle"), (-0.1, "obstacle")):
+        seen.add(Touch(distance, 0, kind, 0, off, off), distance)  # type: ignore[arg-type]
+    seen.add(Touch(np.inf, -1, "none", -1, off, off), np.inf)
+    assert (seen.postures, seen.clear) == (4, 1)
+    seen = Evidence()
+    seen.add(Touch(-0.2, 0, "obstacle", 0, off, off), -0.2)
+    seen.add(Touch(-0.1, 1, "obstacle", 0, off, off), -0.1)
+    assert seen.best is not None
+    assert seen.best.solid == 1
+
+
+def test_a_search_is_told_as_evidence() -> None:
+    world, pruned, nominal = prepared("shelf")
+    shut = replace(world, rules=replace(world.rules, arm_clearance=0.2))
+    looking = Avoider(shut, guard_of(shut), pruned.ladder, 0)
+    here = Pose(np.zeros(3), world.robot.carry)
+    assert list(looking.options(0, [nominal[0].component], here, nominal[0])) == []
+    seen = looking.evidence[0]
+    assert 1 < seen.places <= PLACES
+    assert seen.postures > seen.places
+    assert seen.clear == 0
+    assert seen.best is not None
+    assert seen.best.kind == "obstacle"
+
+
+@pytest.mark.parametrize(
+    "area",
+    [
+        pytest.param(shapely.box(-1, -1, 2, 1), id="box"),
+        pytest.param(shapely.Point(0, 0).buffer(1) - shapely.Point(0, 0).buffer(0.95), id="ring"),
+        pytest.param(shapely.LineString([(0, 0), (1, 1)]).buffer(1e-4), id="sliver"),
+        pytest.param(shapely.box(3, 3, 3.001, 3.001), id="speck"),
+    ],
+)
+def test_places_are_spread_inside(area: shapely.Polygon) -> None:
+    for count in (1, 7, PLACES):
+        points = spread(area, count, 3)
+        assert 1 <= len(points) <= count
+        assert shapely.covers(area, shapely.points(points)).all()
+        np.testing.assert_array_equal(points, spread(area, count, 3))
+        assert len(np.unique(points, axis=0)) == len(points)
+    quarters = spread(shapely.box(0, 0, 1, 1), 24, 0) > 0.5
+    assert len(np.unique(quarters, axis=0)) == 4

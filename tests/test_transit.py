@@ -1,0 +1,135 @@
+"""Motion with the tool lifted: laws of its states, for ways that are folded and ways that are sampled."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import shapely
+
+from regionik import transit
+from regionik.ground import ground_of
+from regionik.guard import guard_of
+from regionik.hops import Driver
+from regionik.mfabrik import axis_of
+from regionik.planners.kernels import wrap
+from regionik.poses import LARGEST_BEND, Pose, between
+from regionik.transit import TURN_STRIDE, Carrier
+from regionik.worlds.library import robot_named
+from regionik.worlds.obstacles import Box, Cylinder, Solid
+from regionik.worlds.scene import Floor, Heading, Rules, World
+
+HERE = np.array([-0.9, -0.7, 0.3])
+THERE = np.array([1.0, 0.8, -2.9])
+
+
+def world_of(name: str, *solids: Solid, heading: Heading = "free") -> World:
+    rules = Rules(clearance=0.02, step=0.1, heading=heading)
+    return World(name, robot_named(name), Floor(shapely.box(-2, -2, 2, 2)), solids, (), rules)
+
+
+def carrier(world: World) -> Carrier:
+    return Carrier(world, ground_of(world).inner, guard_of(world), Driver(world, 0))
+
+
+def posed(world: World, base: np.ndarray, *bends: float) -> Pose:
+    joints = np.array(world.robot.carry)
+    joints[: len(bends)] += bends
+    return Pose(base, np.clip(joints, world.robot.chain.lower, world.robot.chain.upper))
+
+
+def check(world: World, here: Pose, way: list[Pose], there: Pose) -> None:
+    robot, poses = world.robot, [here, *way, there]
+    free = ground_of(world).inner.free
+    for a, b in zip(poses[:-1], poses[1:], strict=True):
+        assert np.hypot(*(b.base - a.base)[:2]) <= world.rules.step + 1e-9
+        assert abs(wrap(b.base[2] - a.base[2])) <= LARGEST_BEND
+        assert np.abs(b.joints - a.joints).max() <= LARGEST_BEND + 1e-9
+        for share in np.linspace(0, 1, 5):
+            at = between(a, b, float(share))
+            assert guard_of(world).clear(at)
+            assert free.distance(shapely.Point(axis_of(robot, at.base))) < 1e-3
+            assert (at.joints >= robot.chain.lower - 1e-9).all()
+            assert (at.joints <= robot.chain.upper + 1e-9).all()
+
+
+@pytest.mark.parametrize("name", ["youbot", "youbot-real", "hinge5", "dof10", "pioneer7"])
+def test_folded_ways_over_open_floor(name: str) -> None:
+    pillar = Box("pillar", np.array([0.2, 0.2, 0.5]), np.array([0.1, 0.05, 0.25]))
+    world = world_of(name, pillar)
+    here, there = posed(world, HERE, 0.5, -0.2), posed(world, THERE, -0.5, 0.2)
+    way = carrier(world).folded(here, there, 0)
+    assert way is not None
+    check(world, here, way, there)
+    turns = np.abs([wrap(b.base[2] - a.base[2]) for a, b in zip([here, *way], [*way, there], strict=True)])
+    assert turns.max() <= TURN_STRIDE + 1e-9
+    again = carrier(world).folded(here, there, 0)
+    assert again is not None
+    assert [pose.joints.tolist() for pose in again] == [pose.joints.tolist() for pose in way]
+
+
+def test_the_arm_draws_back_where_it_cannot_fold() -> None:
+    lid = Box("lid", np.array([0.6, 0.6, 0.02]), np.array([0.6, 0.0, 0.4]))
+    world = world_of("youbot", lid)
+    flat = np.array([0.0, 0.3, 0.0, 1.2, 0.0])
+    here = Pose(np.array([0.25, 0.0, 0.0]), flat)
+    there = posed(world, np.array([-0.8, 0.5, 0.0]))
+    assert guard_of(world).clear(here)
+    bare = replace(world, obstacles=())
+    way = carrier(world).folded(here, there, 0)
+    straight = carrier(bare).folded(here, there, 0)
+    assert way is not None
+    assert straight is not None
+    check(world, here, way, there)
+    assert carrier(world).obstruction(here, there, 0) is not None
+    assert carrier(bare).obstruction(here, there, 0) is None
+
+
+@pytest.mark.parametrize("heading", ["free", "fixed"])
+def test_sampled_ways_in_a_narrow_place(heading: Heading) -> None:
+    post = Cylinder("post", 0.03, 0.8, np.array([0.3, 0.0, 0.6]))
+    world = world_of("youbot", post, heading=heading)
+    out = np.array([0.0, 0.4, 0.0, 1.2, 0.0])
+    left, right = (Pose(np.zeros(3), out + [turn, 0, 0, 0, 0]) for turn in (0.5, -0.5))
+    here = carrier(world)
+    way = here.sampled(left, right, 0)
+    assert way is not None
+    check(world, left, way, right)
+    assert here.driver.methods == {"whole body": 1}
+    again = carrier(world).sampled(left, right, 0)
+    assert again is not None
+    assert [pose.joints.tolist() for pose in again] == [pose.joints.tolist() for pose in way]
+    if heading == "fixed":
+        assert max(abs(pose.base[2]) for pose in way) < 1e-5
+
+
+def test_no_way_out_of_a_pen(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(transit, "ITERATIONS", 100)
+    pen = tuple(
+        Box(name, np.array([*size, 1.0]), np.array([*middle, 0.7]))
+        for name, size, middle in (
+            ("north", (0.5, 0.02), (0.0, 0.24)),
+            ("south", (0.5, 0.02), (0.0, -0.24)),
+            ("east", (0.02, 0.5), (0.24, 0.0)),
+            ("west", (0.02, 0.5), (-0.24, 0.0)),
+        )
+    )
+    world = world_of("youbot", *pen)
+    inside, outside = posed(world, np.zeros(3)), posed(world, np.array([-1.0, 0.0, 0.0]))
+    assert guard_of(world).clear(inside)
+    assert carrier(world).folded(inside, outside, 0) is None
+    assert carrier(world).sampled(inside, outside, 0) is None
+    touch = carrier(world).obstruction(inside, outside, 0)
+    assert touch is not None
+    assert guard_of(world).other(touch) == "west"
+
+
+def test_short_ways_are_not_folded() -> None:
+    world = world_of("youbot")
+    here, there = posed(world, np.zeros(3), 0.1), posed(world, np.array([0.15, 0.0, 0.0]), 0.2)
+    way = carrier(world).folded(here, there, 0)
+    assert way is not None
+    joints = np.array([pose.joints for pose in [here, *way, there]])
+    assert (np.diff(joints[:, 0]) >= -1e-12).all()
+    assert np.ptp(joints[:, 1:], axis=0).max() < 1e-12
