@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 import sys
 import time
+import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -58,6 +59,7 @@ AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON document, a
 def main() -> None:
     """Run the command ``regionik`` and leave with its exit code."""
     end_on_interrupt()
+    warnings.showwarning = lambda message, *_: complain(f"note: {message}")
     sys.exit(run(sys.argv[1:]))
 
 
