@@ -1,7 +1,7 @@
 # make demo    plan a bundled world, verify the plan, write a page to look at
 # make test    the whole test suite
 # make lint    style, types, import order
-# make bench   areas and base motion, timed against simpler ways in the same run
+# make bench   areas, base motion, clear postures and real robots, measured and checked in the same run
 # make clean   remove what the others made
 
 # The newest Python that fits and can make virtual environments; or say PYTHON=/path/to/python.

@@ -72,7 +72,7 @@ def main(scenes: int, sample: int, first: int) -> int:
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser()
-    parser.add_argument("--scenes", type=int, default=300)
+    parser.add_argument("--scenes", type=int, default=200)
     parser.add_argument("--sample", type=int, default=100)
     parser.add_argument("--first", type=int, default=0)
     told = parser.parse_args()
