@@ -172,7 +172,7 @@ class _Walker:
         if here is not None and cut_off:
             piece = int(self.pruned.ladder.floor[self.nominal[i].component])
             touch = self.carrier.obstruction(here, self.nominal[i].pose, piece)
-        closest, cause = "nothing is left", Cause("limits", self.world.robot.name)
+        closest, cause = "no single thing stands in the way", Cause("limits", self.world.robot.name)
         if touch is not None:
             closest, cause = guard.words(touch), guard.cause(touch)
         looked = seen.places, seen.postures
