@@ -11,12 +11,10 @@ from shapely.geometry.base import BaseGeometry
 
 from regionik.ground import ground_of, grow
 from regionik.plan import Violation
-from regionik.planners.collision import box_gaps, obstacles_from
 from regionik.regions import TakenAway, largest_clearance, outer_areas, what_took_away
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Cause, CauseKind, Explanation, Repair
 from regionik.worlds.pivot import span_of
-from regionik.worlds.robot import LinkCapsule
 from regionik.worlds.scene import Target, World
 
 
@@ -37,7 +35,7 @@ def unreachable(
     """
     every = world.task if targets is None else targets
     target = every[i]
-    who = f"{_setpoint(i, len(every))} at {_spot(target.position)}"
+    who = f"{setpoint(i, len(every))} at {spot(target.position)}"
     taken = what_took_away(world, target)
     proven = outer_areas(world, [target])[0].is_empty
     open_clearance = largest_clearance(world, target)
@@ -128,12 +126,12 @@ def cut_off(world: World, i: int, here: BaseGeometry, areas: BaseGeometry) -> Ex
     bridge = shapely.shortest_line(here, areas)
     blockers = _crossed(world, bridge)
     gap = float(bridge.length)
-    who = _setpoint(i, len(world.task))
+    who = setpoint(i, len(world.task))
     if i > 0:
         who = f"The path breaks between set-points {i} and {i + 1} of {len(world.task)}: the latter"
     names = _join(blockers) if blockers else "the edge of the floor"
     reason = (
-        f"{who} at {_spot(world.task[i].position)} can be reached only from floor that the base cannot get "
+        f"{who} at {spot(world.task[i].position)} can be reached only from floor that the base cannot get "
         f"to: {names} cuts it off. The nearest such place is {gap:.3f} m beyond the floor the base can "
         f"drive on, at a clearance of {world.rules.clearance:.3f} m."
     )
@@ -193,59 +191,6 @@ def blocked_start(world: World) -> Explanation | None:
     return Explanation("start-blocked", None, reason, (Cause("obstacle", name, missing),))
 
 
-def buried(world: World) -> Explanation | None:
-    """Why the tool cannot be at some set-point at all, for what stands round it; None where nothing does.
-
-    Where a link ends round in the tool, its radius and the arm's clearance must fit beside every solid but
-    the one that the tool may touch.
-    """
-    tip = _tip_radius(world)
-    if tip is None:
-        return None
-    rules = world.rules
-    need = tip + rules.arm_clearance - rules.tolerance
-    look, obstacles = max(need, rules.tool_contact), obstacles_from(world.solids)
-    for i, target in enumerate(world.task):
-        spot = target.position[None, None]
-        near = np.unique(obstacles.owner[box_gaps(obstacles, spot, spot)[0] <= look]).tolist()
-        gaps = sorted((world.solids[k].distance(target.position), k) for k in near)
-        if gaps and rules.tool_contact > 0 and gaps[0][0] <= rules.tool_contact:
-            gaps = gaps[1:]
-        if not gaps or gaps[0][0] >= need:
-            continue
-        gap, name = gaps[0][0], world.solids[gaps[0][1]].name
-        missing = need + rules.tolerance - gap
-        place = f"{gap:.4f} m from {name}" if gap >= 0 else f"{-gap:.4f} m deep in {name}"
-        reason = (
-            f"{_setpoint(i, len(world.task))} at {_spot(target.position)} lies {place}: no posture keeps the "
-            f"last link, {tip:g} m round about the tool, at the arm's clearance of {rules.arm_clearance:g} m "
-            f"from it. The set-point would have to lie {missing:.4f} m farther away."
-        )
-        repair = Repair("move-target", f"set-point {i + 1}", missing, f"move it {missing:.4f} m from {name}")
-        return Explanation("no-posture", i, reason, (Cause("obstacle", name, missing),), (repair,))
-    return None
-
-
-def _tip_radius(world: World) -> float | None:
-    """Radius of the link that ends round in the tool, if there is one [m]."""
-    chain = world.robot.chain
-    tool = chain.T_last_tool[:3, 3]
-    radii = [
-        solid.radius
-        for solid in world.robot.solids
-        if solid.link == chain.dof - 1
-        and isinstance(solid, LinkCapsule)
-        and np.linalg.norm(solid.corners - tool, axis=1).min() < 1e-9
-    ]
-    return max(radii, default=None)
-
-
-def blocked_arm(world: World, closest: str, cause: Cause) -> Explanation:
-    """Why the arm cannot start in the posture that the world gives."""
-    reason = f"The start is blocked: {closest}, and the arm's clearance is {world.rules.arm_clearance:g} m."
-    return Explanation("start-blocked", None, reason, (cause,))
-
-
 def invalid_plan(world: World, violations: Sequence[Violation]) -> Explanation:
     """The first thing for which verification turned a finished plan down."""
     first = violations[0]
@@ -261,54 +206,10 @@ def invalid_plan(world: World, violations: Sequence[Violation]) -> Explanation:
 def no_posture(world: World, i: int) -> Explanation:
     """M-FABRIK found no posture although the area is not empty."""
     reason = (
-        f"{_setpoint(i, len(world.task))} at {_spot(world.task[i].position)} has admissible places for the "
+        f"{setpoint(i, len(world.task))} at {spot(world.task[i].position)} has admissible places for the "
         f"base, but no posture within the joint limits was found at heading policy '{world.rules.heading}'."
     )
     return Explanation("no-posture", i, reason, (Cause("limits", world.robot.name, None),))
-
-
-def arm_must_lift(world: World, i: int, obstruction: str, cause: Cause | None) -> Explanation:
-    """Why the arm cannot go on to set-point i with as few lift-offs as the rules allow."""
-    count = len(world.task)
-    reason = (
-        f"The path breaks between set-points {i} and {i + 1} of {count}: the base has places that serve "
-        f"both, but no way on was found for the arm: {obstruction}; the tool would have to be lifted here, "
-        f"and the rules allow {world.rules.max_lift_offs} lift-offs."
-    )
-    repair = Repair("lift-off", f"set-point {i + 1}", 1.0, f"allow a lift-off before set-point {i + 1}")
-    return Explanation("ladder-broken", i, reason, (cause or Cause("limits", world.robot.name),), (repair,))
-
-
-def no_clear_posture(
-    world: World, i: int, looked: tuple[int, int], closest: str, cause: Cause, *, cut_off: bool
-) -> Explanation:
-    """Why the arm cannot be at set-point i, or cannot get there, without touching something.
-
-    Parameters
-    ----------
-    world : World
-    i : int
-    looked : (places, postures)
-        How many places of the base and postures were looked at.
-    closest : str
-        What the posture that came nearest to being clear touches, in words.
-    cause : Cause
-    cut_off : bool
-        Clear postures exist, but no way to them was found.
-    """
-    who = f"{_setpoint(i, len(world.task))} at {_spot(world.task[i].position)}"
-    rule = f"the arm's clearance is {world.rules.arm_clearance:g} m"
-    if cut_off:
-        reason = (
-            f"{who} has postures in which the arm touches nothing, but no way to one of them was found on "
-            f"which it touches nothing either; on the straight way {closest}, and {rule}."
-        )
-    else:
-        reason = (
-            f"{who} has admissible places for the base, but in none of the {looked[1]} postures at "
-            f"{looked[0]} places that were looked at is the arm clear: at best {closest}, and {rule}."
-        )
-    return Explanation("no-posture", i, reason, (cause,))
 
 
 def _crossed(world: World, bridge: BaseGeometry) -> list[str]:
@@ -327,11 +228,13 @@ def _depth(core: BaseGeometry, outline: BaseGeometry) -> float:
     return float(core.boundary.distance(outline)) if core.covers(outline) else 0.0
 
 
-def _setpoint(i: int, count: int) -> str:
+def setpoint(i: int, count: int) -> str:
+    """A set-point as people count."""
     return f"Set-point {i + 1} of {count}"
 
 
-def _spot(position: Array) -> str:
+def spot(position: Array) -> str:
+    """A position in words."""
     return f"({', '.join(f'{value:.3f}' for value in position)})"
 
 

@@ -14,7 +14,7 @@ from itertools import islice
 
 import numpy as np
 
-from regionik import explain
+from regionik import explain_arm
 from regionik.avoid import Avoider, Evidence, Spot
 from regionik.ground import Side
 from regionik.guard import guard_of
@@ -153,7 +153,7 @@ class _Walker:
         guard, here = self.avoider.guard, Pose(start.base, start.joints)
         touch = guard.touch(here)
         if guard.on and touch.kind != "none":
-            raise NoPlanFound(explain.blocked_arm(self.world, guard.words(touch), guard.cause(touch)))
+            raise NoPlanFound(explain_arm.blocked_arm(self.world, guard.words(touch), guard.cause(touch)))
         return here
 
     def _ways(self, here: Pose, spots: Iterator[Spot]) -> Iterator[tuple[Spot, list[Pose] | None]]:
@@ -176,14 +176,14 @@ class _Walker:
         if touch is not None:
             closest, cause = guard.words(touch), guard.cause(touch)
         looked = seen.places, seen.postures
-        return explain.no_clear_posture(self.world, i, looked, closest, cause, cut_off=cut_off)
+        return explain_arm.no_clear_posture(self.world, i, looked, closest, cause, cut_off=cut_off)
 
     def _one_lift_too_many(self, i: int) -> Explanation:
         """What would have the tool lifted before set-point i, against the rules."""
         guard, touch = self.avoider.guard, self.stretcher.stops.get(i - 1)
         if touch is None:
-            return explain.arm_must_lift(self.world, i, "the arm would have to jump", None)
-        return explain.arm_must_lift(self.world, i, guard.words(touch), guard.cause(touch))
+            return explain_arm.arm_must_lift(self.world, i, "the arm would have to jump", None)
+        return explain_arm.arm_must_lift(self.world, i, guard.words(touch), guard.cause(touch))
 
     def _run(self, i: int, first: Spot) -> list[_Step]:
         """The longest walk found from a spot of set-point i, to the end of the run at most."""

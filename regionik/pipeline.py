@@ -10,7 +10,7 @@ import shapely
 from shapely.geometry import Point
 from shapely.geometry.base import BaseGeometry
 
-from regionik import explain
+from regionik import explain, explain_arm
 from regionik.ground import ground_of
 from regionik.mfabrik import axis_of, configurations
 from regionik.motion import Course, connect
@@ -59,7 +59,7 @@ def plan(world: World, *, seed: int = 0, progress: Progress | None = None) -> Pl
     """
     tell = progress or (lambda stage, done, total: None)
     check(world)
-    sunk = explain.buried(world)
+    sunk = explain_arm.buried(world)
     if sunk is not None:
         raise NoPlanFound(sunk)
     tell("areas", 0, len(world.task))
