@@ -7,8 +7,9 @@ the base in the area, and the arm's postures at each.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 import shapely
@@ -19,7 +20,7 @@ from shapely.geometry.base import BaseGeometry
 from regionik.guard import SPARE, Guard
 from regionik.mfabrik import Solver, axis_of, pose_of, solver_for
 from regionik.plan import Configuration
-from regionik.planners.posture import go_round
+from regionik.planners.posture import ClearPosture, clear_posture, go_round
 from regionik.planners.touching import Touch
 from regionik.poses import Pose, pose
 from regionik.pruning import Ladder
@@ -30,6 +31,8 @@ PLACES = 24  # of the base, looked through in one component
 PITCHES = 48  # of the last link, looked through at every place
 FAR = 1.5  # change of an endless joint from which on the other way round is tried too [rad]
 MENDED = 4  # postures led round what they touch, where no other is clear
+SEARCHED = 2  # of their places, at which all postures are looked for
+BOXES = 20_000  # of postures weighed there
 KEPT = 2  # postures that a place offers to one that asks
 
 
@@ -55,6 +58,8 @@ class Evidence:
         Places of the base and postures that were tried.
     clear : int
         How many of the postures were clear.
+    proven : int
+        Places at which there is proven to be no clear posture.
     best : Touch or None
         Of the posture that came nearest to being clear.
     room : float
@@ -64,6 +69,7 @@ class Evidence:
     places: int = 0
     postures: int = 0
     clear: int = 0
+    proven: int = 0
     best: Touch | None = None
     room: float = -np.inf
 
@@ -155,10 +161,17 @@ class Avoider:
 
     def _around(self, i: int, spot: Spot) -> Iterator[Spot]:
         """The base stays; the arm goes round what it touches, by FABRIK with avoiding rotations."""
+        return self._asked(i, spot, go_round)
+
+    def _searched(self, i: int, spot: Spot) -> Iterator[Spot]:
+        """The base stays; every posture of the arm is looked for, or there is proven to be none."""
+        return self._asked(i, spot, partial(clear_posture, most_boxes=BOXES))
+
+    def _asked(self, i: int, spot: Spot, ask: Callable[..., ClearPosture]) -> Iterator[Spot]:
         target, bodies, base = self.world.task[i], self.guard.bodies, spot.found.base
         if target.direction is not None:
             return
-        found = go_round(
+        found = ask(
             bodies,
             base,
             target.position,
@@ -168,6 +181,7 @@ class Avoider:
             margin=SPARE,
             seed=self.seed,
         )
+        self.evidence.setdefault(i, Evidence()).proven += found.kind == "none"
         if found.joints is not None and self.clear(i, Pose(base, found.joints)):
             yield Spot(replace(spot.found, joints=found.joints, error=found.error), spot.component)
 
@@ -182,10 +196,13 @@ class Avoider:
                 yield found[n]
 
     def _mended(self, i: int, components: Sequence[int]) -> Iterator[Spot]:
-        """The postures that came nearest to being clear, led round what they touch."""
+        """The postures nearest to being clear, led round what they touch; then all at their places."""
         nearly = [one for k in components for one in self._nearly.get(k, [])]
-        for _, spot in sorted(nearly, key=lambda one: -one[0])[:MENDED]:
+        nearest = [spot for _, spot in sorted(nearly, key=lambda one: -one[0])[:MENDED]]
+        for spot in nearest:
             yield from self._around(i, spot)
+        for spot in nearest[:SEARCHED]:
+            yield from self._searched(i, spot)
 
     def _at(self, i: int, k: int, m: int) -> list[Spot]:
         """All clear postures at one place, looked through once."""

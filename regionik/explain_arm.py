@@ -77,7 +77,7 @@ def arm_must_lift(world: World, i: int, obstruction: str, cause: Cause | None) -
 
 
 def no_clear_posture(
-    world: World, i: int, looked: tuple[int, int], closest: str, cause: Cause, *, cut_off: bool
+    world: World, i: int, looked: tuple[int, int, int], closest: str, cause: Cause, *, cut_off: bool
 ) -> Explanation:
     """Why the arm cannot be at set-point i, or cannot get there, without touching something.
 
@@ -85,8 +85,8 @@ def no_clear_posture(
     ----------
     world : World
     i : int
-    looked : (places, postures)
-        How many places of the base and postures were looked at.
+    looked : (places, postures, proven)
+        How many places of the base and postures were looked at, and at how many there is proven to be none.
     closest : str
         What the posture that came nearest to being clear touches, in words.
     cause : Cause
@@ -105,4 +105,6 @@ def no_clear_posture(
             f"{who} has admissible places for the base, but in none of the {looked[1]} postures at "
             f"{looked[0]} places that were looked at is the arm clear: at best {closest}, and {rule}."
         )
+        if looked[2]:
+            reason += f" At {looked[2]} of the places it is proven that there is none."
     return Explanation("no-posture", i, reason, (cause,))

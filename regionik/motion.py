@@ -175,7 +175,7 @@ class _Walker:
         closest, cause = "no single thing stands in the way", Cause("limits", self.world.robot.name)
         if touch is not None:
             closest, cause = guard.words(touch), guard.cause(touch)
-        looked = seen.places, seen.postures
+        looked = seen.places, seen.postures, seen.proven
         return explain_arm.no_clear_posture(self.world, i, looked, closest, cause, cut_off=cut_off)
 
     def _one_lift_too_many(self, i: int) -> Explanation:
