@@ -163,6 +163,14 @@ def aabb_gaps(obstacles: Obstacles, starts: Array, ends: Array, radii: ArrayLike
     return gaps
 
 
+def solids_within(obstacles: Obstacles, point: Array, reach: float) -> list[tuple[float, int]]:
+    """Distances [m] of a point from the solids within ``reach`` of it, and their indices, nearest first."""
+    spot = point[None, None]
+    near = np.unique(obstacles.owner[box_gaps(obstacles, spot, spot)[0] <= reach]).tolist()
+    gaps = sorted((float(obstacles.solids[k].distance(point)), k) for k in near)
+    return [(gap, k) for gap, k in gaps if gap <= reach]
+
+
 def box_gaps(obstacles: Obstacles, low: Array, high: Array) -> Array:
     """Distances between boxes (n, 1, 3) and the boxes of all pieces, (n, m); -inf where they meet [m]."""
     square = np.zeros((len(low), len(obstacles.pieces)))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -75,6 +76,11 @@ class Bodies:
     hulls: Hulls
     pieces: tuple[Piece, ...]
     clearance: float
+
+    @cached_property
+    def meshed(self) -> bool:
+        """Whether some piece is a mesh, inside which a solid may lie without touching its surface."""
+        return any(piece.mesh is not None for piece in self.pieces)
 
 
 class _Row(NamedTuple):

@@ -158,7 +158,7 @@ def motion_clear(
     k, m, s = first_stop(
         bodies.arm, bodies.mount, bodies.movers, bodies.hulls, hop, exempt, boxes, float(margin)
     )
-    if k < 0:
+    if k < 0 and bodies.meshed:
         k, m, s = _swallowed(bodies, hop, exempt, boxes)
     if k < 0:
         return None

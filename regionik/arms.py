@@ -7,7 +7,7 @@ take the first joint as endless: `mfabrik` shares its turn between joint and bas
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Protocol
 
 import numpy as np
@@ -88,13 +88,13 @@ class PlaneSolver:
     family: Family
     tolerance: float
 
-    @property
+    @cached_property
     def plane(self) -> kernels.PlaneArm:
         arm = self.arm
         shoulder = float(arm.shoulder[0]), float(arm.shoulder[1] + self.height)
         return kernels.PlaneArm(*shoulder, arm.lengths, arm.lower, arm.upper)
 
-    @property
+    @cached_property
     def postures(self) -> Array:
         """Ten postures to restart from, spread over the limits: elbow up and down, folded, stretched."""
         lower = np.where(np.isfinite(self.arm.lower), self.arm.lower, -np.pi)

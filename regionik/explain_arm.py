@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from regionik.explain import setpoint, spot
-from regionik.planners.collision import box_gaps, obstacles_from
+from regionik.planners.collision import obstacles_from, solids_within
 from regionik.worlds.errors import Cause, Explanation, Repair
 from regionik.worlds.robot import LinkCapsule
 from regionik.worlds.scene import World
@@ -24,9 +24,7 @@ def buried(world: World) -> Explanation | None:
     need = tip + rules.arm_clearance - rules.tolerance
     look, obstacles = max(need, rules.tool_contact), obstacles_from(world.solids)
     for i, target in enumerate(world.task):
-        point = target.position[None, None]
-        near = np.unique(obstacles.owner[box_gaps(obstacles, point, point)[0] <= look]).tolist()
-        gaps = sorted((world.solids[k].distance(target.position), k) for k in near)
+        gaps = solids_within(obstacles, target.position, look)
         if gaps and rules.tool_contact > 0 and gaps[0][0] <= rules.tool_contact:
             gaps = gaps[1:]
         if not gaps or gaps[0][0] >= need:

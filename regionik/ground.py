@@ -162,7 +162,7 @@ def _widest_segment(core: BaseGeometry) -> float:
     if shapely.get_type_id(core) > 3:
         return 1.5 * QUANTUM
     widest = QUANTUM
-    for ring in shapely.get_rings(core) if shapely.get_type_id(core) == 3 else ():
+    for ring in shapely.get_rings(core):
         way = np.diff(shapely.get_coordinates(ring), axis=0)
         way = way[np.hypot(*way.T) > 0]
         ahead = np.roll(way, -1, axis=0)

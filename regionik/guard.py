@@ -10,7 +10,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from regionik.planners.collision import box_gaps, obstacles_from
+from regionik.planners.collision import obstacles_from, solids_within
 from regionik.planners.touching import (
     Bodies,
     Contact,
@@ -95,10 +95,8 @@ def _contact(world: World) -> Contact:
     reach, obstacles = world.rules.tool_contact, obstacles_from(world.solids)
     spots, owners = [], []
     for target in world.task:
-        spot = target.position[None, None]
-        near = np.unique(obstacles.owner[box_gaps(obstacles, spot, spot)[0] <= reach])
-        gaps = [world.solids[k].distance(target.position) for k in near]
-        if gaps and reach > 0 and min(gaps) <= reach:
+        near = solids_within(obstacles, target.position, reach) if reach > 0 else []
+        if near:
             spots.append(target.position)
-            owners.append(int(near[np.argmin(gaps)]))
+            owners.append(near[0][1])
     return Contact(np.array(spots).reshape(-1, 3), np.array(owners, dtype=np.int64), reach)

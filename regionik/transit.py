@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -34,6 +34,7 @@ class Carrier:
     side: Side
     guard: Guard
     driver: Driver
+    _floors: dict[int, FlatPolygon] = field(default_factory=dict)
 
     @property
     def hops(self) -> Hops:
@@ -151,4 +152,7 @@ class Carrier:
         return Pose(at.base, q)
 
     def _flat(self, piece: int) -> FlatPolygon:
-        return FlatPolygon.from_shapely(self.side.pieces[piece])
+        """A piece of the free floor for kernels, kept."""
+        if piece not in self._floors:
+            self._floors[piece] = FlatPolygon.from_shapely(self.side.pieces[piece])
+        return self._floors[piece]
