@@ -9,7 +9,7 @@ from scipy.spatial import ConvexHull
 from regionik.plan import Motion
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, Joint, rot_x, rot_y, rot_z, translation
-from regionik.worlds.robot import LinkBox, LinkCapsule, LinkSolid, Robot
+from regionik.worlds.robot import LinkBox, LinkCapsule, LinkSolid, Robot, capsules_along
 
 HEAVY = 1e4  # weight of "the parts add up to one" against distances
 
@@ -62,3 +62,18 @@ def motion_through(base: Array, joints: Array) -> Motion:
     """States of no set-point."""
     n = len(base)
     return Motion(base, joints, np.full(n, "transit"), np.full(n, -1), np.full(n, np.nan))
+
+
+def with_lift() -> Robot:
+    """A torso that lifts after the pivot, then three hinges; every joint has limits."""
+    joints = (
+        Joint("pivot", "revolute", -3.0, 3.0, np.eye(4)),
+        Joint("lift", "prismatic", 0.0, 0.3, translation(0, 0, 0.2)),
+        Joint("shoulder", "revolute", -2.0, 2.0, translation(0, 0, 0.1) @ rot_x(np.pi / 2)),
+        Joint("elbow", "revolute", -2.5, 2.5, translation(0.3, 0, 0)),
+        Joint("wrist", "revolute", -2.0, 2.0, translation(0.25, 0, 0)),
+    )
+    chain = Chain(joints, translation(0.15, 0, 0))
+    carry = np.array([0.0, 0.1, 1.5, 0.0, 0.0])
+    mount = np.array([0.1, 0.05, 0.1, 0.4])
+    return Robot("lift", "omni", np.zeros((1, 2)), mount, chain, capsules_along(chain, 0.03), 0.14, carry)

@@ -17,26 +17,12 @@ from regionik.worlds.chain import Chain, Joint, rot_x, translation
 from regionik.worlds.errors import InputError
 from regionik.worlds.library import robot_named
 from regionik.worlds.pivot import is_planar, span_of
-from regionik.worlds.robot import Robot, capsules_along
+from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Heading
+from tests.bodies import with_lift
 
 COUNT = 40
 BARE = ("hinge5", "dof10", "pioneer7")
-
-
-def with_lift() -> Robot:
-    """A torso that lifts after the pivot, then three hinges; every joint has limits."""
-    joints = (
-        Joint("pivot", "revolute", -3.0, 3.0, np.eye(4)),
-        Joint("lift", "prismatic", 0.0, 0.3, translation(0, 0, 0.2)),
-        Joint("shoulder", "revolute", -2.0, 2.0, translation(0, 0, 0.1) @ rot_x(np.pi / 2)),
-        Joint("elbow", "revolute", -2.5, 2.5, translation(0.3, 0, 0)),
-        Joint("wrist", "revolute", -2.0, 2.0, translation(0.25, 0, 0)),
-    )
-    chain = Chain(joints, translation(0.15, 0, 0))
-    carry = np.array([0.0, 0.1, 1.5, 0.0, 0.0])
-    mount = np.array([0.1, 0.05, 0.1, 0.4])
-    return Robot("lift", "omni", np.zeros((1, 2)), mount, chain, capsules_along(chain, 0.03), 0.14, carry)
 
 
 def robot_of(name: str) -> Robot:

@@ -20,14 +20,14 @@ from regionik.planners.kernels import wrap
 from regionik.poses import LARGEST_BEND
 from regionik.verify import verify
 from regionik.worlds.arrays import Array
-from regionik.worlds.chain import Chain, Joint, rot_x, translation
+from regionik.worlds.chain import Chain
 from regionik.worlds.errors import Explanation, InputError, NoPlanFound
 from regionik.worlds.format import load_world
 from regionik.worlds.library import robot_named
 from regionik.worlds.obstacles import Box, Cylinder
 from regionik.worlds.planar import planar_arm
-from regionik.worlds.robot import Robot, capsules_along
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
+from tests.bodies import with_lift
 
 CROWDED = ("shelf", "pipe", "tao1", "tao2", "tao3")
 YOUBOT = robot_named("youbot")
@@ -230,22 +230,8 @@ def test_the_arm_keeps_off_its_own_base() -> None:
     assert verify(plan(world)).ok
 
 
-def with_lift() -> Robot:
-    """A torso that lifts after the pivot, then three hinges."""
-    joints = (
-        Joint("pivot", "revolute", -3.0, 3.0, np.eye(4)),
-        Joint("lift", "prismatic", 0.0, 0.3, translation(0, 0, 0.2)),
-        Joint("shoulder", "revolute", -2.0, 2.0, translation(0, 0, 0.1) @ rot_x(np.pi / 2)),
-        Joint("elbow", "revolute", -2.5, 2.5, translation(0.3, 0, 0)),
-        Joint("wrist", "revolute", -2.0, 2.0, translation(0.25, 0, 0)),
-    )
-    chain = Chain(joints, translation(0.15, 0, 0))
-    links, carry = capsules_along(chain, 0.03), np.array([0.0, 0.1, 1.5, 0.0, 0.0])
-    return Robot("with lift", "omni", np.zeros((1, 2)), np.zeros(4), chain, links, 0.14, carry)
-
-
 def test_an_arm_on_a_lift_works_over_a_table() -> None:
-    robot = with_lift()
+    robot = replace(with_lift(), mount=np.zeros(4))
     table = Box("table", np.array([0.8, 0.3, 0.02]), np.array([0.9, 0.45, 0.5]))
     task = tuple(Target(np.array([x, 0.5, 0.6])) for x in np.linspace(0.5, 1.2, 8))
     start = Start(np.array([0.3, -0.4, 0.0]), robot.carry)
@@ -278,7 +264,7 @@ def test_a_robot_that_starts_at_the_edge_of_its_floor_gets_away() -> None:
 
 
 def test_a_slide_without_end_is_refused() -> None:
-    robot = with_lift()
+    robot = replace(with_lift(), mount=np.zeros(4))
     lift = replace(robot.chain.joints[1], upper=np.inf)
     chain = Chain((robot.chain.joints[0], lift, *robot.chain.joints[2:]), robot.chain.T_last_tool)
     floor = Floor(shapely.box(-1, -1, 2, 1))
