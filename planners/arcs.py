@@ -33,6 +33,27 @@ def moved(x: float, y: float, yaw: float, length: float, turn: float) -> tuple[f
 
 
 @compiled
+def rolling(
+    x: float, y: float, yaw: float, to_x: float, to_y: float, turn: float
+) -> tuple[float, float, float]:
+    """Length of the motion of a given turn that leads to a place, and what it misses it by, x and y [m].
+
+    The chord lies along the heading in the middle of the turn; what lies across it cannot be rolled.
+
+    Examples
+    --------
+    >>> length, *missed = rolling(0.0, 0.0, 0.0, 0.0, 2.0, 3.141592653589793)
+    >>> round(length, 6), [abs(round(value, 6)) for value in missed]
+    (3.141593, [0.0, 0.0])
+    """
+    half = 0.5 * turn
+    c, s = math.cos(yaw + half), math.sin(yaw + half)
+    chord, aside = c * (to_x - x) + s * (to_y - y), c * (to_y - y) - s * (to_x - x)
+    length = chord / (1.0 - half * half / 6.0 if abs(half) < 1e-4 else math.sin(half) / half)
+    return length, -s * aside, c * aside
+
+
+@compiled
 def wrapped(angle: float) -> float:
     """The same angle from -pi up to pi."""
     return angle - 2.0 * math.pi * math.floor(angle / (2.0 * math.pi) + 0.5)

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from regionik.planners.arcs import moved
 from regionik.planners.flat import Index, compiled
 from regionik.planners.serial import SerialArm, chain_frames
 from regionik.worlds.arrays import Array
@@ -77,10 +78,11 @@ class Hulls(NamedTuple):
 
 
 class Hop(NamedTuple):
-    """A motion between two states."""
+    """A motion between two states: the base slides and turns evenly, and rolls along its heading besides."""
 
     base: Array  # (3,) x, y [m], yaw [rad]
-    drive: Array  # (3,) what is added to it
+    drive: Array  # (3,) what is added to it evenly: all of the way of an omnidirectional base
+    arc: float  # what a base on wheels rolls, below 0 in reverse [m]
     joints: Array  # (dof,)
     bend: Array  # (dof,) what is added to them
 
@@ -91,6 +93,13 @@ class Exempt(NamedTuple):
     spots: Array  # (n, 3) [m]
     owner: Index  # (n,)
     reach: float  # [m]
+
+
+@compiled
+def stand(hop: Hop, s: float) -> tuple[float, float, float]:
+    """Base pose at part s of a hop."""
+    x, y, yaw = moved(hop.base[0], hop.base[1], hop.base[2], s * hop.arc, s * hop.drive[2])
+    return x + s * hop.drive[0], y + s * hop.drive[1], yaw
 
 
 @compiled
@@ -106,14 +115,14 @@ def place(arm: SerialArm, mount: Array, hop: Hop, s: float, frame: int, frames: 
     elif frame == BASE:
         X[:] = mount[:3]
     else:
-        yaw = hop.base[2] + s * hop.drive[2]
+        x, y, yaw = stand(hop, s)
         c, z = math.cos(yaw), math.sin(yaw)
         for j in range(4):
             X[0, j] = c * mount[0, j] - z * mount[1, j]
             X[1, j] = z * mount[0, j] + c * mount[1, j]
             X[2, j] = mount[2, j]
-        X[0, 3] += hop.base[0] + s * hop.drive[0]
-        X[1, 3] += hop.base[1] + s * hop.drive[1]
+        X[0, 3] += x
+        X[1, 3] += y
     column = np.empty(3)
     for k in range(len(frames)):
         for j in range(4):
@@ -166,8 +175,8 @@ def pace(arm: SerialArm, mount: Array, hop: Hop, link: int, frame: int, points: 
     if frame == WORLD:
         rate = abs(hop.drive[2])
         lever = far + math.hypot(mount[0, 3], mount[1, 3])
-        acceleration += rate * rate * lever + 2 * rate * speed
-        speed += rate * lever + math.hypot(hop.drive[0], hop.drive[1])
+        acceleration += rate * (rate * lever + 2 * speed + abs(hop.arc))
+        speed += rate * lever + math.hypot(hop.drive[0], hop.drive[1]) + abs(hop.arc)
     return speed, acceleration
 
 
@@ -180,8 +189,9 @@ def twist(
     W[:] = 0.0
     if frame == WORLD:
         W[2] = hop.drive[2]
-        V[0] = hop.drive[0] + W[2] * (hop.base[1] + s * hop.drive[1])
-        V[1] = hop.drive[1] - W[2] * (hop.base[0] + s * hop.drive[0])
+        x, y, yaw = stand(hop, s)
+        V[0] = hop.drive[0] + hop.arc * math.cos(yaw) + W[2] * y
+        V[1] = hop.drive[1] + hop.arc * math.sin(yaw) - W[2] * x
     w = np.empty(3)
     for k in range(max(frame, BASE) + 1, link + 1):
         T = frames[k]

@@ -1,9 +1,10 @@
 """How far a motion goes before a link may come too near, compiled.
 
-On a hop the base moves straight and turns evenly, and joints move evenly. The gap between two hulls now, less
-what is to be kept, is used up no sooner than (a) the fastest point needs to move that far, or (b) a corner
-needs to cross the plane between them, given its velocity now and the most it can accelerate. Either bound is
-proven, so the hop is gone along by the longer of the two steps until it ends or the steps vanish.
+On a hop the base turns evenly while it moves straight or rolls along an arc, and joints move evenly. The gap
+between two hulls now, less what is to be kept, is used up no sooner than (a) the fastest point needs to move
+that far, or (b) a corner needs to cross the plane between them, given its velocity now and the most it can
+accelerate. Either bound is proven, so the hop is gone along by the longer of the two steps until it ends or
+the steps vanish.
 """
 
 from __future__ import annotations
@@ -186,7 +187,7 @@ def lower_bounds(
     """
     first_k, first_m, nearest = -1, -1, within
     frames, boxes = np.empty((len(arm.axis) + 1, 4, 4)), np.empty((len(movers.link), 2, 3))
-    still = Hop(hop.base, np.zeros(3), hop.joints, np.zeros(len(hop.joints)))
+    still = Hop(hop.base, np.zeros(3), 0.0, hop.joints, np.zeros(len(hop.joints)))
     swept(arm, mount, movers, still, boxes)
     place(arm, mount, still, 0.0, WORLD, frames)
     for k in range(len(movers.link)):

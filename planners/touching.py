@@ -11,9 +11,10 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from regionik.planners.arcs import rolling
 from regionik.planners.collision import hull_separation
 from regionik.planners.flat import Index
-from regionik.planners.moving import BASE, WORLD, Exempt, Hop, Hulls, pace, place
+from regionik.planners.moving import BASE, WORLD, Exempt, Hop, Hulls, pace, place, stand
 from regionik.planners.pieces import Separation
 from regionik.planners.prepared import Bodies, Contact, bodies_from
 from regionik.planners.sweeping import ROUNDING, exempt_for, first_stop, lower_bounds
@@ -126,8 +127,8 @@ def motion_clear(
 ) -> Touch | None:
     """Whether every link keeps a distance from everything over the whole motion between two states.
 
-    The base moves straight in x, y and turns the shorter way; joints move linearly. Proven, not sampled: see
-    `sweeping`.
+    The base turns the shorter way, and moves straight or, on wheels, along the arc that its heading allows;
+    joints move linearly. Proven, not sampled: see `sweeping`.
 
     Parameters
     ----------
@@ -274,12 +275,16 @@ def _hop(bodies: Bodies, a: tuple[ArrayLike, ArrayLike], b: tuple[ArrayLike, Arr
     dof = bodies.robot.chain.dof
     base, joints = np.array(frozen(a[0], (3,), "base")), np.array(frozen(a[1], (dof,), "joints"))
     if a is b:
-        return Hop(base, np.zeros(3), joints, np.zeros(dof))
+        return Hop(base, np.zeros(3), 0.0, joints, np.zeros(dof))
     drive, bend = frozen(b[0], (3,), "base") - base, frozen(b[1], (dof,), "joints") - joints
     drive[2] = np.remainder(drive[2] + np.pi, 2 * np.pi) - np.pi
-    return Hop(base, drive, joints, bend)
+    if bodies.robot.base == "omni":
+        return Hop(base, drive, 0.0, joints, bend)
+    x, y, yaw = base
+    arc, *missed = rolling(x, y, yaw, x + drive[0], y + drive[1], drive[2])
+    return Hop(base, np.array([*missed, drive[2]]), arc, joints, bend)
 
 
 def _at(hop: Hop, s: float) -> Hop:
     """A hop that stays where another one is at part s."""
-    return Hop(hop.base + s * hop.drive, 0.0 * hop.drive, hop.joints + s * hop.bend, 0.0 * hop.bend)
+    return Hop(np.array(stand(hop, s)), 0.0 * hop.drive, 0.0, hop.joints + s * hop.bend, 0.0 * hop.bend)

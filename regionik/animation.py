@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from regionik.plan import Plan
+from regionik.rolling import cuts, sampled
 from regionik.worlds.arrays import Array
 
 SPEED = 0.25  # of base or tool, whichever moves more [m/s]
@@ -74,13 +75,17 @@ class Frames:
 
 def key_frames(plan: Plan) -> Frames:
     """At most about ``MOST_FRAMES`` key frames; states that are set-points are always among them."""
-    motion = plan.motion
-    base = np.column_stack([motion.base[:, :2], np.unwrap(motion.base[:, 2])])
-    times = _clock(base, motion.joints, plan.tools())
-    at_setpoint = motion.kind == "setpoint"
+    motion, kind = plan.motion, plan.world.robot.base
+    states = np.column_stack([motion.base[:, :2], np.unwrap(motion.base[:, 2])])
+    clock = _clock(states, motion.joints, plan.tools())
+    index = cuts(kind, states)
+    times, base = _at(index, clock), sampled(kind, states, index)
+    at_setpoint = np.isin(index, np.flatnonzero(motion.kind == "setpoint"))
     keep = _chosen(at_setpoint)
     dof = motion.joints.shape[1]
-    table = np.column_stack([base, motion.joints, motion.kind == "transit"])[keep]
+    # A row between states belongs to the motion that arrives at the next.
+    lifted = (motion.kind == "transit")[np.ceil(index).astype(int)]
+    table = np.column_stack([base, *(_at(index, joint) for joint in motion.joints.T), lifted])[keep]
     fine = _refined(times[keep], table)
     return Frames(
         times=fine[:, 0],
@@ -89,6 +94,12 @@ def key_frames(plan: Plan) -> Frames:
         lifted=fine[:, -1] > 0.5,
         passed=times[at_setpoint],
     )
+
+
+def _at(index: Array, column: Array) -> Array:
+    """A column of states between them."""
+    values: Array = np.interp(index, np.arange(len(column)), column)
+    return values
 
 
 def _clock(base: Array, joints: Array, tools: Array) -> Array:
@@ -124,8 +135,7 @@ def _refined(times: Array, table: Array) -> Array:
     pieces = np.maximum(1, np.ceil(turn / (np.pi / 2)).astype(int))
     index = np.concatenate([k + np.arange(p) / p for k, p in enumerate(pieces)] + [[len(times) - 1.0]])
     columns = np.column_stack([times, table])
-    fine: Array = np.column_stack([np.interp(index, np.arange(len(times)), c) for c in columns.T])
-    # A row between belongs to the motion that arrives at the next state.
+    fine: Array = np.column_stack([_at(index, c) for c in columns.T])
     fine[:, -1] = table[np.ceil(index).astype(int), -1]
     return fine
 

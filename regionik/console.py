@@ -125,14 +125,14 @@ def report_document(report: Report) -> dict[str, Any]:
 
 def plan_summary(plan: Plan, seconds: float, written: Iterable[Path]) -> str:
     """Return what a person wants to know about a plan, in a few lines."""
-    import numpy as np
+    from regionik.rolling import travel
 
-    travel = float(np.hypot(*np.diff(plan.motion.base[:, :2], axis=0).T).sum())
+    way = travel(plan.world.robot.base, plan.motion.base)
     worst = max(c.error for c in plan.setpoints)
     lines = [
         f"{plan.world.name}: {_count(len(plan.setpoints), 'set-point')} within {worst * 1000:.3f} mm, "
         f"{_count(sum(c.iterations for c in plan.setpoints), 'iteration')}",
-        f"  {_count(plan.lift_offs, 'lift-off')}, {travel:.2f} m of base travel, "
+        f"  {_count(plan.lift_offs, 'lift-off')}, {way:.2f} m of base travel, "
         f"{_count(len(plan.motion), 'state')}",
     ]
     margins = plan.stats.get("margins")

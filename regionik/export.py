@@ -11,6 +11,7 @@ from typing import Any
 from regionik.files import write_whole
 from regionik.plan import Plan
 from regionik.plandocument import PARTS, multipolygon
+from regionik.rolling import trace
 from regionik.urdf_text import robot_to_urdf
 from regionik.worlds.errors import InputError
 
@@ -63,7 +64,7 @@ def plan_to_geojson(plan: Plan) -> str:
         _feature({"type": "Point", "coordinates": target.position.tolist()}, part="setpoint", setpoint=k)
         for k, target in enumerate(plan.world.task)
     ]
-    track = plan.motion.base[:, :2].tolist()
+    track = trace(plan.world.robot.base, plan.motion.base).tolist()
     if len(track) == 1:  # a line needs two positions
         track = track * 2
     path = _feature({"type": "LineString", "coordinates": track}, part="base-path", setpoint=None)

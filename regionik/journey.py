@@ -1,8 +1,9 @@
 """Motion between states, and bounds on it that hold everywhere between samples.
 
-On a hop from one state to the next the base moves straight, turns evenly the shorter way, and joints move
-evenly. A point of the robot then has a bounded acceleration a [m per hop^2], so that over a part of the hop
-of length h it stays within a h^2 / 8 of the chord between the part's ends.
+On a hop from one state to the next the base turns evenly the shorter way, and joints move evenly. An
+omnidirectional base moves straight; one on wheels rolls along one arc, which leaves its heading by half the
+turn. A point of the robot then has a bounded acceleration a [m per hop^2], so that over a part of the hop of
+length h it stays within a h^2 / 8 of the chord between the part's ends.
 """
 
 from __future__ import annotations
@@ -46,10 +47,40 @@ class Journey:
         return len(self.motion) - 1
 
     @cached_property
-    def drive(self) -> Array:
-        """Way of the base on every hop, (hops, 2) [m]."""
-        way: Array = np.diff(self.motion.base[:, :2], axis=0)
-        return way
+    def _chord(self) -> Array:
+        """From where the base stands to where it will, (hops, 2) [m]."""
+        chord: Array = np.diff(self.motion.base[:, :2], axis=0)
+        return chord
+
+    @cached_property
+    def _tangent(self) -> Array:
+        """Heading in the middle of every hop, (hops, 2)."""
+        middle = self.motion.base[:-1, 2] + self.turn / 2
+        return np.column_stack([np.cos(middle), np.sin(middle)])
+
+    @cached_property
+    def arc(self) -> Array:
+        """Way that the base rolls on every hop, below 0 in reverse, (hops,) [m]; none if it has no wheels."""
+        if self.robot.base == "omni":
+            return np.zeros(self.hops)
+        half = self.turn / 2
+        along: Array = (self._chord * self._tangent).sum(1) / np.sinc(half / np.pi)
+        return along
+
+    @cached_property
+    def slide(self) -> Array:
+        """Way of the base on every hop that is not rolled, (hops, 2) [m]; on wheels there should be none."""
+        if self.robot.base == "omni":
+            return self._chord
+        across = np.column_stack([-self._tangent[:, 1], self._tangent[:, 0]])
+        slide: Array = (self._chord * across).sum(1)[:, None] * across
+        return slide
+
+    @cached_property
+    def length(self) -> Array:
+        """Length of the way of the base on every hop, (hops,) [m]."""
+        length: Array = np.abs(self.arc) + np.linalg.norm(self.slide, axis=1)
+        return length
 
     @cached_property
     def turn(self) -> Array:
@@ -64,8 +95,10 @@ class Journey:
 
     def base(self, hop: Indices, s: Array) -> Array:
         """Base pose at part s in [0, 1] of a hop, (m, 3)."""
-        way = np.column_stack([self.drive[hop], self.turn[hop]])
-        pose: Array = self.motion.base[hop] + s[:, None] * way
+        pose: Array = self.motion.base[hop] + s[:, None] * np.column_stack([self.slide[hop], self.turn[hop]])
+        half = s * self.turn[hop] / 2
+        chord, middle = s * self.arc[hop] * np.sinc(half / np.pi), self.motion.base[hop, 2] + half
+        pose[:, :2] += chord[:, None] * np.column_stack([np.cos(middle), np.sin(middle)])
         return pose
 
     def frames(self, hop: Indices, s: Array) -> Array:
@@ -91,7 +124,8 @@ class Journey:
         bounds = self.bounds_between(-1, link, point)
         rate = np.abs(self.turn)
         reach = bounds.distance + float(np.hypot(*self.robot.mount[:2]))
-        bound: Array = bounds.acceleration + rate**2 * reach + 2 * rate * bounds.speed
+        seen = bounds.acceleration + rate**2 * reach + 2 * rate * bounds.speed  # as the base turns under it
+        bound: Array = seen + np.abs(self.arc) * rate
         return bound
 
     def bounds_between(self, lower: int, link: int, point: Array) -> Bounds:

@@ -18,6 +18,7 @@ from regionik.plan import Plan, PlannedArea
 from regionik.pruning import Ladder, Pruned, build_ladder, choose_chain, prune
 from regionik.reachable import BACK, FRONT
 from regionik.regions import PathAreas, path_areas
+from regionik.rolling import travel
 from regionik.verify import verify
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError, NoPlanFound
@@ -186,7 +187,6 @@ def start_pose(world: World, pruned: Pruned, chain: list[int]) -> tuple[Array, A
 def finish(world: World, seed: int, areas: PathAreas, pruned: Pruned, course: Course) -> Plan:
     """Put the results of the stages together."""
     motion = course.motion
-    moved = np.hypot(*np.diff(motion.base[:, :2], axis=0).T)
     lifted = np.concatenate([[False], motion.kind == "transit", [False]]).astype(int)
     after_first = int(np.argmax(motion.kind == "setpoint"))
     lift_offs = int(np.count_nonzero(np.diff(lifted[after_first + 1 :]) == 1))
@@ -194,7 +194,7 @@ def finish(world: World, seed: int, areas: PathAreas, pruned: Pruned, course: Co
         "setpoints": len(course.setpoints),
         "iterations": int(sum(found.iterations for found in course.setpoints)),
         "states": len(motion),
-        "base_travel": float(moved.sum()),
+        "base_travel": travel(world.robot.base, motion.base),
         "base_moves": course.methods,
         "largest_error": float(max(found.error for found in course.setpoints)),
     }

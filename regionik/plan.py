@@ -58,7 +58,9 @@ class State:
 class Motion:
     """The whole motion in order, kept as columns.
 
-    Between neighbours the base moves straight, turns the shorter way, and joints move linearly.
+    Between neighbours the base turns evenly the shorter way and joints move linearly. An omnidirectional base
+    moves straight. One on wheels rolls along one arc or line, forwards or backwards, or turns on the spot:
+    the chord between two states lies along the heading in the middle of the turn.
 
     Attributes
     ----------

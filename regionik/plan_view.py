@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from shapely.geometry import LineString
 from shapely.geometry.base import BaseGeometry
 
-from regionik import shapes
+from regionik import rolling, shapes
 from regionik.animation import Frames, Track, key_frames, turning
 from regionik.camera import camera_for
 from regionik.picture import (
@@ -51,7 +51,7 @@ def picture_of_plan(plan: Plan) -> Picture:
     trace, trace_tracks = _trace(plan, frames)
     tracks = [*_robot_tracks(world.robot, frames), *area_tracks, *mark_tracks, *trace_tracks]
     tools = world.robot.tool(plan.motion.base, plan.motion.joints)[:, :2, 3]
-    camera = camera_for(world, np.vstack([plan.motion.base[:, :2], tools]))
+    camera = camera_for(world, np.vstack([rolling.trace(world.robot.base, plan.motion.base), tools]))
     return Picture(
         title=world.name,
         facts=(counted(len(plan.setpoints), "set-point"), counted(plan.lift_offs, "lift-off")),
@@ -86,7 +86,8 @@ def _areas(plan: Plan, frames: Frames, covered: BaseGeometry) -> tuple[list[Body
     strong = shapely.union_all(pruned).simplify(DETAIL)
     pale = covered - strong
     single = [shapes.flat(area.simplify(DETAIL)) for area in pruned]
-    path = LineString(np.vstack([plan.motion.base[:, :2], plan.motion.base[-1:, :2]]))
+    track = rolling.trace(plan.world.robot.base, plan.motion.base)
+    path = LineString(np.vstack([track, track[-1:]]))
     bodies = [
         layer("areas/pale", pale, PALE, 0.8, 3),
         layer("areas/strong", strong, STRONG, 0.62, 4),

@@ -45,7 +45,8 @@ class SetpointRecord(_Record):
 class StateRecord(_Record):
     """One moment of the motion.
 
-    Between neighbours the base moves straight, turns the shorter way, and joints move linearly.
+    Between neighbours the base turns the shorter way and joints move linearly. A base on wheels rolls along
+    one arc, or turns on the spot; an omnidirectional one moves straight.
     """
 
     base: Three = Field(description="x, y [m], yaw [rad]")

@@ -9,7 +9,9 @@ import numpy as np
 
 from regionik.plan import Configuration, Motion
 from regionik.planners import kernels
+from regionik.rolling import on_way
 from regionik.worlds.arrays import Array
+from regionik.worlds.robot import BaseKind
 
 LARGEST_BEND = 0.5  # change of a joint between two states above which the arm has jumped [rad]
 
@@ -42,9 +44,9 @@ def turn_to(here: Array, there: Array) -> Array:
     return np.array([step[0], step[1], kernels.wrap(step[2])])
 
 
-def between(here: Pose, there: Pose, share: float) -> Pose:
+def between(here: Pose, there: Pose, share: float, kind: BaseKind = "omni") -> Pose:
     """Part of the way between two states, as every reader of a plan fills it in."""
-    base = here.base + share * turn_to(here.base, there.base)
+    base = on_way(kind, here.base, there.base, share)
     return Pose(base, here.joints + share * (there.joints - here.joints))
 
 

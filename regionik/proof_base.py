@@ -34,23 +34,31 @@ class _Sweep:
     def swept(self, hop: Indices, low: Array, high: Array) -> tuple[Shapes, Array]:
         """Hulls of the footprints at both ends of parts, and how far the footprint strays out of them [m]."""
         ends = [self._corners(self.journey.base(hop, s)) for s in (low, high)]
-        far = float(np.linalg.norm(self.journey.robot.footprint, axis=1).max())
-        return _hulls(np.concatenate(ends, axis=1)), sag(self.journey.turn[hop] ** 2 * far, high - low)
+        return _hulls(np.concatenate(ends, axis=1)), sag(self._acceleration[hop], high - low)
 
     @property
     def exact(self) -> Mask:
-        """Hops on which the hull is what the footprint sweeps: a point, or no turn."""
-        corners = self.journey.robot.footprint
-        far = float(np.linalg.norm(corners, axis=1).max())
-        straight: Mask = np.abs(self.journey.turn) * far < 1e-12
+        """Hops on which the hull is what the footprint sweeps: no turn, or a point that goes straight."""
+        straight: Mask = np.abs(self.journey.turn) * (self._far + np.abs(self.journey.arc)) < 1e-12
         return straight
 
     def moved(self, hop: Indices, part: Array) -> Array:
         """Most that a corner moves over half a part [m]."""
-        far = float(np.linalg.norm(self.journey.robot.footprint, axis=1).max())
-        way = np.linalg.norm(self.journey.drive[hop], axis=1) + np.abs(self.journey.turn[hop]) * far
+        way = self.journey.length[hop] + np.abs(self.journey.turn[hop]) * self._far
         length: Array = way * part / 2
         return length
+
+    @property
+    def _far(self) -> float:
+        """Distance of the farthest corner from the base's middle [m]."""
+        return float(np.linalg.norm(self.journey.robot.footprint, axis=1).max())
+
+    @property
+    def _acceleration(self) -> Array:
+        """Bound for any point of the footprint, (hops,) [m per hop^2]."""
+        rate = np.abs(self.journey.turn)
+        bound: Array = rate * (rate * self._far + np.abs(self.journey.arc))
+        return bound
 
     def _corners(self, base: Array) -> Array:
         c, s = np.cos(base[:, 2]), np.sin(base[:, 2])

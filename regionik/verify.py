@@ -17,6 +17,7 @@ from regionik.proof_axis import direction
 from regionik.proof_base import clearance, floor
 from regionik.proof_self import itself
 from regionik.proof_tool import path, setpoints
+from regionik.proof_wheels import wheels
 from regionik.worlds.arrays import Array
 
 EXACT = 1e-9  # [m] or [rad]
@@ -34,9 +35,9 @@ def verify(plan: Plan) -> Report:
     -------
     Report
         ``margins`` has the least margin of every check that measured something: ``joints`` [rad or m],
-        ``step``, ``setpoint``, ``path``, ``floor``, ``clearance``, ``arm``, ``self`` [m], ``direction``
-        [rad]. Those of ``arm`` and ``self`` are told up to 0.05. Of many violations of a kind the first 20
-        are told, and the rest in one.
+        ``step``, ``wheels``, ``setpoint``, ``path``, ``floor``, ``clearance``, ``arm``, ``self`` [m],
+        ``direction`` [rad]. Those of ``arm`` and ``self`` are told up to 0.05. Of many violations of a kind
+        the first 20 are told, and the rest in one.
     """
     flaws = tuple(_malformed(plan))
     if flaws:
@@ -48,6 +49,7 @@ def verify(plan: Plan) -> Report:
             finding("structure", np.inf, _structure(plan, words)),
             _joints(journey, words),
             _step(journey, words, plan.world.rules.step),
+            wheels(journey, words),
             setpoints(plan.world, journey, words),
             path(plan.world, journey, words),
             direction(plan.world, journey, words),
@@ -181,7 +183,7 @@ def _joints(journey: Journey, words: Words) -> Finding:
 
 
 def _step(journey: Journey, words: Words, longest: float) -> Finding:
-    length = np.linalg.norm(journey.drive, axis=1)
+    length = journey.length
     violations = []
     for k in np.flatnonzero(length > longest + EXACT).tolist():
         text = f"the base moves {length[k]:.4f} m {words.hop(k)}; the rules allow {longest:g} m"

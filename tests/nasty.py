@@ -83,7 +83,14 @@ NASTY = (
         ("robot.dh[0]", "lower", "got 1 and -1"),
     ),
     Nasty(
-        "car", broken("youbot", "{dh: [[0, 0.1, 0, 0, -1, 1]], base: car}"), ("robot.base", "'car'", "omni")
+        "car of no turning radius",
+        broken("youbot", "{dh: [[0, 0.1, 0, 0, -1, 1]], base: car}"),
+        ("robot.turning_radius", "a car needs", "above 0"),
+    ),
+    Nasty(
+        "turning radius of no car",
+        broken("youbot", "{dh: [[0, 0.1, 0, 0, -1, 1]], base: differential, turning_radius: 1}"),
+        ("robot.turning_radius", "expected base car"),
     ),
     Nasty(
         "no such base",

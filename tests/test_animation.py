@@ -75,6 +75,23 @@ def test_yaw_goes_the_shorter_way_and_big_turns_are_cut(plan: Plan) -> None:
     assert not frames.lifted[middle + 1 :].any()
 
 
+def test_a_base_on_wheels_is_shown_on_its_arcs(plan: Plan) -> None:
+    robot = dataclasses.replace(plan.world.robot, base="differential")
+    rolling = dataclasses.replace(plan, world=dataclasses.replace(plan.world, robot=robot))
+    table = np.zeros((4, 8))
+    table[1, :3] = 1.0, 1.0, np.pi / 2  # a quarter of a circle round (0, 1)
+    table[2, :4] = 1.0, 3.0, np.pi / 2, 0.8
+    table[3] = table[2]
+    frames = key_frames(_with(rolling, table, ["setpoint", "transit", "step", "step"]))
+    on_arc = frames.base[:, 1] <= 1.0
+    assert on_arc.sum() > 10
+    assert np.allclose(np.hypot(frames.base[on_arc, 0], frames.base[on_arc, 1] - 1), 1.0)
+    assert np.allclose(frames.base[~on_arc, 0], 1.0)
+    assert frames.lifted[1 : on_arc.sum()].all()
+    assert not frames.lifted[on_arc.sum() :].any()
+    assert (np.diff(frames.times) > 0).all()
+
+
 def test_a_plan_that_rests_is_one_frame(plan: Plan) -> None:
     frames = key_frames(_with(plan, np.zeros((1, 8)), ["setpoint"]))
     assert len(frames.times) == 1

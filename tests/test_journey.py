@@ -2,22 +2,25 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from regionik.journey import Journey, sag
 from regionik.worlds.arrays import Array
+from regionik.worlds.robot import BaseKind
 from tests.bodies import motion_through, random_robot
 
 H = 1e-4  # step of the differences [hops]
 HOPS = 8
 
 
-def random_journey(seed: int, dof: int) -> Journey:
+def random_journey(seed: int, dof: int, kind: BaseKind = "omni") -> Journey:
     rng = np.random.default_rng([seed, dof])
     base = rng.uniform(-1, 1, (HOPS + 1, 3)) * [0.3, 0.3, 2.0]
     joints = rng.normal(scale=rng.choice([0.1, 0.5, 1.5], size=dof), size=(HOPS + 1, dof))
-    return Journey(random_robot(rng, dof), motion_through(base, joints))
+    return Journey(replace(random_robot(rng, dof), base=kind), motion_through(base, joints))
 
 
 def seen(journey: Journey, lower: int | None, link: int, point: Array, hop: int, s: Array) -> Array:
@@ -31,10 +34,11 @@ def seen(journey: Journey, lower: int | None, link: int, point: Array, hop: int,
     return positions
 
 
+@pytest.mark.parametrize("kind", ["omni", "differential"])
 @pytest.mark.parametrize("dof", [1, 2, 3, 5, 8])
 @pytest.mark.parametrize("seed", range(4))
-def test_no_point_is_faster_or_sharper_than_its_bounds(seed: int, dof: int) -> None:
-    journey = random_journey(seed, dof)
+def test_no_point_is_faster_or_sharper_than_its_bounds(seed: int, dof: int, kind: BaseKind) -> None:
+    journey = random_journey(seed, dof, kind)
     rng = np.random.default_rng(seed)
     s = np.linspace(H, 1 - H, 25)
     for lower in (None, *range(-1, dof - 1)):
@@ -54,11 +58,12 @@ def test_no_point_is_faster_or_sharper_than_its_bounds(seed: int, dof: int) -> N
             assert np.linalg.norm(now, axis=1).max() <= bounds.distance[hop] + mount + 1e-12
 
 
-def test_bounds_are_of_the_size_of_the_motion() -> None:
+@pytest.mark.parametrize("kind", ["omni", "differential"])
+def test_bounds_are_of_the_size_of_the_motion(kind: BaseKind) -> None:
     """A bound that is never nearly reached would prove nothing worth having."""
     tightest = 0.0
     for seed in range(6):
-        journey = random_journey(seed, 3)
+        journey = random_journey(seed, 3, kind)
         point = np.array([0.1, 0.2, 0.0])
         limit = sag(journey.acceleration(2, point), np.ones(1))
         s = np.linspace(0, 1, 60)

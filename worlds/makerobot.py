@@ -13,8 +13,8 @@ from regionik.worlds.bundled import robot_named, without_limits
 from regionik.worlds.chain import Chain, Joint, chain_from_dh, pose
 from regionik.worlds.checking import at, wrong
 from regionik.worlds.errors import InputError
-from regionik.worlds.robot import BaseKind, LinkBox, LinkCapsule, LinkSolid, Robot, capsules_along
-from regionik.worlds.robotchecks import carried, check_footprint
+from regionik.worlds.robot import LinkBox, LinkCapsule, LinkSolid, Robot, capsules_along
+from regionik.worlds.robotchecks import carried, check_footprint, check_turning
 from regionik.worlds.urdf import load_robot
 
 _RIGID = 1e-6
@@ -42,13 +42,7 @@ def rotation(matrix: Array) -> Array:
     return matrix
 
 
-def _check_base(base: BaseKind, where: str) -> None:
-    if base != "omni":
-        raise wrong(where, "robot.base", f"{base!r} cannot be planned by this version, valid choices: omni")
-
-
 def _urdf_robot(part: robotschema.UrdfRobot, where: str, folder: Path) -> Robot:
-    _check_base(part.base, where)
     with at(where, "robot"):
         return load_robot(
             folder / part.urdf,
@@ -65,7 +59,7 @@ def _urdf_robot(part: robotschema.UrdfRobot, where: str, folder: Path) -> Robot:
 
 
 def _own_robot(part: robotschema.DhRobot | robotschema.ChainRobot, where: str) -> Robot:
-    _check_base(part.base, where)
+    check_turning(part.base, part.turning_radius, where, "robot.turning_radius")
     chain = (
         _dh_chain(part, where) if isinstance(part, robotschema.DhRobot) else _joint_chain(part.chain, where)
     )

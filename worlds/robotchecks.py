@@ -31,6 +31,14 @@ def carried(values: Sequence[float] | None, chain: Chain, where: str, place: str
     return np.array(values)
 
 
+def check_turning(base: str, radius: float, where: str, place: str) -> None:
+    """Refuse cars that do not say how tightly they turn, and radii of bases that turn on the spot."""
+    if base == "car" and radius <= 0:
+        raise wrong(where, place, "a car needs its least turning radius, a length above 0 [m]")
+    if base != "car" and radius > 0:
+        raise wrong(where, place, f"expected base car, as a base of kind {base} turns on the spot")
+
+
 def check_footprint(corners: Sequence[Sequence[float]], where: str, place: str) -> None:
     """Refuse outlines that are neither one point nor convex."""
     if len(corners) == 1:

@@ -16,7 +16,7 @@ from regionik.worlds.chain import Chain, planar_pose
 from regionik.worlds.checking import LARGEST, wrong
 from regionik.worlds.errors import InputError
 from regionik.worlds.robot import BaseKind, Robot
-from regionik.worlds.robotchecks import carried, check_footprint
+from regionik.worlds.robotchecks import carried, check_footprint, check_turning
 from regionik.worlds.urdfbody import BASE, body_of
 from regionik.worlds.urdfchain import Parts, chain_of, parts_of, route_of
 from regionik.worlds.urdftree import SUFFIXES, read_urdf
@@ -203,13 +203,10 @@ def _bundled(name: str, tip: str | None, root: str | None) -> Robot:
 
 
 def _turning(robot: Robot, base: BaseKind, radius: float | None, where: str) -> float:
-    if radius is None:
-        if base == "car" and robot.turning_radius <= 0:
-            raise wrong(where, "turning_radius", "a car needs its least turning radius, a length above 0 [m]")
-        return robot.turning_radius
-    if base != "car":
-        raise wrong(where, "turning_radius", f"expected base car, as a base of kind {base} turns on the spot")
-    return _above_zero(radius, where, "turning_radius")
+    own = robot.turning_radius if base == "car" else 0.0
+    known = own if radius is None else _above_zero(radius, where, "turning_radius")
+    check_turning(base, known, where, "turning_radius")
+    return known
 
 
 def _above_zero(value: float, where: str, place: str) -> float:
