@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 import shapely
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from shapely.geometry import MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
@@ -25,6 +25,7 @@ from regionik.worlds.errors import InputError
 from regionik.worlds.obstacles import Shadow
 
 __all__ = [
+    "Rejection",
     "Room",
     "Slab",
     "fits",
@@ -32,6 +33,7 @@ __all__ = [
     "room_of",
     "slab_areas",
     "slab_free",
+    "slab_rejections",
     "slabs",
     "slabs_along",
     "slides",
@@ -81,17 +83,25 @@ def slabs(count: int) -> Array:
     return np.column_stack([ends[:-1], ends[1:]])
 
 
-def slabs_along(room: Room, count: int) -> Array:
+def slabs_along(room: Room, count: int, walls: int = MOST_WALLS) -> Array:
     """A full turn cut in slabs, some of no width: headings at which a side of the footprint is along a wall.
 
     A footprint goes through its tightest passages with a side along the wall; a slab of no width is exact.
+
+    Parameters
+    ----------
+    room : Room
+    count : int
+        Of equal slabs.
+    walls : int
+        From how many directions of walls, the longest, headings are taken.
 
     Returns
     -------
     (n, 2) array
         Lowest and highest heading; each slab begins where the one before it ends [rad].
     """
-    exact = _headings_along(room)
+    exact = _headings_along(room, walls)
     even = slabs(count)
     first = even[0, 0]
     inside = first + np.unique(np.mod(exact - first, 2 * np.pi).round(9))
@@ -101,13 +111,13 @@ def slabs_along(room: Room, count: int) -> Array:
     return double
 
 
-def _headings_along(room: Room) -> Array:
+def _headings_along(room: Room, most: int) -> Array:
     """Headings with a side of the footprint along one of the longest walls."""
     along = room.edges[:, 2:] - room.edges[:, :2]
     lengths = np.hypot(*along.T)
     angles = np.mod(np.arctan2(along[:, 1], along[:, 0]), np.pi)
     walls, which = np.unique(angles.round(6) % np.pi, return_inverse=True)
-    longest = np.argsort(-np.bincount(which, lengths), kind="stable")[:MOST_WALLS]
+    longest = np.argsort(-np.bincount(which, lengths), kind="stable")[:most]
     # The angle itself, not the one rounded to group walls by.
     walls = np.array([angles[which == w][np.argmax(lengths[which == w])] for w in longest])
     corners = room.corners
@@ -179,7 +189,7 @@ class _Ground(NamedTuple):
     corners: Array  # of the footprint
     floor: BaseGeometry
     covered: BaseGeometry  # by obstacles that are not convex, or have no area
-    pieces: tuple[tuple[Array, float], ...]  # corners of convex things, and how far to stay from them
+    pieces: tuple[tuple[float, list[Array]], ...]  # how far to stay from convex things, and their corners
 
 
 def _ground(
@@ -196,7 +206,11 @@ def _ground(
     ]
     rest = [(core, keep) for (core, keep), one in zip(solids, whole, strict=True) if not one]
     edges += [(edge.reshape(2, 2), keep) for core, keep in rest for edge in core_edges(core)]
-    return _Ground(room.corners, floor, shapely.union_all([core for core, _ in rest]), (*edges, *convex))
+    pieces: dict[float, list[Array]] = {}
+    for corners, keep in (*edges, *convex):
+        pieces.setdefault(keep, []).append(corners)
+    covered = shapely.union_all([core for core, _ in rest])
+    return _Ground(room.corners, floor, covered, tuple(pieces.items()))
 
 
 def _is_convex(core: BaseGeometry) -> bool:
@@ -219,27 +233,73 @@ def _slab(ground: _Ground, low: float, high: float) -> Slab:
     return Slab(low, high, inner, _sum(about, -around(middle[None], low, high)))
 
 
-def _positions(ground: _Ground, shape: Array, *, inner: bool) -> BaseGeometry:
-    """Positions at which a convex shape lies on the floor and keeps its distance from the obstacles.
+class Rejection(NamedTuple):
+    """Where a convex shape may not be.
 
-    It does so where one point of it does and no edge comes too near to it.
+    Attributes
+    ----------
+    floor : Polygon or MultiPolygon
+        Where one point of it is on the floor, and not in an obstacle that is not convex.
+    taken : array of Polygon
+        Where an edge of floor or obstacles comes too near to it.
     """
-    point = shape.mean(axis=0)
-    met = []
-    for corners, keep in ground.pieces:
-        spots = (corners[:, None] - shape).reshape(-1, 2)
-        if keep > 0:
-            # Corner by corner: a buffer may put less to a quarter than it is told, it rounds the count.
-            disc = keep * (DISC / np.cos(np.pi / SIDES) if inner else DISC)
-            hull = shapely.get_coordinates(shapely.convex_hull(shapely.multipoints(spots)))
-            spots = (hull[:, None] + disc).reshape(-1, 2)
-        met.append(shapely.convex_hull(shapely.multipoints(spots)))
-    here, taken = (shapely.transform(g, lambda p: p - point) for g in (ground.floor, ground.covered))
-    solid = np.array(met, dtype=object)[shapely.area(met) > 0]
-    left = shapely.difference(here, shapely.union_all([taken, *solid]))
-    parts = shapely.get_parts(left)
+
+    floor: BaseGeometry
+    taken: NDArray[np.object_]
+
+
+def slab_rejections(
+    footprint: ArrayLike,
+    floor: Polygon | MultiPolygon,
+    obstacles: Sequence[Shadow],
+    clearance: float,
+    bounds: ArrayLike,
+) -> tuple[Rejection, ...]:
+    """What the inner areas of many slabs are made of: floor minus all that is taken; see `slab_areas`."""
+    ground = _ground(footprint, floor, obstacles, clearance)
+    shapes = [around(ground.corners, low, high) for low, high in frozen(bounds, (None, 2), "slabs").tolist()]
+    return tuple(_rejection(ground, shape, inner=True) for shape in shapes)
+
+
+def _positions(ground: _Ground, shape: Array, *, inner: bool) -> BaseGeometry:
+    """Positions at which a convex shape lies on the floor and keeps its distance from the obstacles."""
+    here, taken = _rejection(ground, shape, inner=inner)
+    parts = shapely.get_parts(shapely.difference(here, shapely.union_all(taken)))
     whole: BaseGeometry = shapely.union_all(parts[shapely.area(parts) > 0])
     return whole
+
+
+def _rejection(ground: _Ground, shape: Array, *, inner: bool) -> Rejection:
+    """A shape is free where one point of it is and no edge comes too near to it."""
+    point = shape.mean(axis=0)
+    met = [_moved_round(pieces, _grown(-shape, keep, inner)) for keep, pieces in ground.pieces]
+    solid = np.concatenate(met)
+    here, covered = (shapely.transform(g, lambda p: p - point) for g in (ground.floor, ground.covered))
+    floor = shapely.difference(here, covered) if not covered.is_empty else here
+    return Rejection(floor, solid[shapely.area(solid) > 0])
+
+
+def _grown(shape: Array, keep: float, inner: bool) -> Array:
+    """Corners of a convex shape grown by a disc.
+
+    Corner by corner: a buffer may put less to a quarter than it is told, it rounds the count.
+    """
+    if keep == 0:
+        return shape
+    disc = keep * (DISC / np.cos(np.pi / SIDES) if inner else DISC)
+    hull = shapely.convex_hull(shapely.multipoints((shape[:, None] + disc).reshape(-1, 2)))
+    corners: Array = shapely.get_coordinates(hull)
+    return corners
+
+
+def _moved_round(pieces: Sequence[Array], shape: Array) -> NDArray[np.object_]:
+    """Minkowski sums of convex pieces with a convex shape."""
+    corners, owner = np.concatenate(pieces), np.repeat(np.arange(len(pieces)), [len(p) for p in pieces])
+    points = shapely.points((corners[:, None] + shape).reshape(-1, 2))
+    sums: NDArray[np.object_] = shapely.convex_hull(
+        shapely.multipoints(points, indices=np.repeat(owner, len(shape)))
+    )
+    return sums
 
 
 def _sum(area: BaseGeometry, shape: Array) -> BaseGeometry:

@@ -7,7 +7,7 @@ the base in the area, and the arm's postures at each.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 
@@ -24,6 +24,8 @@ from regionik.planners.posture import ClearPosture, clear_posture, go_round
 from regionik.planners.touching import Touch
 from regionik.poses import Pose, pose
 from regionik.pruning import Ladder
+from regionik.rolled import Rolls
+from regionik.standing import Standing, away, into_span
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import World
 
@@ -33,6 +35,9 @@ FAR = 1.5  # change of an endless joint from which on the other way round is tri
 MENDED = 4  # postures led round what they touch, where no other is clear
 SEARCHED = 2  # of their places, at which all postures are looked for
 BOXES = 20_000  # of postures weighed there
+NEAREST = 4  # components by heading that are looked through
+TURN_WEIGHT = 0.3  # what a turn of the base counts against driving to them [m/rad]
+GIVEN_UP = 16  # tries in a row at one component that led round nothing, after which no more are made
 KEPT = 2  # postures that a place offers to one that asks
 
 
@@ -89,7 +94,10 @@ class Avoider:
     world : World
     guard : Guard
     ladder : Ladder
+    standing : Standing
     seed : int
+    travel : (n,) array, optional
+        Of a base on wheels: where it goes on to from each set-point, NaN where it stays [rad].
     evidence : dict of int to Evidence
         What was looked at, by set-point.
     """
@@ -97,10 +105,13 @@ class Avoider:
     world: World
     guard: Guard
     ladder: Ladder
+    standing: Standing
     seed: int
+    travel: Array | None = None
     evidence: dict[int, Evidence] = field(default_factory=dict)
     _places: dict[int, Array] = field(default_factory=dict)
     _clear: dict[tuple[int, int], list[Spot]] = field(default_factory=dict)
+    _futile: dict[tuple[int, int], int] = field(default_factory=dict)
     _nearly: dict[int, list[tuple[float, Spot]]] = field(default_factory=dict)
 
     def options(self, i: int, components: Sequence[int], here: Pose, nominal: Spot) -> Iterator[Spot]:
@@ -116,12 +127,14 @@ class Avoider:
         nominal : Spot
             What M-FABRIK found for this set-point.
         """
+        if self.travel is not None:
+            yield from self._rolled(i, components, here)
         reached = nominal.found.converged and nominal.component in components
         if reached and self.clear(i, nominal.pose):
             yield from self._turns(nominal, here)
         if not self.guard.on:
             return
-        target = self.world.task[i].position
+        target, components = self.world.task[i].position, self._near(components, here)
         for k in components:
             onward = self._solver(k)(target, here.base, here.joints)
             if onward.converged:
@@ -134,6 +147,45 @@ class Avoider:
                 yield spot
         if nothing:
             yield from self._mended(i, components)
+
+    def _near(self, components: Sequence[int], here: Pose) -> Sequence[int]:
+        """All components of areas that hold at every heading; of those by heading the few nearest."""
+        if len(self.standing.sides) == 1:
+            return components
+        axis, parts = Point(axis_of(self.world.robot, here.base)), self.ladder.component[list(components)]
+        turns = [away(float(here.base[2]), self._span(k)) for k in components]
+        order = np.argsort(shapely.distance(parts, axis) + TURN_WEIGHT * np.array(turns), kind="stable")
+        return [components[m] for m in order[:NEAREST].tolist()]
+
+    def arrivals(self, i: int, components: Sequence[int], here: Pose, nominal: Spot) -> Iterator[Spot]:
+        """As `options`, for a base that comes with the tool lifted: on wheels looking along its way first."""
+        axis, k = axis_of(self.world.robot, nominal.found.base), nominal.component
+        turned = [(pose_of(self.world.robot, axis, yaw), k) for yaw in self._ahead(i)]
+        yield from self._stood(i, components, here, turned)
+        yield from self.options(i, components, here, nominal)
+
+    def _rolled(self, i: int, components: Sequence[int], here: Pose) -> Iterator[Spot]:
+        """Clear postures where a base on wheels gets to by staying or by one motion."""
+        rolls = Rolls(self.world, self.ladder, self.standing)
+        ahead = next(iter(self._ahead(i)), None)
+        return self._stood(i, components, here, rolls.poses(i, components, here.base, ahead))
+
+    def _stood(
+        self, i: int, components: Sequence[int], here: Pose, poses: Iterable[tuple[Array, int]]
+    ) -> Iterator[Spot]:
+        """Clear postures with the base at given poses, each in a component."""
+        for base, k in poses:
+            solver = replace(self._solver(k), span=(float(base[2]), float(base[2])))
+            found = solver.hold(self.world.task[i].position, base, here.joints)
+            spot = Spot(replace(found, base=base), k)
+            if found.converged and k in components and self.clear(i, spot.pose):
+                yield spot
+
+    def _ahead(self, i: int) -> list[float]:
+        """Headings along the way on: forwards, backwards and across."""
+        if self.travel is None or np.isnan(self.travel[i]):
+            return []
+        return [float(self.travel[i]) + turn for turn in (0.0, np.pi, np.pi / 2, -np.pi / 2)]
 
     def _turns(self, spot: Spot, here: Pose) -> Iterator[Spot]:
         """A spot with its endless joints turned the shorter way from here, then with each the longer way."""
@@ -161,7 +213,12 @@ class Avoider:
 
     def _around(self, i: int, spot: Spot) -> Iterator[Spot]:
         """The base stays; the arm goes round what it touches, by FABRIK with avoiding rotations."""
-        return self._asked(i, spot, go_round)
+        key = (i, spot.component)
+        if self._futile.get(key, 0) >= GIVEN_UP:
+            return
+        around = list(self._asked(i, spot, go_round))
+        self._futile[key] = 0 if around else self._futile.get(key, 0) + 1
+        yield from around
 
     def _searched(self, i: int, spot: Spot) -> Iterator[Spot]:
         """The base stays; every posture of the arm is looked for, or there is proven to be none."""
@@ -209,7 +266,7 @@ class Avoider:
         key = (k, m)
         if key not in self._clear:
             target = self.world.task[i].position
-            base = pose_of(self.world.robot, self._spread(k)[m], self._heading(target, self._spread(k)[m]))
+            base = pose_of(self.world.robot, self._spread(k)[m], self._heading(k, target, self._spread(k)[m]))
             found = self._solver(k).self_motion(target, base, self.world.robot.carry, PITCHES)
             self.evidence.setdefault(i, Evidence()).places += 1
             spots = [Spot(one, k) for one in found]
@@ -220,14 +277,17 @@ class Avoider:
                 self._nearly.setdefault(k, []).append((rooms[best], spots[best]))
         return self._clear[key]
 
-    def _heading(self, target: Array, axis: Array) -> float:
-        """Base yaw that looks at the target, or the one that is kept."""
-        if self.world.rules.heading == "fixed":
-            return 0.0 if self.world.start is None else float(self.world.start.base[2])
-        return float(np.arctan2(*(target[:2] - axis)[::-1]))
+    def _heading(self, k: int, target: Array, axis: Array) -> float:
+        """Base yaw of a component's headings: on wheels the way on, else as near as may be to the target."""
+        ahead = self._ahead(int(self.ladder.target[k]))
+        yaw = ahead[0] if ahead else float(np.arctan2(*(target[:2] - axis)[::-1]))
+        return into_span(yaw, self._span(k))
+
+    def _span(self, k: int) -> tuple[float, float]:
+        return self.standing.sides[int(self.ladder.side[k])].span
 
     def _solver(self, k: int) -> Solver:
-        return solver_for(self.world, self.ladder.family[k], self.ladder.component[k])
+        return solver_for(self.world, self.ladder.family[k], self.ladder.component[k], self._span(k))
 
     def _spread(self, k: int) -> Array:
         """Places spread over a component."""

@@ -11,7 +11,10 @@ from shapely.geometry.base import BaseGeometry
 
 from regionik.ground import ground_of, grow
 from regionik.plan import Violation
+from regionik.planners.footprint import width_of
+from regionik.planners.shape import narrowest
 from regionik.regions import TakenAway, largest_clearance, outer_areas, what_took_away
+from regionik.standing import by_heading
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Cause, CauseKind, Explanation, Repair
 from regionik.worlds.pivot import span_of
@@ -78,12 +81,13 @@ def _out_of_reach(
             f"whose footprint reaches {ground.far:.3f} m from the arm's axis."
         )
         return reason, (Cause("floor", "edge of the floor", None),), ()
-    off = ground.inner.floor.distance(Point(target.position[:2]))
+    places = shapely.union_all([side.free for side in by_heading(world).sides])
+    off = places.distance(Point(target.position[:2]))
     if off > 0:
         reason = (
             f"{who} cannot be reached from the floor: it lies {off:.3f} m beyond the places where the base "
             f"may stand, and the arm of {world.robot.name} does not reach that far."
-        )
+        ) + tight(world, places, Point(target.position[:2]))
         return reason, (Cause("floor", "edge of the floor", off),), ()
     kind: CauseKind = "limits"
     what = "no posture within limits"
@@ -135,8 +139,25 @@ def cut_off(world: World, i: int, here: BaseGeometry, areas: BaseGeometry) -> Ex
         f"to: {names} cuts it off. The nearest such place is {gap:.3f} m beyond the floor the base can "
         f"drive on, at a clearance of {world.rules.clearance:.3f} m."
     )
+    reason += tight(world, here, areas)
     causes = tuple(Cause("obstacle", name, gap) for name in blockers)
     return Explanation("ladder-broken", i, reason, causes or (Cause("floor", names, gap),))
+
+
+def tight(world: World, here: BaseGeometry, there: BaseGeometry) -> str:
+    """A sentence on the narrowest place between two parts of the floor, where the base is too wide for it."""
+    across = width_of(world.robot.footprint)
+    if across == 0:
+        return ""
+    ground = ground_of(world)
+    taken = [grow(shadow, ground.clearance, inner=False) for shadow in ground.shadows]
+    passage = narrowest(ground.floor - shapely.union_all(taken), here, there)
+    if passage >= across:
+        return ""
+    return (
+        f" The widest way there is {passage:.3f} m wide at its narrowest, clearance taken off, and the base "
+        f"nowhere less than {across:.3f} m."
+    )
 
 
 def too_many_lifts(world: World, breaks: Sequence[int], bridges: Sequence[BaseGeometry]) -> Explanation:

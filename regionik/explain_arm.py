@@ -6,6 +6,8 @@ import numpy as np
 
 from regionik.explain import setpoint, spot
 from regionik.planners.collision import obstacles_from, solids_within
+from regionik.planners.drive import NoPathError
+from regionik.planners.shape import TightSpotError
 from regionik.worlds.errors import Cause, Explanation, Repair
 from regionik.worlds.robot import LinkCapsule
 from regionik.worlds.scene import World
@@ -72,6 +74,19 @@ def arm_must_lift(world: World, i: int, obstruction: str, cause: Cause | None) -
     )
     repair = Repair("lift-off", f"set-point {i + 1}", 1.0, f"allow a lift-off before set-point {i + 1}")
     return Explanation("ladder-broken", i, reason, (cause or Cause("limits", world.robot.name),), (repair,))
+
+
+def no_drive(world: World, i: int, refusal: NoPathError) -> Explanation:
+    """Why the base does not get to any place that was looked at for set-point i."""
+    kind = {"omni": "an omnidirectional base", "differential": "a differential drive"}.get(
+        world.robot.base, f"a car with a turning radius of {world.robot.turning_radius:g} m"
+    )
+    reason = (
+        f"{setpoint(i, len(world.task))} at {spot(world.task[i].position)} has admissible places for the "
+        f"base, but {kind} was not found a way to the places that were looked at: {refusal}."
+    )
+    missing = refusal.across - refusal.passage if isinstance(refusal, TightSpotError) else None
+    return Explanation("ladder-broken", i, reason, (Cause("base", world.robot.name, missing),))
 
 
 def no_clear_posture(

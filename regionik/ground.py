@@ -25,6 +25,8 @@ QUANTUM = np.pi / (2 * QUAD_SEGMENTS)  # angle of one segment of an arc [rad]
 ROUNDING = 1e-6  # a number of segments this near to the next may be rounded either way
 GUARD = 1e-6  # kept beyond every bound of an inner area, so that rounding never breaks one [m]
 
+EVERY = (-np.inf, np.inf)  # heading
+
 Geometries = NDArray[np.object_]
 
 
@@ -38,10 +40,13 @@ class Side:
         Where the axis may be, obstacles left aside.
     parts : array of Polygon
         Disjoint pieces of the rejection.
+    span : (low, high)
+        Headings of the base that it is about [rad].
     """
 
     floor: BaseGeometry
     parts: Geometries
+    span: tuple[float, float] = EVERY
 
     @cached_property
     def tree(self) -> STRtree:
@@ -118,11 +123,11 @@ class Ground:
     @cached_property
     def inner(self) -> Side:
         grown = self.grown(self.clearance + GUARD, inner=True)
-        return Side(self.floor.buffer(-self.far - GUARD), _disjoint(grown))
+        return Side(self.floor.buffer(-self.far - GUARD), disjoint(grown))
 
     @cached_property
     def outer(self) -> Side:
-        return Side(self.floor.buffer(-self.near), _disjoint(self.grown(self.clearance, inner=False)))
+        return Side(self.floor.buffer(-self.near), disjoint(self.grown(self.clearance, inner=False)))
 
     def grown(self, clearance: float, *, inner: bool) -> Geometries:
         """Every shadow grown by clearance and footprint: circumscribed for inner areas, else inscribed."""
@@ -195,7 +200,7 @@ def ground_of(world: World) -> Ground:
     )
 
 
-def _disjoint(shapes: Geometries) -> Geometries:
+def disjoint(shapes: Geometries) -> Geometries:
     """Union as disjoint polygons."""
     solid = shapes[~shapely.is_empty(shapes)] if len(shapes) else shapes
     if not len(solid):

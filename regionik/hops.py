@@ -1,53 +1,20 @@
-"""Moves of base and arm with the tool lifted: straight in axis, heading and joints, cut into states."""
+"""States along base moves, and whether the arm is clear on them."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
-import shapely
-from shapely.geometry import Point
-from shapely.geometry.base import BaseGeometry
 
 from regionik.guard import Guard
 from regionik.mfabrik import axis_of, pose_of
-from regionik.planners.drive import drive, resample
-from regionik.planners.flat import FlatPolygon, segment_inside
-from regionik.poses import LARGEST_BEND, Pose, turn_to
+from regionik.planners.drive import resample
+from regionik.poses import LARGEST_BEND, Pose, between, turn_to
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import World
 
 TURN_STRIDE = 0.1  # largest turn of the base between two states [rad]
-
-
-@dataclass(frozen=True, eq=False)
-class Driver:
-    """Drives the base inside polygons.
-
-    Attributes
-    ----------
-    world : World
-    seed : int
-    methods : dict
-        How many moves each method made.
-    """
-
-    world: World
-    seed: int
-    methods: dict[str, int] = field(default_factory=dict)
-
-    def drive(self, free: BaseGeometry, a: Array, b: Array) -> Array:
-        """Way of the arm axis from a to b inside a polygon, (k, 2)."""
-        # Ends may lie outside by rounding, or by the gap between the exact and the inner area.
-        spots = [into(free, a), into(free, b)]
-        if np.hypot(*(spots[1] - spots[0])) < 1e-9:
-            return np.array([a, b])
-        found = drive(free, spots[0], spots[1], step=self.world.rules.step, seed=self.seed)
-        self.methods[found.method] = self.methods.get(found.method, 0) + 1
-        points = np.array(found.points)
-        points[0], points[-1] = a, b
-        return points
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,26 +48,31 @@ class Hops:
             poses.append(Pose(base, here.joints + share * (there.joints - here.joints)))
         return poses
 
+    def over(self, here: Pose, there: Pose, bases: Array) -> list[Pose]:
+        """States strictly between two poses: base through given poses (n, 3), joints spread over its way."""
+        kind, change = self.world.robot.base, there.joints - here.joints
+        moves = np.array([turn_to(a, b) for a, b in zip(bases[:-1], bases[1:], strict=True)]).reshape(-1, 3)
+        ways = np.hypot(moves[:, 0], moves[:, 1])
+        efforts = ways + np.abs(moves[:, 2])
+        total = float(efforts.sum())
+        shares = efforts / total if total > 0 else np.full(len(moves), 1.0 / max(len(moves), 1))
+        most = float(np.abs(change).max()) / LARGEST_BEND
+        rows: list[Pose] = []
+        last = here
+        for move, way, share, base in zip(moves, ways, shares, bases[1:], strict=True):
+            next_ = Pose(base, last.joints + share * change)
+            parts = max(way / self.world.rules.step, abs(move[2]) / TURN_STRIDE, share * most)
+            count = max(1, int(np.ceil(parts * 1.001)))
+            rows += [between(last, next_, k / count, kind) for k in range(1, count)] + [next_]
+            last = next_
+        return rows[:-1]
+
     def straight(self, here: Pose, there: Pose) -> list[Pose]:
         """States strictly between two poses, the axis moving straight."""
         ends = [axis_of(self.world.robot, pose.base) for pose in (here, there)]
         return self.along(here, there, np.array(ends))
 
-    def goes(self, flat: FlatPolygon, here: Pose, there: Pose) -> bool:
-        """Whether a straight motion stays on the free floor, and keeps the arm clear."""
-        a, b = (axis_of(self.world.robot, pose.base) for pose in (here, there))
-        inside = bool(segment_inside(flat.vertices, flat.starts, a[0], a[1], b[0], b[1]))
-        return inside and self.clear([here, *self.straight(here, there), there])
-
     def clear(self, poses: Sequence[Pose]) -> bool:
         """Whether a motion is proven clear, its two ends aside."""
         pairs = zip(poses[:-1], poses[1:], strict=True)
         return not self.guard.on or all(self.guard.stop(a, b) is None for a, b in pairs)
-
-
-def into(free: BaseGeometry, spot: Array) -> Array:
-    """The spot, or the nearest point of the polygon."""
-    point = Point(spot)
-    if free.covers(point):
-        return spot
-    return np.array(shapely.shortest_line(free, point).coords[0])

@@ -13,16 +13,19 @@ from numpy.typing import ArrayLike, NDArray
 from shapely.geometry.base import BaseGeometry
 
 from regionik.arms import Arm, Reached, arm_solver
+from regionik.ground import EVERY
 from regionik.plan import Configuration
 from regionik.planners import kernels
 from regionik.planners.flat import FlatPolygon
 from regionik.pruning import Ladder
 from regionik.reachable import FRONT, Family
+from regionik.standing import Standing, away, into_span
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.errors import InputError
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Heading, World
 
+ROUNDING = 1e-9  # by which a heading may be outside its span [rad]
 NOWHERE = FlatPolygon(np.empty((0, 2)), np.zeros(1, dtype=np.int64))
 HEADINGS = ("free", "face_target", "fixed")
 
@@ -41,6 +44,8 @@ class Solver:
     heading : {"free", "face_target", "fixed"}
     family : Family
         Posture family to solve in.
+    span : (low, high)
+        Headings of the base to stay within [rad].
 
     Examples
     --------
@@ -56,6 +61,7 @@ class Solver:
     tolerance: float = 1e-3
     heading: Heading = "free"
     family: Family = field(default_factory=lambda: Family(FRONT))
+    span: tuple[float, float] = EVERY
     _arm: Arm = field(init=False, repr=False)
     _flat: FlatPolygon = field(init=False, repr=False)
 
@@ -146,17 +152,24 @@ class Solver:
     def _headed(self, reached: Reached, base: Array, joints: Array) -> Configuration:
         """SetBaseOrientation of Algorithm 1: the pivot's turn shared between joint and base."""
         pivot = self.robot.chain.joints[0]
-        wanted, q, fits = float(reached.joints[0]), np.array(reached.joints), True
+        q, yaw = np.array(reached.joints), float(base[2])
+        span = (yaw, yaw) if self.heading == "fixed" else self.span
+        plane = yaw + float(q[0])
         if self.heading == "face_target":
             q[0] = np.clip(0.0, pivot.lower, pivot.upper)
-            yaw = base[2] + kernels.wrap(wanted - q[0])
-        elif self.heading == "fixed":
-            q[0], over = kernels.fit(wanted, pivot.lower, pivot.upper)
-            fits, yaw = over == 0.0, base[2]
-        else:  # free: the base turns only by what the first joint cannot take
-            turned = joints[0] + kernels.wrap(wanted - joints[0])
+            yaw += kernels.wrap(plane - yaw - q[0])
+        else:  # the base turns into its span, and on by what the first joint cannot take
+            yaw = into_span(yaw, span)
+            turned = joints[0] + kernels.wrap(plane - yaw - joints[0])
             q[0] = np.clip(turned, pivot.lower, pivot.upper)
-            yaw = base[2] + turned - q[0]
+            yaw += turned - q[0]
+        fits = away(yaw, span) <= ROUNDING
+        if not fits and self.heading != "face_target":
+            yaw = into_span(yaw, span)
+            q[0], over = kernels.fit(plane - yaw, pivot.lower, pivot.upper)
+            if over > 0.0:
+                yaw += kernels.wrap(plane - yaw - q[0])
+            fits = away(yaw, span) <= ROUNDING
         pose = pose_of(self.robot, reached.axis, float(yaw))
         good = bool(reached.error <= self.tolerance and fits)
         return Configuration(pose, q, reached.error, reached.iterations, good)
@@ -189,7 +202,7 @@ def pose_of(robot: Robot, axis: Array, yaw: float) -> Array:
 
 
 def configurations(
-    world: World, ladder: Ladder, chain: Sequence[int], start: tuple[Array, Array]
+    world: World, ladder: Ladder, standing: Standing, chain: Sequence[int], start: tuple[Array, Array]
 ) -> tuple[Configuration, ...]:
     """One configuration for each set-point, the base kept within the chosen component.
 
@@ -197,6 +210,7 @@ def configurations(
     ----------
     world : World
     ladder : Ladder
+    standing : Standing
     chain : sequence of int
         Component of each set-point.
     start : (base, joints)
@@ -205,12 +219,18 @@ def configurations(
     base, joints = start
     found = []
     for target, k in zip(world.task, chain, strict=True):
-        solver = solver_for(world, ladder.family[k], ladder.component[k])
+        span = standing.sides[ladder.side[k]].span
+        solver = solver_for(world, ladder.family[k], ladder.component[k], span)
         found.append(solver(target.position, base, joints))
         base, joints = found[-1].base, found[-1].joints
     return tuple(found)
 
 
-def solver_for(world: World, family: Family, area: BaseGeometry | None = None) -> Solver:
+def solver_for(
+    world: World,
+    family: Family,
+    area: BaseGeometry | None = None,
+    span: tuple[float, float] = EVERY,
+) -> Solver:
     """Solver under the world's rules."""
-    return Solver(world.robot, area, world.rules.tolerance, world.rules.heading, family)
+    return Solver(world.robot, area, world.rules.tolerance, world.rules.heading, family, span)

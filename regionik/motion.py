@@ -16,12 +16,15 @@ import numpy as np
 
 from regionik import explain_arm
 from regionik.avoid import Avoider, Evidence, Spot
-from regionik.ground import Side
+from regionik.basepaths import tracks_for
+from regionik.driving import driver_for
 from regionik.guard import guard_of
-from regionik.hops import Driver
+from regionik.hops import Hops
 from regionik.plan import Configuration, Motion
 from regionik.poses import Pose, Row, between, columns
 from regionik.pruning import Pruned
+from regionik.rolled import travel_headings
+from regionik.standing import Standing
 from regionik.stretch import Stretcher
 from regionik.transit import Carrier
 from regionik.worlds.errors import Cause, Explanation, NoPlanFound
@@ -57,7 +60,7 @@ def connect(
     pruned: Pruned,
     chain: list[int],
     goals: tuple[Configuration, ...],
-    side: Side,
+    standing: Standing,
     seed: int,
     progress: Progress | None = None,
 ) -> Course:
@@ -72,8 +75,8 @@ def connect(
         Component of each set-point.
     goals : tuple of Configuration
         From M-FABRIK, one for each set-point.
-    side : Side
-        The ground; transits drive over its free pieces.
+    standing : Standing
+        Where the base may stand; transits drive over its free pieces.
     seed : int
     progress : callable, optional
         Called with stage, done, total.
@@ -83,10 +86,13 @@ def connect(
     NoPlanFound
         Where the arm touches something in every posture that was looked at, or cannot get there.
     """
-    guard, driver = guard_of(world), Driver(world, seed)
-    avoider = Avoider(world, guard, pruned.ladder, seed)
-    carrier = Carrier(world, side, guard, driver)
-    stretcher = Stretcher(world, pruned.ladder, guard, driver)
+    guard, ladder = guard_of(world), pruned.ladder
+    hops = Hops(world, guard)
+    driver = driver_for(world, hops, standing, seed)
+    travel = None if world.robot.base == "omni" else travel_headings(world.robot, goals)
+    avoider = Avoider(world, guard, ladder, standing, seed, travel)
+    carrier = Carrier(world, guard, hops, driver)
+    stretcher = Stretcher(world, ladder, guard, tracks_for(world, ladder, standing, driver))
     nominal = tuple(Spot(goal, k) for goal, k in zip(goals, chain, strict=True))
     walker = _Walker(world, pruned, nominal, avoider, stretcher, carrier, progress or (lambda *_: None))
     rows, spots = walker.walk()
@@ -135,7 +141,7 @@ class _Walker:
         if here is None and self.world.start is not None:
             here = self._start(self.world.start)
             rows = [Row(here, "transit", -1)]
-        found = self.avoider.options(i, self._kept(i), here or self.nominal[i].pose, self.nominal[i])
+        found = self.avoider.arrivals(i, self._kept(i), here or self.nominal[i].pose, self.nominal[i])
         spots = islice(found, TRIES)
         if here is None:
             first = next(spots, None)
@@ -144,7 +150,7 @@ class _Walker:
         for spot, way in self._ways(here, spots) if here is not None else ():
             if way is not None and here is not None:
                 if i > 0 and not way:  # however short the way, the tool leaves its path on it
-                    way = [between(here, spot.pose, 0.5)]
+                    way = [between(here, spot.pose, 0.5, self.world.robot.base)]
                 return rows + [Row(pose, "transit", i - 1) for pose in way], spot
         raise NoPlanFound(self._why_not(i, here))
 
@@ -169,6 +175,8 @@ class _Walker:
         """What stands in the arm's way at set-point i, or on the way there."""
         guard, seen = self.avoider.guard, self.avoider.evidence.get(i, Evidence())
         touch, cut_off = seen.best, here is not None and seen.clear > 0
+        if cut_off and self.carrier.refusals:
+            return explain_arm.no_drive(self.world, i, self.carrier.refusals[0])
         if here is not None and cut_off:
             piece = int(self.pruned.ladder.floor[self.nominal[i].component])
             touch = self.carrier.obstruction(here, self.nominal[i].pose, piece)
@@ -213,10 +221,14 @@ class _Walker:
         """Spots of the set-point after i, in components that the base can go on to."""
         if i + 1 >= len(self.nominal):
             return iter(())
-        edges = self.pruned.ladder.edges
-        after = set(edges[edges[:, 0] == here.component, 1].tolist())
+        after = {m for k in self.pruned.ladder.ahead[here.component] for m in self._turned(k)}
         components = [k for k in self._kept(i + 1) if k in after]
         return islice(self.avoider.options(i + 1, components, here.pose, self.nominal[i + 1]), TRIES)
+
+    def _turned(self, k: int) -> list[int]:
+        """Components that the base comes to from one by turning at its set-point."""
+        group = self.pruned.ladder.group
+        return [int(m) for m in np.flatnonzero(group == group[k])]
 
     def _kept(self, i: int) -> list[int]:
         """Components of a set-point that the pruning left, the chosen one first."""

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
 import shapely
-from shapely.geometry import Point
 from shapely.geometry.base import BaseGeometry
 
 from regionik import explain, explain_arm
-from regionik.ground import ground_of
 from regionik.mfabrik import axis_of, configurations
 from regionik.motion import Course, connect
 from regionik.plan import Plan, PlannedArea
@@ -19,6 +17,7 @@ from regionik.pruning import Ladder, Pruned, build_ladder, choose_chain, prune
 from regionik.reachable import BACK, FRONT
 from regionik.regions import PathAreas, path_areas
 from regionik.rolling import travel
+from regionik.standing import Standing, anywhere, by_heading, turns_matter
 from regionik.verify import verify
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError, NoPlanFound
@@ -64,15 +63,15 @@ def plan(world: World, *, seed: int = 0, progress: Progress | None = None) -> Pl
     if sunk is not None:
         raise NoPlanFound(sunk)
     tell("areas", 0, len(world.task))
-    areas, pruned = whole_path(world)
-    ladder = pruned.ladder
-    chain = choose_chain(pruned, start_axis(world))
+    standing, areas, pruned = whole_path(world)
+    chain = choose_chain(pruned, standing, start_place(world))
     tell("configurations", 0, len(world.task))
-    goals = configurations(world, ladder, chain, start_pose(world, pruned, chain))
+    start = start_pose(world, pruned, chain)
+    goals = configurations(world, pruned.ladder, standing, chain, start)
     for i, goal in enumerate(goals):
         if not goal.converged and not world.rules.avoidance:
             raise NoPlanFound(explain.no_posture(world, i))
-    course = connect(world, pruned, chain, goals, ground_of(world).inner, seed, progress)
+    course = connect(world, pruned, chain, goals, standing, seed, progress)
     tell("verify", 0, 1)
     found = finish(world, seed, areas, pruned, course)
     report = verify(found)
@@ -85,8 +84,11 @@ def check(world: World) -> None:
     """Refuse what cannot be planned at all."""
     if not world.task:
         raise InputError(f"{world.name}: task: expected at least one set-point")
-    if world.robot.base != "omni":
-        raise InputError(f"{world.name}: robot.base: only omni can be planned for, got {world.robot.base}")
+    if world.robot.base != "omni" and world.rules.heading != "free":
+        raise InputError(
+            f"{world.name}: rules.heading: a base on wheels turns as it drives, expected free, "
+            f"got {world.rules.heading}"
+        )
     if world.rules.mode != "continuous":
         raise InputError(f"{world.name}: rules.mode: expected continuous, got {world.rules.mode}")
     if any(target.orientation is not None for target in world.task):
@@ -111,40 +113,51 @@ def check(world: World) -> None:
         raise NoPlanFound(blocked)
 
 
-def whole_path(world: World) -> tuple[PathAreas, Pruned]:
-    """Areas of the whole path and their pruned ladder.
+def whole_path(world: World) -> tuple[Standing, PathAreas, Pruned]:
+    """Where the base may stand, the areas of the whole path, and their pruned ladder.
 
-    The arm faces its targets where that does; postures over its back come in where they save a lift-off or a
-    target.
+    The arm faces its targets and the base turns freely, where that does; postures over the arm's back, and
+    places where the base must keep to some headings, come in where they save a lift-off or a target.
     """
-    try:
-        front = prune_path(world, (FRONT,))
-    except NoPlanFound:
-        return prune_path(world, (FRONT, BACK))
-    if not front[1].breaks:
-        return front
-    both = prune_path(world, (FRONT, BACK))
-    return both if len(both[1].breaks) < len(front[1].breaks) else front
+    found: list[tuple[Standing, PathAreas, Pruned]] = []
+    refused = None
+    for standing, facings in _choices(world):
+        try:
+            found.append((standing(world), *prune_path(world, standing(world), facings)))
+        except NoPlanFound as failure:
+            refused = failure
+        else:
+            if not found[-1][2].breaks:
+                break
+    if not found and refused is not None:
+        raise refused
+    return min(found, key=lambda one: len(one[2].breaks))
 
 
-def prune_path(world: World, facings: tuple[int, ...]) -> tuple[PathAreas, Pruned]:
+def _choices(world: World) -> Iterator[tuple[Callable[[World], Standing], tuple[int, ...]]]:
+    """Ways to stand and to face, the plainest first."""
+    yield from ((anywhere, (FRONT,)), (anywhere, (FRONT, BACK)))
+    if turns_matter(world):
+        yield from ((by_heading, (FRONT,)), (by_heading, (FRONT, BACK)))
+
+
+def prune_path(world: World, standing: Standing, facings: tuple[int, ...]) -> tuple[PathAreas, Pruned]:
     """Areas with some facings, cut to whole traversals from the floor the base stands on."""
-    side = ground_of(world).inner
-    areas = path_areas(world, facings=facings)
-    ladder = build_ladder(areas, len(world.task), side)
+    areas = path_areas(world, facings=facings, standing=standing)
+    ladder = build_ladder(areas, len(world.task), standing)
     rungs = ladder.rungs()
     empty = np.flatnonzero(np.diff(rungs) == 0)
     if len(empty):
         raise NoPlanFound(explain.unreachable(world, int(empty[0]), others=len(empty) - 1))
-    pieces = _start_pieces(world, ladder)
+    pieces = _start_pieces(world, standing, ladder)
     pruned = min(
         (prune(ladder, ladder.floor == piece) for piece in pieces),
         key=lambda found: (_first_gap(found) is not None, len(found.breaks)),
     )
     gap = _first_gap(pruned)
     if gap is not None:
-        piece = ladder.floor[np.flatnonzero(pruned.keep)[0]] if pruned.keep.any() else None
-        here = side.pieces[pieces[0] if piece is None else piece]
+        piece = ladder.floor[np.flatnonzero(pruned.keep)[0]] if pruned.keep.any() else pieces[0]
+        here = shapely.union_all(standing.whole(int(piece)))
         there = shapely.union_all(ladder.component[rungs[gap] : rungs[gap + 1]])
         raise NoPlanFound(explain.cut_off(world, gap, here, there))
     allowed = world.rules.max_lift_offs
@@ -154,14 +167,14 @@ def prune_path(world: World, facings: tuple[int, ...]) -> tuple[PathAreas, Prune
     return areas, pruned
 
 
-def _start_pieces(world: World, ladder: Ladder) -> list[int]:
+def _start_pieces(world: World, standing: Standing, ladder: Ladder) -> list[int]:
     """Pieces of free floor on which the base may work: the one it starts on, or any of the first rung."""
-    start = start_axis(world)
+    start = start_place(world)
     if start is None:
         rungs = ladder.rungs()
         return sorted({int(piece) for piece in ladder.floor[rungs[0] : rungs[1]]})
-    pieces = ground_of(world).inner.pieces
-    return [int(np.argmin(shapely.distance(pieces, Point(start))))] if len(pieces) else []
+    piece = standing.piece_at(start[:2], float(start[2]))
+    return [] if piece is None else [piece]
 
 
 def _first_gap(pruned: Pruned) -> int | None:
@@ -171,9 +184,11 @@ def _first_gap(pruned: Pruned) -> int | None:
     return None if all(left) else left.index(False)
 
 
-def start_axis(world: World) -> Array | None:
-    """Where the arm axis stands at first."""
-    return None if world.start is None else axis_of(world.robot, world.start.base)
+def start_place(world: World) -> Array | None:
+    """Where the arm axis stands at first, and the base's heading, (3,)."""
+    if world.start is None:
+        return None
+    return np.array([*axis_of(world.robot, world.start.base), world.start.base[2]])
 
 
 def start_pose(world: World, pruned: Pruned, chain: list[int]) -> tuple[Array, Array]:

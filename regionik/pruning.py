@@ -9,6 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -16,12 +18,13 @@ from numpy.typing import NDArray
 from shapely.geometry import Point
 from shapely.geometry.base import BaseGeometry
 
-from regionik.ground import Geometries, Side
+from regionik.ground import Geometries
 from regionik.reachable import Family
 from regionik.regions import PathAreas
+from regionik.standing import LEAST_AREA, Standing, away, groups, into_span
 from regionik.worlds.arrays import Array
 
-LEAST_AREA = 1e-8  # components and intersections below this are noise [m2]
+TURN_WEIGHT = 0.1  # what a turn of the base counts against driving [m/rad]
 
 Mask = NDArray[np.bool_]
 Index = NDArray[np.intp]
@@ -39,22 +42,45 @@ class Ladder:
     target : (m,) array of int
         Set-point of each component, ascending.
     family : tuple of Family
+    side : (m,) array of int
+        Side of the standing, and with it the slab of headings, of each component.
     floor : (m,) array of int
         Connected piece of the free floor that holds the component.
     edges : (e, 2) array of int
         Pairs of components of neighbouring set-points that overlap.
+    group : (m,) array of int
+        Components of one set-point with the same number are joined by turning the base.
     """
 
     count: int
     component: Geometries
     target: Index
     family: tuple[Family, ...]
+    side: Index
     floor: Index
     edges: Index
+    group: Index
 
     def rungs(self) -> Index:
         """First component of every set-point, and the end: ``rungs[i]:rungs[i + 1]`` are those of i."""
         return np.searchsorted(self.target, np.arange(self.count + 1))
+
+    @cached_property
+    def ahead(self) -> list[list[int]]:
+        """For each component, those of the next set-point that overlap it or one of its group."""
+        return self._neighbours(self.edges)
+
+    @cached_property
+    def back(self) -> list[list[int]]:
+        """For each component, those of the set-point before that overlap it or one of its group."""
+        return self._neighbours(self.edges[:, ::-1])
+
+    def _neighbours(self, pairs: Index) -> list[list[int]]:
+        table: list[list[int]] = [[] for _ in range(int(self.group.max(initial=-1)) + 1)]
+        joined = np.column_stack([self.group[pairs[:, 0]], pairs[:, 1]])
+        for group, other in np.unique(joined, axis=0).tolist():
+            table[group].append(other)
+        return [table[group] for group in self.group.tolist()]
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +107,7 @@ class Pruned:
         return shapely.union_all(self.ladder.component[span][self.keep[span]])
 
 
-def build_ladder(areas: PathAreas, count: int, side: Side) -> Ladder:
+def build_ladder(areas: PathAreas, count: int, standing: Standing) -> Ladder:
     """Split areas into components and join those of neighbouring set-points that overlap.
 
     Parameters
@@ -89,7 +115,7 @@ def build_ladder(areas: PathAreas, count: int, side: Side) -> Ladder:
     areas : PathAreas
     count : int
         Number of set-points.
-    side : Side
+    standing : Standing
         The ground the areas lie on.
     """
     parts, row = shapely.get_parts(areas.inner, return_index=True)
@@ -99,35 +125,50 @@ def build_ladder(areas: PathAreas, count: int, side: Side) -> Ladder:
     order = np.argsort(target, kind="stable")
     parts, row, target = parts[order], row[order], target[order]
     shapely.prepare(parts)
-    kinds = tuple(areas.family[k] for k in row)
-    return Ladder(count, parts, target, kinds, _pieces(parts, side), _overlaps(parts, target, kinds, count))
+    kinds, side = tuple(areas.family[k] for k in row), areas.side[row]
+    forward = _overlaps(standing, parts, target, side, kinds, count, ahead=1)
+    turns = _overlaps(standing, parts, target, side, kinds, count, ahead=0)
+    floor = _pieces(parts, side, standing)
+    return Ladder(count, parts, target, kinds, side, floor, forward, groups(len(parts), turns))
 
 
-def _pieces(parts: Geometries, side: Side) -> Index:
-    """Index of the piece of free floor that holds each component (-1 for none)."""
+def _pieces(parts: Geometries, side: Index, standing: Standing) -> Index:
+    """Label of the piece of free floor that holds each component (-1 for none)."""
     spots = shapely.point_on_surface(parts)
     piece = np.full(len(parts), -1, dtype=np.intp)
-    which, found = shapely.STRtree(side.pieces).query(spots, predicate="intersects")
-    piece[which] = found
+    polygons, sides, label = standing.pieces
+    which, found = shapely.STRtree(polygons).query(spots, predicate="intersects")
+    own = side[which] == sides[found]
+    piece[which[own]] = label[found[own]]
     return piece
 
 
-def _overlaps(parts: Geometries, target: Index, kinds: Sequence[Family], count: int) -> Index:
-    """Pairs of components of neighbouring set-points, of like posture, that share an area."""
+def _overlaps(
+    standing: Standing,
+    parts: Geometries,
+    target: Index,
+    side: Index,
+    kinds: Sequence[Family],
+    count: int,
+    ahead: int,
+) -> Index:
+    """Pairs of components of like posture, so many set-points apart, that share an area."""
+    if len(standing.sides) == 1 and not ahead:  # components of one area are apart
+        return np.empty((0, 2), dtype=np.intp)
     rungs = np.searchsorted(target, np.arange(count + 1))
     facing = np.array([kind.facing for kind in kinds])
     pitch = np.array([kind.pitch for kind in kinds])
     first = second = np.empty(0, dtype=np.intp)
     sizes = np.diff(rungs)
-    if count > 1 and len(parts):
-        inner = target < count - 1
-        repeat = np.where(inner, sizes[np.minimum(target + 1, count - 1)], 0)
+    if count > ahead and len(parts):
+        inner = target < count - ahead
+        repeat = np.where(inner, sizes[np.minimum(target + ahead, count - 1)], 0)
         here = np.repeat(np.arange(len(parts)), repeat)
         offset = np.arange(len(here)) - np.repeat(np.cumsum(repeat) - repeat, repeat)
-        there = rungs[np.minimum(target[here] + 1, count)] + offset
+        there = rungs[np.minimum(target[here] + ahead, count)] + offset
         turn = np.abs(np.nan_to_num(pitch[here] - pitch[there], nan=0.0))
         alike = (facing[here] == facing[there]) & (np.isnan(pitch[here]) == np.isnan(pitch[there]))
-        alike &= turn < np.pi / 2
+        alike &= (turn < np.pi / 2) & standing.beside(side[here], side[there])
         here, there = here[alike], there[alike]
         touch = shapely.intersects(parts[here], parts[there])
         here, there = here[touch], there[touch]
@@ -149,8 +190,6 @@ def prune(ladder: Ladder, usable: Mask) -> Pruned:
         Components that the base can get to at all.
     """
     rungs = ladder.rungs()
-    ahead = _neighbours(ladder, forward=True)
-    back = _neighbours(ladder, forward=False)
     keep = np.zeros(len(ladder.component), dtype=bool)
     breaks: list[int] = []
     alive = usable[rungs[0] : rungs[1]].copy()
@@ -159,14 +198,14 @@ def prune(ladder: Ladder, usable: Mask) -> Pruned:
     for i in range(1, ladder.count):
         # Forward cut: reachable from a component kept one rung before.
         span = np.arange(rungs[i], rungs[i + 1])
-        reached = np.array([any(keep[j] for j in back[k]) for k in span], dtype=bool) & usable[span]
+        reached = np.array([any(keep[j] for j in ladder.back[k]) for k in span], dtype=bool) & usable[span]
         if not reached.any():
-            _cut_back(keep, ahead, rungs, start, i)
+            _cut_back(keep, ladder.ahead, rungs, start, i)
             breaks.append(i)
             start = i
             reached = usable[span].copy()
         keep[span] = reached
-    _cut_back(keep, ahead, rungs, start, ladder.count)
+    _cut_back(keep, ladder.ahead, rungs, start, ladder.count)
     return Pruned(ladder, keep, tuple(breaks))
 
 
@@ -177,45 +216,38 @@ def _cut_back(keep: Mask, ahead: list[list[int]], rungs: Index, start: int, stop
             keep[k] = keep[k] and any(keep[j] for j in ahead[k])
 
 
-def _neighbours(ladder: Ladder, *, forward: bool) -> list[list[int]]:
-    table: list[list[int]] = [[] for _ in ladder.component]
-    for a, b in ladder.edges.tolist():
-        if forward:
-            table[a].append(b)
-        else:
-            table[b].append(a)
-    return table
-
-
-def choose_chain(pruned: Pruned, start: Array | None) -> list[int]:
+def choose_chain(pruned: Pruned, standing: Standing, start: Array | None) -> list[int]:
     """One kept component for each set-point, joined within every run, with the least base travel.
 
-    Travel is that of a base that always moves to the nearest point of the next component, as M-FABRIK does.
+    Travel is that of a base that always moves to the nearest point of the next component, as M-FABRIK does;
+    turning into its slab counts too.
 
     Parameters
     ----------
     pruned : Pruned
-    start : (2,) array or None
-        Where the arm axis stands at first.
+    standing : Standing
+    start : (3,) array or None
+        Where the arm axis stands at first, and the base's heading.
     """
     ladder, rungs = pruned.ladder, pruned.ladder.rungs()
-    back = _neighbours(ladder, forward=False)
     before: list[int] = [-1] * len(ladder.component)
-    best: dict[int, tuple[float, Point]] = {}
+    spans = [standing.sides[s].span for s in ladder.side.tolist()]
+    best: dict[int, _Trip] = {}
     for i in range(ladder.count):
         kept = [k for k in range(rungs[i], rungs[i + 1]) if pruned.keep[k]]
-        now: dict[int, tuple[float, Point]] = {}
+        now: dict[int, _Trip] = {}
         for k in kept:
             if i == 0:
-                spot = Point(start) if start is not None else ladder.component[k].representative_point()
-                now[k] = _go(0.0, spot, ladder.component[k])
+                now[k] = _first(ladder.component[k], spans[k], start)
                 continue
-            options = list(best) if i in pruned.breaks else [j for j in back[k] if j in best]
-            trips = [(*_go(*best[j], ladder.component[k]), j) for j in options]
-            cost, spot, before[k] = min(trips, key=lambda trip: (trip[0], trip[2]))
-            now[k] = (cost, spot)
+            options = list(best) if i in pruned.breaks else [j for j in ladder.back[k] if j in best]
+            costs = [best[j].cost + TURN_WEIGHT * away(best[j].yaw, spans[k]) for j in options]
+            spots = np.array([best[j].spot for j in options], dtype=object)
+            far = shapely.distance(spots, ladder.component[k])
+            before[k] = options[int(np.argmin(costs + far))]
+            now[k] = best[before[k]].to(ladder.component[k], spans[k])
         best = now
-    k = min(best, key=lambda k: (best[k][0], k))
+    k = min(best, key=lambda k: (best[k].cost, k))
     chain = [k]
     while before[k] >= 0:
         k = before[k]
@@ -223,9 +255,24 @@ def choose_chain(pruned: Pruned, start: Array | None) -> list[int]:
     return chain[::-1]
 
 
-def _go(cost: float, spot: Point, component: BaseGeometry) -> tuple[float, Point]:
-    """Travel to the nearest point of a component, and that point."""
-    if component.intersects(spot):
-        return cost, spot
-    line = shapely.shortest_line(spot, component)
-    return cost + line.length, Point(line.coords[-1])
+class _Trip(NamedTuple):
+    """What it cost the base to come to a spot, and its heading there."""
+
+    cost: float
+    spot: Point
+    yaw: float
+
+    def to(self, component: BaseGeometry, span: tuple[float, float]) -> _Trip:
+        """On to the nearest point of a component, and into its slab."""
+        yaw = into_span(self.yaw, span)
+        cost = self.cost + TURN_WEIGHT * abs(yaw - self.yaw)
+        if component.intersects(self.spot):
+            return _Trip(cost, self.spot, yaw)
+        line = shapely.shortest_line(self.spot, component)
+        return _Trip(cost + line.length, Point(line.coords[-1]), yaw)
+
+
+def _first(component: BaseGeometry, span: tuple[float, float], start: Array | None) -> _Trip:
+    if start is None:
+        return _Trip(0.0, component.representative_point(), into_span(0.0, span))
+    return _Trip(0.0, Point(start[:2]), float(start[2])).to(component, span)

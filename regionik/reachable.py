@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
-from regionik.ground import GUARD, Geometries
+from regionik.ground import EVERY, GUARD, Geometries
 from regionik.planners.rings import FREE, reach_intervals
 from regionik.planners.sampledreach import outer_reach, sampled_reach
 from regionik.worlds.arrays import Array
@@ -79,9 +79,14 @@ def families(
 
 
 def reach_rows(
-    world: World, targets: Sequence[Target], facings: Sequence[int], *, inner: bool
+    world: World,
+    targets: Sequence[Target],
+    facings: Sequence[int],
+    *,
+    inner: bool,
+    span: tuple[float, float] = EVERY,
 ) -> tuple[NDArray[np.intp], tuple[Family, ...], Geometries]:
-    """Reach of every target as rings and ring sectors, before rejection."""
+    """Reach of every target as rings and ring sectors, before rejection, the base's heading within a span."""
     if not is_planar(world.robot.chain):
         return _whole_rings(world, targets, inner=inner)
     arm = planar_arm(world.robot.chain)
@@ -103,7 +108,7 @@ def reach_rows(
                 if family.pitches == pitches:
                     table += _spans_of(family, members, intervals, margin if inner else None)
     table.sort(key=lambda row: row[0])
-    spans = _headings(world, arm, [row[1] for row in table], GUARD if inner else 0.0)
+    spans = _headings(world, arm, [row[1] for row in table], span, GUARD if inner else 0.0)
     flat = [(row, center, half) for row, span in zip(table, spans, strict=True) for center, half in span]
     which = np.array([row[0] for row, _, _ in flat], dtype=np.intp)
     rings = _ring_sectors(
@@ -155,16 +160,19 @@ def _spans_of(
 
 
 def _headings(
-    world: World, arm: PlanarArm, rows: list[Family], guard: float
+    world: World, arm: PlanarArm, rows: list[Family], span: tuple[float, float], guard: float
 ) -> list[list[tuple[float, float]]]:
-    """Directions the plane may take: the family's own, cut to what a fixed heading leaves the pivot."""
+    """Directions the plane may take: the family's own, cut to what the base's headings leave the pivot."""
     spans = [[(family.azimuth, family.half)] for family in rows]
-    if world.rules.heading != "fixed" or arm.pivot_upper - arm.pivot_lower >= 2 * np.pi:
+    low, high = arm.pivot_lower, arm.pivot_upper
+    if world.rules.heading == "face_target":  # the base looks where the plane does
+        low = high = min(max(0.0, low), high)
+    half = (span[1] - span[0] + high - low) / 2
+    if not half < np.pi:
         return spans
-    yaw = 0.0 if world.start is None else float(world.start.base[2])
-    middle = yaw + float(world.robot.mount[3]) + arm.pivot_zero + (arm.pivot_lower + arm.pivot_upper) / 2
-    reach = (arm.pivot_upper - arm.pivot_lower) / 2 - guard
-    return [_common_span(span[0], (middle, reach)) for span in spans]
+    yaw = float(world.robot.mount[3]) + arm.pivot_zero
+    middle = yaw + (span[0] + span[1] + low + high) / 2
+    return [_common_span(one[0], (middle, half - guard)) for one in spans]
 
 
 def _common_span(a: tuple[float, float], b: tuple[float, float]) -> list[tuple[float, float]]:

@@ -18,6 +18,7 @@ from shapely.geometry.base import BaseGeometry
 
 from regionik.ground import GUARD, Geometries, Side, ground_of, grow
 from regionik.reachable import BACK, FRONT, Family, reach_rows
+from regionik.standing import Standing, anywhere, by_heading, outer_by_heading, span_of_rules
 from regionik.worlds.arrays import frozen
 from regionik.worlds.errors import CauseKind
 from regionik.worlds.pivot import span_of
@@ -34,12 +35,15 @@ class PathAreas:
         Ascending.
     family : tuple of Family
         One for each row.
+    side : (m,) array of int
+        Side of the standing that the row is about.
     reach, inner : (m,) array of geometry
         Before and after rejection.
     """
 
     target: NDArray[np.intp]
     family: tuple[Family, ...]
+    side: NDArray[np.intp]
     reach: Geometries
     inner: Geometries
 
@@ -119,16 +123,24 @@ def admissible_area(world: World, target: Target | ArrayLike) -> Area:
     """
     if not isinstance(target, Target):
         target = Target(frozen(target, (3,), "target"))
-    ground = ground_of(world)
-    sides = []
-    for side, inner in ((ground.inner, True), (ground.outer, False)):
-        _, _, rings = reach_rows(world, [target], (FRONT, BACK), inner=inner)
-        sides.append(shapely.union_all(side.subtract(rings)) if len(rings) else Polygon())
-    return Area(target, sides[0], sides[1], world)
+    inner, outer = (_whole_area(world, target, inner=side) for side in (True, False))
+    return Area(target, inner, outer, world)
+
+
+def _whole_area(world: World, target: Target, *, inner: bool) -> BaseGeometry:
+    """The area of a target at whatever heading, from within or from outside."""
+    parts = [Polygon()]
+    for side in (by_heading(world) if inner else outer_by_heading(world)).sides:
+        _, _, rings = reach_rows(world, [target], (FRONT, BACK), inner=inner, span=side.span)
+        parts += side.subtract(rings).tolist()
+    return shapely.union_all(parts)
 
 
 def path_areas(
-    world: World, targets: Sequence[Target] | None = None, facings: Sequence[int] = (FRONT, BACK)
+    world: World,
+    targets: Sequence[Target] | None = None,
+    facings: Sequence[int] = (FRONT, BACK),
+    standing: Standing | None = None,
 ) -> PathAreas:
     """Inner areas of a whole path at once.
 
@@ -139,16 +151,38 @@ def path_areas(
         The world's task by default.
     facings : sequence of int
         Which of `FRONT` and `BACK` to take.
+    standing : Standing, optional
+        Where the base may stand; by default that of every heading.
     """
-    rows, families, reach = reach_rows(world, world.task if targets is None else targets, facings, inner=True)
-    return PathAreas(rows, families, reach, ground_of(world).inner.subtract(reach))
+    asked = world.task if targets is None else targets
+    sides = (standing or anywhere(world)).sides
+    found = [reach_rows(world, asked, facings, inner=True, span=side.span) for side in sides]
+    areas = [side.subtract(rings) for side, (_, _, rings) in zip(sides, found, strict=True)]
+    target = np.concatenate([rows for rows, _, _ in found])
+    order = np.argsort(target, kind="stable")
+    family = [one for _, families, _ in found for one in families]
+    return PathAreas(
+        target[order],
+        tuple(family[k] for k in order.tolist()),
+        np.repeat(np.arange(len(sides)), [len(rows) for rows, _, _ in found])[order],
+        np.concatenate([rings for _, _, rings in found])[order],
+        np.concatenate(areas)[order],
+    )
 
 
 def outer_areas(world: World, targets: Sequence[Target]) -> list[BaseGeometry]:
-    """Outer area of each target: where it is empty, the target is provably unreachable."""
-    rows, _, rings = reach_rows(world, targets, (FRONT, BACK), inner=False)
-    left = ground_of(world).outer.subtract(rings)
-    return [shapely.union_all(left[rows == i]) for i in range(len(targets))]
+    """Outer area of each target: where it is empty, the target is provably unreachable.
+
+    Those that are not empty for the circle inside the footprint are cut to what its headings leave.
+    """
+    side = ground_of(world).outer
+    rows, _, rings = reach_rows(world, targets, (FRONT, BACK), inner=False, span=span_of_rules(world))
+    left = side.subtract(rings)
+    found = [shapely.union_all(left[rows == i]) for i in range(len(targets))]
+    return [
+        area if area.is_empty else area & _whole_area(world, target, inner=False)
+        for area, target in zip(found, targets, strict=True)
+    ]
 
 
 def what_took_away(world: World, target: Target) -> tuple[TakenAway, ...]:
@@ -160,7 +194,7 @@ def what_took_away(world: World, target: Target) -> tuple[TakenAway, ...]:
     if stretched <= 0:
         return (TakenAway("reach", "height of the target", Polygon()),)
     disc = shapely.Point(target.position[:2]).buffer(span.radius + np.sqrt(stretched))
-    _, _, rings = reach_rows(world, [target], (FRONT, BACK), inner=False)
+    _, _, rings = reach_rows(world, [target], (FRONT, BACK), inner=False, span=span_of_rules(world))
     reach = shapely.union_all(rings) if len(rings) else Polygon()
     kind: CauseKind = "limits" if target.direction is None else "direction"
     taken = [TakenAway(kind, "joint limits" if kind == "limits" else "tool direction", disc - reach)]
@@ -175,7 +209,7 @@ def what_took_away(world: World, target: Target) -> tuple[TakenAway, ...]:
 def largest_clearance(world: World, target: Target) -> float | None:
     """Largest clearance at which a target's inner area is not empty, by bisection to 1 micrometre [m]."""
     ground = ground_of(world)
-    _, _, rings = reach_rows(world, [target], (FRONT, BACK), inner=True)
+    _, _, rings = reach_rows(world, [target], (FRONT, BACK), inner=True, span=span_of_rules(world))
     rings = Side(ground.inner.floor, np.empty(0, dtype=object)).subtract(rings)
     reach = shapely.union_all(rings) if len(rings) else Polygon()
     if reach.area <= 0:

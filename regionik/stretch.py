@@ -1,7 +1,7 @@
 """The tool goes on along its path from one set-point to the next, and base and arm with it.
 
-The base first tries to go straight while the tool goes on; else it moves inside the area of i to a place
-shared with the area of i + 1, the tool goes on from there, and the base moves on inside the area of i + 1.
+The base moves as `basepaths` offers; the arm is solved along the way so that the tool keeps to its own and
+nothing jumps.
 """
 
 from __future__ import annotations
@@ -9,16 +9,14 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-import shapely
-from shapely.geometry import LineString
-from shapely.geometry.base import BaseGeometry
 
 from regionik.avoid import Spot
+from regionik.basepaths import Move, Track, Tracks
 from regionik.guard import Guard
-from regionik.hops import Driver
-from regionik.mfabrik import Solver, axis_of, pose_of, solver_for
+from regionik.mfabrik import Solver, solver_for
+from regionik.plan import Configuration
 from regionik.planners import kernels
-from regionik.planners.flat import FlatPolygon, segment_inside
+from regionik.planners.drive import NoPathError
 from regionik.planners.touching import Touch
 from regionik.poses import LARGEST_BEND, Pose, Row, between, pose, turn_to
 from regionik.pruning import Ladder
@@ -44,22 +42,22 @@ class _BlockedError(RegionikError):
 
 @dataclass(frozen=True, eq=False)
 class Leg:
-    """Part of a stretch: arm axis, tool and wished posture each go straight from one end to the other."""
+    """Part of a stretch: base on a track, tool and wished posture straight from one end to the other."""
 
-    axis: tuple[Array, Array]
+    track: Track
     tool: tuple[Array, Array]
     joints: tuple[Array, Array]
     family: tuple[Family, Family]
 
-    def at(self, share: float) -> tuple[Array, Array, Array, float]:
-        """Axis, tool, wished joints and pitch at a share of the way."""
-        axis, tool, joints = (a + share * (b - a) for a, b in (self.axis, self.tool, self.joints))
+    def at(self, share: float) -> tuple[Array, Array, float]:
+        """Tool, wished joints and pitch at a share of the way."""
+        tool, joints = (a + share * (b - a) for a, b in (self.tool, self.joints))
         first, last = self.family[0].pitch, self.family[1].pitch
-        return axis, tool, joints, first + share * kernels.wrap(last - first)
+        return tool, joints, first + share * kernels.wrap(last - first)
 
     @property
     def length(self) -> float:
-        return max(float(np.linalg.norm(b - a)) for a, b in (self.axis, self.tool))
+        return max(self.track.length, float(np.linalg.norm(self.tool[1] - self.tool[0])))
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,58 +73,37 @@ class Stretcher:
     world: World
     ladder: Ladder
     guard: Guard
-    driver: Driver
+    tracks: Tracks
     stops: dict[int, Touch] = field(default_factory=dict)
-    _joined: dict[tuple[int, int], FlatPolygon] = field(default_factory=dict)
 
     def follow(self, i: int, here: Spot, goal: Spot) -> list[Row] | None:
         """From set-point i to i + 1; None where the arm would have to jump, or would touch something."""
         try:
-            return self._straight(i, here, goal) or self._by_handover(i, here, goal)
+            for moves in self.tracks.ways(here.component, goal.component, here.pose.base, goal.pose.base):
+                rows = self._go(i, here.pose, self._legs(i, (here, goal), moves))
+                if rows is not None:
+                    return rows
+        except NoPathError:
+            return None
         except _BlockedError as blocked:
             self.stops.setdefault(i, blocked.touch)
-            return None
+        return None
 
-    def _straight(self, i: int, here: Spot, goal: Spot) -> list[Row] | None:
-        a, b = (axis_of(self.world.robot, spot.pose.base) for spot in (here, goal))
-        flat = self._flat(here.component, goal.component)
-        if not segment_inside(flat.vertices, flat.starts, a[0], a[1], b[0], b[1]):
-            return None
-        return self._go(i, here.pose, [self._leg(i, (here, goal), (a, b), (0, 1), (0.0, 1.0))])
-
-    def _by_handover(self, i: int, here: Spot, goal: Spot) -> list[Row] | None:
-        k, j = here.component, goal.component
-        components = self.ladder.component
-        a, b = (axis_of(self.world.robot, spot.pose.base) for spot in (here, goal))
-        over = _handover(components[k] & components[j], a, b)
-        before = self.driver.drive(components[k], a, over)
-        after = self.driver.drive(components[j], over, b)
-        ways = [(p, q, 0, 0) for p, q in _pairs(before)]
-        ways += [(over, over, 0, 1)]
-        ways += [(p, q, 1, 1) for p, q in _pairs(after)]
-        tool = float(np.linalg.norm(self.world.task[i + 1].position - self.world.task[i].position))
-        far = np.cumsum([0.0] + [float(np.hypot(*(q - p))) + (t - s) * tool for p, q, s, t in ways])
-        shares = far / far[-1] if far[-1] > 0 else np.linspace(0.0, 1.0, len(far))
-        legs = [
-            self._leg(i, (here, goal), (p, q), (s, t), (float(u), float(v)))
-            for (p, q, s, t), u, v in zip(ways, shares[:-1], shares[1:], strict=True)
-        ]
-        return self._go(i, here.pose, legs)
-
-    def _leg(
-        self,
-        i: int,
-        spots: tuple[Spot, Spot],
-        axis: tuple[Array, Array],
-        ends: tuple[int, int],
-        shares: tuple[float, float],
-    ) -> Leg:
-        """A leg between two places of the axis; ``ends`` say at which of the two set-points the tool is."""
-        tools = [self.world.task[i + end].position for end in ends]
+    def _legs(self, i: int, spots: tuple[Spot, Spot], moves: list[Move]) -> list[Leg]:
+        """Moves with what the tool does on them, and the postures wished for."""
+        tools = [self.world.task[i + end].position for end in (0, 1)]
+        way = float(np.linalg.norm(tools[1] - tools[0]))
         first, last = spots[0].found.joints, spots[1].found.joints
-        wished = [first + share * (last - first) for share in shares]
-        families = [self.ladder.family[spots[end].component] for end in ends]
-        return Leg(axis, (tools[0], tools[1]), (wished[0], wished[1]), (families[0], families[1]))
+        families = [self.ladder.family[spot.component] for spot in spots]
+        far = np.cumsum([0.0] + [move.track.length + (move.tool[1] - move.tool[0]) * way for move in moves])
+        shares = far / far[-1] if far[-1] > 0 else np.linspace(0.0, 1.0, len(far))
+        legs = []
+        for move, u, v in zip(moves, shares[:-1].tolist(), shares[1:].tolist(), strict=True):
+            tool = [tools[0] + share * (tools[1] - tools[0]) for share in move.tool]
+            wished = [first + share * (last - first) for share in (u, v)]
+            family = [families[round(share)] for share in move.tool]
+            legs.append(Leg(move.track, (tool[0], tool[1]), (wished[0], wished[1]), (family[0], family[1])))
+        return legs
 
     def _go(self, i: int, here: Pose, legs: list[Leg]) -> list[Row] | None:
         rows: list[Row] = []
@@ -150,7 +127,7 @@ class Stretcher:
         def advance(share: float, depth: int) -> bool:
             nonlocal done
             there = _solve(solver, leg, share, passed[-1])
-            if there is not None and self._holds(passed[-1], there, leg.at(done)[1], leg.at(share)[1]):
+            if there is not None and self._holds(passed[-1], there, leg.at(done)[0], leg.at(share)[0]):
                 touch = self.guard.stop(passed[-1], there)
                 if touch is None:
                     passed.append(there)
@@ -170,19 +147,12 @@ class Stretcher:
         if np.abs(there.joints - here.joints).max() > LARGEST_BEND:
             return False
         shares = np.array([0.25, 0.5, 0.75])
-        filled = [between(here, there, share) for share in shares]
+        filled = [between(here, there, share, self.world.robot.base) for share in shares]
         base, joints = (np.array(part) for part in zip(*((f.base, f.joints) for f in filled), strict=True))
         tools = self.world.robot.tool(base, joints)[:, :3, 3]
         along = shares[:, None] * (q - p) + p
         worst = float(np.linalg.norm(tools - along, axis=1).max())
         return worst <= SAG_SHARE * self.world.rules.path_tolerance
-
-    def _flat(self, k: int, j: int) -> FlatPolygon:
-        """Two components together, kept."""
-        if (k, j) not in self._joined:
-            both = shapely.union(self.ladder.component[k], self.ladder.component[j])
-            self._joined[k, j] = FlatPolygon.from_shapely(both)
-        return self._joined[k, j]
 
 
 def _solve(solver: Solver, leg: Leg, share: float, near: Pose) -> Pose | None:
@@ -190,23 +160,14 @@ def _solve(solver: Solver, leg: Leg, share: float, near: Pose) -> Pose | None:
 
     FABRIK from the wished posture first; where its passes stall or jump, the posture of least change.
     """
-    axis, tool, wished, pitch = leg.at(share)
-    here = replace(solver, family=replace(solver.family, pitch=pitch))
-    base = pose_of(solver.robot, axis, near.base[2])
+    tool, wished, pitch = leg.at(share)
+    base, bound = leg.track.base(solver.robot, share, near.base[2])
+    span = (float(base[2]), float(base[2])) if bound else solver.span
+    here = replace(solver, family=replace(solver.family, pitch=pitch), span=span)
     wished = np.concatenate([near.joints[:1], wished[1:]])  # the heading decides on the first joint
-    found = here.hold(tool, base, wished)
-    if found.converged and np.abs(found.joints - wished)[1:].max() <= LARGEST_BEND / 2:
-        return pose(found)
-    nearest = here.least_change(tool, base, wished)
-    return None if nearest is None else pose(nearest)
-
-
-def _handover(shared: BaseGeometry, a: Array, b: Array) -> Array:
-    """Place in the shared area nearest to the way from a to b, a little inside where there is room."""
-    inside = shared.buffer(-0.002)
-    goal = shared if inside.is_empty else inside
-    return np.array(shapely.shortest_line(goal, LineString([a, b])).coords[0])
-
-
-def _pairs(points: Array) -> list[tuple[Array, Array]]:
-    return list(zip(points[:-1], points[1:], strict=True))
+    found: Configuration | None = here.hold(tool, base, wished)
+    if found is None or not found.converged or np.abs(found.joints - wished)[1:].max() > LARGEST_BEND / 2:
+        found = here.least_change(tool, base, wished)
+    if found is None:
+        return None
+    return Pose(base, found.joints) if bound else pose(found)

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from regionik.driving import Driver
 from regionik.hops import Hops
 from regionik.mfabrik import axis_of, pose_of
-from regionik.planners.flat import FlatPolygon, contains
 from regionik.planners.sampling import State, connect
 from regionik.poses import Pose, turn_to
 from regionik.worlds.arrays import Array
@@ -20,36 +20,42 @@ STRIDE = 1.0  # its longest motion, metres and radians together
 
 @dataclass(frozen=True, eq=False)
 class WholeBody:
-    """The space of arm axis, heading and joints over one piece of free floor."""
+    """The space of arm axis, heading and joints over one piece of free floor, for an omnidirectional base."""
 
     world: World
     hops: Hops
-    floor: FlatPolygon
+    driver: Driver
+    piece: int
 
-    def way(self, here: Pose, there: Pose, seed: int) -> list[Pose] | None:
+    def way(self, here: Pose, there: Pose) -> list[Pose] | None:
         """Poses from one to another, both included, with clear straight motions between them."""
         start, goal = self._row(here, here), self._row(there, here)
         lower, upper = self._box(start, goal)
-        vertices, rings = self.floor.vertices, self.floor.starts
 
         def free(state: State) -> bool:
-            inside = bool(contains(vertices, rings, state[0], state[1]))
-            return inside and self.hops.guard.clear(self._pose(self._read(state)))
+            at = self._pose(self._read(state))
+            return self.driver.inside(at, self.piece) and self.hops.guard.clear(at)
 
         def clear(p: State, q: State) -> bool:
-            return self.hops.goes(self.floor, self._pose(self._read(p)), self._pose(self._read(q)))
+            return self._goes(self._pose(self._read(p)), self._pose(self._read(q)))
 
+        seed = self.driver.seed
         path = connect(lower, upper, start, goal, free, clear, seed=seed, most=ITERATIONS, stride=STRIDE)
         if path is None:
             return None
         return self._shortened([here, *(self._pose(self._read(q)) for q in path[1:-1]), there])
+
+    def _goes(self, here: Pose, there: Pose) -> bool:
+        """Whether a straight motion stays on the free floor, and keeps the arm clear."""
+        states = self.driver.direct(here, there, self.piece)
+        return states is not None and self.hops.clear([here, *states, there])
 
     def _shortened(self, poses: list[Pose]) -> list[Pose]:
         """Poses without those that a straight motion, proven clear, can leave out."""
         kept, k = [poses[0]], 0
         while k < len(poses) - 1:
             ahead = range(len(poses) - 1, k + 1, -1)
-            k = next((m for m in ahead if self.hops.goes(self.floor, poses[k], poses[m])), k + 1)
+            k = next((m for m in ahead if self._goes(poses[k], poses[m])), k + 1)
             kept.append(poses[k])
         return kept
 
@@ -72,7 +78,7 @@ class WholeBody:
         chain = self.world.robot.chain
         ends = np.stack([start, goal])
         low, high = ends.min(axis=0), ends.max(axis=0)
-        low[:2], high[:2] = self.floor.vertices.min(axis=0), self.floor.vertices.max(axis=0)
+        low[:2], high[:2] = self.driver.extent(self.piece)
         if self.world.rules.heading != "fixed":
             low[2], high[2] = start[2] - np.pi, start[2] + np.pi
         unbounded = ~(np.isfinite(chain.lower) & np.isfinite(chain.upper))

@@ -13,10 +13,11 @@ import shapely
 from regionik.avoid import KEPT, PLACES, Avoider, Evidence, Spot, spread
 from regionik.guard import guard_of
 from regionik.mfabrik import axis_of, configurations
-from regionik.pipeline import start_pose, whole_path
+from regionik.pipeline import start_place, start_pose, whole_path
 from regionik.planners.touching import Touch
 from regionik.poses import Pose
 from regionik.pruning import Pruned, choose_chain
+from regionik.standing import anywhere
 from regionik.worlds.format import load_world
 from regionik.worlds.scene import World
 
@@ -24,15 +25,15 @@ from regionik.worlds.scene import World
 @cache
 def prepared(name: str) -> tuple[World, Pruned, tuple[Spot, ...]]:
     world = load_world(name)
-    _, pruned = whole_path(world)
-    chain = choose_chain(pruned, None if world.start is None else axis_of(world.robot, world.start.base))
-    goals = configurations(world, pruned.ladder, chain, start_pose(world, pruned, chain))
+    standing, _, pruned = whole_path(world)
+    chain = choose_chain(pruned, standing, start_place(world))
+    goals = configurations(world, pruned.ladder, standing, chain, start_pose(world, pruned, chain))
     return world, pruned, tuple(Spot(goal, k) for goal, k in zip(goals, chain, strict=True))
 
 
 def avoider(name: str) -> Avoider:
     world, pruned, _ = prepared(name)
-    return Avoider(world, guard_of(world), pruned.ladder, 0)
+    return Avoider(world, guard_of(world), pruned.ladder, anywhere(world), 0)
 
 
 @pytest.mark.parametrize(("name", "i"), [("shelf", 0), ("shelf", 12), ("pipe", 5), ("tao1", 0), ("tao3", 0)])
@@ -68,7 +69,7 @@ def test_the_same_options_again() -> None:
 def test_without_avoidance_there_is_only_what_mfabrik_found() -> None:
     world, pruned, nominal = prepared("shelf")
     bare = replace(world, rules=replace(world.rules, avoidance=False))
-    looking = Avoider(bare, guard_of(bare), pruned.ladder, 0)
+    looking = Avoider(bare, guard_of(bare), pruned.ladder, anywhere(world), 0)
     assert list(looking.options(3, [nominal[3].component], nominal[2].pose, nominal[3])) == [nominal[3]]
     assert not looking.evidence
 
@@ -99,7 +100,7 @@ def test_evidence_counts_what_was_looked_at_and_keeps_the_best() -> None:
 def test_a_search_is_told_as_evidence() -> None:
     world, pruned, nominal = prepared("shelf")
     shut = replace(world, rules=replace(world.rules, arm_clearance=0.2))
-    looking = Avoider(shut, guard_of(shut), pruned.ladder, 0)
+    looking = Avoider(shut, guard_of(shut), pruned.ladder, anywhere(world), 0)
     here = Pose(np.zeros(3), world.robot.carry)
     assert list(looking.options(0, [nominal[0].component], here, nominal[0])) == []
     seen = looking.evidence[0]

@@ -2,20 +2,22 @@ import itertools
 from dataclasses import replace
 
 import numpy as np
+import pytest
 import shapely
 
-from regionik.ground import ground_of
+from regionik.ground import Side
 from regionik.mfabrik import configurations
 from regionik.motion import connect
-from regionik.pipeline import finish, start_axis, whole_path
+from regionik.pipeline import finish, start_place, whole_path
 from regionik.pruning import Ladder, build_ladder, choose_chain, prune
 from regionik.reachable import FRONT, Family
 from regionik.regions import path_areas
+from regionik.standing import Standing, anywhere
 from regionik.worlds.format import load_world
 
 
-def random_ladder(rng: np.random.Generator) -> Ladder:
-    """Up to six rungs of one to three components, joined at random."""
+def random_ladder(rng: np.random.Generator, *, turning: bool = False) -> Ladder:
+    """Up to six rungs of one to three components, joined at random; with turning, some in one group."""
     sizes = rng.integers(1, 4, rng.integers(2, 7))
     target = np.repeat(np.arange(len(sizes)), sizes)
     pairs = [
@@ -30,8 +32,15 @@ def random_ladder(rng: np.random.Generator) -> Ladder:
         target.astype(np.intp),
         tuple(Family(FRONT) for _ in target),
         np.zeros(len(target), dtype=np.intp),
+        np.zeros(len(target), dtype=np.intp),
         np.array(pairs, dtype=np.intp).reshape(-1, 2),
+        np.unique(2 * target + rng.integers(0, 2, len(target)) * turning, return_inverse=True)[1]
+        if turning
+        else np.arange(len(target)),
     )
+
+
+NO_FLOOR = Standing((Side(shapely.Polygon(), np.empty(0, dtype=object)),))
 
 
 def traversals(ladder: Ladder) -> list[tuple[int, ...]]:
@@ -41,15 +50,17 @@ def traversals(ladder: Ladder) -> list[tuple[int, ...]]:
 
 
 def lifts(ladder: Ladder, chain: tuple[int, ...] | list[int]) -> int:
-    edges = set(map(tuple, ladder.edges.tolist()))
-    return sum(pair not in edges for pair in itertools.pairwise(chain))
+    edges = {(int(ladder.group[a]), int(ladder.group[b])) for a, b in ladder.edges.tolist()}
+    steps = itertools.pairwise(ladder.group[list(chain)].tolist())
+    return sum(pair not in edges for pair in steps)
 
 
-def test_lift_offs_are_fewest_and_cuts_keep_every_full_traversal() -> None:
+@pytest.mark.parametrize("turning", [False, True])
+def test_lift_offs_are_fewest_and_cuts_keep_every_full_traversal(turning: bool) -> None:
     rng = np.random.default_rng(0)
     whole = 0
     for _ in range(300):
-        ladder = random_ladder(rng)
+        ladder = random_ladder(rng, turning=turning)
         pruned = prune(ladder, np.ones(len(ladder.component), dtype=bool))
         every = traversals(ladder)
         assert len(pruned.breaks) == min(lifts(ladder, chain) for chain in every)
@@ -57,7 +68,7 @@ def test_lift_offs_are_fewest_and_cuts_keep_every_full_traversal() -> None:
             whole += 1
             used = {k for chain in every if lifts(ladder, chain) == 0 for k in chain}
             assert used == set(np.flatnonzero(pruned.keep).tolist())
-        chosen = choose_chain(pruned, None)
+        chosen = choose_chain(pruned, NO_FLOOR, None)
         assert lifts(ladder, chosen) == len(pruned.breaks)
         assert all(pruned.keep[k] for k in chosen)
     assert whole > 50
@@ -74,7 +85,7 @@ def test_unusable_components_are_never_kept() -> None:
 def test_pocket_of_l_shape_is_cut_out() -> None:
     """M-FABRIK, experiment 4: the components inside the L at set-points 14 to 22 lead nowhere."""
     world = load_world("l_shape")
-    _, pruned = whole_path(world)
+    _, _, pruned = whole_path(world)
     rungs = pruned.ladder.rungs()
     cut = [i + 1 for i in range(40) if not pruned.keep[rungs[i] : rungs[i + 1]].all()]
     assert pruned.breaks == ()
@@ -88,14 +99,14 @@ def test_pocket_of_l_shape_is_cut_out() -> None:
 def test_l_shape_without_pruning_lifts_off() -> None:
     """The nearest place of every area, one after the other, ends in the pocket."""
     world = load_world("l_shape")
-    side = ground_of(world).inner
+    standing = anywhere(world)
     areas = path_areas(world, facings=(FRONT,))
-    ladder = build_ladder(areas, len(world.task), side)
+    ladder = build_ladder(areas, len(world.task), standing)
     rungs = ladder.rungs()
-    start = start_axis(world)
+    start = start_place(world)
     assert start is not None
     assert world.start is not None
-    spot = shapely.Point(start)
+    spot = shapely.Point(start[:2])
     chain: list[int] = []
     for a, b in itertools.pairwise(rungs):
         gaps = shapely.distance(ladder.component[a:b], spot)
@@ -103,15 +114,15 @@ def test_l_shape_without_pruning_lifts_off() -> None:
         spot = shapely.Point(shapely.shortest_line(ladder.component[chain[-1]], spot).coords[0])
     edges = set(map(tuple, ladder.edges.tolist()))
     breaks = tuple(i + 1 for i, pair in enumerate(itertools.pairwise(chain)) if pair not in edges)
-    goals = configurations(world, ladder, chain, (world.start.base, world.start.joints))
+    goals = configurations(world, ladder, standing, chain, (world.start.base, world.start.joints))
     everything = prune(ladder, np.ones(len(ladder.component), dtype=bool))
-    course = connect(world, replace(everything, breaks=breaks), chain, goals, side, 0)
+    course = connect(world, replace(everything, breaks=breaks), chain, goals, standing, 0)
     assert finish(world, 0, areas, everything, course).lift_offs >= 1
 
 
 def test_overlaps_agree_with_every_pair() -> None:
     world = load_world("l_shape")
-    ladder = build_ladder(path_areas(world), len(world.task), ground_of(world).inner)
+    ladder = build_ladder(path_areas(world), len(world.task), anywhere(world))
     expected = {
         (a, b)
         for a in range(len(ladder.target))

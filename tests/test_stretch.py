@@ -9,8 +9,10 @@ import pytest
 import shapely
 
 from regionik.avoid import Spot
+from regionik.basepaths import AxisLine, tracks_for
+from regionik.driving import driver_for
 from regionik.guard import guard_of
-from regionik.hops import Driver
+from regionik.hops import Hops
 from regionik.mfabrik import Solver, axis_of, pose_of
 from regionik.pipeline import whole_path
 from regionik.planners.kernels import wrap
@@ -33,8 +35,10 @@ def world_of(name: str, solids: tuple[Solid, ...] = (), **rules: object) -> Worl
 
 
 def stretcher(world: World) -> Stretcher:
-    _, pruned = whole_path(world)
-    return Stretcher(world, pruned.ladder, guard_of(world), Driver(world, 0))
+    standing, _, pruned = whole_path(world)
+    guard, ladder = guard_of(world), pruned.ladder
+    tracks = tracks_for(world, ladder, standing, driver_for(world, Hops(world, guard), standing, 0))
+    return Stretcher(world, ladder, guard, tracks)
 
 
 def spots_at(world: World, i: int, axis: tuple[float, float], near: Pose | None = None) -> list[Spot]:
@@ -118,12 +122,17 @@ def test_a_leg_goes_straight_from_end_to_end() -> None:
     rng = np.random.default_rng(0)
     axis, tool, joints = (tuple(rng.normal(size=(2, n))) for n in (2, 3, 5))
     families = Family(FRONT, pitch=3.0), Family(FRONT, pitch=-3.0)
-    leg = Leg(axis, tool, joints, families)
+    robot = robot_named("youbot-real")
+    leg = Leg(AxisLine(*axis), tool, joints, families)
     for share in (0.0, 0.3, 1.0):
-        at = leg.at(share)
-        for value, (a, b) in zip(at[:3], (axis, tool, joints), strict=True):
+        point, wished, pitch = leg.at(share)
+        base, bound = leg.track.base(robot, share, 0.7)
+        assert base[2] == 0.7
+        assert not bound
+        pairs = ((axis_of(robot, base), axis), (point, tool), (wished, joints))
+        for value, (a, b) in pairs:
             np.testing.assert_allclose(value, (1 - share) * a + share * b)
-        assert wrap(at[3] - 3.0) == pytest.approx(share * (2 * np.pi - 6.0))  # the shorter way round
+        assert wrap(pitch - 3.0) == pytest.approx(share * (2 * np.pi - 6.0))  # the shorter way round
     assert leg.length == pytest.approx(max(np.linalg.norm(p[1] - p[0]) for p in (axis, tool)))
 
 

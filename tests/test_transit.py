@@ -8,14 +8,16 @@ import numpy as np
 import pytest
 import shapely
 
-from regionik import transit
+from regionik import wholebody
+from regionik.driving import driver_for
 from regionik.ground import ground_of
 from regionik.guard import guard_of
-from regionik.hops import Driver
+from regionik.hops import TURN_STRIDE, Hops
 from regionik.mfabrik import axis_of
 from regionik.planners.kernels import wrap
 from regionik.poses import LARGEST_BEND, Pose, between
-from regionik.transit import TURN_STRIDE, Carrier
+from regionik.standing import anywhere
+from regionik.transit import Carrier
 from regionik.worlds.library import robot_named
 from regionik.worlds.obstacles import Box, Cylinder, Solid
 from regionik.worlds.scene import Floor, Heading, Rules, World
@@ -30,7 +32,9 @@ def world_of(name: str, *solids: Solid, heading: Heading = "free") -> World:
 
 
 def carrier(world: World) -> Carrier:
-    return Carrier(world, ground_of(world).inner, guard_of(world), Driver(world, 0))
+    guard = guard_of(world)
+    hops = Hops(world, guard)
+    return Carrier(world, guard, hops, driver_for(world, hops, anywhere(world), 0))
 
 
 def posed(world: World, base: np.ndarray, *bends: float) -> Pose:
@@ -105,7 +109,7 @@ def test_sampled_ways_in_a_narrow_place(heading: Heading) -> None:
 
 
 def test_no_way_out_of_a_pen(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(transit, "ITERATIONS", 100)
+    monkeypatch.setattr(wholebody, "ITERATIONS", 100)
     pen = tuple(
         Box(name, np.array([*size, 1.0]), np.array([*middle, 0.7]))
         for name, size, middle in (
