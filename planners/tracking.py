@@ -16,59 +16,21 @@ from dataclasses import dataclass
 import numpy as np
 
 from regionik.planners.kernels import wrap
+from regionik.planners.pitch import PitchArm, PoseError, Share, arm_share
 from regionik.worlds.arrays import Array
-from regionik.worlds.errors import RegionikError
 
-VERTICAL = 1e-9  # cosine of the tool's pitch below which it stands upright
-ROUNDING = 1e-12
+SPREAD = 24  # headings round a base that may begin with any
 
 
-class PoseError(RegionikError):
-    """A tool pose that the arm cannot take at any place of the base; ``index`` counts from 0."""
+class SaturationError(PoseError):
+    """A leaning tool that joint 1 cannot hold any longer, whatever the base does; ``index`` counts from 0."""
 
-    def __init__(self, reason: str, index: int) -> None:
-        super().__init__(reason)
-        self.index = index
-
-
-@dataclass(frozen=True)
-class PitchArm:
-    """Five joints: pivot, shoulder, elbow, and two rolls of which the last is kept at zero.
-
-    Attributes
-    ----------
-    shoulder_out, shoulder_up : float
-        From the arm's base frame to the shoulder: a1, d1 [m].
-    upper, fore : float
-        Shoulder to elbow, elbow to tool: a2, d4 + d6 [m].
-    """
-
-    shoulder_out: float
-    shoulder_up: float
-    upper: float
-    fore: float
-
-
-@dataclass(frozen=True, eq=False)
-class Share:
-    """What the arm takes of a pose, and what it leaves.
-
-    Attributes
-    ----------
-    joints : (3,) array
-        Shoulder, elbow, roll [rad]; the roll is that of joint 1 at ``turn`` where the tool stands upright.
-    out : float
-        Tool from the pivot axis, along the arm [m].
-    turn : float
-        Heading of the base plus joint 1 [rad]; where the tool stands upright, plus or minus the roll.
-    upright : int
-        +1 where the tool points down, -1 where up, 0 else: the sign with which the roll enters ``turn``.
-    """
-
-    joints: Array
-    out: float
-    turn: float
-    upright: int
+    def __init__(self, index: int, pivot: float, limit: float) -> None:
+        super().__init__(
+            f"pose {index + 1}: joint 1 would stand at {np.degrees(pivot):.1f} deg, its limits are "
+            f"{np.degrees(limit):.1f} deg to either side; the tool must be lifted for the base to turn",
+            index,
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,62 +57,6 @@ class Track:
         """Way of the left and right wheel over each step, (n, 2), for wheels ``gauge`` apart [m]."""
         turn = self.bend * gauge / 2
         return np.column_stack([self.arc - turn, self.arc + turn])
-
-
-def heights(arm: PitchArm, pitch_sine: float) -> tuple[float, float]:
-    """Heights over the arm's base frame that the tool attains with ``sin`` of its pitch down given [m]."""
-    middle = arm.shoulder_up - arm.fore * pitch_sine
-    return middle - arm.upper, middle + arm.upper
-
-
-def arm_share(
-    arm: PitchArm, pose: Array, lift: float, index: int = 0, *, elbow: int = 1, facing: int = 1
-) -> Share:
-    """The arm's part of a tool pose (4, 4): height and vertical components of the orientation.
-
-    Parameters
-    ----------
-    arm : PitchArm
-    pose : (4, 4) array
-        In the world.
-    lift : float
-        Height of the arm's base frame [m].
-    index : int
-        Of the pose, for the error.
-    elbow : int
-        +1 or -1: which of the two shoulder angles.
-    facing : int
-        -1 for a forearm that points back over the shoulder; of a leaning tool alone.
-
-    Raises
-    ------
-    PoseError
-        When the height is out of reach at this pitch; the attainable interval is named.
-    """
-    n, o, a, p = pose[:3, 0], pose[:3, 1], pose[:3, 2], pose[:3, 3]
-    sine = -float(a[2])
-    low, high = heights(arm, sine)
-    rise = float(p[2]) - lift
-    if not low - ROUNDING <= rise <= high + ROUNDING:
-        raise PoseError(
-            f"pose {index + 1}: height {p[2]:.5f} m cannot be taken with this tool direction, "
-            f"attainable: {low + lift:.5f} to {high + lift:.5f} m",
-            index,
-        )
-    lifted = float(np.clip((arm.shoulder_up - arm.fore * sine - rise) / arm.upper, -1.0, 1.0))
-    shoulder = float(np.arcsin(lifted)) if elbow > 0 else np.pi - float(np.arcsin(lifted))
-    flat = float(np.hypot(a[0], a[1]))
-    if flat < VERTICAL:
-        upright = 1 if sine > 0 else -1
-        pitch = upright * np.pi / 2
-        turn = float(np.arctan2(n[1], n[0])) - (0.0 if upright > 0 else np.pi)
-        joints = np.array([shoulder, pitch - shoulder, 0.0])
-        return Share(joints, arm.shoulder_out + arm.upper * np.cos(shoulder), wrap(turn), upright)
-    pitch = float(np.arctan2(sine, facing * flat))
-    roll = float(np.arctan2(-facing * o[2], facing * n[2]))
-    out = arm.shoulder_out + arm.upper * np.cos(shoulder) + arm.fore * facing * flat
-    turn = float(np.arctan2(facing * a[1], facing * a[0]))
-    return Share(np.array([shoulder, pitch - shoulder, roll]), out, turn, 0)
 
 
 def track(
@@ -182,8 +88,11 @@ def track(
 
     Raises
     ------
-    PoseError
-        When a pose is out of the arm's reach in height, or would need the base to turn on the spot.
+    HeightError
+        When a pose is out of the arm's reach in height.
+    SaturationError
+        When joint 1 would leave its limits under a leaning tool. Its pivot then stands still over the floor,
+        and no wheels can turn the base about a point ahead of them: the tool has to be lifted.
     """
     spots = np.array([pose[:2, 3] for pose in poses])
     yaw = _first_heading(spots) if heading is None else heading
@@ -204,6 +113,54 @@ def track(
         bends.append(bend)
         arcs.append(arc)
     return Track(np.array(base), np.array(joints), np.array(bends), np.array(arcs))
+
+
+def track_runs(
+    arm: PitchArm,
+    poses: Sequence[Array],
+    *,
+    ahead: float,
+    lift: float,
+    pivot_limit: float = np.pi / 2,
+    heading: float | None = None,
+    elbow: int = 1,
+) -> tuple[Track, ...]:
+    """Follow tool poses in runs: a new one begins where joint 1 cannot hold a leaning tool any longer.
+
+    Between two runs the tool must be lifted and the base brought from the last pose of the one to the first
+    of the other. Each run but the first, whose ``heading`` may be given, goes on as long as from any of
+    `headings`. Arguments and errors are those of `track`, but for the saturation of joint 1.
+    """
+    for k, pose in enumerate(poses):
+        arm_share(arm, pose, lift, k, elbow=elbow)
+
+    def run(first: int, yaw: float | None) -> Track:
+        rest = poses[first:]
+        while True:
+            try:
+                return track(
+                    arm, rest, ahead=ahead, lift=lift, pivot_limit=pivot_limit, heading=yaw, elbow=elbow
+                )
+            except SaturationError as error:
+                rest = rest[: error.index]
+
+    runs = [run(0, heading)]
+    done = len(runs[0].base)
+    while done < len(poses):
+        tried = headings(arm, poses[done], lift, elbow)
+        runs.append(max((run(done, yaw) for yaw in tried), key=lambda found: len(found.base)))
+        done += len(runs[-1].base)
+    return tuple(runs)
+
+
+def headings(arm: PitchArm, pose: Array, lift: float, elbow: int = 1) -> tuple[float | None, ...]:
+    """Headings of a base that is to begin with a pose: along the tool's first step, then all round.
+
+    The nearer joint 1 is to zero, the earlier.
+    """
+    turn = arm_share(arm, pose, lift, elbow=elbow).turn
+    aside = sorted(range(SPREAD), key=lambda k: min(k, SPREAD - k))
+    return (None, *(float(wrap(turn + 2 * np.pi * k / SPREAD)) for k in aside))
 
 
 def rolled(base: Array, bend: float, arc: float) -> Array:
@@ -230,11 +187,7 @@ def _step(
     bend = 2 * _half(y, x + ahead)
     pivot = turn - bend
     if abs(pivot) > limit:
-        raise PoseError(
-            f"pose {index + 1}: joint 1 would stand at {np.degrees(pivot):.1f} deg, its limits are "
-            f"{np.degrees(limit):.1f} deg to either side, and the base would have to turn on the spot",
-            index,
-        )
+        raise SaturationError(index, pivot, limit)
     return bend, _arc(x, y, ahead, 0.0, bend), pivot
 
 

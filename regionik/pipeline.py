@@ -10,15 +10,15 @@ import shapely
 from shapely.geometry import Point
 from shapely.geometry.base import BaseGeometry
 
-from regionik import explain, explain_arm
+from regionik import explain, explain_arm, tracked
 from regionik.ground import ground_of
 from regionik.mfabrik import axis_of, configurations
 from regionik.motion import Course, connect
 from regionik.plan import Plan, PlannedArea
+from regionik.poses import figures, lift_offs
 from regionik.pruning import Ladder, Pruned, build_ladder, choose_chain, prune
 from regionik.reachable import BACK, FRONT
 from regionik.regions import PathAreas, path_areas
-from regionik.rolling import travel
 from regionik.verify import verify
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError, NoPlanFound
@@ -63,6 +63,8 @@ def plan(world: World, *, seed: int = 0, progress: Progress | None = None) -> Pl
     sunk = explain_arm.buried(world)
     if sunk is not None:
         raise NoPlanFound(sunk)
+    if tracked.follows(world):
+        return tracked.follow(world, seed, tell)
     tell("areas", 0, len(world.task))
     areas, pruned = whole_path(world)
     ladder = pruned.ladder
@@ -85,10 +87,26 @@ def check(world: World) -> None:
     """Refuse what cannot be planned at all."""
     if not world.task:
         raise InputError(f"{world.name}: task: expected at least one set-point")
-    if world.robot.base != "omni":
-        raise InputError(f"{world.name}: robot.base: only omni can be planned for, got {world.robot.base}")
     if world.rules.mode != "continuous":
         raise InputError(f"{world.name}: rules.mode: expected continuous, got {world.rules.mode}")
+    if tracked.follows(world):
+        if world.rules.heading != "free":
+            what = f"a base on wheels that follows full orientations keeps none, got {world.rules.heading}"
+            raise InputError(f"{world.name}: rules.heading: {what}, valid choices: free")
+    else:
+        _check_areas(world)
+    blocked = explain.blocked_start(world)
+    if blocked is not None:
+        raise NoPlanFound(blocked)
+
+
+def _check_areas(world: World) -> None:
+    """Refuse what areas and M-FABRIK cannot be asked about."""
+    if world.robot.base != "omni":
+        raise InputError(
+            f"{world.name}: robot.base: only omni can be planned for, got {world.robot.base}; differential "
+            "only with an arm like pioneer-parm's and a full orientation at every set-point"
+        )
     if any(target.orientation is not None for target in world.task):
         what = "full orientations cannot be planned yet; give a direction"
         raise InputError(f"{world.name}: task: {what}")
@@ -106,9 +124,6 @@ def check(world: World) -> None:
             f"{world.name}: task: a tool direction can be planned only for an arm in one vertical plane, "
             "with the tool's z axis along the arm's last link"
         )
-    blocked = explain.blocked_start(world)
-    if blocked is not None:
-        raise NoPlanFound(blocked)
 
 
 def whole_path(world: World) -> tuple[PathAreas, Pruned]:
@@ -187,19 +202,9 @@ def start_pose(world: World, pruned: Pruned, chain: list[int]) -> tuple[Array, A
 def finish(world: World, seed: int, areas: PathAreas, pruned: Pruned, course: Course) -> Plan:
     """Put the results of the stages together."""
     motion = course.motion
-    lifted = np.concatenate([[False], motion.kind == "transit", [False]]).astype(int)
-    after_first = int(np.argmax(motion.kind == "setpoint"))
-    lift_offs = int(np.count_nonzero(np.diff(lifted[after_first + 1 :]) == 1))
-    stats = {
-        "setpoints": len(course.setpoints),
-        "iterations": int(sum(found.iterations for found in course.setpoints)),
-        "states": len(motion),
-        "base_travel": travel(world.robot.base, motion.base),
-        "base_moves": course.methods,
-        "largest_error": float(max(found.error for found in course.setpoints)),
-    }
+    stats = figures(world.robot.base, course.setpoints, motion, course.methods)
     shown = _planned_areas(world, areas, pruned)
-    return Plan(world, seed, course.setpoints, motion, shown, lift_offs, (), stats)
+    return Plan(world, seed, course.setpoints, motion, shown, lift_offs(motion), (), stats)
 
 
 def _planned_areas(world: World, areas: PathAreas, pruned: Pruned) -> tuple[PlannedArea, ...]:
