@@ -10,8 +10,10 @@ slide; `chord_heading` gives that rule for comparison. Its base frame has Y ahea
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,6 +21,7 @@ from regionik.planners.kernels import wrap
 from regionik.planners.pitch import PitchArm, PoseError, Share, arm_share
 from regionik.worlds.arrays import Array
 
+SLACK = 1e-9  # beyond a joint's limit, for rounding [rad]
 SPREAD = 24  # headings round a base that may begin with any
 
 
@@ -59,6 +62,15 @@ class Track:
         return np.column_stack([self.arc - turn, self.arc + turn])
 
 
+class _Row(NamedTuple):
+    """One row of a `Track`."""
+
+    base: Array
+    joints: Array
+    bend: float
+    arc: float
+
+
 def track(
     arm: PitchArm,
     poses: Sequence[Array],
@@ -94,25 +106,42 @@ def track(
         When joint 1 would leave its limits under a leaning tool. Its pivot then stands still over the floor,
         and no wheels can turn the base about a point ahead of them: the tool has to be lifted.
     """
-    spots = np.array([pose[:2, 3] for pose in poses])
-    yaw = _first_heading(spots) if heading is None else heading
-    ahead_turn = wrap(arm_share(arm, poses[0], lift, elbow=elbow).turn - yaw)
-    facing = 1 if abs(ahead_turn) <= np.pi / 2 else -1
-    shares = [arm_share(arm, pose, lift, k, elbow=elbow, facing=facing) for k, pose in enumerate(poses)]
-    turns = np.unwrap([share.turn for share in shares])
-    turns += yaw + wrap(turns[0] - yaw) - turns[0]
-    if shares[0].upright == 0:
-        yaw = float(turns[0] - np.clip(turns[0] - yaw, -pivot_limit, pivot_limit))
-    first = float(np.clip(turns[0] - yaw, -pivot_limit, pivot_limit))
-    base = [np.array([*(spots[0] - _lever(ahead, shares[0].out, first, yaw)), yaw])]
-    joints, bends, arcs = [_joints(shares[0], first, turns[0] - yaw)], [0.0], [0.0]
+    return _track_of(_rows(arm, poses, ahead, lift, pivot_limit, heading, elbow))
+
+
+def _rows(
+    arm: PitchArm,
+    poses: Sequence[Array],
+    ahead: float,
+    lift: float,
+    limit: float,
+    heading: float | None,
+    elbow: int,
+) -> Iterator[_Row]:
+    """The rows of a track, one a pose."""
+    yaw = _first_heading(poses) if heading is None else heading
+    facing = 1 if abs(wrap(arm_share(arm, poses[0], lift, elbow=elbow).turn - yaw)) <= np.pi / 2 else -1
+    share = arm_share(arm, poses[0], lift, elbow=elbow, facing=facing)
+    turn = yaw + wrap(share.turn - yaw)
+    if not share.upright:
+        yaw = float(turn - np.clip(turn - yaw, -limit, limit))
+    pivot = float(np.clip(turn - yaw, -limit, limit))
+    base = np.array([*(poses[0][:2, 3] - _lever(ahead, share.out, pivot, yaw)), yaw])
+    yield _Row(base, _joints(share, pivot, turn - yaw), 0.0, 0.0)
     for k in range(1, len(poses)):
-        bend, arc, pivot = _step(shares[k], turns[k], spots[k], base[-1], ahead, pivot_limit, k)
-        base.append(rolled(base[-1], bend, arc))
-        joints.append(_joints(shares[k], pivot, turns[k] - base[-1][2]))
-        bends.append(bend)
-        arcs.append(arc)
-    return Track(np.array(base), np.array(joints), np.array(bends), np.array(arcs))
+        share = arm_share(arm, poses[k], lift, k, elbow=elbow, facing=facing)
+        turn += wrap(share.turn - turn)
+        bend, arc, pivot = _step(share, turn, poses[k][:2, 3], base, ahead, limit, k)
+        base = rolled(base, bend, arc)
+        yield _Row(base, _joints(share, pivot, turn - base[2]), bend, arc)
+
+
+def _track_of(rows: Iterable[_Row]) -> Track:
+    found = list(rows)
+    base, joints, bend, arc = zip(*found, strict=True) if found else ((),) * 4
+    return Track(
+        np.array(base).reshape(-1, 3), np.array(joints).reshape(-1, 5), np.array(bend), np.array(arc)
+    )
 
 
 def track_runs(
@@ -121,36 +150,47 @@ def track_runs(
     *,
     ahead: float,
     lift: float,
-    pivot_limit: float = np.pi / 2,
+    lower: Array,
+    upper: Array,
     heading: float | None = None,
     elbow: int = 1,
+    most: float = np.inf,
 ) -> tuple[Track, ...]:
-    """Follow tool poses in runs: a new one begins where joint 1 cannot hold a leaning tool any longer.
+    """Follow tool poses in runs: a new one begins where a joint cannot follow any longer.
 
     Between two runs the tool must be lifted and the base brought from the last pose of the one to the first
     of the other. Each run but the first, whose ``heading`` may be given, goes on as long as from any of
-    `headings`. Arguments and errors are those of `track`, but for the saturation of joint 1.
+    `headings`. ``lower`` and ``upper`` (5,) are the joints' limits [rad]; the rest is as for `track`.
+
+    Returns
+    -------
+    tuple of Track
+        None at all where some pose is beyond the limits from every heading, or more than ``most`` runs would
+        be needed.
     """
     for k, pose in enumerate(poses):
         arm_share(arm, pose, lift, k, elbow=elbow)
+    limit = float(min(-lower[0], upper[0], np.pi))
+
+    def within(rows: Iterator[_Row]) -> Iterator[_Row]:
+        with suppress(SaturationError):
+            for row in rows:
+                if (row.joints < lower - SLACK).any() or (row.joints > upper + SLACK).any():
+                    return
+                yield row
 
     def run(first: int, yaw: float | None) -> Track:
-        rest = poses[first:]
-        while True:
-            try:
-                return track(
-                    arm, rest, ahead=ahead, lift=lift, pivot_limit=pivot_limit, heading=yaw, elbow=elbow
-                )
-            except SaturationError as error:
-                rest = rest[: error.index]
+        return _track_of(within(_rows(arm, poses[first:], ahead, lift, limit, yaw, elbow)))
 
     runs = [run(0, heading)]
     done = len(runs[0].base)
-    while done < len(poses):
+    while runs[-1].base.size and done < len(poses):
+        if len(runs) >= most:
+            return ()
         tried = headings(arm, poses[done], lift, elbow)
         runs.append(max((run(done, yaw) for yaw in tried), key=lambda found: len(found.base)))
         done += len(runs[-1].base)
-    return tuple(runs)
+    return tuple(runs) if runs[-1].base.size else ()
 
 
 def headings(arm: PitchArm, pose: Array, lift: float, elbow: int = 1) -> tuple[float | None, ...]:
@@ -228,8 +268,8 @@ def _seen(spot: Array, base: Array) -> tuple[float, float]:
     return float(c * dx + s * dy), float(c * dy - s * dx)
 
 
-def _first_heading(spots: Array) -> float:
-    way = spots[1] - spots[0] if len(spots) > 1 else np.array([1.0, 0.0])
+def _first_heading(poses: Sequence[Array]) -> float:
+    way = poses[1][:2, 3] - poses[0][:2, 3] if len(poses) > 1 else np.array([1.0, 0.0])
     return float(np.arctan2(way[1], way[0]))
 
 

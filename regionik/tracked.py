@@ -24,10 +24,10 @@ from regionik.planners.pitch import HeightError, PitchArm, arm_share
 from regionik.planners.room import Room, room_of
 from regionik.planners.wheels import drive_differential
 from regionik.poses import LARGEST_BEND, Pose, Row, columns, figures, lift_offs
-from regionik.tracks import SAME, Follow, arm_of, ways
+from regionik.tracks import SAME, Follow, arm_of, same, ways
 from regionik.verify import verify
 from regionik.worlds.arrays import Array
-from regionik.worlds.errors import Cause, Explanation, NoPlanFound, Repair
+from regionik.worlds.errors import Cause, Explanation, NoPlanFound
 from regionik.worlds.scene import Target, World
 
 Tell = Callable[[str, int, int], None]
@@ -93,7 +93,7 @@ class _Carrier:
                 rows.append(Row(pose, "setpoint" if found.path.exact[k] else "step", found.path.owner[k]))
                 k += 1
             here = poses[-1]
-        if start is not None and _same(rows[0].pose, rows[1].pose):
+        if start is not None and same(start.base, start.joints, rows[1].pose.base, rows[1].pose.joints):
             del rows[0]
         return columns(rows)
 
@@ -105,7 +105,7 @@ class _Carrier:
 
     def _between(self, here: Pose, there: Pose) -> list[Pose]:
         """States between two poses with the tool lifted: fold the arm, drive, and unfold it."""
-        if _same(here, there):
+        if same(here.base, here.joints, there.base, there.joints):
             return []
         carry = self.world.robot.carry
         way = drive_differential(self._room, here.base, there.base, seed=self.seed)
@@ -117,11 +117,6 @@ class _Carrier:
     def _room(self) -> Room:
         ground, robot = ground_of(self.world), self.world.robot
         return room_of(robot.footprint, ground.floor, ground.shadows, self.world.rules.clearance)
-
-
-def _same(a: Pose, b: Pose) -> bool:
-    apart = np.abs(a.base - b.base)
-    return bool(max(apart.max(), np.abs(a.joints - b.joints).max()) <= SAME)
 
 
 def _bent(here: Pose, there: Pose) -> list[Pose]:
@@ -185,12 +180,10 @@ def _out_of_reach(world: World, error: HeightError) -> Explanation:
     )
     reason = (
         f"{explain.setpoint(i, len(world.task))} at {explain.spot(target.position)} cannot be reached: with "
-        f"this tool direction the arm attains heights of {low} to {high} mm, wherever the base stands; the tool "
-        f"is asked for at {asked} mm, {missing} mm too {which}."
+        f"this tool direction the arm attains heights of {low} to {high} mm, wherever the base stands; "
+        f"{asked} mm is asked for, {missing} mm too {which}."
     )
-    text = f"move the tool to a height of {nearest:.5f} m"
-    repair = Repair("raise", "tool", nearest - error.height, text)
-    return Explanation("unreachable", i, reason, (Cause("reach", world.robot.name, off),), (repair,))
+    return Explanation("unreachable", i, reason, (Cause("reach", world.robot.name, off),))
 
 
 @dataclass(frozen=True, eq=False)

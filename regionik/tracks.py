@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from regionik.planners.pitch import PitchArm, arm_share, pitch_arm
+from regionik.planners.pitch import HeightError, PitchArm, arm_share, pitch_arm
 from regionik.planners.tracking import Track, headings, track_runs
 from regionik.poses import LARGEST_BEND
 from regionik.rolling import on_way
@@ -31,7 +32,7 @@ class PosePath:
 
 @dataclass(frozen=True, eq=False)
 class Follow:
-    """One way to follow the poses of a path: in runs, between which the tool is lifted."""
+    """One way to follow the poses of a path: in runs, the tool lifted between them; none where none can."""
 
     path: PosePath
     runs: tuple[Track, ...]
@@ -45,33 +46,41 @@ def arm_of(robot: Robot) -> PitchArm | None:
     return pitch_arm(robot.chain)
 
 
-def ways(world: World, arm: PitchArm) -> list[Follow]:
+def ways(world: World, arm: PitchArm) -> Iterator[Follow]:
     """Ways from all headings of the base and both elbows: fewest lift-offs first, then least wheel travel.
 
-    Ways beyond the limits of the joints are left out.
+    A new run begins where a joint would leave its limits; what no run can follow is left out.
 
     Raises
     ------
     HeightError
         With the index of the set-point, or of the one behind.
     """
-    first = _pose(world.task[0])
+    first, lift = _pose(world.task[0]), float(world.robot.mount[2])
     given = () if world.start is None else (float(world.start.base[2]),)
     starts = [
         (heading, elbow)
         for elbow in (1, -1)
         if _bends(world, arm, elbow)
-        for heading in (*given, *headings(arm, first, float(world.robot.mount[2]), elbow))
+        for heading in (*given, *headings(arm, first, lift, elbow))
     ]
-    found = [_followed(world, arm, heading, elbow) for heading, elbow in starts]
-    gauge = world.robot.gauge
-    return sorted(
-        (one for one in found if _within(world.robot, one)),
-        key=lambda one: (
-            len(one.runs),
-            sum(float(np.abs(run.wheels(gauge)).max(1).sum()) for run in one.runs),
-        ),
-    )
+    for most in (1.0, np.inf):
+        found = [_followed(world, arm, *start, most) for start in starts]
+        yield from sorted((one for one in found if one.runs), key=lambda one: _cost(world, one))
+        starts = [start for start, one in zip(starts, found, strict=True) if not one.runs]
+
+
+def _cost(world: World, found: Follow) -> tuple[int, float]:
+    """How often the base drives with the tool lifted, and how far its faster wheel goes beside that [m]."""
+    start, first = world.start, found.runs[0]
+    away = start is not None and not same(start.base, start.joints, first.base[0], first.joints[0])
+    ways = (np.abs(run.wheels(world.robot.gauge)).max(1).sum() for run in found.runs)
+    return len(found.runs) + away, float(sum(ways))
+
+
+def same(base: Array, joints: Array, other: Array, others: Array) -> bool:
+    """Whether two states of the robot are one."""
+    return bool(max(np.abs(base - other).max(), np.abs(joints - others).max()) <= SAME)
 
 
 def _bends(world: World, arm: PitchArm, elbow: int) -> bool:
@@ -85,28 +94,26 @@ def _bends(world: World, arm: PitchArm, elbow: int) -> bool:
     return True
 
 
-def _within(robot: Robot, found: Follow) -> bool:
-    joints = np.concatenate([run.joints for run in found.runs])
-    lower, upper = robot.chain.lower - SAME, robot.chain.upper + SAME
-    return bool(((joints >= lower) & (joints <= upper)).all())
-
-
-def _followed(world: World, arm: PitchArm, heading: float | None, elbow: int) -> Follow:
+def _followed(world: World, arm: PitchArm, heading: float | None, elbow: int, most: float) -> Follow:
     """Segments between set-points are halved until what the robot does between poses keeps the rules."""
     robot, parts = world.robot, [1] * len(world.task)
-    pivot = robot.chain.joints[0]
     for _ in range(FINEST):
         path = _path(world.task, parts)
-        runs = track_runs(
-            arm,
-            path.poses,
-            ahead=float(robot.mount[0]),
-            lift=float(robot.mount[2]),
-            pivot_limit=min(-pivot.lower, pivot.upper, np.pi),
-            heading=heading,
-            elbow=elbow,
-        )
-        coarse = {path.owner[k] for k in _coarse(world, path, runs)}
+        try:
+            runs = track_runs(
+                arm,
+                path.poses,
+                ahead=float(robot.mount[0]),
+                lift=float(robot.mount[2]),
+                lower=robot.chain.lower,
+                upper=robot.chain.upper,
+                heading=heading,
+                elbow=elbow,
+                most=most,
+            )
+        except HeightError as error:  # between two set-points: tell it by the one behind
+            raise HeightError(path.owner[error.index], error.height, error.low, error.high) from None
+        coarse = {path.owner[k] for k in _coarse(world, path, runs)} if runs else set()
         if not coarse:
             break
         parts = [2 * n if i in coarse else n for i, n in enumerate(parts)]
