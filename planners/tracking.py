@@ -10,65 +10,30 @@ slide; `chord_heading` gives that rule for comparison. Its base frame has Y ahea
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from regionik.planners.kernels import wrap
+from regionik.planners.pitch import PitchArm, PoseError, Share, arm_share
 from regionik.worlds.arrays import Array
-from regionik.worlds.errors import RegionikError
 
-VERTICAL = 1e-9  # cosine of the tool's pitch below which it stands upright
-ROUNDING = 1e-12
-
-
-class PoseError(RegionikError):
-    """A tool pose that the arm cannot take at any place of the base; ``index`` counts from 0."""
-
-    def __init__(self, reason: str, index: int) -> None:
-        super().__init__(reason)
-        self.index = index
+SLACK = 1e-9  # beyond a joint's limit, for rounding [rad]
+SPREAD = 24  # headings round a base that may begin with any
 
 
-@dataclass(frozen=True)
-class PitchArm:
-    """Five joints: pivot, shoulder, elbow, and two rolls of which the last is kept at zero.
+class SaturationError(PoseError):
+    """A leaning tool that joint 1 cannot hold any longer, whatever the base does; ``index`` counts from 0."""
 
-    Attributes
-    ----------
-    shoulder_out, shoulder_up : float
-        From the arm's base frame to the shoulder: a1, d1 [m].
-    upper, fore : float
-        Shoulder to elbow, elbow to tool: a2, d4 + d6 [m].
-    """
-
-    shoulder_out: float
-    shoulder_up: float
-    upper: float
-    fore: float
-
-
-@dataclass(frozen=True, eq=False)
-class Share:
-    """What the arm takes of a pose, and what it leaves.
-
-    Attributes
-    ----------
-    joints : (3,) array
-        Shoulder, elbow, roll [rad]; the roll is that of joint 1 at ``turn`` where the tool stands upright.
-    out : float
-        Tool from the pivot axis, along the arm [m].
-    turn : float
-        Heading of the base plus joint 1 [rad]; where the tool stands upright, plus or minus the roll.
-    upright : int
-        +1 where the tool points down, -1 where up, 0 else: the sign with which the roll enters ``turn``.
-    """
-
-    joints: Array
-    out: float
-    turn: float
-    upright: int
+    def __init__(self, index: int, pivot: float, limit: float) -> None:
+        super().__init__(
+            f"pose {index + 1}: joint 1 would stand at {np.degrees(pivot):.1f} deg, its limits are "
+            f"{np.degrees(limit):.1f} deg to either side; the tool must be lifted for the base to turn",
+            index,
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,60 +62,13 @@ class Track:
         return np.column_stack([self.arc - turn, self.arc + turn])
 
 
-def heights(arm: PitchArm, pitch_sine: float) -> tuple[float, float]:
-    """Heights over the arm's base frame that the tool attains with ``sin`` of its pitch down given [m]."""
-    middle = arm.shoulder_up - arm.fore * pitch_sine
-    return middle - arm.upper, middle + arm.upper
+class _Row(NamedTuple):
+    """One row of a `Track`."""
 
-
-def arm_share(
-    arm: PitchArm, pose: Array, lift: float, index: int = 0, *, elbow: int = 1, facing: int = 1
-) -> Share:
-    """The arm's part of a tool pose (4, 4): height and vertical components of the orientation.
-
-    Parameters
-    ----------
-    arm : PitchArm
-    pose : (4, 4) array
-        In the world.
-    lift : float
-        Height of the arm's base frame [m].
-    index : int
-        Of the pose, for the error.
-    elbow : int
-        +1 or -1: which of the two shoulder angles.
-    facing : int
-        -1 for a forearm that points back over the shoulder; of a leaning tool alone.
-
-    Raises
-    ------
-    PoseError
-        When the height is out of reach at this pitch; the attainable interval is named.
-    """
-    n, o, a, p = pose[:3, 0], pose[:3, 1], pose[:3, 2], pose[:3, 3]
-    sine = -float(a[2])
-    low, high = heights(arm, sine)
-    rise = float(p[2]) - lift
-    if not low - ROUNDING <= rise <= high + ROUNDING:
-        raise PoseError(
-            f"pose {index + 1}: height {p[2]:.5f} m cannot be taken with this tool direction, "
-            f"attainable: {low + lift:.5f} to {high + lift:.5f} m",
-            index,
-        )
-    lifted = float(np.clip((arm.shoulder_up - arm.fore * sine - rise) / arm.upper, -1.0, 1.0))
-    shoulder = float(np.arcsin(lifted)) if elbow > 0 else np.pi - float(np.arcsin(lifted))
-    flat = float(np.hypot(a[0], a[1]))
-    if flat < VERTICAL:
-        upright = 1 if sine > 0 else -1
-        pitch = upright * np.pi / 2
-        turn = float(np.arctan2(n[1], n[0])) - (0.0 if upright > 0 else np.pi)
-        joints = np.array([shoulder, pitch - shoulder, 0.0])
-        return Share(joints, arm.shoulder_out + arm.upper * np.cos(shoulder), wrap(turn), upright)
-    pitch = float(np.arctan2(sine, facing * flat))
-    roll = float(np.arctan2(-facing * o[2], facing * n[2]))
-    out = arm.shoulder_out + arm.upper * np.cos(shoulder) + arm.fore * facing * flat
-    turn = float(np.arctan2(facing * a[1], facing * a[0]))
-    return Share(np.array([shoulder, pitch - shoulder, roll]), out, turn, 0)
+    base: Array
+    joints: Array
+    bend: float
+    arc: float
 
 
 def track(
@@ -182,28 +100,107 @@ def track(
 
     Raises
     ------
-    PoseError
-        When a pose is out of the arm's reach in height, or would need the base to turn on the spot.
+    HeightError
+        When a pose is out of the arm's reach in height.
+    SaturationError
+        When joint 1 would leave its limits under a leaning tool. Its pivot then stands still over the floor,
+        and no wheels can turn the base about a point ahead of them: the tool has to be lifted.
     """
-    spots = np.array([pose[:2, 3] for pose in poses])
-    yaw = _first_heading(spots) if heading is None else heading
-    ahead_turn = wrap(arm_share(arm, poses[0], lift, elbow=elbow).turn - yaw)
-    facing = 1 if abs(ahead_turn) <= np.pi / 2 else -1
-    shares = [arm_share(arm, pose, lift, k, elbow=elbow, facing=facing) for k, pose in enumerate(poses)]
-    turns = np.unwrap([share.turn for share in shares])
-    turns += yaw + wrap(turns[0] - yaw) - turns[0]
-    if shares[0].upright == 0:
-        yaw = float(turns[0] - np.clip(turns[0] - yaw, -pivot_limit, pivot_limit))
-    first = float(np.clip(turns[0] - yaw, -pivot_limit, pivot_limit))
-    base = [np.array([*(spots[0] - _lever(ahead, shares[0].out, first, yaw)), yaw])]
-    joints, bends, arcs = [_joints(shares[0], first, turns[0] - yaw)], [0.0], [0.0]
+    return _track_of(_rows(arm, poses, ahead, lift, pivot_limit, heading, elbow))
+
+
+def _rows(
+    arm: PitchArm,
+    poses: Sequence[Array],
+    ahead: float,
+    lift: float,
+    limit: float,
+    heading: float | None,
+    elbow: int,
+) -> Iterator[_Row]:
+    """The rows of a track, one a pose."""
+    yaw = _first_heading(poses) if heading is None else heading
+    facing = 1 if abs(wrap(arm_share(arm, poses[0], lift, elbow=elbow).turn - yaw)) <= np.pi / 2 else -1
+    share = arm_share(arm, poses[0], lift, elbow=elbow, facing=facing)
+    turn = yaw + wrap(share.turn - yaw)
+    if not share.upright:
+        yaw = float(turn - np.clip(turn - yaw, -limit, limit))
+    pivot = float(np.clip(turn - yaw, -limit, limit))
+    base = np.array([*(poses[0][:2, 3] - _lever(ahead, share.out, pivot, yaw)), yaw])
+    yield _Row(base, _joints(share, pivot, turn - yaw), 0.0, 0.0)
     for k in range(1, len(poses)):
-        bend, arc, pivot = _step(shares[k], turns[k], spots[k], base[-1], ahead, pivot_limit, k)
-        base.append(rolled(base[-1], bend, arc))
-        joints.append(_joints(shares[k], pivot, turns[k] - base[-1][2]))
-        bends.append(bend)
-        arcs.append(arc)
-    return Track(np.array(base), np.array(joints), np.array(bends), np.array(arcs))
+        share = arm_share(arm, poses[k], lift, k, elbow=elbow, facing=facing)
+        turn += wrap(share.turn - turn)
+        bend, arc, pivot = _step(share, turn, poses[k][:2, 3], base, ahead, limit, k)
+        base = rolled(base, bend, arc)
+        yield _Row(base, _joints(share, pivot, turn - base[2]), bend, arc)
+
+
+def _track_of(rows: Iterable[_Row]) -> Track:
+    found = list(rows)
+    base, joints, bend, arc = zip(*found, strict=True) if found else ((),) * 4
+    return Track(
+        np.array(base).reshape(-1, 3), np.array(joints).reshape(-1, 5), np.array(bend), np.array(arc)
+    )
+
+
+def track_runs(
+    arm: PitchArm,
+    poses: Sequence[Array],
+    *,
+    ahead: float,
+    lift: float,
+    lower: Array,
+    upper: Array,
+    heading: float | None = None,
+    elbow: int = 1,
+    most: float = np.inf,
+) -> tuple[Track, ...]:
+    """Follow tool poses in runs: a new one begins where a joint cannot follow any longer.
+
+    Between two runs the tool must be lifted and the base brought from the last pose of the one to the first
+    of the other. Each run but the first, whose ``heading`` may be given, goes on as long as from any of
+    `headings`. ``lower`` and ``upper`` (5,) are the joints' limits [rad]; the rest is as for `track`.
+
+    Returns
+    -------
+    tuple of Track
+        None at all where some pose is beyond the limits from every heading, or more than ``most`` runs would
+        be needed.
+    """
+    for k, pose in enumerate(poses):
+        arm_share(arm, pose, lift, k, elbow=elbow)
+    limit = float(min(-lower[0], upper[0], np.pi))
+
+    def within(rows: Iterator[_Row]) -> Iterator[_Row]:
+        with suppress(SaturationError):
+            for row in rows:
+                if (row.joints < lower - SLACK).any() or (row.joints > upper + SLACK).any():
+                    return
+                yield row
+
+    def run(first: int, yaw: float | None) -> Track:
+        return _track_of(within(_rows(arm, poses[first:], ahead, lift, limit, yaw, elbow)))
+
+    runs = [run(0, heading)]
+    done = len(runs[0].base)
+    while runs[-1].base.size and done < len(poses):
+        if len(runs) >= most:
+            return ()
+        tried = headings(arm, poses[done], lift, elbow)
+        runs.append(max((run(done, yaw) for yaw in tried), key=lambda found: len(found.base)))
+        done += len(runs[-1].base)
+    return tuple(runs) if runs[-1].base.size else ()
+
+
+def headings(arm: PitchArm, pose: Array, lift: float, elbow: int = 1) -> tuple[float | None, ...]:
+    """Headings of a base that is to begin with a pose: along the tool's first step, then all round.
+
+    The nearer joint 1 is to zero, the earlier.
+    """
+    turn = arm_share(arm, pose, lift, elbow=elbow).turn
+    aside = sorted(range(SPREAD), key=lambda k: min(k, SPREAD - k))
+    return (None, *(float(wrap(turn + 2 * np.pi * k / SPREAD)) for k in aside))
 
 
 def rolled(base: Array, bend: float, arc: float) -> Array:
@@ -230,11 +227,7 @@ def _step(
     bend = 2 * _half(y, x + ahead)
     pivot = turn - bend
     if abs(pivot) > limit:
-        raise PoseError(
-            f"pose {index + 1}: joint 1 would stand at {np.degrees(pivot):.1f} deg, its limits are "
-            f"{np.degrees(limit):.1f} deg to either side, and the base would have to turn on the spot",
-            index,
-        )
+        raise SaturationError(index, pivot, limit)
     return bend, _arc(x, y, ahead, 0.0, bend), pivot
 
 
@@ -275,8 +268,8 @@ def _seen(spot: Array, base: Array) -> tuple[float, float]:
     return float(c * dx + s * dy), float(c * dy - s * dx)
 
 
-def _first_heading(spots: Array) -> float:
-    way = spots[1] - spots[0] if len(spots) > 1 else np.array([1.0, 0.0])
+def _first_heading(poses: Sequence[Array]) -> float:
+    way = poses[1][:2, 3] - poses[0][:2, 3] if len(poses) > 1 else np.array([1.0, 0.0])
     return float(np.arctan2(way[1], way[0]))
 
 

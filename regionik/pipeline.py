@@ -9,14 +9,14 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from regionik import explain, explain_arm
+from regionik import explain, explain_arm, tracked
 from regionik.mfabrik import axis_of, configurations
 from regionik.motion import Course, connect
 from regionik.plan import Plan, PlannedArea
+from regionik.poses import figures, lift_offs
 from regionik.pruning import Ladder, Pruned, build_ladder, choose_chain, prune
 from regionik.reachable import BACK, FRONT
 from regionik.regions import PathAreas, path_areas
-from regionik.rolling import travel
 from regionik.standing import Standing, anywhere, by_heading, turns_matter
 from regionik.verify import verify
 from regionik.worlds.arrays import Array
@@ -62,6 +62,8 @@ def plan(world: World, *, seed: int = 0, progress: Progress | None = None) -> Pl
     sunk = explain_arm.buried(world)
     if sunk is not None:
         raise NoPlanFound(sunk)
+    if tracked.follows(world):
+        return tracked.follow(world, seed, tell)
     tell("areas", 0, len(world.task))
     standing, areas, pruned = whole_path(world)
     chain = choose_chain(pruned, standing, start_place(world))
@@ -91,6 +93,15 @@ def check(world: World) -> None:
         )
     if world.rules.mode != "continuous":
         raise InputError(f"{world.name}: rules.mode: expected continuous, got {world.rules.mode}")
+    if not tracked.follows(world):
+        _check_areas(world)
+    blocked = explain.blocked_start(world)
+    if blocked is not None:
+        raise NoPlanFound(blocked)
+
+
+def _check_areas(world: World) -> None:
+    """Refuse what areas and M-FABRIK cannot be asked about."""
     if any(target.orientation is not None for target in world.task):
         what = "full orientations cannot be planned yet; give a direction"
         raise InputError(f"{world.name}: task: {what}")
@@ -108,9 +119,6 @@ def check(world: World) -> None:
             f"{world.name}: task: a tool direction can be planned only for an arm in one vertical plane, "
             "with the tool's z axis along the arm's last link"
         )
-    blocked = explain.blocked_start(world)
-    if blocked is not None:
-        raise NoPlanFound(blocked)
 
 
 def whole_path(world: World) -> tuple[Standing, PathAreas, Pruned]:
@@ -202,19 +210,9 @@ def start_pose(world: World, pruned: Pruned, chain: list[int]) -> tuple[Array, A
 def finish(world: World, seed: int, areas: PathAreas, pruned: Pruned, course: Course) -> Plan:
     """Put the results of the stages together."""
     motion = course.motion
-    lifted = np.concatenate([[False], motion.kind == "transit", [False]]).astype(int)
-    after_first = int(np.argmax(motion.kind == "setpoint"))
-    lift_offs = int(np.count_nonzero(np.diff(lifted[after_first + 1 :]) == 1))
-    stats = {
-        "setpoints": len(course.setpoints),
-        "iterations": int(sum(found.iterations for found in course.setpoints)),
-        "states": len(motion),
-        "base_travel": travel(world.robot.base, motion.base),
-        "base_moves": course.methods,
-        "largest_error": float(max(found.error for found in course.setpoints)),
-    }
+    stats = figures(world.robot.base, course.setpoints, motion, course.methods)
     shown = _planned_areas(world, areas, pruned)
-    return Plan(world, seed, course.setpoints, motion, shown, lift_offs, (), stats)
+    return Plan(world, seed, course.setpoints, motion, shown, lift_offs(motion), (), stats)
 
 
 def _planned_areas(world: World, areas: PathAreas, pruned: Pruned) -> tuple[PlannedArea, ...]:

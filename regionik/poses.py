@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from regionik.plan import Configuration, Motion
 from regionik.planners import kernels
-from regionik.rolling import on_way
+from regionik.rolling import on_way, travel
 from regionik.worlds.arrays import Array
 from regionik.worlds.robot import BaseKind
 
@@ -59,3 +60,24 @@ def columns(rows: Sequence[Row]) -> Motion:
         setpoint=np.array([row.setpoint for row in rows], dtype=np.int64),
         time=np.full(len(rows), np.nan),
     )
+
+
+def lift_offs(motion: Motion) -> int:
+    """Runs of states with the tool lifted, after the first set-point."""
+    lifted = np.concatenate([[False], motion.kind == "transit", [False]]).astype(int)
+    first = int(np.argmax(motion.kind == "setpoint"))
+    return int(np.count_nonzero(np.diff(lifted[first + 1 :]) == 1))
+
+
+def figures(
+    kind: BaseKind, setpoints: Sequence[Configuration], motion: Motion, methods: dict[str, int]
+) -> dict[str, Any]:
+    """Plain numbers about a motion, for `regionik.plan.Plan.stats`."""
+    return {
+        "setpoints": len(setpoints),
+        "iterations": int(sum(found.iterations for found in setpoints)),
+        "states": len(motion),
+        "base_travel": travel(kind, motion.base),
+        "base_moves": methods,
+        "largest_error": float(max(found.error for found in setpoints)),
+    }

@@ -50,6 +50,21 @@ def travel(kind: BaseKind, base: Array) -> float:
     return float((np.hypot(slide[:, 0], slide[:, 1]) + np.abs(length)).sum())
 
 
+def wheels(base: Array, gauge: float) -> Array:
+    """Way of the left and right wheel over each hop through base poses (n, 3), (n - 1, 2) [m].
+
+    Parameters
+    ----------
+    base : (n, 3) array
+        Of a base that turns on the spot.
+    gauge : float
+        Distance between its wheels [m].
+    """
+    slide, length = _hop("differential", base[:-1], base[1:])
+    turn = slide[:, 2] * gauge / 2
+    return np.column_stack([length - turn, length + turn])
+
+
 def cuts(kind: BaseKind, base: Array) -> Array:
     """Where to look at the way through base poses (n, 3) so that lines between are near it, (m,).
 

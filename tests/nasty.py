@@ -72,6 +72,11 @@ NASTY = (
     Nasty("version 2", broken("version: 1", "version: 2"), ("version", "expected 1")),
     Nasty("no robot", broken("robot: youbot\n", ""), ("missing key 'robot'", "bundled name")),
     Nasty("no floor", broken(f"floor: {FLOOR}\n", ""), ("missing key 'floor'", "polygon")),
+    Nasty(
+        "follow of nothing",
+        broken(TASK, "{arc: {center: [0, 1, 0.3], radius: 0.3, from: 0, to: 1, count: 3}, follow: true}"),
+        ("task[0].follow", "direction or an orientation"),
+    ),
     Nasty("unknown robot", broken("youbot", "yuobot"), ("robot", "'yuobot'", "youbot, youbot-real")),
     Nasty("robot of number", broken("youbot", "3"), ("robot", "name, dh, urdf, chain")),
     Nasty("robot of two kinds", broken("youbot", "{dh: [], urdf: a.urdf, tip: t}"), ("robot", "one of name")),

@@ -154,12 +154,41 @@ def test_both_robots_carry_the_same_arm() -> None:
         assert np.array_equal(without_limits(robot).chain.T_last_tool, robot.chain.T_last_tool)
 
 
+def test_pioneer_parm_is_the_machine_of_the_paper() -> None:
+    robot = robot_named("pioneer-parm")
+    assert (robot.base, robot.gauge, robot.mount.tolist()) == ("differential", 0.32, [0.155, 0, 0.155, 0])
+    assert robot.chain.upper[0] == -robot.chain.lower[0] == np.pi / 2
+    level = robot.chain.forward(np.zeros(5))[:3, 3]
+    np.testing.assert_allclose(level, [0.06875 + 0.16 + 0.13775 + 0.11321, 0, 0.12], atol=1e-12)
+    assert (robot.chain.lower <= robot.carry).all()
+    assert (robot.carry <= robot.chain.upper).all()
+
+
+def test_circle_and_door_are_the_paper_s_simulations() -> None:
+    circle, door = load_world("circle"), load_world("door")
+    assert (len(circle.task), len(door.task)) == (360, 91)
+    for t in (1, 100, 360):
+        a, target = np.radians(t), circle.task[t - 1]
+        wanted = [2.5 + 2 * np.cos(a), 2.5 + 2 * np.sin(a), (55 + t / 20) / 1000]
+        np.testing.assert_allclose(target.position, wanted, atol=2e-12)
+        assert target.orientation is not None
+        assert target.orientation.tolist() == [[1, 0, 0], [0, -1, 0], [0, 0, -1]]
+    for k, target in enumerate(door.task):
+        a = np.radians(k)
+        np.testing.assert_allclose(target.position, [0.23 * np.cos(a), -0.23 * np.sin(a), 0.495], atol=2e-12)
+        assert target.orientation is not None
+        np.testing.assert_allclose(target.orientation[:2, 1], [np.cos(a), -np.sin(a)], atol=2e-12)
+        np.testing.assert_allclose(
+            np.cross(*target.orientation.T[[1, 2]]), target.orientation[:, 0], atol=1e-12
+        )
+
+
 def test_names() -> None:
-    known = ("depot", "free", "l_shape", "pillar", "pipe", "shelf", "slab", "tao1", "tao2", "tao3", "wall")
-    assert world_names() == known
-    assert robot_names() == ("youbot", "youbot-real", "hinge5", "dof10", "pioneer7")
+    ours = ("depot", "free", "l_shape", "pillar", "pipe", "shelf", "slab", "wall")
+    assert world_names() == tuple(sorted((*ours, "tao1", "tao2", "tao3", "circle", "door")))
+    assert robot_names() == ("youbot", "youbot-real", "hinge5", "dof10", "pioneer7", "pioneer-parm")
     assert all(world_path(name).is_file() for name in world_names())
-    with pytest.raises(InputError, match=r"unknown world 'moon'.*depot, free"):
+    with pytest.raises(InputError, match=r"unknown world 'moon'.*circle, depot, door, free"):
         world_path("moon")
     with pytest.raises(InputError, match="unknown robot 'r2d2', valid names: youbot, youbot-real"):
         robot_named("r2d2")

@@ -14,6 +14,7 @@ from regionik.worlds.errors import InputError
 from regionik.worlds.toolpath import (
     ToolPath,
     arc,
+    following,
     line,
     moved,
     read_csv,
@@ -129,6 +130,29 @@ def test_bad_rows_are_named_by_their_line(text: str, message: str, tmp_path: Pat
     with pytest.raises(InputError, match=message) as caught:
         read_csv(path)
     assert str(caught.value).startswith(str(path))
+
+
+def test_an_arc_climbs_evenly() -> None:
+    points = arc([1.0, 2.0, 0.3], 0.5, 0.0, 1.0, 5, rise=0.2)
+    np.testing.assert_allclose(points[:, 2], [0.3, 0.35, 0.4, 0.45, 0.5], atol=1e-12)
+    assert np.array_equal(points[:, :2], arc([1.0, 2.0, 0.3], 0.5, 0.0, 1.0, 5)[:, :2])
+
+
+@given(st.floats(-7, 7), st.floats(-7, 7), st.integers(2, 9))
+def test_a_tool_that_follows_its_arc_looks_alike_from_its_centre(
+    start: float, end: float, count: int
+) -> None:
+    if start == end:
+        return
+    points = arc([0, 0, 0.2], 1.0, start, end, count)
+    aimed = following(ToolPath(points, directions=np.tile([-1.0, 0, 0], (count, 1))), start, end)
+    assert aimed.directions is not None
+    np.testing.assert_allclose(aimed.directions, np.array([0, 0, 0.2]) - points, atol=1e-11)
+    R = rot_z(0.3)[:3, :3] @ rot_x(1.0)[:3, :3]
+    turned = following(ToolPath(points, orientations=np.tile(R, (count, 1, 1))), start, end)
+    assert turned.orientations is not None
+    for angle, found in zip(np.linspace(start, end, count), turned.orientations, strict=True):
+        np.testing.assert_allclose(found, rot_z(angle)[:3, :3] @ R, atol=1e-11)
 
 
 def test_a_path_is_scaled_then_placed() -> None:

@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from regionik.planners.tracking import PitchArm, PoseError, Track, chord_heading, heights, rolled, track
+from regionik.planners.pitch import HeightError, PitchArm, heights
+from regionik.planners.tracking import Track, chord_heading, rolled, track
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, chain_from_dh, planar_pose, rot_y, rot_z, translation
 
@@ -82,7 +83,7 @@ def test_door_has_the_figures_of_the_specification() -> None:
 
 def test_the_printed_height_of_the_knob_is_refused_with_the_attainable_ones() -> None:
     with pytest.raises(
-        PoseError, match=r"pose 1: height 0.34000 m .* attainable: 0.36596 to 0.68596 m"
+        HeightError, match=r"pose 1: height 0.34000 m .* attainable: 0.36596 to 0.68596 m"
     ) as why:
         follow(door(0.34))
     assert why.value.index == 0

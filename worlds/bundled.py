@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from regionik.worlds.chain import Chain, chain_from_dh
+from regionik.worlds.chain import Chain, chain_from_dh, translation
 from regionik.worlds.errors import InputError
 from regionik.worlds.robot import Robot, capsules_along
 
@@ -57,6 +57,18 @@ _ARMS = {
         (0.0, 0.0, 0.075, 0.0),
     ),
 }
+# Xu et al.: theta offset [rad], d, a [m], alpha [rad]; limits [deg]. Joint 1 has the paper's limits; it gives
+# none for the others: these are ours.
+_PARM = (
+    (0.0, 0.12, 0.06875, -pi / 2, -90.0, 90.0),
+    (0.0, 0.0, 0.16, 0.0, -120.0, 90.0),
+    (-pi / 2, 0.0, 0.0, -pi / 2, -150.0, 150.0),
+    (0.0, 0.13775, 0.0, pi / 2, -180.0, 180.0),
+    (0.0, 0.0, 0.0, -pi / 2, -90.0, 90.0),
+)
+_PARM_TOOL = 0.11321  # from the last joint [m]
+_PIONEER_MOUNT = 0.155  # of the arm before and above the middle of the wheels [m]
+_PIONEER_GAUGE = 0.32  # [m]
 # Straight up [deg]; for pioneer7 that is all servos at 150 deg.
 _CARRY = {
     "hinge5": (0.0, -90.0, 0.0, 0.0, 0.0),
@@ -68,7 +80,7 @@ _STRAIGHT_UP = np.radians([0.0, 90.0, 0.0, 90.0, 0.0])
 
 def robot_names() -> tuple[str, ...]:
     """Names of the bundled robots."""
-    return ("youbot", "youbot-real", "hinge5", "dof10", "pioneer7")
+    return ("youbot", "youbot-real", "hinge5", "dof10", "pioneer7", "pioneer-parm")
 
 
 def robot_named(name: str) -> Robot:
@@ -79,6 +91,8 @@ def robot_named(name: str) -> Robot:
     ``hinge5``, ``dof10`` and ``pioneer7`` are the arms of the FABRIK-R paper (340, 900 and 594 mm), without
     joint limits, on the centre of a point base. Joint values are the thetas of their DH tables; pioneer7's
     are ``s (servo - 150 deg) + o`` with s = (+, +, +, +, +, +, -), o = (-90, 180, 0, 180, 0, -90, 0) deg.
+    ``pioneer-parm`` is the robot of Xu et al.: a differential base and the PArm of five joints. Lengths and
+    the distance of the wheels are the paper's; the outline, the solids and all limits but joint 1's are ours.
 
     Raises
     ------
@@ -96,6 +110,8 @@ def robot_named(name: str) -> Robot:
         return _youbot(name, 0.143, [[0.29, 0.19], [-0.29, 0.19], [-0.29, -0.19], [0.29, -0.19]])
     if name in _ARMS:
         return _bare_arm(name)
+    if name == "pioneer-parm":
+        return _pioneer_parm(name)
     raise InputError(f"unknown robot {name!r}, valid names: {', '.join(robot_names())}")
 
 
@@ -146,4 +162,21 @@ def _bare_arm(name: str) -> Robot:
         capsules_along(chain, ARM_RADIUS),
         BODY_HEIGHT,
         carry,
+    )
+
+
+def _pioneer_parm(name: str) -> Robot:
+    h = _PIONEER_MOUNT
+    chain = chain_from_dh([(*row[:4], radians(row[4]), radians(row[5])) for row in _PARM])
+    chain = Chain(chain.joints, chain.T_last_tool @ translation(0.0, 0.0, _PARM_TOOL))
+    return Robot(
+        name,
+        "differential",
+        np.array([[0.2, 0.185], [-0.24, 0.185], [-0.24, -0.185], [0.2, -0.185]]),
+        np.array([h, 0.0, h, 0.0]),
+        chain,
+        capsules_along(chain, ARM_RADIUS),
+        h,
+        np.radians([0.0, -90.0, 90.0, 0.0, 0.0]),
+        gauge=_PIONEER_GAUGE,
     )

@@ -64,6 +64,7 @@ def _full_robot(robot: Robot) -> Document:
     document["mount"] = robot.mount.tolist()
     document["body_height"] = float(robot.body_height)
     document["turning_radius"] = float(robot.turning_radius)
+    document["gauge"] = float(robot.gauge)
     document |= _link_solids(robot)
     document["carry"] = robot.carry.tolist()
     return document

@@ -74,6 +74,7 @@ def _own_robot(part: robotschema.DhRobot | robotschema.ChainRobot, where: str) -
         body_height=part.body_height,
         carry=carried(part.carry, chain, where, "robot.carry"),
         turning_radius=part.turning_radius,
+        gauge=part.gauge,
     )
 
 

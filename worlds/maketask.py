@@ -15,6 +15,7 @@ from regionik.worlds.scene import Target
 from regionik.worlds.toolpath import (
     ToolPath,
     arc,
+    following,
     line,
     moved,
     read_csv,
@@ -54,6 +55,10 @@ def _piece(part: schema.Piece, where: str, place: str, folder: Path) -> tuple[Ta
     if part.orientation is not None:
         with at(where, f"{place}.orientation"):
             path = ToolPath(path.points, orientations=np.tile(_turn(part.orientation), (n, 1, 1)))
+    if isinstance(part, schema.ArcPiece) and part.follow:
+        if part.direction is None and part.orientation is None:
+            raise wrong(where, f"{place}.follow", "needs a direction or an orientation beside it")
+        path = following(path, part.arc.start, part.arc.end)
     return targets_along(path, Target.cone if part.cone is None else part.cone)
 
 
@@ -73,7 +78,7 @@ def _path(part: schema.Piece, where: str, place: str, folder: Path) -> ToolPath:
         case _:
             with at(where, f"{place}.arc"):
                 a = part.arc
-                return ToolPath(arc(a.center, a.radius, a.start, a.end, a.count))
+                return ToolPath(arc(a.center, a.radius, a.start, a.end, a.count, a.rise))
 
 
 def _turn(orientation: list[float] | list[list[float]]) -> Array:

@@ -108,6 +108,8 @@ class Robot:
         Solids that begin at this height or above concern the arm alone [m].
     turning_radius : float
         Least turning radius of a car [m].
+    gauge : float
+        Distance between the wheels that drive a differential base, 0 where it is not known [m].
     carry : (dof,) array
         Joint values in which the arm is driven about with the tool lifted.
     """
@@ -121,6 +123,7 @@ class Robot:
     body_height: float
     carry: Array
     turning_radius: float = 0.0
+    gauge: float = 0.0
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "footprint", frozen(self.footprint, (None, 2), "footprint"))

@@ -79,6 +79,7 @@ class _OwnRobot(Strict):
     mount: Vec4 = Field(default=[0.0, 0.0, 0.0, 0.0])
     body_height: Positive = BODY_HEIGHT
     turning_radius: NotNegative = 0.0
+    gauge: NotNegative = 0.0
     link_radius: Positive = LINK_RADIUS
     solids: list[LinkSolidPart] | None = None
     carry: list[float] | None = None

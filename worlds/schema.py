@@ -171,6 +171,7 @@ class Arc(Strict):
     radius: Positive = Field(description="a length [m]")
     start: float = Field(alias="from", description="an angle [rad]")
     end: float = Field(alias="to", description="an angle [rad]")
+    rise: float = Field(default=0.0, description="a height climbed evenly [m]")
     count: Count = Field(description="a number of set-points")
 
 
@@ -188,7 +189,10 @@ class SinePiece(Aim):
 
 
 class ArcPiece(Aim):
+    """With ``follow`` the tool turns with the arc, from the direction or orientation given for angle 0."""
+
     arc: Arc
+    follow: bool = False
 
 
 class PointsPiece(Aim):

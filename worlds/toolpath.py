@@ -1,6 +1,7 @@
 """Tool paths: set-points along lines, waves and arcs, and from CSV files.
 
-Generated points are rounded to a picometre, so that machines whose sine differs in the last bit agree.
+Generated points are rounded to a picometre, and turns alike, so that machines whose sine differs in the last
+bit agree.
 """
 
 from __future__ import annotations
@@ -100,8 +101,11 @@ def sine(
     return _sampled(count, point)
 
 
-def arc(center: ArrayLike, radius: float, start: float, end: float, count: int) -> Array:
-    """Points on a horizontal circle from angle ``start`` to ``end`` [rad] about z, (count, 3) [m]."""
+def arc(center: ArrayLike, radius: float, start: float, end: float, count: int, rise: float = 0.0) -> Array:
+    """Points on a circle about z from angle ``start`` to ``end`` [rad], (count, 3) [m].
+
+    It is level, or climbs evenly by ``rise`` [m] from its centre's height.
+    """
     x, y, z = _numbers(center, "center")
     if count < 2:
         raise InputError(f"count: must be at least 2, got {count}")
@@ -112,9 +116,28 @@ def arc(center: ArrayLike, radius: float, start: float, end: float, count: int) 
 
     def point(s: float) -> list[float]:
         angle = start + (end - start) * s
-        return [x + radius * math.cos(angle), y + radius * math.sin(angle), z]
+        return [x + radius * math.cos(angle), y + radius * math.sin(angle), z + rise * s]
 
     return _sampled(count, point)
+
+
+def following(path: ToolPath, start: float, end: float) -> ToolPath:
+    """A tool that turns with its arc: as it is at angle 0, turned about z by the angle of each point."""
+    n = len(path.points)
+    angles = [start + (end - start) * k / (n - 1) for k in range(n)]
+    turns = np.array(
+        [
+            [
+                [_even(math.cos(a)), _even(-math.sin(a)), 0.0],
+                [_even(math.sin(a)), _even(math.cos(a)), 0.0],
+                [0, 0, 1],
+            ]
+            for a in angles
+        ]
+    )
+    directions = None if path.directions is None else (turns @ path.directions[:, :, None])[:, :, 0]
+    orientations = None if path.orientations is None else turns @ path.orientations
+    return ToolPath(path.points, directions, orientations)
 
 
 def rotation_from_quaternion(quaternion: ArrayLike) -> Array:
@@ -224,8 +247,12 @@ def _path_of_rows(rows: Array, places: list[str]) -> ToolPath:
 
 def _sampled(count: int, point: Callable[[float], list[float]]) -> Array:
     # Scalars through math, not arrays through numpy: its vector sine varies with the processor.
-    rows = [[round(value, _DECIMALS) + 0.0 for value in point(k / (count - 1))] for k in range(count)]
+    rows = [[_even(value) for value in point(k / (count - 1))] for k in range(count)]
     return frozen(rows, (count, 3), "points")
+
+
+def _even(value: float) -> float:
+    return round(value, _DECIMALS) + 0.0
 
 
 def _ends(start: ArrayLike, end: ArrayLike, count: int) -> tuple[list[float], list[float]]:
