@@ -121,7 +121,7 @@ class Avoider:
             yield from self._turns(nominal, here)
         if not self.guard.on:
             return
-        target = self.world.task[i].position
+        target = self.world.task[i]
         for k in components:
             onward = self._solver(k)(target, here.base, here.joints)
             if onward.converged:
@@ -208,8 +208,8 @@ class Avoider:
         """All clear postures at one place, looked through once."""
         key = (k, m)
         if key not in self._clear:
-            target = self.world.task[i].position
-            base = pose_of(self.world.robot, self._spread(k)[m], self._heading(target, self._spread(k)[m]))
+            target, place = self.world.task[i], self._spread(k)[m]
+            base = pose_of(self.world.robot, place, self._heading(target.position, place))
             found = self._solver(k).self_motion(target, base, self.world.robot.carry, PITCHES)
             self.evidence.setdefault(i, Evidence()).places += 1
             spots = [Spot(one, k) for one in found]

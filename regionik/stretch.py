@@ -14,6 +14,8 @@ from shapely.geometry import LineString
 from shapely.geometry.base import BaseGeometry
 
 from regionik.avoid import Spot
+from regionik.demand import between as asked_between
+from regionik.demand import deviation
 from regionik.guard import Guard
 from regionik.hops import Driver
 from regionik.mfabrik import Solver, axis_of, pose_of, solver_for
@@ -25,11 +27,12 @@ from regionik.pruning import Ladder
 from regionik.reachable import Family
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import RegionikError
-from regionik.worlds.scene import World
+from regionik.worlds.scene import Target, World
 
 TOOL_STRIDE = 0.05  # longest way of base or tool between two states on the path [m]
 SOLVE_TOLERANCE = 0.1  # arms between set-points are solved to this share of the tolerance
 SAG_SHARE = 0.3  # share of the path tolerance that motion between two states may use
+TURN_SLACK = 1e-7  # rounding allowed at the edge of a cone [rad]
 DEEPEST = 6  # halvings before a stretch counts as discontinuous
 CLOSEST = 3  # halvings before a motion that is not proven clear counts as blocked
 
@@ -44,22 +47,27 @@ class _BlockedError(RegionikError):
 
 @dataclass(frozen=True, eq=False)
 class Leg:
-    """Part of a stretch: arm axis, tool and wished posture each go straight from one end to the other."""
+    """Part of a stretch: arm axis, tool and wished posture each go straight from one end to the other.
+
+    What the tool's axis or frame is asked turns evenly with it.
+    """
 
     axis: tuple[Array, Array]
-    tool: tuple[Array, Array]
+    tool: tuple[Target, Target]
     joints: tuple[Array, Array]
     family: tuple[Family, Family]
 
-    def at(self, share: float) -> tuple[Array, Array, Array, float]:
+    def at(self, share: float) -> tuple[Array, Target, Array, float]:
         """Axis, tool, wished joints and pitch at a share of the way."""
-        axis, tool, joints = (a + share * (b - a) for a, b in (self.axis, self.tool, self.joints))
+        axis, joints = (a + share * (b - a) for a, b in (self.axis, self.joints))
         first, last = self.family[0].pitch, self.family[1].pitch
-        return axis, tool, joints, first + share * kernels.wrap(last - first)
+        pitch = first + share * kernels.wrap(last - first)
+        return axis, asked_between(*self.tool, share), joints, pitch
 
     @property
     def length(self) -> float:
-        return max(float(np.linalg.norm(b - a)) for a, b in (self.axis, self.tool))
+        tool = self.tool[0].position, self.tool[1].position
+        return max(float(np.linalg.norm(b - a)) for a, b in (self.axis, tool))
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +130,7 @@ class Stretcher:
         shares: tuple[float, float],
     ) -> Leg:
         """A leg between two places of the axis; ``ends`` say at which of the two set-points the tool is."""
-        tools = [self.world.task[i + end].position for end in ends]
+        tools = [self.world.task[i + end] for end in ends]
         first, last = spots[0].found.joints, spots[1].found.joints
         wished = [first + share * (last - first) for share in shares]
         families = [self.ladder.family[spots[end].component] for end in ends]
@@ -162,8 +170,8 @@ class Stretcher:
 
         return passed[1:] if all(advance(float(share), 0) for share in shares) else None
 
-    def _holds(self, here: Pose, there: Pose, p: Array, q: Array) -> bool:
-        """Whether the tool stays by the segment pq between two states, and nothing jumps."""
+    def _holds(self, here: Pose, there: Pose, p: Target, q: Target) -> bool:
+        """Whether the tool does what is asked between two states, and nothing jumps."""
         turn = turn_to(here.base, there.base)
         if np.hypot(*turn[:2]) > self.world.rules.step or abs(turn[2]) > LARGEST_BEND:
             return False
@@ -172,10 +180,18 @@ class Stretcher:
         shares = np.array([0.25, 0.5, 0.75])
         filled = [between(here, there, share) for share in shares]
         base, joints = (np.array(part) for part in zip(*((f.base, f.joints) for f in filled), strict=True))
-        tools = self.world.robot.tool(base, joints)[:, :3, 3]
-        along = shares[:, None] * (q - p) + p
-        worst = float(np.linalg.norm(tools - along, axis=1).max())
-        return worst <= SAG_SHARE * self.world.rules.path_tolerance
+        tools = self.world.robot.tool(base, joints)
+        along = shares[:, None] * (q.position - p.position) + p.position
+        worst = float(np.linalg.norm(tools[:, :3, 3] - along, axis=1).max())
+        turned = (
+            p.direction is None
+            or q.direction is None
+            or all(
+                deviation(asked, tool[:3, :3]) <= asked.cone + TURN_SLACK
+                for asked, tool in zip((asked_between(p, q, share) for share in shares), tools, strict=True)
+            )
+        )
+        return turned and worst <= SAG_SHARE * self.world.rules.path_tolerance
 
     def _flat(self, k: int, j: int) -> FlatPolygon:
         """Two components together, kept."""

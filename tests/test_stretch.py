@@ -116,15 +116,15 @@ def test_a_board_on_the_way_stops_it_and_is_told() -> None:
 
 def test_a_leg_goes_straight_from_end_to_end() -> None:
     rng = np.random.default_rng(0)
-    axis, tool, joints = (tuple(rng.normal(size=(2, n))) for n in (2, 3, 5))
+    axis, spots, joints = (tuple(rng.normal(size=(2, n))) for n in (2, 3, 5))
     families = Family(FRONT, pitch=3.0), Family(FRONT, pitch=-3.0)
-    leg = Leg(axis, tool, joints, families)
+    leg = Leg(axis, (Target(spots[0]), Target(spots[1])), joints, families)
     for share in (0.0, 0.3, 1.0):
         at = leg.at(share)
-        for value, (a, b) in zip(at[:3], (axis, tool, joints), strict=True):
+        for value, (a, b) in zip((at[0], at[1].position, at[2]), (axis, spots, joints), strict=True):
             np.testing.assert_allclose(value, (1 - share) * a + share * b)
         assert wrap(at[3] - 3.0) == pytest.approx(share * (2 * np.pi - 6.0))  # the shorter way round
-    assert leg.length == pytest.approx(max(np.linalg.norm(p[1] - p[0]) for p in (axis, tool)))
+    assert leg.length == pytest.approx(max(np.linalg.norm(p[1] - p[0]) for p in (axis, spots)))
 
 
 def test_a_path_between_two_rooms_has_no_shared_place() -> None:

@@ -1,0 +1,177 @@
+"""Any arm on a vertical pivot, its base following, solved as a chain of rigid bodies by FABRIK-R."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+
+from regionik.demand import HELD, aim_of
+from regionik.planners.bodies import Bodies, pointing_bodies, posing_bodies, span
+from regionik.planners.flat import FlatPolygon, contains
+from regionik.planners.inverse import spread_postures
+from regionik.planners.mobile import roam, seen
+from regionik.planners.polish import Aim, polish
+from regionik.planners.posereach import ANGLE_SHARE, pose_reach
+from regionik.planners.reaching import Effort, solve
+from regionik.worlds.arrays import Array
+from regionik.worlds.chain import Chain
+from regionik.worlds.pivot import span_of
+from regionik.worlds.scene import Target
+
+MOST_PASSES = 100
+RESTARTS = 10
+MOST_STEPS = 60  # of damped least squares when a posture is carried along
+ALIKE = 0.05  # postures that differ by less in every joint are one [rad]
+NEAREST = 6  # postures of the reach that are tried where passes and restarts do not meet a target
+
+
+@dataclass(frozen=True, eq=False)
+class Reached:
+    """Where the arm axis stands and how the arm reaches: the first joint counted from a given heading."""
+
+    axis: Array  # (2,) [m]
+    joints: Array  # (dof,)
+    error: float  # [m]
+    iterations: int
+    angle: float = 0.0  # by which the tool points, or is turned, out of its cone [rad]
+
+
+@dataclass(frozen=True, eq=False)
+class SerialSolver:
+    """Any arm on a vertical pivot, solved by FABRIK-R with its limits.
+
+    Attributes
+    ----------
+    chain : Chain
+    pointing, posing : Bodies
+        For positions, and for more; the first joint turns without end.
+    starts : (r, dof) array
+        Postures to start again from.
+    effort : Effort
+    height : float
+        Of the arm's base frame over the floor [m].
+    """
+
+    chain: Chain
+    pointing: Bodies
+    posing: Bodies
+    starts: Array
+    effort: Effort
+    height: float
+
+    def reach(
+        self, target: Target, axis: Array, yaw: float, joints: Array, area: FlatPolygon, mobile: bool
+    ) -> Reached:
+        """Bring the tool to a target; see `Arm`."""
+        q, place, quest = np.array(joints), np.array(axis), self._quest(target)
+        if mobile:
+            error, angle, passes = roam(
+                quest.bodies, quest.starts, area.vertices, area.starts, place, yaw, self.height, quest.aim,
+                quest.effort, q,
+            )  # fmt: skip
+            found = quest.reached(place, q, error, angle, passes)
+            if target.direction is None or (found.angle == 0.0 and error <= self.effort.tolerance):
+                return found
+            return self._from_reach(target, quest, found, yaw, joints, area) or found
+        near = None if target.direction is None else self.least_change(target, axis, yaw, joints)
+        if near is not None:
+            return near
+        aim = seen(axis, yaw, self.height, quest.aim)
+        error, angle, passes, _, _ = solve(quest.bodies, aim, quest.starts, quest.effort, q)
+        return quest.reached(place, q, error, angle, passes)
+
+    def reach_many(
+        self, targets: Array, axes: Array, yaws: Array, joints: Array, area: FlatPolygon
+    ) -> list[Reached]:
+        """One after the other; see `Arm`."""
+        rows = zip(map(Target, targets), axes, yaws.tolist(), joints, strict=True)
+        return [self.reach(*row, area, True) for row in rows]
+
+    def least_change(self, target: Target, axis: Array, yaw: float, joints: Array) -> Reached | None:
+        """The posture on target that damped least squares comes to; see `Arm`."""
+        quest = self._quest(target)
+        return self._polished(quest, np.array(axis), yaw, np.array(joints))
+
+    def self_motion(
+        self, target: Target, axis: Array, yaw: float, joints: Array, tries: int
+    ) -> list[Reached]:
+        """Postures on target come to from ``tries`` starts; see `Arm`."""
+        quest = self._quest(target)
+        arm, n = quest.bodies.arm, len(quest.bodies.slide)
+        aim, none = seen(axis, yaw, self.height, quest.aim), np.empty((0, n))
+        low = np.where(np.isfinite(arm.lower), arm.lower, -np.pi)
+        high = np.where(np.isfinite(arm.upper), arm.upper, np.pi)
+        found: list[Reached] = []
+        for start in np.random.default_rng(0).uniform(low, high, (tries, n)):
+            q = np.concatenate([start, joints[n:]])
+            error, angle, passes, _, _ = solve(quest.bodies, aim, none, quest.effort, q)
+            new = all(np.abs(q - other.joints).max() > ALIKE for other in found)
+            if error <= self.effort.tolerance and angle <= quest.effort.angle_tolerance and new:
+                found.append(quest.reached(axis, q, error, angle, passes))
+        return found
+
+    def _from_reach(
+        self, target: Target, quest: _Quest, missed: Reached, yaw: float, joints: Array, area: FlatPolygon
+    ) -> Reached | None:
+        """From the postures that the reach is made of: the base where it came to, or as near as may be."""
+        known = pose_reach(self.chain, self.height, quest.aim)
+        near = np.argsort(np.hypot(*(known.places - missed.axis).T), kind="stable")
+        bounded = len(area.starts) > 1
+        free = [k for k in near if not bounded or contains(area.vertices, area.starts, *known.places[k])]
+        tries = [(missed.axis, k) for k in near[:NEAREST]] + [(known.places[k], k) for k in free[:1]]
+        for place, k in tries:
+            q = np.array(known.postures[k])
+            q[0] += known.yaws[k] - yaw
+            endless = np.isinf(self.chain.upper - self.chain.lower)
+            q = np.where(endless, joints + np.remainder(q - joints + np.pi, 2 * np.pi) - np.pi, q)
+            found = self._polished(quest, np.array(place), yaw, q)
+            if found is not None:
+                return replace(found, iterations=missed.iterations)
+        return None
+
+    def _polished(self, quest: _Quest, place: Array, yaw: float, joints: Array) -> Reached | None:
+        """Damped least squares from a posture, the base held."""
+        n, effort = len(quest.bodies.slide), quest.effort
+        q, aim = np.array(joints[:n]), seen(place, yaw, self.height, quest.aim)
+        error, angle, _ = polish(
+            quest.bodies.arm, aim, q, effort.reach, effort.tolerance, effort.angle_tolerance, MOST_STEPS
+        )
+        if error > effort.tolerance or angle > effort.angle_tolerance:
+            return None
+        return quest.reached(place, np.concatenate([q, joints[n:]]), error, angle, 0)
+
+    def _quest(self, target: Target) -> _Quest:
+        if target.direction is None:
+            n = len(self.pointing.slide)
+            return _Quest(self.pointing, self.starts[:, :n].copy(), self.effort, aim_of(target), 0.0)
+        effort = self.effort._replace(angle_tolerance=ANGLE_SHARE * target.cone)
+        return _Quest(self.posing, self.starts, effort, aim_of(target), (1 - HELD) * target.cone)
+
+
+@dataclass(frozen=True, eq=False)
+class _Quest:
+    """A target as the kernels take it, and what is left of its cone beyond the aim's [rad]."""
+
+    bodies: Bodies
+    starts: Array
+    effort: Effort
+    aim: Aim
+    spare: float
+
+    def reached(self, place: Array, joints: Array, error: float, angle: float, passes: int) -> Reached:
+        return Reached(place, joints, float(error), int(passes), max(0.0, float(angle) - self.spare))
+
+
+@lru_cache(maxsize=64)
+def serial_solver(chain: Chain, height: float, tolerance: float) -> SerialSolver:
+    """Kept for the last few, as every set-point asks for it."""
+    span_of(chain)
+    endless = Chain(
+        (replace(chain.joints[0], lower=-np.inf, upper=np.inf), *chain.joints[1:]), chain.T_last_tool
+    )
+    pointing, posing = pointing_bodies(endless), posing_bodies(endless)
+    effort = Effort(tolerance, 1.0, MOST_PASSES, span(pointing.arm), True)
+    starts = spread_postures(endless, effort.reach, RESTARTS, 0)
+    return SerialSolver(chain, pointing, posing, starts, effort, height)
