@@ -24,7 +24,9 @@ from regionik.planners.sampledreach import outer_reach
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
 
-DISTANCES, BEARINGS = 33, 48  # of the grid
+DISTANCES, BEARINGS = 32, 48  # cells of the grid
+FINER = 3  # times, where the reach is too thin for it
+THIN = 0.25  # cells to a posture found, below which it is
 EVERY = 4  # grid lines from one seed to the next
 RESTARTS = 3
 STEPS = 30  # of damped least squares from a neighbour
@@ -65,6 +67,7 @@ class _Grid:
     found: Mask  # (r, b)
     postures: Array  # (r, b, dof), from an arm's base frame that looks at the target
     area: BaseGeometry
+    cells: int
 
 
 def pose_reach(chain: Chain, height: float, aim: Aim) -> PoseReach:
@@ -104,25 +107,52 @@ def _about_z(angle: float) -> Array:
 @lru_cache(maxsize=256)
 def _grid(chain: Chain, rise: float, kind: int, key: tuple[float, ...], cone: float) -> _Grid:
     turn = np.array(key).reshape(3, 3)
-    round_about = kind == DIRECTION and np.hypot(*turn[:2, 2]) < 1e-9
-    count = 1 if round_about else BEARINGS
-    bearings = np.linspace(0.0, 2 * np.pi, BEARINGS, endpoint=False)
+    quest = _Quest(*_prepared(chain, max(ANGLE_SHARE * cone, 1e-9)), rise, turn, kind, cone)
     bound = outer_reach(chain, 0.0, rise)
-    distances = np.linspace(0.0, bound[0][1] if bound else 0.0, DISTANCES)
-    bodies, starts, effort = _prepared(chain, max(ANGLE_SHARE * cone, 1e-9))
+    grid = _sampled(quest, bound[0][1] if bound else 0.0, 1, None)
+    if grid.found.any() and grid.cells < THIN * np.count_nonzero(grid.found):
+        return _sampled(quest, bound[0][1], FINER, grid)
+    return grid
+
+
+@dataclass(frozen=True, eq=False)
+class _Quest:
+    """What is looked for: an aim at a height over the arm's base frame, its axis at azimuth zero."""
+
+    bodies: Bodies
+    starts: Array
+    effort: Effort
+    rise: float
+    turn: Array
+    kind: int
+    cone: float
+
+
+def _sampled(quest: _Quest, far: float, finer: int, known: _Grid | None) -> _Grid:
+    """The grid with its cells parted, gone on from what is known of a coarser one."""
+    round_about = quest.kind == DIRECTION and np.hypot(*quest.turn[:2, 2]) < 1e-9
+    rows, around = DISTANCES * finer + 1, BEARINGS * finer
+    columns = 1 if round_about else around
+    distances = np.linspace(0.0, far, rows)
+    bearings = np.linspace(0.0, 2 * np.pi, around, endpoint=False)
     # An arm whose base frame looks at the target sees it ahead, and its axis turned by the bearing.
-    turns = np.array([_about_z(-bearing - np.pi) @ turn for bearing in bearings[:count]])
-    found = np.zeros((DISTANCES, count), dtype=np.bool_)
-    middle = np.zeros((DISTANCES - 1, count), dtype=np.bool_)
-    postures = np.zeros((DISTANCES, count, chain.dof))
-    if bound:
-        _look(bodies, starts, effort, distances, rise, turns, kind, cone, found, postures)
-        half = np.array([_about_z(-np.pi / BEARINGS) @ one for one in turns]) if count > 1 else turns
-        _look_between(bodies, effort, distances, rise, half, kind, cone, found, postures, middle)
+    turns = np.array([_about_z(-bearing - np.pi) @ quest.turn for bearing in bearings[:columns]])
+    between = np.array([_about_z(-np.pi / around) @ one for one in turns]) if columns > 1 else turns
+    found, middle = np.zeros((rows, columns), dtype=np.bool_), np.zeros((rows - 1, columns), dtype=np.bool_)
+    postures = np.zeros((rows, columns, len(quest.bodies.slide)))
+    if known is not None:
+        found[::finer, ::finer] = known.found[:, : columns // finer or 1]
+        postures[::finer, ::finer] = known.postures[:, : columns // finer or 1]
+    ask = quest.rise, turns, quest.kind, quest.cone
+    if far > 0.0:
+        _look(quest.bodies, quest.starts, quest.effort, distances, *ask, finer * EVERY, found, postures)
+        ask = quest.rise, between, quest.kind, quest.cone
+        _look_between(quest.bodies, quest.effort, distances, *ask, found, postures, middle)
     if round_about:
-        found, middle = np.repeat(found, BEARINGS, axis=1), np.repeat(middle, BEARINGS, axis=1)
-        postures = np.repeat(postures, BEARINGS, axis=1)
-    return _Grid(distances, bearings, found, postures, _cells(distances, bearings, middle))
+        found, middle = np.repeat(found, around, axis=1), np.repeat(middle, around, axis=1)
+        postures = np.repeat(postures, around, axis=1)
+    area = _cells(distances, bearings, middle)
+    return _Grid(distances, bearings, found, postures, area, int(np.count_nonzero(middle)))
 
 
 @lru_cache(maxsize=32)
@@ -144,29 +174,32 @@ def _look(
     turns: Array,
     kind: int,
     cone: float,
+    every: int,
     found: Mask,
     postures: Array,
 ) -> None:
     """Seeds here and there by passes and restarts; from each found, on to the neighbours."""
     rows, columns, n = postures.shape
     todo = np.empty((rows * columns, 2), dtype=np.int64)
-    trial = np.empty(n)
-    for i in range(0, rows, EVERY):
-        for j in range(0, columns, EVERY):
+    trial, count = np.empty(n), 0
+    for i in range(rows):
+        for j in range(columns):
             if found[i, j]:
-                continue
+                todo[count, 0], todo[count, 1] = i, j
+                count += 1
+    for i in range(0, rows, every):
+        for j in range(0, columns, every):
             aim = Aim(np.array([distances[i], 0.0, rise]), kind, turns[j], cone)
-            trial[:] = starts[0]
-            error, angle, _, _, _ = solve(bodies, aim, starts[1:], effort, trial)
-            if error > effort.tolerance or angle > effort.angle_tolerance:
-                continue
-            found[i, j], postures[i, j] = True, trial
-            todo[0, 0], todo[0, 1] = i, j
-            count = 1
+            if count == 0 and not found[i, j]:
+                trial[:] = starts[0]
+                error, angle, _, _, _ = solve(bodies, aim, starts[1:], effort, trial)
+                if error <= effort.tolerance and angle <= effort.angle_tolerance:
+                    found[i, j], postures[i, j] = True, trial
+                    todo[0, 0], todo[0, 1] = i, j
+                    count = 1
             while count > 0:
-                count -= 1
                 count = _spread(
-                    bodies, effort, distances, rise, turns, kind, cone, found, postures, todo, count
+                    bodies, effort, distances, rise, turns, kind, cone, found, postures, todo, count - 1
                 )
 
 

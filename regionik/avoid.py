@@ -17,13 +17,16 @@ from scipy.stats import qmc
 from shapely.geometry import Point
 from shapely.geometry.base import BaseGeometry
 
+from regionik.demand import in_plane
 from regionik.guard import SPARE, Guard
 from regionik.mfabrik import Solver, axis_of, pose_of, solver_for
 from regionik.plan import Configuration
+from regionik.planners.clearpose import look_round
 from regionik.planners.posture import ClearPosture, clear_posture, go_round
 from regionik.planners.touching import Touch
 from regionik.poses import Pose, pose
 from regionik.pruning import Ladder
+from regionik.serialarm import serial_solver
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import World
 
@@ -161,16 +164,32 @@ class Avoider:
 
     def _around(self, i: int, spot: Spot) -> Iterator[Spot]:
         """The base stays; the arm goes round what it touches, by FABRIK with avoiding rotations."""
-        return self._asked(i, spot, go_round)
+        target = self.world.task[i]
+        if target.direction is None:
+            yield from self._asked(i, spot, go_round)
+        elif not in_plane(self.world.robot.chain, target):  # in a plane, its few postures were all looked at
+            yield from self._looked(i, spot)
 
     def _searched(self, i: int, spot: Spot) -> Iterator[Spot]:
         """The base stays; every posture of the arm is looked for, or there is proven to be none."""
-        return self._asked(i, spot, partial(clear_posture, most_boxes=BOXES))
+        if self.world.task[i].direction is None:
+            yield from self._asked(i, spot, partial(clear_posture, most_boxes=BOXES))
+
+    def _looked(self, i: int, spot: Spot) -> Iterator[Spot]:
+        """The base stays; the arm is tried in other postures on the pose."""
+        robot = self.world.robot
+        arm = serial_solver(robot.chain, float(robot.mount[2]), self.world.rules.tolerance)
+        quest = arm.quest(self.world.task[i])
+        base, contact = spot.found.base, self.guard.contact
+        found = look_round(
+            self.guard.bodies, base, quest.aim, spot.found.joints, quest.effort,
+            contact=contact, margin=SPARE, seed=self.seed,
+        )  # fmt: skip
+        if found is not None and self.clear(i, Pose(base, found[0])):
+            yield replace(spot, found=replace(spot.found, joints=found[0], error=found[1]))
 
     def _asked(self, i: int, spot: Spot, ask: Callable[..., ClearPosture]) -> Iterator[Spot]:
         target, bodies, base = self.world.task[i], self.guard.bodies, spot.found.base
-        if target.direction is not None:
-            return
         found = ask(
             bodies,
             base,

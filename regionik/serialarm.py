@@ -65,7 +65,7 @@ class SerialSolver:
         self, target: Target, axis: Array, yaw: float, joints: Array, area: FlatPolygon, mobile: bool
     ) -> Reached:
         """Bring the tool to a target; see `Arm`."""
-        q, place, quest = np.array(joints), np.array(axis), self._quest(target)
+        q, place, quest = np.array(joints), np.array(axis), self.quest(target)
         if mobile:
             error, angle, passes = roam(
                 quest.bodies, quest.starts, area.vertices, area.starts, place, yaw, self.height, quest.aim,
@@ -91,14 +91,14 @@ class SerialSolver:
 
     def least_change(self, target: Target, axis: Array, yaw: float, joints: Array) -> Reached | None:
         """The posture on target that damped least squares comes to; see `Arm`."""
-        quest = self._quest(target)
+        quest = self.quest(target)
         return self._polished(quest, np.array(axis), yaw, np.array(joints))
 
     def self_motion(
         self, target: Target, axis: Array, yaw: float, joints: Array, tries: int
     ) -> list[Reached]:
         """Postures on target come to from ``tries`` starts; see `Arm`."""
-        quest = self._quest(target)
+        quest = self.quest(target)
         arm, n = quest.bodies.arm, len(quest.bodies.slide)
         aim, none = seen(axis, yaw, self.height, quest.aim), np.empty((0, n))
         low = np.where(np.isfinite(arm.lower), arm.lower, -np.pi)
@@ -113,7 +113,7 @@ class SerialSolver:
         return found
 
     def _from_reach(
-        self, target: Target, quest: _Quest, missed: Reached, yaw: float, joints: Array, area: FlatPolygon
+        self, target: Target, quest: Quest, missed: Reached, yaw: float, joints: Array, area: FlatPolygon
     ) -> Reached | None:
         """From the postures that the reach is made of: the base where it came to, or as near as may be."""
         known = pose_reach(self.chain, self.height, quest.aim)
@@ -131,7 +131,7 @@ class SerialSolver:
                 return replace(found, iterations=missed.iterations)
         return None
 
-    def _polished(self, quest: _Quest, place: Array, yaw: float, joints: Array) -> Reached | None:
+    def _polished(self, quest: Quest, place: Array, yaw: float, joints: Array) -> Reached | None:
         """Damped least squares from a posture, the base held."""
         n, effort = len(quest.bodies.slide), quest.effort
         q, aim = np.array(joints[:n]), seen(place, yaw, self.height, quest.aim)
@@ -142,16 +142,17 @@ class SerialSolver:
             return None
         return quest.reached(place, np.concatenate([q, joints[n:]]), error, angle, 0)
 
-    def _quest(self, target: Target) -> _Quest:
+    def quest(self, target: Target) -> Quest:
+        """What a target asks of the kernels, and with which effort."""
         if target.direction is None:
             n = len(self.pointing.slide)
-            return _Quest(self.pointing, self.starts[:, :n].copy(), self.effort, aim_of(target), 0.0)
+            return Quest(self.pointing, self.starts[:, :n].copy(), self.effort, aim_of(target), 0.0)
         effort = self.effort._replace(angle_tolerance=ANGLE_SHARE * target.cone)
-        return _Quest(self.posing, self.starts, effort, aim_of(target), (1 - HELD) * target.cone)
+        return Quest(self.posing, self.starts, effort, aim_of(target), (1 - HELD) * target.cone)
 
 
 @dataclass(frozen=True, eq=False)
-class _Quest:
+class Quest:
     """A target as the kernels take it, and what is left of its cone beyond the aim's [rad]."""
 
     bodies: Bodies
