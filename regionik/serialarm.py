@@ -9,7 +9,7 @@ import numpy as np
 
 from regionik.demand import HELD, aim_of
 from regionik.planners.bodies import Bodies, pointing_bodies, posing_bodies, span
-from regionik.planners.flat import FlatPolygon, contains
+from regionik.planners.flat import FlatPolygon, clamp, contains
 from regionik.planners.inverse import spread_postures
 from regionik.planners.mobile import roam, seen
 from regionik.planners.polish import Aim, polish
@@ -64,23 +64,45 @@ class SerialSolver:
     def reach(
         self, target: Target, axis: Array, yaw: float, joints: Array, area: FlatPolygon, mobile: bool
     ) -> Reached:
-        """Bring the tool to a target; see `Arm`."""
-        q, place, quest = np.array(joints), np.array(axis), self.quest(target)
-        if mobile:
-            error, angle, passes = roam(
-                quest.bodies, quest.starts, area.vertices, area.starts, place, yaw, self.height, quest.aim,
-                quest.effort, q,
-            )  # fmt: skip
-            found = quest.reached(place, q, error, angle, passes)
-            if target.direction is None or (found.angle == 0.0 and error <= self.effort.tolerance):
-                return found
-            return self._from_reach(target, quest, found, yaw, joints, area) or found
-        near = None if target.direction is None else self.least_change(target, axis, yaw, joints)
+        """Bring the tool to a target; see `Arm`.
+
+        A pose is asked for where the base stands first, as that changes least; then come passes, the postures
+        that the reach is made of, and restarts.
+        """
+        quest = self.quest(target)
+        if target.direction is None:
+            if mobile:
+                return self._followed(quest, quest.starts, axis, yaw, joints, area)
+            return self._held(quest, axis, yaw, joints)
+        bounded = mobile and len(area.starts) > 1
+        place = np.array(clamp(area.vertices, area.starts, *axis) if bounded else axis)
+        near = self._polished(quest, place, yaw, joints)
         if near is not None:
             return near
-        aim = seen(axis, yaw, self.height, quest.aim)
-        error, angle, passes, _, _ = solve(quest.bodies, aim, quest.starts, quest.effort, q)
+        if not mobile:
+            return self._held(quest, axis, yaw, joints)
+        found = self._followed(quest, quest.starts[:0], axis, yaw, joints, area)
+        if quest.met(found):
+            return found
+        known = self._from_reach(quest, found, yaw, joints, area)
+        return known or self._followed(quest, quest.starts, axis, yaw, joints, area)
+
+    def _followed(
+        self, quest: Quest, starts: Array, axis: Array, yaw: float, joints: Array, area: FlatPolygon
+    ) -> Reached:
+        """M-FABRIK: passes with the base after the root, then restarts."""
+        q, place = np.array(joints), np.array(axis)
+        error, angle, passes = roam(
+            quest.bodies, starts, area.vertices, area.starts, place, yaw, self.height, quest.aim,
+            quest.effort, q,
+        )  # fmt: skip
         return quest.reached(place, q, error, angle, passes)
+
+    def _held(self, quest: Quest, axis: Array, yaw: float, joints: Array) -> Reached:
+        """FABRIK-R with the base held."""
+        q, aim = np.array(joints), seen(axis, yaw, self.height, quest.aim)
+        error, angle, passes, _, _ = solve(quest.bodies, aim, quest.starts, quest.effort, q)
+        return quest.reached(axis, q, error, angle, passes)
 
     def reach_many(
         self, targets: Array, axes: Array, yaws: Array, joints: Array, area: FlatPolygon
@@ -113,7 +135,7 @@ class SerialSolver:
         return found
 
     def _from_reach(
-        self, target: Target, quest: Quest, missed: Reached, yaw: float, joints: Array, area: FlatPolygon
+        self, quest: Quest, missed: Reached, yaw: float, joints: Array, area: FlatPolygon
     ) -> Reached | None:
         """From the postures that the reach is made of: the base where it came to, or as near as may be."""
         known = pose_reach(self.chain, self.height, quest.aim)
@@ -160,6 +182,9 @@ class Quest:
     effort: Effort
     aim: Aim
     spare: float
+
+    def met(self, found: Reached) -> bool:
+        return found.error <= self.effort.tolerance and found.angle == 0.0
 
     def reached(self, place: Array, joints: Array, error: float, angle: float, passes: int) -> Reached:
         return Reached(place, joints, float(error), int(passes), max(0.0, float(angle) - self.spare))
