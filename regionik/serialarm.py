@@ -119,20 +119,36 @@ class SerialSolver:
     def self_motion(
         self, target: Target, axis: Array, yaw: float, joints: Array, tries: int
     ) -> list[Reached]:
-        """Postures on target come to from ``tries`` starts; see `Arm`."""
-        quest = self.quest(target)
+        """Postures on target come to from ``tries`` starts; see `Arm`.
+
+        For a pose every other start lies about the given posture, and damped least squares alone leads on:
+        passes that must meet a direction wander, and arms that curl up come near to themselves.
+        """
+        quest, rng = self.quest(target), np.random.default_rng(0)
         arm, n = quest.bodies.arm, len(quest.bodies.slide)
-        aim, none = seen(axis, yaw, self.height, quest.aim), np.empty((0, n))
         low = np.where(np.isfinite(arm.lower), arm.lower, -np.pi)
         high = np.where(np.isfinite(arm.upper), arm.upper, np.pi)
+        starts = rng.uniform(low, high, (tries, n))
+        if target.direction is not None:
+            starts[::2] = np.clip(joints + rng.normal(size=starts[::2].shape), arm.lower, arm.upper)
         found: list[Reached] = []
-        for start in np.random.default_rng(0).uniform(low, high, (tries, n)):
-            q = np.concatenate([start, joints[n:]])
-            error, angle, passes, _, _ = solve(quest.bodies, aim, none, quest.effort, q)
-            new = all(np.abs(q - other.joints).max() > ALIKE for other in found)
-            if error <= self.effort.tolerance and angle <= quest.effort.angle_tolerance and new:
-                found.append(quest.reached(axis, q, error, angle, passes))
+        for start in starts:
+            one = self._on_target(target, quest, axis, yaw, np.concatenate([start, joints[n:]]))
+            if one is not None and all(np.abs(one.joints - other.joints).max() > ALIKE for other in found):
+                found.append(one)
         return found
+
+    def _on_target(
+        self, target: Target, quest: Quest, axis: Array, yaw: float, start: Array
+    ) -> Reached | None:
+        """A posture on target come to from one start, without any other."""
+        if target.direction is not None:
+            return self._polished(quest, axis, yaw, start)
+        none = np.empty((0, len(quest.bodies.slide)))
+        aim = seen(axis, yaw, self.height, quest.aim)
+        error, angle, passes, _, _ = solve(quest.bodies, aim, none, quest.effort, start)
+        found = quest.reached(axis, start, error, angle, passes)
+        return found if quest.met(found) else None
 
     def _from_reach(
         self, quest: Quest, missed: Reached, yaw: float, joints: Array, area: FlatPolygon
