@@ -7,14 +7,14 @@ the next.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from regionik.findings import Finding, Words, finding
 from regionik.journey import Indices, Journey, Mask, Parts, Verdicts, prove, sag
-from regionik.on_path import on_path
+from regionik.on_path import OnPath, on_path
 from regionik.plan import Violation
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import World
@@ -26,17 +26,19 @@ SHORTEST = 1e-4  # turn of the tool over half a part below which its halves are 
 def direction(world: World, journey: Journey, words: Words) -> Finding:
     """Tool axis within the cone along the path, where both set-points ask for a direction.
 
-    Between two directions the axis may turn along the arc from one to the other; the wider cone counts.
+    Between two directions the axis may turn along the arc from one to the other; the wider cone counts. Where
+    both ask for an orientation, the frame goes its own way and takes the axis along.
     """
-    axes = [None if target.direction is None else target.direction for target in world.task]
+    axes = [target.direction for target in world.task]
+    on = on_path(len(world.task), journey)
+    asked = _both(axes, on.hop_ends) & ~_both([target.orientation for target in world.task], on.hop_ends)
+    if not asked.any():
+        return finding("direction", np.inf, [])
 
     def point(hop: Indices, s: Array) -> Array:
         return journey.frames(hop, s)[:, -1, :3, 2]
 
-    bound = _bound(world, journey, axes, point)
-    if bound is None:
-        return finding("direction", np.inf, [])
-    return _told(bound, words, "direction", "axis", 1.0)
+    return _told(_bound(world, journey, on, asked, axes, point), words, "direction", "axis", 1.0)
 
 
 def orientation(world: World, journey: Journey, words: Words) -> Finding:
@@ -45,32 +47,40 @@ def orientation(world: World, journey: Journey, words: Words) -> Finding:
     Between two orientations the frame may turn evenly the shorter way; the wider cone counts.
     """
     turns = [target.orientation for target in world.task]
+    on = on_path(len(world.task), journey)
+    asked = _both(turns, on.hop_ends)
+    if not asked.any():
+        return finding("orientation", np.inf, [])
     frames = [None if turn is None else _quaternions(turn) for turn in turns]
 
     def point(hop: Indices, s: Array) -> Array:
         return _quaternions(journey.frames(hop, s)[:, -1, :3, :3])
 
-    bound = _bound(world, journey, frames, point)
-    if bound is None:
-        return finding("orientation", np.inf, [])
+    bound = _bound(world, journey, on, asked, frames, point)
     # q'' = (w' + w w / 2) q / 2, where |w'| is at most half the square of the bound of the turning rate |w|.
     end = _towards(bound.end, bound.start)
     halved = replace(bound, towards=_towards, end=end, cone=bound.cone / 2, bend=bound.bend / 2)
     return _told(halved, words, "orientation", "frame", 2.0)
 
 
+def _both(asked: Sequence[Array | None], ends: Indices) -> Mask:
+    """Hops between two set-points that both ask."""
+    asks = np.array([one is not None for one in asked], dtype=np.bool_)
+    both: Mask = asks[ends[:, 0]] & asks[ends[:, 1]]
+    return both
+
+
 def _bound(
-    world: World, journey: Journey, asked: list[Array | None], point: Callable[[Indices, Array], Array]
-) -> _Bound | None:
-    """Hops between set-points that both ask, if there are any."""
-    on = on_path(len(world.task), journey)
-    both = np.array([one is not None for one in asked])[on.hop_ends].all(1)
-    if not both.any():
-        return None
-    size = next(len(one) for one in asked if one is not None)
-    points = np.array([np.zeros(size) if one is None else one for one in asked])
-    cones, hops, ends = np.array([target.cone for target in world.task]), on.hop[both], on.hop_ends[both]
-    start, end = points[ends[:, 0]], points[ends[:, 1]]
+    world: World,
+    journey: Journey,
+    on: OnPath,
+    asked: Mask,
+    points: Sequence[Array | None],
+    point: Callable[[Indices, Array], Array],
+) -> _Bound:
+    """The hops asked for, with the points at both of their set-points."""
+    cones, hops, ends = np.array([target.cone for target in world.task]), on.hop[asked], on.hop_ends[asked]
+    start, end = (np.array([points[i] for i in side], dtype=np.float64) for side in ends.T)
     return _Bound(point, _as_it_is, hops, start, end, cones[ends].max(1), journey.swing[hops])
 
 
