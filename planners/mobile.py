@@ -9,10 +9,10 @@ from __future__ import annotations
 import numpy as np
 
 from regionik.planners.bodies import Bodies
-from regionik.planners.fabrikr import Posture, backward_pass, forward_pass, posture_of
+from regionik.planners.fabrikr import Posture, backward_pass, posture_of
 from regionik.planners.flat import Index, clamp, compiled, contains
-from regionik.planners.polish import POSITION, Aim
-from regionik.planners.reaching import Effort, solve
+from regionik.planners.polish import Aim
+from regionik.planners.reaching import Effort, inward_pass, share_of, solve, tool_misses
 from regionik.worlds.arrays import Array
 
 
@@ -25,16 +25,17 @@ def roam(
     place: Array,
     yaw: float,
     rise: float,
-    target: Array,
+    aim: Aim,
     effort: Effort,
     joints: Array,
-) -> tuple[float, int]:
-    """Move arm axis and arm until the tool is on target: passes, restarts, then polishing.
+) -> tuple[float, float, int]:
+    """Move arm axis and arm until the tool meets its aim: passes, restarts, then polishing.
 
     Parameters
     ----------
     bodies : Bodies
-        Pointing ones; the first joint turns about the vertical through the arm's base frame.
+        Pointing ones for a position, posing ones for more; the first joint turns about the vertical through
+        the arm's base frame.
     starts : (r, n) array
         Postures to start again from.
     vertices, rings : arrays
@@ -43,14 +44,14 @@ def roam(
         Arm axis on the floor; overwritten with the answer [m].
     yaw, rise : float
         Heading and height of the arm's base frame [rad], [m].
-    target : (3,) array
-        In the world [m].
+    aim : Aim
+        In the world.
     joints : (dof,) array
         Overwritten with the answer.
 
     Returns
     -------
-    error [m], passes
+    error [m], angle error [rad], passes
     """
     n, passes = len(bodies.slide), 0
     first, nearest, trial, best = place.copy(), place.copy(), joints[:n].copy(), np.inf
@@ -58,19 +59,19 @@ def roam(
         place[:] = first
         trial[:] = joints[:n] if attempt == 0 else starts[attempt - 1]
         posture = posture_of(bodies, trial)
-        error, used = follow(bodies, vertices, rings, place, yaw, rise, target, effort, posture)
+        error, angle, used = follow(bodies, vertices, rings, place, yaw, rise, aim, effort, posture)
         passes += used
-        if error <= effort.tolerance:
+        share = share_of(error, angle, effort)
+        if share <= 1.0:
             for k in range(n):
                 joints[k] = posture.joints[k]
-            return error, passes
-        if error < best:
-            best = error
+            return error, angle, passes
+        if share < best:
+            best = share
             nearest[:] = place
     place[:] = nearest  # inside the area: the last pass took it there
-    aim = Aim(seen(place, yaw, rise, target), POSITION, np.eye(3))
-    error, _, used, _, _ = solve(bodies, aim, starts, effort, joints)
-    return error, passes + used
+    error, angle, used, _, _ = solve(bodies, seen(place, yaw, rise, aim), starts, effort, joints)
+    return error, angle, passes + used
 
 
 @compiled
@@ -81,21 +82,21 @@ def follow(
     place: Array,
     yaw: float,
     rise: float,
-    target: Array,
+    aim: Aim,
     effort: Effort,
     posture: Posture,
-) -> tuple[float, int]:
+) -> tuple[float, float, int]:
     """Passes from one posture, the base after the root; ``place`` and ``posture`` are overwritten."""
     n, c, s = len(bodies.slide), np.cos(yaw), np.sin(yaw)
     bounded = len(rings) > 1
     # A base that has become inadmissible must move even where the tool is in place already.
     settled = not bounded or contains(vertices, rings, place[0], place[1])
-    goal = seen(place, yaw, rise, target)
+    goal, miss = seen(place, yaw, rise, aim), np.empty(6)
     for used in range(effort.most_passes + 1):
-        error = np.sqrt(((posture.outer[n] - goal) ** 2).sum())
-        if (error <= effort.tolerance and settled) or used == effort.most_passes:
+        error, angle = tool_misses(bodies, goal, posture, miss)
+        if (share_of(error, angle, effort) <= 1.0 and settled) or used == effort.most_passes:
             break
-        forward_pass(bodies, goal, posture)
+        inward_pass(bodies, goal, posture)
         dx, dy = posture.outer[0, 0] - bodies.root[0], posture.outer[0, 1] - bodies.root[1]
         x, y = place[0] + c * dx - s * dy, place[1] + s * dx + c * dy
         if bounded:
@@ -107,16 +108,22 @@ def follow(
             posture.outer[k, 1] -= moved_y
             posture.inner[k, 0] -= moved_x
             posture.inner[k, 1] -= moved_y
-        goal[0] -= moved_x
-        goal[1] -= moved_y
+        goal.position[0] -= moved_x
+        goal.position[1] -= moved_y
         backward_pass(bodies, posture)
         settled = True
-    return error, used
+    return error, angle, used
 
 
 @compiled
-def seen(place: Array, yaw: float, rise: float, target: Array) -> Array:
-    """A target in the frame of an arm whose axis stands at a place."""
+def seen(place: Array, yaw: float, rise: float, aim: Aim) -> Aim:
+    """An aim in the frame of an arm whose axis stands at a place."""
     c, s = np.cos(yaw), np.sin(yaw)
-    dx, dy = target[0] - place[0], target[1] - place[1]
-    return np.array([c * dx + s * dy, c * dy - s * dx, target[2] - rise])
+    dx, dy = aim.position[0] - place[0], aim.position[1] - place[1]
+    position = np.array([c * dx + s * dy, c * dy - s * dx, aim.position[2] - rise])
+    turn = np.empty((3, 3))
+    for i in range(3):
+        turn[0, i] = c * aim.turn[0, i] + s * aim.turn[1, i]
+        turn[1, i] = c * aim.turn[1, i] - s * aim.turn[0, i]
+        turn[2, i] = aim.turn[2, i]
+    return Aim(position, aim.kind, turn, aim.cone)

@@ -31,11 +31,14 @@ class Aim(NamedTuple):
         POSITION alone, tool z axis in a DIRECTION with free roll, or full ORIENTATION.
     turn : (3, 3) array
         Wanted tool frame; a direction is its last column.
+    cone : float
+        Deviation from direction or orientation that counts as none [rad].
     """
 
     position: Array
     kind: int
     turn: Array
+    cone: float = 0.0
 
 
 @compiled
@@ -50,7 +53,13 @@ def misses(position: Vector, turn: Array, aim: Aim, miss: Array) -> tuple[float,
         )
     elif aim.kind == ORIENTATION:
         _turn_vector(turn, aim.turn, miss)
-    return norm((miss[0], miss[1], miss[2])), norm((miss[3], miss[4], miss[5]))
+    angle = norm((miss[3], miss[4], miss[5]))
+    if aim.cone > 0.0 and angle > 0.0:  # only to the cone's edge
+        beyond = max(0.0, angle - aim.cone)
+        for i in range(3):
+            miss[3 + i] *= beyond / angle
+        angle = beyond
+    return norm((miss[0], miss[1], miss[2])), angle
 
 
 @compiled

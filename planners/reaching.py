@@ -77,7 +77,7 @@ def solve(
         ends[i] = joints[:n] if i == 0 else starts[i - 1]
         error, angle, used = reach(bodies, aim, effort, ends[i], i == count - 1)
         passes += used
-        share = _share(error, angle, effort)
+        share = share_of(error, angle, effort)
         if share < best:
             best, best_error, best_angle = share, error, angle
             answer[:] = ends[i]
@@ -88,7 +88,7 @@ def solve(
         error, angle, _ = polish(
             bodies.arm, aim, ends[i], effort.reach, effort.tolerance, effort.angle_tolerance, MOST_STEPS
         )
-        share = _share(error, angle, effort)
+        share = share_of(error, angle, effort)
         if share < best:
             best, best_error, best_angle = share, error, angle
             answer[:] = ends[i]
@@ -112,8 +112,8 @@ def reach(
     trail = np.empty(effort.most_passes + 1)
     best, best_error, best_angle, used = np.inf, np.inf, np.inf, 0
     for used in range(effort.most_passes + 1):
-        error, angle = _tool(bodies, aim, posture, miss)
-        share = _share(error, angle, effort)
+        error, angle = tool_misses(bodies, aim, posture, miss)
+        share = share_of(error, angle, effort)
         if share < best:
             best, best_error, best_angle = share, error, angle
             joints[:] = posture.joints
@@ -125,31 +125,30 @@ def reach(
             if gain <= 1e-4 or (not to_the_end and gain * PATIENCE < WINDOW * np.log(best)):
                 break
         if used < effort.most_passes:
-            _pass(bodies, aim, posture)
+            inward_pass(bodies, aim, posture)
+            backward_pass(bodies, posture)
     return best_error, best_angle, used
 
 
 @compiled
-def _pass(bodies: Bodies, aim: Aim, posture: Posture) -> None:
-    """One iteration: in from the target, out from the root."""
+def inward_pass(bodies: Bodies, aim: Aim, posture: Posture) -> None:
+    """From the target in to the root, the last body turned as the aim asks."""
     if aim.kind == POSITION:
         forward_pass(bodies, aim.position, posture)
-    else:
-        n = len(posture.joints)
-        turn = np.empty((3, 3))
-        _wanted_last(bodies, aim, posture, turn)
-        forward_start_posed(bodies, aim.position, turn, posture)
-        for k in range(n - 1, 0, -1):
-            forward_step(bodies, k, posture)
-    backward_pass(bodies, posture)
+        return
+    turn = np.empty((3, 3))
+    _wanted_last(bodies, aim, posture, turn)
+    forward_start_posed(bodies, aim.position, turn, posture)
+    for k in range(len(posture.joints) - 1, 0, -1):
+        forward_step(bodies, k, posture)
 
 
 @compiled
 def _wanted_last(bodies: Bodies, aim: Aim, posture: Posture, turn: Array) -> None:
-    """Orientation of the last link that the aim asks for; with a free roll the one nearest to the present."""
+    """Orientation of the last link that the aim asks for; of many, the one nearest to the present."""
     tool = bodies.arm.tool[:3, :3]
     last, wanted = posture.turns[len(posture.joints) - 1], aim.turn
-    if aim.kind == DIRECTION:
+    if aim.kind == DIRECTION or aim.cone > 0.0:
         now, miss, spin = _times(last, tool), np.empty(6), np.empty((3, 3))
         misses((0.0, 0.0, 0.0), now, aim, miss)
         angle = np.sqrt(miss[3] ** 2 + miss[4] ** 2 + miss[5] ** 2)
@@ -161,8 +160,8 @@ def _wanted_last(bodies: Bodies, aim: Aim, posture: Posture, turn: Array) -> Non
 
 
 @compiled
-def _tool(bodies: Bodies, aim: Aim, posture: Posture, miss: Array) -> tuple[float, float]:
-    """What the tool misses [m], [rad]."""
+def tool_misses(bodies: Bodies, aim: Aim, posture: Posture, miss: Array) -> tuple[float, float]:
+    """What the tool misses [m], [rad]; ``miss`` (6,) becomes the way there."""
     n = len(posture.joints)
     position = (posture.outer[n, 0], posture.outer[n, 1], posture.outer[n, 2])
     turn = posture.turns[n - 1]
@@ -183,7 +182,7 @@ def _times(A: Array, B: Array) -> Array:
 
 
 @compiled
-def _share(error: float, angle: float, effort: Effort) -> float:
+def share_of(error: float, angle: float, effort: Effort) -> float:
     """The larger of both misses as a share of its tolerance; rounding must not lift it over 1 later."""
     return (1.0 + 1e-9) * max(error / effort.tolerance, angle / effort.angle_tolerance)
 
@@ -214,7 +213,7 @@ def solve_batch(
     """
     turn = np.eye(3)
     for i in range(len(positions)):
-        aim = Aim(positions[i], POSITION, turn)
+        aim = Aim(positions[i], POSITION, turn, 0.0)
         error, _, passes, restarts, polished = solve(bodies, aim, starts, effort, joints[i])
         errors[i] = error
         counts[i, 0], counts[i, 1], counts[i, 2] = passes, restarts, 1 if polished else 0

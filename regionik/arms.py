@@ -6,58 +6,46 @@ take the first joint as endless: `mfabrik` shares its turn between joint and bas
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
 
+from regionik.demand import deviation
 from regionik.planners import fabrik, kernels
-from regionik.planners.bodies import Bodies, pointing_bodies, span
 from regionik.planners.flat import FlatPolygon
-from regionik.planners.inverse import spread_postures
-from regionik.planners.mobile import roam, seen
-from regionik.planners.polish import POSITION, Aim, polish
-from regionik.planners.reaching import Effort, solve
-from regionik.reachable import Family
+from regionik.planners.rolls import roll_for, tool_turn, within_limits
+from regionik.reachable import Family, families_of
+from regionik.serialarm import MOST_PASSES, Reached, serial_solver
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
-from regionik.worlds.pivot import is_planar, span_of
+from regionik.worlds.pivot import is_planar
 from regionik.worlds.planar import PlanarArm, planar_arm
+from regionik.worlds.scene import Target
 
-MOST_PASSES = 100
-RESTARTS = 10
-MOST_STEPS = 60  # of damped least squares when a posture is carried along
-ALIKE = 0.05  # postures that differ by less in every joint are one [rad]
-
-
-@dataclass(frozen=True, eq=False)
-class Reached:
-    """Where the arm axis stands and how the arm reaches: the first joint counted from a given heading."""
-
-    axis: Array  # (2,) [m]
-    joints: Array  # (dof,)
-    error: float  # [m]
-    iterations: int
+ANGLE_SLACK = 1e-9  # rounding allowed at the edge of a cone [rad]
 
 
 class Arm(Protocol):
     """An arm on a base, the heading of its base frame given."""
 
     def reach(
-        self, target: Array, axis: Array, yaw: float, joints: Array, area: FlatPolygon, mobile: bool
+        self, target: Target, axis: Array, yaw: float, joints: Array, area: FlatPolygon, mobile: bool
     ) -> Reached:
         """Bring the tool to a target; a mobile base follows inside the area, any other stays."""
 
     def reach_many(
         self, targets: Array, axes: Array, yaws: Array, joints: Array, area: FlatPolygon
     ) -> list[Reached]:
-        """As `reach` with a mobile base, for rows of targets and starts."""
+        """As `reach` with a mobile base, for rows of bare points and starts."""
 
-    def least_change(self, target: Array, axis: Array, yaw: float, joints: Array) -> Reached | None:
+    def least_change(self, target: Target, axis: Array, yaw: float, joints: Array) -> Reached | None:
         """The posture on target that changes least, the base held."""
 
-    def self_motion(self, target: Array, axis: Array, yaw: float, joints: Array, tries: int) -> list[Reached]:
+    def self_motion(
+        self, target: Target, axis: Array, yaw: float, joints: Array, tries: int
+    ) -> list[Reached]:
         """Postures on target of many kinds, the base held."""
 
 
@@ -76,7 +64,7 @@ def arm_solver(chain: Chain, height: float, family: Family, tolerance: float) ->
     """
     if is_planar(chain):
         return PlaneSolver(planar_arm(chain), height, family, tolerance)
-    return _serial_solver(chain, height, tolerance)
+    return serial_solver(chain, height, tolerance)
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,16 +91,27 @@ class PlaneSolver:
         return spread
 
     def reach(
-        self, target: Array, axis: Array, yaw: float, joints: Array, area: FlatPolygon, mobile: bool
+        self, target: Target, axis: Array, yaw: float, joints: Array, area: FlatPolygon, mobile: bool
     ) -> Reached:
-        """Bring the tool to a target; see `Arm`."""
-        bends, place = self.arm.bends(joints), np.array(axis)
-        error, iterations, _, plane_yaw = fabrik.solve(
-            self.plane, self.postures, area.vertices, area.starts, mobile, place,
-            yaw + self.arm.pivot_zero + joints[0], bends, target,
-            self.family.facing, self.family.pitch, self.tolerance, MOST_PASSES,
-        )  # fmt: skip
-        return Reached(place, self._joints(bends, plane_yaw - yaw, joints), float(error), int(iterations))
+        """Bring the tool to a target; see `Arm`. Of the kinds of posture the first that meets it."""
+        best: Reached | None = None
+        for kind in self._kinds(target):
+            bends, place = self.arm.bends(joints), np.array(axis)
+            if mobile and target.direction is not None and len(area.starts) <= 1:
+                place = _swung(kind, target.position, place)
+            error, iterations, _, plane_yaw = fabrik.solve(
+                self.plane, self.postures, area.vertices, area.starts, mobile, place,
+                yaw + self.arm.pivot_zero + joints[0], bends, target.position,
+                self.family.facing, kind.pitch, self.tolerance, MOST_PASSES,
+            )  # fmt: skip
+            q, angle = self._turned(target, bends, plane_yaw, yaw, joints)
+            found = Reached(place, q, float(error), int(iterations), angle)
+            if error <= self.tolerance and angle <= ANGLE_SLACK:
+                return found
+            if best is None or (angle > ANGLE_SLACK, error) < (best.angle > ANGLE_SLACK, best.error):
+                best = found
+        assert best is not None
+        return best
 
     def reach_many(
         self, targets: Array, axes: Array, yaws: Array, joints: Array, area: FlatPolygon
@@ -131,22 +130,54 @@ class PlaneSolver:
         rows = zip(places, q, errors.tolist(), iterations.tolist(), strict=True)
         return [Reached(*row) for row in rows]
 
-    def least_change(self, target: Array, axis: Array, yaw: float, joints: Array) -> Reached | None:
+    def least_change(self, target: Target, axis: Array, yaw: float, joints: Array) -> Reached | None:
         """The posture on target whose bends change least; see `Arm`."""
-        bends = np.empty(3)
-        r, plane_yaw = self._seen(target, axis)
-        near = self.arm.bends(joints)
-        change = kernels.nearest_posture(self.plane, self.family.pitch, r, target[2], near, bends, 180, 0.5)
-        if not np.isfinite(change):
-            return None
-        return Reached(axis, self._joints(bends, plane_yaw - yaw, joints), 0.0, 0)
+        r, plane_yaw = self._seen(target.position, axis)
+        near, z = self.arm.bends(joints), float(target.position[2])
+        best, least = None, np.inf
+        for kind in self._kinds(target):
+            bends = np.empty(3)
+            change = kernels.nearest_posture(self.plane, kind.pitch, r, z, near, bends, 180, 0.5)
+            if change < least:
+                q, angle = self._turned(target, bends, plane_yaw, yaw, joints)
+                best, least = Reached(axis, q, 0.0, 0, angle), change
+        return best
 
-    def self_motion(self, target: Array, axis: Array, yaw: float, joints: Array, tries: int) -> list[Reached]:
+    def self_motion(
+        self, target: Target, axis: Array, yaw: float, joints: Array, tries: int
+    ) -> list[Reached]:
         """Postures on target at ``tries`` pitches, the elbow either way; see `Arm`."""
-        bends = np.empty((2 * tries, 3))
-        r, plane_yaw = self._seen(target, axis)
-        count = kernels.self_motion(self.plane, self.family.pitch, r, target[2], tries, bends)
-        return [Reached(axis, self._joints(one, plane_yaw - yaw, joints), 0.0, 0) for one in bends[:count]]
+        r, plane_yaw = self._seen(target.position, axis)
+        found: list[Reached] = []
+        for kind in self._kinds(target):
+            bends = np.empty((2 * tries, 3))
+            count = kernels.self_motion(self.plane, kind.pitch, r, target.position[2], tries, bends)
+            for one in bends[:count]:
+                q, angle = self._turned(target, one, plane_yaw, yaw, joints)
+                found.append(Reached(axis, q, 0.0, 0, angle))
+        return found
+
+    def _kinds(self, target: Target) -> tuple[Family, ...]:
+        """The family, or where it leaves the pitch open, those that the asked direction allows."""
+        if target.direction is None or np.isfinite(self.family.pitch):
+            return (self.family,)
+        return families_of(self.arm, target, (self.family.facing,), inner=True) or (self.family,)
+
+    def _turned(
+        self, target: Target, bends: Array, plane_yaw: float, yaw: float, near: Array
+    ) -> tuple[Array, float]:
+        """Joints of a posture, the tool rolled as asked, and the angle by which it leaves its cone."""
+        q, arm = self._joints(bends, plane_yaw - yaw, near), self.arm
+        if target.direction is None:
+            return q, 0.0
+        pitch, roll = float(bends.sum()), 0.0
+        if arm.roll is not None:
+            if target.orientation is not None:
+                wanted = roll_for(arm, plane_yaw, pitch, target.orientation)
+                q[arm.roll] = within_limits(arm, wanted, float(near[arm.roll]))
+            roll = float(q[arm.roll])
+        off = deviation(target, tool_turn(arm, plane_yaw, pitch, roll))
+        return q, max(0.0, off - target.cone)
 
     def _seen(self, target: Array, axis: Array) -> tuple[float, float]:
         """Target in the plane, and the plane's direction."""
@@ -161,83 +192,24 @@ class PlaneSolver:
         return q
 
 
+def _swung(kind: Family, target: Array, axis: Array) -> Array:
+    """The axis led round a target until the plane points as the family allows."""
+    dx, dy = target[:2] - axis
+    azimuth, away = (
+        float(np.arctan2(kind.facing * dy, kind.facing * dx)),
+        kind.facing * float(np.hypot(dx, dy)),
+    )
+    swing = float(kernels.wrap(azimuth - kind.azimuth))
+    if abs(swing) <= kind.half:
+        return axis
+    azimuth = kind.azimuth + float(np.clip(swing, -kind.half, kind.half))
+    place: Array = target[:2] - away * np.array([np.cos(azimuth), np.sin(azimuth)])
+    return place
+
+
 _SPREAD = np.array(
     [
         (0.5, 0.5, 0.5), (0.3, 0.2, 0.5), (0.7, 0.8, 0.5), (0.3, 0.7, 0.3), (0.6, 0.2, 0.8),
         (0.8, 0.3, 0.2), (0.1, 0.5, 0.5), (0.5, 0.1, 0.1), (0.5, 0.9, 0.9), (0.9, 0.5, 0.7),
     ]
 )  # fmt: skip
-
-
-@dataclass(frozen=True, eq=False)
-class SerialSolver:
-    """Any arm on a vertical pivot, solved by FABRIK-R with its limits."""
-
-    bodies: Bodies
-    starts: Array
-    effort: Effort
-    height: float
-
-    def reach(
-        self, target: Array, axis: Array, yaw: float, joints: Array, area: FlatPolygon, mobile: bool
-    ) -> Reached:
-        """Bring the tool to a target; see `Arm`."""
-        q, place = np.array(joints), np.array(axis)
-        if mobile:
-            error, passes = roam(
-                self.bodies, self.starts, area.vertices, area.starts, place, yaw, self.height, target,
-                self.effort, q,
-            )  # fmt: skip
-        else:
-            error, _, passes, _, _ = solve(
-                self.bodies, self._aim(target, axis, yaw), self.starts, self.effort, q
-            )
-        return Reached(place, q, float(error), int(passes))
-
-    def reach_many(
-        self, targets: Array, axes: Array, yaws: Array, joints: Array, area: FlatPolygon
-    ) -> list[Reached]:
-        """One after the other; see `Arm`."""
-        rows = zip(targets, axes, yaws.tolist(), joints, strict=True)
-        return [self.reach(*row, area, True) for row in rows]
-
-    def least_change(self, target: Array, axis: Array, yaw: float, joints: Array) -> Reached | None:
-        """The posture on target that damped least squares comes to; see `Arm`."""
-        n = len(self.bodies.slide)
-        q, effort = np.array(joints[:n]), self.effort
-        aim = self._aim(target, axis, yaw)
-        error, _, _ = polish(self.bodies.arm, aim, q, effort.reach, effort.tolerance, 1.0, MOST_STEPS)
-        if error > effort.tolerance:
-            return None
-        return Reached(axis, np.concatenate([q, joints[n:]]), float(error), 0)
-
-    def self_motion(self, target: Array, axis: Array, yaw: float, joints: Array, tries: int) -> list[Reached]:
-        """Postures on target come to from ``tries`` starts; see `Arm`."""
-        aim, n = self._aim(target, axis, yaw), len(self.bodies.slide)
-        arm, none = self.bodies.arm, np.empty((0, n))
-        low = np.where(np.isfinite(arm.lower), arm.lower, -np.pi)
-        high = np.where(np.isfinite(arm.upper), arm.upper, np.pi)
-        found: list[Reached] = []
-        for start in np.random.default_rng(0).uniform(low, high, (tries, n)):
-            q = np.concatenate([start, joints[n:]])
-            error, _, passes, _, _ = solve(self.bodies, aim, none, self.effort, q)
-            new = all(np.abs(q - other.joints).max() > ALIKE for other in found)
-            if error <= self.effort.tolerance and new:
-                found.append(Reached(axis, q, float(error), int(passes)))
-        return found
-
-    def _aim(self, target: Array, axis: Array, yaw: float) -> Aim:
-        return Aim(seen(axis, yaw, self.height, target), POSITION, np.eye(3))
-
-
-@lru_cache(maxsize=64)
-def _serial_solver(chain: Chain, height: float, tolerance: float) -> SerialSolver:
-    """Kept for the last few, as every set-point asks for it."""
-    span_of(chain)
-    endless = Chain(
-        (replace(chain.joints[0], lower=-np.inf, upper=np.inf), *chain.joints[1:]), chain.T_last_tool
-    )
-    bodies = pointing_bodies(endless)
-    effort = Effort(tolerance, 1.0, MOST_PASSES, span(bodies.arm), True)
-    starts = spread_postures(endless, effort.reach, RESTARTS, 0)
-    return SerialSolver(bodies, np.ascontiguousarray(starts[:, : len(bodies.slide)]), effort, height)

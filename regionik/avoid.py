@@ -17,14 +17,17 @@ from scipy.stats import qmc
 from shapely.geometry import Point
 from shapely.geometry.base import BaseGeometry
 
+from regionik.demand import in_plane
 from regionik.guard import SPARE, Guard
 from regionik.mfabrik import Solver, axis_of, pose_of, solver_for
 from regionik.plan import Configuration
+from regionik.planners.clearpose import look_round
 from regionik.planners.posture import ClearPosture, clear_posture, go_round
 from regionik.planners.touching import Touch
 from regionik.poses import Pose, pose
 from regionik.pruning import Ladder
 from regionik.rolled import Rolls
+from regionik.serialarm import serial_solver
 from regionik.standing import Standing, away, into_span
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import World
@@ -134,7 +137,7 @@ class Avoider:
             yield from self._turns(nominal, here)
         if not self.guard.on:
             return
-        target, components = self.world.task[i].position, self._near(components, here)
+        target, components = self.world.task[i], self._near(components, here)
         for k in components:
             onward = self._solver(k)(target, here.base, here.joints)
             if onward.converged:
@@ -176,7 +179,7 @@ class Avoider:
         """Clear postures with the base at given poses, each in a component."""
         for base, k in poses:
             solver = replace(self._solver(k), span=(float(base[2]), float(base[2])))
-            found = solver.hold(self.world.task[i].position, base, here.joints)
+            found = solver.hold(self.world.task[i], base, here.joints)
             spot = Spot(replace(found, base=base), k)
             if found.converged and k in components and self.clear(i, spot.pose):
                 yield spot
@@ -213,21 +216,37 @@ class Avoider:
 
     def _around(self, i: int, spot: Spot) -> Iterator[Spot]:
         """The base stays; the arm goes round what it touches, by FABRIK with avoiding rotations."""
-        key = (i, spot.component)
+        key, target = (i, spot.component), self.world.task[i]
         if self._futile.get(key, 0) >= GIVEN_UP:
             return
-        around = list(self._asked(i, spot, go_round))
+        around: list[Spot] = []
+        if target.direction is None:
+            around = list(self._asked(i, spot, go_round))
+        elif not in_plane(self.world.robot.chain, target):  # in a plane, its few postures were all looked at
+            around = list(self._looked(i, spot))
         self._futile[key] = 0 if around else self._futile.get(key, 0) + 1
         yield from around
 
     def _searched(self, i: int, spot: Spot) -> Iterator[Spot]:
         """The base stays; every posture of the arm is looked for, or there is proven to be none."""
-        return self._asked(i, spot, partial(clear_posture, most_boxes=BOXES))
+        if self.world.task[i].direction is None:
+            yield from self._asked(i, spot, partial(clear_posture, most_boxes=BOXES))
+
+    def _looked(self, i: int, spot: Spot) -> Iterator[Spot]:
+        """The base stays; the arm is tried in other postures on the pose."""
+        robot = self.world.robot
+        arm = serial_solver(robot.chain, float(robot.mount[2]), self.world.rules.tolerance)
+        quest = arm.quest(self.world.task[i])
+        base, contact = spot.found.base, self.guard.contact
+        found = look_round(
+            self.guard.bodies, base, quest.aim, spot.found.joints, quest.effort,
+            contact=contact, margin=SPARE, seed=self.seed,
+        )  # fmt: skip
+        if found is not None and self.clear(i, Pose(base, found[0])):
+            yield replace(spot, found=replace(spot.found, joints=found[0], error=found[1]))
 
     def _asked(self, i: int, spot: Spot, ask: Callable[..., ClearPosture]) -> Iterator[Spot]:
         target, bodies, base = self.world.task[i], self.guard.bodies, spot.found.base
-        if target.direction is not None:
-            return
         found = ask(
             bodies,
             base,
@@ -265,8 +284,8 @@ class Avoider:
         """All clear postures at one place, looked through once."""
         key = (k, m)
         if key not in self._clear:
-            target = self.world.task[i].position
-            base = pose_of(self.world.robot, self._spread(k)[m], self._heading(k, target, self._spread(k)[m]))
+            target, place = self.world.task[i], self._spread(k)[m]
+            base = pose_of(self.world.robot, place, self._heading(k, target.position, place))
             found = self._solver(k).self_motion(target, base, self.world.robot.carry, PITCHES)
             self.evidence.setdefault(i, Evidence()).places += 1
             spots = [Spot(one, k) for one in found]

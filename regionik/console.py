@@ -159,7 +159,7 @@ def _count(number: int, what: str) -> str:
 
 
 def _margins(margins: Mapping[str, float]) -> str:
-    unit = dict.fromkeys(("direction", "joints"), "rad")
+    unit = dict.fromkeys(("direction", "orientation", "joints"), "rad")
     return ", ".join(f"{name} {value:.4f} {unit.get(name, 'm')}" for name, value in margins.items())
 
 

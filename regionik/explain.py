@@ -89,12 +89,26 @@ def _out_of_reach(
             f"may stand, and the arm of {world.robot.name} does not reach that far."
         ) + tight(world, places, Point(target.position[:2]))
         return reason, (Cause("floor", "edge of the floor", off),), ()
-    kind: CauseKind = "limits"
-    what = "no posture within limits"
-    if target.direction is not None:
-        kind, what = "direction", "no posture with the wanted tool direction"
-    reason = f"{who} cannot be reached from anywhere: {what} brings the tool of {world.robot.name} there."
+    kind: CauseKind = "limits" if target.direction is None else "direction"
+    reason = (
+        f"{who} cannot be reached from anywhere: no posture {_wanted(world, target)} brings the tool of "
+        f"{world.robot.name} there."
+    )
     return reason, (Cause(kind, world.robot.name),), ()
+
+
+def _wanted(world: World, target: Target) -> str:
+    """What the postures of an arm lack for a target that is in reach of its floor and height."""
+    if target.direction is None:
+        return "within limits"
+    bare, pointed = Target(target.position), Target(target.position, target.direction, target.cone)
+    if largest_clearance(world, bare) is None:
+        return "within limits, whichever way the tool points,"
+    if target.orientation is None:
+        return "with the wanted tool direction"
+    if largest_clearance(world, pointed) is None:
+        return "with the tool's axis as its orientation asks"
+    return "with the tool turned about its axis as asked, as its direction alone would let it be,"
 
 
 def _crowded_out(

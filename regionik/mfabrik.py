@@ -12,18 +12,20 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from shapely.geometry.base import BaseGeometry
 
-from regionik.arms import Arm, Reached, arm_solver
+from regionik.arms import ANGLE_SLACK, Arm, arm_solver
+from regionik.demand import in_plane
 from regionik.ground import EVERY
 from regionik.plan import Configuration
 from regionik.planners import kernels
 from regionik.planners.flat import FlatPolygon
 from regionik.pruning import Ladder
 from regionik.reachable import FRONT, Family
+from regionik.serialarm import Reached, serial_solver
 from regionik.standing import Standing, away, into_span
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.errors import InputError
 from regionik.worlds.robot import Robot
-from regionik.worlds.scene import Heading, World
+from regionik.worlds.scene import Heading, Target, World
 
 ROUNDING = 1e-9  # by which a heading may be outside its span [rad]
 NOWHERE = FlatPolygon(np.empty((0, 2)), np.zeros(1, dtype=np.int64))
@@ -75,13 +77,13 @@ class Solver:
         flat = NOWHERE if self.area is None else FlatPolygon.from_shapely(self.area)
         object.__setattr__(self, "_flat", flat)
 
-    def __call__(self, target: ArrayLike, base: ArrayLike, joints: ArrayLike) -> Configuration:
+    def __call__(self, target: Target | ArrayLike, base: ArrayLike, joints: ArrayLike) -> Configuration:
         """Move base and arm so that the tool reaches a target.
 
         Parameters
         ----------
-        target : (3,) array_like
-            [m]
+        target : Target or (3,) array_like
+            A bare point leaves the tool's direction free [m].
         base : (3,) array_like
             Where the base stands: x, y [m], yaw [rad].
         joints : (dof,) array_like
@@ -92,58 +94,64 @@ class Solver:
         InputError
             For shapes that do not fit or numbers that are not finite.
         """
-        point = frozen(target, (3,), "target")
         here = frozen(base, (3,), "base")
         now = frozen(joints, (self.robot.chain.dof,), "joints")
-        return self._solve(point, here, now, mobile=True)
+        return self._solve(_asked(target), here, now, mobile=True)
 
-    def hold(self, target: ArrayLike, base: ArrayLike, joints: ArrayLike) -> Configuration:
+    def hold(self, target: Target | ArrayLike, base: ArrayLike, joints: ArrayLike) -> Configuration:
         """As a call, but the arm axis stays where it is: only the arm and the heading move."""
-        return self._solve(
-            np.asarray(target, dtype=np.float64), np.asarray(base), np.asarray(joints), mobile=False
-        )
+        return self._solve(_asked(target), np.asarray(base), np.asarray(joints), mobile=False)
 
-    def least_change(self, target: Array, base: Array, joints: Array) -> Configuration | None:
+    def least_change(self, target: Target | ArrayLike, base: Array, joints: Array) -> Configuration | None:
         """With the arm axis held, the posture on target that changes least, if there is one."""
-        reached = self._arm.least_change(target, axis_of(self.robot, base), self._yaw(base), joints)
+        asked = _asked(target)
+        axis, yaw = axis_of(self.robot, base), self._yaw(base)
+        reached = self._arm_for(asked).least_change(asked, axis, yaw, joints)
         found = None if reached is None else self._headed(reached, base, joints)
         return found if found is not None and found.converged else None
 
-    def self_motion(self, target: Array, base: Array, joints: Array, tries: int) -> list[Configuration]:
+    def self_motion(
+        self, target: Target | ArrayLike, base: Array, joints: Array, tries: int
+    ) -> list[Configuration]:
         """With the arm axis held, postures on target of many kinds, the least changed first."""
-        axis = axis_of(self.robot, base)
-        reached = self._arm.self_motion(target, axis, self._yaw(base), joints, tries)
+        axis, asked = axis_of(self.robot, base), _asked(target)
+        reached = self._arm_for(asked).self_motion(asked, axis, self._yaw(base), joints, tries)
         found = [self._headed(one, base, joints) for one in reached]
         found.sort(key=lambda one: float(np.abs(one.joints - joints).max()))
         return [one for one in found if one.converged]
 
-    def batch(self, targets: ArrayLike, bases: ArrayLike, joints: ArrayLike) -> Batch:
+    def batch(self, targets: ArrayLike | Sequence[Target], bases: ArrayLike, joints: ArrayLike) -> Batch:
         """Solve for many targets at once.
 
         Parameters
         ----------
-        targets : (n, 3) array_like
+        targets : (n, 3) array_like or sequence of Target
         bases : (n, 3) array_like
         joints : (n, dof) array_like
         """
-        points = frozen(targets, (None, 3), "targets")
+        if isinstance(targets, Sequence) and all(isinstance(target, Target) for target in targets):
+            rows = [self(*row) for row in zip(targets, np.asarray(bases), np.asarray(joints), strict=True)]
+            return _batch(rows, self.robot.chain.dof)
+        points = frozen(np.asarray(targets), (None, 3), "targets")
         here = frozen(bases, (len(points), 3), "bases")
         now = frozen(joints, (len(points), self.robot.chain.dof), "joints")
         axes, yaws = axis_of(self.robot, here), here[:, 2] + self.robot.mount[3]
         reached = self._arm.reach_many(points, axes, yaws, now, self._flat)
         rows = [self._headed(*row) for row in zip(reached, here, now, strict=True)]
-        return Batch(
-            np.array([row.base for row in rows]).reshape(-1, 3),
-            np.array([row.joints for row in rows]).reshape(now.shape),
-            np.array([row.error for row in rows]),
-            np.array([row.iterations for row in rows], dtype=np.int64),
-            np.array([row.converged for row in rows], dtype=bool),
+        return _batch(rows, self.robot.chain.dof)
+
+    def _solve(self, target: Target, base: Array, joints: Array, *, mobile: bool) -> Configuration:
+        axis = axis_of(self.robot, base)
+        arm = self._arm_for(target)
+        return self._headed(
+            arm.reach(target, axis, self._yaw(base), joints, self._flat, mobile), base, joints
         )
 
-    def _solve(self, target: Array, base: Array, joints: Array, *, mobile: bool) -> Configuration:
-        axis = axis_of(self.robot, base)
-        reached = self._arm.reach(target, axis, self._yaw(base), joints, self._flat, mobile)
-        return self._headed(reached, base, joints)
+    def _arm_for(self, target: Target) -> Arm:
+        """The arm in its plane, or as rigid bodies where the tool must point across it."""
+        if target.direction is None or in_plane(self.robot.chain, target):
+            return self._arm
+        return serial_solver(self.robot.chain, float(self.robot.mount[2]), self.tolerance)
 
     def _yaw(self, base: Array) -> float:
         """Heading of the arm's base frame."""
@@ -171,7 +179,7 @@ class Solver:
                 yaw += kernels.wrap(plane - yaw - q[0])
             fits = away(yaw, span) <= ROUNDING
         pose = pose_of(self.robot, reached.axis, float(yaw))
-        good = bool(reached.error <= self.tolerance and fits)
+        good = bool(reached.error <= self.tolerance and reached.angle <= ANGLE_SLACK and fits)
         return Configuration(pose, q, reached.error, reached.iterations, good)
 
 
@@ -184,6 +192,20 @@ class Batch:
     error: Array
     iterations: NDArray[np.int64]
     converged: NDArray[np.bool_]
+
+
+def _batch(rows: Sequence[Configuration], dof: int) -> Batch:
+    return Batch(
+        np.array([row.base for row in rows]).reshape(-1, 3),
+        np.array([row.joints for row in rows]).reshape(-1, dof),
+        np.array([row.error for row in rows]),
+        np.array([row.iterations for row in rows], dtype=np.int64),
+        np.array([row.converged for row in rows], dtype=bool),
+    )
+
+
+def _asked(target: Target | ArrayLike) -> Target:
+    return target if isinstance(target, Target) else Target(np.asarray(target, dtype=np.float64))
 
 
 def axis_of(robot: Robot, base: Array) -> Array:
@@ -221,7 +243,7 @@ def configurations(
     for target, k in zip(world.task, chain, strict=True):
         span = standing.sides[ladder.side[k]].span
         solver = solver_for(world, ladder.family[k], ladder.component[k], span)
-        found.append(solver(target.position, base, joints))
+        found.append(solver(target, base, joints))
         base, joints = found[-1].base, found[-1].joints
     return tuple(found)
 

@@ -10,6 +10,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from regionik import explain, explain_arm, tracked
+from regionik.demand import in_plane
 from regionik.mfabrik import axis_of, configurations
 from regionik.motion import Course, connect
 from regionik.plan import Plan, PlannedArea
@@ -21,8 +22,7 @@ from regionik.standing import Standing, anywhere, by_heading, turns_matter
 from regionik.verify import verify
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError, NoPlanFound
-from regionik.worlds.pivot import is_planar, span_of
-from regionik.worlds.planar import planar_arm
+from regionik.worlds.pivot import span_of
 from regionik.worlds.scene import World
 
 Progress = Callable[[str, int, int], None]
@@ -102,22 +102,14 @@ def check(world: World) -> None:
 
 def _check_areas(world: World) -> None:
     """Refuse what areas and M-FABRIK cannot be asked about."""
-    if any(target.orientation is not None for target in world.task):
-        what = "full orientations cannot be planned yet; give a direction"
-        raise InputError(f"{world.name}: task: {what}")
     chain = world.robot.chain
     span_of(chain)
-    planar = is_planar(chain)
+    planar = all(in_plane(chain, target) for target in world.task)
     if not planar and world.rules.heading == "fixed" and np.isfinite(chain.upper[0] - chain.lower[0]):
         raise InputError(
-            f"{world.name}: rules.heading: fixed can be planned only for an arm in one vertical plane or "
-            "with an endless first joint, valid choices: free, face_target"
-        )
-    directed = any(target.direction is not None for target in world.task)
-    if directed and not (planar and planar_arm(chain).tool_along_link):
-        raise InputError(
-            f"{world.name}: task: a tool direction can be planned only for an arm in one vertical plane, "
-            "with the tool's z axis along the arm's last link"
+            f"{world.name}: rules.heading: fixed can be planned only for an arm in one vertical plane, "
+            "its tool along the last link where a direction is asked, or with an endless first joint, "
+            "valid choices: free, face_target"
         )
 
 

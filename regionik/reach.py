@@ -10,6 +10,7 @@ import shapely
 from numpy.typing import ArrayLike, NDArray
 
 from regionik import explain
+from regionik.demand import misses
 from regionik.mfabrik import axis_of, pose_of, solver_for
 from regionik.regions import PathAreas, outer_areas, path_areas
 from regionik.worlds.arrays import Array, frozen
@@ -113,12 +114,9 @@ def _solve(world: World, target: Target, areas: PathAreas, row: int) -> tuple[Ar
     near = shapely.shortest_line(area, shapely.Point(axis_of(world.robot, base)))
     spot = np.array(near.coords[0])
     solver = solver_for(world, areas.family[row], area)
-    found = solver(target.position, pose_of(world.robot, spot, base[2]), joints)
-    tool = world.robot.tool(found.base, found.joints)
-    close = bool(np.linalg.norm(tool[:3, 3] - target.position) <= world.rules.tolerance + 1e-9)
-    if target.direction is not None:
-        turn = np.arccos(np.clip(tool[:3, 2] @ target.direction, -1.0, 1.0))
-        close = close and bool(turn <= target.cone + 1e-9)
+    found = solver(target, pose_of(world.robot, spot, base[2]), joints)
+    error, angle = misses(target, world.robot.tool(found.base, found.joints))
+    close = error <= world.rules.tolerance + 1e-9 and angle <= target.cone + 1e-9
     return (found.base, found.joints) if found.converged and close else None
 
 

@@ -10,11 +10,13 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from regionik.demand import aim_of, in_plane
 from regionik.ground import EVERY, GUARD, Geometries
+from regionik.planners.posereach import pose_reach
 from regionik.planners.rings import FREE, reach_intervals
+from regionik.planners.rolls import out_of_roll, swings
 from regionik.planners.sampledreach import outer_reach, sampled_reach
 from regionik.worlds.arrays import Array
-from regionik.worlds.pivot import is_planar
 from regionik.worlds.planar import PlanarArm, planar_arm
 from regionik.worlds.scene import Target, World
 
@@ -78,6 +80,34 @@ def families(
     return tuple(replace(kind, facing=facing) for facing in facings for kind in kinds)
 
 
+def families_of(
+    arm: PlanarArm, target: Target, facings: tuple[int, ...], *, inner: bool
+) -> tuple[Family, ...]:
+    """Posture families that may reach a target, its full orientation included."""
+    direction = None if target.direction is None else tuple(target.direction.tolist())
+    kinds = families(direction, target.cone, facings, inner)
+    if target.orientation is None:
+        return kinds
+    if inner:
+        narrow = families(direction, target.cone / np.sqrt(2), facings, inner)
+        rows = [_kept_up(arm, kind, target, 0.0) for kind in kinds]
+        # A turn keeps to its cone where tilt and part about the axis keep to one narrower by a root of 2.
+        if rows != [[kind] for kind in kinds]:
+            rows += [_kept_up(arm, kind, target, target.cone / np.sqrt(2)) for kind in narrow]
+        return tuple(kind for row in rows for kind in row)
+    turn, cone = target.orientation, target.cone
+    return tuple(
+        kind for kind in kinds if not out_of_roll(arm, kind.azimuth, kind.pitch, kind.half, turn, cone)
+    )
+
+
+def _kept_up(arm: PlanarArm, kind: Family, target: Target, slack: float) -> list[Family]:
+    """A family cut to where the roll joint keeps up with its swing."""
+    assert target.orientation is not None
+    spans = swings(arm, kind.azimuth, kind.pitch, kind.half, target.orientation, slack)
+    return [replace(kind, azimuth=kind.azimuth + middle, half=half) for middle, half in spans]
+
+
 def reach_rows(
     world: World,
     targets: Sequence[Target],
@@ -87,8 +117,34 @@ def reach_rows(
     span: tuple[float, float] = EVERY,
 ) -> tuple[NDArray[np.intp], tuple[Family, ...], Geometries]:
     """Reach of every target as rings and ring sectors, before rejection, the base's heading within a span."""
-    if not is_planar(world.robot.chain):
-        return _whole_rings(world, targets, inner=inner)
+    ways: dict[str, list[int]] = {}
+    for i, target in enumerate(targets):
+        planar = in_plane(world.robot.chain, target)
+        free = target.direction is None or not inner  # a bound of the tool's point bounds its poses
+        ways.setdefault("plane" if planar else "whole" if free else "posed", []).append(i)
+    which, shapes = np.empty(0, dtype=np.intp), np.empty(0, dtype=object)
+    kinds: tuple[Family, ...] = ()
+    for way, members in ways.items():
+        some = [targets[i] for i in members]
+        if way == "plane":
+            rows = _plane_rows(world, some, facings, span, inner=inner)
+        else:
+            rows = _whole_rings(world, some, inner=inner) if way == "whole" else _posed_rows(world, some)
+        which = np.concatenate([which, np.array(members, dtype=np.intp)[rows[0]]])
+        kinds, shapes = kinds + rows[1], np.concatenate([shapes, rows[2]])
+    order = np.argsort(which, kind="stable")
+    return which[order], tuple(kinds[k] for k in order), shapes[order]
+
+
+def _plane_rows(
+    world: World,
+    targets: Sequence[Target],
+    facings: Sequence[int],
+    span: tuple[float, float],
+    *,
+    inner: bool,
+) -> tuple[NDArray[np.intp], tuple[Family, ...], Geometries]:
+    """Reach of an arm in one plane, exact."""
     arm = planar_arm(world.robot.chain)
     margin = world.rules.reach_margin if inner else 0.0
     shoulder_z = float(arm.shoulder[1] + world.robot.mount[2])
@@ -96,8 +152,7 @@ def reach_rows(
     heights = positions[:, 2]
     alike: dict[tuple[Family, ...], list[int]] = {}
     for i, target in enumerate(targets):
-        direction = None if target.direction is None else tuple(target.direction.tolist())
-        alike.setdefault(families(direction, target.cone, tuple(facings), inner), []).append(i)
+        alike.setdefault(families_of(arm, target, tuple(facings), inner=inner), []).append(i)
     table: list[tuple[int, Family, float, float]] = []
     for kinds, members in alike.items():
         for pitches in sorted({family.pitches for family in kinds}):
@@ -120,6 +175,19 @@ def reach_rows(
         margin if inner else None,
     )
     return which, tuple(row[1] for row, _, _ in flat), rings
+
+
+def _posed_rows(
+    world: World, targets: Sequence[Target]
+) -> tuple[NDArray[np.intp], tuple[Family, ...], Geometries]:
+    """Reach of an arm that does not work in one plane, its tool turned as asked: looked for pose by pose."""
+    chain, height = world.robot.chain, float(world.robot.mount[2])
+    shapes = [pose_reach(chain, height, aim_of(target)).area for target in targets]
+    shapes = [shape.buffer(-world.rules.reach_margin, join_style="mitre") for shape in shapes]
+    real = [i for i, shape in enumerate(shapes) if not shape.is_empty]
+    rows = np.empty(len(real), dtype=object)
+    rows[:] = [shapes[i] for i in real]
+    return np.array(real, dtype=np.intp), (Family(FRONT),) * len(real), rows
 
 
 def _whole_rings(

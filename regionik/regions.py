@@ -197,7 +197,8 @@ def what_took_away(world: World, target: Target) -> tuple[TakenAway, ...]:
     _, _, rings = reach_rows(world, [target], (FRONT, BACK), inner=False, span=span_of_rules(world))
     reach = shapely.union_all(rings) if len(rings) else Polygon()
     kind: CauseKind = "limits" if target.direction is None else "direction"
-    taken = [TakenAway(kind, "joint limits" if kind == "limits" else "tool direction", disc - reach)]
+    name = "tool direction" if target.orientation is None else "tool orientation"
+    taken = [TakenAway(kind, "joint limits" if kind == "limits" else name, disc - reach)]
     taken.append(TakenAway("floor", "edge of the floor", reach - ground.inner.floor))
     by = ground.clearance + ground.far + GUARD
     for k in ground.within(reach, by):

@@ -18,6 +18,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from shapely.geometry import Point
 
+from regionik.demand import in_plane
 from regionik.ground import EVERY, GUARD, Geometries, Side, disjoint, ground_of
 from regionik.planners.footprint import slab_areas, slab_rejections, slabs_along
 from regionik.planners.room import Room, room_of
@@ -151,7 +152,8 @@ def turns_matter(world: World) -> bool:
     """
     pivot = world.robot.chain.joints[0]
     endless = pivot.upper - pivot.lower >= 2 * np.pi
-    return world.rules.heading != "fixed" and not _round(world) and (endless or is_planar(world.robot.chain))
+    planar = is_planar(world.robot.chain) and all(in_plane(world.robot.chain, one) for one in world.task)
+    return world.rules.heading != "fixed" and not _round(world) and (endless or planar)
 
 
 def span_of_rules(world: World) -> tuple[float, float]:

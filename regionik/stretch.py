@@ -12,6 +12,8 @@ import numpy as np
 
 from regionik.avoid import Spot
 from regionik.basepaths import Move, Track, Tracks
+from regionik.demand import between as asked_between
+from regionik.demand import deviation
 from regionik.guard import Guard
 from regionik.mfabrik import Solver, solver_for
 from regionik.plan import Configuration
@@ -23,11 +25,12 @@ from regionik.pruning import Ladder
 from regionik.reachable import Family
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import RegionikError
-from regionik.worlds.scene import World
+from regionik.worlds.scene import Target, World
 
 TOOL_STRIDE = 0.05  # longest way of base or tool between two states on the path [m]
 SOLVE_TOLERANCE = 0.1  # arms between set-points are solved to this share of the tolerance
 SAG_SHARE = 0.3  # share of the path tolerance that motion between two states may use
+TURN_SLACK = 1e-7  # rounding allowed at the edge of a cone [rad]
 DEEPEST = 6  # halvings before a stretch counts as discontinuous
 CLOSEST = 3  # halvings before a motion that is not proven clear counts as blocked
 
@@ -42,22 +45,27 @@ class _BlockedError(RegionikError):
 
 @dataclass(frozen=True, eq=False)
 class Leg:
-    """Part of a stretch: base on a track, tool and wished posture straight from one end to the other."""
+    """Part of a stretch: base on a track, tool and wished posture straight from one end to the other.
+
+    What the tool's axis or frame is asked turns evenly with it.
+    """
 
     track: Track
-    tool: tuple[Array, Array]
+    tool: tuple[Target, Target]
     joints: tuple[Array, Array]
     family: tuple[Family, Family]
 
-    def at(self, share: float) -> tuple[Array, Array, float]:
+    def at(self, share: float) -> tuple[Target, Array, float]:
         """Tool, wished joints and pitch at a share of the way."""
-        tool, joints = (a + share * (b - a) for a, b in (self.tool, self.joints))
+        joints = self.joints[0] + share * (self.joints[1] - self.joints[0])
         first, last = self.family[0].pitch, self.family[1].pitch
-        return tool, joints, first + share * kernels.wrap(last - first)
+        pitch = first + share * kernels.wrap(last - first)
+        return asked_between(*self.tool, share), joints, pitch
 
     @property
     def length(self) -> float:
-        return max(self.track.length, float(np.linalg.norm(self.tool[1] - self.tool[0])))
+        way = self.tool[1].position - self.tool[0].position
+        return max(self.track.length, float(np.linalg.norm(way)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,15 +99,15 @@ class Stretcher:
 
     def _legs(self, i: int, spots: tuple[Spot, Spot], moves: list[Move]) -> list[Leg]:
         """Moves with what the tool does on them, and the postures wished for."""
-        tools = [self.world.task[i + end].position for end in (0, 1)]
-        way = float(np.linalg.norm(tools[1] - tools[0]))
+        ends = self.world.task[i], self.world.task[i + 1]
+        way = float(np.linalg.norm(ends[1].position - ends[0].position))
         first, last = spots[0].found.joints, spots[1].found.joints
         families = [self.ladder.family[spot.component] for spot in spots]
         far = np.cumsum([0.0] + [move.track.length + (move.tool[1] - move.tool[0]) * way for move in moves])
         shares = far / far[-1] if far[-1] > 0 else np.linspace(0.0, 1.0, len(far))
         legs = []
         for move, u, v in zip(moves, shares[:-1].tolist(), shares[1:].tolist(), strict=True):
-            tool = [tools[0] + share * (tools[1] - tools[0]) for share in move.tool]
+            tool = [asked_between(*ends, share) for share in move.tool]
             wished = [first + share * (last - first) for share in (u, v)]
             family = [families[round(share)] for share in move.tool]
             legs.append(Leg(move.track, (tool[0], tool[1]), (wished[0], wished[1]), (family[0], family[1])))
@@ -139,8 +147,8 @@ class Stretcher:
 
         return passed[1:] if all(advance(float(share), 0) for share in shares) else None
 
-    def _holds(self, here: Pose, there: Pose, p: Array, q: Array) -> bool:
-        """Whether the tool stays by the segment pq between two states, and nothing jumps."""
+    def _holds(self, here: Pose, there: Pose, p: Target, q: Target) -> bool:
+        """Whether the tool does what is asked between two states, and nothing jumps."""
         turn = turn_to(here.base, there.base)
         if np.hypot(*turn[:2]) > self.world.rules.step or abs(turn[2]) > LARGEST_BEND:
             return False
@@ -149,10 +157,18 @@ class Stretcher:
         shares = np.array([0.25, 0.5, 0.75])
         filled = [between(here, there, share, self.world.robot.base) for share in shares]
         base, joints = (np.array(part) for part in zip(*((f.base, f.joints) for f in filled), strict=True))
-        tools = self.world.robot.tool(base, joints)[:, :3, 3]
-        along = shares[:, None] * (q - p) + p
-        worst = float(np.linalg.norm(tools - along, axis=1).max())
-        return worst <= SAG_SHARE * self.world.rules.path_tolerance
+        tools = self.world.robot.tool(base, joints)
+        along = shares[:, None] * (q.position - p.position) + p.position
+        worst = float(np.linalg.norm(tools[:, :3, 3] - along, axis=1).max())
+        turned = (
+            p.direction is None
+            or q.direction is None
+            or all(
+                deviation(asked, tool[:3, :3]) <= asked.cone + TURN_SLACK
+                for asked, tool in zip((asked_between(p, q, share) for share in shares), tools, strict=True)
+            )
+        )
+        return turned and worst <= SAG_SHARE * self.world.rules.path_tolerance
 
 
 def _solve(solver: Solver, leg: Leg, share: float, near: Pose) -> Pose | None:

@@ -13,7 +13,7 @@ from regionik.findings import Finding, Words, finding
 from regionik.journey import Indices, Journey, wrapped
 from regionik.plan import Configuration, Plan, Report, Violation
 from regionik.proof_arm import arm
-from regionik.proof_axis import direction
+from regionik.proof_axis import direction, orientation
 from regionik.proof_base import clearance, floor
 from regionik.proof_self import itself
 from regionik.proof_tool import path, setpoints
@@ -36,8 +36,8 @@ def verify(plan: Plan) -> Report:
     Report
         ``margins`` has the least margin of every check that measured something: ``joints`` [rad or m],
         ``step``, ``wheels``, ``setpoint``, ``path``, ``floor``, ``clearance``, ``arm``, ``self`` [m],
-        ``direction`` [rad]. Those of ``arm`` and ``self`` are told up to 0.05. Of many violations of a kind
-        the first 20 are told, and the rest in one.
+        ``direction``, ``orientation`` [rad]. Those of ``arm`` and ``self`` are told up to 0.05. Of many
+        violations of a kind the first 20 are told, and the rest in one.
     """
     flaws = tuple(_malformed(plan))
     if flaws:
@@ -53,6 +53,7 @@ def verify(plan: Plan) -> Report:
             setpoints(plan.world, journey, words),
             path(plan.world, journey, words),
             direction(plan.world, journey, words),
+            orientation(plan.world, journey, words),
             floor(plan.world, journey, words),
             clearance(plan.world, journey, words),
             arm(plan.world, journey, words),

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 import shapely
 
-from regionik.arms import PlaneSolver, SerialSolver, arm_solver
+from regionik.arms import PlaneSolver, arm_solver
 from regionik.mfabrik import Solver, axis_of, pose_of
 from regionik.planners.kernels import wrap
 from regionik.planners.sampledreach import outer_reach, sampled_reach
 from regionik.reachable import FRONT, Family
+from regionik.serialarm import SerialSolver
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import without_limits
 from regionik.worlds.chain import Chain, Joint, rot_x, translation
@@ -18,7 +19,7 @@ from regionik.worlds.errors import InputError
 from regionik.worlds.library import robot_named
 from regionik.worlds.pivot import is_planar, span_of
 from regionik.worlds.robot import Robot
-from regionik.worlds.scene import Heading
+from regionik.worlds.scene import Heading, Target
 from tests.bodies import with_lift
 
 COUNT = 40
@@ -114,8 +115,8 @@ def test_both_ways_reach_the_same_targets() -> None:
     for _ in range(COUNT):
         target = np.array([*rng.uniform(-1, 1, 2), rng.uniform(0.0, 0.5)])
         axis, yaw, joints = rng.uniform(-1, 1, 2), float(rng.uniform(-3, 3)), postures(robot, rng, 1)[0]
-        one = plane.reach(target, axis, yaw, joints, nowhere, True)
-        other = serial.reach(target, axis, yaw, np.append(joints, 0.0), nowhere, True)
+        one = plane.reach(Target(target), axis, yaw, joints, nowhere, True)
+        other = serial.reach(Target(target), axis, yaw, np.append(joints, 0.0), nowhere, True)
         for solver_chain, found in ((robot.chain, one), (chain, other)):
             tool = _tool(solver_chain, found.axis, yaw, found.joints)
             assert found.error <= 1e-4

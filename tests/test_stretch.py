@@ -120,20 +120,20 @@ def test_a_board_on_the_way_stops_it_and_is_told() -> None:
 
 def test_a_leg_goes_straight_from_end_to_end() -> None:
     rng = np.random.default_rng(0)
-    axis, tool, joints = (tuple(rng.normal(size=(2, n))) for n in (2, 3, 5))
+    axis, spots, joints = (tuple(rng.normal(size=(2, n))) for n in (2, 3, 5))
     families = Family(FRONT, pitch=3.0), Family(FRONT, pitch=-3.0)
     robot = robot_named("youbot-real")
-    leg = Leg(AxisLine(*axis), tool, joints, families)
+    leg = Leg(AxisLine(*axis), (Target(spots[0]), Target(spots[1])), joints, families)
     for share in (0.0, 0.3, 1.0):
-        point, wished, pitch = leg.at(share)
+        asked, wished, pitch = leg.at(share)
         base, bound = leg.track.base(robot, share, 0.7)
         assert base[2] == 0.7
         assert not bound
-        pairs = ((axis_of(robot, base), axis), (point, tool), (wished, joints))
+        pairs = ((axis_of(robot, base), axis), (asked.position, spots), (wished, joints))
         for value, (a, b) in pairs:
             np.testing.assert_allclose(value, (1 - share) * a + share * b)
         assert wrap(pitch - 3.0) == pytest.approx(share * (2 * np.pi - 6.0))  # the shorter way round
-    assert leg.length == pytest.approx(max(np.linalg.norm(p[1] - p[0]) for p in (axis, tool)))
+    assert leg.length == pytest.approx(max(np.linalg.norm(p[1] - p[0]) for p in (axis, spots)))
 
 
 def test_a_path_between_two_rooms_has_no_shared_place() -> None:

@@ -299,9 +299,12 @@ def test_tool_axis_and_orientation() -> None:
     twisted = tuple(
         Target(t.position, cone=0.05, orientation=R @ rot_x(0)[:3, :3] @ _rz(0.06)) for t in world.task
     )
-    found = only(verify(plan_of(replace(world, task=twisted), motion)), "setpoint")
+    report = verify(plan_of(replace(world, task=twisted), motion))
+    assert {violation.kind for violation in report.violations} == {"setpoint", "orientation"}
+    found = of_kind(report, "setpoint")[0]
     assert "orientation" in found.text
     assert found.amount == pytest.approx(0.01, abs=1e-9)
+    assert report.margins["orientation"] == pytest.approx(-0.01, abs=1e-9)
 
 
 def _rz(angle: float) -> Array:

@@ -12,7 +12,7 @@ from functools import lru_cache
 import numpy as np
 
 from regionik.worlds.arrays import Array, frozen
-from regionik.worlds.chain import Chain
+from regionik.worlds.chain import Chain, rot_y, rot_z
 from regionik.worlds.errors import InputError
 
 _ALIGNED = 1e-9
@@ -42,6 +42,11 @@ class PlanarArm:
         Index of the joint that rolls about the last link, if there is one.
     tool_along_link : bool
         Whether the tool's axis (its frame's z) points along the last link.
+    tool_turn : (3, 3) array
+        Tool frame at roll zero, as seen from a frame whose x lies along the last link and whose y is the
+        plane's normal, r towards z being a turn about -y.
+    roll_sign, roll_lower, roll_upper : float
+        Which way the roll joint turns the tool about its own axis, and its limits [rad]; zeros without one.
     """
 
     shoulder: Array
@@ -55,6 +60,10 @@ class PlanarArm:
     pivot_zero: float
     roll: int | None
     tool_along_link: bool
+    tool_turn: Array
+    roll_sign: float
+    roll_lower: float
+    roll_upper: float
 
     @property
     def hinges(self) -> int:
@@ -111,6 +120,8 @@ def planar_arm(chain: Chain) -> PlanarArm:
     offset = np.diff(np.arctan2(links[:, 1], links[:, 0]), prepend=0.0)
     limits = np.array([[j.lower, j.upper] for j in chain.joints[1 : 1 + _HINGES]])
     ends = np.sort(sign[:, None] * limits + offset[:, None], axis=1)
+    pivot_zero, pitch = float(np.arctan2(r_axis[1], r_axis[0])), float(offset.sum())
+    last_joint = chain.joints[-1]
     return PlanarArm(
         shoulder=frozen(knots[0], (2,), "shoulder"),
         lengths=frozen(lengths, (_HINGES,), "lengths"),
@@ -120,9 +131,13 @@ def planar_arm(chain: Chain) -> PlanarArm:
         upper=ends[:, 1],
         pivot_lower=chain.joints[0].lower,
         pivot_upper=chain.joints[0].upper,
-        pivot_zero=float(np.arctan2(r_axis[1], r_axis[0])),
+        pivot_zero=pivot_zero,
         roll=chain.dof - 1 if rolls else None,
         tool_along_link=bool(np.linalg.norm(frames[-1][:3, 2] - along) < _ALIGNED),
+        tool_turn=(rot_y(pitch) @ rot_z(-pivot_zero) @ frames[-1])[:3, :3],
+        roll_sign=float(np.sign(axes[-1] @ along)) if rolls else 0.0,
+        roll_lower=last_joint.lower if rolls else 0.0,
+        roll_upper=last_joint.upper if rolls else 0.0,
     )
 
 
