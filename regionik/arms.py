@@ -1,7 +1,7 @@
 """What M-FABRIK asks of an arm: to follow a target with its base, to hold its base, to show its self-motion.
 
 Arms that work in one vertical plane are solved in it; all others as chains of rigid bodies by FABRIK-R. Both
-take the first joint as endless: `mfabrik` shares its turn between joint and base.
+take the pivot as endless: `mfabrik` shares its turn between joint and base.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from regionik.planners.reaching import Effort, solve
 from regionik.reachable import Family
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
-from regionik.worlds.pivot import is_planar, span_of
+from regionik.worlds.pivot import is_planar, pivot_of, span_of
 from regionik.worlds.planar import PlanarArm, planar_arm
 
 MOST_PASSES = 100
@@ -33,7 +33,7 @@ ALIKE = 0.05  # postures that differ by less in every joint are one [rad]
 
 @dataclass(frozen=True, eq=False)
 class Reached:
-    """Where the arm axis stands and how the arm reaches: the first joint counted from a given heading."""
+    """Where the arm axis stands and how the arm reaches: the pivot counted from a given heading."""
 
     axis: Array  # (2,) [m]
     joints: Array  # (dof,)
@@ -234,9 +234,10 @@ class SerialSolver:
 def _serial_solver(chain: Chain, height: float, tolerance: float) -> SerialSolver:
     """Kept for the last few, as every set-point asks for it."""
     span_of(chain)
-    endless = Chain(
-        (replace(chain.joints[0], lower=-np.inf, upper=np.inf), *chain.joints[1:]), chain.T_last_tool
-    )
+    joints = list(chain.joints)
+    pivot = pivot_of(chain)
+    joints[pivot] = replace(joints[pivot], lower=-np.inf, upper=np.inf)
+    endless = Chain(tuple(joints), chain.T_last_tool)
     bodies = pointing_bodies(endless)
     effort = Effort(tolerance, 1.0, MOST_PASSES, span(bodies.arm), True)
     starts = spread_postures(endless, effort.reach, RESTARTS, 0)

@@ -20,6 +20,7 @@ from regionik.pruning import Ladder
 from regionik.reachable import FRONT, Family
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.errors import InputError
+from regionik.worlds.pivot import pivot_of
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Heading, World
 
@@ -145,18 +146,19 @@ class Solver:
 
     def _headed(self, reached: Reached, base: Array, joints: Array) -> Configuration:
         """SetBaseOrientation of Algorithm 1: the pivot's turn shared between joint and base."""
-        pivot = self.robot.chain.joints[0]
-        wanted, q, fits = float(reached.joints[0]), np.array(reached.joints), True
+        k = pivot_of(self.robot.chain)
+        pivot = self.robot.chain.joints[k]
+        wanted, q, fits = float(reached.joints[k]), np.array(reached.joints), True
         if self.heading == "face_target":
-            q[0] = np.clip(0.0, pivot.lower, pivot.upper)
-            yaw = base[2] + kernels.wrap(wanted - q[0])
+            q[k] = np.clip(0.0, pivot.lower, pivot.upper)
+            yaw = base[2] + kernels.wrap(wanted - q[k])
         elif self.heading == "fixed":
-            q[0], over = kernels.fit(wanted, pivot.lower, pivot.upper)
+            q[k], over = kernels.fit(wanted, pivot.lower, pivot.upper)
             fits, yaw = over == 0.0, base[2]
-        else:  # free: the base turns only by what the first joint cannot take
-            turned = joints[0] + kernels.wrap(wanted - joints[0])
-            q[0] = np.clip(turned, pivot.lower, pivot.upper)
-            yaw = base[2] + turned - q[0]
+        else:  # free: the base turns only by what the pivot cannot take
+            turned = joints[k] + kernels.wrap(wanted - joints[k])
+            q[k] = np.clip(turned, pivot.lower, pivot.upper)
+            yaw = base[2] + turned - q[k]
         pose = pose_of(self.robot, reached.axis, float(yaw))
         good = bool(reached.error <= self.tolerance and fits)
         return Configuration(pose, q, reached.error, reached.iterations, good)

@@ -21,7 +21,7 @@ from regionik.regions import PathAreas, path_areas
 from regionik.verify import verify
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError, NoPlanFound
-from regionik.worlds.pivot import is_planar, span_of
+from regionik.worlds.pivot import is_planar, pivot_of, span_of
 from regionik.worlds.planar import planar_arm
 from regionik.worlds.scene import World
 
@@ -93,11 +93,11 @@ def check(world: World) -> None:
         raise InputError(f"{world.name}: task: {what}")
     chain = world.robot.chain
     span_of(chain)
-    planar = is_planar(chain)
-    if not planar and world.rules.heading == "fixed" and np.isfinite(chain.upper[0] - chain.lower[0]):
+    planar, pivot = is_planar(chain), chain.joints[pivot_of(chain)]
+    if not planar and world.rules.heading == "fixed" and np.isfinite(pivot.upper - pivot.lower):
         raise InputError(
             f"{world.name}: rules.heading: fixed can be planned only for an arm in one vertical plane or "
-            "with an endless first joint, valid choices: free, face_target"
+            "with an endless pivot, valid choices: free, face_target"
         )
     directed = any(target.direction is not None for target in world.task)
     if directed and not (planar and planar_arm(chain).tool_along_link):

@@ -25,6 +25,7 @@ from regionik.pruning import Ladder
 from regionik.reachable import Family
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import RegionikError
+from regionik.worlds.pivot import pivot_of
 from regionik.worlds.scene import World
 
 TOOL_STRIDE = 0.05  # longest way of base or tool between two states on the path [m]
@@ -193,9 +194,10 @@ def _solve(solver: Solver, leg: Leg, share: float, near: Pose) -> Pose | None:
     axis, tool, wished, pitch = leg.at(share)
     here = replace(solver, family=replace(solver.family, pitch=pitch))
     base = pose_of(solver.robot, axis, near.base[2])
-    wished = np.concatenate([near.joints[:1], wished[1:]])  # the heading decides on the first joint
+    others = np.arange(len(wished)) != pivot_of(solver.robot.chain)
+    wished = np.where(others, wished, near.joints)  # the heading decides on the pivot
     found = here.hold(tool, base, wished)
-    if found.converged and np.abs(found.joints - wished)[1:].max() <= LARGEST_BEND / 2:
+    if found.converged and np.abs(found.joints - wished)[others].max() <= LARGEST_BEND / 2:
         return pose(found)
     nearest = here.least_change(tool, base, wished)
     return None if nearest is None else pose(nearest)

@@ -16,6 +16,7 @@ from regionik.planners.flat import FlatPolygon, segment_inside
 from regionik.planners.touching import Touch
 from regionik.poses import Pose
 from regionik.wholebody import WholeBody
+from regionik.worlds.pivot import pivot_of
 from regionik.worlds.scene import World
 
 TURN_STRIDE = 0.1  # largest turn of the base between two states [rad]
@@ -148,7 +149,8 @@ class Carrier:
     def _lifted(self, at: Pose) -> Pose:
         """Carry posture with the pivot left where it is, so that the arm folds in its own plane."""
         q = np.array(self.world.robot.carry)
-        q[0] = at.joints[0]
+        pivot = pivot_of(self.world.robot.chain)
+        q[pivot] = at.joints[pivot]
         return Pose(at.base, q)
 
     def _flat(self, piece: int) -> FlatPolygon:
