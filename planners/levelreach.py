@@ -19,8 +19,8 @@ from regionik.worlds.pivot import span_of
 
 Intervals = tuple[tuple[float, float], ...]
 
-BATCH, MOST_BATCHES = 16, 8  # postures that walks start from; the last batch is one that adds nothing
-NEWS = 1e-3  # what a batch must add for another to follow [m]
+BATCH, MOST_BATCHES = 24, 6  # postures that walks start from; the last batch is one that adds nothing
+NEWS = 1e-4  # what a batch must add for another to follow [m]
 MOST_STEPS = 300  # of one walk
 MOST_BOXES = 20_000  # weighed for an outer bound, a few microseconds each
 ENOUGH = 1e-3  # what the outer bound may stand off from the inner one [m]
@@ -31,7 +31,7 @@ def inner_reach(chain: Chain, height: float, z: float) -> Intervals:
     """Distances between pivot axis and target that are proven to be in reach, as ascending intervals.
 
     Every distance of an interval is that of some posture within the limits (`planners.levelwalk`), but for
-    rounding far below a nanometre. What walks from some 30 to 130 postures have not met is missing.
+    rounding far below a nanometre. What walks from some 50 to 150 postures have not met is missing.
 
     Parameters
     ----------

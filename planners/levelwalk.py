@@ -17,8 +17,8 @@ from regionik.worlds.arrays import Array
 LEVEL = 1e-12  # how near to the height a posture of a walk is [m]
 ROUNDING = 1e-12  # added to bounds [m]
 CORRECTIONS = 40  # Newton steps to the height
-FIRST_STEP, LEAST_STEP = 0.3, 1e-6  # of a walk, as largest change of a joint [rad] or [m]
-GAIN = 1e-6  # a walk ends where this is all that the next step promises [m]
+FIRST_STEP, LEAST_STEP = 0.3, 1e-5  # of a walk, as largest change of a joint [rad] or [m]
+GAIN = 1e-5  # a walk ends where this is all that the next step promises [m]
 
 
 @compiled

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import lru_cache
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -36,6 +37,8 @@ class Meridian(NamedTuple):
         Largest distance of the tool from each joint's axis in any posture [m]; 1 for sliding joints.
     bend : (m, m) array
         Bound of the tool's second derivative by two joints, in any posture.
+    hub : (m,) array
+        Where on each axis the point is that is nearest to the axis before, from the joint's origin [m].
     """
 
     arm: SerialArm
@@ -43,6 +46,7 @@ class Meridian(NamedTuple):
     upper: Array
     levers: Array
     bend: Array
+    hub: Array
 
 
 class Tool(NamedTuple):
@@ -104,6 +108,7 @@ def meridian_of(chain: Chain) -> Meridian | None:
         np.where(all_round, np.inf, arm.upper),
         levers,
         _bends(left, levers),
+        np.array([0.0, *(_hub(*pair) for pair in pairwise(left.joints))]),
     )
 
 
@@ -114,6 +119,17 @@ def _bends(chain: Chain, levers: Array) -> Array:
         if joint.kind == "revolute":
             bend[j, j:] = bend[j:, j] = levers[j:]
     return bend
+
+
+def _hub(before: Joint, joint: Joint) -> float:
+    """Along the axis of a joint, from its origin to the foot of the common normal with the axis before."""
+    T = joint.T_parent_joint
+    u, v, p = before.axis, T[:3, :3] @ joint.axis, T[:3, 3]
+    normal = np.cross(u, v)
+    square = float(normal @ normal)
+    if square < 1e-6 or "prismatic" in (before.kind, joint.kind):
+        return 0.0
+    return float(np.cross(p, u) @ normal) / square
 
 
 def tool_for(meridian: Meridian) -> Tool:
