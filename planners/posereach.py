@@ -18,9 +18,9 @@ from shapely.geometry.base import BaseGeometry
 from regionik.planners.bodies import Bodies, posing_bodies, span
 from regionik.planners.flat import compiled
 from regionik.planners.inverse import spread_postures
+from regionik.planners.levelreach import outer_reach
 from regionik.planners.polish import DIRECTION, Aim, polish
 from regionik.planners.reaching import Effort, solve
-from regionik.planners.sampledreach import outer_reach
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
 

@@ -1,7 +1,7 @@
 """What M-FABRIK asks of an arm: to follow a target with its base, to hold its base, to show its self-motion.
 
 Arms that work in one vertical plane are solved in it; all others as chains of rigid bodies by FABRIK-R. Both
-take the first joint as endless: `mfabrik` shares its turn between joint and base.
+take the pivot as endless: `mfabrik` shares its turn between joint and base.
 """
 
 from __future__ import annotations

@@ -24,6 +24,7 @@ from regionik.serialarm import Reached, serial_solver
 from regionik.standing import Standing, away, into_span
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.errors import InputError
+from regionik.worlds.pivot import pivot_of
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Heading, Target, World
 
@@ -159,24 +160,25 @@ class Solver:
 
     def _headed(self, reached: Reached, base: Array, joints: Array) -> Configuration:
         """SetBaseOrientation of Algorithm 1: the pivot's turn shared between joint and base."""
-        pivot = self.robot.chain.joints[0]
+        k = pivot_of(self.robot.chain)
+        pivot = self.robot.chain.joints[k]
         q, yaw = np.array(reached.joints), float(base[2])
         span = (yaw, yaw) if self.heading == "fixed" else self.span
-        plane = yaw + float(q[0])
+        plane = yaw + float(q[k])
         if self.heading == "face_target":
-            q[0] = np.clip(0.0, pivot.lower, pivot.upper)
-            yaw += kernels.wrap(plane - yaw - q[0])
-        else:  # the base turns into its span, and on by what the first joint cannot take
+            q[k] = np.clip(0.0, pivot.lower, pivot.upper)
+            yaw += kernels.wrap(plane - yaw - q[k])
+        else:  # the base turns into its span, and on by what the pivot cannot take
             yaw = into_span(yaw, span)
-            turned = joints[0] + kernels.wrap(plane - yaw - joints[0])
-            q[0] = np.clip(turned, pivot.lower, pivot.upper)
-            yaw += turned - q[0]
+            turned = joints[k] + kernels.wrap(plane - yaw - joints[k])
+            q[k] = np.clip(turned, pivot.lower, pivot.upper)
+            yaw += turned - q[k]
         fits = away(yaw, span) <= ROUNDING
         if not fits and self.heading != "face_target":
             yaw = into_span(yaw, span)
-            q[0], over = kernels.fit(plane - yaw, pivot.lower, pivot.upper)
+            q[k], over = kernels.fit(plane - yaw, pivot.lower, pivot.upper)
             if over > 0.0:
-                yaw += kernels.wrap(plane - yaw - q[0])
+                yaw += kernels.wrap(plane - yaw - q[k])
             fits = away(yaw, span) <= ROUNDING
         pose = pose_of(self.robot, reached.axis, float(yaw))
         good = bool(reached.error <= self.tolerance and reached.angle <= ANGLE_SLACK and fits)

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from regionik.demand import aim_of, in_plane
 from regionik.ground import EVERY, GUARD, Geometries
+from regionik.planners.levelreach import inner_reach, outer_reach
 from regionik.planners.posereach import pose_reach
 from regionik.planners.rings import FREE, reach_intervals
 from regionik.planners.rolls import out_of_roll, swings
-from regionik.planners.sampledreach import outer_reach, sampled_reach
 from regionik.worlds.arrays import Array
 from regionik.worlds.planar import PlanarArm, planar_arm
 from regionik.worlds.scene import Target, World
@@ -193,12 +193,12 @@ def _posed_rows(
 def _whole_rings(
     world: World, targets: Sequence[Target], *, inner: bool
 ) -> tuple[NDArray[np.intp], tuple[Family, ...], Geometries]:
-    """Reach of an arm that does not work in one plane: rings looked for posture by posture, or bounded."""
+    """Reach of an arm that does not work in one plane: rings proven to be in reach, or all that may be."""
     chain, height, family = world.robot.chain, float(world.robot.mount[2]), Family(FRONT)
     table: list[tuple[int, Family, float, float]] = []
     for i, target in enumerate(targets):
         z = float(target.position[2])
-        found = sampled_reach(chain, height, z) if inner else outer_reach(chain, height, z)
+        found = inner_reach(chain, height, z) if inner else outer_reach(chain, height, z)
         table += _spans_of(family, [i], [np.array(found)], world.rules.reach_margin if inner else None)
     which = np.array([row[0] for row in table], dtype=np.intp)
     positions = np.array([target.position for target in targets]).reshape(-1, 3)

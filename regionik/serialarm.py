@@ -17,7 +17,7 @@ from regionik.planners.posereach import ANGLE_SHARE, pose_reach
 from regionik.planners.reaching import Effort, solve
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
-from regionik.worlds.pivot import span_of
+from regionik.worlds.pivot import pivot_of, span_of
 from regionik.worlds.scene import Target
 
 MOST_PASSES = 100
@@ -210,9 +210,9 @@ class Quest:
 def serial_solver(chain: Chain, height: float, tolerance: float) -> SerialSolver:
     """Kept for the last few, as every set-point asks for it."""
     span_of(chain)
-    endless = Chain(
-        (replace(chain.joints[0], lower=-np.inf, upper=np.inf), *chain.joints[1:]), chain.T_last_tool
-    )
+    joints, pivot = list(chain.joints), pivot_of(chain)
+    joints[pivot] = replace(joints[pivot], lower=-np.inf, upper=np.inf)
+    endless = Chain(tuple(joints), chain.T_last_tool)
     pointing, posing = pointing_bodies(endless), posing_bodies(endless)
     effort = Effort(tolerance, 1.0, MOST_PASSES, span(pointing.arm), True)
     starts = spread_postures(endless, effort.reach, RESTARTS, 0)

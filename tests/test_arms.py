@@ -57,7 +57,7 @@ def test_every_target_is_reached_wherever_it_is(name: str, heading: Heading) -> 
     turned = np.array([wrap(turn) for turn in found.base[:, 2] - bases[:, 2]])
     if heading == "face_target":
         assert (found.joints[:, 0] == 0.0).all()
-    else:  # an endless first joint takes all of the turn
+    else:  # an endless pivot takes all of the turn
         assert np.abs(turned).max() < 1e-12
     for k in range(COUNT):
         one = solver(targets[k], bases[k], joints[k])
