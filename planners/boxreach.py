@@ -118,7 +118,7 @@ def aside(box: Box) -> float:
     total = box.bent[0]
     for k in range(len(box.q)):
         total += box.half[k] * abs(box.tool.aside[k])
-    return min(total, box.moved[0])
+    return float(min(total, box.moved[0]))
 
 
 @compiled
@@ -174,7 +174,9 @@ def to_halve(meridian: Meridian, box: Box, hub: int) -> int:
                 size += box.moved[j] - box.moved[j + 1]
             else:
                 frame, axis = box.tool.frames[j], box.tool.axes[j]
-                size += box.chord[j] * (from_axis(frame, axis, box.hub[hub]) if meridian.arm.revolute[j] else 1.0)
+                size += box.chord[j] * (
+                    from_axis(frame, axis, box.hub[hub]) if meridian.arm.revolute[j] else 1.0
+                )
         if size > weight:
             best, weight = j, size
     return best

@@ -16,6 +16,7 @@ from regionik.planners import fabrik, kernels
 from regionik.planners.bodies import Bodies, pointing_bodies, span
 from regionik.planners.flat import FlatPolygon
 from regionik.planners.inverse import spread_postures
+from regionik.planners.levelreach import posture_at
 from regionik.planners.mobile import roam, seen
 from regionik.planners.polish import POSITION, Aim, polish
 from regionik.planners.reaching import Effort, solve
@@ -171,8 +172,9 @@ _SPREAD = np.array(
 
 @dataclass(frozen=True, eq=False)
 class SerialSolver:
-    """Any arm on a vertical pivot, solved by FABRIK-R with its limits."""
+    """Any arm on a vertical pivot, solved by FABRIK-R with its limits; where that misses, by a walk."""
 
+    chain: Chain
     bodies: Bodies
     starts: Array
     effort: Effort
@@ -185,13 +187,19 @@ class SerialSolver:
         q, place = np.array(joints), np.array(axis)
         if mobile:
             error, passes = roam(
-                self.bodies, self.starts, area.vertices, area.starts, place, yaw, self.height, target,
-                self.effort, q,
+                self.bodies, pivot_of(self.chain), self.starts, area.vertices, area.starts, place, yaw,
+                self.height, target, self.effort, q,
             )  # fmt: skip
         else:
             error, _, passes, _, _ = solve(
                 self.bodies, self._aim(target, axis, yaw), self.starts, self.effort, q
             )
+        if error > self.effort.tolerance:
+            point = seen(place, yaw, self.height, target)
+            walked = posture_at(self.chain, point, q)
+            off = float(np.linalg.norm(self.chain.forward(walked)[:3, 3] - point))
+            if off < error:
+                q, error = walked, off
         return Reached(place, q, float(error), int(passes))
 
     def reach_many(
@@ -241,4 +249,4 @@ def _serial_solver(chain: Chain, height: float, tolerance: float) -> SerialSolve
     bodies = pointing_bodies(endless)
     effort = Effort(tolerance, 1.0, MOST_PASSES, span(bodies.arm), True)
     starts = spread_postures(endless, effort.reach, RESTARTS, 0)
-    return SerialSolver(bodies, np.ascontiguousarray(starts[:, : len(bodies.slide)]), effort, height)
+    return SerialSolver(endless, bodies, np.ascontiguousarray(starts[:, : len(bodies.slide)]), effort, height)
