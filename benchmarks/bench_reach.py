@@ -1,4 +1,4 @@
-"""Reach of random arms on a vertical pivot: is all of the inner area solved, and nothing outside the outer one?
+"""Reach of random arms on a vertical pivot: all of the inner area solved, nothing outside the outer one?
 
 For each pair of a random robot (3 to 7 joints; general or in one plane, with limits and without, on a lift or
 not, with a tool direction or without) and a target height: points drawn evenly from the inner area are solved
@@ -55,15 +55,12 @@ def main(pairs: int, points: int, starts: int) -> int:
             found += searched(one, spot, starts, rng) <= EXACT
         if got < asked or found:
             wrong += 1
-            print(
-                f"pair {number}, {one.kind}: {got} of {asked} inside solved, {found} of {tried} outside reached"
-            )
+            inside, beyond = f"{got} of {asked} inside solved", f"{found} of {tried} outside reached"
+            print(f"pair {number}, {one.kind}: {inside}, {beyond}")
         outer = area.outer.area
         gap = (outer - area.inner.area) / outer if outer > 0 else 0.0
         kinds[one.kind].append((asked, got, tried, found, gap, middle - began, end - middle))
-    print(
-        f"{'kind':>15}  pairs  inside solved    outside reached  gap: median, most  seconds inner, outer: median"
-    )
+    print(f"{'kind':>15}  pairs  inside solved    outside reached  gap: median, most  median s inner, outer")
     for kind in KINDS:
         rows = np.array(kinds[kind]).reshape(-1, 7)
         asked, got, tried, found = rows[:, :4].sum(0).astype(int)

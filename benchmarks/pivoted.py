@@ -1,4 +1,4 @@
-"""Random arms on a vertical pivot, targets for them, and a search for postures that knows nothing of reach."""
+"""Random arms on a vertical pivot, targets for them, and a search that knows nothing of reach."""
 
 from __future__ import annotations
 
@@ -9,19 +9,18 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from regionik import mfabrik
-from regionik.planners.flat import compiled
 from regionik.planners.polish import DIRECTION, POSITION, Aim, polish
-from regionik.planners.serial import SerialArm, serial_arm
+from regionik.planners.serial import serial_arm
 from regionik.regions import Area, PathAreas, admissible_area, path_areas
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, Joint, rot_x, rot_y, rot_z, translation
-from regionik.worlds.pivot import is_planar, pivot_of, span_of
+from regionik.worlds.pivot import pivot_of, span_of
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Rules, Target, World
 
 KINDS = ("general", "lifted", "planar", "directed", "planar, lifted")
 TOLERANCE = 1e-3  # of solvers [m]
-EXACT = 1e-6  # of the search [m]
+EXACT, ANGLE = 1e-6, 1e-4  # of the search [m], [rad]
 STEPS = 60  # of damped least squares from one start
 
 
@@ -128,8 +127,14 @@ def searched(one: Case, spot: Array, starts: int, rng: np.random.Generator) -> f
     if one.target.direction is not None:
         turns[:, :, 2] = _within_cone(one.target.direction, one.target.cone, rng, starts)
     kind = POSITION if one.target.direction is None else DIRECTION
-    reach = span_of(chain).length
-    return float(_nearest(arm, goal, kind, turns, _postures(chain, rng, starts), reach, EXACT))
+    least, reach = np.inf, span_of(chain).length
+    for turn, q in zip(turns, _postures(chain, rng, starts), strict=True):
+        error, angle, _ = polish(arm, Aim(goal, kind, turn), q, reach, EXACT, ANGLE, STEPS)
+        if angle <= ANGLE:
+            least = min(least, error)
+        if least <= EXACT:
+            break
+    return least
 
 
 def _within_cone(direction: Array, cone: float, rng: np.random.Generator, count: int) -> Array:
@@ -139,23 +144,3 @@ def _within_cone(direction: Array, cone: float, rng: np.random.Generator, count:
     angle = cone * np.sqrt(rng.random(count))[:, None]
     vectors: Array = np.cos(angle) * direction + np.sin(angle) * square
     return vectors
-
-
-@compiled
-def _nearest(
-    arm: SerialArm, goal: Array, kind: int, turns: Array, starts: Array, reach: float, enough: float
-) -> float:
-    least = np.inf
-    for i in range(len(starts)):
-        q = starts[i].copy()
-        error, angle, _ = polish(arm, Aim(goal, kind, turns[i]), q, reach, enough, 1e-4, STEPS)
-        if angle <= 1e-4 and error < least:
-            least = error
-            if least <= enough:
-                break
-    return least
-
-
-def in_one_plane(one: Case) -> bool:
-    """Whether the arm's rings are the exact ones of a planar arm."""
-    return is_planar(one.world.robot.chain)

@@ -118,7 +118,7 @@ def aside(box: Box) -> float:
     total = box.bent[0]
     for k in range(len(box.q)):
         total += box.half[k] * abs(box.tool.aside[k])
-    return min(total, box.moved[0])
+    return float(min(total, box.moved[0]))
 
 
 @compiled

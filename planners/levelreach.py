@@ -9,13 +9,14 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from regionik.planners.levelwalk import walks
+from regionik.planners.levelwalk import posture_on, walks
 from regionik.planners.meridian import Meridian, meridian_of, tool_for
 from regionik.planners.ruledout import bounded
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
-from regionik.worlds.pivot import span_of
+from regionik.worlds.pivot import pivot_of, span_of
 
 Intervals = tuple[tuple[float, float], ...]
 
@@ -27,7 +28,7 @@ ENOUGH = 1e-3  # what the outer bound may stand off from the inner one [m]
 
 
 @lru_cache(maxsize=4096)
-def inner_reach(chain: Chain, height: float, z: float) -> Intervals:
+def inner_reach(chain: Chain, rise: float) -> Intervals:
     """Distances between pivot axis and target that are proven to be in reach, as ascending intervals.
 
     Every distance of an interval is that of some posture within the limits (`planners.levelwalk`), but for
@@ -36,10 +37,8 @@ def inner_reach(chain: Chain, height: float, z: float) -> Intervals:
     Parameters
     ----------
     chain : Chain
-    height : float
-        Of the arm's base frame over the floor [m].
-    z : float
-        Height of the target over the floor [m].
+    rise : float
+        Height of the target over the arm's base frame [m].
 
     Raises
     ------
@@ -49,45 +48,84 @@ def inner_reach(chain: Chain, height: float, z: float) -> Intervals:
     Examples
     --------
     >>> from regionik.worlds.bundled import robot_named
-    >>> [[round(end, 3) for end in ring] for ring in inner_reach(robot_named("hinge5").chain, 0.0, 0.068)]
+    >>> [[round(end, 3) for end in ring] for ring in inner_reach(robot_named("hinge5").chain, 0.068)]
     [[0.0, 0.272]]
     """
     meridian = _meridian(chain)
     if meridian is None:
         return ()
-    tool, rng = tool_for(meridian), np.random.default_rng(0)
-    low, high = finite_limits(meridian)
+    tool = tool_for(meridian)
     found: Intervals = ()
-    for _ in range(MOST_BATCHES):
+    for starts in np.split(_starts(meridian), MOST_BATCHES):
         passed = np.empty((BATCH, 2))
-        starts = rng.uniform(low, high, (BATCH, len(low)))
-        count = walks(meridian, z - height, starts, tool, MOST_STEPS, passed)
+        count = walks(meridian, rise, starts, tool, MOST_STEPS, passed)
         more = merged([*found, *passed[:count].tolist()])
         news = _length(more) - _length(found)
         found = more
         if found and news < NEWS:
             break
-    return found
+    return tuple(ring for ring in found if ring[1] - ring[0] > NEWS)
 
 
 @lru_cache(maxsize=4096)
-def outer_reach(chain: Chain, height: float, z: float) -> Intervals:
+def outer_reach(chain: Chain, rise: float) -> Intervals:
     """Distances between pivot axis and target that are not proven to be out of reach; see `inner_reach`.
 
     No posture within the limits has any other distance. A budget of boxes (`planners.ruledout`) bounds the
     work: with it spent, what is undecided stays in.
     """
     meridian, span = _meridian(chain), span_of(chain)
-    square = span.length**2 - (z - height - span.height) ** 2
+    square = span.length**2 - (rise - span.height) ** 2
     if square < 0:
         return ()
     cap = span.radius + float(np.sqrt(square))
-    known = np.array(inner_reach(chain, height, z)).reshape(-1, 2)
+    known = np.array(inner_reach(chain, rise)).reshape(-1, 2)
     if meridian is None:
         return ((0.0, cap),)
     low, high = finite_limits(meridian)
-    left = bounded(meridian, z - height, low, high, known, cap, ENOUGH, MOST_BOXES)
+    left = bounded(meridian, rise, low, high, known, cap, ENOUGH, MOST_BOXES)
     return merged([*known.tolist(), *left.tolist()])
+
+
+def posture_at(chain: Chain, point: ArrayLike, joints: ArrayLike) -> Array:
+    """A posture with its tool at a point, or near it: slower than passes, but it gets to all inner reach.
+
+    Parameters
+    ----------
+    chain : Chain
+        Its pivot is taken as endless.
+    point : (3,) array_like
+        In the arm's base frame [m].
+    joints : (dof,) array_like
+        Joints that do not matter keep these values.
+    """
+    p, q = np.asarray(point, dtype=np.float64), np.array(joints, dtype=np.float64)
+    meridian, pivot = _meridian(chain), pivot_of(chain)
+    if meridian is not None:
+        found = q[meridian.which]
+        starts, tool = _starts(meridian), tool_for(meridian)
+        posture_on(meridian, float(p[2]), float(np.hypot(p[0], p[1])), starts, tool, MOST_STEPS, found)
+        q[meridian.which] = found
+        _unwind(chain, q)
+    here = chain.forward(q)[:2, 3]
+    turn = np.arctan2(p[1], p[0]) - np.arctan2(here[1], here[0])
+    q[pivot] += (turn + np.pi) % (2 * np.pi) - np.pi
+    return q
+
+
+def _unwind(chain: Chain, q: Array) -> None:
+    """Take joints that were walked all round back by whole turns, into their limits."""
+    for k, joint in enumerate(chain.joints):
+        if joint.kind == "revolute" and q[k] < joint.lower:
+            q[k] += 2 * np.pi * np.ceil((joint.lower - q[k]) / (2 * np.pi))
+        elif joint.kind == "revolute" and q[k] > joint.upper:
+            q[k] -= 2 * np.pi * np.ceil((q[k] - joint.upper) / (2 * np.pi))
+
+
+def _starts(meridian: Meridian) -> Array:
+    """Postures that walks start from, drawn evenly from the limits."""
+    low, high = finite_limits(meridian)
+    return np.random.default_rng(0).uniform(low, high, (BATCH * MOST_BATCHES, len(low)))
 
 
 def finite_limits(meridian: Meridian) -> tuple[Array, Array]:

@@ -18,6 +18,8 @@ LEVEL = 1e-12  # how near to the height a posture of a walk is [m]
 ROUNDING = 1e-12  # added to bounds [m]
 CORRECTIONS = 40  # Newton steps to the height
 FIRST_STEP, LEAST_STEP = 0.3, 1e-5  # of a walk, as largest change of a joint [rad] or [m]
+HALVINGS = 40  # of the last hop of a walk that is to end at a distance
+NEAR = 1e-9  # [m]
 GAIN = 1e-5  # a walk ends where this is all that the next step promises [m]
 
 
@@ -60,8 +62,8 @@ def to_level(meridian: Meridian, z: float, joints: Array, tool: Tool, free: Arra
 def hop_holds(meridian: Meridian, a: Array, b: Array, tool: Tool, free: Array) -> bool:
     """Whether a motion at one height is proven to lead from one posture (m,) at it to another.
 
-    Along the hop the height is off by at most E. Along a direction d it rises at least half as fast as it does
-    in the middle of the hop, wherever within 2 E of the hop: so every posture of it can be put right.
+    Along the hop the height is off by at most E. Along a direction d it rises at least half as fast as in the
+    middle of the hop, wherever within 2 E of the hop: so every posture of it can be put right.
     """
     m = len(a)
     hop, d = np.abs(b - a), np.zeros(m)
@@ -100,21 +102,31 @@ def _bent(bend: Array, a: Array, b: Array) -> float:
 
 
 @compiled
-def walk(meridian: Meridian, z: float, outwards: float, joints: Array, tool: Tool, most: int) -> float:
-    """Walk at one height as far out (``outwards`` 1) or in (-1) as it goes; the distance come to [m].
+def walk(
+    meridian: Meridian,
+    z: float,
+    outwards: float,
+    joints: Array,
+    tool: Tool,
+    most: int,
+    goal: float,
+    last: Array,
+) -> float:
+    """Walk at one height out (``outwards`` 1) or in (-1), to a distance or as far as it goes; where to [m].
 
-    ``joints`` (m,) starts at the height and becomes the last posture of the walk.
+    ``joints`` (m,) starts at the height and becomes the last posture of the walk, ``last`` the one before.
     """
     m = len(joints)
-    free = 1.0 / np.maximum(meridian.levers, 1e-3) if m else meridian.levers
+    free = weights(meridian)
     d, trial, spare = np.empty(m), np.empty(m), np.empty(m)
+    last[:] = joints
     look(meridian, joints, tool)
-    r, stride = tool.at[0], FIRST_STEP
+    r, stride = float(tool.at[0]), FIRST_STEP
     for _ in range(most):
         look(meridian, joints, tool)
         gain = _uphill(meridian, outwards, joints, tool, free, d)
         longest = np.abs(d).max()
-        if gain <= 0.0 or longest == 0.0 or r + outwards * GAIN < 0.0:
+        if gain <= 0.0 or (goal - r) * outwards <= 0.0 or r + outwards * GAIN < 0.0:
             break
         moved = False
         while stride > LEAST_STEP and gain / longest * stride > GAIN:
@@ -122,16 +134,22 @@ def walk(meridian: Meridian, z: float, outwards: float, joints: Array, tool: Too
                 step = stride / longest * d[k]
                 trial[k] = max(meridian.lower[k], min(meridian.upper[k], joints[k] + step))
             if to_level(meridian, z, trial, tool, free, spare):
-                far = tool.at[0]
+                far = float(tool.at[0])
                 if (far - r) * outwards > 0.0 and hop_holds(meridian, joints, trial, tool, free):
-                    joints[:] = trial
+                    last[:], joints[:] = joints, trial
                     r, moved = far, True
                     break
             stride *= 0.5
         if not moved:
             break
         stride = min(FIRST_STEP, 1.6 * stride)
-    return r
+    return float(r)
+
+
+@compiled
+def weights(meridian: Meridian) -> Array:
+    """How readily each joint moves (m,): the less, the farther it takes the tool."""
+    return 1.0 / np.maximum(meridian.levers, 1e-3)
 
 
 @compiled
@@ -163,15 +181,48 @@ def _uphill(meridian: Meridian, outwards: float, joints: Array, tool: Tool, free
 @compiled
 def walks(meridian: Meridian, z: float, starts: Array, tool: Tool, most: int, found: Array) -> int:
     """Distances passed by walks from many starts (s, m), as rows of ``found`` (s, 2); how many there are."""
-    free = 1.0 / np.maximum(meridian.levers, 1e-3)
+    free, last = weights(meridian), np.empty(starts.shape[1])
     count = 0
     for start in starts:
         here = start.copy()
-        if not to_level(meridian, z, here, tool, free, np.empty(len(start))):
+        if not to_level(meridian, z, here, tool, free, last):
             continue
-        r = tool.at[0]
         there = here.copy()
-        found[count, 0] = min(r, walk(meridian, z, -1.0, here, tool, most))
-        found[count, 1] = max(r, walk(meridian, z, 1.0, there, tool, most))
+        found[count, 0] = walk(meridian, z, -1.0, here, tool, most, -np.inf, last)
+        found[count, 1] = walk(meridian, z, 1.0, there, tool, most, np.inf, last)
         count += 1
     return count
+
+
+@compiled
+def posture_on(
+    meridian: Meridian, z: float, goal: float, starts: Array, tool: Tool, most: int, joints: Array
+) -> float:
+    """Walk to a posture at a height and a distance from one start after the other; what the best misses [m].
+
+    ``joints`` (m,) becomes that posture. The last hop of a walk is halved until it ends at the distance.
+    """
+    free, m = weights(meridian), starts.shape[1]
+    last, middle, spare = np.empty(m), np.empty(m), np.empty(m)
+    least = np.inf
+    for start in starts:
+        here = start.copy()
+        if not to_level(meridian, z, here, tool, free, spare):
+            continue
+        outwards = 1.0 if goal > tool.at[0] else -1.0
+        off = abs(walk(meridian, z, outwards, here, tool, most, goal, last) - goal)
+        for _ in range(HALVINGS):
+            middle[:] = 0.5 * (last + here)
+            if off <= LEVEL or not to_level(meridian, z, middle, tool, free, spare):
+                break
+            if (goal - tool.at[0]) * outwards > 0.0:
+                last[:] = middle
+            else:
+                here[:] = middle
+                off = tool.at[0] - goal if outwards > 0.0 else goal - tool.at[0]
+        if off < least:
+            least = off
+            joints[:] = here
+            if off < NEAR:
+                break
+    return least

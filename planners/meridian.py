@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from regionik.planners.flat import compiled
+from regionik.planners.flat import Index, compiled
 from regionik.planners.serial import SerialArm, chain_frames, chain_jacobian, serial_arm
 from regionik.planners.sway import longest_levers
 from regionik.worlds.arrays import Array
@@ -31,6 +31,8 @@ class Meridian(NamedTuple):
     ----------
     arm : SerialArm
         Of m joints, the pivot at zero.
+    which : (m,) array of int
+        Where they are in the chain.
     lower, upper : (m,) array
         Limits; infinite where a joint may turn all round [rad] or [m].
     levers : (m,) array
@@ -42,6 +44,7 @@ class Meridian(NamedTuple):
     """
 
     arm: SerialArm
+    which: Index
     lower: Array
     upper: Array
     levers: Array
@@ -88,6 +91,7 @@ def meridian_of(chain: Chain) -> Meridian | None:
     pivot = pivot_of(chain)
     levers, _ = longest_levers(chain, chain.dof - 1, chain.T_last_tool[:3, 3])
     joints: list[Joint] = []
+    which: list[int] = []
     built_in = np.eye(4)
     for k, joint in enumerate(chain.joints):
         built_in = built_in @ joint.T_parent_joint
@@ -96,6 +100,7 @@ def meridian_of(chain: Chain) -> Meridian | None:
             built_in = built_in @ motion(joint, np.asarray(joint.lower if held and k != pivot else 0.0))
         else:
             joints.append(replace(joint, T_parent_joint=built_in))
+            which.append(k)
             built_in = np.eye(4)
     if not joints:
         return None
@@ -104,6 +109,7 @@ def meridian_of(chain: Chain) -> Meridian | None:
     all_round = arm.revolute & (arm.upper - arm.lower >= 2 * np.pi)
     return Meridian(
         arm,
+        np.array(which),
         np.where(all_round, -np.inf, arm.lower),
         np.where(all_round, np.inf, arm.upper),
         levers,

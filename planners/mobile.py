@@ -1,4 +1,4 @@
-"""M-FABRIK with the passes of FABRIK-R: the base follows the root of any serial arm, compiled.
+"""M-FABRIK with the passes of FABRIK-R: the base follows the pivot of any serial arm, compiled.
 
 Source: M-FABRIK (Santos et al., IEEE Access 2020), Algorithm 1, whose arm is here the rigid bodies of
 FABRIK-R (paper 001).
@@ -19,6 +19,7 @@ from regionik.worlds.arrays import Array
 @compiled
 def roam(
     bodies: Bodies,
+    pivot: int,
     starts: Array,
     vertices: Array,
     rings: Index,
@@ -34,8 +35,9 @@ def roam(
     Parameters
     ----------
     bodies : Bodies
-        Pointing ones for a position, posing ones for more; the first joint turns about the vertical through
-        the arm's base frame.
+        Pointing ones for a position, posing ones for more.
+    pivot : int
+        The joint that turns about the vertical through the arm's base frame; what comes before lifts it.
     starts : (r, n) array
         Postures to start again from.
     vertices, rings : arrays
@@ -59,7 +61,7 @@ def roam(
         place[:] = first
         trial[:] = joints[:n] if attempt == 0 else starts[attempt - 1]
         posture = posture_of(bodies, trial)
-        error, angle, used = follow(bodies, vertices, rings, place, yaw, rise, aim, effort, posture)
+        error, angle, used = follow(bodies, pivot, vertices, rings, place, yaw, rise, aim, effort, posture)
         passes += used
         share = share_of(error, angle, effort)
         if share <= 1.0:
@@ -77,6 +79,7 @@ def roam(
 @compiled
 def follow(
     bodies: Bodies,
+    pivot: int,
     vertices: Array,
     rings: Index,
     place: Array,
@@ -97,7 +100,9 @@ def follow(
         if (share_of(error, angle, effort) <= 1.0 and settled) or used == effort.most_passes:
             break
         inward_pass(bodies, goal, posture)
-        dx, dy = posture.outer[0, 0] - bodies.root[0], posture.outer[0, 1] - bodies.root[1]
+        dx, dy = posture.outer[pivot, 0], posture.outer[pivot, 1]
+        if pivot == 0:
+            dx, dy = dx - bodies.root[0], dy - bodies.root[1]
         x, y = place[0] + c * dx - s * dy, place[1] + s * dx + c * dy
         if bounded:
             x, y = clamp(vertices, rings, x, y)

@@ -23,6 +23,7 @@ from regionik.planners.polish import DIRECTION, Aim, polish
 from regionik.planners.reaching import Effort, solve
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
+from regionik.worlds.pivot import pivot_of
 
 DISTANCES, BEARINGS = 32, 48  # cells of the grid
 FINER = 3  # times, where the reach is too thin for it
@@ -109,9 +110,9 @@ def _grid(chain: Chain, rise: float, kind: int, key: tuple[float, ...], cone: fl
     turn = np.array(key).reshape(3, 3)
     quest = _Quest(*_prepared(chain, max(ANGLE_SHARE * cone, 1e-9)), rise, turn, kind, cone)
     bound = outer_reach(chain, 0.0, rise)
-    grid = _sampled(quest, bound[0][1] if bound else 0.0, 1, None)
+    grid = _sampled(quest, bound[-1][1] if bound else 0.0, 1, None)
     if grid.found.any() and grid.cells < THIN * np.count_nonzero(grid.found):
-        return _sampled(quest, bound[0][1], FINER, grid)
+        return _sampled(quest, bound[-1][1], FINER, grid)
     return grid
 
 
@@ -157,8 +158,9 @@ def _sampled(quest: _Quest, far: float, finer: int, known: _Grid | None) -> _Gri
 
 @lru_cache(maxsize=32)
 def _prepared(chain: Chain, angle_tolerance: float) -> tuple[Bodies, Array, Effort]:
-    pivot = replace(chain.joints[0], lower=-np.inf, upper=np.inf)
-    endless = Chain((pivot, *chain.joints[1:]), chain.T_last_tool)
+    joints, pivot = list(chain.joints), pivot_of(chain)
+    joints[pivot] = replace(joints[pivot], lower=-np.inf, upper=np.inf)
+    endless = Chain(tuple(joints), chain.T_last_tool)
     bodies = posing_bodies(endless)
     effort = Effort(TOLERANCE, float(angle_tolerance), 60, span(bodies.arm), True)
     return bodies, spread_postures(endless, effort.reach, RESTARTS, 0), effort

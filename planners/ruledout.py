@@ -70,7 +70,7 @@ def bounded(
 def explore(
     meridian: Meridian, z: float, known: Array, boxes: Boxes, enough: float, most: int, box: Box
 ) -> None:
-    """Halve the box that sticks out farthest, until none does by more than ``enough`` or the work is spent."""
+    """Halve the box that sticks out farthest, until none does more than ``enough`` or the work is spent."""
     low, high, tally = boxes.low, boxes.high, boxes.tally
     while tally[0] > 0 and tally[1] < most:
         slot, other = boxes.heap[0], boxes.heap[tally[0]]
@@ -132,7 +132,7 @@ def in_question(known: Array, low: float, high: float) -> tuple[float, float]:
 
 @compiled
 def sticks_out(known: Array, low: float, high: float) -> float:
-    """How far the distances of an interval are from all known ones, at most; its length where none is known."""
+    """How far the distances of an interval are from all known ones, at most; infinite where none is known."""
     if len(known) == 0:
         return np.inf
     most = max(known[0, 0] - low, high - known[-1, 1])
@@ -141,7 +141,7 @@ def sticks_out(known: Array, low: float, high: float) -> float:
         if a < b:
             near = max(a, min(b, 0.5 * (known[k, 1] + known[k + 1, 0])))
             most = max(most, min(near - known[k, 1], known[k + 1, 0] - near))
-    return most
+    return float(most)
 
 
 @compiled

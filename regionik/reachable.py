@@ -197,8 +197,8 @@ def _whole_rings(
     chain, height, family = world.robot.chain, float(world.robot.mount[2]), Family(FRONT)
     table: list[tuple[int, Family, float, float]] = []
     for i, target in enumerate(targets):
-        z = float(target.position[2])
-        found = inner_reach(chain, height, z) if inner else outer_reach(chain, height, z)
+        rise = float(target.position[2]) - height
+        found = inner_reach(chain, rise) if inner else outer_reach(chain, rise)
         table += _spans_of(family, [i], [np.array(found)], world.rules.reach_margin if inner else None)
     which = np.array([row[0] for row in table], dtype=np.intp)
     positions = np.array([target.position for target in targets]).reshape(-1, 3)

@@ -11,6 +11,7 @@ from regionik.demand import HELD, aim_of
 from regionik.planners.bodies import Bodies, pointing_bodies, posing_bodies, span
 from regionik.planners.flat import FlatPolygon, clamp, contains
 from regionik.planners.inverse import spread_postures
+from regionik.planners.levelreach import posture_at
 from regionik.planners.mobile import roam, seen
 from regionik.planners.polish import Aim, polish
 from regionik.planners.posereach import ANGLE_SHARE, pose_reach
@@ -29,7 +30,7 @@ NEAREST = 6  # postures of the reach that are tried where passes and restarts do
 
 @dataclass(frozen=True, eq=False)
 class Reached:
-    """Where the arm axis stands and how the arm reaches: the first joint counted from a given heading."""
+    """Where the arm axis stands and how the arm reaches: the pivot counted from a given heading."""
 
     axis: Array  # (2,) [m]
     joints: Array  # (dof,)
@@ -44,9 +45,10 @@ class SerialSolver:
 
     Attributes
     ----------
-    chain : Chain
+    chain, endless : Chain
+        As it is, and with a pivot that turns without end.
     pointing, posing : Bodies
-        For positions, and for more; the first joint turns without end.
+        For positions, and for more; the pivot turns without end.
     starts : (r, dof) array
         Postures to start again from.
     effort : Effort
@@ -55,6 +57,7 @@ class SerialSolver:
     """
 
     chain: Chain
+    endless: Chain
     pointing: Bodies
     posing: Bodies
     starts: Array
@@ -72,8 +75,10 @@ class SerialSolver:
         quest = self.quest(target)
         if target.direction is None:
             if mobile:
-                return self._followed(quest, quest.starts, axis, yaw, joints, area)
-            return self._held(quest, axis, yaw, joints)
+                found = self._followed(quest, quest.starts, axis, yaw, joints, area)
+            else:
+                found = self._held(quest, axis, yaw, joints)
+            return found if quest.met(found) else self._walked(target, found, yaw)
         bounded = mobile and len(area.starts) > 1
         place = np.array(clamp(area.vertices, area.starts, *axis) if bounded else axis)
         near = self._polished(quest, place, yaw, joints)
@@ -93,10 +98,17 @@ class SerialSolver:
         """M-FABRIK: passes with the base after the root, then restarts."""
         q, place = np.array(joints), np.array(axis)
         error, angle, passes = roam(
-            quest.bodies, starts, area.vertices, area.starts, place, yaw, self.height, quest.aim,
-            quest.effort, q,
+            quest.bodies, pivot_of(self.chain), starts, area.vertices, area.starts, place, yaw,
+            self.height, quest.aim, quest.effort, q,
         )  # fmt: skip
         return quest.reached(place, q, error, angle, passes)
+
+    def _walked(self, target: Target, missed: Reached, yaw: float) -> Reached:
+        """By a walk at the target's height, where that comes nearer."""
+        point = seen(missed.axis, yaw, self.height, aim_of(target)).position
+        joints = posture_at(self.endless, point, missed.joints)
+        off = float(np.linalg.norm(self.chain.forward(joints)[:3, 3] - point))
+        return replace(missed, joints=joints, error=off) if off < missed.error else missed
 
     def _held(self, quest: Quest, axis: Array, yaw: float, joints: Array) -> Reached:
         """FABRIK-R with the base held."""
@@ -161,7 +173,7 @@ class SerialSolver:
         tries = [(missed.axis, k) for k in near[:NEAREST]] + [(known.places[k], k) for k in free[:1]]
         for place, k in tries:
             q = np.array(known.postures[k])
-            q[0] += known.yaws[k] - yaw
+            q[pivot_of(self.chain)] += known.yaws[k] - yaw
             endless = np.isinf(self.chain.upper - self.chain.lower)
             q = np.where(endless, joints + np.remainder(q - joints + np.pi, 2 * np.pi) - np.pi, q)
             found = self._polished(quest, np.array(place), yaw, q)
@@ -216,4 +228,4 @@ def serial_solver(chain: Chain, height: float, tolerance: float) -> SerialSolver
     pointing, posing = pointing_bodies(endless), posing_bodies(endless)
     effort = Effort(tolerance, 1.0, MOST_PASSES, span(pointing.arm), True)
     starts = spread_postures(endless, effort.reach, RESTARTS, 0)
-    return SerialSolver(chain, pointing, posing, starts, effort, height)
+    return SerialSolver(chain, endless, pointing, posing, starts, effort, height)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.optimize import nnls
 from scipy.spatial import ConvexHull
@@ -77,3 +79,15 @@ def with_lift() -> Robot:
     carry = np.array([0.0, 0.1, 1.5, 0.0, 0.0])
     mount = np.array([0.1, 0.05, 0.1, 0.4])
     return Robot("lift", "omni", np.zeros((1, 2)), mount, chain, capsules_along(chain, 0.03), 0.14, carry)
+
+
+def on_lift(robot: Robot, travel: float = 0.3) -> Robot:
+    """The robot with its arm on a lift, a joint before all others."""
+    lift = Joint("torso", "prismatic", 0.0, travel, np.eye(4))
+    return replace(
+        robot,
+        name=f"{robot.name} on a lift",
+        chain=Chain((lift, *robot.chain.joints), robot.chain.T_last_tool),
+        solids=tuple(replace(solid, link=solid.link + 1) for solid in robot.solids),
+        carry=np.array([travel / 4, *robot.carry]),
+    )

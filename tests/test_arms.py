@@ -9,7 +9,7 @@ import shapely
 from regionik.arms import PlaneSolver, arm_solver
 from regionik.mfabrik import Solver, axis_of, pose_of
 from regionik.planners.kernels import wrap
-from regionik.planners.sampledreach import outer_reach, sampled_reach
+from regionik.planners.levelreach import inner_reach, outer_reach
 from regionik.reachable import FRONT, Family
 from regionik.serialarm import SerialSolver
 from regionik.worlds.arrays import Array
@@ -20,13 +20,16 @@ from regionik.worlds.library import robot_named
 from regionik.worlds.pivot import is_planar, span_of
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Heading, Target
-from tests.bodies import with_lift
+from tests.bodies import on_lift, with_lift
 
 COUNT = 40
 BARE = ("hinge5", "dof10", "pioneer7")
+SERIAL = (*BARE, "lift", "lifted")
 
 
 def robot_of(name: str) -> Robot:
+    if name == "lifted":
+        return on_lift(robot_named("youbot-real"))
     return with_lift() if name == "lift" else robot_named(name)
 
 
@@ -66,7 +69,7 @@ def test_every_target_is_reached_wherever_it_is(name: str, heading: Heading) -> 
         assert (one.error, one.iterations) == (found.error[k], found.iterations[k])
 
 
-@pytest.mark.parametrize("name", [*BARE, "lift", "youbot", "youbot-real"])
+@pytest.mark.parametrize("name", [*SERIAL, "youbot", "youbot-real"])
 def test_hold_keeps_the_axis_and_the_limits(name: str) -> None:
     robot, rng = robot_of(name), np.random.default_rng(2)
     bases = rng.uniform(-1, 1, (COUNT, 3))
@@ -85,7 +88,7 @@ def test_hold_keeps_the_axis_and_the_limits(name: str) -> None:
     assert reached == COUNT or (is_planar(robot.chain) and reached > COUNT / 2)
 
 
-@pytest.mark.parametrize("name", [*BARE, "lift"])
+@pytest.mark.parametrize("name", SERIAL)
 def test_the_base_stays_in_its_area(name: str) -> None:
     robot, rng = robot_of(name), np.random.default_rng(3)
     area = shapely.Point(0.3, -0.2).buffer(0.4) - shapely.box(0.2, -1, 0.4, 1)
@@ -128,7 +131,7 @@ def _tool(chain: Chain, axis: Array, yaw: float, joints: Array) -> Array:
     return np.array([axis[0] + c * tool[0] - s * tool[1], axis[1] + s * tool[0] + c * tool[1], tool[2]])
 
 
-@pytest.mark.parametrize("name", [*BARE, "lift", "youbot", "youbot-real"])
+@pytest.mark.parametrize("name", [*SERIAL, "youbot", "youbot-real"])
 def test_self_motion_is_of_many_kinds_and_on_target(name: str) -> None:
     robot = robot_of(name)
     base = np.array([0.2, 0.1, 0.4])
@@ -167,27 +170,27 @@ def test_least_change_goes_back_to_where_it_came_from(name: str) -> None:
     assert near > COUNT / 3
 
 
-@pytest.mark.parametrize("name", [*BARE, "lift"])
-def test_sampled_reach_lies_within_its_bound_and_is_reached(name: str) -> None:
+@pytest.mark.parametrize("name", SERIAL)
+def test_proven_reach_lies_within_its_bound_and_is_reached(name: str) -> None:
     robot = robot_of(name)
     span, mount = span_of(robot.chain), float(robot.mount[2])
-    for z in mount + span.height + np.array([-0.3, 0.0, 0.5]) * span.length:
-        bound = outer_reach(robot.chain, mount, float(z))
-        rings = sampled_reach(robot.chain, mount, float(z))
+    for rise in span.height + np.array([-0.3, 0.0, 0.5]) * span.length:
+        bound = outer_reach(robot.chain, float(rise))
+        rings = inner_reach(robot.chain, float(rise))
         assert rings
         assert (np.diff(np.array(rings).ravel()) > 0).all()
         assert bound[0][0] <= rings[0][0]
-        assert rings[-1][1] <= bound[0][1]
+        assert rings[-1][1] <= bound[-1][1]
         solver = Solver(robot)
         for low, high in rings:
             for away in np.linspace(low + 0.005, high - 0.005, 5):
                 base = pose_of(robot, np.zeros(2), 0.0)
-                assert solver.hold([away, 0.0, z], base, robot.carry).converged
-    beyond = mount + span.height + span.length + 0.01
-    assert sampled_reach(robot.chain, mount, beyond) == outer_reach(robot.chain, mount, beyond) == ()
+                assert solver.hold([away, 0.0, mount + rise], base, robot.carry).converged
+    beyond = span.height + span.length + 0.01
+    assert inner_reach(robot.chain, beyond) == outer_reach(robot.chain, beyond) == ()
 
 
-@pytest.mark.parametrize("name", [*BARE, "lift", "youbot", "youbot-real"])
+@pytest.mark.parametrize("name", [*SERIAL, "youbot", "youbot-real"])
 def test_the_tool_never_leaves_its_span(name: str) -> None:
     robot = robot_of(name)
     span = span_of(robot.chain)

@@ -1,0 +1,233 @@
+"""Reach at a height: what is said to be in reach has a posture, what is said to be out of it has none."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from benchmarks.pivoted import EXACT, KINDS, case, points_in, searched, solved
+from regionik.planners.boxreach import box_for, shrink, spanned, weigh
+from regionik.planners.levelreach import finite_limits, inner_reach, merged, outer_reach, posture_at
+from regionik.planners.levelwalk import hop_holds, to_level, weights
+from regionik.planners.meridian import Meridian, look, meridian_of, tool_for
+from regionik.planners.rings import reach_intervals
+from regionik.planners.ruledout import in_question, sticks_out
+from regionik.worlds.arrays import Array
+from regionik.worlds.chain import Chain, Joint, rot_x, translation
+from regionik.worlds.library import robot_named
+from regionik.worlds.pivot import pivot_of, span_of
+from regionik.worlds.planar import planar_arm
+from tests.bodies import on_lift, with_lift
+
+SEEDS = st.integers(0, 10_000)
+SERIAL = [k for k, kind in enumerate(KINDS) if kind in ("general", "lifted", "planar, lifted")]
+
+
+def chain_of(seed: int) -> Chain:
+    """Of a random arm that is not read as planar, or on a lift."""
+    return case(len(KINDS) * seed + SERIAL[seed % len(SERIAL)]).world.robot.chain
+
+
+def meridian(chain: Chain) -> Meridian:
+    found = meridian_of(chain)
+    assert found is not None
+    return found
+
+
+def posture(found: Meridian, rng: np.random.Generator) -> Array:
+    return rng.uniform(*finite_limits(found))
+
+
+def tool_at(chain: Chain, rng: np.random.Generator) -> tuple[float, float]:
+    """Distance and height of the tool in a random posture, by plain kinematics."""
+    low = np.where(np.isfinite(chain.lower), chain.lower, -np.pi)
+    high = np.where(np.isfinite(chain.upper), chain.upper, np.pi)
+    x, y, z = chain.forward(rng.uniform(low, high))[:3, 3]
+    return float(np.hypot(x, y)), float(z)
+
+
+@settings(max_examples=60, deadline=None)
+@given(SEEDS)
+def test_no_posture_is_outside_the_outer_reach(seed: int) -> None:
+    chain = chain_of(seed)
+    r, rise = tool_at(chain, np.random.default_rng(seed))
+    assert any(low - 1e-9 <= r <= high + 1e-9 for low, high in outer_reach(chain, rise))
+
+
+@settings(max_examples=60, deadline=None)
+@given(SEEDS, st.floats(0, 1), st.floats(-3, 3))
+def test_every_distance_of_the_inner_reach_has_a_posture(seed: int, share: float, azimuth: float) -> None:
+    chain = chain_of(seed)
+    _, rise = tool_at(chain, np.random.default_rng(seed))
+    pivot = pivot_of(chain)
+    start = np.clip(np.zeros(chain.dof), chain.lower, chain.upper)
+    outer = outer_reach(chain, rise)
+    for low, high in inner_reach(chain, rise):
+        assert any(a <= low <= high <= b for a, b in outer)
+        r = low + share * (high - low)
+        point = np.array([r * np.cos(azimuth), r * np.sin(azimuth), rise])
+        joints = posture_at(chain, point, start)
+        np.testing.assert_allclose(chain.forward(joints)[:3, 3], point, atol=1e-7)
+        others = np.arange(chain.dof) != pivot
+        assert (joints >= chain.lower - 1e-12)[others].all()
+        assert (joints <= chain.upper + 1e-12)[others].all()
+
+
+@pytest.mark.parametrize("rise", [-0.2, 0.0, 0.147, 0.3, 0.5, 0.65])
+def test_reach_is_that_of_the_exact_rings(rise: float) -> None:
+    chain = robot_named("youbot").chain
+    arm = planar_arm(chain)
+    both = reach_intervals(arm, float(arm.shoulder[1]), np.array([rise]))[0]
+    exact = merged([sorted(abs(end) for end in row) for row in both.tolist()])
+    inner, outer = inner_reach(chain, rise), outer_reach(chain, rise)
+    assert len(inner) == len(exact)
+    for (a, b), (low, high) in zip(inner, exact, strict=True):
+        assert low - 1e-9 <= a <= low + 2e-3
+        assert high - 1e-4 <= b <= high + 1e-9
+        assert any(c <= low <= high <= d and c >= a - 1e-3 and d <= b + 1e-3 for c, d in outer)
+
+
+@pytest.mark.parametrize("rise", [0.0, 0.3, 0.75])
+def test_a_lift_adds_the_reach_at_other_heights(rise: float) -> None:
+    robot = robot_named("youbot-real")
+    lifted = inner_reach(on_lift(robot, 0.3).chain, rise)
+    bound = outer_reach(on_lift(robot, 0.3).chain, rise)
+    for low in np.linspace(rise - 0.3, rise, 7):
+        for a, b in inner_reach(robot.chain, float(low)):
+            assert any(c <= a + 1e-3 and b - 1e-3 <= d for c, d in lifted)
+            assert any(c <= a and b <= d for c, d in bound)
+
+
+def test_bounds_meet_where_the_arm_is_simple() -> None:
+    for name in ("hinge5", "dof10", "pioneer7"):
+        chain = robot_named(name).chain
+        span = span_of(chain)
+        for share in (-0.6, 0.1, 0.8):
+            rise = span.height + share * span.length
+            ((low, high),) = inner_reach(chain, rise)
+            assert low < 1e-3
+            assert high == pytest.approx(span.length * np.sqrt(1 - share**2), abs=1e-4)
+            assert outer_reach(chain, rise)[-1][1] <= high + 1e-3
+
+
+@settings(max_examples=80, deadline=None)
+@given(SEEDS, st.floats(1e-3, 1.5))
+def test_a_box_bounds_all_of_its_postures(seed: int, width: float) -> None:
+    rng = np.random.default_rng(seed)
+    one = meridian(chain_of(seed))
+    low, high = finite_limits(one)
+    centre, half = posture(one, rng), width * rng.uniform(0, 1, len(low))
+    low, high = np.maximum(low, centre - half), np.minimum(high, centre + half)
+    box, tool = box_for(one), tool_for(one)
+    weigh(one, low, high, box)
+    for _ in range(20):
+        joints = rng.uniform(low, high)
+        look(one, joints, tool)
+        r, z = tool.at
+        near, far, _, _ = spanned(box, z)
+        assert near <= r <= far
+        away = np.linalg.norm(tool.frames[-1, :3, 3] - box.hub, axis=1)
+        assert (box.keeps[:, 0] - 1e-9 <= away).all()
+        assert (away <= box.keeps[:, 1] + 1e-9).all()
+        assert shrink(box, z, max(0.0, r - 1e-4), r + 1e-4)
+        assert (box.q + box.shift[0] - 1e-9 <= joints).all()
+        assert (joints <= box.q + box.shift[1] + 1e-9).all()
+
+
+@settings(max_examples=40, deadline=None)
+@given(SEEDS)
+def test_speeds_and_bends_are_those_of_small_moves(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    one = meridian(chain_of(seed))
+    joints, tool, step = posture(one, rng), tool_for(one), 1e-5
+    ways = []
+    for k in range(len(joints)):
+        ends = []
+        for side in (-1, 1):
+            moved = joints.copy()
+            moved[k] += side * step
+            look(one, moved, tool)
+            ends.append((*tool.at, *tool.J[:3].T.copy()))
+        ways.append(ends)
+    look(one, joints, tool)
+    for k, (a, b) in enumerate(ways):
+        if tool.at[0] > 0.05:
+            assert (b[0] - a[0]) / (2 * step) == pytest.approx(tool.out[k], abs=1e-6)
+        assert (b[1] - a[1]) / (2 * step) == pytest.approx(tool.up[k], abs=1e-6)
+        for j in range(len(joints)):
+            bent = float(np.linalg.norm(np.array(b[2 + j]) - np.array(a[2 + j]))) / (2 * step)
+            assert bent <= one.bend[j, k] + 1e-6
+
+
+@settings(max_examples=40, deadline=None)
+@given(SEEDS)
+def test_a_hop_that_holds_can_be_put_right_all_along(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    one = meridian(chain_of(seed))
+    tool, free, spare = tool_for(one), weights(one), np.empty(len(one.levers))
+    here = posture(one, rng)
+    look(one, here, tool)
+    z = float(tool.at[1])
+    there = np.clip(here + rng.uniform(-0.2, 0.2, len(here)), *finite_limits(one))
+    if not to_level(one, z, there, tool, free, spare) or not hop_holds(one, here, there, tool, free):
+        return
+    for share in np.linspace(0, 1, 11):
+        middle = here + share * (there - here)
+        assert to_level(one, z, middle, tool, free, spare)
+        assert (one.lower <= middle).all()
+        assert (middle <= one.upper).all()
+
+
+def test_no_hop_leads_across_a_limit_or_a_summit() -> None:
+    """Elbow up and elbow down at the arm's top are apart, however near they look."""
+    chain = Chain(
+        (
+            Joint("pivot", "revolute", -3, 3, np.eye(4)),
+            Joint("hinge", "revolute", 0.5, 2.5, rot_x(np.pi / 2)),
+        ),
+        translation(1.0, 0, 0),
+    )
+    one = meridian(chain)
+    z = float(np.sin(np.pi / 2 - 0.05))
+    a, b = np.array([np.pi / 2 - 0.05]), np.array([np.pi / 2 + 0.05])
+    assert not hop_holds(one, a, b, tool_for(one), weights(one))
+    assert inner_reach(chain, z) == ()  # two distances, and nothing between them
+    assert [round(high, 3) for _, high in outer_reach(chain, z)] == [0.05]
+
+
+def test_what_cannot_rise_has_no_inner_reach() -> None:
+    pivot = Joint("pivot", "revolute", -3, 3, np.eye(4))
+    assert inner_reach(Chain((pivot,), translation(0.4, 0, 0.2)), 0.2) == ()
+    assert outer_reach(Chain((pivot,), translation(0.4, 0, 0.2)), 0.2)
+    elbow = Joint("elbow", "revolute", -2, 2, translation(0.4, 0, 0))
+    assert inner_reach(Chain((pivot, elbow), translation(0.3, 0, 0)), 0.0) == ()
+    assert inner_reach(Chain((pivot, elbow), translation(0.3, 0, 0)), 0.1) == ()
+
+
+def test_what_is_known_is_not_in_question() -> None:
+    known = np.array([[0.2, 0.4], [0.6, 0.7]])
+    assert in_question(known, 0.25, 0.35)[0] > in_question(known, 0.25, 0.35)[1]
+    assert in_question(known, 0.3, 0.65) == (0.4, 0.6)
+    assert in_question(known, 0.1, 0.65) == (0.1, 0.6)
+    assert sticks_out(known, 0.3, 0.65) == pytest.approx(0.1)
+    assert sticks_out(known, 0.1, 0.9) == pytest.approx(0.2)
+
+
+@pytest.mark.parametrize("number", range(len(KINDS)))
+def test_areas_hold_against_solver_and_search(number: int) -> None:
+    """A small part of what `benchmarks/bench_reach.py` runs."""
+    one, rng = case(number + 20), np.random.default_rng(number)
+    areas, area = one.inner(), one.area()
+    for row, inner in enumerate(areas.inner):
+        assert all(solved(one, areas, row, spot) for spot in points_in(inner, rng, 10))
+    ring = area.outer.buffer(0.05) - area.outer.buffer(1e-6)
+    assert all(searched(one, spot, 100, rng) > EXACT for spot in points_in(ring, rng, 3))
+
+
+def test_the_lifting_arm_of_other_tests_has_no_hole_in_its_reach() -> None:
+    chain = with_lift().chain
+    ((low, high),) = inner_reach(chain, 0.53)
+    assert low < 1e-3
+    assert high == pytest.approx(0.7, abs=1e-4)
