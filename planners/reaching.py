@@ -24,7 +24,7 @@ from regionik.worlds.arrays import Array
 
 WINDOW = 5  # passes over which progress is judged
 PATIENCE = 40  # passes that a start may still need at its present pace
-MOST_STEPS = 200  # of polishing
+MOST_STEPS = 60  # of polishing one start
 
 
 class Effort(NamedTuple):
