@@ -27,7 +27,7 @@ def bounds(chain: Chain) -> tuple[Array, Array]:
 
 
 def trac_ik(chain: Chain, tolerance: float, timeout: float) -> Ask:
-    """TRAC-IK (C++): Newton steps with random restarts beside sequential quadratic programming, two threads."""
+    """TRAC-IK (C++): Newton steps with restarts beside sequential quadratic programming, two threads."""
     import pytracik  # type: ignore[import-not-found, unused-ignore]
 
     eps = tolerance / np.sqrt(3)  # it asks it of every component of position and turn
@@ -72,7 +72,7 @@ def toolbox(
 def pink(
     chain: Chain, tolerance: float, angle_tolerance: float, posed: bool, starts: Array, steps: int
 ) -> Ask:
-    """Pink's differential inverse kinematics on quadratic programs, stepped until it is there, with restarts."""
+    """Pink's differential inverse kinematics by quadratic programs, stepped until there, with restarts."""
     import pinocchio as pin  # type: ignore[import-not-found, unused-ignore]
     from pink import Configuration, solve_ik  # type: ignore[import-not-found, unused-ignore]
     from pink.exceptions import PinkError  # type: ignore[import-not-found, unused-ignore]

@@ -12,9 +12,10 @@ from shapely.geometry import Polygon
 from shapely.geometry.polygon import orient
 
 from regionik.worlds.arrays import Array
-from regionik.worlds.bounding import bounding_solid, cylinder_capsule, sphere_capsule
+from regionik.worlds.bounding import cylinder_capsule, sphere_capsule
 from regionik.worlds.bundled import LINK_RADIUS
 from regionik.worlds.chain import Chain
+from regionik.worlds.covering import Part, covered, surface_part
 from regionik.worlds.robot import LinkBox, LinkCapsule, LinkSolid, capsules_along
 from regionik.worlds.urdfmesh import Meshes
 from regionik.worlds.urdftree import Shape, UrdfFile
@@ -67,7 +68,8 @@ def body_of(file: UrdfFile, placed: Iterable[Placed], chain: Chain) -> Body:
     """Solids of links that move with the arm, outline and height of those fixed to the base.
 
     A box stays a box, a cylinder becomes the least capsule around it, a sphere a capsule of next to no
-    length, a mesh the smaller of a box and a capsule around its convex hull. Where a mesh is missing or
+    length, a mesh a few boxes and capsules; where there are many, those of a link share some (`covering`).
+    Where a mesh is missing or
     unreadable, a capsule of radius `LINK_RADIUS` from its joint to the next stands for it, and a note says
     so.
 
@@ -77,25 +79,26 @@ def body_of(file: UrdfFile, placed: Iterable[Placed], chain: Chain) -> Body:
         When the file names a mesh that it may not.
     """
     meshes = Meshes(file.path)
-    solids: list[LinkSolid] = []
+    parts: list[Part] = []
     fixed: list[Array] = []
     notes: list[str] = []
     stand_ins: set[int] = set()
     for link in placed:
         shapes = file.links[link.name]
         for k, shape in enumerate(shapes):
-            hull = meshes.hull(shape) if shape.kind == "mesh" else np.empty((0, 3))
-            if isinstance(hull, str):
-                notes.append(_missing(shape, hull, link.owner, chain))
+            surface = meshes.surface(shape) if shape.kind == "mesh" else np.empty((0, 3, 3))
+            if isinstance(surface, str):
+                notes.append(_missing(shape, surface, link.owner, chain))
                 stand_ins.add(link.owner)
                 continue
             T = link.T_owner_link @ shape.T_link_shape
+            name = link.name if len(shapes) == 1 else f"{link.name} {k + 1}"
+            part = _part(link.owner, name, shape, _moved(surface, T), T)
             if link.owner == BASE:
-                fixed.append(_moved(_corners(shape, hull, T), T))
+                fixed.append(part.points)
             else:
-                name = link.name if len(shapes) == 1 else f"{link.name} {k + 1}"
-                solids.append(_solid(link.owner, name, shape, hull, T))
-    solids += [_stand_in(chain, owner) for owner in sorted(stand_ins - {BASE})]
+                parts.append(part)
+    solids = [*covered(parts), *(_stand_in(chain, owner) for owner in sorted(stand_ins - {BASE}))]
     if not solids:
         notes.append(
             f"no arm link has a collision element: capsules of radius {LINK_RADIUS:g} m stand for them"
@@ -125,26 +128,28 @@ def _stand_in(chain: Chain, owner: int) -> LinkSolid:
     return LinkCapsule(owner, name, np.zeros(3), T_next[:3, 3], LINK_RADIUS)
 
 
-def _solid(owner: int, name: str, shape: Shape, hull: Array, T: Array) -> LinkSolid:
+def _part(owner: int, name: str, shape: Shape, surface: Array, T: Array) -> Part:
+    if shape.kind == "mesh":
+        return surface_part(owner, name, surface)
+    return Part(owner, name, _moved(_corners(shape, T), T), surface, _solid(owner, name, shape, T))
+
+
+def _solid(owner: int, name: str, shape: Shape, T: Array) -> LinkSolid:
     match shape.kind:
         case "box":
             return LinkBox(owner, name, T, np.array(shape.size))
         case "cylinder":
             return cylinder_capsule(owner, name, T, *shape.size)
-        case "sphere":
+        case _:
             return sphere_capsule(owner, name, T[:3, 3], *shape.size)
-        case "mesh":
-            return bounding_solid(owner, name, _moved(hull, T))
 
 
 def _moved(points: Array, T: Array) -> Array:
     return points @ T[:3, :3].T + T[:3, 3]
 
 
-def _corners(shape: Shape, hull: Array, T: Array) -> Array:
+def _corners(shape: Shape, T: Array) -> Array:
     """Points in the shape's frame whose hull contains it; round ones get a prism of `_CORNERS` sides."""
-    if shape.kind == "mesh":
-        return hull
     if shape.kind == "box":
         box: Array = _SIGNS * np.array(shape.size) / 2
         return box
