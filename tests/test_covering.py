@@ -24,7 +24,8 @@ def crook(arms: int) -> trimesh.Trimesh:
     parts = [trimesh.creation.box((1.0, 0.1, 0.1), pose([0.5, 0, 0], [0, 0, 0]))]
     ends = [(0.05, 0.45), (0.95, -0.45)][: arms - 1]
     parts += [trimesh.creation.box((0.1, 0.1, 0.8), pose([x, 0, z], [0, 0, 0])) for x, z in ends]
-    whole: trimesh.Trimesh = trimesh.util.concatenate(parts)
+    whole = trimesh.util.concatenate(parts)
+    assert isinstance(whole, trimesh.Trimesh)
     return whole
 
 

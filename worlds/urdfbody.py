@@ -1,4 +1,4 @@
-"""The collision solids of a URDF robot: those that move with the arm, and the base's footprint and height."""
+"""The collision solids of a URDF robot: those that move with the arm, and those of its base."""
 
 from __future__ import annotations
 
@@ -7,21 +7,18 @@ from dataclasses import dataclass, field
 from math import pi
 
 import numpy as np
-import shapely
-from shapely.geometry import Polygon
-from shapely.geometry.polygon import orient
 
 from regionik.worlds.arrays import Array
 from regionik.worlds.bounding import cylinder_capsule, sphere_capsule
 from regionik.worlds.bundled import LINK_RADIUS
 from regionik.worlds.chain import Chain
 from regionik.worlds.covering import Part, covered, surface_part
-from regionik.worlds.robot import LinkBox, LinkCapsule, LinkSolid, capsules_along
+from regionik.worlds.robot import BASE, LinkBox, LinkCapsule, LinkSolid, capsules_along
+from regionik.worlds.urdfbase import Standing, standing
 from regionik.worlds.urdfmesh import Meshes
 from regionik.worlds.urdftree import Shape, UrdfFile
 
-BASE = -1  # the owner of what is fixed to the root
-_CORNERS = 32
+_CORNERS = 32  # of a prism round a cylinder
 _SIGNS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
 
 
@@ -50,22 +47,19 @@ class Body:
     Attributes
     ----------
     solids : tuple of LinkCapsule or LinkBox
-    outline : (n, 2) array
-        Convex outline that contains all that is fixed to the base; no rows where nothing is.
-    height : float
-        The highest point of it [m].
+    base : Standing
+        What is fixed to the base.
     notes : tuple of str
         What could not be had and what stands for it.
     """
 
     solids: tuple[LinkSolid, ...]
-    outline: Array
-    height: float
+    base: Standing
     notes: tuple[str, ...] = field(default=())
 
 
-def body_of(file: UrdfFile, placed: Iterable[Placed], chain: Chain) -> Body:
-    """Solids of links that move with the arm, outline and height of those fixed to the base.
+def body_of(file: UrdfFile, placed: Iterable[Placed], chain: Chain, height: float | None) -> Body:
+    """Solids of links that move with the arm, and the base: cut at ``height``, where that is given [m].
 
     A box stays a box, a cylinder becomes the least capsule around it, a sphere a capsule of next to no
     length, a mesh a few boxes and capsules; where there are many, those of a link share some (`covering`).
@@ -80,7 +74,7 @@ def body_of(file: UrdfFile, placed: Iterable[Placed], chain: Chain) -> Body:
     """
     meshes = Meshes(file.path)
     parts: list[Part] = []
-    fixed: list[Array] = []
+    fixed: list[Part] = []
     notes: list[str] = []
     stand_ins: set[int] = set()
     for link in placed:
@@ -94,20 +88,15 @@ def body_of(file: UrdfFile, placed: Iterable[Placed], chain: Chain) -> Body:
             T = link.T_owner_link @ shape.T_link_shape
             name = link.name if len(shapes) == 1 else f"{link.name} {k + 1}"
             part = _part(link.owner, name, shape, _moved(surface, T), T)
-            if link.owner == BASE:
-                fixed.append(part.points)
-            else:
-                parts.append(part)
+            (fixed if link.owner == BASE else parts).append(part)
     solids = [*covered(parts), *(_stand_in(chain, owner) for owner in sorted(stand_ins - {BASE}))]
     if not solids:
         notes.append(
             f"no arm link has a collision element: capsules of radius {LINK_RADIUS:g} m stand for them"
         )
         solids += capsules_along(chain, LINK_RADIUS)
-    points = np.concatenate(fixed) if fixed else np.empty((0, 3))
-    height = float(points[:, 2].max()) if len(points) else 0.0
     ordered = sorted(solids, key=lambda solid: solid.link)
-    return Body(tuple(ordered), _outline(points[:, :2]), height, tuple(notes))
+    return Body(tuple(ordered), standing(fixed, height), tuple(notes))
 
 
 def _missing(shape: Shape, why: str, owner: int, chain: Chain) -> str:
@@ -161,29 +150,3 @@ def _corners(shape: Shape, T: Array) -> Array:
     # A ball looks the same from everywhere: its prism stands upright, so that its height is the ball's.
     upright: Array = prism @ T[:3, :3] if shape.kind == "sphere" else prism
     return upright
-
-
-def _outline(points: Array) -> Array:
-    """Corners in order of a convex outline around points (n, 2): their hull, or `_CORNERS` tangents to it."""
-    hull = shapely.convex_hull(shapely.multipoints(points))
-    if not len(points) or hull.geom_type != "Polygon" or hull.area < 1e-8:
-        return np.empty((0, 2))
-    corners = _ring(hull)
-    if len(corners) <= _CORNERS:
-        return corners
-    # An outline of hundreds of corners slows all that asks for it; each tangent is at most a 200th of the
-    # radius away from the hull.
-    angles = np.arange(_CORNERS) * 2 * pi / _CORNERS
-    normals = np.column_stack([np.cos(angles), np.sin(angles)])
-    reach = (corners @ normals.T).max(0)
-    step = 2 * pi / _CORNERS
-    sides = np.column_stack([-normals[:, 1], normals[:, 0]])
-    along = (np.roll(reach, -1) - reach * np.cos(step)) / np.sin(step)
-    outer = reach[:, None] * normals + along[:, None] * sides
-    return _ring(shapely.convex_hull(shapely.multipoints(outer)))
-
-
-def _ring(hull: Polygon) -> Array:
-    """Corners of a hull, counter-clockwise."""
-    corners: Array = np.asarray(orient(hull).exterior.coords)[:-1]
-    return corners
