@@ -87,7 +87,7 @@ def line(name: str, path: Path, root: str | None, tip: str | None, count: int) -
         except rik.InputError as error:
             return f"{name:20} {error}"
         took = time.perf_counter() - begun
-    parts = f"{robot.chain.dof:2} joints, {len(robot.solids):3} solids"
+    parts = f"{robot.chain.dof:2} joints, {len(robot.solids):3} solids, {len(robot.base_solids)} on the base"
     about = f"{name:20} {parts}, {len(said):2} warnings, {took:5.2f} s"
     base = f"footprint of {len(robot.footprint):2} corners, {robot.body_height:5.3f} m high"
     try:

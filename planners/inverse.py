@@ -1,4 +1,4 @@
-"""Inverse kinematics of any serial arm on a fixed base: FABRIK-R, restarts, polishing.
+"""Inverse kinematics of any serial arm on a fixed base: FABRIK-R, polishing, restarts.
 
 >>> from regionik.worlds.bundled import robot_named
 >>> robot = robot_named("pioneer7")
@@ -66,7 +66,7 @@ class ArmPosture:
         Passes, forward and backward together one, restarts included.
     restarts : int
     steps : tuple of str
-        What was tried, in order: "passes", "restarts", "polish".
+        What led to the answer: "passes", "restarts" where they began elsewhere, "polish" where it ended so.
     converged : bool
     reason : str
         One line when not converged, else empty.

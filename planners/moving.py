@@ -28,6 +28,7 @@ class Movers(NamedTuple):
     radius : (n,) array
         [m]
     link : (n,) array of int
+        ``BASE`` for what is fixed to the base.
     outermost : (n,) array of bool
         Of the last link that has a solid.
     meets : (n, o) array of bool
@@ -57,7 +58,7 @@ class Hulls(NamedTuple):
     frame : (m,) array of int
         Link that carries the hull, ``BASE`` or ``WORLD``; those of the world come first.
     owner : (m,) array of int
-        Obstacle, part of the base (0), or solid of a link.
+        Obstacle, solid of the robot, or -1 for the base's own body.
     next : (m,) array of int
         Row to go on with where this one is clear: beyond the triangles if it bounds some.
     boxes : (m, 2, 3) array
@@ -104,8 +105,16 @@ def stand(hop: Hop, s: float) -> tuple[float, float, float]:
 
 @compiled
 def place(arm: SerialArm, mount: Array, hop: Hop, s: float, frame: int, frames: Array) -> None:
-    """Write the frames of links and tool at part s of a hop, seen from a link, the base or the world."""
+    """Write the frames of links, tool and base (n + 2, 4, 4) at part s of a hop.
+
+    They are seen from a link, the base or the world; the base comes last, so that its link is ``BASE``.
+    """
     chain_frames(arm, hop.joints + s * hop.bend, frames)
+    frames[BASE] = np.eye(4)
+    for i in range(3):
+        for j in range(3):
+            frames[BASE, i, j] = mount[j, i]
+            frames[BASE, i, 3] -= mount[j, i] * mount[j, 3]
     X = np.zeros((3, 4))
     if frame >= 0:
         for i in range(3):

@@ -19,7 +19,7 @@ from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.errors import InputError
 from regionik.worlds.obstacles import Solid
 from regionik.worlds.robot import LinkSolid, Robot
-from regionik.worlds.selfpairs import base_body, self_pairs
+from regionik.worlds.selfpairs import BODY, base_body, self_pairs
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,22 +115,23 @@ def bodies_from(robot: Robot, solids: Sequence[Solid], clearance: float = 0.0) -
     ]
     world = len(rows)
     body = base_body(robot)
-    rows += [row for piece in obstacles_from([body] if body else []).pieces for row in _rows(piece, BASE, 0)]
+    own = obstacles_from([body] if body else []).pieces
+    rows += [row for piece in own for row in _rows(piece, BASE, BODY)]
     arm = len(rows)
-    rows += [_Row(s.corners, link_piece(s), s.link, k) for k, s in enumerate(robot.solids)]
-    meets = np.zeros((len(robot.solids), len(rows) - world), dtype=np.bool_)
+    rows += [_Row(s.corners, link_piece(s), s.link, k) for k, s in enumerate(robot.all_solids)]
+    meets = np.zeros((len(robot.all_solids), len(rows) - world), dtype=np.bool_)
     for i, k in self_pairs(robot):
         if i < 0:
             meets[k, : arm - world] = True
         else:
-            still, moving = sorted((i, k), key=lambda s: robot.solids[s].link)
+            still, moving = sorted((i, k), key=lambda s: robot.all_solids[s].link)
             meets[moving, arm - world + still] = True
     return Bodies(
         robot,
         tuple(solids),
         serial_arm(robot.chain),
         np.array(robot.T_base_arm),
-        _movers(robot.solids, meets),
+        _movers(robot.all_solids, meets),
         _hulls(rows, world, clearance),
         tuple(row.piece for row in rows),
         clearance,

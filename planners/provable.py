@@ -38,8 +38,9 @@ def ask(
 ) -> Verdict:
     """Search all postures of the arm on a base that stands still.
 
-    Boxes of links count as the capsules inside them, meshes as nothing, and what the tool may touch at the
-    target as nothing too: all of that leaves "none" a proof, and ``accept`` judges what is found.
+    Boxes of links count as the capsules inside them, meshes and what is fixed to the base as nothing, and
+    what the tool may touch at the target as nothing too: all of that leaves "none" a proof, and ``accept``
+    judges what is found.
 
     Parameters
     ----------
@@ -93,7 +94,9 @@ def smothered(bodies: Bodies, target: Array, tolerance: float, margin: float, co
 def _own(bodies: Bodies, margin: float) -> Own:
     """What the arm keeps from itself and its base, in the arm's base frame."""
     robot = bodies.robot
-    pairs = np.array([pair for pair in self_pairs(robot) if pair[0] >= 0], dtype=np.int64).reshape(-1, 2)
+    count = len(robot.solids)
+    links_only = [pair for pair in self_pairs(robot) if pair[0] >= 0 and pair[1] < count]
+    pairs = np.array(links_only, dtype=np.int64).reshape(-1, 2)
     links = np.array([solid.link for solid in robot.solids], dtype=np.int64)
     outwards = links[pairs[:, 0]] <= links[pairs[:, 1]]
     heeds = np.array([k for i, k in self_pairs(robot) if i < 0], dtype=np.int64)

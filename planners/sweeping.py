@@ -77,7 +77,7 @@ def advance(
     pace_of_tool = pace(arm, mount, hop, len(arm.axis) - 1, frame, tool)[0]
     may_touch = frame == WORLD and movers.outermost[k]
     need = movers.radius[k] + hulls.ball[m] + keep + ROUNDING
-    frames, placed = np.empty((len(arm.axis) + 1, 4, 4)), np.empty_like(A)
+    frames, placed = np.empty((len(arm.axis) + 2, 4, 4)), np.empty_like(A)
     way, spot, V, W = np.zeros(3), np.empty(3), np.empty(3), np.empty(3)
     s = 0.0
     for _ in range(MOST_STEPS):
@@ -90,7 +90,7 @@ def advance(
             step = until_plane(placed, way, free, V, W, acceleration)
             step = max(step, free / speed if speed > 0.0 else np.inf)
         if may_touch:
-            left = exempt_for(exempt, hulls.owner[m], frames[-1, :3, 3])
+            left = exempt_for(exempt, hulls.owner[m], frames[-2, :3, 3])
             if left >= 0.0:
                 step = max(step, left / pace_of_tool if pace_of_tool > 0.0 else np.inf)
         if s + step >= 1.0 or step < SHORTEST:
@@ -106,7 +106,7 @@ def swept(arm: SerialArm, mount: Array, movers: Movers, hop: Hop, boxes: Array) 
     for k in range(len(hop.bend)):
         turning = turning or hop.bend[k] != 0.0
     chords = CHORDS if turning else 1
-    frames, placed = np.empty((len(arm.axis) + 1, 4, 4)), np.empty_like(movers.corners)
+    frames, placed = np.empty((len(arm.axis) + 2, 4, 4)), np.empty_like(movers.corners)
     for c in range(chords + 1):
         place(arm, mount, hop, c / chords, WORLD, frames)
         for k in range(len(movers.link)):
@@ -186,7 +186,7 @@ def lower_bounds(
     Returns the smallest upper bound, or ``within``. Triangles of meshes are left to their hulls.
     """
     first_k, first_m, nearest = -1, -1, within
-    frames, boxes = np.empty((len(arm.axis) + 1, 4, 4)), np.empty((len(movers.link), 2, 3))
+    frames, boxes = np.empty((len(arm.axis) + 2, 4, 4)), np.empty((len(movers.link), 2, 3))
     still = Hop(hop.base, np.zeros(3), 0.0, hop.joints, np.zeros(len(hop.joints)))
     swept(arm, mount, movers, still, boxes)
     place(arm, mount, still, 0.0, WORLD, frames)
@@ -198,7 +198,7 @@ def lower_bounds(
         while m < len(hulls.frame):
             if m >= hulls.world:
                 lower[k, m] = -np.inf if movers.meets[k, m - hulls.world] else np.inf
-            elif not movers.outermost[k] or exempt_for(exempt, hulls.owner[m], frames[-1, :3, 3]) < 0.0:
+            elif not movers.outermost[k] or exempt_for(exempt, hulls.owner[m], frames[-2, :3, 3]) < 0.0:
                 lower[k, m] = box_gap(boxes[k], hulls.boxes[m]) - movers.radius[k]
                 if lower[k, m] < nearest:
                     first_k, first_m, nearest = k, m, lower[k, m]
@@ -230,7 +230,7 @@ def _tighten(
     """Put the bound from the hulls in the place of that from boxes; returns the least upper bound so far."""
     A = movers.corners[movers.first[k] : movers.first[k + 1]]
     B = hulls.corners[hulls.first[m] : hulls.first[m + 1]]
-    frames, placed = np.empty((len(arm.axis) + 1, 4, 4)), np.empty_like(A)
+    frames, placed = np.empty((len(arm.axis) + 2, 4, 4)), np.empty_like(A)
     place(arm, mount, hop, 0.0, hulls.frame[m], frames)
     put(frames[movers.link[k]], A, placed)
     low, high = hull_gap(placed, B, hulls.disc[m], np.zeros(3), np.empty(3))

@@ -14,12 +14,13 @@ from numpy.typing import ArrayLike, NDArray
 from regionik.planners.arcs import rolling
 from regionik.planners.collision import hull_separation
 from regionik.planners.flat import Index
-from regionik.planners.moving import BASE, WORLD, Exempt, Hop, Hulls, pace, place, stand
+from regionik.planners.moving import WORLD, Exempt, Hop, Hulls, pace, place, stand
 from regionik.planners.pieces import Separation
 from regionik.planners.prepared import Bodies, Contact, bodies_from
 from regionik.planners.sweeping import ROUNDING, exempt_for, first_stop, lower_bounds
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.errors import InputError
+from regionik.worlds.selfpairs import BODY
 
 __all__ = [
     "Bodies",
@@ -41,7 +42,7 @@ class Touch(NamedTuple):
     """What comes nearest to the robot's solids; points in the world."""
 
     distance: float  # [m], negative where they overlap; infinite where there is nothing
-    solid: int  # index into Robot.solids, -1 where there is nothing
+    solid: int  # index into Robot.all_solids, -1 where there is nothing
     kind: Literal["obstacle", "self", "base", "none"]
     other: int  # index of the obstacle, or of the other solid of the robot; -1 otherwise
     on_solid: Array  # (3,) [m]
@@ -81,7 +82,7 @@ def nearest(
     """
     state = (base, joints)
     hop = _hop(bodies, state, state)
-    return _nearest(bodies, hop, np.arange(len(bodies.robot.solids)), contact, within)
+    return _nearest(bodies, hop, np.arange(len(bodies.robot.all_solids)), contact, within)
 
 
 def solid_clear(
@@ -104,7 +105,7 @@ def solid_clear(
         x, y [m], yaw [rad].
     joints : (dof,) array_like
     k : int
-        Index into ``Robot.solids``.
+        Index into ``Robot.all_solids``.
     margin : float
         [m]
     contact : Contact, optional
@@ -155,7 +156,7 @@ def motion_clear(
     if not 0 <= margin < np.inf:
         raise InputError(f"margin: expected a finite number, at least 0, got {margin}")
     hop = _hop(bodies, (base_a, joints_a), (base_b, joints_b))
-    boxes, exempt = np.empty((len(bodies.robot.solids), 2, 3)), _exempt(contact)
+    boxes, exempt = np.empty((len(bodies.robot.all_solids), 2, 3)), _exempt(contact)
     k, m, s = first_stop(
         bodies.arm, bodies.mount, bodies.movers, bodies.hulls, hop, exempt, boxes, float(margin)
     )
@@ -170,7 +171,7 @@ def words(bodies: Bodies, touch: Touch) -> str:
     """Which solid of the robot comes how near to what."""
     if touch.kind == "none":
         return "nothing is near"
-    link, what = bodies.robot.solids[touch.solid].name, other(bodies, touch)
+    link, what = bodies.robot.all_solids[touch.solid].name, other(bodies, touch)
     if touch.distance < 0:
         return f"{link} overlaps {what} by {-touch.distance:.4f} m"
     return f"{link} comes within {touch.distance:.4f} m of {what}"
@@ -180,11 +181,11 @@ def other(bodies: Bodies, touch: Touch) -> str:
     """Name of what comes near to the robot."""
     if touch.kind == "obstacle":
         return bodies.obstacles[touch.other].name
-    return "the base" if touch.kind == "base" else bodies.robot.solids[touch.other].name
+    return "the base" if touch.kind == "base" else bodies.robot.all_solids[touch.other].name
 
 
 def _nearest(bodies: Bodies, hop: Hop, which: Index, contact: Contact | None, within: float) -> Touch:
-    lower = np.empty((len(bodies.robot.solids), len(bodies.pieces)))
+    lower = np.empty((len(bodies.robot.all_solids), len(bodies.pieces)))
     exempt = _exempt(contact)
     bound = lower_bounds(
         bodies.arm, bodies.mount, bodies.movers, bodies.hulls, hop, exempt, which, within, lower
@@ -212,8 +213,8 @@ def _touch(bodies: Bodies, hop: Hop, k: int, m: int) -> Touch:
     on_other = on_solid - found.distance * found.normal
     kind: Literal["obstacle", "self", "base"] = "obstacle"
     if frame != WORLD:
-        kind = "base" if frame == BASE else "self"
-        seen = _frames(bodies, hop, WORLD)[bodies.robot.solids[k].link]
+        kind = "base" if bodies.hulls.owner[m] == BODY else "self"
+        seen = _frames(bodies, hop, WORLD)[bodies.robot.all_solids[k].link]
         turn = seen[:3, :3] @ T[:3, :3].T
         on_solid, on_other = (turn @ (p - T[:3, 3]) + seen[:3, 3] for p in (on_solid, on_other))
     other = -1 if kind == "base" else int(bodies.hulls.owner[m])
@@ -222,7 +223,7 @@ def _touch(bodies: Bodies, hop: Hop, k: int, m: int) -> Touch:
 
 def _measure(bodies: Bodies, hop: Hop, k: int, m: int) -> tuple[Separation, Array]:
     """Signed distance of a solid from the piece of a row, and the pose of its link, seen as the row is."""
-    solid = bodies.robot.solids[k]
+    solid = bodies.robot.all_solids[k]
     T = _frames(bodies, hop, int(bodies.hulls.frame[m]))[solid.link]
     found = hull_separation(bodies.pieces[m], solid.corners @ T[:3, :3].T + T[:3, 3])
     on_solid = found.on_axis - solid.radius * found.normal
@@ -231,7 +232,7 @@ def _measure(bodies: Bodies, hop: Hop, k: int, m: int) -> tuple[Separation, Arra
 
 def _frames(bodies: Bodies, hop: Hop, frame: int) -> Array:
     """Frames at the start of a hop."""
-    frames = np.empty((bodies.robot.chain.dof + 1, 4, 4))
+    frames = np.empty((bodies.robot.chain.dof + 2, 4, 4))
     place(bodies.arm, bodies.mount, hop, 0.0, frame, frames)
     return frames
 
@@ -244,12 +245,12 @@ def _swallowed(bodies: Bodies, hop: Hop, exempt: Exempt, boxes: Array) -> tuple[
     """
     tool = bodies.arm.tool[:3, 3].copy().reshape(1, 3)
     speed = pace(bodies.arm, bodies.mount, hop, bodies.robot.chain.dof - 1, WORLD, tool)[0]
-    for k, solid in enumerate(bodies.robot.solids):
+    for k, solid in enumerate(bodies.robot.all_solids):
         for m in np.flatnonzero(_meet(bodies.hulls, boxes[k])).tolist():
             mesh, s = bodies.pieces[m].mesh, 0.0
             while mesh is not None and s <= 1.0:
                 frames = _frames(bodies, _at(hop, s), WORLD)
-                left = exempt_for(exempt, bodies.hulls.owner[m], frames[-1, :3, 3])
+                left = exempt_for(exempt, bodies.hulls.owner[m], frames[-2, :3, 3])
                 left = left if bodies.movers.outermost[k] else -np.inf
                 T = frames[solid.link]
                 if left < 0 and mesh.contains(T[:3, :3] @ solid.corners[0] + T[:3, 3]):

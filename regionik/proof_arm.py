@@ -31,23 +31,23 @@ ROWS = 1_000_000  # pairs of links and pieces whose boxes are compared together
 
 @dataclass(frozen=True, eq=False)
 class _Links:
-    """The robot's link solids on their way: all points within a radius of the hull of some corners."""
+    """The robot's solids on their way: all points within a radius of the hull of some corners."""
 
     journey: Journey
 
     @cached_property
     def corners(self) -> tuple[Array, ...]:
         """In the links' frames, of each solid (k, 3) [m]."""
-        return tuple(solid.corners for solid in self.journey.robot.solids)
+        return tuple(solid.corners for solid in self.journey.robot.all_solids)
 
     @cached_property
     def radii(self) -> Array:
-        return np.array([solid.radius for solid in self.journey.robot.solids])
+        return np.array([solid.radius for solid in self.journey.robot.all_solids])
 
     @property
     def last(self) -> Mask:
         """The solids of the last link that has one."""
-        links = np.array([solid.link for solid in self.journey.robot.solids])
+        links = np.array([solid.link for solid in self.journey.robot.all_solids])
         outermost: Mask = links == links.max()
         return outermost
 
@@ -57,28 +57,32 @@ class _Links:
         return np.array(
             [
                 np.max([self.journey.acceleration(solid.link, corner) for corner in solid.corners], axis=0)
-                for solid in self.journey.robot.solids
+                for solid in self.journey.robot.all_solids
             ]
         )
 
-    def place(self, frames: Array) -> tuple[Array, Array]:
+    def place(self, base: Array, joints: Array) -> tuple[Array, Array]:
         """Corners of all solids in the world, (m, solids, k, 3), and the tool, (m, 3).
 
         Where a solid has fewer corners than k, its first one stands in for the rest.
         """
+        robot = self.journey.robot
+        arm = robot.frames(base, joints)
+        T_world_base = robot.T_world_arm(base) @ np.linalg.inv(robot.T_base_arm)
+        frames = np.concatenate([arm, T_world_base[:, None]], axis=1)  # the base last, at its index
         most = max(len(corners) for corners in self.corners)
         hulls = [
             frames[:, solid.link, None, :3, 3]
             + np.concatenate([corners, np.repeat(corners[:1], most - len(corners), axis=0)])
             @ frames[:, solid.link, :3, :3].swapaxes(1, 2)
-            for solid, corners in zip(self.journey.robot.solids, self.corners, strict=True)
+            for solid, corners in zip(self.journey.robot.all_solids, self.corners, strict=True)
         ]
-        return np.stack(hulls, axis=1), frames[:, -1, :3, 3]
+        return np.stack(hulls, axis=1), arm[:, -1, :3, 3]
 
 
 def arm(world: World, journey: Journey, words: Words) -> Finding:
     """Every link ``arm_clearance`` away from every solid, but for the last where it may touch its work."""
-    if not world.solids or not world.robot.solids:
+    if not world.solids or not world.robot.all_solids:
         return finding("arm", np.inf, [])
     return _Arm(world, journey, words, obstacles_from(world.solids)).check()
 
@@ -131,7 +135,7 @@ class _Arm:
 
     def check(self) -> Finding:
         motion = self.journey.motion
-        hulls, tools = self.links.place(self.journey.robot.frames(motion.base, motion.joints))
+        hulls, tools = self.links.place(motion.base, motion.joints)
         still = self._close(hulls, np.full(hulls.shape[:2], LOOK))
         gap = self._gaps(hulls[still.row, still.link], still)
         bulge = np.zeros(len(gap))
@@ -210,7 +214,7 @@ class _Arm:
         hop = once[:, 0].astype(np.int64)
         hulls, tools = [], []
         for s in (once[:, 1], (once[:, 1] + once[:, 2]) / 2, once[:, 2]):
-            corners, tool = self.links.place(self.journey.frames(hop, s))
+            corners, tool = self.links.place(self.journey.base(hop, s), self.journey.joints(hop, s))
             hulls.append(corners[index, pairs.link])
             tools.append(tool[index])
         return np.stack(hulls, axis=1), np.stack(tools, axis=1)
@@ -234,7 +238,8 @@ class _Arm:
         worst: dict[tuple[int, int, int], float] = {}
         for item, s in where.items():
             one = _Pairs(*(column[item : item + 1] for column in (hops.row, hops.link, hops.piece)))
-            hulls, _ = self.links.place(self.journey.frames(one.row, np.array([s])))
+            here = self.journey.base(one.row, np.array([s])), self.journey.joints(one.row, np.array([s]))
+            hulls, _ = self.links.place(*here)
             gap = float(self._gaps(hulls[:, one.link[0]], one)[0])
             key = int(one.row[0]), int(one.link[0]), int(self.obstacles.owner[one.piece[0]])
             worst[key] = min(worst.get(key, np.inf), gap)
@@ -242,7 +247,7 @@ class _Arm:
 
     def _tell(self, key: tuple[int, int, int], where: str, gap: float) -> Violation:
         state, link, solid = key
-        part, name = self.world.robot.solids[link].name, self.world.solids[solid].name
+        part, name = self.world.robot.all_solids[link].name, self.world.solids[solid].name
         if gap < 0:
             how = f"{part} overlaps {name} by {-gap:.4f} m {where}"
         elif gap < self.limit:

@@ -52,7 +52,7 @@ def _bodies(robot: Robot) -> Iterator[tuple[_Body, _Body]]:
     """The pairs that could meet, the body nearer to the base first."""
     body = base_body(robot)
     base = [] if body is None else [_Body("the robot's own base", -1, hull_of_prism(body))]
-    links = [_Body(solid.name, solid.link, hull_of(solid)) for solid in robot.solids]
+    links = [_Body(solid.name, solid.link, hull_of(solid)) for solid in robot.all_solids]
     for pair in self_pairs(robot):
         if -1 in pair and not base:
             continue

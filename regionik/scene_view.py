@@ -139,7 +139,7 @@ def counted(count: int, noun: str) -> str:
 
 
 def _base(robot: Robot) -> list[Body]:
-    """Footprint raised to the body's height, or a disc for a point, with a mark where its front is."""
+    """Footprint raised to the body's height, or a disc for a point, its front marked; what stands on it."""
     if len(robot.footprint) == 1:
         outline, top = shapely.Point(robot.footprint[0]).buffer(0.06), 0.02
     else:
@@ -150,9 +150,11 @@ def _base(robot: Robot) -> list[Body]:
     mark = Polygon(
         [(front, middle), (front - 1.5 * size, middle + size), (front - 1.5 * size, middle - size)]
     )
+    mast = [shapes.link_solid(solid) for solid in robot.base_solids]
     return [
         Body("robot/base", shapes.extruded(outline, 0.005, top), ROBOT),
         Body("robot/front", shapes.extruded(mark, top, top + 0.004), HEADING),
+        *([Body("robot/mast", shapes.merged(mast), ROBOT)] if mast else []),
     ]
 
 

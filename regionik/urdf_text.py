@@ -44,7 +44,10 @@ def robot_to_urdf(robot: Robot, floor: Polygon) -> str:
     _joint(root, _slide("base_y", 1, y_low, y_high), "base_x_link", "base_y_link")
     _link(root, "base_y_link")
     _joint(root, Joint("base_yaw", "revolute", -np.inf, np.inf, np.eye(4)), "base_y_link", "base")
-    _body(_link(root, "base"), robot)
+    base = _link(root, "base")
+    _body(base, robot)
+    for solid in robot.base_solids:
+        _link_solid(base, solid)
     _fixed(root, "mount", robot.T_base_arm, "base", "arm_base")
     _link(root, "arm_base")
     parent = "arm_base"

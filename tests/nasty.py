@@ -120,7 +120,9 @@ NASTY = (
         ("robot.solids[0]", "missing key 'link'", "number of a joint"),
     ),
     Nasty(
-        "solid beyond", solid("size: [1, 1, 1]").replace("link: 0", "link: 1"), ("solids[0].link", "0 to 0")
+        "solid beyond",
+        solid("size: [1, 1, 1]").replace("link: 0", "link: 1"),
+        ("solids[0].link", "-1 (the base) to 0"),
     ),
     Nasty("capsule with one end", solid("start: [0, 0, 0], radius: 1"), ("solids[0]", "missing key 'end'")),
     Nasty("link box of no size", solid("position: [0, 0, 0]"), ("robot.solids[0]", "missing key 'size'")),

@@ -15,7 +15,7 @@ from regionik.worlds.bundled import robot_named, without_limits
 from regionik.worlds.chain import Chain, Joint, translation
 from regionik.worlds.obstacles import Prism
 from regionik.worlds.robot import LinkBox, LinkCapsule, LinkSolid, Robot
-from regionik.worlds.selfpairs import BASE, _from_prism, _nearest_on_segments, base_body, self_pairs
+from regionik.worlds.selfpairs import BODY, _from_prism, _nearest_on_segments, base_body, self_pairs
 
 SQUARE = np.array([[0.2, 0.2], [-0.2, 0.2], [-0.2, -0.2], [0.2, -0.2]])
 POINT = np.zeros((1, 2))
@@ -45,7 +45,7 @@ def block(link: int, size: tuple[float, float, float], x: float = 0.15) -> LinkB
 def test_the_bundled_robots() -> None:
     """The fourth link has no length, so no solid; the second begins in the base's body and stays there."""
     assert self_pairs(robot_named("youbot")) == ((0, 2), (0, 3), (1, 3))
-    assert self_pairs(robot_named("youbot-real")) == ((BASE, 2), (BASE, 3), (0, 2), (0, 3), (1, 3))
+    assert self_pairs(robot_named("youbot-real")) == ((BODY, 2), (BODY, 3), (0, 2), (0, 3), (1, 3))
 
 
 def test_pairs_are_kept() -> None:
@@ -96,7 +96,7 @@ def test_the_base_body_is_the_footprint_raised() -> None:
 
 def test_the_base_against_all_links_but_the_first_with_a_solid() -> None:
     solids = (rod(1), rod(2), block(3, (0.3, 0.1, 0.1)))
-    assert self_pairs(arm(solids, footprint=SQUARE)) == ((BASE, 1), (BASE, 2), (0, 2))
+    assert self_pairs(arm(solids, footprint=SQUARE)) == ((BODY, 1), (BODY, 2), (0, 2))
     assert self_pairs(arm(solids)) == ((0, 2),)
 
 

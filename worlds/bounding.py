@@ -12,7 +12,7 @@ import numpy as np
 import shapely
 
 from regionik.worlds.arrays import Array
-from regionik.worlds.meshfile import oriented_box
+from regionik.worlds.meshfile import nearly_least_box, oriented_box
 from regionik.worlds.robot import LinkBox, LinkCapsule, LinkSolid
 
 _RADII = 65
@@ -36,8 +36,25 @@ def sphere_capsule(link: int, name: str, center: Array, radius: float) -> LinkCa
 
 
 def bounding_solid(link: int, name: str, points: Array) -> LinkSolid:
-    """The smaller by volume of a box and a capsule that contain points (n, 3) in the link's frame."""
-    T_link_box, size = oriented_box(points)
+    """The least by volume of a few boxes and capsules that contain points (n, 3) in the link's frame."""
+    found = [_smaller(link, name, points, *box(points)) for box in (oriented_box, nearly_least_box)]
+    return min(found, key=volume)
+
+
+def rough_volume(points: Array) -> float:
+    """Volume of a solid that contains points (n, 3), quickly found [m^3]."""
+    return volume(_smaller(0, "rough", points, *nearly_least_box(points)))
+
+
+def volume(solid: LinkSolid) -> float:
+    """[m^3]"""
+    if isinstance(solid, LinkBox):
+        return float(np.prod(solid.size))
+    length = float(np.linalg.norm(solid.end - solid.start))
+    return pi * solid.radius**2 * (length + 4 / 3 * solid.radius)
+
+
+def _smaller(link: int, name: str, points: Array, T_link_box: Array, size: Array) -> LinkSolid:
     size = np.maximum(size * _GROWN, _THIN)
     in_box = (points - T_link_box[:3, 3]) @ T_link_box[:3, :3]
     best: LinkSolid = LinkBox(link, name, T_link_box, size)

@@ -118,7 +118,7 @@ def _joint(joint: Joint) -> Document:
 
 def _link_solids(robot: Robot) -> Document:
     """One radius where it says it all, else every solid."""
-    solids = [_link_solid(solid) for solid in robot.solids]
+    solids = [_link_solid(solid) for solid in robot.all_solids]
     radius = robot.solids[0].radius if robot.solids else 0.0
     if radius > 0 and solids == [_link_solid(solid) for solid in capsules_along(robot.chain, radius)]:
         return {"link_radius": float(radius)}

@@ -13,7 +13,7 @@ from regionik.worlds.bundled import robot_named, without_limits
 from regionik.worlds.chain import Chain, Joint, chain_from_dh, pose
 from regionik.worlds.checking import at, wrong
 from regionik.worlds.errors import InputError
-from regionik.worlds.robot import LinkBox, LinkCapsule, LinkSolid, Robot, capsules_along
+from regionik.worlds.robot import BASE, LinkBox, LinkCapsule, LinkSolid, Robot, capsules_along
 from regionik.worlds.robotchecks import carried, check_footprint, check_turning
 from regionik.worlds.urdf import load_robot
 
@@ -64,17 +64,19 @@ def _own_robot(part: robotschema.DhRobot | robotschema.ChainRobot, where: str) -
         _dh_chain(part, where) if isinstance(part, robotschema.DhRobot) else _joint_chain(part.chain, where)
     )
     check_footprint(part.footprint, where, "robot.footprint")
+    solids = _solids(part, chain, where)
     return Robot(
         name=part.name,
         base=part.base,
         footprint=np.array(part.footprint),
         mount=np.array(part.mount),
         chain=chain,
-        solids=_solids(part, chain, where),
+        solids=tuple(solid for solid in solids if solid.link != BASE),
         body_height=part.body_height,
         carry=carried(part.carry, chain, where, "robot.carry"),
         turning_radius=part.turning_radius,
         gauge=part.gauge,
+        base_solids=tuple(solid for solid in solids if solid.link == BASE),
     )
 
 
@@ -129,7 +131,7 @@ def _solids(
     for k, solid in enumerate(part.solids):
         place = f"robot.solids[{k}]"
         if solid.link >= chain.dof:
-            text = f"expected a link from 0 to {chain.dof - 1}, got {solid.link}"
+            text = f"expected a link from {BASE} (the base) to {chain.dof - 1}, got {solid.link}"
             raise wrong(where, f"{place}.link", text)
         solids.append(_link_solid(solid, where, place))
     return tuple(solids)

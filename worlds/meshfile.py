@@ -11,11 +11,13 @@ import trimesh
 from scipy.spatial import ConvexHull, QhullError
 
 from regionik.worlds.arrays import Array
+from regionik.worlds.chain import rot_x, rot_y, rot_z
 from regionik.worlds.errors import InputError
 
 SUFFIXES = (".stl", ".obj", ".ply", ".off")
 MESH_LIMIT = 256 * 2**20  # [bytes]
 _FLAT = 1e-4
+_STEPS, _ROUNDS = (0.2, 0.1, 0.05, 0.02), 4  # of turning a box [rad]
 
 
 def read_mesh(path: Path) -> tuple[Array, np.ndarray]:
@@ -70,17 +72,53 @@ def hull_of(points: Array) -> Array:
         return distinct
 
 
+def hull_triangles(points: Array) -> Array:
+    """Triangles (m, 3, 3) of the convex hull of points (n, 3); of a flat cloud, each point as one."""
+    try:
+        faces: Array = points[ConvexHull(points).simplices]
+    except QhullError:
+        return np.repeat(points[:, None], 3, axis=1)
+    return faces
+
+
 def oriented_box(points: Array) -> tuple[Array, Array]:
     """A small box around points (n, 3), at any angle: its frame (4, 4) and sizes (3,) [m].
 
     Sizes are 0 where points are flat.
     """
-    spread = points - points.mean(axis=0)
-    _, widths, axes = np.linalg.svd(spread, full_matrices=True)
-    turns = [np.eye(3), axes.T * np.sign(np.linalg.det(axes))]
-    if len(points) > 3 and widths[2] > _FLAT * widths[0]:  # the engine wants an inside
+    widths, axes = _spread(points)
+    turns = [np.eye(3), axes]
+    if len(points) > 3 and widths[0] > _FLAT * widths[2]:  # the engine wants an inside
         engine: Any = trimesh.bounds
         turns.append(np.asarray(engine.oriented_bounds(points)[0], dtype=np.float64)[:3, :3].T)
+    return _smallest(points, turns)
+
+
+def nearly_least_box(points: Array) -> tuple[Array, Array]:
+    """As `oriented_box`, quickly: along the principal axes or the frame's, then turned while that helps."""
+    T, size = _smallest(points, [np.eye(3), _spread(points)[1]])
+    for step in _STEPS:
+        for _ in range(_ROUNDS):
+            before = float(np.prod(size + _FLAT))
+            T, size = _smallest(points, [T[:3, :3], *(T[:3, :3] @ turn for turn in _nudges(step))])
+            if np.prod(size + _FLAT) >= before:
+                break
+    return T, size
+
+
+def _nudges(angle: float) -> list[Array]:
+    """Small turns about each axis, either way, (3, 3)."""
+    return [turn(sign * angle)[:3, :3] for turn in (rot_x, rot_y, rot_z) for sign in (1, -1)]
+
+
+def _spread(points: Array) -> tuple[Array, Array]:
+    """Widths (3,) of points along their principal axes, least first, and these axes as columns (3, 3)."""
+    spread = points - points.mean(axis=0)
+    squares, axes = np.linalg.eigh(spread.T @ spread)
+    return np.sqrt(np.maximum(squares, 0.0)), axes * np.sign(np.linalg.det(axes))
+
+
+def _smallest(points: Array, turns: list[Array]) -> tuple[Array, Array]:
     # Measured again, as what an engine rounds must not leave points outside.
     boxes = [(turn, (points @ turn).min(axis=0), (points @ turn).max(axis=0)) for turn in turns]
     turn, low, high = min(boxes, key=lambda box: float(np.prod(box[2] - box[1] + _FLAT)))

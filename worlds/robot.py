@@ -14,6 +14,8 @@ from regionik.worlds.errors import InputError
 
 BaseKind = Literal["omni", "differential", "car"]
 
+BASE = -1  # the link of solids that are fixed to the base; its frame is the base frame
+
 
 @dataclass(frozen=True, eq=False)
 class LinkCapsule:
@@ -22,7 +24,7 @@ class LinkCapsule:
     Attributes
     ----------
     link : int
-        Index into ``Chain.frames``: the link that joint ``link`` moves.
+        Index into ``Chain.frames``: the link that joint ``link`` moves; `BASE` for what is fixed to the base.
     name : str
     start, end : (3,) array
         Ends of the segment in the link's frame [m].
@@ -55,7 +57,7 @@ class LinkBox:
     Attributes
     ----------
     link : int
-        Index into ``Chain.frames``: the link that joint ``link`` moves.
+        Index into ``Chain.frames``: the link that joint ``link`` moves; `BASE` for what is fixed to the base.
     name : str
     T_link_box : (4, 4) array
         Middle and axes of the box in the link's frame.
@@ -104,14 +106,18 @@ class Robot:
         Arm base frame in the base frame: x, y, z [m], yaw [rad].
     chain : Chain
     solids : tuple of LinkCapsule or LinkBox
+        Of the arm's links.
     body_height : float
-        Solids that begin at this height or above concern the arm alone [m].
+        The base is its footprint up to this height [m].
     turning_radius : float
         Least turning radius of a car [m].
     gauge : float
         Distance between the wheels that drive a differential base, 0 where it is not known [m].
     carry : (dof,) array
         Joint values in which the arm is driven about with the tool lifted.
+    base_solids : tuple of LinkCapsule or LinkBox
+        What else is fixed to the base, a mast for instance. It keeps off things as links of the arm do, which
+        in their turn keep off it.
     """
 
     name: str
@@ -124,6 +130,7 @@ class Robot:
     carry: Array
     turning_radius: float = 0.0
     gauge: float = 0.0
+    base_solids: tuple[LinkSolid, ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "footprint", frozen(self.footprint, (None, 2), "footprint"))
@@ -133,6 +140,20 @@ class Robot:
             raise InputError("footprint: expected one point or at least three corners")
         if not 0 < self.body_height < np.inf:
             raise InputError(f"body_height must be above 0, got {self.body_height}")
+
+        for solids, what, low, high in (
+            (self.solids, "solids", 0, self.chain.dof - 1),
+            (self.base_solids, "base_solids", BASE, BASE),
+        ):
+            wrong = next((solid for solid in solids if not low <= solid.link <= high), None)
+            if wrong is not None:
+                text = f"{wrong.name}: expected a link from {low} to {high}, got {wrong.link}"
+                raise InputError(f"{what}: {text}")
+
+    @property
+    def all_solids(self) -> tuple[LinkSolid, ...]:
+        """The arm's solids, then those fixed to the base."""
+        return (*self.solids, *self.base_solids)
 
     @property
     def T_base_arm(self) -> Array:

@@ -9,6 +9,7 @@ from pydantic import Discriminator, Field, Tag
 from regionik.worlds.bundled import BODY_HEIGHT, LINK_RADIUS
 from regionik.worlds.checking import Strict
 from regionik.worlds.grammar import File, Matrix4, NotNegative, OneLine, Positive, Size3, Vec2, Vec3, Vec4
+from regionik.worlds.robot import BASE
 
 DhRow = Annotated[
     list[float | None],
@@ -22,7 +23,9 @@ class NamedRobot(Strict):
 
 
 class _OfLink(Strict):
-    link: Annotated[int, Field(ge=0)] = Field(description="the number of a joint, from 0")
+    link: Annotated[int, Field(ge=BASE)] = Field(
+        description="the number of a joint, from 0; -1 for what is fixed to the base"
+    )
     name: OneLine = Field(description="a name")
 
 

@@ -13,9 +13,9 @@ from shapely.geometry import Polygon
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
 from regionik.worlds.obstacles import Prism
-from regionik.worlds.robot import LinkSolid, Robot
+from regionik.worlds.robot import BASE, LinkSolid, Robot
 
-BASE = -1  # stands for the base among indices of solids
+BODY = -1  # stands for the base's own body among indices of solids
 POSTURES = 64
 _SEED = 0
 
@@ -35,8 +35,8 @@ def self_pairs(robot: Robot) -> tuple[tuple[int, int], ...]:
     """Pairs of solids that may run into each other.
 
     Solids of one link, and of links that follow one another among those that carry solids, belong together;
-    so do the base and the first such link. What touches in every one of `POSTURES` postures within the limits
-    is built that way. All other pairs must keep apart.
+    so do the base, with what is fixed to it, and the first such link. What touches in every one of
+    `POSTURES` postures within the limits is built that way. All other pairs must keep apart.
 
     Parameters
     ----------
@@ -45,20 +45,21 @@ def self_pairs(robot: Robot) -> tuple[tuple[int, int], ...]:
     Returns
     -------
     tuple of (int, int)
-        Indices into ``robot.solids``, the smaller first; -1 is the base's own body.
+        Indices into ``robot.all_solids``, the smaller first; -1 is the base's own body.
     """
-    links = sorted({solid.link for solid in robot.solids})
-    order = [links.index(solid.link) for solid in robot.solids]
-    body = base_body(robot)
+    solids, body = robot.all_solids, base_body(robot)
+    links = sorted({BASE, *(solid.link for solid in solids)})
+    order = [links.index(solid.link) for solid in solids]
     frames = robot.T_base_arm @ robot.chain.frames(_postures(robot.chain))
-    axes = [_axis(solid) for solid in robot.solids]
-    ends = [_placed(frames[:, solid.link], a) for solid, (a, _) in zip(robot.solids, axes, strict=True)]
+    frames[:, BASE] = np.eye(4)  # in the place of the tool's, which carries nothing
+    axes = [_axis(solid) for solid in solids]
+    ends = [_placed(frames[:, solid.link], a) for solid, (a, _) in zip(solids, axes, strict=True)]
     pairs: list[tuple[int, int]] = []
     if body is not None:
         away = [
             _from_prism(body, segments) > radius for segments, (_, radius) in zip(ends, axes, strict=True)
         ]
-        pairs += [(BASE, k) for k in range(len(order)) if order[k] > 0 and away[k].any()]
+        pairs += [(BODY, k) for k in range(len(order)) if order[k] > 1 and away[k].any()]
     for i, k in combinations(range(len(order)), 2):
         if abs(order[i] - order[k]) < 2:
             continue

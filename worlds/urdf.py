@@ -15,9 +15,9 @@ from regionik.worlds.bundled import BODY_HEIGHT, robot_named, robot_names, witho
 from regionik.worlds.chain import Chain, planar_pose
 from regionik.worlds.checking import LARGEST, wrong
 from regionik.worlds.errors import InputError
-from regionik.worlds.robot import BaseKind, Robot
+from regionik.worlds.robot import BASE, BaseKind, Robot
 from regionik.worlds.robotchecks import carried, check_footprint, check_turning
-from regionik.worlds.urdfbody import BASE, body_of
+from regionik.worlds.urdfbody import body_of
 from regionik.worlds.urdfchain import Parts, chain_of, parts_of, route_of
 from regionik.worlds.urdftree import SUFFIXES, read_urdf
 from regionik.worlds.urdfwords import listed
@@ -41,10 +41,12 @@ def load_robot(
 
     The chain runs over the moving joints from ``root`` to ``tip``; fixed joints are folded into its frames.
     Its solids are the collision elements of all links that move with it: boxes as they are, the least
-    capsule around each cylinder and sphere, the smaller of a box and a capsule around each mesh. Links
-    behind other joints (fingers, heads) stand still at zero. What is fixed to the root, wheels included,
-    gives the footprint and the body height where none is given. Speed limits of 0 and limits of a million
-    and beyond count as none; soft limits, inertias and visual elements are not read.
+    capsule around each cylinder and sphere, a few boxes and capsules around each mesh; no more than twenty
+    or so in all, as small ones share a bound. Links behind other joints (fingers, heads) stand still at zero.
+    What is fixed to the root, wheels included, gives the footprint and the body height where they are not
+    both given; what stands higher, such as a mast on a low base, becomes solids of its own. Where to cut is
+    chosen so that all of it takes least room, or is ``body_height``. Speed limits of 0 and limits of a
+    million and beyond count as none; soft limits, inertias and visual elements are not read.
 
     Parameters
     ----------
@@ -96,10 +98,9 @@ def load_robot(
     if limits not in (None, "ignore"):
         raise wrong(where, "limits", f"expected ignore, got {limits!r}")
     given_mount = None if mount is None else _numbers(mount, (4,), f"{where}: mount")
+    given_height = None if body_height is None else _above_zero(body_height, where, "body_height")
     if is_file:
-        robot = _from_urdf(
-            path, tip, root, given_mount, footprint is None, body_height is None, limits is None
-        )
+        robot = _from_urdf(path, tip, root, given_mount, footprint is None, given_height, limits is None)
     else:
         robot = _bundled(where, tip, root)
         if given_mount is not None:
@@ -113,7 +114,7 @@ def load_robot(
     if carry is not None:
         values = _numbers(carry, (None,), f"{where}: carry").tolist()
         robot = replace(robot, carry=carried(values, robot.chain, where, "carry"))
-    height = robot.body_height if body_height is None else _above_zero(body_height, where, "body_height")
+    height = robot.body_height if given_height is None else given_height
     kind: BaseKind = robot.base if base is None else base
     return replace(
         robot, base=kind, body_height=height, turning_radius=_turning(robot, kind, turning_radius, where)
@@ -126,7 +127,7 @@ def _from_urdf(
     root: str | None,
     mount: Array | None,
     want_footprint: bool,
-    want_height: bool,
+    height: float | None,
     limited: bool,
 ) -> Robot:
     file = read_urdf(path)
@@ -136,19 +137,21 @@ def _from_urdf(
     yaw = 0.0 if mount is None else float(mount[3])
     arm_mount, chain = _mounted(chain, T_base_root, yaw)
     parts = parts_of(file, route, T_base_root)
-    measured = want_footprint or want_height
-    body = body_of(file, [link for link in parts.placed if measured or link.owner != BASE], chain)
+    measured = want_footprint or height is None
+    body = body_of(file, [link for link in parts.placed if measured or link.owner != BASE], chain, height)
     for note in (*body.notes, *_notes(parts, measured)):
         warnings.warn(f"{file.where}: {note}", stacklevel=3)
+    found = body.base
     return Robot(
         name=file.name,
         base="omni",
-        footprint=body.outline if len(body.outline) and want_footprint else np.zeros((1, 2)),
+        footprint=found.outline if len(found.outline) and want_footprint else np.zeros((1, 2)),
         mount=arm_mount,
         chain=chain,
         solids=body.solids,
-        body_height=body.height if body.height > 0 else BODY_HEIGHT,
+        body_height=found.height if found.height > 0 else BODY_HEIGHT,
         carry=carried(None, chain, file.where, "carry"),
+        base_solids=found.solids,
     )
 
 

@@ -1,4 +1,4 @@
-"""The collision solids of a URDF robot: those that move with the arm, and the base's footprint and height."""
+"""The collision solids of a URDF robot: those that move with the arm, and those of its base."""
 
 from __future__ import annotations
 
@@ -7,20 +7,18 @@ from dataclasses import dataclass, field
 from math import pi
 
 import numpy as np
-import shapely
-from shapely.geometry import Polygon
-from shapely.geometry.polygon import orient
 
 from regionik.worlds.arrays import Array
-from regionik.worlds.bounding import bounding_solid, cylinder_capsule, sphere_capsule
+from regionik.worlds.bounding import cylinder_capsule, sphere_capsule
 from regionik.worlds.bundled import LINK_RADIUS
 from regionik.worlds.chain import Chain
-from regionik.worlds.robot import LinkBox, LinkCapsule, LinkSolid, capsules_along
+from regionik.worlds.covering import Part, covered, surface_part
+from regionik.worlds.robot import BASE, LinkBox, LinkCapsule, LinkSolid, capsules_along
+from regionik.worlds.urdfbase import Standing, standing
 from regionik.worlds.urdfmesh import Meshes
 from regionik.worlds.urdftree import Shape, UrdfFile
 
-BASE = -1  # the owner of what is fixed to the root
-_CORNERS = 32
+_CORNERS = 32  # of a prism round a cylinder
 _SIGNS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
 
 
@@ -49,25 +47,23 @@ class Body:
     Attributes
     ----------
     solids : tuple of LinkCapsule or LinkBox
-    outline : (n, 2) array
-        Convex outline that contains all that is fixed to the base; no rows where nothing is.
-    height : float
-        The highest point of it [m].
+    base : Standing
+        What is fixed to the base.
     notes : tuple of str
         What could not be had and what stands for it.
     """
 
     solids: tuple[LinkSolid, ...]
-    outline: Array
-    height: float
+    base: Standing
     notes: tuple[str, ...] = field(default=())
 
 
-def body_of(file: UrdfFile, placed: Iterable[Placed], chain: Chain) -> Body:
-    """Solids of links that move with the arm, outline and height of those fixed to the base.
+def body_of(file: UrdfFile, placed: Iterable[Placed], chain: Chain, height: float | None) -> Body:
+    """Solids of links that move with the arm, and the base: cut at ``height``, where that is given [m].
 
     A box stays a box, a cylinder becomes the least capsule around it, a sphere a capsule of next to no
-    length, a mesh the smaller of a box and a capsule around its convex hull. Where a mesh is missing or
+    length, a mesh a few boxes and capsules; where there are many, those of a link share some (`covering`).
+    Where a mesh is missing or
     unreadable, a capsule of radius `LINK_RADIUS` from its joint to the next stands for it, and a note says
     so.
 
@@ -77,34 +73,30 @@ def body_of(file: UrdfFile, placed: Iterable[Placed], chain: Chain) -> Body:
         When the file names a mesh that it may not.
     """
     meshes = Meshes(file.path)
-    solids: list[LinkSolid] = []
-    fixed: list[Array] = []
+    parts: list[Part] = []
+    fixed: list[Part] = []
     notes: list[str] = []
     stand_ins: set[int] = set()
     for link in placed:
         shapes = file.links[link.name]
         for k, shape in enumerate(shapes):
-            hull = meshes.hull(shape) if shape.kind == "mesh" else np.empty((0, 3))
-            if isinstance(hull, str):
-                notes.append(_missing(shape, hull, link.owner, chain))
+            surface = meshes.surface(shape) if shape.kind == "mesh" else np.empty((0, 3, 3))
+            if isinstance(surface, str):
+                notes.append(_missing(shape, surface, link.owner, chain))
                 stand_ins.add(link.owner)
                 continue
             T = link.T_owner_link @ shape.T_link_shape
-            if link.owner == BASE:
-                fixed.append(_moved(_corners(shape, hull, T), T))
-            else:
-                name = link.name if len(shapes) == 1 else f"{link.name} {k + 1}"
-                solids.append(_solid(link.owner, name, shape, hull, T))
-    solids += [_stand_in(chain, owner) for owner in sorted(stand_ins - {BASE})]
+            name = link.name if len(shapes) == 1 else f"{link.name} {k + 1}"
+            part = _part(link.owner, name, shape, _moved(surface, T), T)
+            (fixed if link.owner == BASE else parts).append(part)
+    solids = [*covered(parts), *(_stand_in(chain, owner) for owner in sorted(stand_ins - {BASE}))]
     if not solids:
         notes.append(
             f"no arm link has a collision element: capsules of radius {LINK_RADIUS:g} m stand for them"
         )
         solids += capsules_along(chain, LINK_RADIUS)
-    points = np.concatenate(fixed) if fixed else np.empty((0, 3))
-    height = float(points[:, 2].max()) if len(points) else 0.0
     ordered = sorted(solids, key=lambda solid: solid.link)
-    return Body(tuple(ordered), _outline(points[:, :2]), height, tuple(notes))
+    return Body(tuple(ordered), standing(fixed, height), tuple(notes))
 
 
 def _missing(shape: Shape, why: str, owner: int, chain: Chain) -> str:
@@ -125,26 +117,28 @@ def _stand_in(chain: Chain, owner: int) -> LinkSolid:
     return LinkCapsule(owner, name, np.zeros(3), T_next[:3, 3], LINK_RADIUS)
 
 
-def _solid(owner: int, name: str, shape: Shape, hull: Array, T: Array) -> LinkSolid:
+def _part(owner: int, name: str, shape: Shape, surface: Array, T: Array) -> Part:
+    if shape.kind == "mesh":
+        return surface_part(owner, name, surface)
+    return Part(owner, name, _moved(_corners(shape, T), T), surface, _solid(owner, name, shape, T))
+
+
+def _solid(owner: int, name: str, shape: Shape, T: Array) -> LinkSolid:
     match shape.kind:
         case "box":
             return LinkBox(owner, name, T, np.array(shape.size))
         case "cylinder":
             return cylinder_capsule(owner, name, T, *shape.size)
-        case "sphere":
+        case _:
             return sphere_capsule(owner, name, T[:3, 3], *shape.size)
-        case "mesh":
-            return bounding_solid(owner, name, _moved(hull, T))
 
 
 def _moved(points: Array, T: Array) -> Array:
     return points @ T[:3, :3].T + T[:3, 3]
 
 
-def _corners(shape: Shape, hull: Array, T: Array) -> Array:
+def _corners(shape: Shape, T: Array) -> Array:
     """Points in the shape's frame whose hull contains it; round ones get a prism of `_CORNERS` sides."""
-    if shape.kind == "mesh":
-        return hull
     if shape.kind == "box":
         box: Array = _SIGNS * np.array(shape.size) / 2
         return box
@@ -156,29 +150,3 @@ def _corners(shape: Shape, hull: Array, T: Array) -> Array:
     # A ball looks the same from everywhere: its prism stands upright, so that its height is the ball's.
     upright: Array = prism @ T[:3, :3] if shape.kind == "sphere" else prism
     return upright
-
-
-def _outline(points: Array) -> Array:
-    """Corners in order of a convex outline around points (n, 2): their hull, or `_CORNERS` tangents to it."""
-    hull = shapely.convex_hull(shapely.multipoints(points))
-    if not len(points) or hull.geom_type != "Polygon" or hull.area < 1e-8:
-        return np.empty((0, 2))
-    corners = _ring(hull)
-    if len(corners) <= _CORNERS:
-        return corners
-    # An outline of hundreds of corners slows all that asks for it; each tangent is at most a 200th of the
-    # radius away from the hull.
-    angles = np.arange(_CORNERS) * 2 * pi / _CORNERS
-    normals = np.column_stack([np.cos(angles), np.sin(angles)])
-    reach = (corners @ normals.T).max(0)
-    step = 2 * pi / _CORNERS
-    sides = np.column_stack([-normals[:, 1], normals[:, 0]])
-    along = (np.roll(reach, -1) - reach * np.cos(step)) / np.sin(step)
-    outer = reach[:, None] * normals + along[:, None] * sides
-    return _ring(shapely.convex_hull(shapely.multipoints(outer)))
-
-
-def _ring(hull: Polygon) -> Array:
-    """Corners of a hull, counter-clockwise."""
-    corners: Array = np.asarray(orient(hull).exterior.coords)[:-1]
-    return corners

@@ -13,7 +13,8 @@ import numpy as np
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, Joint, motion
 from regionik.worlds.checking import at, wrong
-from regionik.worlds.urdfbody import BASE, Placed
+from regionik.worlds.robot import BASE
+from regionik.worlds.urdfbody import Placed
 from regionik.worlds.urdftree import TreeJoint, UrdfFile
 from regionik.worlds.urdfwords import listed
 

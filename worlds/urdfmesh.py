@@ -1,4 +1,4 @@
-"""The meshes that a URDF file names: where they are, and their hulls."""
+"""The meshes that a URDF file names: where they are, and their surfaces."""
 
 from __future__ import annotations
 
@@ -13,17 +13,18 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.checking import LARGEST, wrong
 from regionik.worlds.collada import SUFFIX, read_points
 from regionik.worlds.errors import InputError
-from regionik.worlds.meshfile import hull_of, read_mesh
+from regionik.worlds.meshfile import hull_of, hull_triangles, read_mesh
 from regionik.worlds.urdftree import Shape
 
 _SCHEME = re.compile(r"([A-Za-z][A-Za-z0-9+.-]*):/?/?")
 _PACKAGE = "package"
+_MANY = 20_000  # triangles, above which the hull stands for the surface
 _TOO_LARGE = f"expected finite numbers of at most {LARGEST:g} in size"
 
 
 @dataclass(frozen=True)
 class Meshes:
-    """Hulls of mesh files below a URDF file's package, each file read once.
+    """Surfaces of mesh files below a URDF file's package, each file read once.
 
     The package is the nearest folder above the URDF file that holds a ``package.xml``, or the folder above
     the URDF file's own. ``package://name/rest`` is looked for in every folder above that bears the name,
@@ -37,10 +38,10 @@ class Meshes:
     """
 
     path: Path
-    _hulls: dict[Path, Array | str] = field(default_factory=dict)
+    _surfaces: dict[Path, Array | str] = field(default_factory=dict)
 
-    def hull(self, shape: Shape) -> Array | str:
-        """Corners (n, 3) of a mesh's hull in the shape's frame [m], or why there is none.
+    def surface(self, shape: Shape) -> Array | str:
+        """Triangles (m, 3, 3) in the shape's frame, which its solid lies within [m], or why there are none.
 
         Raises
         ------
@@ -50,12 +51,12 @@ class Meshes:
         found = self._find(shape)
         if isinstance(found, str):
             return found
-        if found not in self._hulls:
-            self._hulls[found] = _read(found)
-        hull = self._hulls[found]
-        if isinstance(hull, str):
-            return hull
-        scaled: Array = hull * np.array(shape.size)
+        if found not in self._surfaces:
+            self._surfaces[found] = _read(found)
+        surface = self._surfaces[found]
+        if isinstance(surface, str):
+            return surface
+        scaled: Array = surface * np.array(shape.size)
         return scaled if np.abs(scaled).max() <= LARGEST else _TOO_LARGE
 
     def _find(self, shape: Shape) -> Path | str:
@@ -99,9 +100,14 @@ def _packages(folder: Path, name: str) -> list[Path]:
 
 
 def _read(path: Path) -> Array | str:
+    """Triangles of a mesh; those of its hull where the file only tells points, or too many triangles."""
     try:
-        vertices = read_points(path) if path.suffix.lower() == SUFFIX else read_mesh(path)[0]
+        points, faces = (read_points(path), None) if path.suffix.lower() == SUFFIX else read_mesh(path)
     except InputError as error:
         return str(error).removeprefix(f"{path}: ")
-    sound = np.isfinite(vertices).all() and np.abs(vertices).max() <= LARGEST
-    return hull_of(vertices) if sound else _TOO_LARGE
+    if not np.isfinite(points).all() or np.abs(points).max() > LARGEST:
+        return _TOO_LARGE
+    if faces is None or len(faces) > _MANY:
+        return hull_triangles(hull_of(points))
+    surface: Array = points[faces]
+    return surface
