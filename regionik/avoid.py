@@ -161,10 +161,17 @@ class Avoider:
         return [components[m] for m in order[:NEAREST].tolist()]
 
     def arrivals(self, i: int, components: Sequence[int], here: Pose, nominal: Spot) -> Iterator[Spot]:
-        """As `options`, for a base that comes with the tool lifted: on wheels looking along its way first."""
-        axis, k = axis_of(self.world.robot, nominal.found.base), nominal.component
-        turned = [(pose_of(self.world.robot, axis, yaw), k) for yaw in self._ahead(i)]
-        yield from self._stood(i, components, here, turned)
+        """As `options`, for a base that comes with the tool lifted.
+
+        On wheels it looks along its way, where most of the path can be done from first.
+        """
+        k, ahead = nominal.component, self._ahead(i)
+        if ahead:
+            axes = [axis_of(self.world.robot, nominal.found.base), *self._spread(k)]
+            bases = np.array([pose_of(self.world.robot, axis, yaw) for yaw in ahead for axis in axes])
+            gains = Rolls(self.world, self.ladder, self.standing).gains(i, bases)
+            best = bases[np.argsort(-gains, kind="stable")]
+            yield from self._stood(i, components, here, ((base, k) for base in best))
         yield from self.options(i, components, here, nominal)
 
     def _rolled(self, i: int, components: Sequence[int], here: Pose) -> Iterator[Spot]:

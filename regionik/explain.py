@@ -13,7 +13,7 @@ from regionik.ground import ground_of, grow
 from regionik.plan import Violation
 from regionik.planners.footprint import width_of
 from regionik.planners.shape import narrowest
-from regionik.regions import TakenAway, largest_clearance, outer_areas, what_took_away
+from regionik.regions import TakenAway, largest_clearance, outer_areas, reach_of, what_took_away
 from regionik.standing import by_heading
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Cause, CauseKind, Explanation, Repair
@@ -83,7 +83,7 @@ def _out_of_reach(
         return reason, (Cause("floor", "edge of the floor", None),), ()
     places = shapely.union_all([side.free for side in by_heading(world).sides])
     off = places.distance(Point(target.position[:2]))
-    if off > 0:
+    if off > 0 and reach_of(world, target).disjoint(places):
         reason = (
             f"{who} cannot be reached from the floor: it lies {off:.3f} m beyond the places where the base "
             f"may stand, and the arm of {world.robot.name} does not reach that far."

@@ -185,6 +185,12 @@ def outer_areas(world: World, targets: Sequence[Target]) -> list[BaseGeometry]:
     ]
 
 
+def reach_of(world: World, target: Target) -> BaseGeometry:
+    """Where the arm axis could stand for a target if nothing were in the way, from outside."""
+    _, _, rings = reach_rows(world, [target], (FRONT, BACK), inner=False, span=span_of_rules(world))
+    return shapely.union_all(rings) if len(rings) else Polygon()
+
+
 def what_took_away(world: World, target: Target) -> tuple[TakenAway, ...]:
     """Obstacles, floor edge and arm limits that make the area smaller than a stretched arm's disc."""
     ground = ground_of(world)
@@ -194,8 +200,7 @@ def what_took_away(world: World, target: Target) -> tuple[TakenAway, ...]:
     if stretched <= 0:
         return (TakenAway("reach", "height of the target", Polygon()),)
     disc = shapely.Point(target.position[:2]).buffer(span.radius + np.sqrt(stretched))
-    _, _, rings = reach_rows(world, [target], (FRONT, BACK), inner=False, span=span_of_rules(world))
-    reach = shapely.union_all(rings) if len(rings) else Polygon()
+    reach = reach_of(world, target)
     kind: CauseKind = "limits" if target.direction is None else "direction"
     name = "tool direction" if target.orientation is None else "tool orientation"
     taken = [TakenAway(kind, "joint limits" if kind == "limits" else name, disc - reach)]

@@ -59,12 +59,12 @@ class Rolls:
             yield bases[0], int(owner[0])
         room = room_for(self.world)
         usable = [m for m in np.flatnonzero(owner >= 0).tolist() if m > 0 and fits(room, *bases[m])]
-        gains = self._gains(i, bases)
+        gains = self.gains(i, bases)
         for m in sorted(usable, key=lambda m: (-gains[m] / (efforts[m] + LEAST_EFFORT), m)):
             yield bases[m], int(owner[m])
 
-    def _gains(self, i: int, bases: Array) -> Array:
-        """How much of the tool path from set-point i on each pose serves [m]."""
+    def gains(self, i: int, bases: Array) -> Array:
+        """How much of the tool path from set-point i on each base pose (n, 3) serves, (n,) [m]."""
         rungs, spots = self.ladder.rungs(), [target.position for target in self.world.task]
         serving, gain = np.ones(len(bases), dtype=bool), np.zeros(len(bases))
         for j in range(i, min(i + HORIZON, self.ladder.count - 1)):

@@ -105,7 +105,7 @@ def into_span(yaw: float, span: tuple[float, float]) -> float:
         return yaw
     middle, half = (low + high) / 2, (high - low) / 2
     off = float(np.remainder(yaw - middle + np.pi, 2 * np.pi) - np.pi)
-    return yaw - off + min(max(off, -half), half)
+    return yaw if abs(off) <= half else yaw - off + half * float(np.sign(off))
 
 
 def meeting(standing: Standing, one: Geometries, other: Geometries, first: Index, second: Index) -> Index:

@@ -1,0 +1,105 @@
+"""Where the base may stand by heading: laws of slabs, of the pieces they join to, and of areas made of them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given
+from hypothesis import strategies as st
+from shapely import affinity
+
+from regionik import admissible_area as area
+from regionik.ground import GUARD, ground_of
+from regionik.standing import anywhere, away, by_heading, into_span, outer_by_heading, turns_matter
+from regionik.worlds.library import robot_named
+from regionik.worlds.obstacles import Box, Cylinder, Solid
+from regionik.worlds.scene import Floor, Heading, Rules, Start, World
+
+POST = Cylinder("post", 0.1, 0.6, np.array([0.9, 1.1, 0.3]))
+CRATE = Box("crate", np.array([0.5, 0.3, 0.5]), np.array([2.2, 0.7, 0.25]), 0.4)
+
+
+def world_of(*solids: Solid, heading: Heading = "free", robot: str = "youbot-real") -> World:
+    shape = shapely.box(0, 0, 3, 2) | shapely.box(2.9, 0.8, 5, 1.25) | shapely.box(4.9, 0, 6.5, 2)
+    start = Start(np.array([0.5, 0.5, 0.3]), robot_named(robot).carry)
+    rules = Rules(clearance=0.03, heading=heading)
+    return World("slabs", robot_named(robot), Floor(shape), solids, (), rules, start)
+
+
+def room_left(world: World, axis: np.ndarray, yaw: float) -> float:
+    """By how much the footprint keeps inside the floor and its clearance; negative where it does not."""
+    outline = shapely.Polygon(world.robot.footprint - world.robot.mount[:2])
+    body = affinity.translate(affinity.rotate(outline, yaw, origin=(0, 0), use_radians=True), *axis)
+    floor, ground = world.floor.polygon, ground_of(world)
+    inside = floor.boundary.distance(body) if floor.covers(body) else -floor.boundary.distance(body) - 1e-9
+    gaps = [shadow.distance(body) - ground.clearance for shadow in ground.shadows]
+    return float(min([inside, *gaps]))
+
+
+def points_in(shape: shapely.Geometry, count: int, rng: np.random.Generator) -> np.ndarray:
+    x0, y0, x1, y1 = shape.bounds
+    spots = rng.uniform((x0, y0), (x1, y1), (count, 2))
+    return spots[shapely.contains_xy(shape, spots)]
+
+
+@given(st.floats(-20, 20), st.floats(-10, 10), st.floats(0, 6))
+def test_a_heading_brought_into_a_span(yaw: float, middle: float, width: float) -> None:
+    span = (middle - width / 2, middle + width / 2)
+    inside = into_span(yaw, span)
+    assert abs(np.remainder(inside - middle + np.pi, 2 * np.pi) - np.pi) <= width / 2 + 1e-9
+    assert away(yaw, span) == pytest.approx(abs(inside - yaw))
+    assert abs(inside - yaw) <= np.pi - width / 2 + 1e-9  # the shorter way
+    ends = [abs(np.remainder(end - yaw + np.pi, 2 * np.pi) - np.pi) for end in span]
+    assert inside == yaw or abs(inside - yaw) == pytest.approx(min(ends), abs=1e-9)
+
+
+def test_inner_slabs_hold_at_every_heading_and_outer_ones_at_no_other() -> None:
+    world, rng = world_of(POST, CRATE), np.random.default_rng(0)
+    for side in by_heading(world).sides:
+        for axis in points_in(side.free, 40, rng):
+            assert room_left(world, axis, rng.uniform(*side.span)) >= GUARD / 2
+    for side in outer_by_heading(world).sides:
+        beyond = shapely.box(-0.5, -0.5, 7, 2.5) - side.floor
+        for axis in points_in(beyond, 40, rng):
+            assert room_left(world, axis, rng.uniform(*side.span)) < 1e-9
+
+
+def test_slabs_go_round_the_full_turn_and_hold_all_that_holds_at_every_heading() -> None:
+    world = world_of(POST, CRATE)
+    spans = [side.span for side in by_heading(world).sides]
+    assert sum(high - low for low, high in spans) == pytest.approx(2 * np.pi)
+    for (_, high), (low, _) in zip(spans, spans[1:] + spans[:1], strict=True):
+        assert np.remainder(low - high + np.pi, 2 * np.pi) - np.pi == pytest.approx(0, abs=1e-9)
+    everywhere = anywhere(world).sides[0].free.buffer(-2e-3)  # arcs of the circle are chords
+    assert all(side.free.covers(everywhere) for side in by_heading(world).sides)
+
+
+def test_a_corridor_joins_rooms_by_heading_alone() -> None:
+    world = world_of()
+    left, right = np.array([1.0, 1.0]), np.array([5.7, 1.0])
+    circle, slabs = anywhere(world), by_heading(world)
+    assert circle.piece_at(left, 0.0) != circle.piece_at(right, 0.0)
+    assert slabs.piece_at(left, 2.0) == slabs.piece_at(right, -1.0)
+
+
+def test_an_area_by_heading_is_larger_and_within_its_bound() -> None:
+    world = world_of(POST, CRATE)
+    for target in ([3.9, 1.0, 0.25], [1.4, 1.3, 0.3]):
+        free, fixed = area(world, target), area(world_of(POST, CRATE, heading="fixed"), target)
+        assert free.inner.difference(free.outer).area < 1e-9
+        assert fixed.inner.difference(free.inner.buffer(2e-3)).area < 1e-4
+        assert fixed.inner.area < free.inner.area
+    assert area(world, [3.9, 1.0, 0.25]).inner.intersects(shapely.box(3.2, 0.8, 4.6, 1.25))
+
+
+def test_where_slabs_bring_nothing_there_are_none() -> None:
+    assert turns_matter(world_of())
+    assert not turns_matter(world_of(heading="fixed"))
+    assert not turns_matter(world_of(robot="youbot"))
+    bounded = replace(world_of(), robot=robot_named("youbot"))
+    assert by_heading(bounded) is anywhere(bounded)
+    fixed = anywhere(world_of(heading="fixed")).sides
+    assert [side.span for side in fixed] == [(0.3, 0.3)]
