@@ -1,4 +1,4 @@
-"""Where the base may stand by heading: laws of slabs, of the pieces they join to, and of areas made of them."""
+"""Where the base may stand by heading: laws of slabs, of the pieces they join, and of areas made of them."""
 
 from __future__ import annotations
 
@@ -42,7 +42,8 @@ def room_left(world: World, axis: np.ndarray, yaw: float) -> float:
 def points_in(shape: shapely.Geometry, count: int, rng: np.random.Generator) -> np.ndarray:
     x0, y0, x1, y1 = shape.bounds
     spots = rng.uniform((x0, y0), (x1, y1), (count, 2))
-    return spots[shapely.contains_xy(shape, spots)]
+    inside: np.ndarray = spots[shapely.contains_xy(shape, spots)]
+    return inside
 
 
 @given(st.floats(-20, 20), st.floats(-10, 10), st.floats(0, 6))
