@@ -12,6 +12,7 @@ from regionik.worlds.pivot import is_planar
 from regionik.worlds.planar import planar_arm
 from regionik.worlds.scene import Target
 
+_ANY_TURN = np.zeros((3, 3))  # what kernels are given where they do not look
 HELD = 0.5  # share of a cone that arms are solved to; the rest is left for the way between two states
 
 
@@ -22,11 +23,11 @@ def in_plane(chain: Chain, target: Target) -> bool:
 
 def aim_of(target: Target) -> Aim:
     """The target as kernels take it, its cone as narrow as arms are solved to."""
-    turn, kind = np.zeros((3, 3)), POSITION
+    turn, kind = _ANY_TURN, POSITION
     if target.orientation is not None:
         turn, kind = np.array(target.orientation), ORIENTATION
     elif target.direction is not None:
-        turn[:, 2], kind = target.direction, DIRECTION
+        turn, kind = np.outer(target.direction, [0.0, 0.0, 1.0]), DIRECTION
     return Aim(np.array(target.position), kind, turn, HELD * target.cone)
 
 

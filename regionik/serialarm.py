@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 
@@ -63,6 +63,11 @@ class SerialSolver:
     starts: Array
     effort: Effort
     height: float
+
+    @cached_property
+    def _pointing_starts(self) -> Array:
+        """The joints of the starts that move the tool's point."""
+        return np.ascontiguousarray(self.starts[:, : len(self.pointing.slide)])
 
     def reach(
         self, target: Target, axis: Array, yaw: float, joints: Array, area: FlatPolygon, mobile: bool
@@ -195,8 +200,7 @@ class SerialSolver:
     def quest(self, target: Target) -> Quest:
         """What a target asks of the kernels, and with which effort."""
         if target.direction is None:
-            n = len(self.pointing.slide)
-            return Quest(self.pointing, self.starts[:, :n].copy(), self.effort, aim_of(target), 0.0)
+            return Quest(self.pointing, self._pointing_starts, self.effort, aim_of(target), 0.0)
         effort = self.effort._replace(angle_tolerance=ANGLE_SHARE * target.cone)
         return Quest(self.posing, self.starts, effort, aim_of(target), (1 - HELD) * target.cone)
 

@@ -33,8 +33,9 @@ def frozen(values: ArrayLike, shape: Sequence[int | None], what: str) -> Array:
     except (TypeError, ValueError):
         raise InputError(f"{what}: expected numbers, got {values!r}") from None
     wanted = tuple(shape)
-    fits = array.ndim == len(wanted) and all(
-        w is None or w == n for w, n in zip(wanted, array.shape, strict=True)
+    fits = array.shape == wanted or (
+        array.ndim == len(wanted)
+        and all(w is None or w == n for w, n in zip(wanted, array.shape, strict=True))
     )
     if not fits:
         text = " x ".join("n" if w is None else str(w) for w in wanted)
