@@ -24,6 +24,8 @@ BATCH, MOST_BATCHES = 24, 6  # postures that walks start from; the last batch is
 NEWS = 1e-4  # what a batch must add for another to follow [m]
 MOST_STEPS = 300  # of one walk
 MOST_BOXES = 20_000  # weighed for an outer bound, a few microseconds each
+LEVEL = 1e-9  # by which the tool of an arm that cannot rise may be off its height [m]
+LOOKS, NARROWINGS = 128, 80  # postures looked at, ever nearer to the farthest and the nearest of them
 ENOUGH = 1e-3  # what the outer bound may stand off from the inner one [m]
 
 
@@ -55,6 +57,8 @@ def inner_reach(chain: Chain, rise: float) -> Intervals:
     if meridian is None:
         return ()
     tool = tool_for(meridian)
+    if _is_level(chain):
+        return _level_reach(chain, rise)
     found: Intervals = ()
     for starts in np.split(_starts(meridian), MOST_BATCHES):
         passed = np.empty((BATCH, 2))
@@ -85,6 +89,36 @@ def outer_reach(chain: Chain, rise: float) -> Intervals:
     low, high = finite_limits(meridian)
     left = bounded(meridian, rise, low, high, known, cap, ENOUGH, MOST_BOXES)
     return merged([*known.tolist(), *left.tolist()])
+
+
+def _is_level(chain: Chain) -> bool:
+    """Whether the tool's height never changes: all axes stand upright."""
+    heights = chain.forward(_drawn(chain, np.random.default_rng(0), LOOKS))[:, 2, 3]
+    return bool(np.ptp(heights) < LEVEL)
+
+
+def _level_reach(chain: Chain, rise: float) -> Intervals:
+    """Reach of an arm at the one height it has: limits hang together, so between two distances all are met."""
+    rng = np.random.default_rng(0)
+    if abs(float(chain.forward(_drawn(chain, rng, 1))[0, 2, 3]) - rise) > LEVEL:
+        return ()
+    ends = []
+    for sign in (1.0, -1.0):
+        best, spread = _drawn(chain, rng, 1)[0], np.pi
+        for _ in range(NARROWINGS):
+            near = best + spread * rng.normal(size=(LOOKS, chain.dof))
+            tried = np.vstack([best, np.clip(near, chain.lower, chain.upper)])
+            far = np.linalg.norm(chain.forward(tried)[:, :2, 3], axis=1)
+            best, spread = tried[int(np.argmin(sign * far))], 0.8 * spread
+        ends.append(float(np.linalg.norm(chain.forward(best)[:2, 3])))
+    return ((ends[0], ends[1]),)
+
+
+def _drawn(chain: Chain, rng: np.random.Generator, count: int) -> Array:
+    """Random postures within limits, (count, dof)."""
+    low = np.where(np.isfinite(chain.lower), chain.lower, -np.pi)
+    high = np.where(np.isfinite(chain.upper), chain.upper, np.pi)
+    return rng.uniform(low, high, (count, chain.dof))
 
 
 def posture_at(chain: Chain, point: ArrayLike, joints: ArrayLike) -> Array:

@@ -197,12 +197,15 @@ def test_no_hop_leads_across_a_limit_or_a_summit() -> None:
     assert [round(high, 3) for _, high in outer_reach(chain, z)] == [0.05]
 
 
-def test_what_cannot_rise_has_no_inner_reach() -> None:
+def test_what_cannot_rise_reaches_at_its_own_height_alone() -> None:
     pivot = Joint("pivot", "revolute", -3, 3, np.eye(4))
     assert inner_reach(Chain((pivot,), translation(0.4, 0, 0.2)), 0.2) == ()
     assert outer_reach(Chain((pivot,), translation(0.4, 0, 0.2)), 0.2)
     elbow = Joint("elbow", "revolute", -2, 2, translation(0.4, 0, 0))
-    assert inner_reach(Chain((pivot, elbow), translation(0.3, 0, 0)), 0.0) == ()
+    level = Chain((pivot, elbow), translation(0.3, 0, 0))
+    bent = float(np.sqrt(0.4**2 + 0.3**2 + 2 * 0.4 * 0.3 * np.cos(2)))
+    assert np.allclose(inner_reach(level, 0.0), [[bent, 0.7]], atol=1e-6)
+    assert inner_reach(level, 0.01) == ()
     assert inner_reach(Chain((pivot, elbow), translation(0.3, 0, 0)), 0.1) == ()
 
 
