@@ -146,7 +146,9 @@ def spanned(box: Box, z: float) -> tuple[float, float, int, int]:
         most, least = min(most, total + s * c), min(least, total - s * c)
     if abs(c) > rise + SLACK or most + least < -SLACK:
         return 1.0, 0.0, -1, -1
-    low, high = max(0.0, tool.at[0] - least), np.hypot(max(0.0, tool.at[0] + most), aside(box))
+    # Past the pivot axis the tool is on the other side, as far away as it went beyond.
+    low = max(0.0, tool.at[0] - least)
+    high = np.hypot(max(0.0, tool.at[0] + most, least - tool.at[0]), aside(box))
     tells_low = tells_high = -1
     for k in range(m):
         r, rise = np.hypot(box.hub[k, 0], box.hub[k, 1]), z - box.hub[k, 2]

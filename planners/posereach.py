@@ -109,7 +109,7 @@ def _about_z(angle: float) -> Array:
 def _grid(chain: Chain, rise: float, kind: int, key: tuple[float, ...], cone: float) -> _Grid:
     turn = np.array(key).reshape(3, 3)
     quest = _Quest(*_prepared(chain, max(ANGLE_SHARE * cone, 1e-9)), rise, turn, kind, cone)
-    bound = outer_reach(chain, 0.0, rise)
+    bound = outer_reach(chain, rise)
     grid = _sampled(quest, bound[-1][1] if bound else 0.0, 1, None)
     if grid.found.any() and grid.cells < THIN * np.count_nonzero(grid.found):
         return _sampled(quest, bound[-1][1], FINER, grid)
