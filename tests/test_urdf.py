@@ -346,8 +346,8 @@ BROKEN = (
     Broken(
         "many solids",
         '<robot name="r"><link name="a">' + "<collision><geometry><sphere radius='1'/></geometry>"
-        "</collision>" * 2001 + "</link></robot>",
-        "at most 2000 collision elements",
+        "</collision>" * 1001 + "</link></robot>",
+        "at most 1000 collision elements",
     ),
     Broken(
         "many links",

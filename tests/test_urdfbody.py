@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import time
 import warnings
 from pathlib import Path
 
@@ -12,6 +13,7 @@ import shapely
 import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.spatial import ConvexHull, Delaunay
 from scipy.spatial.transform import Rotation
 
 from regionik.worlds.arrays import Array
@@ -20,7 +22,7 @@ from regionik.worlds.bundled import BODY_HEIGHT, LINK_RADIUS
 from regionik.worlds.chain import pose
 from regionik.worlds.collada import read_points
 from regionik.worlds.errors import InputError
-from regionik.worlds.meshfile import hull_of, oriented_box
+from regionik.worlds.meshfile import hull_of, oriented_box, outer_hull
 from regionik.worlds.robot import LinkBox, LinkCapsule, LinkSolid, Robot
 from regionik.worlds.urdf import load_robot
 from tests.urdfs import CRANE, UPPER_SIZE, crane, depth, frames_of
@@ -285,6 +287,53 @@ def test_packages_that_are_none_are_missing(tmp_path: Path, name: str) -> None:
     path = crane(tmp_path, ("meshes/upper.stl", name))
     with pytest.warns(UserWarning, match="there is no folder"):
         load_robot(path, tip="tool")
+
+
+def test_numbers_no_machine_can_hold_are_no_mesh(tmp_path: Path) -> None:
+    path = crane(tmp_path)
+    corners = np.random.default_rng(0).normal(size=(9, 3)) * 1e30
+    whole = trimesh.Trimesh(corners, np.arange(9).reshape(-1, 3), process=False)
+    whole.export(path.parent / "meshes" / "upper.stl")
+    with pytest.warns(UserWarning, match="expected finite numbers of at most 1e\\+09 in size; a capsule"):
+        load_robot(path, tip="tool")
+
+
+def test_names_too_long_for_any_file_are_missing(tmp_path: Path) -> None:
+    path = crane(tmp_path, ("meshes/upper.stl", "m" * 5000 + ".stl"))
+    with pytest.warns(UserWarning, match="there is no such file"):
+        load_robot(path, tip="tool")
+    with pytest.raises(InputError, match="cannot be read"):
+        load_robot("r" * 5000 + ".urdf")
+
+
+def test_many_triangles_and_many_solids_take_seconds(tmp_path: Path) -> None:
+    stone = '<collision><origin xyz="{} 0 {}"/><geometry><sphere radius="0.04"/></geometry></collision>'
+    many = "".join(stone.format(0.0002 * k, 0.001 * (k % 37)) for k in range(300))
+    path = crane(
+        tmp_path, ('<collision><origin xyz="0.2 0 0"/>', many + '<collision><origin xyz="0.2 0 0"/>')
+    )
+    ball = trimesh.creation.icosphere(subdivisions=6, radius=200)  # 80,000 triangles, in mm
+    ball.export(path.parent / "meshes" / "upper.stl")
+    begun = time.perf_counter()
+    robot = load_robot(path, tip="tool")
+    assert time.perf_counter() - begun < 15
+    assert len(robot.solids) <= 20
+    body = solid(robot, "upper")
+    points = ball.vertices / 1000 @ pose([0, 0, 0], [0, 0, 0.3])[:3, :3].T + [0.1, 0, 0]
+    assert depth(body, points).max() < 1e-6
+    assert volume(body) < 1.1 * 4 / 3 * np.pi * 0.2**3
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 1000), st.tuples(*[st.floats(0.01, 1)] * 3))
+def test_an_outer_hull_contains_its_points_and_little_more(seed: int, sizes: tuple[float, ...]) -> None:
+    points = np.random.default_rng(seed).normal(size=(300, 3)) * sizes
+    outer = Delaunay(outer_hull(points))
+    inward = points.mean(0) + (points - points.mean(0)) * (1 - 1e-9)
+    assert (outer.find_simplex(inward) >= 0).all()
+    assert ConvexHull(outer.points).volume < 1.3 * ConvexHull(points).volume
+    flat = points * [1, 1, 0]
+    assert np.array_equal(outer_hull(flat), hull_of(flat))
 
 
 # --- COLLADA

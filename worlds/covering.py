@@ -14,16 +14,16 @@ from functools import cached_property
 from itertools import chain, product
 
 import numpy as np
+from numpy.typing import NDArray
 
 from regionik.worlds.arrays import Array
 from regionik.worlds.bounding import bounding_solid, rough_volume
 from regionik.worlds.meshfile import hull_of, nearly_least_box, oriented_box
-from regionik.worlds.robot import LinkSolid
+from regionik.worlds.robot import BASE, LinkSolid
 
 MOST = 20  # solids of a robot: whoever asks what touches what asks all of them
 WORTH = 0.08  # of a part's volume, that each piece more must save
 _LOOKED_AT = 1000  # triangles of a mesh when places to cut are compared
-_MORE = " and more"
 _CUTS = np.linspace(0, 1, 7)[1:-1]  # places tried along each side of the bounding box
 
 
@@ -172,31 +172,38 @@ def clipped(triangles: Array, normal: Array, offset: float) -> Array:
 
 def _merged(parts: list[Part], most: int) -> list[Part]:
     """Neighbours on one link under one bound, those first whose common box is hardly larger."""
-    rest = list(parts)
-    while len(rest) > most:
-        growth = _growth(rest)
-        i, k = np.unravel_index(int(np.argmin(growth)), growth.shape)
-        if growth[i, k] == np.inf:
-            break
-        rest[k] = _together(rest[k], rest[i])
-        rest.pop(int(i))
-    return rest
-
-
-def _growth(parts: list[Part]) -> Array:
-    """What a box round both of two parts, along their link's axes, has more than both (n, n) [m^3].
-
-    Infinite but below the diagonal, and where parts are not of one link.
-    """
+    groups = [[part] for part in parts]
+    if len(parts) <= most:
+        return parts
     low, high = (np.array([end(part.points, axis=0) for part in parts]) for end in (np.min, np.max))
     link = np.array([part.link for part in parts])
+    growth = np.array([_growth(k, low, high, link) for k in range(len(parts))])
+    for _ in range(len(parts) - most):
+        k, i = np.unravel_index(int(np.argmin(growth)), growth.shape)
+        if growth[k, i] == np.inf:
+            break
+        groups[k] += groups[i]
+        low[k], high[k] = np.minimum(low[k], low[i]), np.maximum(high[k], high[i])
+        groups[i], link[i] = [], BASE - 1 - i  # of no link that there is
+        growth[i], growth[:, i] = np.inf, np.inf
+        growth[k] = growth[:, k] = _growth(int(k), low, high, link)
+    return [_together(group) for group in groups if group]
+
+
+def _growth(k: int, low: Array, high: Array, link: NDArray[np.int64]) -> Array:
+    """What the box round one group and each other, along their link's axes, has more than both (n,) [m^3].
+
+    Infinite for itself and where the other is not of its link.
+    """
     size = np.prod(high - low, axis=1)
-    both = np.maximum(high[:, None], high) - np.minimum(low[:, None], low)
-    apart = (link[:, None] != link) | (np.arange(len(parts)) >= np.arange(len(parts))[:, None])
-    growth: Array = np.where(apart, np.inf, np.prod(both, axis=2) - size[:, None] - size)
+    both = np.prod(np.maximum(high[k], high) - np.minimum(low[k], low), axis=1)
+    apart = (link != link[k]) | (np.arange(len(link)) == k)
+    growth: Array = np.where(apart, np.inf, both - size[k] - size)
     return growth
 
 
-def _together(one: Part, other: Part) -> Part:
-    points = hull_of(np.concatenate([one.points, other.points]))
-    return Part(one.link, f"{one.name.removesuffix(_MORE)}{_MORE}", points, np.empty((0, 3, 3)))
+def _together(group: list[Part]) -> Part:
+    if len(group) == 1:
+        return group[0]
+    points = hull_of(np.concatenate([part.points for part in group]))
+    return Part(group[0].link, f"{group[0].name} and more", points, np.empty((0, 3, 3)))

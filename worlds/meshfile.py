@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import trimesh
-from scipy.spatial import ConvexHull, QhullError
+from scipy.spatial import ConvexHull, HalfspaceIntersection, QhullError
 
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import rot_x, rot_y, rot_z
@@ -17,6 +17,8 @@ from regionik.worlds.errors import InputError
 SUFFIXES = (".stl", ".obj", ".ply", ".off")
 MESH_LIMIT = 256 * 2**20  # [bytes]
 _FLAT = 1e-4
+_CHUNK = 10_000  # points looked at together
+_MANY = 500  # points, with whose number the engine's time for a box grows fast
 _STEPS, _ROUNDS = (0.2, 0.1, 0.05, 0.02), 4  # of turning a box [rad]
 
 
@@ -36,7 +38,7 @@ def read_mesh(path: Path) -> tuple[Array, np.ndarray]:
     if path.stat().st_size > MESH_LIMIT:
         raise InputError(f"{path}: expected at most {MESH_LIMIT / 2**20:g} MB")
     try:
-        with path.open("rb") as stream:
+        with path.open("rb") as stream, np.errstate(all="ignore"):  # what is no number is found by who asks
             mesh: Any = trimesh.load(stream, file_type=kind[1:], force="mesh", skip_materials=True)
     # What trimesh's readers raise on files that are cut short or no mesh at all.
     except (
@@ -49,7 +51,7 @@ def read_mesh(path: Path) -> tuple[Array, np.ndarray]:
         OSError,
         ImportError,  # a guess at the encoding of what is no text needs a package that we do not
     ) as error:
-        why = " ".join(str(error).split())[:80]
+        why = "it is no such text" if isinstance(error, ImportError) else " ".join(str(error).split())[:80]
         raise InputError(
             f"{path}: expected a {kind[1:].upper()} mesh that can be read whole ({why})"
         ) from None
@@ -81,14 +83,35 @@ def hull_triangles(points: Array) -> Array:
     return faces
 
 
+def outer_hull(points: Array, faces: int = 400) -> Array:
+    """Corners (m, 3) of a body of at most so many faces, each touching the points (n, 3), that contains them.
+
+    A flat cloud has no such body: the corners of its hull are given back.
+    """
+    widths, axes = _spread(points)
+    if widths[0] <= _FLAT * widths[2]:
+        return hull_of(points)
+    k = np.arange(faces) + 0.5  # directions evenly over the sphere, on a spiral
+    z, turn = 1 - 2 * k / faces, np.pi * (1 + np.sqrt(5)) * k
+    normals = np.column_stack([np.sqrt(1 - z**2) * np.cos(turn), np.sqrt(1 - z**2) * np.sin(turn), z])
+    middle, stretch = points.mean(0), axes * (widths / np.sqrt(len(points)))
+    local = (points - middle) @ np.linalg.inv(stretch).T  # as wide one way as another
+    chunks = np.array_split(local, 1 + len(points) // _CHUNK)
+    reach = np.max([(chunk @ normals.T).max(0) for chunk in chunks], axis=0)
+    body = HalfspaceIntersection(np.column_stack([normals, -reach]), np.zeros(3))
+    corners: Array = hull_of(body.intersections) @ stretch.T + middle
+    return corners
+
+
 def oriented_box(points: Array) -> tuple[Array, Array]:
     """A small box around points (n, 3), at any angle: its frame (4, 4) and sizes (3,) [m].
 
-    Sizes are 0 where points are flat.
+    Sizes are 0 where points are flat. Of more than `_MANY` points it is one along the frame's or their
+    principal axes.
     """
     widths, axes = _spread(points)
     turns = [np.eye(3), axes]
-    if len(points) > 3 and widths[0] > _FLAT * widths[2]:  # the engine wants an inside
+    if 3 < len(points) <= _MANY and widths[0] > _FLAT * widths[2]:  # the engine wants an inside
         engine: Any = trimesh.bounds
         turns.append(np.asarray(engine.oriented_bounds(points)[0], dtype=np.float64)[:3, :3].T)
     return _smallest(points, turns)

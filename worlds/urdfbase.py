@@ -27,7 +27,7 @@ MOST_SOLIDS = 6
 SPARED = 0.7  # of the one block's volume, below which it is cut
 WIDE = 0.9  # of the floor that the whole base covers, that the footprint keeps
 _CORNERS = 32  # of a footprint
-_HEIGHTS = 12  # tried, besides the tops of all elements
+_HEIGHTS, _TOPS = 14, 24  # tried: evenly spread ones, and tops of elements
 _LEAST = 0.02  # of a base, and of what stands on it [m]
 _UP = np.array([0.0, 0.0, 1.0])
 
@@ -55,16 +55,19 @@ def standing(parts: Sequence[Part], height: float | None) -> Standing:
     """The base that contains all parts, in its frame; cut at ``height``, or where that saves most [m]."""
     if not parts:
         return Standing(np.empty((0, 2)), 0.0)
-    cut = _best_height(parts) if height is None else height
-    low = np.concatenate([_lower(part, cut) for part in parts])
+    surface = np.concatenate([_surface(part) for part in parts])
+    cut = _best_height(parts, surface) if height is None else height
     high = [_upper(part, cut) for part in parts if part.points[:, 2].max() > cut + _LEAST / 2]
-    return Standing(outline_of(low[:, :2]), cut, covered(high, MOST_SOLIDS))
+    return Standing(outline_of(_lower(surface, cut)), cut, covered(high, MOST_SOLIDS))
 
 
-def _lower(part: Part, cut: float) -> Array:
-    """Points (n, 3) whose hull contains what of a part is below a height."""
-    triangles = part.triangles if len(part.triangles) else hull_triangles(part.points)
-    return clipped(triangles, -_UP, -cut).reshape(-1, 3)
+def _surface(part: Part) -> Array:
+    return part.triangles if len(part.triangles) else hull_triangles(part.points)
+
+
+def _lower(surface: Array, cut: float) -> Array:
+    """Points (n, 2) on the floor below what of a surface is lower than a height."""
+    return clipped(surface, -_UP, -cut).reshape(-1, 3)[:, :2]
 
 
 def _upper(part: Part, cut: float) -> Part:
@@ -74,27 +77,27 @@ def _upper(part: Part, cut: float) -> Part:
     return surface_part(part.link, part.name, clipped(part.triangles, _UP, cut))
 
 
-def _best_height(parts: Sequence[Part]) -> float:
+def _best_height(parts: Sequence[Part], surface: Array) -> float:
     """Where to cut; the top where that saves little [m]."""
-    tops = [float(part.points[:, 2].max()) for part in parts]
-    top = max(tops)
-    tried = {*tops, *np.linspace(0.0, top, _HEIGHTS + 2)[1:-1].tolist()}
-    wide = WIDE * _ground(parts, top)
-    heights = sorted(h for h in tried if _LEAST <= h <= top - _LEAST and _ground(parts, h) >= wide)
-    best = min(heights, key=lambda height: _room(parts, height), default=top)
-    return best if _room(parts, best) < SPARED * _room(parts, top) else top
+    tops = np.unique([part.points[:, 2].max() for part in parts])
+    top = float(tops[-1])
+    tried = {*tops[:: 1 + len(tops) // _TOPS].tolist(), *np.linspace(0.0, top, _HEIGHTS)[1:-1].tolist()}
+    block = {h: _ground(surface, h) for h in {*tried, top}}
+    heights = sorted(h for h in tried if _LEAST <= h <= top - _LEAST and block[h] >= WIDE * block[top])
+    room = {h: block[h] * h + _boxes(parts, h) for h in heights}
+    best = min(heights, key=lambda h: room[h], default=top)
+    return best if best in room and room[best] < SPARED * block[top] * top else top
 
 
-def _room(parts: Sequence[Part], cut: float) -> float:
-    """Volume of the block up to a height, and of boxes round what is for solids [m^3]."""
-    high = [_upper(part, cut).points for part in parts if part.points[:, 2].max() > cut]
-    return _ground(parts, cut) * cut + sum(float(np.prod(np.ptp(points, axis=0))) for points in high)
-
-
-def _ground(parts: Sequence[Part], cut: float) -> float:
+def _ground(surface: Array, cut: float) -> float:
     """Area of the footprint of what is below a height [m^2]."""
-    low = np.concatenate([_lower(part, cut) for part in parts])[:, :2]
-    return float(shapely.convex_hull(shapely.multipoints(low)).area)
+    return float(shapely.convex_hull(shapely.multipoints(_lower(surface, cut))).area)
+
+
+def _boxes(parts: Sequence[Part], cut: float) -> float:
+    """Volume of boxes round what is not in the block [m^3]."""
+    high = (_upper(part, cut).points for part in parts if part.points[:, 2].max() > cut)
+    return sum(float(np.prod(np.ptp(points, axis=0))) for points in high)
 
 
 def outline_of(points: Array) -> Array:

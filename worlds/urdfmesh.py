@@ -13,12 +13,12 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.checking import LARGEST, wrong
 from regionik.worlds.collada import SUFFIX, read_points
 from regionik.worlds.errors import InputError
-from regionik.worlds.meshfile import hull_of, hull_triangles, read_mesh
+from regionik.worlds.meshfile import hull_of, hull_triangles, outer_hull, read_mesh
 from regionik.worlds.urdftree import Shape
 
 _SCHEME = re.compile(r"([A-Za-z][A-Za-z0-9+.-]*):/?/?")
 _PACKAGE = "package"
-_MANY = 20_000  # triangles, above which the hull stands for the surface
+_MANY = 20_000  # triangles, or points, above which a hull stands for the surface
 _TOO_LARGE = f"expected finite numbers of at most {LARGEST:g} in size"
 
 
@@ -76,10 +76,17 @@ class Meshes:
         inside = [file for top, file in allowed if file.is_relative_to(top)]
         if not inside:
             raise self._refused(shape, f"expected a file below {allowed[0][0]}")
-        return next((file for file in inside if file.is_file()), "there is no such file")
+        return next((file for file in inside if _is_file(file)), "there is no such file")
 
     def _refused(self, shape: Shape, text: str) -> InputError:
         return wrong(str(self.path), shape.place, f"mesh {shape.file!r}: {text}")
+
+
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except OSError:  # a name that is too long for any file
+        return False
 
 
 def _package_root(folder: Path) -> Path:
@@ -108,6 +115,6 @@ def _read(path: Path) -> Array | str:
     if not np.isfinite(points).all() or np.abs(points).max() > LARGEST:
         return _TOO_LARGE
     if faces is None or len(faces) > _MANY:
-        return hull_triangles(hull_of(points))
+        return hull_triangles(hull_of(points) if len(points) <= _MANY else outer_hull(points))
     surface: Array = points[faces]
     return surface

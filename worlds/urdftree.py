@@ -26,7 +26,7 @@ from regionik.worlds.xmlfile import Element, read_xml
 SUFFIXES = (".urdf", ".xml")
 JOINT_TYPES = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 NO_LIMIT = 1e6  # URDF demands numbers where there is no limit; who needs one writes such a number
-SOLID_LIMIT = 2000
+SOLID_LIMIT = 1000
 LINK_LIMIT = 4000
 _ENDLESS = re.compile(r"[-+]?inf(?:inity)?", re.ASCII | re.IGNORECASE)
 

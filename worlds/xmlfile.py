@@ -63,7 +63,11 @@ def read_xml(path: Path, limit: int = XML_LIMIT) -> Element:
     InputError
         One line: the file, the line in it where known, and what was expected.
     """
-    if path.exists() and not path.is_file():
+    try:
+        is_other = path.exists() and not path.is_file()
+    except (OSError, ValueError):  # no file can have such a name: reading it tells why
+        is_other = False
+    if is_other:
         raise wrong(str(path), "", "expected a file")
     return parse_xml(read_text(path, limit), str(path))
 
