@@ -98,7 +98,7 @@ def _is_level(chain: Chain) -> bool:
 
 
 def _level_reach(chain: Chain, rise: float) -> Intervals:
-    """Reach of an arm at the one height it has: limits hang together, so between two distances all are met."""
+    """Reach of an arm at the one height it has: its limits hang together, so all between two ends is met."""
     rng = np.random.default_rng(0)
     if abs(float(chain.forward(_drawn(chain, rng, 1))[0, 2, 3]) - rise) > LEVEL:
         return ()
