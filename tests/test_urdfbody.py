@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import shapely
 import trimesh
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.spatial import ConvexHull, Delaunay
 from scipy.spatial.transform import Rotation
@@ -70,6 +70,9 @@ def test_a_sphere_is_inside_its_capsule() -> None:
 
 @settings(max_examples=50, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.integers(1, 40), st.tuples(*[st.floats(0, 1)] * 3), _POSE)
+@example(0, 14, (1.0, 1.0, 1e-14), np.eye(4))  # the hull engine lost corners of it
+@example(0, 14, (1.0, 1.0, 1e-13), np.eye(4))
+@example(0, 14, (1e-7, 1e-8, 1e-10), np.eye(4))  # the box engine found none
 def test_points_are_inside_their_bounding_solid(
     seed: int, count: int, sizes: tuple[float, ...], T: Array
 ) -> None:

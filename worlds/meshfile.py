@@ -16,7 +16,8 @@ from regionik.worlds.errors import InputError
 
 SUFFIXES = (".stl", ".obj", ".ply", ".off")
 MESH_LIMIT = 256 * 2**20  # [bytes]
-_FLAT = 1e-4
+_FLAT = 1e-4  # thickness [m], or part of the width where that is more than a metre
+_HULL_FLAT = 1e-7  # as _FLAT: of what is much thinner the hull engine loses corners without a word
 _CHUNK = 10_000  # points looked at together
 _MANY = 500  # points, with whose number the engine's time for a box grows fast
 _STEPS, _ROUNDS = (0.2, 0.1, 0.05, 0.02), 4  # of turning a box [rad]
@@ -68,19 +69,25 @@ def is_closed(vertices: Array, faces: np.ndarray) -> bool:
 def hull_of(points: Array) -> Array:
     """Corners (m, 3) of the convex hull of points (n, 3); of a flat cloud, each point once."""
     distinct: Array = np.unique(points, axis=0)
-    try:
-        return np.asarray(distinct[ConvexHull(distinct).vertices], dtype=np.float64)
-    except QhullError:  # fewer than four points, or all in one plane
-        return distinct
+    hull = _hull(distinct)
+    return distinct if hull is None else np.asarray(distinct[hull.vertices], dtype=np.float64)
 
 
 def hull_triangles(points: Array) -> Array:
     """Triangles (m, 3, 3) of the convex hull of points (n, 3); of a flat cloud, each point as one."""
-    try:
-        faces: Array = points[ConvexHull(points).simplices]
-    except QhullError:
-        return np.repeat(points[:, None], 3, axis=1)
+    hull = _hull(points)
+    faces: Array = np.repeat(points[:, None], 3, axis=1) if hull is None else points[hull.simplices]
     return faces
+
+
+def _hull(points: Array) -> ConvexHull | None:
+    """None of fewer than four points, and of points all in one plane, or so nearly."""
+    if _is_flat(_spread(points)[0], _HULL_FLAT):
+        return None
+    try:
+        return ConvexHull(points)
+    except QhullError:
+        return None
 
 
 def outer_hull(points: Array, faces: int = 400) -> Array:
@@ -89,7 +96,7 @@ def outer_hull(points: Array, faces: int = 400) -> Array:
     A flat cloud has no such body: the corners of its hull are given back.
     """
     widths, axes = _spread(points)
-    if widths[0] <= _FLAT * widths[2]:
+    if _is_flat(widths):
         return hull_of(points)
     k = np.arange(faces) + 0.5  # directions evenly over the sphere, on a spiral
     z, turn = 1 - 2 * k / faces, np.pi * (1 + np.sqrt(5)) * k
@@ -111,7 +118,7 @@ def oriented_box(points: Array) -> tuple[Array, Array]:
     """
     widths, axes = _spread(points)
     turns = [np.eye(3), axes]
-    if 3 < len(points) <= _MANY and widths[0] > _FLAT * widths[2]:  # the engine wants an inside
+    if 3 < len(points) <= _MANY and not _is_flat(widths):  # the engine wants an inside
         engine: Any = trimesh.bounds
         turns.append(np.asarray(engine.oriented_bounds(points)[0], dtype=np.float64)[:3, :3].T)
     return _smallest(points, turns)
@@ -139,6 +146,10 @@ def _spread(points: Array) -> tuple[Array, Array]:
     spread = points - points.mean(axis=0)
     squares, axes = np.linalg.eigh(spread.T @ spread)
     return np.sqrt(np.maximum(squares, 0.0)), axes * np.sign(np.linalg.det(axes))
+
+
+def _is_flat(widths: Array, limit: float = _FLAT) -> bool:
+    return bool(widths[0] <= limit * max(widths[2], 1.0))
 
 
 def _smallest(points: Array, turns: list[Array]) -> tuple[Array, Array]:
