@@ -59,7 +59,7 @@ _POSE = st.tuples(*[st.floats(-3, 3)] * 6).map(lambda values: pose(values[:3], v
 def test_cut_meshes_stay_inside_and_shrink(T: Array, arms: int) -> None:
     mesh = crook(arms)
     part = surface_part(3, "crook", triangles_of(mesh, T))
-    solids = covered([part])
+    solids = tuple(piece.solid for piece in covered([part]))
     assert outermost(solids, inside(mesh, 200) @ T[:3, :3].T + T[:3, 3]) < 1e-8
     names = [f"crook part {k + 1}" for k in range(len(solids))]
     assert [(s.link, s.name) for s in solids] == [(3, name) for name in names]
@@ -90,7 +90,7 @@ def test_too_many_solids_of_a_link_share_bounds() -> None:
         Part(k % 2, f"stone {k}", spot + 0.02 * rng.normal(size=(8, 3)), NO_SURFACE)
         for k, spot in enumerate(rng.choice([-1.0, 0.0, 1.0], (40, 3)))
     ]
-    solids = covered(parts, 12)
+    solids = tuple(piece.solid for piece in covered(parts, 12))
     assert len(solids) == 12
     for link in (0, 1):
         own = tuple(solid for solid in solids if solid.link == link)
@@ -101,7 +101,8 @@ def test_too_many_solids_of_a_link_share_bounds() -> None:
 
 def test_solids_that_are_known_are_taken() -> None:
     box = LinkBox(0, "box", np.eye(4), np.array([1.0, 2.0, 3.0]))
-    assert covered([Part(0, "box", box.corners, NO_SURFACE, box)]) == (box,)
+    (piece,) = covered([Part(0, "box", box.corners, NO_SURFACE, box)])
+    assert piece.solid is box
 
 
 @settings(max_examples=60, deadline=None)

@@ -6,16 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import example, given
-from hypothesis import strategies as st
-from shapely.geometry import Polygon
 
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named, without_limits
 from regionik.worlds.chain import Chain, Joint, translation
-from regionik.worlds.obstacles import Prism
 from regionik.worlds.robot import LinkBox, LinkCapsule, LinkSolid, Robot
-from regionik.worlds.selfpairs import BODY, _from_prism, _nearest_on_segments, base_body, self_pairs
+from regionik.worlds.selfpairs import BODY, base_body, self_pairs
 
 SQUARE = np.array([[0.2, 0.2], [-0.2, 0.2], [-0.2, -0.2], [0.2, -0.2]])
 POINT = np.zeros((1, 2))
@@ -105,31 +101,7 @@ def test_what_always_stands_in_the_base_is_left_out() -> None:
     assert self_pairs(low) == ((0, 2),)
 
 
-coordinates = st.lists(st.integers(-4, 4).map(lambda k: k * 0.1), min_size=12, max_size=12)
-
-
-@given(coordinates)
-def test_nearest_points_of_segments(numbers: list[float]) -> None:
-    a, b, c, d = np.array(numbers).reshape(4, 3)
-    p, q = _nearest_on_segments(a, b, c, d)
-    t = np.linspace(0, 1, 41)[:, None]
-    one, other = a + t * (b - a), c + t * (d - c)
-    sampled = np.linalg.norm(one[:, None] - other, axis=-1).min()
-    distance = np.linalg.norm(p - q)
-    slack = (np.linalg.norm(b - a) + np.linalg.norm(d - c)) / 80
-    assert sampled - slack - 1e-9 <= distance <= sampled + 1e-9
-    for point, start, end in ((p, a, b), (q, c, d)):
-        detour = np.linalg.norm(point - start) + np.linalg.norm(point - end) - np.linalg.norm(end - start)
-        assert abs(detour) < 1e-7
-
-
-@example([0.0, 0.0, -0.5, 0.0, 0.0, 0.5])
-@example([0.1, 0.1, 0.1, 0.1, 0.1, 0.1])
-@given(st.lists(st.integers(-6, 6).map(lambda k: k * 0.1), min_size=6, max_size=6))
-def test_distance_of_segments_from_the_body(numbers: list[float]) -> None:
-    body = Prism("body", Polygon([(-0.2, -0.1), (0.3, -0.2), (0.1, 0.3)]), 0.0, 0.25)
-    a, b = np.array(numbers).reshape(2, 3)
-    points = a + np.linspace(0, 1, 101)[:, None] * (b - a)
-    sampled = max(0.0, min(body.distance(p) for p in points))
-    distance = _from_prism(body, np.stack([a, b])[None])[0]
-    assert sampled - np.linalg.norm(b - a) / 200 - 1e-9 <= distance <= sampled + 1e-9
+def test_pairs_that_are_named_need_not_keep_apart() -> None:
+    robot = arm((rod(0), rod(1), rod(2), rod(3)))
+    assert self_pairs(robot) == ((0, 2), (0, 3), (1, 3))
+    assert self_pairs(replace(robot, unchecked=(("rod 3", "rod 0"),))) == ((0, 2), (1, 3))

@@ -54,7 +54,7 @@ class Part:
         """Volume of the solid, quickly found [m^3]."""
         return rough_volume(self.points)
 
-    @property
+    @cached_property
     def solid(self) -> LinkSolid:
         return self.exact or bounding_solid(self.link, self.name, self.points)
 
@@ -64,9 +64,9 @@ def surface_part(link: int, name: str, triangles: Array) -> Part:
     return Part(link, name, hull_of(triangles.reshape(-1, 3)), triangles)
 
 
-def covered(parts: Iterable[Part], most: int = MOST) -> tuple[LinkSolid, ...]:
-    """Solids for all parts: as many as there are, cut where that pays, put together beyond ``most``."""
-    return tuple(part.solid for part in _cut(_merged(_distinct(parts), most), most))
+def covered(parts: Iterable[Part], most: int = MOST) -> tuple[Part, ...]:
+    """What solids are to stand for: all parts, cut where that pays, put together beyond ``most``."""
+    return tuple(_cut(_merged(_distinct(parts), most), most))
 
 
 def _distinct(parts: Iterable[Part]) -> list[Part]:

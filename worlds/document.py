@@ -66,6 +66,8 @@ def _full_robot(robot: Robot) -> Document:
     document["turning_radius"] = float(robot.turning_radius)
     document["gauge"] = float(robot.gauge)
     document |= _link_solids(robot)
+    if robot.unchecked:
+        document["unchecked"] = [list(names) for names in robot.unchecked]
     document["carry"] = robot.carry.tolist()
     return document
 

@@ -16,6 +16,7 @@ from regionik.worlds.errors import InputError
 from regionik.worlds.robot import BASE, LinkBox, LinkCapsule, LinkSolid, Robot, capsules_along
 from regionik.worlds.robotchecks import carried, check_footprint, check_turning
 from regionik.worlds.urdf import load_robot
+from regionik.worlds.urdfwords import listed
 
 _RIGID = 1e-6
 
@@ -77,6 +78,7 @@ def _own_robot(part: robotschema.DhRobot | robotschema.ChainRobot, where: str) -
         turning_radius=part.turning_radius,
         gauge=part.gauge,
         base_solids=tuple(solid for solid in solids if solid.link == BASE),
+        unchecked=_unchecked(part.unchecked, solids, where),
     )
 
 
@@ -135,6 +137,18 @@ def _solids(
             raise wrong(where, f"{place}.link", text)
         solids.append(_link_solid(solid, where, place))
     return tuple(solids)
+
+
+def _unchecked(
+    pairs: list[list[str]], solids: tuple[LinkSolid, ...], where: str
+) -> tuple[tuple[str, str], ...]:
+    names = sorted({solid.name for solid in solids})
+    for k, pair in enumerate(pairs):
+        unknown = next((name for name in pair if name not in names), None)
+        if unknown is not None:
+            text = f"expected names of solids ({listed(names, 8)}), got {unknown!r}"
+            raise wrong(where, f"robot.unchecked[{k}]", text)
+    return tuple((one, other) for one, other in pairs)
 
 
 def _link_solid(part: robotschema.LinkSolidPart, where: str, place: str) -> LinkSolid:

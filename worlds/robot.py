@@ -118,6 +118,8 @@ class Robot:
     base_solids : tuple of LinkCapsule or LinkBox
         What else is fixed to the base, a mast for instance. It keeps off things as links of the arm do, which
         in their turn keep off it.
+    unchecked : tuple of (str, str)
+        Names of solids that need not keep apart, though they do not follow one another.
     """
 
     name: str
@@ -131,6 +133,7 @@ class Robot:
     turning_radius: float = 0.0
     gauge: float = 0.0
     base_solids: tuple[LinkSolid, ...] = ()
+    unchecked: tuple[tuple[str, str], ...] = ()
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "footprint", frozen(self.footprint, (None, 2), "footprint"))

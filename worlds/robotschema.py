@@ -17,6 +17,12 @@ DhRow = Annotated[
 ]
 
 
+Names = Annotated[
+    list[OneLine],
+    Field(min_length=2, max_length=2, description="names of two solids that need not keep apart"),
+]
+
+
 class NamedRobot(Strict):
     name: OneLine
     limits: Literal["ignore"] | None = None
@@ -85,6 +91,7 @@ class _OwnRobot(Strict):
     gauge: NotNegative = 0.0
     link_radius: Positive = LINK_RADIUS
     solids: list[LinkSolidPart] | None = None
+    unchecked: list[Names] = Field(default=[])
     carry: list[float] | None = None
     limits: Literal["ignore"] | None = None
 

@@ -15,6 +15,7 @@ from regionik.worlds.bundled import BODY_HEIGHT, robot_named, robot_names, witho
 from regionik.worlds.chain import Chain, planar_pose
 from regionik.worlds.checking import LARGEST, wrong
 from regionik.worlds.errors import InputError
+from regionik.worlds.loose import loose_pairs
 from regionik.worlds.robot import BASE, BaseKind, Robot
 from regionik.worlds.robotchecks import carried, check_footprint, check_turning
 from regionik.worlds.urdfbody import body_of
@@ -45,7 +46,8 @@ def load_robot(
     or so in all, as small ones share a bound. Links behind other joints (fingers, heads) stand still at zero.
     What is fixed to the root, wheels included, gives the footprint and the body height where they are not
     both given; what stands higher, such as a mast on a low base, becomes solids of its own. Where to cut is
-    chosen so that all of it takes least room, or is ``body_height``. Speed limits of 0 and limits of a
+    chosen so that all of it takes least room, or is ``body_height``. Two bounds that touch in many postures,
+    while the hulls inside them are not seen to touch in any of 2000, need not keep apart. Speed limits of 0 and limits of a
     million and beyond count as none; soft limits, inertias and visual elements are not read.
 
     Parameters
@@ -139,20 +141,22 @@ def _from_urdf(
     parts = parts_of(file, route, T_base_root)
     measured = want_footprint or height is None
     body = body_of(file, [link for link in parts.placed if measured or link.owner != BASE], chain, height)
-    for note in (*body.notes, *_notes(parts, measured)):
-        warnings.warn(f"{file.where}: {note}", stacklevel=3)
     found = body.base
-    return Robot(
+    robot = Robot(
         name=file.name,
         base="omni",
         footprint=found.outline if len(found.outline) and want_footprint else np.zeros((1, 2)),
         mount=arm_mount,
         chain=chain,
-        solids=body.solids,
+        solids=tuple(part.solid for part in body.parts),
         body_height=found.height if found.height > 0 else BODY_HEIGHT,
         carry=carried(None, chain, file.where, "carry"),
-        base_solids=found.solids,
+        base_solids=tuple(part.solid for part in found.parts),
     )
+    unchecked, loose = loose_pairs(robot, [part.points for part in (*body.parts, *found.parts)])
+    for note in (*body.notes, *_notes(parts, measured), *loose):
+        warnings.warn(f"{file.where}: {note}", stacklevel=3)
+    return replace(robot, unchecked=tuple(unchecked))
 
 
 def _mounted(chain: Chain, T_base_root: Array, yaw: float) -> tuple[Array, Chain]:

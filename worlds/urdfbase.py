@@ -21,7 +21,6 @@ from shapely.geometry.polygon import orient
 from regionik.worlds.arrays import Array
 from regionik.worlds.covering import Part, clipped, covered, surface_part
 from regionik.worlds.meshfile import hull_triangles
-from regionik.worlds.robot import LinkSolid
 
 MOST_SOLIDS = 6
 SPARED = 0.7  # of the one block's volume, below which it is cut
@@ -42,13 +41,13 @@ class Standing:
         Convex footprint [m]; no rows where nothing is low.
     height : float
         Up to which the footprint counts [m]; 0 where nothing is there.
-    solids : tuple of LinkCapsule or LinkBox
-        For what is higher.
+    parts : tuple of Part
+        What is higher.
     """
 
     outline: Array
     height: float
-    solids: tuple[LinkSolid, ...] = ()
+    parts: tuple[Part, ...] = ()
 
 
 def standing(parts: Sequence[Part], height: float | None) -> Standing:

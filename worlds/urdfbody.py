@@ -46,14 +46,15 @@ class Body:
 
     Attributes
     ----------
-    solids : tuple of LinkCapsule or LinkBox
+    parts : tuple of Part
+        What moves with the arm, each to have one solid.
     base : Standing
         What is fixed to the base.
     notes : tuple of str
         What could not be had and what stands for it.
     """
 
-    solids: tuple[LinkSolid, ...]
+    parts: tuple[Part, ...]
     base: Standing
     notes: tuple[str, ...] = field(default=())
 
@@ -89,13 +90,13 @@ def body_of(file: UrdfFile, placed: Iterable[Placed], chain: Chain, height: floa
             name = link.name if len(shapes) == 1 else f"{link.name} {k + 1}"
             part = _part(link.owner, name, shape, _moved(surface, T), T)
             (fixed if link.owner == BASE else parts).append(part)
-    solids = [*covered(parts), *(_stand_in(chain, owner) for owner in sorted(stand_ins - {BASE}))]
-    if not solids:
+    pieces = [*covered(parts), *(_round(_stand_in(chain, owner)) for owner in sorted(stand_ins - {BASE}))]
+    if not pieces:
         notes.append(
             f"no arm link has a collision element: capsules of radius {LINK_RADIUS:g} m stand for them"
         )
-        solids += capsules_along(chain, LINK_RADIUS)
-    ordered = sorted(solids, key=lambda solid: solid.link)
+        pieces += [_round(capsule) for capsule in capsules_along(chain, LINK_RADIUS)]
+    ordered = sorted(pieces, key=lambda part: part.link)
     return Body(tuple(ordered), standing(fixed, height), tuple(notes))
 
 
@@ -108,13 +109,19 @@ def _missing(shape: Shape, why: str, owner: int, chain: Chain) -> str:
     return f"{shape.place}: mesh {shape.file}: {why}; {stands}"
 
 
-def _stand_in(chain: Chain, owner: int) -> LinkSolid:
+def _stand_in(chain: Chain, owner: int) -> LinkCapsule:
     """A capsule from a joint to the next one, or to the tool."""
     name = f"{chain.names[owner]} stand-in"
     T_next = chain.joints[owner + 1].T_parent_joint if owner + 1 < chain.dof else chain.T_last_tool
     if np.linalg.norm(T_next[:3, 3]) < LINK_RADIUS:
         return sphere_capsule(owner, name, np.zeros(3), 2 * LINK_RADIUS)
     return LinkCapsule(owner, name, np.zeros(3), T_next[:3, 3], LINK_RADIUS)
+
+
+def _round(capsule: LinkCapsule) -> Part:
+    """A capsule as a part."""
+    around = np.concatenate([end + capsule.radius * _SIGNS for end in (capsule.start, capsule.end)])
+    return Part(capsule.link, capsule.name, around, np.empty((0, 3, 3)), capsule)
 
 
 def _part(owner: int, name: str, shape: Shape, surface: Array, T: Array) -> Part:

@@ -1,0 +1,80 @@
+"""Solids that touch where what they stand for does not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from regionik.worlds.bundled import robot_named
+from regionik.worlds.chain import Chain, Joint, translation
+from regionik.worlds.errors import InputError
+from regionik.worlds.format import load_world, world_from_document, world_to_document
+from regionik.worlds.loose import loose_pairs
+from regionik.worlds.robot import LinkBox, Robot
+from regionik.worlds.selfpairs import self_pairs
+
+THIN, WIDE = 0.04, 0.5  # [m]
+
+
+def arm(width: float, limit: float = np.pi, gap: float = 0.3) -> Robot:
+    """Three level hinges with a box of some width and height on each link."""
+    joints = tuple(
+        Joint(f"j{k}", "revolute", -limit, limit, translation(x, 0, 0), np.array([0, 1.0, 0]))
+        for k, x in enumerate((0.0, 0.3, gap))
+    )
+    boxes = tuple(
+        LinkBox(k, f"box {k}", translation(0.15, 0, 0), np.array([0.3, 0.1, width])) for k in range(3)
+    )
+    chain = Chain(joints, translation(0.3, 0, 0))
+    return Robot("arm", "omni", np.zeros((1, 2)), np.zeros(4), chain, boxes, 0.2, np.zeros(3))
+
+
+def bodies(robot: Robot) -> list[np.ndarray]:
+    return [solid.corners for solid in robot.all_solids]
+
+
+def test_boxes_that_are_the_bodies_are_asked() -> None:
+    robot = arm(THIN)
+    assert self_pairs(robot) == ((0, 2),)
+    assert loose_pairs(robot, bodies(robot)) == ([], [])
+
+
+def test_wide_boxes_round_bodies_that_stay_apart_are_not_asked() -> None:
+    robot, real = arm(WIDE, limit=1.2), arm(THIN, limit=1.2)
+    pairs, notes = loose_pairs(robot, bodies(real))
+    assert pairs == [("box 0", "box 2")]
+    assert notes == []
+    assert self_pairs(replace(robot, unchecked=tuple(pairs))) == ()
+
+
+def test_wide_boxes_round_bodies_that_may_touch_are_asked() -> None:
+    robot = arm(WIDE, gap=0.5)
+    pairs, notes = loose_pairs(robot, bodies(arm(THIN, gap=0.5)))
+    assert (pairs, notes) == ([], [])
+
+
+def test_where_next_to_nothing_is_left_it_is_said() -> None:
+    pairs, notes = loose_pairs(arm(3.0, limit=2.2), bodies(arm(0.2, limit=2.2)))
+    assert pairs == [("box 0", "box 2")]
+    (note,) = notes
+    assert note.startswith(
+        "what stands for box 0 and box 2 touches in 96% of postures, they themselves in up"
+    )
+
+
+def test_a_file_names_pairs() -> None:
+    youbot = robot_named("youbot")
+    names = [solid.name for solid in youbot.solids]
+    robot = replace(youbot, unchecked=((names[2], names[0]),))
+    document = world_to_document(replace(load_world("slab"), robot=robot))
+    read = world_from_document(document)
+    assert read.robot.unchecked == ((names[2], names[0]),)
+    assert self_pairs(read.robot) == ((0, 3), (1, 3))
+    assert world_to_document(read) == document
+    document["robot"]["unchecked"] = [[names[0], "elbow"]]
+    with pytest.raises(
+        InputError, match=r"robot.unchecked\[0\]: expected names of solids \(link 1.*got 'elbow'"
+    ):
+        world_from_document(document)
