@@ -1,5 +1,5 @@
 # make demo    plan a bundled world, verify the plan, write a page to look at
-# make test    the whole test suite
+# make test    the whole test suite, with the same random cases each time; pytest alone draws new ones
 # make lint    style, types, import order
 # make bench   areas, base motion, clear postures and real robots, measured and checked in the same run
 # make clean   remove what the others made
@@ -20,7 +20,7 @@ demo: .venv/installed
 	@echo "Look at it: file://$(CURDIR)/l_shape.html"
 
 test: .venv/installed-test
-	$(BIN)/python -m pytest -q -n 2 --dist loadfile
+	$(BIN)/python -m pytest -q -n 2 --dist loadfile --hypothesis-seed=0
 
 lint: .venv/installed-lint
 	$(BIN)/ruff check .
