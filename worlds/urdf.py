@@ -47,8 +47,8 @@ def load_robot(
     What is fixed to the root, wheels included, gives the footprint and the body height where they are not
     both given; what stands higher, such as a mast on a low base, becomes solids of its own. Where to cut is
     chosen so that all of it takes least room, or is ``body_height``. Two bounds that touch in many postures,
-    while the hulls inside them are not seen to touch in any of 2000, need not keep apart. Speed limits of 0 and limits of a
-    million and beyond count as none; soft limits, inertias and visual elements are not read.
+    while the hulls inside them are not seen to touch in any of 2000, need not keep apart. Speed limits of 0
+    and limits of a million and beyond count as none; soft limits, inertias and visual elements are not read.
 
     Parameters
     ----------
