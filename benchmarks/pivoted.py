@@ -1,4 +1,4 @@
-"""Random arms on a vertical pivot, targets for them, and a search that knows nothing of reach."""
+"""Random arms, most on a vertical pivot, targets for them, and a search that knows nothing of reach."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from regionik.planners.serial import serial_arm
 from regionik.regions import Area, PathAreas, admissible_area, path_areas
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, Joint, rot_x, rot_y, rot_z, translation
-from regionik.worlds.pivot import pivot_of, span_of
+from regionik.worlds.pivot import pivot_of, pivoted, span_of
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Rules, Target, World
 
-KINDS = ("general", "lifted", "planar", "directed", "planar, lifted")
+KINDS = ("general", "lifted", "planar", "directed", "planar, lifted", "tilted")
 TOLERANCE = 1e-3  # of solvers [m]
 EXACT, ANGLE = 1e-6, 1e-4  # of the search [m], [rad]
 STEPS = 60  # of damped least squares from one start
@@ -61,10 +61,13 @@ def case(number: int) -> Case:
 
 
 def _chain(kind: str, dof: int, rng: np.random.Generator) -> Chain:
-    joints = [Joint("pivot", "revolute", *_limits(rng), translation(0, 0, rng.uniform(0, 0.3)))]
+    T = translation(0, 0, rng.uniform(0, 0.3))
+    if kind == "tilted":
+        T = T @ rot_x(rng.uniform(0.1, np.pi)) @ translation(rng.uniform(0, 0.1), 0, 0)
+    joints = [Joint("pivot", "revolute", *_limits(rng), T)]
     if "lifted" in kind:
         joints.insert(0, Joint("lift", "prismatic", 0.0, rng.uniform(0.1, 0.5), np.eye(4)))
-    if kind in ("general", "lifted"):
+    if kind in ("general", "lifted", "tilted"):
         for k in range(len(joints), dof):
             slides = rng.random() < 0.1
             limits = (0.0, rng.uniform(0.05, 0.3)) if slides else _limits(rng)
@@ -116,7 +119,7 @@ def solved(one: Case, areas: PathAreas, row: int, spot: Array) -> bool:
 
 def searched(one: Case, spot: Array, starts: int, rng: np.random.Generator) -> float:
     """Least distance that damped least squares from random postures leaves between tool and target [m]."""
-    chain, mount = one.world.robot.chain, one.world.robot.mount
+    chain, mount = pivoted(one.world.robot.chain), one.world.robot.mount
     pivot = pivot_of(chain)
     joints = [
         replace(j, lower=-np.inf, upper=np.inf) if k == pivot else j for k, j in enumerate(chain.joints)

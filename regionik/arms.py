@@ -49,7 +49,7 @@ class Arm(Protocol):
         """Postures on target of many kinds, the base held."""
 
 
-def arm_solver(chain: Chain, height: float, family: Family, tolerance: float) -> Arm:
+def arm_solver(chain: Chain, height: float, family: Family, tolerance: float, *, turns: bool = True) -> Arm:
     """The solver that suits a chain.
 
     Parameters
@@ -61,10 +61,12 @@ def arm_solver(chain: Chain, height: float, family: Family, tolerance: float) ->
         Kind of posture; arms that do not work in one plane have only one.
     tolerance : float
         [m]
+    turns : bool
+        Whether the base turns for the arm.
     """
     if is_planar(chain):
         return PlaneSolver(planar_arm(chain), height, family, tolerance)
-    return serial_solver(chain, height, tolerance)
+    return serial_solver(chain, height, tolerance, turns=turns)
 
 
 @dataclass(frozen=True, eq=False)

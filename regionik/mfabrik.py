@@ -24,7 +24,7 @@ from regionik.serialarm import Reached, serial_solver
 from regionik.standing import Standing, away, into_span
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.errors import InputError
-from regionik.worlds.pivot import pivot_of
+from regionik.worlds.pivot import behind, pivot_of, pivoted
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Heading, Target, World
 
@@ -73,7 +73,8 @@ class Solver:
             raise InputError(f"solver: tolerance must be above 0, got {self.tolerance}")
         if self.heading not in HEADINGS:
             raise InputError(f"solver: heading must be one of {', '.join(HEADINGS)}, got {self.heading}")
-        arm = arm_solver(self.robot.chain, float(self.robot.mount[2]), self.family, self.tolerance)
+        chain, height, turns = self.robot.chain, float(self.robot.mount[2]), not self._bound
+        arm = arm_solver(chain, height, self.family, self.tolerance, turns=turns)
         object.__setattr__(self, "_arm", arm)
         flat = NOWHERE if self.area is None else FlatPolygon.from_shapely(self.area)
         object.__setattr__(self, "_flat", flat)
@@ -107,7 +108,7 @@ class Solver:
         """With the arm axis held, the posture on target that changes least, if there is one."""
         asked = _asked(target)
         axis, yaw = axis_of(self.robot, base), self._yaw(base)
-        reached = self._arm_for(asked).least_change(asked, axis, yaw, joints)
+        reached = self._arm_for(asked).least_change(asked, axis, yaw, self._behind(joints))
         found = None if reached is None else self._headed(reached, base, joints)
         return found if found is not None and found.converged else None
 
@@ -116,7 +117,8 @@ class Solver:
     ) -> list[Configuration]:
         """With the arm axis held, postures on target of many kinds, the least changed first."""
         axis, asked = axis_of(self.robot, base), _asked(target)
-        reached = self._arm_for(asked).self_motion(asked, axis, self._yaw(base), joints, tries)
+        q = self._behind(joints)
+        reached = self._arm_for(asked).self_motion(asked, axis, self._yaw(base), q, tries)
         found = [self._headed(one, base, joints) for one in reached]
         found.sort(key=lambda one: float(np.abs(one.joints - joints).max()))
         return [one for one in found if one.converged]
@@ -137,31 +139,41 @@ class Solver:
         here = frozen(bases, (len(points), 3), "bases")
         now = frozen(joints, (len(points), self.robot.chain.dof), "joints")
         axes, yaws = axis_of(self.robot, here), here[:, 2] + self.robot.mount[3]
-        reached = self._arm.reach_many(points, axes, yaws, now, self._flat)
+        reached = self._arm.reach_many(points, axes, yaws, self._behind(now), self._flat)
         rows = [self._headed(*row) for row in zip(reached, here, now, strict=True)]
         return _batch(rows, self.robot.chain.dof)
 
     def _solve(self, target: Target, base: Array, joints: Array, *, mobile: bool) -> Configuration:
         axis = axis_of(self.robot, base)
         arm = self._arm_for(target)
-        return self._headed(
-            arm.reach(target, axis, self._yaw(base), joints, self._flat, mobile), base, joints
-        )
+        q = self._behind(joints)
+        return self._headed(arm.reach(target, axis, self._yaw(base), q, self._flat, mobile), base, joints)
 
     def _arm_for(self, target: Target) -> Arm:
         """The arm in its plane, or as rigid bodies where the tool must point across it."""
         if target.direction is None or in_plane(self.robot.chain, target):
             return self._arm
-        return serial_solver(self.robot.chain, float(self.robot.mount[2]), self.tolerance)
+        height = float(self.robot.mount[2])
+        return serial_solver(self.robot.chain, height, self.tolerance, turns=not self._bound)
 
     def _yaw(self, base: Array) -> float:
         """Heading of the arm's base frame."""
-        return float(base[2] + self.robot.mount[3])
+        yaw = self.span[0] if self._bound else base[2]
+        return float(yaw + self.robot.mount[3])
+
+    @property
+    def _bound(self) -> bool:
+        """Whether the base must keep one heading."""
+        return self.heading != "fixed" and self.span[0] == self.span[1]
+
+    def _behind(self, joints: Array) -> Array:
+        return behind(self.robot.chain, joints)
 
     def _headed(self, reached: Reached, base: Array, joints: Array) -> Configuration:
         """SetBaseOrientation of Algorithm 1: the pivot's turn shared between joint and base."""
-        k = pivot_of(self.robot.chain)
-        pivot = self.robot.chain.joints[k]
+        chain, joints = pivoted(self.robot.chain), self._behind(joints)
+        k = pivot_of(chain)
+        pivot = chain.joints[k]
         q, yaw = np.array(reached.joints), float(base[2])
         span = (yaw, yaw) if self.heading == "fixed" else self.span
         plane = yaw + float(q[k])
@@ -182,7 +194,9 @@ class Solver:
             fits = away(yaw, span) <= ROUNDING
         pose = pose_of(self.robot, reached.axis, float(yaw))
         good = bool(reached.error <= self.tolerance and reached.angle <= ANGLE_SLACK and fits)
-        return Configuration(pose, q, reached.error, reached.iterations, good)
+        return Configuration(
+            pose, q[chain.dof - self.robot.chain.dof :], reached.error, reached.iterations, good
+        )
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,7 +22,7 @@ from regionik.standing import Standing, anywhere, by_heading, turns_matter
 from regionik.verify import verify
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError, NoPlanFound
-from regionik.worlds.pivot import span_of
+from regionik.worlds.pivot import pivoted, span_of
 from regionik.worlds.scene import World
 
 Progress = Callable[[str, int, int], None]
@@ -102,7 +102,7 @@ def check(world: World) -> None:
 
 def _check_areas(world: World) -> None:
     """Refuse what areas and M-FABRIK cannot be asked about."""
-    chain = world.robot.chain
+    chain = pivoted(world.robot.chain)
     span_of(chain)
     planar = all(in_plane(chain, target) for target in world.task)
     if not planar and world.rules.heading == "fixed" and np.isfinite(chain.upper[0] - chain.lower[0]):

@@ -17,6 +17,7 @@ from regionik.planners.posereach import pose_reach
 from regionik.planners.rings import FREE, reach_intervals
 from regionik.planners.rolls import out_of_roll, swings
 from regionik.worlds.arrays import Array
+from regionik.worlds.pivot import pivoted
 from regionik.worlds.planar import PlanarArm, planar_arm
 from regionik.worlds.scene import Target, World
 
@@ -181,7 +182,7 @@ def _posed_rows(
     world: World, targets: Sequence[Target]
 ) -> tuple[NDArray[np.intp], tuple[Family, ...], Geometries]:
     """Reach of an arm that does not work in one plane, its tool turned as asked: looked for pose by pose."""
-    chain, height = world.robot.chain, float(world.robot.mount[2])
+    chain, height = pivoted(world.robot.chain), float(world.robot.mount[2])
     shapes = [pose_reach(chain, height, aim_of(target)).area for target in targets]
     shapes = [shape.buffer(-world.rules.reach_margin, join_style="mitre") for shape in shapes]
     real = [i for i, shape in enumerate(shapes) if not shape.is_empty]
@@ -194,7 +195,7 @@ def _whole_rings(
     world: World, targets: Sequence[Target], *, inner: bool
 ) -> tuple[NDArray[np.intp], tuple[Family, ...], Geometries]:
     """Reach of an arm that does not work in one plane: rings proven to be in reach, or all that may be."""
-    chain, height, family = world.robot.chain, float(world.robot.mount[2]), Family(FRONT)
+    chain, height, family = pivoted(world.robot.chain), float(world.robot.mount[2]), Family(FRONT)
     table: list[tuple[int, Family, float, float]] = []
     for i, target in enumerate(targets):
         rise = float(target.position[2]) - height

@@ -18,7 +18,7 @@ from regionik.planners.posereach import ANGLE_SHARE, pose_reach
 from regionik.planners.reaching import Effort, solve
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
-from regionik.worlds.pivot import pivot_of, span_of
+from regionik.worlds.pivot import pivot_of, pivoted, span_of
 from regionik.worlds.scene import Target
 
 MOST_PASSES = 100
@@ -46,9 +46,9 @@ class SerialSolver:
     Attributes
     ----------
     chain, endless : Chain
-        As it is, and with a pivot that turns without end.
+        As it is `pivoted`, and with a pivot that turns without end, where the base turns.
     pointing, posing : Bodies
-        For positions, and for more; the pivot turns without end.
+        Of the latter, for positions, and for more.
     starts : (r, dof) array
         Postures to start again from.
     effort : Effort
@@ -223,11 +223,16 @@ class Quest:
 
 
 @lru_cache(maxsize=64)
-def serial_solver(chain: Chain, height: float, tolerance: float) -> SerialSolver:
-    """Kept for the last few, as every set-point asks for it."""
+def serial_solver(chain: Chain, height: float, tolerance: float, *, turns: bool = True) -> SerialSolver:
+    """Kept for the last few, as every set-point asks for it.
+
+    The pivot has no limits where the base ``turns``, and its own where that keeps its heading.
+    """
     span_of(chain)
+    chain = pivoted(chain)
     joints, pivot = list(chain.joints), pivot_of(chain)
-    joints[pivot] = replace(joints[pivot], lower=-np.inf, upper=np.inf)
+    if turns:
+        joints[pivot] = replace(joints[pivot], lower=-np.inf, upper=np.inf)
     endless = Chain(tuple(joints), chain.T_last_tool)
     pointing, posing = pointing_bodies(endless), posing_bodies(endless)
     effort = Effort(tolerance, 1.0, MOST_PASSES, span(pointing.arm), True)

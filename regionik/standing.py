@@ -23,7 +23,7 @@ from regionik.ground import EVERY, GUARD, Geometries, Side, disjoint, ground_of
 from regionik.planners.footprint import slab_areas, slab_rejections, slabs_along
 from regionik.planners.room import Room, room_of
 from regionik.worlds.arrays import Array
-from regionik.worlds.pivot import is_planar, pivot_of
+from regionik.worlds.pivot import is_planar, pivot_of, pivoted
 from regionik.worlds.scene import World
 
 SLABS = 24  # of equal width in a full turn
@@ -150,9 +150,10 @@ def turns_matter(world: World) -> bool:
 
     With a bounded first joint it decides on the reach too, which is known for arms in one plane only.
     """
-    pivot = world.robot.chain.joints[pivot_of(world.robot.chain)]
+    chain = pivoted(world.robot.chain)
+    pivot = chain.joints[pivot_of(chain)]
     endless = pivot.upper - pivot.lower >= 2 * np.pi
-    planar = is_planar(world.robot.chain) and all(in_plane(world.robot.chain, one) for one in world.task)
+    planar = is_planar(chain) and all(in_plane(chain, one) for one in world.task)
     return world.rules.heading != "fixed" and not _round(world) and (endless or planar)
 
 

@@ -25,7 +25,7 @@ from regionik.pruning import Ladder
 from regionik.reachable import Family
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import RegionikError
-from regionik.worlds.pivot import pivot_of
+from regionik.worlds.pivot import pivot_of, pivoted
 from regionik.worlds.scene import Target, World
 
 TOOL_STRIDE = 0.05  # longest way of base or tool between two states on the path [m]
@@ -181,7 +181,8 @@ def _solve(solver: Solver, leg: Leg, share: float, near: Pose) -> Pose | None:
     base, bound = leg.track.base(solver.robot, share, near.base[2])
     span = (float(base[2]), float(base[2])) if bound else solver.span
     here = replace(solver, family=replace(solver.family, pitch=pitch), span=span)
-    others = np.arange(len(wished)) != pivot_of(solver.robot.chain)
+    chain = pivoted(solver.robot.chain)
+    others = (np.arange(chain.dof) != pivot_of(chain))[-len(wished) :]
     wished = np.where(others, wished, near.joints)  # the heading decides on the pivot
     found: Configuration | None = here.hold(tool, base, wished)
     if found is None or not found.converged or np.abs(found.joints - wished)[others].max() > LARGEST_BEND / 2:

@@ -14,7 +14,7 @@ from regionik.planners.drive import NoPathError
 from regionik.planners.touching import Touch
 from regionik.poses import Pose
 from regionik.wholebody import WholeBody
-from regionik.worlds.pivot import pivot_of
+from regionik.worlds.pivot import pivot_of, pivoted
 from regionik.worlds.scene import World
 
 WITHDRAWALS = (0.0, 0.1, 0.2, 0.4, 0.6)  # how far the base draws back before the arm folds [m]
@@ -122,6 +122,7 @@ class Carrier:
     def _lifted(self, at: Pose) -> Pose:
         """Carry posture with the pivot left where it is, so that the arm folds in its own plane."""
         q = np.array(self.world.robot.carry)
-        pivot = pivot_of(self.world.robot.chain)
-        q[pivot] = at.joints[pivot]
+        chain = self.world.robot.chain
+        if pivoted(chain) is chain:
+            q[pivot_of(chain)] = at.joints[pivot_of(chain)]
         return Pose(at.base, q)

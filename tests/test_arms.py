@@ -14,8 +14,7 @@ from regionik.reachable import FRONT, Family
 from regionik.serialarm import SerialSolver
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import without_limits
-from regionik.worlds.chain import Chain, Joint, rot_x, translation
-from regionik.worlds.errors import InputError
+from regionik.worlds.chain import Chain, Joint, translation
 from regionik.worlds.library import robot_named
 from regionik.worlds.pivot import is_planar, span_of
 from regionik.worlds.robot import Robot
@@ -199,13 +198,3 @@ def test_the_tool_never_leaves_its_span(name: str) -> None:
     # The ball turns about the pivot: nearest at one of its two places in the plane of tool and pivot.
     gaps = [np.hypot(away - side * span.radius, tools[:, 2] - span.height) for side in (1, -1)]
     assert (np.minimum(*gaps) <= span.length + 1e-9).all()
-
-
-def test_an_arm_that_does_not_turn_about_the_vertical_is_refused() -> None:
-    robot = robot_named("hinge5")
-    first = robot.chain.joints[0]
-    tilted = Joint(first.name, "revolute", first.lower, first.upper, first.T_parent_joint @ rot_x(0.1))
-    with pytest.raises(InputError, match="first axis must be the vertical"):
-        arm_solver(
-            Chain((tilted, *robot.chain.joints[1:]), robot.chain.T_last_tool), 0.0, Family(FRONT), 1e-3
-        )

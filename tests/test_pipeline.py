@@ -9,7 +9,7 @@ from regionik.pipeline import plan
 from regionik.plan import Plan
 from regionik.plandocument import plan_to_text
 from regionik.verify import verify
-from regionik.worlds.chain import rot_x
+from regionik.worlds.chain import Joint
 from regionik.worlds.errors import InputError, NoPlanFound
 from regionik.worlds.format import load_world
 from regionik.worlds.obstacles import Box
@@ -166,9 +166,9 @@ def test_what_cannot_be_planned_yet_is_refused() -> None:
     with pytest.raises(InputError, match="at least one set-point"):
         plan(changed(world, task=()))
     chain = world.robot.chain
-    tilted = replace(chain.joints[0], T_parent_joint=rot_x(0.1))
-    robot = replace(world.robot, chain=replace(chain, joints=(tilted, *chain.joints[1:])))
-    with pytest.raises(InputError, match="first axis must be the vertical"):
+    endless = Joint("slide", "prismatic", -np.inf, np.inf, chain.joints[0].T_parent_joint)
+    robot = replace(world.robot, chain=replace(chain, joints=(endless, *chain.joints[1:])))
+    with pytest.raises(InputError, match="a sliding joint needs limits"):
         plan(changed(world, robot=robot))
 
 

@@ -1,4 +1,4 @@
-"""Arms on a vertical pivot, with lifts below it: told apart, and planned for."""
+"""Arms on a vertical pivot, with lifts below it, and others: told apart, and planned for."""
 
 from __future__ import annotations
 
@@ -6,13 +6,17 @@ import numpy as np
 import pytest
 import shapely
 
+from regionik.mfabrik import axis_of
 from regionik.pipeline import plan
+from regionik.reach import reach
+from regionik.regions import admissible_area
 from regionik.verify import verify
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, Joint, rot_x, translation
 from regionik.worlds.errors import InputError
 from regionik.worlds.library import robot_named
-from regionik.worlds.pivot import is_planar, pivot_of, span_of
+from regionik.worlds.pivot import behind, is_planar, pivot_of, pivoted, span_of
+from regionik.worlds.robot import BaseKind, Robot
 from regionik.worlds.scene import Floor, Heading, Rules, Start, Target, World
 from tests.bodies import on_lift, with_lift
 
@@ -33,24 +37,73 @@ def test_the_pivot_is_the_first_joint_that_is_not_a_lift() -> None:
     assert not is_planar(on_lift(robot_named("youbot")).chain)
 
 
-@pytest.mark.parametrize(
-    "first",
-    [
-        Joint("cart", "prismatic", 0.0, 1.0, np.eye(4), np.array([1.0, 0.0, 0.0])),
-        Joint("ramp", "prismatic", 0.0, 1.0, rot_x(0.1)),
-        Joint("tilted", "revolute", -1.0, 1.0, rot_x(0.1)),
-        Joint("upside down", "revolute", -1.0, 1.0, rot_x(np.pi)),
-        Joint("beside", "revolute", -1.0, 1.0, translation(0.1, 0, 0)),
-    ],
+OTHERS = (
+    Joint("cart", "prismatic", 0.0, 0.4, np.eye(4), np.array([1.0, 0.0, 0.0])),
+    Joint("ramp", "prismatic", 0.0, 0.4, rot_x(0.1)),
+    Joint("tilted", "revolute", -1.0, 1.0, rot_x(0.4)),
+    Joint("upside down", "revolute", -2.5, 2.5, rot_x(np.pi)),
+    Joint("beside", "revolute", -1.0, 1.0, translation(0.1, 0, 0)),
 )
-def test_other_arms_are_refused(first: Joint) -> None:
+NAMES = [joint.name for joint in OTHERS]
+
+
+@pytest.mark.parametrize("first", OTHERS, ids=NAMES)
+def test_other_arms_are_behind_a_pivot_that_stands_still(first: Joint) -> None:
     for joints in ((first, HINGE), (LIFT, first, HINGE)):
-        with pytest.raises(InputError, match="first axis must be the vertical"):
-            span_of(chain_of(*joints))
+        chain = chain_of(*joints)
+        with pytest.raises(InputError, match="expected a first axis that is the vertical"):
+            pivot_of(chain)
+        whole = pivoted(chain)
+        assert pivot_of(whole) == 0
+        assert (whole.joints[0].lower, whole.joints[0].upper) == (0.0, 0.0)
+        q = np.full(chain.dof, 0.3)
+        assert whole.forward(behind(chain, q)).tolist() == chain.forward(q).tolist()
+        assert pivoted(whole) is whole
+        assert behind(whole, np.ones((3, whole.dof))).tolist() == np.ones((3, whole.dof)).tolist()
+
+
+def standing_on(first: Joint, base: BaseKind) -> Robot:
+    """Three joints behind another, so that the tool has all ways to go."""
+    hinge = Joint("upper", "revolute", -2.5, 2.5, translation(0, 0, 0.2) @ rot_x(np.pi / 2))
+    elbow = Joint("fore", "revolute", -2.5, 2.5, translation(0.4, 0, 0) @ rot_x(0.2))
+    wrist = Joint("hand", "revolute", -2.5, 2.5, translation(0.4, 0, 0) @ rot_x(np.pi / 2))
+    chain = Chain((first, hinge, elbow, wrist), translation(0.1, 0.05, 0.1))
+    corners = np.array([[0.3, 0.2], [-0.3, 0.2], [-0.3, -0.2], [0.3, -0.2]])
+    mount = np.array([0.1, 0.0, 0.5, 0.3])
+    return Robot("other", base, corners, mount, chain, (), 0.4, np.zeros(4), 0.6 if base == "car" else 0.0)
+
+
+@pytest.mark.parametrize("base", ["omni", "differential", "car"])
+@pytest.mark.parametrize("first", OTHERS, ids=NAMES)
+def test_other_arms_are_planned_for(first: Joint, base: BaseKind) -> None:
+    robot = standing_on(first, base)
+    height = float(robot.tool(np.zeros(3), np.array([0.1, 0.5, 0.5, 0.2]))[2, 3])
+    task = tuple(Target(np.array([x, 0.0, height])) for x in np.linspace(0, 1, 6))
+    start = Start(np.array([-0.5, -1.0, 0.0]), robot.carry)
+    floor = Floor(shapely.box(-2, -2, 3, 2))
+    found = plan(World("other", robot, floor, (), task, Rules(clearance=0.05), start))
+    assert verify(found).ok
+    assert found.motion.joints.shape[1] == 4
+    tools = robot.tool(found.motion.base, found.motion.joints)[found.motion.kind == "setpoint"]
+    assert np.linalg.norm(tools[:, :3, 3] - [t.position for t in task], axis=1).max() <= 1e-3
+
+
+@pytest.mark.parametrize("first", OTHERS, ids=NAMES)
+def test_reach_of_other_arms_is_asked_for(first: Joint) -> None:
+    """What random postures and headings reach is in the outer area; the inner one is solved where asked."""
+    robot, rng = standing_on(first, "omni"), np.random.default_rng(3)
+    low, high = robot.chain.lower, robot.chain.upper
+    for q, yaw in zip(rng.uniform(low, high, (12, 4)), rng.uniform(-3, 3, 12), strict=True):
+        tool = robot.tool(np.array([0.0, 0.0, yaw]), q)[:3, 3]
+        world = World("other", robot, Floor(shapely.box(-3, -3, 3, 3)), (), (), Rules(clearance=0.0))
+        area = admissible_area(world, tool)
+        assert area.outer.distance(shapely.Point(axis_of(robot, np.array([0.0, 0.0, yaw])))) < 1e-6
+        answer = reach(world, tool[None])
+        assert answer.verdict[0] == ("reachable" if area.inner.area > 0 else "undecided")
 
 
 def test_lifts_alone_are_refused() -> None:
-    with pytest.raises(InputError, match="first axis must be the vertical"):
+    with pytest.raises(InputError, match="expected a first axis that is the vertical"):
         pivot_of(chain_of(LIFT))
 
 

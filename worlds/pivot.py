@@ -1,4 +1,8 @@
-"""Arms on a vertical pivot, on vertical lifts below it or not: what can be said of all of them."""
+"""Arms on a vertical pivot, on vertical lifts below it or not: what can be said of all of them.
+
+An arm without one turns as its base turns: `pivoted` puts a pivot that stands still before it, and whoever
+places the base gives that pivot's turn to the base.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +11,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from regionik.worlds.chain import Chain
+from regionik.worlds.arrays import Array
+from regionik.worlds.chain import Chain, Joint
 from regionik.worlds.errors import InputError
 from regionik.worlds.planar import planar_arm
 
@@ -42,13 +47,33 @@ def is_planar(chain: Chain) -> bool:
 
 
 @lru_cache(maxsize=64)
+def pivoted(chain: Chain) -> Chain:
+    """The chain where it has a vertical pivot, else the chain behind one that stands still.
+
+    That one is the vertical through the arm's base frame; joint values get a zero before them, `behind`.
+    """
+    try:
+        pivot_of(chain)
+    except InputError:
+        still = Joint("(base)", "revolute", 0.0, 0.0, np.eye(4), np.array([0.0, 0.0, 1.0]))
+        return Chain((still, *chain.joints), chain.T_last_tool)
+    return chain
+
+
+def behind(chain: Chain, joints: Array) -> Array:
+    """Joint values (..., dof) of a chain as those of `pivoted`."""
+    more = pivoted(chain).dof - chain.dof
+    return np.concatenate([np.zeros((*joints.shape[:-1], more)), joints], axis=-1)
+
+
+@lru_cache(maxsize=64)
 def pivot_of(chain: Chain) -> int:
     """Which joint is the vertical pivot: the first one, or the first after joints that lift it.
 
     Raises
     ------
     InputError
-        When what comes first is anything else.
+        When what comes first is anything else, as never in a chain that is `pivoted`.
 
     Examples
     --------
@@ -63,20 +88,21 @@ def pivot_of(chain: Chain) -> int:
         if joint.kind == "revolute" or abs(upward) < 1 - _ALIGNED:
             break
     raise InputError(
-        "robot: this arm cannot be planned for yet: its first axis must be the vertical through its base "
-        "frame, pointing up; only sliding joints that lift it may come before"
+        "robot: expected a first axis that is the vertical through the arm's base frame, pointing up; only "
+        "sliding joints that lift it may come before"
     )
 
 
 @lru_cache(maxsize=64)
 def span_of(chain: Chain) -> Span:
-    """Bound of the reach of an arm on a vertical pivot.
+    """Bound of the reach of an arm, turned about the pivot that it has or is `pivoted` by.
 
     Raises
     ------
     InputError
-        When the arm has no such pivot, or a sliding joint has no end.
+        When a sliding joint has no end.
     """
+    chain = pivoted(chain)
     pivot = pivot_of(chain)
     endless = [
         j.name for j in chain.joints if j.kind == "prismatic" and not np.isfinite([j.lower, j.upper]).all()
