@@ -22,11 +22,14 @@ if TYPE_CHECKING:
     from regionik.planfile import load_plan
     from regionik.reach import reach
     from regionik.regions import admissible_area
+    from regionik.retime import retime
+    from regionik.trajectory import trajectory
     from regionik.verify import verify
     from regionik.view import show, to_html
     from regionik.worlds.errors import InputError, NoPlanFound, RegionikError
     from regionik.worlds.library import load_robot, load_world
     from regionik.worlds.scene import World
+    from regionik.worlds.speeds import Speeds
 
 __version__ = "0.1.0"
 
@@ -36,6 +39,7 @@ __all__ = [
     "Plan",
     "RegionikError",
     "Solver",
+    "Speeds",
     "World",
     "admissible_area",
     "load_plan",
@@ -43,8 +47,10 @@ __all__ = [
     "load_world",
     "plan",
     "reach",
+    "retime",
     "show",
     "to_html",
+    "trajectory",
     "verify",
 ]
 
@@ -54,6 +60,7 @@ _HOME = {
     "Plan": "regionik.plan",
     "RegionikError": "regionik.worlds.errors",
     "Solver": "regionik.mfabrik",
+    "Speeds": "regionik.worlds.speeds",
     "World": "regionik.worlds.scene",
     "admissible_area": "regionik.regions",
     "load_plan": "regionik.planfile",
@@ -61,8 +68,10 @@ _HOME = {
     "load_world": "regionik.worlds.library",
     "plan": "regionik.pipeline",
     "reach": "regionik.reach",
+    "retime": "regionik.retime",
     "show": "regionik.view",
     "to_html": "regionik.view",
+    "trajectory": "regionik.trajectory",
     "verify": "regionik.verify",
 }
 

@@ -18,12 +18,14 @@ from regionik.poses import figures, lift_offs
 from regionik.pruning import Ladder, Pruned, build_ladder, choose_chain, prune
 from regionik.reachable import BACK, FRONT
 from regionik.regions import PathAreas, path_areas
+from regionik.retime import retime
 from regionik.standing import Standing, anywhere, by_heading, turns_matter
 from regionik.verify import verify
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError, NoPlanFound
 from regionik.worlds.pivot import pivoted, span_of
 from regionik.worlds.scene import World
+from regionik.worlds.speeds import has_speeds
 
 Progress = Callable[[str, int, int], None]
 
@@ -42,7 +44,8 @@ def plan(world: World, *, seed: int = 0, progress: Progress | None = None) -> Pl
     Returns
     -------
     Plan
-        Verified before it is returned.
+        Verified before it is returned; timed where the world has speeds or the robot's joints have limits of
+        velocity.
 
     Raises
     ------
@@ -58,6 +61,15 @@ def plan(world: World, *, seed: int = 0, progress: Progress | None = None) -> Pl
     0
     """
     tell = progress or (lambda stage, done, total: None)
+    found = _planned(world, seed, tell)
+    if world.speeds is None and not has_speeds(world.robot):
+        return found
+    tell("timing", 0, 1)
+    return retime(found)
+
+
+def _planned(world: World, seed: int, tell: Progress) -> Plan:
+    """A plan that is verified, not timed."""
     check(world)
     sunk = explain_arm.buried(world)
     if sunk is not None:
@@ -73,7 +85,7 @@ def plan(world: World, *, seed: int = 0, progress: Progress | None = None) -> Pl
     for i, goal in enumerate(goals):
         if not goal.converged and not world.rules.avoidance:
             raise NoPlanFound(explain.no_posture(world, i))
-    course = connect(world, pruned, chain, goals, standing, seed, progress)
+    course = connect(world, pruned, chain, goals, standing, seed, tell)
     tell("verify", 0, 1)
     found = finish(world, seed, areas, pruned, course)
     report = verify(found)

@@ -50,6 +50,11 @@ def travel(kind: BaseKind, base: Array) -> float:
     return float((np.hypot(slide[:, 0], slide[:, 1]) + np.abs(length)).sum())
 
 
+def lengths(kind: BaseKind, base: Array) -> Array:
+    """Way that is rolled over each hop through base poses (n, 3), backwards below 0, (n - 1,) [m]."""
+    return _hop(kind, base[:-1], base[1:])[1]
+
+
 def wheels(base: Array, gauge: float) -> Array:
     """Way of the left and right wheel over each hop through base poses (n, 3), (n - 1, 2) [m].
 

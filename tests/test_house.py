@@ -16,6 +16,7 @@ ENGINES = {
     "ompl": {"planners/sampling.py"},
     "fcl": {"planners/collision.py"},
     "meshcat": {"regionik/view.py"},
+    "toppra": {"planners/timing.py"},
     "typer": {"regionik/cli.py"},
 }
 

@@ -20,6 +20,7 @@ from regionik.worlds.robot import Robot
 from regionik.worlds.robotchecks import check_limits
 from regionik.worlds.rosmap import load_map
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
+from regionik.worlds.speeds import Speeds
 
 _DEEP = 1e-6  # a target this far inside a solid is taken for a mistake [m]
 
@@ -52,7 +53,15 @@ def build_world(document: schema.WorldDocument, where: str, folder: Path) -> Wor
     start = None if document.start is None else _start(document.start, robot, where)
     _check_targets_free(task, pieces, (*obstacles, *floor.cells), where)
     name = document.name or Path(where).name.partition(".")[0] or "world"
-    return World(name, robot, floor, obstacles, task, rules, start, document.about or "")
+    speeds = None if document.speeds is None else _speeds(document.speeds, robot, where)
+    return World(name, robot, floor, obstacles, task, rules, start, document.about or "", speeds)
+
+
+def _speeds(part: schema.SpeedsPart, robot: Robot, where: str) -> Speeds:
+    with at(where, "speeds"):
+        speeds = Speeds(**part.model_dump())
+        speeds.of_joints(robot.chain)
+    return speeds
 
 
 def _floor(part: schema.PolygonFloor | schema.MapFloor, where: str, folder: Path) -> Floor:

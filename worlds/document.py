@@ -16,6 +16,7 @@ from regionik.worlds.chain import Chain, Joint, chain_from_dh
 from regionik.worlds.obstacles import Box, Cylinder, Prism, Solid, Sphere
 from regionik.worlds.robot import LinkCapsule, LinkSolid, Robot, capsules_along
 from regionik.worlds.scene import Floor, Target, World
+from regionik.worlds.speeds import Speeds
 
 Document = dict[str, Any]
 
@@ -32,7 +33,13 @@ def document_of(world: World) -> Document:
         document["start"] = {"base": world.start.base.tolist(), "joints": world.start.joints.tolist()}
     document["task"] = _task(world.task)
     document["rules"] = asdict(world.rules)
+    if world.speeds is not None:
+        document["speeds"] = _speeds(world.speeds)
     return document
+
+
+def _speeds(speeds: Speeds) -> Document:
+    return {key: list(value) if isinstance(value, tuple) else value for key, value in asdict(speeds).items()}
 
 
 # --- robot

@@ -12,6 +12,7 @@ from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.errors import InputError
 from regionik.worlds.obstacles import Prism, Solid
 from regionik.worlds.robot import Robot
+from regionik.worlds.speeds import Speeds
 
 Heading = Literal["free", "face_target", "fixed"]
 Mode = Literal["continuous", "stops"]
@@ -136,6 +137,8 @@ class World:
         Set-points in order.
     rules : Rules
     start : Start or None
+    speeds : Speeds or None
+        What plans are timed by; None leaves them without times, unless the robot has speeds.
     """
 
     name: str
@@ -146,6 +149,7 @@ class World:
     rules: Rules = field(default_factory=Rules)
     start: Start | None = None
     about: str = ""
+    speeds: Speeds | None = None
 
     @property
     def solids(self) -> tuple[Solid, ...]:

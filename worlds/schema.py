@@ -23,6 +23,7 @@ from regionik.worlds.grammar import (
 )
 from regionik.worlds.robotschema import RobotPart
 from regionik.worlds.scene import Heading, Mode, Rules
+from regionik.worlds.speeds import Speeds
 
 # --- solids
 
@@ -239,6 +240,19 @@ class RulesPart(Strict):
     mode: Mode = Rules.mode
 
 
+class SpeedsPart(Strict):
+    """The fields of `regionik.worlds.speeds.Speeds`, checked."""
+
+    joint_velocity: Positive | list[Positive] | None = None
+    joint_acceleration: Positive | list[Positive] | None = None
+    base_velocity: Positive = Speeds.base_velocity
+    base_acceleration: Positive = Speeds.base_acceleration
+    turn_velocity: Positive = Speeds.turn_velocity
+    turn_acceleration: Positive = Speeds.turn_acceleration
+    wheel_velocity: Positive | None = Speeds.wheel_velocity
+    tool_velocity: Positive | None = Speeds.tool_velocity
+
+
 class WorldDocument(Strict):
     """A regionik world file, version 1. Metres, radians; right-handed, z up."""
 
@@ -253,3 +267,4 @@ class WorldDocument(Strict):
     start: StartPart | None = None
     task: Annotated[list[Piece], Field(min_length=1)] = Field(description="set-points")
     rules: RulesPart = RulesPart()
+    speeds: SpeedsPart | None = Field(default=None, description="what plans are timed by")

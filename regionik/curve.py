@@ -1,0 +1,144 @@
+"""The smooth path of a timed motion: through all states, and next to the straight hops between them.
+
+Joints, and an omnidirectional base, follow a piecewise cubic through the states that goes no further than
+these, coordinate by coordinate (Fritsch and Butland). A base on wheels keeps to its arcs and lines. The path
+is parted into runs, at whose ends the robot rests.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import PchipInterpolator
+
+from regionik.rolling import lengths, on_way
+from regionik.worlds.arrays import Array
+from regionik.worlds.robot import BaseKind
+
+SAME = 1e-9  # states that differ by less are one [m], [rad]
+CORNER = np.radians(30)  # sharper ones are stopped at, others are rounded
+CRAWL = 1e-3  # of the joints' way, below which a base on wheels counts as standing
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """A path through states.
+
+    Attributes
+    ----------
+    kind : {"omni", "differential", "car"}
+    base : (n, 3) array
+        x, y [m], yaw [rad], running on.
+    joints : (n, dof) array
+    """
+
+    kind: BaseKind
+    base: Array
+    joints: Array
+
+    @cached_property
+    def _ways(self) -> tuple[Array, Array, Array]:
+        """Over each hop: way rolled [m], angle turned [rad], the most that a joint moves; (n - 1,) each."""
+        turn = np.diff(self.base[:, 2])
+        rolled = np.zeros(len(turn)) if self.kind == "omni" else lengths(self.kind, self.base)
+        return rolled, turn, np.abs(np.diff(self.joints, axis=0)).max(1, initial=0.0)
+
+    @cached_property
+    def _gait(self) -> NDArray[np.int64]:
+        """What a base on wheels does over each hop: 1, -1 rolls, 2, -2 turns on the spot, 0 stands."""
+        rolled, turn, bend = self._ways
+        if self.kind == "omni":
+            return np.zeros(len(turn), dtype=np.int64)
+        slow = CRAWL * bend + SAME
+        turning = np.where(np.abs(turn) > slow, 2 * np.sign(turn), 0.0)
+        return np.where(np.abs(rolled) > slow, np.sign(rolled), turning).astype(np.int64)
+
+    @cached_property
+    def hops(self) -> Array:
+        """How far each hop goes along the path, (n - 1,): as what moves most; on wheels, as they roll."""
+        rolled, turn, bend = (np.abs(way) for way in self._ways)
+        if self.kind == "omni":
+            slid = np.hypot(*np.diff(self.base[:, :2], axis=0).T)
+            far = np.maximum(np.maximum(slid, turn), bend)
+        else:
+            far = np.choose(np.abs(self._gait), [bend, rolled, turn])
+        return np.where(far > SAME, far, 0.0)
+
+    @cached_property
+    def position(self) -> Array:
+        """Path position of each state, (n,), not descending."""
+        return np.concatenate([[0.0], np.cumsum(self.hops)])
+
+    @cached_property
+    def runs(self) -> list[tuple[int, int]]:
+        """First and last state of each run: the robot rests where a state is given twice."""
+        going = np.concatenate([[False], self.hops > 0, [False]]).astype(int)
+        starts, ends = np.flatnonzero(np.diff(going) == 1), np.flatnonzero(np.diff(going) == -1)
+        return list(zip(starts.tolist(), ends.tolist(), strict=True))
+
+    @cached_property
+    def corners(self) -> NDArray[np.int64]:
+        """States within runs where the robot must rest: sharp corners, and changes of a base's gait."""
+        ways = self._directions
+        turned = (ways[:-1] * ways[1:]).sum(1) <= np.cos(CORNER)
+        changed = (np.diff(self._gait) != 0) | turned
+        return 1 + np.flatnonzero(changed & (self.hops[:-1] > 0) & (self.hops[1:] > 0))
+
+    @cached_property
+    def _directions(self) -> Array:
+        """Unit vectors along the hops, (n - 1, k); a base on wheels may roll on along another arc."""
+        rolled, turn, _ = self._ways
+        base = np.diff(self.base, axis=0)
+        if self.kind != "omni":
+            base = np.column_stack([rolled, np.where(np.abs(self._gait) == 1, 0.0, turn)])
+        ways = np.concatenate([base, np.diff(self.joints, axis=0)], axis=1)
+        return np.asarray(ways / np.maximum(np.linalg.norm(ways, axis=1), SAME)[:, None])
+
+    @cached_property
+    def _lines(self) -> list[PchipInterpolator]:
+        """Of each run, through its states, and nowhere beyond them."""
+        z = np.concatenate([self.base, self.joints], axis=1)
+        return [PchipInterpolator(self.position[a : b + 1], z[a : b + 1]) for a, b in self.runs]
+
+    def along(
+        self, run: int, position: Array, hop: NDArray[np.int64] | None = None
+    ) -> tuple[Array, Array, Array]:
+        """Base and joints at path positions (m,) of a run, (m, 3 + dof), and their two derivatives.
+
+        Parameters
+        ----------
+        hop : (m,) array of int, optional
+            Which hop each position is on; where one ends and the next starts, by default the next.
+        """
+        z, slope, bend = (np.asarray(self._lines[run](position, order)) for order in range(3))
+        if self.kind != "omni":
+            a, b = self.runs[run]
+            if hop is None:
+                hop = np.clip(np.searchsorted(self.position, position, side="right") - 1, a, b - 1)
+            z[:, :3], slope[:, :3], bend[:, :3] = self._rolling(position, hop)
+        return z, slope, bend
+
+    def _rolling(self, position: Array, hop: NDArray[np.int64]) -> tuple[Array, Array, Array]:
+        """Base poses on arcs and lines, with their derivatives."""
+        far = np.where(self.hops > 0, self.hops, np.inf)[hop]
+        rolled, turn = (way[hop] / far for way in self._ways[:2])
+        share = np.clip((position - self.position[hop]) / far, 0.0, 1.0)
+        base = on_way(self.kind, self.base[hop], self.base[hop + 1], share)
+        c, s, none = np.cos(base[:, 2]), np.sin(base[:, 2]), np.zeros(len(base))
+        swing = rolled * turn
+        return (
+            base,
+            np.column_stack([rolled * c, rolled * s, turn]),
+            np.column_stack([-swing * s, swing * c, none]),
+        )
+
+
+def running_on(kind: BaseKind, base: Array, joints: Array) -> Curve:
+    """The curve through states whose headings are taken the shorter way from one to the next."""
+    turn = np.diff(base[:, 2])
+    turn -= 2 * np.pi * np.ceil((turn - np.pi) / (2 * np.pi))
+    yaw = base[0, 2] + np.concatenate([[0.0], np.cumsum(turn)])
+    return Curve(kind, np.column_stack([base[:, :2], yaw]), joints)

@@ -1,0 +1,284 @@
+"""Timed plans: limits kept at every moment, next to the motion that was verified, as fast as may be."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+import pytest
+import shapely
+
+from regionik.curve import running_on
+from regionik.limits import limits_of, tool_velocity
+from regionik.pipeline import plan
+from regionik.plan import Plan
+from regionik.planfile import load_plan
+from regionik.planners.timing import Look, fastest
+from regionik.retime import BLEND, retime
+from regionik.rolling import wheels
+from regionik.rounding import curve_of
+from regionik.trajectory import Sample, trajectory
+from regionik.verify import verify
+from regionik.worlds.arrays import Array
+from regionik.worlds.bundled import robot_named
+from regionik.worlds.chain import Chain
+from regionik.worlds.errors import InputError
+from regionik.worlds.format import world_from_document, world_to_document
+from regionik.worlds.library import load_world, world_names
+from regionik.worlds.scene import Floor, Rules, Start, Target, World
+from regionik.worlds.speeds import Speeds
+
+WHEELED = Speeds(wheel_velocity=0.5, base_velocity=1.0, turn_velocity=10.0)
+SLACK = 1 + 1e-6
+
+
+def speeds_for(name: str) -> Speeds:
+    return WHEELED if name in ("circle", "door") else Speeds()
+
+
+@lru_cache(maxsize=20)
+def planned(name: str) -> Plan:
+    return plan(load_world(name))
+
+
+@lru_cache(maxsize=20)
+def timed(name: str) -> Plan:
+    return retime(planned(name), speeds_for(name))
+
+
+def each_millisecond(found: Plan) -> Sample:
+    motion = trajectory(found)
+    return motion.sample(np.append(np.arange(0.0, motion.duration, 1e-3), motion.duration))
+
+
+@pytest.mark.parametrize("name", [name for name in world_names() if name != "depot"])
+def test_no_limit_is_exceeded_at_a_thousand_hertz(name: str) -> None:
+    found, speeds = timed(name), speeds_for(name)
+    robot, look = found.world.robot, each_millisecond(found)
+    velocity, acceleration = speeds.of_joints(robot.chain)
+    assert (np.abs(look.joint_velocity) <= velocity * SLACK).all()
+    assert (np.abs(look.joint_acceleration) <= acceleration * SLACK).all()
+    assert np.hypot(*look.base_velocity[:, :2].T).max() <= speeds.base_velocity * SLACK
+    assert np.hypot(*look.base_acceleration[:, :2].T).max() <= speeds.base_acceleration * SLACK
+    assert np.abs(look.base_velocity[:, 2]).max() <= speeds.turn_velocity * SLACK
+    assert np.abs(look.base_acceleration[:, 2]).max() <= speeds.turn_acceleration * SLACK
+    if speeds.wheel_velocity is not None:
+        rolled = np.abs(wheels(look.base, robot.gauge)) / np.diff(look.time)[:, None]
+        assert rolled[:-1].max() <= speeds.wheel_velocity * (
+            1 + 1e-4
+        )  # by differences, over each millisecond
+        ahead = look.base_velocity[:, 0] * np.cos(look.base[:, 2]) + look.base_velocity[:, 1] * np.sin(
+            look.base[:, 2]
+        )
+        rims = np.abs(ahead) + np.abs(look.base_velocity[:, 2]) * robot.gauge / 2
+        assert rims.max() <= speeds.wheel_velocity * SLACK
+
+
+@pytest.mark.parametrize("name", ["free", "l_shape", "circle"])
+def test_rates_are_those_of_the_motion(name: str) -> None:
+    look = each_millisecond(timed(name))
+    step = np.diff(look.time)[:, None]
+    flat = slice(0, 3 if timed(name).world.robot.base == "omni" else 2)  # where arcs meet, its turning jumps
+    pairs = ((look.base[:, flat], look.base_velocity[:, flat]), (look.joints, look.joint_velocity))
+    for values, rate in pairs:
+        mean = (rate[1:] + rate[:-1]) / 2
+        assert np.abs(np.diff(values, axis=0) / step - mean).max() < 5e-3
+    assert np.abs(np.diff(look.joint_velocity, axis=0)).max() <= 2 * 1e-3 * SLACK  # no jumps
+    assert np.abs(look.base_velocity[[0, -1]]).max() < 1e-6
+    assert np.abs(look.joint_velocity[[0, -1]]).max() < 1e-6
+
+
+@pytest.mark.parametrize("name", ["free", "slab", "l_shape", "circle", "door"])
+def test_a_timed_plan_holds_and_its_states_are_where_the_trajectory_is(name: str) -> None:
+    found = timed(name)
+    assert verify(found).ok
+    motion = found.motion
+    assert motion.time[0] == 0.0
+    assert (np.diff(motion.time) >= 0).all()
+    look = trajectory(found).sample(motion.time)
+    turned = (look.base[:, 2] - motion.base[:, 2] + np.pi) % (2 * np.pi) - np.pi
+    assert np.abs(look.base[:, :2] - motion.base[:, :2]).max() < 1e-9
+    assert np.abs(turned).max() < 1e-9
+    assert np.abs(look.joints - motion.joints).max() < 1e-9
+
+
+@pytest.mark.parametrize("name", ["l_shape", "free"])
+def test_all_states_of_the_plan_are_passed_and_nothing_strays_from_its_hops(name: str) -> None:
+    found, before = timed(name), planned(name).motion
+    robot, states = found.world.robot, np.concatenate([found.motion.base, found.motion.joints], axis=1)
+    passed = [
+        int(np.argmin(np.abs(states - row).max(1)))
+        for row in np.concatenate([before.base, before.joints], axis=1)
+    ]
+    assert np.abs(states[passed] - np.concatenate([before.base, before.joints], axis=1)).max() < 1e-12
+    times = found.motion.time[passed]
+    assert (np.diff(times) >= 0).all()
+    for k in np.flatnonzero(np.diff(times) > 0).tolist():
+        look = trajectory(found).sample(np.linspace(times[k], times[k + 1], 9))
+        share = np.linspace(0, 1, 200)[:, None]
+        base = before.base[k] + share * (look.base[-1] - look.base[0])
+        hop = robot.tool(base, before.joints[k] + share * np.diff(before.joints[k : k + 2], axis=0))[:, :3, 3]
+        tools = robot.tool(look.base, look.joints)[:, :3, 3]
+        space = np.linalg.norm(np.diff(hop, axis=0), axis=1).max()
+        assert np.linalg.norm(hop[:, None] - tools, axis=2).min(0).max() <= 2 * BLEND + space
+
+
+def engine_alone(found: Plan, finer: int) -> float:
+    """Duration by TOPP-RA on a plan's own path, on a grid so many times as fine as its states are."""
+    limits, best = limits_of(found.world.robot, Speeds()), 0.0
+    curve = curve_of(found.world.robot, found.motion)
+    for run, (a, b) in enumerate(curve.runs):
+        hop = np.repeat(np.arange(a, b), finer)
+        grid = np.interp(np.arange(len(hop) + 1) / finer, np.arange(b - a + 1), curve.position[a : b + 1])
+        looks, most = [], np.full(len(grid), np.inf)
+        for share in (0.0, 0.5, 1 - 1e-9):
+            z, slope, bend = curve.along(run, grid[:-1] + share * np.diff(grid), hop)
+            bound = limits.most(z, slope, np.zeros(len(z), dtype=bool))
+            ways = limits.accelerations(slope, bend)
+            looks.append(Look(share, *ways[:2]))
+            most[:-1], most[1:] = np.minimum(most[:-1], bound), np.minimum(most[1:], bound)
+        rate = fastest(grid, looks, ways[2], most)
+        best += float((2 * np.diff(grid) / (rate[1:] + rate[:-1])).sum())
+    return best
+
+
+@pytest.mark.parametrize("name", ["l_shape", "tao1", "wall"])
+def test_it_is_nearly_as_fast_as_the_engine_alone(name: str) -> None:
+    """As on its own grid, where the engine exceeds limits between grid points; next to a finer one."""
+    found = timed(name)
+    assert engine_alone(found, 1) * 0.999 <= found.motion.time[-1] <= engine_alone(found, 1) * 1.01
+    assert found.motion.time[-1] <= engine_alone(found, 8) * 1.06
+
+
+def test_a_straight_move_has_the_time_of_the_trapezoid() -> None:
+    grid, ones = np.linspace(0, 2, 401), np.ones((400, 1))
+    looks = [Look(share, ones, 0 * ones) for share in (0.0, 1.0)]
+    rate = fastest(grid, looks, np.array([0.5]), np.full(401, 0.25))
+    assert (2 * np.diff(grid) / (rate[1:] + rate[:-1])).sum() == pytest.approx(2 / 0.5 + 0.5 / 0.5, rel=1e-3)
+
+
+def test_tool_speed_is_a_limit_on_the_path_and_told_where_it_is_not_held() -> None:
+    found = retime(planned("wall"), Speeds(tool_velocity=0.05))
+    told = found.stats["timing"]["tool"]
+    look = each_millisecond(found)
+    z, velocity, _ = look.columns
+    speed = np.linalg.norm(tool_velocity(found.world.robot, z, velocity), axis=1)
+    hop = np.clip(np.searchsorted(found.motion.time, look.time, side="right") - 1, 0, len(found.motion) - 2)
+    on = limits_of(found.world.robot, Speeds()).working(found.motion)[hop]
+    assert speed[on].max() <= 0.05 * SLACK
+    assert speed[~on].max() > 0.05
+    assert told["held"] == pytest.approx(np.mean(speed[on] >= 0.99 * 0.05), abs=0.01)
+    assert 0.5 < told["held"] < 1
+    place = told["places"][0]
+    inside = (look.time >= place["from"]) & (look.time <= place["to"])
+    assert speed[inside].max() < 0.99 * 0.05
+
+
+def test_the_tools_velocity_is_that_of_its_frames() -> None:
+    robot, rng = robot_named("youbot-real"), np.random.default_rng(0)
+    z, v, h = rng.normal(size=(20, 8)), rng.normal(size=(20, 8)), 1e-6
+    after, before = (robot.tool((z + s * h * v)[:, :3], (z + s * h * v)[:, 3:])[:, :3, 3] for s in (1, -1))
+    assert np.abs((after - before) / (2 * h) - tool_velocity(robot, z, v)).max() < 1e-6
+
+
+def test_a_tool_speed_that_joints_do_not_allow_is_refused_with_joint_and_time() -> None:
+    with pytest.raises(InputError, match=r"2 m/s cannot be held at t = [0-9.]+ s: joint_\d would go at"):
+        retime(planned("free"), Speeds(tool_velocity=2.0), hold=True)
+    with pytest.raises(InputError, match="expected a tool speed to hold"):
+        retime(planned("free"), hold=True)
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"base_velocity": 0.0}, "base_velocity: must be above 0, got 0"),
+        ({"joint_velocity": (1.0, np.nan, 1.0, 1.0, 1.0)}, "joint_velocity: must be above 0, got nan"),
+        ({"turn_acceleration": -1.0}, "turn_acceleration: must be above 0, got -1"),
+        ({"tool_velocity": np.nan}, "tool_velocity: must be above 0, got nan"),
+    ],
+)
+def test_limits_that_are_none_are_refused(given: dict[str, float], words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        Speeds(**given)
+
+
+def test_other_impossible_requests_are_refused() -> None:
+    free = planned("free")
+    with pytest.raises(InputError, match=r"expected one number or 5 \(joint_1, .*\), got 2"):
+        retime(free, Speeds(joint_velocity=(1.0, 1.0)))
+    with pytest.raises(InputError, match="blend: must be above 0"):
+        retime(free, blend=0.0)
+    with pytest.raises(InputError, match="it is not timed"):
+        trajectory(free)
+    columns = {key: getattr(free.motion, key)[:0] for key in ("base", "joints", "kind", "setpoint", "time")}
+    with pytest.raises(InputError, match="no states"):
+        retime(replace(free, motion=replace(free.motion, **columns)))
+    sunk = free.motion.base + [5.0, 0.0, 0.0]
+    with pytest.raises(InputError, match="breaks its own rules"):
+        retime(replace(free, motion=replace(free.motion, base=sunk)))
+    with pytest.raises(InputError, match="expected from 0 to"):
+        trajectory(timed("free")).sample([-1.0])
+
+
+def test_times_that_fit_no_motion_are_refused() -> None:
+    found = timed("free")
+    motion = found.motion
+    late = motion.time * np.linspace(1, 2, len(motion))
+    with pytest.raises(InputError, match="time the plan anew"):
+        trajectory(replace(found, motion=replace(motion, time=late)))
+    with pytest.raises(InputError, match="no time passes"):
+        trajectory(replace(found, motion=replace(motion, time=0 * motion.time)))
+
+
+def test_plans_are_timed_where_there_are_speeds(tmp_path: object) -> None:
+    world = load_world("free")
+    assert np.isnan(plan(world).motion.time).all()
+    fast = replace(world, speeds=Speeds(base_velocity=0.3, joint_velocity=(1.0, 2.0, 1.0, 1.0, 1.0)))
+    found = plan(fast)
+    assert not np.isnan(found.motion.time).any()
+    joints = tuple(replace(joint, velocity=1.5) for joint in world.robot.chain.joints)
+    quick = replace(world, robot=replace(world.robot, chain=Chain(joints, world.robot.chain.T_last_tool)))
+    assert not np.isnan(plan(quick).motion.time).any()
+    document = world_to_document(fast)
+    assert world_from_document(document).speeds == fast.speeds
+    document["speeds"] = {"joint_velocity": [1.0, 2.0]}
+    with pytest.raises(InputError, match="speeds: joint_velocity: expected one number or 5"):
+        world_from_document(document)
+
+
+def test_a_timed_plan_reads_back_as_the_same_trajectory(tmp_path: pytest.TempPathFactory) -> None:
+    found = timed("circle")
+    path = f"{tmp_path}/plan.json"
+    found.save(path)
+    again = load_plan(path)
+    one, other = each_millisecond(found), each_millisecond(again)
+    assert np.array_equal(one.joints, other.joints)
+    assert np.array_equal(one.base_velocity, other.base_velocity)
+
+
+def test_a_robot_that_stays_needs_no_time() -> None:
+    robot = robot_named("youbot")
+    joints = np.array([0.0, 1.6, -1.0, 0.5, 0.0])
+    here: Array = robot.tool(np.zeros(3), joints)[:3, 3]
+    start = Start(np.zeros(3), joints)
+    world = World(
+        "still", robot, Floor(shapely.box(-2, -2, 2, 2)), (), (Target(here),), Rules(clearance=0.0), start
+    )
+    found = retime(plan(world))
+    assert found.motion.time[-1] == 0.0
+    assert trajectory(found).sample([0.0]).joints[0] == pytest.approx(joints)
+
+
+def test_a_curve_goes_nowhere_beyond_its_states() -> None:
+    rng = np.random.default_rng(1)
+    base = np.cumsum(rng.normal(size=(30, 3)) * [0.1, 0.1, 0.0], axis=0)
+    joints = np.repeat(rng.uniform(-1, 1, (10, 2)), 3, axis=0)
+    curve = running_on("omni", base, joints)
+    ((a, b),) = curve.runs
+    position = np.linspace(curve.position[a], curve.position[b], 5000)
+    z, _, _ = curve.along(0, position)
+    k = np.clip(np.searchsorted(curve.position, position) - 1, 0, 28)
+    states = np.concatenate([base, joints], axis=1)
+    assert (z >= np.minimum(states[k], states[k + 1]) - 1e-12).all()
+    assert (z <= np.maximum(states[k], states[k + 1]) + 1e-12).all()
