@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from importlib.util import find_spec
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from benchmarks.tables import __main__ as writer
 from benchmarks.tables import santos
 from benchmarks.tables import santos_printed as printed
 from benchmarks.tables.table import Table, markdown
@@ -94,5 +98,31 @@ def test_tables_stand_beside_the_printed_figures() -> None:
 
 def test_markdown() -> None:
     table = Table("Table 9", "things", ("a", "b"), (("1", "2"), ("3", "4")), ("Why.",))
-    lines = ["### Table 9: things", "", "| a | b |", "| --- | --- |", "| 1 | 2 |", "| 3 | 4 |", "", "- Why.", ""]
+    lines = [
+        "### Table 9: things",
+        "",
+        "| a | b |",
+        "| --- | --- |",
+        "| 1 | 2 |",
+        "| 3 | 4 |",
+        "",
+        "- Why.",
+        "",
+    ]
     assert markdown(table) == "\n".join(lines)
+
+
+def test_the_writer_puts_every_paper_under_its_heading(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table = Table("Table 9", "things", ("a", "b"), (("1", "2"),))
+    for name in writer.PAPERS:
+        if find_spec(f"benchmarks.tables.{name}") is not None:
+            monkeypatch.setattr(f"benchmarks.tables.{name}.tables", lambda: [table])
+    path = tmp_path / "tables.md"
+    monkeypatch.setattr("sys.argv", ["tables", "-o", str(path)])
+    writer.main()
+    text = path.read_text(encoding="utf-8")
+    assert str(path) in capsys.readouterr().out
+    assert text.startswith("# Every table of the papers")
+    assert text.count("### Table 9: things") == text.count("\n## ") >= 4

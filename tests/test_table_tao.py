@@ -24,12 +24,13 @@ def test_its_distance_to_seven_digits(test: int, error: float) -> None:
     assert f"{tao.run(test, None).error:.6e}" == f"{error:.6e}"
 
 
-@pytest.mark.parametrize(("test", "most"), [(2, 8.0), (3, 4.0)])
-def test_circles_are_gone_round(test: int, most: float) -> None:
+@pytest.mark.parametrize(("test", "most", "least"), [(2, 8.0, 10), (3, 4.0, 1)])
+def test_circles_are_gone_round(test: int, most: float, least: int) -> None:
     many = tao.runs(test, SCENES)
     assert len(many.found) == SCENES
     assert many.refuted == 0
     assert len(many.iterations) >= SCENES - 1
+    assert tao.blocked(test, SCENES) >= least
     assert np.median(many.iterations) <= most
 
 

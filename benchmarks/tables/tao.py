@@ -7,6 +7,7 @@ drawn at random and not printed; ours are seeded scenes of the same kind.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -90,6 +91,12 @@ def runs(test: int, scenes: int) -> Many:
     return Many(found, int(wrong))
 
 
+def blocked(test: int, scenes: int) -> int:
+    """In how many scenes the posture of the run without obstacles meets a circle."""
+    (target, corner), joints = TESTS[test - 1], run(test, None).joints
+    return sum(not free(joints, target, *circles(corner, seed)) for seed in range(scenes))
+
+
 def proven(test: int, seeds: Sequence[int]) -> list[str]:
     """What a branch and bound over all postures says of scenes: "found", "none" or "undecided"."""
     (chain, solids), (target, corner) = planar_arm(), TESTS[test - 1]
@@ -104,24 +111,15 @@ def tables() -> list[Table]:
 
 def _table(test: int) -> Table:
     printed, many = PRINTED[test - 1], runs(test, SCENES)
-    ours = (run(test, None), *many.found)
-    unit = seconds(lambda: run(test, None))
+    seeds = (None, *range(len(printed) - 1))
+    times = [seconds(partial(run, test, seed)) for seed in seeds]
     rows = []
-    for k, ((count, off, time), one) in enumerate(zip(printed, ours, strict=False), 1):
-        seed = None if k == 1 else k - 2
-        taken = seconds(lambda seed=seed: run(test, seed)) / unit
-        rows.append(
-            (
-                str(k),
-                *(
-                    "yes" if count < MOST else "no",
-                    str(count),
-                    f"{off:.4e}",
-                    f"{time} ({time / printed[0][2]:.2f})",
-                ),
-                *("yes" if one.converged else "no", str(one.iterations), f"{one.error:.4e}", f"{taken:.2f}"),
-            )
-        )
+    for seed, (count, off, time), taken in zip(seeds, printed, times, strict=True):
+        one = run(test, None) if seed is None else many.found[seed]
+        theirs = "yes" if count < MOST else "no", str(count), f"{off:.4e}"
+        mine = "yes" if one.converged else "no", str(one.iterations), f"{one.error:.4e}"
+        ratios = f"{time} ({time / printed[0][2]:.2f})", f"{taken / times[0]:.2f}"
+        rows.append((str(len(rows) + 1), *theirs, ratios[0], *mine, ratios[1]))
     return Table(
         f"Table {test}",
         f"target ({TESTS[test - 1][0]}, {TESTS[test - 1][0]}), {LINKS} links of length 1",
