@@ -113,7 +113,7 @@ def _table(test: int) -> Table:
     printed, many = PRINTED[test - 1], runs(test, SCENES)
     seeds = (None, *range(len(printed) - 1))
     times = [seconds(partial(run, test, seed)) for seed in seeds]
-    rows = []
+    rows: list[tuple[str, ...]] = []
     for seed, (count, off, time), taken in zip(seeds, printed, times, strict=True):
         one = run(test, None) if seed is None else many.found[seed]
         theirs = "yes" if count < MOST else "no", str(count), f"{off:.4e}"
