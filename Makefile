@@ -2,6 +2,7 @@
 # make test    the whole test suite, with the same random cases each time; pytest alone draws new ones
 # make lint    style, types, import order
 # make bench   areas, base motion, clear postures and real robots, measured and checked in the same run
+# make tables  recompute every table of the papers into docs/tables.md, beside the printed figures
 # make clean   remove what the others made
 
 # The newest Python that fits and can make virtual environments; or say PYTHON=/path/to/python.
@@ -12,7 +13,7 @@ BIN := .venv/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 NEEDS := pyproject.toml constraints.txt
 
-.PHONY: demo test lint bench clean
+.PHONY: demo test lint bench tables clean
 
 demo: .venv/installed
 	$(BIN)/regionik plan l_shape -o plan.json --html l_shape.html
@@ -30,6 +31,9 @@ lint: .venv/installed-lint
 
 bench: .venv/installed
 	@for script in benchmarks/bench_*.py; do echo "$$script"; $(BIN)/python $$script || exit 1; done
+
+tables: .venv/installed
+	$(BIN)/python -m benchmarks.tables -o docs/tables.md
 
 clean:
 	rm -rf .venv build dist regionik.egg-info plan.json l_shape.html

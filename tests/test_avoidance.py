@@ -90,37 +90,6 @@ def is_clear(bodies: Bodies, joints: Array) -> bool:
 
 
 @pytest.mark.parametrize(
-    ("target", "iterations", "error"),
-    [(2.8, 77, 9.863800e-4), (2.4, 7, 8.681949e-4), (2.0, 3, 4.956507e-4)],
-)
-def test_without_obstacles_the_tables_of_the_paper(target: float, iterations: int, error: float) -> None:
-    # Tao et al., row 1 of tables 1 to 3: the arm starts straight along y.
-    found = led(
-        bodies_from(robot_of(planar()), []), np.array([target, target, 0.0]), np.array([np.pi / 2, 0, 0, 0])
-    )
-    assert found.converged
-    assert found.iterations == iterations
-    assert f"{found.error:.6e}" == f"{error:.6e}"
-
-
-def test_circles_are_gone_round() -> None:
-    target, start = np.array([2.4, 2.4, 0.0]), np.array([np.pi / 2, 0, 0, 0])
-    solved, blocked = 0, 0
-    for seed in range(40):
-        bodies = bodies_from(robot_of(planar(), 1e-6), circles(np.random.default_rng(seed)))
-        blocked += not is_clear(bodies, led(bodies_from(bodies.robot, []), target, start).joints)
-        found = led(bodies, target, start, seed)
-        if found.converged:
-            solved += 1
-            assert is_clear(bodies, found.joints)
-            off = bodies.robot.chain.forward(found.joints)[:3, 3] - target
-            assert np.linalg.norm(off) == pytest.approx(found.error, abs=1e-12)
-            assert found.error < TOLERANCE
-    assert blocked >= 10
-    assert solved >= 39
-
-
-@pytest.mark.parametrize(
     ("chain", "boxes", "least"),
     [
         (planar(np.radians(150)), False, 16),

@@ -29,22 +29,6 @@ from regionik.worlds.chain import Chain, Joint, chain_from_dh, motion, rot_x, ro
 ARMS = ("hinge5", "dof10", "pioneer7")
 FREE = (-np.inf, np.inf)
 
-# Table 6: target [mm], calculated servo angles [deg], distance between the two [mm].
-TABLE_6 = (
-    ((-100, 200, 150), (72.0357, 232.9128, 43.3716, 69.2559, 172.3524, 223.2029, 138.845), 0.04),
-    ((0, 300, 200), (289.1147, 235.2849, 202.8857, 100.5722, 240.3555, 232.0421, 172.8121), 8.72),
-    ((300, 300, 100), (273.7206, 238.8962, 162.5669, 130.0883, 221.3856, 174.0569, 117.9238), 3.881),
-    ((300, 0, 150), (300.6636, 211.9604, 94.5865, 59.943, 96.6166, 188.9827, 181.7716), 1.894),
-    ((100, 200, 300), (149.8723, 159.8053, 273.1128, 60.5343, 224.4086, 216.4675, 150.1219), 0.002),
-    ((-200, -250, 100), (150.0939, 200.321, 114.4607, 75.1049, 130.3213, 180.7206, 169.4944), 0.181),
-    ((300, -250, 200), (174.1269, 212.2136, 210.1987, 83.6652, -0.226, 184.7386, 171.2706), 0.162),
-    ((100, -300, 50), (187.3628, 231.8674, 172.7498, 119.6384, 58.4168, 230.7213, 138.7609), 9.812),
-    ((-200, -300, 50), (146.0524, 229.3575, 113.6657, 109.732, 112.199, 192.1306, 141.2146), 0.022),
-    ((0, -300, 150), (133.0709, 239.5468, 138.8185, 121.5291, 320.9745, 260.8913, 223.0277), 2.807),
-)
-SIGNS = np.array([1, 1, 1, 1, 1, 1, -1])
-OFFSETS = np.array([-90, 180, 0, 180, 0, -90, 0])
-
 
 def odd_arm() -> Chain:
     """Skew axes, offsets, a slide in the middle: nothing lines up."""
@@ -253,50 +237,15 @@ def test_held(wanted: float, now: float, lower: float, upper: float, expected: f
     assert held(wanted, now, lower, upper) == pytest.approx(expected, abs=1e-12)
 
 
-@pytest.mark.parametrize(("target", "servos", "printed"), TABLE_6)
-def test_forward_kinematics_of_table_6(
-    target: tuple[int, int, int], servos: tuple[float, ...], printed: float
-) -> None:
-    chain = robot_named("pioneer7").chain
-    joints = np.radians(SIGNS * (np.array(servos) - 150) + OFFSETS)
-    error = 1000 * np.linalg.norm(chain.forward(joints)[:3, 3] - np.array(target) / 1000)
-    assert error == pytest.approx(printed, abs=0.002)
-
-
 def test_arms_of_the_paper() -> None:
     tips = {name: robot_named(name).chain.forward(robot_named(name).carry)[:3, 3] for name in ARMS}
     for name, height in (("hinge5", 0.34), ("dof10", 0.9), ("pioneer7", 0.5939)):
         np.testing.assert_allclose(tips[name], [0, 0, height], atol=1e-12)
 
 
-def test_table_6_targets_are_met() -> None:
-    robot = robot_named("pioneer7")
-    targets = np.array([row[0] for row in TABLE_6]) / 1000
-    answers = ArmSolver(robot.chain, tolerance=1e-5).batch(targets, robot.carry)
-    assert answers.converged.all()
-    assert (np.linalg.norm(robot.chain.forward(answers.joints)[:, :3, 3] - targets, axis=1) <= 1e-5).all()
-
-
-def test_dof10_by_passes_alone() -> None:
-    # Paper: 20.4 iterations; start and target at least 600 mm apart.
-    chain = robot_named("dof10").chain
-    starts = np.random.default_rng(11).uniform(-np.pi, np.pi, (5000, 10))
-    targets = reachable(chain, 5000, 12)
-    far = np.flatnonzero(np.linalg.norm(chain.forward(starts)[:, :3, 3] - targets, axis=1) >= 0.6)[:200]
-    assert len(far) == 200
-    solver = ArmSolver(chain, tolerance=1e-6, polish=False)
-    answers = solver.batch(targets[far], starts[far])
-    assert answers.converged.all()
-    assert answers.iterations.mean() <= 5.0
-
-
-def test_hinge5() -> None:
-    # Paper: 19.5 iterations.
+def test_passes_and_many_restarts_meet_every_target() -> None:
     robot = robot_named("hinge5")
     targets = reachable(robot.chain, 200, 0)
-    answers = ArmSolver(robot.chain, tolerance=1e-6).batch(targets, robot.carry)
-    assert answers.converged.all()
-    assert answers.iterations.mean() <= 23.0
     passes = ArmSolver(robot.chain, tolerance=1e-6, restarts=40, polish=False).batch(targets, robot.carry)
     assert passes.converged.sum() >= 199
 

@@ -5,8 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from benchmarks.tables.xu import circle
 from regionik.planners.pitch import HeightError, PitchArm, heights
-from regionik.planners.tracking import Track, chord_heading, rolled, track
+from regionik.planners.tracking import Track, rolled, track
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, chain_from_dh, planar_pose, rot_y, rot_z, translation
 
@@ -33,17 +34,6 @@ def residuals(found: Track, poses: list[Array]) -> tuple[float, float]:
     return max(a[:3, 3].max() for a in apart), max(a[:3, :3].max() for a in apart)
 
 
-def circle() -> list[Array]:
-    """Simulation 1: the tool points down over a circle of 2 m, rising 50 micrometres a pose."""
-    poses = []
-    for t in range(1, 361):
-        a = np.radians(t)
-        pose = np.diag([1.0, -1.0, -1.0, 1.0])
-        pose[:3, 3] = 2.5 + 2 * np.cos(a), 2.5 + 2 * np.sin(a), (55 + t / 20) / 1000
-        poses.append(pose)
-    return poses
-
-
 def door(height: float) -> list[Array]:
     """Simulation 2: a knob 230 mm from the hinge, through a quarter turn; the tool's z axis up."""
     return [rot_z(np.radians(k)) @ translation(0.23, 0, height) @ rot_z(-np.pi / 2) for k in range(91)]
@@ -62,23 +52,6 @@ def test_every_pose_is_met(poses: list[Array], limit: float) -> None:
     assert turn < 1e-12
     assert np.abs(found.joints[:, 0]).max() <= limit
     assert np.abs(np.diff(found.joints, axis=0)).max() < 0.1
-
-
-def test_circle_has_the_figures_of_the_specification() -> None:
-    found = follow(circle(), 1e-9)
-    assert np.degrees(found.joints[[0, -1], 1]) == pytest.approx([-11.175, -17.818], abs=1e-3)
-    assert np.degrees(found.joints[[0, -1], 2]) == pytest.approx([101.175, 107.818], abs=1e-3)
-    assert np.abs(found.wheels(GAUGE)).max() == pytest.approx(0.03709, abs=2e-5)
-    slip = np.abs(chord_heading(PARM, circle(), ahead=AHEAD, lift=LIFT))
-    assert slip.min() == pytest.approx(0.006285, abs=1e-4)
-    assert slip.max() == pytest.approx(0.00634, abs=1e-4)
-
-
-def test_door_has_the_figures_of_the_specification() -> None:
-    found = follow(door(0.495), 1e-9)
-    assert np.degrees(found.joints[:, 1]) == pytest.approx(11.157, abs=1e-3)
-    assert np.degrees(found.joints[:, 2]) == pytest.approx(-101.157, abs=1e-3)
-    assert np.abs(found.wheels(GAUGE)).max() <= 0.00436
 
 
 def test_the_printed_height_of_the_knob_is_refused_with_the_attainable_ones() -> None:
