@@ -12,7 +12,6 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import PchipInterpolator
 
 from regionik.rolling import lengths, on_way
 from regionik.worlds.arrays import Array
@@ -98,26 +97,37 @@ class Curve:
         return np.asarray(ways / np.maximum(np.linalg.norm(ways, axis=1), SAME)[:, None])
 
     @cached_property
-    def _lines(self) -> list[PchipInterpolator]:
-        """Of each run, through its states, and nowhere beyond them."""
-        z = np.concatenate([self.base, self.joints], axis=1)
-        return [PchipInterpolator(self.position[a : b + 1], z[a : b + 1]) for a, b in self.runs]
+    def _cubics(self) -> tuple[Array, Array, Array, Array]:
+        """Coefficients of base and joints over each hop by rising power of the way, (n - 1, 3 + dof) each.
 
-    def along(
-        self, run: int, position: Array, hop: NDArray[np.int64] | None = None
-    ) -> tuple[Array, Array, Array]:
-        """Base and joints at path positions (m,) of a run, (m, 3 + dof), and their two derivatives.
-
-        Parameters
-        ----------
-        hop : (m,) array of int, optional
-            Which hop each position is on; where one ends and the next starts, by default the next.
+        Slopes at states are harmonic means of those of the hops beside, and 0 where these run against each
+        other, so that nothing goes beyond its states (Fritsch and Butland, SIAM J. Sci. Stat. Comput. 1984).
         """
-        z, slope, bend = (np.asarray(self._lines[run](position, order)) for order in range(3))
+        z = np.concatenate([self.base, self.joints], axis=1)
+        far = np.where(self.hops > 0, self.hops, np.inf)[:, None]
+        secant, width = np.diff(z, axis=0) / far, np.where(self.hops > 0, self.hops, 0.0)[:, None]
+        before, after = secant[:-1], secant[1:]
+        w, v = 2 * width[1:] + width[:-1], width[1:] + 2 * width[:-1]
+        same = before * after > 0
+        mean = (w + v) / np.where(
+            same, w / np.where(same, before, 1.0) + v / np.where(same, after, 1.0), np.inf
+        )
+        mean = np.where(width[:-1] == 0, after, np.where(width[1:] == 0, before, mean))  # at rest
+        slope = np.concatenate([secant[:1], mean, secant[-1:]])
+        start, end = slope[:-1], slope[1:]
+        return z[:-1], start, (3 * secant - 2 * start - end) / far, (start + end - 2 * secant) / far**2
+
+    def hop_at(self, position: Array) -> NDArray[np.int64]:
+        """Which hop path positions (m,) are on; where one ends, the next."""
+        hop = np.searchsorted(self.position, position, side="right") - 1
+        return np.clip(hop, 0, len(self.hops) - 1)
+
+    def along(self, position: Array, hop: NDArray[np.int64]) -> tuple[Array, Array, Array]:
+        """Base and joints at path positions (m,) on hops (m,), (m, 3 + dof), and their two derivatives."""
+        t = (position - self.position[hop])[:, None]
+        a, b, c, d = (power[hop] for power in self._cubics)
+        z, slope, bend = a + t * (b + t * (c + t * d)), b + t * (2 * c + 3 * t * d), 2 * c + 6 * t * d
         if self.kind != "omni":
-            a, b = self.runs[run]
-            if hop is None:
-                hop = np.clip(np.searchsorted(self.position, position, side="right") - 1, a, b - 1)
             z[:, :3], slope[:, :3], bend[:, :3] = self._rolling(position, hop)
         return z, slope, bend
 

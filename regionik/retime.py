@@ -179,7 +179,7 @@ class Run:
         """Poses at a share of each hop, and their derivatives."""
         a, b = self.curve.runs[self.number]
         position = self.grid[:-1] + share * np.diff(self.grid)
-        return self.curve.along(self.number, position, np.arange(a, b))
+        return self.curve.along(position, np.arange(a, b))
 
 
 def _run_rates(limits: Limits, run: Run, working: Mask, tightenings: int) -> Array:

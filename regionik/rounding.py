@@ -15,7 +15,6 @@ from regionik.worlds.robot import Robot
 
 ROUNDS = 30  # of putting states in
 SHARES = (0.25, 0.5, 0.75)  # of a hop, where the smooth path is compared with it
-COLUMNS = ("base", "joints", "kind", "setpoint", "time")
 
 
 def curve_of(robot: Robot, motion: Motion) -> Curve:
@@ -25,11 +24,16 @@ def curve_of(robot: Robot, motion: Motion) -> Curve:
 
 def rounded(limits: Limits, motion: Motion, blend: float) -> Motion:
     """A motion with states put in halfway until the smooth path keeps to the hops between all."""
-    parts, done = [], 0
-    for a, b in curve_of(limits.robot, motion).runs:
-        parts += [_part(motion, done, a - 1), _rounded_run(limits, _part(motion, a, b), blend)]
-        done = b + 1
-    return _joined([*parts, _part(motion, done, len(motion) - 1)])
+    for _ in range(ROUNDS):
+        far = np.flatnonzero(_deviation(limits, motion) > blend)
+        if not len(far):
+            return motion
+        base = on_way(limits.robot.base, motion.base[far], motion.base[far + 1], np.full(len(far), 0.5))
+        joints = (motion.joints[far] + motion.joints[far + 1]) / 2
+        motion = _with(motion, far, base, joints)
+    raise InputError(
+        f"blend: the smooth path does not come within {blend:g} m of the plan's motion; ask for more"
+    )
 
 
 def resting(robot: Robot, motion: Motion, also: NDArray[np.int64] | None = None) -> Motion:
@@ -39,45 +43,16 @@ def resting(robot: Robot, motion: Motion, also: NDArray[np.int64] | None = None)
     return _with(motion, at, motion.base[at], motion.joints[at])
 
 
-def _rounded_run(limits: Limits, run: Motion, blend: float) -> Motion:
-    for _ in range(ROUNDS):
-        far = np.flatnonzero(_deviation(limits, run) > blend)
-        if not len(far):
-            return run
-        base = on_way(limits.robot.base, run.base[far], run.base[far + 1], np.full(len(far), 0.5))
-        joints = (run.joints[far] + run.joints[far + 1]) / 2
-        run = _with(run, far, base, joints)
-    raise InputError(
-        f"blend: the smooth path does not come within {blend:g} m of the plan's motion; ask for more"
-    )
-
-
-def _deviation(limits: Limits, run: Motion) -> Array:
-    """Bound of how far any point of the robot is off each hop on a run's smooth path, (n - 1,) [m]."""
-    off = np.zeros(len(run) - 1)
-    if len(off) < 2:
-        return off
-    curve, hop = curve_of(limits.robot, run), np.arange(len(off))
+def _deviation(limits: Limits, motion: Motion) -> Array:
+    """Bound of how far any point of the robot is off each hop on the smooth path, (n - 1,) [m]."""
+    off = np.zeros(len(motion) - 1)
+    curve, hop = curve_of(limits.robot, motion), np.arange(len(off))
     for share in SHARES:
-        z, _, _ = curve.along(0, curve.position[:-1] + share * curve.hops, hop)
+        z, _, _ = curve.along(curve.position[:-1] + share * curve.hops, hop)
         base = on_way(limits.robot.base, curve.base[:-1], curve.base[1:], np.full(len(hop), share))
         joints = curve.joints[:-1] + share * np.diff(curve.joints, axis=0)
         off = np.maximum(off, limits.moved(z[:, :3] - base, z[:, 3:] - joints))
     return off
-
-
-def _part(motion: Motion, a: int, b: int) -> Motion:
-    """States a to b of a motion."""
-    rows = slice(a, b + 1)
-    return Motion(
-        motion.base[rows], motion.joints[rows], motion.kind[rows], motion.setpoint[rows], motion.time[rows]
-    )
-
-
-def _joined(parts: list[Motion]) -> Motion:
-    """Motions one after the other."""
-    columns = (np.concatenate([getattr(part, key) for part in parts]) for key in COLUMNS)
-    return Motion(*columns)
 
 
 def put_in(robot: Robot, motion: Motion, count: NDArray[np.int64]) -> Motion:
@@ -87,11 +62,7 @@ def put_in(robot: Robot, motion: Motion, count: NDArray[np.int64]) -> Motion:
         return motion
     hop = np.repeat(np.arange(len(count)), count)
     share = np.concatenate([np.arange(1, n + 1) / (n + 1) for n in count[count > 0].tolist()])
-    z = np.empty((len(hop), 3 + motion.joints.shape[1]))
-    for run, ends in enumerate(curve.runs):
-        rows = slice(*np.searchsorted(hop, ends))
-        at = curve.position[hop[rows]] + share[rows] * curve.hops[hop[rows]]
-        z[rows] = curve.along(run, at, hop[rows])[0]
+    z, _, _ = curve.along(curve.position[hop] + share * curve.hops[hop], hop)
     return _with(motion, hop, z[:, :3], z[:, 3:])
 
 

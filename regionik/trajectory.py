@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from regionik.curve import Curve, running_on
 from regionik.plan import Motion, Plan
@@ -64,6 +64,10 @@ class Trajectory:
     robot: Robot
     motion: Motion
 
+    def __post_init__(self) -> None:
+        if self.rates[-1] != 0.0:
+            raise InputError("times: the robot does not come to rest; time the plan anew")
+
     @property
     def duration(self) -> float:
         """[s]"""
@@ -87,77 +91,46 @@ class Trajectory:
 
     def _at(self, times: Array) -> tuple[Array, Array, Array]:
         """Base and joints at instants, (n, 3 + dof), their velocities and accelerations."""
-        found = np.zeros((3, len(times), 3 + self.motion.joints.shape[1]))
-        if not self._laws:  # nothing moves
-            found[0] = np.concatenate([self.motion.base[0], self.motion.joints[0]])
-            return found[0], found[1], found[2]
-        which = self._run_at(times)
-        for run, law in enumerate(self._laws):
-            rows = np.flatnonzero(which == run)
-            position, rate, push = law.at(times[rows])
-            z, slope, bend = self._curve.along(run, position)
-            found[0, rows] = z
-            found[1, rows] = slope * rate[:, None]
-            found[2, rows] = slope * push[:, None] + bend * rate[:, None] ** 2
-        return found[0], found[1], found[2]
+        time, hops, rate = self.motion.time, self._curve.hops, self.rates
+        if not hops.any():  # nothing moves
+            z = np.tile(np.concatenate([self.motion.base[0], self.motion.joints[0]]), (len(times), 1))
+            return z, 0.0 * z, 0.0 * z
+        going = np.flatnonzero(hops > 0)
+        hop = going[np.clip(np.searchsorted(time[going], times, side="right") - 1, 0, None)]
+        span = time[hop + 1] - time[hop]
+        push, gone = (rate[hop + 1] - rate[hop]) / span, np.clip(times - time[hop], 0.0, span)
+        position = self._curve.position[hop] + gone * (rate[hop] + gone * push / 2)
+        z, slope, bend = self._curve.along(position, hop)
+        now, push = (rate[hop] + gone * push)[:, None], push[:, None]
+        return z, slope * now, slope * push + bend * now**2
 
     @cached_property
     def _curve(self) -> Curve:
         return running_on(self.robot.base, self.motion.base, self.motion.joints)
 
     @cached_property
-    def _laws(self) -> list[Law]:
-        position, time = self._curve.position, self.motion.time
-        return [Law.through(position[a : b + 1], time[a : b + 1]) for a, b in self._curve.runs]
-
-    def _run_at(self, times: Array) -> NDArray[np.int64]:
-        starts = [self.motion.time[a] for a, _ in self._curve.runs]
-        return np.maximum(np.searchsorted(starts, times, side="right") - 1, 0)
-
-
-@dataclass(frozen=True, eq=False)
-class Law:
-    """How a run's path position goes with time: evenly accelerated between states, from rest to rest.
-
-    Attributes
-    ----------
-    time, position, rate : (n,) arrays
-        Of states; the rate is the path velocity.
-    """
-
-    time: Array
-    position: Array
-    rate: Array
-
-    @classmethod
-    def through(cls, position: Array, time: Array) -> Law:
-        """The law that has its states at some times.
+    def rates(self) -> Array:
+        """Path velocity at each state, (n,): evenly accelerated between, from rest to rest in each run.
 
         Raises
         ------
         InputError
-            Where no evenly accelerated motion from rest has them.
+            Where no such motion has these times.
         """
-        span = np.diff(time)
-        if (span <= 0).any():
-            k = int(np.argmax(span <= 0))
-            raise InputError(
-                f"times: the robot moves on at {time[k]:g} s, but no time passes; time the plan anew"
-            )
-        rate = np.zeros(len(time))
-        for k, mean in enumerate((np.diff(position) / span).tolist()):
-            rate[k + 1] = 2 * mean - rate[k]
-        low = RESTS * max(rate.max(initial=0.0), 1.0)
-        if rate.min(initial=0.0) < -low or rate[-1] > low:
+        hops, span = self._curve.hops, np.diff(self.motion.time)
+        if ((hops > 0) & (span <= 0)).any():
+            at = self.motion.time[int(np.argmax((hops > 0) & (span <= 0)))]
+            raise InputError(f"times: the robot moves on at {at:g} s, but no time passes; time the plan anew")
+        means = (hops / np.where(hops > 0, span, 1.0)).tolist()
+        found = [0.0]
+        for mean in means:
+            found.append(2 * mean - found[-1] if mean > 0 else 0.0)
+        rate = np.array(found)
+        most = RESTS * max(rate.max(), 1.0)
+        ends = np.append(hops, 0.0) == 0
+        if rate.min() < -most or np.abs(rate[ends]).max() > most:
             raise InputError("times: no even acceleration between states has these; time the plan anew")
-        return cls(time, position, np.maximum(rate, 0.0))
-
-    def at(self, times: Array) -> tuple[Array, Array, Array]:
-        """Path position, velocity and acceleration at instants, (n,) each."""
-        k = np.clip(np.searchsorted(self.time, times, side="right") - 1, 0, len(self.time) - 2)
-        push = (np.diff(self.rate) / np.diff(self.time))[k]
-        gone = np.clip(times - self.time[k], 0.0, np.diff(self.time)[k])
-        return self.position[k] + gone * (self.rate[k] + gone * push / 2), self.rate[k] + gone * push, push
+        return np.where(ends, 0.0, np.maximum(rate, 0.0))
 
 
 @lru_cache(maxsize=8)
@@ -172,6 +145,4 @@ def trajectory(plan: Plan) -> Trajectory:
     motion = plan.motion
     if not len(motion) or np.isnan(motion.time).any():
         raise InputError("plan: it is not timed; `regionik.retime` or the command retime does that")
-    found = Trajectory(plan.world.robot, motion)
-    found.sample([0.0])  # tells of times that fit no motion
-    return found
+    return Trajectory(plan.world.robot, motion)

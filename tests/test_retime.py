@@ -128,12 +128,12 @@ def engine_alone(found: Plan, finer: int) -> float:
     """Duration by TOPP-RA on a plan's own path, on a grid so many times as fine as its states are."""
     limits, best = limits_of(found.world.robot, Speeds()), 0.0
     curve = curve_of(found.world.robot, found.motion)
-    for run, (a, b) in enumerate(curve.runs):
+    for a, b in curve.runs:
         hop = np.repeat(np.arange(a, b), finer)
         grid = np.interp(np.arange(len(hop) + 1) / finer, np.arange(b - a + 1), curve.position[a : b + 1])
         looks, most = [], np.full(len(grid), np.inf)
         for share in (0.0, 0.5, 1 - 1e-9):
-            z, slope, bend = curve.along(run, grid[:-1] + share * np.diff(grid), hop)
+            z, slope, bend = curve.along(grid[:-1] + share * np.diff(grid), hop)
             bound = limits.most(z, slope, np.zeros(len(z), dtype=bool))
             ways = limits.accelerations(slope, bend)
             looks.append(Look(share, *ways[:2]))
@@ -277,8 +277,8 @@ def test_a_curve_goes_nowhere_beyond_its_states() -> None:
     curve = running_on("omni", base, joints)
     ((a, b),) = curve.runs
     position = np.linspace(curve.position[a], curve.position[b], 5000)
-    z, _, _ = curve.along(0, position)
-    k = np.clip(np.searchsorted(curve.position, position) - 1, 0, 28)
+    k = curve.hop_at(position)
+    z, _, _ = curve.along(position, k)
     states = np.concatenate([base, joints], axis=1)
     assert (z >= np.minimum(states[k], states[k + 1]) - 1e-12).all()
     assert (z <= np.maximum(states[k], states[k + 1]) + 1e-12).all()
