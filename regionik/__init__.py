@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from regionik.pipeline import plan
     from regionik.plan import Plan
     from regionik.planfile import load_plan
+    from regionik.plot import plot
     from regionik.reach import reach
     from regionik.regions import admissible_area
     from regionik.verify import verify
@@ -42,6 +43,7 @@ __all__ = [
     "load_robot",
     "load_world",
     "plan",
+    "plot",
     "reach",
     "show",
     "to_html",
@@ -60,6 +62,7 @@ _HOME = {
     "load_robot": "regionik.worlds.library",
     "load_world": "regionik.worlds.library",
     "plan": "regionik.pipeline",
+    "plot": "regionik.plot",
     "reach": "regionik.reach",
     "show": "regionik.view",
     "to_html": "regionik.view",
@@ -68,7 +71,7 @@ _HOME = {
 
 
 class _Package(ModuleType):
-    """The package, where ``plan``, ``reach`` and ``verify`` are the functions.
+    """The package, where ``plan``, ``plot``, ``reach`` and ``verify`` are the functions.
 
     Modules of the same names exist. Python binds a submodule to its parent when it is imported, which
     would hide the function; ``from regionik.plan import Plan`` does not need that binding.

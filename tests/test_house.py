@@ -16,7 +16,8 @@ ENGINES = {
     "ompl": {"planners/sampling.py"},
     "fcl": {"planners/collision.py"},
     "meshcat": {"regionik/view.py"},
-    "typer": {"regionik/cli.py"},
+    "matplotlib": {"regionik/plot.py"},
+    "typer": {"regionik/cli.py", "regionik/cli_files.py"},
 }
 
 
