@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from regionik.pipeline import plan
     from regionik.plan import Plan
     from regionik.planfile import load_plan
+    from regionik.plot import plot
     from regionik.reach import reach
     from regionik.regions import admissible_area
     from regionik.retime import retime
@@ -46,6 +47,7 @@ __all__ = [
     "load_robot",
     "load_world",
     "plan",
+    "plot",
     "reach",
     "retime",
     "show",
@@ -67,6 +69,7 @@ _HOME = {
     "load_robot": "regionik.worlds.library",
     "load_world": "regionik.worlds.library",
     "plan": "regionik.pipeline",
+    "plot": "regionik.plot",
     "reach": "regionik.reach",
     "retime": "regionik.retime",
     "show": "regionik.view",
@@ -77,7 +80,7 @@ _HOME = {
 
 
 class _Package(ModuleType):
-    """The package, where ``plan``, ``reach`` and ``verify`` are the functions.
+    """The package, where ``plan``, ``plot``, ``reach`` and ``verify`` are the functions.
 
     Modules of the same names exist. Python binds a submodule to its parent when it is imported, which
     would hide the function; ``from regionik.plan import Plan`` does not need that binding.

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from regionik import __version__
+from regionik.cli_files import PlanPath, export, plot, retime
 from regionik.console import (
     LateProgress,
     check_output,
@@ -41,7 +42,6 @@ if TYPE_CHECKING:
     from regionik.worlds.scene import World
 
 DONE, NO, WRONG_INPUT, ENGINE_FAILED = 0, 1, 2, 3
-EXPORTS = ("csv", "geojson", "urdf")
 
 app = typer.Typer(
     add_completion=False,
@@ -52,7 +52,6 @@ app = typer.Typer(
 )
 
 WorldName = Annotated[str, typer.Argument(metavar="WORLD", help="A bundled world's name, or a world file.")]
-PlanPath = Annotated[Path, typer.Argument(metavar="PLAN", help="A plan.json.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON document, and only it, on stdout.")]
 
 
@@ -304,18 +303,6 @@ def _plan_or_world(what: str) -> Plan | World:
     return load_world(what)
 
 
-@app.command()
-def export(
-    path: PlanPath,
-    kind: Annotated[str, typer.Option("--format", metavar="|".join(EXPORTS), help="What to write.")],
-    output: Annotated[Path, typer.Option("-o", "--output", help="The file to write.")],
-) -> None:
-    """Write a plan for other programs: its states, its areas, or its robot."""
-    if kind not in EXPORTS:
-        raise InputError(f"--format: expected one of {', '.join(EXPORTS)}, got {kind!r}")
-    check_output(output)
-    from regionik.export import export as write
-    from regionik.planfile import load_plan
-
-    write(load_plan(path), kind, output)
-    say(f"wrote {output}")
+app.command()(export)
+app.command()(plot)
+app.command()(retime)

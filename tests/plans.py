@@ -6,6 +6,8 @@ is on every set-point by closed-form inverse kinematics, and states between set-
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import shapely
 from shapely.geometry import MultiPolygon, Point, Polygon, box
@@ -170,3 +172,17 @@ def _motion(world: World, setpoints: list[Configuration], between: int) -> Motio
     table = np.array(rows)
     time = np.full(len(table), np.nan)
     return Motion(table[:, :3], table[:, 3:], np.array(kinds), np.array(owners), time)
+
+
+def timed(plan: Plan, rate: float = 0.37) -> Plan:
+    """A plan of an omnidirectional base with times: it goes evenly along its path, from rest to rest."""
+    motion = plan.motion
+    turn = np.remainder(np.diff(motion.base[:, 2]) + np.pi, 2 * np.pi) - np.pi
+    slid = np.linalg.norm(np.diff(motion.base[:, :2], axis=0), axis=1)
+    far = np.maximum(slid, np.maximum(np.abs(turn), np.abs(np.diff(motion.joints, axis=0)).max(axis=1)))
+    moving = np.flatnonzero(far > 1e-9)
+    rates = np.full(len(motion), rate)
+    rates[: moving[0] + 1] = rates[moving[-1] + 1 :] = 0.0
+    means = (rates[1:] + rates[:-1]) / 2
+    spans = np.divide(far, means, out=np.zeros_like(far), where=means > 0)
+    return replace(plan, motion=replace(motion, time=np.concatenate([[0.0], np.cumsum(spans)])))

@@ -20,7 +20,19 @@ from regionik import __version__, cli, console
 from regionik.worlds.errors import EngineError
 from tests.nasty import NASTY, Nasty
 
-HEAVY = ("fcl", "meshcat", "numba", "numpy", "ompl", "pydantic_core", "rich", "scipy", "shapely", "yaml")
+HEAVY = (
+    "fcl",
+    "matplotlib",
+    "meshcat",
+    "numba",
+    "numpy",
+    "ompl",
+    "pydantic_core",
+    "rich",
+    "scipy",
+    "shapely",
+    "yaml",
+)
 LIGHT = ("pydantic_core", "rich")  # typer itself may bring these
 
 
@@ -159,8 +171,14 @@ WRONG: list[tuple[Sequence[str], str]] = [
     (["verify", "nowhere.json"], "nowhere.json"),
     (["show", "nowhere.json"], "nowhere.json"),
     (["export", "nowhere.json", "--format", "csv", "-o", "x.csv"], "nowhere.json"),
-    (["export", "nowhere.json", "--format", "ros2", "-o", "x.yaml"], "csv, geojson, urdf"),
+    (["export", "nowhere.json", "--format", "ros1", "-o", "x.yaml"], "csv, ros2, joint-trajectory, path"),
     (["export", "nowhere.json", "--format", "csv"], "--output"),
+    (["export", "nowhere.json", "--format", "ros2", "-o", "x.bag"], "ending in .yaml, .yml, .json"),
+    (["export", "nowhere.json", "--format", "csv", "-o", "x.csv", "--rate", "0"], "rate: expected a number"),
+    (["export", "nowhere.json", "--format", "urdf", "-o", "x", "--rate", "9"], "urdf is not sampled"),
+    (["export", "nowhere.json", "--format", "csv", "-o", "x.csv", "--frame", "map"], "csv has none"),
+    (["plot", "nowhere.json", "-o", "x.pdf"], "ending in .svg, .png"),
+    (["plot", "nowhere.json", "-o", "x.svg"], "nowhere.json"),
 ]
 
 
@@ -261,14 +279,28 @@ def test_verify_no(run: Run, planned: Path, tmp_path: Path) -> None:
     assert answer["violations"][0]["text"] in answer["reason"]
 
 
-@pytest.mark.parametrize("kind", cli.EXPORTS)
-def test_export(run: Run, kind: str, planned: Path, tmp_path: Path) -> None:
-    path = tmp_path / "exported"
-    done = run("export", planned, "--format", kind, "-o", path)
+@pytest.mark.parametrize(
+    ("kind", "name", "start"),
+    [
+        ("csv", "plan.csv", "index,"),
+        ("path", "path.yaml", "header:"),
+        ("path", "path.json", "{"),
+        ("geojson", "plan.geojson", "{"),
+        ("urdf", "exported", "<?xml"),
+    ],
+)
+def test_export(run: Run, kind: str, name: str, start: str, planned: Path, tmp_path: Path) -> None:
+    done = run("export", planned, "--format", kind, "-o", tmp_path / name)
     assert (done.code, done.out) == (0, "")
-    text = path.read_text()
-    start = {"csv": "index,", "geojson": "{", "urdf": "<?xml"}[kind]
-    assert text.startswith(start)
+    assert (tmp_path / name).read_text().startswith(start)
+
+
+@pytest.mark.parametrize("name", ["plan.svg", "plan.png", "PLAN.PNG"])
+def test_plot(run: Run, name: str, planned: Path, tmp_path: Path) -> None:
+    done = run("plot", planned, "-o", tmp_path / name)
+    assert (done.code, done.out) == (0, "")
+    starts = {".svg": b"<?xml", ".png": b"\x89PNG"}
+    assert (tmp_path / name).read_bytes().startswith(starts[Path(name).suffix.lower()])
 
 
 def test_same_seed_same_bytes_in_two_processes(tmp_path: Path) -> None:
@@ -347,7 +379,9 @@ def test_version_and_help(run: Run) -> None:
     for arguments in ([], ["--help"], ["-h"]):
         done = run(*arguments)
         assert done.code == 0
-        assert all(name in done.out for name in ("worlds", "plan", "reach", "verify", "show", "export"))
+        assert all(
+            name in done.out for name in ("worlds", "plan", "reach", "verify", "show", "export", "plot")
+        )
 
 
 def test_help_imports_nothing_heavy() -> None:
@@ -358,10 +392,10 @@ def test_help_imports_nothing_heavy() -> None:
 
 def test_functions_win_over_modules_of_the_same_name() -> None:
     code = (
-        "import regionik.plan, regionik.reach, regionik.verify, regionik as rik\n"
+        "import regionik.plan, regionik.plot, regionik.reach, regionik.verify, regionik as rik\n"
         "from regionik.plan import Plan\n"
         "assert rik.Plan is Plan\n"
-        "assert callable(rik.plan) and callable(rik.reach) and callable(rik.verify)\n"
+        "assert all(map(callable, (rik.plan, rik.plot, rik.reach, rik.verify)))\n"
         "assert all(getattr(rik, name) is not None for name in rik.__all__)\n"
         "assert set(rik.__all__) <= set(dir(rik))\n"
     )

@@ -14,14 +14,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from regionik.cli_files import EXPORTS
 from regionik.export import FORMATS, export
+from regionik.limits import tool_velocity
 from regionik.plan import Plan
+from regionik.trajectory import Sample, trajectory
 from regionik.urdf_text import robot_to_urdf, roll_pitch_yaw
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, Joint, pose
 from regionik.worlds.errors import InputError
 from regionik.worlds.robot import LinkBox, LinkCapsule, Robot
-from tests.plans import FOOTPRINT, every_solid, l_shape, synthetic_plan, youbot
+from tests.plans import FOOTPRINT, every_solid, l_shape, synthetic_plan, timed, youbot
 
 
 @pytest.fixture(scope="module")
@@ -214,14 +217,70 @@ def test_geojson_has_areas_path_and_points(world: object, tmp_path: Path) -> Non
 
 
 def test_an_unknown_format_names_the_valid_ones(plan: Plan, tmp_path: Path) -> None:
-    assert FORMATS == ("csv", "geojson", "urdf")
-    with pytest.raises(InputError, match=r"format dxf: expected one of csv, geojson, urdf"):
+    assert FORMATS == EXPORTS
+    with pytest.raises(InputError, match=f"format dxf: expected one of {', '.join(FORMATS)}"):
         export(plan, "dxf", tmp_path / "plan.dxf")
     assert os.listdir(tmp_path) == []
 
 
 @pytest.mark.parametrize("format", FORMATS)
 def test_the_same_plan_gives_the_same_bytes(format: str, tmp_path: Path) -> None:
-    for name in ("a", "b"):
-        export(synthetic_plan(l_shape()), format, tmp_path / name)
-    assert (tmp_path / "a").read_bytes() == (tmp_path / "b").read_bytes()
+    for name in ("a.yaml", "b.yaml"):
+        export(timed(synthetic_plan(l_shape())), format, tmp_path / name)
+    assert (tmp_path / "a.yaml").read_bytes() == (tmp_path / "b.yaml").read_bytes()
+
+
+def test_csv_of_a_timed_plan_goes_on_with_velocities_and_accelerations(tmp_path: Path) -> None:
+    plan = timed(synthetic_plan(l_shape()))
+    export(plan, "csv", tmp_path / "timed.csv")
+    export(synthetic_plan(l_shape()), "csv", tmp_path / "plain.csv")
+    rows = list(csv.DictReader((tmp_path / "timed.csv").read_text().splitlines()))
+    (plain, *others) = (tmp_path / "plain.csv").read_text().splitlines()
+    moving = ["base_x", "base_y", "base_yaw", *plan.world.robot.chain.names]
+    more = [f"{name}_{what}" for what in ("velocity", "acceleration") for name in moving]
+    assert list(rows[0]) == [*plain.split(","), *more, "tool_speed"]
+    assert len(rows) == len(others) == len(plan.motion)
+    sample = trajectory(plan).sample(plan.motion.time)
+    found = np.array([[float(row[name]) for name in more] for row in rows])
+    parts = [sample.base_velocity, sample.joint_velocity, sample.base_acceleration, sample.joint_acceleration]
+    assert np.array_equal(found, np.hstack(parts))
+    assert np.array_equal([float(row["time"]) for row in rows], plan.motion.time)
+    for row, state in zip(rows, plan.motion, strict=True):
+        assert [float(row[name]) for name in moving] == [*state.base.tolist(), *state.joints.tolist()]
+
+
+def test_csv_at_a_rate_says_where_on_the_way_it_is(tmp_path: Path) -> None:
+    plan = timed(synthetic_plan(l_shape()))
+    export(plan, "csv", tmp_path / "even.csv", rate=50.0)
+    rows = list(csv.DictReader((tmp_path / "even.csv").read_text().splitlines()))
+    times, motion = np.array([float(row["time"]) for row in rows]), plan.motion
+    assert np.allclose(np.diff(times[:-1]), 0.02)
+    assert times[-1] == motion.time[-1]
+    assert (rows[0]["kind"], rows[0]["setpoint"]) == ("transit", "")
+    assert (rows[-1]["kind"], rows[-1]["setpoint"]) == ("setpoint", str(len(plan.world.task) - 1))
+    for row, time in zip(rows[1:-1], times[1:-1], strict=True):
+        ahead = int(np.searchsorted(motion.time, time))
+        lifted = "transit" in motion.kind[ahead - 1 : ahead + 1]
+        assert row["kind"] == ("transit" if lifted else "step")
+        passed = motion.setpoint[:ahead][motion.kind[:ahead] == "setpoint"]
+        assert row["setpoint"] == ("" if lifted else str(passed[-1]))
+
+
+@pytest.mark.parametrize("robot", [youbot(FOOTPRINT, (0.143, 0.0, 0.11, 0.2)), awkward()])
+def test_the_tool_moves_as_its_positions_do(robot: Robot) -> None:
+    rng = np.random.default_rng(3)
+    base, joints, drive, bend = (rng.uniform(-2, 2, (20, n)) for n in (3, robot.chain.dof) * 2)
+    sample = Sample(np.zeros(20), base, joints, drive, bend, 0 * drive, 0 * bend)
+    half = 1e-6
+    ends = [robot.tool(base + s * drive, joints + s * bend)[:, :3, 3] for s in (-half, half)]
+    assert np.abs(tool_velocity(robot, *sample.columns[:2]) - (ends[1] - ends[0]) / (2 * half)).max() < 1e-7
+
+
+def test_geojson_of_a_timed_plan_says_when_the_base_is_where(tmp_path: Path) -> None:
+    plan = timed(synthetic_plan(l_shape()))
+    export(plan, "geojson", tmp_path / "plan.geojson")
+    features = json.loads((tmp_path / "plan.geojson").read_text())["features"]
+    (path,) = (f for f in features if f["properties"]["part"] == "base-path")
+    times, line = path["properties"]["time"], np.array(path["geometry"]["coordinates"])
+    assert times == plan.motion.time.tolist()
+    assert np.abs(line - plan.motion.base[:, :2]).max() < 1e-9

@@ -17,7 +17,8 @@ ENGINES = {
     "fcl": {"planners/collision.py"},
     "meshcat": {"regionik/view.py"},
     "toppra": {"planners/timing.py"},
-    "typer": {"regionik/cli.py"},
+    "matplotlib": {"regionik/plot.py"},
+    "typer": {"regionik/cli.py", "regionik/cli_files.py"},
 }
 
 
