@@ -16,6 +16,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from regionik.compare import compare
     from regionik.mfabrik import Solver
     from regionik.pipeline import plan
     from regionik.plan import Plan
@@ -38,6 +39,7 @@ __all__ = [
     "Solver",
     "World",
     "admissible_area",
+    "compare",
     "load_plan",
     "load_robot",
     "load_world",
@@ -56,6 +58,7 @@ _HOME = {
     "Solver": "regionik.mfabrik",
     "World": "regionik.worlds.scene",
     "admissible_area": "regionik.regions",
+    "compare": "regionik.compare",
     "load_plan": "regionik.planfile",
     "load_robot": "regionik.worlds.library",
     "load_world": "regionik.worlds.library",
@@ -68,7 +71,7 @@ _HOME = {
 
 
 class _Package(ModuleType):
-    """The package, where ``plan``, ``reach`` and ``verify`` are the functions.
+    """The package, where ``compare``, ``plan``, ``reach`` and ``verify`` are the functions.
 
     Modules of the same names exist. Python binds a submodule to its parent when it is imported, which
     would hide the function; ``from regionik.plan import Plan`` does not need that binding.

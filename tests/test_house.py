@@ -16,7 +16,9 @@ ENGINES = {
     "ompl": {"planners/sampling.py"},
     "fcl": {"planners/collision.py"},
     "meshcat": {"regionik/view.py"},
-    "typer": {"regionik/cli.py"},
+    "typer": {"regionik/cli.py", "regionik/command.py", "regionik/compare_command.py"},
+    "pygad": {"planners/genetic.py"},
+    "sklearn": {"planners/network.py"},
 }
 
 
