@@ -28,8 +28,8 @@ class Network(ArmMethod):
 
     The cloud is drawn within the joint limits. A position has many postures, and a network would answer with
     their mean, which meets nothing; so each place of the cloud is given the one posture that damped least
-    squares comes to from the middle of the limits. Where the arm has a pivot that turns most of the way round,
-    all that is learnt at one heading of it and turned. The start of a search plays no part.
+    squares comes to from the middle of the limits. Where the arm has a pivot that turns most of the way
+    round, all that is learnt at one heading of it and turned. The start of a search plays no part.
 
     Parameters
     ----------
@@ -105,7 +105,7 @@ class Network(ArmMethod):
         return seen * spread + middle
 
     def nearest_place(self, position: Array) -> Array:
-        """The place of about this height, nearest seen from above, that the network has learnt well (3,) [m]."""
+        """The place learnt well that, of about this height, is nearest seen from above (3,) [m]."""
         heading, place = self._facing(position)
         off = np.abs(self.places[:, 2] - place[2])
         near = self.places[off <= max(SLICE * reach_of(self.chain), float(off.min()))]

@@ -13,7 +13,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from regionik.planners.method import ArmMethod, Found, spatial_error
+from regionik.planners.method import ArmMethod, Found, reach_of, spatial_error
 from regionik.planners.polish import POSITION, Aim
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
@@ -21,7 +21,8 @@ from regionik.worlds.errors import InputError
 
 INSIDE = 1e-9  # share of a span of angles that is kept from its ends, where rounding decides
 FLAT = 1e-9  # by which axes may be off parallel, and links off their plane [m]
-NOTHING = 1e-12  # share of the arm's length that is rounding
+NOTHING = 1e-13  # share of the arm's length that is rounding
+ROOT = 1e-7  # root of rounding: what an elbow that is nearly straight is off by [rad]
 
 
 class Planar3R(ArmMethod):
@@ -51,13 +52,17 @@ class Planar3R(ArmMethod):
         self._root, self._links, self._height = spots[0], np.diff(spots), float(frames[3, 2, 3])
 
     def search(self, aim: Aim, joints: Array) -> Found:
-        """The posture on target whose first joint turns least; without one, the start as it is."""
+        """The posture on target that changes least; where none is, the start or an end of the limits."""
         if aim.kind != POSITION:
             raise InputError("algebraic: takes positions alone, and the target asks for more")
         target = complex(aim.position[0], aim.position[1]) - self._root
-        near = [(np.abs(q - joints).max(), tuple(q)) for q in self._postures(target, float(joints[0]))]
-        q = np.array(min(near)[1]) if near else np.array(joints, dtype=np.float64)
-        return Found(q, spatial_error(self.chain, aim, q), 0.0, 0, 0)
+        found = []
+        for q in [np.array(joints, dtype=np.float64), *self._postures(target, float(joints[0]))]:
+            error = spatial_error(self.chain, aim, q)
+            exact = error <= NOTHING * reach_of(self.chain)
+            found.append((0.0 if exact else error, float(np.abs(q - joints).max()), error, tuple(q)))
+        _, _, error, best = min(found)
+        return Found(np.array(best), error, 0.0, 0, 0)
 
     def _postures(self, target: complex, first: float) -> Iterator[Array]:
         """Of every span of the first angle with solutions, the one nearest to ``first``, for either elbow."""
@@ -88,14 +93,14 @@ class Planar3R(ArmMethod):
         l1, l2, l3 = self._links
         left = target - l1 * np.exp(1j * first)
         cosine = (abs(left) ** 2 - abs(l2) ** 2 - abs(l3) ** 2) / (2 * abs(l2) * abs(l3))
-        if abs(cosine) > 1.0 + NOTHING:
+        if abs(cosine) > 1.0 + ROOT**2:
             return None
         bend = elbow * np.arccos(np.clip(cosine, -1.0, 1.0))
         third = bend + np.angle(l2) - np.angle(l3)
         second = np.angle(left) - np.angle(l2 + l3 * np.exp(1j * third)) - first
         q = np.array([first, second, third])
         q[1:] -= 2 * np.pi * np.round((q[1:] - self._middle()[1:]) / (2 * np.pi))
-        within = (q >= self.chain.lower - NOTHING) & (q <= self.chain.upper + NOTHING)
+        within = (q >= self.chain.lower - ROOT) & (q <= self.chain.upper + ROOT)
         return np.clip(q, self.chain.lower, self.chain.upper) if within.all() else None
 
     def _middle(self) -> Array:
