@@ -16,7 +16,7 @@ from regionik.worlds.chain import Chain
 from regionik.worlds.errors import InputError
 
 HIDDEN = (50, 50)  # one layer of a hundred, as in paper 004, ends about 1.5 times as far off
-SAMPLES, EPOCHS = 1500, 2000
+SAMPLES, EPOCHS = 800, 4000
 EXACT = 1e-9  # to which the postures of the cloud meet their places [m]
 WELL = 0.25  # share of the cloud that counts as learnt well, where fewer places are met within tolerance
 FLAT = 1e-9  # by which a pivot may be off the vertical [m]
@@ -63,6 +63,7 @@ class Network(ArmMethod):
         try:
             from sklearn.exceptions import ConvergenceWarning
             from sklearn.neural_network import MLPRegressor
+            from threadpoolctl import threadpool_limits
         except ModuleNotFoundError:
             raise InputError(
                 "network: expected scikit-learn to be there: pip install regionik[compare]"
@@ -80,7 +81,8 @@ class Network(ArmMethod):
             max_fun=100 * epochs,
             random_state=seed,
         )
-        with warnings.catch_warnings():
+        # So small a network is slower on many threads, and each number of them rounds otherwise.
+        with warnings.catch_warnings(), threadpool_limits(1):
             warnings.simplefilter("ignore", ConvergenceWarning)  # to stop at `epochs` is what is meant
             self._network.fit(_into(places, self._place), _into(postures, self._posture))
         off = np.linalg.norm(chain.forward(self._answers(places))[:, :3, 3] - places, axis=1)

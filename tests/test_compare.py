@@ -17,9 +17,8 @@ from regionik.methods import DEFAULT, METHODS, methods_named, sliding_chain
 from regionik.plan import Configuration
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError
-from regionik.worlds.format import read_world
 from regionik.worlds.library import load_world, robot_named
-from regionik.worlds.scene import Target, World
+from regionik.worlds.scene import Target
 
 HINGES = """
 version: 1
@@ -102,8 +101,10 @@ def test_each_set_point_starts_from_the_last_answer(monkeypatch: pytest.MonkeyPa
     assert seen[1 : 1 + len(world.task)] == [world.start.base[0] + k for k in range(len(world.task))]  # type: ignore[union-attr]
 
 
-def test_a_robot_without_limits_and_a_world_without_a_start() -> None:
-    world: World = read_world(HINGES, "hinges")
+def test_a_robot_without_limits_and_a_world_without_a_start(tmp_path: Path) -> None:
+    path = tmp_path / "hinges.world.yaml"
+    path.write_text(HINGES)
+    world = load_world(str(path))
     scores = {score.method: score for score in rik.compare(world, ["mfabrik", "dls", "ccd", "pinv"]).scores}
     assert {score.success for score in scores.values()} == {8}
 
@@ -150,7 +151,7 @@ def test_the_command(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     out, err = capfd.readouterr()
     assert out.splitlines()[1].startswith("mfabrik    15/15")
     assert "dls beats mfabrik" in err
-    rows = list(csv.DictReader(table.open()))
+    rows = list(csv.DictReader(table.read_text().splitlines()))
     assert [(row["method"], row["success"]) for row in rows] == [("mfabrik", "15"), ("dls", "15")]
     assert cli.run(["compare", "pillar", "--methods", "dls", "--json", "-o", str(document)]) == 0
     out, _ = capfd.readouterr()

@@ -129,8 +129,8 @@ def table_2() -> Table:
     ]  # fmt: skip
     wrong = [str(k + 1) for k in range(5) if off[k] > 1.0]
     notes = (
-        f"Misprinted: rows {', '.join(wrong)}. Their angles miss the target by centimetres, some are negative, "
-        "and the printed error of 0 is met by no row.",
+        f"Misprinted: rows {', '.join(wrong)}. Their angles miss the target by centimetres, some are "
+        "negative, and the printed error of 0 is met by no row.",
         "Rows 2 and 3 are rounded to whole degrees.",
         f"Ours keeps 0 to 60 degrees; the worst error is {errors.max():.0e} cm. Damped least squares ends at "
         f"{damped.max():.0e} cm.",
@@ -184,7 +184,7 @@ def table_4(seeds: int = SEEDS) -> Table:
         f"Printed errors and places agree within {network_off().max():.3f} cm; no row is misprinted.",
         "The paper's text names two outputs; three angles need three, and ours has as many as joints.",
         f"Mean error: paper {NETWORK_ERRORS.mean():.3f} cm; ours {_spread(means)}.",
-        "The algebraic solution and damped least squares beat this and the genetic algorithm by far: Table 2.",
+        "The algebraic solution and damped least squares beat both learnt methods by far: Table 2.",
     )
     header = (
         "P",
