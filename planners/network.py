@@ -128,7 +128,8 @@ def cloud(chain: Chain, samples: int, seed: int) -> tuple[Array, Array]:
     places = chain.forward(spread_postures(chain, reach_of(chain), samples, seed))[:, :3, 3]
     if _turns(chain):
         places = np.column_stack([np.hypot(*places.T[:2]), np.zeros(len(places)), places[:, 2]])
-    middle = np.where(np.isfinite(chain.lower + chain.upper), (chain.lower + chain.upper) / 2, 0.0)
+    bounded = np.isfinite(chain.lower) & np.isfinite(chain.upper)
+    middle = np.where(bounded, chain.lower, 0.0) / 2 + np.where(bounded, chain.upper, 0.0) / 2
     solver = DampedLeastSquares(chain, EXACT, restarts=0)
     found = [solver.search(Aim(p, POSITION, np.eye(3), 0.0), middle) for p in places]
     postures = np.array([one.joints for one in found if one.error <= EXACT])

@@ -122,9 +122,10 @@ def test_a_network_has_an_output_a_joint_and_repeats() -> None:
         one(Goal([0.03, 0.25, 0.0], [0.0, 0.0, 1.0]), np.zeros(3))
 
 
-def test_a_network_turns_with_the_pivot() -> None:
-    """What is learnt at one heading holds at the others."""
-    network = Network(robot_named("youbot").chain, samples=300, epochs=150)
+@pytest.mark.parametrize("robot", ["youbot", "hinge5"])
+def test_a_network_turns_with_the_pivot(robot: str) -> None:
+    """What is learnt at one heading holds at the others, with limits or without."""
+    network = Network(robot_named(robot).chain, samples=300, epochs=150)
     errors = [
         network(Goal([0.35 * np.cos(a), 0.35 * np.sin(a), 0.2]), np.zeros(5)).error for a in (0.0, 1.0, -2.0)
     ]
