@@ -89,19 +89,19 @@ def polish(
     frames, J, miss, left = np.empty((n + 1, 4, 4)), np.empty((6, n)), np.empty(6), np.empty(6)
     trial, step = np.empty(n), np.empty(n)
     weight, damping = 0.5 * reach, 1e-3
-    error, angle = _tool_misses(arm, aim, joints, frames, miss)
+    error, angle = tool_misses(arm, aim, joints, frames, miss)
     for tried in range(most):
         if (error <= tolerance and angle <= angle_tolerance) or damping > MOST_DAMPING:
             return error, angle, tried
         chain_frames(arm, joints, frames)
         chain_jacobian(arm, frames, J)
-        _weigh(frames[n], aim.kind, weight, J)
+        weigh(frames[n], aim.kind, weight, J)
         for i in range(6):
             left[i] = miss[i] if i < 3 else weight * miss[i]
-        _limited_step(arm, J, left, rows, damping * reach * reach, joints, step)
+        limited_step(arm, J, left, rows, damping * reach * reach, joints, step)
         for k in range(n):
             trial[k] = min(max(joints[k] + step[k], arm.lower[k]), arm.upper[k])
-        new_error, new_angle = _tool_misses(arm, aim, trial, frames, left)
+        new_error, new_angle = tool_misses(arm, aim, trial, frames, left)
         if new_error**2 + (weight * new_angle) ** 2 < error**2 + (weight * angle) ** 2:
             joints[:], miss[:] = trial, left
             error, angle = new_error, new_angle
@@ -112,14 +112,14 @@ def polish(
 
 
 @compiled
-def _tool_misses(arm: SerialArm, aim: Aim, joints: Array, frames: Array, miss: Array) -> tuple[float, float]:
+def tool_misses(arm: SerialArm, aim: Aim, joints: Array, frames: Array, miss: Array) -> tuple[float, float]:
     chain_frames(arm, joints, frames)
     tool = frames[len(joints)]
     return misses((tool[0, 3], tool[1, 3], tool[2, 3]), tool[:3, :3], aim, miss)
 
 
 @compiled
-def _weigh(tool: Array, kind: int, weight: float, J: Array) -> None:
+def weigh(tool: Array, kind: int, weight: float, J: Array) -> None:
     """Turn the Jacobian's angles into lengths; a free roll about the tool's axis is left out."""
     axis = (tool[0, 2], tool[1, 2], tool[2, 2])
     for k in range(J.shape[1]):
@@ -129,7 +129,7 @@ def _weigh(tool: Array, kind: int, weight: float, J: Array) -> None:
 
 
 @compiled
-def _limited_step(
+def limited_step(
     arm: SerialArm, J: Array, miss: Array, rows: int, damping: float, joints: Array, step: Array
 ) -> None:
     """Damped least squares step (n,); joints that would leave their limits are held, then the rest solved."""

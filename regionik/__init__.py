@@ -16,6 +16,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from regionik.compare import compare
     from regionik.mfabrik import Solver
     from regionik.pipeline import plan
     from regionik.plan import Plan
@@ -43,6 +44,7 @@ __all__ = [
     "Speeds",
     "World",
     "admissible_area",
+    "compare",
     "load_plan",
     "load_robot",
     "load_world",
@@ -65,6 +67,7 @@ _HOME = {
     "Speeds": "regionik.worlds.speeds",
     "World": "regionik.worlds.scene",
     "admissible_area": "regionik.regions",
+    "compare": "regionik.compare",
     "load_plan": "regionik.planfile",
     "load_robot": "regionik.worlds.library",
     "load_world": "regionik.worlds.library",
@@ -80,7 +83,7 @@ _HOME = {
 
 
 class _Package(ModuleType):
-    """The package, where ``plan``, ``plot``, ``reach`` and ``verify`` are the functions.
+    """The package, where names like ``plan``, ``reach`` and ``verify`` are the functions.
 
     Modules of the same names exist. Python binds a submodule to its parent when it is imported, which
     would hide the function; ``from regionik.plan import Plan`` does not need that binding.

@@ -10,8 +10,7 @@ import os
 import sys
 import time
 import warnings
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from threading import Event
@@ -20,7 +19,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from regionik import __version__
-from regionik.cli_files import PlanPath, export, plot, retime
+from regionik.command import DONE, NO, AsJson, WorldName, explained
+from regionik.compare_command import compare
 from regionik.console import (
     LateProgress,
     check_output,
@@ -29,19 +29,19 @@ from regionik.console import (
     print_answers,
     print_json,
     print_worlds,
-    refusal,
     report_document,
     report_summary,
     say,
 )
+from regionik.file_commands import PlanPath, export, plot, retime
 from regionik.interrupts import INTERRUPTED, end_at_leisure, end_on_interrupt
-from regionik.worlds.errors import InputError, NoPlanFound, RegionikError
+from regionik.worlds.errors import InputError, RegionikError
 
 if TYPE_CHECKING:
     from regionik.plan import Plan
     from regionik.worlds.scene import World
 
-DONE, NO, WRONG_INPUT, ENGINE_FAILED = 0, 1, 2, 3
+WRONG_INPUT, ENGINE_FAILED = 2, 3
 
 app = typer.Typer(
     add_completion=False,
@@ -50,9 +50,6 @@ app = typer.Typer(
     help="Exact base areas and whole-path planning for mobile manipulators.",
     epilog="Exit codes: 0 done; 1 the answer is no, explained; 2 the input is wrong; 130 interrupted.",
 )
-
-WorldName = Annotated[str, typer.Argument(metavar="WORLD", help="A bundled world's name, or a world file.")]
-AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON document, and only it, on stdout.")]
 
 
 def main() -> None:
@@ -138,7 +135,7 @@ def plan(
     if output is not None and html is not None and output.resolve() == html.resolve():
         raise InputError(f"{html}: the plan and the page need two different files")
     began = time.monotonic()
-    with LateProgress() as progress, _explained(as_json):
+    with LateProgress() as progress, explained(as_json):
         found = _planned(world, seed, progress)
         seconds = time.monotonic() - began
         written = _write_plan(found, output, html, progress)
@@ -192,18 +189,6 @@ def _key_figures(found: Plan) -> dict[str, Any]:
     }
 
 
-@contextmanager
-def _explained(as_json: bool) -> Iterator[None]:
-    """Turn a `NoPlanFound` into its paragraph, its document if asked for, and exit code 1."""
-    try:
-        yield
-    except NoPlanFound as no:
-        say(no.explanation.reason)
-        if as_json:
-            print_json(refusal(no.explanation))
-        raise typer.Exit(NO) from None
-
-
 @app.command()
 def reach(
     world: WorldName,
@@ -242,6 +227,9 @@ def reach(
     say(f"{scene.name}: {count} of {len(answer.verdict)} targets are reachable")
     if count < len(answer.verdict):
         raise typer.Exit(NO)
+
+
+app.command()(compare)
 
 
 @app.command()

@@ -14,8 +14,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from regionik.cli_files import EXPORTS
 from regionik.export import FORMATS, export
+from regionik.file_commands import EXPORTS
 from regionik.limits import tool_velocity
 from regionik.plan import Plan
 from regionik.trajectory import Sample, trajectory

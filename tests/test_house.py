@@ -18,7 +18,14 @@ ENGINES = {
     "meshcat": {"regionik/view.py"},
     "toppra": {"planners/timing.py"},
     "matplotlib": {"regionik/plot.py"},
-    "typer": {"regionik/cli.py", "regionik/cli_files.py"},
+    "typer": {
+        "regionik/cli.py",
+        "regionik/command.py",
+        "regionik/compare_command.py",
+        "regionik/file_commands.py",
+    },
+    "pygad": {"planners/genetic.py"},
+    "sklearn": {"planners/network.py"},
 }
 
 
