@@ -135,27 +135,20 @@ class ArmSolver:
 
     def __call__(self, goal: Goal, joints: ArrayLike) -> ArmPosture:
         """Solve one goal from a start posture, which is taken into the limits first."""
-        q, aim = self._within(joints, 1), aim_of(goal)
+        chain, aim = self.chain, aim_of(goal)
+        q = np.clip(frozen(joints, (chain.dof,), "joints"), chain.lower, chain.upper)
         bodies = self.bodies(aim.kind)
         _, _, passes, restarts, polished = solve(bodies, aim, self._starts(bodies), self.effort, q)
-        error, angle = confirm(self.chain, aim, q)
+        error, angle = confirm(chain, aim, q)
         converged = error <= self.effort.tolerance and angle <= self.effort.angle_tolerance
         steps = ("passes",) + ("restarts",) * (restarts > 0) + ("polish",) * polished
-        reason = (
-            "" if converged else why_not(self.chain, aim, self.starts, self.effort, q, error, angle, passes)
-        )
+        reason = "" if converged else why_not(chain, aim, self.starts, self.effort, q, error, angle, passes)
         q.flags.writeable = False
         return ArmPosture(q, error, angle, passes, restarts, steps, converged, reason)
 
     def batch(self, positions: ArrayLike, joints: ArrayLike) -> ArmPostures:
         """Solve many positions (m, 3) from start postures (m, dof), or all from one (dof,)."""
-        p = np.array(frozen(positions, (None, 3), "positions"))  # writable, as the kernels were compiled for
-        start = np.asarray(joints, dtype=np.float64)
-        if start.ndim == 1:
-            start = np.broadcast_to(start, (len(p), len(start)))
-        q = self._within(start, 2)
-        if len(q) != len(p):
-            raise InputError(f"joints: expected {len(p)} rows, one a position, got {len(q)}")
+        p, q = rows_of(self.chain, positions, joints)
         errors, counts = np.empty(len(p)), np.empty((len(p), 3), dtype=np.int64)
         solve_batch(self.pointing, p, self._starts(self.pointing), self.effort, q, errors, counts)
         errors = np.linalg.norm(self.chain.forward(q)[:, :3, 3] - p, axis=1)
@@ -170,12 +163,17 @@ class ArmSolver:
     def _starts(self, bodies: Bodies) -> Array:
         return np.ascontiguousarray(self.starts[:, : len(bodies.slide)])
 
-    def _within(self, joints: ArrayLike, axes: int) -> Array:
-        """Checked copy of start postures, taken into the limits."""
-        shape: list[int | None] = [self.chain.dof]
-        if axes == 2:
-            shape.insert(0, None)
-        return np.clip(frozen(joints, shape, "joints"), self.chain.lower, self.chain.upper)
+
+def rows_of(chain: Chain, positions: ArrayLike, joints: ArrayLike) -> tuple[Array, Array]:
+    """Checked positions (m, 3) and starts (m, dof), taken into the limits; one (dof,) does for all."""
+    p = np.array(frozen(positions, (None, 3), "positions"))  # writable, as the kernels were compiled for
+    start = np.asarray(joints, dtype=np.float64)
+    if start.ndim == 1:
+        start = np.broadcast_to(start, (len(p), len(start)))
+    q = np.clip(frozen(start, (None, chain.dof), "joints"), chain.lower, chain.upper)
+    if len(q) != len(p):
+        raise InputError(f"joints: expected {len(p)} rows, one a position, got {len(q)}")
+    return p, q
 
 
 def aim_of(goal: Goal) -> Aim:

@@ -26,6 +26,7 @@ MOST_STEPS = 300  # of one walk
 MOST_BOXES = 20_000  # weighed for an outer bound, a few microseconds each
 LEVEL = 1e-9  # by which the tool of an arm that cannot rise may be off its height [m]
 LOOKS, NARROWINGS = 128, 80  # postures looked at, ever nearer to the farthest and the nearest of them
+HALVINGS = 60  # of the straight way between those two
 ENOUGH = 1e-3  # what the outer bound may stand off from the inner one [m]
 
 
@@ -91,6 +92,7 @@ def outer_reach(chain: Chain, rise: float) -> Intervals:
     return merged([*known.tolist(), *left.tolist()])
 
 
+@lru_cache(maxsize=256)
 def _is_level(chain: Chain) -> bool:
     """Whether the tool's height never changes: all axes stand upright."""
     heights = chain.forward(_drawn(chain, np.random.default_rng(0), LOOKS))[:, 2, 3]
@@ -99,9 +101,16 @@ def _is_level(chain: Chain) -> bool:
 
 def _level_reach(chain: Chain, rise: float) -> Intervals:
     """Reach of an arm at the one height it has: its limits hang together, so all between two ends is met."""
-    rng = np.random.default_rng(0)
-    if abs(float(chain.forward(_drawn(chain, rng, 1))[0, 2, 3]) - rise) > LEVEL:
+    if abs(float(chain.forward(_level_ends(chain)[0])[2, 3]) - rise) > LEVEL:
         return ()
+    near, far = np.linalg.norm(chain.forward(np.array(_level_ends(chain)))[:, :2, 3], axis=1).tolist()
+    return ((near, far),)
+
+
+@lru_cache(maxsize=256)
+def _level_ends(chain: Chain) -> tuple[Array, Array]:
+    """Postures with the tool nearest to the base frame's axis and farthest from it."""
+    rng = np.random.default_rng(0)
     ends = []
     for sign in (1.0, -1.0):
         best, spread = _drawn(chain, rng, 1)[0], np.pi
@@ -110,8 +119,23 @@ def _level_reach(chain: Chain, rise: float) -> Intervals:
             tried = np.vstack([best, np.clip(near, chain.lower, chain.upper)])
             far = np.linalg.norm(chain.forward(tried)[:, :2, 3], axis=1)
             best, spread = tried[int(np.argmin(sign * far))], 0.8 * spread
-        ends.append(float(np.linalg.norm(chain.forward(best)[:2, 3])))
-    return ((ends[0], ends[1]),)
+        ends.append(best)
+    return ends[0], ends[1]
+
+
+def _level_posture(chain: Chain, distance: float) -> Array:
+    """A posture of a level arm at a distance between its ends, on the straight way from one to the other."""
+    near, far = _level_ends(chain)
+    low, high = 0.0, 1.0
+    for _ in range(HALVINGS):
+        share = 0.5 * (low + high)
+        tool = chain.forward(near + share * (far - near))
+        if np.hypot(*tool[:2, 3]) < distance:
+            low = share
+        else:
+            high = share
+    found: Array = near + high * (far - near)
+    return found
 
 
 def _drawn(chain: Chain, rng: np.random.Generator, count: int) -> Array:
@@ -135,7 +159,9 @@ def posture_at(chain: Chain, point: ArrayLike, joints: ArrayLike) -> Array:
     """
     p, q = np.asarray(point, dtype=np.float64), np.array(joints, dtype=np.float64)
     meridian, pivot = _meridian(chain), pivot_of(chain)
-    if meridian is not None:
+    if _is_level(chain):
+        q = _level_posture(chain, float(np.hypot(p[0], p[1])))
+    elif meridian is not None:
         found = q[meridian.which]
         starts, tool = _starts(meridian), tool_for(meridian)
         posture_on(meridian, float(p[2]), float(np.hypot(p[0], p[1])), starts, tool, MOST_STEPS, found)

@@ -1,198 +1,32 @@
-"""Iterative rivals of FABRIK, compiled as it is: pseudo-inverse, transpose, damped least squares, CCD.
+"""Iterative rivals of FABRIK: pseudo-inverse, transpose, damped least squares, CCD.
 
-Each keeps the joint limits, each step is taken only as far as it brings the tool nearer, and each may start
-again from the postures that FABRIK may start again from. None knows of obstacles or areas.
+Each may start again from the postures that FABRIK may start again from. None knows of obstacles or areas.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import ClassVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from regionik.planners.flat import compiled
-from regionik.planners.inverse import spread_postures
-from regionik.planners.method import RESTARTS, ArmMethod, Found, reach_of
-from regionik.planners.polish import (
-    DIRECTION,
-    POSITION,
-    Aim,
-    limited_step,
-    polish,
-    tool_misses,
-    weigh,
+from regionik.planners.descent import (
+    CYCLIC,
+    DAMPED,
+    PSEUDO_INVERSE,
+    TRANSPOSE,
+    Effort,
+    search,
+    search_each,
 )
-from regionik.planners.serial import SerialArm, chain_frames, chain_jacobian, serial_arm
-from regionik.planners.turns import held
-from regionik.planners.vectors import Vector, cross, dot, minus, plus, rotated
+from regionik.planners.inverse import ArmPostures, rows_of, spread_postures
+from regionik.planners.method import RESTARTS, ArmMethod, Found, reach_of
+from regionik.planners.polish import Aim
+from regionik.planners.serial import serial_arm
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
 
 MOST_STEPS = 300  # from each start
-TRACE = 1e-12  # of the squared reach; in the place of a decision on the rank of the pseudo-inverse
-HALVINGS = 12  # of a step that does not help, before it is given up
-STALLED = 1e-6  # share of what is left by which a sweep of CCD must at least improve
-
-Kernel = Callable[[SerialArm, Aim, Array, float, float, float, int], tuple[float, float, int]]
-
-
-@compiled
-def pseudo_inverse(
-    arm: SerialArm, aim: Aim, joints: Array, reach: float, tolerance: float, angle_tolerance: float, most: int
-) -> tuple[float, float, int]:
-    """Full Newton steps by J^T (J J^T)^-1, halved until they help; see `regionik.planners.polish.polish`."""
-    return _descend(arm, aim, joints, reach, tolerance, angle_tolerance, most, True)
-
-
-@compiled
-def transpose(
-    arm: SerialArm, aim: Aim, joints: Array, reach: float, tolerance: float, angle_tolerance: float, most: int
-) -> tuple[float, float, int]:
-    """Steps along J^T e, as long as the linear model likes (Wolovich and Elliott), halved until they help.
-
-    Arguments and answer are those of `regionik.planners.polish.polish`.
-    """
-    return _descend(arm, aim, joints, reach, tolerance, angle_tolerance, most, False)
-
-
-@compiled
-def _descend(
-    arm: SerialArm,
-    aim: Aim,
-    joints: Array,
-    reach: float,
-    tolerance: float,
-    angle_tolerance: float,
-    most: int,
-    inverse: bool,
-) -> tuple[float, float, int]:
-    n, rows, weight = len(joints), 3 if aim.kind == POSITION else 6, 0.5 * reach
-    frames, J, miss, left = np.empty((n + 1, 4, 4)), np.empty((6, n)), np.empty(6), np.empty(6)
-    trial, step = np.empty(n), np.empty(n)
-    error, angle = tool_misses(arm, aim, joints, frames, miss)
-    tried = 0
-    while tried < most and (error > tolerance or angle > angle_tolerance):
-        chain_frames(arm, joints, frames)
-        chain_jacobian(arm, frames, J)
-        weigh(frames[n], aim.kind, weight, J)
-        for i in range(6):
-            left[i] = miss[i] if i < 3 else weight * miss[i]
-        if inverse:
-            limited_step(arm, J, left, rows, TRACE * reach * reach, joints, step)
-        else:
-            _along_transpose(arm, J, left, rows, joints, step)
-        before, helped = error**2 + (weight * angle) ** 2, False
-        for _ in range(HALVINGS):
-            tried += 1
-            for k in range(n):
-                trial[k] = min(max(joints[k] + step[k], arm.lower[k]), arm.upper[k])
-            new_error, new_angle = tool_misses(arm, aim, trial, frames, left)
-            if new_error**2 + (weight * new_angle) ** 2 < before:
-                joints[:], miss[:] = trial, left
-                error, angle, helped = new_error, new_angle, True
-                break
-            if tried == most:
-                break
-            step *= 0.5
-        if not helped:
-            break
-    return error, angle, tried
-
-
-@compiled
-def _along_transpose(arm: SerialArm, J: Array, miss: Array, rows: int, joints: Array, step: Array) -> None:
-    """J^T e, as long as the linear model likes, without joints that stand at a limit and would leave it."""
-    moved = np.zeros(rows)
-    for k in range(len(joints)):
-        step[k] = 0.0
-        for i in range(rows):
-            step[k] += J[i, k] * miss[i]
-        if (step[k] > 0 and joints[k] >= arm.upper[k]) or (step[k] < 0 and joints[k] <= arm.lower[k]):
-            step[k] = 0.0
-        for i in range(rows):
-            moved[i] += J[i, k] * step[k]
-    along, length = 0.0, 0.0
-    for i in range(rows):
-        along += miss[i] * moved[i]
-        length += moved[i] * moved[i]
-    step *= along / length if length > 0.0 else 0.0
-
-
-@compiled
-def cyclic_descent(
-    arm: SerialArm, aim: Aim, joints: Array, reach: float, tolerance: float, angle_tolerance: float, most: int
-) -> tuple[float, float, int]:
-    """CCD (Wang and Chen): from the tool to the base, every joint takes what is best for it alone.
-
-    Arguments and answer are those of `regionik.planners.polish.polish`; a step is a sweep over all joints.
-    """
-    n, weight = len(joints), 0.5 * reach
-    frames, miss = np.empty((n + 1, 4, 4)), np.empty(6)
-    error, angle = tool_misses(arm, aim, joints, frames, miss)
-    for sweep in range(most):
-        if error <= tolerance and angle <= angle_tolerance:
-            return error, angle, sweep
-        before = error**2 + (weight * angle) ** 2
-        tool = frames[n]
-        for k in range(n - 1, -1, -1):
-            _best_alone(arm, aim, frames[k], k, weight, joints, tool)
-        error, angle = tool_misses(arm, aim, joints, frames, miss)
-        if error**2 + (weight * angle) ** 2 > (1.0 - STALLED) * before:
-            return error, angle, sweep + 1
-    return error, angle, most
-
-
-@compiled
-def _best_alone(
-    arm: SerialArm, aim: Aim, frame: Array, k: int, weight: float, joints: Array, tool: Array
-) -> None:
-    """Put joint k where the tool comes nearest, in closed form; ``tool`` (4, 4) goes along."""
-    local, now = arm.axis[k], joints[k]
-    axis = _times(frame, (local[0], local[1], local[2]))
-    spot = (frame[0, 3], frame[1, 3], frame[2, 3])
-    goal = (aim.position[0], aim.position[1], aim.position[2])
-    tip = (tool[0, 3], tool[1, 3], tool[2, 3])
-    if not arm.revolute[k]:
-        slid = min(max(now + dot(axis, minus(goal, tip)), arm.lower[k]), arm.upper[k])
-        for i in range(3):
-            tool[i, 3] += axis[i] * (slid - now)
-        joints[k] = slid
-        return
-    lever = minus(tip, spot)
-    c, s = _swing(axis, lever, minus(goal, spot))
-    if aim.kind != POSITION:  # a square of the angle counts as a square of length, as in `polish`
-        for j in range(2 if aim.kind == DIRECTION else 0, 3):
-            share = weight * weight * (1.0 if aim.kind == DIRECTION else 0.5)
-            own = (tool[0, j], tool[1, j], tool[2, j])
-            more_c, more_s = _swing(axis, own, (aim.turn[0, j], aim.turn[1, j], aim.turn[2, j]))
-            c, s = c + share * more_c, s + share * more_s
-    if c == 0.0 and s == 0.0:
-        return
-    value = held(now + np.arctan2(s, c), now, arm.lower[k], arm.upper[k])
-    joints[k] = value
-    tip = plus(spot, rotated(axis, value - now, lever))
-    for i in range(3):
-        tool[i, 3] = tip[i]
-    for j in range(3):
-        column = rotated(axis, value - now, (tool[0, j], tool[1, j], tool[2, j]))
-        for i in range(3):
-            tool[i, j] = column[i]
-
-
-@compiled
-def _swing(axis: Vector, own: Vector, wanted: Vector) -> tuple[float, float]:
-    """``wanted`` times ``own`` turned by t is c cos t + s sin t, and a constant: c, s."""
-    return dot(wanted, own) - dot(axis, wanted) * dot(axis, own), dot(wanted, cross(axis, own))
-
-
-@compiled
-def _times(frame: Array, v: Vector) -> Vector:
-    return (
-        frame[0, 0] * v[0] + frame[0, 1] * v[1] + frame[0, 2] * v[2],
-        frame[1, 0] * v[0] + frame[1, 1] * v[1] + frame[1, 2] * v[2],
-        frame[2, 0] * v[0] + frame[2, 1] * v[1] + frame[2, 2] * v[2],
-    )
 
 
 class Rival(ArmMethod):
@@ -209,7 +43,7 @@ class Rival(ArmMethod):
         Other postures to start from.
     """
 
-    kernel: ClassVar[Kernel]
+    which: ClassVar[int]
 
     def __init__(
         self,
@@ -220,45 +54,44 @@ class Rival(ArmMethod):
         restarts: int = RESTARTS,
     ) -> None:
         super().__init__(chain, tolerance, angle_tolerance)
-        self._arm, self._reach, self._most = serial_arm(chain), reach_of(chain), int(most)
-        self._starts = spread_postures(chain, self._reach, restarts, 0)
+        self._arm, reach = serial_arm(chain), reach_of(chain)
+        self._effort = Effort(self.tolerance, self.angle_tolerance, int(most), reach)
+        self._starts = spread_postures(chain, reach, restarts, 0)
 
     def search(self, aim: Aim, joints: Array) -> Found:
         """The kernel from the joints, then from the starts, until the aim is met; else the nearest end."""
-        best, nearest, steps = Found(joints, np.inf, np.inf, 0, 0), np.inf, 0
-        for i, start in enumerate([joints, *self._starts]):
-            q = np.array(start)
-            error, angle, used = type(self).kernel(
-                self._arm, aim, q, self._reach, self.tolerance, self.angle_tolerance, self._most
-            )
-            steps += used
-            share = max(error / self.tolerance, angle / self.angle_tolerance)
-            if share < nearest:
-                nearest, best = share, Found(q, float(error), float(angle), 0, i)
-            if share <= 1.0:
-                break
-        return best._replace(iterations=int(steps))
+        q = np.array(joints)
+        tried = search(self.which, self._arm, aim, self._starts, self._effort, q)
+        return Found(q, float(tried.error), float(tried.angle), int(tried.steps), int(tried.restarts))
+
+    def batch(self, positions: ArrayLike, joints: ArrayLike) -> ArmPostures:
+        """Solve many positions (m, 3) from start postures (m, dof), or all from one (dof,), in one call."""
+        p, q = rows_of(self.chain, positions, joints)
+        errors, counts = np.empty(len(p)), np.empty((len(p), 2), dtype=np.int64)
+        search_each(self.which, self._arm, p, self._starts, self._effort, q, errors, counts)
+        polished = np.zeros(len(p), dtype=bool)
+        return ArmPostures(q, errors, counts[:, 0], counts[:, 1], polished, errors <= self.tolerance)
 
 
 class PseudoInverse(Rival):
     """Jacobian pseudo-inverse."""
 
-    name, kernel = "pinv", pseudo_inverse
+    name, which = "pinv", PSEUDO_INVERSE
 
 
 class DampedLeastSquares(Rival):
     """Levenberg's and Marquardt's damped least squares, the kernel that polishes our own answers."""
 
-    name, kernel = "dls", polish
+    name, which = "dls", DAMPED
 
 
 class Transpose(Rival):
     """Jacobian transpose."""
 
-    name, kernel = "transpose", transpose
+    name, which = "transpose", TRANSPOSE
 
 
 class CyclicDescent(Rival):
     """Cyclic coordinate descent."""
 
-    name, kernel = "ccd", cyclic_descent
+    name, which = "ccd", CYCLIC

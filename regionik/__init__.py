@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from regionik.plan import Plan
     from regionik.planfile import load_plan
     from regionik.plot import plot
+    from regionik.point_to_point import point_to_point
     from regionik.reach import reach
     from regionik.regions import admissible_area
     from regionik.retime import retime
@@ -50,6 +51,7 @@ __all__ = [
     "load_world",
     "plan",
     "plot",
+    "point_to_point",
     "reach",
     "retime",
     "show",
@@ -73,6 +75,7 @@ _HOME = {
     "load_world": "regionik.worlds.library",
     "plan": "regionik.pipeline",
     "plot": "regionik.plot",
+    "point_to_point": "regionik.point_to_point",
     "reach": "regionik.reach",
     "retime": "regionik.retime",
     "show": "regionik.view",

@@ -58,6 +58,8 @@ def test_no_posture_is_outside_the_outer_reach(seed: int) -> None:
 
 @settings(max_examples=60, deadline=None)
 @given(SEEDS, st.floats(0, 1), st.floats(-3, 3))
+@example(2040, 0.0, 0.0)  # all axes upright: the arm has one height, and walks along it do not start
+@example(2040, 0.5, 1.0)
 def test_every_distance_of_the_inner_reach_has_a_posture(seed: int, share: float, azimuth: float) -> None:
     chain = chain_of(seed)
     _, rise = tool_at(chain, np.random.default_rng(seed))

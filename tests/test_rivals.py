@@ -12,7 +12,7 @@ from regionik.planners.inverse import Goal, confirm, spread_postures
 from regionik.planners.method import ArmMethod, Fabrik, FabrikPolished
 from regionik.planners.network import Network
 from regionik.planners.polish import DIRECTION, ORIENTATION, POSITION, Aim
-from regionik.planners.rivals import CyclicDescent, DampedLeastSquares, PseudoInverse, Transpose
+from regionik.planners.rivals import CyclicDescent, DampedLeastSquares, PseudoInverse, Rival, Transpose
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain, chain_from_dh
@@ -72,6 +72,22 @@ def test_no_step_leads_away(kind: type[ArmMethod]) -> None:
     errors = [kind(chain, most=n, restarts=0)(goal, start).error for n in (1, 3, 10, 100)]  # type: ignore[call-arg]
     assert errors == sorted(errors, reverse=True)
     assert not method(goal, start).converged
+
+
+@pytest.mark.parametrize("kind", [PseudoInverse, DampedLeastSquares, Transpose, CyclicDescent])
+def test_many_at_once_are_each_alone(kind: type[Rival]) -> None:
+    chain = robot_named("pioneer7").chain
+    goals = np.array([aim.position for aim in aims(chain, POSITION, 12)])
+    starts, method = spread_postures(chain, 1.0, 12, 5), kind(chain)
+    found = method.batch(goals, starts)
+    for i, (goal, start) in enumerate(zip(goals, starts, strict=True)):
+        alone = method(Goal(goal), start)
+        assert (found.joints[i] == alone.joints).all()
+        assert found.iterations[i] == alone.iterations
+        assert bool(found.converged[i]) == alone.converged
+    assert (method.batch(goals[:2], starts[0]).joints[0] == found.joints[0]).all()
+    with pytest.raises(InputError, match="expected 12 rows"):
+        method.batch(goals, starts[:2])
 
 
 def test_newton_and_damped_need_few_steps() -> None:

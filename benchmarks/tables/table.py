@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 
@@ -30,3 +31,13 @@ def markdown(table: Table) -> str:
 
 def _line(cells: tuple[str, ...]) -> str:
     return f"| {' | '.join(cells)} |"
+
+
+def ahead(ours: str, measured: Mapping[str, float], what: str) -> str:
+    """In words: which of the measured methods need less than ours of something, and how much less."""
+    better = [
+        f"{name} ({value / measured[ours]:.2f} of it)"
+        for name, value in measured.items()
+        if value < measured[ours]
+    ]
+    return f"Ahead of {ours} in {what}: {', '.join(better) or 'none'}."

@@ -1,0 +1,160 @@
+"""What tables 2 to 6 of Santos et al. (IEEE Access 2020) measure, M-FABRIK.
+
+Scenes that the paper only draws are those of the bundled worlds `free`, `pillar` and `wall`.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+import shapely
+from numpy.typing import ArrayLike
+
+from benchmarks.tables.clock import REPEATS, seconds
+from benchmarks.tables.sliding import SlidingRival
+from regionik.mfabrik import Batch, Solver, axis_of, configurations, solver_for
+from regionik.pipeline import start_place, start_pose, whole_path
+from regionik.plan import Configuration
+from regionik.planners.rivals import DampedLeastSquares, PseudoInverse
+from regionik.planners.stepping import step_through
+from regionik.pruning import choose_chain
+from regionik.worlds.arrays import Array
+from regionik.worlds.format import load_world
+from regionik.worlds.library import robot_named
+
+OURS = "M-FABRIK"
+RUNS = 1000
+SEED = 1
+WIDE = 1.0  # targets lie within this of the base along x and y [m]
+LOW, HIGH = 0.147, 0.3  # their heights: from the shoulder up [m]
+ACCURACY = 1e-3  # in experiments 1 to 3 [m]
+EDGE = 1e-6  # bases stand on the edge of the free floor, to rounding [m]
+
+
+class Method(Protocol):
+    """What the tables ask of a solver: the calls of `regionik.mfabrik.Solver`."""
+
+    def __call__(self, target: ArrayLike, base: ArrayLike, joints: ArrayLike, /) -> Configuration: ...
+
+    def batch(self, targets: ArrayLike, bases: ArrayLike, joints: ArrayLike, /) -> Batch: ...
+
+
+def methods(accuracy: float) -> Mapping[str, Method]:
+    """What is measured beside the paper, by the names of its columns; joint limits are ignored, as there."""
+    robot = load_world("free").robot
+    return {
+        "pseudo-inverse": SlidingRival.make(PseudoInverse, robot, accuracy),
+        "DLS": SlidingRival.make(DampedLeastSquares, robot, accuracy),
+        OURS: Solver(robot, tolerance=accuracy, heading="face_target"),
+    }
+
+
+class Cases(NamedTuple):
+    """Targets (n, 3), and bases (n, 3) and joints (n, 5) to start from."""
+
+    targets: Array
+    bases: Array
+    joints: Array
+
+
+def cases() -> Cases:
+    """Random targets and postures; the paper says of neither where they lie."""
+    rng, chain = np.random.default_rng(SEED), robot_named("youbot").chain
+    targets = np.column_stack([rng.uniform(-WIDE, WIDE, (RUNS, 2)), rng.uniform(LOW, HIGH, RUNS)])
+    return Cases(targets, np.zeros((RUNS, 3)), rng.uniform(chain.lower, chain.upper, (RUNS, 5)))
+
+
+def at_random(accuracy: float) -> dict[str, Batch]:
+    """Table 3: what each method makes of the random targets."""
+    return {name: method.batch(*cases()) for name, method in methods(accuracy).items()}
+
+
+def times_at_random(accuracy: float) -> dict[str, float]:
+    """Table 2: time of all targets in one call [s]."""
+    given = cases()
+
+    def timed(method: Method) -> float:
+        return seconds(lambda: method.batch(*given))
+
+    return {name: timed(method) for name, method in methods(accuracy).items()}
+
+
+@dataclass(frozen=True, eq=False)
+class Followed:
+    """A path followed set-point by set-point: configurations, and the time of each [s]."""
+
+    found: tuple[Configuration, ...]
+    seconds: Array
+
+
+def experiment_1() -> dict[str, Followed]:
+    """Tables 4 and 5: every set-point from the answer to the one before."""
+    world = load_world("free")
+    assert world.start is not None
+    here, targets = (world.start.base, world.start.joints), [target.position for target in world.task]
+    return {name: _followed(method, targets, *here) for name, method in methods(ACCURACY).items()}
+
+
+def _followed(method: Method, targets: list[Array], base: Array, joints: Array) -> Followed:
+    found: list[Configuration] = []
+    for target in targets:
+        found.append(method(target, base, joints))
+        base, joints = found[-1].base, found[-1].joints
+    starts = [Configuration(base, joints, 0.0, 0, True), *found]
+    rows = list(zip(targets, starts, strict=False))
+    taken = [_each(lambda row: method(row[0], row[1].base, row[1].joints), rows) for _ in range(REPEATS)]
+    return Followed(tuple(found), np.median(taken, axis=0))
+
+
+def _each(call: Callable[[Any], Any], rows: list[Any]) -> Array:
+    """Time of a call on each row [s]."""
+    marks = [time.perf_counter()]
+    for row in rows:
+        call(row)
+        marks.append(time.perf_counter())
+    return np.diff(marks)
+
+
+class Row(NamedTuple):
+    """A row of table 6.
+
+    Attributes
+    ----------
+    setpoint : int
+        Counted from 1.
+    iterations : int or None
+        None for an intermediate configuration that carries the arm, its target being out of reach.
+    miss : float
+        Distance of the tool from the target [m].
+    """
+
+    setpoint: int
+    iterations: int | None
+    miss: float
+
+
+def experiment(name: str) -> list[Row]:
+    """Table 6: the configurations of a bundled world, and what Algorithm 2 puts between two bases.
+
+    Algorithm 2 is asked wherever the straight way between two bases leaves the free floor.
+    """
+    world = load_world(name)
+    standing, _, pruned = whole_path(world)
+    chain = choose_chain(pruned, standing, start_place(world))
+    base, joints = start_pose(world, pruned, chain)
+    free = shapely.union_all(standing.pieces.polygon)
+    rows = []
+    for i, goal in enumerate(configurations(world, pruned.ladder, standing, chain, (base, joints))):
+        here, there = axis_of(world.robot, base), axis_of(world.robot, goal.base)
+        if not free.buffer(EDGE).covers(shapely.LineString([here, there])):
+            arm = solver_for(world, pruned.ladder.family[chain[i]])
+            for spot in step_through(free, here, there, world.rules.step).points[1:-1]:
+                held = arm.hold(world.task[i], np.array([*spot, base[2]]), joints)
+                rows.append(Row(i + 1, held.iterations if held.converged else None, held.error))
+        rows.append(Row(i + 1, goal.iterations, goal.error))
+        base, joints = goal.base, goal.joints
+    return rows
