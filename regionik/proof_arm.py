@@ -11,11 +11,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import shapely
 
 from regionik.findings import Finding, Words, finding
 from regionik.journey import Indices, Journey, Mask, Parts, Verdicts, prove, sag
 from regionik.plan import Violation
-from regionik.planners.collision import Obstacles, box_gaps, hull_separation, obstacles_from
+from regionik.planners.collision import Obstacles, hull_separation, obstacles_from
 from regionik.planners.pieces import Piece, Separation
 from regionik.proof_contact import TOUCH, Contact, contact_of
 from regionik.worlds.arrays import Array
@@ -26,7 +27,6 @@ LOOK = 0.05  # how far beyond the clearance distances at states are measured for
 SHALLOW = 1e-8  # to which the depth of boxes in meshes is found [m]
 SIGNS = (-1.0, 1.0)
 CORNERS = np.array([[x, y, z] for x in SIGNS for y in SIGNS for z in SIGNS])  # in the order of LinkBox
-ROWS = 1_000_000  # pairs of links and pieces whose boxes are compared together
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,6 +129,11 @@ class _Arm:
     def contact(self) -> Contact:
         return contact_of(self.world, self.obstacles)
 
+    @cached_property
+    def shadows(self) -> shapely.STRtree:
+        """Boxes round the pieces, as they are seen from above."""
+        return shapely.STRtree(shapely.box(*self.obstacles.low[:, :2].T, *self.obstacles.high[:, :2].T))
+
     @property
     def limit(self) -> float:
         return self.world.rules.arm_clearance
@@ -155,17 +160,17 @@ class _Arm:
 
     def _close(self, points: Array, bulge: Array) -> _Pairs:
         """Pairs whose boxes come within the clearance; points (n, solids, k, 3), bulge (n, solids)."""
-        n, count = points.shape[:2]
-        low, high = points.min(2).reshape(-1, 1, 3), points.max(2).reshape(-1, 1, 3)
+        count = points.shape[1]
+        low, high = points.min(2).reshape(-1, 3), points.max(2).reshape(-1, 3)
         within = (self.links.radii + self.limit + bulge).reshape(-1)
-        stride = max(1, ROWS // len(self.obstacles.pieces))
-        found = []
-        for k in range(0, n * count, stride):
-            gaps = box_gaps(self.obstacles, low[k : k + stride], high[k : k + stride])
-            row, piece = np.nonzero(gaps < within[k : k + stride, None])
-            found.append(np.column_stack([row + k, piece]))
-        pairs = np.concatenate(found) if found else np.zeros((0, 2), dtype=np.int64)
-        return _Pairs(pairs[:, 0] // count, pairs[:, 0] % count, pairs[:, 1])
+        around = shapely.box(*(low[:, :2] - within[:, None]).T, *(high[:, :2] + within[:, None]).T)
+        row, piece = self.shadows.query(around)
+        apart = np.maximum(low[row] - self.obstacles.high[piece], self.obstacles.low[piece] - high[row])
+        gap = np.linalg.norm(np.maximum(apart, 0.0), axis=1)
+        close = (gap == 0) | (gap < within[row])
+        row, piece = row[close], piece[close]
+        order = np.lexsort([piece, row])
+        return _Pairs(row[order] // count, row[order] % count, piece[order])
 
     def _gaps(self, corners: Array, pairs: _Pairs) -> Array:
         """Distances between link solids, given by their corners (m, k, 3), and pieces."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -27,6 +28,7 @@ EVEN = 0.002  # of the squared path velocity, by which it may be off the fine on
 TIGHTENINGS = 6  # of limits, where they are broken between states
 SLOWINGS, SPARE = 5, 1e-4  # of the whole motion, and by how much more
 TRIES = 4  # of rounding, with more states to rest at
+STILL = 1e-12  # squared path velocity at a rest within a course; the engine's rounding does not bear 0
 ALLOWED = 1e-3  # by which they may be, before the whole motion is slowed by it
 LAST = 1 - 1e-9  # of a hop: at its end the next one starts
 LOOKS = (0.0, 0.1, 0.3, 0.5, 0.7, 0.9, LAST)  # shares of a hop at which limits are looked at
@@ -153,63 +155,95 @@ def _times(limits: Limits, motion: Motion, tightenings: int = TIGHTENINGS) -> Ar
 
 
 def _fastest(limits: Limits, motion: Motion, tightenings: int) -> tuple[Array, Array]:
-    """Path positions and velocities of a motion's states, (n,): fastest from rest to rest over each run."""
+    """Path positions and velocities of a motion's states, (n,): fastest from rest to rest over each run.
+
+    The engine keeps limits at both ends and in the middle of each hop; where they are broken elsewhere, they
+    are drawn closer over that run.
+    """
     curve = curve_of(limits.robot, motion)
-    working = limits.working(motion)
-    rate = np.zeros(len(motion))
-    for run, (a, b) in enumerate(curve.runs):
-        rate[a : b + 1] = _run_rates(limits, Run(curve, run), working[a:b], tightenings)
+    hops = np.flatnonzero(curve.hops > 0)
+    rate, strict, todo = np.zeros(len(motion)), np.ones(len(hops)), np.arange(len(hops))
+    if not len(hops):
+        return curve.position, rate
+    course = Course(limits, curve, hops, limits.working(motion)[hops])
+    for left in range(tightenings, -1, -1):
+        part = course.of(todo)
+        found = np.where(part.rest, 0.0, part.fastest(strict[todo]))
+        rate[part.hops], rate[part.hops + 1] = found[:-1], found[1:]
+        if not left:
+            break
+        over = part.over(found)
+        strict[todo] *= np.maximum(over, 1.0)
+        run = np.cumsum(part.rest[:-1])
+        todo = todo[np.isin(run, run[over > 1 + ALLOWED])]
+        if not len(todo):
+            break
     return curve.position, rate
 
 
 @dataclass(frozen=True, eq=False)
-class Run:
-    """One run of a curve, of m hops."""
+class Course:
+    """Hops of a curve, whole runs of them, one after the other.
 
+    Attributes
+    ----------
+    limits : Limits
+    curve : Curve
+    hops : (m,) array of int
+    working : (m,) array of bool
+        Whether the tool is on its path.
+    """
+
+    limits: Limits
     curve: Curve
-    number: int
+    hops: NDArray[np.int64]
+    working: Mask
+
+    def of(self, some: NDArray[np.int64]) -> Course:
+        """Some of the hops, whole runs of them."""
+        return (
+            self
+            if len(some) == len(self.hops)
+            else replace(self, hops=self.hops[some], working=self.working[some])
+        )
 
     @cached_property
     def grid(self) -> Array:
-        """Path positions of its states, (m + 1,)."""
-        a, b = self.curve.runs[self.number]
-        return self.curve.position[a : b + 1]
+        """Path positions of their ends, without the ways between, (m + 1,)."""
+        return np.concatenate([[0.0], np.cumsum(self.curve.hops[self.hops])])
 
-    def at(self, share: float) -> tuple[Array, Array, Array]:
-        """Poses at a share of each hop, and their derivatives."""
-        a, b = self.curve.runs[self.number]
-        position = self.grid[:-1] + share * np.diff(self.grid)
-        return self.curve.along(position, np.arange(a, b))
+    @cached_property
+    def rest(self) -> Mask:
+        """At which of these the robot rests, (m + 1,)."""
+        return np.concatenate([[True], np.diff(self.hops) > 1, [True]])
 
+    def at(self, shares: Sequence[float]) -> tuple[Array, Array, Array]:
+        """Poses at shares of each hop, share by share, and their derivatives; (k m, 3 + dof)."""
+        way, begun = self.curve.hops[self.hops], self.curve.position[self.hops]
+        position = np.concatenate([begun + share * way for share in shares])
+        return self.curve.along(position, np.tile(self.hops, len(shares)))
 
-def _run_rates(limits: Limits, run: Run, working: Mask, tightenings: int) -> Array:
-    """Path velocities at the ends of a run's hops, (m + 1,).
+    def fastest(self, strict: Array) -> Array:
+        """Path velocities at the ends of the hops, (m + 1,), with limits drawn closer by factors (m,)."""
+        looks, most, close = [], np.where(self.rest, STILL, np.inf), strict[:, None]
+        for share in ENGINE_LOOKS:
+            z, slope, bend = self.at([share])
+            if share != ENGINE_LOOKS[1]:
+                ends = slice(None, -1) if share == 0.0 else slice(1, None)
+                allowed = self.limits.most(z, slope, self.working) / strict
+                most[ends] = np.minimum(most[ends], allowed)
+            slope, bend, limit = self.limits.accelerations(slope, bend)
+            looks.append(Look(share, slope * close, bend * close))
+        return fastest(self.grid, looks, limit, most)
 
-    The engine keeps limits at both ends and in the middle of each hop; where they are broken elsewhere, they
-    are drawn closer.
-    """
-    first, middle, last = (run.at(share) for share in ENGINE_LOOKS)
-    most = np.full(len(run.grid), np.inf)
-    most[:-1] = limits.most(first[0], first[1], working)
-    most[1:] = np.minimum(most[1:], limits.most(last[0], last[1], working))
-    ways = [limits.accelerations(slope, bend) for _, slope, bend in (first, middle, last)]
-    count = len(run.grid) - 1
-    strict = np.ones(count)
-    shares, looking = np.repeat(LOOKS, count)[:, None], np.tile(working, len(LOOKS))
-    z, slope, bend = (np.concatenate(parts) for parts in zip(*map(run.at, LOOKS), strict=True))
-    for left in range(tightenings, -1, -1):
-        close = strict[:, None]
-        looks = [Look(k, way[0] * close, way[1] * close) for k, way in zip(ENGINE_LOOKS, ways, strict=True)]
-        ends = np.maximum(np.append(strict, 1.0), np.insert(strict, 0, 1.0))
-        rate = fastest(run.grid, looks, ways[0][2], most / ends)
-        if not left:
-            break
-        gain = np.tile(np.diff(rate**2), len(LOOKS))[:, None]
-        push = gain / np.tile(2 * np.diff(run.grid), len(LOOKS))[:, None]
-        now = np.sqrt(np.tile(rate[:-1] ** 2, len(LOOKS))[:, None] + shares * gain)
-        over = limits.slowing(z, slope * now, slope * push + bend * now**2, looking) ** 2
-        over = over.reshape(len(LOOKS), count).max(0)
-        if over.max() <= 1 + ALLOWED:
-            break
-        strict *= np.maximum(over, 1.0)
-    return rate
+    def over(self, rate: Array) -> Array:
+        """By which factor the square of the motion's pace is too large on each hop, (m,)."""
+        count = len(LOOKS)
+        z, slope, bend = self.at(LOOKS)
+        way, gain = np.tile(np.diff(self.grid), count)[:, None], np.tile(np.diff(rate**2), count)[:, None]
+        shares = np.repeat(LOOKS, len(self.hops))[:, None]
+        now = np.sqrt(np.maximum(np.tile(rate[:-1] ** 2, count)[:, None] + shares * gain, 0.0))
+        push = slope * gain / (2 * way) + bend * now**2
+        slower = self.limits.slowing(z, slope * now, push, np.tile(self.working, count))
+        found: Array = (slower**2).reshape(count, -1).max(0)
+        return found
