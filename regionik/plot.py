@@ -253,7 +253,7 @@ def _floor(ax: Axes, floor: FloorView) -> None:
     (x_low, y_low), (x_high, y_high) = floor.low, floor.high
     ax.set(xlim=(x_low, x_high), ylim=(y_low, y_high), aspect="equal", xlabel="x [m]", ylabel="y [m]")
     ax.grid(visible=False)
-    ax.legend(handles=key, loc="upper center", bbox_to_anchor=(0.5, -0.1), ncols=3)
+    ax.legend(handles=key, loc="upper center", bbox_to_anchor=(0.5, 0.0), borderaxespad=4.5, ncols=3)
 
 
 def _area(ax: Axes, area: BaseGeometry, **paint: Any) -> None:
