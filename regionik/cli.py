@@ -255,11 +255,15 @@ def verify(path: PlanPath, as_json: AsJson = False) -> None:
 def show(
     what: Annotated[str, typer.Argument(metavar="PLAN|WORLD", help="A plan.json, a world's name or file.")],
     browser: Annotated[bool, typer.Option(help="Open a browser at the address.")] = True,
+    live: Annotated[bool, typer.Option("--live", help="Watch a world file; draw anew what changes.")] = False,
 ) -> None:
     """Show a plan or a world in the browser until Ctrl-C."""
     from regionik.view import show as open_view
     from regionik.view import stop
 
+    if live:
+        _follow(what, browser)
+        return
     with LateProgress() as progress:
         progress("load", 0, 1)
         seen = _plan_or_world(what)
@@ -268,6 +272,26 @@ def show(
         end_at_leisure()
         say("Ctrl-C ends")
         Event().wait()
+    except KeyboardInterrupt:
+        return
+    finally:
+        stop(visualizer)
+
+
+def _follow(what: str, browser: bool) -> None:
+    """Show what a world file says now, until Ctrl-C."""
+    from regionik.live import follow
+    from regionik.view import blank, stop
+
+    path = Path(what)
+    if not path.is_file():
+        raise InputError(f"{what}: --live watches a world file, and there is no such file")
+    visualizer = blank()
+    try:
+        if browser:
+            visualizer.open()
+        end_at_leisure()
+        follow(path, visualizer, say)
     except KeyboardInterrupt:
         return
     finally:

@@ -17,7 +17,7 @@ from shapely import STRtree
 from shapely.geometry import Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from regionik.worlds.obstacles import Shadow
+from regionik.worlds.obstacles import Shadow, Solid
 from regionik.worlds.scene import World
 
 QUAD_SEGMENTS = 12
@@ -154,6 +154,13 @@ class Ground:
         return self.names[k], gaps[k]
 
 
+@lru_cache(maxsize=4096)
+def shadow_of(solid: Solid, below: float) -> Shadow | None:
+    """A solid's shadow on the floor, kept for the solids that were asked for last."""
+    return solid.shadow(below)
+
+
+@lru_cache(maxsize=4096)
 def grow(shadow: Shadow, by: float, inner: bool) -> BaseGeometry:
     """A shadow grown by a disc, as a polygon around it (``inner``) or within it."""
     radius = shadow.radius + by
@@ -182,7 +189,7 @@ def _widest_segment(core: BaseGeometry) -> float:
 def ground_of(world: World) -> Ground:
     """The ground of a world; kept for the last few worlds."""
     robot = world.robot
-    found = [(solid.name, solid.shadow(robot.body_height)) for solid in world.solids]
+    found = [(solid.name, shadow_of(solid, robot.body_height)) for solid in world.solids]
     met = [(name, shadow) for name, shadow in found if shadow is not None]
     corners = robot.footprint - robot.mount[:2]
     far = float(np.hypot(corners[:, 0], corners[:, 1]).max())

@@ -156,6 +156,17 @@ def _choices(world: World) -> Iterator[tuple[Callable[[World], Standing], tuple[
 def prune_path(world: World, standing: Standing, facings: tuple[int, ...]) -> tuple[PathAreas, Pruned]:
     """Areas with some facings, cut to whole traversals from the floor the base stands on."""
     areas = path_areas(world, facings=facings, standing=standing)
+    return areas, cut_path(world, standing, areas)
+
+
+def cut_path(world: World, standing: Standing, areas: PathAreas) -> Pruned:
+    """Areas of all set-points, cut to whole traversals from the floor the base stands on.
+
+    Raises
+    ------
+    NoPlanFound
+        When a set-point has no area, or none that the base can get to.
+    """
     ladder = build_ladder(areas, len(world.task), standing)
     rungs = ladder.rungs()
     empty = np.flatnonzero(np.diff(rungs) == 0)
@@ -176,7 +187,7 @@ def prune_path(world: World, standing: Standing, facings: tuple[int, ...]) -> tu
     if allowed is not None and len(pruned.breaks) > allowed:
         bridges = [shapely.shortest_line(pruned.area(i - 1), pruned.area(i)) for i in pruned.breaks]
         raise NoPlanFound(explain.too_many_lifts(world, pruned.breaks, bridges))
-    return areas, pruned
+    return pruned
 
 
 def _start_pieces(world: World, standing: Standing, ladder: Ladder) -> list[int]:

@@ -27,7 +27,7 @@ from regionik.picture import (
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import motion, planar_pose
 from regionik.worlds.robot import LinkBox, Robot
-from regionik.worlds.scene import World
+from regionik.worlds.scene import Floor, World
 
 BALL = 0.014  # set-points [m]
 TOOL = "tool/tip"
@@ -160,14 +160,20 @@ def _base(robot: Robot) -> list[Body]:
 
 def _solids(world: World) -> list[Body]:
     """Every obstacle as a body; all cells of one height as one, for maps have thousands."""
-    bodies = [_grey(f"obstacles/{k}", shapes.solid(s), s.z_range[1]) for k, s in enumerate(world.obstacles)]
-    for k, (bottom, top) in enumerate(sorted({cell.z_range for cell in world.floor.cells})):
-        area = shapely.union_all([c.polygon for c in world.floor.cells if c.z_range == (bottom, top)])
-        bodies.append(_grey(f"map/{k}", shapes.extruded(area, bottom, top), top))
+    bodies = [grey(f"obstacles/{k}", shapes.solid(s), s.z_range[1]) for k, s in enumerate(world.obstacles)]
+    return [*bodies, *map_bodies(world.floor)]
+
+
+def map_bodies(floor: Floor) -> list[Body]:
+    """Occupied and unknown cells, those of one height as one body."""
+    bodies = []
+    for k, (bottom, top) in enumerate(sorted({cell.z_range for cell in floor.cells})):
+        area = shapely.union_all([c.polygon for c in floor.cells if c.z_range == (bottom, top)])
+        bodies.append(grey(f"map/{k}", shapes.extruded(area, bottom, top), top))
     return bodies
 
 
-def _grey(path: str, mesh: shapes.Triangles, top: float) -> Body:
+def grey(path: str, mesh: shapes.Triangles, top: float) -> Body:
     """A solid's body; a tall one lets the robot behind it be seen."""
     return Body(path, mesh, SOLID, 1.0 if top <= _TALL else 0.5)
 

@@ -63,6 +63,8 @@ class Standing:
         found = [side.pieces for side in self.sides]
         side = np.repeat(np.arange(len(found)), [len(part) for part in found])
         polygon: Geometries = np.concatenate(found)
+        if len(found) == 1:  # pieces of one side are apart
+            return Pieces(polygon, side, np.arange(len(polygon)))
         return Pieces(polygon, side, groups(len(polygon), meeting(self, polygon, polygon, side, side)))
 
     def whole(self, label: int) -> Geometries:

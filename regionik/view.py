@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import import_module
 from pathlib import Path
@@ -20,8 +20,9 @@ from regionik import shapes
 from regionik.animation import Track
 from regionik.camera import VIEW_ANGLE
 from regionik.files import write_whole
+from regionik.lettering import lettered
 from regionik.page import page
-from regionik.picture import Body, Picture
+from regionik.picture import Body, Camera, Picture
 from regionik.plan import Plan
 from regionik.plan_view import picture_of_plan
 from regionik.scene_view import picture_of_world
@@ -30,6 +31,7 @@ from regionik.worlds.chain import translation
 from regionik.worlds.scene import World
 
 _ROOT = "/meshcat"
+BOARD = 1.6  # width of the words, of half the height of what is seen
 _FOREVER = 1_000_000  # repetitions of the animation
 _STEPS = 2300  # three.js: a value jumps at its key
 # Property, type of its values, whether it jumps. Values of type string are handed on as they are, which is
@@ -59,12 +61,57 @@ def show(plan_or_world: Plan | World, open_browser: bool = True) -> Any:
     meshcat.Visualizer
         For more drawing; its ``url()`` is the address.
     """
-    visualizer = _meshcat("meshcat").Visualizer()
+    visualizer = blank()
     for command in _commands(_picture(plan_or_world)):
         visualizer.window.send(command)
     if open_browser:
         visualizer.open()
     return visualizer
+
+
+def blank() -> Any:
+    """A helper process that serves an empty scene; the address is printed."""
+    return _meshcat("meshcat").Visualizer()
+
+
+def stage(visualizer: Any, picture: Picture) -> None:
+    """Set light and camera of a picture; nothing throws a shadow, for a board of words would."""
+    for command in (*_stage(picture), _property("/Lights/Sun/<object>", "castShadow", False)):
+        visualizer.window.send(command)
+
+
+def draw(visualizer: Any, bodies: Sequence[Body], poses: Mapping[str, Array]) -> None:
+    """Draw bodies, in the place of those of the same path, and put nodes where they belong."""
+    for path, T in poses.items():
+        visualizer.window.send(_transform(f"{_ROOT}/{path}", T))
+    for body in bodies:
+        for command in _body(body, body.path):
+            visualizer.window.send(command)
+
+
+def write(visualizer: Any, text: str, camera: Camera) -> None:
+    """Write words on a board near the eye, in the place of those written before."""
+    geometry = _meshcat("meshcat.geometry")
+    png, aspect = lettered(text)
+    away = camera.eye - camera.center
+    back = away / np.linalg.norm(away)
+    right = np.cross([0.0, 0.0, 1.0], back)
+    right /= np.linalg.norm(right)
+    up = np.cross(back, right)
+    width = 0.5 * float(np.linalg.norm(away)) * np.tan(VIEW_ANGLE / 2) * BOARD
+    middle = camera.center + 0.5 * away + (0.94 * width / BOARD - width / aspect / 2) * up
+    T = np.eye(4)
+    T[:3, 0], T[:3, 1], T[:3, 2], T[:3, 3] = right, up, back, middle
+    board = geometry.Box([width, width / aspect, 1e-4])
+    paint = geometry.MeshBasicMaterial(map=geometry.ImageTexture(image=geometry.PngImage(png)))
+    drawn = geometry.Mesh(board, paint).lower()
+    visualizer.window.send(_Command("set_object", f"{_ROOT}/words", {"object": drawn}))
+    visualizer.window.send(_transform(f"{_ROOT}/words", T))
+
+
+def erase(visualizer: Any, path: str) -> None:
+    """Take a body away."""
+    visualizer.window.send(_Command("delete", f"{_ROOT}/{path}"))
 
 
 def stop(visualizer: Any) -> None:
@@ -175,7 +222,7 @@ def _sun(extent: float) -> dict[str, Any]:
     }
 
 
-def _body(body: Body, k: int) -> Iterator[_Command]:
+def _body(body: Body, k: int | str) -> Iterator[_Command]:
     geometry_module = _meshcat("meshcat.geometry")
     mesh, colors = body.mesh, None
     if body.colors is not None:  # one a face: no vertex may be shared

@@ -1,0 +1,131 @@
+"""What if: areas of a changed world, made from those of the one before, are those made from nothing."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from regionik.pipeline import whole_path
+from regionik.whatif import Look, alike, look
+from regionik.whatif_view import look_bodies, verdict
+from regionik.worlds.errors import NoPlanFound
+from regionik.worlds.library import load_world, robot_named, world_names
+from regionik.worlds.obstacles import Box
+from regionik.worlds.scene import Floor, Rules, Target, World
+
+
+def crowded(seed: int = 0) -> World:
+    """A wave over a hall with boxes."""
+    rng = np.random.default_rng(seed)
+    share = np.linspace(0, 1, 30)
+    path = np.column_stack([1 + 4 * share, 3 + np.sin(6 * share), np.full(30, 0.6)])
+    boxes = [box(f"box {k}", *rng.uniform([0.5, 1], [5.5, 5])) for k in range(15)]
+    rules = Rules(clearance=0.1)
+    floor = Floor(shapely.box(0, 0, 6, 6))
+    return World("hall", robot_named("youbot"), floor, tuple(boxes), tuple(map(Target, path)), rules)
+
+
+def box(name: str, x: float, y: float) -> Box:
+    return Box(name, np.array([0.3, 0.2, 0.4]), np.array([x, y, 0.2]), 0.3)
+
+
+def changed(world: World, seed: int) -> World:
+    """One thing changed, or a few."""
+    rng = np.random.default_rng(seed)
+    what = rng.integers(6)
+    solids, task = list(world.obstacles), list(world.task)
+    if what == 0:
+        solids[rng.integers(len(solids))] = box("new", *rng.uniform([0.5, 1], [5.5, 5]))
+    elif what == 1:
+        k = rng.integers(len(solids))
+        solids[k] = box(solids[k].name, *rng.uniform([0.5, 1], [5.5, 5]))
+    elif what == 2:
+        del solids[rng.integers(len(solids))]
+    elif what == 3:
+        k = rng.integers(len(task))
+        task[k] = Target(task[k].position + rng.uniform(-0.2, 0.2, 3))
+    elif what == 4:
+        task = task[rng.integers(5) :]
+    else:
+        return replace(world, rules=replace(world.rules, clearance=float(rng.uniform(0, 0.2))))
+    return replace(world, obstacles=tuple(solids), task=tuple(task))
+
+
+def assert_same(one: Look, other: Look) -> None:
+    assert (one.areas.target == other.areas.target).all()
+    assert one.areas.family == other.areas.family
+    assert shapely.equals_exact(one.areas.inner, other.areas.inner, 1e-12).all()
+    assert (one.why is None) == (other.why is None)
+    if one.why is not None and other.why is not None:
+        assert one.why.reason == other.why.reason
+    if one.pruned is not None and other.pruned is not None:
+        assert one.pruned.breaks == other.pruned.breaks
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(0, 3), st.lists(st.integers(0, 10_000), min_size=1, max_size=4))
+def test_a_chain_of_changes_comes_to_what_is_made_from_nothing(seed: int, changes: list[int]) -> None:
+    world = crowded(seed)
+    seen = look(world)
+    for change in changes:
+        world = changed(world, change)
+        seen = look(world, seen)
+    assert_same(seen, look(world))
+
+
+def test_only_what_a_moved_solid_meets_is_made_anew() -> None:
+    world = crowded()
+    first = look(world)
+    far = box("far", 5.8, 5.8)
+    assert look(replace(world, obstacles=(*world.obstacles, far)), first).touched == ()
+    near = box("near", 1.0, 2.9)
+    touched = look(replace(world, obstacles=(*world.obstacles, near)), first).touched
+    assert 0 < len(touched) < 15
+    assert max(touched) < 15
+    assert len(look(replace(world, rules=replace(world.rules, clearance=0.15)), first).touched) == 30
+
+
+@pytest.mark.parametrize("name", [name for name in world_names() if name not in ("circle", "door", "depot")])
+def test_the_verdict_is_that_of_a_plan(name: str) -> None:
+    world = load_world(name)
+    pruned = whole_path(world)[2]
+    seen = look(world)
+    assert seen.pruned is not None
+    assert len(seen.pruned.breaks) == len(pruned.breaks)
+    assert verdict(seen).startswith(f"All {len(world.task)} set-points")
+
+
+def test_what_cannot_be_done_is_told_as_a_plan_tells_it() -> None:
+    world = crowded()
+    away = replace(world, task=(*world.task, Target(np.array([3.0, 3.0, 2.5]))))
+    seen = look(away)
+    with pytest.raises(NoPlanFound) as failure:
+        whole_path(away)
+    assert seen.why is not None
+    assert verdict(seen) == failure.value.explanation.reason
+    missing = [body for body in look_bodies(seen) if body.path == "task/missing"]
+    assert len(missing) == 1
+
+
+def test_bodies_of_what_stays_are_the_same() -> None:
+    world = crowded()
+    first = look(world)
+    before = {body.path: body for body in look_bodies(first)}
+    moved = replace(world, obstacles=(*world.obstacles[:-1], box("box 14", 5.0, 0.5)))
+    after = {body.path: body for body in look_bodies(look(moved, first))}
+    other = [
+        path for path in before if path.startswith(("obstacles", "floor")) and before[path] is not after[path]
+    ]
+    assert sorted(other) == ["floor/rejected/14", "obstacles/14"]
+
+
+def test_alike() -> None:
+    assert alike(crowded().obstacles, crowded().obstacles)
+    assert not alike(box("a", 0, 0), box("a", 0, 1e-12))
+    assert not alike((1, 2), (1, 2, 3))
+    assert not alike(1, 1.0)
