@@ -282,8 +282,8 @@ class _Attendant:
         i, most = group.setpoints[0], self.world.rules.max_lift_offs
         reason = (
             f"{explain.setpoint(i, len(self.world.task))} needs one stop more: the base has done "
-            f"all before it from {(most or 0) + 1}, each going on for as long as the areas let it, and the tool is "
-            f"lifted between two stops; the rules allow {most} lift-offs."
+            f"all before it from {(most or 0) + 1}, each going on for as long as the areas let it, and the "
+            f"tool is lifted between two stops; the rules allow {most} lift-offs."
         )
         repair = Repair("lift-off", f"set-point {i + 1}", 1.0, f"allow a lift-off before set-point {i + 1}")
         return Explanation("ladder-broken", i, reason, (Cause("reach", "room to park", None),), (repair,))

@@ -1,9 +1,9 @@
 """Park and work: the fewest places of the base from which all set-points are done standing still.
 
 A place serves set-points one after the other where it lies in a component of each, of one slab of headings
-and of postures that the arm can go on between. The number is proven to be the fewest for these inner areas, each
-shrunk by the radius of the circle to park in, with headings and solids in the arm's way left aside; the same
-count over outer areas is a bound that no base falls below.
+and of postures that the arm can go on between. The number is proven to be the fewest for these inner areas,
+each shrunk by the radius of the circle to park in, with headings and solids in the arm's way left aside; the
+same count over outer areas is a bound that no base falls below.
 """
 
 from __future__ import annotations

@@ -30,8 +30,8 @@ def stops(plan: Plan, words: Words) -> Finding:
     """Stops stand still, hold all set-points, and have room for their circles.
 
     That the footprint keeps its clearance and the floor anywhere in a circle is proven; that the arm reaches
-    all set-points of the stop is looked at in the middle of the way and on the rim, by damped least squares that
-    keep to the limits.
+    all set-points of the stop is looked at in the middle of the way and on the rim, by damped least squares
+    that keep to the limits.
     """
     if not plan.stops and plan.world.rules.mode != "stops":
         return finding("stops", np.inf, [])
@@ -156,7 +156,7 @@ def _step(J: Array, missing: Array) -> Array:
 
 
 def _linear(world: World, asked: list[Target], poses: Array, q: Array) -> tuple[Array, Array]:
-    """What is missing (n, m) and its Jacobian (n, m, dof): of the position, and of what is asked of the tool."""
+    """What position and axis lack (n, 6), and its Jacobian (n, 6, dof)."""
     frames = world.robot.frames(poses, q)
     tool = frames[:, -1]
     off = np.array([target.position for target in asked]) - tool[:, :3, 3]
@@ -191,10 +191,10 @@ def _turn(target: Target, R: Array) -> Array:
 
 
 def _miss(world: World, asked: list[Target], poses: Array, q: Array) -> Array:
-    """By how much tools miss beyond the tolerance, or beyond a cone; at most 0 where they do not [m] or [rad]."""
+    """By how much tools miss beyond the tolerance or a cone, at most 0 where they do not [m] or [rad]."""
     tool = world.robot.tool(poses, q)[:, :3]
     spots = np.array([target.position for target in asked])
-    miss = np.linalg.norm(tool[:, :, 3] - spots, axis=1) - world.rules.tolerance
+    miss: Array = np.linalg.norm(tool[:, :, 3] - spots, axis=1) - world.rules.tolerance
     for k, (target, R) in enumerate(zip(asked, tool[:, :, :3], strict=True)):
         if target.direction is not None:
             miss[k] = max(miss[k], float(np.linalg.norm(_turn(target, R))) - 0.1 * target.cone)

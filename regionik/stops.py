@@ -47,10 +47,17 @@ def stops(world: World) -> tuple[Stop, ...]:
     >>> [(stop.first, stop.last) for stop in stops(load_world("pillar"))]
     [(0, 9), (10, 14)]
     """
+    return find(world)[0]
+
+
+def find(world: World) -> tuple[tuple[Stop, ...], Parking]:
+    """The stops of `stops`, and what is known of their number."""
     check(world)
-    work = in_turn(world, park(world))
-    found = (bay.stop(world) for bay in settled(work))
-    return tuple(replace(stop, setpoints=tuple(work.order[i] for i in stop.setpoints)) for stop in found)
+    parking = park(world)
+    work = in_turn(world, parking)
+    found = [bay.stop(world) for bay in settled(work)]
+    named = (replace(stop, setpoints=tuple(work.order[i] for i in stop.setpoints)) for stop in found)
+    return tuple(named), parking
 
 
 def check(world: World) -> None:

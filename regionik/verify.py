@@ -36,8 +36,8 @@ def verify(plan: Plan) -> Report:
     -------
     Report
         ``margins`` has the least margin of every check that measured something: ``joints`` [rad or m],
-        ``step``, ``wheels``, ``setpoint``, ``path``, ``floor``, ``clearance``, ``arm``, ``self``, ``stops`` [m],
-        ``direction``, ``orientation`` [rad]. Those of ``arm`` and ``self`` are told up to 0.05. Of many
+        ``step``, ``wheels``, ``setpoint``, ``path``, ``floor``, ``clearance``, ``arm``, ``self``, ``stops``
+        [m], ``direction``, ``orientation`` [rad]. Those of ``arm`` and ``self`` are told up to 0.05. Of many
         violations of a kind the first 20 are told, and the rest in one.
     """
     flaws = tuple(_malformed(plan))

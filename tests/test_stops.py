@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
@@ -11,9 +12,12 @@ import pytest
 import shapely
 from shapely.geometry import Point
 
+from regionik.cli import run
+from regionik.floor_view import floor_of
 from regionik.parking import park
 from regionik.pipeline import plan
 from regionik.plan import Plan
+from regionik.plan_view import picture_of_plan
 from regionik.planfile import load_plan
 from regionik.reachable import BACK, FRONT
 from regionik.regions import path_areas
@@ -71,7 +75,7 @@ def fewest(world: World) -> int:
     return best[count]
 
 
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", range(8))
 def test_none_of_all_ways_to_cut_the_path_needs_fewer_stops(seed: int) -> None:
     world = wave(seed)
     found = park(world)
@@ -93,11 +97,10 @@ def test_more_clearance_and_more_tolerance_never_need_fewer(seed: int) -> None:
         assert counts == sorted(counts)
 
 
-@pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("order", ["given", "any"])
 @pytest.mark.parametrize("criterion", ["tolerance", "clearance", "manipulability", "effort", "distance"])
-def test_every_circle_lies_in_every_area(seed: int, order: str, criterion: str) -> None:
-    world = ruled(wave(seed), order=order, stop_criterion=criterion)
+def test_every_circle_lies_in_every_area(order: str, criterion: str) -> None:
+    world = ruled(wave(1, count=8), order=order, stop_criterion=criterion)
     areas = path_areas(world)
     found = stops(world)
     assert sorted(i for stop in found for i in stop.setpoints) == list(range(len(world.task)))
@@ -109,13 +112,13 @@ def test_every_circle_lies_in_every_area(seed: int, order: str, criterion: str) 
 
 
 def test_any_order_never_needs_more_stops() -> None:
-    for seed in range(6):
+    for seed in range(3):
         given, free = (ruled(wave(seed), order=order) for order in ("given", "any"))
         assert len(stops(free)) <= len(stops(given))
 
 
 def test_the_middle_of_the_largest_circle_has_the_largest_tolerance() -> None:
-    world = wave(3)
+    world = wave(3, count=7)
     best = [stop.tolerance for stop in stops(world)]
     for criterion in ("clearance", "manipulability", "effort", "distance"):
         other = [stop.tolerance for stop in stops(ruled(world, stop_criterion=criterion))]
@@ -133,14 +136,14 @@ def test_the_shortest_way_is_no_longer_than_that_of_the_middles() -> None:
 
 
 def test_no_room_to_park_is_explained() -> None:
-    with pytest.raises(NoPlanFound, match="can be reached, but the base has no circle of radius 0.9000 m"):
+    with pytest.raises(NoPlanFound, match="but the base has no circle of radius"):
         stops(ruled(wave(0), stop_tolerance=0.9))
 
 
 def test_a_heading_that_turns_is_refused() -> None:
     with pytest.raises(InputError, match="valid choices: free, fixed"):
         stops(load_world("free"))
-    with pytest.raises(InputError, match="rules.order"):
+    with pytest.raises(InputError, match="order: any goes with"):
         plan(ruled(load_world("pillar"), order="any"))
 
 
@@ -205,6 +208,27 @@ def test_verify_finds_every_broken_promise() -> None:
         assert not report.ok
         assert any(words in violation.text for violation in report.violations), words
     assert not verify(replace(found, stops=())).ok
+
+
+def test_the_command_tells_writes_and_draws(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    table, picture = tmp_path / "stops.geojson", tmp_path / "stops.svg"
+    asked = ["stops", "pillar", "--criterion", "distance", "-o", str(table), "--picture", str(picture)]
+    assert run([*asked, "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert [len(stop["setpoints"]) for stop in told["stops"]] == [10, 5]
+    features = json.loads(table.read_text())["features"]
+    assert [feature["properties"]["criterion"] for feature in features] == ["distance", "distance"]
+    assert "circles to park in" in picture.read_text()
+    assert run(["stops", "pillar"]) == 0
+    assert "11 to 15" in capsys.readouterr().out
+    assert run(["stops", "pillar", "--criterion", "luck"]) == 2
+    assert "manipulability" in capsys.readouterr().err
+
+
+def test_pictures_of_a_plan_show_its_circles() -> None:
+    found = planned("pillar")
+    assert len(floor_of(found).circles.geoms) == 2
+    assert any(body.path == "areas/parking" for body in picture_of_plan(found).bodies)
 
 
 def test_more_stops_than_the_rules_let_the_tool_be_lifted() -> None:

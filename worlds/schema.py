@@ -249,9 +249,9 @@ class RulesPart(Strict):
     stop_criterion: StopCriterion = Field(
         default=Rules.stop_criterion,
         description="best place of a stop: tolerance, the middle of the largest circle to park in; "
-        "clearance, farthest from where the base may not be; manipulability, its least over the stop's set-points "
-        "largest; effort, the largest joint torque that holds a load at the tool smallest; distance, the "
-        "shortest way through all stops",
+        "clearance, farthest from where the base may not be; manipulability, its least over the stop's "
+        "set-points largest; effort, the largest joint torque that holds a load at the tool smallest; "
+        "distance, the shortest way through all stops",
     )
     stop_tolerance: NotNegative = Field(
         default=Rules.stop_tolerance, description="least radius of the circle to park in [m]"
