@@ -23,7 +23,7 @@ SWEEPS = 40  # of damped least squares at each step
 DAMPING = 1e-3
 LONGEST = 0.3  # step of a joint [rad] or [m]
 CLOSE = 0.1  # share of the tolerance that is near enough to end
-NUDGES = 64  # seeded postures tried where none led on is left
+NUDGES = 32  # seeded postures tried where none led on is left
 
 
 def stops(plan: Plan, words: Words) -> Finding:
@@ -43,6 +43,7 @@ def stops(plan: Plan, words: Words) -> Finding:
         if rooms[-1] < -TOUCH:
             text = f"{_name(plan, n)} promises {stop.tolerance:.4f} m to park in, it has {room:.4f} m"
             violations.append(Violation("stops", None, stop.first, -rooms[-1], text))
+            continue
         missed = _missed(plan, stop)
         if missed is not None:
             i, far = missed
