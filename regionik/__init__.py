@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from regionik.reach import reach
     from regionik.regions import admissible_area
     from regionik.retime import retime
+    from regionik.stops import stops
     from regionik.trajectory import trajectory
     from regionik.verify import verify
     from regionik.view import show, to_html
@@ -55,6 +56,7 @@ __all__ = [
     "reach",
     "retime",
     "show",
+    "stops",
     "to_html",
     "trajectory",
     "verify",
@@ -79,6 +81,7 @@ _HOME = {
     "reach": "regionik.reach",
     "retime": "regionik.retime",
     "show": "regionik.view",
+    "stops": "regionik.stops",
     "to_html": "regionik.view",
     "trajectory": "regionik.trajectory",
     "verify": "regionik.verify",

@@ -10,8 +10,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from shapely.geometry import Point, mapping
 
 from regionik.files import write_whole
+from regionik.plan import Stop
 from regionik.reach import Answer
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError
@@ -132,5 +134,23 @@ def _as_geojson(rows: Sequence[dict[str, Any]], names: Sequence[str]) -> dict[st
             "properties": _cells(row, names),
         }
         for row in rows
+    ]
+    return {"type": "FeatureCollection", "features": features}
+
+
+def stops_as_geojson(stops: Sequence[Stop]) -> dict[str, Any]:
+    """Circles to park in as a FeatureCollection, one feature a stop, in metres of the floor."""
+    features = [
+        {
+            "type": "Feature",
+            "properties": {
+                "base": stop.base.tolist(),
+                "setpoints": list(stop.setpoints),
+                "tolerance": stop.tolerance,
+                "criterion": stop.criterion,
+            },
+            "geometry": mapping(Point(stop.base[:2]).buffer(stop.tolerance)),
+        }
+        for stop in stops
     ]
     return {"type": "FeatureCollection", "features": features}

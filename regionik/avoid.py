@@ -139,10 +139,10 @@ class Avoider:
             return
         target, components = self.world.task[i], self._near(components, here)
         for k in components:
-            onward = self._solver(k)(target, here.base, here.joints)
+            onward = self.solver(k)(target, here.base, here.joints)
             if onward.converged:
                 spot = Spot(onward, k)
-                yield from [spot] if self.clear(i, spot.pose) else self._around(i, spot)
+                yield from [spot] if self.clear(i, spot.pose) else self.around(i, spot)
         nothing = True
         for k in components:
             for spot in self._elsewhere(i, k, here):
@@ -185,7 +185,7 @@ class Avoider:
     ) -> Iterator[Spot]:
         """Clear postures with the base at given poses, each in a component."""
         for base, k in poses:
-            solver = replace(self._solver(k), span=(float(base[2]), float(base[2])))
+            solver = replace(self.solver(k), span=(float(base[2]), float(base[2])))
             found = solver.hold(self.world.task[i], base, here.joints)
             spot = Spot(replace(found, base=base), k)
             if found.converged and k in components and self.clear(i, spot.pose):
@@ -221,7 +221,7 @@ class Avoider:
         self.evidence.setdefault(i, Evidence()).add(touch, room)
         return room
 
-    def _around(self, i: int, spot: Spot) -> Iterator[Spot]:
+    def around(self, i: int, spot: Spot) -> Iterator[Spot]:
         """The base stays; the arm goes round what it touches, by FABRIK with avoiding rotations."""
         key, target = (i, spot.component), self.world.task[i]
         if self._futile.get(key, 0) >= GIVEN_UP:
@@ -283,7 +283,7 @@ class Avoider:
         nearly = [one for k in components for one in self._nearly.get(k, [])]
         nearest = [spot for _, spot in sorted(nearly, key=lambda one: -one[0])[:MENDED]]
         for spot in nearest:
-            yield from self._around(i, spot)
+            yield from self.around(i, spot)
         for spot in nearest[:SEARCHED]:
             yield from self._searched(i, spot)
 
@@ -293,7 +293,7 @@ class Avoider:
         if key not in self._clear:
             target, place = self.world.task[i], self._spread(k)[m]
             base = pose_of(self.world.robot, place, self._heading(k, target.position, place))
-            found = self._solver(k).self_motion(target, base, self.world.robot.carry, PITCHES)
+            found = self.solver(k).self_motion(target, base, self.world.robot.carry, PITCHES)
             self.evidence.setdefault(i, Evidence()).places += 1
             spots = [Spot(one, k) for one in found]
             rooms = [self._room(i, spot.pose) for spot in spots]
@@ -312,7 +312,8 @@ class Avoider:
     def _span(self, k: int) -> tuple[float, float]:
         return self.standing.sides[int(self.ladder.side[k])].span
 
-    def _solver(self, k: int) -> Solver:
+    def solver(self, k: int) -> Solver:
+        """M-FABRIK inside a component."""
         return solver_for(self.world, self.ladder.family[k], self.ladder.component[k], self._span(k))
 
     def _spread(self, k: int) -> Array:

@@ -248,6 +248,18 @@ class WheelTracks:
         yield [*legs, Move(BaseWay(kind, goal, goal), (0.0, 1.0))]
 
 
+@dataclass(frozen=True, eq=False)
+class StandingTracks:
+    """The base stands still while the tool goes on."""
+
+    world: World
+
+    def ways(self, k: int, j: int, here: Array, goal: Array) -> Iterator[list[Move]]:
+        """See `Tracks`."""
+        if np.array_equal(here, goal):
+            yield [Move(BaseWay(self.world.robot.base, here, here), (0.0, 1.0))]
+
+
 def _handover(shared: BaseGeometry, a: Array, b: Array) -> Array:
     """Place in the shared area nearest to the way from a to b, a little inside where there is room."""
     inside = shared.buffer(-INSET)

@@ -35,6 +35,7 @@ from regionik.console import (
 )
 from regionik.file_commands import PlanPath, export, plot, retime
 from regionik.interrupts import INTERRUPTED, end_at_leisure, end_on_interrupt
+from regionik.stops_command import stops
 from regionik.worlds.errors import InputError, RegionikError
 
 if TYPE_CHECKING:
@@ -230,6 +231,7 @@ def reach(
 
 
 app.command()(compare)
+app.command()(stops)
 
 
 @app.command()

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 import shapely
-from shapely.geometry import Polygon
+from shapely.geometry import MultiPolygon, Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from regionik.curves import footprints
-from regionik.plan import Plan
+from regionik.plan import Plan, Stop
 from regionik.rolling import trace
 from regionik.scene_view import DETAIL, rejection_shown
 from regionik.worlds.arrays import Array
@@ -39,6 +40,8 @@ class FloorView:
         A stroke inside each of them towards where it faces.
     low, high : (2,) arrays
         Corners of what is shown.
+    circles : geometry
+        In which the base may park at its stops.
     """
 
     all: BaseGeometry
@@ -54,6 +57,7 @@ class FloorView:
     noses: Array
     low: Array
     high: Array
+    circles: BaseGeometry = field(default_factory=MultiPolygon)
 
     @property
     def width(self) -> float:
@@ -72,8 +76,12 @@ def floor_of(plan: Plan) -> FloorView:
     setpoints = np.array([target.position[:2] for target in world.task]).reshape(-1, 2)
     at = np.flatnonzero(motion.kind == "setpoint")
     shown = motion.base[at[np.unique(np.linspace(0, len(at) - 1, POSES).round().astype(int))]]
-    outlines = footprints(world.robot, shown) if len(world.robot.footprint) > 2 else _discs(shown)
-    low, high = _window(plan, [base_path, tool_path, setpoints, shapely.get_coordinates(outlines)])
+    if plan.stops:
+        shown = np.array([stop.base for stop in plan.stops])
+    outlines = _outlines(world, shown)
+    areas = [area.admissible for area in plan.areas if not area.admissible.is_empty]
+    corners = shapely.bounds(areas).reshape(-1, 2)
+    low, high = _window(floor, [corners, base_path, tool_path, setpoints, shapely.get_coordinates(outlines)])
     detail = max(DETAIL, float((high - low).max()) / FINE)
     rejected = rejection_shown(world).simplify(detail) & floor
     admissible = _together([area.admissible for area in plan.areas], detail)
@@ -92,7 +100,43 @@ def floor_of(plan: Plan) -> FloorView:
         noses=_noses(shown, outlines),
         low=low,
         high=high,
+        circles=circles_of(plan.stops),
     )
+
+
+def floor_of_stops(world: World, stops: Sequence[Stop]) -> FloorView:
+    """What is seen of stops from above, straight ways between them."""
+    base, floor = np.array([stop.base for stop in stops]), world.floor.polygon
+    setpoints = np.array([world.task[i].position[:2] for stop in stops for i in stop.setpoints])
+    outlines, circles = _outlines(world, base), circles_of(stops)
+    low, high = _window(floor, [setpoints, *map(shapely.get_coordinates, (outlines, circles))])
+    detail = max(DETAIL, float((high - low).max()) / FINE)
+    rejected = rejection_shown(world).simplify(detail) & floor
+    return FloorView(
+        all=floor,
+        free=_broad(floor - rejected, detail),
+        rejected=_broad(rejected, detail),
+        pale=MultiPolygon(),
+        strong=MultiPolygon(),
+        solids=_from_above(world),
+        base_path=base[:, :2],
+        tool_path=setpoints,
+        setpoints=setpoints,
+        footprints=outlines,
+        noses=_noses(base, outlines),
+        low=low,
+        high=high,
+        circles=circles,
+    )
+
+
+def circles_of(stops: Sequence[Stop]) -> BaseGeometry:
+    """In which the base may park, one for each stop."""
+    return shapely.multipolygons([Point(stop.base[:2]).buffer(stop.tolerance) for stop in stops])
+
+
+def _outlines(world: World, base: Array) -> BaseGeometry:
+    return footprints(world.robot, base) if len(world.robot.footprint) > 2 else _discs(base)
 
 
 def _together(areas: list[BaseGeometry], detail: float) -> BaseGeometry:
@@ -129,13 +173,12 @@ def _from_above(world: World) -> BaseGeometry:
     return shapely.union_all(areas) if areas else Polygon()
 
 
-def _window(plan: Plan, lines: list[Array]) -> tuple[Array, Array]:
+def _window(floor: Polygon, lines: list[Array]) -> tuple[Array, Array]:
     """What is shown: everything of interest, and of the floor what lies near it."""
-    areas = [area.admissible for area in plan.areas if not area.admissible.is_empty]
-    points = np.vstack([shapely.bounds(areas).reshape(-1, 2), *lines])
+    points = np.vstack(lines)
     low, high = points.min(axis=0), points.max(axis=0)
     margin = AROUND + SHARE * (high - low).max()
-    bounds = np.array(plan.world.floor.polygon.bounds)
+    bounds = np.array(floor.bounds)
     return (
         np.maximum(low - margin, np.minimum(low, bounds[:2]) - EDGE),
         np.minimum(high + margin, np.maximum(high, bounds[2:]) + EDGE),

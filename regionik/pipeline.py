@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -13,13 +13,16 @@ from regionik import explain, explain_arm, tracked
 from regionik.demand import in_plane
 from regionik.mfabrik import axis_of, configurations
 from regionik.motion import Course, connect
+from regionik.parked import attend
+from regionik.parking import park
 from regionik.plan import Plan, PlannedArea
 from regionik.poses import figures, lift_offs
 from regionik.pruning import Ladder, Pruned, build_ladder, choose_chain, prune
-from regionik.reachable import BACK, FRONT
-from regionik.regions import PathAreas, path_areas
+from regionik.regions import PathAreas, path_areas, ways_to_stand
 from regionik.retime import retime
-from regionik.standing import Standing, anywhere, by_heading, turns_matter
+from regionik.standing import Standing
+from regionik.stops import check as check_stops
+from regionik.stops import in_turn
 from regionik.verify import verify
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError, NoPlanFound
@@ -74,6 +77,8 @@ def _planned(world: World, seed: int, tell: Progress) -> Plan:
     sunk = explain_arm.buried(world)
     if sunk is not None:
         raise NoPlanFound(sunk)
+    if world.rules.mode == "stops":
+        return _verified(_stopping(world, seed, tell), tell)
     if tracked.follows(world):
         return tracked.follow(world, seed, tell)
     tell("areas", 0, len(world.task))
@@ -86,12 +91,33 @@ def _planned(world: World, seed: int, tell: Progress) -> Plan:
         if not goal.converged and not world.rules.avoidance:
             raise NoPlanFound(explain.no_posture(world, i))
     course = connect(world, pruned, chain, goals, standing, seed, tell)
+    return _verified(finish(world, seed, areas, pruned, course), tell)
+
+
+def _verified(found: Plan, tell: Progress) -> Plan:
+    """The plan with its margins, if it holds."""
     tell("verify", 0, 1)
-    found = finish(world, seed, areas, pruned, course)
     report = verify(found)
     if not report.ok:
-        raise NoPlanFound(explain.invalid_plan(world, report.violations))
+        raise NoPlanFound(explain.invalid_plan(found.world, report.violations))
     return replace(found, stats={**found.stats, "margins": report.margins})
+
+
+def _stopping(world: World, seed: int, tell: Progress) -> Plan:
+    """A plan whose base stands still at the fewest stops, not yet verified."""
+    tell("areas", 0, len(world.task))
+    parking = park(world)
+    tell("stops", 0, len(parking.groups))
+    work = in_turn(world, parking)
+    done = attend(work, seed, tell)
+    course = done.course
+    stats = figures(world.robot.base, course.setpoints, course.motion, course.methods)
+    stats["stops"] = {**parking.stats, "count": len(done.stops), "split_before": list(done.split)}
+    if world.rules.order == "any":
+        stats["order"] = list(work.order)
+    shown = _planned_areas(work.world, work.floors.areas, lambda i: done.places[i])
+    lifts = lift_offs(course.motion)
+    return Plan(work.world, seed, course.setpoints, course.motion, shown, lifts, done.stops, stats)
 
 
 def check(world: World) -> None:
@@ -103,9 +129,11 @@ def check(world: World) -> None:
             f"{world.name}: rules.heading: a base on wheels turns as it drives, expected free, "
             f"got {world.rules.heading}"
         )
-    if world.rules.mode != "continuous":
-        raise InputError(f"{world.name}: rules.mode: expected continuous, got {world.rules.mode}")
-    if not tracked.follows(world):
+    if world.rules.order == "any" and world.rules.mode != "stops":
+        raise InputError(f"{world.name}: rules.order: any goes with rules.mode: stops, expected given")
+    if world.rules.mode == "stops":
+        check_stops(world)
+    if world.rules.mode == "stops" or not tracked.follows(world):
         _check_areas(world)
     blocked = explain.blocked_start(world)
     if blocked is not None:
@@ -133,7 +161,7 @@ def whole_path(world: World) -> tuple[Standing, PathAreas, Pruned]:
     """
     found: list[tuple[Standing, PathAreas, Pruned]] = []
     refused = None
-    for standing, facings in _choices(world):
+    for standing, facings in ways_to_stand(world):
         try:
             found.append((standing(world), *prune_path(world, standing(world), facings)))
         except NoPlanFound as failure:
@@ -144,13 +172,6 @@ def whole_path(world: World) -> tuple[Standing, PathAreas, Pruned]:
     if not found and refused is not None:
         raise refused
     return min(found, key=lambda one: len(one[2].breaks))
-
-
-def _choices(world: World) -> Iterator[tuple[Callable[[World], Standing], tuple[int, ...]]]:
-    """Ways to stand and to face, the plainest first."""
-    yield from ((anywhere, (FRONT,)), (anywhere, (FRONT, BACK)))
-    if turns_matter(world):
-        yield from ((by_heading, (FRONT,)), (by_heading, (FRONT, BACK)))
 
 
 def prune_path(world: World, standing: Standing, facings: tuple[int, ...]) -> tuple[PathAreas, Pruned]:
@@ -226,16 +247,18 @@ def finish(world: World, seed: int, areas: PathAreas, pruned: Pruned, course: Co
     """Put the results of the stages together."""
     motion = course.motion
     stats = figures(world.robot.base, course.setpoints, motion, course.methods)
-    shown = _planned_areas(world, areas, pruned)
+    shown = _planned_areas(world, areas, pruned.area)
     return Plan(world, seed, course.setpoints, motion, shown, lift_offs(motion), (), stats)
 
 
-def _planned_areas(world: World, areas: PathAreas, pruned: Pruned) -> tuple[PlannedArea, ...]:
+def _planned_areas(
+    world: World, areas: PathAreas, left: Callable[[int], BaseGeometry]
+) -> tuple[PlannedArea, ...]:
     """Admissible, pruned and rejected parts of every set-point."""
     shown = []
     bounds = np.searchsorted(areas.target, np.arange(len(world.task) + 1))
     for i, (a, b) in enumerate(zip(bounds[:-1], bounds[1:], strict=True)):
         reach: BaseGeometry = shapely.union_all(areas.reach[a:b])
         admissible = shapely.union_all(areas.inner[a:b])
-        shown.append(PlannedArea(admissible, pruned.area(i), reach - admissible))
+        shown.append(PlannedArea(admissible, left(i), reach - admissible))
     return tuple(shown)

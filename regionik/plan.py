@@ -15,7 +15,7 @@ from regionik.files import write_whole
 from regionik.plandocument import plan_to_text
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.errors import InputError
-from regionik.worlds.scene import World
+from regionik.worlds.scene import StopCriterion, World
 
 StateKind = Literal["setpoint", "step", "transit"]
 
@@ -115,6 +115,37 @@ class PlannedArea:
 
 
 @dataclass(frozen=True, eq=False)
+class Stop:
+    """Where the base stands still while the arm does some set-points.
+
+    Attributes
+    ----------
+    base : (3,) array
+        x, y [m], yaw [rad].
+    setpoints : tuple of int
+        In the order in which they are done. In a plan these follow one another.
+    tolerance : float
+        Wherever the base parks within this circle about ``base``, at this heading, the arm reaches all the
+        set-points and the base keeps its clearance [m].
+    criterion : str
+        What made this the best place of the stop, as `regionik.worlds.scene.Rules` names it.
+    """
+
+    base: Array
+    setpoints: tuple[int, ...]
+    tolerance: float
+    criterion: StopCriterion
+
+    @property
+    def first(self) -> int:
+        return self.setpoints[0]
+
+    @property
+    def last(self) -> int:
+        return self.setpoints[-1]
+
+
+@dataclass(frozen=True, eq=False)
 class Plan:
     """A whole-path plan. It embeds its world, so that it can be verified alone.
 
@@ -130,8 +161,8 @@ class Plan:
         One for each set-point.
     lift_offs : int
         How often the tool leaves the path after the first set-point.
-    stops : tuple
-        Base stops in mode ``stops``; empty otherwise.
+    stops : tuple of Stop
+        In mode ``stops``; empty otherwise.
     stats : dict
         Plain numbers about the plan, the same for the same world and seed.
     """
@@ -142,7 +173,7 @@ class Plan:
     motion: Motion
     areas: tuple[PlannedArea, ...]
     lift_offs: int
-    stops: tuple[Any, ...] = ()
+    stops: tuple[Stop, ...] = ()
     stats: dict[str, Any] = field(default_factory=dict)
 
     @property

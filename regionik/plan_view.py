@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import shapely
 from numpy.typing import NDArray
-from shapely.geometry import LineString
+from shapely.geometry import LineString, Point
 from shapely.geometry.base import BaseGeometry
 
 from regionik import rolling, shapes
@@ -15,6 +15,7 @@ from regionik.picture import (
     AHEAD,
     BASE_PATH,
     CURRENT,
+    HEADING,
     LIFTED,
     NAVIGABLE,
     PALE,
@@ -55,8 +56,8 @@ def picture_of_plan(plan: Plan) -> Picture:
     return Picture(
         title=world.name,
         facts=(counted(len(plan.setpoints), "set-point"), counted(plan.lift_offs, "lift-off")),
-        legend=_legend(frames),
-        bodies=(*world_bodies(world, covered), *areas, *robot, *marks, *trace),
+        legend=(*_legend(frames), *(((HEADING, "circles to park in"),) if plan.stops else ())),
+        bodies=(*world_bodies(world, covered), *areas, *_parking(plan), *robot, *marks, *trace),
         poses=poses,
         camera=camera,
         extent=extent(world, camera),
@@ -99,6 +100,12 @@ def _areas(plan: Plan, frames: Frames, covered: BaseGeometry) -> tuple[list[Body
     since = np.concatenate([[0.0], frames.passed[:-1]])
     faces = np.column_stack([np.cumsum(count) - count, count])
     return bodies, [Track("areas/next", "faces", since, faces)]
+
+
+def _parking(plan: Plan) -> list[Body]:
+    """The circles in which the base may park at its stops."""
+    circles = [Point(stop.base[:2]).buffer(stop.tolerance) for stop in plan.stops]
+    return [layer("areas/parking", shapely.multipolygons(circles), HEADING, 0.9, 7)] if circles else []
 
 
 def _passed(plan: Plan, frames: Frames) -> tuple[list[Body], list[Track]]:

@@ -12,16 +12,17 @@ import shapely
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from shapely.geometry import LinearRing, MultiPolygon, Polygon
 
-from regionik.plan import Configuration, Motion, Plan, PlannedArea
+from regionik.plan import Configuration, Motion, Plan, PlannedArea, Stop
 from regionik.plandocument import PARTS, VERSION
 from regionik.worlds.errors import InputError
 from regionik.worlds.format import world_from_document
-from regionik.worlds.scene import World
+from regionik.worlds.scene import StopCriterion, World
 
 SIZE_LIMIT = 512 * 2**20  # [bytes]
 
 Number = Annotated[float, Field(allow_inf_nan=False)]
 Index = Annotated[int, Field(ge=0)]
+NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Three = Annotated[list[Number], Field(min_length=3, max_length=3)]
 Position = Annotated[list[Number], Field(min_length=2, max_length=2)]
 Ring = Annotated[list[Position], Field(min_length=4, description="closed: the last position is the first")]
@@ -93,6 +94,15 @@ class AreasRecord(_Record):
     features: list[AreaRecord]
 
 
+class StopRecord(_Record):
+    """Where the base stands still while the arm does some set-points."""
+
+    base: Three = Field(description="x, y [m], yaw [rad]")
+    setpoints: Annotated[list[Index], Field(min_length=1)] = Field(description="they follow one another")
+    tolerance: NotNegative = Field(description="radius of the circle to park in, at this heading [m]")
+    criterion: StopCriterion = Field(description="what made this the best place of the stop")
+
+
 class PlanRecord(_Record):
     """A whole-path plan of regionik. Metres, radians, seconds; right-handed, z up, x forward."""
 
@@ -104,7 +114,7 @@ class PlanRecord(_Record):
     states: list[StateRecord] = Field(description="the whole motion in order")
     areas: AreasRecord
     lift_offs: Index = Field(description="runs of transits after the first set-point")
-    stops: list[Any] = Field(description="base stops in mode stops; empty otherwise")
+    stops: list[StopRecord] = Field(description="base stops in mode stops; empty otherwise")
     stats: dict[str, Any]
 
 
@@ -140,7 +150,7 @@ def load_plan(path: str | os.PathLike[str]) -> Plan:
         motion=_motion(record, world),
         areas=tuple(_area(a, f"{where}: areas.features[{k}]") for k, a in enumerate(record.areas.features)),
         lift_offs=record.lift_offs,
-        stops=tuple(record.stops),
+        stops=tuple(_stop(s) for s in record.stops),
         stats=record.stats,
     )
 
@@ -219,6 +229,11 @@ def _agrees(record: PlanRecord, world: World, where: str) -> None:
             raise InputError(
                 f"{where}: areas.features[{k}].properties: expected set-point {k}, parts {list(PARTS)}"
             )
+    for k, stop in enumerate(record.stops):
+        if max(stop.setpoints) >= count:
+            raise InputError(
+                f"{where}: stops[{k}].setpoints: expected 0 to {count - 1}, got {max(stop.setpoints)}"
+            )
     joints = {"setpoints": [s.joints for s in record.setpoints], "states": [s.joints for s in record.states]}
     for key, rows in joints.items():
         for k, row in enumerate(rows):
@@ -237,6 +252,11 @@ def _configuration(record: SetpointRecord) -> Configuration:
     error = np.nan if record.error is None else record.error
     base, joints = np.array(record.base, dtype=np.float64), np.array(record.joints, dtype=np.float64)
     return Configuration(base, joints, error, record.iterations, record.converged)
+
+
+def _stop(record: StopRecord) -> Stop:
+    base = np.array(record.base, dtype=np.float64)
+    return Stop(base, tuple(record.setpoints), record.tolerance, record.criterion)
 
 
 def _motion(record: PlanRecord, world: World) -> Motion:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import os
+from collections.abc import Callable, Sequence
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -21,11 +22,12 @@ from shapely.geometry.base import BaseGeometry
 
 from regionik.curves import Curves, curves_of
 from regionik.files import write_whole
-from regionik.floor_view import FloorView, floor_of
+from regionik.floor_view import FloorView, floor_of, floor_of_stops
 from regionik.picture import (
     AHEAD,
     ARM,
     BASE_PATH,
+    CURRENT,
     FLOOR,
     LIFTED,
     NAVIGABLE,
@@ -36,10 +38,11 @@ from regionik.picture import (
     SOLID,
     STRONG,
 )
-from regionik.plan import Plan
+from regionik.plan import Plan, Stop
 from regionik.scene_view import counted
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError
+from regionik.worlds.scene import World
 
 SUFFIXES = (".svg", ".png")
 _DPI = 130
@@ -87,6 +90,15 @@ def plot(plan: Plan, path: str | os.PathLike[str]) -> None:
     InputError
         When the path ends otherwise, or the file cannot be written.
     """
+    _drawn(lambda: _figure(plan), path)
+
+
+def plot_stops(world: World, stops: Sequence[Stop], path: str | os.PathLike[str]) -> None:
+    """Draw the stops of a world on its floor into a file, as `plot` does; the path is one of its kinds."""
+    _drawn(lambda: _stops_figure(world, stops), path)
+
+
+def _drawn(figure: Callable[[], Figure], path: str | os.PathLike[str]) -> None:
     suffix = FilePath(path).suffix.lower()
     if suffix not in SUFFIXES:
         raise InputError(f"{path}: expected a file name ending in {', '.join(SUFFIXES)}")
@@ -94,8 +106,19 @@ def plot(plan: Plan, path: str | os.PathLike[str]) -> None:
     # The user's own settings would make other pictures of the same plan.
     with matplotlib.style.context(["default", _STYLE]):
         dated = {"Date": None} if suffix == ".svg" else {}
-        _figure(plan).savefig(data, format=suffix[1:], dpi=_DPI, metadata=dated)
+        figure().savefig(data, format=suffix[1:], dpi=_DPI, metadata=dated)
     write_whole(path, data.getvalue())
+
+
+def _stops_figure(world: World, stops: Sequence[Stop]) -> Figure:
+    floor = floor_of_stops(world, stops)
+    high = (_RIGHT - 0.8) * float(np.clip(floor.height / floor.width, 0.3, 1.0)) + 1.2
+    figure = Figure(figsize=(_RIGHT, high + 0.7))
+    facts = counted(len(world.task), "set-point"), counted(len(stops), "stop")
+    figure.suptitle(f"{world.name}: {', '.join(facts)}", fontsize=13, fontweight="bold")
+    _floor(figure.add_subplot(), floor)
+    _settle(figure)
+    return figure
 
 
 def _figure(plan: Plan) -> Figure:
@@ -245,6 +268,10 @@ def _floor(ax: Axes, floor: FloorView) -> None:
     key += ax.plot(*floor.base_path.T, color=_hex(BASE_PATH), linewidth=1.6, label="path of the base")
     size = max(2.0, 4.0 * _fewer(60, floor.setpoints))
     key += ax.plot(*floor.setpoints.T, "o", color=_hex(AHEAD), markersize=size, mew=0, label="set-points")
+    if not floor.circles.is_empty:
+        paint = {"facecolor": _hex(CURRENT), "alpha": 0.8}
+        _area(ax, floor.circles, zorder=5, **paint)
+        key.append(Patch(linewidth=0, label="circles to park in", **paint))
     for outline, nose in zip(floor.footprints, floor.noses, strict=True):
         _area(ax, outline, facecolor="white", alpha=0.5, zorder=4)
         ax.plot(*shapely.get_coordinates(outline).T, color=_hex(ROBOT), linewidth=0.9, zorder=4)

@@ -6,7 +6,7 @@ exact for joint limits and tool direction, gaps included.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -18,7 +18,7 @@ from shapely.geometry.base import BaseGeometry
 
 from regionik.ground import GUARD, Geometries, Side, ground_of, grow
 from regionik.reachable import BACK, FRONT, Family, reach_rows
-from regionik.standing import Standing, anywhere, by_heading, outer_by_heading, span_of_rules
+from regionik.standing import Standing, anywhere, by_heading, outer_by_heading, span_of_rules, turns_matter
 from regionik.worlds.arrays import frozen
 from regionik.worlds.errors import CauseKind
 from regionik.worlds.pivot import span_of
@@ -168,6 +168,13 @@ def path_areas(
         np.concatenate([rings for _, _, rings in found])[order],
         np.concatenate(areas)[order],
     )
+
+
+def ways_to_stand(world: World) -> Iterator[tuple[Callable[[World], Standing], tuple[int, ...]]]:
+    """Ways for the base to stand and for the arm to face, the plainest first."""
+    yield from ((anywhere, (FRONT,)), (anywhere, (FRONT, BACK)))
+    if turns_matter(world):
+        yield from ((by_heading, (FRONT,)), (by_heading, (FRONT, BACK)))
 
 
 def outer_areas(world: World, targets: Sequence[Target]) -> list[BaseGeometry]:

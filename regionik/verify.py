@@ -16,6 +16,7 @@ from regionik.proof_arm import arm
 from regionik.proof_axis import direction, orientation
 from regionik.proof_base import clearance, floor
 from regionik.proof_self import itself
+from regionik.proof_stops import stops
 from regionik.proof_tool import path, setpoints
 from regionik.proof_wheels import wheels
 from regionik.worlds.arrays import Array
@@ -35,8 +36,8 @@ def verify(plan: Plan) -> Report:
     -------
     Report
         ``margins`` has the least margin of every check that measured something: ``joints`` [rad or m],
-        ``step``, ``wheels``, ``setpoint``, ``path``, ``floor``, ``clearance``, ``arm``, ``self`` [m],
-        ``direction``, ``orientation`` [rad]. Those of ``arm`` and ``self`` are told up to 0.05. Of many
+        ``step``, ``wheels``, ``setpoint``, ``path``, ``floor``, ``clearance``, ``arm``, ``self``, ``stops``
+        [m], ``direction``, ``orientation`` [rad]. Those of ``arm`` and ``self`` are told up to 0.05. Of many
         violations of a kind the first 20 are told, and the rest in one.
     """
     flaws = tuple(_malformed(plan))
@@ -58,6 +59,7 @@ def verify(plan: Plan) -> Report:
             clearance(plan.world, journey, words),
             arm(plan.world, journey, words),
             itself(journey, words),
+            stops(plan, words),
         ]
     )
 

@@ -260,6 +260,17 @@ NASTY = (
     Nasty(
         "negative clearance", broken("clearance: 0.2", "clearance: -0.2"), ("rules.clearance", "at least 0")
     ),
-    Nasty("stops", broken("step: 0.1", "mode: stops"), ("rules.mode", "'stops'", "continuous")),
+    Nasty("parking", broken("step: 0.1", "mode: parking"), ("rules.mode", "continuous", "stops")),
+    Nasty("any order on the way", broken("step: 0.1", "order: any"), ("rules.order", "stops", "given")),
+    Nasty(
+        "a stop that turns",
+        broken("step: 0.1", "mode: stops, heading: face_target"),
+        ("rules.heading", "face_target", "free, fixed"),
+    ),
+    Nasty(
+        "best by luck",
+        broken("step: 0.1", "stop_criterion: luck"),
+        ("rules.stop_criterion", "tolerance", "manipulability"),
+    ),
     Nasty("misspelt rule", broken("step: 0.1", "stpe: 0.1"), ("rules", "'stpe'", "arm_clearance")),
 )

@@ -47,9 +47,13 @@ def build_world(document: schema.WorldDocument, where: str, folder: Path) -> Wor
     _check_names(obstacles, floor, where)
     task, pieces = build_task(document.task, where, folder)
     rules = Rules(**document.rules.model_dump())
-    if rules.mode != "continuous":
-        text = f"{rules.mode!r} is not planned by this version, valid choices: continuous"
-        raise wrong(where, "rules.mode", text)
+    if rules.order == "any" and rules.mode != "stops":
+        raise wrong(where, "rules.order", "any goes with rules.mode: stops, expected given")
+    if rules.mode == "stops" and rules.heading == "face_target":
+        text = (
+            "face_target turns the base at every set-point, with rules.mode: stops valid choices: free, fixed"
+        )
+        raise wrong(where, "rules.heading", text)
     start = None if document.start is None else _start(document.start, robot, where)
     _check_targets_free(task, pieces, (*obstacles, *floor.cells), where)
     name = document.name or Path(where).name.partition(".")[0] or "world"

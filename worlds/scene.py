@@ -16,6 +16,8 @@ from regionik.worlds.speeds import Speeds
 
 Heading = Literal["free", "face_target", "fixed"]
 Mode = Literal["continuous", "stops"]
+Order = Literal["given", "any"]
+StopCriterion = Literal["tolerance", "clearance", "manipulability", "effort", "distance"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,6 +85,17 @@ class Rules:
     avoidance : bool
         Whether plans take the arm round things; without it a plan whose arm touches something is refused.
     mode : {"continuous", "stops"}
+        Whether the base goes along with the tool, or stands still at as few stops as there can be and the
+        tool is lifted while it drives from one to the next.
+    order : {"given", "any"}
+        Whether set-points are done in their order, or, in mode ``stops``, in whichever saves stops and way.
+    stop_criterion : {"tolerance", "clearance", "manipulability", "effort", "distance"}
+        Which place of a stop is best: the middle of the largest circle in which the base may park; the
+        farthest from where it may not be; that of the largest least manipulability (Yoshikawa's volume of
+        the tool's velocities) over its set-points; that of the smallest largest torque with which the arm,
+        itself without weight, holds a load at its tool; or the places of the shortest way through all stops.
+    stop_tolerance : float
+        Radius of the circle in which the base may park at every stop, at the least [m].
     """
 
     clearance: float = 0.2
@@ -96,6 +109,9 @@ class Rules:
     max_lift_offs: int | None = None
     avoidance: bool = True
     mode: Mode = "continuous"
+    order: Order = "given"
+    stop_criterion: StopCriterion = "tolerance"
+    stop_tolerance: float = 0.01
 
 
 @dataclass(frozen=True)

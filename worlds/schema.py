@@ -22,7 +22,7 @@ from regionik.worlds.grammar import (
     one_of,
 )
 from regionik.worlds.robotschema import RobotPart
-from regionik.worlds.scene import Heading, Mode, Rules
+from regionik.worlds.scene import Heading, Mode, Order, Rules, StopCriterion
 from regionik.worlds.speeds import Speeds
 
 # --- solids
@@ -237,7 +237,25 @@ class RulesPart(Strict):
     reach_margin: NotNegative = Rules.reach_margin
     max_lift_offs: Annotated[int, Field(ge=0)] | None = Rules.max_lift_offs
     avoidance: bool = Rules.avoidance
-    mode: Mode = Rules.mode
+    mode: Mode = Field(
+        default=Rules.mode,
+        description="continuous: the base goes along with the tool; stops: it stands still at as few stops "
+        "as there can be, and the tool is lifted while it drives between them",
+    )
+    order: Order = Field(
+        default=Rules.order,
+        description="of the set-points; any goes with mode stops, for drilling and the like",
+    )
+    stop_criterion: StopCriterion = Field(
+        default=Rules.stop_criterion,
+        description="best place of a stop: tolerance, the middle of the largest circle to park in; "
+        "clearance, farthest from where the base may not be; manipulability, its least over the stop's "
+        "set-points largest; effort, the largest joint torque that holds a load at the tool smallest; "
+        "distance, the shortest way through all stops",
+    )
+    stop_tolerance: NotNegative = Field(
+        default=Rules.stop_tolerance, description="least radius of the circle to park in [m]"
+    )
 
 
 class SpeedsPart(Strict):

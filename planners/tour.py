@@ -1,0 +1,193 @@
+"""Short ways through places: in any order, or through ordered polygons."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import shapely
+from numpy.typing import ArrayLike, NDArray
+from shapely.geometry import LineString, Point
+from shapely.geometry.base import BaseGeometry
+
+from regionik.worlds.arrays import Array
+
+MOST_EXACT = 12  # places whose best order is found by going through all subsets
+ROUNDS = 50  # of improvement
+GAIN = 1e-12  # below which a way counts as no shorter [m]
+
+Index = NDArray[np.intp]
+
+
+def shortest_order(distance: ArrayLike, lead: ArrayLike | None = None) -> tuple[list[int], bool]:
+    """Order in which to visit all places, each once, without going back to the first.
+
+    Few places by dynamic programming over subsets (Held and Karp 1962), more by the nearest neighbour from
+    every place, improved by turning parts of the way round (2-opt).
+
+    Parameters
+    ----------
+    distance : (n, n) array_like
+        Symmetric [m].
+    lead : (n,) array_like, optional
+        Way from the start to each place; nothing by default [m].
+
+    Returns
+    -------
+    order : list of int
+    exact : bool
+        Whether the order is proven the shortest.
+
+    Examples
+    --------
+    >>> shortest_order(np.abs(np.subtract.outer([3.0, 1.0, 2.0], [3.0, 1.0, 2.0])))
+    ([0, 2, 1], True)
+    """
+    far = np.asarray(distance, dtype=np.float64)
+    first = np.zeros(len(far)) if lead is None else np.asarray(lead, dtype=np.float64)
+    if len(far) <= MOST_EXACT:
+        return _held_karp(far, first), True
+    begins = range(len(far)) if lead is None else [int(np.argmin(first))]
+    ways = [_untangled(_nearest_first(far, begin), far, first) for begin in begins]
+    return min(ways, key=lambda way: _length(way, far, first)), False
+
+
+def _held_karp(far: Array, first: Array) -> list[int]:
+    n = len(far)
+    cost = np.full((1 << n, n), np.inf)
+    before = np.full((1 << n, n), -1)
+    for k in range(n):
+        cost[1 << k, k] = first[k]
+    for seen in range(1, 1 << n):
+        for k in range(n):
+            if not seen >> k & 1 or seen == 1 << k:
+                continue
+            ways = cost[seen ^ 1 << k] + far[:, k]
+            before[seen, k] = int(np.argmin(ways))
+            cost[seen, k] = ways[before[seen, k]]
+    seen, order = (1 << n) - 1, []
+    k = int(np.argmin(cost[seen])) if n else -1
+    while k >= 0:
+        order.append(k)
+        seen, k = seen ^ 1 << k, int(before[seen, k])
+    return order[::-1]
+
+
+def _nearest_first(far: Array, begin: int) -> list[int]:
+    left = np.ones(len(far), dtype=bool)
+    order = [begin]
+    left[begin] = False
+    while left.any():
+        order.append(int(np.argmin(np.where(left, far[order[-1]], np.inf))))
+        left[order[-1]] = False
+    return order
+
+
+def _untangled(order: list[int], far: Array, first: Array) -> list[int]:
+    """Parts of the way turned round until none makes it shorter."""
+    n = len(order)
+    for _ in range(ROUNDS):
+        better = False
+        for i in range(n - 1):
+            way = np.array(order)
+            after = np.append(far[way[i + 1 : -1], way[i + 2 :]], 0.0)  # from each end of a part onwards
+            j = np.arange(i + 1, n)
+            enter = first[way] if i == 0 else far[way[i - 1]][way]
+            onward = np.array([far[way[i], way[k + 1]] if k + 1 < n else 0.0 for k in j.tolist()])
+            gain = enter[way[i] == way][0] + after - enter[j] - onward
+            best = int(np.argmax(gain))
+            if gain[best] > GAIN:
+                stop = i + 1 + best
+                order = [*order[:i], *order[i : stop + 1][::-1], *order[stop + 1 :]]
+                better = True
+        if not better:
+            break
+    return order
+
+
+def _length(order: list[int], far: Array, first: Array) -> float:
+    return float(first[order[0]] + far[order[:-1], order[1:]].sum())
+
+
+def through(regions: Sequence[BaseGeometry], start: Array | None) -> Array:
+    """A short way through regions in their order: one place of each, (n, 2).
+
+    The best way through some places of each region (dynamic programming), then each place moved to
+    where the way through it is shortest while its neighbours stay, until that brings nothing. It is
+    not proven to be the shortest.
+
+    Parameters
+    ----------
+    regions : sequence of polygons
+    start : (2,) array or None
+    """
+    places = _first_way([_some(region) for region in regions], start)
+    for _ in range(ROUNDS):
+        moved = 0.0
+        for i, region in enumerate(regions):
+            before = places[i - 1] if i else start
+            after = places[i + 1] if i + 1 < len(regions) else None
+            better = _between(region, before, after, places[i])
+            moved = max(moved, float(np.hypot(*(better - places[i]))))
+            places[i] = better
+        if moved < 1e-6:
+            break
+    return places
+
+
+def _some(region: BaseGeometry) -> Array:
+    """Corners of a region, at most some fifty, and a place inside it."""
+    corners = shapely.get_coordinates(region)
+    middle = shapely.get_coordinates(shapely.point_on_surface(region))
+    return np.vstack([middle, corners[:: max(1, len(corners) // 50)]])
+
+
+def _first_way(places: list[Array], start: Array | None) -> Array:
+    cost = np.zeros(len(places[0])) if start is None else np.hypot(*(places[0] - start).T)
+    back: list[Index] = []
+    for here, there in zip(places[:-1], places[1:], strict=True):
+        ways = cost[:, None] + np.hypot(*(here[:, None] - there[None]).transpose(2, 0, 1))
+        back.append(np.argmin(ways, axis=0))
+        cost = ways.min(axis=0)
+    k = int(np.argmin(cost))
+    chosen = [k]
+    for table in back[::-1]:
+        k = int(table[k])
+        chosen.append(k)
+    return np.array([spots[k] for spots, k in zip(places, chosen[::-1], strict=True)])
+
+
+def _between(region: BaseGeometry, before: Array | None, after: Array | None, here: Array) -> Array:
+    """Place of a region through which the way from one place to another is shortest."""
+    if before is None or after is None:
+        end = after if before is None else before
+        return here if end is None else np.array(shapely.shortest_line(region, Point(end)).coords[0])
+    line = LineString([before, after])
+    if region.intersects(line):
+        return np.array(shapely.shortest_line(region & line, Point(here)).coords[0])
+    spots = np.vstack([_bent(shapely.get_coordinates(ring), before, after) for ring in _rings(region)])
+    ways = np.hypot(*(spots - before).T) + np.hypot(*(spots - after).T)
+    best = int(np.argmin(ways))
+    now = float(np.hypot(*(here - before)) + np.hypot(*(here - after)))
+    return spots[best] if ways[best] < now - GAIN else here
+
+
+def _rings(region: BaseGeometry) -> list[BaseGeometry]:
+    rings: list[BaseGeometry] = list(shapely.get_rings(shapely.get_parts(region)))
+    return rings
+
+
+def _bent(ring: Array, before: Array, after: Array) -> Array:
+    """On each edge of a ring the place nearest to both, by mirroring one of them in it."""
+    a, along = ring[:-1], np.diff(ring, axis=0)
+    length = np.hypot(*along.T)
+    a, along, length = a[length > 0], along[length > 0], length[length > 0]
+    unit = along / length[:, None]
+    across = np.column_stack([-unit[:, 1], unit[:, 0]])
+    heights = [np.abs(((end - a) * across).sum(axis=1)) for end in (before, after)]
+    feet = [((end - a) * unit).sum(axis=1) for end in (before, after)]
+    total = heights[0] + heights[1]
+    share = np.where(total > 0, heights[0] / np.where(total > 0, total, 1.0), 0.5)
+    at = np.clip(feet[0] + share * (feet[1] - feet[0]), 0.0, length)
+    spots: Array = a + at[:, None] * unit
+    return spots

@@ -1,0 +1,239 @@
+"""The fewest stops: against going through all ways to cut the path, and what must always hold."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+import shapely
+from shapely.geometry import Point
+
+from regionik.cli import run
+from regionik.floor_view import floor_of
+from regionik.parking import park
+from regionik.pipeline import plan
+from regionik.plan import Plan
+from regionik.plan_view import picture_of_plan
+from regionik.planfile import load_plan
+from regionik.reachable import BACK, FRONT
+from regionik.regions import path_areas
+from regionik.stops import stops
+from regionik.verify import verify
+from regionik.worlds.errors import InputError, NoPlanFound
+from regionik.worlds.library import load_world, robot_named
+from regionik.worlds.obstacles import Cylinder
+from regionik.worlds.scene import Floor, Rules, Start, Target, World
+
+STOPS = Rules(clearance=0.05, mode="stops", step=0.2)
+TAU = STOPS.stop_tolerance
+
+
+def wave(seed: int, count: int = 14) -> World:
+    """A wave among posts that the base must keep off and the arm passes over."""
+    rng = np.random.default_rng(seed)
+    share = np.linspace(0, 1, count)
+    path = np.column_stack(
+        [
+            rng.uniform(1.0, 3.0) * share,
+            rng.uniform(0.1, 0.6) * np.sin(share * rng.uniform(1, 8)),
+            rng.uniform(0.2, 0.4) + 0.05 * np.sin(5 * share),
+        ]
+    )
+    posts = tuple(
+        Cylinder(f"post {k}", 0.05, 0.1, np.array([*rng.uniform([-0.3, -0.8], [3.3, 0.8]), 0.05]))
+        for k in range(rng.integers(0, 6))
+    )
+    robot, floor = robot_named("youbot"), Floor(shapely.box(-1.5, -2, 4.5, 2))
+    start = Start(np.array([-1.0, -1.5, 0.0]), robot.carry)
+    return World(f"wave {seed}", robot, floor, posts, tuple(map(Target, path)), STOPS, start)
+
+
+def ruled(world: World, **rules: object) -> World:
+    return replace(world, rules=replace(world.rules, **rules))  # type: ignore[arg-type]
+
+
+def fewest(world: World) -> int:
+    """By dynamic programming over all ways to cut the path, areas intersected afresh for every part."""
+    count = len(world.task)
+    areas = {facing: np.empty(count, dtype=object) for facing in (FRONT, BACK)}
+    for facing, row in areas.items():
+        found = path_areas(world, facings=(facing,))
+        row[:] = [
+            shapely.union_all([part.buffer(-TAU, quad_segs=64) for part in found.inner[found.target == i]])
+            for i in range(count)
+        ]
+    best = [0] + [count + 1] * count
+    for last in range(count):
+        for first in range(last + 1):
+            some = (shapely.intersection_all(row[first : last + 1]).area for row in areas.values())
+            if max(some) > 1e-10:
+                best[last + 1] = min(best[last + 1], best[first] + 1)
+    return best[count]
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_none_of_all_ways_to_cut_the_path_needs_fewer_stops(seed: int) -> None:
+    world = wave(seed)
+    found = park(world)
+    assert len(found.groups) == fewest(world)
+    assert len(found.groups) >= found.lower
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_path_backwards_needs_as_many(seed: int) -> None:
+    world = wave(seed)
+    back = replace(world, task=world.task[::-1])
+    assert len(park(world).groups) == len(park(back).groups)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_more_clearance_and_more_tolerance_never_need_fewer(seed: int) -> None:
+    for key in ("clearance", "stop_tolerance"):
+        counts = [len(park(ruled(wave(seed), **{key: value})).groups) for value in (0.0, 0.05, 0.1)]
+        assert counts == sorted(counts)
+
+
+@pytest.mark.parametrize("order", ["given", "any"])
+@pytest.mark.parametrize("criterion", ["tolerance", "clearance", "manipulability", "effort", "distance"])
+def test_every_circle_lies_in_every_area(order: str, criterion: str) -> None:
+    world = ruled(wave(1, count=8), order=order, stop_criterion=criterion)
+    areas = path_areas(world)
+    found = stops(world)
+    assert sorted(i for stop in found for i in stop.setpoints) == list(range(len(world.task)))
+    for stop in found:
+        assert stop.tolerance >= TAU * 0.999
+        circle = Point(stop.base[:2]).buffer(stop.tolerance - 1e-6)  # the arm stands on the base's middle
+        for i in stop.setpoints:
+            assert shapely.union_all(areas.inner[areas.target == i]).covers(circle)
+
+
+def test_any_order_never_needs_more_stops() -> None:
+    for seed in range(3):
+        given, free = (ruled(wave(seed), order=order) for order in ("given", "any"))
+        assert len(stops(free)) <= len(stops(given))
+
+
+def test_the_middle_of_the_largest_circle_has_the_largest_tolerance() -> None:
+    world = wave(3, count=7)
+    best = [stop.tolerance for stop in stops(world)]
+    for criterion in ("clearance", "manipulability", "effort", "distance"):
+        other = [stop.tolerance for stop in stops(ruled(world, stop_criterion=criterion))]
+        assert all(a <= b + 2e-3 for a, b in zip(other, best, strict=True))
+
+
+def test_the_shortest_way_is_no_longer_than_that_of_the_middles() -> None:
+    for seed in range(4):
+        ways = []
+        for criterion in ("distance", "tolerance"):
+            world = ruled(wave(seed), stop_criterion=criterion)
+            spots = np.array([[-1.0, -1.5], *(stop.base[:2] for stop in stops(world))])
+            ways.append(np.hypot(*np.diff(spots, axis=0).T).sum())
+        assert ways[0] <= ways[1] + 1e-6
+
+
+def test_no_room_to_park_is_explained() -> None:
+    with pytest.raises(NoPlanFound, match="but the base has no circle of radius"):
+        stops(ruled(wave(0), stop_tolerance=0.9))
+
+
+def test_a_heading_that_turns_is_refused() -> None:
+    with pytest.raises(InputError, match="valid choices: free, fixed"):
+        stops(load_world("free"))
+    with pytest.raises(InputError, match="order: any goes with"):
+        plan(ruled(load_world("pillar"), order="any"))
+
+
+@lru_cache(maxsize=4)
+def planned(name: str, order: str = "given") -> Plan:
+    return plan(ruled(load_world(name), mode="stops", order=order))
+
+
+@pytest.mark.parametrize("order", ["given", "any"])
+@pytest.mark.parametrize("name", ["pillar", "shelf"])
+def test_the_base_stands_still_at_every_stop(name: str, order: str) -> None:
+    found = planned(name, order)
+    assert verify(found).ok
+    at = np.flatnonzero(found.motion.kind == "setpoint")
+    for stop in found.stops:
+        span = slice(at[stop.first], at[stop.last] + 1)
+        assert np.ptp(found.motion.base[span], axis=0).max() < 1e-12
+        if order == "given":
+            assert not (found.motion.kind[span] == "transit").any()
+    assert found.stats["stops"]["count"] == len(found.stops) >= found.stats["stops"]["lower_bound"]
+
+
+def test_a_stop_that_the_arm_cannot_do_in_one_go_is_split_and_told() -> None:
+    found = planned("shelf")
+    begins = [stop.first for stop in found.stops]
+    assert found.stats["stops"]["split_before"]
+    assert set(found.stats["stops"]["split_before"]) <= set(begins)
+
+
+def test_set_points_in_any_order_are_those_of_the_world() -> None:
+    found, asked = planned("pillar", "any"), load_world("pillar")
+    order = found.stats["order"]
+    assert sorted(order) == list(range(len(asked.task)))
+    for target, i in zip(found.world.task, order, strict=True):
+        assert np.array_equal(target.position, asked.task[i].position)
+
+
+def test_stops_are_written_and_read_back(tmp_path: Path) -> None:
+    found = planned("pillar")
+    found.save(tmp_path / "plan.json")
+    again = load_plan(tmp_path / "plan.json")
+    assert [stop.setpoints for stop in again.stops] == [stop.setpoints for stop in found.stops]
+    for one, other in zip(again.stops, found.stops, strict=True):
+        assert np.array_equal(one.base, other.base)
+        assert (one.tolerance, one.criterion) == (other.tolerance, other.criterion)
+    assert verify(again).ok
+    again.save(tmp_path / "again.json")
+    assert (tmp_path / "again.json").read_bytes() == (tmp_path / "plan.json").read_bytes()
+
+
+def test_verify_finds_every_broken_promise() -> None:
+    found = planned("pillar")
+    first, *rest = found.stops
+    broken = {
+        "promises": (replace(first, tolerance=0.2), *rest),
+        "off stop 1": (replace(first, base=first.base + [0.0, 1e-4, 0.0]), *rest),
+        "every set-point once": tuple(rest),
+    }
+    for words, told in broken.items():
+        report = verify(replace(found, stops=told))
+        assert not report.ok
+        assert any(words in violation.text for violation in report.violations), words
+    assert not verify(replace(found, stops=())).ok
+    found = planned("shelf")  # where the base has more room than the arm has reach
+    first, *rest = found.stops
+    report = verify(replace(found, stops=(replace(first, tolerance=first.tolerance + 0.3), *rest)))
+    assert any("not seen to reach" in violation.text for violation in report.violations)
+
+
+def test_the_command_tells_writes_and_draws(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    table, picture = tmp_path / "stops.geojson", tmp_path / "stops.svg"
+    asked = ["stops", "pillar", "--criterion", "distance", "-o", str(table), "--picture", str(picture)]
+    assert run([*asked, "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert [len(stop["setpoints"]) for stop in told["stops"]] == [10, 5]
+    features = json.loads(table.read_text())["features"]
+    assert [feature["properties"]["criterion"] for feature in features] == ["distance", "distance"]
+    assert "circles to park in" in picture.read_text()
+    assert run(["stops", "pillar"]) == 0
+    assert "11 to 15" in capsys.readouterr().out
+    assert run(["stops", "pillar", "--criterion", "luck"]) == 2
+    assert "manipulability" in capsys.readouterr().err
+
+
+def test_pictures_of_a_plan_show_its_circles() -> None:
+    found = planned("pillar")
+    assert len(floor_of(found).circles.geoms) == 2
+    assert any(body.path == "areas/parking" for body in picture_of_plan(found).bodies)
+
+
+def test_more_stops_than_the_rules_let_the_tool_be_lifted() -> None:
+    with pytest.raises(NoPlanFound, match="needs one stop more"):
+        plan(ruled(load_world("pillar"), mode="stops", max_lift_offs=0))
