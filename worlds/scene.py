@@ -9,6 +9,7 @@ import numpy as np
 from shapely.geometry import Polygon
 
 from regionik.worlds.arrays import Array, frozen
+from regionik.worlds.criteria import Criteria
 from regionik.worlds.errors import InputError
 from regionik.worlds.obstacles import Prism, Solid
 from regionik.worlds.robot import Robot
@@ -83,6 +84,8 @@ class Rules:
     avoidance : bool
         Whether plans take the arm round things; without it a plan whose arm touches something is refused.
     mode : {"continuous", "stops"}
+    criteria : Criteria or None
+        What the arm's posture at every set-point must be good for.
     """
 
     clearance: float = 0.2
@@ -96,6 +99,7 @@ class Rules:
     max_lift_offs: int | None = None
     avoidance: bool = True
     mode: Mode = "continuous"
+    criteria: Criteria | None = None
 
 
 @dataclass(frozen=True)
