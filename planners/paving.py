@@ -17,7 +17,7 @@ from regionik.planners.spans import cosine, direction, held, opening, product, s
 from regionik.worlds.arrays import Array
 
 FINEST = 2.5e-4  # of distances that are left undecided [m]
-RELATIVE = 0.1  # what a box of pitches may move the tool, against the width of its distances
+RELATIVE = 0.3  # what a box of pitches may move the tool, against the width of its distances
 DEEP = 64  # halvings of pitches that may wait
 ROUNDING = 1e-12
 RULED_OUT, UNDECIDED, PROVEN = -1, 0, 1
