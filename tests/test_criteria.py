@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from regionik.meeting import distances, meets, narrowed
@@ -223,7 +223,7 @@ def test_a_higher_threshold_never_adds_area(rising: list[Criteria]) -> None:
     assert wide.outer.area < 0.8 * first
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=8, deadline=None)
 @given(SEEDS, st.sampled_from([0.0, 0.04]))
 def test_postures_that_meet_all_lie_in_the_outer_rings(seed: int, aside: float) -> None:
     robot, rng = planar_robot(seed, aside), np.random.default_rng(seed)
@@ -236,8 +236,10 @@ def test_postures_that_meet_all_lie_in_the_outer_rings(seed: int, aside: float) 
         assert any(low - 1e-9 <= r <= high + 1e-9 for low, high in outer)
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=8, deadline=None)
 @given(SEEDS, st.sampled_from([0.0, 0.04]))
+@example(282, 0.0)  # a pitch between two of a coarse grid serves
+@example(7800, 0.0)
 def test_places_of_the_inner_rings_have_a_posture_that_meets_all(seed: int, aside: float) -> None:
     robot, rng = planar_robot(seed, aside), np.random.default_rng(seed)
     asked = some_criteria(robot, seed)
@@ -257,17 +259,19 @@ def limits_of_roll(robot: Robot, asked: Criteria) -> tuple[float, float]:
 
 
 def found_at(robot: Robot, asked: Criteria, r: float, z: float, roll: Array) -> bool:
-    """Whether some pitch serves: all round first, then ever nearer to the best few."""
-    pitches, width = np.linspace(-np.pi, np.pi, 721), 2 * np.pi / 720
-    for _ in range(5):
-        joints = on_spot(robot, r, z, pitches)
+    """Whether some pitch serves: on ever finer grids, then ever nearer to the best few."""
+    grids = [np.linspace(-np.pi, np.pi, n) for n in (721, 5001, 40001)]
+    width = 2 * np.pi / 40000
+    for step in range(8):
+        joints = on_spot(robot, r, z, grids[step])
         joints[:, 4:] = roll
         if meet(robot, asked, joints, 1e-7).any():
             return True
-        angles = planar_arm(robot.chain).bends(joints).sum(axis=1)
-        best = angles[np.argsort(-lacking(robot, asked, joints), kind="stable")[:4]]
-        pitches = np.add.outer(best, width * np.linspace(-1.5, 1.5, 61)).ravel()
-        width /= 20
+        if step >= 2:
+            angles = planar_arm(robot.chain).bends(joints).sum(axis=1)
+            best = angles[np.argsort(-lacking(robot, asked, joints), kind="stable")[:4]]
+            grids.append(np.add.outer(best, width * np.linspace(-1.5, 1.5, 61)).ravel())
+            width /= 20
     return False
 
 
