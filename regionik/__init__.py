@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from regionik.trajectory import trajectory
     from regionik.verify import verify
     from regionik.view import show, to_html
+    from regionik.worlds.criteria import Criteria
     from regionik.worlds.errors import InputError, NoPlanFound, RegionikError
     from regionik.worlds.library import load_robot, load_world
     from regionik.worlds.scene import World
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
 __version__ = "0.1.0"
 
 __all__ = [
+    "Criteria",
     "InputError",
     "NoPlanFound",
     "Plan",
@@ -63,6 +65,7 @@ __all__ = [
 ]
 
 _HOME = {
+    "Criteria": "regionik.worlds.criteria",
     "InputError": "regionik.worlds.errors",
     "NoPlanFound": "regionik.worlds.errors",
     "Plan": "regionik.plan",

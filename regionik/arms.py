@@ -6,7 +6,7 @@ take the pivot as endless: `mfabrik` shares its turn between joint and base.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Protocol
 
@@ -15,6 +15,7 @@ import numpy as np
 from regionik.demand import deviation
 from regionik.planners import fabrik, kernels
 from regionik.planners.flat import FlatPolygon
+from regionik.planners.qualities import COMFORT, Asked, meeting_posture, posture_spare
 from regionik.planners.rolls import roll_for, tool_turn, within_limits
 from regionik.reachable import Family, families_of
 from regionik.serialarm import MOST_PASSES, Reached, serial_solver
@@ -25,6 +26,7 @@ from regionik.worlds.planar import PlanarArm, planar_arm
 from regionik.worlds.scene import Target
 
 ANGLE_SLACK = 1e-9  # rounding allowed at the edge of a cone [rad]
+LOOKED_THROUGH = 360  # pitches of the last link, for a posture that meets what is asked
 
 
 class Arm(Protocol):
@@ -49,7 +51,15 @@ class Arm(Protocol):
         """Postures on target of many kinds, the base held."""
 
 
-def arm_solver(chain: Chain, height: float, family: Family, tolerance: float, *, turns: bool = True) -> Arm:
+def arm_solver(
+    chain: Chain,
+    height: float,
+    family: Family,
+    tolerance: float,
+    *,
+    turns: bool = True,
+    asked: Asked | None = None,
+) -> Arm:
     """The solver that suits a chain.
 
     Parameters
@@ -63,9 +73,11 @@ def arm_solver(chain: Chain, height: float, family: Family, tolerance: float, *,
         [m]
     turns : bool
         Whether the base turns for the arm.
+    asked : Asked, optional
+        What postures of an arm in one plane must meet.
     """
     if is_planar(chain):
-        return PlaneSolver(planar_arm(chain), height, family, tolerance)
+        return PlaneSolver(planar_arm(chain), height, family, tolerance, asked)
     return serial_solver(chain, height, tolerance, turns=turns)
 
 
@@ -77,6 +89,7 @@ class PlaneSolver:
     height: float
     family: Family
     tolerance: float
+    asked: Asked | None = None
 
     @cached_property
     def plane(self) -> kernels.PlaneArm:
@@ -107,18 +120,44 @@ class PlaneSolver:
                 self.family.facing, kind.pitch, self.tolerance, MOST_PASSES,
             )  # fmt: skip
             q, angle = self._turned(target, bends, plane_yaw, yaw, joints)
-            found = Reached(place, q, float(error), int(iterations), angle)
-            if error <= self.tolerance and angle <= ANGLE_SLACK:
+            found = self._meeting(
+                kind, target, Reached(place, q, float(error), int(iterations), angle), yaw, joints
+            )
+            if self._worth(found) <= (False, False, self.tolerance):
                 return found
-            if best is None or (angle > ANGLE_SLACK, error) < (best.angle > ANGLE_SLACK, best.error):
+            if best is None or self._worth(found) < self._worth(best):
                 best = found
         assert best is not None
         return best
 
+    @staticmethod
+    def _worth(found: Reached) -> tuple[bool, bool, float]:
+        """What a posture lacks, the gravest first."""
+        return not found.meets, found.angle > ANGLE_SLACK, found.error
+
+    def _meeting(self, kind: Family, target: Target, found: Reached, yaw: float, joints: Array) -> Reached:
+        """The posture itself where it meets what is asked, else the nearest from the same place that does."""
+        if self.asked is None or self._meets(found, COMFORT):
+            return found
+        r, plane_yaw = self._seen(target.position, found.axis)
+        near, bends, z = self.arm.bends(joints), np.empty(3), float(target.position[2])
+        if not meeting_posture(self.plane, self.asked, kind.pitch, r, z, near, bends, LOOKED_THROUGH):
+            return replace(found, meets=False)
+        q, angle = self._turned(target, bends, plane_yaw, yaw, joints)
+        return replace(found, joints=q, error=0.0, angle=angle)
+
+    def _meets(self, found: Reached, room: float) -> bool:
+        if self.asked is None:
+            return True
+        return bool(posture_spare(self.plane, self.asked, self.arm.bends(found.joints)) > room)
+
     def reach_many(
         self, targets: Array, axes: Array, yaws: Array, joints: Array, area: FlatPolygon
     ) -> list[Reached]:
-        """Many targets in one compiled loop; see `Arm`."""
+        """Many targets in one compiled loop, where nothing but the targets is asked; see `Arm`."""
+        if self.asked is not None:
+            each = zip(map(Target, targets), axes, yaws.tolist(), joints, strict=True)
+            return [self.reach(*row, area, True) for row in each]
         bends, places = self.arm.bends(joints), np.array(axes)
         planes = yaws + self.arm.pivot_zero + joints[:, 0]
         errors, iterations = np.empty(len(targets)), np.empty(len(targets), dtype=np.int64)
@@ -143,7 +182,7 @@ class PlaneSolver:
             if change < least:
                 q, angle = self._turned(target, bends, plane_yaw, yaw, joints)
                 best, least = Reached(axis, q, 0.0, 0, angle), change
-        return best
+        return best if best is None or self._meets(best, 0.0) else None
 
     def self_motion(
         self, target: Target, axis: Array, yaw: float, joints: Array, tries: int
@@ -157,7 +196,7 @@ class PlaneSolver:
             for one in bends[:count]:
                 q, angle = self._turned(target, one, plane_yaw, yaw, joints)
                 found.append(Reached(axis, q, 0.0, 0, angle))
-        return found
+        return [one for one in found if self._meets(one, 0.0)]
 
     def _kinds(self, target: Target) -> tuple[Family, ...]:
         """The family, or where it leaves the pitch open, those that the asked direction allows."""

@@ -19,6 +19,7 @@ from shapely.geometry.base import BaseGeometry
 
 from regionik.demand import in_plane
 from regionik.guard import SPARE, Guard
+from regionik.meeting import meets
 from regionik.mfabrik import Solver, axis_of, pose_of, solver_for
 from regionik.plan import Configuration
 from regionik.planners.clearpose import look_round
@@ -130,6 +131,14 @@ class Avoider:
         nominal : Spot
             What M-FABRIK found for this set-point.
         """
+        found = self._options(i, components, here, nominal)
+        return (spot for spot in found if self.meets(spot.pose))
+
+    def meets(self, at: Pose) -> bool:
+        """Whether a posture at a set-point meets the rules' criteria; those of `Solver` do anyway."""
+        return meets(self.world.robot, self.world.rules.criteria, at.joints)
+
+    def _options(self, i: int, components: Sequence[int], here: Pose, nominal: Spot) -> Iterator[Spot]:
         if self.travel is not None:
             yield from self._rolled(i, components, here)
         reached = nominal.found.converged and nominal.component in components

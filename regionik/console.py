@@ -159,8 +159,9 @@ def _count(number: int, what: str) -> str:
 
 
 def _margins(margins: Mapping[str, float]) -> str:
-    unit = dict.fromkeys(("direction", "orientation", "joints"), "rad")
-    return ", ".join(f"{name} {value:.4f} {unit.get(name, 'm')}" for name, value in margins.items())
+    unit = dict.fromkeys(("direction", "orientation", "joints"), " rad")
+    unit |= {"manipulability": " m3", "joint_margin": " of the range", "effort": " N m"}
+    return ", ".join(f"{name} {value:.4f}{unit.get(name, ' m')}" for name, value in margins.items())
 
 
 def print_worlds(rows: Iterable[tuple[str, str]]) -> None:

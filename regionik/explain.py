@@ -13,7 +13,14 @@ from regionik.ground import ground_of, grow
 from regionik.plan import Violation
 from regionik.planners.footprint import width_of
 from regionik.planners.shape import narrowest
-from regionik.regions import TakenAway, largest_clearance, outer_areas, reach_of, what_took_away
+from regionik.regions import (
+    TakenAway,
+    largest_clearance,
+    outer_areas,
+    reach_of,
+    what_took_away,
+    without_criteria,
+)
 from regionik.standing import by_heading
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Cause, CauseKind, Explanation, Repair
@@ -46,6 +53,10 @@ def unreachable(
         reason, causes, repairs = _out_of_reach(world, target, who)
     else:
         reason, causes, repairs = _crowded_out(world, who, taken, open_clearance)
+    bare = None if world.rules.criteria is None else largest_clearance(without_criteria(world), target)
+    if bare is not None and bare >= world.rules.clearance:
+        reason += " Without the criteria of the rules it could be reached."
+        causes = (Cause("criteria", "rules.criteria"), *causes)
     if not proven:
         reason += " This is not proven: the outer area is not empty, so a place may hide in the gap."
     if others:

@@ -15,6 +15,7 @@ from shapely.geometry.base import BaseGeometry
 from regionik.arms import ANGLE_SLACK, Arm, arm_solver
 from regionik.demand import in_plane
 from regionik.ground import EVERY
+from regionik.meeting import asked_in
 from regionik.plan import Configuration
 from regionik.planners import kernels
 from regionik.planners.flat import FlatPolygon
@@ -23,6 +24,7 @@ from regionik.reachable import FRONT, Family
 from regionik.serialarm import Reached, serial_solver
 from regionik.standing import Standing, away, into_span
 from regionik.worlds.arrays import Array, frozen
+from regionik.worlds.criteria import Criteria, kept
 from regionik.worlds.errors import InputError
 from regionik.worlds.pivot import behind, pivot_of, pivoted
 from regionik.worlds.robot import Robot
@@ -49,6 +51,8 @@ class Solver:
         Posture family to solve in.
     span : (low, high)
         Headings of the base to stay within [rad].
+    criteria : Criteria, optional
+        What every posture must be good for.
 
     Examples
     --------
@@ -65,6 +69,7 @@ class Solver:
     heading: Heading = "free"
     family: Family = field(default_factory=lambda: Family(FRONT))
     span: tuple[float, float] = EVERY
+    criteria: Criteria | None = None
     _arm: Arm = field(init=False, repr=False)
     _flat: FlatPolygon = field(init=False, repr=False)
 
@@ -73,8 +78,11 @@ class Solver:
             raise InputError(f"solver: tolerance must be above 0, got {self.tolerance}")
         if self.heading not in HEADINGS:
             raise InputError(f"solver: heading must be one of {', '.join(HEADINGS)}, got {self.heading}")
-        chain, height, turns = self.robot.chain, float(self.robot.mount[2]), not self._bound
-        arm = arm_solver(chain, height, self.family, self.tolerance, turns=turns)
+        robot, height, turns = self._kept, float(self.robot.mount[2]), not self._bound
+        asked = asked_in(robot, self.criteria)
+        arm = arm_solver(
+            robot.chain, height, self.family, self.tolerance, turns=turns, asked=asked and asked[0]
+        )
         object.__setattr__(self, "_arm", arm)
         flat = NOWHERE if self.area is None else FlatPolygon.from_shapely(self.area)
         object.__setattr__(self, "_flat", flat)
@@ -151,10 +159,10 @@ class Solver:
 
     def _arm_for(self, target: Target) -> Arm:
         """The arm in its plane, or as rigid bodies where the tool must point across it."""
-        if target.direction is None or in_plane(self.robot.chain, target):
+        if target.direction is None or in_plane(self._kept.chain, target):
             return self._arm
         height = float(self.robot.mount[2])
-        return serial_solver(self.robot.chain, height, self.tolerance, turns=not self._bound)
+        return serial_solver(self._kept.chain, height, self.tolerance, turns=not self._bound)
 
     def _yaw(self, base: Array) -> float:
         """Heading of the arm's base frame."""
@@ -166,12 +174,20 @@ class Solver:
         """Whether the base must keep one heading."""
         return self.heading != "fixed" and self.span[0] == self.span[1]
 
+    @property
+    def _kept(self) -> Robot:
+        """The robot with the limits that its criteria leave."""
+        return kept(self.robot, self.criteria)
+
     def _behind(self, joints: Array) -> Array:
-        return behind(self.robot.chain, joints)
+        chain = self._kept.chain
+        if chain is not self.robot.chain:  # joints that do not matter stay as they are
+            joints = np.clip(joints, chain.lower, chain.upper)
+        return behind(chain, joints)
 
     def _headed(self, reached: Reached, base: Array, joints: Array) -> Configuration:
         """SetBaseOrientation of Algorithm 1: the pivot's turn shared between joint and base."""
-        chain, joints = pivoted(self.robot.chain), self._behind(joints)
+        chain, joints = pivoted(self._kept.chain), behind(self.robot.chain, joints)
         k = pivot_of(chain)
         pivot = chain.joints[k]
         q, yaw = np.array(reached.joints), float(base[2])
@@ -193,7 +209,9 @@ class Solver:
                 yaw += kernels.wrap(plane - yaw - q[k])
             fits = away(yaw, span) <= ROUNDING
         pose = pose_of(self.robot, reached.axis, float(yaw))
-        good = bool(reached.error <= self.tolerance and reached.angle <= ANGLE_SLACK and fits)
+        good = bool(
+            reached.error <= self.tolerance and reached.angle <= ANGLE_SLACK and fits and reached.meets
+        )
         return Configuration(
             pose, q[chain.dof - self.robot.chain.dof :], reached.error, reached.iterations, good
         )
@@ -270,5 +288,16 @@ def solver_for(
     area: BaseGeometry | None = None,
     span: tuple[float, float] = EVERY,
 ) -> Solver:
-    """Solver under the world's rules."""
-    return Solver(world.robot, area, world.rules.tolerance, world.rules.heading, family, span)
+    """Solver for set-points under the world's rules."""
+    rules = world.rules
+    return Solver(world.robot, area, rules.tolerance, rules.heading, family, span, rules.criteria)
+
+
+def solver_between(world: World, family: Family) -> Solver:
+    """Solver for the way from one set-point to the next, of whose criteria the joint margin alone is kept.
+
+    It is solved anew at its end, where the margin is asked.
+    """
+    rules, asked = world.rules, world.rules.criteria
+    margin = None if asked is None else Criteria(joint_margin=asked.joint_margin)
+    return Solver(world.robot, None, rules.tolerance, rules.heading, family, criteria=margin)

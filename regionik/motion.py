@@ -208,7 +208,7 @@ class _Walker:
                 continue
             rows = self.stretcher.follow(k, steps[-1].spot, spot)
             tried += 1
-            if rows is None:
+            if rows is None or not self.avoider.meets(rows[-1].pose):  # the arm is solved anew on the way
                 continue
             seen.add(spot)
             arrived = self._arrived(k + 1, spot, rows)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from regionik.demand import aim_of, in_plane
 from regionik.ground import EVERY, GUARD, Geometries
+from regionik.meeting import distances, narrowed, refuse
 from regionik.planners.levelreach import inner_reach, outer_reach
 from regionik.planners.posereach import pose_reach
 from regionik.planners.rings import FREE, reach_intervals
@@ -118,8 +119,10 @@ def reach_rows(
     span: tuple[float, float] = EVERY,
 ) -> tuple[NDArray[np.intp], tuple[Family, ...], Geometries]:
     """Reach of every target as rings and ring sectors, before rejection, the base's heading within a span."""
+    world = narrowed(world)
     ways: dict[str, list[int]] = {}
     for i, target in enumerate(targets):
+        refuse(world, target)
         planar = in_plane(world.robot.chain, target)
         free = target.direction is None or not inner  # a bound of the tool's point bounds its poses
         ways.setdefault("plane" if planar else "whole" if free else "posed", []).append(i)
@@ -157,9 +160,10 @@ def _plane_rows(
     table: list[tuple[int, Family, float, float]] = []
     for kinds, members in alike.items():
         for pitches in sorted({family.pitches for family in kinds}):
-            intervals = reach_intervals(
+            reach = reach_intervals(
                 arm, shoulder_z, heights[members], pitches, front=FRONT in facings, back=BACK in facings
             )
+            intervals = distances(world, pitches, heights[members], reach, inner=inner)
             for family in kinds:
                 if family.pitches == pitches:
                     table += _spans_of(family, members, intervals, margin if inner else None)

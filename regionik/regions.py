@@ -7,7 +7,7 @@ exact for joint limits and tool direction, gaps included.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -20,6 +20,7 @@ from regionik.ground import GUARD, Geometries, Side, ground_of, grow
 from regionik.reachable import BACK, FRONT, Family, reach_rows
 from regionik.standing import Standing, anywhere, by_heading, outer_by_heading, span_of_rules, turns_matter
 from regionik.worlds.arrays import frozen
+from regionik.worlds.criteria import Criteria
 from regionik.worlds.errors import CauseKind
 from regionik.worlds.pivot import span_of
 from regionik.worlds.scene import Target, World
@@ -102,7 +103,7 @@ class Area:
         return largest_clearance(self.world, self.target)
 
 
-def admissible_area(world: World, target: Target | ArrayLike) -> Area:
+def admissible_area(world: World, target: Target | ArrayLike, criteria: Criteria | None = None) -> Area:
     """Where the arm axis may stand so that the tool reaches a target.
 
     Parameters
@@ -110,6 +111,8 @@ def admissible_area(world: World, target: Target | ArrayLike) -> Area:
     world : World
     target : Target or (3,) array_like
         A bare point leaves the tool direction free [m].
+    criteria : Criteria, optional
+        What the arm's posture must be good for; by default what the world's rules ask.
 
     Returns
     -------
@@ -119,10 +122,12 @@ def admissible_area(world: World, target: Target | ArrayLike) -> Area:
     Raises
     ------
     InputError
-        For a target that is not three finite numbers, or an arm that is not planar.
+        For a target that is not three finite numbers, or criteria that the arm cannot be held to.
     """
     if not isinstance(target, Target):
         target = Target(frozen(target, (3,), "target"))
+    if criteria is not None:
+        world = replace(world, rules=replace(world.rules, criteria=criteria))
     inner, outer = (_whole_area(world, target, inner=side) for side in (True, False))
     return Area(target, inner, outer, world)
 
@@ -198,6 +203,13 @@ def reach_of(world: World, target: Target) -> BaseGeometry:
     return shapely.union_all(rings) if len(rings) else Polygon()
 
 
+def without_criteria(world: World) -> World:
+    """The world as it is where postures need be good for nothing but reaching."""
+    if world.rules.criteria is None:
+        return world
+    return replace(world, rules=replace(world.rules, criteria=None))
+
+
 def what_took_away(world: World, target: Target) -> tuple[TakenAway, ...]:
     """Obstacles, floor edge and arm limits that make the area smaller than a stretched arm's disc."""
     ground = ground_of(world)
@@ -208,9 +220,12 @@ def what_took_away(world: World, target: Target) -> tuple[TakenAway, ...]:
         return (TakenAway("reach", "height of the target", Polygon()),)
     disc = shapely.Point(target.position[:2]).buffer(span.radius + np.sqrt(stretched))
     reach = reach_of(world, target)
+    bare = without_criteria(world)
+    wide = reach if bare is world else reach_of(bare, target)
     kind: CauseKind = "limits" if target.direction is None else "direction"
     name = "tool direction" if target.orientation is None else "tool orientation"
-    taken = [TakenAway(kind, "joint limits" if kind == "limits" else name, disc - reach)]
+    taken = [TakenAway(kind, "joint limits" if kind == "limits" else name, disc - wide)]
+    taken.append(TakenAway("criteria", "criteria", wide - reach))
     taken.append(TakenAway("floor", "edge of the floor", reach - ground.inner.floor))
     by = ground.clearance + ground.far + GUARD
     for k in ground.within(reach, by):

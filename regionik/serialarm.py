@@ -37,6 +37,7 @@ class Reached:
     error: float  # [m]
     iterations: int
     angle: float = 0.0  # by which the tool points, or is turned, out of its cone [rad]
+    meets: bool = True  # what is asked of postures besides
 
 
 @dataclass(frozen=True, eq=False)

@@ -23,6 +23,7 @@ from regionik.ground import EVERY, GUARD, Geometries, Side, disjoint, ground_of
 from regionik.planners.footprint import slab_areas, slab_rejections, slabs_along
 from regionik.planners.room import Room, room_of
 from regionik.worlds.arrays import Array
+from regionik.worlds.criteria import kept
 from regionik.worlds.pivot import is_planar, pivot_of, pivoted
 from regionik.worlds.scene import World
 
@@ -152,7 +153,7 @@ def turns_matter(world: World) -> bool:
 
     With a bounded first joint it decides on the reach too, which is known for arms in one plane only.
     """
-    chain = pivoted(world.robot.chain)
+    chain = pivoted(kept(world.robot, world.rules.criteria).chain)
     pivot = chain.joints[pivot_of(chain)]
     endless = pivot.upper - pivot.lower >= 2 * np.pi
     planar = is_planar(chain) and all(in_plane(chain, one) for one in world.task)

@@ -15,7 +15,7 @@ from regionik.basepaths import Move, Track, Tracks
 from regionik.demand import between as asked_between
 from regionik.demand import deviation
 from regionik.guard import Guard
-from regionik.mfabrik import Solver, solver_for
+from regionik.mfabrik import Solver, solver_between
 from regionik.plan import Configuration
 from regionik.planners import kernels
 from regionik.planners.drive import NoPathError
@@ -128,7 +128,7 @@ class Stretcher:
         """States along a leg, as many as keep the tool on its way and the arm clear."""
         stride = min(TOOL_STRIDE, self.world.rules.step)
         shares = np.linspace(0.0, 1.0, max(1, int(np.ceil(leg.length / stride))) + 1)[1:]
-        solver = solver_for(self.world, leg.family[0])
+        solver = solver_between(self.world, leg.family[0])
         solver = replace(solver, tolerance=solver.tolerance * SOLVE_TOLERANCE)
         passed = [here]
         done = 0.0

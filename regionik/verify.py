@@ -15,6 +15,7 @@ from regionik.plan import Configuration, Plan, Report, Violation
 from regionik.proof_arm import arm
 from regionik.proof_axis import direction, orientation
 from regionik.proof_base import clearance, floor
+from regionik.proof_criteria import criteria
 from regionik.proof_self import itself
 from regionik.proof_stops import stops
 from regionik.proof_tool import path, setpoints
@@ -37,8 +38,9 @@ def verify(plan: Plan) -> Report:
     Report
         ``margins`` has the least margin of every check that measured something: ``joints`` [rad or m],
         ``step``, ``wheels``, ``setpoint``, ``path``, ``floor``, ``clearance``, ``arm``, ``self``, ``stops``
-        [m], ``direction``, ``orientation`` [rad]. Those of ``arm`` and ``self`` are told up to 0.05. Of many
-        violations of a kind the first 20 are told, and the rest in one.
+        [m], ``direction``, ``orientation`` [rad], and of criteria that the rules ask ``manipulability`` [m3],
+        ``joint_margin`` (a share of the range), ``effort`` [N m] or [N]. Those of ``arm`` and ``self`` are
+        told up to 0.05. Of many violations of a kind the first 20 are told, and the rest in one.
     """
     flaws = tuple(_malformed(plan))
     if flaws:
@@ -60,6 +62,7 @@ def verify(plan: Plan) -> Report:
             arm(plan.world, journey, words),
             itself(journey, words),
             stops(plan, words),
+            *criteria(plan.world, journey, words),
         ]
     )
 

@@ -272,5 +272,25 @@ NASTY = (
         broken("step: 0.1", "stop_criterion: luck"),
         ("rules.stop_criterion", "tolerance", "manipulability"),
     ),
+    Nasty(
+        "effort without masses",
+        broken("step: 0.1", "step: 0.1, criteria: {effort: 5}"),
+        ("rules: criteria: effort", "youbot has no masses", "robot.masses or robot.payload"),
+    ),
+    Nasty(
+        "efforts of other joints",
+        broken("step: 0.1", "step: 0.1, criteria: {effort: [5, 4]}"),
+        ("rules: criteria: effort", "one limit, or 5", "joint_5", "got 2"),
+    ),
+    Nasty(
+        "half of the range",
+        broken("step: 0.1", "step: 0.1, criteria: {joint_margin: 0.5}"),
+        ("rules.criteria.joint_margin",),
+    ),
+    Nasty(
+        "mass of no link",
+        broken("youbot", "{name: youbot, masses: [{link: 5, mass: 1}]}"),
+        ("robot.masses[0].link", "from 0 to 4", "got 5"),
+    ),
     Nasty("misspelt rule", broken("step: 0.1", "stpe: 0.1"), ("rules", "'stpe'", "arm_clearance")),
 )

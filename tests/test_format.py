@@ -19,6 +19,7 @@ from scipy.spatial.transform import Rotation
 
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain, Joint, chain_from_dh, planar_pose
+from regionik.worlds.criteria import Criteria
 from regionik.worlds.errors import InputError
 from regionik.worlds.format import load_world, world_from_document, world_schema, world_to_document
 from regionik.worlds.library import world_names, world_path
@@ -431,3 +432,17 @@ def test_whatever_stands_anywhere_is_read_or_refused_in_one_line(data: st.DataOb
         world_from_document(document, "here")
     assert len(str(caught.value).splitlines()) == 1
     assert str(caught.value).startswith("here: ")
+
+
+def test_criteria_and_masses_go_both_ways(tmp_path: Path) -> None:
+    text = GOOD.replace(
+        "robot: youbot",
+        "robot: {name: youbot, masses: [{link: 1, mass: 1.5, center: [0.08, 0, 0]}], payload: 0.5}",
+    ).replace("step: 0.1", "step: 0.1, criteria: {manipulability: 0.01, effort: [9, 8, 7, 6, 5]}")
+    path = tmp_path / "a.yaml"
+    path.write_text(text)
+    world = load_world(path)
+    assert world.rules.criteria == Criteria(0.01, None, (9.0, 8.0, 7.0, 6.0, 5.0))
+    assert [(one.link, one.mass) for one in world.robot.loads] == [(1, 1.5), (4, 0.5)]
+    assert_round_trip(world)
+    jsonschema.validate(world_to_document(world), world_schema())

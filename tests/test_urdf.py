@@ -520,3 +520,40 @@ def test_a_spoilt_file_loads_or_is_refused(
     except InputError as error:
         said = str(error)
     assert "\n" not in said
+
+
+def test_masses_are_those_of_all_that_moves_with_a_joint(tmp_path: Path) -> None:
+    """A bolted plate, a motor and a finger count with the link they hang on; what has no mass does not."""
+    path = tmp_path / "arm.urdf"
+    joint = (
+        '<joint name="{0}" type="{1}"><origin xyz="{2}"/><parent link="{3}"/><child link="{4}"/>{5}</joint>'
+    )
+    turns = '<axis xyz="0 0 1"/><limit lower="-1" upper="1"/>'
+    inertial = '<inertial><origin xyz="{1}" rpy="0 0 1"/><mass value="{0}"/></inertial>'
+    weights = {
+        "base": inertial.format(50, "0 0 0"),
+        "arm": inertial.format(2, "0.1 0 0")
+        + '<collision><geometry><box size="0.1 0.1 0.1"/></geometry></collision>',
+        "motor": inertial.format(1, "0 0 0"),
+        "tool": "<inertial/>",
+        "finger": inertial.format(0.5, "0 0 0.1"),
+    }
+    path.write_text(
+        '<robot name="arm">'
+        + "".join(f'<link name="{name}">{text}</link>' for name, text in weights.items())
+        + joint.format("pivot", "revolute", "0 0 0.2", "base", "arm", turns)
+        + joint.format("bolts", "fixed", "0.3 0 0", "arm", "motor", "")
+        + joint.format("wrist", "revolute", "0.3 0 0.1", "arm", "tool", turns)
+        + joint.format("grip", "prismatic", "0 0.02 0", "tool", "finger", '<limit lower="0" upper="0.01"/>')
+        + "</robot>"
+    )
+    robot = load_robot(path, tip="tool", payload=0.25)
+    (arm, tool), load = robot.masses, robot.loads[-1]
+    assert (arm.link, arm.mass, tool.link, tool.mass) == (0, 3.0, 1, 0.5)
+    np.testing.assert_allclose(arm.center, [0.5 / 3, 0, 0], atol=1e-12)
+    np.testing.assert_allclose(tool.center, [0, 0.02, 0.1], atol=1e-12)
+    assert (load.link, load.mass) == (1, 0.25)
+    np.testing.assert_allclose(load.center, np.zeros(3), atol=1e-12)
+    path.write_text(path.read_text().replace('value="2"', 'value="-2"'))
+    with pytest.raises(InputError, match="link arm: mass must not be below 0, got -2"):
+        load_robot(path, tip="tool")

@@ -12,6 +12,7 @@ from regionik.worlds import schema
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import pose
 from regionik.worlds.checking import at, wrong
+from regionik.worlds.criteria import Criteria
 from regionik.worlds.makerobot import build_robot
 from regionik.worlds.maketask import build_task
 from regionik.worlds.meshfile import is_closed, read_mesh
@@ -46,7 +47,7 @@ def build_world(document: schema.WorldDocument, where: str, folder: Path) -> Wor
     obstacles = _obstacles(document.obstacles, where, folder)
     _check_names(obstacles, floor, where)
     task, pieces = build_task(document.task, where, folder)
-    rules = Rules(**document.rules.model_dump())
+    rules = _rules(document.rules, robot, where)
     if rules.order == "any" and rules.mode != "stops":
         raise wrong(where, "rules.order", "any goes with rules.mode: stops, expected given")
     if rules.mode == "stops" and rules.heading == "face_target":
@@ -59,6 +60,15 @@ def build_world(document: schema.WorldDocument, where: str, folder: Path) -> Wor
     name = document.name or Path(where).name.partition(".")[0] or "world"
     speeds = None if document.speeds is None else _speeds(document.speeds, robot, where)
     return World(name, robot, floor, obstacles, task, rules, start, document.about or "", speeds)
+
+
+def _rules(part: schema.RulesPart, robot: Robot, where: str) -> Rules:
+    criteria = None
+    if part.criteria is not None:
+        with at(where, "rules"):
+            criteria = Criteria(**part.criteria.model_dump())
+            criteria.check(robot)
+    return Rules(**{**part.model_dump(), "criteria": criteria})
 
 
 def _speeds(part: schema.SpeedsPart, robot: Robot, where: str) -> Speeds:

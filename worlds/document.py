@@ -13,6 +13,7 @@ from shapely.geometry import Polygon
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named, robot_names, without_limits
 from regionik.worlds.chain import Chain, Joint, chain_from_dh
+from regionik.worlds.criteria import Criteria
 from regionik.worlds.obstacles import Box, Cylinder, Prism, Solid, Sphere
 from regionik.worlds.robot import LinkCapsule, LinkSolid, Robot, capsules_along
 from regionik.worlds.scene import Floor, Target, World
@@ -32,14 +33,15 @@ def document_of(world: World) -> Document:
     if world.start is not None:
         document["start"] = {"base": world.start.base.tolist(), "joints": world.start.joints.tolist()}
     document["task"] = _task(world.task)
-    document["rules"] = asdict(world.rules)
+    criteria = world.rules.criteria
+    document["rules"] = {**asdict(world.rules), "criteria": None if criteria is None else _listed(criteria)}
     if world.speeds is not None:
-        document["speeds"] = _speeds(world.speeds)
+        document["speeds"] = _listed(world.speeds)
     return document
 
 
-def _speeds(speeds: Speeds) -> Document:
-    return {key: list(value) if isinstance(value, tuple) else value for key, value in asdict(speeds).items()}
+def _listed(values: Speeds | Criteria) -> Document:
+    return {key: list(value) if isinstance(value, tuple) else value for key, value in asdict(values).items()}
 
 
 # --- robot
@@ -75,6 +77,12 @@ def _full_robot(robot: Robot) -> Document:
     document |= _link_solids(robot)
     if robot.unchecked:
         document["unchecked"] = [list(names) for names in robot.unchecked]
+    if robot.masses:
+        document["masses"] = [
+            {"link": one.link, "mass": float(one.mass), "center": one.center.tolist()} for one in robot.masses
+        ]
+    if robot.payload:
+        document["payload"] = float(robot.payload)
     document["carry"] = robot.carry.tolist()
     return document
 

@@ -6,7 +6,9 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 Verdict = Literal["unreachable", "ladder-broken", "no-posture", "start-blocked", "plan-invalid"]
-CauseKind = Literal["obstacle", "reach", "limits", "clearance", "direction", "floor", "base", "path", "self"]
+CauseKind = Literal[
+    "obstacle", "reach", "limits", "clearance", "direction", "floor", "base", "path", "self", "criteria"
+]
 RepairKind = Literal["clearance", "move-target", "move-obstacle", "cone", "raise", "lift-off"]
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import inf
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from regionik.worlds.bundled import robot_named, without_limits
 from regionik.worlds.chain import Chain, Joint, chain_from_dh, pose
 from regionik.worlds.checking import at, wrong
 from regionik.worlds.errors import InputError
+from regionik.worlds.masses import LinkMass
 from regionik.worlds.robot import BASE, LinkBox, LinkCapsule, LinkSolid, Robot, capsules_along
 from regionik.worlds.robotchecks import carried, check_footprint, check_turning
 from regionik.worlds.urdf import load_robot
@@ -33,6 +35,8 @@ def build_robot(part: robotschema.RobotPart, where: str, folder: Path) -> Robot:
             robot = robot_named(part.name)
     else:
         robot = _own_robot(part, where)
+    masses = _masses(part.masses, robot.chain, where)
+    robot = replace(robot, masses=masses, payload=part.payload)
     return without_limits(robot) if part.limits == "ignore" else robot
 
 
@@ -56,6 +60,7 @@ def _urdf_robot(part: robotschema.UrdfRobot, where: str, folder: Path) -> Robot:
             body_height=part.body_height,
             carry=part.carry,
             limits=part.limits,
+            payload=part.payload,
         )
 
 
@@ -137,6 +142,14 @@ def _solids(
             raise wrong(where, f"{place}.link", text)
         solids.append(_link_solid(solid, where, place))
     return tuple(solids)
+
+
+def _masses(parts: list[robotschema.MassPart], chain: Chain, where: str) -> tuple[LinkMass, ...]:
+    for k, part in enumerate(parts):
+        if part.link >= chain.dof:
+            text = f"expected a link from 0 to {chain.dof - 1}, got {part.link}"
+            raise wrong(where, f"robot.masses[{k}].link", text)
+    return tuple(LinkMass(part.link, part.mass, np.array(part.center)) for part in parts)
 
 
 def _unchecked(

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.chain import Chain, planar_pose
 from regionik.worlds.errors import InputError
+from regionik.worlds.masses import LinkMass
 
 BaseKind = Literal["omni", "differential", "car"]
 
@@ -120,6 +121,10 @@ class Robot:
         in their turn keep off it.
     unchecked : tuple of (str, str)
         Names of solids that need not keep apart, though they do not follow one another.
+    masses : tuple of LinkMass
+        Of the arm's links; none where they are not known.
+    payload : float
+        What the tool carries at its frame's origin [kg].
     """
 
     name: str
@@ -134,6 +139,8 @@ class Robot:
     gauge: float = 0.0
     base_solids: tuple[LinkSolid, ...] = ()
     unchecked: tuple[tuple[str, str], ...] = ()
+    masses: tuple[LinkMass, ...] = ()
+    payload: float = 0.0
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "footprint", frozen(self.footprint, (None, 2), "footprint"))
@@ -143,7 +150,11 @@ class Robot:
             raise InputError("footprint: expected one point or at least three corners")
         if not 0 < self.body_height < np.inf:
             raise InputError(f"body_height must be above 0, got {self.body_height}")
-
+        if not 0 <= self.payload < np.inf:
+            raise InputError(f"payload must be at least 0, got {self.payload}")
+        astray = next((one.link for one in self.masses if not 0 <= one.link < self.chain.dof), None)
+        if astray is not None:
+            raise InputError(f"masses: expected a link from 0 to {self.chain.dof - 1}, got {astray}")
         for solids, what, low, high in (
             (self.solids, "solids", 0, self.chain.dof - 1),
             (self.base_solids, "base_solids", BASE, BASE),
@@ -157,6 +168,13 @@ class Robot:
     def all_solids(self) -> tuple[LinkSolid, ...]:
         """The arm's solids, then those fixed to the base."""
         return (*self.solids, *self.base_solids)
+
+    @property
+    def loads(self) -> tuple[LinkMass, ...]:
+        """All that gravity pulls at: the masses of the links, and the payload at the tool."""
+        if not self.payload:
+            return self.masses
+        return (*self.masses, LinkMass(self.chain.dof - 1, self.payload, self.chain.T_last_tool[:3, 3]))
 
     @property
     def T_base_arm(self) -> Array:

@@ -23,7 +23,22 @@ Names = Annotated[
 ]
 
 
-class NamedRobot(Strict):
+class MassPart(Strict):
+    """The mass of an arm link, its centre in the frame of the joint that moves the link."""
+
+    link: Annotated[int, Field(ge=0)] = Field(description="the number of a joint, from 0")
+    mass: Positive = Field(description="a mass [kg]")
+    center: Vec3 = Field(default=[0.0, 0.0, 0.0], description="centre of mass x, y, z [m]")
+
+
+class _Weighed(Strict):
+    """What gravity pulls at; `rules.criteria.effort` asks for it."""
+
+    masses: list[MassPart] = Field(default=[], description="masses of the arm's links")
+    payload: NotNegative = Field(default=0.0, description="what the tool carries [kg]")
+
+
+class NamedRobot(_Weighed):
     name: OneLine
     limits: Literal["ignore"] | None = None
 
@@ -81,7 +96,7 @@ LinkSolidPart = Annotated[
 ]
 
 
-class _OwnRobot(Strict):
+class _OwnRobot(_Weighed):
     name: OneLine = "robot"
     base: Literal["omni", "differential", "car"] = "omni"
     footprint: Annotated[list[Vec2], Field(min_length=1)] = Field(default=[[0.0, 0.0]])
@@ -131,6 +146,7 @@ class UrdfRobot(Strict):
     mount: Vec4 | None = None
     turning_radius: NotNegative = 0.0
     body_height: Positive | None = None
+    payload: NotNegative = Field(default=0.0, description="what the tool carries [kg]")
     carry: list[float] | None = None
     limits: Literal["ignore"] | None = None
 

@@ -9,6 +9,7 @@ import numpy as np
 from shapely.geometry import Polygon
 
 from regionik.worlds.arrays import Array, frozen
+from regionik.worlds.criteria import Criteria
 from regionik.worlds.errors import InputError
 from regionik.worlds.obstacles import Prism, Solid
 from regionik.worlds.robot import Robot
@@ -96,6 +97,8 @@ class Rules:
         itself without weight, holds a load at its tool; or the places of the shortest way through all stops.
     stop_tolerance : float
         Radius of the circle in which the base may park at every stop, at the least [m].
+    criteria : Criteria or None
+        What the arm's posture at every set-point must be good for.
     """
 
     clearance: float = 0.2
@@ -112,6 +115,7 @@ class Rules:
     order: Order = "given"
     stop_criterion: StopCriterion = "tolerance"
     stop_tolerance: float = 0.01
+    criteria: Criteria | None = None
 
 
 @dataclass(frozen=True)

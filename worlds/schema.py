@@ -224,6 +224,18 @@ class StartPart(Strict):
     joints: list[float] = Field(description="one value a joint")
 
 
+class CriteriaPart(Strict):
+    """The fields of `regionik.worlds.criteria.Criteria`, checked."""
+
+    manipulability: NotNegative | None = Field(default=None, description="least manipulability [m3]")
+    joint_margin: Annotated[float, Field(ge=0, lt=0.5)] | None = Field(
+        default=None, description="least distance from both limits, as a share of a joint's range"
+    )
+    effort: Positive | list[Positive] | None = Field(
+        default=None, description="most torque from gravity, for all joints or for each [N m], [N] if sliding"
+    )
+
+
 class RulesPart(Strict):
     """The fields of `regionik.worlds.scene.Rules`, checked."""
 
@@ -256,6 +268,7 @@ class RulesPart(Strict):
     stop_tolerance: NotNegative = Field(
         default=Rules.stop_tolerance, description="least radius of the circle to park in [m]"
     )
+    criteria: CriteriaPart | None = None
 
 
 class SpeedsPart(Strict):

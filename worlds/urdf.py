@@ -13,13 +13,13 @@ from numpy.typing import ArrayLike
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.bundled import BODY_HEIGHT, robot_named, robot_names, without_limits
 from regionik.worlds.chain import Chain, planar_pose
-from regionik.worlds.checking import LARGEST, wrong
+from regionik.worlds.checking import LARGEST, at, wrong
 from regionik.worlds.errors import InputError
 from regionik.worlds.loose import loose_pairs
 from regionik.worlds.robot import BASE, BaseKind, Robot
 from regionik.worlds.robotchecks import carried, check_footprint, check_turning
 from regionik.worlds.urdfbody import body_of
-from regionik.worlds.urdfchain import Parts, chain_of, parts_of, route_of
+from regionik.worlds.urdfchain import Parts, chain_of, masses_of, parts_of, route_of
 from regionik.worlds.urdftree import SUFFIXES, read_urdf
 from regionik.worlds.urdfwords import listed
 
@@ -37,6 +37,7 @@ def load_robot(
     body_height: float | None = None,
     carry: ArrayLike | None = None,
     limits: Literal["ignore"] | None = None,
+    payload: float = 0.0,
 ) -> Robot:
     """A bundled robot by its name, or a robot from a URDF file.
 
@@ -48,7 +49,8 @@ def load_robot(
     both given; what stands higher, such as a mast on a low base, becomes solids of its own. Where to cut is
     chosen so that all of it takes least room, or is ``body_height``. Two bounds that touch in many postures,
     while the hulls inside them are not seen to touch in any of 2000, need not keep apart. Speed limits of 0
-    and limits of a million and beyond count as none; soft limits, inertias and visual elements are not read.
+    and limits of a million and beyond count as none; soft limits, moments of inertia and visual elements are
+    not read. The masses of inertial elements are, of all links that move with the chain.
 
     Parameters
     ----------
@@ -71,6 +73,8 @@ def load_robot(
         Joint values in which the arm is driven about; by default zero, or the limits nearest to it.
     limits : "ignore", optional
         Joints without limits.
+    payload : float
+        What the tool carries at its frame's origin [kg].
 
     Returns
     -------
@@ -118,9 +122,9 @@ def load_robot(
         robot = replace(robot, carry=carried(values, robot.chain, where, "carry"))
     height = robot.body_height if given_height is None else given_height
     kind: BaseKind = robot.base if base is None else base
-    return replace(
-        robot, base=kind, body_height=height, turning_radius=_turning(robot, kind, turning_radius, where)
-    )
+    radius = _turning(robot, kind, turning_radius, where)
+    with at(where, "payload"):
+        return replace(robot, base=kind, body_height=height, turning_radius=radius, payload=payload)
 
 
 def _from_urdf(
@@ -152,6 +156,7 @@ def _from_urdf(
         body_height=found.height if found.height > 0 else BODY_HEIGHT,
         carry=carried(None, chain, file.where, "carry"),
         base_solids=tuple(part.solid for part in found.parts),
+        masses=masses_of(file, parts),
     )
     unchecked, loose = loose_pairs(robot, [part.points for part in (*body.parts, *found.parts)])
     for note in (*body.notes, *_notes(parts, measured), *loose):

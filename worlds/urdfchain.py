@@ -13,6 +13,7 @@ import numpy as np
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, Joint, motion
 from regionik.worlds.checking import at, wrong
+from regionik.worlds.masses import LinkMass
 from regionik.worlds.robot import BASE
 from regionik.worlds.urdfbody import Placed
 from regionik.worlds.urdftree import TreeJoint, UrdfFile
@@ -149,6 +150,23 @@ def parts_of(file: UrdfFile, route: Route, T_base_root: Array) -> Parts:
             stack.append(Placed(joint.child, link.owner, T))
     solid = [[j.name for j in joints if _has_shapes(file, j, below)] for joints in (left_out, copies)]
     return Parts(tuple(placed), tuple(solid[0]), tuple(solid[1]))
+
+
+def masses_of(file: UrdfFile, parts: Parts) -> tuple[LinkMass, ...]:
+    """What moves with each joint of the chain, all of it as one mass at its centre."""
+    weights: dict[int, list[tuple[float, Array]]] = {}
+    for link in parts.placed:
+        inertial = file.inertials.get(link.name)
+        if inertial is not None and link.owner != BASE:
+            mass, center = inertial
+            T = link.T_owner_link
+            weights.setdefault(link.owner, []).append((mass, T[:3, :3] @ center + T[:3, 3]))
+    found = []
+    for owner, rows in sorted(weights.items()):
+        total = sum(mass for mass, _ in rows)
+        center = np.sum([mass * point for mass, point in rows], axis=0) / total
+        found.append(LinkMass(owner, total, center))
+    return tuple(found)
 
 
 # --- the tree

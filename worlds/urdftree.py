@@ -111,12 +111,15 @@ class UrdfFile:
         The shapes of each link, by its name.
     joints : tuple of TreeJoint
         In the order of the file; each name and each child once, every link known.
+    inertials : dict
+        Mass [kg] and its centre (3,) [m] of each link that has any, by its name.
     """
 
     path: Path
     name: str
     links: dict[str, tuple[Shape, ...]]
     joints: tuple[TreeJoint, ...]
+    inertials: dict[str, tuple[float, Array]]
 
     @property
     def where(self) -> str:
@@ -144,18 +147,22 @@ def read_urdf(path: Path) -> UrdfFile:
     _refuse_xacro(root, path)
     name = name_of(root, where, "robot")
     links: dict[str, tuple[Shape, ...]] = {}
+    inertials: dict[str, tuple[float, Array]] = {}
     for element in root.all("link"):
         link = name_of(element, where, "link")
         if link in links:
             raise wrong(where, f"line {element.line}: link {link}", "this name is given twice")
         links[link] = tuple(_shape(solid, where, link) for solid in element.all("collision"))
+        weight = _inertial(element.first("inertial"), where, link)
+        if weight is not None:
+            inertials[link] = weight
     if len(links) > LINK_LIMIT:
         raise wrong(where, "", f"expected at most {LINK_LIMIT} links, got {len(links)}")
     if sum(map(len, links.values())) > SOLID_LIMIT:
         raise wrong(where, "", f"expected at most {SOLID_LIMIT} collision elements")
     joints = tuple(_joint(element, where) for element in root.all("joint"))
     _check_joints(joints, links, where)
-    return UrdfFile(path, name, links, joints)
+    return UrdfFile(path, name, links, joints, inertials)
 
 
 def _xacro(path: Path, place: str) -> InputError:
@@ -231,6 +238,17 @@ def _joint(element: Element, where: str) -> TreeJoint:
         offset=numbers_in(copied, "offset", where, place, (0.0,))[0],
         place=place,
     )
+
+
+def _inertial(element: Element | None, where: str, link: str) -> tuple[float, Array] | None:
+    """Mass and centre; None where the file gives no mass, or zero."""
+    if element is None:
+        return None
+    place = f"line {element.line}: link {link}"
+    (mass,) = numbers_in(element.first("mass"), "value", where, place, (0.0,))
+    if mass < 0:
+        raise wrong(where, place, f"mass must not be below 0, got {mass:g}")
+    return (mass, origin_of(element, where, place)[:3, 3]) if mass > 0 else None
 
 
 def _limits(element: Element, kind: str, where: str, place: str) -> tuple[float | None, float | None]:
