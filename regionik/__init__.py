@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from regionik.retime import retime
     from regionik.trajectory import trajectory
     from regionik.verify import verify
+    from regionik.verify_reach import verify_answers
     from regionik.view import show, to_html
     from regionik.worlds.errors import InputError, NoPlanFound, RegionikError
     from regionik.worlds.library import load_robot, load_world
@@ -58,6 +59,7 @@ __all__ = [
     "to_html",
     "trajectory",
     "verify",
+    "verify_answers",
 ]
 
 _HOME = {
@@ -82,6 +84,7 @@ _HOME = {
     "to_html": "regionik.view",
     "trajectory": "regionik.trajectory",
     "verify": "regionik.verify",
+    "verify_answers": "regionik.verify_reach",
 }
 
 
