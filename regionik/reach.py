@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from shapely.geometry import Point
 
 from regionik import explain
+from regionik.bulk import OPEN, REACHED, is_covered, reasons, settled
 from regionik.mfabrik import axis_of, pose_of, solver_for
 from regionik.planners.provable import smothered
 from regionik.poses import Pose
@@ -81,22 +82,31 @@ def reach(world: World, targets: ArrayLike | Sequence[Target]) -> Answer:
     >>> reach(load_world("pillar"), [[0.5, 0, 0.25], [0.5, 0, 2.0]]).verdict.tolist()
     ['reachable', 'unreachable']
     """
-    asked = _as_targets(targets)
-    n, dof = len(asked), world.robot.chain.dof
+    positions, asked = _as_targets(targets)
+    n, dof = len(positions), world.robot.chain.dof
+    kind = np.full(n, OPEN)
     base, joints, gap = np.full((n, 3), np.nan), np.full((n, dof), np.nan), np.zeros(n)
-    verdict, reason = np.full(n, "reachable", dtype="<U11"), [""] * n
-    for i, result in enumerate(_decided(world, asked)):
+    bare = np.array([asked is None or asked[i].direction is None for i in range(n)], dtype=bool)
+    if is_covered(world):
+        quick = settled(world, positions[bare])
+        kind[bare], base[bare], joints[bare] = quick.kind, quick.base, quick.joints
+    reason = reasons(world, kind)
+    verdict = np.where(kind == REACHED, "reachable", "unreachable").astype("<U11")
+    left = np.flatnonzero(kind == OPEN).tolist()
+    close = [Target(positions[i]) if asked is None else asked[i] for i in left]
+    for i, result in zip(left, _decided(world, close), strict=True):
         verdict[i], gap[i], reason[i] = result.verdict, result.gap, result.reason
         if result.pose is not None:
             base[i], joints[i] = result.pose.base, result.pose.joints
-    positions = np.array([target.position for target in asked]).reshape(-1, 3)
     return Answer(positions, verdict == "reachable", verdict, base, joints, reason, gap)
 
 
-def _as_targets(targets: ArrayLike | Sequence[Target]) -> list[Target]:
+def _as_targets(targets: ArrayLike | Sequence[Target]) -> tuple[Array, list[Target] | None]:
+    """Positions (n, 3), and the targets where they are more than that."""
     if isinstance(targets, Sequence) and all(isinstance(target, Target) for target in targets):
-        return [target for target in targets if isinstance(target, Target)]
-    return [Target(row) for row in frozen(np.atleast_2d(np.asarray(targets)), (None, 3), "targets")]
+        asked = [target for target in targets if isinstance(target, Target)]
+        return np.array([target.position for target in asked]).reshape(-1, 3), asked
+    return frozen(np.atleast_2d(np.asarray(targets)), (None, 3), "targets"), None
 
 
 class _Result(NamedTuple):
