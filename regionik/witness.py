@@ -9,7 +9,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from regionik.avoid import spread
-from regionik.demand import misses
+from regionik.demand import in_plane, misses
 from regionik.guard import SPARE, Guard, contact_for, guard_of
 from regionik.mfabrik import Solver, pose_of, solver_for
 from regionik.planners.posture import clear_posture
@@ -69,8 +69,11 @@ class Quest:
         return None
 
     def search(self) -> Pose | None:
-        """At the places nearest to a clear posture, all postures of the arm are looked for."""
-        if self.target.direction is not None:
+        """At the places nearest to a clear posture, all postures of the arm are looked for.
+
+        An arm in one plane has shown all kinds of them already.
+        """
+        if self.target.direction is not None or in_plane(self.world.robot.chain, self.target):
             return None
         nearest = sorted(self.nearly, key=lambda one: -one[0])[:SEARCHED]
         return next((q for _, near in nearest if (q := self._searched(near)) is not None), None)
