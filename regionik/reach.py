@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from shapely.geometry import Point
 
 from regionik import explain
-from regionik.bulk import OPEN, REACHED, is_covered, reasons, settled
+from regionik.settle import OPEN, REACHED, is_covered, reasons, settled
 from regionik.mfabrik import axis_of, pose_of, solver_for
 from regionik.planners.provable import smothered
 from regionik.poses import Pose

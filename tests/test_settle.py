@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from shapely.geometry import Polygon
 
-from regionik.bulk import OPEN, REACHED, is_covered, reasons, settled
+from regionik.settle import OPEN, REACHED, is_covered, reasons, settled
 from regionik.planners.ringfloor import distances, inside, meets, on_circle, parts_of
 from regionik.reach import _decided, reach
 from regionik.verify_reach import verify_answers
