@@ -41,7 +41,6 @@ __all__ = [
 ]
 
 SIDES = 48  # of the polygons that stand for discs
-DISC = np.column_stack([f(2 * np.pi * np.arange(SIDES) / SIDES) for f in (np.cos, np.sin)])  # inscribed
 MOST_WALLS = 12  # directions of walls that exact headings are taken from, the longest
 
 
@@ -147,6 +146,7 @@ def slab_free(
     clearance: float,
     low: float,
     high: float,
+    sides: int = SIDES,
 ) -> Slab:
     """Where a footprint may be while its heading is between two bounds.
 
@@ -162,6 +162,8 @@ def slab_free(
         [m]
     low, high : float
         Headings, the same or rising [rad].
+    sides : int
+        Of the polygons that stand for discs.
 
     Returns
     -------
@@ -180,7 +182,7 @@ def slab_free(
     >>> [round(area.area, 3) for area in (slab.inner, slab.outer)]
     [0.057, 0.142]
     """
-    return _slab(_ground(footprint, floor, obstacles, clearance), low, high)
+    return _slab(_ground(footprint, floor, obstacles, clearance, sides), low, high)
 
 
 class _Ground(NamedTuple):
@@ -190,10 +192,15 @@ class _Ground(NamedTuple):
     floor: BaseGeometry
     covered: BaseGeometry  # by obstacles that are not convex, or have no area
     pieces: tuple[tuple[float, list[Array]], ...]  # how far to stay from convex things, and their corners
+    sides: int  # of the polygons that stand for discs
 
 
 def _ground(
-    footprint: ArrayLike, floor: Polygon | MultiPolygon, obstacles: Sequence[Shadow], clearance: float
+    footprint: ArrayLike,
+    floor: Polygon | MultiPolygon,
+    obstacles: Sequence[Shadow],
+    clearance: float,
+    sides: int = SIDES,
 ) -> _Ground:
     room = room_of(footprint, floor, obstacles, clearance)
     edges = [(edge.reshape(2, 2), 0.0) for edge in core_edges(floor)]
@@ -210,7 +217,7 @@ def _ground(
     for corners, keep in (*edges, *convex):
         pieces.setdefault(keep, []).append(corners)
     covered = shapely.union_all([core for core, _ in rest])
-    return _Ground(room.corners, floor, covered, tuple(pieces.items()))
+    return _Ground(room.corners, floor, covered, tuple(pieces.items()), sides)
 
 
 def _is_convex(core: BaseGeometry) -> bool:
@@ -272,21 +279,23 @@ def _positions(ground: _Ground, shape: Array, *, inner: bool) -> BaseGeometry:
 def _rejection(ground: _Ground, shape: Array, *, inner: bool) -> Rejection:
     """A shape is free where one point of it is and no edge comes too near to it."""
     point = shape.mean(axis=0)
-    met = [_moved_round(pieces, _grown(-shape, keep, inner)) for keep, pieces in ground.pieces]
+    met = [_moved_round(pieces, _grown(-shape, keep, inner, ground.sides)) for keep, pieces in ground.pieces]
     solid = np.concatenate(met)
     here, covered = (shapely.transform(g, lambda p: p - point) for g in (ground.floor, ground.covered))
     floor = shapely.difference(here, covered) if not covered.is_empty else here
     return Rejection(floor, solid[shapely.area(solid) > 0])
 
 
-def _grown(shape: Array, keep: float, inner: bool) -> Array:
+def _grown(shape: Array, keep: float, inner: bool, sides: int) -> Array:
     """Corners of a convex shape grown by a disc.
 
     Corner by corner: a buffer may put less to a quarter than it is told, it rounds the count.
     """
     if keep == 0:
         return shape
-    disc = keep * (DISC / np.cos(np.pi / SIDES) if inner else DISC)
+    turns = 2 * np.pi * np.arange(sides) / sides
+    radius = keep / np.cos(np.pi / sides) if inner else keep
+    disc = radius * np.column_stack([np.cos(turns), np.sin(turns)])
     hull = shapely.convex_hull(shapely.multipoints((shape[:, None] + disc).reshape(-1, 2)))
     corners: Array = shapely.get_coordinates(hull)
     return corners

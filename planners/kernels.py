@@ -103,14 +103,14 @@ def fits(
 
 
 @compiled
-def reaches(
+def critical_posture(
     arm: PlaneArm,
     pitch_low: float,
     pitch_high: float,
     r: float,
     z: float,
-) -> bool:
-    """Whether a posture within limits, its last link within two pitches, puts the tool at (r, z).
+) -> tuple[bool, float, float, float]:
+    """Whether the tool can be put at (r, z) within limits and two pitches, and the links' angles if so.
 
     Every connected piece of the arm's self-motion holds a posture with a bend or the pitch at its limit,
     with the elbow straight or folded, or else every pitch; so it is enough to try those.
@@ -126,9 +126,9 @@ def reaches(
         if ok:
             for e in (-1.0, 1.0):
                 if fits(lower, upper, lead + e * root, lead - e * tip, tool, pitch_low, pitch_high):
-                    return True
+                    return True, lead + e * root, lead - e * tip, tool
     if pitch_low == pitch_high:
-        return False
+        return False, 0.0, 0.0, 0.0
     for side in range(2):
         first = lower[0] if side == 0 else upper[0]
         if np.isfinite(first):
@@ -136,7 +136,7 @@ def reaches(
             if ok:
                 for e in (-1.0, 1.0):
                     if fits(lower, upper, first, lead + e * root, lead - e * tip, pitch_low, pitch_high):
-                        return True
+                        return True, first, lead + e * root, lead - e * tip
     for kind in range(4):
         bend = lower[1] if kind == 0 else (upper[1] if kind == 1 else (0.0 if kind == 2 else np.pi))
         if np.isfinite(bend):
@@ -147,7 +147,7 @@ def reaches(
                 for e in (-1.0, 1.0):
                     first = lead + e * root - turn
                     if fits(lower, upper, first, first + bend, lead - e * tip, pitch_low, pitch_high):
-                        return True
+                        return True, first, first + bend, lead - e * tip
     for side in range(2):
         bend = lower[2] if side == 0 else upper[2]
         if np.isfinite(bend):
@@ -156,10 +156,22 @@ def reaches(
             if ok:
                 turn = np.arctan2(ez, er)
                 for e in (-1.0, 1.0):
-                    second = lead - e * tip - turn
-                    if fits(lower, upper, lead + e * root, second, second + bend, pitch_low, pitch_high):
-                        return True
-    return False
+                    first, second = lead + e * root, lead - e * tip - turn
+                    if fits(lower, upper, first, second, second + bend, pitch_low, pitch_high):
+                        return True, first, second, second + bend
+    return False, 0.0, 0.0, 0.0
+
+
+@compiled
+def reaches(
+    arm: PlaneArm,
+    pitch_low: float,
+    pitch_high: float,
+    r: float,
+    z: float,
+) -> bool:
+    """Whether a posture within limits, its last link within two pitches, puts the tool at (r, z)."""
+    return critical_posture(arm, pitch_low, pitch_high, r, z)[0]
 
 
 @compiled
@@ -171,7 +183,7 @@ def widest_posture(
     bends: Array,
     tries: int,
 ) -> bool:
-    """Among postures that reach (r, z), the one farthest from its limits; False where none is found."""
+    """Among postures that reach (r, z), the one farthest from its limits; False where there is none."""
     shoulder_r, shoulder_z, lengths, lower, upper = arm
     x, y = r - shoulder_r, z - shoulder_z
     best = -LIMIT_SLACK
@@ -191,6 +203,13 @@ def widest_posture(
                     bends[0], _ = fit(first, lower[0], upper[0])
                     bends[1], _ = fit(second - first, lower[1], upper[1])
                     bends[2], _ = fit(tool - second, lower[2], upper[2])
+    if not found:  # it hides between two pitches
+        pitch_low, pitch_high = (pitch, pitch) if np.isfinite(pitch) else (-np.inf, np.inf)
+        found, first, second, tool = critical_posture(arm, pitch_low, pitch_high, r, z)
+        if found:
+            bends[0], _ = fit(first, lower[0], upper[0])
+            bends[1], _ = fit(second - first, lower[1], upper[1])
+            bends[2], _ = fit(tool - second, lower[2], upper[2])
     return found
 
 

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from regionik.stops import stops
     from regionik.trajectory import trajectory
     from regionik.verify import verify
+    from regionik.verify_reach import verify_answers
     from regionik.view import show, to_html
     from regionik.worlds.criteria import Criteria
     from regionik.worlds.errors import InputError, NoPlanFound, RegionikError
@@ -62,6 +63,7 @@ __all__ = [
     "to_html",
     "trajectory",
     "verify",
+    "verify_answers",
 ]
 
 _HOME = {
@@ -88,6 +90,7 @@ _HOME = {
     "to_html": "regionik.view",
     "trajectory": "regionik.trajectory",
     "verify": "regionik.verify",
+    "verify_answers": "regionik.verify_reach",
 }
 
 

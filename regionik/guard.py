@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -23,7 +24,7 @@ from regionik.planners.touching import (
 )
 from regionik.poses import Pose
 from regionik.worlds.errors import Cause
-from regionik.worlds.scene import World
+from regionik.worlds.scene import Target, World
 
 SPARE = 5e-4  # kept beyond what the rules want, so that what is planned can be proven [m]
 
@@ -87,14 +88,14 @@ class Guard:
 def guard_of(world: World) -> Guard:
     """The guard of a world; kept for the last few worlds."""
     bodies = bodies_from(world.robot, world.solids, world.rules.arm_clearance)
-    return Guard(world, bodies, _contact(world))
+    return Guard(world, bodies, contact_for(world, world.task))
 
 
-def _contact(world: World) -> Contact:
+def contact_for(world: World, targets: Sequence[Target]) -> Contact:
     """Each set-point with the solid that it lies on or in, or is nearest to within ``tool_contact``."""
     reach, obstacles = world.rules.tool_contact, obstacles_from(world.solids)
     spots, owners = [], []
-    for target in world.task:
+    for target in targets:
         near = solids_within(obstacles, target.position, reach) if reach > 0 else []
         if near:
             spots.append(target.position)

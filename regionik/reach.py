@@ -4,15 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal, NamedTuple
 
 import numpy as np
 import shapely
 from numpy.typing import ArrayLike, NDArray
+from shapely.geometry import Point
 
 from regionik import explain
-from regionik.demand import misses
 from regionik.mfabrik import axis_of, pose_of, solver_for
+from regionik.planners.provable import smothered
+from regionik.poses import Pose
+from regionik.refine import diameter, refine
 from regionik.regions import PathAreas, outer_areas, path_areas
+from regionik.settle import OPEN, REACHED, is_covered, reasons, settled
+from regionik.standing import anywhere
+from regionik.witness import Quest
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.scene import Target, World
 
@@ -27,14 +34,19 @@ class Answer:
         [m]
     reachable : (n,) array of bool
     verdict : (n,) array of str
-        "reachable": base and arm were found and checked by forward kinematics. "unreachable": the outer area
-        is empty, which is a proof in the model. "undecided": neither.
+        "reachable": base and arm were found and checked, on target, on the floor and, where the rules lead
+        the arm round things, clear of them. "unreachable": the outer area is empty, which is a proof in the
+        model, whatever stands in the arm's way; or the end of the arm would be in a solid in any posture.
+        "undecided": neither, and ``gap`` says how much is left.
     base : (n, 3) array
         x, y [m], yaw [rad]; NaN where there is none.
     joints : (n, dof) array
         NaN where there is none.
     reason : list of str
         One for each target; empty where it is reachable.
+    gap : (n,) array
+        Diameter of the largest circle of places for the arm axis that could be neither shown to work nor
+        ruled out; 0 where the target is decided [m].
     """
 
     targets: Array
@@ -43,13 +55,15 @@ class Answer:
     base: Array
     joints: Array
     reason: list[str]
+    gap: Array
 
 
 def reach(world: World, targets: ArrayLike | Sequence[Target]) -> Answer:
     """Ask for many targets whether the tool can get there, and from where.
 
-    Base and arm are found by M-FABRIK inside the admissible area, from its place nearest to the start.
-    Obstacles bind the base; whether the arm would touch one on the way is for a plan to say.
+    Coarse areas of all targets come first. Where they leave a doubt, or the arm touches something, the target
+    is looked at closely: without the rules' margin of reach, with finer circles, heading by heading and pitch
+    by pitch, and with other postures at other places. What is undecided then says why.
 
     Parameters
     ----------
@@ -68,32 +82,109 @@ def reach(world: World, targets: ArrayLike | Sequence[Target]) -> Answer:
     >>> reach(load_world("pillar"), [[0.5, 0, 0.25], [0.5, 0, 2.0]]).verdict.tolist()
     ['reachable', 'unreachable']
     """
-    asked = _as_targets(targets)
-    n, dof = len(asked), world.robot.chain.dof
-    positions = np.array([target.position for target in asked]).reshape(-1, 3)
-    base, joints = np.full((n, 3), np.nan), np.full((n, dof), np.nan)
-    reachable = np.zeros(n, dtype=bool)
-    areas = path_areas(world, asked)
-    for i, row in _nearest_rows(world, areas, n).items():
-        found = _solve(world, asked[i], areas, row)
-        if found is not None:
-            base[i], joints[i] = found
-            reachable[i] = True
-    verdict = np.where(reachable, "reachable", "undecided").astype("<U11")
-    rest = np.flatnonzero(~reachable)
-    outer = outer_areas(world, [asked[i] for i in rest])
-    reason = [""] * n
-    for i, area in zip(rest.tolist(), outer, strict=True):
-        if area.is_empty:
-            verdict[i] = "unreachable"
-        reason[i] = explain.unreachable(world, 0, [asked[i]]).reason
-    return Answer(positions, reachable, verdict, base, joints, reason)
+    positions, asked = _as_targets(targets)
+    n, dof = len(positions), world.robot.chain.dof
+    kind = np.full(n, OPEN)
+    base, joints, gap = np.full((n, 3), np.nan), np.full((n, dof), np.nan), np.zeros(n)
+    bare = np.array([asked is None or asked[i].direction is None for i in range(n)], dtype=bool)
+    if is_covered(world):
+        quick = settled(world, positions[bare])
+        kind[bare], base[bare], joints[bare] = quick.kind, quick.base, quick.joints
+    reason = reasons(world, kind)
+    verdict = np.where(kind == REACHED, "reachable", "unreachable").astype("<U11")
+    left = np.flatnonzero(kind == OPEN).tolist()
+    close = [Target(positions[i]) if asked is None else asked[i] for i in left]
+    for i, result in zip(left, _decided(world, close), strict=True):
+        verdict[i], gap[i], reason[i] = result.verdict, result.gap, result.reason
+        if result.pose is not None:
+            base[i], joints[i] = result.pose.base, result.pose.joints
+    return Answer(positions, verdict == "reachable", verdict, base, joints, reason, gap)
 
 
-def _as_targets(targets: ArrayLike | Sequence[Target]) -> list[Target]:
+def _as_targets(targets: ArrayLike | Sequence[Target]) -> tuple[Array, list[Target] | None]:
+    """Positions (n, 3), and the targets where they are more than that."""
     if isinstance(targets, Sequence) and all(isinstance(target, Target) for target in targets):
-        return [target for target in targets if isinstance(target, Target)]
-    return [Target(row) for row in frozen(np.atleast_2d(np.asarray(targets)), (None, 3), "targets")]
+        asked = [target for target in targets if isinstance(target, Target)]
+        return np.array([target.position for target in asked]).reshape(-1, 3), asked
+    return frozen(np.atleast_2d(np.asarray(targets)), (None, 3), "targets"), None
+
+
+class _Result(NamedTuple):
+    """The answer for one target."""
+
+    verdict: Literal["reachable", "unreachable", "undecided"]
+    pose: Pose | None
+    gap: float
+    reason: str
+
+
+def _decided(world: World, targets: Sequence[Target]) -> list[_Result]:
+    """Coarse areas of all targets at once; those that leave a doubt are looked at closely, one by one."""
+    found = _at_hand(world, targets)
+    rest = [i for i in range(len(targets)) if i not in found]
+    outer = outer_areas(world, [targets[i] for i in rest])
+    results = {i: _Result("reachable", pose, 0.0, "") for i, pose in found.items()}
+    for i, area in zip(rest, outer, strict=True):
+        results[i] = _ruled_out(world, targets[i]) if area.is_empty else _closely(world, targets[i])
+    return [results[i] for i in range(len(targets))]
+
+
+def _at_hand(world: World, targets: Sequence[Target]) -> dict[int, Pose]:
+    """Configurations that M-FABRIK comes to in coarse inner areas, at places nearest to the start."""
+    areas = path_areas(world, targets)
+    found: dict[int, Pose] = {}
+    for i, row in _nearest_rows(world, areas, len(targets)).items():
+        span = anywhere(world).sides[int(areas.side[row])].span
+        base, joints = _start(world)
+        spot = shapely.shortest_line(areas.inner[row], Point(axis_of(world.robot, base))).coords[0]
+        solver = solver_for(world, areas.family[row], areas.inner[row], span)
+        reached = solver(targets[i], pose_of(world.robot, np.array(spot), base[2]), joints)
+        pose = Pose(reached.base, reached.joints)
+        if reached.converged and Quest(world, targets[i]).confirms(pose):
+            found[i] = pose
+    return found
+
+
+def _closely(world: World, target: Target) -> _Result:
+    """The answer for a target whose coarse areas leave a doubt."""
+    quest = Quest(world, target)
+    if quest.guard.on:
+        bodies, contact = quest.guard.bodies, quest.guard.contact
+        name = smothered(bodies, target.position, world.rules.tolerance, 0.0, contact)
+        if name:
+            return _Result("unreachable", None, 0.0, f"{_who(target)} cannot be reached: {_IN.format(name)}")
+    pose, left, tried = refine(world, target, quest.within)
+    pose = pose or quest.search()
+    if pose is not None:
+        return _Result("reachable", pose, 0.0, "")
+    if left.is_empty:
+        return _ruled_out(world, target)
+    return _Result("undecided", None, diameter(left), _doubt(quest, diameter(left), tried))
+
+
+_IN = "whatever the posture, the end of the arm is in {} there, or too near to it"
+
+
+def _ruled_out(world: World, target: Target) -> _Result:
+    return _Result("unreachable", None, 0.0, explain.unreachable(world, 0, [target]).reason)
+
+
+def _doubt(quest: Quest, gap: float, tried: int) -> str:
+    """Why a target stays undecided."""
+    who, touch = _who(quest.target), quest.touch
+    if touch is not None:
+        return (
+            f"{who} is not decided: in reach of places for the base up to {gap:.4f} m across, but each of "
+            f"{quest.met} postures looked at touches something; in the best of them, "
+            f"{quest.guard.words(touch)}."
+        )
+    if tried:
+        return f"{who} is not decided: no posture was found at places for the base {gap:.4f} m across."
+    return f"{who} is not decided: the places that are not ruled out are up to {gap:.4f} m across."
+
+
+def _who(target: Target) -> str:
+    return f"The target at {explain.spot(target.position)}"
 
 
 def _nearest_rows(world: World, areas: PathAreas, n: int) -> dict[int, int]:
@@ -105,19 +196,6 @@ def _nearest_rows(world: World, areas: PathAreas, n: int) -> dict[int, int]:
         if np.isfinite(gaps[row]) and (i not in best or gaps[row] < gaps[best[i]]):
             best[i] = row
     return best
-
-
-def _solve(world: World, target: Target, areas: PathAreas, row: int) -> tuple[Array, Array] | None:
-    """Base and joints inside one row's area, confirmed by forward kinematics."""
-    area = areas.inner[row]
-    base, joints = _start(world)
-    near = shapely.shortest_line(area, shapely.Point(axis_of(world.robot, base)))
-    spot = np.array(near.coords[0])
-    solver = solver_for(world, areas.family[row], area)
-    found = solver(target, pose_of(world.robot, spot, base[2]), joints)
-    error, angle = misses(target, world.robot.tool(found.base, found.joints))
-    close = error <= world.rules.tolerance + 1e-9 and angle <= target.cone + 1e-9
-    return (found.base, found.joints) if found.converged and close else None
 
 
 def _start(world: World) -> tuple[Array, Array]:

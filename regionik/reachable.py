@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
-import shapely
 from numpy.typing import NDArray
 
 from regionik.demand import aim_of, in_plane
@@ -17,13 +16,13 @@ from regionik.planners.levelreach import inner_reach, outer_reach
 from regionik.planners.posereach import pose_reach
 from regionik.planners.rings import FREE, reach_intervals
 from regionik.planners.rolls import out_of_roll, swings
+from regionik.sectors import ring_sectors
 from regionik.worlds.arrays import Array
 from regionik.worlds.pivot import pivoted
 from regionik.worlds.planar import PlanarArm, planar_arm
 from regionik.worlds.scene import Target, World
 
 ARC_POINTS = 48  # vertices of a full circle
-OUTWARDS = 1.0 / np.cos(np.pi / ARC_POINTS)  # from inscribed to circumscribed circle
 FRONT, BACK = 1, -1
 
 
@@ -166,20 +165,75 @@ def _plane_rows(
             intervals = distances(world, pitches, heights[members], reach, inner=inner)
             for family in kinds:
                 if family.pitches == pitches:
-                    table += _spans_of(family, members, intervals, margin if inner else None)
+                    table += _spans_of(family, members, intervals, margin if inner else None, ARC_POINTS)
     table.sort(key=lambda row: row[0])
     spans = _headings(world, arm, [row[1] for row in table], span, GUARD if inner else 0.0)
     flat = [(row, center, half) for row, span in zip(table, spans, strict=True) for center, half in span]
     which = np.array([row[0] for row, _, _ in flat], dtype=np.intp)
-    rings = _ring_sectors(
+    rings = ring_sectors(
         positions[which, :2],
         np.array([row[2] for row, _, _ in flat]),
         np.array([row[3] for row, _, _ in flat]),
         np.array([center + (np.pi if row[1].facing == FRONT else 0.0) for row, center, _ in flat]),
         np.array([half for _, _, half in flat]),
         margin if inner else None,
+        ARC_POINTS,
     )
     return which, tuple(row[1] for row, _, _ in flat), rings
+
+
+def fine_reach(
+    world: World,
+    target: Target,
+    kinds: Sequence[Family],
+    span: tuple[float, float],
+    arcs: int,
+    *,
+    inner: bool,
+) -> tuple[tuple[Family, ...], Geometries]:
+    """Reach of one target without the rules' margin, its circles as fine as asked: families and shapes.
+
+    Parameters
+    ----------
+    world : World
+    target : Target
+    kinds : sequence of Family
+        Of an arm in one plane; any other arm has one kind.
+    span : (low, high)
+        Headings of the base [rad].
+    arcs : int
+        Vertices of a full circle.
+    inner : bool
+        Within the true reach, or around it.
+    """
+    chain, height = world.robot.chain, float(world.robot.mount[2])
+    planar = in_plane(chain, target)
+    if inner and not planar and target.direction is not None:
+        return _posed_rows(world, [target])[1:]
+    if planar:
+        arm, at = planar_arm(chain), target.position[2:]
+        shoulder = float(arm.shoulder[1]) + height
+        intervals = [reach_intervals(arm, shoulder, at, kind.pitches)[0] for kind in kinds]
+    else:
+        kinds, rise = (Family(FRONT),), float(target.position[2]) - height
+        whole = inner_reach(pivoted(chain), rise) if inner else outer_reach(pivoted(chain), rise)
+        intervals = [np.array(whole).reshape(-1, 2)]
+    margin, guard = (GUARD, GUARD) if inner else (None, 0.0)
+    pairs = zip(kinds, intervals, strict=True)
+    table = [row for kind, rows in pairs for row in _spans_of(kind, [0], [rows], margin, arcs)]
+    families = [kind for _, kind, _, _ in table]
+    spans = _headings(world, arm, families, span, guard) if planar else [[(0.0, np.pi)] for _ in table]
+    flat = [(row, one) for row, several in zip(table, spans, strict=True) for one in several if one[1] > 0]
+    rings = ring_sectors(
+        np.tile(target.position[:2], (len(flat), 1)),
+        np.array([row[2] for row, _ in flat]),
+        np.array([row[3] for row, _ in flat]),
+        np.array([center + (np.pi if row[1].facing == FRONT else 0.0) for row, (center, _) in flat]),
+        np.array([half for _, (_, half) in flat]),
+        margin,
+        arcs,
+    )
+    return tuple(row[1] for row, _ in flat), rings
 
 
 def _posed_rows(
@@ -204,23 +258,25 @@ def _whole_rings(
     for i, target in enumerate(targets):
         rise = float(target.position[2]) - height
         found = inner_reach(chain, rise) if inner else outer_reach(chain, rise)
-        table += _spans_of(family, [i], [np.array(found)], world.rules.reach_margin if inner else None)
+        margin = world.rules.reach_margin if inner else None
+        table += _spans_of(family, [i], [np.array(found).reshape(-1, 2)], margin, ARC_POINTS)
     which = np.array([row[0] for row in table], dtype=np.intp)
     positions = np.array([target.position for target in targets]).reshape(-1, 3)
     spans = np.array([row[2:] for row in table]).reshape(-1, 2)
-    rings = _ring_sectors(
+    rings = ring_sectors(
         positions[which, :2],
         spans[:, 0],
         spans[:, 1],
         np.zeros(len(table)),
         np.full(len(table), np.pi),
         world.rules.reach_margin if inner else None,
+        ARC_POINTS,
     )
     return which, tuple(row[1] for row in table), rings
 
 
 def _spans_of(
-    family: Family, members: Sequence[int], intervals: Sequence[Array], margin: float | None
+    family: Family, members: Sequence[int], intervals: Sequence[Array], margin: float | None, arcs: int
 ) -> Iterator[tuple[int, Family, float, float]]:
     """Distances between axis and target that a family reaches, as rows of target, family, low, high."""
     for i, interval in zip(members, intervals, strict=True):
@@ -228,7 +284,7 @@ def _spans_of(
             if (low + high) * family.facing > 0:
                 a, b = (low, high) if low >= 0 else (-high, -low)
                 # A ring thinner than its chords has no inner polygon.
-                if margin is None or (a + margin) * OUTWARDS + GUARD < b - margin:
+                if margin is None or (a + margin) / np.cos(np.pi / arcs) + GUARD < b - margin:
                     yield i, family, a, b
 
 
@@ -262,39 +318,3 @@ def _common_span(a: tuple[float, float], b: tuple[float, float]) -> list[tuple[f
         if high > low:
             arcs.append((a[0] + (low + high) / 2, (high - low) / 2))
     return arcs
-
-
-def _ring_sectors(
-    centers: Array, low: Array, high: Array, azimuth: Array, half: Array, margin: float | None
-) -> Geometries:
-    """Rings and ring sectors as polygons: within the true shape where a margin is given, else around it."""
-    out = np.empty(len(centers), dtype=object)
-    full = half >= np.pi
-    step = 2 * np.where(full, np.pi, half) / ARC_POINTS
-    outwards = 1.0 / np.cos(step / 2)
-    far, near = high * outwards, low
-    if margin is not None:
-        far, near = high - margin, (low + margin) * outwards
-    if full.any():
-        out[full] = _rings(centers[full], far[full], near[full])
-    part = ~full
-    angles = (azimuth - half)[part, None] + step[part, None] * np.arange(ARC_POINTS + 1)
-    unit = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
-    rim = centers[part, None] + far[part, None, None] * unit
-    hole = centers[part, None] + near[part, None, None] * unit
-    out[part] = shapely.polygons(np.concatenate([rim, hole[:, ::-1]], axis=1))
-    return out
-
-
-def _rings(centers: Array, far: Array, near: Array) -> Geometries:
-    """Whole rings; discs where there is no hole."""
-    turns = 2 * np.pi / ARC_POINTS * np.arange(ARC_POINTS)
-    unit = np.column_stack([np.cos(turns), np.sin(turns)])
-    unit = np.vstack([unit, unit[:1]])
-    rims = shapely.linearrings(centers[:, None] + far[:, None, None] * unit)
-    holed = near > GUARD
-    holes = shapely.linearrings(centers[holed, None] + near[holed, None, None] * unit)
-    rings = np.empty(len(centers), dtype=object)
-    rings[holed] = shapely.polygons(rims[holed], holes=holes[:, None])
-    rings[~holed] = shapely.polygons(rims[~holed])
-    return rings
