@@ -16,6 +16,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from regionik.bulk import reach_many
     from regionik.compare import compare
     from regionik.mfabrik import Solver
     from regionik.pipeline import plan
@@ -53,6 +54,7 @@ __all__ = [
     "plot",
     "point_to_point",
     "reach",
+    "reach_many",
     "retime",
     "show",
     "to_html",
@@ -77,6 +79,7 @@ _HOME = {
     "plot": "regionik.plot",
     "point_to_point": "regionik.point_to_point",
     "reach": "regionik.reach",
+    "reach_many": "regionik.bulk",
     "retime": "regionik.retime",
     "show": "regionik.view",
     "to_html": "regionik.view",

@@ -23,9 +23,11 @@ ENGINES = {
         "regionik/command.py",
         "regionik/compare_command.py",
         "regionik/file_commands.py",
+        "regionik/reach_command.py",
     },
     "pygad": {"planners/genetic.py"},
     "sklearn": {"planners/network.py"},
+    "distributed": {"regionik/cluster.py"},
 }
 
 
