@@ -18,6 +18,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from regionik.bulk import reach_many
     from regionik.compare import compare
+    from regionik.field import reach_field, reach_slice
+    from regionik.field_file import write_field
     from regionik.mfabrik import Solver
     from regionik.pipeline import plan
     from regionik.plan import Plan
@@ -54,12 +56,15 @@ __all__ = [
     "plot",
     "point_to_point",
     "reach",
+    "reach_field",
     "reach_many",
+    "reach_slice",
     "retime",
     "show",
     "to_html",
     "trajectory",
     "verify",
+    "write_field",
 ]
 
 _HOME = {
@@ -79,12 +84,15 @@ _HOME = {
     "plot": "regionik.plot",
     "point_to_point": "regionik.point_to_point",
     "reach": "regionik.reach",
+    "reach_field": "regionik.field",
     "reach_many": "regionik.bulk",
+    "reach_slice": "regionik.field",
     "retime": "regionik.retime",
     "show": "regionik.view",
     "to_html": "regionik.view",
     "trajectory": "regionik.trajectory",
     "verify": "regionik.verify",
+    "write_field": "regionik.field_file",
 }
 
 

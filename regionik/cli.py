@@ -32,6 +32,7 @@ from regionik.console import (
     report_summary,
     say,
 )
+from regionik.field_command import field
 from regionik.file_commands import PlanPath, export, plot, retime
 from regionik.interrupts import INTERRUPTED, end_at_leisure, end_on_interrupt
 from regionik.reach_command import reach
@@ -191,6 +192,7 @@ def _key_figures(found: Plan) -> dict[str, Any]:
 
 app.command()(reach)
 app.command()(compare)
+app.command()(field)
 
 
 @app.command()

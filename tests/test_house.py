@@ -22,12 +22,14 @@ ENGINES = {
         "regionik/cli.py",
         "regionik/command.py",
         "regionik/compare_command.py",
+        "regionik/field_command.py",
         "regionik/file_commands.py",
         "regionik/reach_command.py",
     },
     "pygad": {"planners/genetic.py"},
     "sklearn": {"planners/network.py"},
     "distributed": {"regionik/cluster.py"},
+    "rasterio": {"regionik/geotiff.py"},
 }
 
 
