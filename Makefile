@@ -20,7 +20,7 @@ demo: .venv/installed
 	$(BIN)/regionik verify plan.json
 	@echo "Look at it: file://$(CURDIR)/l_shape.html"
 
-test: .venv/installed-test,compare
+test: .venv/installed-test,compare,distributed,geotiff
 	$(BIN)/python -m pytest -q -n 2 --dist loadfile --hypothesis-seed=0
 
 lint: .venv/installed-lint

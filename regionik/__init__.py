@@ -16,7 +16,10 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from regionik.bulk import reach_many
     from regionik.compare import compare
+    from regionik.field import reach_field, reach_slice
+    from regionik.field_file import write_field
     from regionik.mfabrik import Solver
     from regionik.pipeline import plan
     from regionik.plan import Plan
@@ -57,6 +60,9 @@ __all__ = [
     "plot",
     "point_to_point",
     "reach",
+    "reach_field",
+    "reach_many",
+    "reach_slice",
     "retime",
     "show",
     "stops",
@@ -64,6 +70,7 @@ __all__ = [
     "trajectory",
     "verify",
     "verify_answers",
+    "write_field",
 ]
 
 _HOME = {
@@ -84,6 +91,9 @@ _HOME = {
     "plot": "regionik.plot",
     "point_to_point": "regionik.point_to_point",
     "reach": "regionik.reach",
+    "reach_field": "regionik.field",
+    "reach_many": "regionik.bulk",
+    "reach_slice": "regionik.field",
     "retime": "regionik.retime",
     "show": "regionik.view",
     "stops": "regionik.stops",
@@ -91,6 +101,7 @@ _HOME = {
     "trajectory": "regionik.trajectory",
     "verify": "regionik.verify",
     "verify_answers": "regionik.verify_reach",
+    "write_field": "regionik.field_file",
 }
 
 

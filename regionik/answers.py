@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,12 +16,14 @@ from regionik.files import write_whole
 from regionik.plan import Stop
 from regionik.reach import Answer
 from regionik.worlds.arrays import Array
+from regionik.worlds.csvpath import read_csv
 from regionik.worlds.errors import InputError
 from regionik.worlds.scene import Target, World
-from regionik.worlds.toolpath import read_csv, targets_along
+from regionik.worlds.toolpath import targets_along
 
 FORMATS = (".csv", ".json", ".geojson")
-_AXES = ("x", "y", "z")
+MOST_AT_ONCE = 100_000  # targets whose answers are held in memory, as documents are
+_AXES, _BASE = ("x", "y", "z"), ("base_x", "base_y", "base_yaw")
 
 
 def targets_asked(world: World, spelled: Sequence[str], table: Path | None) -> list[Target]:
@@ -34,7 +36,13 @@ def targets_asked(world: World, spelled: Sequence[str], table: Path | None) -> l
     """
     targets = [Target(_position(text)) for text in spelled]
     if table is not None:
-        targets += targets_along(read_csv(table), Target.cone)
+        path = read_csv(table)
+        if len(path.points) > MOST_AT_ONCE:
+            raise InputError(
+                f"{table}: {len(path.points)} targets are more than the {MOST_AT_ONCE} that are answered at "
+                "once; -o with a .csv file takes any number, without --target and --json"
+            )
+        targets += targets_along(path, Target.cone)
     return targets or list(world.task)
 
 
@@ -91,49 +99,57 @@ def write_answers(answer: Answer, names: Sequence[str], path: Path) -> None:
     InputError
         When the suffix is another, or the file cannot be written.
     """
-    rows = records(answer)
     match path.suffix.lower():
         case ".csv":
-            text = _as_csv(rows, names)
+            text = csv_head(names) + csv_rows(answer, names)
         case ".json":
-            text = json.dumps({"joint_names": list(names), "answers": rows}, indent=2, allow_nan=False) + "\n"
+            document = {"joint_names": list(names), "answers": records(answer)}
+            text = json.dumps(document, indent=2, allow_nan=False) + "\n"
         case ".geojson":
-            text = json.dumps(_as_geojson(rows, names), indent=2, allow_nan=False) + "\n"
+            text = json.dumps(_as_geojson(answer, names), indent=2, allow_nan=False) + "\n"
         case _:
             raise InputError(f"{path}: expected a file name ending in {', '.join(FORMATS)}")
     write_whole(path, text)
 
 
-def _cells(row: dict[str, Any], names: Sequence[str]) -> dict[str, Any]:
-    base = row["base"] or [None] * 3
-    joints = row["joints"] or [None] * len(names)
-    return {
-        **{axis: row[axis] for axis in _AXES},
-        "verdict": row["verdict"],
-        **dict(zip(("base_x", "base_y", "base_yaw"), base, strict=True)),
-        **dict(zip(names, joints, strict=True)),
-        "reason": row["reason"],
-    }
+def csv_head(names: Sequence[str]) -> str:
+    """The first line of a table of answers, the joints' names in it."""
+    return _csv([(*_AXES, "verdict", *_BASE, *names, "reason")])
 
 
-def _as_csv(rows: Sequence[dict[str, Any]], names: Sequence[str]) -> str:
+def csv_rows(answer: Answer, names: Sequence[str]) -> str:
+    """Answers as lines of a table, without its head."""
+    return _csv(zip(*_columns(answer, names).values(), strict=True))
+
+
+def _csv(rows: Iterable[Iterable[object]]) -> str:
     out = io.StringIO(newline="")
-    cells = [_cells(row, names) for row in rows]
-    writer = csv.DictWriter(out, fieldnames=list(cells[0]), lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(cells)
+    csv.writer(out, lineterminator="\n").writerows(rows)
     return out.getvalue()
 
 
-def _as_geojson(rows: Sequence[dict[str, Any]], names: Sequence[str]) -> dict[str, Any]:
+def _columns(answer: Answer, names: Sequence[str]) -> dict[str, list[Any]]:
+    """Each column by its name, None where a target has no base."""
+    found = np.column_stack([answer.base, answer.joints]).astype(object)
+    found[~answer.reachable] = None
+    return {
+        **dict(zip(_AXES, answer.targets.T.tolist(), strict=True)),
+        "verdict": answer.verdict.tolist(),
+        **dict(zip((*_BASE, *names), found.T.tolist(), strict=True)),
+        "reason": list(answer.reason),
+    }
+
+
+def _as_geojson(answer: Answer, names: Sequence[str]) -> dict[str, Any]:
     """One point a target, seen from above; the height stands among the properties."""
+    columns = _columns(answer, names)
     features = [
         {
             "type": "Feature",
-            "geometry": {"type": "Point", "coordinates": [row["x"], row["y"]]},
-            "properties": _cells(row, names),
+            "geometry": {"type": "Point", "coordinates": list(cells[:2])},
+            "properties": dict(zip(columns, cells, strict=True)),
         }
-        for row in rows
+        for cells in zip(*columns.values(), strict=True)
     ]
     return {"type": "FeatureCollection", "features": features}
 

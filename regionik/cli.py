@@ -26,15 +26,16 @@ from regionik.console import (
     check_output,
     complain,
     plan_summary,
-    print_answers,
     print_json,
     print_worlds,
     report_document,
     report_summary,
     say,
 )
+from regionik.field_command import field
 from regionik.file_commands import PlanPath, export, plot, retime
 from regionik.interrupts import INTERRUPTED, end_at_leisure, end_on_interrupt
+from regionik.reach_command import reach
 from regionik.stops_command import stops
 from regionik.worlds.errors import InputError, RegionikError
 
@@ -190,48 +191,10 @@ def _key_figures(found: Plan) -> dict[str, Any]:
     }
 
 
-@app.command()
-def reach(
-    world: WorldName,
-    target: Annotated[
-        list[str] | None, typer.Option("--target", metavar="X Y Z", help="A target [m]; may be repeated.")
-    ] = None,
-    table: Annotated[Path | None, typer.Option("--csv", help="Targets from a CSV file: x, y, z.")] = None,
-    output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="Answers to a .csv, .json or .geojson file.")
-    ] = None,
-    as_json: AsJson = False,
-) -> None:
-    """Say for each target whether the tool reaches it, and where the base then stands.
-
-    Without --target and --csv the set-points of WORLD are asked for. The exit code is 1 when any target is
-    not reachable.
-    """
-    check_output(output, (".csv", ".json", ".geojson"))
-    with LateProgress() as progress:
-        progress("load", 0, 1)
-        from regionik.answers import answers_document, targets_asked, write_answers
-        from regionik.reach import reach as ask
-        from regionik.worlds.library import load_world
-
-        scene = load_world(world)
-        progress("load", 1, 1)
-        progress("reach", 0, 0)
-        answer = ask(scene, targets_asked(scene, target or [], table))
-        if output is not None:
-            write_answers(answer, scene.robot.chain.names, output)
-    if as_json:
-        print_json(answers_document(answer))
-    elif output is None:
-        print_answers(answer)
-    count = int(answer.reachable.sum())
-    say(f"{scene.name}: {count} of {len(answer.verdict)} targets are reachable")
-    if count < len(answer.verdict):
-        raise typer.Exit(NO)
-
-
+app.command()(reach)
 app.command()(compare)
 app.command()(stops)
+app.command()(field)
 
 
 @app.command()

@@ -1,4 +1,4 @@
-"""A plan as one figure: joints, speeds and clearance along the way, and the floor; imports matplotlib."""
+"""A plan as one figure: joints, speeds, clearance, and the floor; reach fields. Imports matplotlib."""
 
 from __future__ import annotations
 
@@ -21,6 +21,7 @@ from matplotlib.ticker import MaxNLocator
 from shapely.geometry.base import BaseGeometry
 
 from regionik.curves import Curves, curves_of
+from regionik.field import Field
 from regionik.files import write_whole
 from regionik.floor_view import FloorView, floor_of, floor_of_stops
 from regionik.picture import (
@@ -90,24 +91,48 @@ def plot(plan: Plan, path: str | os.PathLike[str]) -> None:
     InputError
         When the path ends otherwise, or the file cannot be written.
     """
-    _drawn(lambda: _figure(plan), path)
+    _saved(lambda: _figure(plan), path)
 
 
 def plot_stops(world: World, stops: Sequence[Stop], path: str | os.PathLike[str]) -> None:
     """Draw the stops of a world on its floor into a file, as `plot` does; the path is one of its kinds."""
-    _drawn(lambda: _stops_figure(world, stops), path)
+    _saved(lambda: _stops_figure(world, stops), path)
 
 
-def _drawn(figure: Callable[[], Figure], path: str | os.PathLike[str]) -> None:
+def _saved(figure: Callable[[], Figure], path: str | os.PathLike[str]) -> None:
     suffix = FilePath(path).suffix.lower()
     if suffix not in SUFFIXES:
         raise InputError(f"{path}: expected a file name ending in {', '.join(SUFFIXES)}")
-    data = io.BytesIO()
     # The user's own settings would make other pictures of the same plan.
     with matplotlib.style.context(["default", _STYLE]):
-        dated = {"Date": None} if suffix == ".svg" else {}
-        figure().savefig(data, format=suffix[1:], dpi=_DPI, metadata=dated)
-    write_whole(path, data.getvalue())
+        data = _drawn(figure(), suffix)
+    write_whole(path, data)
+
+
+def picture_of_field(field: Field, suffix: str) -> bytes:
+    """Draw a reach field: an ``.svg`` or ``.png`` file's bytes, the same for the same field."""
+    half = field.cell / 2
+    edges = (field.x[0] - half, field.x[-1] + half, field.y[0] - half, field.y[-1] + half)
+    with matplotlib.style.context(["default", _STYLE]):
+        high = (_RIGHT - 1.2) * float(np.clip((edges[3] - edges[2]) / (edges[1] - edges[0]), 0.2, 2.0))
+        figure = Figure(figsize=(_RIGHT, high + 1.2))
+        ax = figure.add_subplot()
+        shown = ax.imshow(
+            field.values, origin="lower", extent=edges, cmap="viridis", vmin=0, vmax=max(1, field.most),
+            interpolation="nearest",
+        )  # fmt: skip
+        ax.grid(visible=False)
+        ax.set(title=f"{field.world}: {field.meaning}", xlabel="x [m]", ylabel="y [m]")
+        figure.colorbar(shown, ax=ax).ax.yaxis.set_major_locator(MaxNLocator(6, integer=True))
+        _settle(figure)
+        return _drawn(figure, suffix)
+
+
+def _drawn(figure: Figure, suffix: str) -> bytes:
+    data = io.BytesIO()
+    dated = {"Date": None} if suffix == ".svg" else {}
+    figure.savefig(data, format=suffix[1:], dpi=_DPI, metadata=dated)
+    return data.getvalue()
 
 
 def _stops_figure(world: World, stops: Sequence[Stop]) -> Figure:

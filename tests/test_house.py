@@ -22,11 +22,15 @@ ENGINES = {
         "regionik/cli.py",
         "regionik/command.py",
         "regionik/compare_command.py",
+        "regionik/field_command.py",
         "regionik/file_commands.py",
+        "regionik/reach_command.py",
         "regionik/stops_command.py",
     },
     "pygad": {"planners/genetic.py"},
     "sklearn": {"planners/network.py"},
+    "distributed": {"regionik/cluster.py"},
+    "rasterio": {"regionik/geotiff.py"},
 }
 
 

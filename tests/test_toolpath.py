@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from regionik.worlds.chain import planar_pose, rot_x, rot_y, rot_z
+from regionik.worlds.csvpath import read_csv
 from regionik.worlds.errors import InputError
 from regionik.worlds.toolpath import (
     ToolPath,
@@ -17,7 +18,6 @@ from regionik.worlds.toolpath import (
     following,
     line,
     moved,
-    read_csv,
     rotation_from_quaternion,
     sine,
     targets_along,

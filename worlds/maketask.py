@@ -10,6 +10,7 @@ from regionik.worlds import schema
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import pose
 from regionik.worlds.checking import at, wrong
+from regionik.worlds.csvpath import read_csv
 from regionik.worlds.makerobot import rotation
 from regionik.worlds.scene import Target
 from regionik.worlds.toolpath import (
@@ -18,7 +19,6 @@ from regionik.worlds.toolpath import (
     following,
     line,
     moved,
-    read_csv,
     rotation_from_quaternion,
     sine,
     targets_along,

@@ -1,4 +1,4 @@
-"""Tool paths: set-points along lines, waves and arcs, and from CSV files.
+"""Tool paths: set-points along lines, waves and arcs.
 
 Generated points are rounded to a picometre, and turns alike, so that machines whose sine differs in the last
 bit agree.
@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -17,14 +16,7 @@ from numpy.typing import ArrayLike
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.errors import InputError
 from regionik.worlds.scene import Target
-from regionik.worlds.textfile import clip, read_text
 
-CSV_LIMIT = 64 * 2**20  # [bytes]
-COLUMNS = {
-    3: ("x", "y", "z"),
-    6: ("x", "y", "z", "dx", "dy", "dz"),
-    7: ("x", "y", "z", "qx", "qy", "qz", "qw"),
-}
 _DECIMALS = 12
 
 
@@ -156,36 +148,6 @@ def rotation_from_quaternion(quaternion: ArrayLike) -> Array:
     )
 
 
-def read_csv(path: Path) -> ToolPath:
-    """Tool path from a CSV file.
-
-    Columns are x, y, z, then nothing, or dx, dy, dz (tool axis), or qx, qy, qz, qw (orientation). A first
-    line with these names is allowed; empty lines and lines that begin with # are passed over.
-
-    Raises
-    ------
-    InputError
-        Names the file, the line and what was expected.
-    """
-    rows: list[list[float]] = []
-    numbers: list[int] = []
-    for number, cells in enumerate(_cells(read_text(path, CSV_LIMIT)), start=1):
-        if not any(cells) or cells[0].startswith("#"):
-            continue
-        if not rows and tuple(cells) in COLUMNS.values():
-            continue
-        rows.append(_row(cells, f"{path}: line {number}"))
-        numbers.append(number)
-        if len(rows[-1]) != len(rows[0]):
-            raise InputError(
-                f"{path}: line {number}: expected {len(rows[0])} columns as in line {numbers[0]}, "
-                f"got {len(rows[-1])}"
-            )
-    if not rows:
-        raise InputError(f"{path}: expected at least one line of x,y,z")
-    return _path_of_rows(np.array(rows), [f"{path}: line {number}" for number in numbers])
-
-
 def moved(path: ToolPath, T_world_path: Array, scale: float) -> ToolPath:
     """The path scaled, then placed in the world by a (4, 4) transform."""
     R, p = T_world_path[:3, :3], T_world_path[:3, 3]
@@ -205,44 +167,6 @@ def targets_along(path: ToolPath, cone: float) -> tuple[Target, ...]:
         Target(point, direction, cone, turn)
         for point, direction, turn in zip(path.points, directions, turns, strict=True)
     )
-
-
-def _cells(text: str) -> list[list[str]]:
-    return [[cell.strip() for cell in row.split(",")] for row in text.splitlines()]
-
-
-def _row(cells: list[str], where: str) -> list[float]:
-    if len(cells) not in COLUMNS:
-        valid = " or ".join(",".join(names) for names in COLUMNS.values())
-        raise InputError(f"{where}: expected {valid}, got {len(cells)} columns")
-    values = []
-    for name, cell in zip(COLUMNS[len(cells)], cells, strict=True):
-        try:
-            value = float(cell)
-        except ValueError:
-            value = math.nan
-        if not math.isfinite(value):
-            raise InputError(f"{where}: {name}: expected a finite number, got {clip(cell)}")
-        values.append(value)
-    return values
-
-
-def _path_of_rows(rows: Array, places: list[str]) -> ToolPath:
-    points, rest = rows[:, :3], rows[:, 3:]
-    if rest.shape[1] == 0:
-        return ToolPath(points)
-    if rest.shape[1] == 3:
-        zero = np.flatnonzero(np.linalg.norm(rest, axis=1) < 1e-9)
-        if len(zero):
-            raise InputError(f"{places[zero[0]]}: dx,dy,dz must not be zero")
-        return ToolPath(points, directions=rest)
-    turns = []
-    for place, quaternion in zip(places, rest, strict=True):
-        try:
-            turns.append(rotation_from_quaternion(quaternion))
-        except InputError as error:
-            raise InputError(f"{place}: qx,qy,qz,qw: {error}") from None
-    return ToolPath(points, orientations=np.array(turns))
 
 
 def _sampled(count: int, point: Callable[[float], list[float]]) -> Array:

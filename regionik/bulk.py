@@ -1,0 +1,220 @@
+"""Work on one world in chunks, handed out to an executor and handed out again where workers are lost."""
+
+from __future__ import annotations
+
+import hashlib
+import pickle
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
+from dataclasses import fields
+from itertools import chain
+from threading import Lock
+from typing import Any, Generic, TypeVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from regionik.reach import Answer, reach
+from regionik.worlds.arrays import Array, frozen
+from regionik.worlds.errors import EngineError
+from regionik.worlds.scene import Target, World
+
+CHUNK = 2000  # targets that a worker is given at once
+AHEAD = 32  # chunks handed out before the first of them is back
+FRESH_POOLS = 3  # tried one after the other without an answer
+
+Pool = Executor | Callable[[], Executor]
+Item = TypeVar("Item")
+Result = TypeVar("Result")
+
+
+class _WorldWanted:
+    """What a worker answers that has not seen the world yet."""
+
+
+_seen: dict[str, World] = {}  # the world that this worker works on
+_one_at_a_time = Lock()  # prepared geometry must not be shared by threads
+
+
+def reach_many(
+    world: World,
+    targets: ArrayLike | Sequence[Target],
+    executor: Pool | None = None,
+    chunk: int = CHUNK,
+    progress: Callable[[str, int, int], None] | None = None,
+) -> Answer:
+    """Ask for very many targets whether the tool can get there, and from where.
+
+    The answer is that of `reach`, whatever the executor, the number of its workers and the size of chunks.
+
+    Parameters
+    ----------
+    world : World
+    targets : (n, 3) array_like or sequence of Target
+        Bare points leave the tool direction free [m].
+    executor : Executor or function that makes one, optional
+        Where chunks are worked on: processes of this machine or of others; threads of one process take
+        turns. By default this process. Chunks of workers that are lost are handed out again; a process
+        pool breaks with its workers, and only a function can make another one.
+    chunk : int
+        Targets that a worker is given at once.
+    progress : callable, optional
+        Called with "reach", targets done, targets in all.
+
+    Raises
+    ------
+    InputError
+        For targets that are not n rows of three finite numbers.
+    EngineError
+        When workers are lost again and again.
+
+    Examples
+    --------
+    >>> from regionik.worlds.format import load_world
+    >>> reach_many(load_world("pillar"), [[0.5, 0, 0.25], [0.5, 0, 2.0]], chunk=1).verdict.tolist()
+    ['reachable', 'unreachable']
+    """
+    asked = _checked(targets)
+    chunks = [asked[k : k + chunk] for k in range(0, max(1, len(asked)), chunk)]
+    parts: dict[int, Answer] = {}
+    done = 0
+    for k, answer in handed_out(world, reach, enumerate(chunks), executor):
+        parts[k] = answer
+        done += len(answer.reachable)
+        if progress is not None:
+            progress("reach", done, len(asked))
+    return _joined([parts[k] for k in range(len(chunks))])
+
+
+def _checked(targets: ArrayLike | Sequence[Target]) -> Array | Sequence[Target]:
+    if isinstance(targets, Sequence) and all(isinstance(target, Target) for target in targets):
+        return [target for target in targets if isinstance(target, Target)]
+    return frozen(np.atleast_2d(np.asarray(targets)), (None, 3), "targets")
+
+
+def _joined(parts: Sequence[Answer]) -> Answer:
+    columns: dict[str, Any] = {}
+    for field in fields(Answer):
+        values = [getattr(part, field.name) for part in parts]
+        whole = list(chain(*values)) if isinstance(values[0], list) else np.concatenate(values)
+        columns[field.name] = whole
+    return Answer(**columns)
+
+
+def handed_out(
+    world: World,
+    work: Callable[[World, Item], Result],
+    items: Iterable[tuple[int, Item]],
+    executor: Pool | None = None,
+    ahead: int = AHEAD,
+) -> Iterator[tuple[int, Result]]:
+    """Results of ``work(world, item)``, each once, as they come.
+
+    Parameters
+    ----------
+    world : World
+        Sent to each worker once.
+    work : callable
+        A function of a module, so that other processes find it.
+    items : iterable of (number, item)
+        Taken one by one, at most ``ahead`` of them before their results are back.
+    executor : Executor or function that makes one, optional
+
+    Returns
+    -------
+    iterator of (number, result)
+
+    Raises
+    ------
+    EngineError
+        When workers are lost again and again.
+    """
+    if executor is None:
+        return ((k, work(world, item)) for k, item in items)
+    return _Errands(world, work, items, executor, ahead).results()
+
+
+class _Errands(Generic[Item, Result]):
+    """Chunks that are with workers, that wait to be handed out again, and that were never handed out."""
+
+    def __init__(
+        self,
+        world: World,
+        work: Callable[[World, Item], Result],
+        items: Iterable[tuple[int, Item]],
+        executor: Pool,
+        ahead: int,
+    ) -> None:
+        self._world = pickle.dumps(world)
+        self._digest = hashlib.sha256(self._world).hexdigest()
+        self._work, self._supply, self._ahead = work, iter(items), ahead
+        self._again: deque[tuple[int, Item]] = deque()
+        self._running: dict[Future[Result | _WorldWanted], tuple[int, Item]] = {}
+        self._renew = None if isinstance(executor, Executor) else executor
+        self._pool = executor if isinstance(executor, Executor) else executor()
+        self._failures = 0
+
+    def results(self) -> Iterator[tuple[int, Result]]:
+        try:
+            while self._hand_out():
+                for future in wait(self._running, return_when=FIRST_COMPLETED).done:
+                    task = self._running.pop(future)
+                    try:
+                        result = future.result()
+                    except BrokenExecutor:
+                        self._again.append(task)
+                        continue
+                    if isinstance(result, _WorldWanted):
+                        self._again.append(task)
+                    else:
+                        self._failures = 0
+                        yield task[0], result
+        finally:
+            self._stop()
+
+    def _hand_out(self) -> bool:
+        """Keep workers busy; False when nothing is left to wait for."""
+        while len(self._running) < self._ahead:
+            # Who asked for the world gets it; who was lost with its worker comes to one that may need it.
+            world = self._world if self._again else None
+            task = self._again.popleft() if self._again else next(self._supply, None)
+            if task is None:
+                break
+            try:
+                future = self._pool.submit(_job, self._work, self._digest, world, task[1])
+            except BrokenExecutor as error:
+                self._again.append(task)
+                self._replace_pool(error)
+            else:
+                self._running[future] = task
+        return bool(self._running)
+
+    def _replace_pool(self, error: BrokenExecutor) -> None:
+        if self._renew is None:
+            advice = "give a function that makes executors, and the chunks are handed out again"
+            raise EngineError(f"the executor lost its workers: {error} ({advice})") from error
+        if self._failures == FRESH_POOLS:
+            raise EngineError(f"workers were lost {FRESH_POOLS + 1} times in a row: {error}") from error
+        self._failures += 1
+        self._pool.shutdown(wait=False)
+        self._pool = self._renew()
+
+    def _stop(self) -> None:
+        for future in self._running:
+            future.cancel()
+        if self._renew is not None:
+            self._pool.shutdown(wait=not self._running, cancel_futures=True)
+
+
+def _job(
+    work: Callable[[World, Item], Result], digest: str, world: bytes | None, item: Item
+) -> Result | _WorldWanted:
+    """What a worker does; it keeps one world, with all that is cached for it."""
+    with _one_at_a_time:
+        if digest not in _seen:
+            if world is None:
+                return _WorldWanted()
+            _seen.clear()
+            _seen[digest] = pickle.loads(world)
+        return work(_seen[digest], item)

@@ -1,0 +1,212 @@
+"""Targets in chunks: the same answers whatever works on them, nothing lost, nothing twice."""
+
+from __future__ import annotations
+
+import os
+import pickle
+import signal
+import time
+from collections.abc import Sequence
+from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import fields, replace
+from functools import partial
+from itertools import count
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from regionik.bulk import FRESH_POOLS, handed_out, reach_many
+from regionik.reach import Answer, reach
+from regionik.workers import processes
+from regionik.worlds.document import document_of
+from regionik.worlds.errors import EngineError, InputError
+from regionik.worlds.library import load_world, world_names
+from regionik.worlds.scene import Target, World
+
+TARGETS = np.random.default_rng(3).uniform([-1, -1.5, 0], [4.5, 2.5, 0.9], (60, 3))
+
+
+def same(one: Answer, other: Answer) -> bool:
+    pairs = [(getattr(one, field.name), getattr(other, field.name)) for field in fields(Answer)]
+    return all(
+        a == b if isinstance(a, list) else a.dtype == b.dtype and a.tobytes() == b.tobytes() for a, b in pairs
+    )
+
+
+class Backwards(Executor):
+    """Works when nobody looks, and hands back the last first."""
+
+    def __init__(self) -> None:
+        self.asked: list[int] = []
+
+    def submit(self, fn: Any, /, *args: Any, **kwargs: Any) -> Future[Any]:
+        future: Future[Any] = Future()
+        future.set_result(fn(*args, **kwargs))
+        self.asked.append(args[3])
+        return future
+
+
+class Weak(ThreadPoolExecutor):
+    """Breaks after so many tasks."""
+
+    def __init__(self, strength: int) -> None:
+        super().__init__(1)
+        self.left = strength
+
+    def submit(self, fn: Any, /, *args: Any, **kwargs: Any) -> Future[Any]:
+        self.left -= 1
+        if self.left < -1:
+            raise BrokenProcessPool("out of breath")
+        if self.left < 0:
+            lost: Future[Any] = Future()
+            lost.set_exception(BrokenProcessPool("out of breath"))
+            return lost
+        return super().submit(fn, *args, **kwargs)
+
+
+def squared(world: World, item: int) -> tuple[str, int]:
+    return world.name, item * item
+
+
+def fatal(world: World, item: tuple[str, int]) -> int:
+    """Kill this worker the first time that item 7 comes by."""
+    marker, k = item
+    if k == 7 and not os.path.exists(marker):
+        Path(marker).touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return k * k
+
+
+@pytest.mark.parametrize("chunk", [1, 7, 60, 1000])
+def test_chunks_do_not_show(chunk: int) -> None:
+    world = load_world("l_shape")
+    told: list[tuple[str, int, int]] = []
+    answer = reach_many(world, TARGETS, chunk=chunk, progress=lambda *row: told.append(row))
+    assert same(answer, reach(world, TARGETS))
+    assert told[-1] == ("reach", 60, 60)
+    assert len(told) == -(-60 // chunk)
+
+
+@pytest.mark.parametrize("pool", [ThreadPoolExecutor, Backwards])
+def test_executors_do_not_show(pool: Any) -> None:
+    world = load_world("l_shape")
+    with pool() as executor:
+        assert same(reach_many(world, TARGETS, executor, chunk=11), reach(world, TARGETS))
+
+
+def test_processes_do_not_show() -> None:
+    world = load_world("l_shape")
+    targets: Sequence[Target] = [Target(row, [1, 0, 0], 0.4) for row in TARGETS[:20]]  # type: ignore[arg-type]
+    with processes(2) as executor:
+        assert same(reach_many(world, TARGETS, executor, chunk=9), reach(world, TARGETS))
+        assert same(reach_many(world, targets, executor, chunk=3), reach(world, targets))
+
+
+def test_bad_targets_are_refused_before_anything_is_handed_out() -> None:
+    executor = Backwards()
+    with pytest.raises(InputError, match="targets"):
+        reach_many(load_world("pillar"), [[0, 0]], executor)
+    assert executor.asked == []
+
+
+@pytest.mark.parametrize("name", world_names())
+def test_every_world_goes_to_another_process(name: str) -> None:
+    world = load_world(name)
+    reach(world, world.task[:2])  # what is cached for it must not hinder
+    assert document_of(pickle.loads(pickle.dumps(world))) == document_of(world)
+
+
+def test_a_world_is_sent_once() -> None:
+    world = replace(load_world("free"), name="unseen")
+    sent: list[bool] = []
+
+    class Watched(Backwards):
+        def submit(self, fn: Any, /, *args: Any, **kwargs: Any) -> Future[Any]:
+            sent.append(args[2] is not None)
+            return super().submit(fn, *args, **kwargs)
+
+    found = dict(handed_out(world, squared, enumerate(range(50)), Watched(), ahead=1))
+    assert found == {k: ("unseen", k * k) for k in range(50)}
+    assert sum(sent) == 1
+    assert len(sent) == 51
+
+
+def test_few_are_handed_out_ahead() -> None:
+    taken = count()
+    results = handed_out(
+        load_world("free"), squared, ((k, next(taken)) for k in range(40)), Backwards(), ahead=4
+    )
+    for done, _ in enumerate(results, start=1):
+        assert next(taken) <= 2 * done + 8  # each look counts too
+    assert done == 40
+
+
+def test_lost_chunks_are_handed_out_again() -> None:
+    pools: list[Weak] = []
+
+    def another() -> Weak:
+        pools.append(Weak(len(pools) + 2))
+        return pools[-1]
+
+    found = list(handed_out(load_world("free"), squared, enumerate(range(30)), another, ahead=3))
+    assert sorted(found) == [(k, ("free", k * k)) for k in range(30)]
+    assert len(pools) > 3
+
+
+def test_workers_that_are_always_lost_end_it() -> None:
+    pools: list[Weak] = []
+
+    def another() -> Weak:
+        pools.append(Weak(0))
+        return pools[-1]
+
+    with pytest.raises(EngineError, match="lost"):
+        list(handed_out(load_world("free"), squared, enumerate(range(30)), another))
+    assert len(pools) == FRESH_POOLS + 1
+
+
+def test_a_broken_executor_of_the_caller_is_not_replaced() -> None:
+    with pytest.raises(EngineError, match="a function that makes executors"):
+        list(handed_out(load_world("free"), squared, enumerate(range(30)), Weak(3)))
+
+
+def test_a_killed_worker_process_loses_nothing(tmp_path: Path) -> None:
+    marker = str(tmp_path / "killed")
+    items = [(k, (marker, k)) for k in range(40)]
+    found = list(handed_out(load_world("free"), fatal, items, partial(processes, 2), ahead=6))
+    assert sorted(found) == [(k, k * k) for k in range(40)]
+    assert os.path.exists(marker)
+
+
+def test_errors_of_workers_come_through() -> None:
+    with processes(1) as executor, pytest.raises(InputError, match="three"):
+        list(handed_out(load_world("free"), refuse, enumerate(range(3)), executor))
+
+
+def refuse(world: World, item: int) -> int:
+    raise InputError("expected three numbers")
+
+
+def test_workers_end_with_their_parent() -> None:
+    with ProcessPoolExecutor(1, mp_context=processes(1)._mp_context) as parent:
+        parent_id, child = parent.submit(start_worker).result()
+        os.kill(parent_id, signal.SIGKILL)
+        until = time.monotonic() + 20
+        while time.monotonic() < until:
+            try:
+                os.kill(child, 0)
+            except ProcessLookupError:
+                return
+            time.sleep(0.05)
+    pytest.fail("a worker outlived the process that started it")
+
+
+_kept: list[Executor] = []
+
+
+def start_worker() -> tuple[int, int]:
+    _kept.append(processes(1))
+    return os.getpid(), _kept[0].submit(os.getpid).result()
