@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from regionik.trajectory import trajectory
     from regionik.verify import verify
     from regionik.view import show, to_html
+    from regionik.why import why
     from regionik.worlds.errors import InputError, NoPlanFound, RegionikError
     from regionik.worlds.library import load_robot, load_world
     from regionik.worlds.scene import World
@@ -58,6 +59,7 @@ __all__ = [
     "to_html",
     "trajectory",
     "verify",
+    "why",
 ]
 
 _HOME = {
@@ -82,6 +84,7 @@ _HOME = {
     "to_html": "regionik.view",
     "trajectory": "regionik.trajectory",
     "verify": "regionik.verify",
+    "why": "regionik.why",
 }
 
 
