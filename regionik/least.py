@@ -113,13 +113,17 @@ def shortest_step(opens: Opens, directions: Array, most: float) -> tuple[float, 
     (length, direction) or None
         The length is least along its direction, as `least_open` has it. No direction is proven to be best.
     """
-    amounts = most / _COARSE * np.arange(1, _COARSE + 1)
-    steps = amounts[None, :, None] * directions[:, None, :]
-    table = opens(steps.reshape(-1, directions.shape[1])).reshape(len(directions), _COARSE)
-    first = np.where(table.any(axis=1), table.argmax(axis=1), _COARSE)
+    low, high = 0.0, most
+    first = _coarse(opens, directions, low, high)
     if first.min() == _COARSE:
         return None
-    best, way = most, directions[int(np.argmin(first))]
+    while True:
+        step = (high - low) / _COARSE
+        low, high = low + step * first.min(), low + step * (first.min() + 1)
+        if (first == first.min()).sum() <= _BEST or step < FINE:
+            break
+        first = _coarse(opens, directions, low, high)  # look closer, until few are foremost
+    best, way = high, directions[int(np.argmin(first))]
     for other in directions[np.argsort(first, kind="stable")[:_BEST]]:
         best, way = _shorter(opens, other, best, way)
     for turn in _TURNS:
@@ -127,6 +131,14 @@ def shortest_step(opens: Opens, directions: Array, most: float) -> tuple[float, 
         for other in beside[opens(best * (1 - SHARE) * beside)]:
             best, way = _shorter(opens, other, best, way)
     return best, way
+
+
+def _coarse(opens: Opens, directions: Array, low: float, high: float) -> NDArray[np.intp]:
+    """Which of even steps along each direction is the first to help; `_COARSE` where none is."""
+    lengths = np.linspace(low, high, _COARSE + 1)[1:]
+    steps = lengths[None, :, None] * directions[:, None, :]
+    table = opens(steps.reshape(-1, directions.shape[1])).reshape(len(directions), _COARSE)
+    return np.where(table.any(axis=1), table.argmax(axis=1), _COARSE)
 
 
 def _shorter(opens: Opens, other: Array, best: float, way: Array) -> tuple[float, Array]:

@@ -23,6 +23,7 @@ ENGINES = {
         "regionik/command.py",
         "regionik/compare_command.py",
         "regionik/file_commands.py",
+        "regionik/why_command.py",
     },
     "pygad": {"planners/genetic.py"},
     "sklearn": {"planners/network.py"},

@@ -1,6 +1,8 @@
 """Why not: exact cases by hand, and laws on random ones, by the functions of the benchmark."""
 
+import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,13 +11,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from regionik.causes import irreducible
-from regionik.least import FINE, confirmed, least_open, shortest_step, sphere
+from regionik.cli import run
+from regionik.least import FINE, circle, confirmed, least_open, shortest_step, sphere
+from regionik.picture import CAUSE
 from regionik.pipeline import plan
 from regionik.reach import reach
 from regionik.relaxations import Constraint, constraints_of, with_obstacle_moved
 from regionik.repairs import share
 from regionik.trials import repaired
 from regionik.why import why
+from regionik.why_view import picture_of_why
 from regionik.worlds.errors import Explanation, InputError, NoPlanFound, Repair
 from regionik.worlds.library import load_world, robot_named
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Sphere
@@ -140,6 +145,39 @@ def test_random_cases_are_irreducible_and_mended(case: World) -> None:
         assert as_small_as_brute_force(case, repair), repair.text
 
 
+def test_the_command_says_why(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    page = tmp_path / "why.html"
+    high = ["--target", "0.5", "0", "0.7"]
+    assert run(["why", "pillar", *high, "--json", "--html", str(page)]) == 1
+    told = capsys.readouterr()
+    document = json.loads(told.out)
+    assert document["causes"][0]["kind"] == "reach"
+    assert document["reason"] in told.err
+    assert {"move-target", "raise"} == {repair["kind"] for repair in document["repairs"]}
+    assert len(document["repairs"][0]["vector"]) == 3
+    assert "in the way: youbot" in page.read_text()
+    assert run(["why", "pillar", "--target", "0.5", "0", "0.25"]) == 0
+    assert "nothing stands in the way" in capsys.readouterr().err
+    assert run(["why", "pillar", *high, *high]) == 2
+    assert "expected one target" in capsys.readouterr().err
+
+
+def test_the_picture_shows_causes_and_moves() -> None:
+    narrow = Box("plate", np.array([0.6, 8.0, 0.1]), np.array([0.0, 0.0, 0.05]))
+    world, target = hall(obstacles=(narrow,)), Target(np.array([0.0, 0.0, SHOULDER]))
+    found = explained(world, target)
+    picture = picture_of_why(world, found, target)
+    bodies = {body.path: body for body in picture.bodies}
+    assert bodies["obstacles/0"].color == CAUSE
+    assert len(bodies["why/before"].mesh.faces) == 0
+    assert len(bodies["why/after"].mesh.faces) > 0
+    for k, repair in enumerate(found.repairs):
+        assert (f"why/move {k}" in bodies) == bool(repair.vector)
+        if repair.vector:
+            ends = bodies[f"why/move {k}"].mesh.vertices @ [*repair.vector, 0.0, 0.0][:3] / repair.amount
+            assert np.ptp(ends) == pytest.approx(repair.amount, abs=0.005)
+
+
 # Laws of the search ------------------------------------------------------------------------------------
 
 
@@ -185,6 +223,15 @@ def test_the_filter_leaves_one_minimal_set(conflicts: set[frozenset[int]]) -> No
     kept = {one.name for one in irreducible(world, constraints_of(world), ruled_out)}
     assert any(one == kept for one in closed)
     assert not any(one < kept for one in closed)
+
+
+@pytest.mark.parametrize("most", [0.31, 2.0, 30.0])
+def test_the_shortest_step_when_many_directions_help_at_once(most: float) -> None:
+    normal = np.array([-0.3, 0.954])
+    found = shortest_step(lambda steps: steps @ normal >= 0.05 * np.linalg.norm(normal), circle(32), most)
+    assert found is not None
+    assert found[0] == pytest.approx(0.05, rel=0.02)
+    assert shortest_step(lambda steps: np.linalg.norm(steps, axis=1) >= 0.999 * most, circle(32), most)
 
 
 def test_every_constraint_is_taken_away_by_itself() -> None:
