@@ -36,6 +36,8 @@ def main(wanted: int, first: int) -> int:
             found = why(case, case.task[0])
             seconds.append(time.perf_counter() - began)
             wrong = []
+            if len(seconds) % 20 == 0:
+                print(f"{len(seconds)} cases, {sum(failed.values())} failures", flush=True)
             if found is None or not found.causes:
                 wrong.append("no causes")
             else:
