@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from regionik.verify import verify
     from regionik.verify_reach import verify_answers
     from regionik.view import show, to_html
+    from regionik.why import why
     from regionik.worlds.criteria import Criteria
     from regionik.worlds.errors import InputError, NoPlanFound, RegionikError
     from regionik.worlds.library import load_robot, load_world
@@ -70,6 +71,7 @@ __all__ = [
     "trajectory",
     "verify",
     "verify_answers",
+    "why",
     "write_field",
 ]
 
@@ -102,6 +104,7 @@ _HOME = {
     "verify": "regionik.verify",
     "verify_answers": "regionik.verify_reach",
     "write_field": "regionik.field_file",
+    "why": "regionik.why",
 }
 
 

@@ -37,6 +37,7 @@ from regionik.file_commands import PlanPath, export, plot, retime
 from regionik.interrupts import INTERRUPTED, end_at_leisure, end_on_interrupt
 from regionik.reach_command import reach
 from regionik.stops_command import stops
+from regionik.why_command import why
 from regionik.worlds.errors import InputError, RegionikError
 
 if TYPE_CHECKING:
@@ -283,3 +284,4 @@ def _plan_or_world(what: str) -> Plan | World:
 app.command()(export)
 app.command()(plot)
 app.command()(retime)
+app.command()(why)

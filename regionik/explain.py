@@ -131,7 +131,7 @@ def _crowded_out(
     names = list(dict.fromkeys(part.name for part in blockers))
     reason = (
         f"{who} cannot be reached: wherever the arm could reach it from, the base is nearer than its "
-        f"clearance of {wanted:.3f} m to {_join(names[:4])}. "
+        f"clearance of {wanted:.3f} m to {join(names[:4])}. "
         f"The most clearance that leaves a place is {open_clearance:.3f} m, {missing:.3f} m less."
     )
     causes = tuple(Cause("obstacle", name, missing) for name in names)
@@ -158,7 +158,7 @@ def cut_off(world: World, i: int, here: BaseGeometry, areas: BaseGeometry) -> Ex
     who = setpoint(i, len(world.task))
     if i > 0:
         who = f"The path breaks between set-points {i} and {i + 1} of {len(world.task)}: the latter"
-    names = _join(blockers) if blockers else "the edge of the floor"
+    names = join(blockers) if blockers else "the edge of the floor"
     reason = (
         f"{who} at {spot(world.task[i].position)} can be reached only from floor that the base cannot get "
         f"to: {names} cuts it off. The nearest such place is {gap:.3f} m beyond the floor the base can "
@@ -190,14 +190,14 @@ def too_many_lifts(world: World, breaks: Sequence[int], bridges: Sequence[BaseGe
     allowed = world.rules.max_lift_offs or 0
     i, bridge = breaks[allowed], bridges[allowed]
     blockers = _crossed(world, bridge)
-    names = _join(blockers) if blockers else "the arm's reach"
+    names = join(blockers) if blockers else "the arm's reach"
     reason = (
         f"The path breaks between set-points {i} and {i + 1} of {len(world.task)}: no place of the base "
         f"serves both, {bridge.length:.3f} m apart at the nearest, because of {names}; the tool would have "
         f"to be lifted here, lift-off {allowed + 1} of {len(breaks)} in all, and the rules allow {allowed}."
     )
     causes = tuple(Cause("obstacle", name, float(bridge.length)) for name in blockers)
-    repair = Repair("lift-off", f"set-point {i + 1}", 1.0, f"allow a lift-off before set-point {i + 1}")
+    repair = Repair("lift-off", f"set-point {i + 1}", 1.0, f"allow a lift-off before set-point {i + 1}", "1")
     return Explanation("ladder-broken", i, reason, causes or (Cause("reach", names, None),), (repair,))
 
 
@@ -284,7 +284,8 @@ def spot(position: Array) -> str:
     return f"({', '.join(f'{value:.3f}' for value in position)})"
 
 
-def _join(names: Sequence[str]) -> str:
+def join(names: Sequence[str]) -> str:
+    """Names in one line."""
     if not names:
         return "nothing"
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"

@@ -72,7 +72,7 @@ def arm_must_lift(world: World, i: int, obstruction: str, cause: Cause | None) -
         f"both, but no way on was found for the arm: {obstruction}; the tool would have to be lifted here, "
         f"and the rules allow {world.rules.max_lift_offs} lift-offs."
     )
-    repair = Repair("lift-off", f"set-point {i + 1}", 1.0, f"allow a lift-off before set-point {i + 1}")
+    repair = Repair("lift-off", f"set-point {i + 1}", 1.0, f"allow a lift-off before set-point {i + 1}", "1")
     return Explanation("ladder-broken", i, reason, (cause or Cause("limits", world.robot.name),), (repair,))
 
 

@@ -14,6 +14,7 @@ SOLID, ROBOT, ARM, HEADING = 0x9AA0A6, 0x2B3440, 0x39434F, 0xF4F6F8
 PATH, AHEAD, PASSED = 0x7A5230, 0xFF8A1F, 0x12A347
 BASE_PATH, LIFTED = 0x1B3F8B, 0x9B30D9
 REJECTED, MISSING = 0xEFA39E, 0xC1121F  # rejection as it looks on the floor; set-points without a place
+CAUSE, MENDED = 0xC2185B, 0x00838F
 
 
 @dataclass(frozen=True, eq=False)

@@ -24,8 +24,10 @@ from regionik.standing import Standing
 from regionik.stops import check as check_stops
 from regionik.stops import in_turn
 from regionik.verify import verify
+from regionik.why_path import why_path
+from regionik.why_target import why_target
 from regionik.worlds.arrays import Array
-from regionik.worlds.errors import InputError, NoPlanFound
+from regionik.worlds.errors import Explanation, InputError, NoPlanFound
 from regionik.worlds.pivot import pivoted, span_of
 from regionik.worlds.scene import World
 from regionik.worlds.speeds import has_speeds
@@ -63,16 +65,43 @@ def plan(world: World, *, seed: int = 0, progress: Progress | None = None) -> Pl
     >>> plan(load_world("free")).lift_offs
     0
     """
-    tell = progress or (lambda stage, done, total: None)
-    found = _planned(world, seed, tell)
+    tell = progress or _untold
+    try:
+        found = search(world, seed, tell)
+    except NoPlanFound as no:
+        tell("why", 0, 1)
+        raise NoPlanFound(explained(world, no.explanation, seed)) from None
     if world.speeds is None and not has_speeds(world.robot):
         return found
     tell("timing", 0, 1)
     return retime(found)
 
 
-def _planned(world: World, seed: int, tell: Progress) -> Plan:
-    """A plan that is verified, not timed."""
+def explained(world: World, quick: Explanation, seed: int = 0) -> Explanation:
+    """The quick words on why areas allow no plan, with irreducible causes and repairs; others as they are."""
+    if tracked.follows(world):
+        return quick
+    if quick.verdict == "unreachable" and quick.setpoint is not None:
+        return why_target(world, quick.setpoint, quick)
+    if quick.verdict == "ladder-broken" and not spans(world):
+        return why_path(world, quick, spans, lambda changed: _can_be_planned(changed, seed))
+    return quick
+
+
+def _can_be_planned(world: World, seed: int) -> bool:
+    try:
+        search(world, seed)
+    except NoPlanFound:
+        return False
+    return True
+
+
+def _untold(stage: str, done: int, total: int) -> None:
+    """Progress that nobody looks at."""
+
+
+def search(world: World, seed: int = 0, tell: Progress = _untold) -> Plan:
+    """A plan that is verified, not timed; where there is none, `NoPlanFound` with the quick words on why."""
     check(world)
     sunk = explain_arm.buried(world)
     if sunk is not None:
@@ -193,14 +222,11 @@ def cut_path(world: World, standing: Standing, areas: PathAreas) -> Pruned:
     empty = np.flatnonzero(np.diff(rungs) == 0)
     if len(empty):
         raise NoPlanFound(explain.unreachable(world, int(empty[0]), others=len(empty) - 1))
-    pieces = _start_pieces(world, standing, ladder)
-    pruned = min(
-        (prune(ladder, ladder.floor == piece) for piece in pieces),
-        key=lambda found: (_first_gap(found) is not None, len(found.breaks)),
-    )
+    pruned = _best_pruned(world, standing, ladder)
     gap = _first_gap(pruned)
     if gap is not None:
-        piece = ladder.floor[np.flatnonzero(pruned.keep)[0]] if pruned.keep.any() else pieces[0]
+        pieces = ladder.floor[pruned.keep] if pruned.keep.any() else _start_pieces(world, standing, ladder)
+        piece = pieces[0]
         here = shapely.union_all(standing.whole(int(piece)))
         there = shapely.union_all(ladder.component[rungs[gap] : rungs[gap + 1]])
         raise NoPlanFound(explain.cut_off(world, gap, here, there))
@@ -209,6 +235,27 @@ def cut_path(world: World, standing: Standing, areas: PathAreas) -> Pruned:
         bridges = [shapely.shortest_line(pruned.area(i - 1), pruned.area(i)) for i in pruned.breaks]
         raise NoPlanFound(explain.too_many_lifts(world, pruned.breaks, bridges))
     return pruned
+
+
+def spans(world: World) -> bool:
+    """Whether `whole_path` finds areas for the whole path, without a word on why not."""
+    return any(_spanned(world, standing(world), facings) for standing, facings in ways_to_stand(world))
+
+
+def _spanned(world: World, standing: Standing, facings: tuple[int, ...]) -> bool:
+    ladder = build_ladder(path_areas(world, facings=facings, standing=standing), len(world.task), standing)
+    if (np.diff(ladder.rungs()) == 0).any():
+        return False
+    pruned, allowed = _best_pruned(world, standing, ladder), world.rules.max_lift_offs
+    return _first_gap(pruned) is None and (allowed is None or len(pruned.breaks) <= allowed)
+
+
+def _best_pruned(world: World, standing: Standing, ladder: Ladder) -> Pruned:
+    """The ladder cut to the piece of floor on which most can be done."""
+    return min(
+        (prune(ladder, ladder.floor == piece) for piece in _start_pieces(world, standing, ladder)),
+        key=lambda found: (_first_gap(found) is not None, len(found.breaks)),
+    )
 
 
 def _start_pieces(world: World, standing: Standing, ladder: Ladder) -> list[int]:

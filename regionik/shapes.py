@@ -114,6 +114,22 @@ def tubes(points: Array, radius: float) -> Triangles:
     return Triangles(vertices, faces.reshape(-1, 3).astype(np.uint32))
 
 
+def arrow(start: Array, end: Array, radius: float) -> Triangles:
+    """An arrow between two points (3,) [m]; one shorter than its head is all head."""
+    along = end - start
+    length = float(np.linalg.norm(along))
+    if length == 0.0:
+        return merged([])
+    head = min(length, 6 * radius)
+    T = np.eye(4)
+    T[:3, 2] = along / length
+    T[:3, 0], T[:3, 1] = _across(T[None, :3, 2])
+    T[:3, 3] = end - head * T[:3, 2]
+    cone = _revolved(radius * np.array([0.0, 2.5, 0.0]), np.array([0.0, 0.0, head]))
+    shaft = [tubes(np.stack([start, T[:3, 3]]), radius)] if length > head else []
+    return merged([*shaft, moved(cone, T)])
+
+
 def balls(centers: Array, radius: float) -> Triangles:
     """Small balls at points (n, 3), each with the same number of faces; coarser where there are many."""
     steps, around = (7, 12) if len(centers) <= 300 else (3, 4)

@@ -45,14 +45,14 @@ _THREE = {
 _DEFAULT_VIEW_ANGLE = np.radians(75.0)  # of MeshCat's camera
 
 
-def show(plan_or_world: Plan | World, open_browser: bool = True) -> Any:
+def show(what: Plan | World | Picture, open_browser: bool = True) -> Any:
     """Show a plan or a world live in the browser.
 
     A helper process serves the picture. It ends with this Python process; `stop` ends it before.
 
     Parameters
     ----------
-    plan_or_world : Plan or World
+    what : Plan, World or Picture
     open_browser : bool
         Whether to open a browser; the address is printed in any case.
 
@@ -62,7 +62,7 @@ def show(plan_or_world: Plan | World, open_browser: bool = True) -> Any:
         For more drawing; its ``url()`` is the address.
     """
     visualizer = blank()
-    for command in _commands(_picture(plan_or_world)):
+    for command in _commands(_picture(what)):
         visualizer.window.send(command)
     if open_browser:
         visualizer.open()
@@ -124,7 +124,7 @@ def stop(visualizer: Any) -> None:
     process.stderr.close()
 
 
-def to_html(plan_or_world: Plan | World, path: str | os.PathLike[str]) -> None:
+def to_html(what: Plan | World | Picture, path: str | os.PathLike[str]) -> None:
     """Write one HTML file that shows a plan, animated, or a world, with no server and no network.
 
     The same plan gives the same bytes.
@@ -134,16 +134,16 @@ def to_html(plan_or_world: Plan | World, path: str | os.PathLike[str]) -> None:
     InputError
         When the file cannot be written.
     """
-    picture = _picture(plan_or_world)
+    picture = _picture(what)
     pack = import_module("umsgpack").packb
     commands = [pack(command.lower()) for command in _commands(picture)]
     write_whole(path, page(picture, commands, _viewer_script()))
 
 
-def _picture(plan_or_world: Plan | World) -> Picture:
-    return (
-        picture_of_plan(plan_or_world) if isinstance(plan_or_world, Plan) else picture_of_world(plan_or_world)
-    )
+def _picture(what: Plan | World | Picture) -> Picture:
+    if isinstance(what, Picture):
+        return what
+    return picture_of_plan(what) if isinstance(what, Plan) else picture_of_world(what)
 
 
 def _meshcat(module: str) -> ModuleType:

@@ -146,7 +146,8 @@ def test_no_as_json(run: Run, no: tuple[No, Path]) -> None:
     assert (document["verdict"], document["setpoint"]) == (what.verdict, what.setpoint)
     assert document["reason"] in done.err
     assert all(set(cause) == {"kind", "name", "margin"} for cause in document["causes"])
-    assert all(set(repair) == {"kind", "name", "amount", "text"} for repair in document["repairs"])
+    fields = {"kind", "name", "amount", "unit", "vector", "text"}
+    assert all(set(repair) == fields for repair in document["repairs"])
     assert document["causes"]
 
 

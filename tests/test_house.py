@@ -26,6 +26,7 @@ ENGINES = {
         "regionik/file_commands.py",
         "regionik/reach_command.py",
         "regionik/stops_command.py",
+        "regionik/why_command.py",
     },
     "pygad": {"planners/genetic.py"},
     "sklearn": {"planners/network.py"},

@@ -104,9 +104,9 @@ def test_a_crowded_target_names_obstacle_and_clearance() -> None:
     world = changed(world, task=world.task[:9])
     why = failure(changed(world, obstacles=(plate,))).explanation
     assert (why.verdict, why.setpoint) == ("unreachable", 8)
-    assert [cause.name for cause in why.causes] == ["plate"]
+    assert [cause.name for cause in why.causes] == ["plate", "rules.clearance"]
     assert "plate" in why.reason
-    amount = why.repairs[0].amount
+    amount = next(repair.amount for repair in why.repairs if repair.kind == "clearance")
     assert 0 < amount < 0.2
     plan(changed(world, obstacles=(plate,), rules=replace(world.rules, clearance=amount - 1e-3)))
 
@@ -117,7 +117,7 @@ def test_a_divider_breaks_the_ladder() -> None:
     why = failure(changed(world, obstacles=(divider,))).explanation
     assert why.verdict == "ladder-broken"
     assert why.setpoint is not None
-    assert [cause.name for cause in why.causes] == ["divider"]
+    assert [cause.name for cause in why.causes] == ["divider", "edge of the floor"]
     assert f"set-points {why.setpoint} and {why.setpoint + 1} of 15" in why.reason
     assert " m " in why.reason
 
@@ -126,7 +126,7 @@ def test_lift_offs_beyond_the_rules_are_refused() -> None:
     world = load_world("pillar")
     why = failure(changed(world, rules=replace(world.rules, max_lift_offs=0))).explanation
     assert (why.verdict, why.setpoint) == ("ladder-broken", 10)
-    assert why.repairs[0].kind == "lift-off"
+    assert "lift-off" in [repair.kind for repair in why.repairs]
     assert "pillar" in why.reason
 
 

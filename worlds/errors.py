@@ -10,6 +10,7 @@ CauseKind = Literal[
     "obstacle", "reach", "limits", "clearance", "direction", "floor", "base", "path", "self", "criteria"
 ]
 RepairKind = Literal["clearance", "move-target", "move-obstacle", "cone", "raise", "lift-off"]
+Unit = Literal["m", "rad", "1"]
 
 
 @dataclass(frozen=True)
@@ -23,12 +24,29 @@ class Cause:
 
 @dataclass(frozen=True)
 class Repair:
-    """One change that would make the answer a yes."""
+    """One change that would make the answer a yes.
+
+    Attributes
+    ----------
+    kind : str
+    name : str
+        What is changed.
+    amount : float
+        What a clearance or a cone becomes; by how much a target, an obstacle or the arm's mount is moved;
+        how many more lift-offs are allowed.
+    text : str
+    unit : {"m", "rad", "1"}
+        Of ``amount``.
+    vector : tuple of float
+        Of a target (x, y, z) or an obstacle (x, y) that is moved [m]; else empty.
+    """
 
     kind: RepairKind
     name: str
-    amount: float  # [m], [rad] for a cone, 1 for a lift-off
+    amount: float
     text: str
+    unit: Unit = "m"
+    vector: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,175 @@
+"""The least amount of a change that helps: a scan, a bisection, and a check by what decides in the end."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from regionik.worlds.arrays import Array
+
+FINE = 1e-4  # amounts are told on this grid, so that what is read is what was checked [m] or [rad]
+SHARE = 0.01
+_STEPS = 64
+_SPLIT = 16
+_ASKED_BELOW = 0.97  # of an amount that holds, asked for before it is told
+_COARSE = 24  # steps along each of many directions
+_BEST = 4  # directions of those that are looked at closely
+_TURNS = (0.4, 0.2, 0.1, 0.05, 0.02)  # of the best direction, to find a better one [rad]
+_GROWTH = (1.0, 1.01, 1.03, 1.06, 1.12, 1.25, 1.5, 2.0)
+
+Opens = Callable[[Array], NDArray[np.bool_]]  # of amounts (n,): whether each helps
+
+
+def least_open(opens: Opens, most: float) -> float | None:
+    """Least amount that helps, to `FINE`; None where none of those looked at does.
+
+    Helping need not grow with the amount: a first scan takes every 64th of ``most``, and what lies below the
+    amount found is looked at again in steps of a hundredth of it.
+
+    Examples
+    --------
+    >>> round(least_open(lambda amounts: amounts > 0.3, 2.0), 3)
+    0.3
+    """
+    found = _first(opens, 0.0, most, _STEPS)
+    while found is not None:
+        low, high = found
+        while high - low > FINE / 2:
+            low, high = _first(opens, low, high, _SPLIT) or (high, high)
+        found = _first(opens, 0.0, high * (1 - SHARE), round(1 / SHARE)) if high > FINE else None
+        if found is None:
+            return high
+    return None
+
+
+def _first(opens: Opens, low: float, high: float, steps: int) -> tuple[float, float] | None:
+    """The first of even steps that helps, and the one before it."""
+    amounts = np.linspace(low, high, steps + 1)
+    helps = opens(amounts[1:])
+    if not helps.any():
+        return None
+    k = int(np.argmax(helps))
+    return float(amounts[k]), float(amounts[k + 1])
+
+
+def confirmed(holds: Callable[[float], bool], amount: float, most: float) -> float | None:
+    """An amount that holds, near to one that should, and least as far as ``holds`` can tell.
+
+    Parameters
+    ----------
+    holds : callable
+        What decides in the end, dearer than what ``amount`` was found by; may be stricter or laxer.
+    amount, most : float
+        What should hold, and the most that is tried.
+
+    Returns
+    -------
+    float or None
+        On the grid of `FINE`, but for ``most`` itself. A few hundredths less do not hold. None where up to
+        twice the amount nothing does.
+    """
+    low = 0.0
+    for factor in _GROWTH:
+        high = min(_up(amount * factor), most)
+        if holds(high):
+            break
+        if high >= most:
+            return None
+        low = high
+    else:
+        return None
+    if low == 0.0:
+        below = _up(_ASKED_BELOW * high - FINE)
+        if below <= 0 or below >= high or not holds(below):
+            return high
+        high = below
+    while high - low > max(1.5 * FINE, SHARE * high):
+        middle = _up((low + high) / 2)
+        low, high = (low, middle) if holds(middle) else (middle, high)
+    return high
+
+
+def _up(amount: float) -> float:
+    """The next amount on the grid."""
+    return round(float(np.ceil(amount / FINE - 1e-6)) * FINE, 6)
+
+
+def shortest_step(opens: Opens, directions: Array, most: float) -> tuple[float, Array] | None:
+    """A short step that helps: along each of some directions, then along those beside the best.
+
+    Parameters
+    ----------
+    opens : callable
+        Of steps (n, d): whether each helps.
+    directions : (m, d) array
+        Of length 1; d is 2 or 3.
+    most : float
+        Longest step.
+
+    Returns
+    -------
+    (length, direction) or None
+        The length is least along its direction, as `least_open` has it. No direction is proven to be best.
+    """
+    low, high = 0.0, most
+    first = _coarse(opens, directions, low, high)
+    if first.min() == _COARSE:
+        return None
+    while True:
+        step = (high - low) / _COARSE
+        low, high = low + step * first.min(), low + step * (first.min() + 1)
+        if (first == first.min()).sum() <= _BEST or step < FINE:
+            break
+        first = _coarse(opens, directions, low, high)  # look closer, until few are foremost
+    best, way = high, directions[int(np.argmin(first))]
+    for other in directions[np.argsort(first, kind="stable")[:_BEST]]:
+        best, way = _shorter(opens, other, best, way)
+    for turn in _TURNS:
+        beside = _beside(way, turn)
+        for other in beside[opens(best * (1 - SHARE) * beside)]:
+            best, way = _shorter(opens, other, best, way)
+    return best, way
+
+
+def _coarse(opens: Opens, directions: Array, low: float, high: float) -> NDArray[np.intp]:
+    """Which of even steps along each direction is the first to help; `_COARSE` where none is."""
+    lengths = np.linspace(low, high, _COARSE + 1)[1:]
+    steps = lengths[None, :, None] * directions[:, None, :]
+    table = opens(steps.reshape(-1, directions.shape[1])).reshape(len(directions), _COARSE)
+    return np.where(table.any(axis=1), table.argmax(axis=1), _COARSE)
+
+
+def _shorter(opens: Opens, other: Array, best: float, way: Array) -> tuple[float, Array]:
+    """The shorter of the best step so far and the least along another direction."""
+    found = least_open(lambda amounts: opens(amounts[:, None] * other), best)
+    return (best, way) if found is None or found >= best else (found, other)
+
+
+def _beside(way: Array, turn: float) -> Array:
+    """Directions at an angle from one: two on the floor, eight in space."""
+    if len(way) == 2:
+        across = np.array([[-way[1], way[0]], [way[1], -way[0]]])
+    else:
+        u = np.cross(way, np.eye(3)[int(np.argmin(np.abs(way)))])
+        u /= np.linalg.norm(u)
+        c = circle(8)
+        across = c[:, :1] * u + c[:, 1:] * np.cross(way, u)
+    beside: Array = np.cos(turn) * way + np.sin(turn) * across
+    return beside
+
+
+def circle(count: int) -> Array:
+    """Even directions on the floor, (count, 2)."""
+    turn = 2 * np.pi / count * np.arange(count)
+    return np.column_stack([np.cos(turn), np.sin(turn)])
+
+
+def sphere(count: int) -> Array:
+    """Nearly even directions in space, (count + 2, 3): up, down, and a spiral of golden angles."""
+    z = 1 - (2 * np.arange(count) + 1) / count
+    turn = np.pi * (3 - np.sqrt(5)) * np.arange(count)
+    flat = np.sqrt(1 - z**2)
+    spiral = np.column_stack([flat * np.cos(turn), flat * np.sin(turn), z])
+    return np.vstack([[[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]], spiral])

@@ -1,0 +1,272 @@
+"""Why not: exact cases by hand, and laws on random ones, by the functions of the benchmark."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from regionik.causes import irreducible
+from regionik.cli import run
+from regionik.least import FINE, circle, confirmed, least_open, shortest_step, sphere
+from regionik.picture import CAUSE
+from regionik.pipeline import plan
+from regionik.reach import reach
+from regionik.relaxations import Constraint, constraints_of, with_obstacle_moved
+from regionik.repairs import share
+from regionik.trials import repaired
+from regionik.why import why
+from regionik.why_view import picture_of_why
+from regionik.worlds.errors import Explanation, InputError, NoPlanFound, Repair
+from regionik.worlds.library import load_world, robot_named
+from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Sphere
+from regionik.worlds.scene import Floor, Rules, Target, World
+from tests.why_cases import as_small_as_brute_force, cases, proven_irreducible
+
+REACH = 0.033 + 0.155 + 0.135 + 0.2175  # of the youbot, stretched level
+SHOULDER = 0.147
+ROUNDED = 0.003  # 48 chords to a circle [m]
+
+
+def hall(**changes: object) -> World:
+    """The paper's robot, a point base, on a wide floor; nothing kept from the ends of the reach."""
+    floor = Floor(shapely.box(-4, -4, 4, 4))
+    world = World("hall", robot_named("youbot"), floor, rules=Rules(clearance=0.3, reach_margin=0.0))
+    return replace(world, **changes)  # type: ignore[arg-type]
+
+
+def explained(world: World, target: object) -> Explanation:
+    found = why(world, target)  # type: ignore[arg-type]
+    assert found is not None
+    return found
+
+
+def of_kind(found: Explanation, kind: str) -> Repair:
+    return next(repair for repair in found.repairs if repair.kind == kind)
+
+
+def test_nothing_in_the_way_is_none() -> None:
+    assert why(hall(), [1.0, 0.0, 0.3]) is None
+    assert why(load_world("free")) is None
+
+
+def test_a_plate_before_a_target_wants_less_clearance() -> None:
+    half = 0.6
+    plate = Box("plate", np.array([2 * half, 2 * half, 0.1]), np.array([0.0, 0.0, 0.05]))
+    found = explained(hall(obstacles=(plate,)), [0.0, 0.0, SHOULDER])
+    assert [(cause.kind, cause.name) for cause in found.causes] == [("obstacle", "plate")]
+    assert {repair.kind for repair in found.repairs} == {"move-target", "move-obstacle"}
+    narrow = Box("plate", np.array([0.6, 8.0, 0.1]), np.array([0.0, 0.0, 0.05]))
+    found = explained(hall(obstacles=(narrow,)), [0.0, 0.0, SHOULDER])
+    assert [cause.name for cause in found.causes] == ["plate", "rules.clearance"]
+    assert of_kind(found, "clearance").amount == pytest.approx(REACH - 0.3, abs=ROUNDED)
+    missing = 0.3 - (REACH - 0.3)
+    for kind in ("move-target", "move-obstacle"):
+        repair = of_kind(found, kind)
+        assert repair.amount == pytest.approx(missing, abs=ROUNDED)
+        assert abs(repair.vector[0]) == pytest.approx(missing, abs=ROUNDED)
+        assert repair.vector[1] == pytest.approx(0.0, abs=ROUNDED)
+    assert "This is a proof" in found.reason
+
+
+def test_a_target_off_the_floor_moves_as_far_as_it_lies_off() -> None:
+    found = explained(hall(), [4.0 + REACH + 0.1, 0.0, SHOULDER])
+    assert [cause.kind for cause in found.causes] == ["floor"]
+    repair = found.repairs[0]
+    assert repair.kind == "move-target"
+    assert repair.amount == pytest.approx(0.1, abs=ROUNDED)
+    assert repair.vector == pytest.approx((-0.1, 0.0, 0.0), abs=ROUNDED)
+    assert (repair.unit, repair.name) == ("m", "the target")
+
+
+def test_a_target_too_high_wants_a_mast() -> None:
+    high = SHOULDER + REACH - 0.033 + 0.2
+    found = explained(hall(), [0.0, 0.0, high])
+    assert [cause.kind for cause in found.causes] == ["reach"]
+    assert found.causes[0].margin == pytest.approx(0.2)
+    assert of_kind(found, "raise").amount == pytest.approx(0.2, abs=ROUNDED)
+    assert "too short" in found.reason
+
+
+def test_a_base_beside_the_tools_direction_wants_a_wider_cone() -> None:
+    world = hall(floor=Floor(shapely.box(-0.05, 0.3, 0.05, 0.5)))
+    target = Target(np.array([0.0, 0.0, 0.3]), np.array([1.0, 0.0, 0.0]), 0.3)
+    found = explained(world, target)
+    assert {cause.kind for cause in found.causes} == {"floor", "direction"}
+    cone = of_kind(found, "cone")
+    assert (cone.unit, cone.vector) == ("rad", ())
+    assert np.arctan2(0.3, 0.05) <= cone.amount < np.arctan2(0.5, 0.05)  # from the corners of the floor
+    assert why(world, replace(target, cone=cone.amount)) is None
+    assert why(world, replace(target, cone=0.95 * cone.amount)) is not None
+
+
+def test_a_path_with_too_many_lift_offs() -> None:
+    world = load_world("pillar")
+    found = explained(replace(world, rules=replace(world.rules, max_lift_offs=0)), None)
+    assert (found.verdict, found.setpoint) == ("ladder-broken", 10)
+    names = [cause.name for cause in found.causes]
+    assert names == ["rules.max_lift_offs", "pillar", "rules.clearance"]
+    assert {"lift-off", "clearance", "move-obstacle"} <= {repair.kind for repair in found.repairs}
+    assert "inner areas alone" in found.reason
+    for repair in found.repairs:
+        assert plan(repaired(replace(world, rules=replace(world.rules, max_lift_offs=0)), repair))
+
+
+def test_a_plan_carries_causes_and_repairs() -> None:
+    world = load_world("free")
+    task = (*world.task[:2], Target(world.task[2].position + [0.0, 0.0, 0.6]))
+    with pytest.raises(NoPlanFound) as no:
+        plan(replace(world, task=task))
+    found = no.value.explanation
+    assert (found.verdict, found.setpoint) == ("unreachable", 2)
+    move = of_kind(found, "move-target")
+    assert move.name == "set-point 3"
+    assert plan(repaired(replace(world, task=task), move, 2))
+
+
+def test_bad_targets_are_refused() -> None:
+    with pytest.raises(InputError, match="target"):
+        why(hall(), [0.0, 1.0])
+
+
+@pytest.mark.parametrize("case", cases(range(52, 64)), ids=lambda case: case.name)
+def test_random_cases_are_irreducible_and_mended(case: World) -> None:
+    found = explained(case, case.task[0])
+    assert proven_irreducible(case, found)
+    shares = [share(case, repair) for repair in found.repairs]
+    assert shares == sorted(shares)
+    for repair in found.repairs:
+        changed = repaired(case, repair)
+        assert reach(changed, changed.task).reachable.all(), repair.text
+        assert as_small_as_brute_force(case, repair), repair.text
+
+
+def test_the_command_says_why(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    page = tmp_path / "why.html"
+    high = ["--target", "0.5", "0", "0.7"]
+    assert run(["why", "pillar", *high, "--json", "--html", str(page)]) == 1
+    told = capsys.readouterr()
+    document = json.loads(told.out)
+    assert document["causes"][0]["kind"] == "reach"
+    assert document["reason"] in told.err
+    assert {"move-target", "raise"} == {repair["kind"] for repair in document["repairs"]}
+    assert len(document["repairs"][0]["vector"]) == 3
+    assert "in the way: youbot" in page.read_text()
+    assert run(["why", "pillar", "--target", "0.5", "0", "0.25"]) == 0
+    assert "nothing stands in the way" in capsys.readouterr().err
+    assert run(["why", "pillar", *high, *high]) == 2
+    assert "expected one target" in capsys.readouterr().err
+
+
+def test_the_picture_shows_causes_and_moves() -> None:
+    narrow = Box("plate", np.array([0.6, 8.0, 0.1]), np.array([0.0, 0.0, 0.05]))
+    world, target = hall(obstacles=(narrow,)), Target(np.array([0.0, 0.0, SHOULDER]))
+    found = explained(world, target)
+    picture = picture_of_why(world, found, target)
+    bodies = {body.path: body for body in picture.bodies}
+    assert bodies["obstacles/0"].color == CAUSE
+    assert len(bodies["why/before"].mesh.faces) == 0
+    assert len(bodies["why/after"].mesh.faces) > 0
+    for k, repair in enumerate(found.repairs):
+        assert (f"why/move {k}" in bodies) == bool(repair.vector)
+        if repair.vector:
+            ends = bodies[f"why/move {k}"].mesh.vertices @ [*repair.vector, 0.0, 0.0][:3] / repair.amount
+            assert np.ptp(ends) == pytest.approx(repair.amount, abs=0.005)
+
+
+# Laws of the search ------------------------------------------------------------------------------------
+
+
+@given(st.floats(0.01, 1.9), st.floats(0.0, 0.5))
+def test_least_open_finds_where_it_begins(begin: float, window: float) -> None:
+    found = least_open(lambda a: (a >= begin) & ((a < begin + 0.1 + window) | (a > 1.95)), 2.0)
+    assert found is not None
+    assert begin <= found <= begin + FINE
+
+
+@given(st.floats(0.001, 1.0), st.floats(0.9, 1.9))
+def test_confirmed_holds_and_little_less_does_not(begin: float, wrong: float) -> None:
+    found = confirmed(lambda a: a >= begin, begin * wrong, 4.0)
+    assert found is not None
+    assert begin <= found <= 1.05 * begin + 2 * FINE
+
+
+def test_confirmed_gives_up() -> None:
+    assert confirmed(lambda a: False, 0.1, 4.0) is None
+    assert confirmed(lambda a: False, 4.0, 4.0) is None
+
+
+@settings(max_examples=20)
+@given(st.floats(-np.pi, np.pi), st.floats(-1.2, 1.2))
+def test_the_shortest_step_to_a_plane(turn: float, rise: float) -> None:
+    normal = np.array([np.cos(turn) * np.cos(rise), np.sin(turn) * np.cos(rise), np.sin(rise)])
+    found = shortest_step(lambda steps: steps @ normal >= 0.3, sphere(48), 2.0)
+    assert found is not None
+    assert found[0] == pytest.approx(0.3, rel=0.02)
+
+
+@given(st.sets(st.frozensets(st.integers(0, 6), min_size=1, max_size=3), min_size=1, max_size=4))
+def test_the_filter_leaves_one_minimal_set(conflicts: set[frozenset[int]]) -> None:
+    names = [f"solid {k}" for k in range(7)]
+    solids = tuple(Sphere(name, 0.1, np.array([k, 0.0, 0.0])) for k, name in enumerate(names))
+    world = hall(obstacles=solids, task=(Target(np.zeros(3)),))
+    closed = [frozenset(names[k] for k in one) for one in conflicts]
+
+    def ruled_out(changed: World) -> bool:
+        held = {solid.name for solid in changed.obstacles}
+        return any(one <= held for one in closed)
+
+    kept = {one.name for one in irreducible(world, constraints_of(world), ruled_out)}
+    assert any(one == kept for one in closed)
+    assert not any(one < kept for one in closed)
+
+
+@pytest.mark.parametrize("most", [0.31, 2.0, 30.0])
+def test_the_shortest_step_when_many_directions_help_at_once(most: float) -> None:
+    normal = np.array([-0.3, 0.954])
+    found = shortest_step(lambda steps: steps @ normal >= 0.05 * np.linalg.norm(normal), circle(32), most)
+    assert found is not None
+    assert found[0] == pytest.approx(0.05, rel=0.02)
+    assert shortest_step(lambda steps: np.linalg.norm(steps, axis=1) >= 0.999 * most, circle(32), most)
+
+
+def test_every_constraint_is_taken_away_by_itself() -> None:
+    target = Target(np.array([0.5, 0.0, 0.3]), np.array([1.0, 0.0, 0.0]))
+    post = Cylinder("post", 0.1, 0.2, np.array([1.0, 0.0, 0.1]))
+    world = hall(
+        robot=robot_named("youbot-real"),
+        obstacles=(post,),
+        task=(target,),
+        rules=Rules(clearance=0.1, heading="face_target"),
+    )
+    every: tuple[Constraint, ...] = constraints_of(world)
+    assert len(every) == 7
+    for one in every:
+        left = [other.name for other in constraints_of(one.relax(world))]
+        gone = {other.name for other in every} - set(left)
+        # The floor's edge and joint limits are still there, wherever they are.
+        expected = {one.name} if one.kind not in ("floor", "limits") else set()
+        assert gone - {"rules.clearance"} == expected - {"rules.clearance"}
+
+
+@pytest.mark.parametrize(
+    "solid",
+    [
+        Box("it", np.array([0.2, 0.3, 0.4]), np.array([0.1, 0.2, 0.2]), 0.3),
+        Prism("it", shapely.box(0, 0, 1, 1), 0.0, 1.0),
+        Mesh(
+            "it",
+            np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]]),
+            np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]),
+        ),
+    ],
+    ids=["box", "prism", "mesh"],
+)
+def test_solids_move_as_they_are(solid: Box | Prism | Mesh) -> None:
+    moved = with_obstacle_moved(hall(obstacles=(solid,)), "it", np.array([0.5, -0.25])).obstacles[0]
+    spot = np.array([0.9, 0.1, 0.3])
+    assert moved.distance(spot + [0.5, -0.25, 0.0]) == pytest.approx(solid.distance(spot))

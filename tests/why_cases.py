@@ -1,0 +1,81 @@
+"""Random targets out of reach, and checks of what is said about them by other means than the search's."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+import numpy as np
+import shapely
+
+from regionik.causes import no_inner
+from regionik.regions import admissible_area, path_areas
+from regionik.relaxations import constraints_of
+from regionik.trials import repaired
+from regionik.worlds.errors import Explanation, Repair
+from regionik.worlds.scene import World
+from tests.test_random_worlds import random_world
+
+SAMPLES = 100  # repairs along one direction, all smaller than what is told
+NEAR = 0.05  # part by which a repair may be larger than the least of them
+ROUNDING = 2e-4  # [m] or [rad]
+
+
+def cases(seeds: Iterable[int]) -> list[World]:
+    """Worlds with one set-point that is out of reach, the first of each random world that has one."""
+    found = []
+    for seed in seeds:
+        world = random_world(seed)
+        far = _first_shut(world)
+        if far is not None:
+            case = replace(world, task=(world.task[far],))
+            if no_inner(case):
+                found.append(case)
+    return found
+
+
+def _first_shut(world: World) -> int | None:
+    areas = path_areas(world)
+    there = set(areas.target[shapely.area(areas.inner) > 0].tolist())
+    return next((k for k in range(len(world.task)) if k not in there), None)
+
+
+def proven_irreducible(world: World, found: Explanation) -> bool:
+    """Whether the causes rule the target out with all else taken away, and no fewer of them do."""
+    names = {cause.name for cause in found.causes if cause.kind != "reach"}
+    outer = admissible_area(world, world.task[0]).outer.is_empty
+
+    def ruled_out(kept: set[str]) -> bool:
+        left = world
+        for one in constraints_of(world):
+            if one.name not in kept:
+                left = one.relax(left)
+        area = admissible_area(left, left.task[0])
+        return bool(area.outer.is_empty if outer else area.inner.area <= 0)
+
+    return ruled_out(names) and not any(ruled_out(names - {name}) for name in names)
+
+
+def as_small_as_brute_force(world: World, repair: Repair) -> bool:
+    """Whether no smaller repair along the same direction, of many, leaves an inner area at every heading."""
+    size = _size(world, repair)
+    least = (size - ROUNDING) / (1 + NEAR)
+    shares = np.linspace(0, least / size, SAMPLES + 1)[1:] if least > 0 else ()
+    return not any(_opens(repaired(world, _part(world, repair, share))) for share in shares)
+
+
+def _size(world: World, repair: Repair) -> float:
+    if repair.kind == "clearance":
+        return world.rules.clearance - repair.amount
+    return repair.amount - (world.task[0].cone if repair.kind == "cone" else 0.0)
+
+
+def _part(world: World, repair: Repair, share: float) -> Repair:
+    """A share of a repair."""
+    before = {"clearance": world.rules.clearance, "cone": world.task[0].cone}.get(repair.kind, 0.0)
+    vector = tuple(share * part for part in repair.vector)
+    return replace(repair, amount=before + share * (repair.amount - before), vector=vector)
+
+
+def _opens(world: World) -> bool:
+    return bool((shapely.area(path_areas(world, world.task).inner) > 1e-7).any())
