@@ -46,7 +46,7 @@ def reach_many(
 ) -> Answer:
     """Ask for very many targets whether the tool can get there, and from where.
 
-    The answer is that of `reach`, whatever the executor, the number of its workers and the size of chunks.
+    The answer is that of `reach` for each chunk, whatever the executor and the number of its workers.
 
     Parameters
     ----------

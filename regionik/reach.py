@@ -23,6 +23,8 @@ from regionik.witness import Quest
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.scene import Target, World
 
+MANY = 1000  # bare points from which on compiled loops go first: compiling them costs a minute, once
+
 
 @dataclass(frozen=True, eq=False)
 class Answer:
@@ -65,6 +67,9 @@ def reach(world: World, targets: ArrayLike | Sequence[Target]) -> Answer:
     is looked at closely: without the rules' margin of reach, with finer circles, heading by heading and pitch
     by pitch, and with other postures at other places. What is undecided then says why.
 
+    Of `MANY` bare points and more, compiled loops decide all but a few. Verdicts are the same; places, postures
+    and the words of reasons may be others.
+
     Parameters
     ----------
     world : World
@@ -87,7 +92,7 @@ def reach(world: World, targets: ArrayLike | Sequence[Target]) -> Answer:
     kind = np.full(n, OPEN)
     base, joints, gap = np.full((n, 3), np.nan), np.full((n, dof), np.nan), np.zeros(n)
     bare = np.array([asked is None or asked[i].direction is None for i in range(n)], dtype=bool)
-    if is_covered(world):
+    if bare.sum() >= MANY and is_covered(world):
         quick = settled(world, positions[bare])
         kind[bare], base[bare], joints[bare] = quick.kind, quick.base, quick.joints
     reason = reasons(world, kind)

@@ -76,7 +76,9 @@ def test_places_on_a_circle_are_on_the_floor(spot: tuple[float, float], r: float
 def test_loops_and_single_answers_agree(seed: int) -> None:
     world = random_world(seed)
     spots = np.random.default_rng(seed).uniform([-1.5, -2.5, 0], [5, 2.5, 0.9], (6, 3))
-    many = reach(world, spots)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sys.modules["regionik.reach"], "MANY", 1)
+        many = reach(world, spots)
     alone = _decided(world, [Target(spot) for spot in spots])
     assert [one.verdict for one in alone] == many.verdict.tolist()
     assert verify_answers(world, many).ok
