@@ -67,8 +67,8 @@ def reach(world: World, targets: ArrayLike | Sequence[Target]) -> Answer:
     is looked at closely: without the rules' margin of reach, with finer circles, heading by heading and pitch
     by pitch, and with other postures at other places. What is undecided then says why.
 
-    Of `MANY` bare points and more, compiled loops decide all but a few. Verdicts are the same; places, postures
-    and the words of reasons may be others.
+    Of `MANY` bare points and more, compiled loops decide all but a few. Verdicts are the same; places,
+    postures and the words of reasons may be others.
 
     Parameters
     ----------
