@@ -41,7 +41,7 @@ def shortest_order(distance: ArrayLike, lead: ArrayLike | None = None) -> tuple[
     Examples
     --------
     >>> shortest_order(np.abs(np.subtract.outer([3.0, 1.0, 2.0], [3.0, 1.0, 2.0])))
-    ([0, 2, 1], True)
+    ([1, 2, 0], True)
     """
     far = np.asarray(distance, dtype=np.float64)
     first = np.zeros(len(far)) if lead is None else np.asarray(lead, dtype=np.float64)

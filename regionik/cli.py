@@ -34,7 +34,7 @@ from regionik.console import (
 )
 from regionik.field_command import field
 from regionik.file_commands import PlanPath, export, plot, retime
-from regionik.interrupts import INTERRUPTED, end_at_leisure, end_on_interrupt
+from regionik.interrupts import INTERRUPTED, asked_to_end, end_at_leisure, end_on_interrupt, leave
 from regionik.reach_command import reach
 from regionik.stops_command import stops
 from regionik.why_command import why
@@ -59,7 +59,10 @@ def main() -> None:
     """Run the command ``regionik`` and leave with its exit code."""
     end_on_interrupt()
     warnings.showwarning = lambda message, *_: complain(f"note: {message}")
-    sys.exit(run(sys.argv[1:]))
+    code = run(sys.argv[1:])
+    if code == INTERRUPTED:
+        leave()
+    sys.exit(code)
 
 
 def run(arguments: Sequence[str]) -> int:
@@ -82,6 +85,10 @@ def run(arguments: Sequence[str]) -> int:
         return DONE
     except (KeyboardInterrupt, typer.Abort):
         code = INTERRUPTED
+    except Exception:
+        if not asked_to_end():
+            raise
+        code = INTERRUPTED  # an import that was cut short fails when it is tried again
     if code == INTERRUPTED:
         complain("interrupted")
     return int(code or DONE)

@@ -19,8 +19,8 @@ from regionik.regions import (
     outer_areas,
     reach_of,
     what_took_away,
-    without_criteria,
 )
+from regionik.relaxations import without_criteria
 from regionik.standing import by_heading
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Cause, CauseKind, Explanation, Repair

@@ -132,7 +132,7 @@ def floor_of_stops(world: World, stops: Sequence[Stop]) -> FloorView:
 
 def circles_of(stops: Sequence[Stop]) -> BaseGeometry:
     """In which the base may park, one for each stop."""
-    return shapely.multipolygons([Point(stop.base[:2]).buffer(stop.tolerance) for stop in stops])
+    return MultiPolygon([Point(stop.base[:2]).buffer(stop.tolerance) for stop in stops])
 
 
 def _outlines(world: World, base: Array) -> BaseGeometry:

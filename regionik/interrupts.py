@@ -9,10 +9,12 @@ from __future__ import annotations
 import os
 import signal
 import sys
-from threading import Timer
+from threading import Event, Timer
+from typing import NoReturn
 
 INTERRUPTED = 130
 GRACE = 1.0  # [s]
+_ASKED = Event()
 _SHOW_CURSOR = "\x1b[?25h"  # progress bars hide it
 
 
@@ -27,7 +29,20 @@ def end_at_leisure() -> None:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
+def leave() -> NoReturn:
+    """End the process now, its work undone: an import that Ctrl-C cut short may not let it end by itself."""
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(INTERRUPTED)
+
+
+def asked_to_end() -> bool:
+    """Whether Ctrl-C was pressed: what fails after that fails because of it."""
+    return _ASKED.is_set()
+
+
 def _interrupt(*_: object) -> None:
+    _ASKED.set()
     watchdog = Timer(GRACE, _leave)
     watchdog.daemon = True
     watchdog.start()

@@ -18,6 +18,7 @@ from shapely.geometry.base import BaseGeometry
 
 from regionik.ground import GUARD, Geometries, Side, ground_of, grow
 from regionik.reachable import BACK, FRONT, Family, reach_rows
+from regionik.relaxations import without_criteria
 from regionik.standing import Standing, anywhere, by_heading, outer_by_heading, span_of_rules, turns_matter
 from regionik.worlds.arrays import frozen
 from regionik.worlds.criteria import Criteria
@@ -201,13 +202,6 @@ def reach_of(world: World, target: Target) -> BaseGeometry:
     """Where the arm axis could stand for a target if nothing were in the way, from outside."""
     _, _, rings = reach_rows(world, [target], (FRONT, BACK), inner=False, span=span_of_rules(world))
     return shapely.union_all(rings) if len(rings) else Polygon()
-
-
-def without_criteria(world: World) -> World:
-    """The world as it is where postures need be good for nothing but reaching."""
-    if world.rules.criteria is None:
-        return world
-    return replace(world, rules=replace(world.rules, criteria=None))
 
 
 def what_took_away(world: World, target: Target) -> tuple[TakenAway, ...]:

@@ -28,6 +28,7 @@ HEADING = "rules.heading"
 FOOTPRINT = "footprint of the base"
 EDGE = "edge of the floor"
 CELLS = "cells of the map"
+CRITERIA = "rules.criteria"
 START = "start of the base"
 LIFT_OFFS = "rules.max_lift_offs"
 
@@ -72,6 +73,8 @@ def constraints_of(world: World) -> tuple[Constraint, ...]:
         found.append(Constraint("base", HEADING, without_heading))
     if any(target.direction is not None for target in world.task):
         found.append(Constraint("direction", direction_name(world), without_direction))
+    if world.rules.criteria is not None:
+        found.append(Constraint("criteria", CRITERIA, without_criteria))
     found.append(Constraint("limits", JOINT_LIMITS, without_limits))
     return tuple(found)
 
@@ -129,6 +132,11 @@ def without_direction(world: World) -> World:
     """Set-points that ask for a position and no more."""
     bare = tuple(replace(target, direction=None, orientation=None) for target in world.task)
     return replace(world, task=bare)
+
+
+def without_criteria(world: World) -> World:
+    """Postures that need be good for nothing but the set-points."""
+    return replace(world, rules=replace(world.rules, criteria=None))
 
 
 def without_limits(world: World) -> World:

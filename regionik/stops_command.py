@@ -11,20 +11,19 @@ import typer
 from regionik.command import AsJson, WorldName, explained
 from regionik.console import LateProgress, check_output, print_json, say
 from regionik.worlds.errors import InputError
-from regionik.worlds.scene import StopCriterion
 
 if TYPE_CHECKING:
     from regionik.parking import Parking
     from regionik.plan import Stop
-    from regionik.worlds.scene import World
+    from regionik.worlds.scene import StopCriterion, World
 
-CRITERIA = get_args(StopCriterion)
+CRITERIA = "tolerance, clearance, manipulability, effort, distance"
 
 
 def stops(
     world: WorldName,
     criterion: Annotated[
-        str | None, typer.Option("--criterion", help=f"What makes a place best: {', '.join(CRITERIA)}.")
+        str | None, typer.Option("--criterion", help=f"What makes a place best: {CRITERIA}.")
     ] = None,
     output: Annotated[Path | None, typer.Option("-o", "--output", help="Stops to a .geojson file.")] = None,
     picture: Annotated[
@@ -38,8 +37,6 @@ def stops(
     """
     check_output(output, (".geojson",))
     check_output(picture, (".svg", ".png"))
-    if criterion is not None and criterion not in CRITERIA:
-        raise InputError(f"--criterion: expected one of {', '.join(CRITERIA)}, got {criterion}")
     with LateProgress() as progress, explained(as_json):
         progress("load", 0, 1)
         from regionik.stops import find
@@ -47,8 +44,7 @@ def stops(
 
         scene = load_world(world)
         if criterion is not None:
-            rules = replace(scene.rules, stop_criterion=cast(StopCriterion, criterion))
-            scene = replace(scene, rules=rules)
+            scene = replace(scene, rules=replace(scene.rules, stop_criterion=_known(criterion)))
         progress("load", 1, 1)
         progress("stops", 0, 0)
         found, parking = find(scene)
@@ -65,6 +61,15 @@ def stops(
     )
     for path in written:
         say(f"wrote {path}")
+
+
+def _known(criterion: str) -> StopCriterion:
+    from regionik.worlds.scene import StopCriterion
+
+    for known in get_args(StopCriterion):
+        if criterion == known:
+            return cast(StopCriterion, known)
+    raise InputError(f"--criterion: expected one of {CRITERIA}, got {criterion}")
 
 
 def _write(scene: World, found: tuple[Stop, ...], output: Path | None, picture: Path | None) -> list[Path]:

@@ -105,7 +105,7 @@ def test_a_slice_is_what_bulk_answers_say(name: str, height: float) -> None:
     answer = reach(world, np.column_stack([x, y, np.full(len(x), height)]))
     values = field.values.ravel()
     assert {0, 2} <= set(values.tolist())
-    assert (values[answer.verdict == "unreachable"] == 0).all()
+    assert (values[answer.verdict == "unreachable"] < 2).all()  # a slice leaves some undecided
     assert (answer.verdict[values == 0] != "reachable").all()
     assert (values[answer.reachable] > 0).all()
     assert answer.reachable[values == 2].mean() > 0.97  # true circles hold more than their chords

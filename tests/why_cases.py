@@ -9,6 +9,7 @@ import numpy as np
 import shapely
 
 from regionik.causes import no_inner
+from regionik.reach import reach
 from regionik.regions import admissible_area, path_areas
 from regionik.relaxations import constraints_of
 from regionik.trials import repaired
@@ -29,7 +30,7 @@ def cases(seeds: Iterable[int]) -> list[World]:
         far = _first_shut(world)
         if far is not None:
             case = replace(world, task=(world.task[far],))
-            if no_inner(case):
+            if no_inner(case) and not reach(case, case.task).reachable.any():
                 found.append(case)
     return found
 
