@@ -42,6 +42,8 @@ class FloorView:
         Corners of what is shown.
     circles : geometry
         In which the base may park at its stops.
+    driven : bool
+        Whether the base's path is one it takes, not only the order of its stops.
     """
 
     all: BaseGeometry
@@ -58,6 +60,7 @@ class FloorView:
     low: Array
     high: Array
     circles: BaseGeometry = field(default_factory=MultiPolygon)
+    driven: bool = True
 
     @property
     def width(self) -> float:
@@ -127,6 +130,7 @@ def floor_of_stops(world: World, stops: Sequence[Stop]) -> FloorView:
         low=low,
         high=high,
         circles=circles,
+        driven=False,
     )
 
 

@@ -290,7 +290,8 @@ def _floor(ax: Axes, floor: FloorView) -> None:
             _area(ax, area, **paint)
             key.append(Patch(linewidth=0, label=label, **paint))
     key += ax.plot(*floor.tool_path.T, color=_hex(PASSED), linewidth=1.0, label="path of the tool")
-    key += ax.plot(*floor.base_path.T, color=_hex(BASE_PATH), linewidth=1.6, label="path of the base")
+    line, width, label = ("-", 1.6, "path of the base") if floor.driven else (":", 1.0, "order of the stops")
+    key += ax.plot(*floor.base_path.T, line, color=_hex(BASE_PATH), linewidth=width, label=label)
     size = max(2.0, 4.0 * _fewer(60, floor.setpoints))
     key += ax.plot(*floor.setpoints.T, "o", color=_hex(AHEAD), markersize=size, mew=0, label="set-points")
     if not floor.circles.is_empty:
