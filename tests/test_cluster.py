@@ -10,6 +10,8 @@ import warnings
 from collections.abc import Iterator
 from pathlib import Path
 
+import dask
+import distributed
 import numpy as np
 import pytest
 
@@ -21,9 +23,6 @@ from regionik.worlds.errors import EngineError, InputError
 from regionik.worlds.library import load_world
 from regionik.worlds.scene import World
 from tests.test_bulk import same
-
-dask = pytest.importorskip("dask")
-distributed = pytest.importorskip("distributed")
 
 
 @pytest.fixture(scope="module")

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import rasterio
 import shapely
 from numpy.typing import NDArray
 
@@ -159,7 +160,6 @@ def test_arrays_read_back(found: Field, tmp_path: Path) -> None:
 
 
 def test_geotiff_reads_back(found: Field, tmp_path: Path) -> None:
-    rasterio = pytest.importorskip("rasterio")
     write_field(found, tmp_path / "f.tif")
     with rasterio.open(tmp_path / "f.tif") as there:
         assert np.array_equal(there.read(1)[::-1], found.values)
@@ -171,8 +171,6 @@ def test_geotiff_reads_back(found: Field, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("suffix", [".npz", ".tif", ".png", ".svg"])
 def test_the_same_field_gives_the_same_bytes(found: Field, suffix: str, tmp_path: Path) -> None:
-    if suffix == ".tif":
-        pytest.importorskip("rasterio")
     for name in ("one", "two"):
         write_field(found, tmp_path / f"{name}{suffix}")
     data = (tmp_path / f"one{suffix}").read_bytes()
