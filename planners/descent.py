@@ -23,7 +23,7 @@ from regionik.planners.polish import (
 )
 from regionik.planners.serial import SerialArm, chain_frames, chain_jacobian
 from regionik.planners.turns import held
-from regionik.planners.vectors import Vector, cross, dot, minus, plus, rotated
+from regionik.planners.vectors import Vector, cross, dot, minus, plus, rotated, turned
 from regionik.worlds.arrays import Array
 
 TRACE = 1e-12  # of the squared reach; in the place of a decision on the rank of the pseudo-inverse
@@ -165,7 +165,7 @@ def _best_alone(
 ) -> None:
     """Put joint k where the tool comes nearest, in closed form; ``tool`` (4, 4) goes along."""
     local, now = arm.axis[k], joints[k]
-    axis = _times(frame, (local[0], local[1], local[2]))
+    axis = turned(frame, (local[0], local[1], local[2]))
     spot = (frame[0, 3], frame[1, 3], frame[2, 3])
     goal = (aim.position[0], aim.position[1], aim.position[2])
     tip = (tool[0, 3], tool[1, 3], tool[2, 3])
@@ -200,15 +200,6 @@ def _best_alone(
 def _swing(axis: Vector, own: Vector, wanted: Vector) -> tuple[float, float]:
     """``wanted`` times ``own`` turned by t is c cos t + s sin t, and a constant: c, s."""
     return dot(wanted, own) - dot(axis, wanted) * dot(axis, own), dot(wanted, cross(axis, own))
-
-
-@compiled
-def _times(frame: Array, v: Vector) -> Vector:
-    return (
-        frame[0, 0] * v[0] + frame[0, 1] * v[1] + frame[0, 2] * v[2],
-        frame[1, 0] * v[0] + frame[1, 1] * v[1] + frame[1, 2] * v[2],
-        frame[2, 0] * v[0] + frame[2, 1] * v[1] + frame[2, 2] * v[2],
-    )
 
 
 @compiled

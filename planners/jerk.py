@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from ruckig import InputParameter, Ruckig, RuckigError, Synchronization
 from ruckig import Trajectory as Profile
 
-from regionik.planners.polynomial import Moment
+from regionik.planners.polynomial import Moment, times_within
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError, RegionikError
 
@@ -42,11 +42,7 @@ class JerkLimited:
         InputError
             For a time outside 0 to ``duration``.
         """
-        times = np.asarray(t, dtype=np.float64)
-        inside = (times >= 0.0) & (times <= self.duration)
-        if not inside.all():
-            wrong = np.atleast_1d(times)[~np.atleast_1d(inside)][0]
-            raise InputError(f"time: expected 0 to {self.duration:g} s, got {wrong:g}")
+        times = times_within(t, self.duration)
         rows = np.array([self._profile.at_time(float(one)) for one in times.ravel()])
         return Moment(*(rows[:, k].reshape(*times.shape, -1) for k in range(3)))
 

@@ -56,12 +56,7 @@ class Polynomial:
         InputError
             For a time outside 0 to ``duration``.
         """
-        times = np.asarray(t, dtype=np.float64)
-        inside = (times >= 0.0) & (times <= self.duration)
-        if not inside.all():
-            raise InputError(
-                f"time: expected 0 to {self.duration:g} s, got {np.atleast_1d(times)[~inside.ravel()][0]:g}"
-            )
+        times = times_within(t, self.duration)
         s, powers = times / self.duration, np.arange(len(self.coefficients))
         rows = []
         for derived in range(3):
@@ -131,6 +126,15 @@ def blend(order: int, s: ArrayLike) -> Moment:
     [0.15625, 0.26171875, 0.103515625]
     """
     return polynomial(order, 0.0, 1.0, 1.0).at(s)
+
+
+def times_within(t: ArrayLike, duration: float) -> Array:
+    """Checked times of a motion that lasts so long, of any shape [s]."""
+    times = np.asarray(t, dtype=np.float64)
+    outside = times[~((times >= 0.0) & (times <= duration))]
+    if outside.size:
+        raise InputError(f"time: expected 0 to {duration:g} s, got {outside[0]:g}")
+    return times
 
 
 def _check_order(order: int) -> None:

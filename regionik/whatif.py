@@ -7,7 +7,7 @@ shadow, where it was or where it is.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import Any
 
@@ -18,9 +18,8 @@ from numpy.typing import NDArray
 from regionik.ground import GUARD, Geometries, ground_of, grow, shadow_of
 from regionik.pipeline import cut_path, prune_path
 from regionik.pruning import Pruned
-from regionik.reachable import BACK, FRONT
-from regionik.regions import PathAreas, path_areas
-from regionik.standing import Standing, anywhere, by_heading, turns_matter
+from regionik.regions import PathAreas, path_areas, ways_to_stand
+from regionik.standing import anywhere
 from regionik.worlds.errors import Explanation, NoPlanFound
 from regionik.worlds.obstacles import Solid
 from regionik.worlds.scene import World
@@ -75,36 +74,31 @@ def look(world: World, before: Look | None = None) -> Look:
     touched = tuple(i for i in range(len(world.task)) if i not in kept)
     fresh = path_areas(world, [world.task[i] for i in touched], standing=standing)
     areas = _joined(fresh, touched, before.areas if before else fresh, kept)
-    pruned, why = _cut(world, standing, areas)
+    pruned, why = _cut(world, areas)
     return Look(world, areas, pruned, why, touched)
 
 
-def _cut(world: World, standing: Standing, areas: PathAreas) -> tuple[Pruned | None, Explanation | None]:
+def _cut(world: World, areas: PathAreas) -> tuple[Pruned | None, Explanation | None]:
     """The plainest way to stand and to face that needs no lift-off, as plans choose it; or the fewest."""
     found: list[Pruned] = []
     why = None
-    for pruned in _choices(world, standing, areas):
-        if isinstance(pruned, Explanation):
-            why = pruned
+    for standing, facings in ways_to_stand(world):
+        try:
+            if standing is anywhere:
+                found.append(cut_path(world, standing(world), _facing(areas, facings)))
+            else:
+                found.append(prune_path(world, standing(world), facings)[1])
+        except NoPlanFound as failure:
+            why = failure.explanation
         else:
-            found.append(pruned)
-            if not pruned.breaks:
+            if not found[-1].breaks:
                 break
     return (min(found, key=lambda one: len(one.breaks)), None) if found else (None, why)
 
 
-def _choices(world: World, standing: Standing, areas: PathAreas) -> Iterator[Pruned | Explanation]:
-    front = _rows(areas, np.flatnonzero([one.facing == FRONT for one in areas.family]))
-    for some in (front, areas):
-        try:
-            yield cut_path(world, standing, some)
-        except NoPlanFound as failure:
-            yield failure.explanation
-    for facings in ((FRONT,), (FRONT, BACK)) if turns_matter(world) else ():
-        try:
-            yield prune_path(world, by_heading(world), facings)[1]
-        except NoPlanFound as failure:
-            yield failure.explanation
+def _facing(areas: PathAreas, facings: Sequence[int]) -> PathAreas:
+    """The areas of some facings alone."""
+    return _rows(areas, np.flatnonzero([one.facing in facings for one in areas.family]))
 
 
 def _settled(world: World, was: World) -> World:
