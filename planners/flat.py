@@ -75,12 +75,14 @@ class FlatPolygon:
 
 def _rings(geometry: Polygon | MultiPolygon) -> tuple[Index, Array]:
     """First vertex of every ring (and the end), and the vertices without the closing ones."""
-    rings = shapely.get_rings(shapely.get_parts(geometry))
-    coordinates, owner = shapely.get_coordinates(rings, return_index=True)
-    counts = np.bincount(owner) - 1
-    closing = np.cumsum(counts + 1) - 1
-    starts = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
-    return starts, np.ascontiguousarray(np.delete(coordinates, closing, axis=0))
+    rings = shapely.get_rings(geometry if isinstance(geometry, Polygon) else shapely.get_parts(geometry))
+    ends = np.cumsum(shapely.get_num_coordinates(rings))
+    coordinates = shapely.get_coordinates(rings)
+    kept = np.ones(len(coordinates), dtype=bool)
+    kept[ends - 1] = False
+    starts = np.zeros(len(ends) + 1, dtype=np.int64)
+    starts[1:] = ends - np.arange(1, len(ends) + 1)
+    return starts, coordinates[kept]
 
 
 @compiled
