@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from regionik.planners import kernels
+from regionik.planners.flat import compiled
 from regionik.worlds.arrays import Array
 from regionik.worlds.planar import PlanarArm
 
@@ -100,13 +102,52 @@ def reach_intervals(
     list of (k, 2) arrays
         Ascending; none crosses r = 0, so that each lies in front of the axis or behind it.
     """
+    owner, spans = reach_spans(arm, shoulder_z, heights, pitches, front=front, back=back)
+    return np.split(spans, np.searchsorted(owner, np.arange(1, len(heights))))
+
+
+def reach_spans(
+    arm: PlanarArm,
+    shoulder_z: float,
+    heights: Array,
+    pitches: tuple[float, float] = FREE,
+    *,
+    front: bool = True,
+    back: bool = True,
+) -> tuple[NDArray[np.intp], Array]:
+    """As `reach_intervals`, in one table: the height of each interval, ascending, (m,), and (m, 2)."""
     circles = boundary_circles(arm, shoulder_z, pitches)
     centers, radii = np.ascontiguousarray(circles[:, :2]), np.ascontiguousarray(circles[:, 2])
-    distinct, where = np.unique(heights, return_inverse=True)
-    out = np.empty((_MOST_INTERVALS, 2))
-    found = []
     plane = kernels.PlaneArm(float(arm.shoulder[0]), shoulder_z, arm.lengths, arm.lower, arm.upper)
-    for z in distinct.tolist():
-        n = kernels.reach_intervals(plane, *pitches, centers, radii, z, front, back, out)
-        found.append(out[:n].copy())
-    return [found[k] for k in where]
+    out, counts = np.empty((len(heights), _MOST_INTERVALS, 2)), np.empty(len(heights), dtype=np.int64)
+    order = np.argsort(heights, kind="stable")
+    _spans(plane, *pitches, centers, radii, np.asarray(heights), order, front, back, out, counts)
+    real = np.arange(_MOST_INTERVALS) < counts[:, None]
+    return np.repeat(np.arange(len(heights)), counts), out[real]
+
+
+@compiled
+def _spans(
+    arm: kernels.PlaneArm,
+    pitch_low: float,
+    pitch_high: float,
+    centers: Array,
+    radii: Array,
+    heights: Array,
+    order: NDArray[np.intp],
+    front: bool,
+    back: bool,
+    out: Array,
+    counts: NDArray[np.int64],
+) -> None:
+    """Write the intervals of every height, and how many there are; heights alike are looked at once."""
+    last = -1
+    for i in order:
+        if last >= 0 and heights[i] == heights[last]:
+            out[i] = out[last]
+            counts[i] = counts[last]
+        else:
+            counts[i] = kernels.reach_intervals(
+                arm, pitch_low, pitch_high, centers, radii, heights[i], front, back, out[i]
+            )
+        last = i
