@@ -14,6 +14,7 @@ from regionik.ground import EVERY, GUARD, Geometries
 from regionik.meeting import distances, narrowed, refuse
 from regionik.planners.levelreach import inner_reach, outer_reach
 from regionik.planners.posereach import pose_reach
+from regionik.planners.ringarcs import Sectors
 from regionik.planners.rings import FREE, reach_intervals, reach_spans
 from regionik.planners.rolls import out_of_roll, swings
 from regionik.sectors import ring_sectors
@@ -148,8 +149,26 @@ def _plane_rows(
     span: tuple[float, float],
     *,
     inner: bool,
-) -> tuple[NDArray[np.intp], tuple[Family, ...], Geometries]:
-    """Reach of an arm in one plane, exact."""
+) -> tuple[Index, tuple[Family, ...], Geometries]:
+    """Reach of an arm in one plane, exact but for the chords of its circles."""
+    which, families, rings = plane_rings(world, targets, facings, span, inner=inner)
+    margin = world.rules.reach_margin if inner else None
+    return which, families, ring_sectors(*rings, margin, ARC_POINTS)
+
+
+def plane_rings(
+    world: World,
+    targets: Sequence[Target],
+    facings: Sequence[int],
+    span: tuple[float, float],
+    *,
+    inner: bool,
+) -> tuple[Index, tuple[Family, ...], Sectors]:
+    """Reach of an arm in one plane, exact: target and family of each ring or ring sector, and their numbers.
+
+    Inner ones are wide enough for the rules' margin on both sides, which is not taken off yet; the world is
+    `narrowed`.
+    """
     arm = planar_arm(world.robot.chain)
     margin = world.rules.reach_margin if inner else 0.0
     shoulder_z = float(arm.shoulder[1] + world.robot.mount[2])
@@ -181,9 +200,7 @@ def _plane_rows(
     of = np.cumsum([0] + [len(several) for several in arcs])[kind] + arc
     center, half = np.array([one for several in arcs for one in several]).reshape(-1, 2)[of].T
     behind = np.array([np.pi if family.facing == FRONT else 0.0 for family in found])
-    rings = ring_sectors(
-        positions[which, :2], low, high, center + behind[kind], half, margin if inner else None, ARC_POINTS
-    )
+    rings = Sectors(positions[which, :2], low, high, center + behind[kind], half)
     return which, tuple(found[k] for k in kind.tolist()), rings
 
 
