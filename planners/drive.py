@@ -9,9 +9,9 @@ from typing import Literal
 import numpy as np
 import shapely
 from numpy.typing import ArrayLike
-from shapely.geometry import MultiPolygon, Point, Polygon
+from shapely.geometry import MultiPolygon, Polygon
 
-from regionik.planners.flat import DEPTH, FlatPolygon, clamp, contains, segment_inside
+from regionik.planners.flat import DEPTH, FlatPolygon, clamp, contains, segment_inside, solid
 from regionik.planners.pulling import resample, route, tighten
 from regionik.planners.sampling import connect
 from regionik.planners.stepping import step_through
@@ -114,9 +114,8 @@ def drive(
 
 def _common_part(free: Polygon | MultiPolygon, start: Array, goal: Array) -> Polygon:
     """The part of the free area that holds both points."""
-    FlatPolygon.from_shapely(free)
-    parts = shapely.get_parts(free)
-    gaps = np.stack([shapely.distance(parts, Point(p)) for p in (start, goal)])
+    parts = shapely.get_parts(solid(free))
+    gaps = shapely.distance(parts, shapely.points([start, goal])[:, None])
     for what, p, gap in (("start", start, gaps[0].min()), ("goal", goal, gaps[1].min())):
         if gap > DEPTH:
             raise NoPathError(f"{what} {_at(p)} is {gap:.3g} m outside the free area", start, goal)

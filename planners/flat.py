@@ -63,14 +63,19 @@ class FlatPolygon:
         >>> contains(flat.vertices, flat.starts, 1.0, 0.5)
         True
         """
-        if not isinstance(geometry, Polygon | MultiPolygon) or geometry.is_empty:
-            raise InputError(
-                f"polygon: expected a Polygon or MultiPolygon that is not empty, got {geometry!r:.60}"
-            )
-        rings, vertices = _rings(geometry)
+        rings, vertices = _rings(solid(geometry))
         vertices.flags.writeable = False
         rings.flags.writeable = False
         return cls(vertices, rings)
+
+
+def solid(geometry: BaseGeometry) -> Polygon | MultiPolygon:
+    """The geometry itself, refused where it is not a Polygon or MultiPolygon or is empty."""
+    if not isinstance(geometry, Polygon | MultiPolygon) or geometry.is_empty:
+        raise InputError(
+            f"polygon: expected a Polygon or MultiPolygon that is not empty, got {geometry!r:.60}"
+        )
+    return geometry
 
 
 def _rings(geometry: Polygon | MultiPolygon) -> tuple[Index, Array]:

@@ -67,7 +67,8 @@ class Guard:
 
     def hop(self, here: Pose, there: Pose) -> Hop:
         """The motion between two states, to be asked about."""
-        return hop_between(self.bodies, (here.base, here.joints), (there.base, there.joints))
+        # Copies: kernels are compiled for arrays that can be written to.
+        return hop_between(self.bodies, np.array(here.base), np.array(here.joints), there.base, there.joints)
 
     def stop(self, here: Pose, there: Pose) -> Touch | None:
         """What keeps the motion between two states from being proven clear."""

@@ -18,7 +18,7 @@ from typing import Any
 from benchmarks.speed.harness import Row, Size, Spread, Wanted
 from benchmarks.speed.report import MARKS, as_json, as_markdown, machine
 
-GROUPS: dict[str, str] = {}  # module -> heading
+GROUPS: dict[str, str] = {"areas": "Areas, stages and base paths"}  # module -> heading
 PREFACE = """\
 # Speed
 
