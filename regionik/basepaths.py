@@ -17,7 +17,7 @@ from shapely.geometry import LineString
 from shapely.geometry.base import BaseGeometry
 
 from regionik.driving import AnyHeading, Driver, OnWheels
-from regionik.ground import Geometries, ground_of
+from regionik.ground import Geometries, ground_of, united
 from regionik.mfabrik import axis_of, pose_of
 from regionik.planners.flat import FlatPolygon, segment_inside
 from regionik.planners.flat import Index as Corners
@@ -33,6 +33,7 @@ from regionik.worlds.robot import BaseKind, Robot
 from regionik.worlds.scene import World
 
 INSET = 0.002  # kept from the edge of what two areas share, where there is room [m]
+KEPT = 256  # polygons of components as flat arrays
 TURN_PART = 0.1  # of a turn about the arm axis, which a base frame elsewhere does by short slides [rad]
 
 
@@ -128,10 +129,11 @@ class AnyHeadingTracks:
         return one or bool(segment_inside(*self._flat(k, j), a[0], a[1], b[0], b[1]))
 
     def _flat(self, *members: int) -> tuple[Array, Corners]:
-        """Vertices and rings of components together, kept."""
+        """Vertices and rings of components together, the last few kept."""
         if members not in self._flats:
-            both = shapely.union_all(self.ladder.component[list(members)])
-            flat = FlatPolygon.from_shapely(both)
+            if len(self._flats) >= KEPT:
+                self._flats.clear()
+            flat = FlatPolygon.from_shapely(united(self.ladder.component[list(members)]))
             self._flats[members] = flat.vertices, flat.starts
         return self._flats[members]
 
