@@ -219,7 +219,7 @@ def _growth(size: Size) -> Iterator[Row]:
     """Slopes of the time in the double logarithm."""
     counts = [n for n in (100, 1000, 10_000, 100_000) if n <= size.count(100_000)]
     seconds = [_areas_and_pruning(meander(n, 100)) for n in counts]
-    yield _slope("areas and pruning, 10² to 10⁵ set-points", counts, seconds, 1.1)
+    yield _slope("areas and pruning, set-points", counts, seconds, 1.1)
     most = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
     yield counted(
         f"most memory up to here, {counts[-1]:,} set-points among them",
@@ -229,10 +229,10 @@ def _growth(size: Size) -> Iterator[Row]:
     )
     counts = [n for n in (100, 1000) if n <= size.count(1000)]
     seconds = [_seconds(lambda n=n: search_stages(meander(n, 100))) for n in counts]  # type: ignore[misc]
-    yield _slope("areas, pruning, IK and motion, 10² to 10³ set-points", counts, seconds, 1.1)
+    yield _slope("areas, pruning, IK and motion, set-points", counts, seconds, 1.1)
     counts = [n for n in (10, 100, 1000, 10_000) if n <= size.count(10_000)]
     seconds = [_areas_and_pruning(meander(300, n)) for n in counts]
-    yield _slope("areas and pruning, 10 to 10⁴ obstacles, none of them near", counts, seconds, 0.3)
+    yield _slope("areas and pruning, obstacles of which none is near", counts, seconds, 0.3)
 
 
 def _areas_and_pruning(world: World) -> float:
@@ -250,6 +250,7 @@ def _seconds(work: Work) -> float:
 
 
 def _slope(what: str, counts: list[int], seconds: list[float], most: float) -> Row:
+    what = f"{what}: {counts[0]:,} to {counts[-1]:,}"
     if len(counts) < 2:
         return counted(what, "log-log slope", [np.nan], None, "too few sizes")
     slopes = [float(np.polyfit(np.log(counts), np.log(seconds), 1)[0])]
