@@ -171,10 +171,10 @@ def is_clear(keep: Keep, base: Array, q: Array, tool_on: int) -> bool:
             whole[0, d], whole[1, d] = min(whole[0, d], boxes[k, 0, d]), max(whole[1, d], boxes[k, 1, d])
     m = 0
     while m < hulls.world:
-        if box_gap(whole, hulls.boxes[m]) < within:
+        if box_gap(whole, hulls.boxes[m]) <= within:
             for k in range(len(movers.link)):
                 exempt = movers.outermost[k] and hulls.owner[m] == tool_on
-                near = not exempt and box_gap(boxes[k], hulls.boxes[m]) < within
+                near = not exempt and box_gap(boxes[k], hulls.boxes[m]) <= within
                 if near and _gap(movers, hulls, placed, k, m) < within:
                     return False
         m = hulls.next[m]
