@@ -57,6 +57,19 @@ def _first(opens: Opens, low: float, high: float, steps: int) -> tuple[float, fl
     return float(amounts[k]), float(amounts[k + 1])
 
 
+def first_that(sees: Holds, most: float) -> float | None:
+    """The least amount that is seen to help, of even ones and then by bisection; None where none of them is.
+
+    Examples
+    --------
+    >>> round(first_that(lambda amount: amount > 0.3, 2.0), 2)
+    0.3
+    """
+    tried = [most * k / _COARSE for k in range(1, _COARSE + 1)]
+    k = next((k for k, one in enumerate(tried) if sees(_up(one))), None)
+    return None if k is None else _narrowed(sees, tried[k - 1] if k else 0.0, _up(tried[k]))
+
+
 def confirmed(holds: Holds, amount: float, most: float, seen: Holds | None = None) -> float | None:
     """An amount that holds, near to one that should, and least as far as ``holds`` can tell.
 

@@ -58,6 +58,11 @@ def target_moved(world: World, who: str) -> Repair | None:
     )
     if by is None:
         return None
+    return target_repair(who, by)
+
+
+def target_repair(who: str, by: Array) -> Repair:
+    """A target moved by (3,) [m], as a repair."""
     length = float(np.linalg.norm(by))
     text = f"move {who} by ({by[0]:.4f}, {by[1]:.4f}, {by[2]:.4f}) m, {length:.4f} m in all"
     return Repair("move-target", who, length, text, "m", tuple(by.tolist()))

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
+from itertools import combinations
 
 import numpy as np
 import shapely
@@ -21,9 +22,12 @@ from regionik.worlds.errors import CauseKind
 from regionik.worlds.obstacles import Mesh, Prism, Solid
 from regionik.worlds.pivot import span_of
 from regionik.worlds.scene import World
+from regionik.worlds.selfpairs import base_body
 
 JOINT_LIMITS = "joint limits"
 CLEARANCE = "rules.clearance"
+ARM_CLEARANCE = "rules.arm_clearance"
+OWN_BODY = "links and base of the robot"
 HEADING = "rules.heading"
 FOOTPRINT = "footprint of the base"
 EDGE = "edge of the floor"
@@ -79,6 +83,14 @@ def constraints_of(world: World) -> tuple[Constraint, ...]:
     return tuple(found)
 
 
+def arm_constraints_of(world: World) -> tuple[Constraint, ...]:
+    """The same, and what keeps the arm off things: its clearance, and that its links and base keep apart."""
+    found = [Constraint("self", OWN_BODY, without_own_body)]
+    if world.rules.arm_clearance > 0 and world.solids:
+        found.append(Constraint("clearance", ARM_CLEARANCE, partial(with_arm_clearance, clearance=0.0)))
+    return (*constraints_of(world)[:-1], *found, *constraints_of(world)[-1:])
+
+
 def direction_name(world: World) -> str:
     """What the task asks of the tool beyond its position."""
     turned = any(target.orientation is not None for target in world.task)
@@ -113,6 +125,19 @@ def without_edge(world: World) -> World:
 def without_clearance(world: World) -> World:
     """The base may come as near to solids as it likes."""
     return with_clearance(world, 0.0)
+
+
+def with_arm_clearance(world: World, clearance: float) -> World:
+    """Another clearance of the arm [m]."""
+    return replace(world, rules=replace(world.rules, arm_clearance=clearance))
+
+
+def without_own_body(world: World) -> World:
+    """Links that may pass through one another and through the base."""
+    robot = world.robot
+    body = base_body(robot)
+    names = [solid.name for solid in robot.all_solids] + ([body.name] if body else [])
+    return replace(world, robot=replace(robot, unchecked=tuple(combinations(names, 2))))
 
 
 def without_footprint(world: World) -> World:

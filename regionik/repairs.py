@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from regionik.demand import in_plane
 from regionik.least import FINE, least_open
 from regionik.moves import obstacle_moved, target_moved
-from regionik.relaxations import CLEARANCE, Constraint, with_clearance, with_cone, with_mast
+from regionik.relaxations import ARM_CLEARANCE, CLEARANCE, Constraint, with_clearance, with_cone, with_mast
 from regionik.trials import checked, opened
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Repair
@@ -50,7 +50,8 @@ def share(world: World, repair: Repair) -> float:
     span = span_of(world.robot.chain)
     length = span.radius + span.length
     if repair.kind == "clearance":
-        return (world.rules.clearance - repair.amount) / length
+        now = world.rules.arm_clearance if repair.name == ARM_CLEARANCE else world.rules.clearance
+        return (now - repair.amount) / length
     if repair.kind == "cone":
         return (repair.amount - min(target.cone for target in world.task)) / np.pi
     return repair.amount / (1.0 if repair.kind == "lift-off" else length)
@@ -103,8 +104,14 @@ def _cone(world: World, who: str) -> Repair | None:
     more = checked(world, change, least_open(opens, most), most)
     if more is None:
         return None
-    text = f"open the cone of {target.cone:.4f} rad about the direction of {who} to {wider(more):.4f} rad"
-    return Repair("cone", who, wider(more), text, "rad")
+    return cone_repair(world, who, wider(more))
+
+
+def cone_repair(world: World, who: str, cone: float) -> Repair:
+    """A wider cone, as a repair [rad]."""
+    now = world.task[0].cone
+    text = f"open the cone of {now:.4f} rad about the direction of {who} to {cone:.4f} rad"
+    return Repair("cone", who, cone, text, "rad")
 
 
 def _raise(world: World) -> Repair | None:

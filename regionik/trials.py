@@ -13,6 +13,8 @@ from regionik.least import confirmed
 from regionik.reach import reach
 from regionik.regions import path_areas
 from regionik.relaxations import (
+    ARM_CLEARANCE,
+    with_arm_clearance,
     with_clearance,
     with_cone,
     with_lift_offs,
@@ -40,6 +42,8 @@ def repaired(world: World, repair: Repair, i: int = 0) -> World:
     """
     by = np.array(repair.vector)
     match repair.kind:
+        case "clearance" if repair.name == ARM_CLEARANCE:
+            return with_arm_clearance(world, repair.amount)
         case "clearance":
             return with_clearance(world, repair.amount)
         case "cone":
@@ -57,7 +61,7 @@ def repaired(world: World, repair: Repair, i: int = 0) -> World:
 
 def holds(before: World, after: World) -> bool:
     """Whether the target is reachable in a changed world, and not inside anything that it was not in."""
-    if _enters(before, after):
+    if enters(before, after):
         return False
     if not opened(after, after.task)[0] and no_inner(after):  # sooner known than asked
         return False
@@ -69,7 +73,7 @@ def sighted(before: World, after: World) -> bool:
 
     Where it is not, looking heading by heading and pitch by pitch may still find one.
     """
-    if _enters(before, after):
+    if enters(before, after):
         return False
     areas, sides = path_areas(after), anywhere(after).sides
     quest = Quest(after, after.task[0])
@@ -79,7 +83,7 @@ def sighted(before: World, after: World) -> bool:
     return any(quest.within(areas.inner[k], areas.family[k], span) is not None for k, span in looked)
 
 
-def _enters(before: World, after: World) -> bool:
+def enters(before: World, after: World) -> bool:
     """Whether the target is in a solid that it was not in."""
     solids = zip(before.solids, after.solids, strict=True)
     old, new = before.task[0].position, after.task[0].position

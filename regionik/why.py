@@ -10,6 +10,7 @@ from regionik import explain
 from regionik.causes import no_inner
 from regionik.pipeline import check, explained, whole_path
 from regionik.reach import reach
+from regionik.why_arm import is_judged, why_arm
 from regionik.why_target import why_target
 from regionik.worlds.arrays import frozen
 from regionik.worlds.errors import Explanation, NoPlanFound
@@ -55,10 +56,13 @@ def why(world: World, target: Target | ArrayLike | None = None) -> Explanation |
     if not isinstance(target, Target):
         target = Target(frozen(target, (3,), "target"))
     asked = replace(world, task=(target,))
-    if reach(asked, asked.task).reachable[0]:
+    answer = reach(asked, asked.task)
+    if answer.reachable[0]:
         return None
     if no_inner(asked):
         return why_target(asked, 0, explain.unreachable(asked, 0))
+    if answer.verdict[0] == "unreachable" and is_judged(asked):
+        return why_arm(asked, 0, f"{answer.reason[0]}.")
     return explain.no_posture(asked, 0)
 
 

@@ -7,7 +7,16 @@ from dataclasses import replace
 
 from regionik import explain
 from regionik.causes import irreducible, no_inner, no_outer
-from regionik.relaxations import CELLS, CLEARANCE, FOOTPRINT, HEADING, Constraint, constraints_of
+from regionik.relaxations import (
+    ARM_CLEARANCE,
+    CELLS,
+    CLEARANCE,
+    FOOTPRINT,
+    HEADING,
+    OWN_BODY,
+    Constraint,
+    constraints_of,
+)
 from regionik.repairs import repairs_of_target
 from regionik.worlds.errors import Cause, Explanation, Repair
 from regionik.worlds.scene import World
@@ -68,6 +77,10 @@ def _name(world: World, one: Constraint) -> str:
     match one.name:
         case name if name == CLEARANCE:
             return f"the clearance of {world.rules.clearance:g} m"
+        case name if name == ARM_CLEARANCE:
+            return f"the arm's clearance of {world.rules.arm_clearance:g} m"
+        case name if name == OWN_BODY:
+            return f"that the {name} keep apart"
         case name if name == HEADING:
             return f"the heading policy '{world.rules.heading}'"
         case name if name in (FOOTPRINT, CELLS) or one.kind in ("floor", "direction"):

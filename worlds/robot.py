@@ -120,7 +120,8 @@ class Robot:
         What else is fixed to the base, a mast for instance. It keeps off things as links of the arm do, which
         in their turn keep off it.
     unchecked : tuple of (str, str)
-        Names of solids that need not keep apart, though they do not follow one another.
+        Names of solids that need not keep apart, though they do not follow one another. The base's own body
+        goes by "base of" and the robot's name.
     masses : tuple of LinkMass
         Of the arm's links; none where they are not known.
     payload : float

@@ -56,7 +56,7 @@ def self_pairs(robot: Robot) -> tuple[tuple[int, int], ...]:
     pairs: list[tuple[int, int]] = []
     if body is not None:
         block, still = _block(body), frames[:, BASE]
-        far = (k for k in range(len(solids)) if order[k] > 1)
+        far = (k for k in range(len(solids)) if order[k] > 1 and {body.name, solids[k].name} not in allowed)
         pairs += [(BODY, k) for k in far if apart(block, still, hulls[k], placed[k]).any()]
     for i, k in combinations(range(len(solids)), 2):
         if abs(order[i] - order[k]) < 2 or {solids[i].name, solids[k].name} in allowed:
