@@ -15,6 +15,8 @@ import numpy as np
 from regionik.demand import deviation
 from regionik.planners import fabrik, kernels
 from regionik.planners.flat import FlatPolygon
+from regionik.planners.onecall import Joined, Turning, packed
+from regionik.planners.passes import holds_of
 from regionik.planners.qualities import COMFORT, Asked, meeting_posture, posture_spare
 from regionik.planners.rolls import roll_for, tool_turn, within_limits
 from regionik.reachable import Family, families_of
@@ -98,12 +100,28 @@ class PlaneSolver:
         return kernels.PlaneArm(*shoulder, arm.lengths, arm.lower, arm.upper)
 
     @cached_property
+    def holds(self) -> Array:
+        """Limits of the bends as the passes take them."""
+        return holds_of(self.arm.lower, self.arm.upper)
+
+    @cached_property
     def postures(self) -> Array:
         """Ten postures to restart from, spread over the limits: elbow up and down, folded, stretched."""
         lower = np.where(np.isfinite(self.arm.lower), self.arm.lower, -np.pi)
         upper = np.where(np.isfinite(self.arm.upper), self.arm.upper, np.pi)
         spread: Array = lower + _SPREAD * (upper - lower)
         return spread
+
+    def packed(self, mount: Array, turning: Turning, dof: int) -> Array | None:
+        """What a compiled call needs to know; None where postures must meet more than a target."""
+        if self.asked is not None:
+            return None
+        arm, family = self.arm, self.family
+        joined = Joined(
+            arm.sign, arm.offset, arm.pivot_zero, mount, family.facing, family.pitch, self.tolerance,
+            MOST_PASSES, dof,
+        )  # fmt: skip
+        return packed(self.plane, self.holds, self.postures, joined, turning)
 
     def reach(
         self, target: Target, axis: Array, yaw: float, joints: Array, area: FlatPolygon, mobile: bool
@@ -115,7 +133,7 @@ class PlaneSolver:
             if mobile and target.direction is not None and len(area.starts) <= 1:
                 place = _swung(kind, target.position, place)
             error, iterations, _, plane_yaw = fabrik.solve(
-                self.plane, self.postures, area.vertices, area.starts, mobile, place,
+                self.plane, self.holds, self.postures, area.vertices, area.starts, mobile, place,
                 yaw + self.arm.pivot_zero + joints[0], bends, target.position,
                 self.family.facing, kind.pitch, self.tolerance, MOST_PASSES,
             )  # fmt: skip
@@ -154,22 +172,9 @@ class PlaneSolver:
     def reach_many(
         self, targets: Array, axes: Array, yaws: Array, joints: Array, area: FlatPolygon
     ) -> list[Reached]:
-        """Many targets in one compiled loop, where nothing but the targets is asked; see `Arm`."""
-        if self.asked is not None:
-            each = zip(map(Target, targets), axes, yaws.tolist(), joints, strict=True)
-            return [self.reach(*row, area, True) for row in each]
-        bends, places = self.arm.bends(joints), np.array(axes)
-        planes = yaws + self.arm.pivot_zero + joints[:, 0]
-        errors, iterations = np.empty(len(targets)), np.empty(len(targets), dtype=np.int64)
-        fabrik.solve_batch(
-            self.plane, self.postures, area.vertices, area.starts, True, places, planes, bends, targets,
-            self.family.facing, self.family.pitch, self.tolerance, MOST_PASSES, errors, iterations,
-        )  # fmt: skip
-        q = np.array(joints)
-        q[:, 0] = planes - yaws - self.arm.pivot_zero
-        q[:, 1:4] = self.arm.hinge_joints(bends, joints)
-        rows = zip(places, q, errors.tolist(), iterations.tolist(), strict=True)
-        return [Reached(*row) for row in rows]
+        """One after the other; see `Arm`."""
+        rows = zip(map(Target, targets), axes, yaws.tolist(), joints, strict=True)
+        return [self.reach(*row, area, True) for row in rows]
 
     def least_change(self, target: Target, axis: Array, yaw: float, joints: Array) -> Reached | None:
         """The posture on target whose bends change least; see `Arm`."""
