@@ -7,11 +7,14 @@ from collections.abc import Iterator
 import numpy as np
 import shapely
 
-from benchmarks.speed.harness import Row, Size, Wanted, against
+from benchmarks.speed.harness import Row, Size, Wanted, Work, against, timed
 from benchmarks.speed.mobile import TOLERANCE, Task, mobile_chain, task
-from benchmarks.speed.rivals import damped_steps, passes_with_shapely
-from regionik.mfabrik import Solver
+from benchmarks.speed.rivals import begun_all, damped_steps, passes_with_shapely
+from regionik.mfabrik import Batch, Solver
+from regionik.planners.lanes import abreast
+from regionik.planners.onecall import answer_all
 from regionik.regions import admissible_area
+from regionik.serialarm import MOST_PASSES
 from regionik.worlds.arrays import Array
 from regionik.worlds.obstacles import Cylinder
 from regionik.worlds.scene import Floor, Rules, Target, World
@@ -39,8 +42,11 @@ def batches(size: Size) -> Iterator[Row]:
     ):
         error, within = damped(some, solver, bounds)
         met = 100 * (error <= TOLERANCE).mean()
-        note = f"DLS solves {met:.4g} %, {100 * within.mean():.4g} % within limits; ours "
-        note += f"{100 * solver.batch(*some[1:]).converged.mean():.4g} %, all within limits"
+        own = 100 * solver.batch(*some[1:]).converged.mean()
+        note = (
+            f"DLS solves {met:.4g} %, {100 * within.mean():.4g} % within limits; ours {own:.4g} %, all "
+            f"within limits; {profile(some, solver)}"
+        )
         yield against(
             f"one of a batch of {count:,}, joints to joints",
             name,
@@ -51,6 +57,36 @@ def batches(size: Size) -> Iterator[Row]:
             pieces=(count, count),
             note=note,
         )
+
+
+def profile(some: Task, solver: Solver) -> str:
+    """Where the time of a batch goes."""
+    assert solver._call is not None
+    _, _, call, vertices, starts = solver._call
+    count, few = len(some.targets), Size(rounds=5)
+    found = Batch.empty(count, some.robot.chain.dof)
+    axes, planes, bends, links = begun_all(call, some.bases, some.joints)
+
+    def spent(work: Work) -> float:
+        row = timed("", "", work, None, few)
+        return 1e9 * row.figure.median / count if row.figure else np.nan
+
+    whole = spent(lambda: solver.batch(*some[1:]))
+    inside = spent(lambda: answer_all(
+            call, vertices, starts, some.targets, some.bases, some.joints,
+            found.base, found.joints, found.error, found.iterations, found.converged,
+        ))  # fmt: skip
+    lanes = spent(
+        lambda: abreast(
+            links, 1, TOLERANCE, MOST_PASSES, some.targets, axes.copy(), planes.copy(), bends.copy(),
+            found.error, found.iterations,
+        )
+    )  # fmt: skip
+    return (
+        f"of ours {whole:.0f} ns: {lanes:.0f} abreast in lanes, sines and arctangents of joints with them, "
+        f"{inside - lanes:.0f} in restarts of the few that stall and in turning bends to joints, "
+        f"{whole - inside:.0f} in checking and copying"
+    )
 
 
 def limits_of(some: Task) -> Array:

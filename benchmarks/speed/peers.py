@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from benchmarks.ik_peers import _pinocchio, bounds, toolbox
+from benchmarks.ik_peers import bounds, pinocchio_model, toolbox
 from benchmarks.speed.mobile import TOLERANCE
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
@@ -28,7 +28,8 @@ def toolbox_lm(chain: Chain) -> Iterator[tuple[str, Ask]]:
 
         def ask(target: Array, start: Array, solve=solve, T=T) -> Array | None:  # type: ignore[no-untyped-def]
             T[:3, 3] = target
-            return solve(T, start, start)
+            found: Array | None = solve(T, start, start)
+            return found
 
         yield f"{method} {gain:g}", ask
 
@@ -37,7 +38,7 @@ def pinocchio_loop(chain: Chain) -> Iterator[tuple[str, Ask]]:
     """Damped least squares in Python on pinocchio's Jacobians, joints clipped to their limits."""
     import pinocchio as pin  # type: ignore[import-not-found, unused-ignore]
 
-    model = _pinocchio(chain, pin)
+    model = pinocchio_model(chain, pin)
     data, tip = model.createData(), model.getFrameId("tip")  # type: ignore[attr-defined]
     lower, upper = bounds(chain)
     for damping in (1e-6, 1e-4, 1e-2):
@@ -63,7 +64,7 @@ def pink_loop(chain: Chain) -> Iterator[tuple[str, Ask]]:
     from pink.limits import ConfigurationLimit  # type: ignore[import-not-found, unused-ignore]
     from pink.tasks import FrameTask  # type: ignore[import-not-found, unused-ignore]
 
-    model = _pinocchio(chain, pin)
+    model = pinocchio_model(chain, pin)
     data = model.createData()  # type: ignore[attr-defined]
     lower, upper = bounds(chain)
     task = FrameTask("tip", position_cost=1.0, orientation_cost=0.0, lm_damping=1e-3)

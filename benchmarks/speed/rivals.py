@@ -11,7 +11,7 @@ from shapely.geometry.base import BaseGeometry
 from regionik.planners.fabrik import PATIENCE, STALLED
 from regionik.planners.flat import compiled
 from regionik.planners.onecall import axis_at, bend_at, links_in
-from regionik.planners.passes import Knots, fast, inwards, outwards, placed
+from regionik.planners.passes import Knots, Links, fast, inwards, outwards, placed
 from regionik.serialarm import MOST_PASSES
 from regionik.worlds.arrays import Array
 
@@ -82,6 +82,18 @@ def begun(call: Array, base: Array, joints: Array) -> tuple[float, float, float,
     x, y, plane = axis_at(call, base, joints)
     a, b, c = bend_at(call, joints, 0), bend_at(call, joints, 1), bend_at(call, joints, 2)
     return x, y, plane, placed(links.shoulder, links.lengths, a, b, c)
+
+
+@compiled
+def begun_all(call: Array, bases: Array, joints: Array) -> tuple[Array, Array, Array, Links]:
+    """Axes (n, 2), directions of the plane (n,), bends (n, 3) and the arm, as lanes take them."""
+    n = len(bases)
+    axes, planes, bends = np.empty((n, 2)), np.empty(n), np.empty((n, 3))
+    for k in range(n):
+        axes[k, 0], axes[k, 1], planes[k] = axis_at(call, bases[k], joints[k])
+        for i in range(3):
+            bends[k, i] = bend_at(call, joints[k], i)
+    return axes, planes, bends, links_in(call)
 
 
 @compiled

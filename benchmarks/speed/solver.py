@@ -7,12 +7,14 @@ solver is that of all targets together, those included that take it restarts.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 
+from benchmarks.ik_peers import bounds
 from benchmarks.speed import peers
-from benchmarks.speed.harness import Row, Size, Wanted, Work, absent, against
+from benchmarks.speed.harness import Row, Size, Wanted, Work, absent, against, timed
 from benchmarks.speed.mobile import TOLERANCE, Task, mobile_chain, task
 from regionik.mfabrik import Solver
 from regionik.worlds.arrays import Array
@@ -43,11 +45,33 @@ def rows(size: Size) -> Iterator[Row]:
         setting, ask, share = fastest(chain, some, settings)
         ours, own = asked_of_ours(some)
         note = f"setting {setting}; solves {100 * share:.3g} % of {len(some.targets)}, ours {100 * own:.3g} %"
-        yield against(
-            WHAT, name, ours, asked_of(ask, some), wanted, size, pieces=(len(some.targets),) * 2, note=note
-        )
+        work, pieces = asked_of(ask, some), (len(some.targets),) * 2
+        row = against(WHAT, name, ours, work, wanted, size, pieces=pieces, note=note)
+        yield row if row.met else replace(row, note=f"{note}; {profile(some)}")
     why = "its Python door takes whole poses only, so it cannot be asked for a position"
     yield absent(WHAT, "pytracik", None, why)
+
+
+def profile(some: Task) -> str:
+    """Where the time of a solve goes: a line for rows that are missed."""
+    solver = Solver(some.robot, tolerance=TOLERANCE)
+    assert solver._call is not None
+    kernel, dof, *prepared = solver._call
+    cases = list(zip(some.targets, some.bases, some.joints, strict=True))
+    base, joints, lost = np.empty(3), np.empty(dof), np.full(3, np.nan)
+    few = Size(rounds=5)
+
+    def spent(work: Callable[[Array, Array, Array], object]) -> float:
+        row = timed("", "", lambda: [work(*case) for case in cases], None, few)
+        return 1e9 * row.figure.median / len(cases) if row.figure else np.nan
+
+    whole = spent(solver)
+    inside = spent(lambda t, b, q: kernel(*prepared, t, b, q, base, joints))
+    refused = spent(lambda t, b, q: kernel(*prepared, lost, b, q, base, joints))
+    return (
+        f"of ours {whole:.0f} ns: {inside - refused:.0f} in the compiled passes, {refused:.0f} in handing "
+        f"arrays to them, {whole - inside:.0f} in room for the answer and its object"
+    )
 
 
 def asked_of(ask: peers.Ask, some: Task) -> Work:
@@ -90,9 +114,9 @@ def fastest(chain: Chain, some: Task, settings: list[tuple[str, peers.Ask]]) -> 
     return name, ask, share
 
 
-def solved(chain: Chain, targets: Array, answers: list[Array | None], beyond: float = SLACK) -> float:
+def solved(chain: Chain, targets: Array, answers: Sequence[Array | None], beyond: float = SLACK) -> float:
     """Share of answers on target and within limits; the heading of the base may go ``beyond`` its own."""
-    lower, upper = peers.bounds(chain)
+    lower, upper = bounds(chain)
     slack = np.where(np.array(chain.names) == "base_yaw", max(beyond, SLACK), SLACK)
     good = 0
     for target, joints in zip(targets, answers, strict=True):
