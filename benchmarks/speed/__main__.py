@@ -22,6 +22,7 @@ from benchmarks.speed.report import MARKS, as_json, as_markdown, machine
 GROUPS = {  # module -> heading
     "solver": "One solve, against others",
     "batch": "Many solves, and solves inside an area",
+    "areas": "Areas, stages and base paths",
 }
 PREFACE = """\
 # Speed
