@@ -210,20 +210,16 @@ def _widest_at(
     dx, dy = target[0] - x, target[1] - y
     rho = np.sqrt(dx * dx + dy * dy)
     yaw = np.arctan2(facing * dy, facing * dx) if rho > STRAIGHT else plane_yaw
+    far = arm.lengths[0] + arm.lengths[1] + arm.lengths[2] + abs(arm.shoulder_r)
     found = np.empty(3)
-    there = widest_posture(arm, pitch, facing * rho, target[2], found, 1440)
-    if not there and mobile and len(starts) <= 1:
-        for k in range(200):
-            rho = (k + 0.5) / 200.0 * (arm.lengths.sum() + abs(arm.shoulder_r))
-            there = widest_posture(arm, pitch, facing * rho, target[2], found, 360)
-            if there:
-                x = target[0] - facing * rho * np.cos(yaw)
-                y = target[1] - facing * rho * np.sin(yaw)
-                break
-    if not there:
-        return np.inf, plane_yaw
-    base[0], base[1] = x, y
-    bends[:] = found
-    points = np.empty((4, 2))
-    place(arm, bends, points)
-    return np.hypot(points[3, 0] - facing * rho, points[3, 1] - target[2]), yaw
+    for k in range(201 if mobile and len(starts) <= 1 else 1):
+        if k > 0:
+            rho = (k - 0.5) / 200.0 * far
+            x, y = target[0] - facing * rho * np.cos(yaw), target[1] - facing * rho * np.sin(yaw)
+        if widest_posture(arm, pitch, facing * rho, target[2], found, 1440 if k == 0 else 360):
+            base[0], base[1] = x, y
+            bends[0], bends[1], bends[2] = found[0], found[1], found[2]
+            points = np.empty((4, 2))
+            place(arm, bends, points)
+            return np.hypot(points[3, 0] - facing * rho, points[3, 1] - target[2]), yaw
+    return np.inf, plane_yaw

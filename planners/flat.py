@@ -48,6 +48,9 @@ class FlatPolygon:
     vertices: Array
     starts: Index
 
+    def __post_init__(self) -> None:  # none may write, and kernels are compiled for one kind of array
+        self.vertices.flags.writeable = self.starts.flags.writeable = False
+
     @classmethod
     def from_shapely(cls, geometry: BaseGeometry) -> FlatPolygon:
         """Flatten a Polygon or MultiPolygon.
@@ -64,8 +67,6 @@ class FlatPolygon:
         True
         """
         rings, vertices = _rings(solid(geometry))
-        vertices.flags.writeable = False
-        rings.flags.writeable = False
         return cls(vertices, rings)
 
 

@@ -207,6 +207,7 @@ def _solved(
     call: Array,
     vertices: Array,
     starts: Index,
+    mobile: bool,
     target: Array,
     base: Array,
     joints: Array,
@@ -229,14 +230,14 @@ def _solved(
     most = int(call[_MOST])
     point = (target[0], target[1], target[2])
     error, passes, new_x, new_y, yaw, knots = mfabrik(
-        links, vertices, starts, True, x, y, plane_yaw, bends, point,
-        facing, pitch, tolerance, most, PATIENCE,
+        links, vertices, starts, mobile, x, y, plane_yaw, bends, point,
+        facing, pitch, tolerance, most, min(PATIENCE, most),
     )  # fmt: skip
     new_base[0], new_base[1], new_joints[1], new_joints[2], new_joints[3] = new_x, new_y, *bends
     if error > tolerance:
         new_base[0], new_base[1] = x, y
         error, passes, _, yaw = solve(
-            arm_in(call), call[_HOLDS:_SIGN], call[_POSTURES:].reshape(-1, 3), vertices, starts, True,
+            arm_in(call), call[_HOLDS:_SIGN], call[_POSTURES:].reshape(-1, 3), vertices, starts, mobile,
             new_base[:2], plane_yaw, new_joints[1:4], target, facing, pitch, tolerance, most,
         )  # fmt: skip
     elif passes > 0:
@@ -251,32 +252,19 @@ def _solved(
     return error, passes, MET if fits and error <= tolerance else MISSED
 
 
-@compiled
-def _called(
-    call: Array,
-    vertices: Array,
-    starts: Index,
-    target: Array,
-    base: Array,
-    joints: Array,
-    new_base: Array,
-    new_joints: Array,
-) -> tuple[float, int, int]:
-    return _solved(call, vertices, starts, target, base, joints, new_base, new_joints)
-
-
 @cache
 def one_call() -> Callable[..., Any]:
-    """The compiled call: ``(call, vertices, starts, target, base, joints, new_base, new_joints)``.
+    """The compiled call: ``(call, vertices, starts, mobile, target, base, joints, new_base, new_joints)``.
 
     It fills the last two and returns error [m], passes, and `REFUSED`, `MISSED` or `MET`. Refused is what has
     another length or is not finite; what is no contiguous array of floats is a TypeError.
     """
     given = types.Array(types.float64, 1, "C", readonly=True)
     filled = types.Array(types.float64, 1, "C")
-    vertices, starts = types.Array(types.float64, 2, "C"), types.Array(types.int64, 1, "C")
-    kernel: Any = _called
-    kernel.compile((filled, vertices, starts, given, given, given, filled, filled))
+    vertices = types.Array(types.float64, 2, "C", readonly=True)
+    starts = types.Array(types.int64, 1, "C", readonly=True)
+    kernel: Any = _solved
+    kernel.compile((filled, vertices, starts, types.boolean, given, given, given, filled, filled))
     kernel.disable_compile()
     call: Callable[..., Any] = kernel
     return call
@@ -291,11 +279,11 @@ def answer_all(
 
     Fills bases (n, 3), joints (n, dof), errors [m], passes and whether a target is met (n,).
     """
-    n = len(targets)
+    n, mobile = len(targets), np.bool_(True)  # a plain truth: of literals numba would compile another kernel
     if len(starts) > 1 or np.isfinite(call[_PITCH]):
         for k in range(n):
             errors[k], passes[k], end = _solved(
-                call, vertices, starts, targets[k], bases[k], joints[k], new_bases[k], new_joints[k]
+                call, vertices, starts, mobile, targets[k], bases[k], joints[k], new_bases[k], new_joints[k]
             )
             met[k] = end == MET
         return
@@ -310,7 +298,7 @@ def answer_all(
     for k in range(n):
         if errors[k] > tolerance:
             errors[k], passes[k], end = _solved(
-                call, vertices, starts, targets[k], bases[k], joints[k], new_bases[k], new_joints[k]
+                call, vertices, starts, mobile, targets[k], bases[k], joints[k], new_bases[k], new_joints[k]
             )
             met[k] = end == MET
             continue

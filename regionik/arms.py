@@ -95,9 +95,11 @@ class PlaneSolver:
 
     @cached_property
     def plane(self) -> kernels.PlaneArm:
+        """The arm for kernels; its arrays may be written to, so that numba knows one type of them."""
         arm = self.arm
         shoulder = float(arm.shoulder[0]), float(arm.shoulder[1] + self.height)
-        return kernels.PlaneArm(*shoulder, arm.lengths, arm.lower, arm.upper)
+        lengths, lower, upper = (np.array(part, order="C") for part in (arm.lengths, arm.lower, arm.upper))
+        return kernels.PlaneArm(*shoulder, lengths, lower, upper)
 
     @cached_property
     def holds(self) -> Array:

@@ -115,15 +115,17 @@ class Solver:
         InputError
             For shapes that do not fit or numbers that are not finite.
         """
-        if type(target) is np.ndarray and (found := self._at_once(target, base, joints)):
+        if type(target) is np.ndarray and (found := self._at_once(target, base, joints, True)):
             return found
         asked, here = _asked(target), frozen(base, (3,), "base")
         now = frozen(joints, (self.robot.chain.dof,), "joints")
-        if asked.direction is None and (found := self._at_once(asked.position, here, now)):
+        if asked.direction is None and (found := self._at_once(asked.position, here, now, True)):
             return found
         return self._solve(asked, here, now, mobile=True)
 
-    def _at_once(self, target: Array, base: ArrayLike, joints: ArrayLike) -> Configuration | None:
+    def _at_once(
+        self, target: Array, base: ArrayLike, joints: ArrayLike, mobile: bool
+    ) -> Configuration | None:
         """All in one compiled call; None for arms of other kinds, and for what must be looked at first."""
         prepared = self._call
         if prepared is None:
@@ -131,14 +133,19 @@ class Solver:
         kernel, dof, call, vertices, starts = prepared
         new_base, new_joints = np.empty(3), np.empty(dof)
         try:
-            error, passes, end = kernel(call, vertices, starts, target, base, joints, new_base, new_joints)
+            error, passes, end = kernel(
+                call, vertices, starts, mobile, target, base, joints, new_base, new_joints
+            )
         except TypeError:  # no plain arrays of floats
             return None
         return None if end == REFUSED else Configuration(new_base, new_joints, error, passes, end == MET)
 
     def hold(self, target: Target | ArrayLike, base: ArrayLike, joints: ArrayLike) -> Configuration:
         """As a call, but the arm axis stays where it is: only the arm and the heading move."""
-        return self._solve(_asked(target), np.asarray(base), np.asarray(joints), mobile=False)
+        asked, here, now = _asked(target), np.asarray(base), np.asarray(joints)
+        if asked.direction is None and (found := self._at_once(asked.position, here, now, False)):
+            return found
+        return self._solve(asked, here, now, mobile=False)
 
     def least_change(self, target: Target | ArrayLike, base: Array, joints: Array) -> Configuration | None:
         """With the arm axis held, the posture on target that changes least, if there is one."""
@@ -180,7 +187,7 @@ class Solver:
             columns = found.base, found.joints, found.error, found.iterations, found.converged
             answer_all(call, vertices, starts, points, here, now, *columns)
             return found
-        axes, yaws = axis_of(self.robot, here), here[:, 2] + self.robot.mount[3]
+        axes, yaws = axis_of(self.robot, here), np.array([self._yaw(row) for row in here])
         reached = self._arm.reach_many(points, axes, yaws, self._behind(now), self._flat)
         rows = [self._headed(*row) for row in zip(reached, here, now, strict=True)]
         return _batch(rows, self.robot.chain.dof)
@@ -194,7 +201,7 @@ class Solver:
         prepared = self._arm.packed(self.robot.mount, self._turning, dof)
         if prepared is None:
             return None
-        return one_call(), dof, prepared, np.array(self._flat.vertices), np.array(self._flat.starts)
+        return one_call(), dof, prepared, self._flat.vertices, self._flat.starts
 
     @cached_property
     def _turning(self) -> Turning:
@@ -242,7 +249,7 @@ class Solver:
         chain, joints = pivoted(self._kept.chain), behind(self.robot.chain, joints)
         k = pivot_of(chain)
         q = np.array(reached.joints)
-        plane = self._yaw(base) - self.robot.mount[3] + float(q[k])
+        plane = self._yaw(base) - float(self.robot.mount[3]) + float(q[k])  # as the arm was asked
         q[k], yaw, fits = share_turn(plane, float(base[2]), float(joints[k]), self._turning)
         pose = pose_of(self.robot, reached.axis, float(yaw))
         good = bool(

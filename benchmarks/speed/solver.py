@@ -66,8 +66,8 @@ def profile(some: Task) -> str:
         return 1e9 * row.figure.median / len(cases) if row.figure else np.nan
 
     whole = spent(solver)
-    inside = spent(lambda t, b, q: kernel(*prepared, t, b, q, base, joints))
-    refused = spent(lambda t, b, q: kernel(*prepared, lost, b, q, base, joints))
+    inside = spent(lambda t, b, q: kernel(*prepared, True, t, b, q, base, joints))
+    refused = spent(lambda t, b, q: kernel(*prepared, True, lost, b, q, base, joints))
     return (
         f"of ours {whole:.0f} ns: {inside - refused:.0f} in the compiled passes, {refused:.0f} in handing "
         f"arrays to them, {whole - inside:.0f} in room for the answer and its object"
