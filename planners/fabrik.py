@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from regionik.planners.flat import clamp, compiled, contains
+from regionik.planners.edgetree import EdgeTree, clamp, likely
+from regionik.planners.flat import compiled
 from regionik.planners.kernels import PlaneArm, fit, place, widest_posture, wrap
 from regionik.planners.passes import Knots, Links, Triple, holds_at, inwards, outwards, placed
 from regionik.worlds.arrays import Array
-
-Ints = NDArray[np.int64]
 
 PATIENCE, STALLED = 10, 0.9  # passes in which the error must come down to this share, for a start to go on
 STRAIGHT = 1e-12  # a target so near to the axis, seen from above, does not turn the plane [m]
@@ -39,8 +37,7 @@ def _seen(dx: float, dy: float, facing: int, ux: float, uy: float) -> tuple[floa
 @compiled
 def mfabrik(
     links: Links,
-    vertices: Array,
-    starts: Ints,
+    area: EdgeTree,
     mobile: bool,
     x: float,
     y: float,
@@ -58,8 +55,8 @@ def mfabrik(
     Parameters
     ----------
     links : Links
-    vertices, starts : arrays
-        Admissible area as flat rings; no rings leave the whole floor free.
+    area : EdgeTree
+        Admissible area; without edges the whole floor is free.
     mobile : bool
         False holds the base where it is.
     x, y : float
@@ -87,16 +84,19 @@ def mfabrik(
     held = np.isfinite(pitch)
     tool = (np.cos(pitch), np.sin(pitch)) if held else (0.0, 0.0)
     knots = placed(shoulder, lengths, bends[0], bends[1], bends[2])
-    bounded = len(starts) > 1
+    bounded = mobile and len(area.edges) > 0
     tx, ty, tz = target
     ux, uy = np.cos(plane_yaw), np.sin(plane_yaw)
     ex, ey, ez = x + knots[4] * ux - tx, y + knots[4] * uy - ty, knots[5] - tz
     error = np.sqrt(ex * ex + ey * ey + ez * ez)
+    iterations, mark, r_t = 0, np.inf, 0.0
+    edge = likely(area, x, y) if bounded else 0
     # A base that has become inadmissible must move even where the tool is in place already.
-    settled = not (mobile and bounded) or contains(vertices, starts, x, y)
+    settled = True
+    if bounded and error <= tolerance:
+        settled = (x, y) == clamp(area, x, y, edge)[:2]
     if held and abs(wrap(bends[0] + bends[1] + bends[2] - pitch)) > 1e-9:
         settled = False
-    iterations, mark, r_t = 0, np.inf, 0.0
     while (error > tolerance or not settled) and iterations < most:
         if iterations % patience == patience - 1:
             if error > STALLED * mark:
@@ -110,7 +110,7 @@ def mfabrik(
             shift, before = inner[0] - shoulder[0], r_t  # l. 13: projected onto the floor
             x, y = x + shift * ux, y + shift * uy
             if bounded:  # l. 15-19
-                x, y = clamp(vertices, starts, x, y)
+                x, y, edge = clamp(area, x, y, edge)
                 ux, uy, r_t = _seen(tx - x, ty - y, facing, ux, uy)
             else:
                 r_t -= shift
@@ -135,8 +135,7 @@ def solve(
     arm: PlaneArm,
     holds: Array,
     postures: Array,
-    vertices: Array,
-    starts: Ints,
+    area: EdgeTree,
     mobile: bool,
     base: Array,
     plane_yaw: float,
@@ -169,7 +168,7 @@ def solve(
         if again > 0:
             a, b, c = postures[again - 1, 0], postures[again - 1, 1], postures[again - 1, 2]
         error, passes, x, y, yaw, knots = mfabrik(
-            links, vertices, starts, mobile, base[0], base[1], plane_yaw, (a, b, c), point, facing, pitch,
+            links, area, mobile, base[0], base[1], plane_yaw, (a, b, c), point, facing, pitch,
             tolerance, most, patience,
         )  # fmt: skip
         total += passes
@@ -179,9 +178,7 @@ def solve(
             if passes > 0:
                 bends_of(arm, knots, bends)
             return error, total, attempt, yaw
-    error_at_best, yaw = _widest_at(
-        arm, vertices, starts, mobile, base, plane_yaw, bends, target, facing, pitch
-    )
+    error_at_best, yaw = _widest_at(arm, area, mobile, base, plane_yaw, bends, target, facing, pitch)
     if np.isfinite(error_at_best):
         return error_at_best, total + 1, 2 * len(postures) + 2, yaw
     return error, total, 2 * len(postures) + 1, plane_yaw
@@ -190,8 +187,7 @@ def solve(
 @compiled
 def _widest_at(
     arm: PlaneArm,
-    vertices: Array,
-    starts: Ints,
+    area: EdgeTree,
     mobile: bool,
     base: Array,
     plane_yaw: float,
@@ -205,14 +201,15 @@ def _widest_at(
     Overwrites base and bends; returns the error, infinite where there is none, and the plane's direction.
     """
     x, y = base[0], base[1]
-    if mobile and len(starts) > 1:
-        x, y = clamp(vertices, starts, x, y)
+    bounded = len(area.edges) > 0
+    if mobile and bounded:
+        x, y, _ = clamp(area, x, y, likely(area, x, y))
     dx, dy = target[0] - x, target[1] - y
     rho = np.sqrt(dx * dx + dy * dy)
     yaw = np.arctan2(facing * dy, facing * dx) if rho > STRAIGHT else plane_yaw
     far = arm.lengths[0] + arm.lengths[1] + arm.lengths[2] + abs(arm.shoulder_r)
     found = np.empty(3)
-    for k in range(201 if mobile and len(starts) <= 1 else 1):
+    for k in range(201 if mobile and not bounded else 1):
         if k > 0:
             rho = (k - 0.5) / 200.0 * far
             x, y = target[0] - facing * rho * np.cos(yaw), target[1] - facing * rho * np.sin(yaw)

@@ -13,8 +13,9 @@ import numpy as np
 from numba import types
 from numpy.typing import NDArray
 
+from regionik.planners.edgetree import EdgeTree, tree_of
 from regionik.planners.fabrik import PATIENCE, mfabrik, solve
-from regionik.planners.flat import Index, compiled
+from regionik.planners.flat import FlatPolygon, Index, compiled
 from regionik.planners.kernels import PlaneArm, fit, wrap
 from regionik.planners.lanes import abreast
 from regionik.planners.passes import Knots, Links, holds_at
@@ -25,7 +26,8 @@ FREE, FACE_TARGET, FIXED = range(3)  # what the heading of the base is to be
 REFUSED, MISSED, MET = range(3)  # how a call ends
 
 _SHOULDER, _LENGTHS, _LOWER, _UPPER, _HOLDS, _SIGN, _OFFSET, _PIVOT, _MOUNT = 0, 2, 5, 8, 11, 32, 35, 38, 41
-_HEADING, _FACING, _PITCH, _TOLERANCE, _MOST, _DOF, _POSTURES = 45, 48, 49, 50, 51, 52, 53
+_HEADING, _FACING, _PITCH, _TOLERANCE, _MOST, _DOF = 45, 48, 49, 50, 51, 52
+_MOBILE, _POSTURES, _EDGES, _REST = 53, 54, 55, 56  # how many postures and edges follow, then they and boxes
 
 
 class Turning(NamedTuple):
@@ -80,15 +82,26 @@ class Joined(NamedTuple):
     dof: int
 
 
-def packed(arm: PlaneArm, holds: Array, postures: Array, joined: Joined, turning: Turning) -> Array:
+def packed(
+    arm: PlaneArm, holds: Array, postures: Array, joined: Joined, turning: Turning, area: FlatPolygon
+) -> Array:
     """All that a call needs to know, as one flat array."""
+    tree = tree_of(area.vertices, area.starts)
     parts = (
         [arm.shoulder_r, arm.shoulder_z], arm.lengths, arm.lower, arm.upper, holds.ravel(), joined.sign,
         joined.offset, [joined.zero, turning.lower, turning.upper], joined.mount,
         [turning.heading, turning.low, turning.high, joined.facing, joined.pitch, joined.tolerance],
-        [joined.most, joined.dof], postures.ravel(),
+        [joined.most, joined.dof, 1, len(postures), len(tree.edges)],
+        postures.ravel(), tree.edges.ravel(), tree.boxes.ravel(),
     )  # fmt: skip
     return np.concatenate([np.asarray(part, dtype=np.float64) for part in parts])
+
+
+def held(call: Array) -> Array:
+    """The same for a call that leaves the arm axis where it is."""
+    call = np.array(call)
+    call[_MOBILE] = 0
+    return call
 
 
 @compiled
@@ -203,11 +216,15 @@ def links_in(call: Array) -> Links:
 
 
 @compiled
+def area_in(call: Array) -> EdgeTree:
+    first = _REST + 3 * int(call[_POSTURES])
+    end = first + 4 * int(call[_EDGES])
+    return EdgeTree(call[first:end].reshape(-1, 4), call[end:].reshape(-1, 4))
+
+
+@compiled
 def _solved(
     call: Array,
-    vertices: Array,
-    starts: Index,
-    mobile: bool,
     target: Array,
     base: Array,
     joints: Array,
@@ -227,17 +244,18 @@ def _solved(
     bends = bend_at(call, joints, 0), bend_at(call, joints, 1), bend_at(call, joints, 2)
     links = links_in(call)
     facing, pitch, tolerance = int(call[_FACING]), call[_PITCH], call[_TOLERANCE]
-    most = int(call[_MOST])
+    most, mobile, area = int(call[_MOST]), call[_MOBILE] != 0.0, area_in(call)
     point = (target[0], target[1], target[2])
     error, passes, new_x, new_y, yaw, knots = mfabrik(
-        links, vertices, starts, mobile, x, y, plane_yaw, bends, point,
+        links, area, mobile, x, y, plane_yaw, bends, point,
         facing, pitch, tolerance, most, min(PATIENCE, most),
     )  # fmt: skip
     new_base[0], new_base[1], new_joints[1], new_joints[2], new_joints[3] = new_x, new_y, *bends
     if error > tolerance:
         new_base[0], new_base[1] = x, y
         error, passes, _, yaw = solve(
-            arm_in(call), call[_HOLDS:_SIGN], call[_POSTURES:].reshape(-1, 3), vertices, starts, mobile,
+            arm_in(call), call[_HOLDS:_SIGN],
+            call[_REST : _REST + 3 * int(call[_POSTURES])].reshape(-1, 3), area, mobile,
             new_base[:2], plane_yaw, new_joints[1:4], target, facing, pitch, tolerance, most,
         )  # fmt: skip
     elif passes > 0:
@@ -254,17 +272,15 @@ def _solved(
 
 @cache
 def one_call() -> Callable[..., Any]:
-    """The compiled call: ``(call, vertices, starts, mobile, target, base, joints, new_base, new_joints)``.
+    """The compiled call: ``(call, target, base, joints, new_base, new_joints)``.
 
     It fills the last two and returns error [m], passes, and `REFUSED`, `MISSED` or `MET`. Refused is what has
     another length or is not finite; what is no contiguous array of floats is a TypeError.
     """
     given = types.Array(types.float64, 1, "C", readonly=True)
     filled = types.Array(types.float64, 1, "C")
-    vertices = types.Array(types.float64, 2, "C", readonly=True)
-    starts = types.Array(types.int64, 1, "C", readonly=True)
     kernel: Any = _solved
-    kernel.compile((filled, vertices, starts, types.boolean, given, given, given, filled, filled))
+    kernel.compile((filled, given, given, given, filled, filled))
     kernel.disable_compile()
     call: Callable[..., Any] = kernel
     return call
@@ -272,18 +288,18 @@ def one_call() -> Callable[..., Any]:
 
 @compiled
 def answer_all(
-    call: Array, vertices: Array, starts: Index, targets: Array, bases: Array, joints: Array,
+    call: Array, targets: Array, bases: Array, joints: Array,
     new_bases: Array, new_joints: Array, errors: Array, passes: Index, met: NDArray[np.bool_],
 ) -> None:  # fmt: skip
     """The call for many rows, all finite; on a free floor with the pitch free 32 of them abreast.
 
     Fills bases (n, 3), joints (n, dof), errors [m], passes and whether a target is met (n,).
     """
-    n, mobile = len(targets), np.bool_(True)  # a plain truth: of literals numba would compile another kernel
-    if len(starts) > 1 or np.isfinite(call[_PITCH]):
+    n = len(targets)
+    if call[_EDGES] > 0.0 or np.isfinite(call[_PITCH]):
         for k in range(n):
             errors[k], passes[k], end = _solved(
-                call, vertices, starts, mobile, targets[k], bases[k], joints[k], new_bases[k], new_joints[k]
+                call, targets[k], bases[k], joints[k], new_bases[k], new_joints[k]
             )
             met[k] = end == MET
         return
@@ -298,7 +314,7 @@ def answer_all(
     for k in range(n):
         if errors[k] > tolerance:
             errors[k], passes[k], end = _solved(
-                call, vertices, starts, mobile, targets[k], bases[k], joints[k], new_bases[k], new_joints[k]
+                call, targets[k], bases[k], joints[k], new_bases[k], new_joints[k]
             )
             met[k] = end == MET
             continue

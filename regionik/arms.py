@@ -14,6 +14,7 @@ import numpy as np
 
 from regionik.demand import deviation
 from regionik.planners import fabrik, kernels
+from regionik.planners.edgetree import tree_of
 from regionik.planners.flat import FlatPolygon
 from regionik.planners.onecall import Joined, Turning, packed
 from regionik.planners.passes import holds_of
@@ -114,7 +115,7 @@ class PlaneSolver:
         spread: Array = lower + _SPREAD * (upper - lower)
         return spread
 
-    def packed(self, mount: Array, turning: Turning, dof: int) -> Array | None:
+    def packed(self, mount: Array, turning: Turning, dof: int, area: FlatPolygon) -> Array | None:
         """What a compiled call needs to know; None where postures must meet more than a target."""
         if self.asked is not None:
             return None
@@ -123,19 +124,20 @@ class PlaneSolver:
             arm.sign, arm.offset, arm.pivot_zero, mount, family.facing, family.pitch, self.tolerance,
             MOST_PASSES, dof,
         )  # fmt: skip
-        return packed(self.plane, self.holds, self.postures, joined, turning)
+        return packed(self.plane, self.holds, self.postures, joined, turning, area)
 
     def reach(
         self, target: Target, axis: Array, yaw: float, joints: Array, area: FlatPolygon, mobile: bool
     ) -> Reached:
         """Bring the tool to a target; see `Arm`. Of the kinds of posture the first that meets it."""
         best: Reached | None = None
+        tree = tree_of(area.vertices, area.starts)
         for kind in self._kinds(target):
             bends, place = self.arm.bends(joints), np.array(axis)
             if mobile and target.direction is not None and len(area.starts) <= 1:
                 place = _swung(kind, target.position, place)
             error, iterations, _, plane_yaw = fabrik.solve(
-                self.plane, self.holds, self.postures, area.vertices, area.starts, mobile, place,
+                self.plane, self.holds, self.postures, tree, mobile, place,
                 yaw + self.arm.pivot_zero + joints[0], bends, target.position,
                 self.family.facing, kind.pitch, self.tolerance, MOST_PASSES,
             )  # fmt: skip

@@ -28,6 +28,7 @@ from regionik.planners.onecall import (
     REFUSED,
     Turning,
     answer_all,
+    held,
     one_call,
     share_turn,
 )
@@ -115,27 +116,26 @@ class Solver:
         InputError
             For shapes that do not fit or numbers that are not finite.
         """
-        if type(target) is np.ndarray and (found := self._at_once(target, base, joints, True)):
+        if type(target) is np.ndarray and (found := self._at_once(target, base, joints)):
             return found
         asked, here = _asked(target), frozen(base, (3,), "base")
         now = frozen(joints, (self.robot.chain.dof,), "joints")
-        if asked.direction is None and (found := self._at_once(asked.position, here, now, True)):
+        if asked.direction is None and (found := self._at_once(asked.position, here, now)):
             return found
         return self._solve(asked, here, now, mobile=True)
 
     def _at_once(
-        self, target: Array, base: ArrayLike, joints: ArrayLike, mobile: bool
+        self, target: Array, base: ArrayLike, joints: ArrayLike, *, mobile: bool = True
     ) -> Configuration | None:
         """All in one compiled call; None for arms of other kinds, and for what must be looked at first."""
         prepared = self._call
         if prepared is None:
             return None
-        kernel, dof, call, vertices, starts = prepared
+        kernel, dof, roaming, staying = prepared
+        call = roaming if mobile else staying
         new_base, new_joints = np.empty(3), np.empty(dof)
         try:
-            error, passes, end = kernel(
-                call, vertices, starts, mobile, target, base, joints, new_base, new_joints
-            )
+            error, passes, end = kernel(call, target, base, joints, new_base, new_joints)
         except TypeError:  # no plain arrays of floats
             return None
         return None if end == REFUSED else Configuration(new_base, new_joints, error, passes, end == MET)
@@ -143,7 +143,7 @@ class Solver:
     def hold(self, target: Target | ArrayLike, base: ArrayLike, joints: ArrayLike) -> Configuration:
         """As a call, but the arm axis stays where it is: only the arm and the heading move."""
         asked, here, now = _asked(target), np.asarray(base), np.asarray(joints)
-        if asked.direction is None and (found := self._at_once(asked.position, here, now, False)):
+        if asked.direction is None and (found := self._at_once(asked.position, here, now, mobile=False)):
             return found
         return self._solve(asked, here, now, mobile=False)
 
@@ -182,10 +182,9 @@ class Solver:
         here = frozen(bases, (len(points), 3), "bases")
         now = frozen(joints, (len(points), self.robot.chain.dof), "joints")
         if self._call is not None:
-            _, _, call, vertices, starts = self._call
             found = Batch.empty(len(points), self.robot.chain.dof)
             columns = found.base, found.joints, found.error, found.iterations, found.converged
-            answer_all(call, vertices, starts, points, here, now, *columns)
+            answer_all(self._call[2], points, here, now, *columns)
             return found
         axes, yaws = axis_of(self.robot, here), np.array([self._yaw(row) for row in here])
         reached = self._arm.reach_many(points, axes, yaws, self._behind(now), self._flat)
@@ -193,15 +192,18 @@ class Solver:
         return _batch(rows, self.robot.chain.dof)
 
     @cached_property
-    def _call(self) -> tuple[Callable[..., Any], int, Array, Array, NDArray[np.int64]] | None:
-        """The compiled call and what it needs to know; None where more is asked than one call does."""
+    def _call(self) -> tuple[Callable[..., Any], int, Array, Array] | None:
+        """The compiled call, and what it needs to know where the axis moves and where it stays.
+
+        None where more is asked than one call does.
+        """
         if not isinstance(self._arm, PlaneSolver) or self._kept.chain is not self.robot.chain:
             return None
         dof = self.robot.chain.dof
-        prepared = self._arm.packed(self.robot.mount, self._turning, dof)
+        prepared = self._arm.packed(self.robot.mount, self._turning, dof, self._flat)
         if prepared is None:
             return None
-        return one_call(), dof, prepared, self._flat.vertices, self._flat.starts
+        return one_call(), dof, prepared, held(prepared)
 
     @cached_property
     def _turning(self) -> Turning:

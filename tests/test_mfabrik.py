@@ -113,6 +113,12 @@ def test_one_by_one_equals_batch(heading: Heading, family: Family, area: shapely
             np.testing.assert_allclose(one.joints, batch.joints[k], atol=1e-9)
             assert (one.iterations, one.converged) == (batch.iterations[k], batch.converged[k])
             assert one.error == pytest.approx(batch.error[k], abs=1e-12)
+        held = solver.hold(targets[k], bases[k], joints[k])
+        slow = solver._solve(Target(targets[k]), bases[k], joints[k], mobile=False)
+        np.testing.assert_allclose(held.base, slow.base, atol=1e-9)
+        np.testing.assert_allclose(held.base[:2], bases[k, :2], atol=1e-12)
+        np.testing.assert_allclose(held.joints, slow.joints, atol=1e-9)
+        assert (held.iterations, held.converged) == (slow.iterations, slow.converged)
 
 
 @pytest.mark.parametrize("span", [(0.5, 0.5), (0.5, 0.6), (-0.2, 0.2), (3.0, 3.4)])
@@ -122,7 +128,9 @@ def test_the_tool_is_where_it_is_said_to_be_whatever_the_span(span: tuple[float,
     for _ in range(100):
         target, base = [*rng.uniform(-1, 1, 2), 0.25], rng.uniform(-1, 1, 3)
         joints = rng.uniform(YOUBOT.chain.lower, YOUBOT.chain.upper)
+        met = [one for one in (solver.hold(target, base, joints),) if one.converged]
         for found in (
+            *met,
             solver(target, base, joints),
             solver._solve(Target(np.array(target)), base, joints, mobile=True),
         ):

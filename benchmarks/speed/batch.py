@@ -63,7 +63,7 @@ def batches(size: Size) -> Iterator[Row]:
 def profile(some: Task, solver: Solver) -> str:
     """Where the time of a batch goes."""
     assert solver._call is not None
-    _, _, call, vertices, starts = solver._call
+    call = solver._call[2]
     count, few = len(some.targets), Size(rounds=5)
     found = Batch.empty(count, some.robot.chain.dof)
     axes, planes, bends, links = begun_all(call, some.bases, some.joints)
@@ -74,7 +74,7 @@ def profile(some: Task, solver: Solver) -> str:
 
     whole = spent(lambda: solver.batch(*some[1:]))
     inside = spent(lambda: answer_all(
-            call, vertices, starts, some.targets, some.bases, some.joints,
+            call, some.targets, some.bases, some.joints,
             found.base, found.joints, found.error, found.iterations, found.converged,
         ))  # fmt: skip
     lanes = spent(
@@ -154,4 +154,4 @@ def clamped(size: Size) -> Row:
     alone = timed("", "", lambda: [free(*case) for _, case, _ in cases], None, Size(rounds=5)).ours
     assert alone is not None
     share = f"of ours {1e9 * row.ours.median:.0f} ns: {1e9 * alone.median / count:.0f} without an area"
-    return replace(row, note=f"{note}; {share}, the rest in asking its edges one by one")
+    return replace(row, note=f"{note}; {share}, the rest in asking its edges")

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from regionik.worlds.arrays import Array
+from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain, Joint, rot_z
 from regionik.worlds.robot import Robot
@@ -39,7 +39,8 @@ def task(count: int) -> Task:
     robot, rng = robot_named("youbot"), np.random.default_rng(0)
     targets = np.column_stack([rng.uniform(-1, 1, (count, 2)), rng.uniform(0.1, 0.4, count)])
     joints = rng.uniform(robot.chain.lower, robot.chain.upper, (count, robot.chain.dof))
-    return Task(robot, targets, rng.uniform(-1, 1, (count, 3)), joints)
+    rows = targets, rng.uniform(-1, 1, (count, 3)), joints
+    return Task(robot, *(frozen(part, part.shape, "task") for part in rows))
 
 
 def mobile_chain(robot: Robot) -> Chain:

@@ -36,7 +36,7 @@ def toolbox_lm(chain: Chain) -> Iterator[tuple[str, Ask]]:
 
 def pinocchio_loop(chain: Chain) -> Iterator[tuple[str, Ask]]:
     """Damped least squares in Python on pinocchio's Jacobians, joints clipped to their limits."""
-    import pinocchio as pin  # type: ignore[import-not-found, unused-ignore]
+    import pinocchio as pin  # type: ignore[import-not-found, import-untyped, unused-ignore]
 
     model = pinocchio_model(chain, pin)
     data, tip = model.createData(), model.getFrameId("tip")  # type: ignore[attr-defined]
@@ -59,7 +59,7 @@ def pinocchio_loop(chain: Chain) -> Iterator[tuple[str, Ask]]:
 
 def pink_loop(chain: Chain) -> Iterator[tuple[str, Ask]]:
     """Pink's quadratic programs, stepped until there, by daqp: limits in the program, or clipped."""
-    import pinocchio as pin  # type: ignore[import-not-found, unused-ignore]
+    import pinocchio as pin  # type: ignore[import-not-found, import-untyped, unused-ignore]
     from pink import Configuration, solve_ik  # type: ignore[import-not-found, unused-ignore]
     from pink.limits import ConfigurationLimit  # type: ignore[import-not-found, unused-ignore]
     from pink.tasks import FrameTask  # type: ignore[import-not-found, unused-ignore]

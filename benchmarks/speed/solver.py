@@ -56,7 +56,7 @@ def profile(some: Task) -> str:
     """Where the time of a solve goes: a line for rows that are missed."""
     solver = Solver(some.robot, tolerance=TOLERANCE)
     assert solver._call is not None
-    kernel, dof, *prepared = solver._call
+    kernel, dof, call, _ = solver._call
     cases = list(zip(some.targets, some.bases, some.joints, strict=True))
     base, joints, lost = np.empty(3), np.empty(dof), np.full(3, np.nan)
     few = Size(rounds=5)
@@ -66,8 +66,8 @@ def profile(some: Task) -> str:
         return 1e9 * row.figure.median / len(cases) if row.figure else np.nan
 
     whole = spent(solver)
-    inside = spent(lambda t, b, q: kernel(*prepared, True, t, b, q, base, joints))
-    refused = spent(lambda t, b, q: kernel(*prepared, True, lost, b, q, base, joints))
+    inside = spent(lambda t, b, q: kernel(call, t, b, q, base, joints))
+    refused = spent(lambda t, b, q: kernel(call, lost, b, q, base, joints))
     return (
         f"of ours {whole:.0f} ns: {inside - refused:.0f} in the compiled passes, {refused:.0f} in handing "
         f"arrays to them, {whole - inside:.0f} in room for the answer and its object"
