@@ -1,7 +1,8 @@
 # make demo    plan a bundled world, verify the plan, write a page to look at
 # make test    the whole test suite, with the same random cases each time; pytest alone draws new ones
 # make lint    style, types, import order
-# make bench   areas, base motion, clear postures and real robots, measured and checked in the same run
+# make bench   the table of speeds against others, into docs/benchmarks.md and docs/benchmarks.json (minutes)
+# make bench-all  areas, base motion, clear postures and real robots, measured and checked in the same run
 # make tables  recompute every table of the papers into docs/tables.md, beside the printed figures
 # make clean   remove what the others made
 
@@ -13,7 +14,7 @@ BIN := .venv/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 NEEDS := pyproject.toml constraints.txt
 
-.PHONY: demo test lint bench tables clean
+.PHONY: demo test lint bench bench-all tables clean
 
 demo: .venv/installed
 	$(BIN)/regionik plan l_shape -o plan.json --html l_shape.html
@@ -29,7 +30,10 @@ lint: .venv/installed-lint
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-bench: .venv/installed
+bench: .venv/installed-bench
+	$(BIN)/python -m benchmarks.speed -o docs/benchmarks
+
+bench-all: .venv/installed
 	@for script in benchmarks/bench_*.py; do echo "$$script"; $(BIN)/python $$script || exit 1; done
 
 tables: .venv/installed

@@ -79,8 +79,8 @@ def pink(
     from pink.limits import ConfigurationLimit  # type: ignore[import-not-found, unused-ignore]
     from pink.tasks import FrameTask  # type: ignore[import-not-found, unused-ignore]
 
-    model = _pinocchio(chain, pin)
-    data = model.createData()
+    model = pinocchio_model(chain, pin)
+    data = model.createData()  # type: ignore[attr-defined]
     limits = [ConfigurationLimit(model, config_limit_gain=1.0)]
     task = FrameTask("tip", position_cost=1.0, orientation_cost=0.3 if posed else 0.0, lm_damping=1e-3)
     lower, upper = bounds(chain)
@@ -106,7 +106,7 @@ def pink(
     return ask
 
 
-def _pinocchio(chain: Chain, pin: object) -> object:
+def pinocchio_model(chain: Chain, pin: object) -> object:
     model = pin.Model()  # type: ignore[attr-defined]
     kinds = {
         "revolute": pin.JointModelRevoluteUnaligned,  # type: ignore[attr-defined]

@@ -3,159 +3,139 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from regionik.planners.flat import clamp, compiled, contains
+from regionik.planners.edgetree import EdgeTree, clamp, likely
+from regionik.planners.flat import compiled
 from regionik.planners.kernels import PlaneArm, fit, place, widest_posture, wrap
+from regionik.planners.passes import Knots, Links, Triple, holds_at, inwards, outwards, placed
 from regionik.worlds.arrays import Array
 
-Ints = NDArray[np.int64]
+PATIENCE, STALLED = 10, 0.9  # passes in which the error must come down to this share, for a start to go on
+STRAIGHT = 1e-12  # a target so near to the axis, seen from above, does not turn the plane [m]
 
 
 @compiled
-def forward_reach(arm: PlaneArm, pitch: float, r_t: float, z_t: float, points: Array) -> None:
-    """From the tool inwards: each knot on the line to the old one, bends kept within limits."""
-    lengths, lower, upper = arm.lengths, arm.lower, arm.upper
-    points[3, 0], points[3, 1] = r_t, z_t
-    outer = 0.0
-    for i in range(2, -1, -1):
-        dr, dz = points[i + 1, 0] - points[i, 0], points[i + 1, 1] - points[i, 1]
-        angle = np.arctan2(dz, dr)
-        if i == 2:
-            if np.isfinite(pitch):
-                angle = pitch
-        else:
-            bend, _ = fit(outer - angle, lower[i + 1], upper[i + 1])
-            angle = outer - bend
-        points[i, 0] = points[i + 1, 0] - lengths[i] * np.cos(angle)
-        points[i, 1] = points[i + 1, 1] - lengths[i] * np.sin(angle)
-        outer = angle
+def bends_of(arm: PlaneArm, knots: Knots, bends: Array) -> None:
+    """Bends (3,) of the links between shoulder and knots, within limits to the last digit."""
+    first = np.arctan2(knots[1] - arm.shoulder_z, knots[0] - arm.shoulder_r)
+    second = np.arctan2(knots[3] - knots[1], knots[2] - knots[0])
+    third = np.arctan2(knots[5] - knots[3], knots[4] - knots[2])
+    bends[0], _ = fit(first, arm.lower[0], arm.upper[0])
+    bends[1], _ = fit(second - first, arm.lower[1], arm.upper[1])
+    bends[2], _ = fit(third - second, arm.lower[2], arm.upper[2])
 
 
 @compiled
-def backward_reach(
-    arm: PlaneArm,
-    pitch: float,
-    points: Array,
-    bends: Array,
-) -> float:
-    """From the shoulder outwards; returns by how much a fixed pitch breaks the last limit [rad]."""
-    shoulder_r, shoulder_z, lengths, lower, upper = arm
-    old_r, old_z = points[0, 0], points[0, 1]
-    points[0, 0], points[0, 1] = shoulder_r, shoulder_z
-    inner, excess = 0.0, 0.0
-    for i in range(3):
-        next_r, next_z = points[i + 1, 0], points[i + 1, 1]
-        dr, dz = next_r - points[i, 0], next_z - points[i, 1]
-        if dr == 0.0 and dz == 0.0:
-            dr, dz = next_r - old_r, next_z - old_z
-        wanted = np.arctan2(dz, dr)
-        if i == 2 and np.isfinite(pitch):
-            wanted = pitch
-        bend, over = fit(wanted - inner, lower[i], upper[i])
-        if i == 2:
-            excess = over
-        bends[i] = bend
-        inner += bend
-        points[i + 1, 0] = points[i, 0] + lengths[i] * np.cos(inner)
-        points[i + 1, 1] = points[i, 1] + lengths[i] * np.sin(inner)
-        old_r, old_z = next_r, next_z
-    return excess if np.isfinite(pitch) else 0.0
+def _seen(dx: float, dy: float, facing: int, ux: float, uy: float) -> tuple[float, float, float]:
+    """The plane's direction towards a target, the old one where it is straight above, and the target's r."""
+    rho = np.sqrt(dx * dx + dy * dy)
+    if rho > STRAIGHT:
+        ux, uy = facing * dx / rho, facing * dy / rho
+    return ux, uy, facing * rho
 
 
 @compiled
 def mfabrik(
-    arm: PlaneArm,
-    vertices: Array,
-    starts: Ints,
+    links: Links,
+    area: EdgeTree,
     mobile: bool,
-    base: Array,
+    x: float,
+    y: float,
     plane_yaw: float,
-    bends: Array,
-    target: Array,
+    bends: Triple,
+    target: Triple,
     facing: int,
     pitch: float,
     tolerance: float,
     most: int,
-) -> tuple[float, int, float]:
-    """M-FABRIK, Algorithm 1, for a planar arm on an omnidirectional base.
+    patience: int,
+) -> tuple[float, int, float, float, float, Knots]:
+    """M-FABRIK, Algorithm 1, for a planar arm on an omnidirectional base, from one start.
 
     Parameters
     ----------
-    vertices, starts : arrays
-        Admissible area as flat rings; no rings leave the whole floor free.
+    links : Links
+    area : EdgeTree
+        Admissible area; without edges the whole floor is free.
     mobile : bool
         False holds the base where it is.
-    base : (2,) array
-        Arm axis on the floor; overwritten with the answer.
+    x, y : float
+        Arm axis on the floor [m].
     plane_yaw : float
-        Direction of the arm's plane, used while the target is straight above the base.
-    bends : (3,) array
-        Start posture; overwritten with the answer.
+        Direction of the arm's plane, used while the target is straight above the base [rad].
+    bends : three floats
+        Start posture [rad].
+    target : three floats
+        [m]
     facing : +1 or -1
         -1 reaches over the arm's back: the target lies at negative r.
     pitch : float
         Fixed angle of the last link in the plane, NaN where it is free.
     most : int
         Passes after which to give up.
+    patience : int
+        Passes in which the error must come down, lest the start is given up.
 
     Returns
     -------
-    error [m], iterations, plane_yaw
+    error [m], iterations, x, y [m], plane_yaw [rad], knots in the plane [m]
     """
-    shoulder_r, _, lengths, _, _ = arm
-    points = np.empty((4, 2))
-    place(arm, bends, points)
-    bounded = len(starts) > 1
-    tx, ty, tz = target[0], target[1], target[2]
+    shoulder, lengths, limits = links.shoulder, links.lengths, links.holds
+    held = np.isfinite(pitch)
+    tool = (np.cos(pitch), np.sin(pitch)) if held else (0.0, 0.0)
+    knots = placed(shoulder, lengths, bends[0], bends[1], bends[2])
+    bounded = mobile and len(area.edges) > 0
+    tx, ty, tz = target
     ux, uy = np.cos(plane_yaw), np.sin(plane_yaw)
-    ex = base[0] + points[3, 0] * ux - tx
-    ey = base[1] + points[3, 0] * uy - ty
-    ez = points[3, 1] - tz
+    ex, ey, ez = x + knots[4] * ux - tx, y + knots[4] * uy - ty, knots[5] - tz
     error = np.sqrt(ex * ex + ey * ey + ez * ez)
+    iterations, mark, r_t = 0, np.inf, 0.0
+    edge = likely(area, x, y) if bounded else 0
     # A base that has become inadmissible must move even where the tool is in place already.
-    settled = not (mobile and bounded) or contains(vertices, starts, base[0], base[1])
-    if np.isfinite(pitch) and abs(wrap(bends[0] + bends[1] + bends[2] - pitch)) > 1e-9:
+    settled = True
+    if bounded and error <= tolerance:
+        settled = (x, y) == clamp(area, x, y, edge)[:2]
+    if held and abs(wrap(bends[0] + bends[1] + bends[2] - pitch)) > 1e-9:
         settled = False
-    iterations = 0
     while (error > tolerance or not settled) and iterations < most:
+        if iterations % patience == patience - 1:
+            if error > STALLED * mark:
+                break
+            mark = error
         iterations += 1
-        # The plane turns to the target.
-        dx, dy = tx - base[0], ty - base[1]
-        rho = np.sqrt(dx * dx + dy * dy)
-        if rho > 1e-12:
-            ux, uy = facing * dx / rho, facing * dy / rho
-        r_t = facing * rho
-        forward_reach(arm, pitch, r_t, tz, points)  # l. 11
+        if iterations == 1:  # the plane turns to the target
+            ux, uy, r_t = _seen(tx - x, ty - y, facing, ux, uy)
+        inner, moved = inwards(shoulder, lengths, limits[1], limits[2], tool, (r_t, tz), knots), 0.0  # l. 11
         if mobile:
-            shift = points[0, 0] - shoulder_r  # l. 13: projected onto the floor
-            x, y = base[0] + shift * ux, base[1] + shift * uy
+            shift, before = inner[0] - shoulder[0], r_t  # l. 13: projected onto the floor
+            x, y = x + shift * ux, y + shift * uy
             if bounded:  # l. 15-19
-                x, y = clamp(vertices, starts, x, y)
-            base[0], base[1] = x, y
-            dx, dy = tx - x, ty - y
-            rho = np.sqrt(dx * dx + dy * dy)
-            if rho > 1e-12:
-                ux, uy = facing * dx / rho, facing * dy / rho
-            moved = facing * rho - r_t
-            r_t = facing * rho
-            for i in range(4):
-                points[i, 0] += moved
-        excess = backward_reach(arm, pitch, points, bends)
-        er, ez = points[3, 0] - r_t, points[3, 1] - tz
+                x, y, edge = clamp(area, x, y, edge)
+                ux, uy, r_t = _seen(tx - x, ty - y, facing, ux, uy)
+            else:
+                r_t -= shift
+                if r_t * facing < 0.0:  # the axis has passed below the target
+                    ux, uy, r_t = -ux, -uy, -r_t
+            moved = r_t - before
+        knots = outwards(shoulder, lengths, limits, tool, (r_t, tz), inner, moved)
+        er, ez = knots[4] - r_t, knots[5] - tz
         error = np.sqrt(er * er + ez * ez)
-        if excess > 1e-9:  # a fixed pitch is not met to within the tolerance, but met
-            error += tolerance + excess * lengths[2]
+        if held:
+            link_r, link_z = knots[4] - knots[2], knots[5] - knots[3]
+            along, across = link_r * tool[0] + link_z * tool[1], link_r * tool[1] - link_z * tool[0]
+            excess = abs(np.arctan2(across, along))
+            if excess > 1e-9:  # a fixed pitch is not met to within the tolerance, but met
+                error += tolerance + excess * lengths[2]
         settled = True
-    return error, iterations, np.arctan2(uy, ux)
+    return error, iterations, x, y, np.arctan2(uy, ux), knots
 
 
 @compiled
 def solve(
     arm: PlaneArm,
+    holds: Array,
     postures: Array,
-    vertices: Array,
-    starts: Ints,
+    area: EdgeTree,
     mobile: bool,
     base: Array,
     plane_yaw: float,
@@ -168,96 +148,75 @@ def solve(
 ) -> tuple[float, int, int, float]:
     """M-FABRIK with restarts: the given posture, then ``postures`` (k, 3), then the widest one at the base.
 
-    Limits can stall the passes; the last resort looks through the arm's self-motion, so that a base in the
-    admissible area is never given up. Arguments as in `mfabrik`.
+    Limits can stall the passes, and a start that stalls is left for the next one; where none gets there, all
+    are followed to the end. The last resort looks through the arm's self-motion, so that a base in the
+    admissible area is never given up. ``base`` (2,) and ``bends`` (3,) are overwritten with the answer; the
+    other arguments are as in `mfabrik`, and ``holds`` as in `Links`.
 
     Returns
     -------
     error [m], iterations (all starts together), restarts, plane_yaw
     """
-    shoulder_r, _, lengths, _, _ = arm
-    first_base = base.copy()
-    total = 0
-    error = np.inf
-    yaw = plane_yaw
-    start = bends.copy()
-    for attempt in range(len(postures) + 1):
-        base[:] = first_base
-        bends[:] = start if attempt == 0 else postures[attempt - 1]
-        error, passes, yaw = mfabrik(
-            arm,
-            vertices,
-            starts,
-            mobile,
-            base,
-            plane_yaw,
-            bends,
-            target,
-            facing,
-            pitch,
-            tolerance,
-            most,
-        )
+    links = Links(
+        (arm.shoulder_r, arm.shoulder_z), (arm.lengths[0], arm.lengths[1], arm.lengths[2]), holds_at(holds, 0)
+    )
+    point = (target[0], target[1], target[2])
+    total, error = 0, np.inf
+    for attempt in range(2 * len(postures) + 2):  # once over the starts in a hurry, once to the end
+        again, patience = attempt % (len(postures) + 1), PATIENCE if attempt <= len(postures) else most + 1
+        a, b, c = bends[0], bends[1], bends[2]
+        if again > 0:
+            a, b, c = postures[again - 1, 0], postures[again - 1, 1], postures[again - 1, 2]
+        error, passes, x, y, yaw, knots = mfabrik(
+            links, area, mobile, base[0], base[1], plane_yaw, (a, b, c), point, facing, pitch,
+            tolerance, most, patience,
+        )  # fmt: skip
         total += passes
         if error <= tolerance:
+            base[0], base[1] = x, y
+            bends[0], bends[1], bends[2] = a, b, c
+            if passes > 0:
+                bends_of(arm, knots, bends)
             return error, total, attempt, yaw
-    base[:] = first_base
-    if mobile and len(starts) > 1:
-        base[0], base[1] = clamp(vertices, starts, base[0], base[1])
-    dx, dy = target[0] - base[0], target[1] - base[1]
-    rho = np.sqrt(dx * dx + dy * dy)
-    yaw = np.arctan2(facing * dy, facing * dx) if rho > 1e-12 else plane_yaw
-    found = widest_posture(arm, pitch, facing * rho, target[2], bends, 1440)
-    if not found and mobile and len(starts) <= 1:
-        for k in range(200):
-            rho = (k + 0.5) / 200.0 * (lengths.sum() + abs(shoulder_r))
-            found = widest_posture(arm, pitch, facing * rho, target[2], bends, 360)
-            if found:
-                base[0] = target[0] - facing * rho * np.cos(yaw)
-                base[1] = target[1] - facing * rho * np.sin(yaw)
-                break
-    if not found:
-        bends[:] = start
-        base[:] = first_base
-        return error, total, len(postures), plane_yaw
-    points = np.empty((4, 2))
-    place(arm, bends, points)
-    error = np.hypot(points[3, 0] - facing * rho, points[3, 1] - target[2])
-    return error, total + 1, len(postures) + 1, yaw
+    error_at_best, yaw = _widest_at(arm, area, mobile, base, plane_yaw, bends, target, facing, pitch)
+    if np.isfinite(error_at_best):
+        return error_at_best, total + 1, 2 * len(postures) + 2, yaw
+    return error, total, 2 * len(postures) + 1, plane_yaw
 
 
 @compiled
-def solve_batch(
+def _widest_at(
     arm: PlaneArm,
-    postures: Array,
-    vertices: Array,
-    starts: Ints,
+    area: EdgeTree,
     mobile: bool,
-    bases: Array,
-    plane_yaws: Array,
+    base: Array,
+    plane_yaw: float,
     bends: Array,
-    targets: Array,
+    target: Array,
     facing: int,
     pitch: float,
-    tolerance: float,
-    most: int,
-    errors: Array,
-    iterations: Ints,
-) -> None:
-    """`solve` for many targets; ``bases``, ``plane_yaws`` and ``bends`` are overwritten with the answers."""
-    for k in range(len(targets)):
-        errors[k], iterations[k], _, plane_yaws[k] = solve(
-            arm,
-            postures,
-            vertices,
-            starts,
-            mobile,
-            bases[k],
-            plane_yaws[k],
-            bends[k],
-            targets[k],
-            facing,
-            pitch,
-            tolerance,
-            most,
-        )
+) -> tuple[float, float]:
+    """The widest posture from the base, or where the floor is free from any distance.
+
+    Overwrites base and bends; returns the error, infinite where there is none, and the plane's direction.
+    """
+    x, y = base[0], base[1]
+    bounded = len(area.edges) > 0
+    if mobile and bounded:
+        x, y, _ = clamp(area, x, y, likely(area, x, y))
+    dx, dy = target[0] - x, target[1] - y
+    rho = np.sqrt(dx * dx + dy * dy)
+    yaw = np.arctan2(facing * dy, facing * dx) if rho > STRAIGHT else plane_yaw
+    far = arm.lengths[0] + arm.lengths[1] + arm.lengths[2] + abs(arm.shoulder_r)
+    found = np.empty(3)
+    for k in range(201 if mobile and not bounded else 1):
+        if k > 0:
+            rho = (k - 0.5) / 200.0 * far
+            x, y = target[0] - facing * rho * np.cos(yaw), target[1] - facing * rho * np.sin(yaw)
+        if widest_posture(arm, pitch, facing * rho, target[2], found, 1440 if k == 0 else 360):
+            base[0], base[1] = x, y
+            bends[0], bends[1], bends[2] = found[0], found[1], found[2]
+            points = np.empty((4, 2))
+            place(arm, bends, points)
+            return np.hypot(points[3, 0] - facing * rho, points[3, 1] - target[2]), yaw
+    return np.inf, plane_yaw

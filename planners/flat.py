@@ -48,6 +48,9 @@ class FlatPolygon:
     vertices: Array
     starts: Index
 
+    def __post_init__(self) -> None:  # none may write, and kernels are compiled for one kind of array
+        self.vertices.flags.writeable = self.starts.flags.writeable = False
+
     @classmethod
     def from_shapely(cls, geometry: BaseGeometry) -> FlatPolygon:
         """Flatten a Polygon or MultiPolygon.
@@ -64,8 +67,6 @@ class FlatPolygon:
         True
         """
         rings, vertices = _rings(solid(geometry))
-        vertices.flags.writeable = False
-        rings.flags.writeable = False
         return cls(vertices, rings)
 
 
@@ -109,10 +110,13 @@ def nearest(vertices: Array, starts: Index, x: float, y: float) -> tuple[float, 
         ax, ay = vertices[starts[r + 1] - 1]
         for k in range(starts[r], starts[r + 1]):
             bx, by = vertices[k]
-            px, py = nearest_on_segment(ax, ay, bx, by, x, y)
-            gap2 = (px - x) * (px - x) + (py - y) * (py - y)
-            if gap2 < best:
-                best, best_x, best_y = gap2, px, py
+            beside = max(0.0, min(ax, bx) - x, x - max(ax, bx))
+            above = max(0.0, min(ay, by) - y, y - max(ay, by))
+            if beside * beside + above * above < best:  # the box about the segment may come nearer
+                px, py = nearest_on_segment(ax, ay, bx, by, x, y)
+                gap2 = (px - x) * (px - x) + (py - y) * (py - y)
+                if gap2 < best:
+                    best, best_x, best_y = gap2, px, py
             ax, ay = bx, by
     return best_x, best_y
 
@@ -134,8 +138,8 @@ def near_boundary(vertices: Array, starts: Index, x: float, y: float, within: fl
 
 
 @compiled
-def contains(vertices: Array, starts: Index, x: float, y: float) -> bool:
-    """Whether the point lies inside or within 1e-12 m of the boundary."""
+def _crossed_oddly(vertices: Array, starts: Index, x: float, y: float) -> bool:
+    """Whether a ray from the point crosses the rings an odd number of times."""
     inside = False
     for r in range(len(starts) - 1):
         ax, ay = vertices[starts[r + 1] - 1]
@@ -146,15 +150,25 @@ def contains(vertices: Array, starts: Index, x: float, y: float) -> bool:
                 if (side > 0.0) == (by > ay):
                     inside = not inside
             ax, ay = bx, by
+    return inside
+
+
+@compiled
+def contains(vertices: Array, starts: Index, x: float, y: float) -> bool:
+    """Whether the point lies inside or within 1e-12 m of the boundary."""
+    inside: bool = _crossed_oddly(vertices, starts, x, y)
     return inside or near_boundary(vertices, starts, x, y, ON_EDGE)
 
 
 @compiled
 def clamp(vertices: Array, starts: Index, x: float, y: float) -> tuple[float, float]:
     """The point itself when it is inside, else the nearest point of the boundary."""
-    if contains(vertices, starts, x, y):
+    if _crossed_oddly(vertices, starts, x, y):
         return x, y
-    return nearest(vertices, starts, x, y)
+    near_x, near_y = nearest(vertices, starts, x, y)
+    if (near_x - x) ** 2 + (near_y - y) ** 2 <= ON_EDGE * ON_EDGE:
+        return x, y
+    return near_x, near_y
 
 
 @compiled

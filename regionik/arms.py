@@ -14,7 +14,10 @@ import numpy as np
 
 from regionik.demand import deviation
 from regionik.planners import fabrik, kernels
+from regionik.planners.edgetree import tree_of
 from regionik.planners.flat import FlatPolygon
+from regionik.planners.onecall import Joined, Turning, packed
+from regionik.planners.passes import holds_of
 from regionik.planners.qualities import COMFORT, Asked, meeting_posture, posture_spare
 from regionik.planners.rolls import roll_for, tool_turn, within_limits
 from regionik.reachable import Family, families_of
@@ -93,9 +96,16 @@ class PlaneSolver:
 
     @cached_property
     def plane(self) -> kernels.PlaneArm:
+        """The arm for kernels; its arrays may be written to, so that numba knows one type of them."""
         arm = self.arm
         shoulder = float(arm.shoulder[0]), float(arm.shoulder[1] + self.height)
-        return kernels.PlaneArm(*shoulder, arm.lengths, arm.lower, arm.upper)
+        lengths, lower, upper = (np.array(part, order="C") for part in (arm.lengths, arm.lower, arm.upper))
+        return kernels.PlaneArm(*shoulder, lengths, lower, upper)
+
+    @cached_property
+    def holds(self) -> Array:
+        """Limits of the bends as the passes take them."""
+        return holds_of(self.arm.lower, self.arm.upper)
 
     @cached_property
     def postures(self) -> Array:
@@ -105,17 +115,29 @@ class PlaneSolver:
         spread: Array = lower + _SPREAD * (upper - lower)
         return spread
 
+    def packed(self, mount: Array, turning: Turning, dof: int, area: FlatPolygon) -> Array | None:
+        """What a compiled call needs to know; None where postures must meet more than a target."""
+        if self.asked is not None:
+            return None
+        arm, family = self.arm, self.family
+        joined = Joined(
+            arm.sign, arm.offset, arm.pivot_zero, mount, family.facing, family.pitch, self.tolerance,
+            MOST_PASSES, dof,
+        )  # fmt: skip
+        return packed(self.plane, self.holds, self.postures, joined, turning, area)
+
     def reach(
         self, target: Target, axis: Array, yaw: float, joints: Array, area: FlatPolygon, mobile: bool
     ) -> Reached:
         """Bring the tool to a target; see `Arm`. Of the kinds of posture the first that meets it."""
         best: Reached | None = None
+        tree = tree_of(area.vertices, area.starts)
         for kind in self._kinds(target):
             bends, place = self.arm.bends(joints), np.array(axis)
             if mobile and target.direction is not None and len(area.starts) <= 1:
                 place = _swung(kind, target.position, place)
             error, iterations, _, plane_yaw = fabrik.solve(
-                self.plane, self.postures, area.vertices, area.starts, mobile, place,
+                self.plane, self.holds, self.postures, tree, mobile, place,
                 yaw + self.arm.pivot_zero + joints[0], bends, target.position,
                 self.family.facing, kind.pitch, self.tolerance, MOST_PASSES,
             )  # fmt: skip
@@ -154,22 +176,9 @@ class PlaneSolver:
     def reach_many(
         self, targets: Array, axes: Array, yaws: Array, joints: Array, area: FlatPolygon
     ) -> list[Reached]:
-        """Many targets in one compiled loop, where nothing but the targets is asked; see `Arm`."""
-        if self.asked is not None:
-            each = zip(map(Target, targets), axes, yaws.tolist(), joints, strict=True)
-            return [self.reach(*row, area, True) for row in each]
-        bends, places = self.arm.bends(joints), np.array(axes)
-        planes = yaws + self.arm.pivot_zero + joints[:, 0]
-        errors, iterations = np.empty(len(targets)), np.empty(len(targets), dtype=np.int64)
-        fabrik.solve_batch(
-            self.plane, self.postures, area.vertices, area.starts, True, places, planes, bends, targets,
-            self.family.facing, self.family.pitch, self.tolerance, MOST_PASSES, errors, iterations,
-        )  # fmt: skip
-        q = np.array(joints)
-        q[:, 0] = planes - yaws - self.arm.pivot_zero
-        q[:, 1:4] = self.arm.hinge_joints(bends, joints)
-        rows = zip(places, q, errors.tolist(), iterations.tolist(), strict=True)
-        return [Reached(*row) for row in rows]
+        """One after the other; see `Arm`."""
+        rows = zip(map(Target, targets), axes, yaws.tolist(), joints, strict=True)
+        return [self.reach(*row, area, True) for row in rows]
 
     def least_change(self, target: Target, axis: Array, yaw: float, joints: Array) -> Reached | None:
         """The posture on target whose bends change least; see `Arm`."""

@@ -5,24 +5,37 @@ Source: M-FABRIK (Santos et al., IEEE Access 2020), Algorithm 1, with joint limi
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from shapely.geometry.base import BaseGeometry
 
-from regionik.arms import ANGLE_SLACK, Arm, arm_solver
+from regionik.arms import ANGLE_SLACK, Arm, PlaneSolver, arm_solver
 from regionik.demand import in_plane
 from regionik.ground import EVERY
 from regionik.meeting import asked_in
 from regionik.plan import Configuration
-from regionik.planners import kernels
 from regionik.planners.flat import FlatPolygon
+from regionik.planners.onecall import (
+    FACE_TARGET,
+    FIXED,
+    FREE,
+    MET,
+    REFUSED,
+    Turning,
+    answer_all,
+    held,
+    one_call,
+    share_turn,
+)
 from regionik.pruning import Ladder
 from regionik.reachable import FRONT, Family
 from regionik.serialarm import Reached, serial_solver
-from regionik.standing import Standing, away, into_span
+from regionik.standing import Standing
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.criteria import Criteria, kept
 from regionik.worlds.errors import InputError
@@ -30,9 +43,8 @@ from regionik.worlds.pivot import behind, pivot_of, pivoted
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Heading, Target, World
 
-ROUNDING = 1e-9  # by which a heading may be outside its span [rad]
 NOWHERE = FlatPolygon(np.empty((0, 2)), np.zeros(1, dtype=np.int64))
-HEADINGS = ("free", "face_target", "fixed")
+HEADINGS: dict[Heading, int] = {"free": FREE, "face_target": FACE_TARGET, "fixed": FIXED}
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,13 +116,36 @@ class Solver:
         InputError
             For shapes that do not fit or numbers that are not finite.
         """
-        here = frozen(base, (3,), "base")
+        if type(target) is np.ndarray and (found := self._at_once(target, base, joints)):
+            return found
+        asked, here = _asked(target), frozen(base, (3,), "base")
         now = frozen(joints, (self.robot.chain.dof,), "joints")
-        return self._solve(_asked(target), here, now, mobile=True)
+        if asked.direction is None and (found := self._at_once(asked.position, here, now)):
+            return found
+        return self._solve(asked, here, now, mobile=True)
+
+    def _at_once(
+        self, target: Array, base: ArrayLike, joints: ArrayLike, *, mobile: bool = True
+    ) -> Configuration | None:
+        """All in one compiled call; None for arms of other kinds, and for what must be looked at first."""
+        prepared = self._call
+        if prepared is None:
+            return None
+        kernel, dof, roaming, staying = prepared
+        call = roaming if mobile else staying
+        new_base, new_joints = np.empty(3), np.empty(dof)
+        try:
+            error, passes, end = kernel(call, target, base, joints, new_base, new_joints)
+        except TypeError:  # no plain arrays of floats
+            return None
+        return None if end == REFUSED else Configuration(new_base, new_joints, error, passes, end == MET)
 
     def hold(self, target: Target | ArrayLike, base: ArrayLike, joints: ArrayLike) -> Configuration:
         """As a call, but the arm axis stays where it is: only the arm and the heading move."""
-        return self._solve(_asked(target), np.asarray(base), np.asarray(joints), mobile=False)
+        asked, here, now = _asked(target), np.asarray(base), np.asarray(joints)
+        if asked.direction is None and (found := self._at_once(asked.position, here, now, mobile=False)):
+            return found
+        return self._solve(asked, here, now, mobile=False)
 
     def least_change(self, target: Target | ArrayLike, base: Array, joints: Array) -> Configuration | None:
         """With the arm axis held, the posture on target that changes least, if there is one."""
@@ -146,10 +181,36 @@ class Solver:
         points = frozen(np.asarray(targets), (None, 3), "targets")
         here = frozen(bases, (len(points), 3), "bases")
         now = frozen(joints, (len(points), self.robot.chain.dof), "joints")
-        axes, yaws = axis_of(self.robot, here), here[:, 2] + self.robot.mount[3]
+        if self._call is not None:
+            found = Batch.empty(len(points), self.robot.chain.dof)
+            columns = found.base, found.joints, found.error, found.iterations, found.converged
+            answer_all(self._call[2], points, here, now, *columns)
+            return found
+        axes, yaws = axis_of(self.robot, here), np.array([self._yaw(row) for row in here])
         reached = self._arm.reach_many(points, axes, yaws, self._behind(now), self._flat)
         rows = [self._headed(*row) for row in zip(reached, here, now, strict=True)]
         return _batch(rows, self.robot.chain.dof)
+
+    @cached_property
+    def _call(self) -> tuple[Callable[..., Any], int, Array, Array] | None:
+        """The compiled call, and what it needs to know where the axis moves and where it stays.
+
+        None where more is asked than one call does.
+        """
+        if not isinstance(self._arm, PlaneSolver) or self._kept.chain is not self.robot.chain:
+            return None
+        dof = self.robot.chain.dof
+        prepared = self._arm.packed(self.robot.mount, self._turning, dof, self._flat)
+        if prepared is None:
+            return None
+        return one_call(), dof, prepared, held(prepared)
+
+    @cached_property
+    def _turning(self) -> Turning:
+        chain = pivoted(self._kept.chain)
+        pivot = chain.joints[pivot_of(chain)]
+        low, high = (float(end) for end in self.span)
+        return Turning(float(pivot.lower), float(pivot.upper), HEADINGS[self.heading], low, high)
 
     def _solve(self, target: Target, base: Array, joints: Array, *, mobile: bool) -> Configuration:
         axis = axis_of(self.robot, base)
@@ -189,25 +250,9 @@ class Solver:
         """SetBaseOrientation of Algorithm 1: the pivot's turn shared between joint and base."""
         chain, joints = pivoted(self._kept.chain), behind(self.robot.chain, joints)
         k = pivot_of(chain)
-        pivot = chain.joints[k]
-        q, yaw = np.array(reached.joints), float(base[2])
-        span = (yaw, yaw) if self.heading == "fixed" else self.span
-        plane = yaw + float(q[k])
-        if self.heading == "face_target":
-            q[k] = np.clip(0.0, pivot.lower, pivot.upper)
-            yaw += kernels.wrap(plane - yaw - q[k])
-        else:  # the base turns into its span, and on by what the pivot cannot take
-            yaw = into_span(yaw, span)
-            turned = joints[k] + kernels.wrap(plane - yaw - joints[k])
-            q[k] = np.clip(turned, pivot.lower, pivot.upper)
-            yaw += turned - q[k]
-        fits = away(yaw, span) <= ROUNDING
-        if not fits and self.heading != "face_target":
-            yaw = into_span(yaw, span)
-            q[k], over = kernels.fit(plane - yaw, pivot.lower, pivot.upper)
-            if over > 0.0:
-                yaw += kernels.wrap(plane - yaw - q[k])
-            fits = away(yaw, span) <= ROUNDING
+        q = np.array(reached.joints)
+        plane = self._yaw(base) - float(self.robot.mount[3]) + float(q[k])  # as the arm was asked
+        q[k], yaw, fits = share_turn(plane, float(base[2]), float(joints[k]), self._turning)
         pose = pose_of(self.robot, reached.axis, float(yaw))
         good = bool(
             reached.error <= self.tolerance and reached.angle <= ANGLE_SLACK and fits and reached.meets
@@ -226,6 +271,12 @@ class Batch:
     error: Array
     iterations: NDArray[np.int64]
     converged: NDArray[np.bool_]
+
+    @classmethod
+    def empty(cls, count: int, dof: int) -> Batch:
+        """Room for so many."""
+        numbers = np.empty((count, 3)), np.empty((count, dof)), np.empty(count)
+        return cls(*numbers, np.empty(count, dtype=np.int64), np.empty(count, dtype=np.bool_))
 
 
 def _batch(rows: Sequence[Configuration], dof: int) -> Batch:

@@ -20,7 +20,7 @@ from regionik.worlds.scene import StopCriterion, World
 StateKind = Literal["setpoint", "step", "transit"]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, init=False)
 class Configuration:
     """Base and arm that put the tool on a target (the result of M-FABRIK).
 
@@ -41,6 +41,13 @@ class Configuration:
     error: float
     iterations: int
     converged: bool
+
+    def __init__(self, base: Array, joints: Array, error: float, iterations: int, converged: bool) -> None:
+        kept = (
+            self.__dict__
+        )  # solvers make millions of these, and frozen fields one by one take twice as long
+        kept["base"], kept["joints"] = base, joints
+        kept["error"], kept["iterations"], kept["converged"] = error, iterations, converged
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,15 +1,30 @@
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 import pytest
 import shapely
+from numpy.typing import ArrayLike
 
 from regionik.mfabrik import Solver
-from regionik.reachable import FRONT
+from regionik.reachable import BACK, FRONT, Family
 from regionik.regions import path_areas
+from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError
 from regionik.worlds.library import robot_named
-from regionik.worlds.scene import Floor, Rules, Target, World
+from regionik.worlds.scene import Floor, Heading, Rules, Target, World
 
 YOUBOT = robot_named("youbot")
+
+
+def frozen_copy(values: object) -> Array:
+    array = np.array(values)
+    array.flags.writeable = False
+    return array
+
+
+def strided(values: object) -> Array:
+    return np.repeat(np.array(values), 2)[::2]
 
 
 @pytest.mark.parametrize("mobile", [True, False])
@@ -72,16 +87,65 @@ def test_free_heading_turns_only_by_what_the_pivot_cannot_take() -> None:
     assert 0 < found.base[2] < np.deg2rad(20)
 
 
-def test_one_by_one_equals_batch() -> None:
-    rng = np.random.default_rng(5)
-    targets = np.column_stack([rng.uniform(-1, 1, (50, 2)), rng.uniform(0.1, 0.4, 50)])
-    bases, joints = np.zeros((50, 3)), rng.uniform(YOUBOT.chain.lower, YOUBOT.chain.upper, (50, 5))
-    solver = Solver(YOUBOT)
+AREAS = {
+    "the whole floor": None,
+    "round pillars": shapely.box(-2, -2, 2, 2).difference(
+        shapely.union_all([shapely.Point(x, y).buffer(0.3, 4) for x in (-1, 0, 1) for y in (-1, 0, 1)])
+    ),
+}
+
+
+@pytest.mark.parametrize("area", AREAS.values(), ids=list(AREAS))
+@pytest.mark.parametrize("family", [Family(FRONT), Family(BACK), Family(FRONT, pitch=-1.2)])
+@pytest.mark.parametrize("heading", ["free", "face_target", "fixed"])
+def test_one_by_one_equals_batch(heading: Heading, family: Family, area: shapely.Polygon | None) -> None:
+    """Lanes abreast, one call and the arm's own way are three codes for one thing."""
+    rng, n = np.random.default_rng(5), 200
+    targets = np.column_stack([rng.uniform(-1, 1, (n, 2)), rng.uniform(0.0, 0.6, n)])
+    targets[-1] = 0.0, 0.0, 5.0  # out of reach
+    bases, joints = rng.uniform(-1, 1, (n, 3)), rng.uniform(YOUBOT.chain.lower, YOUBOT.chain.upper, (n, 5))
+    solver = Solver(YOUBOT, area, heading=heading, family=family)
     batch = solver.batch(targets, bases, joints)
-    for k in range(50):
-        one = solver(targets[k], bases[k], joints[k])
-        np.testing.assert_array_equal(one.base, batch.base[k])
-        np.testing.assert_array_equal(one.joints, batch.joints[k])
+    for k in range(n):
+        slow = solver._solve(Target(targets[k]), bases[k], joints[k], mobile=True)
+        for one in (solver(targets[k], bases[k], joints[k]), slow):
+            np.testing.assert_allclose(one.base, batch.base[k], atol=1e-9)
+            np.testing.assert_allclose(one.joints, batch.joints[k], atol=1e-9)
+            assert (one.iterations, one.converged) == (batch.iterations[k], batch.converged[k])
+            assert one.error == pytest.approx(batch.error[k], abs=1e-12)
+        held = solver.hold(targets[k], bases[k], joints[k])
+        slow = solver._solve(Target(targets[k]), bases[k], joints[k], mobile=False)
+        np.testing.assert_allclose(held.base, slow.base, atol=1e-9)
+        np.testing.assert_allclose(held.base[:2], bases[k, :2], atol=1e-12)
+        np.testing.assert_allclose(held.joints, slow.joints, atol=1e-9)
+        assert (held.iterations, held.converged) == (slow.iterations, slow.converged)
+
+
+@pytest.mark.parametrize("span", [(0.5, 0.5), (0.5, 0.6), (-0.2, 0.2), (3.0, 3.4)])
+def test_the_tool_is_where_it_is_said_to_be_whatever_the_span(span: tuple[float, float]) -> None:
+    rng = np.random.default_rng(6)
+    solver = Solver(YOUBOT, span=span)
+    for _ in range(100):
+        target, base = [*rng.uniform(-1, 1, 2), 0.25], rng.uniform(-1, 1, 3)
+        joints = rng.uniform(YOUBOT.chain.lower, YOUBOT.chain.upper)
+        met = [one for one in (solver.hold(target, base, joints),) if one.converged]
+        for found in (
+            *met,
+            solver(target, base, joints),
+            solver._solve(Target(np.array(target)), base, joints, mobile=True),
+        ):
+            tool = YOUBOT.tool(found.base, found.joints)[:3, 3]
+            assert np.linalg.norm(tool - target) == pytest.approx(found.error, abs=1e-12)
+
+
+@pytest.mark.parametrize("as_given", [list, tuple, np.float32, frozen_copy, strided])
+def test_numbers_of_every_kind_are_taken(as_given: Callable[[object], ArrayLike]) -> None:
+    target, base, joints = [1.0, 0.25, 0.25], [0.0, 0.5, 0.25], [0.0, 1.5, -1.0, 0.5, 0.0]
+    plain = Solver(YOUBOT)(np.array(target), np.array(base), np.array(joints))
+    found = Solver(YOUBOT)(as_given(target), as_given(base), as_given(joints))
+    np.testing.assert_array_equal(found.base, plain.base)
+    np.testing.assert_array_equal(found.joints, plain.joints)
+    assert Solver(YOUBOT)(Target(np.array(target)), base, joints).error == plain.error
 
 
 def test_out_of_reach_does_not_converge() -> None:
@@ -93,7 +157,16 @@ def test_out_of_reach_does_not_converge() -> None:
 def test_bad_input_is_refused() -> None:
     with pytest.raises(InputError, match="heading must be one of"):
         Solver(YOUBOT, heading="left")  # type: ignore[arg-type]
-    with pytest.raises(InputError, match="finite"):
-        Solver(YOUBOT)([0, 0, np.nan], [0, 0, 0], YOUBOT.carry)
-    with pytest.raises(InputError, match="joints"):
-        Solver(YOUBOT)([0, 0, 0.2], [0, 0, 0], [0, 0])
+    good: dict[str, Any] = {"target": [0, 0, 0.2], "base": [0, 0, 0], "joints": YOUBOT.carry}
+    for kind in (list, np.array):
+        for name, wrong, said in (
+            ("target", [0, 0, np.nan], "finite"),
+            ("base", [0, np.inf, 0], "base: every number must be finite"),
+            ("joints", [0, 0, 0, 0, -np.inf], "joints: every number must be finite"),
+            ("joints", [0, 0], "joints: expected 5 numbers"),
+            ("base", [0, 0, 0, 0], "base: expected 3 numbers"),
+            ("target", [0, 0], "expected 3 numbers"),
+        ):
+            with pytest.raises(InputError, match=said) as raised:
+                Solver(YOUBOT)(**good | {name: kind(wrong)})
+            assert "\n" not in str(raised.value)

@@ -9,6 +9,7 @@ from types import ModuleType
 import pytest
 
 from benchmarks.speed import __main__ as writer
+from benchmarks.speed import batch, solver
 from benchmarks.speed.harness import Row, Size, Spread, Wanted, absent, against, counted, timed
 from benchmarks.speed.report import as_json, as_markdown, machine, seconds
 
@@ -105,3 +106,28 @@ def test_a_group_that_is_not_there_is_refused(
     with pytest.raises(SystemExit):
         writer.main()
     assert "no group nobody" in capsys.readouterr().err
+
+
+def test_the_solver_against_others_on_small_sizes() -> None:
+    rows = list(solver.rows(TINY))
+    assert [row.rival for row in rows] == [*(name for name, *_ in solver.PEERS), "pytracik"]
+    for row in rows:
+        assert row.figure is None or row.figure.median > 0
+        assert row.note
+
+
+def test_batches_and_areas_on_small_sizes() -> None:
+    rows = list(batch.rows(Size(rounds=2, share=0.02)))
+    assert len(rows) == 3
+    for row in rows:
+        assert row.figure is not None
+        assert row.figure.median > 0
+    assert all("ours 100 %" in row.note for row in rows[:2])
+
+
+def test_passes_with_shapely_are_the_solver_s_own() -> None:
+    """`clamped` takes targets that both meet from one start, and asserts that their bases end together."""
+    row = batch.clamped(Size(rounds=2, share=0.1))
+    met, asked = (int(word) for word in row.note.split(" targets")[0].split(" of "))
+    assert asked == 15
+    assert met >= 12

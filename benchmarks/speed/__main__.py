@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
@@ -18,14 +19,19 @@ from typing import Any
 from benchmarks.speed.harness import Row, Size, Spread, Wanted
 from benchmarks.speed.report import MARKS, as_json, as_markdown, machine
 
-GROUPS: dict[str, str] = {"areas": "Areas, stages and base paths"}  # module -> heading
+GROUPS = {  # module -> heading
+    "solver": "One solve, against others",
+    "batch": "Many solves, and solves inside an area",
+    "areas": "Areas, stages and base paths",
+}
 PREFACE = """\
 # Speed
 
 Written by `make bench`. A figure is a ratio of two things timed in turns, in one process on one core,
 everything warm: in every round each side does its work for about 50 ms, and the figure is the median of the
-rounds' ratios, its quartiles behind it. Times are medians of one piece of work; trust the ratios. A row is
-met where the median is what was wanted. A package that is not installed is absent, and so are its rows.
+rounds' ratios, its quartiles behind it. Times are processor time, medians of one piece of work; trust the
+ratios. A row is met where the median is what was wanted. A package that is not installed is absent, and so
+are its rows.
 """
 
 
@@ -68,6 +74,8 @@ def main() -> None:
     names = [name for name in given.only.split(",") if name]
     if unknown := sorted(set(names) - set(GROUPS)):
         parser.error(f"no group {', '.join(unknown)}; there are {', '.join(GROUPS)}")
+    if hasattr(os, "sched_setaffinity"):
+        os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
     data, text = given.out.with_suffix(".json"), given.out.with_suffix(".md")
     found = kept(data) | measured(names, Size(given.rounds, given.share))
     groups = {title: found[title] for title in GROUPS.values() if title in found}

@@ -277,4 +277,5 @@ def _commands(size: Size) -> Iterator[Row]:
                 command,
                 Wanted(most, at_least=False, unit="s"),
                 size,
+                clock=time.perf_counter,
             )

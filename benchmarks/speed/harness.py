@@ -1,7 +1,9 @@
 """Rows of the table of speeds: what was timed, how it spreads, and whether it is what was wanted.
 
 A claim of speed is a ratio of two things timed in turns in one process, so that whatever else the machine
-does slows both. A row holds the spread of that ratio over the rounds, not a ratio of two spreads.
+does slows both. A row holds the spread of that ratio over the rounds, not a ratio of two spreads. Times are
+processor time of this process, which other processes do not add to; what starts processes of its own is timed
+by `time.perf_counter`.
 """
 
 from __future__ import annotations
@@ -14,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 Work = Callable[[], object]
+Clock = Callable[[], float]
 SECONDS = 0.05  # a round of one side lasts at least about this long, calls repeated as it takes
 
 
@@ -97,6 +100,7 @@ def against(
     *,
     pieces: tuple[int, int] = (1, 1),
     note: str = "",
+    clock: Clock = time.process_time,
 ) -> Row:
     """Time two things in turns.
 
@@ -110,21 +114,31 @@ def against(
     size : Size
     pieces : (int, int)
         Pieces of work that a call of ours and of theirs does; seconds are of one piece.
+    clock : callable
+        Seconds.
     """
-    repeats = [_repeats(work) for work in (ours, theirs)]
+    repeats = [_repeats(work, clock) for work in (ours, theirs)]
     spent: tuple[list[float], list[float]] = ([], [])
     for k in range(size.rounds):
         for side in (0, 1) if k % 2 == 0 else (1, 0):  # neither always comes second
             work = (ours, theirs)[side]
-            spent[side].append(_timed(work, repeats[side]) / (repeats[side] * pieces[side]))
+            spent[side].append(_timed(work, repeats[side], clock) / (repeats[side] * pieces[side]))
     ratios = [b / a for a, b in zip(*spent, strict=True)]
     return Row(what, rival, Spread.of(spent[0]), Spread.of(spent[1]), Spread.of(ratios), wanted, note)
 
 
-def timed(what: str, rival: str, ours: Work, wanted: Wanted | None, size: Size, note: str = "") -> Row:
+def timed(
+    what: str,
+    rival: str,
+    ours: Work,
+    wanted: Wanted | None,
+    size: Size,
+    note: str = "",
+    clock: Clock = time.process_time,
+) -> Row:
     """Seconds of one thing alone, judged as they are."""
-    repeats = _repeats(ours)
-    spread = Spread.of([_timed(ours, repeats) / repeats for _ in range(size.rounds)])
+    repeats = _repeats(ours, clock)
+    spread = Spread.of([_timed(ours, repeats, clock) / repeats for _ in range(size.rounds)])
     return Row(what, rival, spread, None, spread, wanted, note)
 
 
@@ -138,23 +152,23 @@ def absent(what: str, rival: str, wanted: Wanted | None, why: str) -> Row:
     return Row(what, rival, None, None, None, wanted, f"absent: {why}")
 
 
-def _repeats(work: Work) -> int:
+def _repeats(work: Work, clock: Clock) -> int:
     """Calls that fill a round; the first calls also compile and warm."""
     work()
     count = 1
-    while (spent := _timed(work, count)) < SECONDS / 4:
+    while (spent := _timed(work, count, clock)) < SECONDS / 4:
         count *= 2
     return max(1, round(count * SECONDS / spent))
 
 
-def _timed(work: Work, repeats: int) -> float:
+def _timed(work: Work, repeats: int, clock: Clock) -> float:
     collected = gc.isenabled()
     gc.disable()
     try:
-        begun = time.perf_counter()
+        begun = clock()
         for _ in range(repeats):
             work()
-        return time.perf_counter() - begun
+        return clock() - begun
     finally:
         if collected:
             gc.enable()
