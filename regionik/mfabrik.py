@@ -146,7 +146,7 @@ class Solver:
         points = frozen(np.asarray(targets), (None, 3), "targets")
         here = frozen(bases, (len(points), 3), "bases")
         now = frozen(joints, (len(points), self.robot.chain.dof), "joints")
-        axes, yaws = axis_of(self.robot, here), here[:, 2] + self.robot.mount[3]
+        axes, yaws = axis_of(self.robot, here), np.array([self._yaw(row) for row in here])
         reached = self._arm.reach_many(points, axes, yaws, self._behind(now), self._flat)
         rows = [self._headed(*row) for row in zip(reached, here, now, strict=True)]
         return _batch(rows, self.robot.chain.dof)
@@ -192,7 +192,7 @@ class Solver:
         pivot = chain.joints[k]
         q, yaw = np.array(reached.joints), float(base[2])
         span = (yaw, yaw) if self.heading == "fixed" else self.span
-        plane = yaw + float(q[k])
+        plane = self._yaw(base) - float(self.robot.mount[3]) + float(q[k])  # as the arm was asked
         if self.heading == "face_target":
             q[k] = np.clip(0.0, pivot.lower, pivot.upper)
             yaw += kernels.wrap(plane - yaw - q[k])
