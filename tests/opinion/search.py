@@ -15,6 +15,7 @@ PLACES = 4000  # of the base that are drawn
 TURNS = 36  # of the base that are tried at one place
 TRIED = 300  # free ones at which the arm is bent, each from a posture of its own
 STEPS = 25
+INSIDE = 0.9  # of the cone that a turn aims for
 CLOSE = 1e-6  # [m] or [rad]
 BERTH = 1e-4  # of the base beyond its clearance, so that what is found is beyond doubt [m]
 
@@ -103,11 +104,10 @@ def _bend(
         q = machine.configuration(base, joints)
         J = jacobian(machine, q)[:, machine.columns]
         pin.framesForwardKinematics(machine.model, machine.data, q)
-        tool = machine.tool()
-        off, rows = _error(tool, target), J if "direction" in target or "orientation" in target else J[:3]
+        off, axis = _missing(machine.tool(), target)
         if np.abs(off).max() < CLOSE:
             return joints
-        rows, off = rows[: len(off)], off
+        rows = J[:3] if axis is None else np.vstack([J[:3], axis @ J[3:]])
         step = rows.T @ np.linalg.solve(rows @ rows.T + damping * np.eye(len(off)), off)
         step[:locked] = 0.0
         joints = np.clip(joints + np.clip(step, -0.5, 0.5), machine.lower, machine.upper)
@@ -115,8 +115,8 @@ def _bend(
     return None
 
 
-def _error(tool: Array, target: dict[str, Any]) -> Array:
-    """What is missing: of the place, and of the direction what is more than the cone allows."""
+def _missing(tool: Array, target: dict[str, Any]) -> tuple[Array, Array | None]:
+    """What is missing: of the place (3,), then of the turn into the cone, and its axis."""
     place = np.array(target["point"]) - tool[:3, 3]
     if "orientation" in target:
         turn = np.asarray(pin.log3(np.array(target["orientation"]) @ tool[:3, :3].T))
@@ -125,6 +125,8 @@ def _error(tool: Array, target: dict[str, Any]) -> Array:
         angle = float(np.arctan2(np.linalg.norm(across), tool[:3, 2] @ np.array(target["direction"])))
         turn = across / max(float(np.linalg.norm(across)), 1e-12) * angle
     else:
-        return place
+        return place, None
     angle = float(np.linalg.norm(turn))
-    return np.append(place, turn * max(0.0, angle - target["cone"]) / max(angle, 1e-12))
+    if angle <= target["cone"]:
+        return place, None
+    return np.append(place, angle - INSIDE * target["cone"]), turn / angle
