@@ -63,24 +63,31 @@ class FlatPolygon:
         >>> contains(flat.vertices, flat.starts, 1.0, 0.5)
         True
         """
-        if not isinstance(geometry, Polygon | MultiPolygon) or geometry.is_empty:
-            raise InputError(
-                f"polygon: expected a Polygon or MultiPolygon that is not empty, got {geometry!r:.60}"
-            )
-        rings, vertices = _rings(geometry)
+        rings, vertices = _rings(solid(geometry))
         vertices.flags.writeable = False
         rings.flags.writeable = False
         return cls(vertices, rings)
 
 
+def solid(geometry: BaseGeometry) -> Polygon | MultiPolygon:
+    """The geometry itself, refused where it is not a Polygon or MultiPolygon or is empty."""
+    if not isinstance(geometry, Polygon | MultiPolygon) or geometry.is_empty:
+        raise InputError(
+            f"polygon: expected a Polygon or MultiPolygon that is not empty, got {geometry!r:.60}"
+        )
+    return geometry
+
+
 def _rings(geometry: Polygon | MultiPolygon) -> tuple[Index, Array]:
     """First vertex of every ring (and the end), and the vertices without the closing ones."""
-    rings = shapely.get_rings(shapely.get_parts(geometry))
-    coordinates, owner = shapely.get_coordinates(rings, return_index=True)
-    counts = np.bincount(owner) - 1
-    closing = np.cumsum(counts + 1) - 1
-    starts = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
-    return starts, np.ascontiguousarray(np.delete(coordinates, closing, axis=0))
+    rings = shapely.get_rings(geometry if isinstance(geometry, Polygon) else shapely.get_parts(geometry))
+    ends = np.cumsum(shapely.get_num_coordinates(rings))
+    coordinates = shapely.get_coordinates(rings)
+    kept = np.ones(len(coordinates), dtype=bool)
+    kept[ends - 1] = False
+    starts = np.zeros(len(ends) + 1, dtype=np.int64)
+    starts[1:] = ends - np.arange(1, len(ends) + 1)
+    return starts, coordinates[kept]
 
 
 @compiled

@@ -143,6 +143,16 @@ def place(arm: SerialArm, mount: Array, hop: Hop, s: float, frame: int, frames: 
 
 
 @compiled
+def tools_on(arm: SerialArm, mount: Array, hop: Hop, shares: Array) -> Array:
+    """Tool frames in the world at parts of a hop, (n, 4, 4)."""
+    tools, frames = np.empty((len(shares), 4, 4)), np.empty((len(arm.axis) + 2, 4, 4))
+    for k in range(len(shares)):
+        place(arm, mount, hop, shares[k], WORLD, frames)
+        tools[k] = frames[-2]
+    return tools
+
+
+@compiled
 def put(frame: Array, points: Array, out: Array) -> None:
     """Write points (n, 3) of a frame, seen from where the frame is seen."""
     for k in range(len(points)):

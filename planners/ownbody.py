@@ -96,14 +96,18 @@ def surely_meets_itself(
 @compiled
 def between(a: Array, b: Array, c: Array, d: Array) -> float:
     """Distance of the segments a b and c d [m]."""
-    p, q, r = b - a, d - c, a - c
-    pp, qq, pq, pr, qr = (p * p).sum(), (q * q).sum(), (p * q).sum(), (p * r).sum(), (q * r).sum()
+    px, py, pz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
+    qx, qy, qz = d[0] - c[0], d[1] - c[1], d[2] - c[2]
+    rx, ry, rz = a[0] - c[0], a[1] - c[1], a[2] - c[2]
+    pp, qq = px * px + py * py + pz * pz, qx * qx + qy * qy + qz * qz
+    pq = px * qx + py * qy + pz * qz
+    pr, qr = px * rx + py * ry + pz * rz, qx * rx + qy * ry + qz * rz
     square = pp * qq - pq * pq
     s = min(1.0, max(0.0, (pq * qr - qq * pr) / square)) if square > NOTHING * pp * qq else 0.0
     best = np.inf
     for _ in range(3):  # each point in turn to where it is nearest to the other
         t = min(1.0, max(0.0, (pq * s + qr) / qq)) if qq > 0.0 else 0.0
         s = min(1.0, max(0.0, (pq * t - pr) / pp)) if pp > 0.0 else 0.0
-        off = r + s * p - t * q
-        best = min(best, np.sqrt((off * off).sum()))
-    return best
+        x, y, z = rx + s * px - t * qx, ry + s * py - t * qy, rz + s * pz - t * qz
+        best = min(best, x * x + y * y + z * z)
+    return float(np.sqrt(best))

@@ -70,7 +70,7 @@ def ask(
         for k, solid in enumerate(bodies.obstacles)
         if k not in free and not isinstance(solid, Mesh)
     ]
-    inner = [_inner(solid) for solid in robot.solids]
+    inner = [inner_capsule(solid) for solid in robot.solids]
     goal = T[:3, :3] @ target + T[:3, 3]
     room = margin + bodies.clearance
     own = _own(bodies, margin)
@@ -81,7 +81,7 @@ def smothered(bodies: Bodies, target: Array, tolerance: float, margin: float, co
     """What the end of the last link is in, or too near to, in any posture; empty where it is in nothing."""
     chain, free = bodies.robot.chain, touchable(contact, target, tolerance)
     near = -np.inf  # how far the target must be from obstacles at least
-    for solid in map(_inner, bodies.robot.solids):
+    for solid in map(inner_capsule, bodies.robot.solids):
         if solid.link == chain.dof - 1:
             off = np.linalg.norm(solid.corners - chain.T_last_tool[:3, 3], axis=1).min()
             near = max(near, solid.radius + margin + bodies.clearance - tolerance - float(off))
@@ -114,7 +114,7 @@ def is_bounded(chain: Chain) -> bool:
 def spare_joints(chain: Chain, solids: tuple[LinkSolid, ...]) -> int:
     """Joints that move tool or solids, less the directions in which they can move the tool."""
     points = [(chain.dof - 1, chain.T_last_tool[:3, 3])]
-    points += [(solid.link, end) for solid in solids for end in _inner(solid).corners]
+    points += [(solid.link, end) for solid in solids for end in inner_capsule(solid).corners]
     levers = np.array([longest_levers(chain, link, point)[0] for link, point in points]).max(0)
     frames = chain.frames(np.arange(1.0, chain.dof + 1.0))  # no special posture
     tool, columns = frames[-1, :3, 3], []
@@ -124,7 +124,7 @@ def spare_joints(chain: Chain, solids: tuple[LinkSolid, ...]) -> int:
     return int((levers > LEVER).sum()) - int(np.linalg.matrix_rank(np.array(columns), tol=LEVER))
 
 
-def _inner(solid: LinkSolid) -> LinkCapsule:
+def inner_capsule(solid: LinkSolid) -> LinkCapsule:
     """A capsule itself, or the one along the middle of a box."""
     if isinstance(solid, LinkCapsule):
         return solid

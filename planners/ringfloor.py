@@ -105,6 +105,21 @@ def inside(parts: Parts, x: float, y: float) -> bool:
 
 
 @compiled
+def is_near(parts: Parts, x: float, y: float, by: float) -> bool:
+    """Whether some place of the floor is at most ``by`` away [m]."""
+    if inside(parts, x, y):
+        return True
+    for k in range(_band(parts, y - by), _band(parts, y + by) + 1):
+        for i in range(parts.first[k], parts.first[k + 1]):
+            ax, ay, bx, end = parts.edges[parts.listed[i]]
+            if min(ax, bx) - x <= by and x - max(ax, bx) <= by:
+                px, py = nearest_on_segment(ax, ay, bx, end, x, y)
+                if math.hypot(px - x, py - y) <= by:
+                    return True
+    return False
+
+
+@compiled
 def distances(parts: Parts, x: float, y: float, far: float, low: Array, high: Array) -> None:
     """Write least and largest distance of every part (c,); infinite and 0 for those beyond ``far`` [m]."""
     low[:], high[:] = np.inf, 0.0

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from regionik.planners import kernels
+from regionik.planners.flat import compiled
 from regionik.worlds.arrays import Array
 from regionik.worlds.planar import PlanarArm
 
 _MOST_INTERVALS = 16
+APART = 1e-7  # ends that are nearer to each other than this may be taken for each other [m]
+NEAR = 1e-6  # a height this near to a turning one is looked at by itself [m]
 
 
 FREE = (-np.inf, np.inf)
@@ -100,13 +104,117 @@ def reach_intervals(
     list of (k, 2) arrays
         Ascending; none crosses r = 0, so that each lies in front of the axis or behind it.
     """
+    owner, spans = reach_spans(arm, shoulder_z, heights, pitches, front=front, back=back)
+    return np.split(spans, np.searchsorted(owner, np.arange(1, len(heights))))
+
+
+def reach_spans(
+    arm: PlanarArm,
+    shoulder_z: float,
+    heights: Array,
+    pitches: tuple[float, float] = FREE,
+    *,
+    front: bool = True,
+    back: bool = True,
+) -> tuple[NDArray[np.intp], Array]:
+    """As `reach_intervals`, in one table: the height of each interval, ascending, (m,), and (m, 2)."""
     circles = boundary_circles(arm, shoulder_z, pitches)
     centers, radii = np.ascontiguousarray(circles[:, :2]), np.ascontiguousarray(circles[:, 2])
-    distinct, where = np.unique(heights, return_inverse=True)
-    out = np.empty((_MOST_INTERVALS, 2))
-    found = []
     plane = kernels.PlaneArm(float(arm.shoulder[0]), shoulder_z, arm.lengths, arm.lower, arm.upper)
-    for z in distinct.tolist():
-        n = kernels.reach_intervals(plane, *pitches, centers, radii, z, front, back, out)
-        found.append(out[:n].copy())
-    return [found[k] for k in where]
+    out, counts = np.empty((len(heights), _MOST_INTERVALS, 2)), np.empty(len(heights), dtype=np.int64)
+    order, turns = np.argsort(heights, kind="stable"), turning_heights(circles)
+    _spans(plane, *pitches, centers, radii, np.asarray(heights), order, turns, front, back, out, counts)
+    real = np.arange(_MOST_INTERVALS) < counts[:, None]
+    return np.repeat(np.arange(len(heights)), counts), out[real]
+
+
+def turning_heights(circles: Array) -> Array:
+    """Heights between which the same circles bound the reach in the same order, ascending (k,).
+
+    Those where circles (n, 3) begin, end, cross each other or cross the axis.
+    """
+    r, z, radius = circles.T
+    i, j = np.triu_indices(len(circles), 1)
+    apart = np.hypot(r[j] - r[i], z[j] - z[i])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        along = (apart**2 + radius[i] ** 2 - radius[j] ** 2) / (2 * apart)
+        beside = np.sqrt(radius[i] ** 2 - along**2)
+        middle = z[i] + along * (z[j] - z[i]) / apart
+        swing = beside * (r[j] - r[i]) / apart
+        axis = np.sqrt(radius**2 - r**2)
+    found = np.concatenate(
+        [z - radius, z + radius, z - axis, z + axis, middle - swing, middle + swing, middle]
+    )
+    return np.sort(found[np.isfinite(found)])
+
+
+@compiled
+def _spans(
+    arm: kernels.PlaneArm,
+    pitch_low: float,
+    pitch_high: float,
+    centers: Array,
+    radii: Array,
+    heights: Array,
+    order: NDArray[np.intp],
+    turns: Array,
+    front: bool,
+    back: bool,
+    out: Array,
+    counts: NDArray[np.int64],
+) -> None:
+    """Write the intervals of every height, and how many there are.
+
+    Ends are looked for once between two turning heights; there they stay on their circles.
+    """
+    ends = np.empty((_MOST_INTERVALS, 2), np.int64)
+    between, known, turn, last = -1, False, 0, 0
+    for i in order:
+        z = heights[i]
+        while turn < len(turns) and turns[turn] < z:
+            turn += 1
+        near = (turn < len(turns) and turns[turn] - z < NEAR) or (turn > 0 and z - turns[turn - 1] < NEAR)
+        if known and between == turn and not near:
+            counts[i] = counts[last]
+            for k in range(counts[i]):
+                out[i, k, 0] = _end(centers, radii, ends[k, 0], z)
+                out[i, k, 1] = _end(centers, radii, ends[k, 1], z)
+        else:
+            counts[i] = kernels.reach_intervals(
+                arm, pitch_low, pitch_high, centers, radii, z, front, back, out[i]
+            )
+            known, between = not near and _apart(centers, radii, z), turn
+            for k in range(2 * counts[i]):
+                ends[k // 2, k % 2] = _named(centers, radii, z, out[i, k // 2, k % 2])
+        last = i
+
+
+@compiled
+def _end(centers: Array, radii: Array, name: int, z: float) -> float:
+    """Where a circle, its near or far side, is at a height; the axis behind the last of them."""
+    k = name // 2
+    if k == len(radii):
+        return 0.0
+    dz = z - centers[k, 1]
+    h = np.sqrt(radii[k] * radii[k] - dz * dz)
+    return float(centers[k, 0] - h if name % 2 == 0 else centers[k, 0] + h)
+
+
+@compiled
+def _named(centers: Array, radii: Array, z: float, r: float) -> int:
+    """The side of a circle that is at a place at a height, or the axis, as `_end` takes it."""
+    for name in range(2 * len(radii)):
+        if abs(z - centers[name // 2, 1]) <= radii[name // 2] and _end(centers, radii, name, z) == r:
+            return name
+    return 2 * len(radii)
+
+
+@compiled
+def _apart(centers: Array, radii: Array, z: float) -> bool:
+    """Whether sides of circles and the axis keep their distance at a height, so that none is another."""
+    places, count = np.zeros(2 * len(radii) + 1), 1
+    for name in range(2 * len(radii)):
+        if abs(z - centers[name // 2, 1]) <= radii[name // 2]:
+            places[count] = _end(centers, radii, name, z)
+            count += 1
+    return bool((np.diff(np.sort(places[:count])) >= APART).all())

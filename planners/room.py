@@ -255,6 +255,23 @@ def fits(room: Room, x: float, y: float, yaw: float) -> bool:
 
 
 @compiled
+def surely_out(room: Room, heart: Array, radius: float, x: float, y: float, yaw: float, by: float) -> bool:
+    """Whether the footprint fits at no pose at which each of its points is at most ``by`` from where it is.
+
+    ``heart`` (2,) and ``radius`` are a circle inside the footprint. Shrunk towards its heart, the footprint
+    lies in all the others.
+    """
+    if by >= radius:
+        return False
+    shrunk, placed = np.empty_like(room.corners), np.empty_like(room.corners)
+    for k in range(len(shrunk)):
+        for i in range(2):
+            shrunk[k, i] = heart[i] + (1.0 - by / radius) * (room.corners[k, i] - heart[i])
+    _place(shrunk, x, y, yaw, placed)
+    return not (_begins(room, placed) and _keeps(room, placed, 0.0))
+
+
+@compiled
 def _begins(room: Room, placed: Array) -> bool:
     """Whether one corner of the footprint is on the floor and not in an obstacle; edges decide the rest."""
     x, y = placed[0]

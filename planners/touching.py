@@ -6,6 +6,7 @@ looked at; the distances that are told come from `collision`.
 
 from __future__ import annotations
 
+import math
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -27,6 +28,8 @@ __all__ = [
     "Contact",
     "Touch",
     "bodies_from",
+    "hop_between",
+    "hop_clear",
     "motion_clear",
     "nearest",
     "other",
@@ -80,8 +83,8 @@ def nearest(
     InputError
         When a number is not finite.
     """
-    state = (base, joints)
-    hop = _hop(bodies, state, state)
+    state = _state(bodies, base, joints)
+    hop = hop_between(bodies, *state, *state)
     return _nearest(bodies, hop, np.arange(len(bodies.robot.all_solids)), contact, within)
 
 
@@ -111,8 +114,8 @@ def solid_clear(
     contact : Contact, optional
         As for `nearest`; the place of the tool does depend on all joints.
     """
-    state = (base, joints)
-    hop = _hop(bodies, state, state)
+    state = _state(bodies, base, joints)
+    hop = hop_between(bodies, *state, *state)
     return _nearest(bodies, hop, np.array([k]), contact, margin).solid < 0
 
 
@@ -155,7 +158,12 @@ def motion_clear(
     """
     if not 0 <= margin < np.inf:
         raise InputError(f"margin: expected a finite number, at least 0, got {margin}")
-    hop = _hop(bodies, (base_a, joints_a), (base_b, joints_b))
+    ends = *_state(bodies, base_a, joints_a), *_state(bodies, base_b, joints_b)
+    return hop_clear(bodies, hop_between(bodies, *ends), margin, contact)
+
+
+def hop_clear(bodies: Bodies, hop: Hop, margin: float, contact: Contact | None) -> Touch | None:
+    """As `motion_clear`, for a motion that `hop_between` made."""
     boxes, exempt = np.empty((len(bodies.robot.all_solids), 2, 3)), _exempt(contact)
     k, m, s = first_stop(
         bodies.arm, bodies.mount, bodies.movers, bodies.hulls, hop, exempt, boxes, float(margin)
@@ -165,6 +173,23 @@ def motion_clear(
     if k < 0:
         return None
     return _touch(bodies, _at(hop, s), k, m)
+
+
+def hop_between(bodies: Bodies, base_a: Array, joints_a: Array, base_b: Array, joints_b: Array) -> Hop:
+    """The motion between two states; the base turns the shorter way."""
+    drive = base_b - base_a
+    drive[2] = (drive[2] + math.pi) % (2 * math.pi) - math.pi
+    if bodies.robot.base == "omni":
+        return Hop(base_a, drive, 0.0, joints_a, joints_b - joints_a)
+    x, y, yaw = base_a
+    arc, *missed = rolling(x, y, yaw, x + drive[0], y + drive[1], drive[2])
+    return Hop(base_a, np.array([*missed, drive[2]]), arc, joints_a, joints_b - joints_a)
+
+
+def _state(bodies: Bodies, base: ArrayLike, joints: ArrayLike) -> tuple[Array, Array]:
+    """Base and joints, checked; writable, as kernels are compiled for one kind of array alone."""
+    dof = bodies.robot.chain.dof
+    return np.array(frozen(base, (3,), "base")), np.array(frozen(joints, (dof,), "joints"))
 
 
 def words(bodies: Bodies, touch: Touch) -> str:
@@ -269,21 +294,6 @@ def _meet(hulls: Hulls, box: Array) -> NDArray[np.bool_]:
 def _exempt(contact: Contact | None) -> Exempt:
     one = _NO_CONTACT if contact is None else contact
     return Exempt(one.spots, one.owner, one.reach)
-
-
-def _hop(bodies: Bodies, a: tuple[ArrayLike, ArrayLike], b: tuple[ArrayLike, ArrayLike]) -> Hop:
-    """The motion between two states, each a base and joints; the base turns the shorter way."""
-    dof = bodies.robot.chain.dof
-    base, joints = np.array(frozen(a[0], (3,), "base")), np.array(frozen(a[1], (dof,), "joints"))
-    if a is b:
-        return Hop(base, np.zeros(3), 0.0, joints, np.zeros(dof))
-    drive, bend = frozen(b[0], (3,), "base") - base, frozen(b[1], (dof,), "joints") - joints
-    drive[2] = np.remainder(drive[2] + np.pi, 2 * np.pi) - np.pi
-    if bodies.robot.base == "omni":
-        return Hop(base, drive, 0.0, joints, bend)
-    x, y, yaw = base
-    arc, *missed = rolling(x, y, yaw, x + drive[0], y + drive[1], drive[2])
-    return Hop(base, np.array([*missed, drive[2]]), arc, joints, bend)
 
 
 def _at(hop: Hop, s: float) -> Hop:

@@ -76,6 +76,19 @@ def _outline(piece: Piece) -> Array:
     return outline
 
 
+def depths(solids: Uprights) -> Array:
+    """No point of a solid is farther inside than this, (m,) [m]."""
+    deep = np.minimum(solids.disc, (solids.high - solids.low) / 2) + solids.ball
+    for k, (first, last) in enumerate(zip(solids.starts[:-1], solids.starts[1:], strict=True)):
+        if last - first > 1:
+            corners = solids.outlines[first:last]
+            edges = np.roll(corners, -1, axis=0) - corners
+            inward = np.column_stack([-edges[:, 1], edges[:, 0]]) / np.hypot(*edges.T)[:, None]
+            widths = (corners @ inward.T).max(0) - (corners * inward).sum(1)
+            deep[k] = min(widths.min(), solids.high[k] - solids.low[k]) / 2
+    return deep
+
+
 @compiled
 def _length(x: float, y: float) -> float:
     """Length of a vector; hypot guards against overflow at several times the cost."""
@@ -107,7 +120,7 @@ def _from_outline(outline: Array, x: float, y: float) -> float:
     for k in range(len(outline)):
         bx, by = outline[k]
         dx, dy = bx - ax, by - ay
-        beyond = max(beyond, ((x - ax) * dy - (y - ay) * dx) / np.hypot(dx, dy))
+        beyond = max(beyond, ((x - ax) * dy - (y - ay) * dx) / _length(dx, dy))
         ax, ay = bx, by
     if beyond <= 0.0:
         return beyond

@@ -17,9 +17,10 @@ from shapely.geometry import LineString
 from shapely.geometry.base import BaseGeometry
 
 from regionik.driving import AnyHeading, Driver, OnWheels
-from regionik.ground import Geometries, ground_of
+from regionik.ground import Geometries, ground_of, united
 from regionik.mfabrik import axis_of, pose_of
 from regionik.planners.flat import FlatPolygon, segment_inside
+from regionik.planners.flat import Index as Corners
 from regionik.planners.footprint import Slab
 from regionik.planners.room import Room, room_of, slides
 from regionik.planners.slabgraph import through
@@ -32,6 +33,7 @@ from regionik.worlds.robot import BaseKind, Robot
 from regionik.worlds.scene import World
 
 INSET = 0.002  # kept from the edge of what two areas share, where there is room [m]
+KEPT = 256  # polygons of components as flat arrays
 TURN_PART = 0.1  # of a turn about the arm axis, which a base frame elsewhere does by short slides [rad]
 
 
@@ -106,13 +108,12 @@ class AnyHeadingTracks:
     world: World
     ladder: Ladder
     driver: AnyHeading
-    _joined: dict[tuple[int, int], FlatPolygon] = field(default_factory=dict)
+    _flats: dict[tuple[int, ...], tuple[Array, Corners]] = field(default_factory=dict)
 
     def ways(self, k: int, j: int, here: Array, goal: Array) -> Iterator[list[Move]]:
         """See `Tracks`."""
         a, b = (axis_of(self.world.robot, pose) for pose in (here, goal))
-        flat = self._flat(k, j)
-        if segment_inside(flat.vertices, flat.starts, a[0], a[1], b[0], b[1]):
+        if self._within(k, j, a, b):
             yield [Move(AxisLine(a, b), (0.0, 1.0))]
         first, second = self.ladder.component[k], self.ladder.component[j]
         over = _handover(first & second, a, b)
@@ -122,12 +123,19 @@ class AnyHeadingTracks:
             *_held(self.driver.within(second, over, b), 1.0),
         ]
 
-    def _flat(self, k: int, j: int) -> FlatPolygon:
-        """Two components together, kept."""
-        if (k, j) not in self._joined:
-            both = shapely.union(self.ladder.component[k], self.ladder.component[j])
-            self._joined[k, j] = FlatPolygon.from_shapely(both)
-        return self._joined[k, j]
+    def _within(self, k: int, j: int, a: Array, b: Array) -> bool:
+        """Whether the straight way lies in two components together; most ways lie in one of them."""
+        one = any(segment_inside(*self._flat(m), a[0], a[1], b[0], b[1]) for m in (k, j))
+        return one or bool(segment_inside(*self._flat(k, j), a[0], a[1], b[0], b[1]))
+
+    def _flat(self, *members: int) -> tuple[Array, Corners]:
+        """Vertices and rings of components together, the last few kept."""
+        if members not in self._flats:
+            if len(self._flats) >= KEPT:
+                self._flats.clear()
+            flat = FlatPolygon.from_shapely(united(self.ladder.component[list(members)]))
+            self._flats[members] = flat.vertices, flat.starts
+        return self._flats[members]
 
 
 def _held(points: Array, tool: float) -> list[Move]:

@@ -207,6 +207,12 @@ def ground_of(world: World) -> Ground:
     )
 
 
+def united(shapes: Geometries) -> BaseGeometry:
+    """Union of shapes; a single one is itself, not a copy."""
+    one: BaseGeometry = shapes[0] if len(shapes) == 1 else shapely.union_all(shapes)
+    return one
+
+
 def disjoint(shapes: Geometries) -> Geometries:
     """Union as disjoint polygons."""
     solid = shapes[~shapely.is_empty(shapes)] if len(shapes) else shapes

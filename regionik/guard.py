@@ -12,17 +12,20 @@ from functools import lru_cache
 import numpy as np
 
 from regionik.planners.collision import obstacles_from, solids_within
+from regionik.planners.moving import Hop, tools_on
 from regionik.planners.touching import (
     Bodies,
     Contact,
     Touch,
     bodies_from,
-    motion_clear,
+    hop_between,
+    hop_clear,
     nearest,
     other,
     words,
 )
 from regionik.poses import Pose
+from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Cause
 from regionik.worlds.scene import Target, World
 
@@ -62,12 +65,23 @@ class Guard:
         """Whether every link keeps clear."""
         return not self.on or self.touch(pose).kind == "none"
 
+    def hop(self, here: Pose, there: Pose) -> Hop:
+        """The motion between two states, to be asked about."""
+        # Copies: kernels are compiled for arrays that can be written to.
+        return hop_between(self.bodies, np.array(here.base), np.array(here.joints), there.base, there.joints)
+
     def stop(self, here: Pose, there: Pose) -> Touch | None:
         """What keeps the motion between two states from being proven clear."""
-        if not self.on:
-            return None
-        a, b = (here.base, here.joints), (there.base, there.joints)
-        return motion_clear(self.bodies, *a, *b, SPARE, contact=self.contact)
+        return self.stopped(self.hop(here, there)) if self.on else None
+
+    def stopped(self, hop: Hop) -> Touch | None:
+        """As `stop`, for a motion at hand."""
+        return hop_clear(self.bodies, hop, SPARE, self.contact) if self.on else None
+
+    def tools(self, hop: Hop, shares: Array) -> Array:
+        """Tool frames at shares of a motion, (n, 4, 4)."""
+        frames: Array = tools_on(self.bodies.arm, self.bodies.mount, hop, shares)
+        return frames
 
     def words(self, touch: Touch) -> str:
         """Which link comes how near to what."""

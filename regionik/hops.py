@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from regionik.guard import Guard
-from regionik.mfabrik import axis_of, pose_of
+from regionik.mfabrik import axis_of
 from regionik.planners.drive import resample
 from regionik.poses import LARGEST_BEND, Pose, between, turn_to
 from regionik.worlds.arrays import Array
@@ -38,15 +38,13 @@ class Hops:
         stops = lengths / lengths[-1] if lengths[-1] > 0 else np.array([0.0, 1.0])
         shares = np.union1d(stops, np.linspace(0.0, 1.0, int(np.ceil(swing)) + 1))[1:-1]
         shares = shares[np.diff(shares, prepend=0.0) > 1e-9]
-        poses = []
-        for share in shares:
-            at = share * lengths[-1]
-            axis = np.array([np.interp(at, lengths, points[:, d]) for d in (0, 1)])
-            if lengths[-1] == 0:
-                axis = points[0]
-            base = pose_of(robot, axis, here.base[2] + share * turn)
-            poses.append(Pose(base, here.joints + share * (there.joints - here.joints)))
-        return poses
+        axes = np.column_stack([np.interp(shares * lengths[-1], lengths, points[:, d]) for d in (0, 1)])
+        if lengths[-1] == 0:
+            axes[:] = points[0]
+        bases = np.column_stack([np.zeros((len(shares), 2)), here.base[2] + shares * turn])
+        bases[:, :2] = axes - axis_of(robot, bases)
+        joints = here.joints + shares[:, None] * (there.joints - here.joints)
+        return [Pose(*pose) for pose in zip(bases, joints, strict=True)]
 
     def over(self, here: Pose, there: Pose, bases: Array) -> list[Pose]:
         """States strictly between two poses: base through given poses (n, 3), joints spread over its way."""

@@ -13,13 +13,16 @@ FINE = 1e-4  # amounts are told on this grid, so that what is read is what was c
 SHARE = 0.01
 _STEPS = 64
 _SPLIT = 16
+_CLOSE = 0.02  # part by which the least that holds may be missed
 _ASKED_BELOW = 0.97  # of an amount that holds, asked for before it is told
 _COARSE = 24  # steps along each of many directions
 _BEST = 4  # directions of those that are looked at closely
 _TURNS = (0.4, 0.2, 0.1, 0.05, 0.02)  # of the best direction, to find a better one [rad]
+_LEVELS, _LOOKS = 6, 8  # lengths at which dear looks are taken, and how many of each
 _GROWTH = (1.0, 1.01, 1.03, 1.06, 1.12, 1.25, 1.5, 2.0)
 
 Opens = Callable[[Array], NDArray[np.bool_]]  # of amounts (n,): whether each helps
+Holds = Callable[[float], bool]  # of one amount: whether it helps
 
 
 def least_open(opens: Opens, most: float) -> float | None:
@@ -54,15 +57,19 @@ def _first(opens: Opens, low: float, high: float, steps: int) -> tuple[float, fl
     return float(amounts[k]), float(amounts[k + 1])
 
 
-def confirmed(holds: Callable[[float], bool], amount: float, most: float) -> float | None:
+def confirmed(holds: Holds, amount: float, most: float, seen: Holds | None = None) -> float | None:
     """An amount that holds, near to one that should, and least as far as ``holds`` can tell.
 
     Parameters
     ----------
     holds : callable
-        What decides in the end, dearer than what ``amount`` was found by; may be stricter or laxer.
+        What decides in the end, dearer than what ``amount`` was found by, and dearest where it says no; may
+        be stricter or laxer.
     amount, most : float
         What should hold, and the most that is tried.
+    seen : callable, optional
+        What is known sooner, and is stricter: it leads to an amount, and ``holds`` is asked for that one and
+        for a little less. By default ``holds`` itself leads.
 
     Returns
     -------
@@ -70,22 +77,31 @@ def confirmed(holds: Callable[[float], bool], amount: float, most: float) -> flo
         On the grid of `FINE`, but for ``most`` itself. A few hundredths less do not hold. None where up to
         twice the amount nothing does.
     """
-    low = 0.0
-    for factor in _GROWTH:
-        high = min(_up(amount * factor), most)
-        if holds(high):
-            break
-        if high >= most:
-            return None
-        low = high
-    else:
+    tried = sorted({min(_up(amount * factor), most) for factor in _GROWTH})
+    if seen is not None:
+        tried = _led(seen, tried)
+    k = next((k for k, one in enumerate(tried) if holds(one)), len(tried))
+    if k == len(tried):
         return None
-    if low == 0.0:
-        below = _up(_ASKED_BELOW * high - FINE)
-        if below <= 0 or below >= high or not holds(below):
-            return high
-        high = below
-    while high - low > max(1.5 * FINE, SHARE * high):
+    if k:
+        return _narrowed(holds, tried[k - 1], tried[k])
+    below = _up(_ASKED_BELOW * tried[0] - FINE)
+    if below <= 0 or below >= tried[0] or not holds(below):
+        return tried[0]
+    return _narrowed(holds, 0.0, below)
+
+
+def _led(seen: Holds, tried: list[float]) -> list[float]:
+    """Amounts from the least on that is seen to hold; the most of all where none is."""
+    k = next((k for k, one in enumerate(tried) if seen(one)), None)
+    if k is None:
+        return tried[-1:]
+    return [_narrowed(seen, tried[k - 1] if k else 0.0, tried[k]), *tried[k + 1 :]]
+
+
+def _narrowed(holds: Holds, low: float, high: float) -> float:
+    """By bisection the least between what does not hold and what does."""
+    while high - low > max(1.5 * FINE, _CLOSE * high):
         middle = _up((low + high) / 2)
         low, high = (low, middle) if holds(middle) else (middle, high)
     return high
@@ -131,6 +147,34 @@ def shortest_step(opens: Opens, directions: Array, most: float) -> tuple[float, 
         for other in beside[opens(best * (1 - SHARE) * beside)]:
             best, way = _shorter(opens, other, best, way)
     return best, way
+
+
+def first_seen(
+    opens: Opens, sees: Callable[[Array], bool], directions: Array, low: float, high: float
+) -> tuple[float, Array] | None:
+    """A step between two lengths that is seen to help, where those that open need not.
+
+    Parameters
+    ----------
+    opens : callable
+        Of steps (n, d): whether each may help.
+    sees : callable
+        Of one step (d,): whether it helps; dear, and asked of a few even ones of each length that open.
+    directions : (m, d) array
+        Of length 1.
+    low, high : float
+        Neither is looked at itself.
+
+    Returns
+    -------
+    (length, direction) or None
+    """
+    for length in np.geomspace(low, high, _LEVELS + 2)[1:-1].tolist():
+        ways = directions[opens(length * directions)]
+        for way in ways[:: max(1, -(-len(ways) // _LOOKS))]:
+            if sees(length * way):
+                return length, way
+    return None
 
 
 def _coarse(opens: Opens, directions: Array, low: float, high: float) -> NDArray[np.intp]:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from regionik.demand import in_plane
 from regionik.planners.kernels import LIMIT_SLACK, PlaneArm
@@ -20,6 +20,7 @@ from regionik.worlds.planar import planar_arm
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Target, World
 
+Index = NDArray[np.intp]
 Rows = tuple[tuple[float, float], ...]
 
 
@@ -49,9 +50,9 @@ def asked_in(robot: Robot, criteria: Criteria | None) -> tuple[Asked, Asked] | N
 
 
 def distances(
-    world: World, pitches: tuple[float, float], heights: Array, reach: Sequence[Array], *, inner: bool
-) -> Sequence[Array]:
-    """Intervals of signed distance within reach, cut to those whose postures meet the criteria together.
+    world: World, pitches: tuple[float, float], heights: Array, owner: Index, reach: Array, *, inner: bool
+) -> tuple[Index, Array]:
+    """Spans of signed distance within reach, cut to those whose postures meet the criteria together.
 
     Parameters
     ----------
@@ -61,21 +62,29 @@ def distances(
         Angles that the last link may take in the plane [rad].
     heights : (n,) array
         Of the tool over the floor [m].
-    reach : n arrays (k, 2)
+    owner : (m,) array of int
+        Height of each span, ascending.
+    reach : (m, 2) array
         Without criteria [m].
     inner : bool
         Whether to give what is proven, or what is not ruled out.
+
+    Returns
+    -------
+    owner : (k,) array of int
+    reach : (k, 2) array
     """
     asked = asked_in(world.robot, world.rules.criteria)
     criteria = world.rules.criteria
     if asked is None or criteria is None:
-        return reach
+        return owner, reach
     side = 0 if inner or asked[0] is asked[1] else 1
-    found = []
-    for z, rows in zip(heights.tolist(), reach, strict=True):
-        known = tuple((low, high) for low, high in rows.tolist())
+    bounds = np.searchsorted(owner, np.arange(len(heights) + 1)).tolist()
+    found = [np.empty((0, 2))]
+    for z, a, b in zip(heights.tolist(), bounds[:-1], bounds[1:], strict=True):
+        known = tuple((low, high) for low, high in reach[a:b].tolist())
         found.append(_cut(world.robot, criteria, side, pitches, z, known)[0 if inner else 1])
-    return found
+    return np.repeat(np.arange(len(heights)), [len(rows) for rows in found[1:]]), np.concatenate(found)
 
 
 @lru_cache(maxsize=4096)

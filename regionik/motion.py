@@ -238,8 +238,8 @@ class _Walker:
 
     def _arrived(self, i: int, spot: Spot, rows: list[Row]) -> Spot:
         """The spot as the motion reaches it; iterations stay those of M-FABRIK."""
-        pose, rules = rows[-1].pose, self.world.rules
-        tool = self.world.robot.tool(pose.base, pose.joints)[:3, 3]
+        pose, rules, guard = rows[-1].pose, self.world.rules, self.stretcher.guard
+        tool = guard.tools(guard.hop(pose, pose), np.zeros(1))[0, :3, 3]
         error = float(np.linalg.norm(tool - self.world.task[i].position))
         found = replace(
             spot.found, base=pose.base, joints=pose.joints, error=error, converged=error <= rules.tolerance

@@ -13,11 +13,11 @@ from shapely.ops import nearest_points
 
 from regionik.demand import in_plane
 from regionik.ground import GUARD, ground_of, grow
-from regionik.least import FINE, Opens, circle, shortest_step, sphere
+from regionik.least import FINE, Opens, circle, first_seen, shortest_step, sphere
 from regionik.regions import path_areas
 from regionik.relaxations import with_obstacle_moved, with_target_moved, without_obstacle
 from regionik.standing import LEAST_AREA
-from regionik.trials import checked, opened
+from regionik.trials import checked, opened, sighted
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Repair
 from regionik.worlds.pivot import span_of
@@ -25,6 +25,7 @@ from regionik.worlds.scene import World
 
 _ROUND = 32  # directions on the floor
 _SPHERE = 48
+_FARTHER = 1.05  # than areas have it, from which on other directions are looked at
 
 
 def target_moved(world: World, who: str) -> Repair | None:
@@ -103,11 +104,27 @@ def obstacle_repair(name: str, by: Array) -> Repair:
 def _least(
     world: World, change: Callable[[Array], World], opens: Opens, directions: Array, most: float
 ) -> Array | None:
-    """The shortest step found by areas, on the grid, and confirmed."""
+    """The shortest step found by areas, on the grid, and confirmed.
+
+    Where it has to be longer than areas have it, for the arm would touch something, other directions are
+    looked at with the arm.
+    """
     step = shortest_step(opens, directions, most)
     if step is None:
         return None
     length, way = step
+    first = _confirmed(world, change, way, length, most)
+    longest = 2 * length if first is None else float(np.linalg.norm(first))
+    if longest <= _FARTHER * length:
+        return first
+    aside = first_seen(opens, lambda by: sighted(world, change(on_grid(by))), directions, length, longest)
+    second = None if aside is None else _confirmed(world, change, aside[1], aside[0], longest)
+    return first if second is None else second
+
+
+def _confirmed(
+    world: World, change: Callable[[Array], World], way: Array, length: float, most: float
+) -> Array | None:
     found = checked(world, lambda amount: change(on_grid(amount * way)), length, most)
     return None if found is None else on_grid(found * way)
 

@@ -7,10 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 import shapely
+from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from regionik import explain, explain_arm, tracked
 from regionik.demand import in_plane
+from regionik.ground import united
 from regionik.mfabrik import axis_of, configurations
 from regionik.motion import Course, connect
 from regionik.parked import attend
@@ -305,7 +307,7 @@ def _planned_areas(
     shown = []
     bounds = np.searchsorted(areas.target, np.arange(len(world.task) + 1))
     for i, (a, b) in enumerate(zip(bounds[:-1], bounds[1:], strict=True)):
-        reach: BaseGeometry = shapely.union_all(areas.reach[a:b])
-        admissible = shapely.union_all(areas.inner[a:b])
-        shown.append(PlannedArea(admissible, left(i), reach - admissible))
+        reach, admissible = united(areas.reach[a:b]), united(areas.inner[a:b])
+        rejected = Polygon() if admissible is reach else reach - admissible
+        shown.append(PlannedArea(admissible, left(i), rejected))
     return tuple(shown)

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from shapely.geometry import Point
 from shapely.geometry.base import BaseGeometry
 
-from regionik.ground import Geometries
+from regionik.ground import Geometries, united
 from regionik.reachable import Family
 from regionik.regions import PathAreas
 from regionik.standing import LEAST_AREA, Standing, away, groups, into_span
@@ -104,7 +104,7 @@ class Pruned:
         """What is left of the area of set-point i."""
         rungs = self.ladder.rungs()
         span = slice(rungs[i], rungs[i + 1])
-        return shapely.union_all(self.ladder.component[span][self.keep[span]])
+        return united(self.ladder.component[span][self.keep[span]])
 
 
 def build_ladder(areas: PathAreas, count: int, standing: Standing) -> Ladder:
@@ -119,6 +119,8 @@ def build_ladder(areas: PathAreas, count: int, standing: Standing) -> Ladder:
         The ground the areas lie on.
     """
     parts, row = shapely.get_parts(areas.inner, return_index=True)
+    whole = shapely.get_type_id(areas.inner)[row] == shapely.GeometryType.POLYGON
+    parts[whole] = areas.inner[row[whole]]  # not its copy: of very long paths, memory is mostly areas
     real = (shapely.get_type_id(parts) == 3) & (shapely.area(parts) > LEAST_AREA)
     parts, row = parts[real], row[real]
     target = areas.target[row]
@@ -129,6 +131,7 @@ def build_ladder(areas: PathAreas, count: int, standing: Standing) -> Ladder:
     forward = _overlaps(standing, parts, target, side, kinds, count, ahead=1)
     turns = _overlaps(standing, parts, target, side, kinds, count, ahead=0)
     floor = _pieces(parts, side, standing)
+    shapely.destroy_prepared(parts)  # as much memory again as the components themselves
     return Ladder(count, parts, target, kinds, side, floor, forward, groups(len(parts), turns))
 
 

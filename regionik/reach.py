@@ -19,10 +19,13 @@ from regionik.refine import diameter, refine
 from regionik.regions import PathAreas, outer_areas, path_areas
 from regionik.settle import OPEN, REACHED, is_covered, reasons, settled
 from regionik.standing import anywhere
+from regionik.wherever import look_everywhere
 from regionik.witness import Quest
 from regionik.worlds.arrays import Array, frozen
+from regionik.worlds.pivot import is_planar
 from regionik.worlds.scene import Target, World
 
+CELLS, FEWER = 200_000, 20_000  # of postures looked at for one target, and for one of many
 MANY = 1000  # bare points from which on compiled loops go first: compiling them costs a minute, once
 
 
@@ -38,7 +41,7 @@ class Answer:
     verdict : (n,) array of str
         "reachable": base and arm were found and checked, on target, on the floor and, where the rules lead
         the arm round things, clear of them. "unreachable": the outer area is empty, which is a proof in the
-        model, whatever stands in the arm's way; or the end of the arm would be in a solid in any posture.
+        model, whatever stands in the arm's way; or each posture from each place is shown to touch something.
         "undecided": neither, and ``gap`` says how much is left.
     base : (n, 3) array
         x, y [m], yaw [rad]; NaN where there is none.
@@ -67,8 +70,9 @@ def reach(world: World, targets: ArrayLike | Sequence[Target]) -> Answer:
     is looked at closely: without the rules' margin of reach, with finer circles, heading by heading and pitch
     by pitch, and with other postures at other places. What is undecided then says why.
 
-    Of `MANY` bare points and more, compiled loops decide all but a few. Verdicts are the same; places,
-    postures and the words of reasons may be others.
+    Of `MANY` bare points and more, compiled loops decide all but a few, and those are not looked at for as
+    long: single ones may stay undecided. Other verdicts are the same; places, postures and the words of
+    reasons may be others.
 
     Parameters
     ----------
@@ -99,7 +103,8 @@ def reach(world: World, targets: ArrayLike | Sequence[Target]) -> Answer:
     verdict = np.where(kind == REACHED, "reachable", "unreachable").astype("<U11")
     left = np.flatnonzero(kind == OPEN).tolist()
     close = [Target(positions[i]) if asked is None else asked[i] for i in left]
-    for i, result in zip(left, _decided(world, close), strict=True):
+    cells = CELLS if len(positions) < MANY else FEWER
+    for i, result in zip(left, _decided(world, close, cells), strict=True):
         verdict[i], gap[i], reason[i] = result.verdict, result.gap, result.reason
         if result.pose is not None:
             base[i], joints[i] = result.pose.base, result.pose.joints
@@ -123,14 +128,14 @@ class _Result(NamedTuple):
     reason: str
 
 
-def _decided(world: World, targets: Sequence[Target]) -> list[_Result]:
+def _decided(world: World, targets: Sequence[Target], cells: int) -> list[_Result]:
     """Coarse areas of all targets at once; those that leave a doubt are looked at closely, one by one."""
     found = _at_hand(world, targets)
     rest = [i for i in range(len(targets)) if i not in found]
     outer = outer_areas(world, [targets[i] for i in rest])
     results = {i: _Result("reachable", pose, 0.0, "") for i, pose in found.items()}
     for i, area in zip(rest, outer, strict=True):
-        results[i] = _ruled_out(world, targets[i]) if area.is_empty else _closely(world, targets[i])
+        results[i] = _ruled_out(world, targets[i]) if area.is_empty else _closely(world, targets[i], cells)
     return [results[i] for i in range(len(targets))]
 
 
@@ -150,7 +155,7 @@ def _at_hand(world: World, targets: Sequence[Target]) -> dict[int, Pose]:
     return found
 
 
-def _closely(world: World, target: Target) -> _Result:
+def _closely(world: World, target: Target, cells: int) -> _Result:
     """The answer for a target whose coarse areas leave a doubt."""
     quest = Quest(world, target)
     if quest.guard.on:
@@ -158,15 +163,36 @@ def _closely(world: World, target: Target) -> _Result:
         name = smothered(bodies, target.position, world.rules.tolerance, 0.0, contact)
         if name:
             return _Result("unreachable", None, 0.0, f"{_who(target)} cannot be reached: {_IN.format(name)}")
+    seen = _everywhere(quest, cells)
+    if seen.verdict != "undecided":
+        return seen
     pose, left, tried = refine(world, target, quest.within)
     pose = pose or quest.search()
     if pose is not None:
         return _Result("reachable", pose, 0.0, "")
     if left.is_empty:
         return _ruled_out(world, target)
-    return _Result("undecided", None, diameter(left), _doubt(quest, diameter(left), tried))
+    gap = min(diameter(left), seen.gap)
+    return _Result("undecided", None, gap, _doubt(quest, gap, tried))
 
 
+def _everywhere(quest: Quest, cells: int) -> _Result:
+    """What a look at all postures from all places comes to; for arms in one plane, led round things."""
+    world, target = quest.world, quest.target
+    if not quest.guard.on or not is_planar(world.robot.chain):
+        return _Result("undecided", None, np.inf, "")
+    seen = look_everywhere(world, target, cells)
+    if seen.verdict == "none":
+        around = f"{', '.join(seen.around)} and itself" if seen.around else "itself and its base"
+        return _Result(
+            "unreachable", None, 0.0, f"{_who(target)} cannot be reached: {_NO_WAY.format(around)}"
+        )
+    if seen.pose is not None and quest.confirms(seen.pose):
+        return _Result("reachable", seen.pose, 0.0, "")
+    return _Result("undecided", None, seen.gap, "")
+
+
+_NO_WAY = "from no place of the floor and in no posture does the arm keep off {}"
 _IN = "whatever the posture, the end of the arm is in {} there, or too near to it"
 
 

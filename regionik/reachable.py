@@ -14,13 +14,16 @@ from regionik.ground import EVERY, GUARD, Geometries
 from regionik.meeting import distances, narrowed, refuse
 from regionik.planners.levelreach import inner_reach, outer_reach
 from regionik.planners.posereach import pose_reach
-from regionik.planners.rings import FREE, reach_intervals
+from regionik.planners.ringarcs import Sectors
+from regionik.planners.rings import FREE, reach_intervals, reach_spans
 from regionik.planners.rolls import out_of_roll, swings
 from regionik.sectors import ring_sectors
 from regionik.worlds.arrays import Array
 from regionik.worlds.pivot import pivoted
 from regionik.worlds.planar import PlanarArm, planar_arm
 from regionik.worlds.scene import Target, World
+
+Index = NDArray[np.intp]
 
 ARC_POINTS = 48  # vertices of a full circle
 FRONT, BACK = 1, -1
@@ -146,8 +149,26 @@ def _plane_rows(
     span: tuple[float, float],
     *,
     inner: bool,
-) -> tuple[NDArray[np.intp], tuple[Family, ...], Geometries]:
-    """Reach of an arm in one plane, exact."""
+) -> tuple[Index, tuple[Family, ...], Geometries]:
+    """Reach of an arm in one plane, exact but for the chords of its circles."""
+    which, families, rings = plane_rings(world, targets, facings, span, inner=inner)
+    margin = world.rules.reach_margin if inner else None
+    return which, families, ring_sectors(*rings, margin, ARC_POINTS)
+
+
+def plane_rings(
+    world: World,
+    targets: Sequence[Target],
+    facings: Sequence[int],
+    span: tuple[float, float],
+    *,
+    inner: bool,
+) -> tuple[Index, tuple[Family, ...], Sectors]:
+    """Reach of an arm in one plane, exact: target and family of each ring or ring sector, and their numbers.
+
+    Inner ones are wide enough for the rules' margin on both sides, which is not taken off yet; the world is
+    `narrowed`.
+    """
     arm = planar_arm(world.robot.chain)
     margin = world.rules.reach_margin if inner else 0.0
     shoulder_z = float(arm.shoulder[1] + world.robot.mount[2])
@@ -156,30 +177,49 @@ def _plane_rows(
     alike: dict[tuple[Family, ...], list[int]] = {}
     for i, target in enumerate(targets):
         alike.setdefault(families_of(arm, target, tuple(facings), inner=inner), []).append(i)
-    table: list[tuple[int, Family, float, float]] = []
+    found: list[Family] = []
+    parts = [np.empty((0, 4))]  # target, family, low, high
     for kinds, members in alike.items():
         for pitches in sorted({family.pitches for family in kinds}):
-            reach = reach_intervals(
+            reach = reach_spans(
                 arm, shoulder_z, heights[members], pitches, front=FRONT in facings, back=BACK in facings
             )
-            intervals = distances(world, pitches, heights[members], reach, inner=inner)
+            owner, spans = distances(world, pitches, heights[members], *reach, inner=inner)
             for family in kinds:
                 if family.pitches == pitches:
-                    table += _spans_of(family, members, intervals, margin if inner else None, ARC_POINTS)
-    table.sort(key=lambda row: row[0])
-    spans = _headings(world, arm, [row[1] for row in table], span, GUARD if inner else 0.0)
-    flat = [(row, center, half) for row, span in zip(table, spans, strict=True) for center, half in span]
-    which = np.array([row[0] for row, _, _ in flat], dtype=np.intp)
-    rings = ring_sectors(
-        positions[which, :2],
-        np.array([row[2] for row, _, _ in flat]),
-        np.array([row[3] for row, _, _ in flat]),
-        np.array([center + (np.pi if row[1].facing == FRONT else 0.0) for row, center, _ in flat]),
-        np.array([half for _, _, half in flat]),
-        margin if inner else None,
-        ARC_POINTS,
-    )
-    return which, tuple(row[1] for row, _, _ in flat), rings
+                    ahead, low, high = _ahead(family, spans, margin if inner else None)
+                    which = np.array(members)[owner[ahead]]
+                    parts.append(np.column_stack([which, np.full(len(which), len(found)), low, high]))
+                    found.append(family)
+    table = np.concatenate(parts)
+    table = table[np.argsort(table[:, 0], kind="stable")]
+    which, kind = table[:, :2].astype(np.intp).T
+    arcs = _headings(world, arm, found, span, GUARD if inner else 0.0)
+    row, arc = _each([len(several) for several in arcs], kind)
+    which, kind, low, high = which[row], kind[row], table[row, 2], table[row, 3]
+    of = np.cumsum([0] + [len(several) for several in arcs])[kind] + arc
+    center, half = np.array([one for several in arcs for one in several]).reshape(-1, 2)[of].T
+    behind = np.array([np.pi if family.facing == FRONT else 0.0 for family in found])
+    rings = Sectors(positions[which, :2], low, high, center + behind[kind], half)
+    return which, tuple(found[k] for k in kind.tolist()), rings
+
+
+def _ahead(family: Family, spans: Array, margin: float | None) -> tuple[Index, Array, Array]:
+    """Which of the spans (m, 2) of signed distance a family reaches, and the distances, low and high."""
+    low, high = spans.T
+    front = low >= 0
+    a, b = np.where(front, low, -high), np.where(front, high, -low)
+    reached = (low + high) * family.facing > 0
+    if margin is not None:  # a ring thinner than its chords has no inner polygon
+        reached &= (a + margin) / np.cos(np.pi / ARC_POINTS) + GUARD < b - margin
+    return np.flatnonzero(reached), a[reached], b[reached]
+
+
+def _each(counts: Sequence[int], kind: Index) -> tuple[Index, Index]:
+    """Rows, each as often as its kind has parts, and which of these, (k,) each."""
+    times = np.array(counts, dtype=np.intp)[kind]
+    row = np.repeat(np.arange(len(kind)), times)
+    return row, np.arange(len(row)) - np.repeat(np.cumsum(times) - times, times)
 
 
 def fine_reach(

@@ -11,17 +11,13 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-import shapely
 from numpy.typing import NDArray
-from shapely.geometry import Polygon
 
-from regionik.ground import EVERY, Side, ground_of
-from regionik.guard import SPARE, guard_of
-from regionik.planners.bulkreach import Keep, Reach, Stance, find, meet, near_boxes
+from regionik.flatworld import floor_of, keep_of, reach_of, stance_of
+from regionik.ground import Side, ground_of
+from regionik.guard import guard_of
+from regionik.planners.bulkreach import find, meet, near_boxes
 from regionik.planners.collision import obstacles_from, solids_within
-from regionik.planners.kernels import PlaneArm
-from regionik.planners.ringfloor import Parts, parts_of
-from regionik.planners.rings import boundary_circles
 from regionik.standing import Standing, anywhere, by_heading, outer_by_heading
 from regionik.worlds.arrays import Array
 from regionik.worlds.pivot import is_planar
@@ -115,7 +111,7 @@ def _state(world: World, standing: Standing, targets: Array) -> Kinds:
     """0 where no posture reaches a target's height, 1 where none does from the floor of any side, else 2."""
     state = np.zeros(len(targets), dtype=np.int64)
     for side in standing.sides:
-        meet(_stance(world, side.span), _reach(world), _parts(side), targets, state)
+        meet(stance_of(world, side.span), reach_of(world), floor_of(side), targets, state)
     return state
 
 
@@ -125,54 +121,12 @@ def _look(world: World, standing: Standing, targets: Array, kind: Kinds, base: A
     asked, owners, found = targets[rows], _owners(world, targets[rows]), np.zeros(len(rows), dtype=bool)
     bases, q = np.full((len(rows), 3), np.nan), np.full((len(rows), joints.shape[1]), np.nan)
     for side in standing.sides:
-        stance = _stance(world, side.span)
-        find(stance, _reach(world), _parts(side), _keep(world), asked, owners, found, bases, q)
+        stance = stance_of(world, side.span)
+        find(stance, reach_of(world), floor_of(side), keep_of(world), asked, owners, found, bases, q)
     for some in np.array_split(np.flatnonzero(found), max(1, -(-len(rows) // CHUNK))):
         found[some] = _confirmed(world, asked[some], bases[some], q[some])
     kind[rows[found]] = REACHED
     base[rows[found]], joints[rows[found]] = bases[found], q[found]
-
-
-@lru_cache(maxsize=128)
-def _stance(world: World, span: tuple[float, float]) -> Stance:
-    """How the robot stands with its heading in a span."""
-    robot, arm = world.robot, planar_arm(world.robot.chain)
-    low, high = arm.pivot_lower, arm.pivot_upper
-    if world.rules.heading == "face_target":
-        low = high = min(max(0.0, low), high)
-    shoulder = float(arm.shoulder[0]), float(arm.shoulder[1] + robot.mount[2])
-    plane = PlaneArm(*shoulder, *map(_own, (arm.lengths, arm.lower, arm.upper)))
-    zero, yaw, turn = float(arm.pivot_zero + robot.mount[3]), 0.0, np.inf
-    if world.start is not None:
-        yaw = float(world.start.base[2])
-    if span != EVERY:
-        yaw, turn = (span[0] + span[1]) / 2, (span[1] - span[0]) / 2
-    sign, offset, mount, carry = map(_own, (arm.sign, arm.offset, robot.mount[:2], robot.carry))
-    return Stance(plane, sign, offset, zero, low, high, mount, yaw, turn + SLACK, carry)
-
-
-@lru_cache(maxsize=8)
-def _reach(world: World) -> Reach:
-    arm = planar_arm(world.robot.chain)
-    circles = boundary_circles(arm, float(arm.shoulder[1] + world.robot.mount[2]))
-    return Reach(_own(circles[:, :2]), _own(circles[:, 2]), world.rules.reach_margin)
-
-
-@lru_cache(maxsize=8)
-def _keep(world: World) -> Keep:
-    guard, bodies = guard_of(world), guard_of(world).bodies
-    return Keep(bodies.arm, _own(bodies.mount), bodies.movers, bodies.hulls, SPARE, guard.on)
-
-
-def _own(values: Array) -> Array:
-    """A copy that kernels take: writable and in order, so that they are compiled once."""
-    return np.array(values, dtype=np.float64, order="C")
-
-
-@lru_cache(maxsize=256)
-def _parts(side: Side) -> Parts:
-    parts = shapely.get_parts(side.free)
-    return parts_of([part for part in parts if isinstance(part, Polygon) and part.area > 0])
 
 
 def _owners(world: World, targets: Array) -> NDArray[np.int64]:

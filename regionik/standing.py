@@ -16,7 +16,7 @@ import shapely
 from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
-from shapely.geometry import Point
+from shapely.geometry import Point, Polygon
 
 from regionik.demand import in_plane
 from regionik.ground import EVERY, GUARD, Geometries, Side, disjoint, ground_of
@@ -24,6 +24,7 @@ from regionik.planners.footprint import slab_areas, slab_rejections, slabs_along
 from regionik.planners.room import Room, room_of
 from regionik.worlds.arrays import Array
 from regionik.worlds.criteria import kept
+from regionik.worlds.obstacles import Shadow
 from regionik.worlds.pivot import is_planar, pivot_of, pivoted
 from regionik.worlds.scene import World
 
@@ -32,6 +33,8 @@ WALLS = 4  # longest directions of walls, along which the sides of the footprint
 ROUND = 0.01  # a footprint whose corners differ less in distance from the arm axis gains nothing by slabs [m]
 LEAST_AREA = 1e-8  # shared by two areas below which they do not meet [m2]
 
+Corners = tuple[tuple[float, float], ...]
+Shadows = tuple[Shadow, ...]
 Index = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 
@@ -136,7 +139,7 @@ def anywhere(world: World) -> Standing:
     ground = ground_of(world)
     if world.rules.heading == "fixed" and not _round(world):
         yaw = 0.0 if world.start is None else float(world.start.base[2])
-        return Standing(_slab_sides(world, np.array([[yaw, yaw]])))
+        return Standing(_slab_sides(*_kept_by(world), np.array([[yaw, yaw]])))
     return Standing((Side(ground.inner.floor, ground.inner.parts, span_of_rules(world)),))
 
 
@@ -145,7 +148,7 @@ def by_heading(world: World) -> Standing:
     """One side a slab of headings; `anywhere` where slabs bring nothing, or cannot be told apart."""
     if not turns_matter(world):
         return anywhere(world)
-    return Standing(_slab_sides(world, _bounds(world)))
+    return _inner_slabs(*_kept_by(world))
 
 
 def turns_matter(world: World) -> bool:
@@ -174,9 +177,7 @@ def outer_by_heading(world: World) -> Standing:
     ground = ground_of(world)
     if not turns_matter(world):
         return Standing((Side(ground.outer.floor, ground.outer.parts, span_of_rules(world)),))
-    areas = slab_areas(_outline(world), ground.floor, ground.shadows, ground.clearance, _bounds(world))
-    none = np.empty(0, dtype=object)
-    return Standing(tuple(Side(area.outer, none, (area.low, area.high)) for area in areas))
+    return _outer_slabs(*_kept_by(world))
 
 
 @lru_cache(maxsize=8)
@@ -186,24 +187,40 @@ def room_for(world: World) -> Room:
     return room_of(world.robot.footprint, ground.floor, ground.shadows, ground.clearance + GUARD)
 
 
-def _slab_sides(world: World, bounds: Array) -> tuple[Side, ...]:
-    ground = ground_of(world)
-    found = slab_rejections(_outline(world), ground.floor, ground.shadows, ground.clearance + GUARD, bounds)
+@lru_cache(maxsize=8)
+def _inner_slabs(outline: Corners, floor: Polygon, shadows: Shadows, clearance: float) -> Standing:
+    """Kept by what it depends on: worlds that differ in task or height of the mount share it."""
+    return Standing(
+        _slab_sides(outline, floor, shadows, clearance, _bounds(outline, floor, shadows, clearance))
+    )
+
+
+@lru_cache(maxsize=8)
+def _outer_slabs(outline: Corners, floor: Polygon, shadows: Shadows, clearance: float) -> Standing:
+    bounds = _bounds(outline, floor, shadows, clearance)
+    areas = slab_areas(np.array(outline), floor, shadows, clearance, bounds)
+    none = np.empty(0, dtype=object)
+    return Standing(tuple(Side(area.outer, none, (area.low, area.high)) for area in areas))
+
+
+def _slab_sides(
+    outline: Corners, floor: Polygon, shadows: Shadows, clearance: float, bounds: Array
+) -> tuple[Side, ...]:
+    found = slab_rejections(np.array(outline), floor, shadows, clearance + GUARD, bounds)
     spans = [(low, high) for low, high in bounds.tolist()]
     return tuple(Side(one.floor, disjoint(one.taken), span) for one, span in zip(found, spans, strict=True))
 
 
-def _bounds(world: World) -> Array:
+def _bounds(outline: Corners, floor: Polygon, shadows: Shadows, clearance: float) -> Array:
     """Headings of the slabs, those with a side of the footprint along a wall among them."""
+    return slabs_along(room_of(np.array(outline), floor, shadows, clearance), SLABS, WALLS)
+
+
+def _kept_by(world: World) -> tuple[Corners, Polygon, Shadows, float]:
+    """All that slabs depend on; the footprint as seen from the arm axis, in the base's directions."""
     ground = ground_of(world)
-    room = room_of(_outline(world), ground.floor, ground.shadows, ground.clearance)
-    return slabs_along(room, SLABS, WALLS)
-
-
-def _outline(world: World) -> Array:
-    """The footprint as seen from the arm axis, in the base's directions."""
-    outline: Array = world.robot.footprint - world.robot.mount[:2]
-    return outline
+    outline = world.robot.footprint - world.robot.mount[:2]
+    return tuple(map(tuple, outline.tolist())), ground.floor, ground.shadows, ground.clearance
 
 
 def _round(world: World) -> bool:

@@ -19,8 +19,9 @@ from regionik.mfabrik import Solver, solver_between
 from regionik.plan import Configuration
 from regionik.planners import kernels
 from regionik.planners.drive import NoPathError
+from regionik.planners.moving import Hop
 from regionik.planners.touching import Touch
-from regionik.poses import LARGEST_BEND, Pose, Row, between, pose, turn_to
+from regionik.poses import LARGEST_BEND, Pose, Row, pose, turn_to
 from regionik.pruning import Ladder
 from regionik.reachable import Family
 from regionik.worlds.arrays import Array
@@ -33,6 +34,7 @@ SOLVE_TOLERANCE = 0.1  # arms between set-points are solved to this share of the
 SAG_SHARE = 0.3  # share of the path tolerance that motion between two states may use
 TURN_SLACK = 1e-7  # rounding allowed at the edge of a cone [rad]
 DEEPEST = 6  # halvings before a stretch counts as discontinuous
+LOOKED_AT = np.array([0.25, 0.5, 0.75])  # shares of the way between two states
 CLOSEST = 3  # halvings before a motion that is not proven clear counts as blocked
 
 
@@ -56,12 +58,18 @@ class Leg:
     joints: tuple[Array, Array]
     family: tuple[Family, Family]
 
-    def at(self, share: float) -> tuple[Target, Array, float]:
-        """Tool, wished joints and pitch at a share of the way."""
-        joints = self.joints[0] + share * (self.joints[1] - self.joints[0])
+    def target(self, share: float) -> Target:
+        """What the tool is asked at a share of the way."""
+        return asked_between(*self.tool, share)
+
+    def wished(self, share: float) -> Array:
+        """Joints at a share of the way."""
+        return self.joints[0] + share * (self.joints[1] - self.joints[0])
+
+    def pitch(self, share: float) -> float:
+        """Of the last link."""
         first, last = self.family[0].pitch, self.family[1].pitch
-        pitch = first + share * kernels.wrap(last - first)
-        return asked_between(*self.tool, share), joints, pitch
+        return first + share * kernels.wrap(last - first)
 
     @property
     def length(self) -> float:
@@ -84,6 +92,7 @@ class Stretcher:
     guard: Guard
     tracks: Tracks
     stops: dict[int, Touch] = field(default_factory=dict)
+    _solvers: dict[Family, Solver] = field(default_factory=dict)
 
     def follow(self, i: int, here: Spot, goal: Spot) -> list[Row] | None:
         """From set-point i to i + 1; None where the arm would have to jump, or would touch something."""
@@ -127,17 +136,19 @@ class Stretcher:
     def _states(self, leg: Leg, here: Pose) -> list[Pose] | None:
         """States along a leg, as many as keep the tool on its way and the arm clear."""
         stride = min(TOOL_STRIDE, self.world.rules.step)
-        shares = np.linspace(0.0, 1.0, max(1, int(np.ceil(leg.length / stride))) + 1)[1:]
-        solver = solver_between(self.world, leg.family[0])
-        solver = replace(solver, tolerance=solver.tolerance * SOLVE_TOLERANCE)
+        shares = np.linspace(0.0, 1.0, max(1, int(np.ceil(leg.length / stride))) + 1)[1:].tolist()
+        solver = self._solver(leg.family[0])
         passed = [here]
         done = 0.0
 
         def advance(share: float, depth: int) -> bool:
             nonlocal done
             there = _solve(solver, leg, share, passed[-1])
-            if there is not None and self._holds(passed[-1], there, leg.at(done)[0], leg.at(share)[0]):
-                touch = self.guard.stop(passed[-1], there)
+            hop = (
+                None if there is None else self._held(passed[-1], there, leg.target(done), leg.target(share))
+            )
+            if there is not None and hop is not None:
+                touch = self.guard.stopped(hop)
                 if touch is None:
                     passed.append(there)
                     done = share
@@ -146,30 +157,40 @@ class Stretcher:
                     raise _BlockedError(touch)
             return depth < DEEPEST and advance((done + share) / 2, depth + 1) and advance(share, depth + 1)
 
-        return passed[1:] if all(advance(float(share), 0) for share in shares) else None
+        return passed[1:] if all(advance(share, 0) for share in shares) else None
 
-    def _holds(self, here: Pose, there: Pose, p: Target, q: Target) -> bool:
-        """Whether the tool does what is asked between two states, and nothing jumps."""
-        turn = turn_to(here.base, there.base)
-        if np.hypot(*turn[:2]) > self.world.rules.step or abs(turn[2]) > LARGEST_BEND:
-            return False
+    def _held(self, here: Pose, there: Pose, p: Target, q: Target) -> Hop | None:
+        """The motion between two states, if the tool does on it what is asked, and nothing jumps."""
         if np.abs(there.joints - here.joints).max() > LARGEST_BEND:
-            return False
-        shares = np.array([0.25, 0.5, 0.75])
-        filled = [between(here, there, share, self.world.robot.base) for share in shares]
-        base, joints = (np.array(part) for part in zip(*((f.base, f.joints) for f in filled), strict=True))
-        tools = self.world.robot.tool(base, joints)
-        along = shares[:, None] * (q.position - p.position) + p.position
-        worst = float(np.linalg.norm(tools[:, :3, 3] - along, axis=1).max())
-        turned = (
-            p.direction is None
-            or q.direction is None
-            or all(
-                deviation(asked, tool[:3, :3]) <= asked.cone + TURN_SLACK
-                for asked, tool in zip((asked_between(p, q, share) for share in shares), tools, strict=True)
-            )
-        )
-        return turned and worst <= SAG_SHARE * self.world.rules.path_tolerance
+            return None
+        turn = turn_to(here.base, there.base)
+        if np.hypot(turn[0], turn[1]) > self.world.rules.step or abs(turn[2]) > LARGEST_BEND:
+            return None
+        hop = self.guard.hop(here, there)
+        tools = self.guard.tools(hop, LOOKED_AT)
+        along = LOOKED_AT[:, None] * (q.position - p.position) + p.position
+        worst = np.square(tools[:, :3, 3] - along).sum(axis=1).max()
+        return hop if worst <= self._sag**2 and _turned(p, q, tools) else None
+
+    def _solver(self, family: Family) -> Solver:
+        """Solver for what lies between set-points, kept for families that are asked for again."""
+        if family not in self._solvers:
+            solver = solver_between(self.world, family)
+            self._solvers[family] = replace(solver, tolerance=solver.tolerance * SOLVE_TOLERANCE)
+        return self._solvers[family]
+
+    @property
+    def _sag(self) -> float:
+        return SAG_SHARE * self.world.rules.path_tolerance
+
+
+def _turned(p: Target, q: Target, tools: Array) -> bool:
+    """Whether tool frames on the way between two targets are turned as asked."""
+    if p.direction is None or q.direction is None:
+        return True
+    asked = [asked_between(p, q, share) for share in LOOKED_AT.tolist()]
+    pairs = zip(asked, tools, strict=True)
+    return all(deviation(one, tool[:3, :3]) <= one.cone + TURN_SLACK for one, tool in pairs)
 
 
 def _solve(solver: Solver, leg: Leg, share: float, near: Pose) -> Pose | None:
@@ -177,16 +198,18 @@ def _solve(solver: Solver, leg: Leg, share: float, near: Pose) -> Pose | None:
 
     FABRIK from the wished posture first; where its passes stall or jump, the posture of least change.
     """
-    tool, wished, pitch = leg.at(share)
+    tool, wished, pitch = leg.target(share), leg.wished(share), leg.pitch(share)
     base, bound = leg.track.base(solver.robot, share, near.base[2])
-    span = (float(base[2]), float(base[2])) if bound else solver.span
-    here = replace(solver, family=replace(solver.family, pitch=pitch), span=span)
+    if not np.isnan(pitch):
+        solver = replace(solver, family=replace(solver.family, pitch=pitch))
+    if bound:
+        solver = replace(solver, span=(float(base[2]), float(base[2])))
     chain = pivoted(solver.robot.chain)
     others = (np.arange(chain.dof) != pivot_of(chain))[-len(wished) :]
     wished = np.where(others, wished, near.joints)  # the heading decides on the pivot
-    found: Configuration | None = here.hold(tool, base, wished)
+    found: Configuration | None = solver.hold(tool, base, wished)
     if found is None or not found.converged or np.abs(found.joints - wished)[others].max() > LARGEST_BEND / 2:
-        found = here.least_change(tool, base, wished)
+        found = solver.least_change(tool, base, wished)
     if found is None:
         return None
     return Pose(base, found.joints) if bound else pose(found)

@@ -20,7 +20,8 @@ from regionik.relaxations import (
     with_obstacle_moved,
     with_target_moved,
 )
-from regionik.standing import LEAST_AREA
+from regionik.standing import LEAST_AREA, anywhere
+from regionik.witness import Quest
 from regionik.worlds.errors import Repair
 from regionik.worlds.scene import Target, World
 
@@ -56,20 +57,42 @@ def repaired(world: World, repair: Repair, i: int = 0) -> World:
 
 def holds(before: World, after: World) -> bool:
     """Whether the target is reachable in a changed world, and not inside anything that it was not in."""
-    solids = zip(before.solids, after.solids, strict=True)
-    old, new = before.task[0].position, after.task[0].position
-    if any(a.distance(old) >= 0 and b.distance(new) < 0 for a, b in solids):
+    if _enters(before, after):
         return False
     if not opened(after, after.task)[0] and no_inner(after):  # sooner known than asked
         return False
     return bool(reach(after, after.task).reachable.all())
 
 
+def sighted(before: World, after: World) -> bool:
+    """Whether a configuration is found in the areas that hold at every heading: sooner known than `holds`.
+
+    Where it is not, looking heading by heading and pitch by pitch may still find one.
+    """
+    if _enters(before, after):
+        return False
+    areas, sides = path_areas(after), anywhere(after).sides
+    quest = Quest(after, after.task[0])
+    rows = np.flatnonzero(shapely.area(areas.inner) > LEAST_AREA)
+    spans = [sides[areas.side[k]].span for k in rows]
+    looked = zip(rows.tolist(), spans, strict=True)
+    return any(quest.within(areas.inner[k], areas.family[k], span) is not None for k, span in looked)
+
+
+def _enters(before: World, after: World) -> bool:
+    """Whether the target is in a solid that it was not in."""
+    solids = zip(before.solids, after.solids, strict=True)
+    old, new = before.task[0].position, after.task[0].position
+    return any(a.distance(old) >= 0 and b.distance(new) < 0 for a, b in solids)
+
+
 def checked(world: World, change: Change, amount: float | None, most: float) -> float | None:
     """An amount found by areas, confirmed by asking whether the target is reachable."""
     if amount is None:
         return None
-    return confirmed(lambda one: holds(world, change(one)), amount, most)
+    return confirmed(
+        lambda one: holds(world, change(one)), amount, most, lambda one: sighted(world, change(one))
+    )
 
 
 def opened(world: World, targets: Sequence[Target]) -> NDArray[np.bool_]:

@@ -15,7 +15,7 @@ from regionik.mfabrik import Solver
 from regionik.pipeline import plan
 from regionik.planners.paving import paved
 from regionik.planners.qualities import Asked, asked_of, posture_spare
-from regionik.planners.rings import FREE, reach_intervals
+from regionik.planners.rings import FREE, reach_spans
 from regionik.proof_criteria import efforts, joint_margins, manipulability
 from regionik.regions import admissible_area
 from regionik.verify import verify
@@ -94,8 +94,8 @@ def rings(robot: Robot, asked: Criteria, z: float, *, inner: bool) -> Array:
     """Intervals of signed distance at a height, before any margin."""
     world = narrowed(World("test", robot, FLOOR, rules=Rules(criteria=asked)))
     arm, heights = planar_arm(world.robot.chain), np.array([z])
-    reach = reach_intervals(arm, float(arm.shoulder[1] + robot.mount[2]), heights)
-    return distances(world, FREE, heights, reach, inner=inner)[0]
+    reach = reach_spans(arm, float(arm.shoulder[1] + robot.mount[2]), heights)
+    return distances(world, FREE, heights, *reach, inner=inner)[1]
 
 
 def spot_of(robot: Robot, joints: Array) -> tuple[float, float]:

@@ -1,8 +1,10 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from regionik.planners import kernels
-from regionik.planners.rings import FREE, boundary_circles, reach_intervals
+from regionik.planners.rings import FREE, boundary_circles, reach_intervals, reach_spans, turning_heights
 from regionik.worlds.library import robot_named
 from regionik.worlds.planar import planar_arm
 
@@ -88,3 +90,21 @@ def test_a_band_of_pitches_is_the_union_of_its_pitches() -> None:
 def test_boundary_circles_hold_the_stretched_arm() -> None:
     circles = boundary_circles(ARM, Z)
     assert np.isclose(circles[:, 2], ARM.lengths.sum()).any()
+
+
+@pytest.mark.parametrize("pitches", [FREE, (0.0, 0.0), (-1.0, -1.0), (-0.5, 0.5), (2.0, 3.5)])
+@pytest.mark.parametrize("seed", range(3))
+def test_many_heights_have_the_reach_of_each(pitches: tuple[float, float], seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    arm, sides = ARM, [(True, True), (True, False), (False, True)][seed]
+    if seed:  # other limits, so that other circles bound the reach
+        limits = np.sort(rng.uniform(-3, 3, (2, 3)), axis=0)
+        arm = replace(ARM, lower=limits[0], upper=limits[1])
+    turns = turning_heights(boundary_circles(arm, 0.1, pitches))
+    heights = np.concatenate([rng.uniform(-1, 1, 600), turns, turns + 2e-6, turns - 2e-6, turns + 5e-5])
+    heights = np.append(rng.choice(heights, 400), rng.uniform(0.2, 0.3, 400))
+    owner, spans = reach_spans(arm, 0.1, heights, pitches, front=sides[0], back=sides[1])
+    assert (np.diff(owner) >= 0).all()
+    for k, z in enumerate(heights.tolist()):
+        alone = reach_intervals(arm, 0.1, np.array([z]), pitches, front=sides[0], back=sides[1])[0]
+        np.testing.assert_allclose(spans[owner == k], alone, rtol=0, atol=1e-9)

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from shapely.geometry import Polygon
 
 from regionik.planners.ringfloor import distances, inside, meets, on_circle, parts_of
-from regionik.reach import _decided, reach
+from regionik.reach import FEWER, _decided, reach
 from regionik.settle import OPEN, REACHED, is_covered, reasons, settled
 from regionik.verify_reach import verify_answers
 from regionik.worlds.format import load_world
@@ -80,7 +80,7 @@ def test_loops_and_single_answers_agree(seed: int) -> None:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(sys.modules["regionik.reach"], "MANY", 1)
         many = reach(world, spots)
-    alone = _decided(world, [Target(spot) for spot in spots])
+    alone = _decided(world, [Target(spot) for spot in spots], FEWER)
     assert [one.verdict for one in alone] == many.verdict.tolist()
     assert verify_answers(world, many).ok
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -13,10 +14,10 @@ from shapely import affinity
 
 from regionik import admissible_area as area
 from regionik.ground import GUARD, ground_of
-from regionik.standing import anywhere, away, by_heading, into_span, outer_by_heading, turns_matter
+from regionik.standing import Standing, anywhere, away, by_heading, into_span, outer_by_heading, turns_matter
 from regionik.worlds.library import robot_named
 from regionik.worlds.obstacles import Box, Cylinder, Solid
-from regionik.worlds.scene import Floor, Heading, Rules, Start, World
+from regionik.worlds.scene import Floor, Heading, Rules, Start, Target, World
 
 POST = Cylinder("post", 0.1, 0.6, np.array([0.9, 1.1, 0.3]))
 CRATE = Box("crate", np.array([0.5, 0.3, 0.5]), np.array([2.2, 0.7, 0.25]), 0.4)
@@ -104,3 +105,23 @@ def test_where_slabs_bring_nothing_there_are_none() -> None:
     assert by_heading(bounded) is anywhere(bounded)
     fixed = anywhere(world_of(heading="fixed")).sides
     assert [side.span for side in fixed] == [(0.3, 0.3)]
+
+
+@pytest.mark.parametrize("standing", [by_heading, outer_by_heading])
+def test_worlds_share_slabs_where_nothing_differs_that_they_depend_on(
+    standing: Callable[[World], Standing],
+) -> None:
+    world = world_of(POST)
+    task = (Target(np.array([1.0, 1.0, 0.3])),)
+    lifted = replace(world.robot, mount=world.robot.mount + [0.0, 0.0, 0.2, 0.0])
+    aside = replace(world.robot, mount=world.robot.mount + [0.1, 0.0, 0.0, 0.0])
+    assert standing(replace(world, task=task)) is standing(world)
+    assert standing(replace(world, robot=lifted)) is standing(world)
+    others = (
+        world_of(CRATE),
+        replace(world, robot=aside),
+        replace(world, rules=replace(world.rules, clearance=0.05)),
+        replace(world, floor=Floor(shapely.box(0, 0, 3, 2))),
+    )
+    areas = [[side.free.area for side in standing(one).sides] for one in (world, *others)]
+    assert all(one != areas[0] for one in areas[1:])

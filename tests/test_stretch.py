@@ -125,7 +125,7 @@ def test_a_leg_goes_straight_from_end_to_end() -> None:
     robot = robot_named("youbot-real")
     leg = Leg(AxisLine(*axis), (Target(spots[0]), Target(spots[1])), joints, families)
     for share in (0.0, 0.3, 1.0):
-        asked, wished, pitch = leg.at(share)
+        asked, wished, pitch = leg.target(share), leg.wished(share), leg.pitch(share)
         base, bound = leg.track.base(robot, share, 0.7)
         assert base[2] == 0.7
         assert not bound

@@ -58,11 +58,22 @@ def proven_irreducible(world: World, found: Explanation) -> bool:
 
 
 def as_small_as_brute_force(world: World, repair: Repair) -> bool:
-    """Whether no smaller repair along the same direction, of many, leaves an inner area at every heading."""
+    """Whether no smaller repair along the same direction, of many, brings the target within reach.
+
+    What leaves no inner area at every heading, or brings the target into a solid, does not. Of the others the
+    areas know the base alone: from each the arm might touch something, so the target is asked for again.
+    """
+    return not any(_helps(world, less) for less in smaller(world, repair))
+
+
+def smaller(world: World, repair: Repair) -> list[World]:
+    """The world with ever more of a repair made, up to `NEAR` less than all of it."""
+    if repair.kind == "lift-off":
+        return [repaired(world, replace(repair, amount=float(n))) for n in range(round(repair.amount))]
     size = _size(world, repair)
     least = (size - ROUNDING) / (1 + NEAR)
-    shares = np.linspace(0, least / size, SAMPLES + 1)[1:] if least > 0 else ()
-    return not any(_opens(repaired(world, _part(world, repair, share))) for share in shares)
+    shares = np.linspace(0, least / size, SAMPLES + 1)[1:] if least > 0 else np.empty(0)
+    return [repaired(world, part_of(world, repair, share)) for share in shares.tolist()]
 
 
 def _size(world: World, repair: Repair) -> float:
@@ -71,12 +82,18 @@ def _size(world: World, repair: Repair) -> float:
     return repair.amount - (world.task[0].cone if repair.kind == "cone" else 0.0)
 
 
-def _part(world: World, repair: Repair, share: float) -> Repair:
-    """A share of a repair."""
+def part_of(world: World, repair: Repair, share: float) -> Repair:
+    """A share of a repair, or more than all of it."""
     before = {"clearance": world.rules.clearance, "cone": world.task[0].cone}.get(repair.kind, 0.0)
     vector = tuple(share * part for part in repair.vector)
     return replace(repair, amount=before + share * (repair.amount - before), vector=vector)
 
 
-def _opens(world: World) -> bool:
-    return bool((shapely.area(path_areas(world, world.task).inner) > 1e-7).any())
+def _helps(before: World, after: World) -> bool:
+    if not (shapely.area(path_areas(after, after.task).inner) > 1e-7).any():
+        return False
+    here, there = before.task[0].position, after.task[0].position
+    solids = zip(before.solids, after.solids, strict=True)
+    if any(old.distance(here) >= 0 and new.distance(there) < 0 for old, new in solids):
+        return False
+    return bool(reach(after, after.task).reachable.all())

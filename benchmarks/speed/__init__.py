@@ -1,0 +1,1 @@
+"""Speed against others, row by row: `python -m benchmarks.speed`."""

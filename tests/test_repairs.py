@@ -1,0 +1,90 @@
+"""The smallest repairs: one world for each kind, the repair made again, and what brute force says of less."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import shapely
+
+from regionik.pipeline import plan, spans
+from regionik.reach import reach
+from regionik.trials import repaired
+from regionik.why import why
+from regionik.worlds.errors import Explanation, Repair
+from regionik.worlds.library import load_world, robot_named
+from regionik.worlds.obstacles import Box
+from regionik.worlds.scene import Floor, Rules, Target, World
+from tests.why_cases import as_small_as_brute_force, cases, part_of, smaller
+
+SHOULDER, REACH = 0.147, 0.033 + 0.155 + 0.135 + 0.2175  # of the youbot, stretched level [m]
+PLATE = Box("plate", np.array([0.6, 8.0, 0.1]), np.array([0.0, 0.0, 0.05]))
+WIDE, SMALL = shapely.box(-4, -4, 4, 4), shapely.box(-0.05, 0.3, 0.05, 0.5)
+
+
+def of_kind(found: Explanation | None, kind: str) -> Repair:
+    assert found is not None
+    return next(repair for repair in found.repairs if repair.kind == kind)
+
+
+def hall(target: Target, floor: shapely.Polygon = WIDE, *obstacles: Box) -> World:
+    rules = Rules(clearance=0.3, reach_margin=0.0)
+    return World("hall", robot_named("youbot"), Floor(floor), obstacles, (target,), rules)
+
+
+BEHIND = hall(Target(np.array([0.0, 0.0, SHOULDER])), WIDE, PLATE)
+HIGH = hall(Target(np.array([0.0, 0.0, SHOULDER + REACH + 0.1])))
+BESIDE = hall(Target(np.array([0.0, 0.0, 0.3]), np.array([1.0, 0.0, 0.0]), 0.3), SMALL)
+
+
+@pytest.mark.parametrize(
+    ("kind", "world"),
+    [
+        ("clearance", BEHIND),
+        ("move-target", BEHIND),
+        ("move-obstacle", BEHIND),
+        ("move-target", HIGH),
+        ("raise", HIGH),
+        ("cone", BESIDE),
+    ],
+)
+def test_a_target_is_mended_by_as_little_as_brute_force_finds(kind: str, world: World) -> None:
+    repair = of_kind(why(world, world.task[0]), kind)
+    changed = repaired(world, repair)
+    assert reach(changed, changed.task).reachable.all()
+    assert as_small_as_brute_force(world, repair)
+    assert not as_small_as_brute_force(world, part_of(world, repair, 1.2))
+
+
+PATH = load_world("pillar")
+UNBROKEN = replace(PATH, rules=replace(PATH.rules, max_lift_offs=0))
+NEARLY = replace(UNBROKEN, rules=replace(UNBROKEN.rules, clearance=0.108))
+
+
+@pytest.mark.parametrize(
+    ("kind", "world"),
+    [("lift-off", UNBROKEN), ("clearance", UNBROKEN), ("move-obstacle", UNBROKEN), ("raise", NEARLY)],
+)
+def test_a_path_is_mended_by_as_little_as_brute_force_finds(kind: str, world: World) -> None:
+    repair = of_kind(why(world), kind)
+    assert plan(repaired(world, repair))
+    assert not any(spans(less) for less in smaller(world, repair))
+    if kind == "lift-off":
+        assert (repair.name, repair.amount) == ("set-point 11", 1.0)
+    else:
+        assert any(spans(less) for less in smaller(world, part_of(world, repair, 1.2)))
+
+
+@pytest.mark.parametrize(
+    ("seed", "longest"),
+    [
+        pytest.param(668, 0.25, id="straight down the arm runs into a ball, for another 0.16 m"),
+        pytest.param(716, 0.11, id="along the shortest way of the base the arm touches a box until 0.168 m"),
+    ],
+)
+def test_a_way_round_what_the_arm_would_touch(seed: int, longest: float) -> None:
+    (world,) = cases([seed])
+    repair = of_kind(why(world, world.task[0]), "move-target")
+    assert repair.amount < longest
+    changed = repaired(world, repair)
+    assert reach(changed, changed.task).reachable.all()
+    assert as_small_as_brute_force(world, repair)

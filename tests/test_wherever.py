@@ -1,0 +1,210 @@
+"""All postures from all places: what is ruled out holds nothing, what is found holds."""
+
+from collections import Counter
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from shapely.geometry import Point, Polygon
+
+from regionik.flatworld import own, stance_of
+from regionik.ground import EVERY
+from regionik.guard import contact_for, guard_of
+from regionik.planners.anyplace import weigh
+from regionik.planners.collision import obstacles_from
+from regionik.planners.kernels import triangle
+from regionik.planners.pieces import Piece
+from regionik.planners.planecell import AWAY, GONE, PITCH, TURN, YAW, Look
+from regionik.planners.room import fits, room_of, surely_out
+from regionik.planners.touching import nearest
+from regionik.planners.upright import depths, signed_distance, uprights_from
+from regionik.reach import reach
+from regionik.standing import room_for
+from regionik.verify_reach import verify_answers
+from regionik.wherever import around_of, asked_of, look_everywhere, prepared
+from regionik.worlds.arrays import Array
+from regionik.worlds.library import robot_named
+from regionik.worlds.obstacles import Box, Sphere
+from regionik.worlds.planar import planar_arm
+from regionik.worlds.scene import Floor, Rules, Start, Target, World
+from tests.test_random_worlds import random_world
+
+HALL = Floor(shapely.box(-3, -3, 3, 3))
+
+
+def posture(world: World, target: Target, mid: Array, elbow: float) -> tuple[Array, Array] | None:
+    """Base and joints of a point of a cell by plain trigonometry; None where the arm cannot."""
+    robot, arm = world.robot, planar_arm(world.robot.chain)
+    a, b, c = arm.lengths
+    x = mid[AWAY] - arm.shoulder[0] - c * np.cos(mid[PITCH])
+    z = target.position[2] - arm.shoulder[1] - robot.mount[2] - c * np.sin(mid[PITCH])
+    lead, root, tip, ok = triangle(a, b, x, z)
+    if not ok:
+        return None
+    first, second = lead + elbow * root, lead - elbow * tip
+    q = robot.carry.copy()
+    q[1:4] = arm.hinge_joints(np.array([first, second - first, mid[PITCH] - second]), q)
+    zero = arm.pivot_zero + robot.mount[3]
+    if world.rules.heading == "fixed":
+        yaw = 0.0 if world.start is None else world.start.base[2]
+        q[0] = np.remainder(mid[YAW] - yaw - zero + np.pi, 2 * np.pi) - np.pi
+    else:
+        q[0], yaw = mid[TURN], mid[YAW] - zero - mid[TURN]
+    if (q < robot.chain.lower).any() or (q > robot.chain.upper).any():
+        return None
+    axis = target.position[:2] - mid[AWAY] * np.array([np.cos(mid[YAW]), np.sin(mid[YAW])])
+    turn = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
+    return np.array([*(axis - turn @ robot.mount[:2]), yaw]), q
+
+
+def is_answer(world: World, target: Target, base: Array, q: Array) -> bool:
+    """Judged by code that the search does not use."""
+    tool = world.robot.tool(base, q)
+    assert np.linalg.norm(tool[:3, 3] - target.position) < 1e-9
+    if target.direction is not None and tool[:3, 2] @ target.direction < np.cos(target.cone):
+        return False
+    touch = nearest(guard_of(world).bodies, base, q, contact=contact_for(world, [target]), within=0.0)
+    return touch.kind == "none" and bool(fits(room_for(world), *base.tolist()))
+
+
+@pytest.mark.parametrize("robot", ["youbot", "youbot-real"])
+def test_a_cell_that_is_ruled_out_holds_no_answer(robot: str) -> None:
+    rng, seen = np.random.default_rng(len(robot)), Counter[str]()
+    for seed in range(30):
+        world = replace(random_world(seed), robot=robot_named(robot))
+        arm, frame = prepared(world), prepared(world).frame
+        for _ in range(60):
+            spot = rng.uniform([-0.5, -1.5, 0.02], [4, 1.5, 0.6])
+            target = Target(spot, world.task[0].direction, world.task[0].cone)
+            asked, around = asked_of(world, target), around_of(world, target)
+            solids = len(arm.cores.rank)
+            look = Look(np.empty(3), np.empty((solids, 2, 3)), np.empty((solids, 2, 2)), np.empty(4))
+            mid = rng.uniform([-np.pi, -np.pi, -0.5, frame.low], [np.pi, np.pi, 0.6, frame.high])
+            half = 10 ** rng.uniform(-3, -0.3) * rng.uniform([0.2, 0.2, 0.05, 0.2], [1, 1, 0.5, 1])
+            half[TURN] = min(half[TURN], frame.high - mid[TURN], mid[TURN] - frame.low)
+            elbow = float(rng.choice([-1.0, 1.0]))
+            verdict = weigh(
+                arm.cores, frame, around, arm.floors, asked, elbow, mid.copy(), half.copy(), look, np.empty(3)
+            )
+            for share in rng.uniform(-1, 1, (20, 4)):
+                found = posture(world, target, mid + share * half, elbow)
+                if found is not None and is_answer(world, target, *found):
+                    assert verdict != GONE, (seed, spot, mid, half, elbow)
+                    seen["answers"] += 1
+            seen["gone"] += verdict == GONE
+    assert seen["gone"] > 500
+    assert seen["answers"] > 50
+
+
+def test_what_is_found_passes_and_what_is_none_withstands_random_postures() -> None:
+    rng, told = np.random.default_rng(3), Counter[str]()
+    for seed in range(12):
+        world = random_world(seed)
+        for spot in rng.uniform([0, -1, 0.02], [3, 1, 0.4], (6, 3)):
+            target = Target(spot, world.task[0].direction, world.task[0].cone)
+            looked = look_everywhere(world, target, 4000)
+            told[looked.verdict] += 1
+            if looked.pose is not None:
+                assert is_answer(world, target, looked.pose.base, looked.pose.joints)
+            if looked.verdict == "none":
+                frame = prepared(world).frame
+                for mid in rng.uniform(
+                    [-np.pi, -np.pi, -0.6, frame.low], [np.pi, np.pi, 0.6, frame.high], (200, 4)
+                ):
+                    for elbow in (-1.0, 1.0):
+                        found = posture(world, target, mid, elbow)
+                        assert found is None or not is_answer(world, target, *found)
+    assert told["found"] > 20
+    assert told["none"] > 5
+
+
+@pytest.mark.parametrize(("radius", "verdict"), [(0.245, "unreachable"), (0.155, "reachable")])
+def test_a_ball_round_the_target_swallows_the_wrist_or_not(radius: float, verdict: str) -> None:
+    """The last link may touch what the tool works on; the one before it begins 0.2175 m from the tool."""
+    ball = Sphere("ball", radius, np.array([0.0, 0.0, 0.3]))
+    world = World("ball", robot_named("youbot"), HALL, (ball,), rules=Rules(clearance=0.05, tool_contact=0.3))
+    answer = reach(world, [[0.0, 0.0, 0.3]])
+    assert answer.verdict.tolist() == [verdict]
+    if verdict == "unreachable":
+        assert "ball" in answer.reason[0]
+    else:
+        assert verify_answers(world, answer).ok
+
+
+@pytest.mark.parametrize(("height", "angle", "verdict"), [
+    (0.05, 0.0, "reachable"), (0.05, 0.7, "unreachable"), (0.05, np.pi, "unreachable"),
+    (0.2, 0.0, "reachable"), (0.2, 0.7, "reachable"), (0.2, np.pi, "reachable"),
+])  # fmt: skip
+def test_an_arm_that_looks_back_has_its_base_in_the_way(height: float, angle: float, verdict: str) -> None:
+    """The base is 0.14 m high and keeps its heading; the tool is to point level, that much off it."""
+    low = level(height, angle)
+    answer = reach(kept_heading(), [low])
+    assert answer.verdict.tolist() == [verdict]
+    if verdict == "unreachable":
+        assert "itself and its base" in answer.reason[0]
+    else:
+        assert verify_answers(kept_heading(), answer, [low]).ok
+
+
+def test_a_budget_that_is_spent_leaves_places_open() -> None:
+    looked = look_everywhere(kept_heading(), level(0.05, 0.7), 50)
+    assert looked.verdict == "open"
+    assert 0 < looked.gap < 4
+
+
+def kept_heading() -> World:
+    robot = robot_named("youbot-real")
+    return World("own", robot, HALL, rules=Rules(heading="fixed"), start=Start(np.zeros(3), robot.carry))
+
+
+def level(height: float, angle: float) -> Target:
+    return Target(np.array([0.5, 0.2, height]), np.array([np.cos(angle), np.sin(angle), 0.0]), 0.05)
+
+
+@settings(max_examples=50)
+@given(st.integers(0, 10_000))
+def test_no_point_of_a_solid_is_deeper_than_its_depth(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    box = Box("box", rng.uniform(0.1, 1, 3), np.array([0, 0, 0.5]), float(rng.uniform(0, 3)))
+    ball = Sphere("ball", float(rng.uniform(0.1, 1)), np.zeros(3))
+    solids = uprights_from([*pieces(box), *pieces(ball)])
+    deep = depths(solids)
+    for spot in rng.uniform(-0.5, 1, (50, 3)):
+        for k in range(2):
+            assert signed_distance(solids, k, *spot) >= -deep[k] - 1e-12
+    assert signed_distance(solids, 0, 0.0, 0.0, 0.5) == pytest.approx(-deep[0])
+
+
+def pieces(solid: Box | Sphere) -> tuple[Piece, ...]:
+    return obstacles_from([solid]).pieces
+
+
+@settings(max_examples=100)
+@given(st.integers(0, 10_000))
+def test_a_footprint_that_is_surely_out_fits_at_no_pose_nearby(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    outline = np.array([[0.3, 0.2], [-0.25, 0.2], [-0.3, -0.15], [0.3, -0.2]])
+    size, turn = np.array([*rng.uniform(0.05, 0.6, 2), 1.0]), float(rng.uniform(0, 3))
+    shadow = Box("box", size, np.array([0.5, 0.4, 0.5]), turn).shadow(0.2)
+    assert shadow is not None
+    room = room_of(outline, shapely.box(-1, -1, 1, 1), [shadow], float(rng.uniform(0, 0.1)))
+    heart = np.array(shapely.maximum_inscribed_circle(Polygon(outline)).coords[0])
+    radius = Polygon(outline).exterior.distance(Point(heart))
+    x, y, yaw = rng.uniform([-1.2, -1.2, -np.pi], [1.2, 1.2, np.pi])
+    by = float(rng.uniform(0, 0.2))
+    if surely_out(room, heart, radius, x, y, yaw, by):
+        far = np.hypot(*outline.T).max()
+        for share, turn in rng.uniform(-1, 1, (100, 2)):
+            angle, swing = rng.uniform(-np.pi, np.pi), turn * by / (2 * far)
+            off = abs(share) * (by - far * abs(swing))
+            assert not fits(room, x + off * np.cos(angle), y + off * np.sin(angle), yaw + swing)
+
+
+def test_stances_are_those_of_the_world() -> None:
+    world = World("own", robot_named("youbot-real"), HALL)
+    stance, frame = stance_of(world, EVERY), prepared(world).frame
+    assert own(frame.mount).tolist() == stance.mount.tolist()
+    assert np.isnan(frame.yaw)
