@@ -1,6 +1,6 @@
 # make demo    plan a bundled world, verify the plan, write a page to look at
 # make test    the whole test suite, with the same random cases each time; pytest alone draws new ones
-# make soak    WORLDS=500 random worlds planned, and judged by another library; docs/soak.md
+# make soak    all bundled worlds and WORLDS=500 random ones planned, and judged by other libraries; docs/soak.md
 # make lint    style, types, import order
 # make bench   areas, base motion, clear postures and real robots, measured and checked in the same run
 # make tables  recompute every table of the papers into docs/tables.md, beside the printed figures

@@ -1,4 +1,4 @@
-"""Faults planted one by one in a copy of the tree, and whether the suite catches them.
+"""Faults planted one by one in a copy of the tree, and whether tests that pass without them catch them.
 
 Run: python -m tests.mutations [first [last]]. Exits 1 where a fault is not caught.
 """
@@ -12,9 +12,11 @@ import sys
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from time import monotonic
 
 ROOT = Path(__file__).resolve().parent.parent
-LONGEST = 900  # of a run of tests [s]; one that hangs has caught the fault too
+LONGEST = 900  # of a run of tests [s]
+QUICK = 90  # a control that ends within this shows that a run of `LONGEST` hangs, which catches the fault too
 
 
 @dataclass(frozen=True)
@@ -221,41 +223,63 @@ def copy_of(tree: Path, folder: Path) -> Path:
     return Path(shutil.copytree(tree, folder / "tree", symlinks=True, ignore=left))
 
 
-def caught(fault: Fault, tree: Path) -> bool:
-    """Whether a test fails, or hangs, with the fault in a tree, which is left as it was.
-
-    Compiled kernels are kept between faults, but not those made with a fault in one of them: numba looks at
-    the file that a kernel stands in, not at those that it calls.
-    """
-    path = tree / fault.file
-    sound = path.read_text()
-    kept = tree.parent / "kernels"
-    kernels = tree.parent / "faulty" if fault.file.startswith("planners/") else kept
-    command = [sys.executable, "-m", "pytest", "-x", "-q", "--hypothesis-seed=0", *fault.tests]
-    there = {**os.environ, "PYTHONPATH": str(tree), "NUMBA_CACHE_DIR": str(kernels)}
-    plant(fault, tree)
+def run(tests: tuple[str, ...], tree: Path, kernels: str) -> int | None:
+    """Exit status of some of a tree's tests, none where they hang; kernels are kept in a folder beside it."""
+    command = [sys.executable, "-m", "pytest", "-x", "-q", "--hypothesis-seed=0", *tests]
+    there = {**os.environ, "PYTHONPATH": str(tree), "NUMBA_CACHE_DIR": str(tree.parent / kernels)}
     try:
         done = subprocess.run(command, cwd=tree, env=there, capture_output=True, timeout=LONGEST)
     except subprocess.TimeoutExpired:
-        return True
+        return None
+    if done.returncode > 1:
+        raise RuntimeError(f"{' '.join(tests)} did not run:\n{done.stdout.decode()[-2000:]}")
+    return done.returncode
+
+
+def control(tests: tuple[str, ...], tree: Path) -> float:
+    """How long tests take that must pass without any fault [s].
+
+    Raises
+    ------
+    RuntimeError
+        When they fail or hang, and so show nothing.
+    """
+    begun = monotonic()
+    if run(tests, tree, "kernels") != 0:
+        raise RuntimeError(f"{' '.join(tests)}: fails or hangs without a fault")
+    return monotonic() - begun
+
+
+def caught(fault: Fault, tree: Path, sound_time: float) -> bool:
+    """Whether a test fails with the fault in a tree, which is left as it was.
+
+    A hang counts where the control is quick. Compiled kernels are kept between faults, but not those made
+    with a fault in one of them: numba looks at the file that a kernel stands in, not at those that it calls.
+    """
+    path = tree / fault.file
+    sound = path.read_text()
+    plant(fault, tree)
+    try:
+        ended = run(fault.tests, tree, "faulty" if fault.file.startswith("planners/") else "kernels")
     finally:
         path.write_text(sound)
         shutil.rmtree(tree.parent / "faulty", ignore_errors=True)
-    if done.returncode > 1:
-        raise RuntimeError(f"{fault.name}: the tests did not run:\n{done.stdout.decode()[-2000:]}")
-    return done.returncode == 1
+    return sound_time <= QUICK if ended is None else ended == 1
 
 
 def main() -> int:
     first, last = ([int(word) for word in sys.argv[1:3]] + [1, len(FAULTS)][len(sys.argv) - 1 :])[:2]
-    missed = 0
+    missed, times = 0, dict[tuple[str, ...], float]()
     with TemporaryDirectory() as folder:
         tree = copy_of(ROOT, Path(folder))
         for k in range(first, last + 1):
-            good = caught(FAULTS[k - 1], tree)
+            fault = FAULTS[k - 1]
+            if fault.tests not in times:
+                times[fault.tests] = control(fault.tests, tree)
+            good = caught(fault, tree, times[fault.tests])
             missed += not good
             word = "caught" if good else "NOT CAUGHT"
-            print(f"{k:2d} {word}: {FAULTS[k - 1].name} ({FAULTS[k - 1].file})", flush=True)
+            print(f"{k:2d} {word}: {fault.name} ({fault.file})", flush=True)
     print(f"{last - first + 1 - missed} of {last - first + 1} caught")
     return int(missed > 0)
 

@@ -25,7 +25,7 @@ from tests.opinion.machine import Machine
 from tests.opinion.search import stand_at
 from tests.soak import KINDS, against, counterexample, facts_of, judged, soaked_world
 
-SLOW = ("depot", "pipe", "tao1")  # some seconds each, here or in their plans: `make soak` has them
+SLOW = ("circle", "depot", "pipe", "tao1")  # some seconds each, here or in their plans; in `make soak`
 
 
 def test_it_shares_nothing_with_what_it_judges() -> None:
@@ -42,10 +42,10 @@ def test_nothing_against_bundled_worlds(name: str) -> None:
 
 
 def test_nothing_against_random_worlds() -> None:
-    found = [judged(KINDS[n % len(KINDS)], n) for n in range(25)]
+    found = [judged(KINDS[n % len(KINDS)], n) for n in range(16)]
     assert {(one.kind, one.seed): one.wrong for one in found if one.wrong} == {}
     verdicts = Counter(one.verdict for one in found)
-    assert verdicts["planned"] >= 12
+    assert verdicts["planned"] >= 10
     assert sum(one.claimed for one in found) >= 3
 
 
