@@ -1,5 +1,6 @@
 # make demo    plan a bundled world, verify the plan, write a page to look at
 # make test    the whole test suite, with the same random cases each time; pytest alone draws new ones
+# make soak    all bundled worlds and WORLDS=500 random ones planned, and judged by other libraries; docs/soak.md
 # make lint    style, types, import order
 # make bench   the table of speeds against others, into docs/benchmarks.md and docs/benchmarks.json (minutes)
 # make bench-all  areas, base motion, clear postures and real robots, measured and checked in the same run
@@ -14,15 +15,19 @@ BIN := .venv/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 NEEDS := pyproject.toml constraints.txt
 
-.PHONY: demo test lint bench bench-all tables clean
+.PHONY: demo test soak lint bench bench-all tables clean
 
 demo: .venv/installed
 	$(BIN)/regionik plan l_shape -o plan.json --html l_shape.html
 	$(BIN)/regionik verify plan.json
 	@echo "Look at it: file://$(CURDIR)/l_shape.html"
 
-test: .venv/installed-test,compare,distributed,geotiff
+test: .venv/installed-test,compare,distributed,geotiff,second
 	$(BIN)/python -m pytest -q -n 2 --dist loadfile --hypothesis-seed=0
+
+WORLDS ?= 500
+soak: .venv/installed-test,compare,distributed,geotiff,second
+	$(BIN)/python -m tests.soak $(WORLDS) -o docs/soak.md
 
 lint: .venv/installed-lint
 	$(BIN)/ruff check .

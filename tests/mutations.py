@@ -1,0 +1,288 @@
+"""Faults planted one by one in a copy of the tree, and whether tests that pass without them catch them.
+
+Run: python -m tests.mutations [first [last]]. Exits 1 where a fault is not caught.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from time import monotonic
+
+ROOT = Path(__file__).resolve().parent.parent
+LONGEST = 900  # of a run of tests [s]
+QUICK = 90  # a control that ends within this shows that a run of `LONGEST` hangs, which catches the fault too
+
+
+@dataclass(frozen=True)
+class Fault:
+    """``old`` stands once in ``file``; with ``new`` in its place one of ``tests`` must fail."""
+
+    name: str
+    file: str
+    old: str
+    new: str
+    tests: tuple[str, ...]
+
+
+FAULTS = (
+    Fault(
+        "joints turn the wrong way",
+        "worlds/chain.py",
+        "np.eye(3) + s * cross",
+        "np.eye(3) - s * cross",
+        ("tests/test_serial.py",),
+    ),
+    Fault(
+        "verify: set-points twice as loose",
+        "regionik/proof_tool.py",
+        "if off > allowed + EXACT:",
+        "if off > 2 * allowed + EXACT:",
+        ("tests/test_verify.py",),
+    ),
+    Fault(
+        "verify: the path is not looked at between states",
+        "regionik/proof_tool.py",
+        "worst + bulge <= limit + BETWEEN,",
+        "worst <= np.inf,",
+        ("tests/test_verify.py",),
+    ),
+    Fault(
+        "verify: joint limits passed by a little",
+        "regionik/verify.py",
+        "np.argwhere(margin < -EXACT)",
+        "np.argwhere(margin < -0.1)",
+        ("tests/test_verify.py",),
+    ),
+    Fault(
+        "verify: steps twice as long",
+        "regionik/verify.py",
+        "np.flatnonzero(length > longest + EXACT)",
+        "np.flatnonzero(length > 2 * longest + EXACT)",
+        ("tests/test_verify.py",),
+    ),
+    Fault(
+        "verify: one lift-off too many",
+        "regionik/verify.py",
+        "if most is not None and runs > most:",
+        "if most is not None and runs > most + 1:",
+        ("tests/test_verify.py",),
+    ),
+    Fault(
+        "verify: clearance of the base halved",
+        "regionik/proof_base.py",
+        "bad = gap < self.limit - EXACT",
+        "bad = gap < self.limit / 2 - EXACT",
+        ("tests/test_verify.py",),
+    ),
+    Fault(
+        "verify: the floor is asked for the middle of the base",
+        "regionik/proof_base.py",
+        "inside = shapely.covers(roomy[EXACT], standing)",
+        "inside = shapely.covers(roomy[EXACT], shapely.centroid(standing))",
+        ("tests/test_single_states.py",),
+    ),
+    Fault(
+        "verify: clearance of the arm halved",
+        "regionik/proof_arm.py",
+        "np.flatnonzero((gap < self.limit - TOUCH) & ~exempt)",
+        "np.flatnonzero((gap < self.limit / 2 - TOUCH) & ~exempt)",
+        ("tests/test_single_states.py",),
+    ),
+    Fault(
+        "verify: links may overlap by 5 cm",
+        "regionik/proof_self.py",
+        "if g < -TOUCH}",
+        "if g < -0.05}",
+        ("tests/test_single_states.py",),
+    ),
+    Fault(
+        "verify: motion between states bends ten times less",
+        "regionik/journey.py",
+        "return acceleration * part**2 / 8",
+        "return acceleration * part**2 / 80",
+        ("tests/test_journey.py", "tests/test_verify.py"),
+    ),
+    Fault(
+        "verify: a car turns on half its radius",
+        "regionik/proof_wheels.py",
+        "short = turn * radius * (1 - EXACT)",
+        "short = turn * radius / 2",
+        ("tests/test_proof_wheels.py",),
+    ),
+    Fault(
+        "verify: the tool works on what has a box near",
+        "regionik/proof_contact.py",
+        "if distances and reach > 0 and min(distances)[0] <= reach:",
+        "if distances:",
+        ("tests/test_single_states.py",),
+    ),
+    Fault(
+        "pruning: the backward cut is skipped",
+        "regionik/pruning.py",
+        "keep[k] = keep[k] and any(keep[j] for j in ahead[k])",
+        "keep[k] = keep[k]",
+        ("tests/test_pruning.py",),
+    ),
+    Fault(
+        "pruning: the forward cut forgets what cannot be used",
+        "regionik/pruning.py",
+        "for k in span], dtype=bool) & usable[span]",
+        "for k in span], dtype=bool)",
+        ("tests/test_pruning.py",),
+    ),
+    Fault(
+        "areas: clearance halved",
+        "regionik/ground.py",
+        "grow(shadow, clearance + spare, inner)",
+        "grow(shadow, clearance / 2 + spare, inner)",
+        ("tests/test_regions.py",),
+    ),
+    Fault(
+        "areas: no margin at the ends of the reach",
+        "regionik/reachable.py",
+        "margin = world.rules.reach_margin if inner else 0.0",
+        "margin = 0.0",
+        ("tests/test_regions.py", "tests/test_laws.py"),
+    ),
+    Fault(
+        "configurations: the heading is that of the state before",
+        "regionik/mfabrik.py",
+        "plane = self._yaw(base) - float(self.robot.mount[3]) + float(q[k])",
+        "plane = yaw + float(q[k])",
+        ("tests/test_laws.py",),
+    ),
+    Fault(
+        "passes: an upper limit of a bend ignored",
+        "planners/kernels.py",
+        "return upper, near - upper",
+        "return near, 0.0",
+        ("tests/test_mfabrik.py",),
+    ),
+    Fault(
+        "motion: clearance of the arm halved",
+        "planners/sweeping.py",
+        "need = movers.radius[k] + hulls.ball[m] + keep + ROUNDING",
+        "need = movers.radius[k] + hulls.ball[m] + keep / 2 + ROUNDING",
+        ("tests/test_touching.py",),
+    ),
+    Fault(
+        "wheels: the chord lies along the heading at its end",
+        "regionik/rolling.py",
+        "half = share * slide[..., 2] / 2",
+        "half = share * slide[..., 2]",
+        ("tests/test_rolling.py",),
+    ),
+    Fault(
+        "boxes turn the wrong way on the floor",
+        "worlds/obstacles.py",
+        "corners @ np.array([[c, s], [-s, c]]) + self.center[:2]",
+        "corners @ np.array([[c, -s], [s, c]]) + self.center[:2]",
+        ("tests/test_laws.py", "tests/test_verify.py"),
+    ),
+    Fault(
+        "links: the radius of one of two is forgotten",
+        "worlds/separation.py",
+        "(one.radius + other.radius)",
+        "(one.radius)",
+        ("tests/test_separation.py",),
+    ),
+    Fault(
+        "export: capsules lean the wrong way",
+        "regionik/urdf_text.py",
+        'shape = _solid(link, f"{capsule.name} side", translation(*middle), (0.0, pitch, yaw))',
+        'shape = _solid(link, f"{capsule.name} side", translation(*middle), (0.0, -pitch, yaw))',
+        ("tests/test_export.py",),
+    ),
+)
+
+
+def plant(fault: Fault, tree: Path) -> None:
+    """Put a fault into a tree.
+
+    Raises
+    ------
+    ValueError
+        When the place it goes to is not there, or there more than once.
+    """
+    path = tree / fault.file
+    text = path.read_text()
+    if text.count(fault.old) != 1:
+        raise ValueError(f"{fault.name}: {fault.file}: expected once, found {text.count(fault.old)} times")
+    path.write_text(text.replace(fault.old, fault.new))
+
+
+def copy_of(tree: Path, folder: Path) -> Path:
+    """The tree without what tools have left in it."""
+    left = shutil.ignore_patterns(".git", ".venv", "__pycache__", "*.egg-info", ".*_cache", ".hypothesis")
+    return Path(shutil.copytree(tree, folder / "tree", symlinks=True, ignore=left))
+
+
+def run(tests: tuple[str, ...], tree: Path, kernels: str) -> int | None:
+    """Exit status of some of a tree's tests, none where they hang; kernels are kept in a folder beside it."""
+    command = [sys.executable, "-m", "pytest", "-x", "-q", "--hypothesis-seed=0", *tests]
+    there = {**os.environ, "PYTHONPATH": str(tree), "NUMBA_CACHE_DIR": str(tree.parent / kernels)}
+    try:
+        done = subprocess.run(command, cwd=tree, env=there, capture_output=True, timeout=LONGEST)
+    except subprocess.TimeoutExpired:
+        return None
+    if done.returncode > 1:
+        raise RuntimeError(f"{' '.join(tests)} did not run:\n{done.stdout.decode()[-2000:]}")
+    return done.returncode
+
+
+def control(tests: tuple[str, ...], tree: Path) -> float:
+    """How long tests take that must pass without any fault [s].
+
+    Raises
+    ------
+    RuntimeError
+        When they fail or hang, and so show nothing.
+    """
+    begun = monotonic()
+    if run(tests, tree, "kernels") != 0:
+        raise RuntimeError(f"{' '.join(tests)}: fails or hangs without a fault")
+    return monotonic() - begun
+
+
+def caught(fault: Fault, tree: Path, sound_time: float) -> bool:
+    """Whether a test fails with the fault in a tree, which is left as it was.
+
+    A hang counts where the control is quick. Compiled kernels are kept between faults, but not those made
+    with a fault in one of them: numba looks at the file that a kernel stands in, not at those that it calls.
+    """
+    path = tree / fault.file
+    sound = path.read_text()
+    plant(fault, tree)
+    try:
+        ended = run(fault.tests, tree, "faulty" if fault.file.startswith("planners/") else "kernels")
+    finally:
+        path.write_text(sound)
+        shutil.rmtree(tree.parent / "faulty", ignore_errors=True)
+    return sound_time <= QUICK if ended is None else ended == 1
+
+
+def main() -> int:
+    first, last = ([int(word) for word in sys.argv[1:3]] + [1, len(FAULTS)][len(sys.argv) - 1 :])[:2]
+    missed, times = 0, dict[tuple[str, ...], float]()
+    with TemporaryDirectory() as folder:
+        tree = copy_of(ROOT, Path(folder))
+        for k in range(first, last + 1):
+            fault = FAULTS[k - 1]
+            if fault.tests not in times:
+                times[fault.tests] = control(fault.tests, tree)
+            good = caught(fault, tree, times[fault.tests])
+            missed += not good
+            word = "caught" if good else "NOT CAUGHT"
+            print(f"{k:2d} {word}: {fault.name} ({fault.file})", flush=True)
+    print(f"{last - first + 1 - missed} of {last - first + 1} caught")
+    return int(missed > 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,167 @@
+"""What is wrong with a plan, as far as dense samples of it show."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from tests.opinion.course import Course, angle_between, wrapped
+from tests.opinion.machine import Array, Facts, Machine, jacobian
+from tests.opinion.moment import Moment
+
+MET = 1e-8  # of what states say [m] or [rad]
+SPARSE = 0.02  # motion of any point between two samples [m]
+FIRST = 3  # of objections of a kind
+
+
+def objections(document: dict[str, Any], urdf: str, facts: Facts) -> list[str]:
+    """All that is wrong with a plan's document; of a kind the first few.
+
+    Parameters
+    ----------
+    document : dict
+        As ``plan.json`` has it.
+    urdf : str
+        The robot, its base on the joints ``base_x``, ``base_y`` and ``base_yaw``, its tool the link ``tool``.
+    facts : Facts
+    """
+    judge = _Judge(Course(document, Machine(urdf, facts)))
+    kinds = (judge.order, judge.limits, judge.targets, judge.hops, judge.criteria, judge.samples)
+    return [text for kind in kinds for text in _first(kind())]
+
+
+def _first(texts: Iterator[str]) -> list[str]:
+    return [text for text, _ in zip(texts, range(FIRST), strict=False)]
+
+
+@dataclass(frozen=True)
+class _Judge:
+    course: Course
+
+    # --- what states say
+
+    def order(self) -> Iterator[str]:
+        done = [s["setpoint"] for s in self.course.document["states"] if s["kind"] == "setpoint"]
+        if done != list(range(len(self.course.task))):
+            yield f"order: set-points are done in the order {done}"
+        start = self.course.world.get("start")
+        if start is not None:
+            moved = np.append(self.course.base[0] - start["base"], self.course.joints[0] - start["joints"])
+            moved[2] = wrapped(moved[2])
+            if np.abs(moved).max() > MET:
+                yield "order: the first state is not the start"
+        first = self.course.kinds.index("setpoint")
+        lifted = [k == "transit" for k in self.course.kinds[first:]]
+        runs = sum(b and not a for a, b in zip(lifted, lifted[1:], strict=False))
+        if runs != self.course.document["lift_offs"]:
+            yield f"order: {runs} lift-offs, the plan says {self.course.document['lift_offs']}"
+        for stop in self.course.document["stops"]:
+            mine = [
+                k
+                for k, s in enumerate(self.course.document["states"])
+                if s["kind"] == "setpoint" and s["setpoint"] in stop["setpoints"]
+            ]
+            if np.ptp(self.course.base[mine], axis=0).max() > MET:
+                yield f"order: the base moves at the stop for set-points {stop['setpoints']}"
+
+    def limits(self) -> Iterator[str]:
+        off = np.maximum(
+            self.course.machine.lower - self.course.joints, self.course.joints - self.course.machine.upper
+        )
+        for k, j in np.argwhere(off > MET):
+            yield f"limits: joint {j} of state {k} is {off[k, j]:.2e} beyond its limit"
+        if self.course.rules["heading"] == "fixed" and self.course.rules["mode"] == "continuous":
+            turned = np.abs(wrapped(self.course.base[:, 2] - self.course.base[0, 2]))
+            for k in np.flatnonzero(turned > 1e-6):
+                yield f"limits: the base is turned by {turned[k]:.2e} in state {k}, its heading is fixed"
+
+    def targets(self) -> Iterator[str]:
+        for k, state in enumerate(self.course.document["states"]):
+            self.course.machine.place(self.course.base[k], self.course.joints[k])
+            tool = self.course.machine.tool()
+            if np.abs(tool[:3, 3] - state["tool"]).max() > MET:
+                yield f"targets: the tool of state {k} is not where the file says"
+            if state["kind"] != "setpoint":
+                continue
+            target = self.course.task[state["setpoint"]]
+            off = float(np.linalg.norm(tool[:3, 3] - target["point"]))
+            if off > self.course.rules["tolerance"] + MET:
+                yield f"targets: state {k} is {off:.3e} m off its set-point"
+            angle = _off_angle(tool[:3, :3], target)
+            if angle > target.get("cone", np.pi) + 1e-6:
+                yield f"targets: state {k} is {angle:.3e} rad off its direction"
+
+    def hops(self) -> Iterator[str]:
+        facts, speeds = self.course.machine.facts, self.course.world.get("speeds") or {}
+        times = [state["time"] for state in self.course.document["states"]]
+        for k, (here, there) in enumerate(zip(self.course.base[:-1], self.course.base[1:], strict=True)):
+            turn = float(wrapped(there[2] - here[2]))
+            chord = there[:2] - here[:2]
+            length = float(np.hypot(*chord)) / (
+                1.0 if facts.base == "omni" else float(np.sinc(turn / 2 / np.pi))
+            )
+            if length > self.course.rules["step"] + 1e-7:
+                yield f"hops: the base moves {length:.4f} m after state {k}"
+            middle = here[2] + turn / 2
+            aside = abs(float(chord @ [-np.sin(middle), np.cos(middle)]))
+            if facts.base != "omni" and aside > 2e-9:
+                yield f"hops: wheels slip {aside:.2e} m after state {k}"
+            if facts.base == "car" and abs(turn) * facts.turning_radius > length + 1e-8:
+                yield f"hops: a car turns too tightly after state {k}"
+            if times[k] is None:
+                continue
+            span = times[k + 1] - times[k]
+            if length > speeds.get("base_velocity", 0.5) * span * (1 + 1e-6) + MET:
+                yield f"hops: the base is too fast after state {k}"
+            if abs(turn) > speeds.get("turn_velocity", 1.0) * span * (1 + 1e-6) + MET:
+                yield f"hops: the base turns too fast after state {k}"
+
+    def criteria(self) -> Iterator[str]:
+        asked = self.course.rules.get("criteria") or {}
+        least, share = asked.get("manipulability"), asked.get("joint_margin")
+        for state in self.course.document["states"]:
+            if state["kind"] != "setpoint":
+                continue
+            q = self.course.machine.configuration(np.array(state["base"]), np.array(state["joints"]))
+            if isinstance(least, float):
+                J = jacobian(self.course.machine, q)[:3][:, self.course.machine.columns]
+                volume = float(np.sqrt(max(np.linalg.det(J @ J.T), 0.0)))
+                if volume < least - 1e-9:
+                    yield f"criteria: manipulability {volume:.3e} at set-point {state['setpoint']}"
+            if isinstance(share, float):
+                joints, low, high = (
+                    np.array(state["joints"]),
+                    self.course.machine.lower,
+                    self.course.machine.upper,
+                )
+                room = np.minimum(joints - low, high - joints) / (high - low)
+                if np.nanmin(room) < share - 1e-9:
+                    yield f"criteria: joint margin {np.nanmin(room):.3e} at set-point {state['setpoint']}"
+
+    # --- what samples between them show
+
+    def samples(self) -> Iterator[str]:
+        check = Moment(self.course)
+        for k in range(len(self.course.base)):
+            yield from check.look(k, 0.0)
+            if k + 1 == len(self.course.base):
+                return
+            for share in np.linspace(0, 1, self._pieces(k) + 1)[1:-1]:
+                yield from check.look(k, float(share))
+
+    def _pieces(self, k: int) -> int:
+        bend = np.abs(np.diff(self.course.joints[k : k + 2], axis=0)).sum()
+        turn = abs(float(wrapped(self.course.base[k + 1, 2] - self.course.base[k, 2])))
+        slid = float(np.hypot(*(self.course.base[k + 1] - self.course.base[k])[:2]))
+        return max(2, int(np.ceil((slid + turn + bend) / SPARSE)))
+
+
+def _off_angle(R: Array, target: dict[str, Any]) -> float:
+    if "orientation" in target:
+        asked = np.array(target["orientation"])
+        cosine = (np.trace(asked.T @ R) - 1) / 2
+        return float(np.arccos(np.clip(cosine, -1, 1)))
+    return angle_between(R[:, 2], np.array(target["direction"])) if "direction" in target else 0.0

@@ -1,0 +1,179 @@
+"""A robot as pinocchio and coal see it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from tests.opinion.things import Shape, distance_of, hull_shape, placed
+
+Array = NDArray[np.float64]
+PARTS = (" start", " end", " side")  # of a capsule, which URDF has no word for
+VIRTUAL = ("base_x", "base_y", "base_yaw")
+POSTURES = 64
+
+
+@dataclass(frozen=True)
+class Facts:
+    """What a URDF does not tell of a robot."""
+
+    base: str
+    footprint: Array
+    body_height: float
+    turning_radius: float
+    unchecked: frozenset[frozenset[str]]
+
+
+@dataclass(frozen=True)
+class Part:
+    """A convex shape that moves with a link: link -1 is the base, link k what joint k moves."""
+
+    solid: str
+    link: int
+    shape: Shape
+
+
+class Machine:
+    """Forward kinematics and link shapes of a robot whose base has three virtual joints."""
+
+    def __init__(self, urdf: str, facts: Facts) -> None:
+        self.facts = facts
+        self.model = pin.buildModelFromXML(urdf)
+        self.data = self.model.createData()
+        names = [name for name in self.model.names[1:] if name not in VIRTUAL]
+        self.ids = [self.model.getJointId(name) for name in (*VIRTUAL, *names)]
+        self.dof = len(names)
+        self.tool_frame = self.model.getFrameId("tool")
+        at = [self.model.joints[i].idx_v for i in self.ids[3:]]
+        unlimited = [self.model.joints[i].nq == 2 for i in self.ids[3:]]
+        slots = [self.model.joints[i].idx_q for i in self.ids[3:]]
+        self.lower = np.where(unlimited, -np.inf, self.model.lowerPositionLimit[slots])
+        self.upper = np.where(unlimited, np.inf, self.model.upperPositionLimit[slots])
+        self.lower[self.lower <= -1e6], self.upper[self.upper >= 1e6] = -np.inf, np.inf
+        self.columns = np.array(at)
+        self.parts = self._parts(urdf)
+        self.last = max((part.link for part in self.parts), default=-1)
+
+    def _parts(self, urdf: str) -> list[Part]:
+        titles = [
+            str(one.get("name"))
+            for link in ElementTree.fromstring(urdf).iter("link")
+            for one in link.findall("collision")
+        ]
+        order = {str(link.get("name")): k for k, link in enumerate(ElementTree.fromstring(urdf).iter("link"))}
+        geometry = pin.buildGeomFromUrdfString(self.model, urdf, pin.COLLISION)
+        # Pinocchio names the shapes of a link link_0, link_1, in the order of the file.
+        shapes = sorted(
+            geometry.geometryObjects,
+            key=lambda o: (order[o.name.rpartition("_")[0]], int(o.name.rpartition("_")[2])),
+        )
+        assert len(shapes) == len(titles)
+        parts = []
+        for title, one in zip(titles, shapes, strict=True):
+            solid = next((title.removesuffix(end) for end in PARTS if title.endswith(end)), title)
+            if one.parentJoint == self.ids[2] and title == "footprint":
+                continue  # a bounding box; the outline itself is among the facts
+            link = self.ids.index(one.parentJoint) - 3
+            where = one.placement.homogeneous
+            parts.append(Part(solid, max(link, -1), Shape(one.geometry, where)))
+        return parts
+
+    def configuration(self, base: Array, joints: Array) -> Array:
+        """Pinocchio's vector of a base pose and joint values."""
+        q: Array = pin.neutral(self.model)
+        for i, value in zip(self.ids, (*base, *joints), strict=True):
+            joint = self.model.joints[i]
+            q[joint.idx_q : joint.idx_q + joint.nq] = (
+                (np.cos(value), np.sin(value)) if joint.nq == 2 else (value,)
+            )
+        return q
+
+    def place(self, base: Array, joints: Array) -> None:
+        """Bring all frames up to date."""
+        pin.framesForwardKinematics(self.model, self.data, self.configuration(base, joints))
+
+    def tool(self) -> Array:
+        """The tool's frame (4, 4), after `place`."""
+        frame: Array = self.data.oMf[self.tool_frame].homogeneous
+        return frame
+
+    def frame(self, link: int) -> Array:
+        """The frame of a link, or of the base (-1), after `place`."""
+        frame: Array = self.data.oMi[self.ids[link + 3]].homogeneous
+        return frame
+
+    def frames(self) -> Array:
+        """The frame of each part (n, 4, 4), after `place`."""
+        links = {link: self.frame(link) for link in range(-1, self.dof)}
+        return np.array([links[part.link] @ part.shape.where for part in self.parts])
+
+    @property
+    def mount(self) -> Array:
+        """The arm's base frame in the base's (4, 4)."""
+        frames = self.model.frames
+        base, arm = (frames[self.model.getFrameId(name)].placement for name in ("base", "arm_base"))
+        mount: Array = np.linalg.inv(base.homogeneous) @ arm.homogeneous
+        return mount
+
+    def body(self) -> Shape | None:
+        """The base up to its height, which the links keep off; none of a point."""
+        if len(self.facts.footprint) < 3:
+            return None
+        corners = [[x, y, z] for z in (0.0, self.facts.body_height) for x, y in self.facts.footprint]
+        return hull_shape(np.array(corners))
+
+    def rivals(self) -> list[tuple[int, int]]:
+        """Pairs of parts that must keep apart, -1 for the base's body.
+
+        Not those of one link nor of neighbours among links that carry any, not those that the robot's maker
+        excuses, not those that touch however the arm is held.
+        """
+        links = sorted({-1, *(part.link for part in self.parts)})
+        rank = [links.index(part.link) for part in self.parts]
+        pairs = [
+            (i, k)
+            for i, k in combinations(range(len(self.parts)), 2)
+            if abs(rank[i] - rank[k]) > 1
+            and frozenset((self.parts[i].solid, self.parts[k].solid)) not in self.facts.unchecked
+        ]
+        if self.body() is not None:
+            pairs += [(-1, k) for k in range(len(self.parts)) if rank[k] > 1]
+        names = {pair: frozenset((self._solid(pair[0]), self._solid(pair[1]))) for pair in pairs}
+        met = [self._touching(pairs, joints) for joints in self._postures()]
+        always = frozenset.intersection(*(frozenset(names[pair] for pair in one) for one in met))
+        return [pair for pair in pairs if names[pair] not in always]
+
+    def _solid(self, k: int) -> str:
+        return "" if k < 0 else f"{self.parts[k].link} {self.parts[k].solid}"
+
+    def _touching(self, pairs: list[tuple[int, int]], joints: Array) -> list[tuple[int, int]]:
+        self.place(np.zeros(3), joints)
+        frames, body = self.frames(), self.body()
+        return [(i, k) for i, k in pairs if self.between(i, k, frames, self.frame(-1), body) <= 1e-9]
+
+    def between(self, i: int, k: int, frames: Array, base: Array, body: Shape | None) -> float:
+        """Signed distance of two parts; i may be -1, the base's body."""
+        one = (body, base) if i < 0 else (self.parts[i].shape, frames[i])
+        assert one[0] is not None
+        other = self.parts[k].shape.solid
+        return distance_of(one[0].solid, placed(one[1]), other, placed(frames[k]))
+
+    def _postures(self) -> Array:
+        low = np.where(np.isfinite(self.lower), self.lower, np.maximum(self.upper - 2 * np.pi, -np.pi))
+        low = np.where(np.isfinite(low), low, -np.pi)
+        high = np.where(np.isfinite(self.upper), self.upper, low + 2 * np.pi)
+        drawn: Array = np.random.default_rng(5).uniform(low, high, (POSTURES, self.dof))
+        return drawn
+
+
+def jacobian(machine: Machine, q: Array) -> Any:
+    """Of the tool's position by all virtual and arm joints, in the world's axes (6, 3 + dof)."""
+    return pin.computeFrameJacobian(
+        machine.model, machine.data, q, machine.tool_frame, pin.LOCAL_WORLD_ALIGNED
+    )

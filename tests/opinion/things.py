@@ -1,0 +1,181 @@
+"""The solids of a plan's document, as coal and shapely see them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import coal
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+def _request() -> Any:
+    request = coal.DistanceRequest()
+    request.enable_signed_distance = True
+    request.gjk_tolerance = request.epa_tolerance = 1e-8
+    return request
+
+
+REQUEST, RESULT = _request(), coal.DistanceResult()
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A convex solid of coal's and where it is fixed."""
+
+    solid: Any
+    where: Array  # (4, 4)
+
+    @cached_property
+    def ball(self) -> tuple[Array, float]:
+        """Middle, in the solid's own frame, and radius of a ball round it."""
+        self.solid.computeLocalAABB()
+        return np.array(self.solid.aabb_center), float(self.solid.aabb_radius)
+
+    @cached_property
+    def box(self) -> tuple[Array, Array]:
+        """Middle and half the size of a box round the solid, in its own frame."""
+        self.solid.computeLocalAABB()
+        low, high = (np.array(corner) for corner in (self.solid.aabb_local.min_, self.solid.aabb_local.max_))
+        return (low + high) / 2, (high - low) / 2
+
+    @cached_property
+    def placed(self) -> Any:
+        """Where the solid is fixed, as coal has it."""
+        return placed(self.where)
+
+
+@dataclass(frozen=True)
+class Thing:
+    """A named obstacle: convex pieces that make it up, or a closed surface, and its floor plan."""
+
+    name: str
+    pieces: tuple[Shape, ...]
+    surface: Array | None = None  # (n, 3, 3) corners of triangles
+    core: Any = None  # on the floor, everything within `radius` of it; None where it is too high
+    radius: float = 0.0
+
+    def contains(self, point: Array) -> bool:
+        """Whether a point lies inside a closed surface, whose rays cross it an odd number of times."""
+        if self.surface is None:
+            return False
+        votes = [_crossings(self.surface, point, ray) % 2 for ray in RAYS]
+        return sum(votes) * 2 > len(votes)
+
+
+RAYS = np.array([[0.31, 0.52, 0.79], [-0.71, 0.12, 0.33], [0.17, -0.83, -0.41]])
+
+
+def _crossings(triangles: Array, point: Array, ray: Array) -> int:
+    a, u, v = triangles[:, 0], triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
+    across = np.cross(ray, v)
+    slope = (u * across).sum(1)
+    safe = np.where(np.abs(slope) < 1e-15, np.inf, slope)
+    off = point - a
+    s = (off * across).sum(1) / safe
+    other = np.cross(off, u)
+    t = (other @ ray) / safe
+    far = (v * other).sum(1) / safe
+    return int(((s > 0) & (t > 0) & (s + t < 1) & (far > 0)).sum())
+
+
+def distance_of(one: Any, T_one: Any, other: Any, T_other: Any) -> float:
+    """Distance of two solids where they are `placed`, below 0 by the depth where they overlap [m]."""
+    RESULT.clear()
+    return float(coal.distance(one, T_one, other, T_other, REQUEST, RESULT))
+
+
+def placed(T: Array) -> Any:
+    """A frame (4, 4) as coal has it."""
+    return coal.Transform3s(np.ascontiguousarray(T[:3, :3]), np.ascontiguousarray(T[:3, 3]))
+
+
+def hull_shape(corners: Array) -> Shape:
+    """The hull of some points."""
+    points = coal.StdVec_Vec3s()
+    points.extend(list(corners))
+    return Shape(coal.Convex.convexHull(points, False, None), np.eye(4))
+
+
+def things_of(world: dict[str, Any], below: float) -> list[Thing]:
+    """All obstacles and map cells of a world's document; floor plans are of what is lower than ``below``."""
+    cells = world["floor"].get("cells", [])
+    every = [*world["obstacles"], *({"name": cell["name"], "prism": cell} for cell in cells)]
+    return [_thing(one, below) for one in every]
+
+
+def _thing(entry: dict[str, Any], below: float) -> Thing:
+    name = entry["name"]
+    if "box" in entry:
+        return _box(name, entry["box"], below)
+    if "cylinder" in entry:
+        one = entry["cylinder"]
+        center = np.array(one["center"])
+        shape = Shape(coal.Cylinder(one["radius"], one["height"]), _at(center))
+        low = center[2] - one["height"] / 2 < below
+        return Thing(name, (shape,), None, shapely.Point(center[:2]) if low else None, one["radius"])
+    if "sphere" in entry:
+        center, radius = np.array(entry["sphere"]["center"]), entry["sphere"]["radius"]
+        rise = max(center[2] - below, 0.0)  # of the ball's middle over what counts
+        low = rise < radius
+        width = float(np.sqrt(radius**2 - rise**2)) if low else 0.0
+        core = shapely.Point(center[:2]) if low else None
+        return Thing(name, (Shape(coal.Sphere(radius), _at(center)),), None, core, width)
+    if "prism" in entry:
+        return _prism(name, entry["prism"], below)
+    return _mesh(name, entry["mesh"], below)
+
+
+def _at(center: Array, yaw: float = 0.0) -> Array:
+    c, s = np.cos(yaw), np.sin(yaw)
+    return np.array([[c, -s, 0, center[0]], [s, c, 0, center[1]], [0, 0, 1, center[2]], [0, 0, 0, 1.0]])
+
+
+def _box(name: str, one: dict[str, Any], below: float) -> Thing:
+    size, T = np.array(one["size"]), _at(np.array(one["center"]), one.get("yaw", 0.0))
+    corners = [(T @ [sx * size[0] / 2, sy * size[1] / 2, 0, 1])[:2] for sx, sy in SQUARE]
+    core = shapely.Polygon(corners) if T[2, 3] - size[2] / 2 < below else None
+    return Thing(name, (Shape(coal.Box(*size), T),), None, core)
+
+
+SQUARE = ((1, 1), (-1, 1), (-1, -1), (1, -1))
+
+
+def _prism(name: str, one: dict[str, Any], below: float) -> Thing:
+    outline = shapely.Polygon(one["polygon"], one.get("holes", []))
+    low, high = one["z"]
+    pieces = []
+    for part in shapely.get_parts(shapely.constrained_delaunay_triangles(outline)):
+        corners = np.asarray(part.exterior.coords)[:3]
+        pieces.append(hull_shape(np.array([[x, y, z] for z in (low, high) for x, y in corners])))
+    return Thing(name, tuple(pieces), None, outline if low < below else None)
+
+
+def _mesh(name: str, one: dict[str, Any], below: float) -> Thing:
+    vertices, faces = np.array(one["vertices"], dtype=float), np.array(one["faces"])
+    surface = coal.BVHModelOBBRSS()
+    surface.beginModel(len(faces), len(vertices))
+    surface.addVertices(vertices)
+    surface.addTriangles(faces)
+    surface.endModel()
+    triangles = vertices[faces]
+    flat = [cut for one_ in triangles if len(cut := _lower(one_, below)) > 2]
+    plans = [shapely.MultiPoint(cut[:, :2]).convex_hull for cut in flat]
+    core = shapely.union_all(plans) if plans else None
+    return Thing(name, (Shape(surface, np.eye(4)),), triangles, core)
+
+
+def _lower(triangle: Array, below: float) -> Array:
+    """Corners of what of a triangle lies lower than a height."""
+    kept = []
+    for a, b in zip(triangle, np.roll(triangle, -1, axis=0), strict=True):
+        if a[2] < below:
+            kept.append(a)
+        if (a[2] < below) != (b[2] < below):
+            kept.append(a + (b - a) * (below - a[2]) / (b[2] - a[2]))
+    return np.array(kept).reshape(-1, 3)
