@@ -24,7 +24,7 @@ from regionik.worlds.toolpath import (
     targets_along,
 )
 
-SETPOINTS_LIMIT = 1_000_000
+SETPOINTS_LIMIT = 500_000
 
 
 def build_task(parts: list[schema.Piece], where: str, folder: Path) -> tuple[tuple[Target, ...], list[str]]:
