@@ -14,18 +14,22 @@ from shapely.geometry import LinearRing, MultiPolygon, Polygon
 
 from regionik.plan import Configuration, Motion, Plan, PlannedArea, Stop
 from regionik.plandocument import PARTS, VERSION
+from regionik.worlds.checking import LARGEST
 from regionik.worlds.errors import InputError
 from regionik.worlds.format import world_from_document
+from regionik.worlds.grammar import Many
 from regionik.worlds.scene import StopCriterion, World
+from regionik.worlds.textfile import check_count, check_plain_file
 
-SIZE_LIMIT = 512 * 2**20  # [bytes]
+SIZE_LIMIT = 256 * 2**20  # [bytes]
+VALUES_LIMIT = 4_000_000
 
-Number = Annotated[float, Field(allow_inf_nan=False)]
+Number = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
 Index = Annotated[int, Field(ge=0)]
 NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Three = Annotated[list[Number], Field(min_length=3, max_length=3)]
 Position = Annotated[list[Number], Field(min_length=2, max_length=2)]
-Ring = Annotated[list[Position], Field(min_length=4, description="closed: the last position is the first")]
+Ring = Annotated[Many[Position], Field(min_length=4, description="closed: the last position is the first")]
 
 
 class _Record(BaseModel):
@@ -37,7 +41,7 @@ class SetpointRecord(_Record):
 
     target: Three = Field(description="x, y, z [m]")
     base: Three = Field(description="x, y [m], yaw [rad]")
-    joints: list[Number] = Field(description="in the order of joint_names [rad] or [m]")
+    joints: Many[Number] = Field(description="in the order of joint_names [rad] or [m]")
     iterations: Index
     error: Number | None = Field(description="distance of the tool from the target [m]")
     converged: bool
@@ -51,7 +55,7 @@ class StateRecord(_Record):
     """
 
     base: Three = Field(description="x, y [m], yaw [rad]")
-    joints: list[Number] = Field(description="in the order of joint_names [rad] or [m]")
+    joints: Many[Number] = Field(description="in the order of joint_names [rad] or [m]")
     kind: Literal["setpoint", "step", "transit"]
     setpoint: Index | None = Field(description="counts from 0")
     time: Number | None = Field(description="[s]")
@@ -62,7 +66,7 @@ class MultiPolygonRecord(_Record):
     """A GeoJSON MultiPolygon on the floor [m]; it may be empty."""
 
     type: Literal["MultiPolygon"]
-    coordinates: list[Annotated[list[Ring], Field(min_length=1)]]
+    coordinates: Many[Annotated[Many[Ring], Field(min_length=1)]]
 
 
 class PartsRecord(_Record):
@@ -91,14 +95,14 @@ class AreasRecord(_Record):
     """A GeoJSON FeatureCollection, one feature per set-point in order."""
 
     type: Literal["FeatureCollection"]
-    features: list[AreaRecord]
+    features: Many[AreaRecord]
 
 
 class StopRecord(_Record):
     """Where the base stands still while the arm does some set-points."""
 
     base: Three = Field(description="x, y [m], yaw [rad]")
-    setpoints: Annotated[list[Index], Field(min_length=1)] = Field(description="they follow one another")
+    setpoints: Annotated[Many[Index], Field(min_length=1)] = Field(description="they follow one another")
     tolerance: NotNegative = Field(description="radius of the circle to park in, at this heading [m]")
     criterion: StopCriterion = Field(description="what made this the best place of the stop")
 
@@ -109,12 +113,12 @@ class PlanRecord(_Record):
     version: Literal[1]
     world: dict[str, Any] = Field(description="the world file, embedded: a plan can be verified alone")
     seed: int
-    joint_names: list[str]
-    setpoints: list[SetpointRecord] = Field(description="one for each target of the world, in order")
-    states: list[StateRecord] = Field(description="the whole motion in order")
+    joint_names: Many[str]
+    setpoints: Many[SetpointRecord] = Field(description="one for each target of the world, in order")
+    states: Many[StateRecord] = Field(description="the whole motion in order")
     areas: AreasRecord
     lift_offs: Index = Field(description="runs of transits after the first set-point")
-    stops: list[StopRecord] = Field(description="base stops in mode stops; empty otherwise")
+    stops: Many[StopRecord] = Field(description="base stops in mode stops; empty otherwise")
     stats: dict[str, Any]
 
 
@@ -163,12 +167,14 @@ def plan_schema() -> dict[str, Any]:
 
 def _read(path: str | os.PathLike[str]) -> Any:
     try:
+        check_plain_file(Path(path))
         size = os.stat(path).st_size
         if size > SIZE_LIMIT:
             raise InputError(f"{path}: expected a plan of at most {SIZE_LIMIT >> 20} MB, got {size >> 20} MB")
         data = Path(path).read_bytes()
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror or error}") from None
+    check_count(data, VALUES_LIMIT, str(path))
     try:
         return json.loads(data, parse_constant=_refuse)
     except RecursionError:

@@ -15,11 +15,14 @@ from pathlib import Path
 import numpy as np
 
 from regionik.worlds.arrays import Array
+from regionik.worlds.checking import LARGEST
 from regionik.worlds.errors import InputError
-from regionik.worlds.textfile import clip, read_text
+from regionik.worlds.textfile import check_plain_file, clip, read_text
 from regionik.worlds.toolpath import ToolPath, rotation_from_quaternion
 
 CSV_LIMIT = 64 * 2**20  # of a file that is read at once [bytes]
+LINES_LIMIT = 1_000_000  # of a file that is read at once
+LENGTH_LIMIT = 10_000  # of a line [characters]
 COLUMNS = {
     3: ("x", "y", "z"),
     6: ("x", "y", "z", "dx", "dy", "dz"),
@@ -59,6 +62,7 @@ class Block:
             Names the file, the line and what was expected.
         """
         lines = _text(self.data, self.where).splitlines()
+        _check_lengths(lines, self.where, self.number)
         return _path_of_lines(lines, self.where, self.row, self.columns, self.number)
 
 
@@ -110,6 +114,9 @@ def read_csv(path: Path) -> ToolPath:
         Names the file, the line and what was expected.
     """
     lines = read_text(path, CSV_LIMIT).splitlines()
+    if len(lines) > LINES_LIMIT:
+        raise InputError(f"{path}: expected at most {LINES_LIMIT} lines, got {len(lines)}")
+    _check_lengths(lines, str(path), 1)
     row, columns = _first_row(lines, str(path))
     return _path_of_lines(lines, str(path), row, columns, 1)
 
@@ -123,8 +130,10 @@ def long_table(path: Path, size: int) -> LongTable:
         When the file cannot be read or has no points.
     """
     try:
+        check_plain_file(path)
         with open(path, "rb") as file:
-            row, columns = _first_row((_text(line, str(path)) for line in file), str(path))
+            lines = iter(lambda: file.readline(LENGTH_LIMIT + 1), b"")
+            row, columns = _first_row((_text(line, str(path)) for line in lines), str(path))
             file.seek(0)
             digest, after, count, place = hashlib.sha256(), [0], 0, 0
             while piece := file.read(_PIECE):
@@ -152,6 +161,7 @@ def _text(data: bytes, where: str) -> str:
 def _first_row(lines: Iterable[str], where: str) -> tuple[int, int]:
     """Number of the first line with a point, counted from 1, and how many columns it has."""
     for number, line in enumerate(lines, start=1):
+        _check_lengths([line], where, number)
         cells = _cells(line)
         if not _passed_over(cells) and tuple(cells) not in COLUMNS.values():
             return number, len(_row(cells, f"{where}: line {number}"))
@@ -166,6 +176,13 @@ def _path_of_lines(lines: Sequence[str], where: str, row: int, columns: int, num
     if rows is None:
         rows, numbers = _careful_rows(kept, where, row, columns, number)
     return _path_of_rows(rows, where, numbers)
+
+
+def _check_lengths(lines: Sequence[str], where: str, number: int) -> None:
+    """Refuse lines longer than any row is, of which the first has a number."""
+    for at, line in enumerate(lines, start=number):
+        if len(line) > LENGTH_LIMIT:
+            raise InputError(f"{where}: line {at}: expected at most {LENGTH_LIMIT} characters")
 
 
 def _cells(line: str) -> list[str]:
@@ -184,7 +201,7 @@ def _plain_rows(lines: Sequence[str], columns: int) -> Array | None:
         rows = np.loadtxt(lines, delimiter=",", comments=None, ndmin=2)
     except ValueError:
         return None
-    return rows if rows.shape == (len(lines), columns) and np.isfinite(rows).all() else None
+    return rows if rows.shape == (len(lines), columns) and (np.abs(rows) <= LARGEST).all() else None
 
 
 def _careful_rows(
@@ -217,6 +234,9 @@ def _row(cells: list[str], where: str) -> list[float]:
             value = math.nan
         if not math.isfinite(value):
             raise InputError(f"{where}: {name}: expected a finite number, got {clip(cell)}")
+        if abs(value) > LARGEST:
+            what = f"expected a number of at most {LARGEST:g} in size"
+            raise InputError(f"{where}: {name}: {what}, got {clip(cell)}")
         values.append(value)
     return values
 

@@ -24,6 +24,8 @@ from regionik.worlds.toolpath import (
     targets_along,
 )
 
+SETPOINTS_LIMIT = 500_000
+
 
 def build_task(parts: list[schema.Piece], where: str, folder: Path) -> tuple[tuple[Target, ...], list[str]]:
     """Set-points of all pieces, and the place in the document that each comes from."""
@@ -31,14 +33,16 @@ def build_task(parts: list[schema.Piece], where: str, folder: Path) -> tuple[tup
     places: list[str] = []
     for k, part in enumerate(parts):
         place = f"task[{k}]"
-        found = _piece(part, where, place, folder)
+        found = _piece(part, where, place, folder, SETPOINTS_LIMIT - len(targets))
         targets.extend(found)
         places.extend([place] * len(found))
     return tuple(targets), places
 
 
-def _piece(part: schema.Piece, where: str, place: str, folder: Path) -> tuple[Target, ...]:
+def _piece(part: schema.Piece, where: str, place: str, folder: Path, most: int) -> tuple[Target, ...]:
     path = _path(part, where, place, folder)
+    if len(path.points) > most:
+        raise wrong(where, place, f"expected at most {SETPOINTS_LIMIT} set-points in all")
     own = path.directions is not None or path.orientations is not None
     for key in ("direction", "orientation"):
         if own and getattr(part, key) is not None:

@@ -16,6 +16,7 @@ from regionik.worlds.errors import InputError
 
 SUFFIXES = (".stl", ".obj", ".ply", ".off")
 MESH_LIMIT = 256 * 2**20  # [bytes]
+LINES_LIMIT = 1_000_000  # of an OBJ file, which is read far more slowly
 _FLAT = 1e-4  # thickness [m], or part of the width where that is more than a metre
 _HULL_FLAT = 1e-7  # as _FLAT: of what is much thinner the hull engine loses corners without a word
 _CHUNK = 10_000  # points looked at together
@@ -39,6 +40,8 @@ def read_mesh(path: Path) -> tuple[Array, np.ndarray]:
     if path.stat().st_size > MESH_LIMIT:
         raise InputError(f"{path}: expected at most {MESH_LIMIT / 2**20:g} MB")
     try:
+        if kind == ".obj":
+            _count_lines(path)
         with path.open("rb") as stream, np.errstate(all="ignore"):  # what is no number is found by who asks
             mesh: Any = trimesh.load(stream, file_type=kind[1:], force="mesh", skip_materials=True)
     # What trimesh's readers raise on files that are cut short or no mesh at all.
@@ -48,6 +51,7 @@ def read_mesh(path: Path) -> tuple[Array, np.ndarray]:
         IndexError,
         TypeError,
         AttributeError,
+        NameError,
         struct.error,
         OSError,
         ImportError,  # a guess at the encoding of what is no text needs a package that we do not
@@ -59,6 +63,13 @@ def read_mesh(path: Path) -> tuple[Array, np.ndarray]:
     if not len(mesh.faces):
         raise InputError(f"{path}: expected a mesh with triangles, got none")
     return np.array(mesh.vertices, dtype=np.float64), np.array(mesh.faces, dtype=np.int64)
+
+
+def _count_lines(path: Path) -> None:
+    with path.open("rb") as stream:
+        count = sum(1 for _ in stream)
+    if count > LINES_LIMIT:
+        raise InputError(f"{path}: expected at most {LINES_LIMIT} lines, got {count}; STL may hold more")
 
 
 def is_closed(vertices: Array, faces: np.ndarray) -> bool:

@@ -18,13 +18,15 @@ from pydantic import ConfigDict, Field
 from shapely.geometry import Polygon, box
 
 from regionik.worlds.arrays import Array
-from regionik.worlds.checking import Strict, checked
+from regionik.worlds.checking import Strict, at, bounded, checked
 from regionik.worlds.errors import InputError
 from regionik.worlds.obstacles import Prism
 from regionik.worlds.scene import Floor
-from regionik.worlds.textfile import read_document
+from regionik.worlds.textfile import check_plain_file, read_document
 
 CELL_LIMIT = 25_000_000
+RUN_LIMIT = 400_000  # of blocked cells along rows
+TEXT_CELL_LIMIT = 2_000_000  # of an image in plain text, which is read far more slowly
 _FULL_SCALE = {"1": 1.0, "L": 255.0, "RGB": 255.0, "I": 65535.0, "I;16": 65535.0, "I;16B": 65535.0}
 
 
@@ -71,7 +73,9 @@ def load_map(yaml_path: Path, height: float, free_thresh: float | None = None) -
         Names the file, the key and what was expected.
     """
     where = str(yaml_path)
-    document = checked(MapDocument, read_document(yaml_path), where)
+    plain = read_document(yaml_path)
+    document = checked(MapDocument, plain, where)
+    bounded(plain, where)
     if not 0 < height < np.inf:
         raise InputError(f"height: must be above 0, got {height:g}")
     free = document.free_thresh if free_thresh is None else free_thresh
@@ -82,19 +86,24 @@ def load_map(yaml_path: Path, height: float, free_thresh: float | None = None) -
     darkness, opaque = _read_image(yaml_path.parent / document.image, bool(document.negate))
     blocked = ~((darkness < free) & opaque)
     rows, columns = blocked.shape
-    cells = _prisms([_placed(part, document) for part in _blobs(blocked)], height)
+    with at(where, "image"):
+        blobs = _blobs(blocked)
+    cells = _prisms([_placed(part, document) for part in blobs], height)
     return Floor(_placed(box(0, 0, columns, rows), document), cells)
 
 
 def _read_image(path: Path, negate: bool) -> tuple[Array, NDArray[np.bool_]]:
     """Occupancy from 0 (free) to 1, and which cells are not transparent; row 0 is the lowest y."""
     try:
+        check_plain_file(path)
         with warnings.catch_warnings():
             warnings.simplefilter("error", Image.DecompressionBombWarning)
             with Image.open(path, formats=["PPM", "PNG"]) as image:
                 columns, rows = image.size
-                if columns * rows > CELL_LIMIT:
-                    raise InputError(f"{path}: expected at most {CELL_LIMIT} cells, got {columns} x {rows}")
+                plain = any(tile[0] == "ppm_plain" for tile in image.tile)
+                most = TEXT_CELL_LIMIT if plain else CELL_LIMIT
+                if columns * rows > most:
+                    raise InputError(f"{path}: expected at most {most} cells, got {columns} x {rows}")
                 grey, alpha = _channels(image)
     except FileNotFoundError:
         raise InputError(f"{path}: there is no such file (named by key image)") from None
@@ -127,6 +136,9 @@ def _blobs(blocked: NDArray[np.bool_]) -> list[Polygon]:
     edges = np.diff(np.pad(blocked, ((0, 0), (1, 1))).astype(np.int8), axis=1)
     row, first = np.nonzero(edges == 1)
     _, last = np.nonzero(edges == -1)
+    if len(row) > RUN_LIMIT:
+        text = f"expected at most {RUN_LIMIT} runs of occupied or unknown cells along rows, got {len(row)}"
+        raise InputError(text)
     runs = shapely.box(first, row, last, row + 1)
     joined = shapely.simplify(shapely.union_all(runs), 0.0)
     parts = [part for part in shapely.get_parts(joined) if not part.is_empty]

@@ -10,6 +10,7 @@ from regionik.worlds.checking import Strict
 from regionik.worlds.grammar import (
     Count,
     File,
+    Many,
     Matrix3,
     NotNegative,
     OneLine,
@@ -47,7 +48,7 @@ class SphereShape(Strict):
 
 class PrismShape(Strict):
     polygon: Ring = Field(description="corners [[x, y], ...] [m]")
-    holes: list[Ring] = []
+    holes: Many[Ring] = []
     z: Range = Field(description="bottom and top [m]")
 
 
@@ -65,9 +66,9 @@ class MeshFile(Strict):
 
 
 class MeshInline(Strict):
-    vertices: Annotated[list[Vec3], Field(min_length=4)] = Field(description="points [[x, y, z], ...] [m]")
+    vertices: Annotated[Many[Vec3], Field(min_length=4)] = Field(description="points [[x, y, z], ...] [m]")
     faces: Annotated[
-        list[Annotated[list[Annotated[int, Field(ge=0)]], Field(min_length=3, max_length=3)]],
+        Many[Annotated[list[Annotated[int, Field(ge=0)]], Field(min_length=3, max_length=3)]],
         Field(min_length=4),
     ] = Field(description="triangles [[i, j, k], ...]")
 
@@ -116,8 +117,8 @@ Obstacle = Annotated[
 
 class PolygonFloor(Strict):
     polygon: Ring = Field(description="corners [[x, y], ...] [m]")
-    holes: list[Ring] = []
-    cells: list[Cell] = []
+    holes: Many[Ring] = []
+    cells: Many[Cell] = []
 
 
 class MapFloor(Strict):
@@ -197,7 +198,7 @@ class ArcPiece(Aim):
 
 
 class PointsPiece(Aim):
-    points: Annotated[list[Vec3], Field(min_length=1)]
+    points: Annotated[Many[Vec3], Field(min_length=1)]
 
 
 class CsvPiece(Aim):
@@ -221,7 +222,7 @@ Piece = Annotated[
 
 class StartPart(Strict):
     base: Vec3 = Field(description="x, y [m], yaw [rad]")
-    joints: list[float] = Field(description="one value a joint")
+    joints: Many[float] = Field(description="one value a joint")
 
 
 class CriteriaPart(Strict):
@@ -294,8 +295,8 @@ class WorldDocument(Strict):
     about: OneLine | None = None
     robot: RobotPart = Field(description="a bundled name, or a mapping with one of name, dh, urdf, chain")
     floor: FloorPart = Field(description="{polygon: [[x, y], ...]} or {map: file}")
-    obstacles: list[Obstacle] = []
+    obstacles: Many[Obstacle] = []
     start: StartPart | None = None
-    task: Annotated[list[Piece], Field(min_length=1)] = Field(description="set-points")
+    task: Annotated[Many[Piece], Field(min_length=1)] = Field(description="set-points")
     rules: RulesPart = RulesPart()
     speeds: SpeedsPart | None = Field(default=None, description="what plans are timed by")

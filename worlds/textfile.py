@@ -19,6 +19,8 @@ from regionik.worlds.errors import InputError
 JSON_LIMIT = 64 * 2**20  # [bytes]
 YAML_LIMIT = 16 * 2**20  # [bytes]
 DEPTH_LIMIT = 40
+VALUES_LIMIT = 2_000_000  # of a JSON file
+EVENTS_LIMIT = 400_000  # of a YAML file, which is read far more slowly: values, and both ends of lists
 SUFFIXES = (".yaml", ".yml", ".json")
 
 _Base: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
@@ -56,6 +58,7 @@ for _tag, _pattern, _first in (
 def read_text(path: Path, limit: int) -> str:
     """Text of a UTF-8 file of at most ``limit`` bytes."""
     try:
+        check_plain_file(path)
         size = path.stat().st_size
         if size > limit:
             raise InputError(f"{path}: expected at most {limit / 2**20:g} MB, got {size / 2**20:.1f} MB")
@@ -66,6 +69,20 @@ def read_text(path: Path, limit: int) -> str:
         raise InputError(f"{path}: expected UTF-8 text, byte {error.start} is none") from None
     except (OSError, ValueError) as error:  # ValueError: a NUL in the path
         raise InputError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
+
+
+def check_plain_file(path: Path) -> None:
+    """Refuse folders, devices and pipes, which may have no end; what is not there is for who opens it."""
+    if path.exists() and not path.is_file():
+        raise InputError(f"{path}: cannot be read: expected a file, this is a folder, a device or a pipe")
+
+
+def check_count(text: str | bytes, limit: int, where: str) -> None:
+    """Refuse JSON of more values than fit into memory, before any is made."""
+    data = text.encode() if isinstance(text, str) else text
+    count = sum(data.count(sign) for sign in (b",", b"[", b"{"))
+    if count > limit:
+        raise InputError(f"{where}: expected at most {limit} values, got about {count}")
 
 
 def read_document(path: Path) -> dict[str, Any]:
@@ -136,6 +153,7 @@ def _json_value(text: str, where: str) -> Any:
             raise InputError(f"{where}: key {clip(twice)} is given twice")
         return mapping
 
+    check_count(text, VALUES_LIMIT, where)
     try:
         return json.loads(text, object_pairs_hook=once)
     except json.JSONDecodeError as error:
@@ -159,9 +177,12 @@ def _yaml_value(text: str, where: str) -> Any:
 
 
 def _scan(text: str, where: str) -> None:
-    """Refuse aliases and deep nesting before anything is built from them."""
+    """Refuse aliases, deep nesting and too many values before anything is built from them."""
     depth = 0
-    for event in yaml.parse(text, Loader=_Base):
+    for count, event in enumerate(yaml.parse(text, Loader=_Base)):
+        if count > EVENTS_LIMIT:
+            what = f"expected at most {EVENTS_LIMIT} values and ends of lists; JSON may hold more"
+            raise InputError(f"{where}: {what}")
         if isinstance(event, yaml.AliasEvent) or getattr(event, "anchor", None):
             mark = event.start_mark
             line = f"line {mark.line + 1}: " if mark else ""

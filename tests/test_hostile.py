@@ -1,0 +1,118 @@
+"""Files made to do harm, and files broken at random: read, or refused in one line. More by tests.fuzz."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from regionik.planfile import load_plan
+from regionik.worlds.csvpath import LENGTH_LIMIT, LINES_LIMIT, long_table, read_csv
+from regionik.worlds.document import document_of
+from regionik.worlds.errors import InputError
+from regionik.worlds.format import load_world
+from regionik.worlds.meshfile import read_mesh
+from regionik.worlds.rosmap import RUN_LIMIT, load_map
+from regionik.worlds.textfile import EVENTS_LIMIT, VALUES_LIMIT
+from regionik.worlds.urdf import load_robot
+from tests.fuzz import judged
+from tests.hostile import KINDS, MAP, READ, mutated, samples, write
+from tests.nasty import TASK, broken
+from tests.plans import every_solid
+
+READERS: dict[str, Callable[[Path], Any]] = {
+    "w.json": load_world, "w.yaml": load_world, "p.json": load_plan, "p.csv": read_csv,
+    "long.csv": lambda path: long_table(path, 10), "m.obj": read_mesh, "m.ply": read_mesh,
+    "r.urdf": load_robot, "m.yaml": lambda path: load_map(path, 1.0),
+}  # fmt: skip
+
+PROPERTY_FIRST = (
+    b"ply\nformat binary_little_endian 1\nelement vertex 8\nproperty vertex_indices\nend_header\n"
+)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_good_cases_are_read_and_broken_ones_read_or_refused(kind: str, tmp_path: Path) -> None:
+    for n, files in enumerate(samples(kind)):
+        write(files, tmp_path / f"good {n}")
+        assert judged(kind, tmp_path / f"good {n}", []) == "read"
+        for seed in range(4):
+            rng = np.random.default_rng(seed)
+            write({name: mutated(data, rng) for name, data in files.items()}, tmp_path / f"{n} {seed}")
+            assert judged(kind, tmp_path / f"{n} {seed}", []) in ("read", "refused")
+
+
+@pytest.mark.parametrize("name", READERS)
+def test_a_pipe_is_not_waited_for(name: str, tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / name)
+    with pytest.raises(InputError, match=r"expected a file|no such file"):
+        READERS[name](tmp_path / name)
+
+
+def test_a_pipe_named_by_a_map_is_not_waited_for(tmp_path: Path) -> None:
+    (tmp_path / "m.yaml").write_text(MAP)
+    os.mkfifo(tmp_path / "m.pgm")
+    with pytest.raises(InputError, match="expected a file"):
+        load_map(tmp_path / "m.yaml", 1.0)
+
+
+@pytest.mark.parametrize(
+    ("name", "data", "words"),
+    [
+        ("w.json", b"[" + b"1," * VALUES_LIMIT + b"1]", "at most 2000000 values"),
+        ("w.yaml", b"version: [" + b"1," * EVENTS_LIMIT + b"1]", "at most 400000 values.*JSON"),
+        ("w.yaml", broken(TASK, TASK.replace("5}", "1000001}")).encode(), "must be at most 1e"),
+        ("p.json", b"[" + b"{}," * 4_000_000 + b"1]", "at most 4000000 values"),
+        ("p.csv", b"1\n" * (LINES_LIMIT + 1), "at most 1000000 lines"),
+        ("p.csv", b"1,2,3\n" + b"," * (LENGTH_LIMIT + 1), "line 2: expected at most 10000 characters"),
+        ("p.csv", b"1,2,3,1e200,0,0\n", "line 1: dx: expected a number of at most 1e"),
+        ("m.obj", b"v 0 0 0\n" * 1_000_001, "at most 1000000 lines"),
+        ("m.ply", PROPERTY_FIRST, "expected a PLY mesh that can be read whole"),
+        ("r.urdf", b"<robot " + b"a='' " * 150_001 + b"/>", "at most 150000 attributes"),
+    ],
+)  # fmt: skip
+def test_what_would_fill_memory_or_time_is_refused(
+    name: str, data: bytes, words: str, tmp_path: Path
+) -> None:
+    (tmp_path / name).write_bytes(data)
+    with pytest.raises(InputError, match=words):
+        READERS[name](tmp_path / name)
+
+
+def test_set_points_are_counted_over_all_pieces(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("regionik.worlds.maketask.SETPOINTS_LIMIT", 7)
+    (tmp_path / "w.yaml").write_text(broken(TASK, f"{TASK}\n  - {TASK}"))
+    with pytest.raises(InputError, match=r"task\[1\]: expected at most 7 set-points"):
+        load_world(tmp_path / "w.yaml")
+
+
+def test_only_the_first_of_very_many_errors_is_made(tmp_path: Path) -> None:
+    document = {**document_of(every_solid()), "obstacles": [{}] * 500_000}
+    (tmp_path / "w.json").write_text(json.dumps(document))
+    with pytest.raises(InputError, match=r"obstacles\[0\]: expected exactly one of"):
+        load_world(tmp_path / "w.json")
+
+
+@pytest.mark.parametrize(
+    ("image", "words"),
+    [
+        (b"P2 5000 5000 255\n" + b"0 " * 9, "expected at most 2000000 cells"),
+        (b"P5 2000 1000 255\n" + bytes([0, 255] * 1_000_000), f"expected at most {RUN_LIMIT} runs"),
+    ],
+)
+def test_maps_that_take_too_long_are_refused(image: bytes, words: str, tmp_path: Path) -> None:
+    write({READ["map"]: MAP.encode(), "m.pgm": image}, tmp_path)
+    with pytest.raises(InputError, match=words):
+        load_map(tmp_path / READ["map"], 1.0)
+
+
+def test_numbers_of_a_map_are_bounded(tmp_path: Path) -> None:
+    text = MAP.replace("resolution: 0.1", "resolution: 1e300")
+    write({**samples("map")[0], READ["map"]: text.encode()}, tmp_path)
+    with pytest.raises(InputError, match="resolution: expected a number of at most"):
+        load_map(tmp_path / READ["map"], 1.0)
