@@ -56,9 +56,9 @@ QUICK := tests/test_format.py tests/test_regions.py tests/test_mfabrik.py tests/
 test-lowest: .venv-lowest/installed
 	.venv-lowest/bin/python -m pytest -q -o filterwarnings=ignore -n 2 --dist loadfile $(QUICK)
 
-.venv-lowest/installed: .venv/bin/python pyproject.toml
+.venv-lowest/installed: pyproject.toml .ci/lowest.py
 	$(PYTHON) -m venv .venv-lowest
-	.venv/bin/python .ci/lowest.py pyproject.toml test > .venv-lowest/lowest.txt
+	.venv-lowest/bin/python .ci/lowest.py pyproject.toml test > .venv-lowest/lowest.txt
 	@echo "The lowest versions:" && cat .venv-lowest/lowest.txt
 	.venv-lowest/bin/python -m pip install --quiet --disable-pip-version-check \
 		--constraint .venv-lowest/lowest.txt --editable '.[test]'

@@ -1,4 +1,4 @@
-"""Lowest versions that pyproject.toml allows, as constraints for pip: ``lowest.py pyproject.toml [extra ...]``."""
+"""Lowest versions that a project allows, as constraints for pip: ``lowest.py pyproject.toml [extra ...]``."""
 
 from __future__ import annotations
 

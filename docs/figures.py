@@ -45,7 +45,6 @@ def area() -> Any:
     solids = shadows(world)
     figure, panels = plt.subplots(1, 3, figsize=(9.6, 3.4), sharex=True, sharey=True)
     for panel, title in zip(panels, ("reach", "rejection", "admissible area"), strict=True):
-        outline(panel, world.floor.polygon)
         panel.set_title(title)
         panel.set_aspect("equal")
     fill(panels[0], reach, REACH)
@@ -54,7 +53,9 @@ def area() -> Any:
     fill(panels[2], rik.admissible_area(world, target).inner, KEPT)
     for panel in panels:
         fill(panel, solids, SOLID)
-        panel.plot(*target.position[:2], "k+", markersize=9)
+        panel.plot(*target.position[:2], "w+", markersize=9)
+        panel.set_xlim(target.position[0] - 0.9, target.position[0] + 0.9)
+        panel.set_ylim(target.position[1] - 0.8, target.position[1] + 0.8)
     panels[0].set_ylabel("y [m]")
     for panel in panels:
         panel.set_xlabel("x [m]")
@@ -89,7 +90,7 @@ def ladder() -> Any:
     _, _, pruned = whole_path(world)
     found = pruned.ladder
     place = _lanes(pruned)
-    figure, (rungs, floor) = plt.subplots(2, 1, figsize=(8.4, 7.0), height_ratios=[1, 2], layout="constrained")
+    figure, (rungs, floor) = plt.subplots(2, 1, figsize=(8.4, 7.0), height_ratios=[1, 2], layout="tight")
     for a, b in found.edges:
         whole = bool(pruned.keep[a] and pruned.keep[b])
         rungs.plot(found.target[[a, b]] + 1, place[[a, b]], color=KEPT if whole else "#bdbdbd", linewidth=1)

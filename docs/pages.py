@@ -1,4 +1,4 @@
-"""Pages that the build of the site writes by itself: Python names, and both file formats from their schemas."""
+"""Pages that the build of the site writes: Python names, and both file formats from their schemas."""
 
 from __future__ import annotations
 
@@ -12,11 +12,18 @@ from mkdocs.structure.files import File, Files
 DOCS = Path(__file__).parent
 FORMATS = {
     "world-file.md": ("world.schema.json", "World files", "YAML or JSON, read by `regionik.load_world`."),
-    "plan-file.md": ("plan.schema.json", "Plan files", "JSON, written by `Plan.save`, read by `regionik.load_plan`."),
+    "plan-file.md": ("plan.schema.json", "Plan files", "JSON, written by `regionik.Plan.save`."),
 }
 SECTIONS = {
     "Worlds and robots": ("load_world", "load_robot", "World", "Criteria", "Speeds"),
-    "Areas and reach": ("admissible_area", "reach", "reach_many", "reach_field", "reach_slice", "write_field"),
+    "Areas and reach": (
+        "admissible_area",
+        "reach",
+        "reach_many",
+        "reach_field",
+        "reach_slice",
+        "write_field",
+    ),
     "Plans": ("plan", "Plan", "load_plan", "verify", "verify_answers", "stops", "why"),
     "Time": ("retime", "trajectory", "point_to_point"),
     "To look at": ("show", "to_html", "plot"),
@@ -43,7 +50,9 @@ RESULTS = (
 def on_files(files: Files, config: Any) -> Files:
     """Add the written pages to those that stand in the folder."""
     pages = {"api.md": api_page()} | {
-        page: format_page(json.loads((DOCS / schema).read_text("utf-8")), title, f"{about} [The schema]({schema}).")
+        page: format_page(
+            json.loads((DOCS / schema).read_text("utf-8")), title, f"{about} [The schema]({schema})."
+        )
         for page, (schema, title, about) in FORMATS.items()
     }
     for name, text in pages.items():
@@ -85,9 +94,16 @@ def table(part: dict[str, Any]) -> list[str]:
     needed = set(part.get("required", ()))
     rows = ["| key | value | default | meaning |", "|---|---|---|---|"]
     for key, value in part.get("properties", {}).items():
-        default = "needed" if key in needed else f"`{json.dumps(value['default'])}`" if "default" in value else ""
+        default = "needed" if key in needed else default_of(value)
         rows.append(f"| `{key}` | {kind(value)} | {default} | {plain(value.get('description', ''))} |")
     return rows
+
+
+def default_of(value: dict[str, Any]) -> str:
+    """The default of a key; a part's defaults stand in its own table."""
+    if isinstance(value.get("default"), dict):
+        return "those of the part"
+    return f"`{json.dumps(value['default'])}`" if "default" in value else ""
 
 
 def kind(value: dict[str, Any]) -> str:
@@ -131,4 +147,6 @@ def _bounds(value: dict[str, Any]) -> Iterator[str]:
 
 def plain(text: str) -> str:
     """Text that a table cell and Markdown leave as it is."""
-    return " ".join(text.replace("``", "`").replace("|", "\\|").replace("[", "\\[").split())
+    return " ".join(
+        text.replace("``", "`").replace("|", "\\|").replace("[", "\\[").replace("{", "&#123;").split()
+    )

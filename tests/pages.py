@@ -1,7 +1,8 @@
 """The marked blocks of the pages, run from top to bottom: `python -m tests.pages` writes anew what they say.
 
-A comment before a block says what it is: `<!-- file NAME -->` a file to be written, `<!-- run -->` commands or
-Python to be run, `<!-- run, exit 1 -->` the same with that exit code, `<!-- output -->` what the block before said.
+A comment before a block says what it is: `<!-- file NAME -->` a file to be written, `<!-- run -->` commands
+or Python to be run, `<!-- run, exit 1 -->` the same with that exit code, `<!-- output -->` what the block
+before said.
 """
 
 from __future__ import annotations
@@ -34,7 +35,7 @@ class Block(NamedTuple):
 
 def blocks(page: str) -> list[Block]:
     """The marked blocks of a page's text."""
-    return [Block(*found.groups(), found.span(3)) for found in _BLOCK.finditer(page)]
+    return [Block(found[1], found[2], found[3], found.span(3)) for found in _BLOCK.finditer(page)]
 
 
 def play(page: str, folder: Path) -> Iterator[tuple[Block, str]]:

@@ -1,4 +1,4 @@
-"""The pages: what they tell to run runs and says that, their links lead somewhere, the site's menu has them all."""
+"""The pages: what they tell to run says what they show, links lead somewhere, the menu has them all."""
 
 from __future__ import annotations
 
@@ -14,13 +14,14 @@ from tests.pages import DOCS, PLAYED, blocks, play
 ROOT = DOCS.parent
 WRITTEN = {"api.md", "world-file.md", "plan-file.md"}  # by docs/pages.py, when the site is built
 PAGES = {path.relative_to(DOCS).as_posix(): path for path in sorted(DOCS.rglob("*.md"))}
+SECONDS = re.compile(r"in [\d.]+ s$", re.MULTILINE)
 NUMBER = re.compile(r"-?\d+(?:\.\d+)?")
 CLOSE = 0.006  # numbers on other machines
 
 
 def alike(told: str, said: str) -> bool:
     """Whether the words are the same, and decimals close; seconds that a command took do not count."""
-    told, said = (" ".join(re.sub(r"in [\d.]+ s$", "in s", text, flags=re.MULTILINE).split()) for text in (told, said))
+    told, said = (" ".join(SECONDS.sub("in s", text).split()) for text in (told, said))
     ours, theirs = NUMBER.findall(told), NUMBER.findall(said)
     return NUMBER.sub("#", told) == NUMBER.sub("#", said) and all(
         a == b or ("." in a and abs(float(a) - float(b)) <= CLOSE) for a, b in zip(ours, theirs, strict=True)
@@ -60,7 +61,9 @@ def defined(name: str) -> set[str]:
     return {part.lower() for part in schema["$defs"]}
 
 
-@pytest.mark.parametrize("path", [*PAGES.values(), ROOT / "README.md", ROOT / "CONTRIBUTING.md"], ids=lambda p: p.name)
+@pytest.mark.parametrize(
+    "path", [*PAGES.values(), ROOT / "README.md", ROOT / "CONTRIBUTING.md"], ids=lambda p: p.name
+)
 def test_links_lead_somewhere(path: Path) -> None:
     text = re.sub(r"```.*?```", "", path.read_text("utf-8"), flags=re.DOTALL)
     for link in re.findall(r"\]\(([^)\s]+)\)", text):
