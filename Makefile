@@ -5,6 +5,10 @@
 # make bench   the table of speeds against others, into docs/benchmarks.md and docs/benchmarks.json (minutes)
 # make bench-all  areas, base motion, clear postures and real robots, measured and checked in the same run
 # make tables  recompute every table of the papers into docs/tables.md, beside the printed figures
+# make docs    build the documentation into site/
+# make figures draw the figures of docs/method.md anew
+# make pages   write anew what the commands in docs/ say
+# make test-lowest  the quick tests with the lowest direct dependencies that pyproject.toml allows
 # make clean   remove what the others made
 
 # The newest Python that fits and can make virtual environments; or say PYTHON=/path/to/python.
@@ -15,7 +19,7 @@ BIN := .venv/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 NEEDS := pyproject.toml constraints.txt
 
-.PHONY: demo test soak lint bench bench-all tables clean
+.PHONY: demo test soak lint bench bench-all tables docs figures pages test-lowest clean
 
 demo: .venv/installed
 	$(BIN)/regionik plan l_shape -o plan.json --html l_shape.html
@@ -44,8 +48,33 @@ bench-all: .venv/installed
 tables: .venv/installed
 	$(BIN)/python -m benchmarks.tables -o docs/tables.md
 
+docs: .venv/installed-docs
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict
+	@echo "Look at it: file://$(CURDIR)/site/index.html"
+
+figures: .venv/installed
+	$(BIN)/python docs/figures.py
+
+pages: .venv/installed
+	$(BIN)/python -m tests.pages
+
+# Warnings are no errors here: old versions warn of new ones.
+QUICK := tests/test_format.py tests/test_regions.py tests/test_mfabrik.py tests/test_verify.py tests/test_jerk.py \
+	tests/test_retime.py tests/test_collision.py tests/test_urdf.py tests/test_rosmap.py tests/test_plot.py
+
+test-lowest: .venv-lowest/installed
+	.venv-lowest/bin/python -m pytest -q -o filterwarnings=ignore -n 2 --dist loadfile $(QUICK)
+
+.venv-lowest/installed: pyproject.toml .ci/lowest.py
+	$(PYTHON) -m venv .venv-lowest
+	.venv-lowest/bin/python .ci/lowest.py pyproject.toml test > .venv-lowest/lowest.txt
+	@echo "The lowest versions:" && cat .venv-lowest/lowest.txt
+	.venv-lowest/bin/python -m pip install --quiet --disable-pip-version-check \
+		--constraint .venv-lowest/lowest.txt --editable '.[test]'
+	@touch $@
+
 clean:
-	rm -rf .venv build dist regionik.egg-info plan.json l_shape.html
+	rm -rf .venv .venv-lowest site build dist regionik.egg-info plan.json l_shape.html
 
 .venv/bin/python:
 	@test -n "$(PYTHON)" || { echo "regionik needs Python 3.11, 3.12 or 3.13 with venv and ensurepip" \

@@ -1,0 +1,151 @@
+"""The figures of the method page, drawn from what regionik itself computes: `make figures`."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+
+mpl.use("svg")
+
+import numpy as np
+import shapely
+from matplotlib import pyplot as plt
+from matplotlib.patches import PathPatch
+from matplotlib.path import Path as Outline
+
+import regionik as rik
+from regionik.pipeline import whole_path
+from regionik.pruning import Pruned
+from regionik.reachable import BACK, FRONT, reach_rows
+from regionik.standing import anywhere
+
+REACH, KEPT, CUT, SOLID, GROWN, UNDECIDED = "#cfd8dc", "#2e7d32", "#a5d6a7", "#546e7a", "#ffab91", "#c62828"
+SHOWN = 16  # the set-point of l_shape whose components are shown on the floor, counted from 0
+
+
+def main(folder: Path) -> None:
+    """Draw all figures into a folder."""
+    mpl.rcParams.update({"svg.hashsalt": "regionik", "font.size": 9, "svg.fonttype": "none"})
+    for name, draw in {"area": area, "inner_outer": inner_outer, "ladder": ladder}.items():
+        figure = draw()
+        figure.savefig(folder / f"{name}.svg", metadata={"Date": None}, bbox_inches="tight")
+        plt.close(figure)
+
+
+def area() -> Any:
+    """Reach of a target, what is rejected, and what is left of it."""
+    world = rik.load_world("pillar")
+    target = world.task[8]
+    side = anywhere(world).sides[0]
+    _, _, rings = reach_rows(world, [target], (FRONT, BACK), inner=True, span=side.span)
+    reach = shapely.union_all(rings)
+    solids = shadows(world)
+    figure, panels = plt.subplots(1, 3, figsize=(9.6, 3.4), sharex=True, sharey=True)
+    for panel, title in zip(panels, ("reach", "rejection", "admissible area"), strict=True):
+        panel.set_title(title)
+        panel.set_aspect("equal")
+    fill(panels[0], reach, REACH)
+    fill(panels[1], world.floor.polygon - side.free, GROWN)
+    fill(panels[2], reach, REACH)
+    fill(panels[2], rik.admissible_area(world, target).inner, KEPT)
+    for panel in panels:
+        fill(panel, solids, SOLID)
+        panel.plot(*target.position[:2], "w+", markersize=9)
+        panel.set_xlim(target.position[0] - 0.9, target.position[0] + 0.9)
+        panel.set_ylim(target.position[1] - 0.8, target.position[1] + 0.8)
+    panels[0].set_ylabel("y [m]")
+    for panel in panels:
+        panel.set_xlabel("x [m]")
+    return figure
+
+
+def inner_outer() -> Any:
+    """The two polygons of an area where they are farthest from each other."""
+    world = rik.load_world("pillar")
+    found = rik.admissible_area(world, world.task[8].position)
+    between = found.outer - found.inner
+    place = shapely.get_coordinates(shapely.maximum_inscribed_circle(between))[0]
+    figure, (whole, near) = plt.subplots(1, 2, figsize=(8.4, 3.6))
+    for panel in (whole, near):
+        fill(panel, between, UNDECIDED)
+        fill(panel, found.inner, KEPT)
+        panel.set_aspect("equal")
+        panel.set_xlabel("x [m]")
+    whole.plot(*place, "ks", markersize=8, fillstyle="none")
+    whole.set_ylabel("y [m]")
+    whole.set_title("an area")
+    half = 0.02
+    near.set_xlim(place[0] - half, place[0] + half)
+    near.set_ylim(place[1] - half, place[1] + half)
+    near.set_title("40 mm of its edge")
+    return figure
+
+
+def ladder() -> Any:
+    """Components by set-point, those that overlap joined, those that no whole traversal uses pale."""
+    world = rik.load_world("l_shape")
+    _, _, pruned = whole_path(world)
+    found = pruned.ladder
+    place = _lanes(pruned)
+    figure, (rungs, floor) = plt.subplots(2, 1, figsize=(8.4, 7.0), height_ratios=[1, 2], layout="tight")
+    for a, b in found.edges:
+        whole = bool(pruned.keep[a] and pruned.keep[b])
+        rungs.plot(found.target[[a, b]] + 1, place[[a, b]], color=KEPT if whole else "#bdbdbd", linewidth=1)
+    for kept, colour in ((False, "#bdbdbd"), (True, KEPT)):
+        chosen = pruned.keep == kept
+        rungs.plot(found.target[chosen] + 1, place[chosen], "o", color=colour, markersize=4)
+    rungs.set_xlabel("set-point")
+    rungs.set_ylabel("component")
+    rungs.set_yticks(range(int(place.max()) + 1), range(1, int(place.max()) + 2))
+    outline(floor, world.floor.polygon)
+    here = found.target == SHOWN
+    fill(floor, shapely.union_all(found.component[here & ~pruned.keep]), CUT)
+    fill(floor, shapely.union_all(found.component[here & pruned.keep]), KEPT)
+    fill(floor, shadows(world), SOLID)
+    tool = np.array([target.position for target in world.task])
+    floor.plot(tool[:, 0], tool[:, 1], "k.-", markersize=3, linewidth=0.8)
+    floor.plot(*tool[SHOWN, :2], "k+", markersize=11)
+    floor.set_title(f"set-point {SHOWN + 1}", fontsize=9)
+    floor.set_aspect("equal")
+    floor.set_xlabel("x [m]")
+    floor.set_ylabel("y [m]")
+    return figure
+
+
+def _lanes(pruned: Pruned) -> np.ndarray:
+    """Height of each component in its rung: the kept ones below."""
+    found = pruned.ladder
+    lane = np.zeros(len(found.target))
+    for i in range(found.count):
+        rows = np.flatnonzero(found.target == i)
+        lane[rows[np.argsort(~pruned.keep[rows], kind="stable")]] = np.arange(len(rows))
+    return lane
+
+
+def fill(panel: Any, shape: Any, colour: str) -> None:
+    """Fill polygons, holes left open."""
+    parts = shapely.get_parts(shapely.set_precision(shape, 10.0**-6))
+    rings = [ring for part in parts for ring in (part.exterior, *part.interiors)]
+    if not rings:
+        return
+    paths = [Outline(shapely.get_coordinates(ring), closed=True) for ring in rings]
+    panel.add_patch(PathPatch(Outline.make_compound_path(*paths), facecolor=colour, edgecolor="none"))
+    panel.autoscale_view()
+
+
+def shadows(world: rik.World) -> Any:
+    """Floor under the obstacles."""
+    found = [solid.shadow(np.inf) for solid in world.solids]
+    return shapely.union_all([one.core.buffer(one.radius) for one in found if one is not None])
+
+
+def outline(panel: Any, shape: Any) -> None:
+    """The edge of the floor."""
+    panel.plot(*shapely.get_coordinates(shape.exterior).T, color="#90a4ae", linewidth=1)
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]) if len(sys.argv) > 1 else Path(__file__).parent / "figures")
