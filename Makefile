@@ -1,6 +1,7 @@
 # make demo    plan a bundled world, verify the plan, write a page to look at
 # make test    the whole test suite, with the same random cases each time; pytest alone draws new ones
 # make soak    all bundled worlds and WORLDS=500 random ones planned, and judged by other libraries; docs/soak.md
+# make fuzz    SECONDS=120 of broken files of each kind, after files made to do harm
 # make lint    style, types, import order
 # make bench   the table of speeds against others, into docs/benchmarks.md and docs/benchmarks.json (minutes)
 # make bench-all  areas, base motion, clear postures and real robots, measured and checked in the same run
@@ -19,7 +20,7 @@ BIN := .venv/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 NEEDS := pyproject.toml constraints.txt
 
-.PHONY: demo test soak lint bench bench-all tables docs figures pages test-lowest clean
+.PHONY: demo test soak fuzz lint bench bench-all tables docs figures pages test-lowest clean
 
 demo: .venv/installed
 	$(BIN)/regionik plan l_shape -o plan.json --html l_shape.html
@@ -32,6 +33,10 @@ test: .venv/installed-test,compare,distributed,geotiff,second
 WORLDS ?= 500
 soak: .venv/installed-test,compare,distributed,geotiff,second
 	$(BIN)/python -m tests.soak $(WORLDS) -o docs/soak.md
+
+SECONDS ?= 120
+fuzz: .venv/installed-test,compare,distributed,geotiff,second
+	$(BIN)/python -m tests.fuzz $(SECONDS)
 
 lint: .venv/installed-lint
 	$(BIN)/ruff check .

@@ -22,7 +22,7 @@ from regionik.worlds.scene import StopCriterion, World
 from regionik.worlds.textfile import check_count, check_plain_file
 
 SIZE_LIMIT = 256 * 2**20  # [bytes]
-VALUES_LIMIT = 4_000_000
+VALUES_LIMIT = 12_000_000  # depot has a thousand for each set-point, most of them corners of areas
 
 Number = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
 Index = Annotated[int, Field(ge=0)]

@@ -27,10 +27,14 @@ from tests.plans import every_solid
 
 READERS: dict[str, Callable[[Path], Any]] = {
     "w.json": load_world, "w.yaml": load_world, "p.json": load_plan, "p.csv": read_csv,
-    "long.csv": lambda path: long_table(path, 10), "m.obj": read_mesh, "m.ply": read_mesh,
+    "long.csv": lambda path: long_table(path, 10), "m.obj": read_mesh, "m.ply": read_mesh, "m.off": read_mesh,
     "r.urdf": load_robot, "m.yaml": lambda path: load_map(path, 1.0),
 }  # fmt: skip
 
+FLAT = (
+    b"ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nelement face 1\n"
+    b"property list uchar int vertex_indices\nend_header\n0 0\n1 0\n0 1\n3 0 1 2\n"
+)
 PROPERTY_FIRST = (
     b"ply\nformat binary_little_endian 1\nelement vertex 8\nproperty vertex_indices\nend_header\n"
 )
@@ -67,11 +71,14 @@ def test_a_pipe_named_by_a_map_is_not_waited_for(tmp_path: Path) -> None:
         ("w.json", b"[" + b"1," * VALUES_LIMIT + b"1]", "at most 2000000 values"),
         ("w.yaml", b"version: [" + b"1," * EVENTS_LIMIT + b"1]", "at most 400000 values.*JSON"),
         ("w.yaml", broken(TASK, TASK.replace("5}", "1000001}")).encode(), "must be at most 1e"),
-        ("p.json", b"[" + b"{}," * 4_000_000 + b"1]", "at most 4000000 values"),
+        ("p.json", b"[" + b"{}," * 12_000_000 + b"1]", "at most 12000000 values"),
         ("p.csv", b"1\n" * (LINES_LIMIT + 1), "at most 1000000 lines"),
         ("p.csv", b"1,2,3\n" + b"," * (LENGTH_LIMIT + 1), "line 2: expected at most 10000 characters"),
         ("p.csv", b"1,2,3,1e200,0,0\n", "line 1: dx: expected a number of at most 1e"),
         ("m.obj", b"v 0 0 0\n" * 1_000_001, "at most 1000000 lines"),
+        ("m.off", b"OFF\n" * 1_000_001, "at most 1000000 lines"),
+        ("m.obj", b"v 0 0\nv 1 0\nv 0 1\nf 1 2 3\n", "expected a mesh with x, y, z"),
+        ("m.ply", FLAT.replace(b"0 1 2", b"0 1 99999999999999999999"), "can be read whole"),
         ("m.ply", PROPERTY_FIRST, "expected a PLY mesh that can be read whole"),
         ("r.urdf", b"<robot " + b"a='' " * 150_001 + b"/>", "at most 150000 attributes"),
     ],

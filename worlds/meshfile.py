@@ -16,7 +16,7 @@ from regionik.worlds.errors import InputError
 
 SUFFIXES = (".stl", ".obj", ".ply", ".off")
 MESH_LIMIT = 256 * 2**20  # [bytes]
-LINES_LIMIT = 1_000_000  # of an OBJ file, which is read far more slowly
+LINES_LIMIT = 1_000_000  # of OBJ and OFF files, which are read far more slowly
 _FLAT = 1e-4  # thickness [m], or part of the width where that is more than a metre
 _HULL_FLAT = 1e-7  # as _FLAT: of what is much thinner the hull engine loses corners without a word
 _CHUNK = 10_000  # points looked at together
@@ -40,7 +40,7 @@ def read_mesh(path: Path) -> tuple[Array, np.ndarray]:
     if path.stat().st_size > MESH_LIMIT:
         raise InputError(f"{path}: expected at most {MESH_LIMIT / 2**20:g} MB")
     try:
-        if kind == ".obj":
+        if kind in (".obj", ".off"):
             _count_lines(path)
         with path.open("rb") as stream, np.errstate(all="ignore"):  # what is no number is found by who asks
             mesh: Any = trimesh.load(stream, file_type=kind[1:], force="mesh", skip_materials=True)
@@ -52,6 +52,7 @@ def read_mesh(path: Path) -> tuple[Array, np.ndarray]:
         TypeError,
         AttributeError,
         NameError,
+        OverflowError,
         struct.error,
         OSError,
         ImportError,  # a guess at the encoding of what is no text needs a package that we do not
@@ -62,6 +63,8 @@ def read_mesh(path: Path) -> tuple[Array, np.ndarray]:
         ) from None
     if not len(mesh.faces):
         raise InputError(f"{path}: expected a mesh with triangles, got none")
+    if np.shape(mesh.vertices)[1:] != (3,):
+        raise InputError(f"{path}: expected a mesh with x, y, z of each vertex")
     return np.array(mesh.vertices, dtype=np.float64), np.array(mesh.faces, dtype=np.int64)
 
 
