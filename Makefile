@@ -68,7 +68,7 @@ QUICK := tests/test_format.py tests/test_regions.py tests/test_mfabrik.py tests/
 	tests/test_retime.py tests/test_collision.py tests/test_urdf.py tests/test_rosmap.py tests/test_plot.py
 
 test-lowest: .venv-lowest/installed
-	.venv-lowest/bin/python -m pytest -q -o filterwarnings=ignore -n 2 --dist loadfile $(QUICK)
+	NUMBA_CACHE_DIR=$(CURDIR)/.venv-lowest/numba .venv-lowest/bin/python -m pytest -q -o filterwarnings=ignore -n 2 --dist loadfile $(QUICK)
 
 .venv-lowest/installed: pyproject.toml .ci/lowest.py
 	$(PYTHON) -m venv .venv-lowest

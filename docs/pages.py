@@ -142,7 +142,7 @@ def _bounds(value: dict[str, Any]) -> Iterator[str]:
         "maximum": "at most",
     }.items():
         if key in value:
-            yield f"{word} {value[key]:.6g}"
+            yield f"{word} {value[key]:.6g}" if isinstance(value[key], float) else f"{word} {value[key]}"
 
 
 def plain(text: str) -> str:
