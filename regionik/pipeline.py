@@ -88,7 +88,7 @@ def explained(world: World, quick: Explanation, seed: int = 0) -> Explanation:
         return why_target(world, quick.setpoint, quick)
     if quick.verdict == "no-posture" and quick.setpoint is not None and is_judged(world):
         asked = replace(world, task=(world.task[quick.setpoint],))
-        return why_arm(world, quick.setpoint, quick.reason) if no_clear_posture(asked) else quick
+        return why_arm(world, quick.setpoint, quick) if no_clear_posture(asked) else quick
     if quick.verdict == "ladder-broken" and not spans(world):
         return why_path(world, quick, spans, lambda changed: _can_be_planned(changed, seed))
     return quick

@@ -62,7 +62,7 @@ def why(world: World, target: Target | ArrayLike | None = None) -> Explanation |
     if no_inner(asked):
         return why_target(asked, 0, explain.unreachable(asked, 0))
     if answer.verdict[0] == "unreachable" and is_judged(asked):
-        return why_arm(asked, 0, f"{answer.reason[0]}.")
+        return why_arm(asked, 0, Explanation("unreachable", 0, f"{answer.reason[0]}."))
     return explain.no_posture(asked, 0)
 
 

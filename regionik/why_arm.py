@@ -30,10 +30,9 @@ from regionik.worlds.errors import Explanation, Repair
 from regionik.worlds.pivot import is_planar, span_of
 from regionik.worlds.scene import World
 
-PROOF, SEARCH = 30_000, 4_000  # cells of postures looked at for a cause, and for an amount of a repair
-LEAST = 0.005  # move that is tried first [m]
-DOUBLINGS = 9
-DIRECTIONS = 16  # of moves: in space, and on the floor
+PROOF, SEARCH = 30_000, 1_500  # cells of postures looked at for a cause, and for an amount of a repair
+LENGTHS = 0.01 * 3.0 ** np.arange(5)  # of moves that are tried [m]
+DIRECTIONS = 12  # of moves: in space, and on the floor
 
 
 def no_clear_posture(world: World) -> bool:
@@ -46,7 +45,7 @@ def is_judged(world: World) -> bool:
     return world.rules.avoidance and is_planar(world.robot.chain)
 
 
-def why_arm(world: World, i: int, reason: str) -> Explanation:
+def why_arm(world: World, i: int, quick: Explanation) -> Explanation:
     """Causes and repairs of a set-point that has places for the base, but from none of them a clear posture.
 
     Parameters
@@ -55,17 +54,16 @@ def why_arm(world: World, i: int, reason: str) -> Explanation:
         One that `is_judged`.
     i : int
         Counts from 0; `no_clear_posture` holds for it.
-    reason : str
-        What is known of it already.
+    quick : Explanation
+        What is known of it already; its verdict and reason stay.
     """
     asked = replace(world, task=(world.task[i],))
     kept = irreducible(asked, arm_constraints_of(asked), no_clear_posture)
     who = f"set-point {i + 1}" if len(world.task) > 1 else "the target"
     repairs = _repairs(asked, kept, who)
-    quick = Explanation("unreachable", i, reason)
     causes = tuple(cause_of(one, quick) for one in kept) or (arm_too_short(world, quick),)
     proof = "This is a proof: with these no posture from any place is clear."
-    words = " ".join([reason, together(asked, kept), proof, mended(repairs)]).strip()
+    words = " ".join([quick.reason, together(asked, kept), proof, mended(repairs)]).strip()
     return replace(quick, reason=words, causes=causes, repairs=repairs)
 
 
@@ -89,7 +87,8 @@ def _cone(world: World, who: str) -> Repair | None:
     target = world.task[0]
     if target.direction is None or not in_plane(world.robot.chain, target):
         return None
-    more = _least(world, lambda more: with_cone(world, target.cone + more), np.pi - target.cone)
+    most = np.pi - target.cone
+    more = _least(world, lambda more: with_cone(world, min(np.pi, target.cone + more)), most)
     return None if more is None else cone_repair(world, who, min(np.pi, round(target.cone + more, 6)))
 
 
@@ -126,12 +125,12 @@ def _least(world: World, change: Change, most: float) -> float | None:
 
 
 def _step(world: World, change: Callable[[Array], World], directions: Array) -> Array | None:
-    """A short step that helps: of doubled lengths the first at which some direction does, then less of it."""
+    """A short step that helps: of a few lengths the first at which some direction does, then less of it."""
 
     def along(way: Array) -> Change:
         return lambda amount: change(on_grid(amount * way))
 
-    for length in (LEAST * 2.0 ** np.arange(DOUBLINGS)).tolist():
+    for length in LENGTHS.tolist():
         for way in directions:
             if _seen(world, along(way)(length)):
                 amount = _least(world, along(way), length)
