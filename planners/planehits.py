@@ -204,18 +204,29 @@ def _widen(
 
 
 @compiled
+def _turn(
+    look: Look, s: int, seen: int, x: float, y: float, away: float, angle: float, turned: float,
+    ends: Array, moves: Array,
+) -> None:  # fmt: skip
+    """Write the ends (2, 3) of a capsule with its plane turned about (x, y), and how far they move (2,)."""
+    cos, sin = math.cos(angle), math.sin(angle)
+    for e in range(2):
+        r, w = look.points[s, e, 0] - away, look.points[s, e, 2]
+        ends[e, 0], ends[e, 1] = x + cos * r - sin * w, y + sin * r + cos * w
+        ends[e, 2] = look.points[s, e, 1]
+        moves[e] = swung(look.sway[s, e, seen], math.hypot(r, w), abs(w), turned)
+
+
+@compiled
 def keeps_off(
     cores: Cores, frame: Frame, around: Around, target: Array, mid: Array, half: Array, look: Look
 ) -> int:
     """Whether the capsules keep their distance from obstacles: `CLEAR` in the middle, `GONE` nowhere."""
-    cos, sin, turned = math.cos(mid[YAW]), math.sin(mid[YAW]), chord(half[YAW])
+    turned = chord(half[YAW])
     ends, moves, known = np.empty((2, 3)), np.empty(2), CLEAR
     for s in range(len(cores.rank) - 1, -1, -1):
-        for e in range(2):
-            r, w = look.points[s, e, 0] - mid[AWAY], look.points[s, e, 2]
-            ends[e, 0], ends[e, 1] = target[0] + cos * r - sin * w, target[1] + sin * r + cos * w
-            ends[e, 2] = look.points[s, e, 1]
-            moves[e] = swung(look.sway[s, e, 0], math.hypot(r, w), abs(w), turned) + around.tolerance
+        _turn(look, s, 0, target[0], target[1], mid[AWAY], mid[YAW], turned, ends, moves)
+        moves += around.tolerance
         for k in around.near:
             if cores.outermost[s] and around.owner[k] == around.tool_on:
                 continue
@@ -246,15 +257,10 @@ def keeps_to_itself(cores: Cores, frame: Frame, mid: Array, half: Array, look: L
             _widen(cores, frame, mid, half, look, i, 0, False, 0.0, TURN)
             _widen(cores, frame, mid, half, look, k, 0, False, 0.0, TURN)
             known = DOUBT if off < 0.0 else known
-    turn = mid[TURN] + frame.zero
-    cos, sin, turned = math.cos(turn), math.sin(turn), chord(half[TURN])
+    turn, turned = mid[TURN] + frame.zero, chord(half[TURN])
     ends, moves = np.empty((2, 3)), np.empty(2)
     for s in cores.heeds:
-        for e in range(2):
-            r, w = look.points[s, e, 0], look.points[s, e, 2]
-            ends[e, 0], ends[e, 1] = frame.mount[0] + cos * r - sin * w, frame.mount[1] + sin * r + cos * w
-            ends[e, 2] = look.points[s, e, 1]
-            moves[e] = swung(look.sway[s, e, 1], math.hypot(r, w), abs(w), turned)
+        _turn(look, s, 1, frame.mount[0], frame.mount[1], 0.0, turn, turned, ends, moves)
         for m in range(len(cores.body.disc)):
             reach = cores.radius[s] - SLACK
             meets = _meets(cores.body, cores.deep, m, ends[0], ends[1], moves[0], moves[1], reach)

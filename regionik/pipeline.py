@@ -26,7 +26,8 @@ from regionik.standing import Standing
 from regionik.stops import check as check_stops
 from regionik.stops import in_turn
 from regionik.verify import verify
-from regionik.why_arm import is_judged, no_clear_posture, why_arm
+from regionik.wherever import can_look
+from regionik.why_arm import no_clear_posture, why_arm
 from regionik.why_path import why_path
 from regionik.why_target import why_target
 from regionik.worlds.arrays import Array
@@ -86,7 +87,7 @@ def explained(world: World, quick: Explanation, seed: int = 0) -> Explanation:
         return quick
     if quick.verdict == "unreachable" and quick.setpoint is not None:
         return why_target(world, quick.setpoint, quick)
-    if quick.verdict == "no-posture" and quick.setpoint is not None and is_judged(world):
+    if quick.verdict == "no-posture" and quick.setpoint is not None and can_look(world):
         asked = replace(world, task=(world.task[quick.setpoint],))
         return why_arm(world, quick.setpoint, quick) if no_clear_posture(asked) else quick
     if quick.verdict == "ladder-broken" and not spans(world):

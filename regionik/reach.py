@@ -19,10 +19,9 @@ from regionik.refine import diameter, refine
 from regionik.regions import PathAreas, outer_areas, path_areas
 from regionik.settle import OPEN, REACHED, is_covered, reasons, settled
 from regionik.standing import anywhere
-from regionik.wherever import look_everywhere
+from regionik.wherever import can_look, look_everywhere
 from regionik.witness import Quest
 from regionik.worlds.arrays import Array, frozen
-from regionik.worlds.pivot import is_planar
 from regionik.worlds.scene import Target, World
 
 CELLS, FEWER = 200_000, 20_000  # of postures looked at for one target, and for one of many
@@ -179,7 +178,7 @@ def _closely(world: World, target: Target, cells: int) -> _Result:
 def _everywhere(quest: Quest, cells: int) -> _Result:
     """What a look at all postures from all places comes to; for arms in one plane, led round things."""
     world, target = quest.world, quest.target
-    if not quest.guard.on or not is_planar(world.robot.chain):
+    if not can_look(world):
         return _Result("undecided", None, np.inf, "")
     seen = look_everywhere(world, target, cells)
     if seen.verdict == "none":
@@ -189,7 +188,8 @@ def _everywhere(quest: Quest, cells: int) -> _Result:
         )
     if seen.pose is not None and quest.confirms(seen.pose):
         return _Result("reachable", seen.pose, 0.0, "")
-    return _Result("undecided", None, seen.gap, "")
+    gap = np.inf if seen.pose is not None else seen.gap  # one that is not confirmed bounds nothing
+    return _Result("undecided", None, gap, "")
 
 
 _NO_WAY = "from no place of the floor and in no posture does the arm keep off {}"

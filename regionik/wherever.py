@@ -34,6 +34,7 @@ from regionik.planners.upright import Uprights, depths, uprights_from
 from regionik.poses import Pose
 from regionik.standing import room_for
 from regionik.worlds.arrays import Array
+from regionik.worlds.pivot import is_planar
 from regionik.worlds.planar import planar_arm
 from regionik.worlds.scene import Target, World
 
@@ -59,13 +60,18 @@ class Looked(NamedTuple):
     around: tuple[str, ...]
 
 
+def can_look(world: World) -> bool:
+    """Whether `look_everywhere` can be asked: an arm in one plane that is led round things."""
+    return world.rules.avoidance and is_planar(world.robot.chain)
+
+
 def look_everywhere(world: World, target: Target, most: int) -> Looked:
     """Look for a clear posture of an arm in one plane, from every place of the floor and at every heading.
 
     Parameters
     ----------
     world : World
-        Of an arm in one plane, with the arm led round things.
+        One that `can_look`.
     target : Target
     most : int
         Cells of postures that are looked at.

@@ -10,7 +10,8 @@ from regionik import explain
 from regionik.causes import no_inner
 from regionik.pipeline import check, explained, whole_path
 from regionik.reach import reach
-from regionik.why_arm import is_judged, why_arm
+from regionik.wherever import can_look
+from regionik.why_arm import why_arm
 from regionik.why_target import why_target
 from regionik.worlds.arrays import frozen
 from regionik.worlds.errors import Explanation, NoPlanFound
@@ -61,7 +62,7 @@ def why(world: World, target: Target | ArrayLike | None = None) -> Explanation |
         return None
     if no_inner(asked):
         return why_target(asked, 0, explain.unreachable(asked, 0))
-    if answer.verdict[0] == "unreachable" and is_judged(asked):
+    if answer.verdict[0] == "unreachable" and can_look(asked):
         return why_arm(asked, 0, Explanation("unreachable", 0, f"{answer.reason[0]}."))
     return explain.no_posture(asked, 0)
 

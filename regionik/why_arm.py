@@ -27,7 +27,7 @@ from regionik.wherever import look_everywhere
 from regionik.why_target import arm_too_short, cause_of, mended, together
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Explanation, Repair
-from regionik.worlds.pivot import is_planar, span_of
+from regionik.worlds.pivot import span_of
 from regionik.worlds.scene import World
 
 PROOF, SEARCH = 30_000, 1_500  # cells of postures looked at for a cause, and for an amount of a repair
@@ -40,18 +40,13 @@ def no_clear_posture(world: World) -> bool:
     return no_outer(world) or look_everywhere(world, world.task[0], PROOF).verdict == "none"
 
 
-def is_judged(world: World) -> bool:
-    """Whether `why_arm` can be asked: an arm in one plane that is led round things."""
-    return world.rules.avoidance and is_planar(world.robot.chain)
-
-
 def why_arm(world: World, i: int, quick: Explanation) -> Explanation:
     """Causes and repairs of a set-point that has places for the base, but from none of them a clear posture.
 
     Parameters
     ----------
     world : World
-        One that `is_judged`.
+        One that `wherever.can_look`.
     i : int
         Counts from 0; `no_clear_posture` holds for it.
     quick : Explanation
