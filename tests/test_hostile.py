@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import os
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -49,6 +51,23 @@ def test_good_cases_are_read_and_broken_ones_read_or_refused(kind: str, tmp_path
             rng = np.random.default_rng(seed)
             write({name: mutated(data, rng) for name, data in files.items()}, tmp_path / f"{n} {seed}")
             assert judged(kind, tmp_path / f"{n} {seed}", []) in ("read", "refused")
+
+
+def test_a_name_of_thousands_of_characters_makes_no_message_of_thousands(tmp_path: Path) -> None:
+    (tmp_path / "m.yaml").write_text(MAP.replace("m.pgm", "9" * 5000 + ".pgm"))
+    with pytest.raises(InputError, match=r"/9+ ... 9+\.pgm: ") as refused:
+        load_map(tmp_path / "m.yaml", 1.0)
+    assert len(str(refused.value)) < 1100
+
+
+def test_what_the_mesh_engine_thinks_on_its_way_is_not_said(tmp_path: Path) -> None:
+    mesh = tmp_path / "m.stl"
+    mesh.write_bytes(b"solid x\nfacet normal 0 0 z\nouter loop\nendsolid\n" + b"x" * 200)
+    program = f"import pathlib, regionik.worlds.meshfile as m; m.read_mesh(pathlib.Path({str(mesh)!r}))"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert "InputError" in done.stderr.splitlines()[-1]
+    assert "face_normals" not in done.stderr
 
 
 @pytest.mark.parametrize("name", READERS)

@@ -63,12 +63,24 @@ class Explanation:
     repairs: tuple[Repair, ...] = field(default=())
 
 
+MESSAGE_LIMIT = 1000  # [characters]
+
+
 class RegionikError(Exception):
     """Root of every error that regionik raises on purpose."""
 
 
 class InputError(RegionikError):
-    """What was given cannot be used; the message says where and what was expected."""
+    """What was given cannot be used; the message says where and what was expected.
+
+    The middle of a very long message is left out: names may be as long as who wrote a file likes.
+    """
+
+    def __init__(self, message: str) -> None:
+        half = MESSAGE_LIMIT // 2
+        if len(message) > MESSAGE_LIMIT:
+            message = f"{message[:half]} ... {message[-half:]}"
+        super().__init__(message)
 
 
 class EngineError(RegionikError):

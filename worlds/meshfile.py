@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import struct
 from pathlib import Path
 from typing import Any
@@ -22,6 +23,9 @@ _HULL_FLAT = 1e-7  # as _FLAT: of what is much thinner the hull engine loses cor
 _CHUNK = 10_000  # points looked at together
 _MANY = 500  # points, with whose number the engine's time for a box grows fast
 _STEPS, _ROUNDS = (0.2, 0.1, 0.05, 0.02), 4  # of turning a box [rad]
+
+# What it thinks of a file on the way, with traces, is not for who gave the file: that has one line.
+logging.getLogger(trimesh.__name__).addHandler(logging.NullHandler())
 
 
 def read_mesh(path: Path) -> tuple[Array, np.ndarray]:
