@@ -197,11 +197,13 @@ class _Walker:
         """The longest walk found from a spot of set-point i, to the end of the run at most."""
         end = min((k for k in self.pruned.breaks if k > i), default=len(self.nominal))
         steps = [_Step(first, [], self._ahead(i, first))]
-        best, tried, seen = list(steps), 0, set[Spot]()
-        while steps and len(best) < end - i and tried < PATIENCE:
+        best, longest, tried, seen = list(steps), 1, 0, set[Spot]()
+        while steps and longest < end - i and tried < PATIENCE:
             k = i + len(steps) - 1
             spot = next(steps[-1].ahead, None)
             if spot is None:
+                if len(steps) > len(best):  # a copy only where a step is taken back
+                    best = list(steps)
                 steps.pop()
                 continue
             if spot in seen:
@@ -213,26 +215,23 @@ class _Walker:
             seen.add(spot)
             arrived = self._arrived(k + 1, spot, rows)
             steps.append(_Step(arrived, rows[:-1], self._ahead(k + 1, arrived)))
-            if len(steps) > len(best):
-                best, tried = list(steps), 0
-        return best
+            if len(steps) > longest:
+                longest, tried = len(steps), 0
+        return best if len(best) == longest else steps
 
     def _ahead(self, i: int, here: Spot) -> Iterator[Spot]:
         """Spots of the set-point after i, in components that the base can go on to."""
         if i + 1 >= len(self.nominal):
             return iter(())
-        after = {m for k in self.pruned.ladder.ahead[here.component] for m in self._turned(k)}
+        ladder = self.pruned.ladder
+        turned = {ladder.group[k] for k in ladder.ahead[here.component]}  # and those it turns to there
+        after = {m for group in turned for m in ladder.joined[group]}
         components = [k for k in self._kept(i + 1) if k in after]
         return islice(self.avoider.options(i + 1, components, here.pose, self.nominal[i + 1]), TRIES)
 
-    def _turned(self, k: int) -> list[int]:
-        """Components that the base comes to from one by turning at its set-point."""
-        group = self.pruned.ladder.group
-        return [int(m) for m in np.flatnonzero(group == group[k])]
-
     def _kept(self, i: int) -> list[int]:
         """Components of a set-point that the pruning left, the chosen one first."""
-        rungs = self.pruned.ladder.rungs()
+        rungs = self.pruned.ladder.rungs
         kept = [k for k in range(rungs[i], rungs[i + 1]) if self.pruned.keep[k]]
         return sorted(kept, key=lambda k: (k != self.nominal[i].component, k))
 

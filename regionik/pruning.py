@@ -61,6 +61,7 @@ class Ladder:
     edges: Index
     group: Index
 
+    @cached_property
     def rungs(self) -> Index:
         """First component of every set-point, and the end: ``rungs[i]:rungs[i + 1]`` are those of i."""
         return np.searchsorted(self.target, np.arange(self.count + 1))
@@ -74,6 +75,14 @@ class Ladder:
     def back(self) -> list[list[int]]:
         """For each component, those of the set-point before that overlap it or one of its group."""
         return self._neighbours(self.edges[:, ::-1])
+
+    @cached_property
+    def joined(self) -> list[list[int]]:
+        """For each group, its components."""
+        table: list[list[int]] = [[] for _ in range(int(self.group.max(initial=-1)) + 1)]
+        for k, group in enumerate(self.group.tolist()):
+            table[group].append(k)
+        return table
 
     def _neighbours(self, pairs: Index) -> list[list[int]]:
         table: list[list[int]] = [[] for _ in range(int(self.group.max(initial=-1)) + 1)]
@@ -102,7 +111,7 @@ class Pruned:
 
     def area(self, i: int) -> BaseGeometry:
         """What is left of the area of set-point i."""
-        rungs = self.ladder.rungs()
+        rungs = self.ladder.rungs
         span = slice(rungs[i], rungs[i + 1])
         return united(self.ladder.component[span][self.keep[span]])
 
@@ -192,7 +201,7 @@ def prune(ladder: Ladder, usable: Mask) -> Pruned:
     usable : (m,) array of bool
         Components that the base can get to at all.
     """
-    rungs = ladder.rungs()
+    rungs = ladder.rungs
     keep = np.zeros(len(ladder.component), dtype=bool)
     breaks: list[int] = []
     alive = usable[rungs[0] : rungs[1]].copy()
@@ -232,7 +241,7 @@ def choose_chain(pruned: Pruned, standing: Standing, start: Array | None) -> lis
     start : (3,) array or None
         Where the arm axis stands at first, and the base's heading.
     """
-    ladder, rungs = pruned.ladder, pruned.ladder.rungs()
+    ladder, rungs = pruned.ladder, pruned.ladder.rungs
     before: list[int] = [-1] * len(ladder.component)
     spans = [standing.sides[s].span for s in ladder.side.tolist()]
     best: dict[int, _Trip] = {}

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 
 import numpy as np
@@ -128,8 +129,9 @@ def _order(plan: Plan, words: Words) -> Iterator[Violation]:
     """Every set-point once, in the order of the task."""
     motion = plan.motion
     order = [int(i) for i in motion.setpoint[motion.kind == "setpoint"]]
+    often = Counter(order)
     for i in range(len(plan.world.task)):
-        times = order.count(i)
+        times = often[i]
         if times != 1:
             many = "is missing" if times == 0 else f"appears {times} times"
             yield _flaw(f"{words.setpoint(i)} {many} among the states", None, i)

@@ -429,6 +429,16 @@ BROKEN = (
         "unknown joint 'grab', valid joints",
     ),
     Broken("no limit", changed(_ELBOW, ""), "joint elbow: expected <limit lower="),
+    Broken(
+        "nothing below the limit",
+        changed(_ELBOW, '<limit lower="1e7" upper="1e8"/>'),
+        "lower: expected a number below 1e",
+    ),
+    Broken(
+        "nothing above the limit of a finger",
+        changed('<limit lower="0.01" upper="0.04" effort="1" velocity="1"/>', '<limit upper="-inf"/>'),
+        "upper: expected a number above -1e",
+    ),
     Broken("half a limit", changed(_ELBOW, '<limit lower="-1"/>'), "joint elbow: expected <limit lower="),
     Broken(
         "limits crossed",

@@ -257,6 +257,11 @@ def _limits(element: Element, kind: str, where: str, place: str) -> tuple[float 
     lower, upper = (_limit(element, key, where, place) for key in ("lower", "upper"))
     if lower is not None and upper is not None and lower > upper:
         raise wrong(where, place, f"expected lower limit <= upper limit, got {lower:g} and {upper:g}")
+    if lower == inf or upper == -inf:
+        wanted = f"lower: expected a number below {NO_LIMIT:g}"
+        if upper == -inf:
+            wanted = f"upper: expected a number above {-NO_LIMIT:g}"
+        raise wrong(where, place, f"limit {wanted}")
     return lower, upper
 
 
