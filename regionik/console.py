@@ -125,6 +125,7 @@ def report_document(report: Report) -> dict[str, Any]:
 
 def plan_summary(plan: Plan, seconds: float, written: Iterable[Path]) -> str:
     """Return what a person wants to know about a plan, in a few lines."""
+    from regionik.plandocument import keeps_areas
     from regionik.rolling import travel
 
     way = travel(plan.world.robot.base, plan.motion.base)
@@ -140,6 +141,8 @@ def plan_summary(plan: Plan, seconds: float, written: Iterable[Path]) -> str:
         lines.append(f"  margins: {_margins(margins)}")
     lines.append(f"  planned and verified in {seconds:.1f} s")
     lines += [f"  wrote {path}" for path in written]
+    if not keeps_areas(plan):
+        lines.append("  areas are left out of plan files, which could not be read back with so many corners")
     return "\n".join(lines)
 
 

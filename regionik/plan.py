@@ -165,7 +165,7 @@ class Plan:
     motion : Motion
         All states, from the start (if any) to the last set-point.
     areas : tuple of PlannedArea
-        One for each set-point.
+        One for each set-point. Files of very long paths have none, see `regionik.plandocument.CORNERS_LIMIT`.
     lift_offs : int
         How often the tool leaves the path after the first set-point.
     stops : tuple of Stop

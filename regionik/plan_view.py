@@ -95,6 +95,8 @@ def _areas(plan: Plan, frames: Frames, covered: BaseGeometry) -> tuple[list[Body
         Body("areas/next", shapes.merged(single), CURRENT, 0.55, 5, lit=False),
         layer("areas/base path", path.buffer(0.007), BASE_PATH, 0.95, 6),
     ]
+    if not single:
+        return bodies, []
     count = np.array([len(part.faces) for part in single])
     # Set-point k is the next one from the moment at which k - 1 is passed.
     since = np.concatenate([[0.0], frames.passed[:-1]])

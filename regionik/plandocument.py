@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,9 +17,10 @@ from shapely.geometry.base import BaseGeometry
 from regionik.worlds.format import world_to_document
 
 if TYPE_CHECKING:
-    from regionik.plan import Plan
+    from regionik.plan import Plan, PlannedArea
 
 VERSION = 1
+CORNERS_LIMIT = 5_000_000  # of the areas in a file; with more it could not be read back
 PARTS = ("admissible", "pruned", "rejected")
 
 
@@ -27,38 +29,48 @@ def plan_to_document(plan: Plan) -> dict[str, Any]:
 
     Areas are a GeoJSON FeatureCollection with one feature per set-point. Its geometry is a
     GeometryCollection of three MultiPolygons, some of them perhaps empty: admissible, pruned, rejected.
+    There are no features where the areas have more than `CORNERS_LIMIT` corners.
     """
-    return {
-        "version": VERSION,
-        "world": world_to_document(plan.world),
-        "seed": int(plan.seed),
-        "joint_names": list(plan.world.robot.chain.names),
-        "setpoints": _setpoints(plan),
-        "states": _states(plan),
-        "areas": {"type": "FeatureCollection", "features": _areas(plan)},
-        "lift_offs": int(plan.lift_offs),
-        "stops": plain(list(plan.stops)),
-        "stats": plain(plan.stats),
-    }
+    document = {key: list(value) if isinstance(value, Iterator) else value for key, value in _members(plan)}
+    return {**document, "areas": {"type": "FeatureCollection", "features": document["areas"]}}
 
 
 def plan_to_text(plan: Plan) -> str:
-    """The document as JSON text, one set-point, state or feature a line."""
-    return document_to_text(plan_to_document(plan))
+    """The document as JSON text, one set-point, state or feature a line, for people and for diffs."""
+    members = ",\n".join(f"{json.dumps(key)}: {_text(key, value)}" for key, value in _members(plan))
+    return f"{{\n{members}\n}}\n"
 
 
-def document_to_text(document: dict[str, Any]) -> str:
-    """JSON text with one entry of every top-level list a line, for people and for diffs."""
-    members = []
-    for key, value in document.items():
-        if key == "areas":
-            text = f'{{"type": "FeatureCollection", "features": {_listing(value["features"])}}}'
-        elif isinstance(value, list):
-            text = _listing(value)
-        else:
-            text = json.dumps(value, allow_nan=False)
-        members.append(f"{json.dumps(key)}: {text}")
-    return "{\n" + ",\n".join(members) + "\n}\n"
+def keeps_areas(plan: Plan) -> bool:
+    """Whether the plan's areas are few enough for a file that can be read back."""
+    return sum(_corners(area) for area in plan.areas) <= CORNERS_LIMIT
+
+
+def _members(plan: Plan) -> Iterator[tuple[str, Any]]:
+    """Keys and values of the document; lists that may be long are made entry by entry."""
+    yield "version", VERSION
+    yield "world", world_to_document(plan.world)
+    yield "seed", int(plan.seed)
+    yield "joint_names", list(plan.world.robot.chain.names)
+    yield "setpoints", _setpoints(plan)
+    yield "states", _states(plan)
+    yield "areas", _areas(plan) if keeps_areas(plan) else iter(())
+    yield "lift_offs", int(plan.lift_offs)
+    yield "stops", plain(list(plan.stops))
+    yield "stats", plain(plan.stats)
+
+
+def _text(key: str, value: Any) -> str:
+    if key == "areas":
+        return f'{{"type": "FeatureCollection", "features": {_text("features", value)}}}'
+    if not isinstance(value, list | Iterator):
+        return json.dumps(value, allow_nan=False)
+    entries = ",\n".join(json.dumps(entry, allow_nan=False) for entry in value)
+    return f"[\n{entries}\n]" if entries else "[]"
+
+
+def _corners(area: PlannedArea) -> int:
+    return int(shapely.get_num_coordinates([getattr(area, part) for part in PARTS]).sum())
 
 
 def multipolygon(geometry: BaseGeometry) -> dict[str, Any]:
@@ -90,12 +102,6 @@ def plain(value: Any) -> Any:
     return value
 
 
-def _listing(entries: list[Any]) -> str:
-    if not entries:
-        return "[]"
-    return "[\n" + ",\n".join(json.dumps(entry, allow_nan=False) for entry in entries) + "\n]"
-
-
 def _polygons(geometry: BaseGeometry) -> list[Polygon]:
     """Polygons of any geometry, collections opened; points and lines of a touching boundary are dropped."""
     if isinstance(geometry, Polygon):
@@ -108,8 +114,8 @@ def _numbers(values: ArrayLike) -> list[float]:
     return numbers
 
 
-def _setpoints(plan: Plan) -> list[dict[str, Any]]:
-    return [
+def _setpoints(plan: Plan) -> Iterator[dict[str, Any]]:
+    return (
         {
             "target": _numbers(target.position),
             "base": _numbers(setpoint.base),
@@ -119,11 +125,11 @@ def _setpoints(plan: Plan) -> list[dict[str, Any]]:
             "converged": bool(setpoint.converged),
         }
         for target, setpoint in zip(plan.world.task, plan.setpoints, strict=True)
-    ]
+    )
 
 
-def _states(plan: Plan) -> list[dict[str, Any]]:
-    return [
+def _states(plan: Plan) -> Iterator[dict[str, Any]]:
+    return (
         {
             "base": _numbers(state.base),
             "joints": _numbers(state.joints),
@@ -133,11 +139,11 @@ def _states(plan: Plan) -> list[dict[str, Any]]:
             "tool": _numbers(tool),
         }
         for state, tool in zip(plan.motion, plan.tools(), strict=True)
-    ]
+    )
 
 
-def _areas(plan: Plan) -> list[dict[str, Any]]:
-    return [
+def _areas(plan: Plan) -> Iterator[dict[str, Any]]:
+    return (
         {
             "type": "Feature",
             "properties": {"setpoint": k, "parts": list(PARTS)},
@@ -147,4 +153,4 @@ def _areas(plan: Plan) -> list[dict[str, Any]]:
             },
         }
         for k, area in enumerate(plan.areas)
-    ]
+    )

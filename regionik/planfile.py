@@ -92,7 +92,7 @@ class AreaRecord(_Record):
 
 
 class AreasRecord(_Record):
-    """A GeoJSON FeatureCollection, one feature per set-point in order."""
+    """A GeoJSON FeatureCollection, one feature per set-point in order, or none where they are too many."""
 
     type: Literal["FeatureCollection"]
     features: Many[AreaRecord]
@@ -221,16 +221,17 @@ def _agrees(record: PlanRecord, world: World, where: str) -> None:
     if record.joint_names != names:
         raise InputError(f"{where}: joint_names: expected {names}, got {record.joint_names}")
     count = len(world.task)
-    for key, found in (("setpoints", record.setpoints), ("areas.features", record.areas.features)):
-        if len(found) != count:
-            raise InputError(f"{where}: {key}: expected {count}, one for each target, got {len(found)}")
+    features = record.areas.features
+    for key, many in (("setpoints", len(record.setpoints)), ("areas.features", len(features) or count)):
+        if many != count:
+            raise InputError(f"{where}: {key}: expected {count}, one for each target, got {many}")
     for k, (setpoint, target) in enumerate(zip(record.setpoints, world.task, strict=True)):
         if not np.allclose(setpoint.target, target.position, rtol=0.0, atol=1e-9):
             wanted = target.position.tolist()
             raise InputError(
                 f"{where}: setpoints[{k}].target: expected the world's {wanted}, got {setpoint.target}"
             )
-    for k, area in enumerate(record.areas.features):
+    for k, area in enumerate(features):
         if area.properties.setpoint != k or tuple(area.properties.parts) != PARTS:
             raise InputError(
                 f"{where}: areas.features[{k}].properties: expected set-point {k}, parts {list(PARTS)}"

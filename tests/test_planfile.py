@@ -16,11 +16,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 from shapely.geometry import GeometryCollection, LineString, MultiPolygon, Point, Polygon, box
 
-from regionik import planfile
+from regionik import plandocument, planfile
+from regionik.console import plan_summary
+from regionik.export import plan_to_geojson
+from regionik.pipeline import search
 from regionik.plan import Motion, Plan
-from regionik.plandocument import document_to_text, multipolygon, plain, plan_to_document
+from regionik.plandocument import multipolygon, plain, plan_to_document, plan_to_text
 from regionik.planfile import load_plan, plan_schema, save_plan
+from regionik.plot import plot
+from regionik.verify import verify
+from regionik.view import to_html
 from regionik.worlds.errors import InputError
+from regionik.worlds.library import load_world
 from tests.plans import every_solid, l_shape, synthetic_plan
 
 SCHEMA = Path(__file__).parents[1] / "docs" / "plan.schema.json"
@@ -79,11 +86,26 @@ def test_times_are_kept_and_nan_is_null(plan: Plan, tmp_path: Path) -> None:
     assert load_plan(tmp_path / "plan.json").stats == {"worst": None, "n": 3}
 
 
-def test_the_document_is_what_the_schema_says(document: dict[str, Any]) -> None:
+def test_the_document_is_what_the_schema_says(document: dict[str, Any], plan: Plan) -> None:
     jsonschema.Draft202012Validator.check_schema(plan_schema())
-    jsonschema.validate(json.loads(document_to_text(document)), plan_schema())
-    assert json.loads(document_to_text(document)) == document
+    jsonschema.validate(json.loads(plan_to_text(plan)), plan_schema())
+    assert json.loads(plan_to_text(plan)) == document
     assert set(plan_schema()["required"]) == set(document)
+
+
+def test_areas_too_many_to_be_read_back_are_left_out(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    made = search(load_world("slab"))
+    monkeypatch.setattr(plandocument, "CORNERS_LIMIT", 100)
+    made.save(tmp_path / "plan.json")
+    assert "areas are left out" in plan_summary(made, 1.0, ())
+    back = load_plan(tmp_path / "plan.json")
+    assert back.areas == ()
+    assert verify(back).ok
+    assert plan_to_document(made)["areas"]["features"] == []
+    assert json.loads(plan_to_geojson(back))["features"]
+    to_html(back, tmp_path / "page.html")
+    plot(back, tmp_path / "plan.png")
+    assert [path.stat().st_size > 1000 for path in sorted(tmp_path.iterdir())] == [True] * 3
 
 
 def test_the_committed_schema_is_this_one() -> None:
