@@ -4,6 +4,7 @@
 # make fuzz    SECONDS=120 of broken files of each kind, after files made to do harm
 # make lint    style, types, import order
 # make bench   the table of speeds against others, into docs/benchmarks.md and docs/benchmarks.json (minutes)
+# make bench-history  our own kernels and stages timed, kept in .benchmarks/, beside the runs before
 # make bench-all  areas, base motion, clear postures and real robots, measured and checked in the same run
 # make tables  recompute every table of the papers into docs/tables.md, beside the printed figures
 # make docs    build the documentation into site/
@@ -20,7 +21,7 @@ BIN := .venv/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 NEEDS := pyproject.toml constraints.txt
 
-.PHONY: demo test soak fuzz lint bench bench-all tables docs figures pages test-lowest clean
+.PHONY: demo test soak fuzz lint bench bench-history bench-all tables docs figures pages test-lowest clean
 
 demo: .venv/installed
 	$(BIN)/regionik plan l_shape -o plan.json --html l_shape.html
@@ -46,6 +47,10 @@ lint: .venv/installed-lint
 
 bench: .venv/installed-bench
 	$(BIN)/python -m benchmarks.speed -o docs/benchmarks
+
+bench-history: .venv/installed-test,bench
+	$(BIN)/python -m pytest -q -p benchmark benchmarks/history.py --benchmark-storage=.benchmarks --benchmark-autosave --benchmark-quiet
+	$(BIN)/pytest-benchmark --storage=.benchmarks compare --columns=median,iqr --group-by=name --sort=fullname
 
 bench-all: .venv/installed
 	@for script in benchmarks/bench_*.py; do echo "$$script"; $(BIN)/python $$script || exit 1; done

@@ -24,7 +24,7 @@ from regionik.worlds.toolpath import (
     targets_along,
 )
 
-SETPOINTS_LIMIT = 500_000
+SETPOINTS_LIMIT = 200_000  # a plan of so many can still be read back
 
 
 def build_task(parts: list[schema.Piece], where: str, folder: Path) -> tuple[tuple[Target, ...], list[str]]:

@@ -1,0 +1,53 @@
+"""Times of our own kernels and stages, kept from run to run: `make bench-history`.
+
+No peers and no verdicts: pytest-benchmark saves every run and shows the last ones side by side.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from benchmarks.speed.areas import meander
+from benchmarks.speed.mobile import TOLERANCE, task
+from regionik.mfabrik import Solver
+from regionik.pipeline import search, whole_path
+from regionik.reach import reach
+from regionik.verify import verify
+from regionik.worlds.library import load_world
+
+Timed = Callable[..., Any]  # pytest-benchmark's fixture: calls what it is given, many times
+
+
+def test_one_solve(benchmark: Timed) -> None:
+    some = task(1)
+    solver = Solver(some.robot, tolerance=TOLERANCE)
+    assert benchmark(solver, some.targets[0], some.bases[0], some.joints[0]).converged
+
+
+def test_batch_of_10_000(benchmark: Timed) -> None:
+    some = task(10_000)
+    solver = Solver(some.robot, tolerance=TOLERANCE)
+    assert benchmark(solver.batch, some.targets, some.bases, some.joints).converged.all()
+
+
+def test_areas_and_pruning_of_1000(benchmark: Timed) -> None:
+    assert len(benchmark(whole_path, meander(1000, 1000))[1].inner) >= 1000
+
+
+def test_reach_of_200(benchmark: Timed) -> None:
+    world = load_world("l_shape")
+    spots = np.random.default_rng(0).uniform([0, 0, 0.1], [4, 4, 0.8], (200, 3))
+    assert len(benchmark(reach, world, spots).verdict) == 200
+
+
+@pytest.mark.parametrize("name", ["l_shape", "pillar", "shelf"])
+def test_plan(benchmark: Timed, name: str) -> None:
+    assert benchmark(search, load_world(name)).setpoints
+
+
+def test_verify(benchmark: Timed) -> None:
+    assert benchmark(verify, search(load_world("l_shape"))).ok
