@@ -6,6 +6,7 @@ import json
 import os
 import subprocess
 import sys
+import tracemalloc
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -137,6 +138,19 @@ def test_maps_that_take_too_long_are_refused(image: bytes, words: str, tmp_path:
     write({READ["map"]: MAP.encode(), "m.pgm": image}, tmp_path)
     with pytest.raises(InputError, match=words):
         load_map(tmp_path / READ["map"], 1.0)
+
+
+def test_an_image_that_claims_gigabytes_gets_no_room_for_them(tmp_path: Path) -> None:
+    files = next(files for files in samples("map") if "m.png" in files)
+    claims = files["m.png"].replace(b"\0\0\0 IDAT", b"\x80\0\0 IDAT")
+    assert claims != files["m.png"]
+    write({**files, "m.png": claims}, tmp_path)
+    tracemalloc.start()
+    try:
+        load_map(tmp_path / READ["map"], 1.0)
+        assert tracemalloc.get_traced_memory()[1] < 2**26
+    finally:
+        tracemalloc.stop()
 
 
 def test_numbers_of_a_map_are_bounded(tmp_path: Path) -> None:

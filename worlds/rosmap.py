@@ -7,8 +7,9 @@ The only file that imports Pillow.
 from __future__ import annotations
 
 import warnings
+from io import BytesIO
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import shapely
@@ -25,6 +26,7 @@ from regionik.worlds.scene import Floor
 from regionik.worlds.textfile import check_plain_file, read_document
 
 CELL_LIMIT = 25_000_000
+IMAGE_LIMIT = 128 * 2**20  # [bytes]
 RUN_LIMIT = 400_000  # of blocked cells along rows
 TEXT_CELL_LIMIT = 2_000_000  # of an image in plain text, which is read far more slowly
 _FULL_SCALE = {"1": 1.0, "L": 255.0, "RGB": 255.0, "I": 65535.0, "I;16": 65535.0, "I;16B": 65535.0}
@@ -98,13 +100,16 @@ def _read_image(path: Path, negate: bool) -> tuple[Array, NDArray[np.bool_]]:
         check_plain_file(path)
         with warnings.catch_warnings():
             warnings.simplefilter("error", Image.DecompressionBombWarning)
-            with Image.open(path, formats=["PPM", "PNG"]) as image:
+            if path.stat().st_size > IMAGE_LIMIT:
+                raise InputError(f"{path}: expected an image of at most {IMAGE_LIMIT >> 20} MB")
+            # From memory no reader makes room for more than there is, whatever the file says of its parts.
+            with Image.open(BytesIO(path.read_bytes()), formats=["PPM", "PNG"]) as image:
                 columns, rows = image.size
                 plain = any(tile[0] == "ppm_plain" for tile in image.tile)
                 most = TEXT_CELL_LIMIT if plain else CELL_LIMIT
                 if columns * rows > most:
                     raise InputError(f"{path}: expected at most {most} cells, got {columns} x {rows}")
-                grey, alpha = _channels(image)
+                grey, opaque = _channels(image)
     except FileNotFoundError:
         raise InputError(f"{path}: there is no such file (named by key image)") from None
     except (Image.DecompressionBombWarning, Image.DecompressionBombError):
@@ -112,19 +117,22 @@ def _read_image(path: Path, negate: bool) -> tuple[Array, NDArray[np.bool_]]:
     except (UnidentifiedImageError, OSError, ValueError, SyntaxError, EOFError):
         raise InputError(f"{path}: expected a PGM or PNG image that can be read whole") from None
     occupied = grey if negate else 1.0 - grey
-    return np.flipud(occupied), np.flipud(alpha >= 1.0)
+    return np.flipud(occupied), np.flipud(opaque)
 
 
-def _channels(image: Image.Image) -> tuple[Array, Array]:
-    """Grey and alpha from 0 to 1."""
+def _channels(image: Image.Image) -> tuple[Array, NDArray[np.bool_]]:
+    """Grey from 0 to 1, and which cells are not transparent."""
     if image.mode in ("P", "PA", "RGBA", "LA") or "transparency" in image.info:
-        values = np.asarray(image.convert("RGBA"), dtype=np.float64) / 255.0
-        return values[..., :3].mean(axis=-1), values[..., 3]
+        values = np.asarray(image.convert("RGBA"))
+        return _grey(values[..., :3], 255.0), values[..., 3] == 255
     if image.mode not in _FULL_SCALE:
         raise ValueError(f"image mode {image.mode}")
-    values = np.asarray(image, dtype=np.float64) / _FULL_SCALE[image.mode]
-    grey = values.mean(axis=-1) if values.ndim == 3 else values
-    return grey, np.ones_like(grey)
+    grey = _grey(np.asarray(image), _FULL_SCALE[image.mode])
+    return grey, np.ones(grey.shape, dtype=np.bool_)
+
+
+def _grey(values: NDArray[Any], full: float) -> Array:
+    return (values.mean(axis=-1, dtype=np.float64) if values.ndim == 3 else values) / full
 
 
 def _blobs(blocked: NDArray[np.bool_]) -> list[Polygon]:
