@@ -7,6 +7,7 @@ that help comes at once.
 
 from __future__ import annotations
 
+import errno
 import os
 import select
 import sys
@@ -47,6 +48,7 @@ if TYPE_CHECKING:
     from regionik.worlds.scene import World
 
 WRONG_INPUT, ENGINE_FAILED = 2, 3
+NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)  # on stdout: files say so themselves
 
 app = typer.Typer(
     add_completion=False,
@@ -93,17 +95,18 @@ def run(arguments: Sequence[str]) -> int:
 def _without_output(error: BaseException) -> int:
     """End a command that could not write on stdout: its reader has left, as in ``| head -1``, or no room is.
 
-    Typer makes a broken pipe a SystemExit.
+    Typer makes a broken pipe a SystemExit. What failed elsewhere is a failure as any other.
     """
     cause = error.__context__ if isinstance(error, SystemExit) else error
-    if isinstance(cause, BrokenPipeError) and not _reader_left():
+    left = isinstance(cause, BrokenPipeError) and _reader_left()
+    if not left and getattr(cause, "errno", None) not in NO_ROOM:
         complain(failure(cause))
         return ENGINE_FAILED
     with open(os.devnull, "wb") as nowhere:
         os.dup2(nowhere.fileno(), 1)
-    if isinstance(cause, BrokenPipeError):
+    if left:
         return DONE
-    complain(f"{getattr(cause, 'filename', None) or 'stdout'}: {getattr(cause, 'strerror', None) or cause}")
+    complain(f"stdout: cannot be written: {cause}")
     return WRONG_INPUT
 
 

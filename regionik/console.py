@@ -37,11 +37,11 @@ def complain(text: str) -> None:
     say("regionik: " + " ".join(text.split()))
 
 
-def failure(error: Exception) -> str:
+def failure(error: BaseException | None) -> str:
     """Return what can be said of an error that nobody expected: what it is, and where it was raised."""
     if isinstance(error, MemoryError):
         return "out of memory: this needs more than there is"
-    trace = error.__traceback__
+    trace = None if error is None else error.__traceback__
     while trace is not None and trace.tb_next is not None:
         trace = trace.tb_next
     place = f", {Path(trace.tb_frame.f_code.co_filename).name} line {trace.tb_lineno}" if trace else ""
@@ -86,9 +86,8 @@ def check_output(
         raise InputError(f"{path}: is a folder, expected a file name")
     if not path.parent.is_dir():
         raise InputError(f"{path}: there is no folder {path.parent}")
-    if (path.is_file() or not path.exists()) and not os.access(
-        os.path.dirname(os.path.realpath(path)), os.W_OK
-    ):
+    folder = os.path.dirname(os.path.realpath(path))
+    if (path.is_file() or not path.exists()) and not os.access(folder, os.W_OK):
         raise InputError(f"{path}: nothing can be written in that folder")
     if path.is_file() and any(read is not None and _is_same(path, read) for read in reads):
         raise InputError(f"{path}: is what is read here, expected another file to write")

@@ -19,7 +19,7 @@ INTERRUPTED = 130  # exit code after Ctrl-C; after signal n it is 128 + n, as sh
 GRACE = 0.6  # [s]
 _ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 _asked: list[int] = []  # signals that asked for the end
-_telling = Lock()  # who gets it says that the command was interrupted; it is never given back
+_raising, _telling = Lock(), Lock()  # who gets them interrupts, and says so; they are never given back
 _SHOW_CURSOR = "\x1b[?25h"  # progress bars hide it
 
 
@@ -75,9 +75,11 @@ def _watch(listening: int) -> None:
     os._exit(exit_code())
 
 
-def _interrupt(number: int, _: object) -> NoReturn:
+def _interrupt(number: int, _: object) -> None:
+    """Raise once: who asks again is not to disturb the cleaning up."""
     _asked.append(number)
-    raise KeyboardInterrupt
+    if _raising.acquire(blocking=False):
+        raise KeyboardInterrupt
 
 
 def _unraisable(what: sys.UnraisableHookArgs) -> None:

@@ -120,6 +120,8 @@ def test_a_disk_that_fills_up_keeps_the_old_file(tmp_path: Path, monkeypatch: py
         shapely.GEOSException("TopologyException"),
         EngineError("ompl: it broke"),
         KeyError("x"),
+        BrokenPipeError(32, "Broken pipe"),
+        BlockingIOError(11, "Resource temporarily unavailable"),
     ],
     ids=lambda error: type(error).__name__,
 )
