@@ -4,11 +4,16 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import parent_process
 from multiprocessing.connection import wait
 from multiprocessing.context import SpawnContext, SpawnProcess
 from threading import Thread
+
+
+# What a run that was ended leaves of its pool is freed by the tracker that comes with it; it need not say so.
+_HUSHED = "ignore:resource_tracker:UserWarning"
 
 
 class _Sheltered(SpawnProcess):
@@ -28,6 +33,8 @@ class _Sheltering(SpawnContext):
 
 def processes(count: int) -> ProcessPoolExecutor:
     """Return a pool of ``count`` worker processes, each with an interpreter of its own."""
+    if _HUSHED not in sys.warnoptions:
+        sys.warnoptions.append(_HUSHED)  # the tracker is started with these
     # Forks would share what libraries have started, and unseeded ones would draw alike.
     return ProcessPoolExecutor(count, mp_context=_Sheltering(), initializer=_serve)
 

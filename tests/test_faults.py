@@ -269,3 +269,16 @@ def test_margins_are_never_less_than_nothing_by_rounding() -> None:
     assert _margins({"joints": -1e-17, "floor": -0.00004, "step": -0.5}) == (
         "joints 0.0000 rad, floor 0.0000 m, step -0.5000 m"
     )
+
+
+def test_a_run_that_ends_with_workers_at_work_says_nothing_of_what_is_freed_then() -> None:
+    code = (
+        "import os, time\n"
+        "from regionik.workers import processes\n"
+        "pool = processes(2)\n"
+        "pool.submit(os.getpid).result()\n"
+        "pool.submit(time.sleep, 60)\n"
+        "os._exit(130)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (130, "")
