@@ -11,7 +11,6 @@ from multiprocessing.connection import wait
 from multiprocessing.context import SpawnContext, SpawnProcess
 from threading import Thread
 
-
 # What a run that was ended leaves of its pool is freed by the tracker that comes with it; it need not say so.
 _HUSHED = "ignore:resource_tracker:UserWarning"
 
