@@ -11,6 +11,8 @@
 # make figures draw the figures of docs/method.md anew
 # make pages   write anew what the commands in docs/ say
 # make test-lowest  the quick tests with the lowest direct dependencies that pyproject.toml allows
+# make test-newest  the same with the newest versions of everything that it stands on
+# make faults  TIMES=30 long commands ended at random moments by SIGNAL=INT, TERM or KILL
 # make clean   remove what the others made
 
 # The newest Python that fits and can make virtual environments; or say PYTHON=/path/to/python.
@@ -21,7 +23,8 @@ BIN := .venv/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 NEEDS := pyproject.toml constraints.txt
 
-.PHONY: demo test soak fuzz lint bench bench-history bench-all tables docs figures pages test-lowest clean
+.PHONY: demo test soak fuzz faults lint bench bench-history bench-all tables docs figures pages test-lowest \
+	test-newest clean
 
 demo: .venv/installed
 	$(BIN)/regionik plan l_shape -o plan.json --html l_shape.html
@@ -68,12 +71,25 @@ figures: .venv/installed
 pages: .venv/installed
 	$(BIN)/python -m tests.pages
 
-# Warnings are no errors here: old versions warn of new ones.
+# Warnings are no errors here: old versions warn of new ones, and new ones of their next.
 QUICK := tests/test_format.py tests/test_regions.py tests/test_mfabrik.py tests/test_verify.py tests/test_jerk.py \
 	tests/test_retime.py tests/test_collision.py tests/test_urdf.py tests/test_rosmap.py tests/test_plot.py
 
+QUICKLY = -m pytest -q -o filterwarnings=ignore -n 2 --dist loadfile $(QUICK)
+
 test-lowest: .venv-lowest/installed
-	NUMBA_CACHE_DIR=$(CURDIR)/.venv-lowest/numba .venv-lowest/bin/python -m pytest -q -o filterwarnings=ignore -n 2 --dist loadfile $(QUICK)
+	NUMBA_CACHE_DIR=$(CURDIR)/.venv-lowest/numba .venv-lowest/bin/python $(QUICKLY)
+
+test-newest:
+	$(PYTHON) -m venv .venv-newest
+	.venv-newest/bin/python -m pip install --quiet --disable-pip-version-check \
+		--upgrade --upgrade-strategy eager --editable '.[test]'
+	NUMBA_CACHE_DIR=$(CURDIR)/.venv-newest/numba .venv-newest/bin/python $(QUICKLY)
+
+TIMES ?= 30
+SIGNAL ?= INT
+faults: .venv/installed-test,compare,distributed,geotiff,second
+	$(BIN)/python -m tests.faults $(TIMES) --signal $(SIGNAL)
 
 .venv-lowest/installed: pyproject.toml .ci/lowest.py
 	$(PYTHON) -m venv .venv-lowest
@@ -84,7 +100,7 @@ test-lowest: .venv-lowest/installed
 	@touch $@
 
 clean:
-	rm -rf .venv .venv-lowest site build dist regionik.egg-info plan.json l_shape.html
+	rm -rf .venv .venv-lowest .venv-newest site build dist regionik.egg-info plan.json l_shape.html
 
 .venv/bin/python:
 	@test -n "$(PYTHON)" || { echo "regionik needs Python 3.11, 3.12 or 3.13 with venv and ensurepip" \

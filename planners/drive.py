@@ -131,7 +131,7 @@ def _common_part(free: Polygon | MultiPolygon, start: Array, goal: Array) -> Pol
 
 
 def _at(p: Array) -> str:
-    return f"({p[0]:.3f}, {p[1]:.3f})"
+    return f"({p[0]:z.3f}, {p[1]:z.3f})"
 
 
 def _length(points: Array) -> float:

@@ -8,12 +8,14 @@ rings an odd number of times, so holes and parts need no marks.
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
-from typing import Any, TypeVar, cast
+from typing import Any, Literal, TypeVar, cast
 
 import numpy as np
 import shapely
 from numba import njit
+from numba.core.caching import FunctionCache
 from numpy.typing import NDArray
 from shapely.geometry import MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
@@ -28,9 +30,28 @@ ON_EDGE = 1e-12  # a point this near to the boundary counts as inside [m]
 DEPTH = 1e-9  # a segment may leave the polygon this far, which is rounding and not motion [m]
 
 
-def compiled(function: Kernel) -> Kernel:
-    """Compile with numba and keep the machine code on disk; type checkers still see the function."""
-    return cast(Kernel, njit(cache=True)(function))
+class _Kept(FunctionCache):
+    """Machine code on disk; where it cannot be written or read, each process compiles for itself."""
+
+    def save_overload(self, sig: object, data: object) -> None:
+        with suppress(OSError):
+            super().save_overload(sig, data)  # type: ignore[no-untyped-call]
+
+    def load_overload(self, sig: object, target_context: object) -> object:
+        with suppress(OSError):
+            return super().load_overload(sig, target_context)  # type: ignore[no-untyped-call]
+        return None
+
+
+def compiled(function: Kernel, error_model: Literal["python", "numpy"] = "python") -> Kernel:
+    """Compile with numba and keep the machine code on disk; type checkers still see the function.
+
+    While it runs others may: the thread that ends the process after Ctrl-C, for one.
+    """
+    kernel: Any = njit(nogil=True, error_model=error_model)(function)
+    with suppress(RuntimeError):  # there is no folder that can be written
+        kernel._cache = _Kept(function)  # type: ignore[no-untyped-call]
+    return cast(Kernel, kernel)
 
 
 @dataclass(frozen=True, eq=False)

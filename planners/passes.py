@@ -11,7 +11,7 @@ from typing import NamedTuple, cast
 import numpy as np
 from numba import njit
 
-from regionik.planners.flat import Kernel
+from regionik.planners.flat import Kernel, compiled
 from regionik.worlds.arrays import Array
 
 Pair = tuple[float, float]
@@ -22,7 +22,7 @@ Knots = tuple[float, float, float, float, float, float]
 
 def fast(function: Kernel) -> Kernel:
     """Compile as `compiled`, dividing as the processor does: no check then stands between two lanes."""
-    return cast(Kernel, njit(cache=True, error_model="numpy")(function))
+    return compiled(function, error_model="numpy")
 
 
 class Links(NamedTuple):

@@ -21,6 +21,7 @@ from regionik.worlds.arrays import Array
 
 ROWS = 256  # bands of the floor that edges are looked up by
 MOST_CUTS = 512  # crossings of one circle with edges that are kept
+ROUNDING = 1e-9  # a corner this near to a circle is on it [m]
 WIDEST = 0.5  # part of a circle inside the floor that gives one place [rad]
 
 
@@ -150,15 +151,18 @@ def distances(parts: Parts, x: float, y: float, far: float, low: Array, high: Ar
 @compiled
 def _cut(parts: Parts, x: float, y: float, r: float, cuts: Array) -> int:
     """Angles at which a circle crosses edges, ascending; returns how many [rad]."""
-    count = 0
-    for k in range(_band(parts, y - r), _band(parts, y + r) + 1):
+    count, far = 0, r + ROUNDING
+    for k in range(_band(parts, y - far), _band(parts, y + far) + 1):
         for i in range(parts.first[k], parts.first[k + 1]):
             ax, ay, bx, by = parts.edges[parts.listed[i]]
             ax, ay, bx, by = ax - x, ay - y, bx - x, by - y
-            if min(ax, bx) > r or max(ax, bx) < -r:
+            if min(ax, bx) > far or max(ax, bx) < -far:
                 continue
             dx, dy = bx - ax, by - ay
             a, b, c = dx * dx + dy * dy, ax * dx + ay * dy, ax * ax + ay * ay - r * r
+            if abs(c) <= ROUNDING * (2.0 * r + ROUNDING) and count < len(cuts):
+                cuts[count] = math.atan2(ay, ax)  # by rounding neither edge of a corner may be crossed
+                count += 1
             root = b * b - a * c
             if root < 0.0 or a == 0.0:
                 continue

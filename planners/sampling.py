@@ -5,9 +5,10 @@ The only file that imports ompl.
 
 from __future__ import annotations
 
+import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from threading import Lock
+from threading import Lock, current_thread, main_thread
 from typing import Any, Literal
 
 import numpy as np
@@ -166,9 +167,9 @@ def _ompl(seed: int) -> Iterator[tuple[Any, Any]]:
     Setting the seed restarts the stream from which every later generator takes its own seed, so a planner
     made after it does not depend on those made before. OMPL warns about that on its log, and refuses 0.
     """
-    from ompl import base, geometric, util
+    with _OMPL, _signals_held():
+        from ompl import base, geometric, util
 
-    with _OMPL:
         level = util.getLogLevel()
         util.setLogLevel(util.LOG_NONE)
         util.RNG.setSeed(seed % (2**32 - 1) + 1)
@@ -176,6 +177,25 @@ def _ompl(seed: int) -> Iterator[tuple[Any, Any]]:
             yield base, geometric
         finally:
             util.setLogLevel(level)
+
+
+@contextmanager
+def _signals_held() -> Iterator[None]:
+    """Ctrl-C waits: raised while OMPL is imported, or where it calls back, it would abort the process."""
+    came: list[int] = []
+    handlers = {}
+    if current_thread() is main_thread():
+        asking = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+        handlers = {number: to for number in asking if callable(to := signal.getsignal(number))}
+    try:
+        for number in handlers:
+            signal.signal(number, lambda which, _: came.append(which))
+        yield
+    finally:
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
+        for one in came:
+            handlers[signal.Signals(one)](one, None)
 
 
 def _motions(base: Any, information: Any, clear: Callable[[State, State], bool]) -> Any:

@@ -198,8 +198,8 @@ def words(bodies: Bodies, touch: Touch) -> str:
         return "nothing is near"
     link, what = bodies.robot.all_solids[touch.solid].name, other(bodies, touch)
     if touch.distance < 0:
-        return f"{link} overlaps {what} by {-touch.distance:.4f} m"
-    return f"{link} comes within {touch.distance:.4f} m of {what}"
+        return f"{link} overlaps {what} by {-touch.distance:z.4f} m"
+    return f"{link} comes within {touch.distance:z.4f} m of {what}"
 
 
 def other(bodies: Bodies, touch: Touch) -> str:

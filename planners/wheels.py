@@ -199,4 +199,4 @@ def _ends(start: ArrayLike, goal: ArrayLike, seed: int) -> tuple[Array, Array]:
 
 
 def _at(pose: Array) -> str:
-    return f"({pose[0]:.3f}, {pose[1]:.3f}, {pose[2]:.3f} rad)"
+    return f"({pose[0]:z.3f}, {pose[1]:z.3f}, {pose[2]:z.3f} rad)"

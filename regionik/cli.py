@@ -1,20 +1,22 @@
 """The command line: parse, call, print.
 
-Exit codes: 0 done; 1 the answer is no, explained; 2 the input is wrong, one line; 3 an engine failed;
-130 interrupted. Whatever is heavy is imported inside the command that needs it, so that help comes at once.
+Exit codes: 0 done; 1 the answer is no, explained; 2 the input is wrong, one line; 3 an engine failed, one
+line; 130 interrupted (143 by SIGTERM). Whatever is heavy is imported inside the command that needs it, so
+that help comes at once.
 """
 
 from __future__ import annotations
 
+import errno
 import os
+import select
 import sys
 import time
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from threading import Event
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 
@@ -25,6 +27,7 @@ from regionik.console import (
     LateProgress,
     check_output,
     complain,
+    failure,
     plan_summary,
     print_json,
     print_worlds,
@@ -34,7 +37,7 @@ from regionik.console import (
 )
 from regionik.field_command import field
 from regionik.file_commands import PlanPath, export, plot, retime
-from regionik.interrupts import INTERRUPTED, asked_to_end, end_at_leisure, end_on_interrupt, leave
+from regionik.interrupts import INTERRUPTED, asked_to_end, exit_code, leave, tell
 from regionik.reach_command import reach
 from regionik.stops_command import stops
 from regionik.why_command import why
@@ -45,53 +48,72 @@ if TYPE_CHECKING:
     from regionik.worlds.scene import World
 
 WRONG_INPUT, ENGINE_FAILED = 2, 3
+NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)  # on stdout: files say so themselves
 
 app = typer.Typer(
     add_completion=False,
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
     help="Exact base areas and whole-path planning for mobile manipulators.",
-    epilog="Exit codes: 0 done; 1 the answer is no, explained; 2 the input is wrong; 130 interrupted.",
+    epilog="Exit codes: 0 done; 1 the answer is no, explained; 2 the input is wrong; 3 a library failed; "
+    "130 interrupted.",
 )
 
 
-def main() -> None:
-    """Run the command ``regionik`` and leave with its exit code."""
-    end_on_interrupt()
+def main() -> NoReturn:
+    """Run the command of this process and leave with its exit code."""
     warnings.showwarning = lambda message, *_: complain(f"note: {message}")
-    code = run(sys.argv[1:])
-    if code == INTERRUPTED:
-        leave()
-    sys.exit(code)
+    leave(run(sys.argv[1:]))
 
 
 def run(arguments: Sequence[str]) -> int:
-    """Run one command and return its exit code; what a user did wrong becomes words, never a traceback."""
+    """Run one command and return its exit code; whatever goes wrong becomes words, never a traceback."""
     try:
         code = app(args=_fold_targets(arguments), prog_name="regionik", standalone_mode=False)
         sys.stdout.flush()
+    except (KeyboardInterrupt, typer.Abort):
+        code = INTERRUPTED
     except typer.TyperException as error:
         complain(f"{error.format_message()} (regionik --help lists what there is)")
         return WRONG_INPUT
     except InputError as error:
         complain(str(error))
         return WRONG_INPUT
-    except RegionikError as error:
-        complain(str(error))
-        return ENGINE_FAILED
-    except (BrokenPipeError, SystemExit):
-        # The reader of our output has left, as in `regionik worlds | head -1`; typer makes it a SystemExit.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
-        return DONE
-    except (KeyboardInterrupt, typer.Abort):
-        code = INTERRUPTED
-    except Exception:
+    except (SystemExit, OSError) as error:
+        return _without_output(error)
+    except Exception as error:
         if not asked_to_end():
-            raise
+            complain(str(error) if isinstance(error, RegionikError) else failure(error))
+            return ENGINE_FAILED
         code = INTERRUPTED  # an import that was cut short fails when it is tried again
-    if code == INTERRUPTED:
-        complain("interrupted")
-    return int(code or DONE)
+    if code != INTERRUPTED:
+        return int(code or DONE)
+    tell()
+    return exit_code()
+
+
+def _without_output(error: BaseException) -> int:
+    """End a command that could not write on stdout: its reader has left, as in ``| head -1``, or no room is.
+
+    Typer makes a broken pipe a SystemExit. What failed elsewhere is a failure as any other.
+    """
+    cause = error.__context__ if isinstance(error, SystemExit) else error
+    left = isinstance(cause, BrokenPipeError) and _reader_left()
+    if not left and getattr(cause, "errno", None) not in NO_ROOM:
+        complain(failure(cause))
+        return ENGINE_FAILED
+    with open(os.devnull, "wb") as nowhere:
+        os.dup2(nowhere.fileno(), 1)
+    if left:
+        return DONE
+    complain(f"stdout: cannot be written: {cause}")
+    return WRONG_INPUT
+
+
+def _reader_left() -> bool:
+    stdout = select.poll()
+    stdout.register(1, 0)
+    return bool(stdout.poll(0))
 
 
 def _fold_targets(arguments: Sequence[str]) -> list[str]:
@@ -140,8 +162,8 @@ def plan(
     as_json: AsJson = False,
 ) -> None:
     """Plan the whole tool path of WORLD and verify the plan."""
-    check_output(output)
-    check_output(html)
+    for path in (output, html):
+        check_output(path, reads=[world])
     if output is not None and html is not None and output.resolve() == html.resolve():
         raise InputError(f"{html}: the plan and the page need two different files")
     began = time.monotonic()
@@ -177,12 +199,9 @@ def _write_plan(found: Plan, output: Path | None, html: Path | None, progress: L
         contents[output] = plan_to_text(found)
     if html is not None:
         progress("write", 1, 2)
-        from regionik.view import to_html
+        from regionik.view import page_of
 
-        with TemporaryDirectory() as folder:
-            page = Path(folder, "page.html")
-            to_html(found, page)
-            contents[html] = page.read_text(encoding="utf-8")
+        contents[html] = page_of(found)
     progress("write", 2, 2)
     for path, content in contents.items():
         write_whole(path, content)
@@ -242,11 +261,11 @@ def show(
         seen = _plan_or_world(what)
     visualizer = open_view(seen, open_browser=browser)
     try:
-        end_at_leisure()
         say("Ctrl-C ends")
         Event().wait()
     except KeyboardInterrupt:
-        return
+        if exit_code() != INTERRUPTED:  # Ctrl-C is how it is meant to end
+            raise
     finally:
         stop(visualizer)
 
@@ -263,10 +282,10 @@ def _follow(what: str, browser: bool) -> None:
     try:
         if browser:
             visualizer.open()
-        end_at_leisure()
         follow(path, visualizer, say)
     except KeyboardInterrupt:
-        return
+        if exit_code() != INTERRUPTED:  # Ctrl-C is how it is meant to end
+            raise
     finally:
         stop(visualizer)
 

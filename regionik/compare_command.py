@@ -27,7 +27,7 @@ def compare(
     Every method goes from set-point to set-point from its own last answer, on a floor without limits;
     mfabrik-areas keeps to the areas of the whole path. genetic and network need regionik[compare].
     """
-    check_output(output, (".csv", ".json"))
+    check_output(output, (".csv", ".json"), [world])
     with LateProgress() as progress, explained(as_json):
         progress("load", 0, 1)
         from regionik.compare import compare as run

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import sys
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
 from threading import Lock, Timer
@@ -25,13 +27,28 @@ _SHOWN = 20  # rows of a table, or violations, that a person is given at once
 
 
 def say(text: str) -> None:
-    """Write words for a person, on stderr."""
-    print(text, file=sys.stderr)
+    """Write words for a person, on stderr; where nobody can read them they are not missed."""
+    with suppress(OSError):
+        print(text, file=sys.stderr, flush=True)
 
 
 def complain(text: str) -> None:
     """Write one line on stderr, whatever line breaks ``text`` holds."""
     say("regionik: " + " ".join(text.split()))
+
+
+def failure(error: BaseException | None) -> str:
+    """Return what can be said of an error that nobody expected: what it is, and where it was raised."""
+    if isinstance(error, MemoryError):
+        return "out of memory: this needs more than there is"
+    trace = None if error is None else error.__traceback__
+    while trace is not None and trace.tb_next is not None:
+        trace = trace.tb_next
+    place = f", {Path(trace.tb_frame.f_code.co_filename).name} line {trace.tb_lineno}" if trace else ""
+    return (
+        f"{type(error).__name__}: {error} (a fault of regionik or of a library under it{place}; "
+        "the same call from Python gives the traceback)"
+    )
 
 
 def print_json(document: Mapping[str, Any]) -> None:
@@ -53,8 +70,13 @@ def plain(value: Any) -> Any:
     return value
 
 
-def check_output(path: Path | None, suffixes: Iterable[str] = ()) -> None:
-    """Raise `InputError` if ``path`` cannot be written; asked before the work, not after it."""
+def check_output(
+    path: Path | None, suffixes: Iterable[str] = (), reads: Iterable[Path | str | None] = ()
+) -> None:
+    """Raise `InputError` if ``path`` cannot be written; asked before the work, not after it.
+
+    What the command reads, if it is a file, is not to be written over.
+    """
     if path is None:
         return
     choices = tuple(suffixes)
@@ -64,6 +86,17 @@ def check_output(path: Path | None, suffixes: Iterable[str] = ()) -> None:
         raise InputError(f"{path}: is a folder, expected a file name")
     if not path.parent.is_dir():
         raise InputError(f"{path}: there is no folder {path.parent}")
+    folder = os.path.dirname(os.path.realpath(path))
+    if (path.is_file() or not path.exists()) and not os.access(folder, os.W_OK):
+        raise InputError(f"{path}: nothing can be written in that folder")
+    if path.is_file() and any(read is not None and _is_same(path, read) for read in reads):
+        raise InputError(f"{path}: is what is read here, expected another file to write")
+
+
+def _is_same(path: Path, other: Path | str) -> bool:
+    with suppress(OSError, ValueError):
+        return path.samefile(other)
+    return False
 
 
 class LateProgress:
@@ -164,7 +197,7 @@ def _count(number: int, what: str) -> str:
 def _margins(margins: Mapping[str, float]) -> str:
     unit = dict.fromkeys(("direction", "orientation", "joints"), " rad")
     unit |= {"manipulability": " m3", "joint_margin": " of the range", "effort": " N m"}
-    return ", ".join(f"{name} {value:.4f}{unit.get(name, ' m')}" for name, value in margins.items())
+    return ", ".join(f"{name} {value:z.4f}{unit.get(name, ' m')}" for name, value in margins.items())
 
 
 def print_worlds(rows: Iterable[tuple[str, str]]) -> None:
@@ -187,7 +220,7 @@ def print_answers(answer: Answer) -> None:
     table.add_column("base x, y, yaw")
     table.add_column("reason", overflow="fold")
     for k, target in enumerate(answer.targets):
-        base = ", ".join(f"{v:.3f}" for v in answer.base[k]) if answer.reachable[k] else ""
+        base = ", ".join(f"{v:z.3f}" for v in answer.base[k]) if answer.reachable[k] else ""
         verdict = str(answer.verdict[k])
-        table.add_row(*(f"{v:g}" for v in target), verdict, base, answer.reason[k])
+        table.add_row(*(f"{v:zg}" for v in target), verdict, base, answer.reason[k])
     Console(markup=False, highlight=False).print(table)

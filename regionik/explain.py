@@ -210,7 +210,7 @@ def blocked_start(world: World) -> Explanation | None:
     c, s = np.cos(yaw), np.sin(yaw)
     corners = robot.footprint @ np.array([[c, s], [-s, c]]) + (x, y)
     outline = Point(corners[0]) if len(corners) == 1 else shapely.Polygon(corners)
-    where = f"The start at ({x:.3f}, {y:.3f})"
+    where = f"The start at ({x:z.3f}, {y:z.3f})"
     if not world.floor.polygon.covers(outline):
         off = max(float(world.floor.polygon.distance(Point(corner))) for corner in corners)
         reason = f"{where} is off the floor by {off:.3f} m; the base must start on it."
@@ -281,7 +281,7 @@ def setpoint(i: int, count: int) -> str:
 
 def spot(position: Array) -> str:
     """A position in words."""
-    return f"({', '.join(f'{value:.3f}' for value in position)})"
+    return f"({', '.join(f'{value:z.3f}' for value in position)})"
 
 
 def join(names: Sequence[str]) -> str:

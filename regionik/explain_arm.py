@@ -33,7 +33,7 @@ def buried(world: World) -> Explanation | None:
             continue
         gap, name = gaps[0][0], world.solids[gaps[0][1]].name
         missing = need + rules.tolerance - gap
-        place = f"{gap:.4f} m from {name}" if gap >= 0 else f"{-gap:.4f} m deep in {name}"
+        place = f"{gap:z.4f} m from {name}" if gap >= 0 else f"{-gap:z.4f} m deep in {name}"
         reason = (
             f"{setpoint(i, len(world.task))} at {spot(target.position)} lies {place}: no posture keeps the "
             f"last link, {tip:g} m round about the tool, at the arm's clearance of {rules.arm_clearance:g} m "

@@ -29,7 +29,7 @@ def field(
 
     A .tif needs regionik[geotiff].
     """
-    check_output(output, SUFFIXES)
+    check_output(output, SUFFIXES, [world, targets])
     if targets is not None and height is not None:
         raise InputError("--targets and --height: expected one of them, a slice has no targets")
     with LateProgress() as progress:

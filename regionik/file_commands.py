@@ -35,7 +35,7 @@ def export(
     """
     if kind not in EXPORTS:
         raise InputError(f"--format: expected one of {', '.join(EXPORTS)}, got {kind!r}")
-    check_output(output)
+    check_output(output, reads=[path])
     from regionik.export import check_asked
     from regionik.export import export as write
     from regionik.planfile import load_plan
@@ -50,7 +50,7 @@ def plot(
     output: Annotated[Path, typer.Option("-o", "--output", help="The .svg or .png file to write.")],
 ) -> None:
     """Draw a plan: joints, speeds and clearance along the way, and the floor."""
-    check_output(output, PICTURES)
+    check_output(output, PICTURES, [path])
     with LateProgress() as progress:
         progress("load", 0, 1)
         from regionik.planfile import load_plan

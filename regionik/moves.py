@@ -64,7 +64,7 @@ def target_moved(world: World, who: str) -> Repair | None:
 def target_repair(who: str, by: Array) -> Repair:
     """A target moved by (3,) [m], as a repair."""
     length = float(np.linalg.norm(by))
-    text = f"move {who} by ({by[0]:.4f}, {by[1]:.4f}, {by[2]:.4f}) m, {length:.4f} m in all"
+    text = f"move {who} by ({by[0]:z.4f}, {by[1]:z.4f}, {by[2]:z.4f}) m, {length:z.4f} m in all"
     return Repair("move-target", who, length, text, "m", tuple(by.tolist()))
 
 
@@ -102,7 +102,7 @@ def obstacle_moved(world: World, name: str) -> Repair | None:
 def obstacle_repair(name: str, by: Array) -> Repair:
     """An obstacle moved over the floor by (2,) [m], as a repair."""
     length = float(np.linalg.norm(by))
-    text = f"move {name} by ({by[0]:.4f}, {by[1]:.4f}) m, {length:.4f} m in all"
+    text = f"move {name} by ({by[0]:z.4f}, {by[1]:z.4f}) m, {length:z.4f} m in all"
     return Repair("move-obstacle", name, length, text, "m", tuple(by.tolist()))
 
 

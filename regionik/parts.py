@@ -16,12 +16,11 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from regionik.files import write_whole
+from regionik.files import leftover, write_whole
 from regionik.worlds.errors import InputError
 
 _MANIFEST, _WHOLE = "manifest.json", "whole"
 _PART = re.compile(r"(\d{8})-(\d+)of(\d+)")
-_LEFTOVER = re.compile(r"\.[0-9a-f]{16}\.part")
 
 
 @dataclass(frozen=True)
@@ -110,7 +109,7 @@ def _agree(folder: Path, manifest: Mapping[str, object]) -> None:
     """Begin a folder, or make sure that it was begun for the same."""
     path = folder / _MANIFEST
     if not path.exists():
-        if any(not _LEFTOVER.fullmatch(entry.name) for entry in folder.iterdir()):
+        if any(not leftover(entry.name) for entry in folder.iterdir()):
             raise InputError(f"{folder}: holds other things than parts of answers; move it away")
         write_whole(path, json.dumps(manifest, indent=2) + "\n")
         return

@@ -254,9 +254,9 @@ class _Arm:
         state, link, solid = key
         part, name = self.world.robot.all_solids[link].name, self.world.solids[solid].name
         if gap < 0:
-            how = f"{part} overlaps {name} by {-gap:.4f} m {where}"
+            how = f"{part} overlaps {name} by {-gap:z.4f} m {where}"
         elif gap < self.limit:
-            how = f"{part} comes within {gap:.4f} m of {name} {where}"
+            how = f"{part} comes within {gap:z.4f} m of {name} {where}"
         else:
             how = f"{part} is not proven clear of {name} {where}, {gap:.6f} m away"
         text = f"{how}; the arm's clearance is {self.limit:g} m"

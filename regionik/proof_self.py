@@ -141,7 +141,7 @@ class _Pair:
     def _tell(self, state: int, where: str, gap: float) -> Violation:
         one, other = self.upper.name, self.lower.name
         if gap < 0:
-            text = f"{one} overlaps {other} by {-gap:.4f} m {where}"
+            text = f"{one} overlaps {other} by {-gap:z.4f} m {where}"
         else:
             text = f"{one} is not proven clear of {other} {where}, {gap:.6f} m away"
         return Violation("self", state, self.words.owner(state), max(0.0, -gap), text)

@@ -42,7 +42,7 @@ def reach(
     be any number of targets; a run that was broken off goes on when it is called again. The exit code is 1
     when any target is not reachable.
     """
-    check_output(output, (".csv", ".json", ".geojson"))
+    check_output(output, (".csv", ".json", ".geojson"), [world, table])
     if dask is not None and workers > 1:
         raise InputError("--workers and --dask: expected one of them")
     with LateProgress() as progress:

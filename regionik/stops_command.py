@@ -35,7 +35,7 @@ def stops(
 
     No motion is planned; rules.mode: stops in the world file plans it. rules.order: any frees the order.
     """
-    check_output(output, (".geojson",))
+    check_output(output, (".geojson",), [world])
     check_output(picture, (".svg", ".png"))
     with LateProgress() as progress, explained(as_json):
         progress("load", 0, 1)
@@ -108,5 +108,5 @@ def _lines(found: tuple[Stop, ...]) -> list[str]:
         span = f"{stop.first + 1} to {stop.last + 1}"
         if sorted(stop.setpoints) != list(range(stop.first, stop.last + 1)):
             span = f"{len(stop.setpoints)} of them"
-        lines.append(f"{n:4d}  {span:12s} {x:9.3f} {y:9.3f} {yaw:10.3f} {stop.tolerance:14.4f}")
+        lines.append(f"{n:4d}  {span:12s} {x:z9.3f} {y:z9.3f} {yaw:z10.3f} {stop.tolerance:14.4f}")
     return lines

@@ -183,8 +183,8 @@ def _joints(journey: Journey, words: Words) -> Finding:
     for k, j in np.argwhere(margin < -EXACT).tolist():
         unit = "rad" if chain.joints[j].kind == "revolute" else "m"
         text = (
-            f"{chain.names[j]} is at {joints[k, j]:.4f} {unit} {words.state(k)}; "
-            f"its limits are {lower[j]:.4f} to {upper[j]:.4f} {unit}"
+            f"{chain.names[j]} is at {joints[k, j]:z.4f} {unit} {words.state(k)}; "
+            f"its limits are {lower[j]:z.4f} to {upper[j]:z.4f} {unit}"
         )
         violations.append(Violation("joints", k, words.owner(k), float(-margin[k, j]), text))
     return finding("joints", float(margin.min()), violations)

@@ -20,6 +20,7 @@ from regionik import shapes
 from regionik.animation import Track
 from regionik.camera import VIEW_ANGLE
 from regionik.files import write_whole
+from regionik.helper import end, started
 from regionik.lettering import lettered
 from regionik.page import page
 from regionik.picture import Body, Camera, Picture
@@ -28,6 +29,7 @@ from regionik.plan_view import picture_of_plan
 from regionik.scene_view import picture_of_world
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import translation
+from regionik.worlds.errors import EngineError
 from regionik.worlds.scene import World
 
 _ROOT = "/meshcat"
@@ -71,7 +73,22 @@ def show(what: Plan | World | Picture, open_browser: bool = True) -> Any:
 
 def blank() -> Any:
     """A helper process that serves an empty scene; the address is printed."""
-    return _meshcat("meshcat").Visualizer()
+    process = started("meshcat.servers.zmqserver")
+    told: dict[str, str] = {}
+    assert process.stdout is not None
+    for line in process.stdout:
+        key, _, told[key] = line.strip().partition("=")
+        if "web_url" in told:
+            break
+    else:
+        end(process)
+        raise EngineError("the server of MeshCat did not start")
+    print(f"You can open the visualizer by visiting the following URL:\n{told['web_url']}")
+    visualizer = _meshcat("meshcat.visualizer")
+    window = visualizer.ViewerWindow.__new__(visualizer.ViewerWindow)  # its own would start its own server
+    window.server_proc, window.zmq_url, window.web_url = process, told["zmq_url"], told["web_url"]
+    window.connect_zmq()
+    return visualizer.Visualizer(window=window)
 
 
 def stage(visualizer: Any, picture: Picture) -> None:
@@ -117,11 +134,7 @@ def erase(visualizer: Any, path: str) -> None:
 def stop(visualizer: Any) -> None:
     """End the helper process of `show` and wait until it is gone."""
     visualizer.window.zmq_socket.close(linger=0)  # a call on a dead server would wait for ever
-    process = visualizer.window.server_proc
-    process.kill()
-    process.wait()
-    process.stdout.close()
-    process.stderr.close()
+    end(visualizer.window.server_proc)
 
 
 def to_html(what: Plan | World | Picture, path: str | os.PathLike[str]) -> None:
@@ -134,10 +147,15 @@ def to_html(what: Plan | World | Picture, path: str | os.PathLike[str]) -> None:
     InputError
         When the file cannot be written.
     """
+    write_whole(path, page_of(what))
+
+
+def page_of(what: Plan | World | Picture) -> str:
+    """The text of that file."""
     picture = _picture(what)
     pack = import_module("umsgpack").packb
     commands = [pack(command.lower()) for command in _commands(picture)]
-    write_whole(path, page(picture, commands, _viewer_script()))
+    return page(picture, commands, _viewer_script())
 
 
 def _picture(what: Plan | World | Picture) -> Picture:

@@ -29,7 +29,7 @@ def why(
 
     Each change was made and asked for again. The exit code is 1 where something stands in the way.
     """
-    check_output(html)
+    check_output(html, reads=[world])
     with LateProgress() as progress:
         if len(target or []) > 1:
             raise InputError(f"--target: expected one target, got {len(target or [])}")

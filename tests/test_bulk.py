@@ -97,10 +97,11 @@ def test_executors_do_not_show(pool: Any) -> None:
         assert same(reach_many(world, TARGETS, executor, chunk=11), reach(world, TARGETS))
 
 
-def test_processes_do_not_show() -> None:
+@pytest.mark.parametrize("count", [1, 2, 3])
+def test_processes_do_not_show(count: int) -> None:
     world = load_world("l_shape")
     targets: Sequence[Target] = [Target(row, [1, 0, 0], 0.4) for row in TARGETS[:20]]  # type: ignore[arg-type]
-    with processes(2) as executor:
+    with processes(count) as executor:
         assert same(reach_many(world, TARGETS, executor, chunk=9), reach(world, TARGETS))
         assert same(reach_many(world, targets, executor, chunk=3), reach(world, targets))
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import shapely
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from shapely.geometry import Polygon
 
@@ -60,6 +60,10 @@ def test_a_ring_meets_the_floor_where_its_polygon_does(
     assert not found or floor.intersects(around)
 
 
+CORNER = (-5.3e-267, 0.05)  # a circle of 5 cm round it goes through a corner of the floor
+
+
+@example(CORNER, 0.05)
 @given(SPOT, st.floats(0.05, 6))
 def test_places_on_a_circle_are_on_the_floor(spot: tuple[float, float], r: float) -> None:
     low, high, cuts, places = np.empty(3), np.empty(3), np.empty(512), np.empty((16, 2))

@@ -167,7 +167,7 @@ def _prisms(parts: list[Polygon], height: float) -> tuple[Prism, ...]:
     prisms = []
     for part in parts:
         spot = part.representative_point()
-        name = f"map cells near ({spot.x:.1f}, {spot.y:.1f})"
+        name = f"map cells near ({spot.x:z.1f}, {spot.y:z.1f})"
         taken[name] = taken.get(name, 0) + 1
         if taken[name] > 1:
             name = f"{name}, {taken[name]}"
