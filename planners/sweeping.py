@@ -15,7 +15,18 @@ import numpy as np
 
 from regionik.planners.flat import Index, compiled
 from regionik.planners.hulls import hull_gap
-from regionik.planners.moving import WORLD, Exempt, Hop, Hulls, Movers, pace, place, put, twist
+from regionik.planners.moving import (
+    WORLD,
+    Exempt,
+    Hop,
+    Hulls,
+    Movers,
+    hop_between,
+    pace,
+    place,
+    put,
+    twist,
+)
 from regionik.planners.serial import SerialArm
 from regionik.worlds.arrays import Array
 
@@ -167,6 +178,28 @@ def first_stop(
                     after = m + 1  # the hull bounds triangles: look at them
             m = after
     return -1, -1, 1.0
+
+
+@compiled
+def first_stop_on_way(
+    arm: SerialArm,
+    mount: Array,
+    movers: Movers,
+    hulls: Hulls,
+    bases: Array,
+    joints: Array,
+    rolls: bool,
+    exempt: Exempt,
+    keep: float,
+) -> tuple[int, int, int, float]:
+    """As `first_stop`, for the hops through states (n + 1, 3), (n + 1, dof): the hop comes first, n if all are."""
+    boxes = np.empty((len(movers.link), 2, 3))
+    for i in range(len(bases) - 1):
+        hop = hop_between(bases[i], joints[i], bases[i + 1], joints[i + 1], rolls)
+        k, m, s = first_stop(arm, mount, movers, hulls, hop, exempt, boxes, keep)
+        if k >= 0:
+            return i, k, m, s
+    return len(bases) - 1, -1, -1, 1.0
 
 
 @compiled

@@ -47,9 +47,10 @@ class AxisLine(NamedTuple):
     def length(self) -> float:
         return float(np.hypot(*(self.end - self.start)))
 
-    def base(self, robot: Robot, share: float, yaw: float) -> tuple[Array, bool]:
-        """Base pose at a share of the way, and whether its heading is set."""
-        return pose_of(robot, self.start + share * (self.end - self.start), yaw), False
+    def places(self, shares: Array) -> Array:
+        """At shares of the way, (n, 3): of the arm axis, as the heading is free, which is said by NaN."""
+        axes = self.start + shares[:, None] * (self.end - self.start)
+        return np.column_stack([axes, np.full(len(shares), np.nan)])
 
 
 class BaseWay(NamedTuple):
@@ -64,9 +65,9 @@ class BaseWay(NamedTuple):
         way = turn_to(self.start, self.end)
         return float(np.hypot(way[0], way[1]) + abs(way[2]))
 
-    def base(self, robot: Robot, share: float, yaw: float) -> tuple[Array, bool]:
-        """Base pose at a share of the way, and whether its heading is set."""
-        return on_way(self.kind, self.start, self.end, share), True
+    def places(self, shares: Array) -> Array:
+        """Base poses at shares of the way, (n, 3)."""
+        return on_way(self.kind, self.start, self.end, shares)
 
 
 Track = AxisLine | BaseWay

@@ -72,5 +72,4 @@ class Hops:
 
     def clear(self, poses: Sequence[Pose]) -> bool:
         """Whether a motion is proven clear, its two ends aside."""
-        pairs = zip(poses[:-1], poses[1:], strict=True)
-        return not self.guard.on or all(self.guard.stop(a, b) is None for a, b in pairs)
+        return self.guard.stop(poses) is None

@@ -28,6 +28,7 @@ from regionik.planners.onecall import (
     REFUSED,
     Turning,
     answer_all,
+    answer_way,
     held,
     one_call,
     share_turn,
@@ -154,6 +155,21 @@ class Solver:
         reached = self._arm_for(asked).least_change(asked, axis, yaw, self._behind(joints))
         found = None if reached is None else self._headed(reached, base, joints)
         return found if found is not None and found.converged else None
+
+    @property
+    def compiled(self) -> bool:
+        """Whether one compiled call solves for bare points."""
+        return self._call is not None
+
+    def along(
+        self, points: Array, places: Array, wished: Array, bend: float, base: Array, joints: Array
+    ) -> tuple[Array, Array]:
+        """Bases and joints on a way, as many as are found; see `onecall.answer_way`. Of a compiled solver."""
+        assert self._call is not None
+        bases, postures = np.empty((len(points), 3)), np.empty((len(points), self.robot.chain.dof))
+        before = np.array(base), np.array(joints)
+        count = answer_way(self._call[3], points, places, wished, bend, *before, bases, postures)
+        return bases[:count], postures[:count]
 
     def self_motion(
         self, target: Target | ArrayLike, base: Array, joints: Array, tries: int

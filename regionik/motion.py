@@ -21,7 +21,7 @@ from regionik.driving import driver_for
 from regionik.guard import guard_of
 from regionik.hops import Hops
 from regionik.plan import Configuration, Motion
-from regionik.poses import Pose, Row, between, columns
+from regionik.poses import Pose, Row, arrays, between, columns
 from regionik.pruning import Pruned
 from regionik.rolled import travel_headings
 from regionik.standing import Standing
@@ -239,7 +239,7 @@ class _Walker:
     def _arrived(self, i: int, spot: Spot, rows: list[Row]) -> Spot:
         """The spot as the motion reaches it; iterations stay those of M-FABRIK."""
         pose, rules, guard = rows[-1].pose, self.world.rules, self.stretcher.guard
-        tool = guard.tools(guard.hop(pose, pose), np.zeros(1))[0, :3, 3]
+        tool = guard.tools(*arrays([pose, pose]), np.zeros(1))[0, 0, :3, 3]
         error = float(np.linalg.norm(tool - self.world.task[i].position))
         found = replace(
             spot.found, base=pose.base, joints=pose.joints, error=error, converged=error <= rules.tolerance

@@ -15,13 +15,12 @@ from regionik.basepaths import Move, Track, Tracks
 from regionik.demand import between as asked_between
 from regionik.demand import deviation
 from regionik.guard import Guard
-from regionik.mfabrik import Solver, solver_between
+from regionik.mfabrik import Solver, pose_of, solver_between
 from regionik.plan import Configuration
 from regionik.planners import kernels
 from regionik.planners.drive import NoPathError
-from regionik.planners.moving import Hop
 from regionik.planners.touching import Touch
-from regionik.poses import LARGEST_BEND, Pose, Row, pose, turn_to
+from regionik.poses import LARGEST_BEND, Pose, Row, arrays, pose
 from regionik.pruning import Ladder
 from regionik.reachable import Family
 from regionik.worlds.arrays import Array
@@ -58,13 +57,25 @@ class Leg:
     joints: tuple[Array, Array]
     family: tuple[Family, Family]
 
+    @property
+    def bare(self) -> bool:
+        """Whether the tool may be turned as it will."""
+        return self.tool[0].direction is None and self.tool[1].direction is None
+
     def target(self, share: float) -> Target:
         """What the tool is asked at a share of the way."""
         return asked_between(*self.tool, share)
 
-    def wished(self, share: float) -> Array:
-        """Joints at a share of the way."""
-        return self.joints[0] + share * (self.joints[1] - self.joints[0])
+    def points(self, shares: Array) -> Array:
+        """Where the tool is at shares of the way, (n, 3) [m]."""
+        first, last = (end.position for end in self.tool)
+        spots: Array = first + shares[:, None] * (last - first)
+        spots[shares >= 1.0] = last
+        return spots
+
+    def wished(self, shares: Array) -> Array:
+        """Joints at shares of the way, (n, dof)."""
+        return self.joints[0] + shares[:, None] * (self.joints[1] - self.joints[0])
 
     def pitch(self, share: float) -> float:
         """Of the last link."""
@@ -134,43 +145,42 @@ class Stretcher:
         return rows
 
     def _states(self, leg: Leg, here: Pose) -> list[Pose] | None:
-        """States along a leg, as many as keep the tool on its way and the arm clear."""
-        stride = min(TOOL_STRIDE, self.world.rules.step)
-        shares = np.linspace(0.0, 1.0, max(1, int(np.ceil(leg.length / stride))) + 1)[1:].tolist()
+        """States along a leg that keep the tool on its way and the arm clear.
+
+        What holds is taken, up to a hop that does not: that one is halved, as often as it may help.
+        """
         solver = self._solver(leg.family[0])
-        passed = [here]
-        done = 0.0
+        stride = min(TOOL_STRIDE, self.world.rules.step)
+        shares = np.linspace(0.0, 1.0, max(1, int(np.ceil(leg.length / stride))) + 1)[:0:-1]
+        ahead = [(share, 0) for share in shares.tolist()]  # and how often it was halved; the next one last
+        passed, done = [here], 0.0
+        while ahead:
+            tried = np.array([done, *(share for share, _ in ahead[::-1])])
+            states, missing = _solved(solver, leg, tried[1:], passed[-1])
+            count, touch = self._proven(leg, tried, [passed[-1], *states])
+            passed += states[:count]
+            done, ahead = float(tried[count]), ahead[: len(ahead) - count]
+            if count == len(states) and not missing:
+                continue
+            share, depth = ahead.pop()
+            if touch is not None and (depth >= CLOSEST or not self.guard.clear(states[count])):
+                raise _BlockedError(touch)
+            if depth >= DEEPEST:
+                return None
+            ahead += [(share, depth + 1), ((done + share) / 2, depth + 1)]
+        return passed[1:]
 
-        def advance(share: float, depth: int) -> bool:
-            nonlocal done
-            there = _solve(solver, leg, share, passed[-1])
-            hop = (
-                None if there is None else self._held(passed[-1], there, leg.target(done), leg.target(share))
-            )
-            if there is not None and hop is not None:
-                touch = self.guard.stopped(hop)
-                if touch is None:
-                    passed.append(there)
-                    done = share
-                    return True
-                if depth >= CLOSEST or not self.guard.clear(there):
-                    raise _BlockedError(touch)
-            return depth < DEEPEST and advance((done + share) / 2, depth + 1) and advance(share, depth + 1)
-
-        return passed[1:] if all(advance(share, 0) for share in shares) else None
-
-    def _held(self, here: Pose, there: Pose, p: Target, q: Target) -> Hop | None:
-        """The motion between two states, if the tool does on it what is asked, and nothing jumps."""
-        if np.abs(there.joints - here.joints).max() > LARGEST_BEND:
-            return None
-        turn = turn_to(here.base, there.base)
-        if np.hypot(turn[0], turn[1]) > self.world.rules.step or abs(turn[2]) > LARGEST_BEND:
-            return None
-        hop = self.guard.hop(here, there)
-        tools = self.guard.tools(hop, LOOKED_AT)
-        along = LOOKED_AT[:, None] * (q.position - p.position) + p.position
-        worst = np.square(tools[:, :3, 3] - along).sum(axis=1).max()
-        return hop if worst <= self._sag**2 and _turned(p, q, tools) else None
+    def _proven(self, leg: Leg, tried: Array, poses: list[Pose]) -> tuple[int, Touch | None]:
+        """How many hops do with the tool what is asked, jump nowhere and are clear; what stops the next one."""
+        bases, joints = arrays(poses)
+        line, rules = leg.points(tried[: len(poses)]), self.world.rules
+        count = self.guard.led(bases, joints, line, LOOKED_AT, SAG_SHARE * rules.path_tolerance)
+        if not leg.bare:
+            tools = self.guard.tools(bases[: count + 1], joints[: count + 1], LOOKED_AT)
+            asked = [leg.target(share) for share in tried[: count + 1].tolist()]
+            turned = [_turned(*hop) for hop in zip(asked[:-1], asked[1:], tools, strict=True)]
+            count = [*turned, False].index(False)
+        return self.guard.proven(bases[: count + 1], joints[: count + 1])
 
     def _solver(self, family: Family) -> Solver:
         """Solver for what lies between set-points, kept for families that are asked for again."""
@@ -178,10 +188,6 @@ class Stretcher:
             solver = solver_between(self.world, family)
             self._solvers[family] = replace(solver, tolerance=solver.tolerance * SOLVE_TOLERANCE)
         return self._solvers[family]
-
-    @property
-    def _sag(self) -> float:
-        return SAG_SHARE * self.world.rules.path_tolerance
 
 
 def _turned(p: Target, q: Target, tools: Array) -> bool:
@@ -193,17 +199,29 @@ def _turned(p: Target, q: Target, tools: Array) -> bool:
     return all(deviation(one, tool[:3, :3]) <= one.cone + TURN_SLACK for one, tool in pairs)
 
 
-def _solve(solver: Solver, leg: Leg, share: float, near: Pose) -> Pose | None:
-    """Pose at a share of a leg, as near as may be to the wished posture.
+def _solved(solver: Solver, leg: Leg, shares: Array, near: Pose) -> tuple[list[Pose], bool]:
+    """States at shares of a leg, each from the one before, and whether the one after them was not found.
 
-    FABRIK from the wished posture first; where its passes stall or jump, the posture of least change.
+    All of them where one compiled call finds them, else the first.
     """
-    tool, wished, pitch = leg.target(share), leg.wished(share), leg.pitch(share)
-    base, bound = leg.track.base(solver.robot, share, near.base[2])
+    if not (leg.bare and solver.compiled):
+        state = _solve(solver, leg, shares[:1], near)
+        return ([], True) if state is None else ([state], False)
+    points, places, wished = leg.points(shares), leg.track.places(shares), leg.wished(shares)
+    found = solver.along(points, places, wished, LARGEST_BEND / 2, near.base, near.joints)
+    states = [Pose(*state) for state in zip(*found, strict=True)]
+    return states, len(states) < len(shares)
+
+
+def _solve(solver: Solver, leg: Leg, shares: Array, near: Pose) -> Pose | None:
+    """Pose at one share of a leg, as near as may be to the wished posture; see `onecall.answer_way`."""
+    share, place, wished = float(shares[0]), leg.track.places(shares)[0], leg.wished(shares)[0]
+    tool, pitch, bound = leg.target(share), leg.pitch(share), not np.isnan(place[2])
     if not np.isnan(pitch):
         solver = replace(solver, family=replace(solver.family, pitch=pitch))
     if bound:
-        solver = replace(solver, span=(float(base[2]), float(base[2])))
+        solver = replace(solver, span=(float(place[2]), float(place[2])))
+    base = place if bound else pose_of(solver.robot, place[:2], near.base[2])
     chain = pivoted(solver.robot.chain)
     others = (np.arange(chain.dof) != pivot_of(chain))[-len(wished) :]
     wished = np.where(others, wished, near.joints)  # the heading decides on the pivot

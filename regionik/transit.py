@@ -78,8 +78,7 @@ class Carrier:
         met = next((touch for touch in map(self.guard.touch, poses) if touch.kind != "none"), None)
         if met is not None:  # tells how deep, where a proof only tells that it ended
             return met
-        stops = (self.guard.stop(a, b) for a, b in zip(poses[:-1], poses[1:], strict=True))
-        return next((touch for touch in stops if touch is not None), None)
+        return self.guard.stop(poses)
 
     def _carried(self, here: Pose, there: Pose, piece: int) -> list[Pose]:
         """Fold where the robot stands, drive in the carry posture, unfold; short ways without folding."""

@@ -122,17 +122,15 @@ def test_a_leg_goes_straight_from_end_to_end() -> None:
     rng = np.random.default_rng(0)
     axis, spots, joints = (tuple(rng.normal(size=(2, n))) for n in (2, 3, 5))
     families = Family(FRONT, pitch=3.0), Family(FRONT, pitch=-3.0)
-    robot = robot_named("youbot-real")
     leg = Leg(AxisLine(*axis), (Target(spots[0]), Target(spots[1])), joints, families)
-    for share in (0.0, 0.3, 1.0):
-        asked, wished, pitch = leg.target(share), leg.wished(share), leg.pitch(share)
-        base, bound = leg.track.base(robot, share, 0.7)
-        assert base[2] == 0.7
-        assert not bound
-        pairs = ((axis_of(robot, base), axis), (asked.position, spots), (wished, joints))
-        for value, (a, b) in pairs:
-            np.testing.assert_allclose(value, (1 - share) * a + share * b)
-        assert wrap(pitch - 3.0) == pytest.approx(share * (2 * np.pi - 6.0))  # the shorter way round
+    shares = np.array([0.0, 0.3, 1.0])
+    places, asked = leg.track.places(shares), [leg.target(share).position for share in shares.tolist()]
+    assert np.isnan(places[:, 2]).all()
+    pairs = (places[:, :2], axis), (asked, spots), (leg.points(shares), spots), (leg.wished(shares), joints)
+    for values, (a, b) in pairs:
+        np.testing.assert_allclose(values, a + shares[:, None] * (b - a))
+    pitches = [wrap(leg.pitch(share) - 3.0) for share in shares.tolist()]
+    np.testing.assert_allclose(pitches, shares * (2 * np.pi - 6.0))  # the shorter way round
     assert leg.length == pytest.approx(max(np.linalg.norm(p[1] - p[0]) for p in (axis, spots)))
 
 
