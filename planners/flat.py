@@ -66,8 +66,24 @@ class FlatPolygon:
         >>> contains(flat.vertices, flat.starts, 1.0, 0.5)
         True
         """
-        rings, vertices = _rings(solid(geometry))
-        return cls(vertices, rings)
+        polygons = shapely.get_parts(geometry) if isinstance(solid(geometry), MultiPolygon) else [geometry]
+        starts, vertices, _ = _rings(np.array(polygons, dtype=object))
+        return cls(vertices, starts)
+
+    def sees(self, a: Array, b: Array) -> bool:
+        """Whether the segment between two points (2,) lies inside; see `segment_inside`."""
+        return bool(segment_inside(self.vertices, self.starts, a[0], a[1], b[0], b[1]))
+
+
+def flats_of(polygons: NDArray[np.object_]) -> list[FlatPolygon]:
+    """Many Polygons flattened at once, each as `FlatPolygon.from_shapely` does."""
+    starts, vertices, owner = _rings(polygons)
+    first = np.searchsorted(owner, np.arange(len(polygons) + 1))
+    corners = starts[first]
+    return [
+        FlatPolygon(vertices[corners[k] : corners[k + 1]], starts[first[k] : first[k + 1] + 1] - corners[k])
+        for k in range(len(polygons))
+    ]
 
 
 def solid(geometry: BaseGeometry) -> Polygon | MultiPolygon:
@@ -79,16 +95,16 @@ def solid(geometry: BaseGeometry) -> Polygon | MultiPolygon:
     return geometry
 
 
-def _rings(geometry: Polygon | MultiPolygon) -> tuple[Index, Array]:
-    """First vertex of every ring (and the end), and the vertices without the closing ones."""
-    rings = shapely.get_rings(geometry if isinstance(geometry, Polygon) else shapely.get_parts(geometry))
+def _rings(polygons: NDArray[np.object_]) -> tuple[Index, Array, Index]:
+    """First vertex of every ring (and the end), vertices without the closing ones, polygon of every ring."""
+    rings, owner = shapely.get_rings(polygons, return_index=True)
     ends = np.cumsum(shapely.get_num_coordinates(rings))
     coordinates = shapely.get_coordinates(rings)
     kept = np.ones(len(coordinates), dtype=bool)
     kept[ends - 1] = False
     starts = np.zeros(len(ends) + 1, dtype=np.int64)
     starts[1:] = ends - np.arange(1, len(ends) + 1)
-    return starts, coordinates[kept]
+    return starts, coordinates[kept], owner
 
 
 @compiled

@@ -154,10 +154,8 @@ def place(arm: SerialArm, mount: Array, hop: Hop, s: float, frame: int, frames: 
 
 
 @compiled
-def tools_on(
-    arm: SerialArm, mount: Array, bases: Array, joints: Array, rolls: bool, shares: Array
-) -> Array:
-    """Tool frames in the world at parts of every hop through states (n + 1, 3), (n + 1, dof): (n, k, 4, 4)."""
+def tools_on(arm: SerialArm, mount: Array, bases: Array, joints: Array, rolls: bool, shares: Array) -> Array:
+    """Tool frames in the world at k parts of every hop through states (n + 1, ...), (n, k, 4, 4)."""
     tools, frames = np.empty((len(bases) - 1, len(shares), 4, 4)), np.empty((len(arm.axis) + 2, 4, 4))
     for i in range(len(tools)):
         hop = hop_between(bases[i], joints[i], bases[i + 1], joints[i + 1], rolls)

@@ -392,9 +392,9 @@ def answer_way(
             start[0], start[1] = 2 * start[0] - x, 2 * start[1] - y
         call[_HEADING + 1], call[_HEADING + 2] = (low, high) if free else (start[2], start[2])
         _, _, end = _solved(call, targets[i], start, near, new_bases[i], new_joints[i])
-        if end != MET or np.abs(new_joints[i, 1:] - near[1:]).max() > bend:
-            if not least_change(call, targets[i], start, near, new_bases[i], new_joints[i]):
-                return i
+        off = end != MET or np.abs(new_joints[i, 1:] - near[1:]).max() > bend
+        if off and not least_change(call, targets[i], start, near, new_bases[i], new_joints[i]):
+            return i
         if not free:
             new_bases[i] = start
         yaw, near[0] = new_bases[i, 2], new_joints[i, 0]

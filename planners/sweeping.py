@@ -192,7 +192,7 @@ def first_stop_on_way(
     exempt: Exempt,
     keep: float,
 ) -> tuple[int, int, int, float]:
-    """As `first_stop`, for the hops through states (n + 1, 3), (n + 1, dof): the hop comes first, n if all are."""
+    """As `first_stop`, for hops through states (n + 1, ...): which of them comes first, n where all hold."""
     boxes = np.empty((len(movers.link), 2, 3))
     for i in range(len(bases) - 1):
         hop = hop_between(bases[i], joints[i], bases[i + 1], joints[i + 1], rolls)

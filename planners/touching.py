@@ -19,6 +19,7 @@ from regionik.planners.prepared import Bodies, Contact, bodies_from
 from regionik.planners.sweeping import (
     ROUNDING,
     exempt_for,
+    first_stop,
     first_stop_on_way,
     lower_bounds,
     swept,
@@ -55,6 +56,9 @@ class Touch(NamedTuple):
     on_other: Array  # (3,) [m]
 
 
+NOTHING = Touch(np.inf, -1, "none", -1, np.full(3, np.nan), np.full(3, np.nan))  # is near
+
+
 def nearest(
     bodies: Bodies,
     base: ArrayLike,
@@ -87,6 +91,8 @@ def nearest(
         When a number is not finite.
     """
     hop = _still(*_state(bodies, base, joints))
+    if not bodies.meshed and within < np.inf and _apart(bodies, hop, contact, within):
+        return NOTHING
     return _nearest(bodies, hop, np.arange(len(bodies.robot.all_solids)), contact, within)
 
 
@@ -225,8 +231,15 @@ def _nearest(bodies: Bodies, hop: Hop, which: Index, contact: Contact | None, wi
         if distance < min(best, within):
             best, at = distance, (k, m)
     if at[0] < 0:
-        return Touch(np.inf, -1, "none", -1, np.full(3, np.nan), np.full(3, np.nan))
+        return NOTHING
     return _touch(bodies, hop, *at)
+
+
+def _apart(bodies: Bodies, hop: Hop, contact: Contact | None, within: float) -> bool:
+    """Whether all solids are proven to keep a distance on a hop; of meshes, from their surfaces."""
+    boxes = np.empty((len(bodies.robot.all_solids), 2, 3))
+    known = bodies.arm, bodies.mount, bodies.movers, bodies.hulls
+    return bool(first_stop(*known, hop, _exempt(contact), boxes, within)[0] < 0)
 
 
 def _touch(bodies: Bodies, hop: Hop, k: int, m: int) -> Touch:

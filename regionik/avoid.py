@@ -323,7 +323,7 @@ class Avoider:
 
     def solver(self, k: int) -> Solver:
         """M-FABRIK inside a component."""
-        return solver_for(self.world, self.ladder.family[k], self.ladder.component[k], self._span(k))
+        return solver_for(self.world, self.ladder.family[k], self.ladder.flat(k), self._span(k))
 
     def _spread(self, k: int) -> Array:
         """Places spread over a component."""

@@ -19,8 +19,7 @@ from shapely.geometry.base import BaseGeometry
 from regionik.driving import AnyHeading, Driver, OnWheels
 from regionik.ground import Geometries, ground_of, united
 from regionik.mfabrik import axis_of, pose_of
-from regionik.planners.flat import FlatPolygon, segment_inside
-from regionik.planners.flat import Index as Corners
+from regionik.planners.flat import FlatPolygon
 from regionik.planners.footprint import Slab
 from regionik.planners.room import Room, room_of, slides
 from regionik.planners.slabgraph import through
@@ -29,11 +28,10 @@ from regionik.pruning import Ladder
 from regionik.rolling import on_way
 from regionik.standing import Index, Standing, into_span, room_for
 from regionik.worlds.arrays import Array
-from regionik.worlds.robot import BaseKind, Robot
+from regionik.worlds.robot import BaseKind
 from regionik.worlds.scene import World
 
 INSET = 0.002  # kept from the edge of what two areas share, where there is room [m]
-KEPT = 256  # polygons of components as flat arrays
 TURN_PART = 0.1  # of a turn about the arm axis, which a base frame elsewhere does by short slides [rad]
 
 
@@ -109,7 +107,6 @@ class AnyHeadingTracks:
     world: World
     ladder: Ladder
     driver: AnyHeading
-    _flats: dict[tuple[int, ...], tuple[Array, Corners]] = field(default_factory=dict)
 
     def ways(self, k: int, j: int, here: Array, goal: Array) -> Iterator[list[Move]]:
         """See `Tracks`."""
@@ -119,24 +116,16 @@ class AnyHeadingTracks:
         first, second = self.ladder.component[k], self.ladder.component[j]
         over = _handover(first & second, a, b)
         yield [
-            *_held(self.driver.within(first, a, over), 0.0),
+            *_held(self.driver.within(first, self.ladder.flat(k), a, over), 0.0),
             Move(AxisLine(over, over), (0.0, 1.0)),
-            *_held(self.driver.within(second, over, b), 1.0),
+            *_held(self.driver.within(second, self.ladder.flat(j), over, b), 1.0),
         ]
 
     def _within(self, k: int, j: int, a: Array, b: Array) -> bool:
         """Whether the straight way lies in two components together; most ways lie in one of them."""
-        one = any(segment_inside(*self._flat(m), a[0], a[1], b[0], b[1]) for m in (k, j))
-        return one or bool(segment_inside(*self._flat(k, j), a[0], a[1], b[0], b[1]))
-
-    def _flat(self, *members: int) -> tuple[Array, Corners]:
-        """Vertices and rings of components together, the last few kept."""
-        if members not in self._flats:
-            if len(self._flats) >= KEPT:
-                self._flats.clear()
-            flat = FlatPolygon.from_shapely(united(self.ladder.component[list(members)]))
-            self._flats[members] = flat.vertices, flat.starts
-        return self._flats[members]
+        if any(self.ladder.flat(m).sees(a, b) for m in (k, j)):
+            return True
+        return FlatPolygon.from_shapely(united(self.ladder.component[[k, j]])).sees(a, b)
 
 
 def _held(points: Array, tool: float) -> list[Move]:

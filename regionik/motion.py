@@ -221,18 +221,14 @@ class _Walker:
         """Spots of the set-point after i, in components that the base can go on to."""
         if i + 1 >= len(self.nominal):
             return iter(())
-        after = {m for k in self.pruned.ladder.ahead[here.component] for m in self._turned(k)}
+        ladder = self.pruned.ladder  # a base may turn into another component where it has come to
+        after = {m for k in ladder.ahead[here.component] for m in ladder.members[k]}
         components = [k for k in self._kept(i + 1) if k in after]
         return islice(self.avoider.options(i + 1, components, here.pose, self.nominal[i + 1]), TRIES)
 
-    def _turned(self, k: int) -> list[int]:
-        """Components that the base comes to from one by turning at its set-point."""
-        group = self.pruned.ladder.group
-        return [int(m) for m in np.flatnonzero(group == group[k])]
-
     def _kept(self, i: int) -> list[int]:
         """Components of a set-point that the pruning left, the chosen one first."""
-        rungs = self.pruned.ladder.rungs()
+        rungs = self.pruned.ladder.rungs
         kept = [k for k in range(rungs[i], rungs[i + 1]) if self.pruned.keep[k]]
         return sorted(kept, key=lambda k: (k != self.nominal[i].component, k))
 

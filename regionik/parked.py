@@ -206,7 +206,7 @@ class _Attendant:
     def _components(self, bay: Bay, i: int) -> list[int]:
         """Components of a set-point that hold the place, that of the bay first."""
         floors, own = self.work.floors, bay.chain[bay.setpoints.index(i)]
-        rungs, side = floors.ladder.rungs(), floors.ladder.side
+        rungs, side = floors.ladder.rungs, floors.ladder.side
         point = shapely.Point(bay.axis)
         found = [k for k in range(rungs[i], rungs[i + 1]) if side[k] == side[own] and floors.usable[k]]
         return [own, *(k for k in found if k != own and floors.ladder.component[k].covers(point))]

@@ -79,7 +79,7 @@ class Floors:
         return self._groups(begin, self.ladder.count)
 
     def _groups(self, begin: int, end: int) -> list[Group]:
-        rungs = self.ladder.rungs()[begin : end + 1]
+        rungs = self.ladder.rungs[begin : end + 1]
         offset = int(rungs[0])
         back = [[m - offset for m in row if m >= offset] for row in self.back[offset : int(rungs[-1])]]
         runs = fewest_runs(self.narrow[offset:], rungs - offset, back)
@@ -301,7 +301,7 @@ def _lower_in_order(world: World) -> int:
 
 def no_room(world: World, i: int, floors: Floors) -> Explanation:
     """Why there is no place to park for set-point i."""
-    rungs = floors.ladder.rungs()
+    rungs = floors.ladder.rungs
     span = slice(int(rungs[i]), int(rungs[i + 1]))
     every = floors.ladder.component[span]
     if not len(every):

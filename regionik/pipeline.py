@@ -225,7 +225,7 @@ def cut_path(world: World, standing: Standing, areas: PathAreas) -> Pruned:
         When a set-point has no area, or none that the base can get to.
     """
     ladder = build_ladder(areas, len(world.task), standing)
-    rungs = ladder.rungs()
+    rungs = ladder.rungs
     empty = np.flatnonzero(np.diff(rungs) == 0)
     if len(empty):
         raise NoPlanFound(explain.unreachable(world, int(empty[0]), others=len(empty) - 1))
@@ -251,7 +251,7 @@ def spans(world: World) -> bool:
 
 def _spanned(world: World, standing: Standing, facings: tuple[int, ...]) -> bool:
     ladder = build_ladder(path_areas(world, facings=facings, standing=standing), len(world.task), standing)
-    if (np.diff(ladder.rungs()) == 0).any():
+    if (np.diff(ladder.rungs) == 0).any():
         return False
     pruned, allowed = _best_pruned(world, standing, ladder), world.rules.max_lift_offs
     return _first_gap(pruned) is None and (allowed is None or len(pruned.breaks) <= allowed)
@@ -269,7 +269,7 @@ def _start_pieces(world: World, standing: Standing, ladder: Ladder) -> list[int]
     """Pieces of free floor on which the base may work: the one it starts on, or any of the first rung."""
     start = start_place(world)
     if start is None:
-        rungs = ladder.rungs()
+        rungs = ladder.rungs
         return sorted({int(piece) for piece in ladder.floor[rungs[0] : rungs[1]]})
     piece = standing.piece_at(start[:2], float(start[2]))
     return [] if piece is None else [piece]
@@ -277,7 +277,7 @@ def _start_pieces(world: World, standing: Standing, ladder: Ladder) -> list[int]
 
 def _first_gap(pruned: Pruned) -> int | None:
     """First set-point of which nothing is left."""
-    rungs = pruned.ladder.rungs()
+    rungs = pruned.ladder.rungs
     left = [bool(pruned.keep[a:b].any()) for a, b in zip(rungs[:-1], rungs[1:], strict=True)]
     return None if all(left) else left.index(False)
 

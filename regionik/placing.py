@@ -139,7 +139,7 @@ class Placing:
     def _chain(self, group: Group, axis: Array, side: int) -> tuple[int, ...] | None:
         """A component of each set-point around the place, linked one to the next, the deepest."""
         ladder, narrow, linked = self.floors.ladder, self.floors.narrow, self.world.rules.order == "given"
-        rungs, rows = ladder.rungs(), list[dict[int, tuple[float, int]]]()
+        rungs, rows = ladder.rungs, list[dict[int, tuple[float, int]]]()
         for i in group.setpoints:
             row: dict[int, tuple[float, int]] = {}
             for k in range(int(rungs[i]), int(rungs[i + 1])):

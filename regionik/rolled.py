@@ -65,7 +65,7 @@ class Rolls:
 
     def gains(self, i: int, bases: Array) -> Array:
         """How much of the tool path from set-point i on each base pose (n, 3) serves, (n,) [m]."""
-        rungs, spots = self.ladder.rungs(), [target.position for target in self.world.task]
+        rungs, spots = self.ladder.rungs, [target.position for target in self.world.task]
         serving, gain = np.ones(len(bases), dtype=bool), np.zeros(len(bases))
         for j in range(i, min(i + HORIZON, self.ladder.count - 1)):
             held = [self._holds(k, bases) for k in range(rungs[j + 1], rungs[j + 2])]

@@ -171,7 +171,7 @@ class Stretcher:
         return passed[1:]
 
     def _proven(self, leg: Leg, tried: Array, poses: list[Pose]) -> tuple[int, Touch | None]:
-        """How many hops do with the tool what is asked, jump nowhere and are clear; what stops the next one."""
+        """How many hops lead the tool as asked, jump nowhere and are clear; what stops the next one."""
         bases, joints = arrays(poses)
         line, rules = leg.points(tried[: len(poses)]), self.world.rules
         count = self.guard.led(bases, joints, line, LOOKED_AT, SAG_SHARE * rules.path_tolerance)

@@ -45,7 +45,7 @@ NO_FLOOR = Standing((Side(shapely.Polygon(), np.empty(0, dtype=object)),))
 
 def traversals(ladder: Ladder) -> list[tuple[int, ...]]:
     """Every choice of one component a rung."""
-    rungs = ladder.rungs()
+    rungs = ladder.rungs
     return list(itertools.product(*(range(a, b) for a, b in itertools.pairwise(rungs))))
 
 
@@ -86,7 +86,7 @@ def test_pocket_of_l_shape_is_cut_out() -> None:
     """M-FABRIK, experiment 4: the components inside the L at set-points 14 to 22 lead nowhere."""
     world = load_world("l_shape")
     _, _, pruned = whole_path(world)
-    rungs = pruned.ladder.rungs()
+    rungs = pruned.ladder.rungs
     cut = [i + 1 for i in range(40) if not pruned.keep[rungs[i] : rungs[i + 1]].all()]
     assert pruned.breaks == ()
     assert cut == list(range(14, 23))
@@ -102,7 +102,7 @@ def test_l_shape_without_pruning_lifts_off() -> None:
     standing = anywhere(world)
     areas = path_areas(world, facings=(FRONT,))
     ladder = build_ladder(areas, len(world.task), standing)
-    rungs = ladder.rungs()
+    rungs = ladder.rungs
     start = start_place(world)
     assert start is not None
     assert world.start is not None
