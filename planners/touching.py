@@ -19,7 +19,6 @@ from regionik.planners.prepared import Bodies, Contact, bodies_from
 from regionik.planners.sweeping import (
     ROUNDING,
     exempt_for,
-    first_stop,
     first_stop_on_way,
     lower_bounds,
     swept,
@@ -91,8 +90,6 @@ def nearest(
         When a number is not finite.
     """
     hop = _still(*_state(bodies, base, joints))
-    if not bodies.meshed and within < np.inf and _apart(bodies, hop, contact, within):
-        return NOTHING
     return _nearest(bodies, hop, np.arange(len(bodies.robot.all_solids)), contact, within)
 
 
@@ -233,13 +230,6 @@ def _nearest(bodies: Bodies, hop: Hop, which: Index, contact: Contact | None, wi
     if at[0] < 0:
         return NOTHING
     return _touch(bodies, hop, *at)
-
-
-def _apart(bodies: Bodies, hop: Hop, contact: Contact | None, within: float) -> bool:
-    """Whether all solids are proven to keep a distance on a hop; of meshes, from their surfaces."""
-    boxes = np.empty((len(bodies.robot.all_solids), 2, 3))
-    known = bodies.arm, bodies.mount, bodies.movers, bodies.hulls
-    return bool(first_stop(*known, hop, _exempt(contact), boxes, within)[0] < 0)
 
 
 def _touch(bodies: Bodies, hop: Hop, k: int, m: int) -> Touch:

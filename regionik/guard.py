@@ -14,6 +14,7 @@ import numpy as np
 from regionik.planners.collision import obstacles_from, solids_within
 from regionik.planners.moving import hops_led, tools_on
 from regionik.planners.touching import (
+    NOTHING,
     Bodies,
     Contact,
     Touch,
@@ -54,6 +55,8 @@ class Guard:
 
     def touch(self, pose: Pose) -> Touch:
         """What comes too near to the arm, of kind "none" where nothing does."""
+        if way_clear(self.bodies, *arrays([pose, pose]), SPARE, self.contact)[1] is None:
+            return NOTHING
         return nearest(self.bodies, pose.base, pose.joints, contact=self.contact, within=SPARE)
 
     def room(self, touch: Touch) -> float:

@@ -7,11 +7,13 @@ nothing jumps.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
 from regionik.avoid import Spot
-from regionik.basepaths import Move, Track, Tracks
+from regionik.basepaths import BaseWay, Tracks
 from regionik.demand import between as asked_between
 from regionik.demand import deviation
 from regionik.guard import Guard
@@ -19,6 +21,7 @@ from regionik.mfabrik import Solver, pose_of, solver_between
 from regionik.plan import Configuration
 from regionik.planners import kernels
 from regionik.planners.drive import NoPathError
+from regionik.planners.flat import Index
 from regionik.planners.touching import Touch
 from regionik.poses import LARGEST_BEND, Pose, Row, arrays, pose
 from regionik.pruning import Ladder
@@ -45,47 +48,72 @@ class _BlockedError(RegionikError):
         self.touch = touch
 
 
-@dataclass(frozen=True, eq=False)
-class Leg:
-    """Part of a stretch: base on a track, tool and wished posture straight from one end to the other.
+class State(NamedTuple):
+    """A place on a way: the leg, the share of it, and how often the hop to there was halved."""
 
-    What the tool's axis or frame is asked turns evenly with it.
+    leg: int
+    share: float
+    depth: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class Way:
+    """What base, tool and arm do from one set-point to the next, evenly from knot to knot of the base's way.
+
+    Attributes
+    ----------
+    base : BaseWay
+    asked : (Target, Target)
+        At both set-points.
+    joints : (2, dof) array
+        Postures wished for there.
+    family : (Family, Family)
     """
 
-    track: Track
-    tool: tuple[Target, Target]
-    joints: tuple[Array, Array]
+    base: BaseWay
+    asked: tuple[Target, Target]
+    joints: Array
     family: tuple[Family, Family]
 
     @property
     def bare(self) -> bool:
         """Whether the tool may be turned as it will."""
-        return self.tool[0].direction is None and self.tool[1].direction is None
+        return self.asked[0].direction is None and self.asked[1].direction is None
 
-    def target(self, share: float) -> Target:
-        """What the tool is asked at a share of the way."""
-        return asked_between(*self.tool, share)
+    @cached_property
+    def points(self) -> Array:
+        """Where the tool is at every knot, (k, 3) [m]."""
+        return _spread(np.array([target.position for target in self.asked]), self.base.tool)
 
-    def points(self, shares: Array) -> Array:
-        """Where the tool is at shares of the way, (n, 3) [m]."""
-        first, last = (end.position for end in self.tool)
-        spots: Array = first + shares[:, None] * (last - first)
-        spots[shares >= 1.0] = last
-        return spots
+    @cached_property
+    def lengths(self) -> Array:
+        """Of the base's way and of the tool's on every leg, (2, k - 1) [m]."""
+        way = np.linalg.norm(self.asked[1].position - self.asked[0].position)
+        return np.stack([self.base.lengths, np.diff(self.base.tool) * way])
 
-    def wished(self, shares: Array) -> Array:
-        """Joints at shares of the way, (n, dof)."""
-        return self.joints[0] + shares[:, None] * (self.joints[1] - self.joints[0])
+    @cached_property
+    def wished(self) -> Array:
+        """Joints wished for at every knot, (k, dof)."""
+        far = np.cumsum([0.0, *self.lengths.sum(axis=0)])
+        return _spread(self.joints, far / far[-1] if far[-1] > 0 else np.linspace(0.0, 1.0, len(far)))
 
-    def pitch(self, share: float) -> float:
+    def target(self, at: State) -> Target:
+        """What the tool is asked at a place; its axis or frame turns evenly."""
+        ends = [asked_between(*self.asked, tool) for tool in self._tool(at)]
+        return asked_between(*ends, at.share)
+
+    def families(self, at: State) -> list[Family]:
+        """At both ends of a leg."""
+        return [self.family[round(tool)] for tool in self._tool(at)]
+
+    def pitch(self, at: State) -> float:
         """Of the last link."""
-        first, last = self.family[0].pitch, self.family[1].pitch
-        return first + share * kernels.wrap(last - first)
+        first, last = (family.pitch for family in self.families(at))
+        return first + at.share * kernels.wrap(last - first)
 
-    @property
-    def length(self) -> float:
-        way = self.tool[1].position - self.tool[0].position
-        return max(self.track.length, float(np.linalg.norm(way)))
+    def _tool(self, at: State) -> list[float]:
+        tool: list[float] = self.base.tool[at.leg : at.leg + 2].tolist()
+        return tool
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,77 +135,78 @@ class Stretcher:
 
     def follow(self, i: int, here: Spot, goal: Spot) -> list[Row] | None:
         """From set-point i to i + 1; None where the arm would have to jump, or would touch something."""
+        ends = self.world.task[i], self.world.task[i + 1]
+        joints = np.stack([here.found.joints, goal.found.joints])
+        families = self.ladder.family[here.component], self.ladder.family[goal.component]
         try:
-            for moves in self.tracks.ways(here.component, goal.component, here.pose.base, goal.pose.base):
-                rows = self._go(i, here.pose, self._legs(i, (here, goal), moves))
-                if rows is not None:
-                    return rows
+            for base in self.tracks.ways(here.component, goal.component, here.pose.base, goal.pose.base):
+                poses = self._states(Way(base, ends, joints, families), here.pose)
+                if poses is not None:
+                    return [Row(one, "step", i) for one in poses]
         except NoPathError:
             return None
         except _BlockedError as blocked:
             self.stops.setdefault(i, blocked.touch)
         return None
 
-    def _legs(self, i: int, spots: tuple[Spot, Spot], moves: list[Move]) -> list[Leg]:
-        """Moves with what the tool does on them, and the postures wished for."""
-        ends = self.world.task[i], self.world.task[i + 1]
-        way = float(np.linalg.norm(ends[1].position - ends[0].position))
-        first, last = spots[0].found.joints, spots[1].found.joints
-        families = [self.ladder.family[spot.component] for spot in spots]
-        far = np.cumsum([0.0] + [move.track.length + (move.tool[1] - move.tool[0]) * way for move in moves])
-        shares = far / far[-1] if far[-1] > 0 else np.linspace(0.0, 1.0, len(far))
-        legs = []
-        for move, u, v in zip(moves, shares[:-1].tolist(), shares[1:].tolist(), strict=True):
-            tool = [asked_between(*ends, share) for share in move.tool]
-            wished = [first + share * (last - first) for share in (u, v)]
-            family = [families[round(share)] for share in move.tool]
-            legs.append(Leg(move.track, (tool[0], tool[1]), (wished[0], wished[1]), (family[0], family[1])))
-        return legs
-
-    def _go(self, i: int, here: Pose, legs: list[Leg]) -> list[Row] | None:
-        rows: list[Row] = []
-        for leg in legs:
-            part = self._states(leg, here)
-            if part is None:
-                return None
-            rows += [Row(one, "step", i) for one in part]
-            here = part[-1] if part else here
-        return rows
-
-    def _states(self, leg: Leg, here: Pose) -> list[Pose] | None:
-        """States along a leg that keep the tool on its way and the arm clear.
+    def _states(self, way: Way, here: Pose) -> list[Pose] | None:
+        """States on a way that keep the tool to its own and the arm clear.
 
         What holds is taken, up to a hop that does not: that one is halved, as often as it may help.
         """
-        solver = self._solver(leg.family[0])
-        stride = min(TOOL_STRIDE, self.world.rules.step)
-        shares = np.linspace(0.0, 1.0, max(1, int(np.ceil(leg.length / stride))) + 1)[:0:-1]
-        ahead = [(share, 0) for share in shares.tolist()]  # and how often it was halved; the next one last
-        passed, done = [here], 0.0
+        ahead = self._cut(way)[::-1]  # the next one last
+        passed, at = [here], State(0, 0.0)
         while ahead:
-            tried = np.array([done, *(share for share, _ in ahead[::-1])])
-            states, missing = _solved(solver, leg, tried[1:], passed[-1])
-            count, touch = self._proven(leg, tried, [passed[-1], *states])
+            tried = [at, *ahead[::-1]]
+            states, missing = self._solved(way, tried[1:], passed[-1])
+            count, touch = self._proven(way, tried[: len(states) + 1], [passed[-1], *states])
             passed += states[:count]
-            done, ahead = float(tried[count]), ahead[: len(ahead) - count]
+            at, ahead = tried[count], ahead[: len(ahead) - count]
             if count == len(states) and not missing:
                 continue
-            share, depth = ahead.pop()
+            leg, share, depth = ahead.pop()
             if touch is not None and (depth >= CLOSEST or not self.guard.clear(states[count])):
                 raise _BlockedError(touch)
             if depth >= DEEPEST:
                 return None
-            ahead += [(share, depth + 1), ((done + share) / 2, depth + 1)]
+            done = at.share if at.leg == leg else 0.0
+            ahead += [State(leg, share, depth + 1), State(leg, (done + share) / 2, depth + 1)]
         return passed[1:]
 
-    def _proven(self, leg: Leg, tried: Array, poses: list[Pose]) -> tuple[int, Touch | None]:
+    def _cut(self, way: Way) -> list[State]:
+        """Places on a way that are a stride apart at most, all knots but the first among them."""
+        stride = min(TOOL_STRIDE, self.world.rules.step)
+        counts = np.maximum(1, np.ceil(way.lengths.max(axis=0) / stride)).astype(int).tolist()
+        return [
+            State(leg, share)
+            for leg, count in enumerate(counts)
+            for share in np.linspace(0.0, 1.0, count + 1)[1:].tolist()
+        ]
+
+    def _solved(self, way: Way, places: list[State], near: Pose) -> tuple[list[Pose], bool]:
+        """States at places, each from the one before, and whether the one after them was not found.
+
+        All of them where one compiled call finds them, else the first.
+        """
+        solver = self._solver(way.families(places[0])[0])
+        if not (way.bare and solver.compiled):
+            state = _solve(solver, way, places[0], near)
+            return ([], True) if state is None else ([state], False)
+        leg, share, _ = _columns(places)
+        points, wished = (_between(knots, leg, share) for knots in (way.points, way.wished))
+        rows = points, way.base.places(leg, share), wished
+        found = solver.along(*rows, LARGEST_BEND / 2, near.base, near.joints)
+        states = [Pose(*state) for state in zip(*found, strict=True)]
+        return states, len(states) < len(places)
+
+    def _proven(self, way: Way, places: list[State], poses: list[Pose]) -> tuple[int, Touch | None]:
         """How many hops lead the tool as asked, jump nowhere and are clear; what stops the next one."""
-        bases, joints = arrays(poses)
-        line, rules = leg.points(tried[: len(poses)]), self.world.rules
-        count = self.guard.led(bases, joints, line, LOOKED_AT, SAG_SHARE * rules.path_tolerance)
-        if not leg.bare:
+        (leg, share, _), (bases, joints) = _columns(places), arrays(poses)
+        line, sag = _between(way.points, leg, share), SAG_SHARE * self.world.rules.path_tolerance
+        count = self.guard.led(bases, joints, line, LOOKED_AT, sag)
+        if not way.bare:
             tools = self.guard.tools(bases[: count + 1], joints[: count + 1], LOOKED_AT)
-            asked = [leg.target(share) for share in tried[: count + 1].tolist()]
+            asked = [way.target(place) for place in places[: count + 1]]
             turned = [_turned(*hop) for hop in zip(asked[:-1], asked[1:], tools, strict=True)]
             count = [*turned, False].index(False)
         return self.guard.proven(bases[: count + 1], joints[: count + 1])
@@ -199,24 +228,11 @@ def _turned(p: Target, q: Target, tools: Array) -> bool:
     return all(deviation(one, tool[:3, :3]) <= one.cone + TURN_SLACK for one, tool in pairs)
 
 
-def _solved(solver: Solver, leg: Leg, shares: Array, near: Pose) -> tuple[list[Pose], bool]:
-    """States at shares of a leg, each from the one before, and whether the one after them was not found.
-
-    All of them where one compiled call finds them, else the first.
-    """
-    if not (leg.bare and solver.compiled):
-        state = _solve(solver, leg, shares[:1], near)
-        return ([], True) if state is None else ([state], False)
-    points, places, wished = leg.points(shares), leg.track.places(shares), leg.wished(shares)
-    found = solver.along(points, places, wished, LARGEST_BEND / 2, near.base, near.joints)
-    states = [Pose(*state) for state in zip(*found, strict=True)]
-    return states, len(states) < len(shares)
-
-
-def _solve(solver: Solver, leg: Leg, shares: Array, near: Pose) -> Pose | None:
-    """Pose at one share of a leg, as near as may be to the wished posture; see `onecall.answer_way`."""
-    share, place, wished = float(shares[0]), leg.track.places(shares)[0], leg.wished(shares)[0]
-    tool, pitch, bound = leg.target(share), leg.pitch(share), not np.isnan(place[2])
+def _solve(solver: Solver, way: Way, at: State, near: Pose) -> Pose | None:
+    """Pose at one place, as near as may be to the wished posture; see `onecall.answer_way`."""
+    leg, share, _ = _columns([at])
+    place, wished = way.base.places(leg, share)[0], _between(way.wished, leg, share)[0]
+    tool, pitch, bound = way.target(at), way.pitch(at), not np.isnan(place[2])
     if not np.isnan(pitch):
         solver = replace(solver, family=replace(solver.family, pitch=pitch))
     if bound:
@@ -231,3 +247,21 @@ def _solve(solver: Solver, leg: Leg, shares: Array, near: Pose) -> Pose | None:
     if found is None:
         return None
     return Pose(base, found.joints) if bound else pose(found)
+
+
+def _columns(places: list[State]) -> tuple[Index, Array, Index]:
+    """Legs, shares and depths of places."""
+    leg, share, depth = zip(*places, strict=True)
+    return np.array(leg), np.array(share), np.array(depth)
+
+
+def _spread(ends: Array, share: Array) -> Array:
+    """Values at shares (n,) of the way between two ends (2, m), (n, m)."""
+    return _between(ends, np.zeros(len(share), dtype=np.int64), share)
+
+
+def _between(knots: Array, leg: Index, share: Array) -> Array:
+    """Values at shares (n,) of legs (n,) between knots (k, m), the knots themselves at their ends, (n, m)."""
+    values: Array = knots[leg] + share[:, None] * (knots[leg + 1] - knots[leg])
+    values[share >= 1.0] = knots[leg[share >= 1.0] + 1]
+    return values
