@@ -282,10 +282,7 @@ def nearest_posture(
     old_a, old_b, old_c = near[0], near[1], near[2]
     count = 1 if np.isfinite(pitch) else 2 * tries + 1
     for k in range(count):
-        tilt = reach * ((k + 1) // 2 if k % 2 else -(k // 2)) / tries  # the least first
-        if np.isnan(pitch) and abs(tilt) >= 3.0 * best:  # some bend changes by a third of it
-            break
-        tool = pitch if np.isfinite(pitch) else old_a + old_b + old_c + tilt
+        tool = pitch if np.isfinite(pitch) else old_a + old_b + old_c + reach * (k - tries) / tries
         lead, root, tip, ok = triangle(
             lengths[0], lengths[1], x - lengths[2] * np.cos(tool), y - lengths[2] * np.sin(tool)
         )

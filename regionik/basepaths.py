@@ -55,7 +55,7 @@ class BaseWay(NamedTuple):
     @property
     def lengths(self) -> Array:
         """Of the legs between knots, turns counting as metres, (k - 1,)."""
-        x, y, turn = np.diff(self.knots, axis=0).T
+        x, y, turn = (self.knots[1:] - self.knots[:-1]).T
         turn = np.where(np.isnan(turn), 0.0, turn)
         return np.hypot(x, y) + np.abs(turn - 2 * np.pi * np.ceil((turn - np.pi) / (2 * np.pi)))
 

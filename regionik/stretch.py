@@ -22,6 +22,7 @@ from regionik.plan import Configuration
 from regionik.planners import kernels
 from regionik.planners.drive import NoPathError
 from regionik.planners.flat import Index
+from regionik.planners.moving import between
 from regionik.planners.touching import Touch
 from regionik.poses import LARGEST_BEND, Pose, Row, arrays, pose
 from regionik.pruning import Ladder
@@ -83,13 +84,13 @@ class Way:
     @cached_property
     def points(self) -> Array:
         """Where the tool is at every knot, (k, 3) [m]."""
-        return _spread(np.array([target.position for target in self.asked]), self.base.tool)
+        return _spread(np.stack([target.position for target in self.asked]), self.base.tool)
 
     @cached_property
     def lengths(self) -> Array:
         """Of the base's way and of the tool's on every leg, (2, k - 1) [m]."""
         way = np.linalg.norm(self.asked[1].position - self.asked[0].position)
-        return np.stack([self.base.lengths, np.diff(self.base.tool) * way])
+        return np.stack([self.base.lengths, (self.base.tool[1:] - self.base.tool[:-1]) * way])
 
     @cached_property
     def wished(self) -> Array:
@@ -177,11 +178,10 @@ class Stretcher:
         """Places on a way that are a stride apart at most, all knots but the first among them."""
         stride = min(TOOL_STRIDE, self.world.rules.step)
         counts = np.maximum(1, np.ceil(way.lengths.max(axis=0) / stride)).astype(int).tolist()
-        return [
-            State(leg, share)
-            for leg, count in enumerate(counts)
-            for share in np.linspace(0.0, 1.0, count + 1)[1:].tolist()
-        ]
+        places = []
+        for leg, count in enumerate(counts):
+            places += [State(leg, k * (1 / count)) for k in range(1, count)] + [State(leg, 1.0)]
+        return places
 
     def _solved(self, way: Way, places: list[State], near: Pose) -> tuple[list[Pose], bool]:
         """States at places, each from the one before, and whether the one after them was not found.
@@ -192,8 +192,8 @@ class Stretcher:
         if not (way.bare and solver.compiled):
             state = _solve(solver, way, places[0], near)
             return ([], True) if state is None else ([state], False)
-        leg, share, _ = _columns(places)
-        points, wished = (_between(knots, leg, share) for knots in (way.points, way.wished))
+        leg, share = _columns(places)
+        points, wished = (between(knots, leg, share) for knots in (way.points, way.wished))
         rows = points, way.base.places(leg, share), wished
         found = solver.along(*rows, LARGEST_BEND / 2, near.base, near.joints)
         states = [Pose(*state) for state in zip(*found, strict=True)]
@@ -201,8 +201,8 @@ class Stretcher:
 
     def _proven(self, way: Way, places: list[State], poses: list[Pose]) -> tuple[int, Touch | None]:
         """How many hops lead the tool as asked, jump nowhere and are clear; what stops the next one."""
-        (leg, share, _), (bases, joints) = _columns(places), arrays(poses)
-        line, sag = _between(way.points, leg, share), SAG_SHARE * self.world.rules.path_tolerance
+        (leg, share), (bases, joints) = _columns(places), arrays(poses)
+        line, sag = between(way.points, leg, share), SAG_SHARE * self.world.rules.path_tolerance
         count = self.guard.led(bases, joints, line, LOOKED_AT, sag)
         if not way.bare:
             tools = self.guard.tools(bases[: count + 1], joints[: count + 1], LOOKED_AT)
@@ -230,8 +230,8 @@ def _turned(p: Target, q: Target, tools: Array) -> bool:
 
 def _solve(solver: Solver, way: Way, at: State, near: Pose) -> Pose | None:
     """Pose at one place, as near as may be to the wished posture; see `onecall.answer_way`."""
-    leg, share, _ = _columns([at])
-    place, wished = way.base.places(leg, share)[0], _between(way.wished, leg, share)[0]
+    leg, share = _columns([at])
+    place, wished = way.base.places(leg, share)[0], between(way.wished, leg, share)[0]
     tool, pitch, bound = way.target(at), way.pitch(at), not np.isnan(place[2])
     if not np.isnan(pitch):
         solver = replace(solver, family=replace(solver.family, pitch=pitch))
@@ -249,19 +249,11 @@ def _solve(solver: Solver, way: Way, at: State, near: Pose) -> Pose | None:
     return Pose(base, found.joints) if bound else pose(found)
 
 
-def _columns(places: list[State]) -> tuple[Index, Array, Index]:
-    """Legs, shares and depths of places."""
-    leg, share, depth = zip(*places, strict=True)
-    return np.array(leg), np.array(share), np.array(depth)
+def _columns(places: list[State]) -> tuple[Index, Array]:
+    """Legs and shares of places."""
+    return np.array([one.leg for one in places]), np.array([one.share for one in places])
 
 
 def _spread(ends: Array, share: Array) -> Array:
     """Values at shares (n,) of the way between two ends (2, m), (n, m)."""
-    return _between(ends, np.zeros(len(share), dtype=np.int64), share)
-
-
-def _between(knots: Array, leg: Index, share: Array) -> Array:
-    """Values at shares (n,) of legs (n,) between knots (k, m), the knots themselves at their ends, (n, m)."""
-    values: Array = knots[leg] + share[:, None] * (knots[leg + 1] - knots[leg])
-    values[share >= 1.0] = knots[leg[share >= 1.0] + 1]
-    return values
+    return between(ends, np.zeros(len(share), dtype=np.int64), share)
