@@ -8,13 +8,13 @@ from typing import Protocol
 
 import numpy as np
 import shapely
-from shapely.geometry import Point
+from shapely.geometry import Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from regionik.ground import GUARD, ground_of
 from regionik.hops import Hops
 from regionik.mfabrik import axis_of, pose_of
-from regionik.planners.drive import NoPathError, drive, resample
+from regionik.planners.drive import NoPathError, drive, drive_inside
 from regionik.planners.flat import FlatPolygon, contains
 from regionik.planners.room import Room, fits, rolls, slides
 from regionik.planners.shape import drive_shape
@@ -101,14 +101,15 @@ class AnyHeading:
 
     def within(self, free: BaseGeometry, flat: FlatPolygon, a: Array, b: Array) -> Array:
         """Way of the arm axis from a to b inside a polygon, also given for kernels, (k, 2)."""
-        if np.hypot(*(b - a)) >= 1e-9 and flat.sees(a, b):
-            self._count("straight")
-            return resample([a, b], self.world.rules.step)
         # Ends may lie outside by rounding, or by the gap between the exact and the inner area.
-        spots = [into(free, a), into(free, b)]
+        spots = [p if contains(flat.vertices, flat.starts, *p) else into(free, p) for p in (a, b)]
         if np.hypot(*(spots[1] - spots[0])) < 1e-9:
             return np.array([a, b])
-        found = drive(free, spots[0], spots[1], step=self.world.rules.step, seed=self.seed)
+        step = self.world.rules.step
+        if isinstance(free, Polygon):
+            found = drive_inside(free, flat, *spots, step=step, seed=self.seed)
+        else:
+            found = drive(free, *spots, step=step, seed=self.seed)
         self._count(found.method)
         points = np.array(found.points)
         points[0], points[-1] = a, b

@@ -9,7 +9,7 @@ import numpy as np
 
 from regionik.guard import Guard
 from regionik.mfabrik import axis_of
-from regionik.planners.drive import resample
+from regionik.planners.pulling import spread_along
 from regionik.poses import LARGEST_BEND, Pose, between, turn_to
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import World
@@ -30,17 +30,10 @@ class Hops:
         turn = turn_to(here.base, there.base)[2]
         lever = float(np.hypot(*robot.mount[:2]))
         step = self.world.rules.step / (1.0 + lever)
-        points = resample(path, step * 0.999)
-        lengths = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
         swing = max(abs(turn) / TURN_STRIDE, float(np.abs(there.joints - here.joints).max()) / LARGEST_BEND)
         if lever > 0:
             swing = max(swing, abs(turn) * lever / (step * 0.5))
-        stops = lengths / lengths[-1] if lengths[-1] > 0 else np.array([0.0, 1.0])
-        shares = np.union1d(stops, np.linspace(0.0, 1.0, int(np.ceil(swing)) + 1))[1:-1]
-        shares = shares[np.diff(shares, prepend=0.0) > 1e-9]
-        axes = np.column_stack([np.interp(shares * lengths[-1], lengths, points[:, d]) for d in (0, 1)])
-        if lengths[-1] == 0:
-            axes[:] = points[0]
+        shares, axes = spread_along(np.array(path), step * 0.999, int(np.ceil(swing)))
         bases = np.column_stack([np.zeros((len(shares), 2)), here.base[2] + shares * turn])
         bases[:, :2] = axes - axis_of(robot, bases)
         joints = here.joints + shares[:, None] * (there.joints - here.joints)
