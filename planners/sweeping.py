@@ -33,7 +33,8 @@ from regionik.worlds.arrays import Array
 MOST_STEPS = 1000
 SHORTEST = 1e-5  # part of a hop; shorter steps mean that the gap is used up
 ROUNDING = 1e-9  # [m]
-CHORDS = 8  # parts of a hop whose boxes bound where the links pass
+CHORDS = 8  # most parts of a hop whose boxes bound where the links pass
+CHORD = 0.1  # largest turn of base or joint in one of them, while they are fewer [rad]
 
 
 @compiled
@@ -113,10 +114,10 @@ def advance(
 @compiled
 def swept(arm: SerialArm, mount: Array, movers: Movers, hop: Hop, boxes: Array) -> None:
     """Write boxes (solids, 2, 3) along the world's axes that hold all that the solids' corners pass."""
-    turning = hop.drive[2] != 0.0
+    turn = abs(hop.drive[2])
     for k in range(len(hop.bend)):
-        turning = turning or hop.bend[k] != 0.0
-    chords = CHORDS if turning else 1
+        turn = max(turn, abs(hop.bend[k]))
+    chords = min(max(1, math.ceil(turn / CHORD)), CHORDS)
     frames, placed = np.empty((len(arm.axis) + 2, 4, 4)), np.empty_like(movers.corners)
     for c in range(chords + 1):
         place(arm, mount, hop, c / chords, WORLD, frames)

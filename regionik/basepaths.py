@@ -57,7 +57,8 @@ class BaseWay(NamedTuple):
         """Of the legs between knots, turns counting as metres, (k - 1,)."""
         x, y, turn = (self.knots[1:] - self.knots[:-1]).T
         turn = np.where(np.isnan(turn), 0.0, turn)
-        return np.hypot(x, y) + np.abs(turn - 2 * np.pi * np.ceil((turn - np.pi) / (2 * np.pi)))
+        lengths: Array = np.hypot(x, y) + np.abs(turn - 2 * np.pi * np.ceil((turn - np.pi) / (2 * np.pi)))
+        return lengths
 
     def places(self, leg: Index, share: Array) -> Array:
         """Knots as they are, at shares (n,) of the ways between them that legs (n,) says, (n, 3)."""

@@ -10,7 +10,8 @@ import numpy as np
 from regionik.guard import Guard
 from regionik.mfabrik import axis_of
 from regionik.planners.pulling import spread_along
-from regionik.poses import LARGEST_BEND, Pose, between, turn_to
+from regionik.poses import LARGEST_BEND, Pose, turn_to
+from regionik.rolling import on_way
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import World
 
@@ -54,9 +55,18 @@ class Hops:
             next_ = Pose(base, last.joints + share * change)
             parts = max(way / self.world.rules.step, abs(move[2]) / TURN_STRIDE, share * most)
             count = max(1, int(np.ceil(parts * 1.001)))
-            rows += [between(last, next_, k / count, kind) for k in range(1, count)] + [next_]
+            parted = np.arange(1, count) / count
+            joints = last.joints + parted[:, None] * (next_.joints - last.joints)
+            inner = zip(on_way(kind, last.base, base, parted), joints, strict=True)
+            rows += [*(Pose(*pose) for pose in inner), next_]
             last = next_
         return rows[:-1]
+
+    def still(self, here: Pose, there: Pose) -> list[Pose]:
+        """States strictly between two postures, the base standing."""
+        change = there.joints - here.joints
+        count = max(1, int(np.ceil(float(np.abs(change).max()) / LARGEST_BEND * 1.001)))
+        return [Pose(here.base, here.joints + k / count * change) for k in range(1, count)]
 
     def straight(self, here: Pose, there: Pose) -> list[Pose]:
         """States strictly between two poses, the axis moving straight."""

@@ -325,8 +325,10 @@ def _asked(target: Target | ArrayLike) -> Target:
 
 def axis_of(robot: Robot, base: Array) -> Array:
     """Arm axis on the floor (..., 2) for base poses (..., 3)."""
-    c, s = np.cos(base[..., 2]), np.sin(base[..., 2])
     x, y = robot.mount[0], robot.mount[1]
+    if x == 0.0 and y == 0.0:
+        return np.array(base[..., :2])
+    c, s = np.cos(base[..., 2]), np.sin(base[..., 2])
     spot: Array = base[..., :2] + np.stack([c * x - s * y, s * x + c * y], axis=-1)
     return spot
 

@@ -100,8 +100,8 @@ class Way:
 
     def target(self, at: State) -> Target:
         """What the tool is asked at a place; its axis or frame turns evenly."""
-        ends = [asked_between(*self.asked, tool) for tool in self._tool(at)]
-        return asked_between(*ends, at.share)
+        first, last = (asked_between(*self.asked, tool) for tool in self._tool(at))
+        return asked_between(first, last, at.share)
 
     def families(self, at: State) -> list[Family]:
         """At both ends of a leg."""

@@ -87,11 +87,11 @@ class Carrier:
             return self.driver.states(here, there, route)
         lifted, lowered = self._lifted(here), self._lifted(there)
         return [
-            *self._still(here, lifted),
+            *self.hops.still(here, lifted),
             lifted,
             *self.driver.states(lifted, lowered, route),
             lowered,
-            *self._still(lowered, there),
+            *self.hops.still(lowered, there),
         ]
 
     def _driven(self, here: Pose, there: Pose, piece: int) -> list[Pose] | None:
@@ -110,13 +110,9 @@ class Carrier:
         for far in WITHDRAWALS:
             for back in self.driver.retreats(here, far, piece):
                 folded = self._lifted(back[-1])
-                way = [*back, *self._still(back[-1], folded), folded]
+                way = [*back, *self.hops.still(back[-1], folded), folded]
                 if self.hops.clear([here, *way]):
                     yield way
-
-    def _still(self, here: Pose, there: Pose) -> list[Pose]:
-        """States strictly between two poses of the arm, the base standing."""
-        return self.hops.over(here, there, np.stack([here.base, there.base]))
 
     def _lifted(self, at: Pose) -> Pose:
         """Carry posture with the pivot left where it is, so that the arm folds in its own plane."""
