@@ -36,6 +36,7 @@ __all__ = [
     "nearest",
     "other",
     "solid_clear",
+    "still_clear",
     "way_clear",
     "words",
 ]
@@ -173,6 +174,22 @@ def way_clear(
 
     Returns how many hops are proven clear before the first that is not, and what could not be passed there.
     """
+    i, k, m, s = _first_stop(bodies, bases, joints, margin, contact)
+    if k < 0:
+        return i, None
+    hop = hop_between(bases[i], joints[i], bases[i + 1], joints[i + 1], bodies.robot.base != "omni")
+    return i, _touch(bodies, _at(hop, s), k, m)
+
+
+def still_clear(bodies: Bodies, base: Array, joints: Array, margin: float, contact: Contact | None) -> bool:
+    """Whether every link is proven to keep a distance from everything in a state; quicker than `nearest`."""
+    return _first_stop(bodies, np.stack([base, base]), np.stack([joints, joints]), margin, contact)[1] < 0
+
+
+def _first_stop(
+    bodies: Bodies, bases: Array, joints: Array, margin: float, contact: Contact | None
+) -> tuple[int, int, int, float]:
+    """Hop, solid, row and part of the hop where the proof of a way ends; a solid of -1 where it does not."""
     exempt, rolls = _exempt(contact), bodies.robot.base != "omni"
     known = bodies.arm, bodies.mount, bodies.movers, bodies.hulls
     i, k, m, s = first_stop_on_way(*known, bases, joints, rolls, exempt, float(margin))
@@ -180,12 +197,8 @@ def way_clear(
         hop = hop_between(bases[n], joints[n], bases[n + 1], joints[n + 1], rolls)
         within = _swallowed(bodies, hop, exempt)
         if within[0] >= 0:
-            i, (k, m, s) = n, within
-            break
-    if k < 0:
-        return i, None
-    hop = hop_between(bases[i], joints[i], bases[i + 1], joints[i + 1], rolls)
-    return i, _touch(bodies, _at(hop, s), k, m)
+            return n, *within
+    return i, k, m, s
 
 
 def _state(bodies: Bodies, base: ArrayLike, joints: ArrayLike) -> tuple[Array, Array]:

@@ -61,7 +61,7 @@ class BaseWay(NamedTuple):
         return lengths
 
     def places(self, leg: Index, share: Array) -> Array:
-        """Knots as they are, at shares (n,) of the ways between them that legs (n,) says, (n, 3)."""
+        """As the knots are, at shares (n,) of legs (n,): leg k goes from knot k to the next, (n, 3)."""
         return on_way(self.kind, self.knots[leg], self.knots[leg + 1], share)
 
 

@@ -21,6 +21,7 @@ from regionik.planners.touching import (
     bodies_from,
     nearest,
     other,
+    still_clear,
     way_clear,
     words,
 )
@@ -55,7 +56,7 @@ class Guard:
 
     def touch(self, pose: Pose) -> Touch:
         """What comes too near to the arm, of kind "none" where nothing does."""
-        if way_clear(self.bodies, *arrays([pose, pose]), SPARE, self.contact)[1] is None:
+        if still_clear(self.bodies, pose.base, pose.joints, SPARE, self.contact):
             return NOTHING
         return nearest(self.bodies, pose.base, pose.joints, contact=self.contact, within=SPARE)
 

@@ -38,6 +38,7 @@ SAG_SHARE = 0.3  # share of the path tolerance that motion between two states ma
 TURN_SLACK = 1e-7  # rounding allowed at the edge of a cone [rad]
 DEEPEST = 6  # halvings before a stretch counts as discontinuous
 LOOKED_AT = np.array([0.25, 0.5, 0.75])  # shares of the way between two states
+AT_ONCE = 16  # states tried in one call: after one that fails, the rest is tried anew
 CLOSEST = 3  # halvings before a motion that is not proven clear counts as blocked
 
 
@@ -49,7 +50,7 @@ class _BlockedError(RegionikError):
         self.touch = touch
 
 
-class State(NamedTuple):
+class Place(NamedTuple):
     """A place on a way: the leg, the share of it, and how often the hop to there was halved."""
 
     leg: int
@@ -98,21 +99,21 @@ class Way:
         far = np.cumsum([0.0, *self.lengths.sum(axis=0)])
         return _spread(self.joints, far / far[-1] if far[-1] > 0 else np.linspace(0.0, 1.0, len(far)))
 
-    def target(self, at: State) -> Target:
+    def target(self, at: Place) -> Target:
         """What the tool is asked at a place; its axis or frame turns evenly."""
         first, last = (asked_between(*self.asked, tool) for tool in self._tool(at))
         return asked_between(first, last, at.share)
 
-    def families(self, at: State) -> list[Family]:
+    def families(self, at: Place) -> list[Family]:
         """At both ends of a leg."""
         return [self.family[round(tool)] for tool in self._tool(at)]
 
-    def pitch(self, at: State) -> float:
+    def pitch(self, at: Place) -> float:
         """Of the last link."""
         first, last = (family.pitch for family in self.families(at))
         return first + at.share * kernels.wrap(last - first)
 
-    def _tool(self, at: State) -> list[float]:
+    def _tool(self, at: Place) -> list[float]:
         tool: list[float] = self.base.tool[at.leg : at.leg + 2].tolist()
         return tool
 
@@ -156,9 +157,9 @@ class Stretcher:
         What holds is taken, up to a hop that does not: that one is halved, as often as it may help.
         """
         ahead = self._cut(way)[::-1]  # the next one last
-        passed, at = [here], State(0, 0.0)
+        passed, at = [here], Place(0, 0.0)
         while ahead:
-            tried = [at, *ahead[::-1]]
+            tried = [at, *ahead[: -AT_ONCE - 1 : -1]]
             states, missing = self._solved(way, tried[1:], passed[-1])
             count, touch = self._proven(way, tried[: len(states) + 1], [passed[-1], *states])
             passed += states[:count]
@@ -171,19 +172,19 @@ class Stretcher:
             if depth >= DEEPEST:
                 return None
             done = at.share if at.leg == leg else 0.0
-            ahead += [State(leg, share, depth + 1), State(leg, (done + share) / 2, depth + 1)]
+            ahead += [Place(leg, share, depth + 1), Place(leg, (done + share) / 2, depth + 1)]
         return passed[1:]
 
-    def _cut(self, way: Way) -> list[State]:
+    def _cut(self, way: Way) -> list[Place]:
         """Places on a way that are a stride apart at most, all knots but the first among them."""
         stride = min(TOOL_STRIDE, self.world.rules.step)
         counts = np.maximum(1, np.ceil(way.lengths.max(axis=0) / stride)).astype(int).tolist()
         places = []
         for leg, count in enumerate(counts):
-            places += [State(leg, k * (1 / count)) for k in range(1, count)] + [State(leg, 1.0)]
+            places += [Place(leg, k * (1 / count)) for k in range(1, count)] + [Place(leg, 1.0)]
         return places
 
-    def _solved(self, way: Way, places: list[State], near: Pose) -> tuple[list[Pose], bool]:
+    def _solved(self, way: Way, places: list[Place], near: Pose) -> tuple[list[Pose], bool]:
         """States at places, each from the one before, and whether the one after them was not found.
 
         All of them where one compiled call finds them, else the first.
@@ -199,7 +200,7 @@ class Stretcher:
         states = [Pose(*state) for state in zip(*found, strict=True)]
         return states, len(states) < len(places)
 
-    def _proven(self, way: Way, places: list[State], poses: list[Pose]) -> tuple[int, Touch | None]:
+    def _proven(self, way: Way, places: list[Place], poses: list[Pose]) -> tuple[int, Touch | None]:
         """How many hops lead the tool as asked, jump nowhere and are clear; what stops the next one."""
         (leg, share), (bases, joints) = _columns(places), arrays(poses)
         line, sag = between(way.points, leg, share), SAG_SHARE * self.world.rules.path_tolerance
@@ -228,7 +229,7 @@ def _turned(p: Target, q: Target, tools: Array) -> bool:
     return all(deviation(one, tool[:3, :3]) <= one.cone + TURN_SLACK for one, tool in pairs)
 
 
-def _solve(solver: Solver, way: Way, at: State, near: Pose) -> Pose | None:
+def _solve(solver: Solver, way: Way, at: Place, near: Pose) -> Pose | None:
     """Pose at one place, as near as may be to the wished posture; see `onecall.answer_way`."""
     leg, share = _columns([at])
     place, wished = way.base.places(leg, share)[0], between(way.wished, leg, share)[0]
@@ -249,7 +250,7 @@ def _solve(solver: Solver, way: Way, at: State, near: Pose) -> Pose | None:
     return Pose(base, found.joints) if bound else pose(found)
 
 
-def _columns(places: list[State]) -> tuple[Index, Array]:
+def _columns(places: list[Place]) -> tuple[Index, Array]:
     """Legs and shares of places."""
     return np.array([one.leg for one in places]), np.array([one.share for one in places])
 

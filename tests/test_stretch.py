@@ -19,7 +19,7 @@ from regionik.planners.kernels import wrap
 from regionik.planners.moving import between as between_knots
 from regionik.poses import LARGEST_BEND, Pose, Row, between
 from regionik.reachable import FRONT, Family
-from regionik.stretch import State, Stretcher, Way, _solve
+from regionik.stretch import Place, Stretcher, Way, _solve
 from regionik.worlds.errors import NoPlanFound
 from regionik.worlds.library import robot_named
 from regionik.worlds.obstacles import Box, Solid
@@ -135,11 +135,11 @@ def test_a_way_goes_evenly_from_knot_to_knot() -> None:
     assert np.isnan(places[:, 2]).all()
     expected = [(axes[0] + axes[1]) / 2, 0.75 * axes[1] + 0.25 * axes[2], axes[2]]
     np.testing.assert_allclose(places[:, :2], expected)
-    asked = [way.target(State(int(k), float(s))).position for k, s in zip(leg, share, strict=True)]
+    asked = [way.target(Place(int(k), float(s))).position for k, s in zip(leg, share, strict=True)]
     np.testing.assert_allclose(asked, between_knots(way.points, leg, share), atol=1e-12)
     assert asked[2].tolist() == spots[1].tolist()
-    assert wrap(way.pitch(State(0, 0.5)) - 3.0) == 0.0  # both ends of the leg lie nearer to the first
-    assert wrap(way.pitch(State(1, 0.5)) - 3.0) == pytest.approx(0.5 * (2 * np.pi - 6.0))  # the shorter way
+    assert wrap(way.pitch(Place(0, 0.5)) - 3.0) == 0.0  # both ends of the leg lie nearer to the first
+    assert wrap(way.pitch(Place(1, 0.5)) - 3.0) == pytest.approx(0.5 * (2 * np.pi - 6.0))  # the shorter way
 
 
 @pytest.mark.parametrize("heading", [np.nan, 0.4])
@@ -161,7 +161,7 @@ def test_states_of_one_call_are_those_solved_one_by_one(heading: float) -> None:
         rows = between_knots(way.points, leg, share), way.base.places(leg, share), way.wished[1:]
         bases, postures = solver.along(*rows, LARGEST_BEND / 2, near.base, near.joints)
         for n in range(4):
-            one = _solve(solver, way, State(n, 1.0), near)
+            one = _solve(solver, way, Place(n, 1.0), near)
             assert (one is None) == (n >= len(bases))
             if one is None:
                 break
