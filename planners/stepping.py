@@ -15,6 +15,7 @@ from regionik.planners.flat import (
     clamp,
     compiled,
     contains,
+    near_boundary,
     nearest,
     nearest_on_segment,
     segment_inside,
@@ -184,13 +185,15 @@ def _view(vertices: Array, starts: Index, bx: float, by: float, rho: float) -> A
     angles = _directions(edges, rho)
     star = np.empty((2 * len(angles), 2))
     n = 0
+    # From the middle of the area all is inside that no edge hides; from an edge half of it is outside.
+    amid = contains(vertices, starts, bx, by) and not near_boundary(vertices, starts, bx, by, ON_IT)
     for k in range(len(angles) - 1):
         if angles[k + 1] - angles[k] < SLIT:
             continue
         middle = 0.5 * (angles[k] + angles[k + 1])
         cx, cy = np.cos(middle), np.sin(middle)
         hit, reach = _first_hit(edges, cx, cy, rho)
-        if not contains(vertices, starts, bx + 0.5 * reach * cx, by + 0.5 * reach * cy):
+        if not amid and not contains(vertices, starts, bx + 0.5 * reach * cx, by + 0.5 * reach * cy):
             star[n] = bx, by
             n += 1
             continue
