@@ -14,7 +14,7 @@ from shapely.geometry import MultiPolygon, Polygon
 from regionik.planners.flat import DEPTH, FlatPolygon, clamp, contains, segment_inside, solid
 from regionik.planners.pulling import resample, route, tighten
 from regionik.planners.sampling import connect
-from regionik.planners.stepping import step_through
+from regionik.planners.stepping import steps_inside
 from regionik.planners.tangents import shorter_path
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.errors import InputError, RegionikError
@@ -95,13 +95,19 @@ def drive(
         raise InputError(f"seed: expected a whole number from 0 up, got {seed}")
     a, b = frozen(start, (2,), "start"), frozen(goal, (2,), "goal")
     part = _common_part(free, a, b)
-    flat = FlatPolygon.from_shapely(part)
-    a, b = (frozen(clamp(flat.vertices, flat.starts, *p), (2,), "point") for p in (a, b))
+    return drive_inside(part, FlatPolygon.from_shapely(part), a, b, step=step, seed=seed)
+
+
+def drive_inside(
+    part: Polygon, flat: FlatPolygon, start: Array, goal: Array, *, step: float, seed: int
+) -> Drive:
+    """As `drive`, in one polygon that is flat already; both ends are in it, but for rounding."""
+    a, b = (np.array(clamp(flat.vertices, flat.starts, *p)) for p in (start, goal))
     if np.array_equal(a, b):
         return Drive(frozen([a], (None, 2), "drive"), "straight")
     if segment_inside(flat.vertices, flat.starts, *a, *b):
         return Drive(resample([a, b], step), "straight")
-    steps = step_through(part, a, b, step)
+    steps = steps_inside(flat, a, b, step)
     if steps.arrived:
         return Drive(steps.points, "steps")
     planned = [tighten(part, path) for path in _attempts(flat, a, b, seed)]

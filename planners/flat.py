@@ -87,8 +87,24 @@ class FlatPolygon:
         >>> contains(flat.vertices, flat.starts, 1.0, 0.5)
         True
         """
-        rings, vertices = _rings(solid(geometry))
-        return cls(vertices, rings)
+        polygons = shapely.get_parts(geometry) if isinstance(solid(geometry), MultiPolygon) else [geometry]
+        starts, vertices, _ = _rings(np.array(polygons, dtype=object))
+        return cls(vertices, starts)
+
+    def sees(self, a: Array, b: Array) -> bool:
+        """Whether the segment between two points (2,) lies inside; see `segment_inside`."""
+        return bool(segment_inside(self.vertices, self.starts, a[0], a[1], b[0], b[1]))
+
+
+def flats_of(polygons: NDArray[np.object_]) -> list[FlatPolygon]:
+    """Many Polygons flattened at once, each as `FlatPolygon.from_shapely` does."""
+    starts, vertices, owner = _rings(polygons)
+    first = np.searchsorted(owner, np.arange(len(polygons) + 1))
+    corners = starts[first]
+    return [
+        FlatPolygon(vertices[corners[k] : corners[k + 1]], starts[first[k] : first[k + 1] + 1] - corners[k])
+        for k in range(len(polygons))
+    ]
 
 
 def solid(geometry: BaseGeometry) -> Polygon | MultiPolygon:
@@ -100,16 +116,16 @@ def solid(geometry: BaseGeometry) -> Polygon | MultiPolygon:
     return geometry
 
 
-def _rings(geometry: Polygon | MultiPolygon) -> tuple[Index, Array]:
-    """First vertex of every ring (and the end), and the vertices without the closing ones."""
-    rings = shapely.get_rings(geometry if isinstance(geometry, Polygon) else shapely.get_parts(geometry))
+def _rings(polygons: NDArray[np.object_]) -> tuple[Index, Array, Index]:
+    """First vertex of every ring (and the end), vertices without the closing ones, polygon of every ring."""
+    rings, owner = shapely.get_rings(polygons, return_index=True)
     ends = np.cumsum(shapely.get_num_coordinates(rings))
     coordinates = shapely.get_coordinates(rings)
     kept = np.ones(len(coordinates), dtype=bool)
     kept[ends - 1] = False
     starts = np.zeros(len(ends) + 1, dtype=np.int64)
     starts[1:] = ends - np.arange(1, len(ends) + 1)
-    return starts, coordinates[kept]
+    return starts, coordinates[kept], owner
 
 
 @compiled
@@ -249,6 +265,56 @@ def _cut(vertices: Array, starts: Index, a: Array, u: Array, length: float, cuts
                     count = insert(cuts, count, t1)
             s0, t0 = s1, t1
     return count
+
+
+@compiled
+def _crossings(
+    vertices: Array, starts: Index, a: Array, u: Array, length: float, cuts: Array, count: int
+) -> int:
+    """Put the places where edges touch or cross a segment among the sorted cuts; returns their number."""
+    for r in range(len(starts) - 1):
+        x, y = vertices[starts[r + 1] - 1, 0] - a[0], vertices[starts[r + 1] - 1, 1] - a[1]
+        s0, t0 = x * u[1] - y * u[0], x * u[0] + y * u[1]
+        for k in range(starts[r], starts[r + 1]):
+            x, y = vertices[k, 0] - a[0], vertices[k, 1] - a[1]
+            s1, t1 = x * u[1] - y * u[0], x * u[0] + y * u[1]
+            if (s0 < 0.0) != (s1 < 0.0):
+                t = t0 + (t1 - t0) * s0 / (s0 - s1)
+                if 0.0 < t < length:
+                    count = insert(cuts, count, t)
+            if abs(s1) <= DEPTH and 0.0 < t1 < length:
+                count = insert(cuts, count, t1)
+            s0, t0 = s1, t1
+    return count
+
+
+@compiled
+def segment_in_either(
+    one: Array,
+    one_starts: Index,
+    other: Array,
+    other_starts: Index,
+    ax: float,
+    ay: float,
+    bx: float,
+    by: float,
+) -> bool:
+    """Whether the whole segment lies in two closed polygons together, each bit of it in one of them.
+
+    Neither lets it leave both by more than 0.5e-9 m, however short the bit.
+    """
+    length = np.hypot(bx - ax, by - ay)
+    a, u = np.array([ax, ay]), np.array([bx - ax, by - ay]) / max(length, DEPTH)
+    cuts = np.empty(2 * (len(one) + len(other)) + 2)
+    count = insert(cuts, insert(cuts, 0, 0.0), length)
+    count = _crossings(one, one_starts, a, u, length, cuts, count)
+    count = _crossings(other, other_starts, a, u, length, cuts, count)
+    for k in range(count - 1):
+        t = 0.5 * (cuts[k] + cuts[k + 1])
+        x, y = ax + t * u[0], ay + t * u[1]
+        if not _within(one, one_starts, x, y) and not _within(other, other_starts, x, y):
+            return False
+    return True
 
 
 @compiled

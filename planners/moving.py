@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from regionik.planners.arcs import moved
+from regionik.planners.arcs import moved, rolling
 from regionik.planners.flat import Index, compiled
 from regionik.planners.serial import SerialArm, chain_frames
 from regionik.worlds.arrays import Array
@@ -97,6 +97,17 @@ class Exempt(NamedTuple):
 
 
 @compiled
+def hop_between(base_a: Array, joints_a: Array, base_b: Array, joints_b: Array, rolls: bool) -> Hop:
+    """The motion between two states; the base turns the shorter way, and slides there or rolls."""
+    drive, arc = base_b - base_a, 0.0
+    drive[2] = (drive[2] + math.pi) % (2 * math.pi) - math.pi
+    if rolls:
+        x, y, yaw = base_a[0], base_a[1], base_a[2]
+        arc, drive[0], drive[1] = rolling(x, y, yaw, x + drive[0], y + drive[1], drive[2])
+    return Hop(base_a, drive, arc, joints_a, joints_b - joints_a)
+
+
+@compiled
 def stand(hop: Hop, s: float) -> tuple[float, float, float]:
     """Base pose at part s of a hop."""
     x, y, yaw = moved(hop.base[0], hop.base[1], hop.base[2], s * hop.arc, s * hop.drive[2])
@@ -143,13 +154,68 @@ def place(arm: SerialArm, mount: Array, hop: Hop, s: float, frame: int, frames: 
 
 
 @compiled
-def tools_on(arm: SerialArm, mount: Array, hop: Hop, shares: Array) -> Array:
-    """Tool frames in the world at parts of a hop, (n, 4, 4)."""
-    tools, frames = np.empty((len(shares), 4, 4)), np.empty((len(arm.axis) + 2, 4, 4))
-    for k in range(len(shares)):
-        place(arm, mount, hop, shares[k], WORLD, frames)
-        tools[k] = frames[-2]
+def tools_on(arm: SerialArm, mount: Array, bases: Array, joints: Array, rolls: bool, shares: Array) -> Array:
+    """Tool frames in the world at k parts of every hop through states (n + 1, ...), (n, k, 4, 4)."""
+    tools, frames = np.empty((len(bases) - 1, len(shares), 4, 4)), np.empty((len(arm.axis) + 2, 4, 4))
+    for i in range(len(tools)):
+        hop = hop_between(bases[i], joints[i], bases[i + 1], joints[i + 1], rolls)
+        for k in range(len(shares)):
+            place(arm, mount, hop, shares[k], WORLD, frames)
+            tools[i, k] = frames[-2]
     return tools
+
+
+@compiled
+def hops_led(
+    arm: SerialArm,
+    mount: Array,
+    bases: Array,
+    joints: Array,
+    rolls: bool,
+    line: Array,
+    shares: Array,
+    stray: float,
+    bend: float,
+    step: float,
+) -> int:
+    """How many hops through states (n + 1, ...) lead the tool along a line before the first that does not.
+
+    Parameters
+    ----------
+    line : (n + 1, 3) array
+        Where the tool is at every state; it goes straight in between [m].
+    shares : (k,) array
+        Parts of a hop at which it is looked at.
+    stray : float
+        What it may be off [m].
+    bend, step : float
+        Most that a joint or the heading, and the base's place, may change on a hop [rad], [m].
+    """
+    frames = np.empty((len(arm.axis) + 2, 4, 4))
+    for n in range(len(bases) - 1):
+        hop = hop_between(bases[n], joints[n], bases[n + 1], joints[n + 1], rolls)
+        way = bases[n + 1] - bases[n]
+        if math.hypot(way[0], way[1]) > step or max(abs(hop.drive[2]), np.abs(hop.bend).max()) > bend:
+            return n
+        for s in shares:
+            place(arm, mount, hop, s, WORLD, frames)
+            off = 0.0
+            for i in range(3):
+                off += (frames[-2, i, 3] - s * (line[n + 1, i] - line[n, i]) - line[n, i]) ** 2
+            if off > stray * stray:
+                return n
+    return len(bases) - 1
+
+
+@compiled
+def between(knots: Array, leg: Index, share: Array) -> Array:
+    """Values (n, m) at shares (n,) of legs (n,) between knots (k, m), the knots themselves at their ends."""
+    values = np.empty((len(leg), knots.shape[1]))
+    for n in range(len(leg)):
+        a, b = knots[leg[n]], knots[leg[n] + 1]
+        for i in range(len(a)):
+            values[n, i] = b[i] if share[n] >= 1.0 else a[i] + share[n] * (b[i] - a[i])
+    return values
 
 
 @compiled

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from regionik.planners.edgetree import EdgeTree, tree_of
 from regionik.planners.fabrik import PATIENCE, mfabrik, solve
 from regionik.planners.flat import FlatPolygon, Index, compiled
-from regionik.planners.kernels import PlaneArm, fit, wrap
+from regionik.planners.kernels import PlaneArm, fit, nearest_posture, wrap
 from regionik.planners.lanes import abreast
 from regionik.planners.passes import Knots, Links, holds_at
 from regionik.worlds.arrays import Array
@@ -24,6 +24,8 @@ from regionik.worlds.arrays import Array
 ROUNDING = 1e-9  # by which a heading may be outside its span [rad]
 FREE, FACE_TARGET, FIXED = range(3)  # what the heading of the base is to be
 REFUSED, MISSED, MET = range(3)  # how a call ends
+PITCHES = 180  # of the last link, tried to either side for the posture of least change
+TILT = 0.5  # how far to either side [rad]
 
 _SHOULDER, _LENGTHS, _LOWER, _UPPER, _HOLDS, _SIGN, _OFFSET, _PIVOT, _MOUNT = 0, 2, 5, 8, 11, 32, 35, 38, 41
 _HEADING, _FACING, _PITCH, _TOLERANCE, _MOST, _DOF = 45, 48, 49, 50, 51, 52
@@ -328,3 +330,72 @@ def answer_all(
         new_bases[k, 0], new_bases[k, 1], new_bases[k, 2], new_joints[k, 0], met[k] = _stand(
             call, axes[k, 0], axes[k, 1], planes[k], bases[k, 2], joints[k, 0]
         )
+
+
+@compiled
+def least_change(
+    call: Array, target: Array, base: Array, joints: Array, new_base: Array, new_joints: Array
+) -> bool:
+    """With the arm axis held, the posture on a target whose bends change least; whether there is one."""
+    x, y, _ = axis_at(call, base, joints)
+    near, bends, facing = np.empty(3), np.empty(3), call[_FACING]
+    for i in range(3):
+        near[i] = bend_at(call, joints, i)
+    dx, dy = target[0] - x, target[1] - y
+    r, plane_yaw = facing * np.hypot(dx, dy), np.arctan2(facing * dy, facing * dx)
+    change = nearest_posture(arm_in(call), call[_PITCH], r, target[2], near, bends, PITCHES, TILT)
+    if not np.isfinite(change):
+        return False
+    new_joints[:] = joints
+    for i in range(3):
+        new_joints[1 + i] = _hinge(call, i, bends[i], joints[1 + i])
+    new_base[0], new_base[1], new_base[2], new_joints[0], fits = _stand(
+        call, x, y, plane_yaw, base[2], joints[0]
+    )
+    return fits
+
+
+@compiled
+def answer_way(
+    call: Array, targets: Array, places: Array, wished: Array, bend: float, base: Array, joints: Array,
+    new_bases: Array, new_joints: Array,
+) -> int:  # fmt: skip
+    """The call for states on a way, each from the one before it, the arm axis held at each.
+
+    FABRIK from the wished posture comes first; where its passes stall or jump, the posture of least change.
+    Fills base poses (n, 3) and joints (n, dof), and returns how many states come before the first that has
+    none.
+
+    Parameters
+    ----------
+    call : (k,) array
+        As `held` gives it.
+    targets : (n, 3) array
+        [m]
+    places : (n, 3) array
+        Base poses; where the heading is free it is NaN, and the place is that of the arm axis [m], [rad].
+    wished : (n, dof) array
+        The pivot's value does not matter: the heading decides on it.
+    bend : float
+        Change of a joint against the wished posture that counts as a jump [rad].
+    base, joints : (3,), (dof,) arrays
+        The state before the first.
+    """
+    call, low, high = call.copy(), call[_HEADING + 1], call[_HEADING + 2]
+    yaw, near = base[2], joints.copy()
+    for i in range(len(targets)):
+        free = np.isnan(places[i, 2])
+        start, near[1:] = places[i].copy(), wished[i, 1:]
+        if free:
+            start[2] = yaw
+            x, y, _ = axis_at(call, start, near)
+            start[0], start[1] = 2 * start[0] - x, 2 * start[1] - y
+        call[_HEADING + 1], call[_HEADING + 2] = (low, high) if free else (start[2], start[2])
+        _, _, end = _solved(call, targets[i], start, near, new_bases[i], new_joints[i])
+        off = end != MET or np.abs(new_joints[i, 1:] - near[1:]).max() > bend
+        if off and not least_change(call, targets[i], start, near, new_bases[i], new_joints[i]):
+            return i
+        if not free:
+            new_bases[i] = start
+        yaw, near[0] = new_bases[i, 2], new_joints[i, 0]
+    return len(targets)

@@ -95,13 +95,57 @@ def resample(points: ArrayLike, step: float) -> Array:
     path = frozen(points, (None, 2), "path")
     if not 0 < step < np.inf:
         raise InputError(f"step: expected a length above 0, got {step}")
-    dense = [path[:1]]
-    for a, b in zip(path[:-1], path[1:], strict=True):
+    return frozen(_cut(path, float(step)), (None, 2), "path")
+
+
+@compiled
+def _cut(path: Array, step: float) -> Array:
+    legs = len(path) - 1
+    parts = np.ones(legs, np.int64)
+    for k in range(legs):
         # The tiny allowance keeps a leg of 0.3 / 0.1 steps from being cut in four by rounding.
-        parts = max(1, int(np.ceil(np.hypot(*(b - a)) / step - 1e-9)))
-        dense.append(a + (b - a) * (np.arange(1, parts)[:, None] / parts))
-        dense.append(b[None])
-    return frozen(np.concatenate(dense), (None, 2), "path")
+        way = np.hypot(path[k + 1, 0] - path[k, 0], path[k + 1, 1] - path[k, 1])
+        parts[k] = max(1, int(np.ceil(way / step - 1e-9)))
+    points, n = np.empty((parts.sum() + 1, 2)), 1
+    points[0] = path[0]
+    for k in range(legs):
+        for m in range(1, parts[k]):
+            points[n] = path[k] + (path[k + 1] - path[k]) * (m / parts[k])
+            n += 1
+        points[n] = path[k + 1]
+        n += 1
+    return points
+
+
+@compiled
+def spread_along(path: Array, step: float, parts: int) -> tuple[Array, Array]:
+    """Shares of a path's length strictly between 0 and 1, (n,), and where they are, (n, 2) [m].
+
+    They cut its legs to steps, and the whole of it to at least so many parts.
+    """
+    points = _cut(path, step)
+    lengths = np.zeros(len(points))
+    for k in range(1, len(points)):
+        way = np.hypot(points[k, 0] - points[k - 1, 0], points[k, 1] - points[k - 1, 1])
+        lengths[k] = lengths[k - 1] + way
+    total = lengths[-1]
+    shares = np.empty(len(points) + parts)
+    shares[: len(points)] = lengths / total if total > 0 else 0.0 * lengths
+    shares[len(points) :] = np.arange(parts) * (1.0 / max(parts, 1))
+    shares = np.sort(shares)
+    kept, last = np.empty(len(shares)), 0.0
+    n = 0
+    for share in shares:
+        if share - last > 1e-9 and share < 1.0:
+            kept[n] = share
+            n += 1
+        last = share
+    places = np.empty((n, 2))
+    places[:] = points[0]
+    if total > 0:
+        for d in range(2):
+            places[:, d] = np.interp(kept[:n] * total, lengths, points[:, d].copy())
+    return kept[:n], places
 
 
 def _sleeves(mesh: Triangulation, path: Array) -> Iterator[tuple[Array, list[int], Array]]:

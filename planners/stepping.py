@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +15,7 @@ from regionik.planners.flat import (
     clamp,
     compiled,
     contains,
+    near_boundary,
     nearest,
     nearest_on_segment,
     segment_inside,
@@ -80,21 +82,15 @@ def step_through(free: Polygon | MultiPolygon, start: ArrayLike, goal: ArrayLike
     """
     if not 0 < rho < np.inf:
         raise InputError(f"step: expected a length above 0, got {rho}")
-    flat = FlatPolygon.from_shapely(free)
-    b_goal = frozen(goal, (2,), "goal")
-    b = frozen(clamp(flat.vertices, flat.starts, *frozen(start, (2,), "start")), (2,), "start")
-    points = [b]
-    # Sliding past an obstacle takes a few times the straight number of steps; far more is creeping.
-    for _ in range(100 + 20 * int(np.ceil(np.linalg.norm(b_goal - b) / rho))):
-        close = np.linalg.norm(b_goal - b) <= rho
-        if close and segment_inside(flat.vertices, flat.starts, *b, *b_goal):
-            return Steps(frozen([*points, b_goal], (None, 2), "steps"), arrived=True)
-        b_next = _best_step(flat, b, b_goal, rho)
-        if np.linalg.norm(b_next - b) < STALL:
-            break
-        points.append(b_next)
-        b = b_next
-    return Steps(frozen(points, (None, 2), "steps"), arrived=False)
+    ends = frozen(start, (2,), "start"), frozen(goal, (2,), "goal")
+    return steps_inside(FlatPolygon.from_shapely(free), *ends, rho)
+
+
+def steps_inside(flat: FlatPolygon, start: Array, goal: Array, rho: float) -> Steps:
+    """As `step_through`, for a polygon that is flat already."""
+    b = clamp(flat.vertices, flat.starts, start[0], start[1])
+    points, arrived = _steps(flat.vertices, flat.starts, *b, goal[0], goal[1], rho)
+    return Steps(frozen(points, (None, 2), "steps"), bool(arrived))
 
 
 def step_area(free: Polygon | MultiPolygon, base: ArrayLike, rho: float) -> Array:
@@ -110,18 +106,6 @@ def step_area(free: Polygon | MultiPolygon, base: ArrayLike, rho: float) -> Arra
     flat = FlatPolygon.from_shapely(free)
     b = frozen(base, (2,), "base")
     return _view(flat.vertices, flat.starts, b[0], b[1], rho)
-
-
-def _best_step(flat: FlatPolygon, b: Array, b_goal: Array, rho: float) -> Array:
-    """The point of the step area that is nearest to the straight step (M-FABRIK, Alg. 2)."""
-    way = b_goal - b
-    distance = float(np.linalg.norm(way))
-    b_hat = b + way * min(1.0, rho / distance)
-    if segment_inside(flat.vertices, flat.starts, *b, *b_hat):
-        return b_hat
-    star = _view(flat.vertices, flat.starts, b[0], b[1], rho)
-    b_next = np.array(nearest(star, np.array([0, len(star)]), b_hat[0], b_hat[1]))
-    return b_next if segment_inside(flat.vertices, flat.starts, *b, *b_next) else b
 
 
 @compiled
@@ -201,13 +185,15 @@ def _view(vertices: Array, starts: Index, bx: float, by: float, rho: float) -> A
     angles = _directions(edges, rho)
     star = np.empty((2 * len(angles), 2))
     n = 0
+    # From the middle of the area all is inside that no edge hides; from an edge half of it is outside.
+    amid = contains(vertices, starts, bx, by) and not near_boundary(vertices, starts, bx, by, ON_IT)
     for k in range(len(angles) - 1):
         if angles[k + 1] - angles[k] < SLIT:
             continue
         middle = 0.5 * (angles[k] + angles[k + 1])
         cx, cy = np.cos(middle), np.sin(middle)
         hit, reach = _first_hit(edges, cx, cy, rho)
-        if not contains(vertices, starts, bx + 0.5 * reach * cx, by + 0.5 * reach * cy):
+        if not amid and not contains(vertices, starts, bx + 0.5 * reach * cx, by + 0.5 * reach * cy):
             star[n] = bx, by
             n += 1
             continue
@@ -218,3 +204,43 @@ def _view(vertices: Array, starts: Index, bx: float, by: float, rho: float) -> A
             star[n] = bx + x, by + y
             n += 1
     return star[:n]
+
+
+@compiled
+def _best_step(
+    vertices: Array, starts: Index, x: float, y: float, goal_x: float, goal_y: float, rho: float
+) -> tuple[float, float]:
+    """The point of the step area that is nearest to the straight step (M-FABRIK, Alg. 2)."""
+    part = min(1.0, rho / math.sqrt((goal_x - x) ** 2 + (goal_y - y) ** 2))
+    hat_x, hat_y = x + (goal_x - x) * part, y + (goal_y - y) * part
+    if segment_inside(vertices, starts, x, y, hat_x, hat_y):
+        return hat_x, hat_y
+    star = _view(vertices, starts, x, y, rho)
+    next_x, next_y = nearest(star, np.array([0, len(star)]), hat_x, hat_y)
+    if segment_inside(vertices, starts, x, y, next_x, next_y):
+        return next_x, next_y
+    return x, y
+
+
+@compiled
+def _steps(
+    vertices: Array, starts: Index, x: float, y: float, goal_x: float, goal_y: float, rho: float
+) -> tuple[Array, bool]:
+    """Positions of Algorithm 2, (k, 2), and whether the last of them is the goal."""
+    far = math.sqrt((goal_x - x) ** 2 + (goal_y - y) ** 2)
+    # Sliding past an obstacle takes a few times the straight number of steps; far more is creeping.
+    most = 100 + 20 * math.ceil(far / rho)
+    points = np.empty((most + 2, 2))
+    points[0, 0], points[0, 1] = x, y
+    for k in range(1, most + 1):
+        if math.sqrt((goal_x - x) ** 2 + (goal_y - y) ** 2) <= rho and segment_inside(
+            vertices, starts, x, y, goal_x, goal_y
+        ):
+            points[k, 0], points[k, 1] = goal_x, goal_y
+            return points[: k + 1], True
+        next_x, next_y = _best_step(vertices, starts, x, y, goal_x, goal_y, rho)
+        if math.sqrt((next_x - x) ** 2 + (next_y - y) ** 2) < STALL:
+            return points[:k], False
+        x, y = next_x, next_y
+        points[k, 0], points[k, 1] = x, y
+    return points[: most + 1], False

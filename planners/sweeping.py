@@ -15,14 +15,26 @@ import numpy as np
 
 from regionik.planners.flat import Index, compiled
 from regionik.planners.hulls import hull_gap
-from regionik.planners.moving import WORLD, Exempt, Hop, Hulls, Movers, pace, place, put, twist
+from regionik.planners.moving import (
+    WORLD,
+    Exempt,
+    Hop,
+    Hulls,
+    Movers,
+    hop_between,
+    pace,
+    place,
+    put,
+    twist,
+)
 from regionik.planners.serial import SerialArm
 from regionik.worlds.arrays import Array
 
 MOST_STEPS = 1000
 SHORTEST = 1e-5  # part of a hop; shorter steps mean that the gap is used up
 ROUNDING = 1e-9  # [m]
-CHORDS = 8  # parts of a hop whose boxes bound where the links pass
+CHORDS = 8  # most parts of a hop whose boxes bound where the links pass
+CHORD = 0.1  # largest turn of base or joint in one of them, while they are fewer [rad]
 
 
 @compiled
@@ -102,10 +114,10 @@ def advance(
 @compiled
 def swept(arm: SerialArm, mount: Array, movers: Movers, hop: Hop, boxes: Array) -> None:
     """Write boxes (solids, 2, 3) along the world's axes that hold all that the solids' corners pass."""
-    turning = hop.drive[2] != 0.0
+    turn = abs(hop.drive[2])
     for k in range(len(hop.bend)):
-        turning = turning or hop.bend[k] != 0.0
-    chords = CHORDS if turning else 1
+        turn = max(turn, abs(hop.bend[k]))
+    chords = min(max(1, math.ceil(turn / CHORD)), CHORDS)
     frames, placed = np.empty((len(arm.axis) + 2, 4, 4)), np.empty_like(movers.corners)
     for c in range(chords + 1):
         place(arm, mount, hop, c / chords, WORLD, frames)
@@ -167,6 +179,28 @@ def first_stop(
                     after = m + 1  # the hull bounds triangles: look at them
             m = after
     return -1, -1, 1.0
+
+
+@compiled
+def first_stop_on_way(
+    arm: SerialArm,
+    mount: Array,
+    movers: Movers,
+    hulls: Hulls,
+    bases: Array,
+    joints: Array,
+    rolls: bool,
+    exempt: Exempt,
+    keep: float,
+) -> tuple[int, int, int, float]:
+    """As `first_stop`, for hops through states (n + 1, ...): which of them comes first, n where all hold."""
+    boxes = np.empty((len(movers.link), 2, 3))
+    for i in range(len(bases) - 1):
+        hop = hop_between(bases[i], joints[i], bases[i + 1], joints[i + 1], rolls)
+        k, m, s = first_stop(arm, mount, movers, hulls, hop, exempt, boxes, keep)
+        if k >= 0:
+            return i, k, m, s
+    return len(bases) - 1, -1, -1, 1.0
 
 
 @compiled

@@ -6,19 +6,23 @@ looked at; the distances that are told come from `collision`.
 
 from __future__ import annotations
 
-import math
 from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from regionik.planners.arcs import rolling
 from regionik.planners.collision import hull_separation
 from regionik.planners.flat import Index
-from regionik.planners.moving import WORLD, Exempt, Hop, Hulls, pace, place, stand
+from regionik.planners.moving import WORLD, Exempt, Hop, Hulls, hop_between, pace, place, stand
 from regionik.planners.pieces import Separation
 from regionik.planners.prepared import Bodies, Contact, bodies_from
-from regionik.planners.sweeping import ROUNDING, exempt_for, first_stop, lower_bounds
+from regionik.planners.sweeping import (
+    ROUNDING,
+    exempt_for,
+    first_stop_on_way,
+    lower_bounds,
+    swept,
+)
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.errors import InputError
 from regionik.worlds.selfpairs import BODY
@@ -28,12 +32,12 @@ __all__ = [
     "Contact",
     "Touch",
     "bodies_from",
-    "hop_between",
-    "hop_clear",
     "motion_clear",
     "nearest",
     "other",
     "solid_clear",
+    "still_clear",
+    "way_clear",
     "words",
 ]
 
@@ -50,6 +54,9 @@ class Touch(NamedTuple):
     other: int  # index of the obstacle, or of the other solid of the robot; -1 otherwise
     on_solid: Array  # (3,) [m]
     on_other: Array  # (3,) [m]
+
+
+NOTHING = Touch(np.inf, -1, "none", -1, np.full(3, np.nan), np.full(3, np.nan))  # is near
 
 
 def nearest(
@@ -83,8 +90,7 @@ def nearest(
     InputError
         When a number is not finite.
     """
-    state = _state(bodies, base, joints)
-    hop = hop_between(bodies, *state, *state)
+    hop = _still(*_state(bodies, base, joints))
     return _nearest(bodies, hop, np.arange(len(bodies.robot.all_solids)), contact, within)
 
 
@@ -114,8 +120,7 @@ def solid_clear(
     contact : Contact, optional
         As for `nearest`; the place of the tool does depend on all joints.
     """
-    state = _state(bodies, base, joints)
-    hop = hop_between(bodies, *state, *state)
+    hop = _still(*_state(bodies, base, joints))
     return _nearest(bodies, hop, np.array([k]), contact, margin).solid < 0
 
 
@@ -158,32 +163,42 @@ def motion_clear(
     """
     if not 0 <= margin < np.inf:
         raise InputError(f"margin: expected a finite number, at least 0, got {margin}")
-    ends = *_state(bodies, base_a, joints_a), *_state(bodies, base_b, joints_b)
-    return hop_clear(bodies, hop_between(bodies, *ends), margin, contact)
+    bases, joints = zip(_state(bodies, base_a, joints_a), _state(bodies, base_b, joints_b), strict=True)
+    return way_clear(bodies, np.stack(bases), np.stack(joints), margin, contact)[1]
 
 
-def hop_clear(bodies: Bodies, hop: Hop, margin: float, contact: Contact | None) -> Touch | None:
-    """As `motion_clear`, for a motion that `hop_between` made."""
-    boxes, exempt = np.empty((len(bodies.robot.all_solids), 2, 3)), _exempt(contact)
-    k, m, s = first_stop(
-        bodies.arm, bodies.mount, bodies.movers, bodies.hulls, hop, exempt, boxes, float(margin)
-    )
-    if k < 0 and bodies.meshed:
-        k, m, s = _swallowed(bodies, hop, exempt, boxes)
+def way_clear(
+    bodies: Bodies, bases: Array, joints: Array, margin: float, contact: Contact | None
+) -> tuple[int, Touch | None]:
+    """As `motion_clear`, hop by hop through states (n + 1, 3), (n + 1, dof), finite and writable.
+
+    Returns how many hops are proven clear before the first that is not, and what could not be passed there.
+    """
+    i, k, m, s = _first_stop(bodies, bases, joints, margin, contact)
     if k < 0:
-        return None
-    return _touch(bodies, _at(hop, s), k, m)
+        return i, None
+    hop = hop_between(bases[i], joints[i], bases[i + 1], joints[i + 1], bodies.robot.base != "omni")
+    return i, _touch(bodies, _at(hop, s), k, m)
 
 
-def hop_between(bodies: Bodies, base_a: Array, joints_a: Array, base_b: Array, joints_b: Array) -> Hop:
-    """The motion between two states; the base turns the shorter way."""
-    drive = base_b - base_a
-    drive[2] = (drive[2] + math.pi) % (2 * math.pi) - math.pi
-    if bodies.robot.base == "omni":
-        return Hop(base_a, drive, 0.0, joints_a, joints_b - joints_a)
-    x, y, yaw = base_a
-    arc, *missed = rolling(x, y, yaw, x + drive[0], y + drive[1], drive[2])
-    return Hop(base_a, np.array([*missed, drive[2]]), arc, joints_a, joints_b - joints_a)
+def still_clear(bodies: Bodies, base: Array, joints: Array, margin: float, contact: Contact | None) -> bool:
+    """Whether every link is proven to keep a distance from everything in a state; quicker than `nearest`."""
+    return _first_stop(bodies, np.stack([base, base]), np.stack([joints, joints]), margin, contact)[1] < 0
+
+
+def _first_stop(
+    bodies: Bodies, bases: Array, joints: Array, margin: float, contact: Contact | None
+) -> tuple[int, int, int, float]:
+    """Hop, solid, row and part of the hop where the proof of a way ends; a solid of -1 where it does not."""
+    exempt, rolls = _exempt(contact), bodies.robot.base != "omni"
+    known = bodies.arm, bodies.mount, bodies.movers, bodies.hulls
+    i, k, m, s = first_stop_on_way(*known, bases, joints, rolls, exempt, float(margin))
+    for n in range(i if bodies.meshed else 0):
+        hop = hop_between(bases[n], joints[n], bases[n + 1], joints[n + 1], rolls)
+        within = _swallowed(bodies, hop, exempt)
+        if within[0] >= 0:
+            return n, *within
+    return i, k, m, s
 
 
 def _state(bodies: Bodies, base: ArrayLike, joints: ArrayLike) -> tuple[Array, Array]:
@@ -226,7 +241,7 @@ def _nearest(bodies: Bodies, hop: Hop, which: Index, contact: Contact | None, wi
         if distance < min(best, within):
             best, at = distance, (k, m)
     if at[0] < 0:
-        return Touch(np.inf, -1, "none", -1, np.full(3, np.nan), np.full(3, np.nan))
+        return NOTHING
     return _touch(bodies, hop, *at)
 
 
@@ -262,12 +277,14 @@ def _frames(bodies: Bodies, hop: Hop, frame: int) -> Array:
     return frames
 
 
-def _swallowed(bodies: Bodies, hop: Hop, exempt: Exempt, boxes: Array) -> tuple[int, int, float]:
+def _swallowed(bodies: Bodies, hop: Hop, exempt: Exempt) -> tuple[int, int, float]:
     """A solid inside a mesh whose surface it does not touch; -1, -1, 1 if there is none.
 
     While the surface is not touched a solid stays inside or outside, so one look is enough unless the tool
     comes and goes.
     """
+    boxes = np.empty((len(bodies.robot.all_solids), 2, 3))
+    swept(bodies.arm, bodies.mount, bodies.movers, hop, boxes)
     tool = bodies.arm.tool[:3, 3].copy().reshape(1, 3)
     speed = pace(bodies.arm, bodies.mount, hop, bodies.robot.chain.dof - 1, WORLD, tool)[0]
     for k, solid in enumerate(bodies.robot.all_solids):
@@ -296,6 +313,11 @@ def _exempt(contact: Contact | None) -> Exempt:
     return Exempt(one.spots, one.owner, one.reach)
 
 
+def _still(base: Array, joints: Array) -> Hop:
+    """A hop that goes nowhere."""
+    return Hop(base, np.zeros(3), 0.0, joints, np.zeros(len(joints)))
+
+
 def _at(hop: Hop, s: float) -> Hop:
     """A hop that stays where another one is at part s."""
-    return Hop(np.array(stand(hop, s)), 0.0 * hop.drive, 0.0, hop.joints + s * hop.bend, 0.0 * hop.bend)
+    return _still(np.array(stand(hop, s)), hop.joints + s * hop.bend)

@@ -16,7 +16,7 @@ from regionik.demand import deviation
 from regionik.planners import fabrik, kernels
 from regionik.planners.edgetree import tree_of
 from regionik.planners.flat import FlatPolygon
-from regionik.planners.onecall import Joined, Turning, packed
+from regionik.planners.onecall import PITCHES, TILT, Joined, Turning, packed
 from regionik.planners.passes import holds_of
 from regionik.planners.qualities import COMFORT, Asked, meeting_posture, posture_spare
 from regionik.planners.rolls import roll_for, tool_turn, within_limits
@@ -187,7 +187,7 @@ class PlaneSolver:
         best, least = None, np.inf
         for kind in self._kinds(target):
             bends = np.empty(3)
-            change = kernels.nearest_posture(self.plane, kind.pitch, r, z, near, bends, 180, 0.5)
+            change = kernels.nearest_posture(self.plane, kind.pitch, r, z, near, bends, PITCHES, TILT)
             if change < least:
                 q, angle = self._turned(target, bends, plane_yaw, yaw, joints)
                 best, least = Reached(axis, q, 0.0, 0, angle), change

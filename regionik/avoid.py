@@ -9,10 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import lru_cache, partial
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 from scipy.stats import qmc
 from shapely.geometry import Point
 from shapely.geometry.base import BaseGeometry
@@ -31,6 +32,7 @@ from regionik.rolled import Rolls
 from regionik.serialarm import serial_solver
 from regionik.standing import Standing, away, into_span
 from regionik.worlds.arrays import Array
+from regionik.worlds.chain import Chain
 from regionik.worlds.scene import World
 
 PLACES = 24  # of the base, looked through in one component
@@ -136,7 +138,8 @@ class Avoider:
 
     def meets(self, at: Pose) -> bool:
         """Whether a posture at a set-point meets the rules' criteria; those of `Solver` do anyway."""
-        return meets(self.world.robot, self.world.rules.criteria, at.joints)
+        criteria = self.world.rules.criteria
+        return criteria is None or meets(self.world.robot, criteria, at.joints)
 
     def _options(self, i: int, components: Sequence[int], here: Pose, nominal: Spot) -> Iterator[Spot]:
         if self.travel is not None:
@@ -209,9 +212,7 @@ class Avoider:
     def _turns(self, spot: Spot, here: Pose) -> Iterator[Spot]:
         """A spot with its endless joints turned the shorter way from here, then with each the longer way."""
         chain, found = self.world.robot.chain, spot.found
-        turns = np.array(
-            [np.isinf(joint.upper - joint.lower) and joint.kind == "revolute" for joint in chain.joints]
-        )
+        turns = _endless(chain)
         change = found.joints - here.joints
         near = here.joints + np.where(turns, np.remainder(change + np.pi, 2 * np.pi) - np.pi, change)
         yield replace(spot, found=replace(found, joints=near)) if (near != found.joints).any() else spot
@@ -323,7 +324,7 @@ class Avoider:
 
     def solver(self, k: int) -> Solver:
         """M-FABRIK inside a component."""
-        return solver_for(self.world, self.ladder.family[k], self.ladder.component[k], self._span(k))
+        return solver_for(self.world, self.ladder.family[k], self.ladder.flat(k), self._span(k))
 
     def _spread(self, k: int) -> Array:
         """Places spread over a component."""
@@ -342,3 +343,9 @@ def spread(area: BaseGeometry, count: int, seed: int) -> Array:
     inside = points[shapely.contains_xy(area, points)][:count]
     middle: Point = area.representative_point()
     return inside if len(inside) else np.array([[middle.x, middle.y]])
+
+
+@lru_cache(maxsize=64)
+def _endless(chain: Chain) -> NDArray[np.bool_]:
+    """Which joints turn without end."""
+    return np.array([np.isinf(one.upper - one.lower) and one.kind == "revolute" for one in chain.joints])

@@ -17,72 +17,58 @@ from shapely.geometry import LineString
 from shapely.geometry.base import BaseGeometry
 
 from regionik.driving import AnyHeading, Driver, OnWheels
-from regionik.ground import Geometries, ground_of, united
+from regionik.ground import Geometries, ground_of
 from regionik.mfabrik import axis_of, pose_of
-from regionik.planners.flat import FlatPolygon, segment_inside
-from regionik.planners.flat import Index as Corners
+from regionik.planners.flat import segment_in_either
 from regionik.planners.footprint import Slab
 from regionik.planners.room import Room, room_of, slides
 from regionik.planners.slabgraph import through
-from regionik.poses import turn_to
 from regionik.pruning import Ladder
 from regionik.rolling import on_way
 from regionik.standing import Index, Standing, into_span, room_for
 from regionik.worlds.arrays import Array
-from regionik.worlds.robot import BaseKind, Robot
+from regionik.worlds.robot import BaseKind
 from regionik.worlds.scene import World
 
 INSET = 0.002  # kept from the edge of what two areas share, where there is room [m]
-KEPT = 256  # polygons of components as flat arrays
+TOGETHER = np.array([0.0, 1.0])  # the tool goes on as the base does
 TURN_PART = 0.1  # of a turn about the arm axis, which a base frame elsewhere does by short slides [rad]
 
 
-class AxisLine(NamedTuple):
-    """The arm axis goes straight; the heading is free."""
-
-    start: Array  # (2,) [m]
-    end: Array
-
-    @property
-    def length(self) -> float:
-        return float(np.hypot(*(self.end - self.start)))
-
-    def base(self, robot: Robot, share: float, yaw: float) -> tuple[Array, bool]:
-        """Base pose at a share of the way, and whether its heading is set."""
-        return pose_of(robot, self.start + share * (self.end - self.start), yaw), False
-
-
 class BaseWay(NamedTuple):
-    """The base goes from pose to pose as its kind does between states."""
+    """A way of the base from one set-point to the next, knot by knot, and how far the tool is at each.
+
+    Attributes
+    ----------
+    kind : {"omni", "differential", "car"}
+        How the base goes from knot to knot.
+    knots : (k, 3) array
+        Base poses; where the heading is NaN it is free, and the place is that of the arm axis [m], [rad].
+    tool : (k,) array
+        0 at the first set-point, 1 at the second.
+    """
 
     kind: BaseKind
-    start: Array  # (3,) x, y [m], yaw [rad]
-    end: Array
+    knots: Array
+    tool: Array
 
     @property
-    def length(self) -> float:
-        way = turn_to(self.start, self.end)
-        return float(np.hypot(way[0], way[1]) + abs(way[2]))
+    def lengths(self) -> Array:
+        """Of the legs between knots, turns counting as metres, (k - 1,)."""
+        x, y, turn = (self.knots[1:] - self.knots[:-1]).T
+        turn = np.where(np.isnan(turn), 0.0, turn)
+        lengths: Array = np.hypot(x, y) + np.abs(turn - 2 * np.pi * np.ceil((turn - np.pi) / (2 * np.pi)))
+        return lengths
 
-    def base(self, robot: Robot, share: float, yaw: float) -> tuple[Array, bool]:
-        """Base pose at a share of the way, and whether its heading is set."""
-        return on_way(self.kind, self.start, self.end, share), True
-
-
-Track = AxisLine | BaseWay
-
-
-class Move(NamedTuple):
-    """A track of the base, and how far between the two set-points the tool is at its ends."""
-
-    track: Track
-    tool: tuple[float, float]
+    def places(self, leg: Index, share: Array) -> Array:
+        """As the knots are, at shares (n,) of legs (n,): leg k goes from knot k to the next, (n, 3)."""
+        return on_way(self.kind, self.knots[leg], self.knots[leg + 1], share)
 
 
 class Tracks(Protocol):
     """Ways of one kind of base."""
 
-    def ways(self, k: int, j: int, here: Array, goal: Array) -> Iterator[list[Move]]:
+    def ways(self, k: int, j: int, here: Array, goal: Array) -> Iterator[BaseWay]:
         """Ways from a pose in component k to one in component j of the next set-point, the plainest first.
 
         Raises
@@ -108,39 +94,34 @@ class AnyHeadingTracks:
     world: World
     ladder: Ladder
     driver: AnyHeading
-    _flats: dict[tuple[int, ...], tuple[Array, Corners]] = field(default_factory=dict)
 
-    def ways(self, k: int, j: int, here: Array, goal: Array) -> Iterator[list[Move]]:
+    def ways(self, k: int, j: int, here: Array, goal: Array) -> Iterator[BaseWay]:
         """See `Tracks`."""
         a, b = (axis_of(self.world.robot, pose) for pose in (here, goal))
         if self._within(k, j, a, b):
-            yield [Move(AxisLine(a, b), (0.0, 1.0))]
+            yield BaseWay("omni", _at_any_heading(np.stack([a, b])), TOGETHER)
         first, second = self.ladder.component[k], self.ladder.component[j]
         over = _handover(first & second, a, b)
-        yield [
-            *_held(self.driver.within(first, a, over), 0.0),
-            Move(AxisLine(over, over), (0.0, 1.0)),
-            *_held(self.driver.within(second, over, b), 1.0),
-        ]
+        before = self.driver.within(first, self.ladder.flat(k), a, over)
+        after = self.driver.within(second, self.ladder.flat(j), over, b)
+        yield _halting("omni", _at_any_heading(before), _at_any_heading(after))
 
     def _within(self, k: int, j: int, a: Array, b: Array) -> bool:
         """Whether the straight way lies in two components together; most ways lie in one of them."""
-        one = any(segment_inside(*self._flat(m), a[0], a[1], b[0], b[1]) for m in (k, j))
-        return one or bool(segment_inside(*self._flat(k, j), a[0], a[1], b[0], b[1]))
-
-    def _flat(self, *members: int) -> tuple[Array, Corners]:
-        """Vertices and rings of components together, the last few kept."""
-        if members not in self._flats:
-            if len(self._flats) >= KEPT:
-                self._flats.clear()
-            flat = FlatPolygon.from_shapely(united(self.ladder.component[list(members)]))
-            self._flats[members] = flat.vertices, flat.starts
-        return self._flats[members]
+        one, other = self.ladder.flat(k), self.ladder.flat(j)
+        if one.sees(a, b) or other.sees(a, b):
+            return True
+        return bool(segment_in_either(one.vertices, one.starts, other.vertices, other.starts, *a, *b))
 
 
-def _held(points: Array, tool: float) -> list[Move]:
-    """The axis along a polyline, the tool held."""
-    return [Move(AxisLine(p, q), (tool, tool)) for p, q in zip(points[:-1], points[1:], strict=True)]
+def _at_any_heading(axes: Array) -> Array:
+    """Knots (k, 3) of a way of the arm axis (k, 2)."""
+    return np.column_stack([axes, np.full(len(axes), np.nan)])
+
+
+def _halting(kind: BaseKind, before: Array, after: Array) -> BaseWay:
+    """The base moves, stands while the tool goes on, and moves on: ``after`` begins where ``before`` ends."""
+    return BaseWay(kind, np.concatenate([before, after]), np.repeat([0.0, 1.0], [len(before), len(after)]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,17 +134,16 @@ class ByHeadingTracks:
     seed: int
     _slabs: dict[int, tuple[Slab, ...]] = field(default_factory=dict)
 
-    def ways(self, k: int, j: int, here: Array, goal: Array) -> Iterator[list[Move]]:
+    def ways(self, k: int, j: int, here: Array, goal: Array) -> Iterator[BaseWay]:
         """See `Tracks`."""
         if slides(room_for(self.world), here, goal):
-            yield [Move(BaseWay("omni", here, goal), (0.0, 1.0))]
+            yield BaseWay("omni", np.stack([here, goal]), TOGETHER)
         over = self._shared(k, j, here, goal)
         if over is None:
             return
         before, after = self._through(k, here, over), self._through(j, over, goal)
         if before is not None and after is not None:
-            stand = Move(BaseWay("omni", over, over), (0.0, 1.0))
-            yield [*_led("omni", before, 0.0), stand, *_led("omni", after, 1.0)]
+            yield _halting("omni", before, after)
 
     def _shared(self, k: int, j: int, here: Array, goal: Array) -> Array | None:
         """The pose nearest to the way that components of both groups hold."""
@@ -228,11 +208,6 @@ def _parted(poses: Array) -> Array:
     return np.array(rows)
 
 
-def _led(kind: BaseKind, poses: Array, tool: float) -> list[Move]:
-    """The base from pose to pose, the tool held."""
-    return [Move(BaseWay(kind, p, q), (tool, tool)) for p, q in zip(poses[:-1], poses[1:], strict=True)]
-
-
 @dataclass(frozen=True, eq=False)
 class WheelTracks:
     """A base that rolls: while the tool goes on, after it, or before."""
@@ -240,20 +215,18 @@ class WheelTracks:
     world: World
     driver: OnWheels
 
-    def ways(self, k: int, j: int, here: Array, goal: Array) -> Iterator[list[Move]]:
+    def ways(self, k: int, j: int, here: Array, goal: Array) -> Iterator[BaseWay]:
         """See `Tracks`."""
         kind = self.world.robot.base
         if np.array_equal(here, goal):
-            yield [Move(BaseWay(kind, here, here), (0.0, 1.0))]
+            yield BaseWay(kind, np.stack([here, here]), TOGETHER)
             return
         poses = np.array(self.driver.way(here, goal).sample(self.world.rules.step))
         poses[-1] = goal
-        legs = _led(kind, poses, 0.0)
-        far = np.cumsum([0.0, *(leg.track.length for leg in legs)])
-        shares = (far / far[-1]).tolist()
-        yield [Move(leg.track, (u, v)) for leg, u, v in zip(legs, shares[:-1], shares[1:], strict=True)]
-        yield [Move(BaseWay(kind, here, here), (0.0, 1.0)), *_led(kind, poses, 1.0)]
-        yield [*legs, Move(BaseWay(kind, goal, goal), (0.0, 1.0))]
+        far = np.cumsum([0.0, *BaseWay(kind, poses, np.zeros(len(poses))).lengths])
+        yield BaseWay(kind, poses, far / far[-1])
+        yield _halting(kind, here[None], poses)
+        yield _halting(kind, poses, goal[None])
 
 
 @dataclass(frozen=True, eq=False)
@@ -262,10 +235,10 @@ class StandingTracks:
 
     world: World
 
-    def ways(self, k: int, j: int, here: Array, goal: Array) -> Iterator[list[Move]]:
+    def ways(self, k: int, j: int, here: Array, goal: Array) -> Iterator[BaseWay]:
         """See `Tracks`."""
         if np.array_equal(here, goal):
-            yield [Move(BaseWay(self.world.robot.base, here, here), (0.0, 1.0))]
+            yield BaseWay(self.world.robot.base, np.stack([here, here]), TOGETHER)
 
 
 def _handover(shared: BaseGeometry, a: Array, b: Array) -> Array:

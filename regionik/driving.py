@@ -8,14 +8,14 @@ from typing import Protocol
 
 import numpy as np
 import shapely
-from shapely.geometry import Point
+from shapely.geometry import Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from regionik.ground import GUARD, ground_of
 from regionik.hops import Hops
 from regionik.mfabrik import axis_of, pose_of
-from regionik.planners.drive import NoPathError, drive
-from regionik.planners.flat import FlatPolygon, contains, segment_inside
+from regionik.planners.drive import NoPathError, drive, drive_inside
+from regionik.planners.flat import FlatPolygon, contains
 from regionik.planners.room import Room, fits, rolls, slides
 from regionik.planners.shape import drive_shape
 from regionik.planners.wheels import Way, drive_car, drive_differential
@@ -96,16 +96,21 @@ class AnyHeading:
         free = piece.buffer(-berth) if berth else piece
         if free.is_empty:
             raise NoPathError("no floor is left", a, b)
-        return self.within(free, a, b)
+        flat = FlatPolygon.from_shapely(free) if berth else self._flat(label)
+        return self.within(free, flat, a, b)
 
-    def within(self, free: BaseGeometry, a: Array, b: Array) -> Array:
-        """Way of the arm axis from a to b inside a polygon, (k, 2)."""
+    def within(self, free: BaseGeometry, flat: FlatPolygon, a: Array, b: Array) -> Array:
+        """Way of the arm axis from a to b inside a polygon, also given for kernels, (k, 2)."""
         # Ends may lie outside by rounding, or by the gap between the exact and the inner area.
-        spots = [into(free, a), into(free, b)]
+        spots = [p if contains(flat.vertices, flat.starts, *p) else into(free, p) for p in (a, b)]
         if np.hypot(*(spots[1] - spots[0])) < 1e-9:
             return np.array([a, b])
-        found = drive(free, spots[0], spots[1], step=self.world.rules.step, seed=self.seed)
-        self.methods[found.method] = self.methods.get(found.method, 0) + 1
+        step = self.world.rules.step
+        if isinstance(free, Polygon):
+            found = drive_inside(free, flat, *spots, step=step, seed=self.seed)
+        else:
+            found = drive(free, *spots, step=step, seed=self.seed)
+        self._count(found.method)
         points = np.array(found.points)
         points[0], points[-1] = a, b
         return points
@@ -116,10 +121,8 @@ class AnyHeading:
 
     def direct(self, here: Pose, there: Pose, label: int) -> list[Pose] | None:
         """The axis moves straight; see `Driver`."""
-        flat = self._flat(label)
         a, b = (axis_of(self.world.robot, pose.base) for pose in (here, there))
-        inside = bool(segment_inside(flat.vertices, flat.starts, a[0], a[1], b[0], b[1]))
-        return self.hops.straight(here, there) if inside else None
+        return self.hops.straight(here, there) if self._flat(label).sees(a, b) else None
 
     def inside(self, at: Pose, label: int) -> bool:
         """See `Driver`."""
@@ -137,6 +140,9 @@ class AnyHeading:
             states = self.direct(at, back, label)
             if states is not None:
                 yield [*states, back]
+
+    def _count(self, method: str) -> None:
+        self.methods[method] = self.methods.get(method, 0) + 1
 
     def _piece(self, label: int) -> BaseGeometry:
         piece: BaseGeometry = self.standing.pieces.polygon[label]

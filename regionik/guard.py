@@ -12,19 +12,20 @@ from functools import lru_cache
 import numpy as np
 
 from regionik.planners.collision import obstacles_from, solids_within
-from regionik.planners.moving import Hop, tools_on
+from regionik.planners.moving import hops_led, tools_on
 from regionik.planners.touching import (
+    NOTHING,
     Bodies,
     Contact,
     Touch,
     bodies_from,
-    hop_between,
-    hop_clear,
     nearest,
     other,
+    still_clear,
+    way_clear,
     words,
 )
-from regionik.poses import Pose
+from regionik.poses import LARGEST_BEND, Pose, arrays
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Cause
 from regionik.worlds.scene import Target, World
@@ -55,6 +56,8 @@ class Guard:
 
     def touch(self, pose: Pose) -> Touch:
         """What comes too near to the arm, of kind "none" where nothing does."""
+        if still_clear(self.bodies, pose.base, pose.joints, SPARE, self.contact):
+            return NOTHING
         return nearest(self.bodies, pose.base, pose.joints, contact=self.contact, within=SPARE)
 
     def room(self, touch: Touch) -> float:
@@ -65,22 +68,26 @@ class Guard:
         """Whether every link keeps clear."""
         return not self.on or self.touch(pose).kind == "none"
 
-    def hop(self, here: Pose, there: Pose) -> Hop:
-        """The motion between two states, to be asked about."""
-        # Copies: kernels are compiled for arrays that can be written to.
-        return hop_between(self.bodies, np.array(here.base), np.array(here.joints), there.base, there.joints)
+    def stop(self, poses: Sequence[Pose]) -> Touch | None:
+        """What keeps the motion through poses from being proven clear."""
+        return self.proven(*arrays(poses))[1] if len(poses) > 1 else None
 
-    def stop(self, here: Pose, there: Pose) -> Touch | None:
-        """What keeps the motion between two states from being proven clear."""
-        return self.stopped(self.hop(here, there)) if self.on else None
+    def proven(self, bases: Array, joints: Array) -> tuple[int, Touch | None]:
+        """How many hops through states (n + 1, ...) are proven clear, and what stops the next one, if any."""
+        if not self.on:
+            return len(bases) - 1, None
+        return way_clear(self.bodies, bases, joints, SPARE, self.contact)
 
-    def stopped(self, hop: Hop) -> Touch | None:
-        """As `stop`, for a motion at hand."""
-        return hop_clear(self.bodies, hop, SPARE, self.contact) if self.on else None
+    def led(self, bases: Array, joints: Array, line: Array, shares: Array, stray: float) -> int:
+        """How many hops jump nowhere and lead the tool along a line; see `moving.hops_led`."""
+        rolls, step = self.world.robot.base != "omni", self.world.rules.step
+        arm, mount = self.bodies.arm, self.bodies.mount
+        return int(hops_led(arm, mount, bases, joints, rolls, line, shares, stray, LARGEST_BEND, step))
 
-    def tools(self, hop: Hop, shares: Array) -> Array:
-        """Tool frames at shares of a motion, (n, 4, 4)."""
-        frames: Array = tools_on(self.bodies.arm, self.bodies.mount, hop, shares)
+    def tools(self, bases: Array, joints: Array, shares: Array) -> Array:
+        """Tool frames at k shares of every hop through states (n + 1, ...), (n, k, 4, 4)."""
+        rolls = self.world.robot.base != "omni"
+        frames: Array = tools_on(self.bodies.arm, self.bodies.mount, bases, joints, rolls, shares)
         return frames
 
     def words(self, touch: Touch) -> str:

@@ -9,8 +9,9 @@ import numpy as np
 
 from regionik.guard import Guard
 from regionik.mfabrik import axis_of
-from regionik.planners.drive import resample
-from regionik.poses import LARGEST_BEND, Pose, between, turn_to
+from regionik.planners.pulling import spread_along
+from regionik.poses import LARGEST_BEND, Pose, turn_to
+from regionik.rolling import on_way
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import World
 
@@ -30,17 +31,10 @@ class Hops:
         turn = turn_to(here.base, there.base)[2]
         lever = float(np.hypot(*robot.mount[:2]))
         step = self.world.rules.step / (1.0 + lever)
-        points = resample(path, step * 0.999)
-        lengths = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
         swing = max(abs(turn) / TURN_STRIDE, float(np.abs(there.joints - here.joints).max()) / LARGEST_BEND)
         if lever > 0:
             swing = max(swing, abs(turn) * lever / (step * 0.5))
-        stops = lengths / lengths[-1] if lengths[-1] > 0 else np.array([0.0, 1.0])
-        shares = np.union1d(stops, np.linspace(0.0, 1.0, int(np.ceil(swing)) + 1))[1:-1]
-        shares = shares[np.diff(shares, prepend=0.0) > 1e-9]
-        axes = np.column_stack([np.interp(shares * lengths[-1], lengths, points[:, d]) for d in (0, 1)])
-        if lengths[-1] == 0:
-            axes[:] = points[0]
+        shares, axes = spread_along(np.array(path), step * 0.999, int(np.ceil(swing)))
         bases = np.column_stack([np.zeros((len(shares), 2)), here.base[2] + shares * turn])
         bases[:, :2] = axes - axis_of(robot, bases)
         joints = here.joints + shares[:, None] * (there.joints - here.joints)
@@ -61,9 +55,18 @@ class Hops:
             next_ = Pose(base, last.joints + share * change)
             parts = max(way / self.world.rules.step, abs(move[2]) / TURN_STRIDE, share * most)
             count = max(1, int(np.ceil(parts * 1.001)))
-            rows += [between(last, next_, k / count, kind) for k in range(1, count)] + [next_]
+            parted = np.arange(1, count) / count
+            joints = last.joints + parted[:, None] * (next_.joints - last.joints)
+            inner = zip(on_way(kind, last.base, base, parted), joints, strict=True)
+            rows += [*(Pose(*pose) for pose in inner), next_]
             last = next_
         return rows[:-1]
+
+    def still(self, here: Pose, there: Pose) -> list[Pose]:
+        """States strictly between two postures, the base standing."""
+        change = there.joints - here.joints
+        count = max(1, int(np.ceil(float(np.abs(change).max()) / LARGEST_BEND * 1.001)))
+        return [Pose(here.base, here.joints + k / count * change) for k in range(1, count)]
 
     def straight(self, here: Pose, there: Pose) -> list[Pose]:
         """States strictly between two poses, the axis moving straight."""
@@ -72,5 +75,4 @@ class Hops:
 
     def clear(self, poses: Sequence[Pose]) -> bool:
         """Whether a motion is proven clear, its two ends aside."""
-        pairs = zip(poses[:-1], poses[1:], strict=True)
-        return not self.guard.on or all(self.guard.stop(a, b) is None for a, b in pairs)
+        return self.guard.stop(poses) is None

@@ -6,8 +6,9 @@ Source: M-FABRIK (Santos et al., IEEE Access 2020), Algorithm 1, with joint limi
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from copy import copy
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -28,6 +29,7 @@ from regionik.planners.onecall import (
     REFUSED,
     Turning,
     answer_all,
+    answer_way,
     held,
     one_call,
     share_turn,
@@ -54,7 +56,7 @@ class Solver:
     Parameters
     ----------
     robot : Robot
-    area : geometry, optional
+    area : geometry or FlatPolygon, optional
         Admissible area of the arm axis; none leaves the whole floor free.
     tolerance : float
         [m]
@@ -76,7 +78,7 @@ class Solver:
     """
 
     robot: Robot
-    area: BaseGeometry | None = None
+    area: BaseGeometry | FlatPolygon | None = None
     tolerance: float = 1e-3
     heading: Heading = "free"
     family: Family = field(default_factory=lambda: Family(FRONT))
@@ -96,8 +98,7 @@ class Solver:
             robot.chain, height, self.family, self.tolerance, turns=turns, asked=asked and asked[0]
         )
         object.__setattr__(self, "_arm", arm)
-        flat = NOWHERE if self.area is None else FlatPolygon.from_shapely(self.area)
-        object.__setattr__(self, "_flat", flat)
+        object.__setattr__(self, "_flat", _flat(self.area))
 
     def __call__(self, target: Target | ArrayLike, base: ArrayLike, joints: ArrayLike) -> Configuration:
         """Move base and arm so that the tool reaches a target.
@@ -154,6 +155,29 @@ class Solver:
         reached = self._arm_for(asked).least_change(asked, axis, yaw, self._behind(joints))
         found = None if reached is None else self._headed(reached, base, joints)
         return found if found is not None and found.converged else None
+
+    def inside(self, area: BaseGeometry | FlatPolygon) -> Solver:
+        """The same solver for another area; what does not depend on it is shared."""
+        other = copy(self)
+        for name, value in (("area", area), ("_flat", _flat(area))):
+            object.__setattr__(other, name, value)
+        other.__dict__.pop("_call", None)
+        return other
+
+    @property
+    def compiled(self) -> bool:
+        """Whether one compiled call solves for bare points."""
+        return self._call is not None
+
+    def along(
+        self, points: Array, places: Array, wished: Array, bend: float, base: Array, joints: Array
+    ) -> tuple[Array, Array]:
+        """Bases and joints on a way, as many as are found; see `onecall.answer_way`. Of a compiled solver."""
+        assert self._call is not None
+        bases, postures = np.empty((len(points), 3)), np.empty((len(points), self.robot.chain.dof))
+        before = np.array(base), np.array(joints)
+        count = answer_way(self._call[3], points, places, wished, bend, *before, bases, postures)
+        return bases[:count], postures[:count]
 
     def self_motion(
         self, target: Target | ArrayLike, base: Array, joints: Array, tries: int
@@ -289,14 +313,22 @@ def _batch(rows: Sequence[Configuration], dof: int) -> Batch:
     )
 
 
+def _flat(area: BaseGeometry | FlatPolygon | None) -> FlatPolygon:
+    if area is None:
+        return NOWHERE
+    return area if isinstance(area, FlatPolygon) else FlatPolygon.from_shapely(area)
+
+
 def _asked(target: Target | ArrayLike) -> Target:
     return target if isinstance(target, Target) else Target(np.asarray(target, dtype=np.float64))
 
 
 def axis_of(robot: Robot, base: Array) -> Array:
     """Arm axis on the floor (..., 2) for base poses (..., 3)."""
-    c, s = np.cos(base[..., 2]), np.sin(base[..., 2])
     x, y = robot.mount[0], robot.mount[1]
+    if x == 0.0 and y == 0.0:
+        return np.array(base[..., :2])
+    c, s = np.cos(base[..., 2]), np.sin(base[..., 2])
     spot: Array = base[..., :2] + np.stack([c * x - s * y, s * x + c * y], axis=-1)
     return spot
 
@@ -327,7 +359,7 @@ def configurations(
     found = []
     for target, k in zip(world.task, chain, strict=True):
         span = standing.sides[ladder.side[k]].span
-        solver = solver_for(world, ladder.family[k], ladder.component[k], span)
+        solver = solver_for(world, ladder.family[k], ladder.flat(k), span)
         found.append(solver(target, base, joints))
         base, joints = found[-1].base, found[-1].joints
     return tuple(found)
@@ -336,12 +368,18 @@ def configurations(
 def solver_for(
     world: World,
     family: Family,
-    area: BaseGeometry | None = None,
+    area: BaseGeometry | FlatPolygon | None = None,
     span: tuple[float, float] = EVERY,
 ) -> Solver:
     """Solver for set-points under the world's rules."""
+    solver = _solver_anywhere(world, family, span)
+    return solver if area is None else solver.inside(area)
+
+
+@lru_cache(maxsize=64)
+def _solver_anywhere(world: World, family: Family, span: tuple[float, float]) -> Solver:
     rules = world.rules
-    return Solver(world.robot, area, rules.tolerance, rules.heading, family, span, rules.criteria)
+    return Solver(world.robot, None, rules.tolerance, rules.heading, family, span, rules.criteria)
 
 
 def solver_between(world: World, family: Family) -> Solver:

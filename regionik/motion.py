@@ -21,7 +21,7 @@ from regionik.driving import driver_for
 from regionik.guard import guard_of
 from regionik.hops import Hops
 from regionik.plan import Configuration, Motion
-from regionik.poses import Pose, Row, between, columns
+from regionik.poses import Pose, Row, arrays, between, columns
 from regionik.pruning import Pruned
 from regionik.rolled import travel_headings
 from regionik.standing import Standing
@@ -223,9 +223,8 @@ class _Walker:
         """Spots of the set-point after i, in components that the base can go on to."""
         if i + 1 >= len(self.nominal):
             return iter(())
-        ladder = self.pruned.ladder
-        turned = {ladder.group[k] for k in ladder.ahead[here.component]}  # and those it turns to there
-        after = {m for group in turned for m in ladder.joined[group]}
+        ladder = self.pruned.ladder  # a base may turn into another component where it has come to
+        after = {m for k in ladder.ahead[here.component] for m in ladder.members[k]}
         components = [k for k in self._kept(i + 1) if k in after]
         return islice(self.avoider.options(i + 1, components, here.pose, self.nominal[i + 1]), TRIES)
 
@@ -238,7 +237,7 @@ class _Walker:
     def _arrived(self, i: int, spot: Spot, rows: list[Row]) -> Spot:
         """The spot as the motion reaches it; iterations stay those of M-FABRIK."""
         pose, rules, guard = rows[-1].pose, self.world.rules, self.stretcher.guard
-        tool = guard.tools(guard.hop(pose, pose), np.zeros(1))[0, :3, 3]
+        tool = guard.tools(*arrays([pose, pose]), np.zeros(1))[0, 0, :3, 3]
         error = float(np.linalg.norm(tool - self.world.task[i].position))
         found = replace(
             spot.found, base=pose.base, joints=pose.joints, error=error, converged=error <= rules.tolerance

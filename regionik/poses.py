@@ -51,11 +51,17 @@ def between(here: Pose, there: Pose, share: float, kind: BaseKind = "omni") -> P
     return Pose(base, here.joints + share * (there.joints - here.joints))
 
 
+def arrays(poses: Sequence[Pose]) -> tuple[Array, Array]:
+    """Poses as arrays, base (n, 3) and joints (n, dof)."""
+    return np.array([one.base for one in poses]), np.array([one.joints for one in poses])
+
+
 def columns(rows: Sequence[Row]) -> Motion:
     """Rows as the columns of a motion that is not timed."""
+    base, joints = arrays([row.pose for row in rows])
     return Motion(
-        base=np.array([row.pose.base for row in rows]),
-        joints=np.array([row.pose.joints for row in rows]),
+        base=base,
+        joints=joints,
         kind=np.array([row.kind for row in rows]),
         setpoint=np.array([row.setpoint for row in rows], dtype=np.int64),
         time=np.full(len(rows), np.nan),

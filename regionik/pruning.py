@@ -8,7 +8,7 @@ with non-empty intersections. Source: M-FABRIK, experiment 4 (areas made for the
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
 
@@ -19,11 +19,14 @@ from shapely.geometry import Point
 from shapely.geometry.base import BaseGeometry
 
 from regionik.ground import Geometries, united
+from regionik.planners.flat import FlatPolygon, flats_of
 from regionik.reachable import Family
 from regionik.regions import PathAreas
 from regionik.standing import LEAST_AREA, Standing, away, groups, into_span
 from regionik.worlds.arrays import Array
 
+BLOCK, BLOCKS = 64, 8  # components that are flattened together, and how many such blocks are kept
+SURE = 1e-4  # half the side of a square that two areas share beyond doubt [m]
 TURN_WEIGHT = 0.1  # what a turn of the base counts against driving [m/rad]
 
 Mask = NDArray[np.bool_]
@@ -60,11 +63,29 @@ class Ladder:
     floor: Index
     edges: Index
     group: Index
+    _flats: dict[int, list[FlatPolygon]] = field(init=False, default_factory=dict)
 
     @cached_property
     def rungs(self) -> Index:
         """First component of every set-point, and the end: ``rungs[i]:rungs[i + 1]`` are those of i."""
         return np.searchsorted(self.target, np.arange(self.count + 1))
+
+    @cached_property
+    def members(self) -> list[list[int]]:
+        """For each component, those of its group, itself among them."""
+        table: list[list[int]] = [[] for _ in range(int(self.group.max(initial=-1)) + 1)]
+        for k, group in enumerate(self.group.tolist()):
+            table[group].append(k)
+        return [table[group] for group in self.group.tolist()]
+
+    def flat(self, k: int) -> FlatPolygon:
+        """A component for kernels; flattened with its neighbours, the last of which are kept."""
+        block = k // BLOCK
+        if block not in self._flats:
+            if len(self._flats) >= BLOCKS:
+                self._flats.clear()
+            self._flats[block] = flats_of(self.component[block * BLOCK : (block + 1) * BLOCK])
+        return self._flats[block][k % BLOCK]
 
     @cached_property
     def ahead(self) -> list[list[int]]:
@@ -75,14 +96,6 @@ class Ladder:
     def back(self) -> list[list[int]]:
         """For each component, those of the set-point before that overlap it or one of its group."""
         return self._neighbours(self.edges[:, ::-1])
-
-    @cached_property
-    def joined(self) -> list[list[int]]:
-        """For each group, its components."""
-        table: list[list[int]] = [[] for _ in range(int(self.group.max(initial=-1)) + 1)]
-        for k, group in enumerate(self.group.tolist()):
-            table[group].append(k)
-        return table
 
     def _neighbours(self, pairs: Index) -> list[list[int]]:
         table: list[list[int]] = [[] for _ in range(int(self.group.max(initial=-1)) + 1)]
@@ -137,17 +150,17 @@ def build_ladder(areas: PathAreas, count: int, standing: Standing) -> Ladder:
     parts, row, target = parts[order], row[order], target[order]
     shapely.prepare(parts)
     kinds, side = tuple(areas.family[k] for k in row), areas.side[row]
-    forward = _overlaps(standing, parts, target, side, kinds, count, ahead=1)
-    turns = _overlaps(standing, parts, target, side, kinds, count, ahead=0)
-    floor = _pieces(parts, side, standing)
+    spots = shapely.point_on_surface(parts)
+    forward = _overlaps(standing, parts, spots, target, side, kinds, count, ahead=1)
+    turns = _overlaps(standing, parts, spots, target, side, kinds, count, ahead=0)
+    floor = _pieces(spots, side, standing)
     shapely.destroy_prepared(parts)  # as much memory again as the components themselves
     return Ladder(count, parts, target, kinds, side, floor, forward, groups(len(parts), turns))
 
 
-def _pieces(parts: Geometries, side: Index, standing: Standing) -> Index:
-    """Label of the piece of free floor that holds each component (-1 for none)."""
-    spots = shapely.point_on_surface(parts)
-    piece = np.full(len(parts), -1, dtype=np.intp)
+def _pieces(spots: Geometries, side: Index, standing: Standing) -> Index:
+    """Label of the piece of free floor that holds each spot (-1 for none)."""
+    piece = np.full(len(spots), -1, dtype=np.intp)
     polygons, sides, label = standing.pieces
     which, found = shapely.STRtree(polygons).query(spots, predicate="intersects")
     own = side[which] == sides[found]
@@ -158,6 +171,7 @@ def _pieces(parts: Geometries, side: Index, standing: Standing) -> Index:
 def _overlaps(
     standing: Standing,
     parts: Geometries,
+    spots: Geometries,
     target: Index,
     side: Index,
     kinds: Sequence[Family],
@@ -182,11 +196,20 @@ def _overlaps(
         alike = (facing[here] == facing[there]) & (np.isnan(pitch[here]) == np.isnan(pitch[there]))
         alike &= (turn < np.pi / 2) & standing.beside(side[here], side[there])
         here, there = here[alike], there[alike]
-        touch = shapely.intersects(parts[here], parts[there])
-        here, there = here[touch], there[touch]
-        shared = shapely.area(shapely.intersection(parts[here], parts[there])) > LEAST_AREA
+        shared = _shared(parts[here], parts[there], spots[here])
         first, second = here[shared], there[shared]
     return np.column_stack([first, second]).astype(np.intp).reshape(-1, 2)
+
+
+def _shared(one: Geometries, other: Geometries, spots: Geometries) -> Mask:
+    """Which pairs of prepared parts share an area; mostly a spot of the first lies well inside both."""
+    x, y = shapely.get_x(spots), shapely.get_y(spots)
+    squares = shapely.box(x - SURE, y - SURE, x + SURE, y + SURE)
+    shared: Mask = shapely.contains_properly(one, squares) & shapely.contains_properly(other, squares)
+    rest = np.flatnonzero(~shared)
+    rest = rest[shapely.intersects(one[rest], other[rest])]
+    shared[rest] = shapely.area(shapely.intersection(one[rest], other[rest])) > LEAST_AREA
+    return shared
 
 
 def prune(ladder: Ladder, usable: Mask) -> Pruned:

@@ -36,6 +36,8 @@ def on_way(kind: BaseKind, here: Array, there: Array, share: ArrayLike) -> Array
     """
     share = np.asarray(share, dtype=np.float64)
     slide, length = _hop(kind, here, there)
+    if kind == "omni":
+        return here + share[..., None] * slide
     half = share * slide[..., 2] / 2
     chord, middle = share * length * np.sinc(half / np.pi), here[..., 2] + half
     pose: Array = here + share[..., None] * slide

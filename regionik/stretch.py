@@ -7,21 +7,24 @@ nothing jumps.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
 from regionik.avoid import Spot
-from regionik.basepaths import Move, Track, Tracks
+from regionik.basepaths import BaseWay, Tracks
 from regionik.demand import between as asked_between
 from regionik.demand import deviation
 from regionik.guard import Guard
-from regionik.mfabrik import Solver, solver_between
+from regionik.mfabrik import Solver, pose_of, solver_between
 from regionik.plan import Configuration
 from regionik.planners import kernels
 from regionik.planners.drive import NoPathError
-from regionik.planners.moving import Hop
+from regionik.planners.flat import Index
+from regionik.planners.moving import between
 from regionik.planners.touching import Touch
-from regionik.poses import LARGEST_BEND, Pose, Row, pose, turn_to
+from regionik.poses import LARGEST_BEND, Pose, Row, arrays, pose
 from regionik.pruning import Ladder
 from regionik.reachable import Family
 from regionik.worlds.arrays import Array
@@ -35,6 +38,7 @@ SAG_SHARE = 0.3  # share of the path tolerance that motion between two states ma
 TURN_SLACK = 1e-7  # rounding allowed at the edge of a cone [rad]
 DEEPEST = 6  # halvings before a stretch counts as discontinuous
 LOOKED_AT = np.array([0.25, 0.5, 0.75])  # shares of the way between two states
+AT_ONCE = 16  # states tried in one call: after one that fails, the rest is tried anew
 CLOSEST = 3  # halvings before a motion that is not proven clear counts as blocked
 
 
@@ -46,35 +50,72 @@ class _BlockedError(RegionikError):
         self.touch = touch
 
 
-@dataclass(frozen=True, eq=False)
-class Leg:
-    """Part of a stretch: base on a track, tool and wished posture straight from one end to the other.
+class Place(NamedTuple):
+    """A place on a way: the leg, the share of it, and how often the hop to there was halved."""
 
-    What the tool's axis or frame is asked turns evenly with it.
+    leg: int
+    share: float
+    depth: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class Way:
+    """What base, tool and arm do from one set-point to the next, evenly from knot to knot of the base's way.
+
+    Attributes
+    ----------
+    base : BaseWay
+    asked : (Target, Target)
+        At both set-points.
+    joints : (2, dof) array
+        Postures wished for there.
+    family : (Family, Family)
     """
 
-    track: Track
-    tool: tuple[Target, Target]
-    joints: tuple[Array, Array]
+    base: BaseWay
+    asked: tuple[Target, Target]
+    joints: Array
     family: tuple[Family, Family]
 
-    def target(self, share: float) -> Target:
-        """What the tool is asked at a share of the way."""
-        return asked_between(*self.tool, share)
-
-    def wished(self, share: float) -> Array:
-        """Joints at a share of the way."""
-        return self.joints[0] + share * (self.joints[1] - self.joints[0])
-
-    def pitch(self, share: float) -> float:
-        """Of the last link."""
-        first, last = self.family[0].pitch, self.family[1].pitch
-        return first + share * kernels.wrap(last - first)
-
     @property
-    def length(self) -> float:
-        way = self.tool[1].position - self.tool[0].position
-        return max(self.track.length, float(np.linalg.norm(way)))
+    def bare(self) -> bool:
+        """Whether the tool may be turned as it will."""
+        return self.asked[0].direction is None and self.asked[1].direction is None
+
+    @cached_property
+    def points(self) -> Array:
+        """Where the tool is at every knot, (k, 3) [m]."""
+        return _spread(np.stack([target.position for target in self.asked]), self.base.tool)
+
+    @cached_property
+    def lengths(self) -> Array:
+        """Of the base's way and of the tool's on every leg, (2, k - 1) [m]."""
+        way = np.linalg.norm(self.asked[1].position - self.asked[0].position)
+        return np.stack([self.base.lengths, (self.base.tool[1:] - self.base.tool[:-1]) * way])
+
+    @cached_property
+    def wished(self) -> Array:
+        """Joints wished for at every knot, (k, dof)."""
+        far = np.cumsum([0.0, *self.lengths.sum(axis=0)])
+        return _spread(self.joints, far / far[-1] if far[-1] > 0 else np.linspace(0.0, 1.0, len(far)))
+
+    def target(self, at: Place) -> Target:
+        """What the tool is asked at a place; its axis or frame turns evenly."""
+        first, last = (asked_between(*self.asked, tool) for tool in self._tool(at))
+        return asked_between(first, last, at.share)
+
+    def families(self, at: Place) -> list[Family]:
+        """At both ends of a leg."""
+        return [self.family[round(tool)] for tool in self._tool(at)]
+
+    def pitch(self, at: Place) -> float:
+        """Of the last link."""
+        first, last = (family.pitch for family in self.families(at))
+        return first + at.share * kernels.wrap(last - first)
+
+    def _tool(self, at: Place) -> list[float]:
+        tool: list[float] = self.base.tool[at.leg : at.leg + 2].tolist()
+        return tool
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,81 +137,80 @@ class Stretcher:
 
     def follow(self, i: int, here: Spot, goal: Spot) -> list[Row] | None:
         """From set-point i to i + 1; None where the arm would have to jump, or would touch something."""
+        ends = self.world.task[i], self.world.task[i + 1]
+        joints = np.stack([here.found.joints, goal.found.joints])
+        families = self.ladder.family[here.component], self.ladder.family[goal.component]
         try:
-            for moves in self.tracks.ways(here.component, goal.component, here.pose.base, goal.pose.base):
-                rows = self._go(i, here.pose, self._legs(i, (here, goal), moves))
-                if rows is not None:
-                    return rows
+            for base in self.tracks.ways(here.component, goal.component, here.pose.base, goal.pose.base):
+                poses = self._states(Way(base, ends, joints, families), here.pose)
+                if poses is not None:
+                    return [Row(one, "step", i) for one in poses]
         except NoPathError:
             return None
         except _BlockedError as blocked:
             self.stops.setdefault(i, blocked.touch)
         return None
 
-    def _legs(self, i: int, spots: tuple[Spot, Spot], moves: list[Move]) -> list[Leg]:
-        """Moves with what the tool does on them, and the postures wished for."""
-        ends = self.world.task[i], self.world.task[i + 1]
-        way = float(np.linalg.norm(ends[1].position - ends[0].position))
-        first, last = spots[0].found.joints, spots[1].found.joints
-        families = [self.ladder.family[spot.component] for spot in spots]
-        far = np.cumsum([0.0] + [move.track.length + (move.tool[1] - move.tool[0]) * way for move in moves])
-        shares = far / far[-1] if far[-1] > 0 else np.linspace(0.0, 1.0, len(far))
-        legs = []
-        for move, u, v in zip(moves, shares[:-1].tolist(), shares[1:].tolist(), strict=True):
-            tool = [asked_between(*ends, share) for share in move.tool]
-            wished = [first + share * (last - first) for share in (u, v)]
-            family = [families[round(share)] for share in move.tool]
-            legs.append(Leg(move.track, (tool[0], tool[1]), (wished[0], wished[1]), (family[0], family[1])))
-        return legs
+    def _states(self, way: Way, here: Pose) -> list[Pose] | None:
+        """States on a way that keep the tool to its own and the arm clear.
 
-    def _go(self, i: int, here: Pose, legs: list[Leg]) -> list[Row] | None:
-        rows: list[Row] = []
-        for leg in legs:
-            part = self._states(leg, here)
-            if part is None:
+        What holds is taken, up to a hop that does not: that one is halved, as often as it may help.
+        """
+        ahead = self._cut(way)[::-1]  # the next one last
+        passed, at = [here], Place(0, 0.0)
+        while ahead:
+            tried = [at, *ahead[: -AT_ONCE - 1 : -1]]
+            states, missing = self._solved(way, tried[1:], passed[-1])
+            count, touch = self._proven(way, tried[: len(states) + 1], [passed[-1], *states])
+            passed += states[:count]
+            at, ahead = tried[count], ahead[: len(ahead) - count]
+            if count == len(states) and not missing:
+                continue
+            leg, share, depth = ahead.pop()
+            if touch is not None and (depth >= CLOSEST or not self.guard.clear(states[count])):
+                raise _BlockedError(touch)
+            if depth >= DEEPEST:
                 return None
-            rows += [Row(one, "step", i) for one in part]
-            here = part[-1] if part else here
-        return rows
+            done = at.share if at.leg == leg else 0.0
+            ahead += [Place(leg, share, depth + 1), Place(leg, (done + share) / 2, depth + 1)]
+        return passed[1:]
 
-    def _states(self, leg: Leg, here: Pose) -> list[Pose] | None:
-        """States along a leg, as many as keep the tool on its way and the arm clear."""
+    def _cut(self, way: Way) -> list[Place]:
+        """Places on a way that are a stride apart at most, all knots but the first among them."""
         stride = min(TOOL_STRIDE, self.world.rules.step)
-        shares = np.linspace(0.0, 1.0, max(1, int(np.ceil(leg.length / stride))) + 1)[1:].tolist()
-        solver = self._solver(leg.family[0])
-        passed = [here]
-        done = 0.0
+        counts = np.maximum(1, np.ceil(way.lengths.max(axis=0) / stride)).astype(int).tolist()
+        places = []
+        for leg, count in enumerate(counts):
+            places += [Place(leg, k * (1 / count)) for k in range(1, count)] + [Place(leg, 1.0)]
+        return places
 
-        def advance(share: float, depth: int) -> bool:
-            nonlocal done
-            there = _solve(solver, leg, share, passed[-1])
-            hop = (
-                None if there is None else self._held(passed[-1], there, leg.target(done), leg.target(share))
-            )
-            if there is not None and hop is not None:
-                touch = self.guard.stopped(hop)
-                if touch is None:
-                    passed.append(there)
-                    done = share
-                    return True
-                if depth >= CLOSEST or not self.guard.clear(there):
-                    raise _BlockedError(touch)
-            return depth < DEEPEST and advance((done + share) / 2, depth + 1) and advance(share, depth + 1)
+    def _solved(self, way: Way, places: list[Place], near: Pose) -> tuple[list[Pose], bool]:
+        """States at places, each from the one before, and whether the one after them was not found.
 
-        return passed[1:] if all(advance(share, 0) for share in shares) else None
+        All of them where one compiled call finds them, else the first.
+        """
+        solver = self._solver(way.families(places[0])[0])
+        if not (way.bare and solver.compiled):
+            state = _solve(solver, way, places[0], near)
+            return ([], True) if state is None else ([state], False)
+        leg, share = _columns(places)
+        points, wished = (between(knots, leg, share) for knots in (way.points, way.wished))
+        rows = points, way.base.places(leg, share), wished
+        found = solver.along(*rows, LARGEST_BEND / 2, near.base, near.joints)
+        states = [Pose(*state) for state in zip(*found, strict=True)]
+        return states, len(states) < len(places)
 
-    def _held(self, here: Pose, there: Pose, p: Target, q: Target) -> Hop | None:
-        """The motion between two states, if the tool does on it what is asked, and nothing jumps."""
-        if np.abs(there.joints - here.joints).max() > LARGEST_BEND:
-            return None
-        turn = turn_to(here.base, there.base)
-        if np.hypot(turn[0], turn[1]) > self.world.rules.step or abs(turn[2]) > LARGEST_BEND:
-            return None
-        hop = self.guard.hop(here, there)
-        tools = self.guard.tools(hop, LOOKED_AT)
-        along = LOOKED_AT[:, None] * (q.position - p.position) + p.position
-        worst = np.square(tools[:, :3, 3] - along).sum(axis=1).max()
-        return hop if worst <= self._sag**2 and _turned(p, q, tools) else None
+    def _proven(self, way: Way, places: list[Place], poses: list[Pose]) -> tuple[int, Touch | None]:
+        """How many hops lead the tool as asked, jump nowhere and are clear; what stops the next one."""
+        (leg, share), (bases, joints) = _columns(places), arrays(poses)
+        line, sag = between(way.points, leg, share), SAG_SHARE * self.world.rules.path_tolerance
+        count = self.guard.led(bases, joints, line, LOOKED_AT, sag)
+        if not way.bare:
+            tools = self.guard.tools(bases[: count + 1], joints[: count + 1], LOOKED_AT)
+            asked = [way.target(place) for place in places[: count + 1]]
+            turned = [_turned(*hop) for hop in zip(asked[:-1], asked[1:], tools, strict=True)]
+            count = [*turned, False].index(False)
+        return self.guard.proven(bases[: count + 1], joints[: count + 1])
 
     def _solver(self, family: Family) -> Solver:
         """Solver for what lies between set-points, kept for families that are asked for again."""
@@ -178,10 +218,6 @@ class Stretcher:
             solver = solver_between(self.world, family)
             self._solvers[family] = replace(solver, tolerance=solver.tolerance * SOLVE_TOLERANCE)
         return self._solvers[family]
-
-    @property
-    def _sag(self) -> float:
-        return SAG_SHARE * self.world.rules.path_tolerance
 
 
 def _turned(p: Target, q: Target, tools: Array) -> bool:
@@ -193,17 +229,16 @@ def _turned(p: Target, q: Target, tools: Array) -> bool:
     return all(deviation(one, tool[:3, :3]) <= one.cone + TURN_SLACK for one, tool in pairs)
 
 
-def _solve(solver: Solver, leg: Leg, share: float, near: Pose) -> Pose | None:
-    """Pose at a share of a leg, as near as may be to the wished posture.
-
-    FABRIK from the wished posture first; where its passes stall or jump, the posture of least change.
-    """
-    tool, wished, pitch = leg.target(share), leg.wished(share), leg.pitch(share)
-    base, bound = leg.track.base(solver.robot, share, near.base[2])
+def _solve(solver: Solver, way: Way, at: Place, near: Pose) -> Pose | None:
+    """Pose at one place, as near as may be to the wished posture; see `onecall.answer_way`."""
+    leg, share = _columns([at])
+    place, wished = way.base.places(leg, share)[0], between(way.wished, leg, share)[0]
+    tool, pitch, bound = way.target(at), way.pitch(at), not np.isnan(place[2])
     if not np.isnan(pitch):
         solver = replace(solver, family=replace(solver.family, pitch=pitch))
     if bound:
-        solver = replace(solver, span=(float(base[2]), float(base[2])))
+        solver = replace(solver, span=(float(place[2]), float(place[2])))
+    base = place if bound else pose_of(solver.robot, place[:2], near.base[2])
     chain = pivoted(solver.robot.chain)
     others = (np.arange(chain.dof) != pivot_of(chain))[-len(wished) :]
     wished = np.where(others, wished, near.joints)  # the heading decides on the pivot
@@ -213,3 +248,13 @@ def _solve(solver: Solver, leg: Leg, share: float, near: Pose) -> Pose | None:
     if found is None:
         return None
     return Pose(base, found.joints) if bound else pose(found)
+
+
+def _columns(places: list[Place]) -> tuple[Index, Array]:
+    """Legs and shares of places."""
+    return np.array([one.leg for one in places]), np.array([one.share for one in places])
+
+
+def _spread(ends: Array, share: Array) -> Array:
+    """Values at shares (n,) of the way between two ends (2, m), (n, m)."""
+    return between(ends, np.zeros(len(share), dtype=np.int64), share)

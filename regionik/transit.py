@@ -78,8 +78,7 @@ class Carrier:
         met = next((touch for touch in map(self.guard.touch, poses) if touch.kind != "none"), None)
         if met is not None:  # tells how deep, where a proof only tells that it ended
             return met
-        stops = (self.guard.stop(a, b) for a, b in zip(poses[:-1], poses[1:], strict=True))
-        return next((touch for touch in stops if touch is not None), None)
+        return self.guard.stop(poses)
 
     def _carried(self, here: Pose, there: Pose, piece: int) -> list[Pose]:
         """Fold where the robot stands, drive in the carry posture, unfold; short ways without folding."""
@@ -88,11 +87,11 @@ class Carrier:
             return self.driver.states(here, there, route)
         lifted, lowered = self._lifted(here), self._lifted(there)
         return [
-            *self._still(here, lifted),
+            *self.hops.still(here, lifted),
             lifted,
             *self.driver.states(lifted, lowered, route),
             lowered,
-            *self._still(lowered, there),
+            *self.hops.still(lowered, there),
         ]
 
     def _driven(self, here: Pose, there: Pose, piece: int) -> list[Pose] | None:
@@ -111,13 +110,9 @@ class Carrier:
         for far in WITHDRAWALS:
             for back in self.driver.retreats(here, far, piece):
                 folded = self._lifted(back[-1])
-                way = [*back, *self._still(back[-1], folded), folded]
+                way = [*back, *self.hops.still(back[-1], folded), folded]
                 if self.hops.clear([here, *way]):
                     yield way
-
-    def _still(self, here: Pose, there: Pose) -> list[Pose]:
-        """States strictly between two poses of the arm, the base standing."""
-        return self.hops.over(here, there, np.stack([here.base, there.base]))
 
     def _lifted(self, at: Pose) -> Pose:
         """Carry posture with the pivot left where it is, so that the arm folds in its own plane."""

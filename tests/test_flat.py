@@ -8,7 +8,15 @@ import shapely
 from shapely import box
 from shapely.geometry import LineString, MultiPolygon, Point, Polygon
 
-from regionik.planners.flat import FlatPolygon, clamp, contains, nearest, segment_inside
+from regionik.planners.flat import (
+    FlatPolygon,
+    clamp,
+    contains,
+    flats_of,
+    nearest,
+    segment_in_either,
+    segment_inside,
+)
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError
 
@@ -138,6 +146,40 @@ def test_segments_known_by_hand(a: tuple[float, float], b: tuple[float, float], 
         p, q = ([c * x - s * y, s * x + c * y] for x, y in (a, b))
         assert sees(flat, np.array(p), np.array(q)) is expected
         assert sees(flat, np.array(q), np.array(p)) is expected
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_segment_in_two_polygons_together_lies_in_their_union(seed: int) -> None:
+    rng, seen = np.random.default_rng(seed), {True: 0, False: 0}
+    for _ in range(150):
+        spots, sizes = rng.uniform(-0.7, 0.7, (2, 2)), rng.uniform(0.6, 1.2, 2)
+        one, other = (Point(p).buffer(r) - Point(p).buffer(0.3) for p, r in zip(spots, sizes, strict=True))
+        a, b = rng.uniform(-1, 1, (2, 2))
+        whole, line = one | other, LineString([a, b])
+        inside, beside = (line.intersection(whole.buffer(by)).length for by in (-1e-6, 1e-6))
+        if beside - inside > 1e-3:
+            continue
+        p, q = (FlatPolygon.from_shapely(part) for part in (one, other))
+        found = segment_in_either(p.vertices, p.starts, q.vertices, q.starts, *a, *b)
+        assert found == whole.buffer(1e-9).covers(line)
+        seen[bool(found)] += 1
+    assert min(seen.values()) > 10
+
+
+def test_two_rooms_with_one_wall_are_together_but_not_across_a_slit() -> None:
+    left, near, apart = (FlatPolygon.from_shapely(box(x, 0, x + 1, 1)) for x in (0.0, 1.0, 1.0 + 1e-7))
+    for right, together in ((near, True), (apart, False)):
+        arrays = left.vertices, left.starts, right.vertices, right.starts
+        assert segment_in_either(*arrays, 0.5, 0.5, 1.5, 0.5) == together
+        assert segment_in_either(*arrays, 0.2, 0.5, 0.8, 0.5)
+
+
+def test_many_polygons_are_flattened_as_one_by_one() -> None:
+    polygons = [part for seed in range(3) for part in shapely.get_parts(random_area(seed)).tolist()]
+    for flat, polygon in zip(flats_of(np.array(polygons, dtype=object)), polygons, strict=True):
+        alone = FlatPolygon.from_shapely(polygon)
+        np.testing.assert_array_equal(flat.vertices, alone.vertices)
+        np.testing.assert_array_equal(flat.starts, alone.starts)
 
 
 def test_a_thin_wall_is_a_wall() -> None:

@@ -63,7 +63,7 @@ def test_clear_where_sampled_distances_are(clearance: float) -> None:
         clear = gap > clearance + SPARE
         seen[clear] += 1
         assert guard.clear(at) == clear
-        assert guard.clear(at) == (guard.stop(at, at) is None)
+        assert guard.clear(at) == (guard.stop([at, at]) is None)
     assert min(seen) > 30
 
 
@@ -76,7 +76,7 @@ def test_a_motion_that_is_not_stopped_is_clear_all_along() -> None:
             a.joints + rng.uniform(-0.4, 0.4, 5), ROBOT.chain.lower, ROBOT.chain.upper
         ))  # fmt: skip
         way = [between(a, b, share) for share in np.linspace(0, 1, 9)]
-        touch = guard.stop(a, b)
+        touch = guard.stop([a, b])
         if touch is None:
             passed += 1
             assert all(guard.clear(at) for at in way)
@@ -92,7 +92,7 @@ def test_without_avoidance_everything_is_clear() -> None:
     poses = [random_pose(rng) for _ in range(20)]
     assert not guard.on
     assert all(guard.clear(at) for at in poses)
-    assert all(guard.stop(a, b) is None for a, b in zip(poses[:-1], poses[1:], strict=True))
+    assert guard.stop(poses) is None
 
 
 def on_target(world: World, spot: Array, rng: np.random.Generator) -> Pose:

@@ -11,7 +11,7 @@ from shapely import box
 from shapely.geometry import MultiPolygon, Polygon
 
 from regionik.planners.flat import FlatPolygon, segment_inside
-from regionik.planners.pulling import resample, route, tighten
+from regionik.planners.pulling import resample, route, spread_along, tighten
 from regionik.planners.triangles import Triangulation, triangulate
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError
@@ -207,3 +207,21 @@ def test_resampling_keeps_points_and_bounds_legs() -> None:
     assert length(dense) == pytest.approx(length(path))
     with pytest.raises(InputError, match="step"):
         resample(path, 0.0)
+
+
+@pytest.mark.parametrize(("step", "parts"), [(0.3, 1), (0.3, 40), (5.0, 7), (5.0, 1)])
+def test_shares_along_a_path_cut_it_to_steps_and_parts(step: float, parts: int) -> None:
+    path = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 0.75], [0.5, 0.75]])
+    line = shapely.LineString(path)
+    shares, places = spread_along(path, step, parts)
+    all_shares = np.concatenate([[0.0], shares, [1.0]])
+    assert (np.diff(all_shares) > 0).all()
+    assert np.diff(all_shares).max() <= min(step / line.length, 1 / parts) + 1e-12
+    np.testing.assert_allclose(places, shapely.get_coordinates(line.interpolate(shares, normalized=True)))
+    assert all(np.abs(shares - corner / 2.25).min() < 1e-12 for corner in (1.0, 1.75))
+
+
+def test_a_path_of_no_length_is_cut_to_parts_alone() -> None:
+    shares, places = spread_along(np.ones((2, 2)), 0.1, 4)
+    assert shares.tolist() == [0.25, 0.5, 0.75]
+    assert (places == 1.0).all()

@@ -9,16 +9,17 @@ import pytest
 import shapely
 
 from regionik.avoid import Spot
-from regionik.basepaths import AxisLine, tracks_for
+from regionik.basepaths import BaseWay, tracks_for
 from regionik.driving import driver_for
 from regionik.guard import guard_of
 from regionik.hops import Hops
 from regionik.mfabrik import Solver, axis_of, pose_of
 from regionik.pipeline import whole_path
 from regionik.planners.kernels import wrap
+from regionik.planners.moving import between as between_knots
 from regionik.poses import LARGEST_BEND, Pose, Row, between
 from regionik.reachable import FRONT, Family
-from regionik.stretch import Leg, Stretcher
+from regionik.stretch import Place, Stretcher, Way, _solve
 from regionik.worlds.errors import NoPlanFound
 from regionik.worlds.library import robot_named
 from regionik.worlds.obstacles import Box, Solid
@@ -118,22 +119,56 @@ def test_a_board_on_the_way_stops_it_and_is_told() -> None:
     assert any(rows is not None for rows in followed)
 
 
-def test_a_leg_goes_straight_from_end_to_end() -> None:
+def test_a_way_goes_evenly_from_knot_to_knot() -> None:
     rng = np.random.default_rng(0)
-    axis, spots, joints = (tuple(rng.normal(size=(2, n))) for n in (2, 3, 5))
+    axes, spots, joints = (rng.normal(size=size) for size in ((3, 2), (2, 3), (2, 5)))
+    base = BaseWay("omni", np.column_stack([axes, np.full(3, np.nan)]), np.array([0.0, 0.4, 1.0]))
     families = Family(FRONT, pitch=3.0), Family(FRONT, pitch=-3.0)
-    robot = robot_named("youbot-real")
-    leg = Leg(AxisLine(*axis), (Target(spots[0]), Target(spots[1])), joints, families)
-    for share in (0.0, 0.3, 1.0):
-        asked, wished, pitch = leg.target(share), leg.wished(share), leg.pitch(share)
-        base, bound = leg.track.base(robot, share, 0.7)
-        assert base[2] == 0.7
-        assert not bound
-        pairs = ((axis_of(robot, base), axis), (asked.position, spots), (wished, joints))
-        for value, (a, b) in pairs:
-            np.testing.assert_allclose(value, (1 - share) * a + share * b)
-        assert wrap(pitch - 3.0) == pytest.approx(share * (2 * np.pi - 6.0))  # the shorter way round
-    assert leg.length == pytest.approx(max(np.linalg.norm(p[1] - p[0]) for p in (axis, spots)))
+    way = Way(base, (Target(spots[0]), Target(spots[1])), joints, families)
+    np.testing.assert_allclose(way.points, spots[0] + base.tool[:, None] * (spots[1] - spots[0]))
+    assert way.lengths[0] == pytest.approx(np.hypot(*np.diff(axes, axis=0).T))
+    assert way.lengths[1].sum() == pytest.approx(np.linalg.norm(spots[1] - spots[0]))
+    shares = np.cumsum([0.0, *way.lengths.sum(axis=0)]) / way.lengths.sum()
+    np.testing.assert_allclose(way.wished, joints[0] + shares[:, None] * (joints[1] - joints[0]))
+    leg, share = np.array([0, 1, 1]), np.array([0.5, 0.25, 1.0])
+    places = base.places(leg, share)
+    assert np.isnan(places[:, 2]).all()
+    expected = [(axes[0] + axes[1]) / 2, 0.75 * axes[1] + 0.25 * axes[2], axes[2]]
+    np.testing.assert_allclose(places[:, :2], expected)
+    asked = [way.target(Place(int(k), float(s))).position for k, s in zip(leg, share, strict=True)]
+    np.testing.assert_allclose(asked, between_knots(way.points, leg, share), atol=1e-12)
+    assert asked[2].tolist() == spots[1].tolist()
+    assert wrap(way.pitch(Place(0, 0.5)) - 3.0) == 0.0  # both ends of the leg lie nearer to the first
+    assert wrap(way.pitch(Place(1, 0.5)) - 3.0) == pytest.approx(0.5 * (2 * np.pi - 6.0))  # the shorter way
+
+
+@pytest.mark.parametrize("heading", [np.nan, 0.4])
+def test_states_of_one_call_are_those_solved_one_by_one(heading: float) -> None:
+    rng = np.random.default_rng(3)
+    robot = robot_named("youbot")
+    solver, found = Solver(robot, tolerance=1e-5), 0
+    ends = Target(np.array([0.0, 0.0, 0.25])), Target(np.array([0.03, 0.02, 0.24]))
+    for _ in range(30):
+        axes = rng.uniform([-0.45, -0.1], [-0.35, 0.1]) + np.linspace(0.0, 0.05, 5)[:, None] * rng.normal(
+            size=2
+        )
+        knots = np.column_stack([axes, np.full(5, heading)])
+        first = solver.hold(ends[0], np.array([*axes[0], 0.3]), robot.carry).joints
+        joints = first + rng.uniform(-0.2, 0.2, (2, 5))
+        way = Way(BaseWay("omni", knots, np.linspace(0, 1, 5)), ends, joints, (Family(FRONT),) * 2)
+        leg, share = np.arange(4), np.full(4, 1.0)
+        near = Pose(np.array([*axes[0], 0.3]), joints[0])
+        rows = between_knots(way.points, leg, share), way.base.places(leg, share), way.wished[1:]
+        bases, postures = solver.along(*rows, LARGEST_BEND / 2, near.base, near.joints)
+        for n in range(4):
+            one = _solve(solver, way, Place(n, 1.0), near)
+            assert (one is None) == (n >= len(bases))
+            if one is None:
+                break
+            np.testing.assert_allclose(bases[n], one.base, atol=1e-9)
+            np.testing.assert_allclose(postures[n], one.joints, atol=1e-9)
+            near, found = one, found + 1
+    assert found > 60
 
 
 def test_a_path_between_two_rooms_has_no_shared_place() -> None:

@@ -10,6 +10,7 @@ import pytest
 import shapely
 from shapely.geometry import Polygon
 
+from regionik.planners.moving import hops_led
 from regionik.planners.touching import (
     Bodies,
     Contact,
@@ -18,6 +19,7 @@ from regionik.planners.touching import (
     motion_clear,
     nearest,
     solid_clear,
+    way_clear,
 )
 from regionik.rolling import on_way
 from regionik.worlds.arrays import Array
@@ -340,6 +342,23 @@ def test_no_false_alarms(name: str) -> None:
             assert touch.distance < MARGIN + 1e-3
 
 
+@pytest.mark.parametrize("name", ["youbot", "lifted", "on wheels"])
+def test_a_way_is_clear_as_far_as_its_hops_are(name: str) -> None:
+    bodies, stopped, ways = prepared(name), 0, motions(prepared(name), 40, 6)
+    for a, qa, b, qb in ways:
+        base, joints = between(bodies.robot, a, b, qa, qb, 5)
+        rows = list(zip(base, joints, strict=True))
+        hops = [motion_clear(bodies, *rows[k], *rows[k + 1], MARGIN) for k in range(4)]
+        count, touch = way_clear(bodies, base, joints, MARGIN, None)
+        stop = next((hop for hop in hops if hop is not None), None)
+        assert count == (4 if stop is None else hops.index(stop))
+        assert (touch is None) == (stop is None)
+        if touch is not None and stop is not None:
+            stopped += count > 0
+            assert touch[:4] == stop[:4]
+    assert 0 < stopped < len(ways)
+
+
 def wall(x: float, thick: float = 0.1) -> Box:
     return Box("wall", np.array([thick, 4.0, 4.0]), np.array([x + thick / 2, 0.0, 0.0]))
 
@@ -543,3 +562,26 @@ def test_a_touch_is_a_tuple_with_names() -> None:
     touch = nearest(prepared("youbot"), [0, 0, 0], UP)
     assert isinstance(touch, Touch)
     assert touch._fields == ("distance", "solid", "kind", "other", "on_solid", "on_other")
+
+
+def test_hops_that_jump_or_lead_the_tool_astray_are_told() -> None:
+    bodies = prepared("youbot")
+    robot, q = bodies.robot, np.array(bodies.robot.carry)
+    bases = np.array([[0.05 * k, 0.0, 0.0] for k in range(5)])
+    joints = np.tile(q, (5, 1))
+    shares, most = np.array([0.25, 0.5, 0.75]), (1e-3, 0.5, 0.2)
+    line = np.array([robot.tool(*state)[:3, 3] for state in zip(bases, joints, strict=True)])
+
+    def led(bases: Array, joints: Array, line: Array) -> int:
+        return int(hops_led(bodies.arm, bodies.mount, bases, joints, False, line, shares, *most))
+
+    assert led(bases, joints, line) == 4
+    aside, bent, far, turned = line.copy(), joints.copy(), bases.copy(), bases.copy()
+    aside[3, 1] += 0.01
+    bent[2:, 4] += 0.6  # of the roll, which the tool's place does not see
+    far[4, 0] += 0.2
+    turned[1:, 2] += 0.6
+    assert led(bases, joints, aside) == 2
+    assert led(bases, bent, line) == 1
+    assert led(far, joints, line) == 3
+    assert led(turned, joints, line) == 0
