@@ -18,16 +18,14 @@ from regionik.arms import ANGLE_SLACK, Arm, PlaneSolver, arm_solver
 from regionik.demand import in_plane
 from regionik.ground import EVERY
 from regionik.meeting import asked_in
-from regionik.plan import Configuration
+from regionik.plan import Answer, Configuration
+from regionik.planners.batches import answer_all
 from regionik.planners.flat import FlatPolygon
 from regionik.planners.onecall import (
     FACE_TARGET,
     FIXED,
     FREE,
-    MET,
-    REFUSED,
     Turning,
-    answer_all,
     held,
     one_call,
     share_turn,
@@ -43,6 +41,7 @@ from regionik.worlds.pivot import behind, pivot_of, pivoted
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Heading, Target, World
 
+_room = np.empty  # looked up once, for a call takes little longer
 NOWHERE = FlatPolygon(np.empty((0, 2)), np.zeros(1, dtype=np.int64))
 HEADINGS: dict[Heading, int] = {"free": FREE, "face_target": FACE_TARGET, "fixed": FIXED}
 
@@ -116,7 +115,7 @@ class Solver:
         InputError
             For shapes that do not fit or numbers that are not finite.
         """
-        if type(target) is np.ndarray and (found := self._at_once(target, base, joints)):
+        if found := self._at_once(target, base, joints):
             return found
         asked, here = _asked(target), frozen(base, (3,), "base")
         now = frozen(joints, (self.robot.chain.dof,), "joints")
@@ -125,20 +124,23 @@ class Solver:
         return self._solve(asked, here, now, mobile=True)
 
     def _at_once(
-        self, target: Array, base: ArrayLike, joints: ArrayLike, *, mobile: bool = True
+        self, target: object, base: ArrayLike, joints: ArrayLike, *, mobile: bool = True
     ) -> Configuration | None:
         """All in one compiled call; None for arms of other kinds, and for what must be looked at first."""
         prepared = self._call
         if prepared is None:
             return None
-        kernel, dof, roaming, staying = prepared
-        call = roaming if mobile else staying
-        new_base, new_joints = np.empty(3), np.empty(dof)
-        try:
-            error, passes, end = kernel(call, target, base, joints, new_base, new_joints)
-        except TypeError:  # no plain arrays of floats
+        call, dof, roaming, staying = prepared
+        new_base, new_joints = _room(3), _room(dof)
+        error, passes, met = call(roaming if mobile else staying, target, base, joints, new_base, new_joints)
+        if passes < 0:
             return None
-        return None if end == REFUSED else Configuration(new_base, new_joints, error, passes, end == MET)
+        found: Any = Answer()
+        found.base, found.joints, found.error = new_base, new_joints, error
+        found.iterations, found.converged = passes, met
+        found.__class__ = Configuration
+        answer: Configuration = found
+        return answer
 
     def hold(self, target: Target | ArrayLike, base: ArrayLike, joints: ArrayLike) -> Configuration:
         """As a call, but the arm axis stays where it is: only the arm and the heading move."""

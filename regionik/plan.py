@@ -50,6 +50,19 @@ class Configuration:
         kept["error"], kept["iterations"], kept["converged"] = error, iterations, converged
 
 
+class Answer:
+    """The fields of a configuration while a solver fills them in; `Configuration` as its class freezes it.
+
+    A call takes little longer than frozen fields would.
+    """
+
+    base: Array
+    joints: Array
+    error: float
+    iterations: int
+    converged: bool
+
+
 @dataclass(frozen=True, eq=False)
 class State:
     """One moment of the motion."""
