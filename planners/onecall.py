@@ -22,6 +22,7 @@ from regionik.planners.trigonometry import turned, woven
 from regionik.worlds.arrays import Array
 
 ROUNDING = 1e-9  # by which a heading may be outside its span [rad]
+OneCall = Callable[[Array, object, object, object, Array, Array], tuple[float, int, bool]]
 FREE, FACE_TARGET, FIXED = range(3)  # what the heading of the base is to be
 
 _SHOULDER, _LENGTHS, _LOWER, _UPPER, _HOLDS, _SIGN, _OFFSET, _PIVOT, _MOUNT = 0, 2, 5, 8, 11, 32, 35, 38, 41
@@ -296,12 +297,12 @@ def solved(
 
     Minus one pass refuses what is not finite.
     """
-    total = 0.0  # infinities and NaN do not cancel
+    nothing = 0.0  # times what is not finite it is NaN, and stays so
     for i in range(3):
-        total += abs(target[i]) + abs(base[i])
+        nothing += 0.0 * target[i] + 0.0 * base[i]
     for i in range(len(joints)):
-        total += abs(joints[i])
-    if not np.isfinite(total):
+        nothing += 0.0 * joints[i]
+    if nothing != 0.0:
         return np.nan, -1, False
     x, y, plane_yaw = axis_at(call, base, joints)
     bends = bends_at(call, joints)
@@ -352,17 +353,16 @@ def _handed(
 
 
 @cache
-def one_call() -> Callable[[Array, object, object, object, Array, Array], tuple[float, int, bool]]:
+def one_call() -> OneCall | None:
     """The call from Python: ``(call, target, base, joints, new_base, new_joints)``.
 
     It fills the last two, which are trusted as ``call`` is, and returns error [m], passes and whether the
     target is met. Minus one pass refuses what is not finite and what is no plain row of floats as long as the
-    one that is to be filled.
+    one that is to be filled. None where the layout of arrays is not the one known.
     """
     if not layout_is_known():
-        return lambda *_: (np.nan, -1, False)
+        return None
     kernel: Any = _handed
     kernel.compile((HANDED,) * 6)
-    call: Callable[[Array, object, object, object, Array, Array], tuple[float, int, bool]]
-    call = kernel.get_overload((HANDED,) * 6)
+    call: OneCall = kernel.get_overload((HANDED,) * 6)
     return call
