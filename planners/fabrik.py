@@ -175,15 +175,20 @@ def solve(
         links, area, mobile, base[0], base[1], plane_yaw, (bends[0], bends[1], bends[2]),
         (target[0], target[1], target[2]), facing, pitch, tolerance, most, min(PATIENCE, most),
     )  # fmt: skip
+    restarts = 0
     if error > tolerance:
-        return restarted(
+        error, passes, restarts, yaw = restarted(
             arm, links, postures, area, mobile, base, plane_yaw, bends, target, facing, pitch, tolerance,
             most, passes,
         )  # fmt: skip
-    base[0], base[1] = x, y
-    if passes > 0:
-        _keep(arm, knots, bends)
-    return error, passes, 0, yaw
+    else:
+        base[0], base[1] = x, y
+        if passes > 0:
+            bends[0], bends[1], bends[2] = bends_between(links.shoulder, knots)
+    if error <= tolerance and passes > 0:
+        for i in range(3):
+            bends[i], _ = fit(bends[i], arm.lower[i], arm.upper[i])
+    return error, passes, restarts, yaw
 
 
 @compiled
@@ -203,7 +208,7 @@ def restarted(
     most: int,
     total: int,
 ) -> tuple[float, int, int, float]:
-    """What `solve` does after ``total`` passes from the given posture; the rest is as there."""
+    """What `solve` does after ``total`` passes from the given posture; bends may still be whole turns off."""
     point, error = (target[0], target[1], target[2]), np.inf
     for attempt in range(1, 2 * len(postures) + 2):  # once over the starts in a hurry, once to the end
         again, patience = attempt % (len(postures) + 1), PATIENCE if attempt <= len(postures) else most + 1
@@ -217,20 +222,12 @@ def restarted(
             base[0], base[1] = x, y
             bends[0], bends[1], bends[2] = start[0], start[1], start[2]
             if passes > 0:
-                _keep(arm, knots, bends)
+                bends[0], bends[1], bends[2] = bends_between(links.shoulder, knots)
             return error, total, attempt, yaw
     error_at_best, yaw = _widest_at(arm, area, mobile, base, plane_yaw, bends, target, facing, pitch)
     if np.isfinite(error_at_best):
         return error_at_best, total + 1, 2 * len(postures) + 2, yaw
     return error, total, 2 * len(postures) + 1, plane_yaw
-
-
-@compiled
-def _keep(arm: PlaneArm, knots: Knots, bends: Array) -> None:
-    """Overwrite bends (3,) with those between knots, within limits to the last digit."""
-    found = bends_between((arm.shoulder_r, arm.shoulder_z), knots)
-    for i in range(3):
-        bends[i], _ = fit(found[i], arm.lower[i], arm.upper[i])
 
 
 @compiled

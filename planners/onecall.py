@@ -22,6 +22,7 @@ from regionik.planners.trigonometry import turned, woven
 from regionik.worlds.arrays import Array
 
 ROUNDING = 1e-9  # by which a heading may be outside its span [rad]
+EVERYWHERE = EdgeTree(np.empty((0, 4)), np.tile([np.inf, np.inf, -np.inf, -np.inf], (2, 1)))  # no area
 OneCall = Callable[[Array, object, object, object, Array, Array], tuple[float, int, bool]]
 FREE, FACE_TARGET, FIXED = range(3)  # what the heading of the base is to be
 
@@ -86,7 +87,7 @@ def packed(
     arm: PlaneArm, holds: Array, postures: Array, joined: Joined, turning: Turning, area: FlatPolygon
 ) -> Array:
     """All that a call needs to know, as one flat array."""
-    tree = tree_of(area.vertices, area.starts)
+    tree = tree_of(area.vertices, area.starts) if len(area.vertices) else EVERYWHERE
     parts = (
         [arm.shoulder_r, arm.shoulder_z], arm.lengths, arm.lower, arm.upper, holds.ravel(), joined.sign,
         joined.offset, [joined.zero, turning.lower, turning.upper], joined.mount,
@@ -321,9 +322,10 @@ def solved(
             target, facing, pitch, tolerance, most, passes,
         )  # fmt: skip
     elif passes > 0:
-        found = bends_between(links.shoulder, knots)
+        new_joints[1], new_joints[2], new_joints[3] = bends_between(links.shoulder, knots)
+    if error <= tolerance and passes > 0:
         for i in range(3):
-            new_joints[1 + i] = within_limits(hinges[i], found[i])
+            new_joints[1 + i] = within_limits(hinges[i], new_joints[1 + i])
     for i in range(3):
         new_joints[1 + i] = joint_of(hinges[i], new_joints[1 + i], bends[i])
     for i in range(4, len(joints)):
