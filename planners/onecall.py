@@ -17,7 +17,7 @@ from regionik.planners.flat import FlatPolygon, compiled
 from regionik.planners.handed import HANDED, address, alike, layout_is_known, row_at
 from regionik.planners.kernels import PlaneArm, fit, wrap
 from regionik.planners.lanes import Effort
-from regionik.planners.passes import Links, Pair, Triple, fast, holds_at
+from regionik.planners.passes import Links, Pair, Triple, fast, holds_at, pasted
 from regionik.planners.trigonometry import turned, woven
 from regionik.worlds.arrays import Array
 
@@ -290,7 +290,7 @@ def free_in(call: Array) -> bool:
     return call[_EDGES] == 0.0 and not np.isfinite(call[_PITCH])
 
 
-@fast
+@pasted
 def solved(
     call: Array, target: Array, base: Array, joints: Array, new_base: Array, new_joints: Array
 ) -> tuple[float, int, bool]:

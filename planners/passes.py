@@ -29,6 +29,11 @@ def fast(function: Kernel) -> Kernel:
     return cast(Kernel, njit(cache=True, error_model="numpy", fastmath={"contract"})(function))
 
 
+def pasted(function: Kernel) -> Kernel:
+    """Paste the source into the few kernels that call it: nothing is then compiled and linked twice."""
+    return cast(Kernel, njit(inline="always", error_model="numpy", fastmath={"contract"})(function))
+
+
 class Links(NamedTuple):
     """An arm as a pass takes it: shoulder [m], lengths of its links [m], limits of their bends."""
 
