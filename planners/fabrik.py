@@ -7,22 +7,31 @@ import numpy as np
 from regionik.planners.edgetree import EdgeTree, clamp, likely
 from regionik.planners.flat import compiled
 from regionik.planners.kernels import PlaneArm, fit, place, widest_posture, wrap
-from regionik.planners.passes import Knots, Links, Triple, holds_at, inwards, outwards, placed
+from regionik.planners.passes import (
+    Knots,
+    Links,
+    Pair,
+    Triple,
+    fast,
+    holds_at,
+    inwards,
+    outwards,
+    placed,
+    sight,
+)
+from regionik.planners.trigonometry import direction, turned, woven
 from regionik.worlds.arrays import Array
 
 PATIENCE, STALLED = 10, 0.9  # passes in which the error must come down to this share, for a start to go on
 STRAIGHT = 1e-12  # a target so near to the axis, seen from above, does not turn the plane [m]
 
 
-@compiled
-def bends_of(arm: PlaneArm, knots: Knots, bends: Array) -> None:
-    """Bends (3,) of the links between shoulder and knots, within limits to the last digit."""
-    first = np.arctan2(knots[1] - arm.shoulder_z, knots[0] - arm.shoulder_r)
-    second = np.arctan2(knots[3] - knots[1], knots[2] - knots[0])
-    third = np.arctan2(knots[5] - knots[3], knots[4] - knots[2])
-    bends[0], _ = fit(first, arm.lower[0], arm.upper[0])
-    bends[1], _ = fit(second - first, arm.lower[1], arm.upper[1])
-    bends[2], _ = fit(third - second, arm.lower[2], arm.upper[2])
+@woven
+def bends_between(shoulder: Pair, knots: Knots) -> Triple:
+    """Bends of the links between shoulder and knots, each link's against the one before it [rad]."""
+    first = direction(knots[1] - shoulder[1], knots[0] - shoulder[0])
+    second = direction(knots[3] - knots[1], knots[2] - knots[0])
+    return first, second - first, direction(knots[5] - knots[3], knots[4] - knots[2]) - second
 
 
 @compiled
@@ -34,7 +43,7 @@ def _seen(dx: float, dy: float, facing: int, ux: float, uy: float) -> tuple[floa
     return ux, uy, facing * rho
 
 
-@compiled
+@fast
 def mfabrik(
     links: Links,
     area: EdgeTree,
@@ -82,14 +91,15 @@ def mfabrik(
     """
     shoulder, lengths, limits = links.shoulder, links.lengths, links.holds
     held = np.isfinite(pitch)
-    tool = (np.cos(pitch), np.sin(pitch)) if held else (0.0, 0.0)
-    knots = placed(shoulder, lengths, bends[0], bends[1], bends[2])
+    tool = turned(pitch) if held else (0.0, 0.0)
+    second = bends[0] + bends[1]
+    knots = placed(shoulder, lengths, turned(bends[0]), turned(second), turned(second + bends[2]))
     bounded = mobile and len(area.edges) > 0
     tx, ty, tz = target
-    ux, uy = np.cos(plane_yaw), np.sin(plane_yaw)
+    ux, uy = turned(plane_yaw)
     ex, ey, ez = x + knots[4] * ux - tx, y + knots[4] * uy - ty, knots[5] - tz
     error = np.sqrt(ex * ex + ey * ey + ez * ez)
-    iterations, mark, r_t = 0, np.inf, 0.0
+    iterations, mark, r_t, seen = 0, np.inf, 0.0, tool
     edge = likely(area, x, y) if bounded else 0
     # A base that has become inadmissible must move even where the tool is in place already.
     settled = True
@@ -105,9 +115,10 @@ def mfabrik(
         iterations += 1
         if iterations == 1:  # the plane turns to the target
             ux, uy, r_t = _seen(tx - x, ty - y, facing, ux, uy)
-        inner, moved = inwards(shoulder, lengths, limits[1], limits[2], tool, (r_t, tz), knots), 0.0  # l. 11
+            seen = sight(tool, (r_t, tz), knots)
+        inner, moved = inwards(shoulder, lengths, limits[1], limits[2], seen, (r_t, tz), knots), 0.0  # l. 11
         if mobile:
-            shift, before = inner[0] - shoulder[0], r_t  # l. 13: projected onto the floor
+            shift, before = inner.root - shoulder[0], r_t  # l. 13: projected onto the floor
             x, y = x + shift * ux, y + shift * uy
             if bounded:  # l. 15-19
                 x, y, edge = clamp(area, x, y, edge)
@@ -117,7 +128,7 @@ def mfabrik(
                 if r_t * facing < 0.0:  # the axis has passed below the target
                     ux, uy, r_t = -ux, -uy, -r_t
             moved = r_t - before
-        knots = outwards(shoulder, lengths, limits, tool, (r_t, tz), inner, moved)
+        knots, seen = outwards(shoulder, lengths, limits, tool, (r_t, tz), inner, moved)
         er, ez = knots[4] - r_t, knots[5] - tz
         error = np.sqrt(er * er + ez * ez)
         if held:
@@ -127,7 +138,7 @@ def mfabrik(
             if excess > 1e-9:  # a fixed pitch is not met to within the tolerance, but met
                 error += tolerance + excess * lengths[2]
         settled = True
-    return error, iterations, x, y, np.arctan2(uy, ux), knots
+    return error, iterations, x, y, direction(uy, ux), knots
 
 
 @compiled
@@ -160,23 +171,58 @@ def solve(
     links = Links(
         (arm.shoulder_r, arm.shoulder_z), (arm.lengths[0], arm.lengths[1], arm.lengths[2]), holds_at(holds, 0)
     )
-    point = (target[0], target[1], target[2])
-    total, error = 0, np.inf
-    for attempt in range(2 * len(postures) + 2):  # once over the starts in a hurry, once to the end
+    error, passes, x, y, yaw, knots = mfabrik(
+        links, area, mobile, base[0], base[1], plane_yaw, (bends[0], bends[1], bends[2]),
+        (target[0], target[1], target[2]), facing, pitch, tolerance, most, min(PATIENCE, most),
+    )  # fmt: skip
+    restarts = 0
+    if error > tolerance:
+        error, passes, restarts, yaw = restarted(
+            arm, links, postures, area, mobile, base, plane_yaw, bends, target, facing, pitch, tolerance,
+            most, passes,
+        )  # fmt: skip
+    else:
+        base[0], base[1] = x, y
+        if passes > 0:
+            bends[0], bends[1], bends[2] = bends_between(links.shoulder, knots)
+    if error <= tolerance and passes > 0:
+        for i in range(3):
+            bends[i], _ = fit(bends[i], arm.lower[i], arm.upper[i])
+    return error, passes, restarts, yaw
+
+
+@compiled
+def restarted(
+    arm: PlaneArm,
+    links: Links,
+    postures: Array,
+    area: EdgeTree,
+    mobile: bool,
+    base: Array,
+    plane_yaw: float,
+    bends: Array,
+    target: Array,
+    facing: int,
+    pitch: float,
+    tolerance: float,
+    most: int,
+    total: int,
+) -> tuple[float, int, int, float]:
+    """What `solve` does after ``total`` passes from the given posture; bends may still be whole turns off."""
+    point, error = (target[0], target[1], target[2]), np.inf
+    for attempt in range(1, 2 * len(postures) + 2):  # once over the starts in a hurry, once to the end
         again, patience = attempt % (len(postures) + 1), PATIENCE if attempt <= len(postures) else most + 1
-        a, b, c = bends[0], bends[1], bends[2]
-        if again > 0:
-            a, b, c = postures[again - 1, 0], postures[again - 1, 1], postures[again - 1, 2]
+        start = bends if again == 0 else postures[again - 1]
         error, passes, x, y, yaw, knots = mfabrik(
-            links, area, mobile, base[0], base[1], plane_yaw, (a, b, c), point, facing, pitch,
-            tolerance, most, patience,
+            links, area, mobile, base[0], base[1], plane_yaw, (start[0], start[1], start[2]), point, facing,
+            pitch, tolerance, most, patience,
         )  # fmt: skip
         total += passes
         if error <= tolerance:
             base[0], base[1] = x, y
-            bends[0], bends[1], bends[2] = a, b, c
+            bends[0], bends[1], bends[2] = start[0], start[1], start[2]
             if passes > 0:
-                bends_of(arm, knots, bends)
+                bends[0], bends[1], bends[2] = bends_between(links.shoulder, knots)
             return error, total, attempt, yaw
     error_at_best, yaw = _widest_at(arm, area, mobile, base, plane_yaw, bends, target, facing, pitch)
     if np.isfinite(error_at_best):

@@ -14,6 +14,7 @@ from regionik.planners.flat import compiled
 from regionik.worlds.arrays import Array
 
 TWO_PI = 2.0 * np.pi
+_PER_TURN = 1.0 / TWO_PI
 LIMIT_SLACK = 1e-10  # rounding allowed when a bend is held against its limit [rad]
 
 
@@ -30,7 +31,7 @@ class PlaneArm(NamedTuple):
 @compiled
 def wrap(angle: float) -> float:
     """Angle taken to (-pi, pi]."""
-    turned: float = angle - TWO_PI * np.ceil((angle - np.pi) / TWO_PI)
+    turned: float = angle - TWO_PI * np.ceil((angle - np.pi) * _PER_TURN)
     return turned
 
 

@@ -10,22 +10,21 @@ from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import types
-from numpy.typing import NDArray
 
 from regionik.planners.edgetree import EdgeTree, tree_of
-from regionik.planners.fabrik import PATIENCE, mfabrik, solve
-from regionik.planners.flat import FlatPolygon, Index, compiled
-from regionik.planners.kernels import PlaneArm, fit, nearest_posture, wrap
-from regionik.planners.lanes import abreast
-from regionik.planners.passes import Knots, Links, holds_at
+from regionik.planners.fabrik import PATIENCE, bends_between, mfabrik, restarted
+from regionik.planners.flat import FlatPolygon, compiled
+from regionik.planners.handed import HANDED, address, alike, layout_is_known, row_at
+from regionik.planners.kernels import PlaneArm, fit, wrap
+from regionik.planners.lanes import Effort
+from regionik.planners.passes import Links, Pair, Triple, fast, holds_at, pasted
+from regionik.planners.trigonometry import turned, woven
 from regionik.worlds.arrays import Array
 
 ROUNDING = 1e-9  # by which a heading may be outside its span [rad]
+EVERYWHERE = EdgeTree(np.empty((0, 4)), np.tile([np.inf, np.inf, -np.inf, -np.inf], (2, 1)))  # no area
+OneCall = Callable[[Array, object, object, object, Array, Array], tuple[float, int, bool]]
 FREE, FACE_TARGET, FIXED = range(3)  # what the heading of the base is to be
-REFUSED, MISSED, MET = range(3)  # how a call ends
-PITCHES = 180  # of the last link, tried to either side for the posture of least change
-TILT = 0.5  # how far to either side [rad]
 
 _SHOULDER, _LENGTHS, _LOWER, _UPPER, _HOLDS, _SIGN, _OFFSET, _PIVOT, _MOUNT = 0, 2, 5, 8, 11, 32, 35, 38, 41
 _HEADING, _FACING, _PITCH, _TOLERANCE, _MOST, _DOF = 45, 48, 49, 50, 51, 52
@@ -88,7 +87,7 @@ def packed(
     arm: PlaneArm, holds: Array, postures: Array, joined: Joined, turning: Turning, area: FlatPolygon
 ) -> Array:
     """All that a call needs to know, as one flat array."""
-    tree = tree_of(area.vertices, area.starts)
+    tree = tree_of(area.vertices, area.starts) if len(area.vertices) else EVERYWHERE
     parts = (
         [arm.shoulder_r, arm.shoulder_z], arm.lengths, arm.lower, arm.upper, holds.ravel(), joined.sign,
         joined.offset, [joined.zero, turning.lower, turning.upper], joined.mount,
@@ -106,14 +105,38 @@ def held(call: Array) -> Array:
     return call
 
 
-@compiled
+@woven
 def into_span(yaw: float, low: float, high: float) -> float:
     """The heading within a span that is nearest to a heading, the shorter way round from it [rad]."""
-    if high - low >= 2 * np.pi:
-        return yaw
     half = 0.5 * (high - low)
+    if half >= np.pi:
+        return yaw
     off = -wrap(0.5 * (low + high) - yaw)
     return yaw if abs(off) <= half else yaw - off + (half if off > 0.0 else -half)
+
+
+@woven
+def shared_turn(plane: float, yaw: float, now: float, turning: Turning) -> tuple[float, float, bool]:
+    """As `share_turn`, for kernels."""
+    lower, upper, heading, low, high = turning
+    if heading == FACE_TARGET:
+        pivot = min(max(0.0, lower), upper)
+        yaw += wrap(plane - yaw - pivot)
+        return pivot, yaw, abs(into_span(yaw, low, high) - yaw) <= ROUNDING
+    if heading == FIXED:
+        low, high = yaw, yaw
+    yaw = into_span(yaw, low, high)  # the base turns into its span, and on by what the pivot cannot take
+    to = now + wrap(plane - yaw - now)
+    pivot = min(max(to, lower), upper)
+    yaw += to - pivot
+    end = into_span(yaw, low, high)
+    if abs(end - yaw) <= ROUNDING:
+        return pivot, yaw, True
+    pivot, over = fit(plane - end, lower, upper)
+    if over <= 0.0:
+        return pivot, end, True
+    end += wrap(plane - end - pivot)
+    return pivot, end, abs(into_span(end, low, high) - end) <= ROUNDING
 
 
 @compiled
@@ -131,79 +154,106 @@ def share_turn(plane: float, yaw: float, now: float, turning: Turning) -> tuple[
     -------
     pivot, heading [rad], whether that is within its span
     """
-    lower, upper, heading, low, high = turning
-    if heading == FACE_TARGET:
-        pivot = min(max(0.0, lower), upper)
-        yaw += wrap(plane - yaw - pivot)
-        return pivot, yaw, abs(into_span(yaw, low, high) - yaw) <= ROUNDING
-    if heading == FIXED:
-        low, high = yaw, yaw
-    yaw = into_span(yaw, low, high)  # the base turns into its span, and on by what the pivot cannot take
-    turned = now + wrap(plane - yaw - now)
-    pivot = min(max(turned, lower), upper)
-    yaw += turned - pivot
-    if abs(into_span(yaw, low, high) - yaw) > ROUNDING:
-        yaw = into_span(yaw, low, high)
-        pivot, over = fit(plane - yaw, lower, upper)
-        if over > 0.0:
-            yaw += wrap(plane - yaw - pivot)
-    return pivot, yaw, abs(into_span(yaw, low, high) - yaw) <= ROUNDING
+    return shared_turn(plane, yaw, now, turning)
+
+
+class Seat(NamedTuple):
+    """How the arm sits on the base, and how both share a turn.
+
+    ``ahead`` and ``aside`` of the base's middle [m]; ``zero`` is the direction of the arm's plane, seen from
+    the base, with the pivot at zero [rad].
+    """
+
+    ahead: float
+    aside: float
+    zero: float
+    turning: Turning
+
+
+@woven
+def seat_in(call: Array) -> Seat:
+    turning = Turning(
+        call[_PIVOT + 1], call[_PIVOT + 2], int(call[_HEADING]), call[_HEADING + 1], call[_HEADING + 2]
+    )
+    return Seat(call[_MOUNT], call[_MOUNT + 1], call[_PIVOT] + call[_MOUNT + 3], turning)
+
+
+@woven
+def offset(seat: Seat, heading: Pair) -> Pair:
+    """From the base to the arm axis, the base's heading as cosine and sine [m]."""
+    c, s = heading
+    return c * seat.ahead - s * seat.aside, s * seat.ahead + c * seat.aside
+
+
+@woven
+def away(seat: Seat, yaw: float) -> Pair:
+    """The same from the heading [rad]."""
+    if seat.ahead == 0.0 and seat.aside == 0.0:
+        return 0.0, 0.0
+    return offset(seat, turned(yaw))
+
+
+@woven
+def bends_at(call: Array, joints: Array) -> Triple:
+    """Bends of the links [rad]."""
+    return (
+        call[_SIGN] * joints[1] + call[_OFFSET],
+        call[_SIGN + 1] * joints[2] + call[_OFFSET + 1],
+        call[_SIGN + 2] * joints[3] + call[_OFFSET + 2],
+    )
 
 
 @compiled
 def axis_at(call: Array, base: Array, joints: Array) -> tuple[float, float, float]:
     """Where base and joints put the arm axis [m], and the direction of the arm's plane [rad]."""
-    x, y = call[_MOUNT], call[_MOUNT + 1]
-    plane_yaw = base[2] + call[_MOUNT + 3] + call[_PIVOT] + joints[0]
-    if x == 0.0 and y == 0.0:
-        return base[0], base[1], plane_yaw
-    c, s = np.cos(base[2]), np.sin(base[2])
-    return base[0] + (c * x - s * y), base[1] + (s * x + c * y), plane_yaw
+    seat = seat_in(call)
+    dx, dy = away(seat, base[2])
+    return base[0] + dx, base[1] + dy, base[2] + seat.zero + joints[0]
 
 
-@compiled
-def bend_at(call: Array, joints: Array, i: int) -> float:
-    """Bend of link i [rad]."""
-    bend: float = call[_SIGN + i] * joints[1 + i] + call[_OFFSET + i]
-    return bend
+class Hinge(NamedTuple):
+    """How a joint bends a link, ``bend = sign * joint + offset``, and limits of the bend [rad].
+
+    ``middle`` is that of the limits where both are finite, which ``bounded`` says.
+    """
+
+    lower: float
+    upper: float
+    middle: float
+    bounded: bool
+    sign: float
+    offset: float
 
 
-@compiled
-def _bend(call: Array, knots: Knots, joints: Array) -> None:
-    """Write the bends of the links between shoulder and knots in the place of the hinges' joints."""
-    first = np.arctan2(knots[1] - call[1], knots[0] - call[0])
-    second = np.arctan2(knots[3] - knots[1], knots[2] - knots[0])
-    third = np.arctan2(knots[5] - knots[3], knots[4] - knots[2])
-    joints[1], _ = fit(first, call[_LOWER], call[_UPPER])
-    joints[2], _ = fit(second - first, call[_LOWER + 1], call[_UPPER + 1])
-    joints[3], _ = fit(third - second, call[_LOWER + 2], call[_UPPER + 2])
+@woven
+def _hinge(lower: float, upper: float, sign: float, offset: float) -> Hinge:
+    bounded = np.isfinite(lower) and np.isfinite(upper)
+    return Hinge(lower, upper, 0.5 * (lower + upper) if bounded else 0.0, bounded, sign, offset)
 
 
-@compiled
-def _hinge(call: Array, i: int, bend: float, now: float) -> float:
-    """Joint value of a bend, taken to the turn within its limits, or without any nearest to ``now``."""
-    lower, upper, sign, offset = call[_LOWER + i], call[_UPPER + i], call[_SIGN + i], call[_OFFSET + i]
-    middle = sign * now + offset
-    if np.isfinite(lower) and np.isfinite(upper):
-        middle = 0.5 * (lower + upper)
-    value: float = sign * (middle + wrap(bend - middle) - offset)
-    return value
-
-
-@compiled
-def _stand(
-    call: Array, x: float, y: float, plane_yaw: float, yaw: float, now: float
-) -> tuple[float, float, float, float, bool]:
-    """Base pose and pivot for an axis and a plane's direction, and whether the heading fits."""
-    turning = Turning(
-        call[_PIVOT + 1], call[_PIVOT + 2], int(call[_HEADING]), call[_HEADING + 1], call[_HEADING + 2]
+@woven
+def hinges_in(call: Array) -> tuple[Hinge, Hinge, Hinge]:
+    return (
+        _hinge(call[_LOWER], call[_UPPER], call[_SIGN], call[_OFFSET]),
+        _hinge(call[_LOWER + 1], call[_UPPER + 1], call[_SIGN + 1], call[_OFFSET + 1]),
+        _hinge(call[_LOWER + 2], call[_UPPER + 2], call[_SIGN + 2], call[_OFFSET + 2]),
     )
-    pivot, yaw, fits = share_turn(plane_yaw - call[_PIVOT] - call[_MOUNT + 3], yaw, now, turning)
-    ahead, aside = call[_MOUNT], call[_MOUNT + 1]
-    if ahead != 0.0 or aside != 0.0:
-        c, s = np.cos(yaw), np.sin(yaw)
-        x, y = x - (c * ahead - s * aside), y - (s * ahead + c * aside)
-    return x, y, yaw, pivot, fits
+
+
+@woven
+def within_limits(hinge: Hinge, bend: float) -> float:
+    """A bend to the last digit within its limits; see `kernels.fit` [rad]."""
+    near = hinge.middle + wrap(bend - hinge.middle)
+    near = hinge.lower if near < hinge.lower else near
+    return hinge.upper if near > hinge.upper else near
+
+
+@woven
+def joint_of(hinge: Hinge, bend: float, before: float) -> float:
+    """Joint value of a bend, taken to the turn within its limits, else nearest to the bend before."""
+    middle = hinge.middle if hinge.bounded else before
+    value: float = hinge.sign * (middle + wrap(bend - middle) - hinge.offset)
+    return value
 
 
 @compiled
@@ -218,6 +268,11 @@ def links_in(call: Array) -> Links:
 
 
 @compiled
+def postures_in(call: Array) -> Array:
+    return call[_REST : _REST + 3 * int(call[_POSTURES])].reshape(-1, 3)
+
+
+@compiled
 def area_in(call: Array) -> EdgeTree:
     first = _REST + 3 * int(call[_POSTURES])
     end = first + 4 * int(call[_EDGES])
@@ -225,177 +280,110 @@ def area_in(call: Array) -> EdgeTree:
 
 
 @compiled
-def _solved(
-    call: Array,
-    target: Array,
-    base: Array,
-    joints: Array,
-    new_base: Array,
-    new_joints: Array,
-) -> tuple[float, int, int]:
-    if len(target) != 3 or len(base) != 3 or len(joints) != int(call[_DOF]):
-        return np.nan, 0, REFUSED
-    total = 0.0  # infinities and NaN do not cancel
+def effort_in(call: Array) -> Effort:
+    return Effort(int(call[_FACING]), call[_TOLERANCE], int(call[_MOST]), postures_in(call))
+
+
+@compiled
+def pitch_in(call: Array) -> float:
+    """Of the last link, NaN where it is free [rad]."""
+    pitch: float = call[_PITCH]
+    return pitch
+
+
+@compiled
+def span_in(call: Array) -> Pair:
+    """Headings that the base keeps to [rad]."""
+    return call[_HEADING + 1], call[_HEADING + 2]
+
+
+@compiled
+def keep_span(call: Array, low: float, high: float) -> None:
+    """Have the base keep to other headings."""
+    call[_HEADING + 1], call[_HEADING + 2] = low, high
+
+
+@compiled
+def free_in(call: Array) -> bool:
+    """Whether floor and pitch are free."""
+    return call[_EDGES] == 0.0 and not np.isfinite(call[_PITCH])
+
+
+@pasted
+def solved(
+    call: Array, target: Array, base: Array, joints: Array, new_base: Array, new_joints: Array
+) -> tuple[float, int, bool]:
+    """One call: error [m], passes, whether the target is met; fills the last two.
+
+    Minus one pass refuses what is not finite.
+    """
+    nothing = 0.0  # times what is not finite it is NaN, and stays so
     for i in range(3):
-        total += abs(target[i]) + abs(base[i])
+        nothing += 0.0 * target[i] + 0.0 * base[i]
     for i in range(len(joints)):
-        total += abs(joints[i])
-    if not np.isfinite(total):
-        return np.nan, 0, REFUSED
+        nothing += 0.0 * joints[i]
+    if nothing != 0.0:
+        return np.nan, -1, False
     x, y, plane_yaw = axis_at(call, base, joints)
-    bends = bend_at(call, joints, 0), bend_at(call, joints, 1), bend_at(call, joints, 2)
-    links = links_in(call)
+    bends = bends_at(call, joints)
+    links, hinges = links_in(call), hinges_in(call)
     facing, pitch, tolerance = int(call[_FACING]), call[_PITCH], call[_TOLERANCE]
     most, mobile, area = int(call[_MOST]), call[_MOBILE] != 0.0, area_in(call)
-    point = (target[0], target[1], target[2])
     error, passes, new_x, new_y, yaw, knots = mfabrik(
-        links, area, mobile, x, y, plane_yaw, bends, point,
+        links, area, mobile, x, y, plane_yaw, bends, (target[0], target[1], target[2]),
         facing, pitch, tolerance, most, min(PATIENCE, most),
     )  # fmt: skip
     new_base[0], new_base[1], new_joints[1], new_joints[2], new_joints[3] = new_x, new_y, *bends
     if error > tolerance:
         new_base[0], new_base[1] = x, y
-        error, passes, _, yaw = solve(
-            arm_in(call), call[_HOLDS:_SIGN],
-            call[_REST : _REST + 3 * int(call[_POSTURES])].reshape(-1, 3), area, mobile,
-            new_base[:2], plane_yaw, new_joints[1:4], target, facing, pitch, tolerance, most,
+        error, passes, _, yaw = restarted(
+            arm_in(call), links, postures_in(call), area, mobile, new_base[:2], plane_yaw, new_joints[1:4],
+            target, facing, pitch, tolerance, most, passes,
         )  # fmt: skip
     elif passes > 0:
-        _bend(call, knots, new_joints)
+        new_joints[1], new_joints[2], new_joints[3] = bends_between(links.shoulder, knots)
+    if error <= tolerance and passes > 0:
+        for i in range(3):
+            new_joints[1 + i] = within_limits(hinges[i], new_joints[1 + i])
     for i in range(3):
-        new_joints[1 + i] = _hinge(call, i, new_joints[1 + i], joints[1 + i])
+        new_joints[1 + i] = joint_of(hinges[i], new_joints[1 + i], bends[i])
     for i in range(4, len(joints)):
         new_joints[i] = joints[i]
-    new_base[0], new_base[1], new_base[2], new_joints[0], fits = _stand(
-        call, new_base[0], new_base[1], yaw, base[2], joints[0]
-    )
-    return error, passes, MET if fits and error <= tolerance else MISSED
+    seat = seat_in(call)
+    new_joints[0], new_base[2], fits = shared_turn(yaw - seat.zero, base[2], joints[0], seat.turning)
+    dx, dy = away(seat, new_base[2])
+    new_base[0], new_base[1] = new_base[0] - dx, new_base[1] - dy
+    return error, passes, fits and error <= tolerance
+
+
+@fast
+def _handed(
+    call: int, target: int, base: int, joints: int, new_base: int, new_joints: int
+) -> tuple[float, int, bool]:
+    room = address(new_base)
+    if (
+        alike(address(target), room)
+        and alike(address(base), room)
+        and alike(address(joints), address(new_joints))
+    ):
+        return solved(
+            row_at(address(call)), row_at(address(target)), row_at(address(base)), row_at(address(joints)),
+            row_at(room), row_at(address(new_joints)),
+        )  # fmt: skip
+    return np.nan, -1, False
 
 
 @cache
-def one_call() -> Callable[..., Any]:
-    """The compiled call: ``(call, target, base, joints, new_base, new_joints)``.
+def one_call() -> OneCall | None:
+    """The call from Python: ``(call, target, base, joints, new_base, new_joints)``.
 
-    It fills the last two and returns error [m], passes, and `REFUSED`, `MISSED` or `MET`. Refused is what has
-    another length or is not finite; what is no contiguous array of floats is a TypeError.
+    It fills the last two, which are trusted as ``call`` is, and returns error [m], passes and whether the
+    target is met. Minus one pass refuses what is not finite and what is no plain row of floats as long as the
+    one that is to be filled. None where the layout of arrays is not the one known.
     """
-    given = types.Array(types.float64, 1, "C", readonly=True)
-    filled = types.Array(types.float64, 1, "C")
-    kernel: Any = _solved
-    kernel.compile((filled, given, given, given, filled, filled))
-    kernel.disable_compile()
-    call: Callable[..., Any] = kernel
+    if not layout_is_known():
+        return None
+    kernel: Any = _handed
+    kernel.compile((HANDED,) * 6)
+    call: OneCall = kernel.get_overload((HANDED,) * 6)
     return call
-
-
-@compiled
-def answer_all(
-    call: Array, targets: Array, bases: Array, joints: Array,
-    new_bases: Array, new_joints: Array, errors: Array, passes: Index, met: NDArray[np.bool_],
-) -> None:  # fmt: skip
-    """The call for many rows, all finite; on a free floor with the pitch free 32 of them abreast.
-
-    Fills bases (n, 3), joints (n, dof), errors [m], passes and whether a target is met (n,).
-    """
-    n = len(targets)
-    if call[_EDGES] > 0.0 or np.isfinite(call[_PITCH]):
-        for k in range(n):
-            errors[k], passes[k], end = _solved(
-                call, targets[k], bases[k], joints[k], new_bases[k], new_joints[k]
-            )
-            met[k] = end == MET
-        return
-    axes, planes, bends = np.empty((n, 2)), np.empty(n), np.empty((n, 3))
-    for k in range(n):
-        axes[k, 0], axes[k, 1], planes[k] = axis_at(call, bases[k], joints[k])
-        for i in range(3):
-            bends[k, i] = bend_at(call, joints[k], i)
-    links = links_in(call)
-    facing, tolerance = int(call[_FACING]), call[_TOLERANCE]
-    abreast(links, facing, tolerance, int(call[_MOST]), targets, axes, planes, bends, errors, passes)
-    for k in range(n):
-        if errors[k] > tolerance:
-            errors[k], passes[k], end = _solved(
-                call, targets[k], bases[k], joints[k], new_bases[k], new_joints[k]
-            )
-            met[k] = end == MET
-            continue
-        for i in range(3):
-            bend = bends[k, i]
-            if passes[k] > 0:
-                bend, _ = fit(bend, call[_LOWER + i], call[_UPPER + i])
-            new_joints[k, 1 + i] = _hinge(call, i, bend, joints[k, 1 + i])
-        for i in range(4, joints.shape[1]):
-            new_joints[k, i] = joints[k, i]
-        new_bases[k, 0], new_bases[k, 1], new_bases[k, 2], new_joints[k, 0], met[k] = _stand(
-            call, axes[k, 0], axes[k, 1], planes[k], bases[k, 2], joints[k, 0]
-        )
-
-
-@compiled
-def least_change(
-    call: Array, target: Array, base: Array, joints: Array, new_base: Array, new_joints: Array
-) -> bool:
-    """With the arm axis held, the posture on a target whose bends change least; whether there is one."""
-    x, y, _ = axis_at(call, base, joints)
-    near, bends, facing = np.empty(3), np.empty(3), call[_FACING]
-    for i in range(3):
-        near[i] = bend_at(call, joints, i)
-    dx, dy = target[0] - x, target[1] - y
-    r, plane_yaw = facing * np.hypot(dx, dy), np.arctan2(facing * dy, facing * dx)
-    change = nearest_posture(arm_in(call), call[_PITCH], r, target[2], near, bends, PITCHES, TILT)
-    if not np.isfinite(change):
-        return False
-    new_joints[:] = joints
-    for i in range(3):
-        new_joints[1 + i] = _hinge(call, i, bends[i], joints[1 + i])
-    new_base[0], new_base[1], new_base[2], new_joints[0], fits = _stand(
-        call, x, y, plane_yaw, base[2], joints[0]
-    )
-    return fits
-
-
-@compiled
-def answer_way(
-    call: Array, targets: Array, places: Array, wished: Array, bend: float, base: Array, joints: Array,
-    new_bases: Array, new_joints: Array,
-) -> int:  # fmt: skip
-    """The call for states on a way, each from the one before it, the arm axis held at each.
-
-    FABRIK from the wished posture comes first; where its passes stall or jump, the posture of least change.
-    Fills base poses (n, 3) and joints (n, dof), and returns how many states come before the first that has
-    none.
-
-    Parameters
-    ----------
-    call : (k,) array
-        As `held` gives it.
-    targets : (n, 3) array
-        [m]
-    places : (n, 3) array
-        Base poses; where the heading is free it is NaN, and the place is that of the arm axis [m], [rad].
-    wished : (n, dof) array
-        The pivot's value does not matter: the heading decides on it.
-    bend : float
-        Change of a joint against the wished posture that counts as a jump [rad].
-    base, joints : (3,), (dof,) arrays
-        The state before the first.
-    """
-    call, low, high = call.copy(), call[_HEADING + 1], call[_HEADING + 2]
-    yaw, near = base[2], joints.copy()
-    for i in range(len(targets)):
-        free = np.isnan(places[i, 2])
-        start, near[1:] = places[i].copy(), wished[i, 1:]
-        if free:
-            start[2] = yaw
-            x, y, _ = axis_at(call, start, near)
-            start[0], start[1] = 2 * start[0] - x, 2 * start[1] - y
-        call[_HEADING + 1], call[_HEADING + 2] = (low, high) if free else (start[2], start[2])
-        _, _, end = _solved(call, targets[i], start, near, new_bases[i], new_joints[i])
-        off = end != MET or np.abs(new_joints[i, 1:] - near[1:]).max() > bend
-        if off and not least_change(call, targets[i], start, near, new_bases[i], new_joints[i]):
-            return i
-        if not free:
-            new_bases[i] = start
-        yaw, near[0] = new_bases[i, 2], new_joints[i, 0]
-    return len(targets)

@@ -1,7 +1,8 @@
 """One pass of FABRIK over three links in a plane, without a single angle: directions as unit vectors.
 
-Limits of a bend are held by signs of cross products, so that a pass is roots and divisions alone. All here is
-woven into the kernels that call it: one target at a time in `fabrik`, many abreast in `lanes`.
+Limits of a bend are held by signs of cross products, so that a pass is roots and divisions alone. Both ways
+lay the last link along the same line, from its inner knot to the target, so that a pass has five roots. All
+here is woven into the kernels that call it: one target at a time in `fabrik`, many abreast in `lanes`.
 """
 
 from __future__ import annotations
@@ -11,7 +12,8 @@ from typing import NamedTuple, cast
 import numpy as np
 from numba import njit
 
-from regionik.planners.flat import Kernel, compiled
+from regionik.planners.flat import Kernel
+from regionik.planners.trigonometry import woven
 from regionik.worlds.arrays import Array
 
 Pair = tuple[float, float]
@@ -19,10 +21,17 @@ Triple = tuple[float, float, float]
 Hold = tuple[float, float, float, float, float, float, float]
 Knots = tuple[float, float, float, float, float, float]
 
+NO_DIRECTION = 1e-300  # square of a length from which no direction is taken [m2]
+
 
 def fast(function: Kernel) -> Kernel:
-    """Compile as `compiled`, dividing as the processor does: no check then stands between two lanes."""
-    return compiled(function, error_model="numpy")
+    """Compile as `compiled`, reckoning as `woven` does: no check then stands between two lanes."""
+    return cast(Kernel, njit(cache=True, error_model="numpy", fastmath={"contract"})(function))
+
+
+def pasted(function: Kernel) -> Kernel:
+    """Paste the source into the few kernels that call it: nothing is then compiled and linked twice."""
+    return cast(Kernel, njit(inline="always", error_model="numpy", fastmath={"contract"})(function))
 
 
 class Links(NamedTuple):
@@ -31,14 +40,6 @@ class Links(NamedTuple):
     shoulder: Pair
     lengths: Triple
     holds: tuple[Hold, Hold, Hold]
-
-
-def woven(function: Kernel) -> Kernel:
-    """Compile into every kernel that calls it; floats are divided as the processor divides them.
-
-    Types are inferred once and the machine code goes in, which compiles twice as fast as the source going in.
-    """
-    return cast(Kernel, njit(forceinline=True, error_model="numpy")(function))
 
 
 def holds_of(lower: Array, upper: Array) -> Array:
@@ -60,6 +61,17 @@ def holds_of(lower: Array, upper: Array) -> Array:
     return np.array(rows, dtype=np.float64).ravel()
 
 
+class Inner(NamedTuple):
+    """What `inwards` comes to: r of the root, the two knots after it [m], the directions of all links."""
+
+    root: float
+    first: Pair
+    second: Pair
+    u: Pair
+    v: Pair
+    w: Pair
+
+
 @woven
 def hold_at(holds: Array, k: int) -> Hold:
     """Seven numbers from place ``k`` of flat ones: a row of `holds_of`."""
@@ -75,20 +87,21 @@ def holds_at(holds: Array, k: int) -> tuple[Hold, Hold, Hold]:
 
 
 @woven
-def placed(shoulder: Pair, lengths: Triple, a: float, b: float, c: float) -> Knots:
-    """The knots after the shoulder, from bends [rad]."""
-    r1, z1 = shoulder[0] + lengths[0] * np.cos(a), shoulder[1] + lengths[0] * np.sin(a)
-    r2, z2 = r1 + lengths[1] * np.cos(a + b), z1 + lengths[1] * np.sin(a + b)
-    return r1, z1, r2, z2, r2 + lengths[2] * np.cos(a + b + c), z2 + lengths[2] * np.sin(a + b + c)
+def placed(shoulder: Pair, lengths: Triple, u: Pair, v: Pair, w: Pair) -> Knots:
+    """The knots after the shoulder, from the directions of the links."""
+    r1, z1 = shoulder[0] + lengths[0] * u[0], shoulder[1] + lengths[0] * u[1]
+    r2, z2 = r1 + lengths[1] * v[0], z1 + lengths[1] * v[1]
+    return r1, z1, r2, z2, r2 + lengths[2] * w[0], z2 + lengths[2] * w[1]
 
 
 @woven
 def within(hold: Hold, c: float, s: float) -> bool:
     """Whether a bend, as its cosine and sine, is within its limits."""
-    signs = 1.0 if c * hold[0] + s * hold[1] >= 0.0 else 0.0
-    signs += 1.0 if hold[2] * s - hold[3] * c >= 0.0 else 0.0
-    signs += 1.0 if c * hold[5] - s * hold[4] >= 0.0 else 0.0
-    return signs >= hold[6]
+    beside = c * hold[0] + s * hold[1] >= 0.0
+    beyond = hold[2] * s - hold[3] * c >= 0.0
+    before = c * hold[5] - s * hold[4] >= 0.0
+    needed = hold[6]
+    return (beside & beyond & before) | ((beside | beyond | before) & (needed <= 1.0)) | (needed <= 0.0)
 
 
 @woven
@@ -99,56 +112,57 @@ def nearer(hold: Hold, c: float, s: float) -> Pair:
 
 
 @woven
-def unit(r: float, z: float, else_r: float, else_z: float) -> Pair:
-    """A direction; where there is none the other one, and where neither is, the r axis."""
-    none = r == 0.0 and z == 0.0
-    r, z = (else_r if none else r), (else_z if none else z)
+def unit(r: float, z: float, other: Pair) -> Pair:
+    """A direction; where there is none the other one."""
     length2 = r * r + z * z
-    none = length2 == 0.0
-    scale = 1.0 / np.sqrt(1.0 if none else length2)
-    return (1.0 if none else r * scale), z * scale
+    if length2 < NO_DIRECTION:
+        return other
+    scale = np.sqrt(length2) * (1.0 / length2)  # root and quotient at a time
+    return r * scale, z * scale
 
 
 @woven
-def inner_link(hold: Hold, outer_r: float, outer_z: float, r: float, z: float) -> Pair:
+def inner_link(hold: Hold, outer: Pair, along: Pair) -> Pair:
     """Direction of a link whose outer neighbour lies along ``outer``, the neighbour's bend kept in limits."""
-    c, s = r * outer_r + z * outer_z, r * outer_z - z * outer_r
-    free = within(hold, c, s)
-    held_c, held_s = nearer(hold, c, s)
-    held_r, held_z = outer_r * held_c + outer_z * held_s, outer_z * held_c - outer_r * held_s
-    return (r if free else held_r), (z if free else held_z)
+    c, s = along[0] * outer[0] + along[1] * outer[1], along[0] * outer[1] - along[1] * outer[0]
+    if within(hold, c, s):
+        return along
+    c, s = nearer(hold, c, s)
+    return outer[0] * c + outer[1] * s, outer[1] * c - outer[0] * s
 
 
 @woven
-def outer_link(hold: Hold, inner_r: float, inner_z: float, r: float, z: float) -> Pair:
+def outer_link(hold: Hold, inner: Pair, along: Pair) -> Pair:
     """Direction of a link whose inner neighbour lies along ``inner``, its own bend kept in limits."""
-    c, s = inner_r * r + inner_z * z, inner_r * z - inner_z * r
-    free = within(hold, c, s)
-    held_c, held_s = nearer(hold, c, s)
-    held_r, held_z = inner_r * held_c - inner_z * held_s, inner_z * held_c + inner_r * held_s
-    return (r if free else held_r), (z if free else held_z)
+    c, s = inner[0] * along[0] + inner[1] * along[1], inner[0] * along[1] - inner[1] * along[0]
+    if within(hold, c, s):
+        return along
+    c, s = nearer(hold, c, s)
+    return inner[0] * c - inner[1] * s, inner[1] * c + inner[0] * s
+
+
+@woven
+def sight(tool: Pair, aim: Pair, knots: Knots) -> Pair:
+    """Direction of the last link before the first pass: ``tool``, or where that is (0, 0) to ``aim``."""
+    to_r, to_z = unit(aim[0] - knots[2], aim[1] - knots[3], (1.0, 0.0))
+    free = tool[0] == 0.0 and tool[1] == 0.0
+    return (to_r if free else tool[0]), (to_z if free else tool[1])
 
 
 @woven
 def inwards(
-    root: Pair, lengths: Triple, first: Hold, second: Hold, tool: Pair, aim: Pair, knots: Knots
-) -> Knots:
-    """Forward reaching from the tool at ``aim``: the root that it comes to, and the two knots after it.
+    root: Pair, lengths: Triple, first: Hold, second: Hold, sight: Pair, aim: Pair, knots: Knots
+) -> Inner:
+    """Forward reaching from the tool at ``aim``, the last link along ``sight``.
 
-    ``first`` and ``second`` hold the bends behind the first two links. The last link lies along ``tool``, or
-    where that is (0, 0) on the line to its old knot.
+    ``first`` and ``second`` hold the bends behind the first two links.
     """
     r1, z1, r2, z2, _, _ = knots
-    free = tool[0] == 0.0 and tool[1] == 0.0
-    ur, uz = unit(aim[0] - r2, aim[1] - z2, 1.0, 0.0)
-    ur, uz = (ur if free else tool[0]), (uz if free else tool[1])
-    r2, z2 = aim[0] - lengths[2] * ur, aim[1] - lengths[2] * uz
-    vr, vz = unit(r2 - r1, z2 - z1, 1.0, 0.0)
-    vr, vz = inner_link(second, ur, uz, vr, vz)
-    r1, z1 = r2 - lengths[1] * vr, z2 - lengths[1] * vz
-    wr, wz = unit(r1 - root[0], z1 - root[1], 1.0, 0.0)
-    wr, wz = inner_link(first, vr, vz, wr, wz)
-    return r1 - lengths[0] * wr, z1 - lengths[0] * wz, r1, z1, r2, z2
+    r2, z2 = aim[0] - lengths[2] * sight[0], aim[1] - lengths[2] * sight[1]
+    v = inner_link(second, sight, unit(r2 - r1, z2 - z1, (1.0, 0.0)))
+    r1, z1 = r2 - lengths[1] * v[0], z2 - lengths[1] * v[1]
+    u = inner_link(first, v, unit(r1 - root[0], z1 - root[1], (1.0, 0.0)))
+    return Inner(r1 - lengths[0] * u[0], (r1, z1), (r2, z2), u, v, sight)
 
 
 @woven
@@ -158,23 +172,22 @@ def outwards(
     holds: tuple[Hold, Hold, Hold],
     tool: Pair,
     aim: Pair,
-    old: Knots,
+    inner: Inner,
     by: float,
-) -> Knots:
-    """Backward reaching from the shoulder: the three knots after it.
+) -> tuple[Knots, Pair]:
+    """Backward reaching from the shoulder: the three knots after it, and the next pass's ``sight``.
 
-    ``old`` is what `inwards` came to, moved ``by`` along r with the base, the tool then at ``aim``.
+    What `inwards` came to has moved ``by`` along r with the base, the tool then at ``aim``. The last link
+    lies along ``tool``, or where that is (0, 0) on the line to ``aim``.
     """
-    r0, r1, r2 = old[0] + by, old[2] + by, old[4] + by
-    z0, z1, z2 = old[1], old[3], old[5]
-    ur, uz = unit(r1 - shoulder[0], z1 - shoulder[1], r1 - r0, z1 - z0)
-    ur, uz = outer_link(holds[0], 1.0, 0.0, ur, uz)
-    n1, m1 = shoulder[0] + lengths[0] * ur, shoulder[1] + lengths[0] * uz
-    vr, vz = unit(r2 - n1, z2 - m1, r2 - r1, z2 - z1)
-    vr, vz = outer_link(holds[1], ur, uz, vr, vz)
-    n2, m2 = n1 + lengths[1] * vr, m1 + lengths[1] * vz
+    r1, z1 = inner.first[0] + by, inner.first[1]
+    r2, z2 = inner.second[0] + by, inner.second[1]
+    u = outer_link(holds[0], (1.0, 0.0), unit(r1 - shoulder[0], z1 - shoulder[1], inner.u))
+    r1, z1 = shoulder[0] + lengths[0] * u[0], shoulder[1] + lengths[0] * u[1]
+    v = outer_link(holds[1], u, unit(r2 - r1, z2 - z1, inner.v))
+    r2, z2 = r1 + lengths[1] * v[0], z1 + lengths[1] * v[1]
+    to_r, to_z = unit(aim[0] - r2, aim[1] - z2, inner.w)
     free = tool[0] == 0.0 and tool[1] == 0.0
-    wr, wz = unit(aim[0] - n2, aim[1] - m2, aim[0] - r2, aim[1] - z2)
-    wr, wz = (wr if free else tool[0]), (wz if free else tool[1])
-    wr, wz = outer_link(holds[2], vr, vz, wr, wz)
-    return n1, m1, n2, m2, n2 + lengths[2] * wr, m2 + lengths[2] * wz
+    sight = (to_r if free else tool[0]), (to_z if free else tool[1])
+    w = outer_link(holds[2], v, sight)
+    return (r1, z1, r2, z2, r2 + lengths[2] * w[0], z2 + lengths[2] * w[1]), sight

@@ -16,10 +16,11 @@ from regionik.demand import deviation
 from regionik.planners import fabrik, kernels
 from regionik.planners.edgetree import tree_of
 from regionik.planners.flat import FlatPolygon
-from regionik.planners.onecall import PITCHES, TILT, Joined, Turning, packed
+from regionik.planners.onecall import Joined, Turning, packed
 from regionik.planners.passes import holds_of
 from regionik.planners.qualities import COMFORT, Asked, meeting_posture, posture_spare
 from regionik.planners.rolls import roll_for, tool_turn, within_limits
+from regionik.planners.ways import PITCHES, TILT
 from regionik.reachable import Family, families_of
 from regionik.serialarm import MOST_PASSES, Reached, serial_solver
 from regionik.worlds.arrays import Array

@@ -5,7 +5,7 @@ Source: M-FABRIK (Santos et al., IEEE Access 2020), Algorithm 1, with joint limi
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
@@ -19,21 +19,20 @@ from regionik.arms import ANGLE_SLACK, Arm, PlaneSolver, arm_solver
 from regionik.demand import in_plane
 from regionik.ground import EVERY
 from regionik.meeting import asked_in
-from regionik.plan import Configuration
+from regionik.plan import Answer, Configuration
+from regionik.planners.batches import answer_all
 from regionik.planners.flat import FlatPolygon
 from regionik.planners.onecall import (
     FACE_TARGET,
     FIXED,
     FREE,
-    MET,
-    REFUSED,
+    OneCall,
     Turning,
-    answer_all,
-    answer_way,
     held,
     one_call,
     share_turn,
 )
+from regionik.planners.ways import answer_way
 from regionik.pruning import Ladder
 from regionik.reachable import FRONT, Family
 from regionik.serialarm import Reached, serial_solver
@@ -45,6 +44,7 @@ from regionik.worlds.pivot import behind, pivot_of, pivoted
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Heading, Target, World
 
+_room = np.empty  # looked up once, for a call takes little longer
 NOWHERE = FlatPolygon(np.empty((0, 2)), np.zeros(1, dtype=np.int64))
 HEADINGS: dict[Heading, int] = {"free": FREE, "face_target": FACE_TARGET, "fixed": FIXED}
 
@@ -86,6 +86,7 @@ class Solver:
     criteria: Criteria | None = None
     _arm: Arm = field(init=False, repr=False)
     _flat: FlatPolygon = field(init=False, repr=False)
+    _mobile: bool = field(init=False, repr=False, default=True)
 
     def __post_init__(self) -> None:
         if not 0 < self.tolerance < np.inf:
@@ -117,36 +118,38 @@ class Solver:
         InputError
             For shapes that do not fit or numbers that are not finite.
         """
-        if type(target) is np.ndarray and (found := self._at_once(target, base, joints)):
-            return found
+        prepared = self._call
+        if prepared is not None:
+            call, dof, known = prepared
+            new_base, new_joints = _room(3), _room(dof)
+            error, passes, met = call(known, target, base, joints, new_base, new_joints)
+            if passes >= 0:
+                found: Any = Answer()
+                found.base, found.joints, found.error = new_base, new_joints, error
+                found.iterations, found.converged = passes, met
+                found.__class__ = Configuration
+                return found  # type: ignore[no-any-return]
+        return self._looked_at(target, base, joints)
+
+    def _looked_at(self, target: Target | ArrayLike, base: ArrayLike, joints: ArrayLike) -> Configuration:
+        """As a call, for what no compiled call takes as it is given."""
         asked, here = _asked(target), frozen(base, (3,), "base")
         now = frozen(joints, (self.robot.chain.dof,), "joints")
-        if asked.direction is None and (found := self._at_once(asked.position, here, now)):
-            return found
-        return self._solve(asked, here, now, mobile=True)
-
-    def _at_once(
-        self, target: Array, base: ArrayLike, joints: ArrayLike, *, mobile: bool = True
-    ) -> Configuration | None:
-        """All in one compiled call; None for arms of other kinds, and for what must be looked at first."""
-        prepared = self._call
-        if prepared is None:
-            return None
-        kernel, dof, roaming, staying = prepared
-        call = roaming if mobile else staying
-        new_base, new_joints = np.empty(3), np.empty(dof)
-        try:
-            error, passes, end = kernel(call, target, base, joints, new_base, new_joints)
-        except TypeError:  # no plain arrays of floats
-            return None
-        return None if end == REFUSED else Configuration(new_base, new_joints, error, passes, end == MET)
+        if self._call is not None and asked.direction is None:
+            return self(asked.position, here, now)
+        return self._solve(asked, here, now, mobile=self._mobile)
 
     def hold(self, target: Target | ArrayLike, base: ArrayLike, joints: ArrayLike) -> Configuration:
         """As a call, but the arm axis stays where it is: only the arm and the heading move."""
-        asked, here, now = _asked(target), np.asarray(base), np.asarray(joints)
-        if asked.direction is None and (found := self._at_once(asked.position, here, now, mobile=False)):
-            return found
-        return self._solve(asked, here, now, mobile=False)
+        return self._holding(target, base, joints)
+
+    @cached_property
+    def _holding(self) -> Solver:
+        """The same solver for a base that stays."""
+        twin = copy(self)
+        vars(twin).pop("_call", None)
+        object.__setattr__(twin, "_mobile", False)
+        return twin
 
     def least_change(self, target: Target | ArrayLike, base: Array, joints: Array) -> Configuration | None:
         """With the arm axis held, the posture on target that changes least, if there is one."""
@@ -161,7 +164,8 @@ class Solver:
         other = copy(self)
         for name, value in (("area", area), ("_flat", _flat(area))):
             object.__setattr__(other, name, value)
-        other.__dict__.pop("_call", None)
+        for name in ("_call", "_holding"):
+            vars(other).pop(name, None)
         return other
 
     @property
@@ -172,11 +176,12 @@ class Solver:
     def along(
         self, points: Array, places: Array, wished: Array, bend: float, base: Array, joints: Array
     ) -> tuple[Array, Array]:
-        """Bases and joints on a way, as many as are found; see `onecall.answer_way`. Of a compiled solver."""
-        assert self._call is not None
+        """Bases and joints on a way, as many as are found; see `ways.answer_way`. Of a compiled solver."""
+        held_call = self._holding._call
+        assert held_call is not None
         bases, postures = np.empty((len(points), 3)), np.empty((len(points), self.robot.chain.dof))
         before = np.array(base), np.array(joints)
-        count = answer_way(self._call[3], points, places, wished, bend, *before, bases, postures)
+        count = answer_way(held_call[2], points, places, wished, bend, *before, bases, postures)
         return bases[:count], postures[:count]
 
     def self_motion(
@@ -216,18 +221,19 @@ class Solver:
         return _batch(rows, self.robot.chain.dof)
 
     @cached_property
-    def _call(self) -> tuple[Callable[..., Any], int, Array, Array] | None:
-        """The compiled call, and what it needs to know where the axis moves and where it stays.
+    def _call(self) -> tuple[OneCall, int, Array] | None:
+        """The compiled call, the number of joints, and what the call needs to know.
 
-        None where more is asked than one call does.
+        None where more is asked than one call does, and where Python keeps arrays in a way not known here.
         """
-        if not isinstance(self._arm, PlaneSolver) or self._kept.chain is not self.robot.chain:
+        call = one_call()
+        if call is None or not isinstance(self._arm, PlaneSolver) or self._kept.chain is not self.robot.chain:
             return None
         dof = self.robot.chain.dof
-        prepared = self._arm.packed(self.robot.mount, self._turning, dof, self._flat)
-        if prepared is None:
+        known = self._arm.packed(self.robot.mount, self._turning, dof, self._flat)
+        if known is None:
             return None
-        return one_call(), dof, prepared, held(prepared)
+        return call, dof, known if self._mobile else held(known)
 
     @cached_property
     def _turning(self) -> Turning:

@@ -20,7 +20,7 @@ from regionik.worlds.scene import StopCriterion, World
 StateKind = Literal["setpoint", "step", "transit"]
 
 
-@dataclass(frozen=True, eq=False, init=False)
+@dataclass(frozen=True, eq=False, slots=True)
 class Configuration:
     """Base and arm that put the tool on a target (the result of M-FABRIK).
 
@@ -42,12 +42,19 @@ class Configuration:
     iterations: int
     converged: bool
 
-    def __init__(self, base: Array, joints: Array, error: float, iterations: int, converged: bool) -> None:
-        kept = (
-            self.__dict__
-        )  # solvers make millions of these, and frozen fields one by one take twice as long
-        kept["base"], kept["joints"] = base, joints
-        kept["error"], kept["iterations"], kept["converged"] = error, iterations, converged
+
+@dataclass(eq=False, init=False, slots=True)
+class Answer:
+    """A configuration while a solver fills it in; `Configuration` as its class freezes it.
+
+    Frozen fields would take a third of a solver's time.
+    """
+
+    base: Array
+    joints: Array
+    error: float
+    iterations: int
+    converged: bool
 
 
 @dataclass(frozen=True, eq=False)

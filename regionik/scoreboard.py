@@ -13,6 +13,7 @@ from typing import Any
 from regionik.compare import Comparison, Score
 from regionik.console import plain
 from regionik.files import write_whole
+from regionik.plan import Configuration
 from regionik.worlds.errors import InputError
 
 FORMATS = (".csv", ".json")
@@ -24,11 +25,15 @@ def comparison_document(comparison: Comparison) -> dict[str, Any]:
         "ok": True,
         "world": comparison.world,
         "methods": [
-            {**asdict(score), "answers": [vars(answer) for answer in comparison.answers[score.method]]}
+            {**asdict(score), "answers": [_open(answer) for answer in comparison.answers[score.method]]}
             for score in comparison.scores
         ],
         "beaten": list(comparison.beaten),
     }
+
+
+def _open(answer: Configuration) -> dict[str, Any]:
+    return {one.name: getattr(answer, one.name) for one in fields(answer)}
 
 
 def write_comparison(comparison: Comparison, path: Path) -> None:

@@ -7,6 +7,7 @@ import shapely
 from numpy.typing import ArrayLike
 
 from regionik.mfabrik import Solver
+from regionik.planners.lanes import BLOCK
 from regionik.reachable import BACK, FRONT, Family
 from regionik.regions import path_areas
 from regionik.worlds.arrays import Array
@@ -119,6 +120,23 @@ def test_one_by_one_equals_batch(heading: Heading, family: Family, area: shapely
         np.testing.assert_allclose(held.base[:2], bases[k, :2], atol=1e-12)
         np.testing.assert_allclose(held.joints, slow.joints, atol=1e-9)
         assert (held.iterations, held.converged) == (slow.iterations, slow.converged)
+
+
+def test_a_batch_of_many_blocks_equals_single_calls() -> None:
+    """Rows at the seams of blocks, those that lanes start again or leave, and angles of many turns."""
+    rng, n = np.random.default_rng(7), 2 * BLOCK + 17
+    targets = np.column_stack([rng.uniform(-1, 1, (n, 2)), rng.uniform(0.0, 0.6, n)])
+    bases, joints = rng.uniform(-1, 1, (n, 3)), rng.uniform(YOUBOT.chain.lower, YOUBOT.chain.upper, (n, 5))
+    bases[5, 2], bases[6, 2], targets[7] = 1e4, 3e7, (0.0, 0.0, 5.0)
+    solver = Solver(YOUBOT)
+    batch = solver.batch(targets, bases, joints)
+    again = np.flatnonzero(batch.iterations > 20)
+    assert len(again) > 50
+    for k in [*range(9), *again[:200], *range(BLOCK - 3, BLOCK + 3), *range(n - 20, n)]:
+        one = solver(targets[k], bases[k], joints[k])
+        np.testing.assert_allclose(one.base, batch.base[k], atol=1e-9)
+        np.testing.assert_allclose(one.joints, batch.joints[k], atol=1e-9)
+        assert (one.iterations, one.converged) == (batch.iterations[k], batch.converged[k])
 
 
 @pytest.mark.parametrize("span", [(0.5, 0.5), (0.5, 0.6), (-0.2, 0.2), (3.0, 3.4)])

@@ -10,12 +10,12 @@ import shapely
 
 from benchmarks.speed.harness import Row, Size, Wanted, Work, against, timed
 from benchmarks.speed.mobile import TOLERANCE, Task, mobile_chain, task
-from benchmarks.speed.rivals import begun_all, damped_steps, passes_with_shapely
+from benchmarks.speed.rivals import damped_steps, passes_with_shapely
 from regionik.mfabrik import Batch, Solver
-from regionik.planners.lanes import abreast
-from regionik.planners.onecall import answer_all
+from regionik.planners.batches import answer_all, begun
+from regionik.planners.lanes import BLOCK, SIZE, abreast
+from regionik.planners.onecall import effort_in, links_in
 from regionik.regions import admissible_area
-from regionik.serialarm import MOST_PASSES
 from regionik.worlds.arrays import Array
 from regionik.worlds.obstacles import Cylinder
 from regionik.worlds.scene import Floor, Rules, Target, World
@@ -64,29 +64,31 @@ def profile(some: Task, solver: Solver) -> str:
     """Where the time of a batch goes."""
     assert solver._call is not None
     call = solver._call[2]
-    count, few = len(some.targets), Size(rounds=5)
+    count, few, block = len(some.targets), Size(rounds=5), np.empty(SIZE)
     found = Batch.empty(count, some.robot.chain.dof)
-    axes, planes, bends, links = begun_all(call, some.bases, some.joints)
+    links, effort, first = links_in(call), effort_in(call), some.first(BLOCK)
 
-    def spent(work: Work) -> float:
+    def spent(work: Work, count: int) -> float:
         row = timed("", "", work, None, few)
         return 1e9 * row.figure.median / count if row.figure else np.nan
 
-    whole = spent(lambda: solver.batch(*some[1:]))
-    inside = spent(lambda: answer_all(
-            call, some.targets, some.bases, some.joints,
-            found.base, found.joints, found.error, found.iterations, found.converged,
-        ))  # fmt: skip
-    lanes = spent(
-        lambda: abreast(
-            links, 1, TOLERANCE, MOST_PASSES, some.targets, axes.copy(), planes.copy(), bends.copy(),
-            found.error, found.iterations,
-        )
-    )  # fmt: skip
+    def inside() -> None:
+        columns = found.base, found.joints, found.error, found.iterations, found.converged
+        answer_all(call, some.targets, some.bases, some.joints, *columns)
+
+    def before() -> None:
+        begun(call, first.targets, first.bases, first.joints, block)
+
+    def lanes() -> None:
+        before()
+        abreast(links, effort, len(first.targets), block, found.error, found.iterations)
+
+    whole, all_inside = spent(lambda: solver.batch(*some[1:]), count), spent(inside, count)
+    alone = spent(before, len(first.targets))
+    passes = spent(lanes, len(first.targets)) - alone
     return (
-        f"of ours {whole:.0f} ns: {lanes:.0f} abreast in lanes, sines and arctangents of joints with them, "
-        f"{inside - lanes:.0f} in restarts of the few that stall and in turning bends to joints, "
-        f"{whole - inside:.0f} in checking and copying"
+        f"of ours {whole:.0f} ns: {passes:.0f} in passes abreast, {all_inside - passes:.0f} in turning "
+        f"angles to knots and back and in what lanes leave, {whole - all_inside:.0f} in checking and copying"
     )
 
 

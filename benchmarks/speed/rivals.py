@@ -10,8 +10,9 @@ from shapely.geometry.base import BaseGeometry
 
 from regionik.planners.fabrik import PATIENCE, STALLED
 from regionik.planners.flat import compiled
-from regionik.planners.onecall import axis_at, bend_at, links_in
-from regionik.planners.passes import Knots, Links, fast, inwards, outwards, placed
+from regionik.planners.onecall import axis_at, bends_at, links_in
+from regionik.planners.passes import Inner, Knots, Pair, fast, inwards, outwards, placed, sight
+from regionik.planners.trigonometry import turned
 from regionik.serialarm import MOST_PASSES
 from regionik.worlds.arrays import Array
 
@@ -36,7 +37,7 @@ def damped_steps(
         for _ in range(STEPS):
             x, y, plane = axis_at(call, base, q)
             u, v = np.cos(plane), np.sin(plane)
-            a, b, c = bend_at(call, q, 0), bend_at(call, q, 1), bend_at(call, q, 2)
+            a, b, c = bends_at(call, q)
             r0, r1, r2 = call[2] * np.cos(a), call[3] * np.cos(a + b), call[4] * np.cos(a + b + c)
             z0, z1, z2 = call[2] * np.sin(a), call[3] * np.sin(a + b), call[4] * np.sin(a + b + c)
             r, z = call[0] + r0 + r1 + r2, call[1] + z0 + z1 + z2
@@ -80,31 +81,26 @@ def begun(call: Array, base: Array, joints: Array) -> tuple[float, float, float,
     """Arm axis, direction of the plane and knots of a start."""
     links = links_in(call)
     x, y, plane = axis_at(call, base, joints)
-    a, b, c = bend_at(call, joints, 0), bend_at(call, joints, 1), bend_at(call, joints, 2)
-    return x, y, plane, placed(links.shoulder, links.lengths, a, b, c)
+    a, b, c = bends_at(call, joints)
+    knots = placed(links.shoulder, links.lengths, turned(a), turned(a + b), turned(a + b + c))
+    return x, y, plane, knots
 
 
 @compiled
-def begun_all(call: Array, bases: Array, joints: Array) -> tuple[Array, Array, Array, Links]:
-    """Axes (n, 2), directions of the plane (n,), bends (n, 3) and the arm, as lanes take them."""
-    n = len(bases)
-    axes, planes, bends = np.empty((n, 2)), np.empty(n), np.empty((n, 3))
-    for k in range(n):
-        axes[k, 0], axes[k, 1], planes[k] = axis_at(call, bases[k], joints[k])
-        for i in range(3):
-            bends[k, i] = bend_at(call, joints[k], i)
-    return axes, planes, bends, links_in(call)
+def seen_first(r: float, z: float, knots: Knots) -> Pair:
+    """Direction of the last link before the first pass."""
+    return sight(FREE, (r, z), knots)
 
 
 @compiled
-def in_pass(call: Array, r: float, z: float, knots: Knots) -> Knots:
+def in_pass(call: Array, r: float, z: float, seen: Pair, knots: Knots) -> Inner:
     """Forward reaching."""
     links = links_in(call)
-    return inwards(links.shoulder, links.lengths, links.holds[1], links.holds[2], FREE, (r, z), knots)
+    return inwards(links.shoulder, links.lengths, links.holds[1], links.holds[2], seen, (r, z), knots)
 
 
 @compiled
-def out_pass(call: Array, r: float, z: float, inner: Knots, by: float) -> Knots:
+def out_pass(call: Array, r: float, z: float, inner: Inner, by: float) -> tuple[Knots, Pair]:
     """Backward reaching."""
     links = links_in(call)
     return outwards(links.shoulder, links.lengths, links.holds, FREE, (r, z), inner, by)
@@ -130,7 +126,7 @@ def passes_with_shapely(
     miss = x + knots[4] * ux - tx, y + knots[4] * uy - ty, knots[5] - tz
     error, passes = math.hypot(*miss), 0
     settled = shapely.intersects_xy(area, x, y)
-    mark = math.inf
+    mark, seen = math.inf, FREE
     while (error > tolerance or not settled) and passes < MOST_PASSES:
         if passes % PATIENCE == PATIENCE - 1:
             if error > STALLED * mark:
@@ -139,12 +135,13 @@ def passes_with_shapely(
         passes += 1
         before = math.hypot(tx - x, ty - y)
         ux, uy = (tx - x) / before, (ty - y) / before
-        inner = in_pass(call, before, tz, knots)
-        shift = inner[0] - call[0]
+        seen = seen if passes > 1 else seen_first(before, tz, knots)
+        inner = in_pass(call, before, tz, seen, knots)
+        shift = inner.root - call[0]
         x, y = x + shift * ux, y + shift * uy
         if not shapely.intersects_xy(area, x, y):
             x, y = shapely.get_coordinates(shapely.shortest_line(edge, shapely.Point(x, y)))[0].tolist()
         r = math.hypot(tx - x, ty - y)
-        knots = out_pass(call, r, tz, inner, r - before)
+        knots, seen = out_pass(call, r, tz, inner, r - before)
         error, settled = math.hypot(knots[4] - r, knots[5] - tz), True
     return error, passes, x, y

@@ -56,7 +56,7 @@ def profile(some: Task) -> str:
     """Where the time of a solve goes: a line for rows that are missed."""
     solver = Solver(some.robot, tolerance=TOLERANCE)
     assert solver._call is not None
-    kernel, dof, call, _ = solver._call
+    kernel, dof, call = solver._call
     cases = list(zip(some.targets, some.bases, some.joints, strict=True))
     base, joints, lost = np.empty(3), np.empty(dof), np.full(3, np.nan)
     few = Size(rounds=5)
