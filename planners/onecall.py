@@ -10,7 +10,7 @@ from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import types
+from numba import config, types
 from numpy.typing import NDArray
 
 from regionik.planners.edgetree import EdgeTree, tree_of
@@ -275,8 +275,11 @@ def one_call() -> Callable[..., Any]:
     """The compiled call: ``(call, target, base, joints, new_base, new_joints)``.
 
     It fills the last two and returns error [m], passes, and `REFUSED`, `MISSED` or `MET`. Refused is what has
-    another length or is not finite; what is no contiguous array of floats is a TypeError.
+    another length or is not finite; what is no contiguous array of floats is a TypeError, but where
+    NUMBA_DISABLE_JIT leaves kernels plain Python.
     """
+    if config.DISABLE_JIT:
+        return _solved
     given = types.Array(types.float64, 1, "C", readonly=True)
     filled = types.Array(types.float64, 1, "C")
     kernel: Any = _solved
