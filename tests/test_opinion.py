@@ -192,6 +192,8 @@ def test_brute_force_sees_what_the_arm_runs_into() -> None:
     machine, document = machine_of(world), world_to_document(replace(world, obstacles=()))
     found = find_clear(document, machine, {"point": spot})
     assert found is not None
+    picky = {**document, "rules": {**document["rules"], "criteria": {"manipulability": 1.0}}}
+    assert find_clear(picky, machine, {"point": spot}) is None
     ball = {"name": "ball", "sphere": {"radius": 0.05, "center": spot.tolist()}}
     document = {**document, "obstacles": [ball], "rules": {**document["rules"], "tool_contact": 0.0}}
     assert find_clear(document, machine, {"point": spot}) is None

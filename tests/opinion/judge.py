@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 
 from tests.opinion.course import Course, angle_between, wrapped
-from tests.opinion.machine import Array, Facts, Machine, jacobian
+from tests.opinion.machine import Array, Facts, Machine
 from tests.opinion.moment import Moment
 from tests.opinion.pace import pace
+from tests.opinion.quality import shortfalls
 from tests.opinion.shortest import Ground, driven, drives
 
 MET = 1e-8  # of what states say [m] or [rad]
@@ -138,30 +139,11 @@ class _Judge:
         yield from pace(self.course)
 
     def criteria(self) -> Iterator[str]:
-        asked = self.course.rules.get("criteria") or {}
-        least, share, most = (asked.get(key) for key in ("manipulability", "joint_margin", "effort"))
         for state in self.course.document["states"]:
-            if state["kind"] != "setpoint":
-                continue
-            q = self.course.machine.configuration(np.array(state["base"]), np.array(state["joints"]))
-            if isinstance(least, float):
-                J = jacobian(self.course.machine, q)[:3][:, self.course.machine.columns]
-                volume = float(np.sqrt(max(np.linalg.det(J @ J.T), 0.0)))
-                if volume < least - 1e-9:
-                    yield f"criteria: manipulability {volume:.3e} at set-point {state['setpoint']}"
-            if isinstance(share, float):
-                joints, low, high = (
-                    np.array(state["joints"]),
-                    self.course.machine.lower,
-                    self.course.machine.upper,
-                )
-                room = np.minimum(joints - low, high - joints) / (high - low)
-                if np.nanmin(room) < share - 1e-9:
-                    yield f"criteria: joint margin {np.nanmin(room):.3e} at set-point {state['setpoint']}"
-            if most is not None:
-                over = np.abs(self.course.machine.efforts(q)) - np.asarray(most, dtype=float)
-                for j in np.flatnonzero(over > 1e-8):
-                    yield f"criteria: joint {j} bears {over[j]:.3e} too much at set-point {state['setpoint']}"
+            if state["kind"] == "setpoint":
+                base, joints = np.array(state["base"]), np.array(state["joints"])
+                for text in shortfalls(self.course.machine, self.course.rules, base, joints):
+                    yield f"criteria: {text} at set-point {state['setpoint']}"
 
     def lengths(self) -> Iterator[str]:
         for first, last, way, least in self.measured():

@@ -94,10 +94,9 @@ class Moment:
     def _itself(self, frames: Array) -> Iterator[str]:
         spots = np.einsum("nij,nj->ni", frames[:, :3, :3], self.middles) + frames[:, :3, 3]
         base = self.machine.frame(-1)
+        far = abs(self.berth)
         for i, k in self.pairs:
-            if i >= 0 and np.linalg.norm(spots[i] - spots[k]) > self.radii[i] + self.radii[k] + abs(
-                self.berth
-            ):
+            if i >= 0 and np.linalg.norm(spots[i] - spots[k]) > self.radii[i] + self.radii[k] + far:
                 continue
             gap = self.machine.between(i, k, frames, base, self.body)
             if gap < self.berth:

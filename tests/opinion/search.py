@@ -12,6 +12,7 @@ import shapely
 from tests.opinion.course import Course
 from tests.opinion.machine import Array, Machine, jacobian
 from tests.opinion.moment import Moment
+from tests.opinion.quality import shortfalls
 from tests.opinion.things import things_of
 
 PLACES = 4000  # of the base that are drawn
@@ -66,7 +67,7 @@ def _found(
     locked = 1 if world["rules"]["heading"] == "face_target" else 0  # the pivot, then left at zero
     for one in base[_free(world, machine, base)][:TRIED]:
         joints = _bend(machine, one, target, locked, rng)
-        if joints is not None:
+        if joints is not None and not any(shortfalls(machine, world["rules"], one, joints)):
             yield np.array([*one, *joints])
 
 
