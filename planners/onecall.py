@@ -10,7 +10,8 @@ from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import config, types
+from numba import types
+from numba.extending import is_jitted
 from numpy.typing import NDArray
 
 from regionik.planners.edgetree import EdgeTree, tree_of
@@ -278,13 +279,12 @@ def one_call() -> Callable[..., Any]:
     another length or is not finite; what is no contiguous array of floats is a TypeError, but where
     NUMBA_DISABLE_JIT leaves kernels plain Python.
     """
-    if config.DISABLE_JIT:
-        return _solved
     given = types.Array(types.float64, 1, "C", readonly=True)
     filled = types.Array(types.float64, 1, "C")
     kernel: Any = _solved
-    kernel.compile((filled, given, given, given, filled, filled))
-    kernel.disable_compile()
+    if is_jitted(kernel):
+        kernel.compile((filled, given, given, given, filled, filled))
+        kernel.disable_compile()
     call: Callable[..., Any] = kernel
     return call
 

@@ -139,7 +139,14 @@ def test_areas_grow_with_the_world(by: float, clearance: float, height: float, r
         assert grown.symmetric_difference(other).area <= (1e-3 * one.outer.area + 1e-6) * by**2
 
 
-LENGTHS = ("clearance", "arm_clearance", "step", "tolerance", "path_tolerance", "tool_contact")
+LENGTHS: tuple[str, ...] = (
+    "clearance",
+    "arm_clearance",
+    "step",
+    "tolerance",
+    "path_tolerance",
+    "tool_contact",
+)
 LENGTHS += ("reach_margin", "stop_tolerance")
 
 
