@@ -35,7 +35,7 @@ test: .venv/installed-test,compare,distributed,geotiff,second
 # a minute, and what it says is not looked at, as `make test` asks the compiled ones.
 KERNELS := $(patsubst %,tests/test_%.py,wheels fabrikr exhaustive wherever settle \
 	exactareas mfabrik criteria levelreach inverse touching posture rivals field pulling rings flat tangents \
-	footprint avoidance edgetree stepping serial rolls spans proof_wheels reach)
+	footprint avoidance edgetree stepping serial rolls spans proof_wheels reach arms guard)
 COVERED := COVERAGE_FILE=$(CURDIR)/.coverage $(BIN)/coverage
 
 coverage: .venv/installed-test,compare,distributed,geotiff,second
