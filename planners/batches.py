@@ -14,6 +14,7 @@ from regionik.planners.fabrik import STRAIGHT, bends_between
 from regionik.planners.flat import Index
 from regionik.planners.lanes import BLOCK, SIZE, abreast
 from regionik.planners.onecall import (
+    alone,
     effort_in,
     free_in,
     hinges_in,
@@ -22,7 +23,6 @@ from regionik.planners.onecall import (
     offset,
     seat_in,
     shared_turn,
-    solved,
     within_limits,
 )
 from regionik.planners.passes import fast, placed, sight
@@ -54,14 +54,6 @@ def answer_all(
                 errors[k], passes[k], met[k] = alone(
                     call, targets[k], bases[k], joints[k], new_bases[k], new_joints[k]
                 )
-
-
-@fast
-def alone(
-    call: Array, target: Array, base: Array, joints: Array, new_base: Array, new_joints: Array
-) -> tuple[float, int, bool]:
-    """One row by itself, copied: `solved` is then compiled for one kind of arrays only."""
-    return solved(call, target.copy(), base.copy(), joints.copy(), new_base, new_joints)
 
 
 @fast

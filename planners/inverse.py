@@ -141,7 +141,7 @@ class ArmSolver:
         _, _, passes, restarts, polished = solve(bodies, aim, self._starts(bodies), self.effort, q)
         error, angle = confirm(chain, aim, q)
         converged = error <= self.effort.tolerance and angle <= self.effort.angle_tolerance
-        steps = ("passes",) + ("restarts",) * (restarts > 0) + ("polish",) * polished
+        steps = ("passes",) + ("restarts",) * (restarts > 0) + ("polish",) * bool(polished)
         reason = "" if converged else why_not(chain, aim, self.starts, self.effort, q, error, angle, passes)
         q.flags.writeable = False
         return ArmPosture(q, error, angle, passes, restarts, steps, converged, reason)

@@ -10,6 +10,7 @@ from functools import cache
 from typing import Any, NamedTuple
 
 import numpy as np
+from numba.extending import is_jitted
 
 from regionik.planners.edgetree import EdgeTree, tree_of
 from regionik.planners.fabrik import PATIENCE, bends_between, mfabrik, restarted
@@ -373,17 +374,35 @@ def _handed(
     return np.nan, -1, False
 
 
+@fast
+def alone(
+    call: Array, target: Array, base: Array, joints: Array, new_base: Array, new_joints: Array
+) -> tuple[float, int, bool]:
+    """`solved` for rows that are copied: it is then compiled for one kind of arrays only."""
+    return solved(call, target.copy(), base.copy(), joints.copy(), new_base, new_joints)
+
+
+def _looked_at(
+    call: Array, target: object, base: object, joints: object, new_base: Array, new_joints: Array
+) -> tuple[float, int, bool]:
+    """As `_handed`, where Python itself looks at what it hands over."""
+    for given, room in ((target, new_base), (base, new_base), (joints, new_joints)):
+        if type(given) is not np.ndarray or given.dtype != room.dtype or given.shape != room.shape:
+            return np.nan, -1, False
+    return alone(call, target, base, joints, new_base, new_joints)  # type: ignore[arg-type]
+
+
 @cache
-def one_call() -> OneCall | None:
+def one_call() -> OneCall:
     """The call from Python: ``(call, target, base, joints, new_base, new_joints)``.
 
     It fills the last two, which are trusted as ``call`` is, and returns error [m], passes and whether the
     target is met. Minus one pass refuses what is not finite and what is no plain row of floats as long as the
-    one that is to be filled. None where the layout of arrays is not the one known.
+    one that is to be filled.
     """
-    if not layout_is_known():
-        return None
     kernel: Any = _handed
+    if not is_jitted(kernel) or not layout_is_known():
+        return _looked_at
     kernel.compile((HANDED,) * 6)
     call: OneCall = kernel.get_overload((HANDED,) * 6)
     return call

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from regionik.planners.batches import alone
 from regionik.planners.flat import compiled
 from regionik.planners.kernels import nearest_posture
 from regionik.planners.onecall import (
+    alone,
     arm_in,
     away,
     axis_at,

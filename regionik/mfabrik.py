@@ -224,16 +224,15 @@ class Solver:
     def _call(self) -> tuple[OneCall, int, Array] | None:
         """The compiled call, the number of joints, and what the call needs to know.
 
-        None where more is asked than one call does, and where Python keeps arrays in a way not known here.
+        None where more is asked than one call does.
         """
-        call = one_call()
-        if call is None or not isinstance(self._arm, PlaneSolver) or self._kept.chain is not self.robot.chain:
+        if not isinstance(self._arm, PlaneSolver) or self._kept.chain is not self.robot.chain:
             return None
         dof = self.robot.chain.dof
         known = self._arm.packed(self.robot.mount, self._turning, dof, self._flat)
         if known is None:
             return None
-        return call, dof, known if self._mobile else held(known)
+        return one_call(), dof, known if self._mobile else held(known)
 
     @cached_property
     def _turning(self) -> Turning:

@@ -14,32 +14,30 @@ from dataclasses import dataclass, replace
 from datetime import date
 from multiprocessing import get_context
 from pathlib import Path
-from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
-import shapely
 from rich.progress import track
 
 from regionik.pipeline import search
 from regionik.plan import Plan
 from regionik.plandocument import plan_to_document
+from regionik.reach import reach
+from regionik.retime import retime
 from regionik.urdf_text import robot_to_urdf
-from regionik.worlds.chain import chain_from_dh
 from regionik.worlds.errors import InputError, NoPlanFound
 from regionik.worlds.format import world_to_document
-from regionik.worlds.library import load_world, world_names
-from regionik.worlds.robot import BaseKind, Robot, capsules_along
-from regionik.worlds.scene import Start, World
-from regionik.worlds.urdf import load_robot
+from regionik.worlds.library import world_names
+from regionik.worlds.robot import Robot
+from regionik.worlds.scene import Target, World
 from tests.opinion.course import Course
-from tests.opinion.judge import objections
+from tests.opinion.judge import detours, objections, posture_objections
 from tests.opinion.machine import Facts, Machine
 from tests.opinion.moment import Moment
-from tests.opinion.search import find
-from tests.test_overhead_worlds import overhead_world
-from tests.test_random_worlds import random_world
+from tests.opinion.search import find, find_clear
+from tests.soaked import KINDS, soaked_world
 
-KINDS = ("floor", "overhead", "made", "wheels", "urdf")  # of random worlds
+SEARCHED, EVERY = ("floor", "overhead"), 2  # where single targets are asked for: in every second of these
 
 
 @dataclass(frozen=True)
@@ -51,88 +49,84 @@ class Judged:
     verdict: str  # "planned" or that of the explanation
     wrong: tuple[str, ...]
     claimed: bool = False  # said: a set-point is proven out of reach, or the start is blocked
+    detours: tuple[float, ...] = ()  # lengths of its drives with the tool lifted, the shortest ones being 1
+    asked: tuple[str, ...] = ()  # rules beyond the usual ones that the world has
+    reach: tuple[str, ...] = ()  # verdicts on single targets
 
 
-def soaked_world(kind: str, seed: int) -> World:
-    """A random world of one of `KINDS`, or of the bundled ones the seed-th."""
-    match kind:
-        case "bundled":
-            return load_world(world_names()[seed])
-        case "floor":
-            return random_world(seed)
-        case "overhead":
-            return overhead_world(seed, most=6)
-        case "made":
-            world = random_world(seed)
-            return _with(world, made_robot(np.random.default_rng(seed)))
-        case "wheels":
-            return on_wheels(random_world(seed), seed)
-        case _:
-            return _with(random_world(seed), through_urdf(random_world(seed).robot))
-
-
-def _with(world: World, robot: Robot) -> World:
-    start = world.start
-    return replace(world, robot=robot, start=None if start is None else Start(start.base, robot.carry))
-
-
-def made_robot(rng: np.random.Generator) -> Robot:
-    """An arm of three hinges on a pivot, of random lengths and limits, on a base of random shape."""
-    up, out, one, two, tip = rng.uniform([0.08, 0.0, 0.12, 0.1, 0.1], [0.2, 0.05, 0.3, 0.3, 0.3])
-    low, high = -rng.uniform(0.8, 2.8, 5), rng.uniform(0.8, 2.8, 5)
-    quarter = np.pi / 2
-    rows = [
-        (0.0, up, out, quarter, low[0], high[0]),
-        (0.0, 0.0, one, 0.0, low[1] + quarter, high[1] + quarter),
-        (0.0, 0.0, two, 0.0, low[2], high[2]),
-        (0.0, 0.0, 0.0, quarter, low[3] + quarter, high[3] + quarter),
-        (0.0, tip, 0.0, 0.0, low[4], high[4]),
-    ]
-    chain = chain_from_dh(rows)
-    angles = np.sort(rng.uniform(0, 2 * np.pi, 7))
-    round_ = rng.uniform(0.08, 0.3) * np.column_stack([np.cos(angles), rng.uniform(0.5, 1) * np.sin(angles)])
-    outline = np.asarray(shapely.MultiPoint(round_).convex_hull.exterior.coords)[:-1]
-    carry = np.array([0.0, quarter, 0.0, quarter, 0.0])
-    mount = np.array([rng.uniform(-0.1, 0.15), rng.uniform(-0.05, 0.05), 0.1, rng.uniform(-1, 1)])
-    solids = capsules_along(chain, float(rng.uniform(0.02, 0.04)))
-    return Robot("made", "omni", outline, mount, chain, solids, 0.1, carry)
-
-
-def on_wheels(world: World, seed: int) -> World:
-    """The same with a base that rolls: differential, or a car."""
-    kind: BaseKind = "differential" if seed % 2 else "car"
-    robot = replace(world.robot, base=kind, turning_radius=0.0 if seed % 2 else 0.4)
-    return replace(world, robot=robot, rules=replace(world.rules, heading="free"))
-
-
-def through_urdf(robot: Robot) -> Robot:
-    """A robot written as URDF and read back; its base is the box that URDF has of it."""
-    with TemporaryDirectory() as folder:
-        path = Path(folder) / "robot.urdf"
-        path.write_text(robot_to_urdf(robot, shapely.box(-2, -2, 6, 2)))
-        read = load_robot(path, base=robot.base, tip="tool", root="base")
-    return replace(read, carry=robot.carry)
+def _asked(world: World) -> tuple[str, ...]:
+    """Which rules of a world are not in every one."""
+    named = {} if world.rules.criteria is None else vars(world.rules.criteria)
+    more = {"speeds": world.speeds, "face_target": world.rules.heading == "face_target"}
+    return tuple(key for key, value in {**named, **more}.items() if value)
 
 
 def facts_of(robot: Robot) -> Facts:
     """What the second opinion is told besides the URDF."""
     unchecked = frozenset(frozenset(pair) for pair in robot.unchecked)
-    return Facts(robot.base, robot.footprint, robot.body_height, robot.turning_radius, unchecked)
+    loads = tuple((one.link, one.mass, tuple(one.center.tolist())) for one in robot.loads)
+    shape = (robot.base, robot.footprint, robot.body_height, robot.turning_radius)
+    return Facts(*shape, unchecked, robot.gauge, loads)
+
+
+def _told(made: Plan) -> tuple[dict[str, Any], str, Facts]:
+    """All that the second opinion is told of a plan."""
+    robot = made.world.robot
+    document = json.loads(json.dumps(plan_to_document(made)))
+    return document, robot_to_urdf(robot, made.world.floor.polygon), facts_of(robot)
 
 
 def against(made: Plan) -> tuple[str, ...]:
     """What the second opinion has against a plan."""
-    robot = made.world.robot
-    document = json.loads(json.dumps(plan_to_document(made)))
-    return tuple(objections(document, robot_to_urdf(robot, made.world.floor.polygon), facts_of(robot)))
+    return tuple(objections(*_told(made)))
+
+
+def machine_of(world: World) -> Machine:
+    """The robot of a world as the second opinion sees it."""
+    return Machine(robot_to_urdf(world.robot, world.floor.polygon), facts_of(world.robot))
 
 
 def counterexample(world: World, setpoint: int) -> np.ndarray | None:
     """A base pose and joint values for a set-point, found by brute force."""
     document = world_to_document(world)
     task = [{"point": point, **piece} for piece in document["task"] for point in piece["points"]]
-    machine = Machine(robot_to_urdf(world.robot, world.floor.polygon), facts_of(world.robot))
-    return find(document, machine, task[setpoint])
+    return find(document, machine_of(world), task[setpoint])
+
+
+def against_reach(world: World, targets: list[Target]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Verdicts on targets among the obstacles of a world, and what brute force has against them."""
+    answer, wrong = reach(world, targets), list[str]()
+    machine, facts = machine_of(world), facts_of(world.robot)
+    urdf = robot_to_urdf(world.robot, world.floor.polygon)
+    for i, target in enumerate(targets):
+        document = world_to_document(replace(world, task=(target,)))
+        verdict, said = str(answer.verdict[i]), f"{np.round(target.position, 6).tolist()} is said to be"
+        if verdict == "reachable":
+            base, joints = answer.base[i].tolist(), answer.joints[i].tolist()
+            machine.place(answer.base[i], answer.joints[i])
+            tool = machine.tool()[:3, 3].tolist()
+            state = {"base": base, "joints": joints, "tool": tool, "kind": "setpoint", "setpoint": 0}
+            held = posture_objections({"world": document, "states": [state]}, urdf, facts)
+            wrong += [f"{said} in reach: {text}" for text in held]
+        elif verdict == "unreachable":
+            asked = {"point": document["task"][0]["points"][0], **document["task"][0]}
+            found = find_clear(document, machine, asked)
+            if found is not None:
+                there = np.round(found, 6).tolist()
+                wrong.append(f"{said} out of reach: {answer.reason[i]} But {there} is there.")
+    return tuple(answer.verdict.tolist()), tuple(wrong)
+
+
+def hard_targets(world: World, rng: np.random.Generator) -> list[Target]:
+    """A set-point of the task, and places near obstacles of a world."""
+    drawn = [world.task[rng.integers(len(world.task))]]
+    for _ in range(2 if world.obstacles else 0):
+        solid = world.obstacles[rng.integers(len(world.obstacles))]
+        shadow = solid.shadow(np.inf)
+        assert shadow is not None
+        middle = np.array([*shadow.core.centroid.coords[0], rng.uniform(0.1, 0.8)])
+        drawn.append(Target(middle + rng.normal(0.0, [0.15, 0.15, 0.0])))
+    return drawn
 
 
 def blocked_at_start(world: World) -> bool:
@@ -146,8 +140,17 @@ def blocked_at_start(world: World) -> bool:
 def judged(kind: str, seed: int) -> Judged:
     """Plan a world and ask for the second opinion."""
     world = soaked_world(kind, seed)
+    one = replace(_judged(world, kind, seed), asked=_asked(world))
+    if kind not in SEARCHED or seed % EVERY:
+        return one
+    verdicts, wrong = against_reach(world, hard_targets(world, np.random.default_rng([seed, 2])))
+    return replace(one, reach=verdicts, wrong=one.wrong + wrong)
+
+
+def _judged(world: World, kind: str, seed: int) -> Judged:
     try:
         made = search(world)
+        made = made if world.speeds is None else retime(made)
     except NoPlanFound as failure:
         why = failure.explanation
         wrong: tuple[str, ...] = () if why.reason else ("no reason is given",)
@@ -163,7 +166,8 @@ def judged(kind: str, seed: int) -> Judged:
         return Judged(kind, seed, why.verdict, wrong, claimed or blocked)
     except InputError as refused:
         return Judged(kind, seed, f"refused: {refused}", ())
-    return Judged(kind, seed, "planned", against(made))
+    told = _told(made)
+    return Judged(kind, seed, "planned", tuple(objections(*told)), detours=tuple(detours(*told)))
 
 
 def report(found: list[Judged]) -> str:
@@ -179,8 +183,8 @@ def report(found: list[Judged]) -> str:
         "What dense samples do not show is not proven.",
         "See `tests/soak.py` and `tests/opinion`.",
         "",
-        "| worlds | planned | no plan, by verdict | claims tested | contradicted |",
-        "|---|---|---|---|---|",
+        "| worlds | planned | no plan, by verdict | claims tested | drives | contradicted |",
+        "|---|---|---|---|---|---|",
     ]
     for kind in ("bundled", *KINDS):
         mine = [one for one in found if one.kind == kind]
@@ -188,11 +192,30 @@ def report(found: list[Judged]) -> str:
         planned = verdicts.pop("planned", 0)
         words = ", ".join(f"{verdict} {n}" for verdict, n in sorted(verdicts.items())) or "none"
         claims, wrong = sum(one.claimed for one in mine), sum(bool(one.wrong) for one in mine)
-        lines.append(f"| {kind}, {len(mine)} | {planned} | {words} | {claims} | {wrong} |")
+        ways = [way for one in mine for way in one.detours]
+        drives = f"{len(ways)}: {np.median(ways):.3f}, {max(ways):.3f}" if ways else "none"
+        lines.append(f"| {kind}, {len(mine)} | {planned} | {words} | {claims} | {drives} | {wrong} |")
+    lines += ["", *_figures(found)]
     wrong_ones = [one for one in found if one.wrong]
     lines += ["", "Contradicted:" if wrong_ones else "None was contradicted.", ""]
     lines += [f"- {_who(one)}: {text}" for one in wrong_ones for text in one.wrong]
     return "\n".join(lines).rstrip() + "\n"
+
+
+def _figures(found: list[Judged]) -> list[str]:
+    """Sentences on what was asked besides, and how long drives are."""
+    asked = Counter(key for one in found if one.verdict == "planned" for key in one.asked)
+    verdicts = Counter(verdict for one in found for verdict in one.reach)
+    return [
+        f"Plans under rules that not every world has: {_counted(asked)}.",
+        f"Single targets, judged by brute force that sees obstacles: {_counted(verdicts)}.",
+        "Drives are those with the tool lifted, as parts of the shortest way of the largest disc inside the",
+        "footprint, which no base can beat: median, worst.",
+    ]
+
+
+def _counted(numbers: Counter[str]) -> str:
+    return ", ".join(f"{key} {n}" for key, n in sorted(numbers.items())) or "none"
 
 
 def _who(one: Judged) -> str:

@@ -83,16 +83,19 @@ def test_finite_numbers_get_in_whatever_their_size() -> None:
     assert _passes(Solver(YOUBOT), huge, huge, JOINTS) >= 0
 
 
-def test_an_unknown_layout_shuts_the_door(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Solvers then go the long way, to the same answers."""
+def test_where_the_layout_is_unknown_python_looks_itself(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is slower, to the same answers."""
     quick = Solver(YOUBOT)(TARGET, BASE, JOINTS)
     assert handed.layout_is_known()
     monkeypatch.setattr(onecall, "layout_is_known", lambda: False)
     onecall.one_call.cache_clear()
     try:
         solver = Solver(YOUBOT)
-        assert solver._call is None
+        assert solver._call is not None
+        assert solver._call[0] is onecall._looked_at
         slow = solver(TARGET, BASE, JOINTS)
+        for refused in ([1.0, 0.2, 0.3], None, TARGET[:2], TARGET.astype(np.float32), np.full(3, np.nan)):
+            assert _passes(solver, refused, BASE, JOINTS) == -1
     finally:
         onecall.one_call.cache_clear()
     np.testing.assert_allclose(slow.joints, quick.joints, atol=1e-12)

@@ -14,7 +14,9 @@ from hypothesis import strategies as st
 from shapely.affinity import affine_transform, scale
 
 from regionik.pipeline import search, whole_path
+from regionik.plan import Configuration
 from regionik.plandocument import plan_to_document, plan_to_text
+from regionik.reach import reach
 from regionik.regions import admissible_area, path_areas
 from regionik.verify import verify
 from regionik.worlds.arrays import Array
@@ -135,6 +137,81 @@ def test_areas_grow_with_the_world(by: float, clearance: float, height: float, r
     for mine, other in ((one.inner, two.inner), (one.outer, two.outer)):
         grown = scale(mine, by, by, origin=(0, 0))
         assert grown.symmetric_difference(other).area <= (1e-3 * one.outer.area + 1e-6) * by**2
+
+
+LENGTHS: tuple[str, ...] = (
+    "clearance",
+    "arm_clearance",
+    "step",
+    "tolerance",
+    "path_tolerance",
+    "tool_contact",
+)
+LENGTHS += ("reach_margin", "stop_tolerance")
+
+
+def in_units(world: World, by: float) -> World:
+    """The same world measured in a unit of length that goes ``by`` times into a metre."""
+
+    def solid(one: Solid) -> Solid:
+        if isinstance(one, Box):
+            return replace(one, center=by * one.center, size=by * one.size)
+        if isinstance(one, Cylinder):
+            return replace(one, center=by * one.center, radius=by * one.radius, height=by * one.height)
+        assert isinstance(one, Sphere)
+        return replace(one, center=by * one.center, radius=by * one.radius)
+
+    start = world.start
+    assert start is not None
+    return replace(
+        world,
+        robot=larger(world.robot, by),
+        floor=Floor(scale(world.floor.polygon, by, by, origin=(0, 0))),
+        obstacles=tuple(solid(one) for one in world.obstacles),
+        task=tuple(Target(by * one.position, one.direction, one.cone) for one in world.task),
+        rules=replace(world.rules, **{key: by * getattr(world.rules, key) for key in LENGTHS}),
+        start=Start(by ** np.array([1, 1, 0]) * start.base, start.joints),
+    )
+
+
+@pytest.mark.parametrize("seed", SOUND)
+def test_a_plan_holds_in_any_unit(seed: int) -> None:
+    """Lengths of world and plan in feet, centimetres or the like: the same verdict, margins in that unit."""
+    made = search(random_world(seed))
+    margins = verify(made).margins
+    for by in (0.5, 3.280839895, 100.0):
+        unit = by ** np.array([1, 1, 0])
+        motion = replace(made.motion, base=unit * made.motion.base)
+        done = tuple(
+            Configuration(unit * one.base, one.joints, by * one.error, one.iterations, one.converged)
+            for one in made.setpoints
+        )
+        report = verify(replace(made, world=in_units(made.world, by), motion=motion, setpoints=done))
+        assert report.ok, report.violations
+        assert report.margins.keys() == margins.keys()
+        for kind in margins.keys() & {"floor", "clearance", "setpoint", "path", "step"}:
+            assert report.margins[kind] == pytest.approx(by * margins[kind], rel=0.02, abs=2e-4 * by), kind
+        assert report.margins["joints"] == pytest.approx(margins["joints"])
+
+
+@pytest.mark.parametrize("seed", SOUND)
+def test_what_can_be_planned_can_be_planned_in_other_units(seed: int) -> None:
+    one = search(random_world(seed))
+    for by in (0.25, 2.0):
+        other = search(in_units(random_world(seed), by))
+        assert other.lift_offs == one.lift_offs
+        assert verify(other).ok
+
+
+@settings(max_examples=6, deadline=None)
+@given(SEEDS, st.integers(0, 2**31))
+def test_an_obstacle_in_the_air_never_makes_a_target_reachable(seed: int, draw: int) -> None:
+    """Whatever the arm has to go round besides, what was out of reach stays so."""
+    world, rng = slim_world(seed), np.random.default_rng(draw)
+    targets = rng.uniform([-0.5, -1.0, 0.1], [3.0, 1.0, 1.1], (4, 3))
+    ball = Sphere("one more", 0.1, targets[0] + rng.normal(0.0, 0.15, 3))
+    before, after = reach(world, targets), reach(replace(world, obstacles=(*world.obstacles, ball)), targets)
+    assert not (after.reachable & (before.verdict == "unreachable")).any()
 
 
 @FEW

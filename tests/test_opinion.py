@@ -5,25 +5,41 @@ from __future__ import annotations
 import ast
 import json
 from collections import Counter
+from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import shapely
+from numpy.typing import ArrayLike
 
 import tests.opinion
 from regionik.pipeline import search
+from regionik.plan import Plan
 from regionik.plandocument import plan_to_document
+from regionik.reach import reach
 from regionik.regions import admissible_area
+from regionik.retime import retime
 from regionik.urdf_text import robot_to_urdf
 from regionik.worlds.format import world_to_document
 from regionik.worlds.library import load_world, world_names
-from tests.opinion.course import halfway
+from regionik.worlds.scene import Target
+from regionik.worlds.speeds import Speeds
+from tests.opinion.course import Course, halfway
 from tests.opinion.judge import objections
 from tests.opinion.machine import Machine
-from tests.opinion.search import stand_at
-from tests.soak import KINDS, against, counterexample, facts_of, judged, soaked_world
+from tests.opinion.search import find_clear, stand_at
+from tests.opinion.shortest import Ground
+from tests.soak import against, against_reach, counterexample, facts_of, judged, machine_of
+from tests.soaked import KINDS, soaked_world
+
+
+def taut(radius: float) -> float:
+    """The shortest way round a circle about the origin from 1 m before it to 1 m behind it [m]."""
+    return float(2 * np.sqrt(1 - radius**2) + radius * (np.pi - 2 * np.arccos(radius)))
+
 
 SLOW = ("circle", "depot", "pipe", "tao1")  # some seconds each, here or in their plans; in `make soak`
 
@@ -78,17 +94,122 @@ def spoiled(document: dict[str, Any], how: str) -> None:
         case "self":
             for state in states:
                 state["joints"][2] = -2.6
+        case "limits: the base does not face":
+            world["rules"]["heading"] = "face_target"
+        case "criteria: manip":
+            world["rules"]["criteria"] = {"manipulability": 1.0}
+        case "criteria: joint margin":
+            world["rules"]["criteria"] = {"joint_margin": 0.4}
+        case "criteria: joint 1 bears":
+            world["rules"]["criteria"] = {"effort": 0.5}
+        case "lengths":
+            lifted = [one["base"] for one in states[middle:] if one["kind"] == "transit"]
+            x, y = lifted[len(lifted) // 2][:2]
+            wall = {"size": [2.0, 0.01, 0.5], "center": [x, y, 0.25]}
+            world["rules"]["clearance"] = 0.0
+            world["obstacles"].append({"name": "wall", "box": wall})
+        case "pace: a joint goes":
+            world["speeds"]["joint_velocity"] *= 0.8
+        case "pace: a joint gains":
+            world["speeds"]["joint_acceleration"] *= 0.3
+        case "pace: the base goes":
+            world["speeds"]["base_velocity"] *= 0.8
+        case "pace: the base gains":
+            world["speeds"]["base_acceleration"] *= 0.3
+        case "pace: the tool":
+            world["speeds"]["tool_velocity"] *= 0.8
+        case "pace: something moves":
+            states[middle]["time"] = states[middle + 1]["time"]
 
 
-@pytest.mark.parametrize(
-    "how", ["order", "limits", "targets", "hops", "floor", "clearance", "arm", "path", "self"]
-)
-def test_a_spoiled_plan_is_objected_to(how: str) -> None:
+HOWS = ["order", "limits", "targets", "hops", "floor", "clearance", "arm", "path", "self"]
+HOWS += ["limits: the base does not face", "criteria: manip", "criteria: joint margin"]
+HOWS += ["criteria: joint 1 bears", "lengths", "pace: a joint goes", "pace: a joint gains"]
+HOWS += ["pace: the base goes", "pace: the base gains", "pace: the tool", "pace: something moves"]
+
+
+@cache
+def sound_plan() -> Plan:
+    """A timed one of a robot that carries something."""
     world = load_world("pillar")
-    document = json.loads(json.dumps(plan_to_document(search(world))))
+    limits = {"joint_velocity": 0.5, "joint_acceleration": 1.0, "base_velocity": 0.3}
+    speeds = Speeds(**limits, base_acceleration=0.5, tool_velocity=0.1)
+    return retime(search(replace(world, robot=replace(world.robot, payload=1.0), speeds=speeds)))
+
+
+def test_a_sound_plan_is_not_objected_to() -> None:
+    assert against(sound_plan()) == ()
+
+
+@pytest.mark.parametrize("how", HOWS)
+def test_a_spoiled_plan_is_objected_to(how: str) -> None:
+    world = sound_plan().world
+    document = json.loads(json.dumps(plan_to_document(sound_plan())))
     spoiled(document, how)
     told = objections(document, robot_to_urdf(world.robot, world.floor.polygon), facts_of(world.robot))
     assert any(text.startswith(how) for text in told), told
+
+
+def boxed(obstacles: list[dict[str, Any]], footprint: ArrayLike, clearance: float) -> Ground:
+    """The ground of a base on a floor of 4 m by 2 m."""
+    floor = {"polygon": [[-2, -1], [2, -1], [2, 1], [-2, 1]]}
+    world = {"floor": floor, "obstacles": obstacles, "rules": {"clearance": clearance}}
+    robot = load_world("pillar").robot
+    facts = replace(facts_of(robot), footprint=np.array(footprint, dtype=float))
+    machine = Machine(robot_to_urdf(robot, shapely.box(-2, -1, 2, 1)), facts)
+    return Ground(Course({"world": world}, machine))
+
+
+POINT, SQUARE = [[0, 0]], [[-0.1, -0.1], [0.1, -0.1], [0.1, 0.1], [-0.1, 0.1]]
+PLATE = {"name": "plate", "box": {"size": [0.4, 1.0, 0.5], "center": [0, 0, 0.25]}}
+POST = {"name": "post", "cylinder": {"radius": 0.3, "height": 1.0, "center": [0, 0, 0.5]}}
+WALL = {"name": "wall", "box": {"size": [0.1, 2.2, 0.5], "center": [0, 0, 0.25]}}
+HANGING = {"name": "lamp", "box": {"size": [0.4, 2.0, 0.1], "center": [0, 0, 5.0]}}
+
+
+@pytest.mark.parametrize(
+    ("things", "footprint", "clearance", "least"),
+    [
+        pytest.param([], POINT, 0.2, 2.0, id="straight"),
+        pytest.param([PLATE], POINT, 0.0, 0.4 + 2 * np.hypot(0.8, 0.5), id="round two corners"),
+        pytest.param([POST], POINT, 0.1, taut(0.4), id="round a post"),
+        pytest.param([POST], SQUARE, 0.1, taut(0.5), id="round a post with the disc in a footprint"),
+        pytest.param([WALL], POINT, 0.0, np.inf, id="nowhere"),
+        pytest.param([HANGING], POINT, 0.0, 2.0, id="under it"),
+    ],
+)
+def test_shortest_ways(things: list[Any], footprint: Any, clearance: float, least: float) -> None:
+    ground = boxed(things, footprint, clearance)
+    found = ground.shortest(np.array([-1.0, 0]), np.array([1.0, 0]))
+    assert found == pytest.approx(least, rel=5e-3)
+    assert found <= least + 1e-12
+    assert not ground.holds(np.array([3.0, 0.0]))
+
+
+def test_brute_force_sees_what_the_arm_runs_into() -> None:
+    world = load_world("pillar")
+    spot = world.task[5].position
+    machine, document = machine_of(world), world_to_document(replace(world, obstacles=()))
+    found = find_clear(document, machine, {"point": spot})
+    assert found is not None
+    picky = {**document, "rules": {**document["rules"], "criteria": {"manipulability": 1.0}}}
+    assert find_clear(picky, machine, {"point": spot}) is None
+    ball = {"name": "ball", "sphere": {"radius": 0.05, "center": spot.tolist()}}
+    document = {**document, "obstacles": [ball], "rules": {**document["rules"], "tool_contact": 0.0}}
+    assert find_clear(document, machine, {"point": spot}) is None
+
+
+def test_claims_on_reach_can_be_contradicted(monkeypatch: pytest.MonkeyPatch) -> None:
+    world, targets = load_world("pillar"), [Target(np.array([0.5, 0.0, z])) for z in (0.25, 2.0)]
+    verdicts, wrong = against_reach(world, targets)
+    assert verdicts == ("reachable", "unreachable")
+    assert wrong == ()
+    honest = reach(world, targets)
+    lies = replace(honest, verdict=honest.verdict[::-1], base=honest.base[::-1], joints=honest.joints[::-1])
+    monkeypatch.setattr("tests.soak.reach", lambda *_: lies)
+    told = against_reach(world, targets)[1]
+    assert any("out of reach" in text for text in told)
+    assert any("in reach" in text for text in told)
 
 
 def test_the_way_on_wheels_is_a_circle() -> None:

@@ -9,12 +9,17 @@ from typing import Any
 import numpy as np
 
 from tests.opinion.course import Course, angle_between, wrapped
-from tests.opinion.machine import Array, Facts, Machine, jacobian
+from tests.opinion.machine import Array, Facts, Machine
 from tests.opinion.moment import Moment
+from tests.opinion.pace import pace
+from tests.opinion.quality import shortfalls
+from tests.opinion.shortest import Ground, driven, drives
 
 MET = 1e-8  # of what states say [m] or [rad]
 SPARSE = 0.02  # motion of any point between two samples [m]
 FIRST = 3  # of objections of a kind
+NEAR = 0.1  # a drive that could be shorter than this is none to be compared [m]
+SAVED = 1e-4  # that free floor and edges are taken wider than they are, at the most [m]
 
 
 def objections(document: dict[str, Any], urdf: str, facts: Facts) -> list[str]:
@@ -29,8 +34,22 @@ def objections(document: dict[str, Any], urdf: str, facts: Facts) -> list[str]:
     facts : Facts
     """
     judge = _Judge(Course(document, Machine(urdf, facts)))
-    kinds = (judge.order, judge.limits, judge.targets, judge.hops, judge.criteria, judge.samples)
-    return [text for kind in kinds for text in _first(kind())]
+    kinds = (judge.order, judge.limits, judge.targets, judge.hops, judge.pace, judge.criteria, judge.samples)
+    return [text for kind in (*kinds, judge.lengths) for text in _first(kind())]
+
+
+def posture_objections(document: dict[str, Any], urdf: str, facts: Facts) -> list[str]:
+    """All that is wrong with the states of a document by themselves, however they come about."""
+    judge = _Judge(Course(document, Machine(urdf, facts)))
+    looks = (text for k in range(len(document["states"])) for text in Moment(judge.course).look(k, 0.0))
+    kinds = (judge.limits(), judge.targets(), judge.criteria(), looks)
+    return [text for kind in kinds for text in _first(kind)]
+
+
+def detours(document: dict[str, Any], urdf: str, facts: Facts) -> list[float]:
+    """Lengths of drives with the tool lifted, as parts of the shortest ones; very short ones are left out."""
+    judge = _Judge(Course(document, Machine(urdf, facts)))
+    return [way / least for _, _, way, least in judge.measured() if NEAR < least < np.inf]
 
 
 def _first(texts: Iterator[str]) -> list[str]:
@@ -77,6 +96,11 @@ class _Judge:
             turned = np.abs(wrapped(self.course.base[:, 2] - self.course.base[0, 2]))
             for k in np.flatnonzero(turned > 1e-6):
                 yield f"limits: the base is turned by {turned[k]:.2e} in state {k}, its heading is fixed"
+        if self.course.rules["heading"] == "face_target" and self.course.machine.pivots:
+            ahead = np.clip(0.0, self.course.machine.lower[0], self.course.machine.upper[0])
+            for k, kind in enumerate(self.course.kinds):
+                if kind == "setpoint" and abs(wrapped(self.course.joints[k, 0] - ahead)) > MET:
+                    yield f"limits: the base does not face its target in state {k}, but its pivot turns"
 
     def targets(self) -> Iterator[str]:
         for k, state in enumerate(self.course.document["states"]):
@@ -95,8 +119,7 @@ class _Judge:
                 yield f"targets: state {k} is {angle:.3e} rad off its direction"
 
     def hops(self) -> Iterator[str]:
-        facts, speeds = self.course.machine.facts, self.course.world.get("speeds") or {}
-        times = [state["time"] for state in self.course.document["states"]]
+        facts = self.course.machine.facts
         for k, (here, there) in enumerate(zip(self.course.base[:-1], self.course.base[1:], strict=True)):
             turn = float(wrapped(there[2] - here[2]))
             chord = there[:2] - here[:2]
@@ -111,35 +134,33 @@ class _Judge:
                 yield f"hops: wheels slip {aside:.2e} m after state {k}"
             if facts.base == "car" and abs(turn) * facts.turning_radius > length + 1e-8:
                 yield f"hops: a car turns too tightly after state {k}"
-            if times[k] is None:
-                continue
-            span = times[k + 1] - times[k]
-            if length > speeds.get("base_velocity", 0.5) * span * (1 + 1e-6) + MET:
-                yield f"hops: the base is too fast after state {k}"
-            if abs(turn) > speeds.get("turn_velocity", 1.0) * span * (1 + 1e-6) + MET:
-                yield f"hops: the base turns too fast after state {k}"
+
+    def pace(self) -> Iterator[str]:
+        yield from pace(self.course)
 
     def criteria(self) -> Iterator[str]:
-        asked = self.course.rules.get("criteria") or {}
-        least, share = asked.get("manipulability"), asked.get("joint_margin")
         for state in self.course.document["states"]:
-            if state["kind"] != "setpoint":
-                continue
-            q = self.course.machine.configuration(np.array(state["base"]), np.array(state["joints"]))
-            if isinstance(least, float):
-                J = jacobian(self.course.machine, q)[:3][:, self.course.machine.columns]
-                volume = float(np.sqrt(max(np.linalg.det(J @ J.T), 0.0)))
-                if volume < least - 1e-9:
-                    yield f"criteria: manipulability {volume:.3e} at set-point {state['setpoint']}"
-            if isinstance(share, float):
-                joints, low, high = (
-                    np.array(state["joints"]),
-                    self.course.machine.lower,
-                    self.course.machine.upper,
+            if state["kind"] == "setpoint":
+                base, joints = np.array(state["base"]), np.array(state["joints"])
+                for text in shortfalls(self.course.machine, self.course.rules, base, joints):
+                    yield f"criteria: {text} at set-point {state['setpoint']}"
+
+    def lengths(self) -> Iterator[str]:
+        for first, last, way, least in self.measured():
+            if way < least - SAVED:
+                yield (
+                    f"lengths: the base goes {way:.5f} m from state {first} to state {last}, "
+                    f"the shortest way is {least:.5f} m"
                 )
-                room = np.minimum(joints - low, high - joints) / (high - low)
-                if np.nanmin(room) < share - 1e-9:
-                    yield f"criteria: joint margin {np.nanmin(room):.3e} at set-point {state['setpoint']}"
+
+    def measured(self) -> Iterator[tuple[int, int, float, float]]:
+        """Of every drive with the tool lifted: first and last state, its length, that of the shortest way."""
+        moves = list(drives(self.course))
+        ground = Ground(self.course) if moves else None
+        for first, last in moves:
+            here, there = self.course.base[first, :2], self.course.base[last, :2]
+            if ground is not None and ground.holds(here) and ground.holds(there):
+                yield first, last, driven(self.course, first, last), ground.shortest(here, there)
 
     # --- what samples between them show
 

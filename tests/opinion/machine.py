@@ -17,6 +17,8 @@ Array = NDArray[np.float64]
 PARTS = (" start", " end", " side")  # of a capsule, which URDF has no word for
 VIRTUAL = ("base_x", "base_y", "base_yaw")
 POSTURES = 64
+GRAVITY = 9.80665  # [m/s2]
+UNLIMITED = 1e6  # stands for no limit in the URDF
 
 
 @dataclass(frozen=True)
@@ -28,6 +30,8 @@ class Facts:
     body_height: float
     turning_radius: float
     unchecked: frozenset[frozenset[str]]
+    gauge: float = 0.0
+    loads: tuple[tuple[int, float, tuple[float, ...]], ...] = ()  # link, mass [kg], its centre [m]
 
 
 @dataclass(frozen=True)
@@ -45,7 +49,7 @@ class Machine:
     def __init__(self, urdf: str, facts: Facts) -> None:
         self.facts = facts
         self.model = pin.buildModelFromXML(urdf)
-        self.data = self.model.createData()
+        self.model.gravity.linear = np.array([0.0, 0.0, -GRAVITY])
         names = [name for name in self.model.names[1:] if name not in VIRTUAL]
         self.ids = [self.model.getJointId(name) for name in (*VIRTUAL, *names)]
         self.dof = len(names)
@@ -55,8 +59,15 @@ class Machine:
         slots = [self.model.joints[i].idx_q for i in self.ids[3:]]
         self.lower = np.where(unlimited, -np.inf, self.model.lowerPositionLimit[slots])
         self.upper = np.where(unlimited, np.inf, self.model.upperPositionLimit[slots])
-        self.lower[self.lower <= -1e6], self.upper[self.upper >= 1e6] = -np.inf, np.inf
+        self.lower[self.lower <= -UNLIMITED], self.upper[self.upper >= UNLIMITED] = -np.inf, np.inf
         self.columns = np.array(at)
+        velocity = self.model.velocityLimit[self.columns]
+        self.velocity = np.where(velocity >= UNLIMITED, np.inf, velocity)
+        self.slides = np.array(["JointModelP" in self.model.joints[i].shortname() for i in self.ids[3:]])
+        for link, mass, center in facts.loads:
+            inertia = pin.Inertia(mass, np.array(center), np.zeros((3, 3)))
+            self.model.appendBodyToJoint(self.ids[link + 3], inertia, pin.SE3.Identity())
+        self.data = self.model.createData()
         self.parts = self._parts(urdf)
         self.last = max((part.link for part in self.parts), default=-1)
 
@@ -107,6 +118,19 @@ class Machine:
         """The frame of a link, or of the base (-1), after `place`."""
         frame: Array = self.data.oMi[self.ids[link + 3]].homogeneous
         return frame
+
+    def efforts(self, q: Array) -> Array:
+        """Torque or force with which each arm joint bears its links and the payload (dof,) [N m] or [N]."""
+        pulled: Array = pin.computeGeneralizedGravity(self.model, self.data, q)[self.columns]
+        return pulled
+
+    @property
+    def pivots(self) -> bool:
+        """Whether the first joint turns about the vertical."""
+        first = self.model.joints[self.ids[3]]
+        pin.framesForwardKinematics(self.model, self.data, pin.neutral(self.model))
+        along = np.array(pin.getJointJacobian(self.model, self.data, self.ids[3], pin.WORLD))
+        return not self.slides[0] and bool(np.abs(along[3:5, first.idx_v]).max() < 1e-9)
 
     def frames(self) -> Array:
         """The frame of each part (n, 4, 4), after `place`."""

@@ -18,10 +18,10 @@ ALONG = 3e-6  # of what the tool does between states [m] or [rad]
 
 
 class Moment:
-    """Looks at single moments of a plan."""
+    """Looks at single moments of a plan, and wants a berth round the arm beyond what its rules say [m]."""
 
-    def __init__(self, course: Course) -> None:
-        self.course, self.machine = course, course.machine
+    def __init__(self, course: Course, berth: float = -APART) -> None:
+        self.course, self.machine, self.berth = course, course.machine, berth
         facts, world = course.machine.facts, course.world
         floor = world["floor"]
         self.floor = shapely.Polygon(floor["polygon"], floor.get("holes", [])).buffer(
@@ -77,7 +77,7 @@ class Moment:
         spots = np.einsum("nij,nj->ni", frames[:, :3, :3], self.middles) + frames[:, :3, 3]
         if not len(self.pieces) or not len(spots):
             return
-        around = (self.radii + least + APART)[:, None]
+        around = (self.radii + least + abs(self.berth))[:, None]
         below, above = (spots - around).min(0)[:2], (spots + around).max(0)[:2]
         close = self.plan.query(shapely.box(*below, *above))
         low, high = (corner[close] for corner in self.balls)
@@ -88,19 +88,20 @@ class Moment:
                 continue
             gap = distance_of(part.shape.solid, placed(frames[p]), piece.solid, piece.placed)
             thing = self.course.things[i]
-            if gap < least - APART or thing.contains(spots[p]):
+            if gap < least + self.berth or thing.contains(spots[p]):
                 yield f"arm: {part.solid} of link {part.link} is {gap:.6f} m from {thing.name}"
 
     def _itself(self, frames: Array) -> Iterator[str]:
         spots = np.einsum("nij,nj->ni", frames[:, :3, :3], self.middles) + frames[:, :3, 3]
         base = self.machine.frame(-1)
+        far = abs(self.berth)
         for i, k in self.pairs:
-            if i >= 0 and np.linalg.norm(spots[i] - spots[k]) > self.radii[i] + self.radii[k]:
+            if i >= 0 and np.linalg.norm(spots[i] - spots[k]) > self.radii[i] + self.radii[k] + far:
                 continue
             gap = self.machine.between(i, k, frames, base, self.body)
-            if gap < -APART:
+            if gap < self.berth:
                 one = "the base" if i < 0 else self.machine.parts[i].solid
-                yield f"self: {one} and {self.machine.parts[k].solid} overlap by {-gap:.6f} m"
+                yield f"self: {one} and {self.machine.parts[k].solid} are {gap:.6f} m apart"
 
     def _path(self, k: int, there: int, tool: Array) -> Iterator[str]:
         course = self.course

@@ -2,22 +2,27 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 import shapely
 
+from tests.opinion.course import Course
 from tests.opinion.machine import Array, Machine, jacobian
+from tests.opinion.moment import Moment
+from tests.opinion.quality import shortfalls
 from tests.opinion.things import things_of
 
 PLACES = 4000  # of the base that are drawn
 TURNS = 36  # of the base that are tried at one place
 TRIED = 300  # free ones at which the arm is bent, each from a posture of its own
+ROUNDS = 3  # of all that, where the arm must keep off things
 STEPS = 25
 INSIDE = 0.9  # of the cone that a turn aims for
 CLOSE = 1e-6  # [m] or [rad]
-BERTH = 1e-4  # of the base beyond its clearance, so that what is found is beyond doubt [m]
+BERTH = 1e-4  # of base and arm beyond their clearances, so that what is found is beyond doubt [m]
 
 
 def find(world: dict[str, Any], machine: Machine, target: dict[str, Any], seed: int = 0) -> Array | None:
@@ -25,30 +30,45 @@ def find(world: dict[str, Any], machine: Machine, target: dict[str, Any], seed: 
 
     Obstacles to the arm are left out of account. None where none was found.
     """
+    return next(_about(world, machine, target, seed), None)
+
+
+def find_clear(
+    world: dict[str, Any], machine: Machine, target: dict[str, Any], seed: int = 0
+) -> Array | None:
+    """The same with an arm that keeps off obstacles, itself and its base as the rules say."""
+    asked = [{**{key: target[key] for key in target if key != "point"}, "points": [target["point"]]}]
+    found = [one for k in range(ROUNDS) for one in _about(world, machine, target, seed + k)]
+    states = [{"base": one[:3], "joints": one[3:], "kind": "transit"} for one in found]
+    moment = Moment(Course({"world": {**world, "task": asked}, "states": states}, machine), BERTH)
+    return next((one for k, one in enumerate(found) if not any(moment.look(k, 0.0))), None)
+
+
+def _about(world: dict[str, Any], machine: Machine, target: dict[str, Any], seed: int) -> Iterator[Array]:
+    """Configurations with the arm's mount at random distances from a target."""
     rng = np.random.default_rng(seed)
     away, around = _length(machine) * np.sqrt(rng.random(PLACES)), rng.uniform(-np.pi, np.pi, PLACES)
-    axis = target["point"][:2] + np.column_stack([away * np.cos(around), away * np.sin(around)])
-    return _first(world, machine, target, axis, rng)
+    axis = np.array(target["point"])[:2] + np.column_stack([away * np.cos(around), away * np.sin(around)])
+    return _found(world, machine, target, axis, rng)
 
 
 def stand_at(
     world: dict[str, Any], machine: Machine, target: dict[str, Any], spot: Array, rng: np.random.Generator
 ) -> Array | None:
     """The same with the arm's mount over one spot of the floor, at headings tried at random."""
-    return _first(world, machine, target, np.tile(spot, (TURNS, 1)), rng)
+    return next(_found(world, machine, target, np.tile(spot, (TURNS, 1)), rng), None)
 
 
-def _first(
+def _found(
     world: dict[str, Any], machine: Machine, target: dict[str, Any], axis: Array, rng: np.random.Generator
-) -> Array | None:
-    """The first configuration found with the arm's mount over one of some spots (n, 2)."""
-    base = _poses(world, machine, target["point"][:2], axis, rng)
+) -> Iterator[Array]:
+    """Configurations with the arm's mount over one of some spots (n, 2)."""
+    base = _poses(world, machine, np.array(target["point"])[:2], axis, rng)
     locked = 1 if world["rules"]["heading"] == "face_target" else 0  # the pivot, then left at zero
     for one in base[_free(world, machine, base)][:TRIED]:
         joints = _bend(machine, one, target, locked, rng)
-        if joints is not None:
-            return np.array([*one, *joints])
-    return None
+        if joints is not None and not any(shortfalls(machine, world["rules"], one, joints)):
+            yield np.array([*one, *joints])
 
 
 def _poses(

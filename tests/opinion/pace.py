@@ -1,0 +1,94 @@
+"""What is wrong with the times of a plan: speeds and accelerations as its states tell them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tests.opinion.course import Course, wrapped
+from tests.opinion.machine import Array
+
+OVER = 1e-3  # of a limit, for what lies between the instants that a timing looks at
+Index = NDArray[np.int64]
+STILL = 1e-8  # motion that takes no time [m] or [rad]
+RISE = 0.5  # from rest to full speed, where no acceleration is given [s]
+
+
+def pace(course: Course) -> Iterator[str]:
+    """Objections to the times of a plan, if it has any.
+
+    The mean speed of a hop is met somewhere in it, and from the mean over one hop to that over the next no
+    more can be gained than the limit of acceleration gives from the middle of one to that of the other.
+    """
+    times = np.array([state["time"] for state in course.document["states"]], dtype=float)
+    if np.isnan(times).any():
+        return
+    spans = np.diff(times)
+    if times[0] != 0 or (spans < 0).any():
+        yield "pace: times do not begin at 0 and rise"
+        return
+    moved = np.column_stack([course.base, course.joints])
+    moved = np.diff(moved, axis=0)
+    moved[:, 2] = wrapped(moved[:, 2])
+    for k in np.flatnonzero((spans == 0) & (np.abs(moved).max(axis=1) > STILL)):
+        yield f"pace: something moves in no time after state {k}"
+    on = np.flatnonzero(spans > 0).astype(np.int64)
+    yield from _speeds(course, moved[on], spans[on], on)
+    yield from _accelerations(course, moved[on] / spans[on, None], spans[on], on)
+
+
+def joint_limits(course: Course) -> tuple[Array, Array]:
+    """Of speed and acceleration of each joint: those asked, else the robot's own, else plain ones."""
+    speeds = course.world.get("speeds") or {}
+    own = course.machine.velocity
+    plain = np.where(course.machine.slides, 0.1, 1.0)
+    velocity = _each(speeds.get("joint_velocity"), np.where(np.isfinite(own), own, plain))
+    return velocity, _each(speeds.get("joint_acceleration"), velocity / RISE)
+
+
+def _each(given: float | list[float] | None, plain: Array) -> Array:
+    return plain if given is None else np.broadcast_to(np.asarray(given, dtype=float), plain.shape)
+
+
+def _speeds(course: Course, moved: Array, spans: Array, hops: Index) -> Iterator[str]:
+    asked, facts = course.world.get("speeds") or {}, course.machine.facts
+    chord, turn = np.hypot(*moved[:, :2].T), np.abs(moved[:, 2])
+    length = chord if facts.base == "omni" else chord / np.sinc(turn / 2 / np.pi)
+    limits = {
+        "the base": (length, asked.get("base_velocity", 0.5)),
+        "the heading": (turn, asked.get("turn_velocity", 1.0)),
+        "a joint": ((np.abs(moved[:, 3:]) / joint_limits(course)[0]).max(axis=1), 1.0),
+    }
+    if facts.gauge > 0 and asked.get("wheel_velocity") is not None:
+        limits["a wheel"] = (length + turn * facts.gauge / 2, asked["wheel_velocity"])
+    if asked.get("tool_velocity") is not None:
+        tools = np.array([state["tool"] for state in course.document["states"]], dtype=float)
+        lifted = np.array([kind == "transit" for kind in course.kinds])
+        works = ~(lifted[:-1] | lifted[1:])
+        way = np.linalg.norm(np.diff(tools, axis=0), axis=1) * works
+        limits["the tool"] = (way[hops], asked["tool_velocity"])
+    for who, (way, limit) in limits.items():
+        for k in np.flatnonzero(way > limit * spans * (1 + OVER) + STILL):
+            share = way[k] / spans[k] / limit
+            yield f"pace: {who} goes at {share:.4f} of its limit after state {hops[k]}"
+
+
+def _accelerations(course: Course, mean: Array, spans: Array, hops: Index) -> Iterator[str]:
+    """Mean velocities (n, 3 + dof) of hops, with rest before the first and after the last."""
+    asked = course.world.get("speeds") or {}
+    still = np.zeros((1, mean.shape[1]))
+    change = np.diff(np.vstack([still, mean, still]), axis=0)
+    between = (np.append(0.0, spans) + np.append(spans, 0.0)) / 2
+    gained = np.abs(change) / between[:, None]
+    shares = {
+        "the base": np.hypot(*gained[:, :2].T) / asked.get("base_acceleration", 1.0),
+        "a joint": (gained[:, 3:] / joint_limits(course)[1]).max(axis=1),
+    }
+    if course.machine.facts.base == "omni":  # on wheels turning begins at once where arcs meet
+        shares["the heading"] = gained[:, 2] / asked.get("turn_acceleration", 2.0)
+    for who, share in shares.items():
+        for k in np.flatnonzero(share > 1 + OVER):
+            at = hops[min(int(k), len(hops) - 1)]
+            yield f"pace: {who} gains speed at {share[k]:.4f} of its limit about state {at}"
