@@ -10,21 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from regionik.planners import lanes
+from regionik.planners.callsheet import effort_in, free_in, hinges_in, links_in, seat_in
 from regionik.planners.fabrik import STRAIGHT, bends_between
 from regionik.planners.flat import Index
 from regionik.planners.lanes import BLOCK, SIZE, abreast
-from regionik.planners.onecall import (
-    alone,
-    effort_in,
-    free_in,
-    hinges_in,
-    joint_of,
-    links_in,
-    offset,
-    seat_in,
-    shared_turn,
-    within_limits,
-)
+from regionik.planners.onecall import alone, joint_of, offset, shared_turn, within_limits
 from regionik.planners.passes import fast, placed, sight
 from regionik.planners.trigonometry import LARGEST, cosine_sine, direction
 from regionik.worlds.arrays import Array

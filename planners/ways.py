@@ -4,23 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 
-from regionik.planners.flat import compiled
-from regionik.planners.kernels import nearest_posture
-from regionik.planners.onecall import (
-    alone,
+from regionik.planners.callsheet import (
     arm_in,
-    away,
-    axis_at,
     bends_at,
     effort_in,
     hinges_in,
-    joint_of,
     keep_span,
     pitch_in,
     seat_in,
-    shared_turn,
     span_in,
 )
+from regionik.planners.flat import compiled
+from regionik.planners.kernels import nearest_posture
+from regionik.planners.onecall import alone, away, axis_at, joint_of, shared_turn
 from regionik.worlds.arrays import Array
 
 PITCHES = 180  # of the last link, tried to either side for the posture of least change
@@ -63,7 +59,7 @@ def answer_way(
     Parameters
     ----------
     call : (k,) array
-        As `onecall.held` gives it.
+        As `callsheet.held` gives it.
     targets : (n, 3) array
         [m]
     places : (n, 3) array

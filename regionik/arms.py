@@ -14,9 +14,9 @@ import numpy as np
 
 from regionik.demand import deviation
 from regionik.planners import fabrik, kernels
+from regionik.planners.callsheet import Joined, Turning, packed
 from regionik.planners.edgetree import tree_of
 from regionik.planners.flat import FlatPolygon
-from regionik.planners.onecall import Joined, Turning, packed
 from regionik.planners.passes import holds_of
 from regionik.planners.qualities import COMFORT, Asked, meeting_posture, posture_spare
 from regionik.planners.rolls import roll_for, tool_turn, within_limits

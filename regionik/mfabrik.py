@@ -21,17 +21,9 @@ from regionik.ground import EVERY
 from regionik.meeting import asked_in
 from regionik.plan import Answer, Configuration
 from regionik.planners.batches import answer_all
+from regionik.planners.callsheet import FACE_TARGET, FIXED, FREE, Turning, held
 from regionik.planners.flat import FlatPolygon
-from regionik.planners.onecall import (
-    FACE_TARGET,
-    FIXED,
-    FREE,
-    OneCall,
-    Turning,
-    held,
-    one_call,
-    share_turn,
-)
+from regionik.planners.onecall import OneCall, one_call, share_turn
 from regionik.planners.ways import answer_way
 from regionik.pruning import Ladder
 from regionik.reachable import FRONT, Family

@@ -8,9 +8,10 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
+from regionik.planners.callsheet import bends_at, links_in
 from regionik.planners.fabrik import PATIENCE, STALLED
 from regionik.planners.flat import compiled
-from regionik.planners.onecall import axis_at, bends_at, links_in
+from regionik.planners.onecall import axis_at
 from regionik.planners.passes import Inner, Knots, Pair, fast, inwards, outwards, placed, sight
 from regionik.planners.trigonometry import turned
 from regionik.serialarm import MOST_PASSES
