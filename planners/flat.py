@@ -46,9 +46,10 @@ class _Kept(FunctionCache):
 def compiled(function: Kernel, error_model: Literal["python", "numpy"] = "python") -> Kernel:
     """Compile with numba and keep the machine code on disk; type checkers still see the function.
 
-    While it runs others may: the thread that ends the process after Ctrl-C, for one.
+    While it runs others may: the thread that ends the process after Ctrl-C, for one. All that decides on
+    rounding is said, as a kernel else takes it from the one that calls it first, and keeps it.
     """
-    kernel: Any = njit(nogil=True, error_model=error_model)(function)
+    kernel: Any = njit(nogil=True, error_model=error_model, fastmath=False)(function)
     with suppress(RuntimeError):  # there is no folder that can be written
         kernel._cache = _Kept(function)  # type: ignore[no-untyped-call]
     return cast(Kernel, kernel)

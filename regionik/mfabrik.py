@@ -128,7 +128,7 @@ class Solver:
         asked, here = _asked(target), frozen(base, (3,), "base")
         now = frozen(joints, (self.robot.chain.dof,), "joints")
         if self._call is not None and asked.direction is None:
-            return self(asked.position, here, now)
+            return self(*map(_copied, (asked.position, here, now)))
         return self._solve(asked, here, now, mobile=self._mobile)
 
     def hold(self, target: Target | ArrayLike, base: ArrayLike, joints: ArrayLike) -> Configuration:
@@ -318,6 +318,13 @@ def _flat(area: BaseGeometry | FlatPolygon | None) -> FlatPolygon:
 
 def _asked(target: Target | ArrayLike) -> Target:
     return target if isinstance(target, Target) else Target(np.asarray(target, dtype=np.float64))
+
+
+def _copied(row: Array) -> Array:
+    """The same numbers in an array as numpy makes them: one that was unpickled has a dtype of its own."""
+    plain = np.empty(len(row))
+    plain[:] = row
+    return plain
 
 
 def axis_of(robot: Robot, base: Array) -> Array:

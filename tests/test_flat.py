@@ -11,12 +11,14 @@ from shapely.geometry import LineString, MultiPolygon, Point, Polygon
 from regionik.planners.flat import (
     FlatPolygon,
     clamp,
+    compiled,
     contains,
     flats_of,
     nearest,
     segment_in_either,
     segment_inside,
 )
+from regionik.planners.passes import fast
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError
 
@@ -186,3 +188,20 @@ def test_a_thin_wall_is_a_wall() -> None:
     flat = FlatPolygon.from_shapely(box(0, 0, 2, 2) - box(1, 0.5, 1 + 1e-10, 1.5))
     assert not sees(flat, (0.5, 1.0), (1.5, 1.0))
     assert sees(flat, (0.5, 0.4), (1.5, 0.4))
+
+
+@compiled
+def _sum_of_product(x: float, y: float, z: float) -> float:
+    return x * y + z
+
+
+@fast
+def _asked_for_it(x: float, y: float, z: float) -> float:
+    return _sum_of_product(x, y, z)
+
+
+def test_a_kernel_rounds_alike_whoever_calls_it_first() -> None:
+    """The rest that a product has beyond 53 bits is not kept, though the caller may keep it."""
+    x = 1.0 + 2.0**-30
+    assert _asked_for_it(x, x, -1.0 - 2.0**-29) == 0.0
+    assert _sum_of_product(x, x, -1.0 - 2.0**-29) == 0.0

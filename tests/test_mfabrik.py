@@ -1,3 +1,4 @@
+import pickle
 from collections.abc import Callable
 from typing import Any
 
@@ -188,3 +189,17 @@ def test_bad_input_is_refused() -> None:
             with pytest.raises(InputError, match=said) as raised:
                 Solver(YOUBOT)(**good | {name: kind(wrong)})
             assert "\n" not in str(raised.value)
+
+
+def test_rows_that_were_unpickled_are_solved_for() -> None:
+    """Their kind of number is the same, but not the same object."""
+    solver, rows = (
+        Solver(robot_named("youbot")),
+        ([1.0, 0.2, 0.3], np.zeros(3), np.array([0, 1.5, -1, 0.5, 0])),
+    )
+    made = [np.array(row, dtype=np.float64) for row in rows]
+    sent = pickle.loads(pickle.dumps(made))
+    here, there = solver(*made), solver(*sent)
+    assert np.array_equal(here.base, there.base)
+    assert np.array_equal(here.joints, there.joints)
+    assert np.array_equal(solver(Target(sent[0]), *sent[1:]).joints, here.joints)
