@@ -19,7 +19,7 @@ from regionik.arms import ANGLE_SLACK, Arm, PlaneSolver, arm_solver
 from regionik.demand import in_plane
 from regionik.ground import EVERY
 from regionik.meeting import asked_in
-from regionik.plan import Answer, Configuration
+from regionik.plan import Configuration, OpenConfiguration
 from regionik.planners.batches import answer_all
 from regionik.planners.callsheet import FACE_TARGET, FIXED, FREE, Turning, held
 from regionik.planners.flat import FlatPolygon
@@ -116,7 +116,7 @@ class Solver:
             new_base, new_joints = _room(3), _room(dof)
             error, passes, met = call(known, target, base, joints, new_base, new_joints)
             if passes >= 0:
-                found: Any = Answer()
+                found: Any = OpenConfiguration()
                 found.base, found.joints, found.error = new_base, new_joints, error
                 found.iterations, found.converged = passes, met
                 found.__class__ = Configuration

@@ -44,7 +44,7 @@ class Configuration:
 
 
 @dataclass(eq=False, init=False, slots=True)
-class Answer:
+class OpenConfiguration:
     """A configuration while a solver fills it in; `Configuration` as its class freezes it.
 
     Frozen fields would take a third of a solver's time.
