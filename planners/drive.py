@@ -103,7 +103,7 @@ def drive_inside(
 ) -> Drive:
     """As `drive`, in one polygon that is flat already; both ends are in it, but for rounding."""
     a, b = (np.array(clamp(flat.vertices, flat.starts, *p)) for p in (start, goal))
-    if np.array_equal(a, b):
+    if a[0] == b[0] and a[1] == b[1]:
         return Drive(frozen([a], (None, 2), "drive"), "straight")
     if segment_inside(flat.vertices, flat.starts, *a, *b):
         return Drive(resample([a, b], step), "straight")

@@ -20,12 +20,14 @@ from regionik.planners.flat import (
     nearest_on_segment,
     segment_inside,
 )
+from regionik.planners.kernels import wrap
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.errors import InputError
 
 STALL = 1e-4  # a shorter step than this is no progress [m]
 SIDES = 64  # of the polygon inscribed in the disc of one step
 ON_IT = 1e-11  # an edge this near to the base is the one that it stands on [m]
+BEHIND = np.pi / 2 + np.pi / SIDES  # the middle of a sector that lies behind is farther round than this [rad]
 SLIT = 1e-9  # narrower sectors of view are rounding [rad]
 
 
@@ -105,7 +107,7 @@ def step_area(free: Polygon | MultiPolygon, base: ArrayLike, rho: float) -> Arra
     """
     flat = FlatPolygon.from_shapely(free)
     b = frozen(base, (2,), "base")
-    return _view(flat.vertices, flat.starts, b[0], b[1], rho)
+    return _view(flat.vertices, flat.starts, b[0], b[1], rho, np.nan)
 
 
 @compiled
@@ -179,8 +181,12 @@ def _first_hit(edges: Array, cx: float, cy: float, rho: float) -> tuple[int, flo
 
 
 @compiled
-def _view(vertices: Array, starts: Index, bx: float, by: float, rho: float) -> Array:
-    """The star of `step_area`: one triangle of view for each sector between two directions."""
+def _view(vertices: Array, starts: Index, bx: float, by: float, rho: float, ahead: float) -> Array:
+    """The star of `step_area`: one triangle of view for each sector between two directions.
+
+    Where a direction ``ahead`` is given the star is shut to what lies behind: nothing there is nearer to a
+    place ahead than the base.
+    """
     edges = _edges_near(vertices, starts, bx, by, rho)
     angles = _directions(edges, rho)
     star = np.empty((2 * len(angles), 2))
@@ -191,6 +197,10 @@ def _view(vertices: Array, starts: Index, bx: float, by: float, rho: float) -> A
         if angles[k + 1] - angles[k] < SLIT:
             continue
         middle = 0.5 * (angles[k] + angles[k + 1])
+        if abs(wrap(middle - ahead)) > BEHIND:
+            star[n] = bx, by
+            n += 1
+            continue
         cx, cy = np.cos(middle), np.sin(middle)
         hit, reach = _first_hit(edges, cx, cy, rho)
         if not amid and not contains(vertices, starts, bx + 0.5 * reach * cx, by + 0.5 * reach * cy):
@@ -215,7 +225,7 @@ def _best_step(
     hat_x, hat_y = x + (goal_x - x) * part, y + (goal_y - y) * part
     if segment_inside(vertices, starts, x, y, hat_x, hat_y):
         return hat_x, hat_y
-    star = _view(vertices, starts, x, y, rho)
+    star = _view(vertices, starts, x, y, rho, np.arctan2(goal_y - y, goal_x - x))
     next_x, next_y = nearest(star, np.array([0, len(star)]), hat_x, hat_y)
     if segment_inside(vertices, starts, x, y, next_x, next_y):
         return next_x, next_y

@@ -16,6 +16,7 @@ import numpy as np
 from regionik.planners.flat import Index, compiled
 from regionik.planners.hulls import hull_gap
 from regionik.planners.moving import (
+    BASE,
     WORLD,
     Exempt,
     Hop,
@@ -148,6 +149,12 @@ def box_gap(a: Array, b: Array) -> float:
 
 
 @compiled
+def _rests(hop: Hop, link: int, frame: int) -> bool:
+    """Whether no joint between a frame of the robot and a link moves."""
+    return not hop.bend[max(frame, BASE) + 1 : link + 1].any()
+
+
+@compiled
 def first_stop(
     arm: SerialArm,
     mount: Array,
@@ -157,10 +164,12 @@ def first_stop(
     exempt: Exempt,
     boxes: Array,
     keep: float,
+    shown: bool,
 ) -> tuple[int, int, float]:
     """The first solid and hull not proven to keep a distance, and the part of the hop; -1, -1, 1 if all are.
 
-    ``boxes`` (solids, 2, 3) is overwritten with where the solids pass.
+    ``boxes`` (solids, 2, 3) is overwritten with where the solids pass. Where the hop's beginning is ``shown``
+    to keep all distances, solids of the robot that rest against one another are not looked at again.
     """
     swept(arm, mount, movers, hop, boxes)
     for k in range(len(movers.link)):
@@ -171,6 +180,7 @@ def first_stop(
                 near = box_gap(boxes[k], hulls.boxes[m]) <= movers.radius[k] + keep + ROUNDING
             else:
                 near = movers.meets[k, m - hulls.world]
+                near = near and not (shown and _rests(hop, movers.link[k], hulls.frame[m]))
             if near:
                 s = advance(arm, mount, movers, hulls, hop, exempt, k, m, keep)
                 if s < 1.0:
@@ -197,7 +207,7 @@ def first_stop_on_way(
     boxes = np.empty((len(movers.link), 2, 3))
     for i in range(len(bases) - 1):
         hop = hop_between(bases[i], joints[i], bases[i + 1], joints[i + 1], rolls)
-        k, m, s = first_stop(arm, mount, movers, hulls, hop, exempt, boxes, keep)
+        k, m, s = first_stop(arm, mount, movers, hulls, hop, exempt, boxes, keep, i > 0)
         if k >= 0:
             return i, k, m, s
     return len(bases) - 1, -1, -1, 1.0
