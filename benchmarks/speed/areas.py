@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import resource
 import statistics
 import subprocess
 import sys
@@ -41,7 +40,16 @@ from regionik.worlds.scene import Floor, Target, World
 
 PAPER = 9e-3  # of M-FABRIK's paper for one set-point of its L-shaped path, on its authors' machine [s]
 FEW = 5  # rounds of what takes seconds
-LONG = 5.0  # of what takes longer, one call does [s]
+LONG = 40.0  # of what takes longer, one call does [s]
+PLANNING = """
+import resource, sys, time
+from benchmarks.speed.areas import meander
+from regionik.pipeline import search
+search(meander(100, 100))
+begun = time.process_time()
+search(meander(int(sys.argv[1]), 100))
+print(time.process_time() - begun, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20)
+"""
 
 
 def rows(size: Size) -> Iterator[Row]:
@@ -221,14 +229,23 @@ def _growth(size: Size) -> Iterator[Row]:
     counts = [n for n in (100, 1000, 10_000, 100_000) if n <= size.count(100_000)]
     seconds = [_areas_and_pruning(meander(n, 100)) for n in counts]
     yield _slope("areas and pruning, set-points", counts, seconds, 1.1)
-    counts = [n for n in (100, 1000, 10_000, 100_000) if n <= size.count(100_000)]
-    seconds = [_seconds(lambda n=n: search(meander(n, 100))) for n in counts]  # type: ignore[misc]
-    yield _slope("whole plans, verified, set-points", counts, seconds, 1.1)
-    most, what = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20, f"{counts[-1]:,} set-points"
-    yield counted(f"most memory, a whole plan of {what} done", "GiB", [most], Wanted(2.0, False, "GiB"))
+    seconds = [_seconds(lambda n=n: search(meander(n, 100))) for n in counts[:-1]]  # type: ignore[misc]
+    last, most = _alone(counts[-1])
+    yield _slope("whole plans, verified, set-points", counts, [*seconds, last], 1.1)
+    what = f"most memory of a process that plans {counts[-1]:,} set-points"
+    yield counted(what, "GiB", [most], Wanted(2.0, False, "GiB"))
     counts = [n for n in (10, 100, 1000, 10_000) if n <= size.count(10_000)]
     seconds = [_areas_and_pruning(meander(300, n)) for n in counts]
     yield _slope("areas and pruning, obstacles of which none is near", counts, seconds, 0.3)
+
+
+def _alone(count: int) -> tuple[float, float]:
+    """Processor time of a whole plan in a process of its own [s], and the most memory it takes [GiB]."""
+    done = subprocess.run(
+        [sys.executable, "-c", PLANNING, str(count)], capture_output=True, text=True, check=True
+    )
+    seconds, most = map(float, done.stdout.split())
+    return seconds, most
 
 
 def _areas_and_pruning(world: World) -> float:
