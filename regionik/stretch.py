@@ -230,7 +230,7 @@ def _turned(p: Target, q: Target, tools: Array) -> bool:
 
 
 def _solve(solver: Solver, way: Way, at: Place, near: Pose) -> Pose | None:
-    """Pose at one place, as near as may be to the wished posture; see `onecall.answer_way`."""
+    """Pose at one place, as near as may be to the wished posture; see `ways.answer_way`."""
     leg, share = _columns([at])
     place, wished = way.base.places(leg, share)[0], between(way.wished, leg, share)[0]
     tool, pitch, bound = way.target(at), way.pitch(at), not np.isnan(place[2])
