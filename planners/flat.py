@@ -92,6 +92,10 @@ class FlatPolygon:
         starts, vertices, _ = _rings(np.array(polygons, dtype=object))
         return cls(vertices, starts)
 
+    def holds(self, spot: Array) -> bool:
+        """Whether a point (2,) is inside; see `contains`."""
+        return bool(contains(self.vertices, self.starts, spot[0], spot[1]))
+
     def sees(self, a: Array, b: Array) -> bool:
         """Whether the segment between two points (2,) lies inside; see `segment_inside`."""
         return bool(segment_inside(self.vertices, self.starts, a[0], a[1], b[0], b[1]))

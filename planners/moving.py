@@ -208,17 +208,6 @@ def hops_led(
 
 
 @compiled
-def between(knots: Array, leg: Index, share: Array) -> Array:
-    """Values (n, m) at shares (n,) of legs (n,) between knots (k, m), the knots themselves at their ends."""
-    values = np.empty((len(leg), knots.shape[1]))
-    for n in range(len(leg)):
-        a, b = knots[leg[n]], knots[leg[n] + 1]
-        for i in range(len(a)):
-            values[n, i] = b[i] if share[n] >= 1.0 else a[i] + share[n] * (b[i] - a[i])
-    return values
-
-
-@compiled
 def put(frame: Array, points: Array, out: Array) -> None:
     """Write points (n, 3) of a frame, seen from where the frame is seen."""
     for k in range(len(points)):

@@ -175,12 +175,14 @@ def first_stop(
     for k in range(len(movers.link)):
         m = 0
         while m < len(hulls.frame):
-            after = hulls.next[m]
+            after, within, owner = hulls.next[m], movers.radius[k] + keep + ROUNDING, hulls.owner[m]
             if m < hulls.world:
-                near = box_gap(boxes[k], hulls.boxes[m]) <= movers.radius[k] + keep + ROUNDING
+                near = box_gap(boxes[k], hulls.boxes[m]) <= within
             else:
                 near = movers.meets[k, m - hulls.world]
                 near = near and not (shown and _rests(hop, movers.link[k], hulls.frame[m]))
+                if near and owner >= 0:  # where that solid passes is known too
+                    near = box_gap(boxes[k], boxes[owner]) <= within + hulls.disc[m] + hulls.ball[m]
             if near:
                 s = advance(arm, mount, movers, hulls, hop, exempt, k, m, keep)
                 if s < 1.0:

@@ -183,7 +183,7 @@ def way_clear(
 
 def still_clear(bodies: Bodies, base: Array, joints: Array, margin: float, contact: Contact | None) -> bool:
     """Whether every link is proven to keep a distance from everything in a state; quicker than `nearest`."""
-    return _first_stop(bodies, np.stack([base, base]), np.stack([joints, joints]), margin, contact)[1] < 0
+    return _first_stop(bodies, np.array([base, base]), np.array([joints, joints]), margin, contact)[1] < 0
 
 
 def _first_stop(

@@ -1,14 +1,15 @@
 """Ways of the base while the tool stays on its path from one set-point to the next.
 
 The base first tries to go straight while the tool goes on. Else it moves inside the area of the first
-set-point to a place that both share, the tool goes on from there, and the base moves on inside the area of
-the second.
+set-point to a place that both share, and from there inside the area of the second: at the same time as the
+tool, or halting at that place while the tool goes on.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from itertools import islice
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -21,17 +22,17 @@ from regionik.ground import Geometries, ground_of
 from regionik.mfabrik import axis_of, pose_of
 from regionik.planners.flat import segment_in_either
 from regionik.planners.footprint import Slab
+from regionik.planners.legs import bases_between, leg_lengths
 from regionik.planners.room import Room, room_of, slides
 from regionik.planners.slabgraph import through
 from regionik.pruning import Ladder
-from regionik.rolling import on_way
 from regionik.standing import Index, Standing, into_span, room_for
 from regionik.worlds.arrays import Array
 from regionik.worlds.robot import BaseKind
 from regionik.worlds.scene import World
 
 INSET = 0.002  # kept from the edge of what two areas share, where there is room [m]
-TOGETHER = np.array([0.0, 1.0])  # the tool goes on as the base does
+EVENLY = np.array([0.0, 1.0])  # from one knot to another
 TURN_PART = 0.1  # of a turn about the arm axis, which a base frame elsewhere does by short slides [rad]
 
 
@@ -52,17 +53,10 @@ class BaseWay(NamedTuple):
     knots: Array
     tool: Array
 
-    @property
-    def lengths(self) -> Array:
-        """Of the legs between knots, turns counting as metres, (k - 1,)."""
-        x, y, turn = (self.knots[1:] - self.knots[:-1]).T
-        turn = np.where(np.isnan(turn), 0.0, turn)
-        lengths: Array = np.hypot(x, y) + np.abs(turn - 2 * np.pi * np.ceil((turn - np.pi) / (2 * np.pi)))
-        return lengths
-
     def places(self, leg: Index, share: Array) -> Array:
         """As the knots are, at shares (n,) of legs (n,): leg k goes from knot k to the next, (n, 3)."""
-        return on_way(self.kind, self.knots[leg], self.knots[leg + 1], share)
+        places: Array = bases_between(self.knots, leg, share, self.kind != "omni")
+        return places
 
 
 class Tracks(Protocol):
@@ -99,12 +93,23 @@ class AnyHeadingTracks:
         """See `Tracks`."""
         a, b = (axis_of(self.world.robot, pose) for pose in (here, goal))
         if self._within(k, j, a, b):
-            yield BaseWay("omni", _at_any_heading(np.stack([a, b])), TOGETHER)
-        first, second = self.ladder.component[k], self.ladder.component[j]
-        over = _handover(first & second, a, b)
-        before = self.driver.within(first, self.ladder.flat(k), a, over)
-        after = self.driver.within(second, self.ladder.flat(j), over, b)
-        yield _halting("omni", _at_any_heading(before), _at_any_heading(after))
+            yield _together("omni", _at_any_heading(np.array([a, b])))
+        for over in self._handovers(k, j, a, b):
+            before, after = (
+                _at_any_heading(way) for way in (self._inside(k, a, over), self._inside(j, over, b))
+            )
+            yield _together("omni", np.concatenate([before, after[1:]]))
+            yield _halting("omni", before, after)
+
+    def _handovers(self, k: int, j: int, a: Array, b: Array) -> Iterator[Array]:
+        """Places that two components share: an end of the way itself, where it is one, comes first."""
+        shared = (end for end, other in ((b, k), (a, j)) if self.ladder.flat(other).holds(end))
+        yield from islice(shared, 1)
+        yield _handover(self.ladder.component[k] & self.ladder.component[j], a, b)
+
+    def _inside(self, k: int, a: Array, b: Array) -> Array:
+        """Way of the arm axis in a component, (n, 2)."""
+        return a[None] if a is b else self.driver.within(self.ladder.component[k], self.ladder.flat(k), a, b)
 
     def _within(self, k: int, j: int, a: Array, b: Array) -> bool:
         """Whether the straight way lies in two components together; most ways lie in one of them."""
@@ -116,7 +121,17 @@ class AnyHeadingTracks:
 
 def _at_any_heading(axes: Array) -> Array:
     """Knots (k, 3) of a way of the arm axis (k, 2)."""
-    return np.column_stack([axes, np.full(len(axes), np.nan)])
+    knots = np.full((len(axes), 3), np.nan)
+    knots[:, :2] = axes
+    return knots
+
+
+def _together(kind: BaseKind, knots: Array) -> BaseWay:
+    """The tool goes on as the base does."""
+    if len(knots) == 2:
+        return BaseWay(kind, knots, EVENLY)
+    far = np.concatenate([[0.0], np.cumsum(leg_lengths(knots))])
+    return BaseWay(kind, knots, far / far[-1] if far[-1] > 0 else np.linspace(0.0, 1.0, len(knots)))
 
 
 def _halting(kind: BaseKind, before: Array, after: Array) -> BaseWay:
@@ -137,7 +152,7 @@ class ByHeadingTracks:
     def ways(self, k: int, j: int, here: Array, goal: Array) -> Iterator[BaseWay]:
         """See `Tracks`."""
         if slides(room_for(self.world), here, goal):
-            yield BaseWay("omni", np.stack([here, goal]), TOGETHER)
+            yield _together("omni", np.stack([here, goal]))
         over = self._shared(k, j, here, goal)
         if over is None:
             return
@@ -219,12 +234,11 @@ class WheelTracks:
         """See `Tracks`."""
         kind = self.world.robot.base
         if np.array_equal(here, goal):
-            yield BaseWay(kind, np.stack([here, here]), TOGETHER)
+            yield _together(kind, np.stack([here, here]))
             return
         poses = np.array(self.driver.way(here, goal).sample(self.world.rules.step))
         poses[-1] = goal
-        far = np.cumsum([0.0, *BaseWay(kind, poses, np.zeros(len(poses))).lengths])
-        yield BaseWay(kind, poses, far / far[-1])
+        yield _together(kind, poses)
         yield _halting(kind, here[None], poses)
         yield _halting(kind, poses, goal[None])
 
@@ -238,7 +252,7 @@ class StandingTracks:
     def ways(self, k: int, j: int, here: Array, goal: Array) -> Iterator[BaseWay]:
         """See `Tracks`."""
         if np.array_equal(here, goal):
-            yield BaseWay(self.world.robot.base, np.stack([here, here]), TOGETHER)
+            yield _together(self.world.robot.base, np.stack([here, here]))
 
 
 def _handover(shared: BaseGeometry, a: Array, b: Array) -> Array:

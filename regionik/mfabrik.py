@@ -364,7 +364,7 @@ def configurations(
     for target, k in zip(world.task, chain, strict=True):
         span = standing.sides[ladder.side[k]].span
         solver = solver_for(world, ladder.family[k], ladder.flat(k), span)
-        found.append(solver(target, base, joints))
+        found.append(solver(target if target.direction is not None else target.position, base, joints))
         base, joints = found[-1].base, found[-1].joints
     return tuple(found)
 

@@ -8,8 +8,9 @@ Where a run ends, the tool is lifted and the base drives over free floor.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import islice
 
 import numpy as np
@@ -238,8 +239,6 @@ class _Walker:
         """The spot as the motion reaches it; iterations stay those of M-FABRIK."""
         pose, rules, guard = rows[-1].pose, self.world.rules, self.stretcher.guard
         tool = guard.tools(*arrays([pose, pose]), np.zeros(1))[0, 0, :3, 3]
-        error = float(np.linalg.norm(tool - self.world.task[i].position))
-        found = replace(
-            spot.found, base=pose.base, joints=pose.joints, error=error, converged=error <= rules.tolerance
-        )
-        return replace(spot, found=found)
+        error = math.dist(tool, self.world.task[i].position)
+        found = Configuration(pose.base, pose.joints, error, spot.found.iterations, error <= rules.tolerance)
+        return Spot(found, spot.component)

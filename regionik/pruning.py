@@ -7,6 +7,7 @@ with non-empty intersections. Source: M-FABRIK, experiment 4 (areas made for the
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -15,14 +16,13 @@ from typing import NamedTuple
 import numpy as np
 import shapely
 from numpy.typing import NDArray
-from shapely.geometry import Point
 from shapely.geometry.base import BaseGeometry
 
 from regionik.ground import Geometries, united
-from regionik.planners.flat import FlatPolygon, flats_of
+from regionik.planners.flat import FlatPolygon, clamp, flats_of
 from regionik.reachable import Family
 from regionik.regions import PathAreas
-from regionik.standing import LEAST_AREA, Standing, away, groups, into_span
+from regionik.standing import LEAST_AREA, Standing, groups, into_span
 from regionik.worlds.arrays import Array
 
 BLOCK, BLOCKS = 64, 8  # components that are flattened together, and how many such blocks are kept
@@ -273,14 +273,12 @@ def choose_chain(pruned: Pruned, standing: Standing, start: Array | None) -> lis
         now: dict[int, _Trip] = {}
         for k in kept:
             if i == 0:
-                now[k] = _first(ladder.component[k], spans[k], start)
+                now[k] = _first(ladder, k, spans[k], start)
                 continue
             options = list(best) if i in pruned.breaks else [j for j in ladder.back[k] if j in best]
-            costs = [best[j].cost + TURN_WEIGHT * away(best[j].yaw, spans[k]) for j in options]
-            spots = np.array([best[j].spot for j in options], dtype=object)
-            far = shapely.distance(spots, ladder.component[k])
-            before[k] = options[int(np.argmin(costs + far))]
-            now[k] = best[before[k]].to(ladder.component[k], spans[k])
+            trips = [best[j].to(ladder.flat(k), spans[k]) for j in options]
+            now[k] = min(trips, key=lambda trip: trip.cost)
+            before[k] = options[trips.index(now[k])]
         best = now
     k = min(best, key=lambda k: (best[k].cost, k))
     chain = [k]
@@ -294,20 +292,18 @@ class _Trip(NamedTuple):
     """What it cost the base to come to a spot, and its heading there."""
 
     cost: float
-    spot: Point
+    spot: tuple[float, float]
     yaw: float
 
-    def to(self, component: BaseGeometry, span: tuple[float, float]) -> _Trip:
+    def to(self, component: FlatPolygon, span: tuple[float, float]) -> _Trip:
         """On to the nearest point of a component, and into its slab."""
         yaw = into_span(self.yaw, span)
-        cost = self.cost + TURN_WEIGHT * abs(yaw - self.yaw)
-        if component.intersects(self.spot):
-            return _Trip(cost, self.spot, yaw)
-        line = shapely.shortest_line(self.spot, component)
-        return _Trip(cost + line.length, Point(line.coords[-1]), yaw)
+        spot: tuple[float, float] = clamp(component.vertices, component.starts, *self.spot)
+        return _Trip(self.cost + TURN_WEIGHT * abs(yaw - self.yaw) + math.dist(self.spot, spot), spot, yaw)
 
 
-def _first(component: BaseGeometry, span: tuple[float, float], start: Array | None) -> _Trip:
+def _first(ladder: Ladder, k: int, span: tuple[float, float], start: Array | None) -> _Trip:
     if start is None:
-        return _Trip(0.0, component.representative_point(), into_span(0.0, span))
-    return _Trip(0.0, Point(start[:2]), float(start[2])).to(component, span)
+        middle = ladder.component[k].representative_point()
+        return _Trip(0.0, (middle.x, middle.y), into_span(0.0, span))
+    return _Trip(0.0, (start[0], start[1]), float(start[2])).to(ladder.flat(k), span)

@@ -22,7 +22,7 @@ from regionik.plan import Configuration
 from regionik.planners import kernels
 from regionik.planners.drive import NoPathError
 from regionik.planners.flat import Index
-from regionik.planners.moving import between
+from regionik.planners.legs import between, laid_out
 from regionik.planners.touching import Touch
 from regionik.poses import LARGEST_BEND, Pose, Row, arrays, pose
 from regionik.pruning import Ladder
@@ -70,34 +70,40 @@ class Way:
     joints : (2, dof) array
         Postures wished for there.
     family : (Family, Family)
+    stride : float
+        Longest part of the base's way, or of the tool's, between two states [m].
     """
 
     base: BaseWay
     asked: tuple[Target, Target]
     joints: Array
     family: tuple[Family, Family]
+    stride: float
 
     @property
     def bare(self) -> bool:
         """Whether the tool may be turned as it will."""
         return self.asked[0].direction is None and self.asked[1].direction is None
 
-    @cached_property
+    @property
     def points(self) -> Array:
         """Where the tool is at every knot, (k, 3) [m]."""
-        return _spread(np.stack([target.position for target in self.asked]), self.base.tool)
+        return self._laid[0]
 
-    @cached_property
-    def lengths(self) -> Array:
-        """Of the base's way and of the tool's on every leg, (2, k - 1) [m]."""
-        way = np.linalg.norm(self.asked[1].position - self.asked[0].position)
-        return np.stack([self.base.lengths, (self.base.tool[1:] - self.base.tool[:-1]) * way])
-
-    @cached_property
+    @property
     def wished(self) -> Array:
         """Joints wished for at every knot, (k, dof)."""
-        far = np.cumsum([0.0, *self.lengths.sum(axis=0)])
-        return _spread(self.joints, far / far[-1] if far[-1] > 0 else np.linspace(0.0, 1.0, len(far)))
+        return self._laid[1]
+
+    def places(self) -> list[Place]:
+        """A stride apart at most, all knots but the first among them."""
+        leg, share = self._laid[2:]
+        return [Place(*one) for one in zip(leg.tolist(), share.tolist(), strict=True)]
+
+    @cached_property
+    def _laid(self) -> tuple[Array, Array, Index, Array]:
+        spots = np.array([target.position for target in self.asked])
+        return laid_out(self.base.knots, self.base.tool, spots, self.joints, self.stride)
 
     def target(self, at: Place) -> Target:
         """What the tool is asked at a place; its axis or frame turns evenly."""
@@ -138,11 +144,12 @@ class Stretcher:
     def follow(self, i: int, here: Spot, goal: Spot) -> list[Row] | None:
         """From set-point i to i + 1; None where the arm would have to jump, or would touch something."""
         ends = self.world.task[i], self.world.task[i + 1]
-        joints = np.stack([here.found.joints, goal.found.joints])
+        joints = np.array([here.found.joints, goal.found.joints])
         families = self.ladder.family[here.component], self.ladder.family[goal.component]
+        stride = min(TOOL_STRIDE, self.world.rules.step)
         try:
             for base in self.tracks.ways(here.component, goal.component, here.pose.base, goal.pose.base):
-                poses = self._states(Way(base, ends, joints, families), here.pose)
+                poses = self._states(Way(base, ends, joints, families, stride), here.pose)
                 if poses is not None:
                     return [Row(one, "step", i) for one in poses]
         except NoPathError:
@@ -156,7 +163,7 @@ class Stretcher:
 
         What holds is taken, up to a hop that does not: that one is halved, as often as it may help.
         """
-        ahead = self._cut(way)[::-1]  # the next one last
+        ahead = way.places()[::-1]  # the next one last
         passed, at = [here], Place(0, 0.0)
         while ahead:
             tried = [at, *ahead[: -AT_ONCE - 1 : -1]]
@@ -166,6 +173,8 @@ class Stretcher:
             at, ahead = tried[count], ahead[: len(ahead) - count]
             if count == len(states) and not missing:
                 continue
+            if count == len(states):  # a place out of reach: it is so however the tool comes there
+                return None
             leg, share, depth = ahead.pop()
             if touch is not None and (depth >= CLOSEST or not self.guard.clear(states[count])):
                 raise _BlockedError(touch)
@@ -174,15 +183,6 @@ class Stretcher:
             done = at.share if at.leg == leg else 0.0
             ahead += [Place(leg, share, depth + 1), Place(leg, (done + share) / 2, depth + 1)]
         return passed[1:]
-
-    def _cut(self, way: Way) -> list[Place]:
-        """Places on a way that are a stride apart at most, all knots but the first among them."""
-        stride = min(TOOL_STRIDE, self.world.rules.step)
-        counts = np.maximum(1, np.ceil(way.lengths.max(axis=0) / stride)).astype(int).tolist()
-        places = []
-        for leg, count in enumerate(counts):
-            places += [Place(leg, k * (1 / count)) for k in range(1, count)] + [Place(leg, 1.0)]
-        return places
 
     def _solved(self, way: Way, places: list[Place], near: Pose) -> tuple[list[Pose], bool]:
         """States at places, each from the one before, and whether the one after them was not found.
@@ -253,8 +253,3 @@ def _solve(solver: Solver, way: Way, at: Place, near: Pose) -> Pose | None:
 def _columns(places: list[Place]) -> tuple[Index, Array]:
     """Legs and shares of places."""
     return np.array([one.leg for one in places]), np.array([one.share for one in places])
-
-
-def _spread(ends: Array, share: Array) -> Array:
-    """Values at shares (n,) of the way between two ends (2, m), (n, m)."""
-    return between(ends, np.zeros(len(share), dtype=np.int64), share)

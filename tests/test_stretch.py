@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -16,14 +17,16 @@ from regionik.hops import Hops
 from regionik.mfabrik import Solver, axis_of, pose_of
 from regionik.pipeline import whole_path
 from regionik.planners.kernels import wrap
-from regionik.planners.moving import between as between_knots
+from regionik.planners.legs import between as between_knots
+from regionik.planners.legs import leg_lengths
 from regionik.poses import LARGEST_BEND, Pose, Row, between
 from regionik.reachable import FRONT, Family
+from regionik.rolling import on_way
 from regionik.stretch import Place, Stretcher, Way, _solve
 from regionik.worlds.errors import NoPlanFound
 from regionik.worlds.library import robot_named
 from regionik.worlds.obstacles import Box, Solid
-from regionik.worlds.robot import Robot
+from regionik.worlds.robot import BaseKind, Robot
 from regionik.worlds.scene import Floor, Rules, Target, World
 
 
@@ -124,12 +127,14 @@ def test_a_way_goes_evenly_from_knot_to_knot() -> None:
     axes, spots, joints = (rng.normal(size=size) for size in ((3, 2), (2, 3), (2, 5)))
     base = BaseWay("omni", np.column_stack([axes, np.full(3, np.nan)]), np.array([0.0, 0.4, 1.0]))
     families = Family(FRONT, pitch=3.0), Family(FRONT, pitch=-3.0)
-    way = Way(base, (Target(spots[0]), Target(spots[1])), joints, families)
+    way = Way(base, (Target(spots[0]), Target(spots[1])), joints, families, stride=0.25)
     np.testing.assert_allclose(way.points, spots[0] + base.tool[:, None] * (spots[1] - spots[0]))
-    assert way.lengths[0] == pytest.approx(np.hypot(*np.diff(axes, axis=0).T))
-    assert way.lengths[1].sum() == pytest.approx(np.linalg.norm(spots[1] - spots[0]))
-    shares = np.cumsum([0.0, *way.lengths.sum(axis=0)]) / way.lengths.sum()
+    lengths = np.hypot(*np.diff(axes, axis=0).T), np.diff(base.tool) * np.linalg.norm(spots[1] - spots[0])
+    np.testing.assert_allclose(leg_lengths(base.knots), lengths[0])
+    shares = np.cumsum([0.0, *np.add(*lengths)]) / np.sum(lengths)
     np.testing.assert_allclose(way.wished, joints[0] + shares[:, None] * (joints[1] - joints[0]))
+    counts = np.ceil(np.maximum(*lengths) / way.stride).astype(int)
+    assert way.places() == [Place(n, k / counts[n]) for n in (0, 1) for k in range(1, counts[n] + 1)]
     leg, share = np.array([0, 1, 1]), np.array([0.5, 0.25, 1.0])
     places = base.places(leg, share)
     assert np.isnan(places[:, 2]).all()
@@ -140,6 +145,15 @@ def test_a_way_goes_evenly_from_knot_to_knot() -> None:
     assert asked[2].tolist() == spots[1].tolist()
     assert wrap(way.pitch(Place(0, 0.5)) - 3.0) == 0.0  # both ends of the leg lie nearer to the first
     assert wrap(way.pitch(Place(1, 0.5)) - 3.0) == pytest.approx(0.5 * (2 * np.pi - 6.0))  # the shorter way
+
+
+@pytest.mark.parametrize("kind", get_args(BaseKind))
+def test_a_base_on_a_leg_is_where_readers_of_a_plan_take_it_to_be(kind: BaseKind) -> None:
+    rng = np.random.default_rng(0)
+    knots = rng.uniform([-2.0, -2.0, -7.0], [2.0, 2.0, 7.0], (40, 3))
+    leg, share = rng.integers(0, 39, 100), rng.uniform(0.0, 1.0, 100)
+    places = BaseWay(kind, knots, np.linspace(0.0, 1.0, 40)).places(leg, share)
+    np.testing.assert_allclose(places, on_way(kind, knots[leg], knots[leg + 1], share), atol=1e-12)
 
 
 @pytest.mark.parametrize("heading", [np.nan, 0.4])
@@ -155,7 +169,7 @@ def test_states_of_one_call_are_those_solved_one_by_one(heading: float) -> None:
         knots = np.column_stack([axes, np.full(5, heading)])
         first = solver.hold(ends[0], np.array([*axes[0], 0.3]), robot.carry).joints
         joints = first + rng.uniform(-0.2, 0.2, (2, 5))
-        way = Way(BaseWay("omni", knots, np.linspace(0, 1, 5)), ends, joints, (Family(FRONT),) * 2)
+        way = Way(BaseWay("omni", knots, np.linspace(0, 1, 5)), ends, joints, (Family(FRONT),) * 2, 0.1)
         leg, share = np.arange(4), np.full(4, 1.0)
         near = Pose(np.array([*axes[0], 0.3]), joints[0])
         rows = between_knots(way.points, leg, share), way.base.places(leg, share), way.wished[1:]
