@@ -11,10 +11,10 @@ import shapely
 from numpy.typing import ArrayLike
 from shapely.geometry import MultiPolygon, Polygon
 
-from regionik.planners.flat import DEPTH, FlatPolygon, clamp, contains, segment_inside, solid
-from regionik.planners.pulling import resample, route, tighten
+from regionik.planners.flat import DEPTH, FlatPolygon, Index, clamp, compiled, contains, segment_inside, solid
+from regionik.planners.pulling import cut, resample, route, tighten
 from regionik.planners.sampling import connect
-from regionik.planners.stepping import steps_inside
+from regionik.planners.stepping import steps
 from regionik.planners.tangents import shorter_path
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.errors import InputError, RegionikError
@@ -102,20 +102,31 @@ def drive_inside(
     part: Polygon, flat: FlatPolygon, start: Array, goal: Array, *, step: float, seed: int
 ) -> Drive:
     """As `drive`, in one polygon that is flat already; both ends are in it, but for rounding."""
-    a, b = (np.array(clamp(flat.vertices, flat.starts, *p)) for p in (start, goal))
-    if a[0] == b[0] and a[1] == b[1]:
-        return Drive(frozen([a], (None, 2), "drive"), "straight")
-    if segment_inside(flat.vertices, flat.starts, *a, *b):
-        return Drive(resample([a, b], step), "straight")
-    steps = steps_inside(flat, a, b, step)
-    if steps.arrived:
-        return Drive(steps.points, "steps")
+    points, straight, arrived = _led(flat.vertices, flat.starts, np.array([start, goal]), step)
+    if arrived:
+        points.flags.writeable = False
+        return Drive(points, "straight" if straight else "steps")
+    a, b = points
     planned = [tighten(part, path) for path in _attempts(flat, a, b, seed)]
     path = min(planned, key=_length) if planned else route(part, a, b)
     if path is None:
         raise NoPathError(f"no way through the free area from {_at(a)} to {_at(b)}", a, b)
     shorter = shorter_path(part, a, b, _length(path))
     return Drive(resample(path if shorter is None else shorter, step), "ompl" if planned else "triangles")
+
+
+@compiled
+def _led(vertices: Array, starts: Index, ends: Array, step: float) -> tuple[Array, bool, bool]:
+    """Points of the straight way, or of Algorithm 2's, and which it is; both ends where neither arrives."""
+    for k in range(2):
+        ends[k, 0], ends[k, 1] = clamp(vertices, starts, ends[k, 0], ends[k, 1])
+    (ax, ay), (bx, by) = ends
+    if ax == bx and ay == by:
+        return ends[:1], True, True
+    if segment_inside(vertices, starts, ax, ay, bx, by):
+        return cut(ends, step), True, True
+    points, arrived = steps(vertices, starts, ax, ay, bx, by, step)
+    return (points, False, True) if arrived else (ends, False, False)
 
 
 def _common_part(free: Polygon | MultiPolygon, start: Array, goal: Array) -> Polygon:

@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 
 from regionik.planners.arcs import moved, rolling
 from regionik.planners.flat import Index, compiled
-from regionik.planners.serial import SerialArm, chain_frames
+from regionik.planners.serial import SerialArm, chain_frames, chain_on
 from regionik.worlds.arrays import Array
 
 WORLD, BASE = -2, -1  # frames of hulls that no link carries
+_HERE = np.eye(4)
 
 
 class Movers(NamedTuple):
@@ -120,37 +121,44 @@ def place(arm: SerialArm, mount: Array, hop: Hop, s: float, frame: int, frames: 
 
     They are seen from a link, the base or the world; the base comes last, so that its link is ``BASE``.
     """
-    chain_frames(arm, hop.joints + s * hop.bend, frames)
-    frames[BASE] = np.eye(4)
-    for i in range(3):
-        for j in range(3):
-            frames[BASE, i, j] = mount[j, i]
-            frames[BASE, i, 3] -= mount[j, i] * mount[j, 3]
-    X = np.zeros((3, 4))
-    if frame >= 0:
-        for i in range(3):
-            for j in range(3):
-                X[i, j] = frames[frame, j, i]
-                X[i, 3] -= frames[frame, j, i] * frames[frame, j, 3]
-    elif frame == BASE:
-        X[:] = mount[:3]
-    else:
+    joints = hop.joints + s * hop.bend
+    if frame == WORLD:
         x, y, yaw = stand(hop, s)
-        c, z = math.cos(yaw), math.sin(yaw)
+        _on_floor(mount, x, y, yaw, frames[0])
+        chain_on(arm, joints, frames)
+        _on_floor(_HERE, x, y, yaw, frames[BASE])
+    elif frame == BASE:
+        frames[0], frames[BASE] = mount, _HERE
+        chain_on(arm, joints, frames)
+    else:
+        chain_frames(arm, joints, frames)
+        frames[BASE] = _HERE
+        _see_from(mount, frames[BASE:])
+        _see_from(frames[frame].copy(), frames)
+
+
+@compiled
+def _on_floor(pose: Array, x: float, y: float, yaw: float, out: Array) -> None:
+    """Write a pose (4, 4) on a base, seen from the world."""
+    c, z = math.cos(yaw), math.sin(yaw)
+    for j in range(4):
+        out[0, j] = c * pose[0, j] - z * pose[1, j]
+        out[1, j] = z * pose[0, j] + c * pose[1, j]
+        out[2, j], out[3, j] = pose[2, j], pose[3, j]
+    out[0, 3] += x
+    out[1, 3] += y
+
+
+@compiled
+def _see_from(pose: Array, frames: Array) -> None:
+    """Have frames (n, 4, 4) seen from a pose (4, 4)."""
+    for T in frames:
         for j in range(4):
-            X[0, j] = c * mount[0, j] - z * mount[1, j]
-            X[1, j] = z * mount[0, j] + c * mount[1, j]
-            X[2, j] = mount[2, j]
-        X[0, 3] += x
-        X[1, 3] += y
-    column = np.empty(3)
-    for k in range(len(frames)):
-        for j in range(4):
+            x, y, z = T[0, j], T[1, j], T[2, j]
+            if j == 3:
+                x, y, z = x - pose[0, 3], y - pose[1, 3], z - pose[2, 3]
             for i in range(3):
-                column[i] = frames[k, i, j]
-            for i in range(3):
-                turned = X[i, 0] * column[0] + X[i, 1] * column[1] + X[i, 2] * column[2]
-                frames[k, i, j] = turned + (X[i, 3] if j == 3 else 0.0)
+                T[i, j] = pose[0, i] * x + pose[1, i] * y + pose[2, i] * z
 
 
 @compiled

@@ -95,11 +95,12 @@ def resample(points: ArrayLike, step: float) -> Array:
     path = frozen(points, (None, 2), "path")
     if not 0 < step < np.inf:
         raise InputError(f"step: expected a length above 0, got {step}")
-    return frozen(_cut(path, float(step)), (None, 2), "path")
+    return frozen(cut(path, float(step)), (None, 2), "path")
 
 
 @compiled
-def _cut(path: Array, step: float) -> Array:
+def cut(path: Array, step: float) -> Array:
+    """As `resample`, of legs (k, 2) that are known to be finite."""
     legs = len(path) - 1
     parts = np.ones(legs, np.int64)
     for k in range(legs):
@@ -123,7 +124,7 @@ def spread_along(path: Array, step: float, parts: int) -> tuple[Array, Array]:
 
     They cut its legs to steps, and the whole of it to at least so many parts.
     """
-    points = _cut(path, step)
+    points = cut(path, step)
     lengths = np.zeros(len(points))
     for k in range(1, len(points)):
         way = np.hypot(points[k, 0] - points[k - 1, 0], points[k, 1] - points[k - 1, 1])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -11,6 +12,10 @@ from numpy.typing import NDArray
 from regionik.planners.flat import compiled
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
+
+Row = tuple[float, float, float]
+
+_UNTURNED = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 
 
 class SerialArm(NamedTuple):
@@ -51,38 +56,57 @@ def serial_arm(chain: Chain) -> SerialArm:
 
 
 @compiled
-def rotate_about(axis: Array, angle: float, R: Array) -> None:
-    """Write the rotation by ``angle`` about a unit axis into ``R`` (3, 3): Rodrigues' formula."""
-    c, s = np.cos(angle), np.sin(angle)
+def rotation_about(axis: Array, angle: float) -> tuple[Row, Row, Row]:
+    """The rotation by ``angle`` about a unit axis, row by row: Rodrigues' formula."""
+    c, s = math.cos(angle), math.sin(angle)
     x, y, z = axis[0], axis[1], axis[2]
     t = 1.0 - c
-    R[0, 0], R[0, 1], R[0, 2] = t * x * x + c, t * x * y - s * z, t * x * z + s * y
-    R[1, 0], R[1, 1], R[1, 2] = t * x * y + s * z, t * y * y + c, t * y * z - s * x
-    R[2, 0], R[2, 1], R[2, 2] = t * x * z - s * y, t * y * z + s * x, t * z * z + c
+    return (
+        (t * x * x + c, t * x * y - s * z, t * x * z + s * y),
+        (t * x * y + s * z, t * y * y + c, t * y * z - s * x),
+        (t * x * z - s * y, t * y * z + s * x, t * z * z + c),
+    )
+
+
+@compiled
+def rotate_about(axis: Array, angle: float, R: Array) -> None:
+    """Write `rotation_about` into ``R`` (3, 3)."""
+    u, v, w = rotation_about(axis, angle)
+    R[0, 0], R[0, 1], R[0, 2] = u
+    R[1, 0], R[1, 1], R[1, 2] = v
+    R[2, 0], R[2, 1], R[2, 2] = w
 
 
 @compiled
 def chain_frames(arm: SerialArm, joints: Array, frames: Array) -> None:
     """Write the pose of every link, then of the tool, into ``frames`` (n + 1, 4, 4), in the base frame."""
-    n = len(joints)
-    R, p = np.eye(3), np.zeros(3)
-    turn, turned = np.empty((3, 3)), np.empty((3, 3))
+    frames[0] = np.eye(4)
+    chain_on(arm, joints, frames)
+
+
+@compiled
+def chain_on(arm: SerialArm, joints: Array, frames: Array) -> None:
+    """As `chain_frames`, seen from elsewhere: ``frames[0]`` holds the pose of the chain's base at first."""
+    n = len(arm.axis)
     for k in range(n + 1):
-        step = arm.fixed[k] if k < n else arm.tool
+        last, step = frames[max(k - 1, 0)], arm.fixed[k] if k < n else arm.tool
+        turns, slides = k < n and arm.revolute[k], k < n and not arm.revolute[k]
+        u, v, w = rotation_about(arm.axis[k], joints[k]) if turns else _UNTURNED
         for i in range(3):
-            p[i] += R[i, 0] * step[0, 3] + R[i, 1] * step[1, 3] + R[i, 2] * step[2, 3]
-        _times(R, step, turned)
-        if k < n and arm.revolute[k]:
-            rotate_about(arm.axis[k], joints[k], turn)
-            _times(turned, turn, R)
-        else:
-            R[:] = turned
-            if k < n:
-                for i in range(3):
-                    for j in range(3):
-                        p[i] += R[i, j] * arm.axis[k, j] * joints[k]
-        frames[k, :3, :3] = R
-        frames[k, :3, 3] = p
+            a, b, c, p = last[i, 0], last[i, 1], last[i, 2], last[i, 3]
+            p += a * step[0, 3] + b * step[1, 3] + c * step[2, 3]
+            x = a * step[0, 0] + b * step[1, 0] + c * step[2, 0]
+            y = a * step[0, 1] + b * step[1, 1] + c * step[2, 1]
+            z = a * step[0, 2] + b * step[1, 2] + c * step[2, 2]
+            if turns:
+                x, y, z = (
+                    x * u[0] + y * v[0] + z * w[0],
+                    x * u[1] + y * v[1] + z * w[1],
+                    x * u[2] + y * v[2] + z * w[2],
+                )
+            elif slides:
+                p += (x * arm.axis[k, 0] + y * arm.axis[k, 1] + z * arm.axis[k, 2]) * joints[k]
+            frames[k, i, 0], frames[k, i, 1], frames[k, i, 2], frames[k, i, 3] = x, y, z, p
         frames[k, 3, 0] = frames[k, 3, 1] = frames[k, 3, 2] = 0.0
         frames[k, 3, 3] = 1.0
 
@@ -109,11 +133,3 @@ def chain_jacobian(arm: SerialArm, frames: Array, J: Array) -> None:
         else:
             J[:3, k] = axis
             J[3:, k] = 0.0
-
-
-@compiled
-def _times(A: Array, B: Array, out: Array) -> None:
-    """Product of the 3 x 3 parts of two matrices, written into ``out``."""
-    for i in range(3):
-        for j in range(3):
-            out[i, j] = A[i, 0] * B[0, j] + A[i, 1] * B[1, j] + A[i, 2] * B[2, j]

@@ -85,13 +85,9 @@ def step_through(free: Polygon | MultiPolygon, start: ArrayLike, goal: ArrayLike
     if not 0 < rho < np.inf:
         raise InputError(f"step: expected a length above 0, got {rho}")
     ends = frozen(start, (2,), "start"), frozen(goal, (2,), "goal")
-    return steps_inside(FlatPolygon.from_shapely(free), *ends, rho)
-
-
-def steps_inside(flat: FlatPolygon, start: Array, goal: Array, rho: float) -> Steps:
-    """As `step_through`, for a polygon that is flat already."""
-    b = clamp(flat.vertices, flat.starts, start[0], start[1])
-    points, arrived = _steps(flat.vertices, flat.starts, *b, goal[0], goal[1], rho)
+    flat = FlatPolygon.from_shapely(free)
+    (x, y), (goal_x, goal_y) = clamp(flat.vertices, flat.starts, *ends[0]), ends[1]
+    points, arrived = steps(flat.vertices, flat.starts, x, y, goal_x, goal_y, rho)
     return Steps(frozen(points, (None, 2), "steps"), bool(arrived))
 
 
@@ -233,7 +229,7 @@ def _best_step(
 
 
 @compiled
-def _steps(
+def steps(
     vertices: Array, starts: Index, x: float, y: float, goal_x: float, goal_y: float, rho: float
 ) -> tuple[Array, bool]:
     """Positions of Algorithm 2, (k, 2), and whether the last of them is the goal."""

@@ -35,7 +35,7 @@ MOST_STEPS = 1000
 SHORTEST = 1e-5  # part of a hop; shorter steps mean that the gap is used up
 ROUNDING = 1e-9  # [m]
 CHORDS = 8  # most parts of a hop whose boxes bound where the links pass
-CHORD = 0.1  # largest turn of base or joint in one of them, while they are fewer [rad]
+CHORD = 0.2  # largest turn of base or joint in one of them, while they are fewer [rad]
 
 
 @compiled

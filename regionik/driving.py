@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from typing import Protocol
@@ -15,7 +16,7 @@ from regionik.ground import GUARD, ground_of
 from regionik.hops import Hops
 from regionik.mfabrik import axis_of, pose_of
 from regionik.planners.drive import NoPathError, drive, drive_inside
-from regionik.planners.flat import FlatPolygon, contains
+from regionik.planners.flat import FlatPolygon
 from regionik.planners.room import Room, fits, rolls, slides
 from regionik.planners.shape import drive_shape
 from regionik.planners.wheels import Way, drive_car, drive_differential
@@ -102,8 +103,8 @@ class AnyHeading:
     def within(self, free: BaseGeometry, flat: FlatPolygon, a: Array, b: Array) -> Array:
         """Way of the arm axis from a to b inside a polygon, also given for kernels, (k, 2)."""
         # Ends may lie outside by rounding, or by the gap between the exact and the inner area.
-        spots = [p if contains(flat.vertices, flat.starts, *p) else into(free, p) for p in (a, b)]
-        if np.hypot(*(spots[1] - spots[0])) < 1e-9:
+        spots = [p if flat.holds(p) else into(free, p) for p in (a, b)]
+        if math.dist(*spots) < 1e-9:
             return np.array([a, b])
         step = self.world.rules.step
         if isinstance(free, Polygon):
@@ -126,8 +127,7 @@ class AnyHeading:
 
     def inside(self, at: Pose, label: int) -> bool:
         """See `Driver`."""
-        flat, (x, y) = self._flat(label), axis_of(self.world.robot, at.base)
-        return bool(contains(flat.vertices, flat.starts, x, y))
+        return self._flat(label).holds(axis_of(self.world.robot, at.base))
 
     def extent(self, label: int) -> Array:
         """See `Driver`."""

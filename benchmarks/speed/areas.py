@@ -56,7 +56,7 @@ def rows(size: Size) -> Iterator[Row]:
     """See `benchmarks.speed.__main__`."""
     few = replace(size, rounds=min(size.rounds, FEW))
     groups: tuple[tuple[Rows, Size], ...] = (
-        (_areas, few), (_path, size), (_jump, few), (_lengths, few), (_growth, few), (_commands, few)
+        (_areas, few), (_path, size), (_jump, size), (_lengths, few), (_growth, few), (_commands, few)
     )  # fmt: skip
     for group, much in groups:
         yield from group(much)
