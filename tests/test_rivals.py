@@ -126,6 +126,17 @@ def test_genes_keep_the_limits_and_repeat() -> None:
     assert ((one.joints >= 0.0) & (one.joints <= np.pi / 3)).all()
 
 
+@pytest.mark.parametrize("kind", [DIRECTION, ORIENTATION])
+def test_genes_turn_the_tool_as_asked(kind: int) -> None:
+    chain = robot_named("youbot").chain
+    method, start = Genetic(chain, 0.02, 0.1), np.zeros(chain.dof)
+    for aim in aims(chain, kind, 3):
+        found = method.search(aim, start)
+        error, angle = confirm(chain, aim, found.joints)
+        assert (error, angle) == (pytest.approx(found.error, abs=1e-9), pytest.approx(found.angle, abs=1e-6))
+        assert angle < confirm(chain, aim, method.search(aim._replace(kind=POSITION), start).joints)[1]
+
+
 def test_a_network_has_an_output_a_joint_and_repeats() -> None:
     chain = small()
     one, two = (Network(chain, samples=200, epochs=150) for _ in range(2))
