@@ -239,7 +239,7 @@ def test_an_arm_that_touches_something_at_the_start_is_named() -> None:
     world = replace(wave(0), obstacles=())
     assert world.start is not None
     tip = world.robot.tool(world.start.base[None], world.start.joints[None])[0, :3, 3]
-    with pytest.raises(NoPlanFound, match="start is blocked: link 5 .* overlaps ball"):
+    with pytest.raises(NoPlanFound, match=r"start is blocked: link 5 .* overlaps ball"):
         plan(replace(world, obstacles=(Sphere("ball", 0.05, tip),)))
 
 
