@@ -177,8 +177,6 @@ def _linear(world: World, asked: list[Target], poses: Array, q: Array) -> tuple[
 
 def _turn(target: Target, R: Array) -> Array:
     """Turn that brings the tool to what is asked, as a vector; none where it is within its cone."""
-    if target.direction is None:
-        return np.zeros(3)
     way, angle = _off(target, R)
     size, spare = float(np.linalg.norm(way)), WITHIN * target.cone
     turn: Array = way / size * (angle - spare) if size > 0 and angle > spare else np.zeros(3)
@@ -187,6 +185,8 @@ def _turn(target: Target, R: Array) -> Array:
 
 def _off(target: Target, R: Array) -> tuple[Array, float]:
     """Axis of the turn from a tool to what is asked, of some length, and the angle [rad]."""
+    if target.direction is None:
+        return np.zeros(3), 0.0
     if target.orientation is not None:
         left = target.orientation @ R.T
         way = np.array([left[2, 1] - left[1, 2], left[0, 2] - left[2, 0], left[1, 0] - left[0, 1]])

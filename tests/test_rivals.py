@@ -133,7 +133,8 @@ def test_genes_turn_the_tool_as_asked(kind: int) -> None:
     for aim in aims(chain, kind, 3):
         found = method.search(aim, start)
         error, angle = confirm(chain, aim, found.joints)
-        assert (error, angle) == (pytest.approx(found.error, abs=1e-9), pytest.approx(found.angle, abs=1e-6))
+        assert error == pytest.approx(found.error, abs=1e-9)
+        assert angle == pytest.approx(found.angle, abs=1e-6)
         assert angle < confirm(chain, aim, method.search(aim._replace(kind=POSITION), start).joints)[1]
 
 
