@@ -1,6 +1,6 @@
 # make demo    plan a bundled world, verify the plan, write a page to look at
 # make test    the whole test suite, with the same random cases each time; pytest alone draws new ones
-# make coverage  the lines that the suite runs, those of kernels as plain Python; fails under 95 in a hundred
+# make coverage  the lines that the suite runs, every kernel as plain Python too; fails under 95 in a hundred
 # make soak    all bundled worlds and WORLDS=500 random ones planned, and judged by other libraries; docs/soak.md
 # make fuzz    SECONDS=120 of broken files of each kind, after files made to do harm
 # make lint    style, types, import order
@@ -35,19 +35,13 @@ demo: .venv/installed
 test: .venv/installed-test,compare,distributed,geotiff,second
 	$(BIN)/python -m pytest -q -n 2 --dist loadfile --hypothesis-seed=0
 
-# What compiled kernels run cannot be counted line by line. As plain Python they are slow: a file of tests has
-# a minute, and what it says is not looked at, as `make test` asks the compiled ones.
-KERNELS := $(patsubst %,tests/test_%.py,wheels fabrikr exhaustive wherever settle \
-	exactareas mfabrik criteria levelreach inverse touching posture rivals field pulling rings flat tangents \
-	footprint avoidance edgetree stepping serial rolls spans proof_wheels reach arms guard)
+# What compiled kernels run cannot be counted line by line: tests.twice calls them as plain Python as well, and
+# a test fails where the two differ.
 COVERED := COVERAGE_FILE=$(CURDIR)/.coverage $(BIN)/coverage
 
 coverage: .venv/installed-test,compare,distributed,geotiff,second
 	rm -f .coverage .coverage.*
-	$(COVERED) run -m pytest -q -n 2 --dist loadfile --hypothesis-seed=0
-	@echo $(KERNELS) | tr ' ' '\n' | NUMBA_DISABLE_JIT=1 COVERAGE_FILE=$(CURDIR)/.coverage xargs -P 2 -I FILE \
-		timeout -s INT -k 30 60 $(BIN)/coverage run -m pytest -q -p tests.plain --hypothesis-seed=0 \
-		-W ignore::RuntimeWarning --no-summary FILE || true
+	$(COVERED) run -m pytest -q -n 2 --dist loadfile --hypothesis-seed=0 -p tests.twice
 	$(COVERED) combine -q
 	$(COVERED) report --skip-covered
 

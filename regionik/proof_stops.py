@@ -23,6 +23,7 @@ SWEEPS = 40  # of damped least squares at each step
 DAMPING = 1e-3
 LONGEST = 0.3  # step of a joint [rad] or [m]
 CLOSE = 0.1  # share of the tolerance that is near enough to end
+WITHIN = 0.99  # share of a cone that a tool is turned into; much less of it may be out of reach
 NUDGES = 32  # seeded postures tried where none led on is left
 
 
@@ -176,19 +177,22 @@ def _linear(world: World, asked: list[Target], poses: Array, q: Array) -> tuple[
 
 def _turn(target: Target, R: Array) -> Array:
     """Turn that brings the tool to what is asked, as a vector; none where it is within its cone."""
+    way, angle = _off(target, R)
+    size, spare = float(np.linalg.norm(way)), WITHIN * target.cone
+    turn: Array = way / size * (angle - spare) if size > 0 and angle > spare else np.zeros(3)
+    return turn
+
+
+def _off(target: Target, R: Array) -> tuple[Array, float]:
+    """Axis of the turn from a tool to what is asked, of some length, and the angle [rad]."""
     if target.direction is None:
-        return np.zeros(3)
+        return np.zeros(3), 0.0
     if target.orientation is not None:
         left = target.orientation @ R.T
         way = np.array([left[2, 1] - left[1, 2], left[0, 2] - left[2, 0], left[1, 0] - left[0, 1]])
-        angle = float(np.arctan2(np.linalg.norm(way), np.trace(left) - 1.0))
-    else:
-        way = np.cross(R[:, 2], target.direction)
-        angle = float(np.arctan2(np.linalg.norm(way), R[:, 2] @ target.direction))
-    size = float(np.linalg.norm(way))
-    spare = 0.9 * target.cone
-    turn: Array = way / size * (angle - spare) if size > 0 and angle > spare else np.zeros(3)
-    return turn
+        return way, float(np.arctan2(np.linalg.norm(way), np.trace(left) - 1.0))
+    way = np.cross(R[:, 2], target.direction)
+    return way, float(np.arctan2(np.linalg.norm(way), R[:, 2] @ target.direction))
 
 
 def _miss(world: World, asked: list[Target], poses: Array, q: Array) -> Array:
@@ -198,5 +202,5 @@ def _miss(world: World, asked: list[Target], poses: Array, q: Array) -> Array:
     miss: Array = np.linalg.norm(tool[:, :, 3] - spots, axis=1) - world.rules.tolerance
     for k, (target, R) in enumerate(zip(asked, tool[:, :, :3], strict=True)):
         if target.direction is not None:
-            miss[k] = max(miss[k], float(np.linalg.norm(_turn(target, R))) - 0.1 * target.cone)
+            miss[k] = max(miss[k], _off(target, R)[1] - target.cone)
     return miss

@@ -447,6 +447,41 @@ def test_show_ends_with_ctrl_c(planned: Path) -> None:
     assert err == ""
 
 
+def test_a_watched_file_is_shown_until_ctrl_c(tmp_path: Path) -> None:
+    document = Path(__file__).parent.parent / "worlds" / "data" / "l_shape.world.yaml"
+    (tmp_path / "hall.yaml").write_text(document.read_text())
+    with spawned("show", "--live", "--no-browser", tmp_path / "hall.yaml") as process:
+        assert process.stderr is not None
+        assert "All 40 set-points can be reached" in process.stderr.readline()
+        process.send_signal(signal.SIGINT)
+        _, err = process.communicate(timeout=10.0)
+        assert process.returncode == 0
+    assert err == ""
+
+
+def test_other_signals_and_errors_that_nobody_catches_end_nothing() -> None:
+    said = """
+import os, signal, time
+from regionik.interrupts import GRACE, end_on_signals
+class Faulty:
+    def __del__(self): raise ValueError("told")
+class Interrupted:
+    def __del__(self): raise KeyboardInterrupt
+end_on_signals()
+signal.signal(signal.SIGUSR1, lambda *_: None)
+os.kill(os.getpid(), signal.SIGUSR1)
+Faulty(), Interrupted()
+time.sleep(GRACE + 0.2)
+print("still at work")
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", said], capture_output=True, text=True, timeout=30, check=True
+    )
+    assert done.stdout == "still at work\n"
+    assert "ValueError: told" in done.stderr
+    assert "KeyboardInterrupt" not in done.stderr
+
+
 def test_a_reader_that_leaves_is_no_error() -> None:
     reading, writing = os.pipe()
     os.close(reading)

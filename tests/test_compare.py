@@ -140,6 +140,17 @@ def test_a_network_takes_positions_alone() -> None:
         compare(load_world("wall"), ["network"])
 
 
+def test_a_network_drives_to_the_nearest_place_that_it_knows() -> None:
+    world = load_world("pillar")
+    world = replace(world, task=world.task[:3])
+    found = compare(world, ["network"]).answers["network"]
+    for one, target in zip(found, world.task, strict=True):
+        off = np.linalg.norm(tool_of(world, one)[:3, 3] - target.position)
+        assert off == pytest.approx(one.error, abs=1e-9)
+        assert off < 0.05
+        assert one.converged == (off <= world.rules.tolerance)
+
+
 def test_no_task() -> None:
     with pytest.raises(InputError, match="task: expected at least one set-point"):
         compare(replace(load_world("pillar"), task=()))

@@ -1,4 +1,4 @@
-"""Kernels as plain Python, with NUMBA_DISABLE_JIT, say what the compiled ones say."""
+"""Kernels as plain Python, with NUMBA_DISABLE_JIT or one at a time, say what the compiled ones say."""
 
 from __future__ import annotations
 
@@ -8,10 +8,15 @@ import subprocess
 import sys
 
 import numpy as np
+import pytest
+import shapely
 
+import regionik as rik
 from regionik.mfabrik import Solver
+from regionik.planners import flat
 from regionik.planners.inverse import ArmSolver, Goal
 from regionik.worlds.library import robot_named
+from tests.twice import kernels_called_twice
 
 
 def answers() -> list[list[float]]:
@@ -37,6 +42,39 @@ def test_plain_python_gives_the_same_numbers() -> None:
     done = subprocess.run(command, env=there, capture_output=True, text=True, check=True)
     for mine, other in zip(answers(), json.loads(done.stdout), strict=True):
         np.testing.assert_allclose(mine, other, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("name", ["pipe", "tao1"])
+def test_each_kernel_of_a_plan_says_the_same_as_plain_python(name: str) -> None:
+    with kernels_called_twice():
+        plan = rik.plan(rik.load_world(name))
+    assert rik.verify(plan).ok
+
+
+@pytest.mark.parametrize("name", ["l_shape", "shelf"])
+def test_each_kernel_of_bulk_answers_says_the_same_as_plain_python(name: str) -> None:
+    world = rik.load_world(name)
+    targets = np.random.default_rng(0).uniform([-1, -1, 0], [3, 3, 1], (50, 3))
+    with kernels_called_twice():
+        found = rik.reach_many(world, targets)
+    np.testing.assert_array_equal(found.reachable, rik.reach(world, targets).reachable)
+
+
+def test_each_kernel_of_a_batch_says_the_same_as_plain_python() -> None:
+    solver, count = Solver(robot_named("youbot")), 40
+    targets = np.random.default_rng(0).uniform([-1, -1, 0], [1, 1, 0.5], (count, 3))
+    starts = np.zeros((count, 3)), np.tile(robot_named("youbot").carry, (count, 1))
+    with kernels_called_twice():
+        found = solver.batch(targets, *starts)
+    np.testing.assert_array_equal(found.joints, solver.batch(targets, *starts).joints)
+
+
+def test_a_kernel_that_says_something_else_is_caught(monkeypatch: pytest.MonkeyPatch) -> None:
+    square = flat.FlatPolygon.from_shapely(shapely.box(0, 0, 1, 1))
+    assert not flat.contains(square.vertices, square.starts, 1.1, 0.5)
+    monkeypatch.setattr(flat, "ON_EDGE", 0.2)  # for plain Python; what is compiled keeps the number it knew
+    with kernels_called_twice(), pytest.raises(AssertionError, match="plainly"):
+        flat.contains(square.vertices, square.starts, 1.1, 0.5)
 
 
 if __name__ == "__main__":

@@ -23,9 +23,11 @@ from regionik.reachable import BACK, FRONT
 from regionik.regions import path_areas
 from regionik.stops import stops
 from regionik.verify import verify
+from regionik.worlds.chain import Chain
 from regionik.worlds.errors import InputError, NoPlanFound
 from regionik.worlds.library import load_world, robot_named
-from regionik.worlds.obstacles import Cylinder
+from regionik.worlds.obstacles import Cylinder, Sphere
+from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
 
 STOPS = Rules(clearance=0.05, mode="stops", step=0.2)
@@ -211,6 +213,51 @@ def test_verify_finds_every_broken_promise() -> None:
     first, *rest = found.stops
     report = verify(replace(found, stops=(replace(first, tolerance=first.tolerance + 0.3), *rest)))
     assert any("not seen to reach" in violation.text for violation in report.violations)
+
+
+def test_tools_that_point_are_verified_all_over_the_circles() -> None:
+    asked = load_world("wall")
+    found = plan(ruled(replace(asked, task=asked.task[:6]), mode="stops"))
+    assert verify(found).ok
+    away = tuple(replace(target, direction=-target.direction) for target in found.world.task)  # type: ignore[operator]
+    report = verify(replace(found, world=replace(found.world, task=away)))
+    assert any("not seen to reach" in violation.text for violation in report.violations)
+
+
+def test_tools_that_are_turned_are_verified_all_over_the_circles() -> None:
+    """An arm of five joints turns its tool as asked only as its base stands, or within a wide cone."""
+    turn = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
+    task = tuple(Target(np.array([1.0 + 0.05 * k, 0.0, 0.3]), cone=0.3, orientation=turn) for k in range(2))
+    found = plan(replace(wave(0), obstacles=(), task=task, start=None))
+    assert verify(found).ok
+    narrow = tuple(replace(target, cone=1e-3) for target in task)
+    report = verify(replace(found, world=replace(found.world, task=narrow)))
+    assert any("not seen to reach" in violation.text for violation in report.violations)
+
+
+def test_an_arm_that_touches_something_at_the_start_is_named() -> None:
+    world = replace(wave(0), obstacles=())
+    assert world.start is not None
+    tip = world.robot.tool(world.start.base[None], world.start.joints[None])[0, :3, 3]
+    with pytest.raises(NoPlanFound, match=r"start is blocked: link 5 .* overlaps ball"):
+        plan(replace(world, obstacles=(Sphere("ball", 0.05, tip),)))
+
+
+def test_an_arm_that_is_clear_in_no_posture_is_told() -> None:
+    world = replace(wave(0), start=None)
+    spot = world.task[5]
+    balls = tuple(Sphere(name, 0.2, spot.position) for name in ("ball", "other ball"))  # one may be touched
+    with pytest.raises(NoPlanFound, match="deep in other ball: no posture keeps the last link"):
+        plan(replace(world, task=(spot,), obstacles=balls))
+
+
+def test_what_cannot_be_done_standing_is_refused() -> None:
+    with pytest.raises(InputError, match="expected at least one set-point"):
+        stops(replace(wave(0), task=()))
+    fixed = Chain(wave(0).robot.chain.joints[1:], wave(0).robot.chain.T_last_tool)
+    robot = Robot("lever", "omni", np.zeros((1, 2)), np.zeros(4), fixed, (), 0.1, np.zeros(4))
+    with pytest.raises(InputError, match="stops expect a vertical pivot"):
+        stops(replace(wave(0), robot=robot, start=None))
 
 
 def test_the_command_tells_writes_and_draws(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -20,6 +20,7 @@ from regionik.standing import anywhere
 from regionik.transit import Carrier
 from regionik.worlds.library import robot_named
 from regionik.worlds.obstacles import Box, Cylinder, Solid
+from regionik.worlds.robot import BaseKind
 from regionik.worlds.scene import Floor, Heading, Rules, World
 
 HERE = np.array([-0.9, -0.7, 0.3])
@@ -137,3 +138,55 @@ def test_short_ways_are_not_folded() -> None:
     joints = np.array([pose.joints for pose in [here, *way, there]])
     assert (np.diff(joints[:, 0]) >= -1e-12).all()
     assert np.ptp(joints[:, 1:], axis=0).max() < 1e-12
+
+
+SIDES = np.array([[0.3, 0.2], [-0.3, 0.2], [-0.3, -0.2], [0.3, -0.2]])
+
+
+def rolling(base: BaseKind, *solids: Solid) -> World:
+    """A base of some length on wheels."""
+    world = world_of("youbot", *solids)
+    return replace(world, robot=replace(world.robot, base=base, footprint=SIDES, turning_radius=0.4))
+
+
+def gap(world: World, base: np.ndarray, solid: Solid) -> float:
+    """From the outline of a base to the shadow of a solid [m]."""
+    c, s = np.cos(base[2]), np.sin(base[2])
+    outline = shapely.Polygon(world.robot.footprint @ np.array([[c, s], [-s, c]]) + base[:2])
+    shadow = solid.shadow(below=world.robot.body_height)
+    assert shadow is not None
+    return float(outline.distance(shadow.core)) - shadow.radius
+
+
+@pytest.mark.parametrize("base", ["differential", "car"])
+def test_wheels_retreat_along_their_heading_where_it_is_free(base: BaseKind) -> None:
+    wall = Box("wall", np.array([0.1, 4.0, 0.3]), np.array([0.6, 0.0, 0.15]))
+    world = rolling(base, wall)
+    driver, here = carrier(world).driver, posed(world, np.zeros(3))
+    (back,) = driver.retreats(here, 0.4, 0)  # straight ahead is the wall
+    assert back[-1].base == pytest.approx([-0.4, 0.0, 0.0])
+    assert all(gap(world, pose.base, wall) >= world.rules.clearance for pose in back)
+    (still,) = driver.retreats(here, 0.0, 0)
+    assert all(np.array_equal(pose.base, here.base) for pose in still)
+    assert driver.inside(here, 0)
+    assert not driver.inside(posed(world, np.array([0.3, 0.0, 0.0])), 0)
+    assert (driver.extent(0) == [[-2, -2], [2, 2]]).all()
+
+
+@pytest.mark.parametrize("base", ["differential", "car"])
+def test_wheels_go_straight_to_another_posture_only_where_they_stand(base: BaseKind) -> None:
+    world = rolling(base)
+    driver, here = carrier(world).driver, posed(world, np.zeros(3))
+    way = driver.direct(here, posed(world, np.zeros(3), 0.5, 0.5), 0)
+    assert way
+    assert all(np.array_equal(pose.base, here.base) for pose in way)
+    assert driver.direct(here, posed(world, np.array([0.0, 0.2, 0.0])), 0) is None
+
+
+@pytest.mark.parametrize("base", ["differential", "car"])
+def test_a_berth_is_kept_all_the_way(base: BaseKind) -> None:
+    post = Cylinder("post", 0.1, 0.3, np.array([0.0, 0.05, 0.15]))
+    world = rolling(base, post)
+    here, there = (posed(world, np.array([x, 0.0, 0.0])) for x in (-1.2, 1.2))
+    route = carrier(world).driver.route(here, there, 0, 0.2)
+    assert min(gap(world, pose, post) for pose in route) >= world.rules.clearance + 0.2
