@@ -19,6 +19,7 @@ from regionik.pipeline import plan
 from regionik.plan import Plan
 from regionik.plan_view import picture_of_plan
 from regionik.planfile import load_plan
+from regionik.proof_stops import _miss
 from regionik.reachable import BACK, FRONT
 from regionik.regions import path_areas
 from regionik.stops import stops
@@ -284,3 +285,12 @@ def test_pictures_of_a_plan_show_its_circles() -> None:
 def test_more_stops_than_the_rules_let_the_tool_be_lifted() -> None:
     with pytest.raises(NoPlanFound, match="needs one stop more"):
         plan(ruled(load_world("pillar"), mode="stops", max_lift_offs=0))
+
+
+def test_a_tool_that_points_the_other_way_misses_by_half_a_turn() -> None:
+    world = load_world("wall")
+    base, joints = np.zeros((1, 3)), world.robot.carry[None]
+    tool = world.robot.tool(base[0], joints[0])
+    asked = [Target(tool[:3, 3], direction=sign * tool[:3, 2], cone=0.2) for sign in (1.0, -1.0)]
+    misses = [_miss(world, [one], base, joints)[0] for one in asked]
+    assert misses == pytest.approx([-world.rules.tolerance, np.pi - 0.2])
