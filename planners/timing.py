@@ -21,6 +21,7 @@ from regionik.worlds.errors import InputError
 
 logging.getLogger("toppra").setLevel(logging.CRITICAL)  # it tells of what is raised here
 SOLVER, EVEN = "seidel", "ParametrizeConstAccel"
+UNITS = (1.0, 2.0, 10.0, 0.3)  # of the way; the engine may fail by rounding, which is another in another unit
 
 
 class _Path(AbstractGeometricPath):  # type: ignore[misc]
@@ -92,12 +93,21 @@ def fastest(grid: Array, looks: Sequence[Look], limits: Array, most: Array) -> A
     InputError
         When none is found.
     """
+    for unit in UNITS:
+        seen = [Look(one.share, one.slope * unit, one.bend * unit**2) for one in looks]
+        found = _asked(grid / unit, seen, limits, most / unit**2)
+        if found is not None:
+            return found * unit
+    raise InputError("timing: no motion along the path within these speeds and accelerations was found")
+
+
+def _asked(grid: Array, looks: Sequence[Look], limits: Array, most: Array) -> Array | None:
+    """What the engine finds, see `fastest`; None where it finds nothing."""
     path = _Path(grid, len(limits))
     solver = TOPPRA(
         [_Limits(looks, limits, most)], path, gridpoints=grid, solver_wrapper=SOLVER, parametrizer=EVEN
     )
     _, velocity, _ = solver.compute_parameterization(0.0, 0.0)
     if velocity is None or not np.isfinite(velocity).all():
-        raise InputError("timing: no motion along the path within these speeds and accelerations was found")
-    found: Array = np.asarray(velocity, dtype=np.float64)
-    return found
+        return None
+    return np.asarray(velocity, dtype=np.float64)

@@ -11,7 +11,7 @@ import shapely
 
 from regionik.curve import running_on
 from regionik.limits import limits_of, tool_velocity
-from regionik.pipeline import plan
+from regionik.pipeline import plan, search
 from regionik.plan import Plan
 from regionik.planfile import load_plan
 from regionik.planners.timing import Look, fastest
@@ -28,6 +28,7 @@ from regionik.worlds.format import world_from_document, world_to_document
 from regionik.worlds.library import load_world, world_names
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
 from regionik.worlds.speeds import Speeds
+from tests.soaked import soaked_world
 
 WHEELED = Speeds(wheel_velocity=0.5, base_velocity=1.0, turn_velocity=10.0)
 SLACK = 1 + 1e-6
@@ -282,3 +283,10 @@ def test_a_curve_goes_nowhere_beyond_its_states() -> None:
     states = np.concatenate([base, joints], axis=1)
     assert (z >= np.minimum(states[k], states[k + 1]) - 1e-12).all()
     assert (z <= np.maximum(states[k], states[k + 1]) + 1e-12).all()
+
+
+def test_a_path_on_which_the_engine_stumbles_is_timed() -> None:
+    """In metres its linear programs end without an answer at one state, by rounding."""
+    timed = retime(search(soaked_world("made", 197)))
+    assert verify(timed).ok
+    assert 0 < timed.motion.time[-1] < np.inf
