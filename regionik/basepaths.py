@@ -98,7 +98,8 @@ class AnyHeadingTracks:
             before, after = (
                 _at_any_heading(way) for way in (self._inside(k, a, over), self._inside(j, over, b))
             )
-            yield from _by_way_of(before, after)
+            yield _together("omni", np.concatenate([before, after[1:]]))
+            yield _halting("omni", before, after)
 
     def _handovers(self, k: int, j: int, a: Array, b: Array) -> Iterator[Array]:
         """Places that two components share: an end of the way itself, where it is one, comes first."""
@@ -133,12 +134,6 @@ def _together(kind: BaseKind, knots: Array) -> BaseWay:
     return BaseWay(kind, knots, far / far[-1] if far[-1] > 0 else np.linspace(0.0, 1.0, len(knots)))
 
 
-def _by_way_of(before: Array, after: Array) -> Iterator[BaseWay]:
-    """An omnidirectional base goes by way of where ``before`` ends and ``after`` begins."""
-    yield _together("omni", np.concatenate([before, after[1:]]))
-    yield _halting("omni", before, after)
-
-
 def _halting(kind: BaseKind, before: Array, after: Array) -> BaseWay:
     """The base moves, stands while the tool goes on, and moves on: ``after`` begins where ``before`` ends."""
     return BaseWay(kind, np.concatenate([before, after]), np.repeat([0.0, 1.0], [len(before), len(after)]))
@@ -162,8 +157,8 @@ class ByHeadingTracks:
         if over is None:
             return
         before, after = self._through(k, here, over), self._through(j, over, goal)
-        if before is not None and after is not None:
-            yield from _by_way_of(before, after)
+        if before is not None and after is not None:  # by way of slabs it is far: the tool rather waits
+            yield _halting("omni", before, after)
 
     def _shared(self, k: int, j: int, here: Array, goal: Array) -> Array | None:
         """The pose nearest to the way that components of both groups hold."""
