@@ -69,8 +69,13 @@ def _line(row: Row) -> str:
 def _figure(figure: Spread | None, unit: str) -> str:
     if figure is None:
         return "-"
-    low, median, high = (f"{value:,.4g}" for value in (figure.low, figure.median, figure.high))
+    low, median, high = (_rounded(value) for value in (figure.low, figure.median, figure.high))
     return f"{median} {unit}".rstrip() + f" ({low} to {high})"
+
+
+def _rounded(value: float) -> str:
+    """Four digits, without an exponent."""
+    return f"{float(f'{value:.4g}'):,.12g}"
 
 
 def _version(name: str) -> str:
