@@ -2,7 +2,7 @@
 
 The base first tries to go straight while the tool goes on. Else it moves inside the area of the first
 set-point to a place that both share, and from there inside the area of the second: at the same time as the
-tool, or halting at that place while the tool goes on.
+tool, where the area holds at every heading, or halting at that place while the tool goes on.
 """
 
 from __future__ import annotations
