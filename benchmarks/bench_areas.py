@@ -15,8 +15,8 @@ import numpy as np
 import shapely
 from shapely import STRtree
 
-from regionik.ground import Geometries, ground_of
-from regionik.reachable import FRONT, reach_rows
+from regionik.areas.ground import Geometries, ground_of
+from regionik.areas.reachable import FRONT, reach_rows
 from regionik.regions import path_areas
 from regionik.worlds.library import robot_named
 from regionik.worlds.obstacles import Box

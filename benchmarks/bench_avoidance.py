@@ -17,12 +17,12 @@ import time
 
 import numpy as np
 
-from regionik.planners.avoidance import avoid
-from regionik.planners.collision import Obstacles, obstacles_from
-from regionik.planners.exhaustive import search
-from regionik.planners.linkwise import links_clear
-from regionik.planners.posture import clear_posture
-from regionik.planners.prepared import Bodies, bodies_from
+from regionik.planners.clearance.avoidance import avoid
+from regionik.planners.clearance.exhaustive import search
+from regionik.planners.clearance.linkwise import links_clear
+from regionik.planners.clearance.posture import clear_posture
+from regionik.planners.clearance.prepared import Bodies, bodies_from
+from regionik.planners.geometry.collision import Obstacles, obstacles_from
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, Joint, translation
 from regionik.worlds.obstacles import Cylinder

@@ -18,16 +18,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from regionik.flatworld import keep_of, own, stance_of
-from regionik.ground import EVERY
-from regionik.guard import contact_for, guard_of
-from regionik.planners.bulkreach import Keep, Stance, is_clear
-from regionik.planners.flat import compiled
-from regionik.planners.kernels import fit, triangle, wrap
-from regionik.planners.room import Room, fits
-from regionik.planners.touching import nearest
+from regionik.areas.ground import EVERY
+from regionik.areas.standing import room_for
+from regionik.planners.clearance.bulkreach import Keep, Stance, is_clear
+from regionik.planners.clearance.touching import nearest
+from regionik.planners.driving.room import Room, fits
+from regionik.planners.geometry.flat import compiled
+from regionik.planners.solvers.kernels import fit, triangle, wrap
+from regionik.postures.guard import contact_for, guard_of
 from regionik.reach import reach
-from regionik.standing import room_for
+from regionik.seeking.flatworld import keep_of, own, stance_of
 from regionik.verify_reach import verify_answers
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import Target, World

@@ -13,11 +13,11 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 from shapely.geometry import Polygon
 
-from regionik.planners.drive import _connect, drive, resample, tighten
-from regionik.planners.flat import FlatPolygon, segment_inside
-from regionik.planners.pulling import route
-from regionik.planners.stepping import step_through
-from regionik.planners.triangles import triangulate
+from regionik.planners.driving.drive import _connect, drive, resample, tighten
+from regionik.planners.driving.stepping import step_through
+from regionik.planners.geometry.flat import FlatPolygon, segment_inside
+from regionik.planners.geometry.pulling import route
+from regionik.planners.geometry.triangles import triangulate
 from regionik.worlds.arrays import Array
 
 MAPS, OBSTACLES, SIDE, STEP = 20, 30, 10.0, 0.1

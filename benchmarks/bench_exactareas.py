@@ -13,9 +13,9 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from regionik.planners.cells import cells_of
-from regionik.planners.ringarcs import Sectors, measures, outlines
-from regionik.sectors import ring_sectors
+from regionik.areas.sectors import ring_sectors
+from regionik.planners.geometry.cells import cells_of
+from regionik.planners.geometry.ringarcs import Sectors, measures, outlines
 
 A_FLOOR, SIDE, POINTS, ROUNDING = 10_000, 12.0, 96, 1e-9
 

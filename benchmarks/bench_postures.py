@@ -17,8 +17,8 @@ from collections import Counter, defaultdict
 from clutter import ARMS, faults, free_posture, scene
 from sweeps import SWEEPS
 
-from regionik.planners.posture import ClearPosture, clear_posture
-from regionik.planners.prepared import bodies_from
+from regionik.planners.clearance.posture import ClearPosture, clear_posture
+from regionik.planners.clearance.prepared import bodies_from
 
 TOLERANCE = 1e-3
 EVERY = 100  # scenes between two lines of progress

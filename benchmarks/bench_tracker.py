@@ -16,9 +16,9 @@ import time
 import numpy as np
 
 import regionik as rik
-from regionik.planners.tracking import chord_heading
+from regionik.moving.tracks import arm_of
+from regionik.planners.driving.tracking import chord_heading
 from regionik.rolling import wheels
-from regionik.tracks import arm_of
 from regionik.worlds.arrays import Array
 
 SPEED = 0.5  # of a wheel [m/s]

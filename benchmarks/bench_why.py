@@ -20,7 +20,7 @@ from itertools import count
 import numpy as np
 
 from regionik.reach import reach
-from regionik.trials import repaired
+from regionik.repairs.trials import repaired
 from regionik.why import why
 from tests.why_cases import as_small_as_brute_force, cases, proven_irreducible
 

@@ -18,19 +18,18 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from regionik.bulk import reach_many
     from regionik.compare import compare
+    from regionik.drawing.plot import plot
     from regionik.field import reach_field, reach_slice
-    from regionik.field_file import write_field
     from regionik.mfabrik import Solver
+    from regionik.parking.stops import stops
     from regionik.pipeline import plan
     from regionik.plan import Plan
     from regionik.planfile import load_plan
-    from regionik.plot import plot
-    from regionik.point_to_point import point_to_point
     from regionik.reach import reach
     from regionik.regions import admissible_area
-    from regionik.retime import retime
-    from regionik.stops import stops
-    from regionik.trajectory import trajectory
+    from regionik.timing.point_to_point import point_to_point
+    from regionik.timing.retime import retime
+    from regionik.timing.trajectory import trajectory
     from regionik.verify import verify
     from regionik.verify_reach import verify_answers
     from regionik.view import show, to_html
@@ -40,6 +39,7 @@ if TYPE_CHECKING:
     from regionik.worlds.library import load_robot, load_world
     from regionik.worlds.scene import World
     from regionik.worlds.speeds import Speeds
+    from regionik.writing.field_file import write_field
 
 __version__ = "0.1.0"
 
@@ -90,20 +90,20 @@ _HOME = {
     "load_robot": "regionik.worlds.library",
     "load_world": "regionik.worlds.library",
     "plan": "regionik.pipeline",
-    "plot": "regionik.plot",
-    "point_to_point": "regionik.point_to_point",
+    "plot": "regionik.drawing.plot",
+    "point_to_point": "regionik.timing.point_to_point",
     "reach": "regionik.reach",
     "reach_field": "regionik.field",
     "reach_many": "regionik.bulk",
     "reach_slice": "regionik.field",
-    "retime": "regionik.retime",
+    "retime": "regionik.timing.retime",
     "show": "regionik.view",
-    "stops": "regionik.stops",
+    "stops": "regionik.parking.stops",
     "to_html": "regionik.view",
-    "trajectory": "regionik.trajectory",
+    "trajectory": "regionik.timing.trajectory",
     "verify": "regionik.verify",
     "verify_answers": "regionik.verify_reach",
-    "write_field": "regionik.field_file",
+    "write_field": "regionik.writing.field_file",
     "why": "regionik.why",
 }
 

@@ -7,7 +7,7 @@ import sys
 from io import TextIOWrapper
 from typing import NoReturn
 
-from regionik.interrupts import end_on_signals, exit_code, leave, tell
+from regionik.commands.interrupts import end_on_signals, exit_code, leave, tell
 
 
 def main() -> NoReturn:

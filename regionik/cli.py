@@ -21,9 +21,8 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 import typer
 
 from regionik import __version__
-from regionik.command import DONE, NO, AsJson, WorldName, explained
-from regionik.compare_command import compare
-from regionik.console import (
+from regionik.commands.compare import compare
+from regionik.commands.console import (
     LateProgress,
     check_output,
     complain,
@@ -35,12 +34,13 @@ from regionik.console import (
     report_summary,
     say,
 )
-from regionik.field_command import field
-from regionik.file_commands import PlanPath, export, plot, retime
-from regionik.interrupts import INTERRUPTED, asked_to_end, exit_code, leave, tell
-from regionik.reach_command import reach
-from regionik.stops_command import stops
-from regionik.why_command import why
+from regionik.commands.field import field
+from regionik.commands.files import PlanPath, export, plot, retime
+from regionik.commands.interrupts import INTERRUPTED, asked_to_end, exit_code, leave, tell
+from regionik.commands.reach import reach
+from regionik.commands.shared import DONE, NO, AsJson, WorldName, explained
+from regionik.commands.stops import stops
+from regionik.commands.why import why
 from regionik.worlds.errors import InputError, RegionikError
 
 if TYPE_CHECKING:
@@ -189,12 +189,12 @@ def _planned(world: str, seed: int, progress: LateProgress) -> Plan:
 
 def _write_plan(found: Plan, output: Path | None, html: Path | None, progress: LateProgress) -> list[Path]:
     """Make all that is to be written, then write it: who interrupts before finds no file at all."""
-    from regionik.files import write_whole
+    from regionik.storage.files import write_whole
 
     contents: dict[Path, str] = {}
     if output is not None:
         progress("write", 0, 2)
-        from regionik.plandocument import plan_to_text
+        from regionik.storage.plandocument import plan_to_text
 
         contents[output] = plan_to_text(found)
     if html is not None:

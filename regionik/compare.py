@@ -8,14 +8,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from regionik.demand import misses
-from regionik.guard import guard_of
+from regionik.areas.demand import misses
+from regionik.areas.standing import room_for
 from regionik.methods import DEFAULT, OURS, Method, methods_named
 from regionik.mfabrik import pose_of
 from regionik.plan import Configuration
-from regionik.planners.room import fits
-from regionik.poses import pose
-from regionik.standing import room_for
+from regionik.planners.driving.room import fits
+from regionik.postures.guard import guard_of
+from regionik.postures.poses import pose
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import planar_pose
 from regionik.worlds.errors import InputError

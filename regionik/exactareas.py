@@ -15,13 +15,13 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from regionik.demand import in_plane
-from regionik.ground import Side
-from regionik.meeting import narrowed, refuse
-from regionik.planners.cells import Cells, cells_of
-from regionik.planners.ringarcs import Outline, Sectors, holds, measures, nearest_place, outlines
-from regionik.reachable import BACK, FRONT, Family, plane_rings
-from regionik.standing import anywhere
+from regionik.areas.demand import in_plane
+from regionik.areas.ground import Side
+from regionik.areas.meeting import narrowed, refuse
+from regionik.areas.reachable import BACK, FRONT, Family, plane_rings
+from regionik.areas.standing import anywhere
+from regionik.planners.geometry.cells import Cells, cells_of
+from regionik.planners.geometry.ringarcs import Outline, Sectors, holds, measures, nearest_place, outlines
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.errors import InputError
 from regionik.worlds.scene import Target, World

@@ -11,17 +11,17 @@ from typing import Any
 
 import numpy as np
 
-from regionik.files import write_whole
-from regionik.instants import instants, is_timed
-from regionik.limits import tool_velocity
 from regionik.plan import Plan
-from regionik.plandocument import PARTS, multipolygon
 from regionik.rolling import cuts, trace
-from regionik.ros2 import FRAME, MESSAGES, SUFFIXES, to_text
-from regionik.trajectory import trajectory
-from regionik.urdf_text import robot_to_urdf
+from regionik.storage.files import write_whole
+from regionik.storage.plandocument import PARTS, multipolygon
+from regionik.timing.instants import instants, is_timed
+from regionik.timing.limits import tool_velocity
+from regionik.timing.trajectory import trajectory
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError
+from regionik.writing.ros2 import FRAME, MESSAGES, SUFFIXES, to_text
+from regionik.writing.urdf_text import robot_to_urdf
 
 FORMATS = ("csv", "ros2", "joint-trajectory", "path", "geojson", "urdf")
 _SAMPLED = ("csv", *MESSAGES)

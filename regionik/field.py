@@ -9,13 +9,13 @@ import numpy as np
 import shapely
 from numpy.typing import ArrayLike, NDArray
 
-from regionik.ground import EVERY, GUARD, Side
-from regionik.planners.gridcount import count_rings
-from regionik.planners.levelreach import inner_reach, outer_reach
-from regionik.planners.rings import reach_intervals
-from regionik.reachable import BACK, FRONT, reach_rows
+from regionik.areas.ground import EVERY, GUARD, Side
+from regionik.areas.reachable import BACK, FRONT, reach_rows
+from regionik.areas.standing import anywhere, by_heading, outer_by_heading
+from regionik.planners.geometry.gridcount import count_rings
+from regionik.planners.reach.levelreach import inner_reach, outer_reach
+from regionik.planners.reach.rings import reach_intervals
 from regionik.regions import path_areas
-from regionik.standing import anywhere, by_heading, outer_by_heading
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.errors import InputError
 from regionik.worlds.pivot import is_planar, pivoted

@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from regionik.camera import camera_for
-from regionik.picture import Body, Picture
-from regionik.scene_view import extent, first_posture, robot_bodies
+from regionik.drawing.camera import camera_for
+from regionik.drawing.picture import Body, Picture
+from regionik.drawing.scene_view import extent, first_posture, robot_bodies
+from regionik.drawing.whatif_view import look_bodies, verdict
 from regionik.view import draw, erase, stage, write
 from regionik.whatif import Look, look
-from regionik.whatif_view import look_bodies, verdict
 from regionik.worlds.errors import InputError
 from regionik.worlds.format import load_world
 from regionik.worlds.scene import World

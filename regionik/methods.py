@@ -13,15 +13,15 @@ from typing import Protocol
 
 import numpy as np
 
-from regionik.demand import aim_of
+from regionik.areas.demand import aim_of
 from regionik.mfabrik import Solver, axis_of, pose_of, solver_for
 from regionik.pipeline import start_place, whole_path
 from regionik.plan import Configuration
-from regionik.planners.genetic import Genetic
-from regionik.planners.method import ArmMethod, Fabrik, FabrikPolished, Found
-from regionik.planners.mobile import seen
-from regionik.planners.network import Network
-from regionik.planners.rivals import CyclicDescent, DampedLeastSquares, PseudoInverse, Transpose
+from regionik.planners.rivals.genetic import Genetic
+from regionik.planners.rivals.iterative import CyclicDescent, DampedLeastSquares, PseudoInverse, Transpose
+from regionik.planners.rivals.method import ArmMethod, Fabrik, FabrikPolished, Found
+from regionik.planners.rivals.network import Network
+from regionik.planners.solvers.mobile import seen
 from regionik.pruning import choose_chain
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, Joint

@@ -15,20 +15,20 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from shapely.geometry.base import BaseGeometry
 
-from regionik.arms import ANGLE_SLACK, Arm, PlaneSolver, arm_solver
-from regionik.demand import in_plane
-from regionik.ground import EVERY
-from regionik.meeting import asked_in
+from regionik.areas.demand import in_plane
+from regionik.areas.ground import EVERY
+from regionik.areas.meeting import asked_in
+from regionik.areas.reachable import FRONT, Family
+from regionik.areas.standing import Standing
 from regionik.plan import Configuration, OpenConfiguration
-from regionik.planners.batches import answer_all
-from regionik.planners.callsheet import FACE_TARGET, FIXED, FREE, Turning, held
-from regionik.planners.flat import FlatPolygon
-from regionik.planners.onecall import OneCall, one_call, share_turn
-from regionik.planners.ways import answer_way
+from regionik.planners.geometry.flat import FlatPolygon
+from regionik.planners.solvers.batches import answer_all
+from regionik.planners.solvers.callsheet import FACE_TARGET, FIXED, FREE, Turning, held
+from regionik.planners.solvers.onecall import OneCall, one_call, share_turn
+from regionik.planners.solvers.ways import answer_way
+from regionik.postures.arms import ANGLE_SLACK, Arm, PlaneSolver, arm_solver
+from regionik.postures.serialarm import Reached, serial_solver
 from regionik.pruning import Ladder
-from regionik.reachable import FRONT, Family
-from regionik.serialarm import Reached, serial_solver
-from regionik.standing import Standing
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.criteria import Criteria, kept
 from regionik.worlds.errors import InputError

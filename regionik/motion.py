@@ -15,19 +15,19 @@ from itertools import islice
 
 import numpy as np
 
-from regionik import explain_arm
-from regionik.avoid import Avoider, Evidence, Spot
-from regionik.basepaths import tracks_for
-from regionik.driving import driver_for
-from regionik.guard import guard_of
-from regionik.hops import Hops
+from regionik.areas.standing import Standing
+from regionik.moving.avoid import Avoider, Evidence, Spot
+from regionik.moving.basepaths import tracks_for
+from regionik.moving.driving import driver_for
+from regionik.moving.hops import Hops
+from regionik.moving.rolled import travel_headings
+from regionik.moving.stretch import Stretcher
+from regionik.moving.transit import Carrier
 from regionik.plan import Configuration, Motion
-from regionik.poses import Pose, Row, arrays, between, columns
+from regionik.postures.guard import guard_of
+from regionik.postures.poses import Pose, Row, arrays, between, columns
 from regionik.pruning import Pruned
-from regionik.rolled import travel_headings
-from regionik.standing import Standing
-from regionik.stretch import Stretcher
-from regionik.transit import Carrier
+from regionik.reasons import explain_arm
 from regionik.worlds.errors import Cause, Explanation, NoPlanFound
 from regionik.worlds.scene import Start, World
 

@@ -10,26 +10,27 @@ import shapely
 from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
-from regionik import explain, explain_arm, tracked
-from regionik.demand import in_plane
-from regionik.ground import united
+from regionik import tracked
+from regionik.areas.demand import in_plane
+from regionik.areas.ground import united
+from regionik.areas.standing import Standing
 from regionik.mfabrik import axis_of, configurations
 from regionik.motion import Course, connect
-from regionik.parked import attend
-from regionik.parking import park
+from regionik.parking.fewest import park
+from regionik.parking.parked import attend
+from regionik.parking.stops import check as check_stops
+from regionik.parking.stops import in_turn
 from regionik.plan import Plan, PlannedArea
-from regionik.poses import figures, lift_offs
+from regionik.postures.poses import figures, lift_offs
 from regionik.pruning import Ladder, Pruned, build_ladder, choose_chain, prune
+from regionik.reasons import explain, explain_arm
 from regionik.regions import PathAreas, path_areas, ways_to_stand
-from regionik.retime import retime
-from regionik.standing import Standing
-from regionik.stops import check as check_stops
-from regionik.stops import in_turn
+from regionik.repairs.arm import no_clear_posture, why_arm
+from regionik.repairs.path import why_path
+from regionik.repairs.target import why_target
+from regionik.seeking.wherever import can_look
+from regionik.timing.retime import retime
 from regionik.verify import verify
-from regionik.wherever import can_look
-from regionik.why_arm import no_clear_posture, why_arm
-from regionik.why_path import why_path
-from regionik.why_target import why_target
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Explanation, InputError, NoPlanFound
 from regionik.worlds.pivot import pivoted, span_of

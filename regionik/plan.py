@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-from regionik.files import write_whole
-from regionik.plandocument import plan_to_text
+from regionik.storage.files import write_whole
+from regionik.storage.plandocument import plan_to_text
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.errors import InputError
 from regionik.worlds.scene import StopCriterion, World
@@ -172,7 +172,8 @@ class Plan:
     motion : Motion
         All states, from the start (if any) to the last set-point.
     areas : tuple of PlannedArea
-        One for each set-point. Files of very long paths have none, see `regionik.plandocument.CORNERS_LIMIT`.
+        One for each set-point. Files of very long paths have none, see
+        `regionik.storage.plandocument.CORNERS_LIMIT`.
     lift_offs : int
         How often the tool leaves the path after the first set-point.
     stops : tuple of Stop

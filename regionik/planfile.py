@@ -13,13 +13,13 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from shapely.geometry import LinearRing, MultiPolygon, Polygon
 
 from regionik.plan import Configuration, Motion, Plan, PlannedArea, Stop
-from regionik.plandocument import PARTS, VERSION
-from regionik.worlds.checking import LARGEST
+from regionik.storage.plandocument import PARTS, VERSION
+from regionik.worlds.documents.grammar import Many
 from regionik.worlds.errors import InputError
 from regionik.worlds.format import world_from_document
-from regionik.worlds.grammar import Many
+from regionik.worlds.readers.checking import LARGEST
+from regionik.worlds.readers.textfile import check_count, check_plain_file
 from regionik.worlds.scene import StopCriterion, World
-from regionik.worlds.textfile import check_count, check_plain_file
 
 SIZE_LIMIT = 256 * 2**20  # [bytes]
 VALUES_LIMIT = 12_000_000  # depot has a thousand for each set-point, most of them corners of areas

@@ -18,11 +18,11 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-from regionik.ground import Geometries, united
-from regionik.planners.flat import FlatPolygon, clamp, flats_of
-from regionik.reachable import Family
+from regionik.areas.ground import Geometries, united
+from regionik.areas.reachable import Family
+from regionik.areas.standing import LEAST_AREA, Standing, groups, into_span
+from regionik.planners.geometry.flat import FlatPolygon, clamp, flats_of
 from regionik.regions import PathAreas
-from regionik.standing import LEAST_AREA, Standing, groups, into_span
 from regionik.worlds.arrays import Array
 
 BLOCK, BLOCKS = 64, 8  # components that are flattened together, and how many such blocks are kept

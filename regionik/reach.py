@@ -11,16 +11,16 @@ import shapely
 from numpy.typing import ArrayLike, NDArray
 from shapely.geometry import Point
 
-from regionik import explain
+from regionik.areas.standing import anywhere
 from regionik.mfabrik import axis_of, pose_of, solver_for
-from regionik.planners.provable import smothered
-from regionik.poses import Pose
-from regionik.refine import diameter, refine
+from regionik.planners.clearance.provable import smothered
+from regionik.postures.poses import Pose
+from regionik.reasons import explain
 from regionik.regions import PathAreas, outer_areas, path_areas
-from regionik.settle import OPEN, REACHED, is_covered, reasons, settled
-from regionik.standing import anywhere
-from regionik.wherever import can_look, look_everywhere
-from regionik.witness import Quest
+from regionik.seeking.refine import diameter, refine
+from regionik.seeking.settle import OPEN, REACHED, is_covered, reasons, settled
+from regionik.seeking.wherever import can_look, look_everywhere
+from regionik.seeking.witness import Quest
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.scene import Target, World
 

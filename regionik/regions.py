@@ -16,10 +16,17 @@ from numpy.typing import ArrayLike, NDArray
 from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
-from regionik.ground import GUARD, Geometries, Side, ground_of, grow
-from regionik.reachable import BACK, FRONT, Family, reach_rows
-from regionik.relaxations import without_criteria
-from regionik.standing import Standing, anywhere, by_heading, outer_by_heading, span_of_rules, turns_matter
+from regionik.areas.ground import GUARD, Geometries, Side, ground_of, grow
+from regionik.areas.reachable import BACK, FRONT, Family, reach_rows
+from regionik.areas.relaxations import without_criteria
+from regionik.areas.standing import (
+    Standing,
+    anywhere,
+    by_heading,
+    outer_by_heading,
+    span_of_rules,
+    turns_matter,
+)
 from regionik.worlds.arrays import frozen
 from regionik.worlds.criteria import Criteria
 from regionik.worlds.errors import CauseKind

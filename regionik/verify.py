@@ -1,6 +1,6 @@
 """A plan checked again from its world alone, by code that shares nothing with what made it.
 
-"Free" means proven: motion between states is bounded (see `regionik.journey`), not sampled.
+"Free" means proven: motion between states is bounded (see `regionik.proofs.journey`), not sampled.
 """
 
 from __future__ import annotations
@@ -10,17 +10,17 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from regionik.findings import Finding, Words, finding
-from regionik.journey import Indices, Journey, wrapped
 from regionik.plan import Configuration, Plan, Report, Violation
-from regionik.proof_arm import arm
-from regionik.proof_axis import direction, orientation
-from regionik.proof_base import clearance, floor
-from regionik.proof_criteria import criteria
-from regionik.proof_self import itself
-from regionik.proof_stops import stops
-from regionik.proof_tool import path, setpoints
-from regionik.proof_wheels import wheels
+from regionik.proofs.arm import arm
+from regionik.proofs.axis import direction, orientation
+from regionik.proofs.base import clearance, floor
+from regionik.proofs.criteria import criteria
+from regionik.proofs.findings import Finding, Words, finding
+from regionik.proofs.journey import Indices, Journey, wrapped
+from regionik.proofs.own_body import itself
+from regionik.proofs.stops import stops
+from regionik.proofs.tool import path, setpoints
+from regionik.proofs.wheels import wheels
 from regionik.worlds.arrays import Array
 
 EXACT = 1e-9  # [m] or [rad]

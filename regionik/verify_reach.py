@@ -9,8 +9,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from regionik.findings import finding
 from regionik.plan import Configuration, Motion, Plan, Report, Violation
+from regionik.proofs.findings import finding
 from regionik.verify import verify
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError

@@ -16,17 +16,17 @@ from typing import Any
 
 import numpy as np
 
-from regionik import shapes
-from regionik.animation import Track
-from regionik.camera import VIEW_ANGLE
-from regionik.files import write_whole
-from regionik.helper import end, started
-from regionik.lettering import lettered
-from regionik.page import page
-from regionik.picture import Body, Camera, Picture
+from regionik.drawing import shapes
+from regionik.drawing.animation import Track
+from regionik.drawing.camera import VIEW_ANGLE
+from regionik.drawing.helper import end, started
+from regionik.drawing.lettering import lettered
+from regionik.drawing.page import page
+from regionik.drawing.picture import Body, Camera, Picture
+from regionik.drawing.plan_view import picture_of_plan
+from regionik.drawing.scene_view import picture_of_world
 from regionik.plan import Plan
-from regionik.plan_view import picture_of_plan
-from regionik.scene_view import picture_of_world
+from regionik.storage.files import write_whole
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import translation
 from regionik.worlds.errors import EngineError

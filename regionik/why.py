@@ -6,13 +6,13 @@ from dataclasses import replace
 
 from numpy.typing import ArrayLike
 
-from regionik import explain
-from regionik.causes import no_inner
 from regionik.pipeline import check, explained, whole_path
 from regionik.reach import reach
-from regionik.wherever import can_look
-from regionik.why_arm import why_arm
-from regionik.why_target import why_target
+from regionik.reasons import explain
+from regionik.reasons.causes import no_inner
+from regionik.repairs.arm import why_arm
+from regionik.repairs.target import why_target
+from regionik.seeking.wherever import can_look
 from regionik.worlds.arrays import frozen
 from regionik.worlds.errors import Explanation, NoPlanFound
 from regionik.worlds.scene import Target, World

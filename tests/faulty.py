@@ -45,9 +45,11 @@ CASES = {
     "a tree that never connects": Case(PLAN, "regionik.pipeline.connect", "grown"),
     "a program without an end": Case(PLAN, "regionik.pipeline.prune", "solved"),
     "a library that swallows it": Case(PLAN, "regionik.pipeline.prune", "swallowed"),
-    "reach": Case("reach {world} --csv {table} -o answers.csv", "regionik.answer_table.reach", "interrupted"),
+    "reach": Case(
+        "reach {world} --csv {table} -o answers.csv", "regionik.writing.answer_table.reach", "interrupted"
+    ),
     "why": Case("why {world} --target 9 9 0.2 --html why.html", "regionik.why.why", "interrupted"),
-    "stops": Case("stops l_shape -o stops.geojson", "regionik.stops.find", "interrupted"),
+    "stops": Case("stops l_shape -o stops.geojson", "regionik.parking.stops.find", "interrupted"),
     "field": Case("field {world} -o field.npz", "regionik.field.reach_field", "interrupted"),
     "no room": Case("plan {world} -o plan.json", "regionik.pipeline.verify", "cramped"),
     "killed while it writes": Case("plan {world} -o plan.json", "os.fsync", "killed"),
@@ -85,7 +87,7 @@ def _asked_soon() -> None:
 
 def compiled(_: Callable[..., Any]) -> Callable[..., Any]:
     """A stage that is in one compiled call for ever."""
-    from regionik.planners.flat import compiled as compile_kernel
+    from regionik.planners.geometry.flat import compiled as compile_kernel
 
     def endless(x: float) -> float:
         while x > 0.0:
@@ -108,7 +110,7 @@ def imported(_: Callable[..., Any]) -> Callable[..., Any]:
 
     import numpy as np
 
-    from regionik.planners.sampling import connect
+    from regionik.planners.driving.sampling import connect
 
     def stage(*_: Any, **__: Any) -> None:
         create = enum.EnumType.__call__
@@ -129,7 +131,7 @@ def grown(_: Callable[..., Any]) -> Callable[..., Any]:
     """A stage in which a tree grows that may not get where it should."""
     import numpy as np
 
-    from regionik.planners.sampling import connect
+    from regionik.planners.driving.sampling import connect
 
     def stage(*_: Any, **__: Any) -> None:
         _asked_soon()

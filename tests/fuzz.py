@@ -25,13 +25,13 @@ from typing import Any
 import numpy as np
 
 from regionik.planfile import load_plan
-from regionik.urdf_text import robot_to_urdf
-from regionik.worlds.csvpath import long_table, read_csv
-from regionik.worlds.document import document_of
+from regionik.worlds.documents.document import document_of
 from regionik.worlds.errors import InputError
 from regionik.worlds.format import load_world
-from regionik.worlds.rosmap import load_map
+from regionik.worlds.readers.csvpath import long_table, read_csv
+from regionik.worlds.readers.rosmap import load_map
 from regionik.worlds.urdf import load_robot
+from regionik.writing.urdf_text import robot_to_urdf
 from tests.hostile import KINDS, READ, Files, bombs, mutated, samples, write
 
 LONGEST = 10.0  # [s]

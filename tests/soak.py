@@ -21,15 +21,15 @@ from rich.progress import track
 
 from regionik.pipeline import search
 from regionik.plan import Plan
-from regionik.plandocument import plan_to_document
 from regionik.reach import reach
-from regionik.retime import retime
-from regionik.urdf_text import robot_to_urdf
+from regionik.storage.plandocument import plan_to_document
+from regionik.timing.retime import retime
 from regionik.worlds.errors import InputError, NoPlanFound
 from regionik.worlds.format import world_to_document
 from regionik.worlds.library import world_names
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Target, World
+from regionik.writing.urdf_text import robot_to_urdf
 from tests.opinion.course import Course
 from tests.opinion.judge import detours, objections, posture_objections
 from tests.opinion.machine import Facts, Machine

@@ -9,8 +9,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import shapely
 
-from regionik.demand import in_plane
-from regionik.urdf_text import robot_to_urdf
+from regionik.areas.demand import in_plane
 from regionik.worlds.chain import chain_from_dh
 from regionik.worlds.criteria import Criteria
 from regionik.worlds.library import load_world, world_names
@@ -18,6 +17,7 @@ from regionik.worlds.robot import BaseKind, Robot, capsules_along
 from regionik.worlds.scene import Start, World
 from regionik.worlds.speeds import Speeds
 from regionik.worlds.urdf import load_robot
+from regionik.writing.urdf_text import robot_to_urdf
 from tests.test_overhead_worlds import overhead_world
 from tests.test_random_worlds import random_world
 

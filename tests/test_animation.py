@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from regionik.animation import LONGEST, MOST_FRAMES, REST, SHORTEST, key_frames, turning
+from regionik.drawing.animation import LONGEST, MOST_FRAMES, REST, SHORTEST, key_frames, turning
 from regionik.plan import Motion, Plan
 from regionik.worlds.chain import Joint, motion
 from tests.plans import every_solid, l_shape, synthetic_plan

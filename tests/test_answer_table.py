@@ -18,16 +18,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from regionik import answer_table as module
 from regionik import cli
-from regionik.answer_table import answer_table
-from regionik.answers import csv_head, csv_rows, targets_asked, write_answers
-from regionik.parts import parts_of
 from regionik.reach import reach
-from regionik.worlds.csvpath import Block, long_table, read_csv
+from regionik.storage.parts import parts_of
 from regionik.worlds.errors import InputError
 from regionik.worlds.library import load_world
+from regionik.worlds.readers.csvpath import Block, long_table, read_csv
 from regionik.worlds.scene import World
+from regionik.writing import answer_table as module
+from regionik.writing.answer_table import answer_table
+from regionik.writing.answers import csv_head, csv_rows, targets_asked, write_answers
 
 
 def table_of(folder: Path, count: int) -> Path:
@@ -237,7 +237,7 @@ def test_a_folder_of_other_things_is_left_alone(tmp_path: Path) -> None:
 def test_too_many_for_memory_is_one_line(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("regionik.answers.MOST_AT_ONCE", 100)
+    monkeypatch.setattr("regionik.writing.answers.MOST_AT_ONCE", 100)
     table = table_of(tmp_path, 110)
     for more in (["-o", str(tmp_path / "answers.json")], ["--json"], []):
         assert cli.run(["reach", "free", "--csv", str(table), *more]) == 2

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 import shapely
 
-from regionik.arms import PlaneSolver, arm_solver
+from regionik.areas.reachable import FRONT, Family
 from regionik.mfabrik import Solver, axis_of, pose_of
-from regionik.planners.kernels import wrap
-from regionik.planners.levelreach import inner_reach, outer_reach
-from regionik.reachable import FRONT, Family
-from regionik.serialarm import SerialSolver
+from regionik.planners.reach.levelreach import inner_reach, outer_reach
+from regionik.planners.solvers.kernels import wrap
+from regionik.postures.arms import PlaneSolver, arm_solver
+from regionik.postures.serialarm import SerialSolver
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import without_limits
 from regionik.worlds.chain import Chain, Joint, translation

@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 import shapely
 
-from regionik.avoid import KEPT, PLACES, Avoider, Evidence, Spot, spread
-from regionik.guard import guard_of
+from regionik.areas.standing import anywhere
 from regionik.mfabrik import axis_of, configurations
+from regionik.moving.avoid import KEPT, PLACES, Avoider, Evidence, Spot, spread
 from regionik.pipeline import start_place, start_pose, whole_path
-from regionik.planners.touching import Touch
-from regionik.poses import Pose
+from regionik.planners.clearance.touching import Touch
+from regionik.postures.guard import guard_of
+from regionik.postures.poses import Pose
 from regionik.pruning import Pruned, choose_chain
-from regionik.standing import anywhere
 from regionik.worlds.format import load_world
 from regionik.worlds.scene import World
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from benchmarks.clutter import CERTAIN, body_of, distance_to, keeps_off
-from regionik.planners.avoidance import Avoided, avoid
-from regionik.planners.linkwise import links_clear, touchable, whole_pieces
-from regionik.planners.prepared import Bodies, Contact, bodies_from
+from regionik.planners.clearance.avoidance import Avoided, avoid
+from regionik.planners.clearance.linkwise import links_clear, touchable, whole_pieces
+from regionik.planners.clearance.prepared import Bodies, Contact, bodies_from
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain, Joint, chain_from_dh, rot_x, rot_y, translation

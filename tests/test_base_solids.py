@@ -10,25 +10,26 @@ import pytest
 import shapely
 import trimesh
 
-from regionik import proof_arm, proof_self
-from regionik.findings import Finding, Words
-from regionik.journey import Journey
+from regionik.drawing.scene_view import robot_bodies
 from regionik.plan import Motion
-from regionik.planners.touching import bodies_from, motion_clear, nearest, words
-from regionik.scene_view import robot_bodies
-from regionik.urdf_text import robot_to_urdf
+from regionik.planners.clearance.touching import bodies_from, motion_clear, nearest, words
+from regionik.proofs import arm as proof_arm
+from regionik.proofs import own_body as proof_self
+from regionik.proofs.findings import Finding, Words
+from regionik.proofs.journey import Journey
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, Joint, pose, translation
-from regionik.worlds.covering import Part, surface_part
 from regionik.worlds.errors import InputError
 from regionik.worlds.format import world_from_document, world_to_document
-from regionik.worlds.meshfile import hull_of
+from regionik.worlds.fromurdf.base import standing
 from regionik.worlds.obstacles import Box, Solid
+from regionik.worlds.readers.meshfile import hull_of
 from regionik.worlds.robot import BASE, LinkBox, LinkCapsule, Robot
 from regionik.worlds.scene import Floor, Rules, Target, World
-from regionik.worlds.selfpairs import BODY, self_pairs
+from regionik.worlds.solids.covering import Part, surface_part
+from regionik.worlds.solids.selfpairs import BODY, self_pairs
 from regionik.worlds.urdf import load_robot
-from regionik.worlds.urdfbase import standing
+from regionik.writing.urdf_text import robot_to_urdf
 from tests.bodies import motion_through
 from tests.urdfs import depth
 

@@ -16,7 +16,8 @@ from typing import Any, NamedTuple
 
 import pytest
 
-from regionik import __version__, cli, console
+from regionik import __version__, cli
+from regionik.commands import console
 from regionik.worlds.errors import EngineError
 from tests.nasty import NASTY, Nasty
 
@@ -393,7 +394,7 @@ def test_help_imports_nothing_heavy() -> None:
 
 def test_functions_win_over_modules_of_the_same_name() -> None:
     code = (
-        "import regionik.plan, regionik.plot, regionik.reach, regionik.verify, regionik as rik\n"
+        "import regionik.plan, regionik.drawing.plot, regionik.reach, regionik.verify, regionik as rik\n"
         "from regionik.plan import Plan\n"
         "assert rik.Plan is Plan\n"
         "assert all(map(callable, (rik.plan, rik.plot, rik.reach, rik.verify)))\n"
@@ -462,7 +463,7 @@ def test_a_watched_file_is_shown_until_ctrl_c(tmp_path: Path) -> None:
 def test_other_signals_and_errors_that_nobody_catches_end_nothing() -> None:
     said = """
 import os, signal, time
-from regionik.interrupts import GRACE, end_on_signals
+from regionik.commands.interrupts import GRACE, end_on_signals
 class Faulty:
     def __del__(self): raise ValueError("told")
 class Interrupted:

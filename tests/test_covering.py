@@ -9,11 +9,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from regionik.worlds.arrays import Array
-from regionik.worlds.bounding import bounding_solid, rough_volume, volume
 from regionik.worlds.chain import pose
-from regionik.worlds.covering import Part, clipped, covered, surface_part
-from regionik.worlds.meshfile import hull_of
+from regionik.worlds.readers.meshfile import hull_of
 from regionik.worlds.robot import LinkBox, LinkSolid
+from regionik.worlds.solids.bounding import bounding_solid, rough_volume, volume
+from regionik.worlds.solids.covering import Part, clipped, covered, surface_part
 from tests.urdfs import depth
 
 NO_SURFACE = np.empty((0, 3, 3))

@@ -10,13 +10,13 @@ import shapely
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from regionik.meeting import distances, meets, narrowed
+from regionik.areas.meeting import distances, meets, narrowed
 from regionik.mfabrik import Solver
 from regionik.pipeline import plan
-from regionik.planners.paving import paved
-from regionik.planners.qualities import Asked, asked_of, posture_spare
-from regionik.planners.rings import FREE, reach_spans
-from regionik.proof_criteria import efforts, joint_margins, manipulability
+from regionik.planners.reach.paving import paved
+from regionik.planners.reach.rings import FREE, reach_spans
+from regionik.planners.solvers.qualities import Asked, asked_of, posture_spare
+from regionik.proofs.criteria import efforts, joint_margins, manipulability
 from regionik.regions import admissible_area
 from regionik.verify import verify
 from regionik.worlds.arrays import Array
@@ -183,7 +183,7 @@ def test_the_plane_measures_what_space_does(seed: int) -> None:
 
 
 def plane(robot: Robot):  # type: ignore[no-untyped-def]  # a named tuple of the kernels
-    from regionik.meeting import plane_of
+    from regionik.areas.meeting import plane_of
 
     return plane_of(robot)
 

@@ -14,8 +14,8 @@ from ompl import util
 from shapely import box
 from shapely.geometry import MultiPolygon, Polygon
 
-from regionik.planners.drive import Drive, NoPathError, _connect, drive
-from regionik.planners.flat import FlatPolygon, segment_inside
+from regionik.planners.driving.drive import Drive, NoPathError, _connect, drive
+from regionik.planners.geometry.flat import FlatPolygon, segment_inside
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError, RegionikError
 

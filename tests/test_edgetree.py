@@ -7,9 +7,9 @@ import pytest
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from regionik.planners import flat
-from regionik.planners.edgetree import LEAF, clamp, likely, nearest, tree_of
-from regionik.planners.flat import FlatPolygon
+from regionik.planners.geometry import flat
+from regionik.planners.geometry.edgetree import LEAF, clamp, likely, nearest, tree_of
+from regionik.planners.geometry.flat import FlatPolygon
 from tests.test_flat import random_area
 
 ROOM = shapely.box(0, 0, 4, 4) - shapely.box(1, 1, 2, 2)

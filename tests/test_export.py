@@ -14,16 +14,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from regionik.commands.files import EXPORTS
 from regionik.export import FORMATS, export
-from regionik.file_commands import EXPORTS
-from regionik.limits import tool_velocity
 from regionik.plan import Plan
-from regionik.trajectory import Sample, trajectory
-from regionik.urdf_text import robot_to_urdf, roll_pitch_yaw
+from regionik.timing.limits import tool_velocity
+from regionik.timing.trajectory import Sample, trajectory
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, Joint, pose
 from regionik.worlds.errors import InputError
 from regionik.worlds.robot import LinkBox, LinkCapsule, Robot
+from regionik.writing.urdf_text import robot_to_urdf, roll_pitch_yaw
 from tests.plans import FOOTPRINT, every_solid, l_shape, synthetic_plan, timed, youbot
 
 

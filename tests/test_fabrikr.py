@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from regionik.planners.bodies import bodies_of, pointing_bodies, posing_bodies
-from regionik.planners.fabrikr import (
+from regionik.planners.solvers.bodies import bodies_of, pointing_bodies, posing_bodies
+from regionik.planners.solvers.fabrikr import (
     backward_choice,
     backward_pass,
     backward_place,
@@ -19,9 +19,9 @@ from regionik.planners.fabrikr import (
     forward_start,
     posture_of,
 )
-from regionik.planners.inverse import ArmSolver, Goal
-from regionik.planners.serial import serial_arm
-from regionik.planners.turns import held
+from regionik.planners.solvers.inverse import ArmSolver, Goal
+from regionik.planners.solvers.serial import serial_arm
+from regionik.planners.solvers.turns import held
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain, Joint, chain_from_dh, motion, rot_x, rot_y, rot_z, translation

@@ -20,9 +20,10 @@ import pytest
 import shapely
 from numba.core.caching import FunctionCache
 
-from regionik import cli, helper, view
-from regionik.files import leftover, write_whole
-from regionik.planners import flat
+from regionik import cli, view
+from regionik.drawing import helper
+from regionik.planners.geometry import flat
+from regionik.storage.files import leftover, write_whole
 from regionik.worlds.errors import EngineError, InputError
 from regionik.worlds.library import world_path
 from tests.faulty import CASES
@@ -264,7 +265,7 @@ def test_kernels_work_where_the_disk_is_full(monkeypatch: pytest.MonkeyPatch) ->
 
 
 def test_margins_are_never_less_than_nothing_by_rounding() -> None:
-    from regionik.console import _margins
+    from regionik.commands.console import _margins
 
     assert _margins({"joints": -1e-17, "floor": -0.00004, "step": -0.5}) == (
         "joints 0.0000 rad, floor 0.0000 m, step -0.5000 m"

@@ -14,14 +14,14 @@ from numpy.typing import NDArray
 
 from regionik import cli
 from regionik.field import MOST_CELLS, Field, reach_field, reach_slice
-from regionik.field_file import write_field
-from regionik.planners.gridcount import count_rings
+from regionik.planners.geometry.gridcount import count_rings
 from regionik.reach import reach
 from regionik.regions import admissible_area
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError
 from regionik.worlds.library import load_robot, load_world
 from regionik.worlds.scene import Start, Target, World
+from regionik.writing.field_file import write_field
 
 CELL = 0.1
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from regionik.files import write_whole
+from regionik.storage.files import write_whole
 from regionik.worlds.errors import InputError
 
 

@@ -8,7 +8,7 @@ import shapely
 from shapely import box
 from shapely.geometry import LineString, MultiPolygon, Point, Polygon
 
-from regionik.planners.flat import (
+from regionik.planners.geometry.flat import (
     FlatPolygon,
     clamp,
     compiled,
@@ -18,7 +18,7 @@ from regionik.planners.flat import (
     segment_in_either,
     segment_inside,
 )
-from regionik.planners.passes import fast
+from regionik.planners.solvers.passes import fast
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError
 

@@ -10,9 +10,9 @@ import shapely
 from shapely import affinity, box
 from shapely.geometry import LineString, MultiPolygon, Point, Polygon
 
-from regionik.planners.arcs import moved, wrapped
-from regionik.planners.drive import NoPathError
-from regionik.planners.footprint import (
+from regionik.planners.driving.arcs import moved, wrapped
+from regionik.planners.driving.drive import NoPathError
+from regionik.planners.driving.footprint import (
     Room,
     fits,
     rolls,
@@ -24,8 +24,8 @@ from regionik.planners.footprint import (
     slides,
     width_of,
 )
-from regionik.planners.rotations import around, within
-from regionik.planners.shape import ShapeDrive, TightSpotError, drive_shape, narrowest
+from regionik.planners.driving.rotations import around, within
+from regionik.planners.driving.shape import ShapeDrive, TightSpotError, drive_shape, narrowest
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError
 from regionik.worlds.obstacles import Shadow

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 import shapely
 
-from regionik.guard import SPARE, guard_of
-from regionik.planners.touching import Touch
-from regionik.poses import Pose, between
+from regionik.planners.clearance.touching import Touch
+from regionik.postures.guard import SPARE, guard_of
+from regionik.postures.poses import Pose, between
 from regionik.worlds.arrays import Array
 from regionik.worlds.library import robot_named
 from regionik.worlds.obstacles import Box, Cylinder, Sphere

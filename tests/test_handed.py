@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from regionik.mfabrik import Solver
-from regionik.planners import handed, onecall
+from regionik.planners.solvers import handed, onecall
 from regionik.worlds.library import robot_named
 
 YOUBOT = robot_named("youbot")

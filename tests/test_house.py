@@ -3,35 +3,34 @@
 from __future__ import annotations
 
 import re
+import tomllib
 from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).resolve().parent.parent
 ROOMS = ("worlds", "planners", "regionik")
-SOURCES = sorted(
-    path for room in ROOMS for path in (ROOT / room).glob("**/*.py") if path.parent.name in ROOMS
-)
+SOURCES = sorted({path.resolve() for room in ROOMS for path in (ROOT / room).glob("**/*.py")})
 ENGINES = {
-    "ompl": {"planners/sampling.py"},
-    "fcl": {"planners/collision.py"},
+    "ompl": {"planners/driving/sampling.py"},
+    "fcl": {"planners/geometry/collision.py"},
     "meshcat": {"regionik/view.py"},
-    "toppra": {"planners/timing.py"},
-    "matplotlib": {"regionik/plot.py"},
+    "toppra": {"planners/timing/fastest.py"},
+    "matplotlib": {"regionik/drawing/plot.py"},
     "typer": {
         "regionik/cli.py",
-        "regionik/command.py",
-        "regionik/compare_command.py",
-        "regionik/field_command.py",
-        "regionik/file_commands.py",
-        "regionik/reach_command.py",
-        "regionik/stops_command.py",
-        "regionik/why_command.py",
+        "regionik/commands/shared.py",
+        "regionik/commands/compare.py",
+        "regionik/commands/field.py",
+        "regionik/commands/files.py",
+        "regionik/commands/reach.py",
+        "regionik/commands/stops.py",
+        "regionik/commands/why.py",
     },
-    "pygad": {"planners/genetic.py"},
-    "sklearn": {"planners/network.py"},
+    "pygad": {"planners/rivals/genetic.py"},
+    "sklearn": {"planners/rivals/network.py"},
     "distributed": {"regionik/cluster.py"},
-    "rasterio": {"regionik/geotiff.py"},
+    "rasterio": {"regionik/writing/geotiff.py"},
 }
 
 
@@ -49,6 +48,14 @@ def test_one_engine_one_file(engine: str) -> None:
 def test_no_path_of_a_machine() -> None:
     texts = {room_of(path): path.read_text() for path in [*SOURCES, ROOT / "Makefile", ROOT / ".ci" / "run"]}
     assert not [name for name, text in texts.items() if re.search(r"/(?:home|root|tmp|work|Users)/", text)]
+
+
+def test_the_wheel_holds_every_room() -> None:
+    packages = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]["packages"]
+    rooms = {room_of(path.parent).replace("/", ".") for path in SOURCES}
+    assert {name.removeprefix("regionik.") for name in packages} == {
+        room.removeprefix("regionik.") for room in rooms
+    }
 
 
 def test_design_names_every_room() -> None:

@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import regionik as rik
-from regionik.planners.jerk import jerk_limited
-from regionik.planners.polynomial import Moment
+from regionik.planners.timing.jerk import jerk_limited
+from regionik.planners.timing.polynomial import Moment
 from regionik.worlds.errors import InputError
 
 POSTURES = st.lists(st.floats(0.01, 2.4), min_size=10, max_size=10)

@@ -15,9 +15,9 @@ from shapely.affinity import affine_transform, scale
 
 from regionik.pipeline import search, whole_path
 from regionik.plan import Configuration
-from regionik.plandocument import plan_to_document, plan_to_text
 from regionik.reach import reach
 from regionik.regions import admissible_area, path_areas
+from regionik.storage.plandocument import plan_to_document, plan_to_text
 from regionik.verify import verify
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain

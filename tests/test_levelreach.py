@@ -8,12 +8,12 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from benchmarks.pivoted import EXACT, KINDS, case, points_in, searched, solved
-from regionik.planners.boxreach import box_for, shrink, spanned, weigh
-from regionik.planners.levelreach import finite_limits, inner_reach, merged, outer_reach, posture_at
-from regionik.planners.levelwalk import hop_holds, to_level, weights
-from regionik.planners.meridian import Meridian, look, meridian_of, tool_for
-from regionik.planners.rings import reach_intervals
-from regionik.planners.ruledout import in_question, sticks_out
+from regionik.planners.reach.boxreach import box_for, shrink, spanned, weigh
+from regionik.planners.reach.levelreach import finite_limits, inner_reach, merged, outer_reach, posture_at
+from regionik.planners.reach.levelwalk import hop_holds, to_level, weights
+from regionik.planners.reach.meridian import Meridian, look, meridian_of, tool_for
+from regionik.planners.reach.rings import reach_intervals
+from regionik.planners.reach.ruledout import in_question, sticks_out
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, Joint, rot_x, translation
 from regionik.worlds.library import robot_named

@@ -11,9 +11,9 @@ from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain, Joint, translation
 from regionik.worlds.errors import InputError
 from regionik.worlds.format import load_world, world_from_document, world_to_document
-from regionik.worlds.loose import loose_pairs
 from regionik.worlds.robot import LinkBox, Robot
-from regionik.worlds.selfpairs import self_pairs
+from regionik.worlds.solids.loose import loose_pairs
+from regionik.worlds.solids.selfpairs import self_pairs
 
 THIN, WIDE = 0.04, 0.5  # [m]
 

@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 import shapely
 
-from regionik import wholebody
+from regionik.moving import wholebody
 from regionik.pipeline import plan
 from regionik.plan import Plan
-from regionik.plandocument import plan_to_text
-from regionik.planners.kernels import wrap
-from regionik.poses import LARGEST_BEND
+from regionik.planners.solvers.kernels import wrap
+from regionik.postures.poses import LARGEST_BEND
+from regionik.storage.plandocument import plan_to_text
 from regionik.verify import verify
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
@@ -127,7 +127,7 @@ def test_the_same_bytes_again_and_in_another_process() -> None:
     script = (
         "import sys\n"
         "from regionik.pipeline import plan\n"
-        "from regionik.plandocument import plan_to_text\n"
+        "from regionik.storage.plandocument import plan_to_text\n"
         "from regionik.worlds.format import load_world\n"
         "for name in ('shelf', 'pipe'):\n"
         "    sys.stdout.write(plan_to_text(plan(load_world(name))))\n"

@@ -18,15 +18,15 @@ from numpy.typing import ArrayLike
 import tests.opinion
 from regionik.pipeline import search
 from regionik.plan import Plan
-from regionik.plandocument import plan_to_document
 from regionik.reach import reach
 from regionik.regions import admissible_area
-from regionik.retime import retime
-from regionik.urdf_text import robot_to_urdf
+from regionik.storage.plandocument import plan_to_document
+from regionik.timing.retime import retime
 from regionik.worlds.format import world_to_document
 from regionik.worlds.library import load_world, world_names
 from regionik.worlds.scene import Target
 from regionik.worlds.speeds import Speeds
+from regionik.writing.urdf_text import robot_to_urdf
 from tests.opinion.course import Course, halfway
 from tests.opinion.judge import objections
 from tests.opinion.machine import Machine

@@ -7,7 +7,7 @@ import shapely
 
 from regionik.pipeline import plan
 from regionik.plan import Plan
-from regionik.plandocument import plan_to_text
+from regionik.storage.plandocument import plan_to_text
 from regionik.verify import verify
 from regionik.worlds.chain import Joint
 from regionik.worlds.errors import InputError, NoPlanFound

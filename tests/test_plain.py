@@ -13,8 +13,8 @@ import shapely
 
 import regionik as rik
 from regionik.mfabrik import Solver
-from regionik.planners import flat
-from regionik.planners.inverse import ArmSolver, Goal
+from regionik.planners.geometry import flat
+from regionik.planners.solvers.inverse import ArmSolver, Goal
 from regionik.worlds.library import robot_named
 from tests.twice import kernels_called_twice
 

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from regionik.planners.inverse import Goal
-from regionik.planners.planar3r import Planar3R
+from regionik.planners.rivals.planar3r import Planar3R
+from regionik.planners.solvers.inverse import Goal
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain, chain_from_dh
 from regionik.worlds.errors import InputError

@@ -16,14 +16,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from shapely.geometry import GeometryCollection, LineString, MultiPolygon, Point, Polygon, box
 
-from regionik import plandocument, planfile
-from regionik.console import plan_summary
+from regionik import planfile
+from regionik.commands.console import plan_summary
+from regionik.drawing.plot import plot
 from regionik.export import plan_to_geojson
 from regionik.pipeline import search
 from regionik.plan import Motion, Plan
-from regionik.plandocument import multipolygon, plain, plan_to_document, plan_to_text
 from regionik.planfile import load_plan, plan_schema, save_plan
-from regionik.plot import plot
+from regionik.storage import plandocument
+from regionik.storage.plandocument import multipolygon, plain, plan_to_document, plan_to_text
 from regionik.verify import verify
 from regionik.view import to_html
 from regionik.worlds.errors import InputError

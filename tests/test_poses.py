@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import shapely
 
-from regionik.demand import between, deviation, misses
+from regionik.areas.demand import between, deviation, misses
 from regionik.mfabrik import Solver, axis_of
 from regionik.pipeline import plan
 from regionik.plan import Plan

@@ -12,13 +12,13 @@ from shapely.geometry import Point
 
 from benchmarks.clutter import CERTAIN, ROBOTS, Scene, faults, free_posture, scene
 from benchmarks.sweeps import SWEEPS
-from regionik.planners.collision import obstacles_from
-from regionik.planners.exhaustive import search
-from regionik.planners.ownbody import between
-from regionik.planners.posture import ClearPosture, clear_posture, go_round
-from regionik.planners.prepared import Contact, bodies_from
-from regionik.planners.provable import _seen, is_bounded, spare_joints
-from regionik.planners.touching import nearest
+from regionik.planners.clearance.exhaustive import search
+from regionik.planners.clearance.ownbody import between
+from regionik.planners.clearance.posture import ClearPosture, clear_posture, go_round
+from regionik.planners.clearance.prepared import Contact, bodies_from
+from regionik.planners.clearance.provable import _seen, is_bounded, spare_joints
+from regionik.planners.clearance.touching import nearest
+from regionik.planners.geometry.collision import obstacles_from
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain, Joint, chain_from_dh, planar_pose

@@ -8,16 +8,16 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 
-from regionik import proof_self
-from regionik.findings import Finding, Words
-from regionik.journey import Journey
 from regionik.plan import Motion
-from regionik.proof_self import itself
+from regionik.proofs import own_body as proof_self
+from regionik.proofs.findings import Finding, Words
+from regionik.proofs.journey import Journey
+from regionik.proofs.own_body import itself
 from regionik.verify import verify
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, Joint, rot_x, translation
 from regionik.worlds.robot import LinkBox, LinkCapsule, LinkSolid, Robot
-from regionik.worlds.selfpairs import base_body
+from regionik.worlds.solids.selfpairs import base_body
 from tests.bodies import motion_through, random_robot, signed_distance
 from tests.plans import FOOTPRINT, youbot
 from tests.test_verify import motion_of, of_kind, plan_of, world_of

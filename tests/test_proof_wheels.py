@@ -9,7 +9,7 @@ import pytest
 from shapely.geometry import box
 
 from regionik.plan import Motion
-from regionik.planners.arcs import moved
+from regionik.planners.driving.arcs import moved
 from regionik.verify import verify
 from regionik.worlds.arrays import Array
 from regionik.worlds.obstacles import Cylinder

@@ -5,14 +5,14 @@ import numpy as np
 import pytest
 import shapely
 
-from regionik.ground import Side
+from regionik.areas.ground import Side
+from regionik.areas.reachable import FRONT, Family
+from regionik.areas.standing import Standing, anywhere
 from regionik.mfabrik import configurations
 from regionik.motion import connect
 from regionik.pipeline import finish, start_place, whole_path
 from regionik.pruning import Ladder, build_ladder, choose_chain, prune
-from regionik.reachable import FRONT, Family
 from regionik.regions import path_areas
-from regionik.standing import Standing, anywhere
 from regionik.worlds.format import load_world
 
 

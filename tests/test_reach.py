@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import shapely
 
-from regionik.planners.rings import reach_intervals
+from regionik.planners.reach.rings import reach_intervals
 from regionik.reach import reach
 from regionik.regions import admissible_area
 from regionik.verify_reach import verify_answers

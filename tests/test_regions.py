@@ -4,8 +4,8 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from regionik.ground import ground_of, grow
-from regionik.reachable import BACK, FRONT, reach_rows
+from regionik.areas.ground import ground_of, grow
+from regionik.areas.reachable import BACK, FRONT, reach_rows
 from regionik.regions import admissible_area, outer_areas, path_areas
 from regionik.worlds.errors import InputError
 from regionik.worlds.format import load_world

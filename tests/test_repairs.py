@@ -8,7 +8,7 @@ import shapely
 
 from regionik.pipeline import plan, spans
 from regionik.reach import reach
-from regionik.trials import repaired
+from regionik.repairs.trials import repaired
 from regionik.why import why
 from regionik.worlds.errors import Explanation, Repair
 from regionik.worlds.library import load_world, robot_named

@@ -9,16 +9,16 @@ import numpy as np
 import pytest
 import shapely
 
-from regionik.curve import running_on
-from regionik.limits import limits_of, tool_velocity
 from regionik.pipeline import plan, search
 from regionik.plan import Plan
 from regionik.planfile import load_plan
-from regionik.planners.timing import Look, fastest
-from regionik.retime import BLEND, retime
+from regionik.planners.timing.fastest import Look, fastest
 from regionik.rolling import wheels
-from regionik.rounding import curve_of
-from regionik.trajectory import Sample, trajectory
+from regionik.timing.curve import running_on
+from regionik.timing.limits import limits_of, tool_velocity
+from regionik.timing.retime import BLEND, retime
+from regionik.timing.rounding import curve_of
+from regionik.timing.trajectory import Sample, trajectory
 from regionik.verify import verify
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named

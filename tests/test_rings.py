@@ -3,8 +3,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from regionik.planners import kernels
-from regionik.planners.rings import FREE, boundary_circles, reach_intervals, reach_spans, turning_heights
+from regionik.planners.reach.rings import (
+    FREE,
+    boundary_circles,
+    reach_intervals,
+    reach_spans,
+    turning_heights,
+)
+from regionik.planners.solvers import kernels
 from regionik.worlds.library import robot_named
 from regionik.worlds.planar import planar_arm
 

@@ -7,12 +7,18 @@ import sys
 import numpy as np
 import pytest
 
-from regionik.planners.genetic import Genetic
-from regionik.planners.inverse import Goal, confirm, spread_postures
-from regionik.planners.method import ArmMethod, Fabrik, FabrikPolished
-from regionik.planners.network import Network
-from regionik.planners.polish import DIRECTION, ORIENTATION, POSITION, Aim
-from regionik.planners.rivals import CyclicDescent, DampedLeastSquares, PseudoInverse, Rival, Transpose
+from regionik.planners.rivals.genetic import Genetic
+from regionik.planners.rivals.iterative import (
+    CyclicDescent,
+    DampedLeastSquares,
+    PseudoInverse,
+    Rival,
+    Transpose,
+)
+from regionik.planners.rivals.method import ArmMethod, Fabrik, FabrikPolished
+from regionik.planners.rivals.network import Network
+from regionik.planners.solvers.inverse import Goal, confirm, spread_postures
+from regionik.planners.solvers.polish import DIRECTION, ORIENTATION, POSITION, Aim
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain, chain_from_dh

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from regionik.journey import Journey
-from regionik.planners.arcs import moved, rolling
+from regionik.planners.driving.arcs import moved, rolling
+from regionik.proofs.journey import Journey
 from regionik.rolling import BULGE, cuts, on_way, sampled, trace, travel
 from regionik.worlds.arrays import Array
 from regionik.worlds.robot import BaseKind

@@ -8,9 +8,9 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from shapely.geometry import Polygon
 
-from regionik.planners.ringfloor import distances, inside, meets, on_circle, parts_of
+from regionik.planners.reach.ringfloor import distances, inside, meets, on_circle, parts_of
 from regionik.reach import FEWER, _decided, reach
-from regionik.settle import OPEN, REACHED, is_covered, reasons, settled
+from regionik.seeking.settle import OPEN, REACHED, is_covered, reasons, settled
 from regionik.verify_reach import verify_answers
 from regionik.worlds.format import load_world
 from regionik.worlds.scene import Target

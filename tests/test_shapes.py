@@ -5,8 +5,8 @@ import pytest
 import shapely
 import trimesh
 
-from regionik import shapes
-from regionik.shapes import Triangles
+from regionik.drawing import shapes
+from regionik.drawing.shapes import Triangles
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import pose
 from regionik.worlds.obstacles import Solid

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from regionik.planners.spans import cosine, direction, held, opening, product, sine, square
+from regionik.planners.geometry.spans import cosine, direction, held, opening, product, sine, square
 
 ANGLE = st.floats(-9, 9)
 WIDTH = st.floats(0, 7)

@@ -13,8 +13,16 @@ from hypothesis import strategies as st
 from shapely import affinity
 
 from regionik import admissible_area as area
-from regionik.ground import GUARD, ground_of
-from regionik.standing import Standing, anywhere, away, by_heading, into_span, outer_by_heading, turns_matter
+from regionik.areas.ground import GUARD, ground_of
+from regionik.areas.standing import (
+    Standing,
+    anywhere,
+    away,
+    by_heading,
+    into_span,
+    outer_by_heading,
+    turns_matter,
+)
 from regionik.worlds.library import robot_named
 from regionik.worlds.obstacles import Box, Cylinder, Solid
 from regionik.worlds.scene import Floor, Heading, Rules, Start, Target, World

@@ -12,17 +12,17 @@ import pytest
 import shapely
 from shapely.geometry import Point
 
+from regionik.areas.reachable import BACK, FRONT
 from regionik.cli import run
-from regionik.floor_view import floor_of
-from regionik.parking import park
+from regionik.drawing.floor_view import floor_of
+from regionik.drawing.plan_view import picture_of_plan
+from regionik.parking.fewest import park
+from regionik.parking.stops import stops
 from regionik.pipeline import plan
 from regionik.plan import Plan
-from regionik.plan_view import picture_of_plan
 from regionik.planfile import load_plan
-from regionik.proof_stops import _miss
-from regionik.reachable import BACK, FRONT
+from regionik.proofs.stops import _miss
 from regionik.regions import path_areas
-from regionik.stops import stops
 from regionik.verify import verify
 from regionik.worlds.chain import Chain
 from regionik.worlds.errors import InputError, NoPlanFound

@@ -9,20 +9,20 @@ import numpy as np
 import pytest
 import shapely
 
-from regionik.avoid import Spot
-from regionik.basepaths import BaseWay, tracks_for
-from regionik.driving import driver_for
-from regionik.guard import guard_of
-from regionik.hops import Hops
+from regionik.areas.reachable import FRONT, Family
 from regionik.mfabrik import Solver, axis_of, pose_of
+from regionik.moving.avoid import Spot
+from regionik.moving.basepaths import BaseWay, tracks_for
+from regionik.moving.driving import driver_for
+from regionik.moving.hops import Hops
+from regionik.moving.stretch import Place, Stretcher, Way, _solve
 from regionik.pipeline import whole_path
-from regionik.planners.kernels import wrap
-from regionik.planners.legs import between as between_knots
-from regionik.planners.legs import leg_lengths
-from regionik.poses import LARGEST_BEND, Pose, Row, between
-from regionik.reachable import FRONT, Family
+from regionik.planners.clearance.legs import between as between_knots
+from regionik.planners.clearance.legs import leg_lengths
+from regionik.planners.solvers.kernels import wrap
+from regionik.postures.guard import guard_of
+from regionik.postures.poses import LARGEST_BEND, Pose, Row, between
 from regionik.rolling import on_way
-from regionik.stretch import Place, Stretcher, Way, _solve
 from regionik.worlds.errors import NoPlanFound
 from regionik.worlds.library import robot_named
 from regionik.worlds.obstacles import Box, Solid

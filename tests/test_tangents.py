@@ -12,10 +12,10 @@ from scipy.sparse.csgraph import dijkstra
 from shapely import box
 from shapely.geometry import Polygon
 
-from regionik.planners.drive import NoPathError, drive
-from regionik.planners.flat import FlatPolygon, segment_inside
-from regionik.planners.pulling import route
-from regionik.planners.tangents import shorter_path
+from regionik.planners.driving.drive import NoPathError, drive
+from regionik.planners.geometry.flat import FlatPolygon, segment_inside
+from regionik.planners.geometry.pulling import route
+from regionik.planners.geometry.tangents import shorter_path
 from regionik.worlds.arrays import Array
 
 START, GOAL = np.array([0.05, 0.05]), np.array([5.95, 5.95])

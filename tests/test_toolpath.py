@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from regionik.worlds.chain import planar_pose, rot_x, rot_y, rot_z
-from regionik.worlds.csvpath import read_csv
 from regionik.worlds.errors import InputError
+from regionik.worlds.readers.csvpath import read_csv
 from regionik.worlds.toolpath import (
     ToolPath,
     arc,

@@ -10,13 +10,13 @@ import pytest
 from shapely.geometry import Point
 
 from regionik.mfabrik import axis_of
+from regionik.moving.tracks import arm_of
 from regionik.pipeline import check, plan
 from regionik.plan import Plan
-from regionik.planners.pitch import arm_share
-from regionik.planners.tracking import SaturationError, track, track_runs
+from regionik.planners.driving.pitch import arm_share
+from regionik.planners.driving.tracking import SaturationError, track, track_runs
 from regionik.rolling import travel, wheels
 from regionik.tracked import DRAWN, follows
-from regionik.tracks import arm_of
 from regionik.verify import verify
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named

@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 import shapely
 
-from regionik import wholebody
-from regionik.driving import driver_for
-from regionik.ground import ground_of
-from regionik.guard import guard_of
-from regionik.hops import TURN_STRIDE, Hops
+from regionik.areas.ground import ground_of
+from regionik.areas.standing import anywhere
 from regionik.mfabrik import axis_of
-from regionik.planners.kernels import wrap
-from regionik.poses import LARGEST_BEND, Pose, between
-from regionik.standing import anywhere
-from regionik.transit import Carrier
+from regionik.moving import wholebody
+from regionik.moving.driving import driver_for
+from regionik.moving.hops import TURN_STRIDE, Hops
+from regionik.moving.transit import Carrier
+from regionik.planners.solvers.kernels import wrap
+from regionik.postures.guard import guard_of
+from regionik.postures.poses import LARGEST_BEND, Pose, between
 from regionik.worlds.library import robot_named
 from regionik.worlds.obstacles import Box, Cylinder, Solid
 from regionik.worlds.robot import BaseKind

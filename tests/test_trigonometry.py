@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from regionik.planners.passes import fast
-from regionik.planners.trigonometry import LARGEST, cosine_sine, direction, turned
+from regionik.planners.geometry.trigonometry import LARGEST, cosine_sine, direction, turned
+from regionik.planners.solvers.passes import fast
 from regionik.worlds.arrays import Array
 
 NUMBERS = st.floats(-1e100, 1e100)

@@ -16,7 +16,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import regionik as rik
-from regionik.urdf_text import robot_to_urdf
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import planar_pose
@@ -24,6 +23,7 @@ from regionik.worlds.errors import InputError
 from regionik.worlds.format import load_world, world_from_document, world_to_document
 from regionik.worlds.robot import Robot
 from regionik.worlds.urdf import load_robot
+from regionik.writing.urdf_text import robot_to_urdf
 from tests.test_export import awkward
 from tests.urdfs import CRANE, crane, frames_of
 

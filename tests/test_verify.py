@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from shapely.geometry import Polygon, box
 
-from regionik.findings import MOST
-from regionik.journey import Journey, sag
 from regionik.plan import Configuration, Motion, Plan, Report, Violation
+from regionik.proofs.findings import MOST
+from regionik.proofs.journey import Journey, sag
 from regionik.verify import verify
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, Joint, rot_x, rot_y, translation

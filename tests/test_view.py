@@ -17,11 +17,11 @@ import umsgpack
 from PIL import Image
 
 from regionik import view
-from regionik.animation import MOST_FRAMES
-from regionik.camera import camera_for
+from regionik.drawing.animation import MOST_FRAMES
+from regionik.drawing.camera import camera_for
+from regionik.drawing.plan_view import picture_of_plan
+from regionik.drawing.scene_view import BALL, first_posture, picture_of_world, tip_radius
 from regionik.plan import Plan
-from regionik.plan_view import picture_of_plan
-from regionik.scene_view import BALL, first_posture, picture_of_world, tip_radius
 from regionik.view import to_html
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import pose

@@ -10,21 +10,21 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from shapely.geometry import Point, Polygon
 
-from regionik.flatworld import own, stance_of
-from regionik.ground import EVERY
-from regionik.guard import contact_for, guard_of
-from regionik.planners.anyplace import weigh
-from regionik.planners.collision import obstacles_from
-from regionik.planners.kernels import triangle
-from regionik.planners.pieces import Piece
-from regionik.planners.planecell import AWAY, GONE, PITCH, TURN, YAW, Look
-from regionik.planners.room import fits, room_of, surely_out
-from regionik.planners.touching import nearest
-from regionik.planners.upright import depths, signed_distance, uprights_from
+from regionik.areas.ground import EVERY
+from regionik.areas.standing import room_for
+from regionik.planners.clearance.anyplace import weigh
+from regionik.planners.clearance.planecell import AWAY, GONE, PITCH, TURN, YAW, Look
+from regionik.planners.clearance.touching import nearest
+from regionik.planners.driving.room import fits, room_of, surely_out
+from regionik.planners.geometry.collision import obstacles_from
+from regionik.planners.geometry.pieces import Piece
+from regionik.planners.geometry.upright import depths, signed_distance, uprights_from
+from regionik.planners.solvers.kernels import triangle
+from regionik.postures.guard import contact_for, guard_of
 from regionik.reach import reach
-from regionik.standing import room_for
+from regionik.seeking.flatworld import own, stance_of
+from regionik.seeking.wherever import around_of, asked_of, look_everywhere, prepared
 from regionik.verify_reach import verify_answers
-from regionik.wherever import around_of, asked_of, look_everywhere, prepared
 from regionik.worlds.arrays import Array
 from regionik.worlds.library import robot_named
 from regionik.worlds.obstacles import Box, Sphere

@@ -10,17 +10,17 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from regionik.causes import irreducible
+from regionik.areas.relaxations import Constraint, constraints_of, with_obstacle_moved
 from regionik.cli import run
-from regionik.least import FINE, circle, confirmed, first_seen, least_open, shortest_step, sphere
-from regionik.picture import CAUSE
+from regionik.drawing.picture import CAUSE
+from regionik.drawing.why_view import picture_of_why
 from regionik.pipeline import plan
 from regionik.reach import reach
-from regionik.relaxations import Constraint, constraints_of, with_obstacle_moved
-from regionik.repairs import share
-from regionik.trials import repaired
+from regionik.reasons.causes import irreducible
+from regionik.repairs.least import FINE, circle, confirmed, first_seen, least_open, shortest_step, sphere
+from regionik.repairs.smallest import share
+from regionik.repairs.trials import repaired
 from regionik.why import why
-from regionik.why_view import picture_of_why
 from regionik.worlds.errors import Explanation, InputError, NoPlanFound, Repair
 from regionik.worlds.library import load_world, robot_named
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Sphere

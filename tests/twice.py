@@ -11,7 +11,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib import import_module
-from pkgutil import iter_modules
+from pkgutil import walk_packages
 from typing import Any
 
 import numpy as np
@@ -20,7 +20,6 @@ from numba.core.caching import NullCache
 from numba.core.dispatcher import Dispatcher
 
 import regionik
-import regionik.planners
 
 TIMES = 3  # that a kernel is asked in a test
 CLOSE = 1e-12  # answers differ by rounding, where the processor multiplies and adds in one
@@ -80,9 +79,8 @@ def alike(one: Any, other: Any) -> bool:
 @contextmanager
 def kernels_called_twice(times: int = TIMES) -> Iterator[None]:
     """Whoever calls a kernel by its name calls it twice, in the product, in a test or in another kernel."""
-    for room in (regionik.planners, regionik):
-        for module in iter_modules(room.__path__, f"{room.__name__}."):
-            import_module(module.name)
+    for module in walk_packages(regionik.__path__, "regionik."):
+        import_module(module.name)
     homes = [vars(module) for name, module in sys.modules.items() if name.split(".")[0] in CALLERS]
     kernels: dict[Any, Twice] = {}
     known = []

@@ -1,6 +1,6 @@
 """World files: a World from YAML or JSON, and back.
 
-The grammar is in `regionik.worlds.schema`; `world_schema` gives it as a JSON Schema.
+The grammar is in `regionik.worlds.documents.schema`; `world_schema` gives it as a JSON Schema.
 """
 
 from __future__ import annotations
@@ -8,13 +8,13 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from regionik.worlds.build import build_world
 from regionik.worlds.bundled import world_path
-from regionik.worlds.checking import bounded, checked
-from regionik.worlds.document import document_of
+from regionik.worlds.documents.build import build_world
+from regionik.worlds.documents.document import document_of
+from regionik.worlds.documents.schema import WorldDocument
+from regionik.worlds.readers.checking import bounded, checked
+from regionik.worlds.readers.textfile import SUFFIXES, plain_mapping, read_document
 from regionik.worlds.scene import World
-from regionik.worlds.schema import WorldDocument
-from regionik.worlds.textfile import SUFFIXES, plain_mapping, read_document
 
 
 def load_world(name_or_path: str | Path) -> World:

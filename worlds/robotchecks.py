@@ -9,7 +9,7 @@ from shapely.geometry import MultiPoint, Polygon
 
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
-from regionik.worlds.checking import wrong
+from regionik.worlds.readers.checking import wrong
 
 
 def check_limits(chain: Chain, values: Sequence[float], where: str, place: str) -> None:

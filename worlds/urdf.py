@@ -13,15 +13,15 @@ from numpy.typing import ArrayLike
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.bundled import BODY_HEIGHT, robot_named, robot_names, without_limits
 from regionik.worlds.chain import Chain, planar_pose
-from regionik.worlds.checking import LARGEST, at, wrong
 from regionik.worlds.errors import InputError
-from regionik.worlds.loose import loose_pairs
+from regionik.worlds.fromurdf.body import body_of
+from regionik.worlds.fromurdf.chain import Parts, chain_of, masses_of, parts_of, route_of
+from regionik.worlds.fromurdf.tree import SUFFIXES, read_urdf
+from regionik.worlds.fromurdf.words import listed
+from regionik.worlds.readers.checking import LARGEST, at, wrong
 from regionik.worlds.robot import BASE, BaseKind, Robot
 from regionik.worlds.robotchecks import carried, check_footprint, check_turning
-from regionik.worlds.urdfbody import body_of
-from regionik.worlds.urdfchain import Parts, chain_of, masses_of, parts_of, route_of
-from regionik.worlds.urdftree import SUFFIXES, read_urdf
-from regionik.worlds.urdfwords import listed
+from regionik.worlds.solids.loose import loose_pairs
 
 _UPRIGHT = 1e-9
 

@@ -18,22 +18,22 @@ from shapely.geometry import Polygon
 from benchmarks.bench_areas import crowded, loop
 from benchmarks.bench_drive import MAPS, STEP, clutter, length, shortest
 from benchmarks.speed.harness import Row, Rows, Size, Spread, Wanted, Work, against, counted, timed
-from regionik.driving import driver_for
+from regionik.areas.reachable import FRONT
 from regionik.exactareas import exact_areas
-from regionik.guard import guard_of
-from regionik.hops import Hops
 from regionik.mfabrik import configurations
 from regionik.motion import connect
+from regionik.moving.driving import driver_for
+from regionik.moving.hops import Hops
+from regionik.moving.transit import Carrier
+from regionik.moving.wholebody import WholeBody
 from regionik.pipeline import search, start_place, start_pose, whole_path
-from regionik.planners.drive import drive
-from regionik.planners.ringarcs import measures, outlines
-from regionik.poses import Pose
+from regionik.planners.driving.drive import drive
+from regionik.planners.geometry.ringarcs import measures, outlines
+from regionik.postures.guard import guard_of
+from regionik.postures.poses import Pose
 from regionik.pruning import choose_chain
-from regionik.reachable import FRONT
 from regionik.regions import path_areas
 from regionik.rolling import travel
-from regionik.transit import Carrier
-from regionik.wholebody import WholeBody
 from regionik.worlds.library import load_world
 from regionik.worlds.obstacles import Box
 from regionik.worlds.scene import Floor, Target, World

@@ -12,9 +12,9 @@ from benchmarks.speed.harness import Row, Size, Wanted, Work, against, timed
 from benchmarks.speed.mobile import TOLERANCE, Task, mobile_chain, task
 from benchmarks.speed.rivals import damped_steps, passes_with_shapely
 from regionik.mfabrik import Batch, Solver
-from regionik.planners.batches import answer_all, begun
-from regionik.planners.callsheet import effort_in, links_in
-from regionik.planners.lanes import BLOCK, SIZE, abreast
+from regionik.planners.solvers.batches import answer_all, begun
+from regionik.planners.solvers.callsheet import effort_in, links_in
+from regionik.planners.solvers.lanes import BLOCK, SIZE, abreast
 from regionik.regions import admissible_area
 from regionik.worlds.arrays import Array
 from regionik.worlds.obstacles import Cylinder

@@ -8,13 +8,13 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from regionik.planners.callsheet import bends_at, links_in
-from regionik.planners.fabrik import PATIENCE, STALLED
-from regionik.planners.flat import compiled
-from regionik.planners.onecall import axis_at
-from regionik.planners.passes import Inner, Knots, Pair, fast, inwards, outwards, placed, sight
-from regionik.planners.trigonometry import turned
-from regionik.serialarm import MOST_PASSES
+from regionik.planners.geometry.flat import compiled
+from regionik.planners.geometry.trigonometry import turned
+from regionik.planners.solvers.callsheet import bends_at, links_in
+from regionik.planners.solvers.fabrik import PATIENCE, STALLED
+from regionik.planners.solvers.onecall import axis_at
+from regionik.planners.solvers.passes import Inner, Knots, Pair, fast, inwards, outwards, placed, sight
+from regionik.postures.serialarm import MOST_PASSES
 from regionik.worlds.arrays import Array
 
 DAMPING = 1e-6  # the best of 1e-2, 1e-4 and 1e-6

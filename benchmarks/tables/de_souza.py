@@ -10,13 +10,13 @@ from functools import lru_cache
 import numpy as np
 
 from benchmarks.tables.table import Table
-from regionik.planners.genetic import Genetic
-from regionik.planners.method import ArmMethod
-from regionik.planners.network import Network
-from regionik.planners.planar3r import Planar3R
-from regionik.planners.polish import POSITION, Aim
-from regionik.planners.polynomial import polynomial
-from regionik.planners.rivals import DampedLeastSquares
+from regionik.planners.rivals.genetic import Genetic
+from regionik.planners.rivals.iterative import DampedLeastSquares
+from regionik.planners.rivals.method import ArmMethod
+from regionik.planners.rivals.network import Network
+from regionik.planners.rivals.planar3r import Planar3R
+from regionik.planners.solvers.polish import POSITION, Aim
+from regionik.planners.timing.polynomial import polynomial
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, chain_from_dh
 

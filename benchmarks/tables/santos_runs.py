@@ -19,8 +19,8 @@ from benchmarks.tables.sliding import SlidingRival
 from regionik.mfabrik import Batch, Solver, axis_of, configurations, solver_for
 from regionik.pipeline import start_place, start_pose, whole_path
 from regionik.plan import Configuration
-from regionik.planners.rivals import DampedLeastSquares, PseudoInverse
-from regionik.planners.stepping import step_through
+from regionik.planners.driving.stepping import step_through
+from regionik.planners.rivals.iterative import DampedLeastSquares, PseudoInverse
 from regionik.pruning import choose_chain
 from regionik.worlds.arrays import Array
 from regionik.worlds.format import load_world

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from regionik.methods import SLIDES, Sliding, sliding_chain
 from regionik.mfabrik import Batch
 from regionik.plan import Configuration
-from regionik.planners.rivals import Rival
+from regionik.planners.rivals.iterative import Rival
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
 from regionik.worlds.robot import Robot

@@ -25,9 +25,9 @@ from benchmarks.bench_avoidance import (
 )
 from benchmarks.tables.clock import seconds
 from benchmarks.tables.table import Table
-from regionik.planners.avoidance import MOST, Avoided, avoid
-from regionik.planners.exhaustive import search
-from regionik.planners.linkwise import links_clear
+from regionik.planners.clearance.avoidance import MOST, Avoided, avoid
+from regionik.planners.clearance.exhaustive import search
+from regionik.planners.clearance.linkwise import links_clear
 
 SCENES = 200
 NOTHING = np.zeros((0, 2)), np.zeros(0)  # no circles

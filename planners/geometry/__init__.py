@@ -1,0 +1,1 @@
+"""Points, polygons and solids as flat arrays, with compiled questions to them."""

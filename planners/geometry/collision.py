@@ -1,0 +1,329 @@
+"""Distances between arm links and solids, with the points that witness them. The only file that imports fcl.
+
+A link is a segment with a radius, so its distance is that of the segment less the radius, or a box. fcl
+measures both against surfaces of triangles, in closed form and to the last digits. Its solvers for convex
+shapes (GJK, EPA) are left alone on purpose: where edges run parallel their answers were centimetres too
+large, and the signed distance of an axis that ends in a corner never came back.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
+
+import fcl
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from regionik.planners.geometry.convex import convex_pieces
+from regionik.planners.geometry.hulls import hull_gap
+from regionik.planners.geometry.pieces import (
+    NONE,
+    TOUCH,
+    UP,
+    Piece,
+    Separation,
+    contains,
+    from_ball,
+    from_cylinder,
+    way_out,
+    within_box,
+)
+from regionik.worlds.arrays import Array, frozen
+from regionik.worlds.errors import InputError
+from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Solid, Sphere
+from regionik.worlds.robot import LinkSolid
+
+_REQUEST = fcl.DistanceRequest(enable_nearest_points=True)
+_SIGNS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+_QUADS = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])
+_BOX = np.vstack([_QUADS[:, [0, 1, 2]], _QUADS[:, [0, 2, 3]]])  # triangles of corners ordered as _SIGNS
+
+
+class Near(NamedTuple):
+    """The nearest solid to a link."""
+
+    distance: float  # [m], negative where they overlap
+    solid: int  # index into Obstacles.solids, -1 where there is none
+    on_link: Array  # (3,) [m]
+    on_solid: Array  # (3,) [m]
+
+
+@dataclass(frozen=True, eq=False)
+class Obstacles:
+    """Solids prepared for distance queries; made by `obstacles_from`.
+
+    Attributes
+    ----------
+    solids : tuple of Solid
+    pieces : tuple of Piece
+        Convex parts, and meshes whole.
+    owner : (m,) array of int
+        The solid of each piece.
+    low, high : (m, 3) array
+        Boxes along the axes round the pieces [m].
+    """
+
+    solids: tuple[Solid, ...]
+    pieces: tuple[Piece, ...]
+    owner: NDArray[np.int64]
+    low: Array
+    high: Array
+
+
+def obstacles_from(solids: Sequence[Solid]) -> Obstacles:
+    """Cut solids into convex pieces and prepare them for distance queries; kept for the last few scenes."""
+    return _obstacles(tuple(solids))
+
+
+@lru_cache(maxsize=8)
+def _obstacles(solids: tuple[Solid, ...]) -> Obstacles:
+    parts = [(k, piece) for k, solid in enumerate(solids) for piece in _pieces(solid)]
+    pieces = tuple(piece for _, piece in parts)
+    owner = np.array([k for k, _ in parts], dtype=np.int64)
+    axes = np.eye(3)
+    high = np.array([piece.support(axes) for piece in pieces]).reshape(-1, 3)
+    low = -np.array([piece.support(-axes) for piece in pieces]).reshape(-1, 3)
+    return Obstacles(solids, pieces, owner, low, high)
+
+
+def capsule_distance(
+    obstacles: Obstacles,
+    start: ArrayLike,
+    end: ArrayLike,
+    radius: float,
+    *,
+    only: Sequence[int] | None = None,
+) -> Near:
+    """Distance of a capsule from the nearest solid.
+
+    Where the capsule's axis enters a convex piece, the distance is minus the shortest way out of that piece
+    (of cylinders: the shortest of a fine fan of ways); inside a mesh it is minus the way to its surface.
+
+    Parameters
+    ----------
+    obstacles : Obstacles
+    start, end : (3,) array_like
+        Ends of the capsule's axis [m].
+    radius : float
+        [m]
+    only : sequence of int, optional
+        Indices of the solids to look at; all by default.
+
+    Returns
+    -------
+    Near
+        Infinite and -1 where there is no solid.
+
+    Raises
+    ------
+    InputError
+        When a number is not finite.
+    """
+    a, b = frozen(start, (3,), "capsule: start"), frozen(end, (3,), "capsule: end")
+    frozen(radius, (), "capsule: radius")
+    gaps = aabb_gaps(obstacles, a[None], b[None], np.array([radius]))[0]
+    if only is not None:
+        gaps = np.where(np.isin(obstacles.owner, only), gaps, np.inf)
+    best, owner = Separation(np.inf, UP, np.full(3, np.nan)), -1
+    for k in np.argsort(gaps, kind="stable"):
+        if gaps[k] >= best.distance - radius:
+            break
+        found = separation(obstacles.pieces[k], a, b)
+        if found.distance < best.distance:
+            best, owner = found, int(obstacles.owner[k])
+    if owner < 0:
+        return Near(np.inf, -1, best.on_axis, best.on_axis)
+    on_link = best.on_axis - radius * best.normal
+    return Near(best.distance - radius, owner, on_link, best.on_axis - best.distance * best.normal)
+
+
+def aabb_gaps(obstacles: Obstacles, starts: Array, ends: Array, radii: ArrayLike) -> Array:
+    """Lower bounds of the distances between capsules and pieces, from their boxes along the axes.
+
+    Parameters
+    ----------
+    obstacles : Obstacles
+    starts, ends : (n, 3) array
+        [m]
+    radii : (n,) array_like
+        [m]
+
+    Returns
+    -------
+    (n, m) array
+        [m]; -inf where the box of a capsule's axis meets that of a piece.
+    """
+    low, high = np.minimum(starts, ends)[:, None], np.maximum(starts, ends)[:, None]
+    gaps: Array = box_gaps(obstacles, low, high) - np.asarray(radii)[:, None]
+    return gaps
+
+
+def solids_within(obstacles: Obstacles, point: Array, reach: float) -> list[tuple[float, int]]:
+    """Distances [m] of a point from the solids within ``reach`` of it, and their indices, nearest first."""
+    spot = point[None, None]
+    near = np.unique(obstacles.owner[box_gaps(obstacles, spot, spot)[0] <= reach]).tolist()
+    gaps = sorted((float(obstacles.solids[k].distance(point)), k) for k in near)
+    return [(gap, k) for gap, k in gaps if gap <= reach]
+
+
+def box_gaps(obstacles: Obstacles, low: Array, high: Array) -> Array:
+    """Distances between boxes (n, 1, 3) and the boxes of all pieces, (n, m); -inf where they meet [m]."""
+    square = np.zeros((len(low), len(obstacles.pieces)))
+    for k in range(3):
+        apart = np.maximum(low[..., k] - obstacles.high[:, k], obstacles.low[:, k] - high[..., k])
+        square += np.maximum(apart, 0.0) ** 2
+    return np.where(square > 0, np.sqrt(square), -np.inf)
+
+
+def separation(piece: Piece, start: Array, end: Array) -> Separation:
+    """Signed distance of a segment from a piece; the numbers must be finite."""
+    if piece.ball:
+        return from_ball(piece, start, end)
+    if piece.disc:
+        distance, on_axis, on_piece = from_cylinder(piece, start, end)
+    else:
+        distance, on_axis, on_piece = _between(_axis_on(start, end), piece.surface)
+    inside = distance > 0 and not piece.disc and contains(piece, start)
+    if distance > 0 and not inside:
+        return Separation(distance, (on_axis - on_piece) / distance, on_axis)
+    if piece.mesh is None:
+        return way_out(piece, np.stack([start, end]))
+    gap = -min(0.0, piece.mesh.distance(start)) if inside else 0.0
+    out = on_piece - on_axis
+    return Separation(-min(gap, distance), out / distance if distance > 0 else UP, on_axis)
+
+
+def hull_separation(piece: Piece, corners: Array) -> Separation:
+    """Signed distance of a segment (2, 3), or of a box (8, 3) with corners as `LinkBox` orders them.
+
+    A box that is within a mesh, or a mesh within a box, is as deep as their surfaces are apart; a box that
+    cuts the surface of a mesh counts as a nanometre deep. A cylinder and a box are never nearer than told,
+    and not a micrometre farther. The numbers must be finite.
+    """
+    if len(corners) == 2:
+        return separation(piece, corners[0], corners[1])
+    if piece.disc:
+        way, on_box = np.zeros(3), np.empty(3)
+        distance = hull_gap(corners, piece.corners, piece.disc, way, on_box)[0]
+        return Separation(distance, way, on_box) if distance > TOUCH else way_out(piece, corners)
+    surface = _axis_on(piece.corners[0], piece.corners[-1]) if piece.ball else piece.surface
+    distance, on_box, on_piece = _between(_box_on(corners), surface)
+    swallowed = distance > 0 and bool(within_box(corners, piece.corners).any())
+    inside = swallowed or (distance > 0 and not piece.ball and contains(piece, corners[0]))
+    normal = (on_box - on_piece) / distance if distance > 0 else UP
+    if distance > 0 and not inside:
+        return Separation(distance - piece.ball, normal, on_box)
+    if piece.mesh is None:
+        return way_out(piece, corners)
+    return Separation(-max(distance, TOUCH), -normal, on_box)
+
+
+def link_piece(solid: LinkSolid) -> Piece:
+    """A link's solid, prepared as what others keep away from, in the link's frame."""
+    corners = solid.corners
+    if len(corners) == 2:
+        return Piece(corners, NONE, np.diff(corners, axis=0), ball=solid.radius)
+    axes = (corners[[4, 2, 1]] - corners[0]) / np.linalg.norm(corners[[4, 2, 1]] - corners[0], axis=1)[
+        :, None
+    ]
+    return Piece(corners, np.vstack([axes, -axes]), axes, surface=_surface(corners, _BOX))
+
+
+def _between(a: fcl.CollisionObject, b: fcl.CollisionObject) -> tuple[float, Array, Array]:
+    """Distance of two surfaces, and the two points; 0 where they meet."""
+    found = fcl.DistanceResult()
+    distance = fcl.distance(a, b, _REQUEST, found)
+    on_a, on_b = found.nearest_points
+    return max(0.0, float(distance)), on_a, on_b
+
+
+def _axis_on(a: Array, b: Array) -> fcl.CollisionObject:
+    length, pose = _pose(a, b)
+    axis = _axis(round(length, 12), threading.get_ident())
+    axis.setTransform(pose)
+    return axis
+
+
+def _box_on(corners: Array) -> fcl.CollisionObject:
+    middle, sides = corners.mean(0), corners[[4, 2, 1]] - corners[0]
+    if not math.isfinite(float(middle.sum())):  # fcl would call such a pose free
+        raise InputError(f"box: every number must be finite, got {corners.tolist()}")
+    size = np.linalg.norm(sides, axis=1)
+    box = _box(*np.round(size, 12).tolist(), threading.get_ident())
+    box.setTransform(fcl.Transform((sides / size[:, None]).T, middle))
+    return box
+
+
+def _pose(a: Array, b: Array) -> tuple[float, fcl.Transform]:
+    """Length of a segment, and the transform that lays one along z onto it."""
+    (ax, ay, az), (bx, by, bz) = a.tolist(), b.tolist()
+    x, y, z = bx - ax, by - ay, bz - az
+    length = math.sqrt(x * x + y * y + z * z)
+    if not math.isfinite(length):  # fcl would call such a pose free
+        raise InputError(f"capsule: every number must be finite, got {a.tolist()} and {b.tolist()}")
+    x, y, z = (x / length, y / length, z / length) if length > 0 else (0.0, 0.0, 1.0)
+    s = math.copysign(1.0, z)
+    u = -1.0 / (s + z)
+    v = x * y * u
+    turn = np.array([[1 + s * x * x * u, v, x], [s * v, s + y * y * u, y], [-s * x, -y, z]])
+    return length, fcl.Transform(turn, np.array([(ax + bx) / 2, (ay + by) / 2, (az + bz) / 2]))
+
+
+@lru_cache(maxsize=512)
+def _axis(length: float, thread: int) -> fcl.CollisionObject:
+    """A segment along z as a triangle without area; one for each thread, because it is moved about."""
+    half = length / 2
+    return _surface(np.array([[0, 0, -half], [0, 0, half], [0, 0, half]]), np.array([[0, 1, 2]]))
+
+
+@lru_cache(maxsize=512)
+def _box(x: float, y: float, z: float, thread: int) -> fcl.CollisionObject:
+    return _surface(_SIGNS * np.array([x, y, z]) / 2, _BOX)
+
+
+def _surface(vertices: Array, faces: NDArray[np.int64]) -> fcl.CollisionObject:
+    middle = (vertices.min(0) + vertices.max(0)) / 2
+    model = fcl.BVHModel()
+    model.beginModel(len(vertices), len(faces))
+    model.addSubModel(vertices - middle, np.array(faces))
+    model.endModel()
+    return fcl.CollisionObject(model, fcl.Transform(np.eye(3), middle))
+
+
+def _pieces(solid: Solid) -> list[Piece]:
+    match solid:
+        case Sphere():
+            return [Piece(solid.center[None], NONE, ball=solid.radius)]
+        case Cylinder():
+            ends = solid.center + np.outer([-solid.height / 2, solid.height / 2], UP)
+            return [Piece(ends, NONE, disc=solid.radius)]
+        case Mesh():
+            return [Piece(solid.vertices, NONE, surface=_surface(solid.vertices, solid.faces), mesh=solid)]
+        case Box():
+            c, s = np.cos(solid.yaw), np.sin(solid.yaw)
+            level = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * solid.size[:2] / 2
+            outline = level @ np.array([[c, s], [-s, c]]) + solid.center[:2]
+            return [_prism(outline, *solid.z_range)]
+        case Prism():
+            return [_prism(outline, *solid.z_range) for outline in convex_pieces(solid.polygon)]
+
+
+def _prism(outline: Array, bottom: float, top: float) -> Piece:
+    """A convex outline, counter-clockwise, raised from one height to another."""
+    n = len(outline)
+    corners = np.vstack([np.column_stack([outline, np.full(n, z)]) for z in (bottom, top)])
+    fan = [[0, k, k + 1] for k in range(1, n - 1)]
+    lid = [[n, n + k, n + k + 1] for k in range(1, n - 1)]
+    sides = [[k, (k + 1) % n, n + k] for k in range(n)] + [
+        [(k + 1) % n, n + (k + 1) % n, n + k] for k in range(n)
+    ]
+    edges = np.roll(outline, -1, 0) - outline
+    level = np.column_stack([edges[:, 1], -edges[:, 0]]) / np.linalg.norm(edges, axis=1)[:, None]
+    normals = np.vstack([np.column_stack([level, np.zeros(n)]), UP, -UP])
+    edges = np.vstack([np.column_stack([-level[:, 1], level[:, 0], np.zeros(n)]), UP])
+    return Piece(corners, normals, edges, surface=_surface(corners, np.array(fan + lid + sides)))

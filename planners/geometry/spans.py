@@ -1,0 +1,86 @@
+"""Intervals of floats for kernels: (low, high) in, (low, high) out, each holding all values there are."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from regionik.planners.geometry.flat import compiled
+
+TWO_PI = 2.0 * np.pi
+
+
+@compiled
+def cosine(low: float, high: float) -> tuple[float, float]:
+    """Cosine of an interval of angles [rad]."""
+    if high - low >= TWO_PI:
+        return -1.0, 1.0
+    a, b = np.cos(low), np.cos(high)
+    least, most = min(a, b), max(a, b)
+    if np.ceil(low / TWO_PI) * TWO_PI <= high:
+        most = 1.0
+    if np.ceil((low - np.pi) / TWO_PI) * TWO_PI + np.pi <= high:
+        least = -1.0
+    return least, most
+
+
+@compiled
+def sine(low: float, high: float) -> tuple[float, float]:
+    """Sine of an interval of angles [rad]."""
+    return cosine(low - 0.5 * np.pi, high - 0.5 * np.pi)
+
+
+@compiled
+def product(a: float, b: float, c: float, d: float) -> tuple[float, float]:
+    """(a, b) times (c, d)."""
+    p, q, r, s = a * c, a * d, b * c, b * d
+    return min(min(p, q), min(r, s)), max(max(p, q), max(r, s))
+
+
+@compiled
+def square(low: float, high: float) -> tuple[float, float]:
+    """Square of an interval."""
+    a, b = low * low, high * high
+    return (0.0 if low <= 0.0 <= high else min(a, b)), max(a, b)
+
+
+@compiled
+def opening(own: float, other: float, low: float, high: float) -> tuple[float, float]:
+    """Angle of a triangle between side ``own`` and a third side of a length in (low, high) > 0 [rad]."""
+    spread = own * own - other * other
+    a, b = (low + spread / low) / (2.0 * own), (high + spread / high) / (2.0 * own)
+    least, most = min(a, b), max(a, b)
+    if spread > 0.0 and low * low < spread < high * high:  # convex in the third side
+        least = np.sqrt(spread) / own
+    return np.arccos(min(1.0, max(-1.0, most))), np.arccos(min(1.0, max(-1.0, least)))
+
+
+@compiled
+def direction(x0: float, x1: float, y0: float, y1: float) -> tuple[float, float]:
+    """Angle of all points of a box, seen from the origin, as an interval that may pass pi [rad]."""
+    if x0 <= 0.0 <= x1 and y0 <= 0.0 <= y1:
+        return -np.pi, np.pi
+    middle = np.arctan2(0.5 * (y0 + y1), 0.5 * (x0 + x1))
+    c, s = np.cos(middle), np.sin(middle)
+    low = high = 0.0
+    for x in (x0, x1):
+        for y in (y0, y1):
+            off = np.arctan2(c * y - s * x, c * x + s * y)
+            low, high = min(low, off), max(high, off)
+    return middle + low, middle + high
+
+
+@compiled
+def held(low: float, high: float, lower: float, upper: float, rounding: float) -> int:
+    """Angles against limits, whole turns aside: 1 where all keep them, -1 where none does, else 0."""
+    if lower == -np.inf and upper == np.inf:
+        return 1
+    lower = lower if lower > -np.inf else -np.pi  # as `kernels.fit` takes what has one end
+    upper = upper if upper < np.inf else np.pi
+    turn = np.round((0.5 * (low + high) - 0.5 * (lower + upper)) / TWO_PI)
+    touches = False
+    for n in (turn - 1.0, turn, turn + 1.0):
+        a, b = low - TWO_PI * n, high - TWO_PI * n
+        if lower <= a and b <= upper:
+            return 1
+        touches = touches or (a <= upper + rounding and b >= lower - rounding)
+    return 0 if touches else -1

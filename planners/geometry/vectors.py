@@ -1,0 +1,98 @@
+"""Three-vectors as tuples of floats, for kernels: nothing is allocated."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from regionik.planners.geometry.flat import compiled
+from regionik.worlds.arrays import Array
+
+Vector = tuple[float, float, float]
+
+
+@compiled
+def row(points: Array, k: int) -> Vector:
+    """Row ``k`` of (n, 3)."""
+    return points[k, 0], points[k, 1], points[k, 2]
+
+
+@compiled
+def put(points: Array, k: int, a: Vector) -> None:
+    """Write row ``k`` of (n, 3)."""
+    points[k, 0], points[k, 1], points[k, 2] = a[0], a[1], a[2]
+
+
+@compiled
+def plus(a: Vector, b: Vector) -> Vector:
+    """A + b."""
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
+
+
+@compiled
+def minus(a: Vector, b: Vector) -> Vector:
+    """A - b."""
+    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
+
+
+@compiled
+def scaled(a: Vector, s: float) -> Vector:
+    """S a."""
+    return a[0] * s, a[1] * s, a[2] * s
+
+
+@compiled
+def dot(a: Vector, b: Vector) -> float:
+    """A . b."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@compiled
+def cross(a: Vector, b: Vector) -> Vector:
+    """A x b."""
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@compiled
+def norm(a: Vector) -> float:
+    """|a|."""
+    length: float = np.sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2])
+    return length
+
+
+@compiled
+def across(a: Vector, axis: Vector) -> Vector:
+    """The part of ``a`` normal to a unit axis."""
+    return minus(a, scaled(axis, dot(a, axis)))
+
+
+@compiled
+def turned(R: Array, a: Vector) -> Vector:
+    """R a."""
+    return (
+        R[0, 0] * a[0] + R[0, 1] * a[1] + R[0, 2] * a[2],
+        R[1, 0] * a[0] + R[1, 1] * a[1] + R[1, 2] * a[2],
+        R[2, 0] * a[0] + R[2, 1] * a[1] + R[2, 2] * a[2],
+    )
+
+
+@compiled
+def turned_back(R: Array, a: Vector) -> Vector:
+    """R^T a."""
+    return (
+        R[0, 0] * a[0] + R[1, 0] * a[1] + R[2, 0] * a[2],
+        R[0, 1] * a[0] + R[1, 1] * a[1] + R[2, 1] * a[2],
+        R[0, 2] * a[0] + R[1, 2] * a[1] + R[2, 2] * a[2],
+    )
+
+
+@compiled
+def rotated(axis: Vector, angle: float, a: Vector) -> Vector:
+    """``a`` turned about a unit axis: Rodrigues' formula."""
+    c, s = np.cos(angle), np.sin(angle)
+    lift = (1.0 - c) * dot(axis, a)
+    x, y, z = cross(axis, a)
+    return (
+        c * a[0] + s * x + lift * axis[0],
+        c * a[1] + s * y + lift * axis[1],
+        c * a[2] + s * z + lift * axis[2],
+    )

@@ -1,0 +1,1 @@
+"""The fewest places for many areas, and short ways through places."""

@@ -1,0 +1,220 @@
+"""Exact reach of a planar arm: at every height, the intervals of r that a posture within limits reaches."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from regionik.planners.geometry.flat import compiled
+from regionik.planners.solvers import kernels
+from regionik.worlds.arrays import Array
+from regionik.worlds.planar import PlanarArm
+
+_MOST_INTERVALS = 16
+APART = 1e-7  # ends that are nearer to each other than this may be taken for each other [m]
+NEAR = 1e-6  # a height this near to a turning one is looked at by itself [m]
+
+
+FREE = (-np.inf, np.inf)
+
+
+def boundary_circles(arm: PlanarArm, shoulder_z: float, pitches: tuple[float, float] = FREE) -> Array:
+    """Circles of the plane on which the reach can begin or end: rows of center r, center z, radius.
+
+    The boundary of the reach is made of critical postures: every free bend either turns a rigid rest or
+    lines up with it, all others, or the pitch, stand at a limit.
+
+    Parameters
+    ----------
+    arm : PlanarArm
+    shoulder_z : float
+        Height of the first hinge above the floor [m].
+    pitches : (low, high)
+        Angles that the last link may take in the plane [rad]; equal where it is fixed.
+    """
+    shoulder = complex(arm.shoulder[0], shoulder_z)
+    limits = [[bend for bend in (arm.lower[i], arm.upper[i]) if np.isfinite(bend)] for i in range(3)]
+    circles: list[tuple[complex, float]] = []
+    if pitches[0] != pitches[1]:
+        circles += _free_circles(arm, shoulder, limits)
+    for pitch in set(pitches):
+        if np.isfinite(pitch):
+            circles += _pitched_circles(arm, shoulder, limits, pitch)
+    rows = np.array([[center.real, center.imag, radius] for center, radius in circles])
+    unique: Array = np.unique(rows.round(12), axis=0)
+    return unique
+
+
+def _free_circles(
+    arm: PlanarArm, shoulder: complex, limits: list[list[float]]
+) -> list[tuple[complex, float]]:
+    """Critical circles with a free last link."""
+    a, b, c = (complex(length) for length in arm.lengths)
+    circles: list[tuple[complex, float]] = []
+    for bend in [*limits[1], 0.0, np.pi]:
+        upper = a + b * np.exp(1j * bend)
+        circles += [(shoulder, abs(abs(upper) + s * abs(c))) for s in (1, -1)]
+        circles += [(shoulder, abs(upper + c * np.exp(1j * (bend + w)))) for w in limits[2]]
+        circles += [(shoulder + upper * np.exp(1j * first), abs(c)) for first in limits[0]]
+    for bend in [*limits[2], 0.0, np.pi]:
+        rest = abs(b + c * np.exp(1j * bend))
+        circles += [(shoulder, abs(abs(a) + s * rest)) for s in (1, -1)]
+        circles += [(shoulder + a * np.exp(1j * first), rest) for first in limits[0]]
+    return circles
+
+
+def _pitched_circles(
+    arm: PlanarArm, shoulder: complex, limits: list[list[float]], pitch: float
+) -> list[tuple[complex, float]]:
+    """Critical circles with the last link held at a pitch."""
+    a, b, c = (complex(length) for length in arm.lengths)
+    wrist = shoulder + c * np.exp(1j * pitch)
+    circles = [(wrist, abs(a + s * b)) for s in (1, -1)]
+    circles += [(wrist, abs(a + b * np.exp(1j * bend))) for bend in limits[1]]
+    circles += [(wrist + a * np.exp(1j * bend), abs(b)) for bend in limits[0]]
+    circles += [(wrist + b * np.exp(1j * (pitch - bend)), abs(a)) for bend in limits[2]]
+    return circles
+
+
+def reach_intervals(
+    arm: PlanarArm,
+    shoulder_z: float,
+    heights: Array,
+    pitches: tuple[float, float] = FREE,
+    *,
+    front: bool = True,
+    back: bool = True,
+) -> list[Array]:
+    """Intervals of signed r within reach, for every height.
+
+    Parameters
+    ----------
+    arm : PlanarArm
+    shoulder_z : float
+        Height of the first hinge above the floor [m].
+    heights : (n,) array
+        Tool heights above the floor [m].
+    pitches : (low, high)
+        Angles that the last link may take in the plane [rad]; equal where it is fixed.
+    front, back : bool
+        Which of r > 0 and r < 0 to look at.
+
+    Returns
+    -------
+    list of (k, 2) arrays
+        Ascending; none crosses r = 0, so that each lies in front of the axis or behind it.
+    """
+    owner, spans = reach_spans(arm, shoulder_z, heights, pitches, front=front, back=back)
+    return np.split(spans, np.searchsorted(owner, np.arange(1, len(heights))))
+
+
+def reach_spans(
+    arm: PlanarArm,
+    shoulder_z: float,
+    heights: Array,
+    pitches: tuple[float, float] = FREE,
+    *,
+    front: bool = True,
+    back: bool = True,
+) -> tuple[NDArray[np.intp], Array]:
+    """As `reach_intervals`, in one table: the height of each interval, ascending, (m,), and (m, 2)."""
+    circles = boundary_circles(arm, shoulder_z, pitches)
+    centers, radii = np.ascontiguousarray(circles[:, :2]), np.ascontiguousarray(circles[:, 2])
+    plane = kernels.PlaneArm(float(arm.shoulder[0]), shoulder_z, arm.lengths, arm.lower, arm.upper)
+    out, counts = np.empty((len(heights), _MOST_INTERVALS, 2)), np.empty(len(heights), dtype=np.int64)
+    order, turns = np.argsort(heights, kind="stable"), turning_heights(circles)
+    _spans(plane, *pitches, centers, radii, np.asarray(heights), order, turns, front, back, out, counts)
+    real = np.arange(_MOST_INTERVALS) < counts[:, None]
+    return np.repeat(np.arange(len(heights)), counts), out[real]
+
+
+def turning_heights(circles: Array) -> Array:
+    """Heights between which the same circles bound the reach in the same order, ascending (k,).
+
+    Those where circles (n, 3) begin, end, cross each other or cross the axis.
+    """
+    r, z, radius = circles.T
+    i, j = np.triu_indices(len(circles), 1)
+    apart = np.hypot(r[j] - r[i], z[j] - z[i])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        along = (apart**2 + radius[i] ** 2 - radius[j] ** 2) / (2 * apart)
+        beside = np.sqrt(radius[i] ** 2 - along**2)
+        middle = z[i] + along * (z[j] - z[i]) / apart
+        swing = beside * (r[j] - r[i]) / apart
+        axis = np.sqrt(radius**2 - r**2)
+    found = np.concatenate(
+        [z - radius, z + radius, z - axis, z + axis, middle - swing, middle + swing, middle]
+    )
+    return np.sort(found[np.isfinite(found)])
+
+
+@compiled
+def _spans(
+    arm: kernels.PlaneArm,
+    pitch_low: float,
+    pitch_high: float,
+    centers: Array,
+    radii: Array,
+    heights: Array,
+    order: NDArray[np.intp],
+    turns: Array,
+    front: bool,
+    back: bool,
+    out: Array,
+    counts: NDArray[np.int64],
+) -> None:
+    """Write the intervals of every height, and how many there are.
+
+    Ends are looked for once between two turning heights; there they stay on their circles.
+    """
+    ends = np.empty((_MOST_INTERVALS, 2), np.int64)
+    between, known, turn, last = -1, False, 0, 0
+    for i in order:
+        z = heights[i]
+        while turn < len(turns) and turns[turn] < z:
+            turn += 1
+        near = (turn < len(turns) and turns[turn] - z < NEAR) or (turn > 0 and z - turns[turn - 1] < NEAR)
+        if known and between == turn and not near:
+            counts[i] = counts[last]
+            for k in range(counts[i]):
+                out[i, k, 0] = _end(centers, radii, ends[k, 0], z)
+                out[i, k, 1] = _end(centers, radii, ends[k, 1], z)
+        else:
+            counts[i] = kernels.reach_intervals(
+                arm, pitch_low, pitch_high, centers, radii, z, front, back, out[i]
+            )
+            known, between = not near and _apart(centers, radii, z), turn
+            for k in range(2 * counts[i]):
+                ends[k // 2, k % 2] = _named(centers, radii, z, out[i, k // 2, k % 2])
+        last = i
+
+
+@compiled
+def _end(centers: Array, radii: Array, name: int, z: float) -> float:
+    """Where a circle, its near or far side, is at a height; the axis behind the last of them."""
+    k = name // 2
+    if k == len(radii):
+        return 0.0
+    dz = z - centers[k, 1]
+    h = np.sqrt(radii[k] * radii[k] - dz * dz)
+    return float(centers[k, 0] - h if name % 2 == 0 else centers[k, 0] + h)
+
+
+@compiled
+def _named(centers: Array, radii: Array, z: float, r: float) -> int:
+    """The side of a circle that is at a place at a height, or the axis, as `_end` takes it."""
+    for name in range(2 * len(radii)):
+        if abs(z - centers[name // 2, 1]) <= radii[name // 2] and _end(centers, radii, name, z) == r:
+            return name
+    return 2 * len(radii)
+
+
+@compiled
+def _apart(centers: Array, radii: Array, z: float) -> bool:
+    """Whether sides of circles and the axis keep their distance at a height, so that none is another."""
+    places, count = np.zeros(2 * len(radii) + 1), 1
+    for name in range(2 * len(radii)):
+        if abs(z - centers[name // 2, 1]) <= radii[name // 2]:
+            places[count] = _end(centers, radii, name, z)
+            count += 1
+    return bool((np.diff(np.sort(places[:count])) >= APART).all())

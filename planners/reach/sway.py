@@ -1,0 +1,160 @@
+"""How far the points of a serial arm move while its joints stay within a box: bounds that always hold.
+
+The joints are moved one after the other, from the last to the first. When joint k moves, the joints before
+it still stand at the box's centre, so its axis is where the centre posture has it, and the point is off that
+axis by what it was plus what the joints behind have moved it. A turn by an angle moves a point by the chord.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from regionik.planners.geometry.flat import Index, compiled
+from regionik.planners.solvers.serial import SerialArm
+from regionik.worlds.arrays import Array
+from regionik.worlds.chain import Chain
+from regionik.worlds.robot import LinkCapsule
+
+PARALLEL = 1e-12  # sine of the angle between axes that count as parallel
+
+
+class Bones(NamedTuple):
+    """The solids of an arm for kernels, and the longest levers of its points.
+
+    Attributes
+    ----------
+    link : (s,) array of int
+    ends : (s, 2, 3) array
+        In the frame of the link [m].
+    radius : (s,) array
+        [m]
+    levers : (1 + 2 s, n) array
+        Largest distance from each joint's axis in any posture, of the tool and of the ends [m]; 1 for
+        sliding joints, 0 for joints behind the point.
+    """
+
+    link: Index
+    ends: Array
+    radius: Array
+    levers: Array
+
+
+def bones_from(chain: Chain, solids: Sequence[LinkCapsule]) -> Bones:
+    """Flatten the solids of an arm; the limits of sliding joints must be finite."""
+    ends = np.array([solid.corners for solid in solids]).reshape(-1, 2, 3)
+    points = [(chain.dof - 1, chain.T_last_tool[:3, 3])]
+    points += [(solid.link, end) for solid, pair in zip(solids, ends, strict=True) for end in pair]
+    return Bones(
+        np.array([solid.link for solid in solids], dtype=np.int64),
+        ends,
+        np.array([solid.radius for solid in solids], dtype=np.float64),
+        np.array([longest_levers(chain, link, point)[0] for link, point in points]),
+    )
+
+
+def longest_levers(chain: Chain, link: int, point: Array) -> tuple[Array, float]:
+    """Bounds over all postures: distance from each joint's axis, (n,), and from the first joint [m].
+
+    Axes that run parallel keep the part of an offset along them out of the sum.
+    """
+    levers = np.zeros(chain.dof)
+    offset, reach, beyond = np.asarray(point), 0.0, 0.0
+    for k in range(link, -1, -1):
+        joint = chain.joints[k]
+        turns = joint.kind == "revolute"
+        travel = 0.0 if turns else max(abs(joint.lower), abs(joint.upper))
+        reach += float(np.linalg.norm(offset)) + travel
+        levers[k] = float(np.linalg.norm(np.cross(joint.axis, offset))) + beyond if turns else 1.0
+        if k > 0:
+            axis = joint.T_parent_joint[:3, :3] @ joint.axis
+            tilt = float(np.linalg.norm(np.cross(axis, chain.joints[k - 1].axis)))
+            beyond = float(levers[k]) if turns and tilt < PARALLEL else reach
+            offset = joint.T_parent_joint[:3, 3]
+    return levers, reach
+
+
+@compiled
+def from_axis(frame: Array, axis: Array, point: Array) -> float:
+    """Distance of a point from the axis of a joint [m]."""
+    x, y, z = point[0] - frame[0, 3], point[1] - frame[1, 3], point[2] - frame[2, 3]
+    return float(np.sqrt(_across(axis, x, y, z)))
+
+
+@compiled
+def _across(axis: Array, x: float, y: float, z: float) -> float:
+    """Square of a vector's part across a unit axis."""
+    u = axis[1] * z - axis[2] * y
+    v = axis[2] * x - axis[0] * z
+    w = axis[0] * y - axis[1] * x
+    return float(u * u + v * v + w * w)
+
+
+@compiled
+def chords(arm: SerialArm, half: Array, chord: Array) -> None:
+    """Longest chord of the unit circle that each joint's half width spans, or the half width of a slide."""
+    for k in range(len(half)):
+        chord[k] = 2.0 * np.sin(0.5 * min(half[k], np.pi)) if arm.revolute[k] else half[k]
+
+
+@compiled
+def sway(
+    arm: SerialArm,
+    frames: Array,
+    axes: Array,
+    chord: Array,
+    levers: Array,
+    last: int,
+    first: int,
+    point: Array,
+) -> float:
+    """Most that joints ``last`` down to ``first`` move a point fixed to link ``last`` [m]."""
+    moved = 0.0
+    for k in range(last, first - 1, -1):
+        off = 1.0
+        if arm.revolute[k]:
+            off = min(from_axis(frames[k], axes[k], point) + moved, levers[k])
+        moved += chord[k] * off
+    return moved
+
+
+@compiled
+def sway_from_tool(
+    arm: SerialArm,
+    frames: Array,
+    axes: Array,
+    chord: Array,
+    levers: Array,
+    link: int,
+    point: Array,
+) -> float:
+    """Most that a point of a link moves against the tool; ``levers`` are those of the tool [m]."""
+    n = len(axes)
+    tool = frames[n, :3, 3]
+    moved = sway(arm, frames, axes, chord, levers, n - 1, link + 1, tool)
+    x, y, z = point[0] - tool[0], point[1] - tool[1], point[2] - tool[2]
+    for k in range(link, -1, -1):
+        if arm.revolute[k]:  # turns tool and point together
+            moved += chord[k] * (np.sqrt(_across(axes[k], x, y, z)) + moved)
+    return moved
+
+
+@compiled
+def tool_sway(
+    arm: SerialArm, frames: Array, axes: Array, chord: Array, half: Array, levers: Array
+) -> tuple[float, float]:
+    """Most that the tool moves, and most that this differs from the Jacobian's word [m]."""
+    n = len(half)
+    tool = frames[n, :3, 3]
+    moved = bent = 0.0
+    for k in range(n - 1, -1, -1):
+        if arm.revolute[k]:
+            off = min(from_axis(frames[k], axes[k], tool) + moved, levers[k])
+            # |turn by d, less its linear part| <= d^2 / 2, and the lever itself has moved
+            bent += 0.5 * half[k] * half[k] * off + half[k] * moved
+            moved += chord[k] * off
+        else:
+            moved += chord[k]
+    return moved, bent

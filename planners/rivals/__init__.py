@@ -1,0 +1,1 @@
+"""Other methods of inverse kinematics, asked as FABRIK is."""

@@ -1,0 +1,114 @@
+"""Inverse kinematics by a genetic algorithm; the only file that imports pygad, once it is asked for."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from regionik.planners.rivals.method import ArmMethod, Found, reach_of, spatial_error
+from regionik.planners.solvers.polish import DIRECTION, POSITION, Aim
+from regionik.worlds.arrays import Array
+from regionik.worlds.chain import Chain
+from regionik.worlds.errors import InputError
+
+POPULATION, TOURNAMENT, GENERATIONS = 50, 5, 500  # paper 004, Table 1, configuration 2
+MUTATION, KEPT = 0.3, 2  # its 1 % without elitism ends three times as far off
+
+
+class Genetic(ArmMethod):
+    """Tournaments, one-point crossover and mutation within the joint limits, until the aim is met.
+
+    Joints that slide without end are drawn as far from their start as the target is, and an arm's length on.
+    The start is one of the first population.
+
+    Parameters
+    ----------
+    chain : Chain
+    tolerance, angle_tolerance : float
+        [m], [rad]
+    mutation : float
+        Probability for each gene.
+    kept : int
+        Best of a population that live on as they are.
+    seed : int
+        Same seed, same answer.
+
+    Raises
+    ------
+    InputError
+        Where pygad is not installed.
+    """
+
+    name = "genetic"
+
+    def __init__(
+        self,
+        chain: Chain,
+        tolerance: float = 1e-3,
+        angle_tolerance: float = 1e-3,
+        mutation: float = MUTATION,
+        kept: int = KEPT,
+        seed: int = 0,
+    ) -> None:
+        super().__init__(chain, tolerance, angle_tolerance)
+        try:
+            import pygad
+        except ModuleNotFoundError:
+            raise InputError("genetic: expected pygad to be there: pip install regionik[compare]") from None
+        self._run, self._mutation, self._kept, self._seed = pygad.GA, float(mutation), int(kept), int(seed)
+        self._reach = reach_of(chain)
+
+    def search(self, aim: Aim, joints: Array) -> Found:
+        """The best of all generations; one generation counts as an iteration."""
+        lower, upper = self._bounds(aim, joints)
+        first = np.random.default_rng(self._seed).uniform(lower, upper, (POPULATION, self.chain.dof))
+        first[0] = np.clip(joints, lower, upper)
+        search = self._run(
+            num_generations=GENERATIONS,
+            num_parents_mating=POPULATION,
+            initial_population=first,
+            gene_space=[{"low": a, "high": b} for a, b in zip(lower, upper, strict=True)],
+            parent_selection_type="tournament",
+            K_tournament=TOURNAMENT,
+            crossover_type="single_point",
+            mutation_type="random",
+            mutation_probability=self._mutation,
+            keep_elitism=self._kept,
+            keep_parents=0,
+            fitness_func=lambda _, genes, __: -self._misses(aim, np.atleast_2d(genes)),
+            fitness_batch_size=POPULATION,
+            stop_criteria=f"reach_{-self.tolerance}",
+            random_seed=self._seed,
+            suppress_warnings=True,
+        )
+        search.run()
+        genes, _, _ = search.best_solution(search.last_generation_fitness)
+        q = np.clip(genes.astype(np.float64), self.chain.lower, self.chain.upper)
+        angle = float(_angles(aim, self.chain.forward(q)[None])[0])
+        return Found(q, spatial_error(self.chain, aim, q), angle, int(search.generations_completed), 0)
+
+    def _bounds(self, aim: Aim, joints: Array) -> tuple[Array, Array]:
+        turns = np.array([joint.kind == "revolute" for joint in self.chain.joints])
+        way = np.where(turns, np.pi, spatial_error(self.chain, aim, joints) + self._reach)
+        return np.maximum(self.chain.lower, joints - way), np.minimum(self.chain.upper, joints + way)
+
+    def _misses(self, aim: Aim, postures: Array) -> Array:
+        """What postures (m, dof) miss [m]; an angle at its tolerance counts as a length at its own."""
+        tools = self.chain.forward(postures)
+        off: Array = np.linalg.norm(tools[:, :3, 3] - aim.position, axis=1)
+        if aim.kind == POSITION:
+            return off
+        share = self.tolerance / self.angle_tolerance
+        missed: Array = np.maximum(off, share * _angles(aim, tools))
+        return missed
+
+
+def _angles(aim: Aim, tools: Array) -> Array:
+    """Angles (m,) by which tools (m, 4, 4) point or are turned out of the aim's cone [rad]."""
+    if aim.kind == POSITION:
+        return np.zeros(len(tools))
+    if aim.kind == DIRECTION:
+        cosines = tools[:, :3, 2] @ aim.turn[:, 2]
+    else:
+        cosines = (np.einsum("mij,ij->m", tools[:, :3, :3], aim.turn) - 1.0) / 2.0
+    angles: Array = np.maximum(0.0, np.arccos(np.clip(cosines, -1.0, 1.0)) - aim.cone)
+    return angles

@@ -1,0 +1,224 @@
+"""Inverse kinematics of any serial arm on a fixed base: FABRIK-R, polishing, restarts.
+
+>>> from regionik.worlds.bundled import robot_named
+>>> robot = robot_named("pioneer7")
+>>> solver = ArmSolver(robot.chain)
+>>> answer = solver(Goal([0.3, 0.0, 0.15]), robot.carry)
+>>> answer.converged, answer.steps
+(True, ('passes',))
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from regionik.planners.solvers.bodies import Bodies, pointing_bodies, posing_bodies, span
+from regionik.planners.solvers.polish import DIRECTION, ORIENTATION, POSITION, Aim
+from regionik.planners.solvers.reaching import Effort, solve, solve_batch
+from regionik.planners.solvers.unreached import why_not
+from regionik.worlds.arrays import Array, frozen
+from regionik.worlds.chain import Chain
+from regionik.worlds.errors import InputError
+
+
+@dataclass(frozen=True, eq=False)
+class Goal:
+    """Where the tool shall be, in the arm's base frame.
+
+    Attributes
+    ----------
+    position : (3,) array
+        [m]
+    direction : (3,) array or None
+        Of the tool's z axis, any length; the roll about it is free.
+    orientation : (3, 3) array or None
+        Rotation matrix of the tool frame. At most one of direction and orientation may be given.
+    """
+
+    position: Array
+    direction: Array | None = None
+    orientation: Array | None = None
+
+    def __init__(
+        self, position: ArrayLike, direction: ArrayLike | None = None, orientation: ArrayLike | None = None
+    ) -> None:
+        if direction is not None and orientation is not None:
+            raise InputError("goal: expected a direction or an orientation, got both")
+        object.__setattr__(self, "position", frozen(position, (3,), "goal: position"))
+        object.__setattr__(self, "direction", None if direction is None else _unit(direction))
+        object.__setattr__(self, "orientation", None if orientation is None else _rotation(orientation))
+
+
+@dataclass(frozen=True, eq=False)
+class ArmPosture:
+    """The answer to one goal, checked by the chain's own forward kinematics.
+
+    Attributes
+    ----------
+    joints : (dof,) array
+        Within limits; the nearest posture found where it did not converge [rad] or [m].
+    error, angle_error : float
+        What the tool misses [m], [rad]; the angle is 0 where the goal has none.
+    iterations : int
+        Passes, forward and backward together one, restarts included.
+    restarts : int
+    steps : tuple of str
+        What led to the answer: "passes", "restarts" where they began elsewhere, "polish" where it ended so.
+    converged : bool
+    reason : str
+        One line when not converged, else empty.
+    """
+
+    joints: Array
+    error: float
+    angle_error: float
+    iterations: int
+    restarts: int
+    steps: tuple[str, ...]
+    converged: bool
+    reason: str
+
+
+@dataclass(frozen=True, eq=False)
+class ArmPostures:
+    """The answers to m positions, as arrays: joints (m, dof), the others (m,); see `ArmPosture`."""
+
+    joints: Array
+    error: Array
+    iterations: NDArray[np.int64]
+    restarts: NDArray[np.int64]
+    polished: NDArray[np.bool_]
+    converged: NDArray[np.bool_]
+
+
+class ArmSolver:
+    """A chain prepared for many goals.
+
+    Parameters
+    ----------
+    chain : Chain
+    tolerance, angle_tolerance : float
+        [m], [rad]
+    most_passes : int
+        From each start.
+    restarts : int
+        Other postures to start from, drawn once from ``seed`` within the limits.
+    polish : bool
+        Whether damped least squares may finish what passes do not.
+    """
+
+    def __init__(
+        self,
+        chain: Chain,
+        tolerance: float = 1e-3,
+        angle_tolerance: float = 1e-3,
+        most_passes: int = 300,
+        restarts: int = 10,
+        polish: bool = True,
+        seed: int = 0,
+    ) -> None:
+        for name, value in (("tolerance", tolerance), ("angle_tolerance", angle_tolerance)):
+            if not 0.0 < value < np.inf:
+                raise InputError(f"{name}: expected a number above 0, got {value}")
+        for name, count in (("most_passes", most_passes), ("restarts", restarts)):
+            if count < 0:
+                raise InputError(f"{name}: expected 0 or more, got {count}")
+        self.chain = chain
+        self.pointing, self.posing = pointing_bodies(chain), posing_bodies(chain)
+        self.effort = Effort(
+            float(tolerance), float(angle_tolerance), int(most_passes), span(self.posing.arm), bool(polish)
+        )
+        self.starts = spread_postures(chain, self.effort.reach, restarts, seed)
+
+    def __call__(self, goal: Goal, joints: ArrayLike) -> ArmPosture:
+        """Solve one goal from a start posture, which is taken into the limits first."""
+        chain, aim = self.chain, aim_of(goal)
+        q = np.clip(frozen(joints, (chain.dof,), "joints"), chain.lower, chain.upper)
+        bodies = self.bodies(aim.kind)
+        _, _, passes, restarts, polished = solve(bodies, aim, self._starts(bodies), self.effort, q)
+        error, angle = confirm(chain, aim, q)
+        converged = error <= self.effort.tolerance and angle <= self.effort.angle_tolerance
+        steps = ("passes",) + ("restarts",) * (restarts > 0) + ("polish",) * bool(polished)
+        reason = "" if converged else why_not(chain, aim, self.starts, self.effort, q, error, angle, passes)
+        q.flags.writeable = False
+        return ArmPosture(q, error, angle, passes, restarts, steps, converged, reason)
+
+    def batch(self, positions: ArrayLike, joints: ArrayLike) -> ArmPostures:
+        """Solve many positions (m, 3) from start postures (m, dof), or all from one (dof,)."""
+        p, q = rows_of(self.chain, positions, joints)
+        errors, counts = np.empty(len(p)), np.empty((len(p), 3), dtype=np.int64)
+        solve_batch(self.pointing, p, self._starts(self.pointing), self.effort, q, errors, counts)
+        errors = np.linalg.norm(self.chain.forward(q)[:, :3, 3] - p, axis=1)
+        return ArmPostures(
+            q, errors, counts[:, 0], counts[:, 1], counts[:, 2] > 0, errors <= self.effort.tolerance
+        )
+
+    def bodies(self, kind: int) -> Bodies:
+        """The bodies that the kernel `solve` needs for a kind of aim."""
+        return self.pointing if kind == POSITION else self.posing
+
+    def _starts(self, bodies: Bodies) -> Array:
+        return np.ascontiguousarray(self.starts[:, : len(bodies.slide)])
+
+
+def rows_of(chain: Chain, positions: ArrayLike, joints: ArrayLike) -> tuple[Array, Array]:
+    """Checked positions (m, 3) and starts (m, dof), taken into the limits; one (dof,) does for all."""
+    p = np.array(frozen(positions, (None, 3), "positions"))  # writable, as the kernels were compiled for
+    start = np.asarray(joints, dtype=np.float64)
+    if start.ndim == 1:
+        start = np.broadcast_to(start, (len(p), len(start)))
+    q = np.clip(frozen(start, (None, chain.dof), "joints"), chain.lower, chain.upper)
+    if len(q) != len(p):
+        raise InputError(f"joints: expected {len(p)} rows, one a position, got {len(q)}")
+    return p, q
+
+
+def aim_of(goal: Goal) -> Aim:
+    """The goal as kernels take it."""
+    turn, kind = np.eye(3), POSITION
+    if goal.orientation is not None:
+        turn, kind = np.array(goal.orientation), ORIENTATION
+    elif goal.direction is not None:
+        turn[:, 2], kind = goal.direction, DIRECTION
+    return Aim(np.array(goal.position), kind, turn)
+
+
+def confirm(chain: Chain, aim: Aim, joints: Array) -> tuple[float, float]:
+    """What the tool misses [m], [rad] by the chain's own forward kinematics, in plain numpy."""
+    tool = chain.forward(joints)
+    error = float(np.linalg.norm(tool[:3, 3] - aim.position))
+    if aim.kind == POSITION:
+        return error, 0.0
+    if aim.kind == DIRECTION:
+        z, wanted = tool[:3, 2], aim.turn[:, 2]
+        return error, float(np.arctan2(np.linalg.norm(np.cross(z, wanted)), z @ wanted))
+    R = aim.turn @ tool[:3, :3].T
+    sine = 0.5 * np.linalg.norm([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
+    return error, float(np.arctan2(sine, 0.5 * (np.trace(R) - 1.0)))
+
+
+def spread_postures(chain: Chain, reach: float, count: int, seed: int) -> Array:
+    """Postures (count, dof) drawn evenly within the limits; what has no end, within a turn or a reach."""
+    width = np.array([2 * np.pi if joint.kind == "revolute" else reach for joint in chain.joints])
+    lower = np.where(np.isfinite(chain.lower), chain.lower, chain.upper - width)
+    lower = np.where(np.isfinite(lower), lower, -0.5 * width)
+    upper = np.where(np.isfinite(chain.upper), chain.upper, lower + width)
+    return np.random.default_rng(seed).uniform(lower, upper, (count, chain.dof))
+
+
+def _unit(direction: ArrayLike) -> Array:
+    d = frozen(direction, (3,), "goal: direction")
+    length = float(np.linalg.norm(d))
+    if length < 1e-9:
+        raise InputError("goal: direction must not be zero")
+    return frozen(d / length, (3,), "goal: direction")
+
+
+def _rotation(orientation: ArrayLike) -> Array:
+    R = frozen(orientation, (3, 3), "goal: orientation")
+    if np.abs(R @ R.T - np.eye(3)).max() > 1e-6 or np.linalg.det(R) < 0:
+        raise InputError(f"goal: orientation must be a rotation matrix, got {R.tolist()}")
+    return R

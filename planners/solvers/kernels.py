@@ -1,0 +1,324 @@
+"""Compiled inner loops for arms that work in one vertical plane: three links, floats and arrays only.
+
+Conventions: r points away from the pivot axis, z up; ``lower`` and ``upper`` bound the bend of each link
+against the one before it (the first against the r axis), counter-clockwise from r to z [rad].
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from regionik.planners.geometry.flat import compiled
+from regionik.worlds.arrays import Array
+
+TWO_PI = 2.0 * np.pi
+_PER_TURN = 1.0 / TWO_PI
+LIMIT_SLACK = 1e-10  # rounding allowed when a bend is held against its limit [rad]
+
+
+class PlaneArm(NamedTuple):
+    """What the kernels know of an arm: shoulder [m], link lengths [m], limits of the bends [rad]."""
+
+    shoulder_r: float
+    shoulder_z: float
+    lengths: Array
+    lower: Array
+    upper: Array
+
+
+@compiled
+def wrap(angle: float) -> float:
+    """Angle taken to (-pi, pi]."""
+    turned: float = angle - TWO_PI * np.ceil((angle - np.pi) * _PER_TURN)
+    return turned
+
+
+@compiled
+def fit(bend: float, lower: float, upper: float) -> tuple[float, float]:
+    """The turn of ``bend`` that lies within its limits, or else the nearer limit, and how far that is."""
+    middle = 0.0
+    if np.isfinite(lower) and np.isfinite(upper):
+        middle = 0.5 * (lower + upper)
+    near = middle + wrap(bend - middle)
+    if near < lower:
+        return lower, lower - near
+    if near > upper:
+        return upper, near - upper
+    return near, 0.0
+
+
+@compiled
+def place(arm: PlaneArm, bends: Array, points: Array) -> None:
+    """Forward kinematics in the plane: knots (4, 2) from bends (3,)."""
+    shoulder_r, shoulder_z, lengths, _, _ = arm
+    points[0, 0], points[0, 1] = shoulder_r, shoulder_z
+    angle = 0.0
+    for i in range(3):
+        angle += bends[i]
+        points[i + 1, 0] = points[i, 0] + lengths[i] * np.cos(angle)
+        points[i + 1, 1] = points[i, 1] + lengths[i] * np.sin(angle)
+
+
+@compiled
+def triangle(length_a: float, length_b: float, x: float, z: float) -> tuple[float, float, float, bool]:
+    """Two links that end at (x, z): direction of the end, angles at root and end, whether they can.
+
+    With the elbow on side e (+1 or -1) the links lie at ``lead + e * root`` and ``lead - e * tip``.
+    """
+    d2 = x * x + z * z
+    d = np.sqrt(d2)
+    if d > length_a + length_b or d < abs(length_a - length_b) or d == 0.0:
+        return 0.0, 0.0, 0.0, False
+    root = (d2 + length_a * length_a - length_b * length_b) / (2.0 * d * length_a)
+    tip = (d2 + length_b * length_b - length_a * length_a) / (2.0 * d * length_b)
+    root, tip = min(1.0, max(-1.0, root)), min(1.0, max(-1.0, tip))
+    return np.arctan2(z, x), np.arccos(root), np.arccos(tip), True
+
+
+@compiled
+def slack(lower: Array, upper: Array, a: float, b: float, c: float) -> float:
+    """Least distance of the three bends to their limits, from absolute link angles; negative outside."""
+    least = np.inf
+    previous = 0.0
+    for i in range(3):
+        absolute = a if i == 0 else (b if i == 1 else c)
+        bend, over = fit(absolute - previous, lower[i], upper[i])
+        room = -over if over > 0.0 else min(bend - lower[i], upper[i] - bend)
+        least = min(least, room)
+        previous = absolute
+    return least
+
+
+@compiled
+def fits(
+    lower: Array, upper: Array, a: float, b: float, c: float, pitch_low: float, pitch_high: float
+) -> bool:
+    """Whether absolute link angles keep every bend within limits and the last link within its pitches."""
+    if fit(a, lower[0], upper[0])[1] > LIMIT_SLACK or fit(b - a, lower[1], upper[1])[1] > LIMIT_SLACK:
+        return False
+    return fit(c - b, lower[2], upper[2])[1] <= LIMIT_SLACK and (
+        pitch_high - pitch_low >= TWO_PI or fit(c, pitch_low, pitch_high)[1] <= LIMIT_SLACK
+    )
+
+
+@compiled
+def critical_posture(
+    arm: PlaneArm,
+    pitch_low: float,
+    pitch_high: float,
+    r: float,
+    z: float,
+) -> tuple[bool, float, float, float]:
+    """Whether the tool can be put at (r, z) within limits and two pitches, and the links' angles if so.
+
+    Every connected piece of the arm's self-motion holds a posture with a bend or the pitch at its limit,
+    with the elbow straight or folded, or else every pitch; so it is enough to try those.
+    """
+    shoulder_r, shoulder_z, lengths, lower, upper = arm
+    x, y = r - shoulder_r, z - shoulder_z
+    a, b, c = lengths[0], lengths[1], lengths[2]
+    for side in range(1 if pitch_low == pitch_high else 2):
+        tool = pitch_low if side == 0 else pitch_high
+        if not np.isfinite(tool):
+            tool = 0.0
+        lead, root, tip, ok = triangle(a, b, x - c * np.cos(tool), y - c * np.sin(tool))
+        if ok:
+            for e in (-1.0, 1.0):
+                if fits(lower, upper, lead + e * root, lead - e * tip, tool, pitch_low, pitch_high):
+                    return True, lead + e * root, lead - e * tip, tool
+    if pitch_low == pitch_high:
+        return False, 0.0, 0.0, 0.0
+    for side in range(2):
+        first = lower[0] if side == 0 else upper[0]
+        if np.isfinite(first):
+            lead, root, tip, ok = triangle(b, c, x - a * np.cos(first), y - a * np.sin(first))
+            if ok:
+                for e in (-1.0, 1.0):
+                    if fits(lower, upper, first, lead + e * root, lead - e * tip, pitch_low, pitch_high):
+                        return True, first, lead + e * root, lead - e * tip
+    for kind in range(4):
+        bend = lower[1] if kind == 0 else (upper[1] if kind == 1 else (0.0 if kind == 2 else np.pi))
+        if np.isfinite(bend):
+            er, ez = a + b * np.cos(bend), b * np.sin(bend)
+            lead, root, tip, ok = triangle(np.hypot(er, ez), c, x, y)
+            if ok:
+                turn = np.arctan2(ez, er)
+                for e in (-1.0, 1.0):
+                    first = lead + e * root - turn
+                    if fits(lower, upper, first, first + bend, lead - e * tip, pitch_low, pitch_high):
+                        return True, first, first + bend, lead - e * tip
+    for side in range(2):
+        bend = lower[2] if side == 0 else upper[2]
+        if np.isfinite(bend):
+            er, ez = b + c * np.cos(bend), c * np.sin(bend)
+            lead, root, tip, ok = triangle(a, np.hypot(er, ez), x, y)
+            if ok:
+                turn = np.arctan2(ez, er)
+                for e in (-1.0, 1.0):
+                    first, second = lead + e * root, lead - e * tip - turn
+                    if fits(lower, upper, first, second, second + bend, pitch_low, pitch_high):
+                        return True, first, second, second + bend
+    return False, 0.0, 0.0, 0.0
+
+
+@compiled
+def reaches(
+    arm: PlaneArm,
+    pitch_low: float,
+    pitch_high: float,
+    r: float,
+    z: float,
+) -> bool:
+    """Whether a posture within limits, its last link within two pitches, puts the tool at (r, z)."""
+    return critical_posture(arm, pitch_low, pitch_high, r, z)[0]
+
+
+@compiled
+def widest_posture(
+    arm: PlaneArm,
+    pitch: float,
+    r: float,
+    z: float,
+    bends: Array,
+    tries: int,
+) -> bool:
+    """Among postures that reach (r, z), the one farthest from its limits; False where there is none."""
+    shoulder_r, shoulder_z, lengths, lower, upper = arm
+    x, y = r - shoulder_r, z - shoulder_z
+    best = -LIMIT_SLACK
+    found = False
+    count = 1 if np.isfinite(pitch) else tries
+    for k in range(count):
+        tool = pitch if np.isfinite(pitch) else TWO_PI * k / tries
+        lead, root, tip, ok = triangle(
+            lengths[0], lengths[1], x - lengths[2] * np.cos(tool), y - lengths[2] * np.sin(tool)
+        )
+        for elbow in (-1.0, 1.0):
+            first, second = lead + elbow * root, lead - elbow * tip
+            if ok:
+                room = min(slack(lower, upper, first, second, tool), np.pi)
+                if room > best:
+                    best, found = room, True
+                    bends[0], _ = fit(first, lower[0], upper[0])
+                    bends[1], _ = fit(second - first, lower[1], upper[1])
+                    bends[2], _ = fit(tool - second, lower[2], upper[2])
+    if not found:  # it hides between two pitches
+        pitch_low, pitch_high = (pitch, pitch) if np.isfinite(pitch) else (-np.inf, np.inf)
+        found, first, second, tool = critical_posture(arm, pitch_low, pitch_high, r, z)
+        if found:
+            bends[0], _ = fit(first, lower[0], upper[0])
+            bends[1], _ = fit(second - first, lower[1], upper[1])
+            bends[2], _ = fit(tool - second, lower[2], upper[2])
+    return found
+
+
+@compiled
+def reach_intervals(
+    arm: PlaneArm,
+    pitch_low: float,
+    pitch_high: float,
+    centers: Array,
+    radii: Array,
+    z: float,
+    front: bool,
+    back: bool,
+    out: Array,
+) -> int:
+    """Intervals of r that the tool can reach at height z; returns their number, fills ``out`` (k, 2).
+
+    ``centers`` and ``radii`` are the circles on which the reach can begin or end; ``front`` and ``back`` say
+    which side of r = 0 to look at.
+    """
+    breaks = np.empty(2 * len(radii) + 1)
+    n = 0
+    for k in range(len(radii)):
+        dz = z - centers[k, 1]
+        h2 = radii[k] * radii[k] - dz * dz
+        if h2 >= 0.0:
+            h = np.sqrt(h2)
+            breaks[n] = centers[k, 0] - h
+            breaks[n + 1] = centers[k, 0] + h
+            n += 2
+    if n == 0:
+        return 0
+    breaks[n] = 0.0  # front and back part at the axis
+    n += 1
+    ordered = np.sort(breaks[:n])
+    count = 0
+    open_end = np.nan
+    for k in range(n - 1):
+        a, b = ordered[k], ordered[k + 1]
+        if b - a < 1e-9 or (a >= 0.0 and not front) or (b <= 0.0 and not back):
+            continue
+        if reaches(arm, pitch_low, pitch_high, 0.5 * (a + b), z):
+            if count > 0 and a - open_end < 1e-9 and a != 0.0:
+                out[count - 1, 1] = b
+            elif count < len(out):
+                out[count, 0], out[count, 1] = a, b
+                count += 1
+            open_end = b
+    return count
+
+
+@compiled
+def nearest_posture(
+    arm: PlaneArm,
+    pitch: float,
+    r: float,
+    z: float,
+    near: Array,
+    bends: Array,
+    tries: int,
+    reach: float,
+) -> float:
+    """Among postures that reach (r, z), the one with the least largest change of a bend against ``near``.
+
+    Pitches within ``reach`` of the present one are tried, ``tries`` a side; returns the change, inf for none.
+    """
+    shoulder_r, shoulder_z, lengths, lower, upper = arm
+    x, y = r - shoulder_r, z - shoulder_z
+    best = np.inf
+    old_a, old_b, old_c = near[0], near[1], near[2]
+    count = 1 if np.isfinite(pitch) else 2 * tries + 1
+    for k in range(count):
+        tool = pitch if np.isfinite(pitch) else old_a + old_b + old_c + reach * (k - tries) / tries
+        lead, root, tip, ok = triangle(
+            lengths[0], lengths[1], x - lengths[2] * np.cos(tool), y - lengths[2] * np.sin(tool)
+        )
+        for elbow in (-1.0, 1.0):
+            first, second = lead + elbow * root, lead - elbow * tip
+            if ok and slack(lower, upper, first, second, tool) >= 0.0:
+                a, _ = fit(first, lower[0], upper[0])
+                b, _ = fit(second - first, lower[1], upper[1])
+                c, _ = fit(tool - second, lower[2], upper[2])
+                change = max(abs(a - old_a), abs(b - old_b), abs(c - old_c))
+                if change < best:
+                    best = change
+                    bends[0], bends[1], bends[2] = a, b, c
+    return best
+
+
+@compiled
+def self_motion(arm: PlaneArm, pitch: float, r: float, z: float, tries: int, out: Array) -> int:
+    """Postures that reach (r, z), elbow either way, at ``tries`` pitches or the fixed one.
+
+    Returns their number; fills bends into ``out`` (2 tries, 3).
+    """
+    shoulder_r, shoulder_z, lengths, lower, upper = arm
+    x, y = r - shoulder_r, z - shoulder_z
+    count = 0
+    for k in range(1 if np.isfinite(pitch) else tries):
+        tool = pitch if np.isfinite(pitch) else TWO_PI * k / tries
+        lead, root, tip, ok = triangle(
+            lengths[0], lengths[1], x - lengths[2] * np.cos(tool), y - lengths[2] * np.sin(tool)
+        )
+        for elbow in (-1.0, 1.0):
+            first, second = lead + elbow * root, lead - elbow * tip
+            if ok and slack(lower, upper, first, second, tool) >= 0.0:
+                out[count, 0], _ = fit(first, lower[0], upper[0])
+                out[count, 1], _ = fit(second - first, lower[1], upper[1])
+                out[count, 2], _ = fit(tool - second, lower[2], upper[2])
+                count += 1
+    return count

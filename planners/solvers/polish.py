@@ -1,0 +1,223 @@
+"""Damped least squares on the joints of any serial chain, limits kept: the last step of inverse kinematics.
+
+Levenberg's and Marquardt's method: a step is taken only when it brings the tool nearer. Joints that stand at
+a limit and would be pushed through it are held while the others move.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from regionik.planners.geometry.flat import compiled
+from regionik.planners.geometry.vectors import Vector, cross, dot, norm, scaled
+from regionik.planners.solvers.serial import SerialArm, chain_frames, chain_jacobian
+from regionik.worlds.arrays import Array
+
+POSITION, DIRECTION, ORIENTATION = 0, 1, 2
+LEAST_DAMPING, MOST_DAMPING = 1e-14, 1e8  # of the squared reach
+LONGEST_STEP = 1.0  # [rad] or [m]
+
+
+class Aim(NamedTuple):
+    """What the tool shall do, for kernels.
+
+    Attributes
+    ----------
+    position : (3,) array
+        [m]
+    kind : int
+        POSITION alone, tool z axis in a DIRECTION with free roll, or full ORIENTATION.
+    turn : (3, 3) array
+        Wanted tool frame; a direction is its last column.
+    cone : float
+        Deviation from direction or orientation that counts as none [rad].
+    """
+
+    position: Array
+    kind: int
+    turn: Array
+    cone: float = 0.0
+
+
+@compiled
+def misses(position: Vector, turn: Array, aim: Aim, miss: Array) -> tuple[float, float]:
+    """Write what is left to move and turn (6,) into ``miss``; returns both as lengths [m], [rad]."""
+    for i in range(3):
+        miss[i] = aim.position[i] - position[i]
+        miss[3 + i] = 0.0
+    if aim.kind == DIRECTION:
+        _turn_between(
+            (turn[0, 2], turn[1, 2], turn[2, 2]), (aim.turn[0, 2], aim.turn[1, 2], aim.turn[2, 2]), miss
+        )
+    elif aim.kind == ORIENTATION:
+        _turn_vector(turn, aim.turn, miss)
+    angle = norm((miss[3], miss[4], miss[5]))
+    if aim.cone > 0.0 and angle > 0.0:  # only to the cone's edge
+        beyond = max(0.0, angle - aim.cone)
+        for i in range(3):
+            miss[3 + i] *= beyond / angle
+        angle = beyond
+    return norm((miss[0], miss[1], miss[2])), angle
+
+
+@compiled
+def polish(
+    arm: SerialArm,
+    aim: Aim,
+    joints: Array,
+    reach: float,
+    tolerance: float,
+    angle_tolerance: float,
+    most: int,
+) -> tuple[float, float, int]:
+    """Move the joints until the tool is within the tolerances or no step helps; overwrites ``joints`` (n,).
+
+    Parameters
+    ----------
+    reach : float
+        Length of the arm, which weighs angles against lengths [m].
+    most : int
+        Most trial steps.
+
+    Returns
+    -------
+    error [m], angle error [rad], steps tried
+    """
+    n, rows = len(joints), 3 if aim.kind == POSITION else 6
+    frames, J, miss, left = np.empty((n + 1, 4, 4)), np.empty((6, n)), np.empty(6), np.empty(6)
+    trial, step = np.empty(n), np.empty(n)
+    weight, damping = 0.5 * reach, 1e-3
+    error, angle = tool_misses(arm, aim, joints, frames, miss)
+    for tried in range(most):
+        if (error <= tolerance and angle <= angle_tolerance) or damping > MOST_DAMPING:
+            return error, angle, tried
+        chain_frames(arm, joints, frames)
+        chain_jacobian(arm, frames, J)
+        weigh(frames[n], aim.kind, weight, J)
+        for i in range(6):
+            left[i] = miss[i] if i < 3 else weight * miss[i]
+        limited_step(arm, J, left, rows, damping * reach * reach, joints, step)
+        for k in range(n):
+            trial[k] = min(max(joints[k] + step[k], arm.lower[k]), arm.upper[k])
+        new_error, new_angle = tool_misses(arm, aim, trial, frames, left)
+        if new_error**2 + (weight * new_angle) ** 2 < error**2 + (weight * angle) ** 2:
+            joints[:], miss[:] = trial, left
+            error, angle = new_error, new_angle
+            damping = max(0.2 * damping, LEAST_DAMPING)
+        else:
+            damping *= 8.0
+    return error, angle, most
+
+
+@compiled
+def tool_misses(arm: SerialArm, aim: Aim, joints: Array, frames: Array, miss: Array) -> tuple[float, float]:
+    chain_frames(arm, joints, frames)
+    tool = frames[len(joints)]
+    return misses((tool[0, 3], tool[1, 3], tool[2, 3]), tool[:3, :3], aim, miss)
+
+
+@compiled
+def weigh(tool: Array, kind: int, weight: float, J: Array) -> None:
+    """Turn the Jacobian's angles into lengths; a free roll about the tool's axis is left out."""
+    axis = (tool[0, 2], tool[1, 2], tool[2, 2])
+    for k in range(J.shape[1]):
+        roll = dot(axis, (J[3, k], J[4, k], J[5, k])) if kind == DIRECTION else 0.0
+        for i in range(3):
+            J[3 + i, k] = weight * (J[3 + i, k] - roll * axis[i])
+
+
+@compiled
+def limited_step(
+    arm: SerialArm, J: Array, miss: Array, rows: int, damping: float, joints: Array, step: Array
+) -> None:
+    """Damped least squares step (n,); joints that would leave their limits are held, then the rest solved."""
+    n = len(joints)
+    free, A, y = np.ones(n, dtype=np.bool_), np.empty((rows, rows)), np.empty(rows)
+    for _ in range(n + 1):
+        for i in range(rows):
+            for j in range(i + 1):
+                A[i, j] = damping if i == j else 0.0
+                for k in range(n):
+                    if free[k]:
+                        A[i, j] += J[i, k] * J[j, k]
+        y[:] = miss[:rows]
+        _solve_symmetric(A, y)
+        blocked, longest = False, 0.0
+        for k in range(n):
+            step[k] = 0.0
+            if free[k]:
+                for i in range(rows):
+                    step[k] += J[i, k] * y[i]
+                longest = max(longest, abs(step[k]))
+                if (step[k] > 0 and joints[k] >= arm.upper[k]) or (step[k] < 0 and joints[k] <= arm.lower[k]):
+                    free[k], blocked = False, True
+        if not blocked:
+            if longest > LONGEST_STEP:
+                step *= LONGEST_STEP / longest
+            return
+
+
+@compiled
+def _solve_symmetric(A: Array, y: Array) -> None:
+    """Solve A x = y for a positive definite A given by its lower half; both are overwritten (Cholesky)."""
+    n = len(y)
+    for j in range(n):
+        for k in range(j):
+            A[j, j] -= A[j, k] * A[j, k]
+        A[j, j] = np.sqrt(A[j, j]) if A[j, j] > 1e-300 else 1e-150
+        for i in range(j + 1, n):
+            for k in range(j):
+                A[i, j] -= A[i, k] * A[j, k]
+            A[i, j] /= A[j, j]
+        for k in range(j):
+            y[j] -= A[j, k] * y[k]
+        y[j] /= A[j, j]
+    for j in range(n - 1, -1, -1):
+        for k in range(j + 1, n):
+            y[j] -= A[k, j] * y[k]
+        y[j] /= A[j, j]
+
+
+@compiled
+def _turn_between(z: Vector, wanted: Vector, miss: Array) -> None:
+    """Shortest turn that takes one unit vector to another, as a rotation vector in ``miss[3:]``."""
+    axis, c = cross(z, wanted), dot(z, wanted)
+    s = norm(axis)
+    if s < 1e-15 and c < 0.0:  # half a turn, about any normal
+        axis = cross(z, (1.0, 0.0, 0.0) if abs(z[0]) < 0.7 else (0.0, 1.0, 0.0))
+        s, c = norm(axis), -np.inf
+    if s > 0.0:
+        factor = (np.pi if c == -np.inf else np.arctan2(s, c)) / s
+        miss[3], miss[4], miss[5] = scaled(axis, factor)
+
+
+@compiled
+def _turn_vector(turn: Array, wanted: Array, miss: Array) -> None:
+    """Rotation vector of ``wanted`` against ``turn``, in the base frame, in ``miss[3:]``: by quaternions."""
+    M = np.zeros((3, 3))
+    for i in range(3):
+        for j in range(3):
+            for k in range(3):
+                M[i, j] += wanted[i, k] * turn[j, k]
+    trace = M[0, 0] + M[1, 1] + M[2, 2]
+    big = 0
+    for i in range(1, 3):
+        if M[i, i] > M[big, big]:
+            big = i
+    q = np.empty(4)
+    if trace > M[big, big]:
+        q[0] = 1.0 + trace
+        q[1], q[2], q[3] = M[2, 1] - M[1, 2], M[0, 2] - M[2, 0], M[1, 0] - M[0, 1]
+    else:
+        i, j, k = big, (big + 1) % 3, (big + 2) % 3
+        q[0] = M[k, j] - M[j, k]
+        q[1 + i] = 1.0 + M[i, i] - M[j, j] - M[k, k]
+        q[1 + j], q[1 + k] = M[i, j] + M[j, i], M[i, k] + M[k, i]
+    if q[0] < 0.0:
+        q *= -1.0
+    axis = (q[1], q[2], q[3])
+    s = norm(axis)
+    if s > 0.0:
+        miss[3], miss[4], miss[5] = scaled(axis, 2.0 * np.arctan2(s, q[0]) / s)

@@ -1,0 +1,184 @@
+"""What a posture of an arm in one plane is good for: its manipulability, and what gravity asks of its hinges.
+
+Neither depends on where the pivot is turned. With the last link at a pitch, its end in place and the elbow on
+one side there is one posture, so that postures on a target are two curves over the pitch.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from regionik.planners.geometry.flat import compiled
+from regionik.planners.solvers.kernels import TWO_PI, PlaneArm, fit, slack, triangle
+from regionik.worlds.arrays import Array
+from regionik.worlds.criteria import Criteria
+from regionik.worlds.masses import GRAVITY, LinkMass
+from regionik.worlds.planar import PlanarArm, planar_arm
+from regionik.worlds.robot import Robot
+
+REFINEMENTS = 30  # of the pitch, where no sampled one meets what is asked
+SPARE = 1e-9  # of what is asked, beyond rounding
+COMFORT = 0.01  # of what is asked, so that a tool moved within its tolerance still meets it
+
+
+class Asked(NamedTuple):
+    """Thresholds as kernels take them.
+
+    Attributes
+    ----------
+    least : float
+        Manipulability [m3].
+    pull : (3, 2) array
+        Gravity's torque at hinge k is the sum, over links i from k on, of
+        ``pull[i, 0] cos(pull[i, 1] + angle)``, angle being that of link i in the plane [N m], [rad].
+    most : (3,) array
+        Limits of these torques [N m].
+    """
+
+    least: float
+    pull: Array
+    most: Array
+
+
+@lru_cache(maxsize=256)
+def asked_of(robot: Robot, criteria: Criteria) -> tuple[Asked, Asked]:
+    """What criteria ask of an arm in one plane besides its limits: thresholds for inner reach, and for outer.
+
+    Masses off the axis of the roll joint pull as the roll turns them. Inner thresholds hold at any roll,
+    outer ones may hold at some; without such masses both are one.
+    """
+    least = criteria.manipulability or 0.0
+    arm, dof = planar_arm(robot.chain), robot.chain.dof
+    pull, loose = _pull(robot, arm)
+    limits = criteria.efforts(dof)
+    hinges = np.array(limits[1 : 1 + arm.hinges])
+    if loose == 0.0:
+        both = Asked(least, pull, hinges)
+        return both, both
+    rolls = arm.roll is None or loose <= limits[arm.roll]
+    inner = hinges - loose if rolls else np.full(arm.hinges, -np.inf)
+    return Asked(least, pull, inner), Asked(least, pull, hinges + loose)
+
+
+def _pull(robot: Robot, arm: PlanarArm) -> tuple[Array, float]:
+    """Coefficients of the hinges' torques, and the most that masses off the roll axis add to each [N m]."""
+    chain = robot.chain
+    at_zero = chain.frames(np.zeros(chain.dof))
+    r_axis = np.array([np.cos(arm.pivot_zero), np.sin(arm.pivot_zero), 0.0])
+    angles = np.cumsum(arm.offset)
+    knots = arm.shoulder[0] + 1j * arm.shoulder[1] + np.cumsum([0, *arm.lengths * np.exp(1j * angles)])
+    pull, loose = np.zeros(arm.hinges, dtype=complex), 0.0
+    for load in robot.loads:
+        i = min(load.link, arm.hinges) - 1
+        if i < 0:  # what turns with the pivot alone
+            continue
+        p = _placed(load, at_zero)
+        seen = (p @ r_axis + 1j * p[2] - knots[i]) * np.exp(-1j * angles[i])
+        if arm.roll is not None and load.link >= arm.roll:
+            aside = float(np.hypot(seen.imag, p @ np.cross(r_axis, [0.0, 0.0, 1.0])))
+            loose += GRAVITY * load.mass * aside
+            seen = complex(seen.real)
+        pull[i] += GRAVITY * load.mass * seen
+        pull[:i] += GRAVITY * load.mass * arm.lengths[:i]
+    return np.column_stack([np.abs(pull), np.angle(pull)]), loose
+
+
+def _placed(load: LinkMass, frames: Array) -> Array:
+    T = frames[load.link]
+    p: Array = T[:3, :3] @ load.center + T[:3, 3]
+    return p
+
+
+@compiled
+def spare(arm: PlaneArm, asked: Asked, r: float, z: float, a: float, b: float, c: float) -> float:
+    """Least margin of a posture to the thresholds, as a share of them; negative where one is not met.
+
+    Parameters
+    ----------
+    r, z : float
+        Where its tool is [m].
+    a, b, c : float
+        Angles of its links in the plane [rad].
+    """
+    least = np.inf
+    if asked.least > 0.0:
+        x, y = r - arm.shoulder_r, z - arm.shoulder_z
+        first = arm.lengths[0] * (np.cos(a) * y - np.sin(a) * x)
+        last = arm.lengths[2] * (x * np.sin(c) - y * np.cos(c))
+        bent = arm.lengths[1] * arm.lengths[2] * np.sin(c - b)
+        # Cauchy-Binet: the sum of the squares of all minors of the hinges' columns; the pivot's is r.
+        least = abs(r) * np.sqrt(first * first + last * last + bent * bent) / asked.least - 1.0
+    torque = 0.0
+    for k in range(2, -1, -1):
+        angle = a if k == 0 else (b if k == 1 else c)
+        torque += asked.pull[k, 0] * np.cos(asked.pull[k, 1] + angle)
+        if not asked.most[k] > 0.0:
+            return -np.inf
+        if asked.most[k] < np.inf:
+            least = min(least, (asked.most[k] - abs(torque)) / asked.most[k])
+    return least
+
+
+@compiled
+def posture_spare(arm: PlaneArm, asked: Asked, bends: Array) -> float:
+    """As `spare`, of bends (3,)."""
+    r, z, angle = arm.shoulder_r, arm.shoulder_z, 0.0
+    for k in range(3):
+        angle += bends[k]
+        r += arm.lengths[k] * np.cos(angle)
+        z += arm.lengths[k] * np.sin(angle)
+    a, b = bends[0], bends[0] + bends[1]
+    return spare(arm, asked, r, z, a, b, angle)
+
+
+@compiled
+def _at(arm: PlaneArm, asked: Asked, r: float, z: float, pitch: float, elbow: float, bends: Array) -> float:
+    """`spare` of the one posture with a pitch and elbow, its bends filled in; -inf where there is none."""
+    x, y, lengths = r - arm.shoulder_r, z - arm.shoulder_z, arm.lengths
+    lead, root, tip, ok = triangle(
+        lengths[0], lengths[1], x - lengths[2] * np.cos(pitch), y - lengths[2] * np.sin(pitch)
+    )
+    first, second = lead + elbow * root, lead - elbow * tip
+    if not ok or slack(arm.lower, arm.upper, first, second, pitch) < 0.0:
+        return -np.inf
+    bends[0], _ = fit(first, arm.lower[0], arm.upper[0])
+    bends[1], _ = fit(second - first, arm.lower[1], arm.upper[1])
+    bends[2], _ = fit(pitch - second, arm.lower[2], arm.upper[2])
+    return spare(arm, asked, r, z, first, second, pitch)
+
+
+@compiled
+def meeting_posture(
+    arm: PlaneArm, asked: Asked, pitch: float, r: float, z: float, near: Array, bends: Array, tries: int
+) -> bool:
+    """Among ``tries`` pitches, or the one given, the posture on (r, z) nearest to ``near`` that meets all.
+
+    It does so with `COMFORT`. Where none of them does, pitches about the best are tried ever closer, for any
+    that meets all. Fills bends (3,); False where no posture was found.
+    """
+    count = 1 if np.isfinite(pitch) else tries
+    tried, best = np.empty(3), np.zeros(2)
+    change, most = np.inf, -np.inf
+    for k in range(count):
+        tool = pitch if np.isfinite(pitch) else TWO_PI * k / tries
+        for elbow in (-1.0, 1.0):
+            room = _at(arm, asked, r, z, tool, elbow, tried)
+            if room > most:
+                most, best[0], best[1] = room, tool, elbow
+            moved = np.abs(tried - near).max()
+            if room > COMFORT and moved < change:
+                change = moved
+                bends[:] = tried
+    if change < np.inf:
+        return True
+    width = 0.0 if np.isfinite(pitch) else TWO_PI / tries
+    for _ in range(REFINEMENTS):
+        for side in (-0.5, 0.5):
+            room = _at(arm, asked, r, z, best[0] + side * width, best[1], tried)
+            if room > most:
+                most, best[0] = room, best[0] + side * width
+        width *= 0.7
+    return _at(arm, asked, r, z, best[0], best[1], bends) > SPARE

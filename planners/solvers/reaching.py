@@ -1,0 +1,218 @@
+"""The loop over FABRIK-R passes: give up what stalls, polish it, start again elsewhere; compiled."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from regionik.planners.geometry.flat import compiled
+from regionik.planners.solvers.bodies import Bodies
+from regionik.planners.solvers.fabrikr import (
+    Posture,
+    backward_pass,
+    forward_pass,
+    forward_start_posed,
+    forward_step,
+    posture_of,
+)
+from regionik.planners.solvers.kernels import wrap
+from regionik.planners.solvers.polish import DIRECTION, POSITION, Aim, misses, polish
+from regionik.planners.solvers.serial import rotate_about
+from regionik.worlds.arrays import Array
+
+WINDOW = 5  # passes over which progress is judged
+PATIENCE = 40  # passes that a start may still need at its present pace
+MOST_STEPS = 60  # of polishing one start
+
+
+class Effort(NamedTuple):
+    """When to be content and when to give up.
+
+    Attributes
+    ----------
+    tolerance, angle_tolerance : float
+        [m], [rad]
+    most_passes : int
+        From each start.
+    reach : float
+        Length of the arm [m].
+    polishing : bool
+    """
+
+    tolerance: float
+    angle_tolerance: float
+    most_passes: int
+    reach: float
+    polishing: bool
+
+
+@compiled
+def solve(
+    bodies: Bodies, aim: Aim, starts: Array, effort: Effort, joints: Array
+) -> tuple[float, float, int, int, bool]:
+    """Bring the tool to its aim: passes from ``joints``, then from each of ``starts``, each end polished.
+
+    To polish first and start again only then is what makes real arms fast: on most of them passes alone
+    stall at their offsets, within a few steps of an answer.
+
+    Parameters
+    ----------
+    bodies : Bodies
+        Pointing ones for a position, posing ones for more.
+    starts : (r, n) array
+        Postures to start again from.
+    joints : (dof,) array
+        Start, within limits; overwritten with the answer, or with the nearest posture found. Joints beyond
+        the bodies' n keep their values.
+
+    Returns
+    -------
+    error [m], angle error [rad], passes in all, restarts, whether it was polished
+    """
+    n, count = len(bodies.slide), len(starts) + 1
+    still = Effort(effort.tolerance, effort.angle_tolerance, 0, effort.reach, effort.polishing)
+    best, best_error, best_angle, passes = np.inf, np.inf, np.inf, 0
+    answer, end = np.empty(n), np.empty(n)
+    # Passes may lead every start into one corner of the limits: last of all, starts are polished as they are.
+    for i in range(2 * count - 1 if effort.polishing else count):
+        drawn = i - 1 if i < count else i - count
+        end[:] = joints[:n] if i == 0 else starts[drawn]
+        error, angle, used = reach(bodies, aim, effort if i < count else still, end, i == count - 1)
+        passes += used
+        polished = effort.polishing and share_of(error, angle, effort) > 1.0
+        if polished:
+            error, angle, _ = polish(
+                bodies.arm, aim, end, effort.reach, effort.tolerance, effort.angle_tolerance, MOST_STEPS
+            )
+        share = share_of(error, angle, effort)
+        if share < best:
+            best, best_error, best_angle = share, error, angle
+            answer[:] = end
+        if share <= 1.0:
+            _unwind(bodies, answer, joints)
+            return error, angle, passes, min(i, count - 1), polished
+    _unwind(bodies, answer, joints)
+    return best_error, best_angle, passes, count - 1, effort.polishing
+
+
+@compiled
+def reach(
+    bodies: Bodies, aim: Aim, effort: Effort, joints: Array, to_the_end: bool
+) -> tuple[float, float, int]:
+    """Passes from one start; ``joints`` (n,) becomes the best posture met.
+
+    At its present pace a start may need `PATIENCE` passes more; the last one (``to_the_end``) is dropped
+    only when it makes no headway at all.
+    """
+    posture = posture_of(bodies, joints)
+    miss = np.empty(6)
+    trail = np.empty(effort.most_passes + 1)
+    best, best_error, best_angle, used = np.inf, np.inf, np.inf, 0
+    for used in range(effort.most_passes + 1):
+        error, angle = tool_misses(bodies, aim, posture, miss)
+        share = share_of(error, angle, effort)
+        if share < best:
+            best, best_error, best_angle = share, error, angle
+            joints[:] = posture.joints
+        trail[used] = best
+        if best <= 1.0:
+            break
+        if used >= WINDOW + 2:
+            gain = np.log(trail[used - WINDOW] / best)
+            if gain <= 1e-4 or (not to_the_end and gain * PATIENCE < WINDOW * np.log(best)):
+                break
+        if used < effort.most_passes:
+            inward_pass(bodies, aim, posture)
+            backward_pass(bodies, posture)
+    return best_error, best_angle, used
+
+
+@compiled
+def inward_pass(bodies: Bodies, aim: Aim, posture: Posture) -> None:
+    """From the target in to the root, the last body turned as the aim asks."""
+    if aim.kind == POSITION:
+        forward_pass(bodies, aim.position, posture)
+        return
+    turn = np.empty((3, 3))
+    _wanted_last(bodies, aim, posture, turn)
+    forward_start_posed(bodies, aim.position, turn, posture)
+    for k in range(len(posture.joints) - 1, 0, -1):
+        forward_step(bodies, k, posture)
+
+
+@compiled
+def _wanted_last(bodies: Bodies, aim: Aim, posture: Posture, turn: Array) -> None:
+    """Orientation of the last link that the aim asks for; of many, the one nearest to the present."""
+    tool = bodies.arm.tool[:3, :3]
+    last, wanted = posture.turns[len(posture.joints) - 1], aim.turn
+    if aim.kind == DIRECTION or aim.cone > 0.0:
+        now, miss, spin = _times(last, tool), np.empty(6), np.empty((3, 3))
+        misses((0.0, 0.0, 0.0), now, aim, miss)
+        angle = np.sqrt(miss[3] ** 2 + miss[4] ** 2 + miss[5] ** 2)
+        wanted = now
+        if angle > 0.0:
+            rotate_about(miss[3:] / angle, angle, spin)
+            wanted = _times(spin, now)
+    turn[:] = _times(wanted, tool.T)
+
+
+@compiled
+def tool_misses(bodies: Bodies, aim: Aim, posture: Posture, miss: Array) -> tuple[float, float]:
+    """What the tool misses [m], [rad]; ``miss`` (6,) becomes the way there."""
+    n = len(posture.joints)
+    position = (posture.outer[n, 0], posture.outer[n, 1], posture.outer[n, 2])
+    turn = posture.turns[n - 1]
+    if aim.kind != POSITION:
+        turn = _times(turn, bodies.arm.tool[:3, :3])
+    return misses(position, turn, aim, miss)
+
+
+@compiled
+def _times(A: Array, B: Array) -> Array:
+    """A B, (3, 3)."""
+    out = np.zeros((3, 3))
+    for i in range(3):
+        for j in range(3):
+            for k in range(3):
+                out[i, j] += A[i, k] * B[k, j]
+    return out
+
+
+@compiled
+def share_of(error: float, angle: float, effort: Effort) -> float:
+    """The larger of both misses as a share of its tolerance; rounding must not lift it over 1 later."""
+    return (1.0 + 1e-9) * max(error / effort.tolerance, angle / effort.angle_tolerance)
+
+
+@compiled
+def _unwind(bodies: Bodies, answer: Array, joints: Array) -> None:
+    """Write the answer; joints without limits by the turn nearest to where they were."""
+    for k in range(len(answer)):
+        value = answer[k]
+        if bodies.arm.revolute[k] and np.isinf(bodies.arm.lower[k]) and np.isinf(bodies.arm.upper[k]):
+            value = joints[k] + wrap(value - joints[k])
+        joints[k] = value
+
+
+@compiled
+def solve_batch(
+    bodies: Bodies,
+    positions: Array,
+    starts: Array,
+    effort: Effort,
+    joints: Array,
+    errors: Array,
+    counts: NDArray[np.int64],
+) -> None:
+    """`solve` for many positions (m, 3); overwrites joints (m, dof), errors (m,), counts (m, 3).
+
+    A row of counts: passes, restarts, 1 where it was polished.
+    """
+    turn = np.eye(3)
+    for i in range(len(positions)):
+        aim = Aim(positions[i], POSITION, turn, 0.0)
+        error, _, passes, restarts, polished = solve(bodies, aim, starts, effort, joints[i])
+        errors[i] = error
+        counts[i, 0], counts[i, 1], counts[i, 2] = passes, restarts, 1 if polished else 0

@@ -1,0 +1,135 @@
+"""Any serial chain as flat arrays, with compiled forward kinematics."""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from regionik.planners.geometry.flat import compiled
+from regionik.worlds.arrays import Array
+from regionik.worlds.chain import Chain
+
+Row = tuple[float, float, float]
+
+_UNTURNED = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
+
+
+class SerialArm(NamedTuple):
+    """A chain for kernels; joint k turns about, or slides along, ``axis[k]`` in its own frame.
+
+    Attributes
+    ----------
+    fixed : (n, 4, 4) array
+        From the link before to the joint at zero.
+    axis : (n, 3) array
+        Unit vectors.
+    revolute : (n,) array of bool
+    lower, upper : (n,) array
+        [rad] or [m]; infinite where there is no limit.
+    tool : (4, 4) array
+        From the last link to the tool.
+    """
+
+    fixed: Array
+    axis: Array
+    revolute: NDArray[np.bool_]
+    lower: Array
+    upper: Array
+    tool: Array
+
+
+@lru_cache(maxsize=64)
+def serial_arm(chain: Chain) -> SerialArm:
+    """Read a chain; kept for the last few chains."""
+    return SerialArm(
+        np.array([joint.T_parent_joint for joint in chain.joints]),
+        np.array([joint.axis for joint in chain.joints]),
+        np.array([joint.kind == "revolute" for joint in chain.joints]),
+        chain.lower,
+        chain.upper,
+        np.array(chain.T_last_tool),
+    )
+
+
+@compiled
+def rotation_about(axis: Array, angle: float) -> tuple[Row, Row, Row]:
+    """The rotation by ``angle`` about a unit axis, row by row: Rodrigues' formula."""
+    c, s = math.cos(angle), math.sin(angle)
+    x, y, z = axis[0], axis[1], axis[2]
+    t = 1.0 - c
+    return (
+        (t * x * x + c, t * x * y - s * z, t * x * z + s * y),
+        (t * x * y + s * z, t * y * y + c, t * y * z - s * x),
+        (t * x * z - s * y, t * y * z + s * x, t * z * z + c),
+    )
+
+
+@compiled
+def rotate_about(axis: Array, angle: float, R: Array) -> None:
+    """Write `rotation_about` into ``R`` (3, 3)."""
+    u, v, w = rotation_about(axis, angle)
+    R[0, 0], R[0, 1], R[0, 2] = u
+    R[1, 0], R[1, 1], R[1, 2] = v
+    R[2, 0], R[2, 1], R[2, 2] = w
+
+
+@compiled
+def chain_frames(arm: SerialArm, joints: Array, frames: Array) -> None:
+    """Write the pose of every link, then of the tool, into ``frames`` (n + 1, 4, 4), in the base frame."""
+    frames[0] = np.eye(4)
+    chain_on(arm, joints, frames)
+
+
+@compiled
+def chain_on(arm: SerialArm, joints: Array, frames: Array) -> None:
+    """As `chain_frames`, seen from elsewhere: ``frames[0]`` holds the pose of the chain's base at first."""
+    n = len(arm.axis)
+    for k in range(n + 1):
+        last, step = frames[max(k - 1, 0)], arm.fixed[k] if k < n else arm.tool
+        turns, slides = k < n and arm.revolute[k], k < n and not arm.revolute[k]
+        u, v, w = rotation_about(arm.axis[k], joints[k]) if turns else _UNTURNED
+        for i in range(3):
+            a, b, c, p = last[i, 0], last[i, 1], last[i, 2], last[i, 3]
+            p += a * step[0, 3] + b * step[1, 3] + c * step[2, 3]
+            x = a * step[0, 0] + b * step[1, 0] + c * step[2, 0]
+            y = a * step[0, 1] + b * step[1, 1] + c * step[2, 1]
+            z = a * step[0, 2] + b * step[1, 2] + c * step[2, 2]
+            if turns:
+                x, y, z = (
+                    x * u[0] + y * v[0] + z * w[0],
+                    x * u[1] + y * v[1] + z * w[1],
+                    x * u[2] + y * v[2] + z * w[2],
+                )
+            elif slides:
+                p += (x * arm.axis[k, 0] + y * arm.axis[k, 1] + z * arm.axis[k, 2]) * joints[k]
+            frames[k, i, 0], frames[k, i, 1], frames[k, i, 2], frames[k, i, 3] = x, y, z, p
+        frames[k, 3, 0] = frames[k, 3, 1] = frames[k, 3, 2] = 0.0
+        frames[k, 3, 3] = 1.0
+
+
+@compiled
+def chain_jacobian(arm: SerialArm, frames: Array, J: Array) -> None:
+    """Write the tool's linear and angular velocity for each joint's unit speed into ``J`` (6, n)."""
+    n = len(arm.axis)
+    tool = frames[n, :3, 3]
+    axis, lever = np.empty(3), np.empty(3)
+    for k in range(n):
+        for i in range(3):
+            axis[i] = (
+                frames[k, i, 0] * arm.axis[k, 0]
+                + frames[k, i, 1] * arm.axis[k, 1]
+                + frames[k, i, 2] * arm.axis[k, 2]
+            )
+            lever[i] = tool[i] - frames[k, i, 3]
+        if arm.revolute[k]:
+            J[0, k] = axis[1] * lever[2] - axis[2] * lever[1]
+            J[1, k] = axis[2] * lever[0] - axis[0] * lever[2]
+            J[2, k] = axis[0] * lever[1] - axis[1] * lever[0]
+            J[3:, k] = axis
+        else:
+            J[:3, k] = axis
+            J[3:, k] = 0.0

@@ -1,0 +1,1 @@
+"""Times along a path and from posture to posture."""

@@ -1,0 +1,226 @@
+"""Worlds with one thing taken away, or changed by an amount: pure functions from world to world.
+
+What is taken away is always a constraint, so that nothing which was possible becomes impossible.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import lru_cache, partial
+from itertools import combinations
+
+import numpy as np
+import shapely
+from shapely.affinity import translate
+from shapely.geometry import Point
+from shapely.ops import nearest_points
+
+from regionik.worlds.arrays import Array
+from regionik.worlds.chain import Chain
+from regionik.worlds.errors import CauseKind
+from regionik.worlds.obstacles import Mesh, Prism, Solid
+from regionik.worlds.pivot import span_of
+from regionik.worlds.scene import World
+from regionik.worlds.solids.selfpairs import base_body
+
+JOINT_LIMITS = "joint limits"
+CLEARANCE = "rules.clearance"
+ARM_CLEARANCE = "rules.arm_clearance"
+OWN_BODY = "links and base of the robot"
+HEADING = "rules.heading"
+FOOTPRINT = "footprint of the base"
+EDGE = "edge of the floor"
+CELLS = "cells of the map"
+CRITERIA = "rules.criteria"
+START = "start of the base"
+LIFT_OFFS = "rules.max_lift_offs"
+
+Relaxation = Callable[[World], World]
+
+
+@dataclass(frozen=True)
+class Constraint:
+    """One thing that a world asks for or holds, and how it is taken away.
+
+    Attributes
+    ----------
+    kind : str
+        As in `Cause`.
+    name : str
+        An obstacle's own name, or one of the constants of this module.
+    relax : callable
+        World to world without it.
+    """
+
+    kind: CauseKind
+    name: str
+    relax: Relaxation
+
+
+def constraints_of(world: World) -> tuple[Constraint, ...]:
+    """All that can be taken away from a world's task, what people expect least as a reason first.
+
+    The length of the arm and the height of its mount always stay. The kind of the base does not count
+    either: areas and ladder are those of a base that goes every way.
+    """
+    far = sorted(world.obstacles, key=lambda solid: -_gap(solid, world))
+    found = [Constraint("obstacle", solid.name, partial(without_obstacle, name=solid.name)) for solid in far]
+    if world.floor.cells:
+        found.append(Constraint("obstacle", CELLS, without_cells))
+    found.append(Constraint("floor", EDGE, without_edge))
+    if world.rules.clearance > 0 and world.solids:
+        found.append(Constraint("clearance", CLEARANCE, without_clearance))
+    if len(world.robot.footprint) > 1:
+        found.append(Constraint("base", FOOTPRINT, without_footprint))
+    if world.rules.heading != "free":
+        found.append(Constraint("base", HEADING, without_heading))
+    if any(target.direction is not None for target in world.task):
+        found.append(Constraint("direction", direction_name(world), without_direction))
+    if world.rules.criteria is not None:
+        found.append(Constraint("criteria", CRITERIA, without_criteria))
+    found.append(Constraint("limits", JOINT_LIMITS, without_limits))
+    return tuple(found)
+
+
+def arm_constraints_of(world: World) -> tuple[Constraint, ...]:
+    """The same, and what keeps the arm off things: its clearance, and that its links and base keep apart."""
+    found = [Constraint("self", OWN_BODY, without_own_body)]
+    if world.rules.arm_clearance > 0 and world.solids:
+        found.append(Constraint("clearance", ARM_CLEARANCE, partial(with_arm_clearance, clearance=0.0)))
+    return (*constraints_of(world)[:-1], *found, *constraints_of(world)[-1:])
+
+
+def direction_name(world: World) -> str:
+    """What the task asks of the tool beyond its position."""
+    turned = any(target.orientation is not None for target in world.task)
+    return "tool orientation" if turned else "tool direction"
+
+
+def _gap(solid: Solid, world: World) -> float:
+    """Least distance between a solid and the set-points [m]."""
+    return min(float(solid.distance(target.position)) for target in world.task)
+
+
+def without_obstacle(world: World, name: str) -> World:
+    """No obstacle of that name."""
+    return replace(world, obstacles=tuple(solid for solid in world.obstacles if solid.name != name))
+
+
+def without_cells(world: World) -> World:
+    """A map with no occupied or unknown cells."""
+    return replace(world, floor=replace(world.floor, cells=()))
+
+
+def without_edge(world: World) -> World:
+    """A floor that ends nowhere near the task."""
+    span = span_of(world.robot.chain)
+    away = float(np.hypot(*(world.robot.footprint - world.robot.mount[:2]).T).max())
+    spots = shapely.MultiPoint([target.position[:2] for target in world.task])
+    margin = 2 * (span.radius + span.length + away) + world.rules.clearance + 1.0
+    wide = shapely.box(*(world.floor.polygon.union(spots.envelope).bounds)).buffer(margin, join_style="mitre")
+    return replace(world, floor=replace(world.floor, polygon=wide))
+
+
+def without_clearance(world: World) -> World:
+    """The base may come as near to solids as it likes."""
+    return with_clearance(world, 0.0)
+
+
+def with_arm_clearance(world: World, clearance: float) -> World:
+    """Another clearance of the arm [m]."""
+    return replace(world, rules=replace(world.rules, arm_clearance=clearance))
+
+
+def without_own_body(world: World) -> World:
+    """Links that may pass through one another and through the base."""
+    robot = world.robot
+    body = base_body(robot)
+    names = [solid.name for solid in robot.all_solids] + ([body.name] if body else [])
+    return replace(world, robot=replace(robot, unchecked=tuple(combinations(names, 2))))
+
+
+def without_footprint(world: World) -> World:
+    """A base shrunk to the point of it that is nearest to the arm's axis."""
+    axis = Point(world.robot.mount[:2])
+    outline = shapely.MultiPoint(world.robot.footprint).convex_hull
+    point = np.array(nearest_points(outline, axis)[0].coords)
+    return replace(world, robot=replace(world.robot, footprint=point))
+
+
+def without_heading(world: World) -> World:
+    """The base may stand at any heading."""
+    return replace(world, rules=replace(world.rules, heading="free"))
+
+
+def without_direction(world: World) -> World:
+    """Set-points that ask for a position and no more."""
+    bare = tuple(replace(target, direction=None, orientation=None) for target in world.task)
+    return replace(world, task=bare)
+
+
+def without_criteria(world: World) -> World:
+    """Postures that need be good for nothing but the set-points."""
+    return replace(world, rules=replace(world.rules, criteria=None))
+
+
+def without_limits(world: World) -> World:
+    """Turning joints that turn without end; sliding ones keep their length."""
+    return replace(world, robot=replace(world.robot, chain=_endless(world.robot.chain)))
+
+
+@lru_cache(maxsize=16)
+def _endless(chain: Chain) -> Chain:
+    """Kept for the last few chains: what is known of a chain's reach is kept by chain too."""
+    joints = tuple(
+        replace(joint, lower=-np.inf, upper=np.inf) if joint.kind == "revolute" else joint
+        for joint in chain.joints
+    )
+    return replace(chain, joints=joints)
+
+
+def without_start(world: World) -> World:
+    """A base that may begin anywhere; where the heading is fixed it is so by the start, which then stays."""
+    return world if world.rules.heading == "fixed" else replace(world, start=None)
+
+
+def with_lift_offs(world: World, count: int | None) -> World:
+    """As many lift-offs allowed; None is no bound."""
+    return replace(world, rules=replace(world.rules, max_lift_offs=count))
+
+
+def with_clearance(world: World, clearance: float) -> World:
+    """Another clearance of the base [m]."""
+    return replace(world, rules=replace(world.rules, clearance=clearance))
+
+
+def with_cone(world: World, cone: float) -> World:
+    """Another cone about the directions of all set-points [rad]."""
+    return replace(world, task=tuple(replace(target, cone=cone) for target in world.task))
+
+
+def with_mast(world: World, rise: float) -> World:
+    """The arm and all that is fixed to its links mounted higher by ``rise`` [m]."""
+    mount = world.robot.mount + np.array([0.0, 0.0, rise, 0.0])
+    return replace(world, robot=replace(world.robot, mount=mount))
+
+
+def with_target_moved(world: World, i: int, by: Array) -> World:
+    """Set-point i moved by (3,) [m]."""
+    moved = replace(world.task[i], position=world.task[i].position + by)
+    return replace(world, task=(*world.task[:i], moved, *world.task[i + 1 :]))
+
+
+def with_obstacle_moved(world: World, name: str, by: Array) -> World:
+    """The obstacle of that name moved over the floor by (2,) [m]."""
+    moved = tuple(_moved(solid, by) if solid.name == name else solid for solid in world.obstacles)
+    return replace(world, obstacles=moved)
+
+
+def _moved(solid: Solid, by: Array) -> Solid:
+    step = np.array([by[0], by[1], 0.0])
+    if isinstance(solid, Prism):
+        return replace(solid, polygon=translate(solid.polygon, float(by[0]), float(by[1])))
+    if isinstance(solid, Mesh):
+        return replace(solid, vertices=solid.vertices + step)
+    return replace(solid, center=solid.center + step)

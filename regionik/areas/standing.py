@@ -1,0 +1,228 @@
+"""Where the base may stand, by heading.
+
+Areas that hold at every heading need room for the circle round the footprint. Where that is too much, a full
+turn is cut into slabs of heading: within a slab the footprint needs room for its turns in it alone. The base
+goes from one slab to the next where it may stand in both.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from typing import NamedTuple
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from shapely.geometry import Point, Polygon
+
+from regionik.areas.demand import in_plane
+from regionik.areas.ground import EVERY, GUARD, Geometries, Side, disjoint, ground_of
+from regionik.planners.driving.footprint import slab_areas, slab_rejections, slabs_along
+from regionik.planners.driving.room import Room, room_of
+from regionik.worlds.arrays import Array
+from regionik.worlds.criteria import kept
+from regionik.worlds.obstacles import Shadow
+from regionik.worlds.pivot import is_planar, pivot_of, pivoted
+from regionik.worlds.scene import World
+
+SLABS = 24  # of equal width in a full turn
+WALLS = 4  # longest directions of walls, along which the sides of the footprint are looked at exactly
+ROUND = 0.01  # a footprint whose corners differ less in distance from the arm axis gains nothing by slabs [m]
+LEAST_AREA = 1e-8  # shared by two areas below which they do not meet [m2]
+
+Corners = tuple[tuple[float, float], ...]
+Shadows = tuple[Shadow, ...]
+Index = NDArray[np.intp]
+Mask = NDArray[np.bool_]
+
+
+class Pieces(NamedTuple):
+    """Connected parts of the free floor of every side, and which of them the base can go between.
+
+    Attributes
+    ----------
+    polygon : (n,) array of Polygon
+    side : (n,) array of int
+    label : (n,) array of int
+        Parts of one label are joined by driving and turning.
+    """
+
+    polygon: Geometries
+    side: Index
+    label: Index
+
+
+@dataclass(frozen=True, eq=False)
+class Standing:
+    """Where the base may stand: one side for every heading, or one a slab, round the full turn."""
+
+    sides: tuple[Side, ...]
+
+    @cached_property
+    def pieces(self) -> Pieces:
+        """Of the whole free floor."""
+        found = [side.pieces for side in self.sides]
+        side = np.repeat(np.arange(len(found)), [len(part) for part in found])
+        polygon: Geometries = np.concatenate(found)
+        if len(found) == 1:  # pieces of one side are apart
+            return Pieces(polygon, side, np.arange(len(polygon)))
+        return Pieces(polygon, side, groups(len(polygon), meeting(self, polygon, polygon, side, side)))
+
+    def whole(self, label: int) -> Geometries:
+        """All parts of one connected piece."""
+        parts: Geometries = self.pieces.polygon[self.pieces.label == label]
+        return parts
+
+    def beside(self, a: Index, b: Index) -> Mask:
+        """Whether two sides are the same, or neighbours on the turn."""
+        count = len(self.sides)
+        apart = np.abs(a - b)
+        near: Mask = (apart <= 1) | (apart == count - 1)
+        return near
+
+    def piece_at(self, axis: Array, yaw: float) -> int | None:
+        """Label of the piece that is nearest to a pose; None where there is no floor at all."""
+        polygons, side, label = self.pieces
+        if not len(polygons):
+            return None
+        off = np.array([away(yaw, self.sides[s].span) for s in side.tolist()])
+        gaps = shapely.distance(polygons, Point(axis)) + off
+        return int(label[int(np.argmin(gaps))])
+
+
+def away(yaw: float, span: tuple[float, float]) -> float:
+    """How far a heading lies outside a span of headings, the shorter way [rad].
+
+    Examples
+    --------
+    >>> round(away(6.0, (-0.1, 0.1)), 4), away(6.2, (-0.1, 0.1))
+    (0.1832, 0.0)
+    """
+    return abs(into_span(yaw, span) - yaw)
+
+
+def into_span(yaw: float, span: tuple[float, float]) -> float:
+    """The heading within a span that is nearest to a heading, the shorter way round from it [rad]."""
+    low, high = span
+    if high - low >= 2 * np.pi:
+        return yaw
+    middle, half = (low + high) / 2, (high - low) / 2
+    off = float(np.remainder(yaw - middle + np.pi, 2 * np.pi) - np.pi)
+    return yaw if abs(off) <= half else yaw - off + half * float(np.sign(off))
+
+
+def meeting(standing: Standing, one: Geometries, other: Geometries, first: Index, second: Index) -> Index:
+    """Pairs of areas of the same side or of neighbouring ones that share more than an edge, (k, 2)."""
+    if not len(one) or not len(other):
+        return np.empty((0, 2), dtype=np.intp)
+    a, b = shapely.STRtree(other).query(one, predicate="intersects")
+    near = standing.beside(first[a], second[b])
+    a, b = a[near], b[near]
+    real = shapely.area(shapely.intersection(one[a], other[b])) > LEAST_AREA
+    return np.column_stack([a[real], b[real]]).astype(np.intp)
+
+
+def groups(count: int, pairs: Index) -> Index:
+    """Label of each of ``count`` things of which some pairs are joined, (count,)."""
+    ones = np.ones(len(pairs), dtype=bool)
+    graph = coo_array((ones, (pairs[:, 0], pairs[:, 1])), shape=(count, count))
+    label: Index = connected_components(graph, directed=False)[1].astype(np.intp)
+    return label
+
+
+@lru_cache(maxsize=8)
+def anywhere(world: World) -> Standing:
+    """One side: for every heading, or for the one that the rules fix."""
+    ground = ground_of(world)
+    if world.rules.heading == "fixed" and not _round(world):
+        yaw = 0.0 if world.start is None else float(world.start.base[2])
+        return Standing(_slab_sides(*_kept_by(world), np.array([[yaw, yaw]])))
+    return Standing((Side(ground.inner.floor, ground.inner.parts, span_of_rules(world)),))
+
+
+@lru_cache(maxsize=8)
+def by_heading(world: World) -> Standing:
+    """One side a slab of headings; `anywhere` where slabs bring nothing, or cannot be told apart."""
+    if not turns_matter(world):
+        return anywhere(world)
+    return _inner_slabs(*_kept_by(world))
+
+
+def turns_matter(world: World) -> bool:
+    """Whether the heading decides on where the base may stand.
+
+    With a bounded first joint it decides on the reach too, which is known for arms in one plane only.
+    """
+    chain = pivoted(kept(world.robot, world.rules.criteria).chain)
+    pivot = chain.joints[pivot_of(chain)]
+    endless = pivot.upper - pivot.lower >= 2 * np.pi
+    planar = is_planar(chain) and all(in_plane(chain, one) for one in world.task)
+    return world.rules.heading != "fixed" and not _round(world) and (endless or planar)
+
+
+def span_of_rules(world: World) -> tuple[float, float]:
+    """Headings that the rules allow [rad]."""
+    if world.rules.heading != "fixed":
+        return EVERY
+    yaw = 0.0 if world.start is None else float(world.start.base[2])
+    return yaw, yaw
+
+
+@lru_cache(maxsize=8)
+def outer_by_heading(world: World) -> Standing:
+    """Outer sides by slab: no place outside them is free at any heading of the slab."""
+    ground = ground_of(world)
+    if not turns_matter(world):
+        return Standing((Side(ground.outer.floor, ground.outer.parts, span_of_rules(world)),))
+    return _outer_slabs(*_kept_by(world))
+
+
+@lru_cache(maxsize=8)
+def room_for(world: World) -> Room:
+    """The footprint in the base frame, and all it keeps away from, with a guard against rounding."""
+    ground = ground_of(world)
+    return room_of(world.robot.footprint, ground.floor, ground.shadows, ground.clearance + GUARD)
+
+
+@lru_cache(maxsize=8)
+def _inner_slabs(outline: Corners, floor: Polygon, shadows: Shadows, clearance: float) -> Standing:
+    """Kept by what it depends on: worlds that differ in task or height of the mount share it."""
+    return Standing(
+        _slab_sides(outline, floor, shadows, clearance, _bounds(outline, floor, shadows, clearance))
+    )
+
+
+@lru_cache(maxsize=8)
+def _outer_slabs(outline: Corners, floor: Polygon, shadows: Shadows, clearance: float) -> Standing:
+    bounds = _bounds(outline, floor, shadows, clearance)
+    areas = slab_areas(np.array(outline), floor, shadows, clearance, bounds)
+    none = np.empty(0, dtype=object)
+    return Standing(tuple(Side(area.outer, none, (area.low, area.high)) for area in areas))
+
+
+def _slab_sides(
+    outline: Corners, floor: Polygon, shadows: Shadows, clearance: float, bounds: Array
+) -> tuple[Side, ...]:
+    found = slab_rejections(np.array(outline), floor, shadows, clearance + GUARD, bounds)
+    spans = [(low, high) for low, high in bounds.tolist()]
+    return tuple(Side(one.floor, disjoint(one.taken), span) for one, span in zip(found, spans, strict=True))
+
+
+def _bounds(outline: Corners, floor: Polygon, shadows: Shadows, clearance: float) -> Array:
+    """Headings of the slabs, those with a side of the footprint along a wall among them."""
+    return slabs_along(room_of(np.array(outline), floor, shadows, clearance), SLABS, WALLS)
+
+
+def _kept_by(world: World) -> tuple[Corners, Polygon, Shadows, float]:
+    """All that slabs depend on; the footprint as seen from the arm axis, in the base's directions."""
+    ground = ground_of(world)
+    outline = world.robot.footprint - world.robot.mount[:2]
+    return tuple(map(tuple, outline.tolist())), ground.floor, ground.shadows, ground.clearance
+
+
+def _round(world: World) -> bool:
+    ground = ground_of(world)
+    return ground.far - ground.near < ROUND

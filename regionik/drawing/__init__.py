@@ -1,0 +1,1 @@
+"""What is drawn, before anything draws it; figures, and the parts of pages."""

@@ -1,0 +1,351 @@
+"""Configurations at a set-point whose arm touches nothing.
+
+First what M-FABRIK found and how it would go on from where the robot is; then the arm alone goes round, by
+FABRIK with obstacle-avoiding rotations; then the self-motion of the whole robot is looked through: places of
+the base in the area, and the arm's postures at each.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from functools import lru_cache, partial
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from scipy.stats import qmc
+from shapely.geometry import Point
+from shapely.geometry.base import BaseGeometry
+
+from regionik.areas.demand import in_plane
+from regionik.areas.meeting import meets
+from regionik.areas.standing import Standing, away, into_span
+from regionik.mfabrik import Solver, axis_of, pose_of, solver_for
+from regionik.moving.rolled import Rolls
+from regionik.plan import Configuration
+from regionik.planners.clearance.clearpose import look_round
+from regionik.planners.clearance.posture import ClearPosture, clear_posture, go_round
+from regionik.planners.clearance.touching import Touch
+from regionik.postures.guard import SPARE, Guard
+from regionik.postures.poses import Pose, pose
+from regionik.postures.serialarm import serial_solver
+from regionik.pruning import Ladder
+from regionik.worlds.arrays import Array
+from regionik.worlds.chain import Chain
+from regionik.worlds.scene import World
+
+PLACES = 24  # of the base, looked through in one component
+PITCHES = 48  # of the last link, looked through at every place
+FAR = 1.5  # change of an endless joint from which on the other way round is tried too [rad]
+MENDED = 4  # postures led round what they touch, where no other is clear
+SEARCHED = 2  # of their places, at which all postures are looked for
+BOXES = 20_000  # of postures weighed there
+NEAREST = 4  # components by heading that are looked through
+TURN_WEIGHT = 0.3  # what a turn of the base counts against driving to them [m/rad]
+GIVEN_UP = 16  # tries in a row at one component that led round nothing, after which no more are made
+KEPT = 2  # postures that a place offers to one that asks
+
+
+@dataclass(frozen=True, eq=False)
+class Spot:
+    """A configuration at a set-point, and the component its base stands in."""
+
+    found: Configuration
+    component: int
+
+    @property
+    def pose(self) -> Pose:
+        return pose(self.found)
+
+
+@dataclass(eq=False)
+class Evidence:
+    """What a search at one set-point looked at.
+
+    Attributes
+    ----------
+    places, postures : int
+        Places of the base and postures that were tried.
+    clear : int
+        How many of the postures were clear.
+    proven : int
+        Places at which there is proven to be no clear posture.
+    best : Touch or None
+        Of the posture that came nearest to being clear.
+    room : float
+        By how much that one keeps its distance; negative where it does not [m].
+    """
+
+    places: int = 0
+    postures: int = 0
+    clear: int = 0
+    proven: int = 0
+    best: Touch | None = None
+    room: float = -np.inf
+
+    def add(self, touch: Touch, room: float) -> None:
+        self.postures += 1
+        self.clear += touch.kind == "none"
+        if room > self.room:
+            self.best, self.room = touch, room
+
+
+@dataclass(frozen=True, eq=False)
+class Avoider:
+    """Finds clear configurations for the set-points of a world.
+
+    Attributes
+    ----------
+    world : World
+    guard : Guard
+    ladder : Ladder
+    standing : Standing
+    seed : int
+    travel : (n,) array, optional
+        Of a base on wheels: where it goes on to from each set-point, NaN where it stays [rad].
+    evidence : dict of int to Evidence
+        What was looked at, by set-point.
+    """
+
+    world: World
+    guard: Guard
+    ladder: Ladder
+    standing: Standing
+    seed: int
+    travel: Array | None = None
+    evidence: dict[int, Evidence] = field(default_factory=dict)
+    _places: dict[int, Array] = field(default_factory=dict)
+    _clear: dict[tuple[int, int], list[Spot]] = field(default_factory=dict)
+    _futile: dict[tuple[int, int], int] = field(default_factory=dict)
+    _nearly: dict[int, list[tuple[float, Spot]]] = field(default_factory=dict)
+
+    def options(self, i: int, components: Sequence[int], here: Pose, nominal: Spot) -> Iterator[Spot]:
+        """Clear configurations at set-point i, the likeliest first.
+
+        Parameters
+        ----------
+        i : int
+        components : sequence of int
+            Where the base may stand.
+        here : Pose
+            Where the robot comes from.
+        nominal : Spot
+            What M-FABRIK found for this set-point.
+        """
+        found = self._options(i, components, here, nominal)
+        return (spot for spot in found if self.meets(spot.pose))
+
+    def meets(self, at: Pose) -> bool:
+        """Whether a posture at a set-point meets the rules' criteria; those of `Solver` do anyway."""
+        criteria = self.world.rules.criteria
+        return criteria is None or meets(self.world.robot, criteria, at.joints)
+
+    def _options(self, i: int, components: Sequence[int], here: Pose, nominal: Spot) -> Iterator[Spot]:
+        if self.travel is not None:
+            yield from self._rolled(i, components, here)
+        reached = nominal.found.converged and nominal.component in components
+        if reached and self.clear(i, nominal.pose):
+            yield from self._turns(nominal, here)
+        if not self.guard.on:
+            return
+        target, components = self.world.task[i], self._near(components, here)
+        for k in components:
+            onward = self.solver(k)(target, here.base, here.joints)
+            if onward.converged:
+                spot = Spot(onward, k)
+                yield from [spot] if self.clear(i, spot.pose) else self.around(i, spot)
+        nothing = True
+        for k in components:
+            for spot in self._elsewhere(i, k, here):
+                nothing = False
+                yield spot
+        if nothing:
+            yield from self._mended(i, components)
+
+    def _near(self, components: Sequence[int], here: Pose) -> Sequence[int]:
+        """All components of areas that hold at every heading; of those by heading the few nearest."""
+        if len(self.standing.sides) == 1:
+            return components
+        axis, parts = Point(axis_of(self.world.robot, here.base)), self.ladder.component[list(components)]
+        turns = [away(float(here.base[2]), self._span(k)) for k in components]
+        order = np.argsort(shapely.distance(parts, axis) + TURN_WEIGHT * np.array(turns), kind="stable")
+        return [components[m] for m in order[:NEAREST].tolist()]
+
+    def arrivals(self, i: int, components: Sequence[int], here: Pose, nominal: Spot) -> Iterator[Spot]:
+        """As `options`, for a base that comes with the tool lifted.
+
+        On wheels it looks along its way, where most of the path can be done from first.
+        """
+        k, ahead = nominal.component, self._ahead(i)
+        if ahead:
+            axes = [axis_of(self.world.robot, nominal.found.base), *self._spread(k)]
+            bases = np.array([pose_of(self.world.robot, axis, yaw) for yaw in ahead for axis in axes])
+            gains = Rolls(self.world, self.ladder, self.standing).gains(i, bases)
+            best = bases[np.argsort(-gains, kind="stable")]
+            yield from self._stood(i, components, here, ((base, k) for base in best))
+        yield from self.options(i, components, here, nominal)
+
+    def _rolled(self, i: int, components: Sequence[int], here: Pose) -> Iterator[Spot]:
+        """Clear postures where a base on wheels gets to by staying or by one motion."""
+        rolls = Rolls(self.world, self.ladder, self.standing)
+        ahead = next(iter(self._ahead(i)), None)
+        return self._stood(i, components, here, rolls.poses(i, components, here.base, ahead))
+
+    def _stood(
+        self, i: int, components: Sequence[int], here: Pose, poses: Iterable[tuple[Array, int]]
+    ) -> Iterator[Spot]:
+        """Clear postures with the base at given poses, each in a component."""
+        for base, k in poses:
+            solver = replace(self.solver(k), span=(float(base[2]), float(base[2])))
+            found = solver.hold(self.world.task[i], base, here.joints)
+            spot = Spot(replace(found, base=base), k)
+            if found.converged and k in components and self.clear(i, spot.pose):
+                yield spot
+
+    def _ahead(self, i: int) -> list[float]:
+        """Headings along the way on: forwards, backwards and across."""
+        if self.travel is None or np.isnan(self.travel[i]):
+            return []
+        return [float(self.travel[i]) + turn for turn in (0.0, np.pi, np.pi / 2, -np.pi / 2)]
+
+    def _turns(self, spot: Spot, here: Pose) -> Iterator[Spot]:
+        """A spot with its endless joints turned the shorter way from here, then with each the longer way."""
+        chain, found = self.world.robot.chain, spot.found
+        turns = _endless(chain)
+        change = found.joints - here.joints
+        near = here.joints + np.where(turns, np.remainder(change + np.pi, 2 * np.pi) - np.pi, change)
+        yield replace(spot, found=replace(found, joints=near)) if (near != found.joints).any() else spot
+        for k in np.flatnonzero(turns & (np.abs(near - here.joints) > FAR)).tolist():
+            far = near - 2 * np.pi * np.sign(near - here.joints) * (np.arange(chain.dof) == k)
+            yield replace(spot, found=replace(found, joints=far))
+
+    def clear(self, i: int, at: Pose) -> bool:
+        """Whether the arm keeps clear; what it comes near to is kept as evidence."""
+        return not self.guard.on or self._room(i, at) == np.inf
+
+    def _room(self, i: int, at: Pose) -> float:
+        """By how much the arm keeps its distance, infinite where it is clear; kept as evidence [m]."""
+        touch = self.guard.touch(at)
+        room = self.guard.room(touch)
+        self.evidence.setdefault(i, Evidence()).add(touch, room)
+        return room
+
+    def around(self, i: int, spot: Spot) -> Iterator[Spot]:
+        """The base stays; the arm goes round what it touches, by FABRIK with avoiding rotations."""
+        key, target = (i, spot.component), self.world.task[i]
+        if self._futile.get(key, 0) >= GIVEN_UP:
+            return
+        around: list[Spot] = []
+        if target.direction is None:
+            around = list(self._asked(i, spot, go_round))
+        elif not in_plane(self.world.robot.chain, target):  # in a plane, its few postures were all looked at
+            around = list(self._looked(i, spot))
+        self._futile[key] = 0 if around else self._futile.get(key, 0) + 1
+        yield from around
+
+    def _searched(self, i: int, spot: Spot) -> Iterator[Spot]:
+        """The base stays; every posture of the arm is looked for, or there is proven to be none."""
+        if self.world.task[i].direction is None:
+            yield from self._asked(i, spot, partial(clear_posture, most_boxes=BOXES))
+
+    def _looked(self, i: int, spot: Spot) -> Iterator[Spot]:
+        """The base stays; the arm is tried in other postures on the pose."""
+        robot = self.world.robot
+        arm = serial_solver(robot.chain, float(robot.mount[2]), self.world.rules.tolerance)
+        quest = arm.quest(self.world.task[i])
+        base, contact = spot.found.base, self.guard.contact
+        found = look_round(
+            self.guard.bodies, base, quest.aim, spot.found.joints, quest.effort,
+            contact=contact, margin=SPARE, seed=self.seed,
+        )  # fmt: skip
+        if found is not None and self.clear(i, Pose(base, found[0])):
+            yield replace(spot, found=replace(spot.found, joints=found[0], error=found[1]))
+
+    def _asked(self, i: int, spot: Spot, ask: Callable[..., ClearPosture]) -> Iterator[Spot]:
+        target, bodies, base = self.world.task[i], self.guard.bodies, spot.found.base
+        found = ask(
+            bodies,
+            base,
+            target.position,
+            spot.found.joints,
+            contact=self.guard.contact,
+            tolerance=self.world.rules.tolerance,
+            margin=SPARE,
+            seed=self.seed,
+        )
+        self.evidence.setdefault(i, Evidence()).proven += found.kind == "none"
+        if found.joints is not None and self.clear(i, Pose(base, found.joints)):
+            yield Spot(replace(spot.found, joints=found.joints, error=found.error), spot.component)
+
+    def _elsewhere(self, i: int, k: int, here: Pose) -> Iterator[Spot]:
+        """Clear postures at places of the base in a component, near places first."""
+        axis = axis_of(self.world.robot, here.base)
+        places = self._spread(k)
+        for m in np.argsort(np.hypot(*(places - axis).T), kind="stable").tolist():
+            found = self._at(i, k, m)
+            change = [float(np.abs(spot.found.joints - here.joints).max()) for spot in found]
+            for n in np.argsort(change, kind="stable")[:KEPT].tolist():
+                yield found[n]
+
+    def _mended(self, i: int, components: Sequence[int]) -> Iterator[Spot]:
+        """The postures nearest to being clear, led round what they touch; then all at their places."""
+        nearly = [one for k in components for one in self._nearly.get(k, [])]
+        nearest = [spot for _, spot in sorted(nearly, key=lambda one: -one[0])[:MENDED]]
+        for spot in nearest:
+            yield from self.around(i, spot)
+        for spot in nearest[:SEARCHED]:
+            yield from self._searched(i, spot)
+
+    def _at(self, i: int, k: int, m: int) -> list[Spot]:
+        """All clear postures at one place, looked through once."""
+        key = (k, m)
+        if key not in self._clear:
+            target, place = self.world.task[i], self._spread(k)[m]
+            base = pose_of(self.world.robot, place, self._heading(k, target.position, place))
+            found = self.solver(k).self_motion(target, base, self.world.robot.carry, PITCHES)
+            self.evidence.setdefault(i, Evidence()).places += 1
+            spots = [Spot(one, k) for one in found]
+            rooms = [self._room(i, spot.pose) for spot in spots]
+            self._clear[key] = [spot for spot, room in zip(spots, rooms, strict=True) if room == np.inf]
+            if spots and not self._clear[key]:
+                best = int(np.argmax(rooms))
+                self._nearly.setdefault(k, []).append((rooms[best], spots[best]))
+        return self._clear[key]
+
+    def _heading(self, k: int, target: Array, axis: Array) -> float:
+        """Base yaw of a component's headings: on wheels the way on, else as near as may be to the target."""
+        ahead = self._ahead(int(self.ladder.target[k]))
+        yaw = ahead[0] if ahead else float(np.arctan2(*(target[:2] - axis)[::-1]))
+        return into_span(yaw, self._span(k))
+
+    def _span(self, k: int) -> tuple[float, float]:
+        return self.standing.sides[int(self.ladder.side[k])].span
+
+    def solver(self, k: int) -> Solver:
+        """M-FABRIK inside a component."""
+        return solver_for(self.world, self.ladder.family[k], self.ladder.flat(k), self._span(k))
+
+    def _spread(self, k: int) -> Array:
+        """Places spread over a component."""
+        if k not in self._places:
+            self._places[k] = spread(self.ladder.component[k], PLACES, self.seed)
+        return self._places[k]
+
+
+def spread(area: BaseGeometry, count: int, seed: int) -> Array:
+    """Points (n, 2) spread evenly over a polygon, at most ``count`` of them and at least one."""
+    x0, y0, x1, y1 = area.bounds
+    share = area.area / max((x1 - x0) * (y1 - y0), 1e-12)
+    draws = int(np.ceil(count / max(share, 0.02)))
+    unit = qmc.Halton(2, scramble=True, rng=np.random.default_rng(seed)).random(draws)
+    points = unit * (x1 - x0, y1 - y0) + (x0, y0)
+    inside = points[shapely.contains_xy(area, points)][:count]
+    middle: Point = area.representative_point()
+    return inside if len(inside) else np.array([[middle.x, middle.y]])
+
+
+@lru_cache(maxsize=64)
+def _endless(chain: Chain) -> NDArray[np.bool_]:
+    """Which joints turn without end."""
+    return np.array([np.isinf(one.upper - one.lower) and one.kind == "revolute" for one in chain.joints])

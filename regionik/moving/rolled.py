@@ -1,0 +1,115 @@
+"""Where a base on wheels may go next: it stays while the arm reaches, else rolls where it can stay long."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+
+from regionik.areas.standing import Mask, Standing, away, room_for
+from regionik.mfabrik import axis_of
+from regionik.plan import Configuration
+from regionik.planners.driving.room import fits
+from regionik.planners.solvers.kernels import wrap
+from regionik.pruning import Ladder
+from regionik.worlds.arrays import Array
+from regionik.worlds.robot import Robot
+from regionik.worlds.scene import World
+
+LENGTHS = (0.05, 0.1, 0.2, 0.35, 0.5, 0.75, 1.0)  # of one motion, forwards and backwards [m]
+CURVES = (0.0, -0.5, 0.5, -1.0, 1.0)  # of a car, in shares of its tightest
+SPINS = np.radians([0, -15, 15, -30, 30, -60, 60, -90, 90])  # of a differential drive before it goes straight
+HORIZON = 40  # set-points looked ahead
+LEAST_EFFORT = 0.2  # so that a small motion that brings little is not preferred for being small [m]
+TURN_WEIGHT = 0.3  # what a turn counts against driving [m/rad]
+TRAVEL = 0.3  # way of the base from which it has a direction [m]
+
+
+@dataclass(frozen=True, eq=False)
+class Rolls:
+    """Poses a base on wheels comes to by staying or by one motion, with the component each stands in."""
+
+    world: World
+    ladder: Ladder
+    standing: Standing
+
+    def poses(
+        self, i: int, components: Sequence[int], here: Array, ahead: float | None = None
+    ) -> Iterator[tuple[Array, int]]:
+        """For set-point i, the likeliest first.
+
+        Parameters
+        ----------
+        i : int
+        components : sequence of int
+            Where the base may stand.
+        here : (3,) array
+            Base pose at first.
+        ahead : float, optional
+            Heading that a base that turns on the spot may take when it has come [rad].
+        """
+        bases, efforts = _motions(self.world.robot, here, ahead)
+        holds = {k: self._holds(k, bases) for k in components}
+        owner = np.full(len(bases), -1)
+        for k in reversed(components):
+            owner[holds[k]] = k
+        if owner[0] >= 0:
+            yield bases[0], int(owner[0])
+        room = room_for(self.world)
+        usable = [m for m in np.flatnonzero(owner >= 0).tolist() if m > 0 and fits(room, *bases[m])]
+        gains = self.gains(i, bases)
+        for m in sorted(usable, key=lambda m: (-gains[m] / (efforts[m] + LEAST_EFFORT), m)):
+            yield bases[m], int(owner[m])
+
+    def gains(self, i: int, bases: Array) -> Array:
+        """How much of the tool path from set-point i on each base pose (n, 3) serves, (n,) [m]."""
+        rungs, spots = self.ladder.rungs, [target.position for target in self.world.task]
+        serving, gain = np.ones(len(bases), dtype=bool), np.zeros(len(bases))
+        for j in range(i, min(i + HORIZON, self.ladder.count - 1)):
+            held = [self._holds(k, bases) for k in range(rungs[j + 1], rungs[j + 2])]
+            serving &= np.any(held, axis=0)
+            gain += serving * float(np.linalg.norm(spots[j + 1] - spots[j]))
+        return gain
+
+    def _holds(self, k: int, bases: Array) -> Mask:
+        """Which poses a component holds."""
+        axes, span = axis_of(self.world.robot, bases), self.standing.sides[int(self.ladder.side[k])].span
+        turned = np.array([away(yaw, span) < 1e-9 for yaw in bases[:, 2].tolist()], dtype=bool)
+        held: Mask = shapely.contains_xy(self.ladder.component[k], axes) & turned
+        return held
+
+
+def travel_headings(robot: Robot, goals: Sequence[Configuration]) -> Array:
+    """Direction in which the arm axis goes on from each configuration, (n,); NaN where it stays [rad]."""
+    axes = np.array([axis_of(robot, goal.base) for goal in goals])
+    headings = np.full(len(axes), np.nan)
+    for i, axis in enumerate(axes):
+        way = axes[i + 1 :] - axis
+        far = np.flatnonzero(np.hypot(*way.T) >= TRAVEL)
+        if len(far):
+            headings[i] = np.arctan2(*way[far[0]][::-1])
+        elif i:
+            headings[i] = headings[i - 1]
+    return headings
+
+
+def _motions(robot: Robot, here: Array, ahead: float | None) -> tuple[Array, Array]:
+    """Poses after one motion and what each costs, the pose itself first."""
+    bases, efforts = [here], [0.0]
+    for length in (sign * length for length in LENGTHS for sign in (1, -1)):
+        if robot.base == "car":
+            turns = [(0.0, share * length / robot.turning_radius) for share in CURVES]
+        else:
+            turns = [(float(spin), 0.0) for spin in SPINS]
+        for spin, turn in turns:
+            start = here + (0.0, 0.0, spin)
+            half = start[2] + turn / 2
+            chord = length * np.sinc(turn / (2 * np.pi))
+            bases.append(start + (chord * np.cos(half), chord * np.sin(half), turn))
+            efforts.append(abs(length) + TURN_WEIGHT * (abs(spin) + abs(turn)))
+            if robot.base == "differential" and ahead is not None:
+                bases.append(np.array([*bases[-1][:2], ahead]))
+                efforts.append(efforts[-1] + TURN_WEIGHT * abs(wrap(ahead - start[2])))
+    return np.array(bases), np.array(efforts)

@@ -1,0 +1,255 @@
+"""The tool goes on along its path from one set-point to the next, and base and arm with it.
+
+The base moves as `basepaths` offers; the arm is solved along the way so that the tool keeps to its own and
+nothing jumps.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from regionik.areas.demand import between as asked_between
+from regionik.areas.demand import deviation
+from regionik.areas.reachable import Family
+from regionik.mfabrik import Solver, pose_of, solver_between
+from regionik.moving.avoid import Spot
+from regionik.moving.basepaths import BaseWay, Tracks
+from regionik.plan import Configuration
+from regionik.planners.clearance.legs import between, laid_out
+from regionik.planners.clearance.touching import Touch
+from regionik.planners.driving.drive import NoPathError
+from regionik.planners.geometry.flat import Index
+from regionik.planners.solvers import kernels
+from regionik.postures.guard import Guard
+from regionik.postures.poses import LARGEST_BEND, Pose, Row, arrays, pose
+from regionik.pruning import Ladder
+from regionik.worlds.arrays import Array
+from regionik.worlds.errors import RegionikError
+from regionik.worlds.pivot import pivot_of, pivoted
+from regionik.worlds.scene import Target, World
+
+TOOL_STRIDE = 0.05  # longest way of base or tool between two states on the path [m]
+SOLVE_TOLERANCE = 0.1  # arms between set-points are solved to this share of the tolerance
+SAG_SHARE = 0.3  # share of the path tolerance that motion between two states may use
+TURN_SLACK = 1e-7  # rounding allowed at the edge of a cone [rad]
+DEEPEST = 6  # halvings before a stretch counts as discontinuous
+LOOKED_AT = np.array([0.25, 0.5, 0.75])  # shares of the way between two states
+AT_ONCE = 16  # states tried in one call: after one that fails, the rest is tried anew
+CLOSEST = 3  # halvings before a motion that is not proven clear counts as blocked
+
+
+class _BlockedError(RegionikError):
+    """The arm would touch something on the way."""
+
+    def __init__(self, touch: Touch) -> None:
+        super().__init__("the arm would touch something")
+        self.touch = touch
+
+
+class Place(NamedTuple):
+    """A place on a way: the leg, the share of it, and how often the hop to there was halved."""
+
+    leg: int
+    share: float
+    depth: int = 0
+
+
+@dataclass(frozen=True, eq=False)
+class Way:
+    """What base, tool and arm do from one set-point to the next, evenly from knot to knot of the base's way.
+
+    Attributes
+    ----------
+    base : BaseWay
+    asked : (Target, Target)
+        At both set-points.
+    joints : (2, dof) array
+        Postures wished for there.
+    family : (Family, Family)
+    stride : float
+        Longest part of the base's way, or of the tool's, between two states [m].
+    """
+
+    base: BaseWay
+    asked: tuple[Target, Target]
+    joints: Array
+    family: tuple[Family, Family]
+    stride: float
+
+    @property
+    def bare(self) -> bool:
+        """Whether the tool may be turned as it will."""
+        return self.asked[0].direction is None and self.asked[1].direction is None
+
+    @property
+    def points(self) -> Array:
+        """Where the tool is at every knot, (k, 3) [m]."""
+        return self._laid[0]
+
+    @property
+    def wished(self) -> Array:
+        """Joints wished for at every knot, (k, dof)."""
+        return self._laid[1]
+
+    def places(self) -> list[Place]:
+        """A stride apart at most, all knots but the first among them."""
+        leg, share = self._laid[2:]
+        return [Place(*one) for one in zip(leg.tolist(), share.tolist(), strict=True)]
+
+    @cached_property
+    def _laid(self) -> tuple[Array, Array, Index, Array]:
+        spots = np.array([target.position for target in self.asked])
+        return laid_out(self.base.knots, self.base.tool, spots, self.joints, self.stride)
+
+    def target(self, at: Place) -> Target:
+        """What the tool is asked at a place; its axis or frame turns evenly."""
+        first, last = (asked_between(*self.asked, tool) for tool in self._tool(at))
+        return asked_between(first, last, at.share)
+
+    def families(self, at: Place) -> list[Family]:
+        """At both ends of a leg."""
+        return [self.family[round(tool)] for tool in self._tool(at)]
+
+    def pitch(self, at: Place) -> float:
+        """Of the last link."""
+        first, last = (family.pitch for family in self.families(at))
+        return first + at.share * kernels.wrap(last - first)
+
+    def _tool(self, at: Place) -> list[float]:
+        tool: list[float] = self.base.tool[at.leg : at.leg + 2].tolist()
+        return tool
+
+
+@dataclass(frozen=True, eq=False)
+class Stretcher:
+    """Moves the robot with its tool on the path.
+
+    Attributes
+    ----------
+    stops : dict of int to Touch
+        What the arm met first on the way on from a set-point.
+    """
+
+    world: World
+    ladder: Ladder
+    guard: Guard
+    tracks: Tracks
+    stops: dict[int, Touch] = field(default_factory=dict)
+    _solvers: dict[Family, Solver] = field(default_factory=dict)
+
+    def follow(self, i: int, here: Spot, goal: Spot) -> list[Row] | None:
+        """From set-point i to i + 1; None where the arm would have to jump, or would touch something."""
+        ends = self.world.task[i], self.world.task[i + 1]
+        joints = np.array([here.found.joints, goal.found.joints])
+        families = self.ladder.family[here.component], self.ladder.family[goal.component]
+        stride = min(TOOL_STRIDE, self.world.rules.step)
+        try:
+            for base in self.tracks.ways(here.component, goal.component, here.pose.base, goal.pose.base):
+                poses = self._states(Way(base, ends, joints, families, stride), here.pose)
+                if poses is not None:
+                    return [Row(one, "step", i) for one in poses]
+        except NoPathError:
+            return None
+        except _BlockedError as blocked:
+            self.stops.setdefault(i, blocked.touch)
+        return None
+
+    def _states(self, way: Way, here: Pose) -> list[Pose] | None:
+        """States on a way that keep the tool to its own and the arm clear.
+
+        What holds is taken, up to a hop that does not: that one is halved, as often as it may help.
+        """
+        ahead = way.places()[::-1]  # the next one last
+        passed, at = [here], Place(0, 0.0)
+        while ahead:
+            tried = [at, *ahead[: -AT_ONCE - 1 : -1]]
+            states, missing = self._solved(way, tried[1:], passed[-1])
+            count, touch = self._proven(way, tried[: len(states) + 1], [passed[-1], *states])
+            passed += states[:count]
+            at, ahead = tried[count], ahead[: len(ahead) - count]
+            if count == len(states) and not missing:
+                continue
+            if count == len(states):  # a place out of reach: it is so however the tool comes there
+                return None
+            leg, share, depth = ahead.pop()
+            if touch is not None and (depth >= CLOSEST or not self.guard.clear(states[count])):
+                raise _BlockedError(touch)
+            if depth >= DEEPEST:
+                return None
+            done = at.share if at.leg == leg else 0.0
+            ahead += [Place(leg, share, depth + 1), Place(leg, (done + share) / 2, depth + 1)]
+        return passed[1:]
+
+    def _solved(self, way: Way, places: list[Place], near: Pose) -> tuple[list[Pose], bool]:
+        """States at places, each from the one before, and whether the one after them was not found.
+
+        All of them where one compiled call finds them, else the first.
+        """
+        solver = self._solver(way.families(places[0])[0])
+        if not (way.bare and solver.compiled):
+            state = _solve(solver, way, places[0], near)
+            return ([], True) if state is None else ([state], False)
+        leg, share = _columns(places)
+        points, wished = (between(knots, leg, share) for knots in (way.points, way.wished))
+        rows = points, way.base.places(leg, share), wished
+        found = solver.along(*rows, LARGEST_BEND / 2, near.base, near.joints)
+        states = [Pose(*state) for state in zip(*found, strict=True)]
+        return states, len(states) < len(places)
+
+    def _proven(self, way: Way, places: list[Place], poses: list[Pose]) -> tuple[int, Touch | None]:
+        """How many hops lead the tool as asked, jump nowhere and are clear; what stops the next one."""
+        (leg, share), (bases, joints) = _columns(places), arrays(poses)
+        line, sag = between(way.points, leg, share), SAG_SHARE * self.world.rules.path_tolerance
+        count = self.guard.led(bases, joints, line, LOOKED_AT, sag)
+        if not way.bare:
+            tools = self.guard.tools(bases[: count + 1], joints[: count + 1], LOOKED_AT)
+            asked = [way.target(place) for place in places[: count + 1]]
+            turned = [_turned(*hop) for hop in zip(asked[:-1], asked[1:], tools, strict=True)]
+            count = [*turned, False].index(False)
+        return self.guard.proven(bases[: count + 1], joints[: count + 1])
+
+    def _solver(self, family: Family) -> Solver:
+        """Solver for what lies between set-points, kept for families that are asked for again."""
+        if family not in self._solvers:
+            solver = solver_between(self.world, family)
+            self._solvers[family] = replace(solver, tolerance=solver.tolerance * SOLVE_TOLERANCE)
+        return self._solvers[family]
+
+
+def _turned(p: Target, q: Target, tools: Array) -> bool:
+    """Whether tool frames on the way between two targets are turned as asked."""
+    if p.direction is None or q.direction is None:
+        return True
+    asked = [asked_between(p, q, share) for share in LOOKED_AT.tolist()]
+    pairs = zip(asked, tools, strict=True)
+    return all(deviation(one, tool[:3, :3]) <= one.cone + TURN_SLACK for one, tool in pairs)
+
+
+def _solve(solver: Solver, way: Way, at: Place, near: Pose) -> Pose | None:
+    """Pose at one place, as near as may be to the wished posture; see `ways.answer_way`."""
+    leg, share = _columns([at])
+    place, wished = way.base.places(leg, share)[0], between(way.wished, leg, share)[0]
+    tool, pitch, bound = way.target(at), way.pitch(at), not np.isnan(place[2])
+    if not np.isnan(pitch):
+        solver = replace(solver, family=replace(solver.family, pitch=pitch))
+    if bound:
+        solver = replace(solver, span=(float(place[2]), float(place[2])))
+    base = place if bound else pose_of(solver.robot, place[:2], near.base[2])
+    chain = pivoted(solver.robot.chain)
+    others = (np.arange(chain.dof) != pivot_of(chain))[-len(wished) :]
+    wished = np.where(others, wished, near.joints)  # the heading decides on the pivot
+    found: Configuration | None = solver.hold(tool, base, wished)
+    if found is None or not found.converged or np.abs(found.joints - wished)[others].max() > LARGEST_BEND / 2:
+        found = solver.least_change(tool, base, wished)
+    if found is None:
+        return None
+    return Pose(base, found.joints) if bound else pose(found)
+
+
+def _columns(places: list[Place]) -> tuple[Index, Array]:
+    """Legs and shares of places."""
+    return np.array([one.leg for one in places]), np.array([one.share for one in places])

@@ -1,0 +1,161 @@
+"""How a base on wheels and a pitch arm follow set-points, so closely that the tool keeps to its path."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from regionik.planners.driving.pitch import HeightError, PitchArm, arm_share, pitch_arm
+from regionik.planners.driving.tracking import Track, headings, track_runs
+from regionik.postures.poses import LARGEST_BEND
+from regionik.rolling import on_way
+from regionik.worlds.arrays import Array
+from regionik.worlds.robot import Robot
+from regionik.worlds.scene import Target, World
+
+FINEST = 6  # how often the segment between two set-points is halved at most
+SAME = 1e-9  # [rad] or [m]
+
+
+@dataclass(frozen=True, eq=False)
+class PosePath:
+    """Poses of the tool: all set-points, and some between."""
+
+    poses: list[Array]  # (4, 4)
+    owner: list[int]  # the set-point, or the one behind
+    exact: list[bool]  # whether it is the set-point
+
+
+@dataclass(frozen=True, eq=False)
+class Follow:
+    """One way to follow the poses of a path: in runs, the tool lifted between them; none where none can."""
+
+    path: PosePath
+    runs: tuple[Track, ...]
+
+
+def arm_of(robot: Robot) -> PitchArm | None:
+    """The arm, if the tracker can lead the robot: wheels, and a pitch arm straight ahead of them."""
+    x, y, _, yaw = robot.mount
+    if robot.base != "differential" or x <= 0 or y != 0 or yaw != 0:
+        return None
+    return pitch_arm(robot.chain)
+
+
+def ways(world: World, arm: PitchArm) -> Iterator[Follow]:
+    """Ways from all headings of the base and both elbows: fewest lift-offs first, then least wheel travel.
+
+    A new run begins where a joint would leave its limits; what no run can follow is left out.
+
+    Raises
+    ------
+    HeightError
+        With the index of the set-point, or of the one behind.
+    """
+    first, lift = _pose(world.task[0]), float(world.robot.mount[2])
+    given = () if world.start is None else (float(world.start.base[2]),)
+    starts = [
+        (heading, elbow)
+        for elbow in (1, -1)
+        if _bends(world, arm, elbow)
+        for heading in (*given, *headings(arm, first, lift, elbow))
+    ]
+    for most in (1.0, np.inf):
+        found = [_followed(world, arm, *start, most) for start in starts]
+        yield from sorted((one for one in found if one.runs), key=lambda one: _cost(world, one))
+        starts = [start for start, one in zip(starts, found, strict=True) if not one.runs]
+
+
+def _cost(world: World, found: Follow) -> tuple[int, float]:
+    """How often the base drives with the tool lifted, and how far its faster wheel goes beside that [m]."""
+    start, first = world.start, found.runs[0]
+    away = start is not None and not same(start.base, start.joints, first.base[0], first.joints[0])
+    ways = (np.abs(run.wheels(world.robot.gauge)).max(1).sum() for run in found.runs)
+    return len(found.runs) + away, float(sum(ways))
+
+
+def same(base: Array, joints: Array, other: Array, others: Array) -> bool:
+    """Whether two states of the robot are one."""
+    return bool(max(np.abs(base - other).max(), np.abs(joints - others).max()) <= SAME)
+
+
+def _bends(world: World, arm: PitchArm, elbow: int) -> bool:
+    """Whether shoulder and elbow stay within their limits at all set-points, the arm facing them or not."""
+    chain, lift = world.robot.chain, float(world.robot.mount[2])
+    for k, target in enumerate(world.task):
+        shares = [arm_share(arm, _pose(target), lift, k, elbow=elbow, facing=facing) for facing in (1, -1)]
+        joints = np.array([share.joints[:2] for share in shares])
+        if not ((joints >= chain.lower[1:3] - SAME) & (joints <= chain.upper[1:3] + SAME)).all(1).any():
+            return False
+    return True
+
+
+def _followed(world: World, arm: PitchArm, heading: float | None, elbow: int, most: float) -> Follow:
+    """Segments between set-points are halved until what the robot does between poses keeps the rules."""
+    robot, parts = world.robot, [1] * len(world.task)
+    for _ in range(FINEST):
+        path = _path(world.task, parts)
+        try:
+            runs = track_runs(
+                arm,
+                path.poses,
+                ahead=float(robot.mount[0]),
+                lift=float(robot.mount[2]),
+                lower=robot.chain.lower,
+                upper=robot.chain.upper,
+                heading=heading,
+                elbow=elbow,
+                most=most,
+            )
+        except HeightError as error:  # between two set-points: tell it by the one behind
+            raise HeightError(path.owner[error.index], error.height, error.low, error.high) from None
+        coarse = {path.owner[k] for k in _coarse(world, path, runs)} if runs else set()
+        if not coarse:
+            break
+        parts = [2 * n if i in coarse else n for i, n in enumerate(parts)]
+    return Follow(path, runs)
+
+
+def _path(task: tuple[Target, ...], parts: list[int]) -> PosePath:
+    """The segment behind each set-point but the last in so many parts, turned evenly."""
+    poses, owner = [_pose(task[0])], [0]
+    for i, (a, b) in enumerate(pairwise(task)):
+        here, there = _pose(a), _pose(b)
+        turn = Rotation.from_matrix(here[:3, :3].T @ there[:3, :3]).as_rotvec()
+        for k in range(1, parts[i]):
+            s, T = k / parts[i], np.eye(4)
+            T[:3, :3] = here[:3, :3] @ Rotation.from_rotvec(s * turn).as_matrix()
+            T[:3, 3] = here[:3, 3] + s * (there[:3, 3] - here[:3, 3])
+            poses.append(T)
+        poses.append(there)
+        owner += [i] * (parts[i] - 1) + [i + 1]
+    exact = [k == 0 or i != owner[k - 1] for k, i in enumerate(owner)]
+    return PosePath(poses, owner, exact)
+
+
+def _pose(target: Target) -> Array:
+    T = np.eye(4)
+    assert target.orientation is not None, "the tracker needs full orientations"
+    T[:3, :3], T[:3, 3] = target.orientation, target.position
+    return T
+
+
+def _coarse(world: World, path: PosePath, runs: tuple[Track, ...]) -> list[int]:
+    """Indices of poses from which the robot goes too far, or the tool too far off, until the next."""
+    rules, robot = world.rules, world.robot
+    base, joints = (np.concatenate([getattr(run, part) for run in runs]) for part in ("base", "joints"))
+    poses = np.array(path.poses)
+    bend, move = np.diff(joints, axis=0), np.diff(poses, axis=0)
+    cone = min(target.cone for target in world.task)
+    arc = np.concatenate([run.arc for run in runs])[1:]
+    coarse = (np.abs(arc) > rules.step) | (np.abs(bend) > LARGEST_BEND).any(1)
+    for s in (0.25, 0.5, 0.75):
+        tool = robot.tool(on_way(robot.base, base[:-1], base[1:], s), joints[:-1] + s * bend)
+        off = np.linalg.norm(tool - poses[:-1] - s * move, axis=1)
+        coarse |= (off[:, 3] > rules.path_tolerance / 2) | (off[:, 2] > cone / 2)
+    coarse[np.cumsum([len(run.base) for run in runs])[:-1] - 1] = False  # there the tool is lifted
+    return np.flatnonzero(coarse).tolist()

@@ -1,0 +1,123 @@
+"""Motion with the tool lifted: the arm is folded, the base drives over free floor, the arm unfolds."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from regionik.moving.driving import Driver
+from regionik.moving.hops import Hops
+from regionik.moving.wholebody import WholeBody
+from regionik.planners.clearance.touching import Touch
+from regionik.planners.driving.drive import NoPathError
+from regionik.postures.guard import Guard
+from regionik.postures.poses import Pose
+from regionik.worlds.pivot import pivot_of, pivoted
+from regionik.worlds.scene import World
+
+WITHDRAWALS = (0.0, 0.1, 0.2, 0.4, 0.6)  # how far the base draws back before the arm folds [m]
+BERTHS = (0.0, 0.04, 0.08, 0.16)  # kept from the edge of the free floor beyond what the base needs [m]
+
+
+@dataclass(frozen=True, eq=False)
+class Carrier:
+    """Moves the robot with its tool lifted.
+
+    Attributes
+    ----------
+    refusals : list of NoPathError
+        Why the base found no way, one for each time it did not.
+    """
+
+    world: World
+    guard: Guard
+    hops: Hops
+    driver: Driver
+    refusals: list[NoPathError] = field(default_factory=list)
+
+    def sampled(self, here: Pose, there: Pose, piece: int) -> list[Pose] | None:
+        """States strictly between two poses, on a way found in the space of the whole robot."""
+        if self.world.robot.base != "omni":
+            return None
+        lead = self.driver.onto(here, piece)
+        if not self.hops.clear(lead):
+            return None
+        way = WholeBody(self.world, self.hops, self.driver, piece).way(lead[-1], there)
+        if way is None:
+            return None
+        self.driver.methods["whole body"] = self.driver.methods.get("whole body", 0) + 1
+        pairs = zip(way[:-1], way[1:], strict=True)
+        rows = [row for a, b in pairs for row in [*(self.driver.direct(a, b, piece) or []), b]]
+        return [*lead[1:], *rows[:-1]]
+
+    def folded(self, here: Pose, there: Pose, piece: int) -> list[Pose] | None:
+        """States strictly between two poses on one piece of free floor; None where the arm cannot pass so.
+
+        The arm is folded at once where that keeps it clear, else after drawing back; it unfolds likewise.
+        """
+        try:
+            plain = self._carried(here, there, piece)
+        except NoPathError as refusal:
+            self.refusals.append(refusal)
+            return None
+        if self.hops.clear([here, *plain, there]):
+            return plain
+        lead = self.driver.onto(here, piece)
+        out = next(self._withdrawals(lead[-1], piece), None)
+        back = next(self._withdrawals(there, piece), None)
+        if out is None or back is None or not self.hops.clear(lead):
+            return None
+        drive = self._driven(out[-1], back[-1], piece)
+        return None if drive is None else [*lead[1:], *out, *drive, *back[::-1]]
+
+    def obstruction(self, here: Pose, there: Pose, piece: int) -> Touch | None:
+        """What the arm meets first where it is folded, driven and unfolded without looking."""
+        poses = [here, *self._carried(here, there, piece), there]
+        met = next((touch for touch in map(self.guard.touch, poses) if touch.kind != "none"), None)
+        if met is not None:  # tells how deep, where a proof only tells that it ended
+            return met
+        return self.guard.stop(poses)
+
+    def _carried(self, here: Pose, there: Pose, piece: int) -> list[Pose]:
+        """Fold where the robot stands, drive in the carry posture, unfold; short ways without folding."""
+        route = self.driver.route(here, there, piece)
+        if len(route) == 2:
+            return self.driver.states(here, there, route)
+        lifted, lowered = self._lifted(here), self._lifted(there)
+        return [
+            *self.hops.still(here, lifted),
+            lifted,
+            *self.driver.states(lifted, lowered, route),
+            lowered,
+            *self.hops.still(lowered, there),
+        ]
+
+    def _driven(self, here: Pose, there: Pose, piece: int) -> list[Pose] | None:
+        """Drive with a still arm, giving things the widest berth that is needed."""
+        for berth in BERTHS:
+            try:
+                drive = self.driver.states(here, there, self.driver.route(here, there, piece, berth))
+            except NoPathError:
+                return None
+            if self.hops.clear([here, *drive, there]):
+                return drive
+        return None
+
+    def _withdrawals(self, here: Pose, piece: int) -> Iterator[list[Pose]]:
+        """Clear ways from a pose to the carry posture: back with a still arm, then fold."""
+        for far in WITHDRAWALS:
+            for back in self.driver.retreats(here, far, piece):
+                folded = self._lifted(back[-1])
+                way = [*back, *self.hops.still(back[-1], folded), folded]
+                if self.hops.clear([here, *way]):
+                    yield way
+
+    def _lifted(self, at: Pose) -> Pose:
+        """Carry posture with the pivot left where it is, so that the arm folds in its own plane."""
+        q = np.array(self.world.robot.carry)
+        chain = self.world.robot.chain
+        if pivoted(chain) is chain:
+            q[pivot_of(chain)] = at.joints[pivot_of(chain)]
+        return Pose(at.base, q)

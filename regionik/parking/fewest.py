@@ -1,0 +1,333 @@
+"""Park and work: the fewest places of the base from which all set-points are done standing still.
+
+A place serves set-points one after the other where it lies in a component of each, of one slab of headings
+and of postures that the arm can go on between. The number is proven to be the fewest for these inner areas,
+each shrunk by the radius of the circle to park in, with headings and solids in the arm's way left aside; the
+same count over outer areas is a bound that no base falls below.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+import shapely
+from numpy.typing import ArrayLike
+from shapely.geometry.base import BaseGeometry
+
+from regionik.areas.ground import Geometries
+from regionik.areas.standing import Index, Standing
+from regionik.mfabrik import axis_of
+from regionik.planners.places.cover import Cover, Faces, faces_of, least_cover
+from regionik.planners.places.runs import fewest_runs, shrunk
+from regionik.pruning import Ladder, Mask, build_ladder
+from regionik.reasons import explain
+from regionik.regions import PathAreas, outer_areas, path_areas, ways_to_stand
+from regionik.worlds.arrays import Array
+from regionik.worlds.errors import Cause, Explanation, NoPlanFound
+from regionik.worlds.scene import Order, Target, World
+
+
+@dataclass(frozen=True, eq=False)
+class Group:
+    """Set-points that one place of the base can serve, and all places that do.
+
+    Attributes
+    ----------
+    setpoints : tuple of int
+    places : dict of int to geometry
+        By side of the standing; the circle to park in is worked in.
+    """
+
+    setpoints: tuple[int, ...]
+    places: dict[int, BaseGeometry]
+
+
+@dataclass(frozen=True, eq=False)
+class Floors:
+    """Areas to park in, under one way to stand and to face.
+
+    Attributes
+    ----------
+    standing : Standing
+    facings : tuple of int
+    piece : int
+        Label of the floor that the base gets to.
+    areas : PathAreas
+    ladder : Ladder
+    usable : (m,) array of bool
+        Components on the floor that the base gets to.
+    narrow : (m,) array of geometry
+        Components shrunk by the circle to park in.
+    back : tuple of tuples of int
+        For each component those of the set-point before that the arm comes from while the base stands still.
+    """
+
+    standing: Standing
+    facings: tuple[int, ...]
+    piece: int
+    areas: PathAreas
+    ladder: Ladder
+    usable: Mask
+    narrow: Geometries
+    back: tuple[tuple[int, ...], ...]
+
+    def groups(self, begin: int = 0) -> list[Group]:
+        """Fewest groups of set-points in their order, from one of them on, and the places of each."""
+        return self._groups(begin, self.ladder.count)
+
+    def _groups(self, begin: int, end: int) -> list[Group]:
+        rungs = self.ladder.rungs[begin : end + 1]
+        offset = int(rungs[0])
+        back = [[m - offset for m in row if m >= offset] for row in self.back[offset : int(rungs[-1])]]
+        runs = fewest_runs(self.narrow[offset:], rungs - offset, back)
+        return [
+            Group(
+                tuple(range(begin + run.first, begin + run.last + 1)),
+                self._by_side({k + offset: area for k, area in run.ends.items()}),
+            )
+            for run in runs
+        ]
+
+    def group(self, setpoints: tuple[int, ...], order: Order) -> Group:
+        """Set-points that one place serves, with all its places: in their order, or in any."""
+        if order == "given":
+            first, last = setpoints[0], setpoints[-1]
+            return self._groups(first, last + 1)[0]
+        sides = sorted(set(self.ladder.side.tolist()))
+        shared = {s: shapely.intersection_all(self.areas_at(s)[list(setpoints)]) for s in sides}
+        return Group(setpoints, {s: area for s, area in shared.items() if area.area > 0})
+
+    @cached_property
+    def _areas(self) -> dict[int, Geometries]:
+        return {s: _areas_of(self, s) for s in sorted(set(self.ladder.side.tolist()))}
+
+    def areas_at(self, side: int) -> Geometries:
+        """Places to park at one side, by set-point, whatever the posture."""
+        return self._areas[side]
+
+    def shared(self, setpoints: Sequence[int], side: int, near: ArrayLike) -> BaseGeometry:
+        """The connected part of what areas share that is nearest to a place."""
+        parts = shapely.get_parts(shapely.intersection_all(self.areas_at(side)[list(setpoints)]))
+        return parts[int(np.argmin(shapely.distance(parts, shapely.Point(near))))]
+
+    def _by_side(self, ends: dict[int, BaseGeometry]) -> dict[int, BaseGeometry]:
+        sides = sorted({int(self.ladder.side[k]) for k in ends})
+        return {
+            s: shapely.union_all([area for k, area in ends.items() if self.ladder.side[k] == s])
+            for s in sides
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class Parking:
+    """Which set-points are done from where.
+
+    Attributes
+    ----------
+    floors : Floors
+    groups : tuple of Group
+    lower : int
+        No base needs fewer stops.
+    stats : dict
+        How that is known.
+    """
+
+    floors: Floors
+    groups: tuple[Group, ...]
+    lower: int
+    stats: dict[str, int | bool | str] = field(default_factory=dict)
+
+
+def park(world: World) -> Parking:
+    """The fewest stops for a world's set-points, in their order or in any.
+
+    Raises
+    ------
+    NoPlanFound
+        Where a set-point has no place to park.
+    """
+    return park_in_any_order(world) if world.rules.order == "any" else park_in_order(world)
+
+
+def park_in_order(world: World) -> Parking:
+    """Stops that each go on for as long as they can, which makes them fewest (`fewest_runs`).
+
+    Ways to stand and to face come in one after the other until the bound from outer areas is met.
+    """
+    lower = _lower_in_order(world)
+    best: Parking | None = None
+    refused: NoPlanFound | None = None
+    for standing, facings in ways_to_stand(world):
+        for floors in _floors(world, standing(world), facings):
+            groups = floors.groups()
+            done = groups[-1].setpoints[-1] + 1 if groups else 0
+            if done < len(world.task):
+                refused = refused or NoPlanFound(no_room(world, done, floors))
+            elif best is None or len(groups) < len(best.groups):
+                best = Parking(floors, tuple(groups), lower)
+        if best is not None and len(best.groups) <= lower:
+            break
+    if best is None:
+        raise refused or NoPlanFound(explain.unreachable(world, 0))
+    stats: dict[str, int | bool | str] = {
+        "count": len(best.groups),
+        "lower_bound": lower,
+        "bound": "outer areas",
+    }
+    return Parking(best.floors, best.groups, lower, stats)
+
+
+def park_in_any_order(world: World) -> Parking:
+    """The least cover of all set-points by faces of the overlay of their areas.
+
+    Headings by slab come in only where a set-point has no place at every heading.
+    """
+    refused: NoPlanFound | None = None
+    for standing, facings in list(ways_to_stand(world))[1::2]:
+        found: list[Parking] = []
+        for floors in _floors(world, standing(world), facings):
+            empty = np.flatnonzero(_solid_rungs(floors) == 0)
+            if len(empty):
+                refused = refused or NoPlanFound(no_room(world, int(empty[0]), floors))
+            else:
+                found.append(_covered(world, floors))
+        if found:
+            return min(found, key=lambda one: len(one.groups))
+    raise refused or NoPlanFound(explain.unreachable(world, 0))
+
+
+def _solid_rungs(floors: Floors) -> Index:
+    """How many components of each set-point leave room to park."""
+    real = shapely.area(floors.narrow) > 0
+    return np.bincount(floors.ladder.target[real], minlength=floors.ladder.count).astype(np.intp)
+
+
+def _covered(world: World, floors: Floors) -> Parking:
+    """The least cover, every set-point given to one of the places that meet it."""
+    sides = sorted(set(floors.ladder.side.tolist()))
+    overlays = [faces_of(floors.areas_at(s)) for s in sides]
+    side = np.repeat(sides, [len(overlay.polygon) for overlay in overlays])
+    faces = Faces(
+        np.concatenate([overlay.polygon for overlay in overlays]),
+        np.concatenate([overlay.inside for overlay in overlays]),
+    )
+    cover = least_cover(faces.inside)
+    groups = _given_out(world.task, faces, side, cover, floors)
+    outer = shrunk(_outer(world), world.rules.stop_tolerance, inner=False)
+    bound = least_cover(faces_of(outer).inside)
+    stats: dict[str, int | bool | str] = {
+        "count": len(groups), "lower_bound": bound.lower, "bound": "outer areas",
+        "fewest_of_inner_areas": cover.lower, "apart": cover.apart, "faces": len(faces.polygon),
+    }  # fmt: skip
+    return Parking(floors, tuple(groups), bound.lower, stats)
+
+
+def _areas_of(floors: Floors, side: int) -> Geometries:
+    """Places to park at one side, by set-point."""
+    ladder, own = floors.ladder, floors.ladder.side == side
+    parts = [floors.narrow[own & (ladder.target == i)] for i in range(ladder.count)]
+    areas = np.empty(ladder.count, dtype=object)
+    areas[:] = [shapely.union_all(part) for part in parts]
+    return areas
+
+
+def _given_out(
+    task: Sequence[Target], faces: Faces, side: Index, cover: Cover, floors: Floors
+) -> list[Group]:
+    """Every set-point to the nearest of the chosen faces that meet it; places are what its areas share."""
+    chosen = list(cover.chosen)
+    spots = shapely.point_on_surface(faces.polygon[chosen])
+    positions = shapely.points(np.array([target.position[:2] for target in task]))
+    far = np.where(faces.inside[chosen], shapely.distance(spots[:, None], positions[None]), np.inf)
+    owner = np.argmin(far, axis=0)
+    groups = []
+    for n, (face, spot) in enumerate(zip(chosen, spots, strict=True)):
+        members = tuple(np.flatnonzero(owner == n).tolist())
+        if members:
+            s = int(side[face])
+            groups.append(Group(members, {s: floors.shared(members, s, spot.coords[0])}))
+    return groups
+
+
+def _floors(world: World, standing: Standing, facings: tuple[int, ...]) -> list[Floors]:
+    """Areas on each piece of floor that the base may be on."""
+    areas = path_areas(world, facings=facings, standing=standing)
+    ladder = build_ladder(areas, len(world.task), standing)
+    narrow = shrunk(ladder.component, world.rules.stop_tolerance, inner=True)
+    back: list[list[int]] = [[] for _ in ladder.component]
+    for m, k in ladder.edges.tolist():
+        if ladder.side[m] == ladder.side[k]:
+            back[k].append(m)
+    found = []
+    for piece in _pieces(world, standing, ladder):
+        usable = ladder.floor == piece
+        own = narrow.copy()
+        own[~usable] = shapely.Polygon()
+        linked = tuple(map(tuple, back))
+        found.append(Floors(standing, facings, piece, areas, ladder, usable, own, linked))
+    return found
+
+
+def reordered(world: World, floors: Floors) -> Floors:
+    """The same for a world of the same set-points in another order."""
+    found = _floors(world, floors.standing, floors.facings)
+    return next(one for one in found if one.piece == floors.piece)
+
+
+def _pieces(world: World, standing: Standing, ladder: Ladder) -> list[int]:
+    """Pieces of free floor that the base may work on: the one it starts on, or any."""
+    if world.start is None:
+        return sorted(set(ladder.floor.tolist()) - {-1})
+    piece = standing.piece_at(axis_of(world.robot, world.start.base), float(world.start.base[2]))
+    return [] if piece is None else [piece]
+
+
+def _outer(world: World) -> Geometries:
+    areas = np.empty(len(world.task), dtype=object)
+    areas[:] = outer_areas(world, world.task)
+    return areas
+
+
+def _lower_in_order(world: World) -> int:
+    """Stops that any base needs, whatever its headings and the arm's postures."""
+    areas = shrunk(_outer(world), world.rules.stop_tolerance, inner=False)
+    count = len(areas)
+    back = [[i - 1] if i else [] for i in range(count)]
+    return len(fewest_runs(areas, np.arange(count + 1), back))
+
+
+def no_room(world: World, i: int, floors: Floors) -> Explanation:
+    """Why there is no place to park for set-point i."""
+    rungs = floors.ladder.rungs
+    span = slice(int(rungs[i]), int(rungs[i + 1]))
+    every = floors.ladder.component[span]
+    if not len(every):
+        return explain.unreachable(world, i)
+    if not floors.usable[span].any():
+        piece = floors.ladder.floor[floors.usable][:1].tolist() or [int(floors.ladder.floor[span][0])]
+        return explain.cut_off(
+            world, i, shapely.union_all(floors.standing.whole(piece[0])), shapely.union_all(every)
+        )
+    widest = max(radius(area) for area in every[floors.usable[span]])
+    wanted = world.rules.stop_tolerance
+    reason = (
+        f"{explain.setpoint(i, len(world.task))} at {explain.spot(world.task[i].position)} can be reached, "
+        f"but the base has no circle of radius {wanted:.4f} m to park in; the largest has {widest:.4f} m. A "
+        f"stop_tolerance of at most {widest:.4f} m would do."
+    )
+    return Explanation("unreachable", i, reason, (Cause("floor", "room to park", wanted - widest),))
+
+
+def radius(area: BaseGeometry) -> float:
+    """Radius of the largest circle inside an area [m]."""
+    return float(shapely.maximum_inscribed_circle(area).length)
+
+
+def depth(area: BaseGeometry, axis: Array) -> float:
+    """How far a place lies inside an area, below 0 outside [m]."""
+    point = shapely.Point(axis)
+    far = float(shapely.distance(shapely.boundary(area), point))
+    return far if area.covers(point) else -far

@@ -1,0 +1,270 @@
+"""The best place of a stop: where in it the base parks, at which heading, and how exactly it has to."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+import shapely
+from shapely.geometry import Point
+from shapely.geometry.base import BaseGeometry
+
+from regionik.areas.reachable import Family
+from regionik.areas.standing import into_span
+from regionik.mfabrik import Solver, axis_of, pose_of, solver_for
+from regionik.moving.avoid import spread
+from regionik.parking.fewest import Floors, Group, depth
+from regionik.plan import Configuration, Stop
+from regionik.planners.places.tour import through
+from regionik.planners.solvers.serial import chain_frames, chain_jacobian, serial_arm
+from regionik.worlds.arrays import Array
+from regionik.worlds.pivot import pivot_of, pivoted
+from regionik.worlds.scene import World
+
+PLACES = 24  # of a stop that a criterion is asked about before the best is bettered
+FINEST = 1e-3  # steps by which it is bettered, at the least [m]
+HEADING = 1e-9  # by which the pivot may be over its limits [rad]
+
+
+@dataclass(frozen=True, eq=False)
+class Bay:
+    """A place of the base and what it serves.
+
+    Attributes
+    ----------
+    setpoints, chain : tuple of int
+        Set-points, and the component of each that the base stands in.
+    axis : (2,) array
+        Of the arm [m].
+    base : (3,) array
+        x, y [m], yaw [rad].
+    pivot : (n,) array
+        Value of the pivot at each set-point, running on from one to the next [rad].
+    tolerance : float
+        Radius of the circle in which all this holds [m].
+    """
+
+    setpoints: tuple[int, ...]
+    chain: tuple[int, ...]
+    axis: Array
+    base: Array
+    pivot: Array
+    tolerance: float
+
+    def stop(self, world: World) -> Stop:
+        return Stop(self.base, self.setpoints, self.tolerance, world.rules.stop_criterion)
+
+
+@dataclass(frozen=True, eq=False)
+class Placing:
+    """Finds places for the stops of a world."""
+
+    world: World
+    floors: Floors
+
+    def best(self, group: Group, at: Array | None = None) -> Bay:
+        """The best place of a stop; one that serves only the first of its set-points where none serves all.
+
+        Parameters
+        ----------
+        group : Group
+        at : (2,) array, optional
+            Where the arm axis is to stand, whatever the criterion.
+        """
+        found = [self.at(group, at, s) for s in group.places] if at is not None else []
+        if not any(found):
+            found = [self._best_of_side(group, s) for s in sorted(group.places)]
+        served = [bay for bay in found if bay is not None]
+        return max(served, key=lambda bay: (len(bay.setpoints), self._score(bay)))
+
+    def others(self, group: Group) -> Iterator[Bay]:
+        """Other places of a stop, spread over it."""
+        for s in sorted(group.places):
+            for spot in spread(group.places[s], PLACES, 0):
+                bay = self.at(group, spot, s)
+                if bay is not None:
+                    yield bay
+
+    def _best_of_side(self, group: Group, side: int) -> Bay | None:
+        area = group.places[side]
+        circle = shapely.maximum_inscribed_circle(area)
+        middle = self.at(group, np.array(circle.coords[0]), side)
+        if self.world.rules.stop_criterion in ("tolerance", "distance"):
+            if middle is None or len(middle.setpoints) < len(group.setpoints):
+                return _longest([middle, *(self.at(group, spot, side) for spot in spread(area, PLACES, 0))])
+            return middle
+        tried = [middle, *(self.at(group, spot, side) for spot in spread(area, PLACES, 0))]
+        real = [bay for bay in tried if bay is not None]
+        most = max((len(bay.setpoints) for bay in real), default=0)
+        full = [bay for bay in real if len(bay.setpoints) == most]
+        return self._bettered(group, side, max(full, key=self._score)) if full else None
+
+    def _bettered(self, group: Group, side: int, bay: Bay) -> Bay:
+        """The best place of ever smaller steps in eight directions."""
+        x0, y0, x1, y1 = group.places[side].bounds
+        step, score = max(x1 - x0, y1 - y0) / 8, self._score(bay)
+        turns = np.arange(8) * np.pi / 4
+        while step > FINEST:
+            for move in step * np.column_stack([np.cos(turns), np.sin(turns)]):
+                other = self.at(group, bay.axis + move, side)
+                if other is not None and len(other.setpoints) >= len(bay.setpoints):
+                    better = self._score(other)
+                    if better > score + 1e-9:
+                        bay, score = other, better
+                        break
+            else:
+                step /= 2
+        return bay
+
+    def at(self, group: Group, axis: Array, side: int) -> Bay | None:
+        """What the base serves of a stop with the arm axis at a place; None where it is outside."""
+        if depth(group.places[side], axis) < -1e-9:
+            return None
+        chain = self._chain(group, axis, side)
+        if chain is None:
+            return None
+        planes = self._planes(group, chain, axis)
+        span = self.floors.standing.sides[side].span
+        yaw, pivot, count = self._headed(planes, span)
+        if count == 0:
+            return None
+        some, held = group.setpoints[:count], chain[:count]
+        room = min(depth(self.floors.ladder.component[k], axis) for k in held)
+        room = min(room, self._swing_room(some, axis, pivot[:count]))
+        base = pose_of(self.world.robot, axis, float(np.arctan2(np.sin(yaw), np.cos(yaw))))
+        return Bay(some, held, axis, base, pivot[:count], room)
+
+    def _chain(self, group: Group, axis: Array, side: int) -> tuple[int, ...] | None:
+        """A component of each set-point around the place, linked one to the next, the deepest."""
+        ladder, narrow, linked = self.floors.ladder, self.floors.narrow, self.world.rules.order == "given"
+        rungs, rows = ladder.rungs, list[dict[int, tuple[float, int]]]()
+        for i in group.setpoints:
+            row: dict[int, tuple[float, int]] = {}
+            for k in range(int(rungs[i]), int(rungs[i + 1])):
+                if ladder.side[k] != side or depth(narrow[k], axis) < -1e-7:
+                    continue
+                room, before = depth(ladder.component[k], axis), -1
+                if rows:
+                    last = rows[-1]
+                    options = [m for m in self.floors.back[k] if m in last] if linked else list(last)
+                    if not options:
+                        continue
+                    before = max(options, key=lambda m: last[m][0])
+                    room = min(room, last[before][0])
+                row[k] = (room, before)
+            if not row:
+                return None
+            rows.append(row)
+        k = max(rows[-1], key=lambda m: rows[-1][m][0])
+        chain = [k]
+        for row in rows[:0:-1]:
+            k = row[k][1]
+            chain.append(k)
+        return tuple(chain[::-1])
+
+    def _planes(self, group: Group, chain: tuple[int, ...], axis: Array) -> Array:
+        """Base yaw and pivot together that each set-point asks for, running on along the path [rad]."""
+        base, pivot = pose_of(self.world.robot, axis, 0.0), pivot_of(self.world.robot.chain)
+        planes = []
+        for i, k in zip(group.setpoints, chain, strict=True):
+            found = self.posture(i, k, base)
+            planes.append(found.base[2] + found.joints[pivot])
+        return np.unwrap(planes) if self.world.rules.order == "given" else _gathered(np.array(planes))
+
+    def posture(self, i: int, k: int, base: Array) -> Configuration:
+        """A posture on set-point i with the arm axis held, whatever the heading."""
+        solver = _free(self.world, self.floors.ladder.family[k])
+        return solver.hold(self.world.task[i], base, self.world.robot.carry)
+
+    def _headed(self, planes: Array, span: tuple[float, float]) -> tuple[float, Array, int]:
+        """Heading, pivot values, and how many of the first set-points it keeps within the pivot's limits.
+
+        The pivot is as near as may be to the middle of its limits.
+        """
+        joint = self.world.robot.chain.joints[pivot_of(self.world.robot.chain)]
+        endless = not np.isfinite(joint.upper - joint.lower)
+        middle = 0.0 if endless else (joint.lower + joint.upper) / 2
+        for count in range(len(planes), 0, -1):
+            some = planes[:count]
+            yaw = into_span((some.max() + some.min()) / 2 - middle, span)
+            pivot = some - yaw
+            if joint.lower - HEADING <= pivot.min() and pivot.max() <= joint.upper + HEADING:
+                return float(yaw), planes - yaw, count
+        return 0.0, planes, 0
+
+    def _swing_room(self, setpoints: tuple[int, ...], axis: Array, pivot: Array) -> float:
+        """How far the base may be off before the pivot comes to a limit, for arms in one plane [m]."""
+        joint = self.world.robot.chain.joints[pivot_of(self.world.robot.chain)]
+        spots = np.array([self.world.task[i].position[:2] for i in setpoints])
+        left = np.clip(np.minimum(pivot - joint.lower, joint.upper - pivot), 0.0, np.pi / 2)
+        return float((np.hypot(*(spots - axis).T) * np.sin(left)).min())
+
+    def _score(self, bay: Bay) -> float:
+        """How good a place is by the criterion of the rules; more is better."""
+        criterion = self.world.rules.stop_criterion
+        if criterion == "clearance":
+            side = self.floors.standing.sides[int(self.floors.ladder.side[bay.chain[0]])]
+            return float(shapely.distance(shapely.boundary(side.free), Point(bay.axis)))
+        if criterion in _MEASURES:
+            pairs = zip(bay.setpoints, bay.chain, strict=True)
+            values = [_MEASURES[criterion](self._jacobian(i, k, bay)) for i, k in pairs]
+            return min(values)
+        return bay.tolerance
+
+    def _jacobian(self, i: int, k: int, bay: Bay) -> Array:
+        """Of the tool's velocity by the joints, at a posture on the set-point, (3, dof)."""
+        found, arm = self.posture(i, k, bay.base), serial_arm(self.world.robot.chain)
+        n = len(arm.axis)
+        frames, J = np.empty((n + 1, 4, 4)), np.empty((6, n))
+        chain_frames(arm, found.joints, frames)
+        chain_jacobian(arm, frames, J)
+        return J[:3]
+
+
+def _volume(J: Array) -> float:
+    """Yoshikawa's manipulability: the volume of the ellipsoid of the tool's velocities, but for a factor."""
+    return float(np.sqrt(max(np.linalg.det(J @ J.T), 0.0)))
+
+
+def _ease(J: Array) -> float:
+    """Less the largest joint torque that holds a load at the tool, for each newton of it [N m / N]."""
+    return -float(np.abs(J[2]).max())
+
+
+_MEASURES: dict[str, Callable[[Array], float]] = {"manipulability": _volume, "effort": _ease}
+
+
+@lru_cache(maxsize=256)
+def _free(world: World, family: Family) -> Solver:
+    solver = solver_for(world, family)
+    return replace(solver, heading="free")
+
+
+def _longest(bays: list[Bay | None]) -> Bay | None:
+    real = [bay for bay in bays if bay is not None]
+    return max(real, key=lambda bay: (len(bay.setpoints), bay.tolerance)) if real else None
+
+
+def _gathered(planes: Array) -> Array:
+    """Angles with whole turns taken off, so that they lie across from their widest gap."""
+    ordered = np.sort(np.mod(planes, 2 * np.pi))
+    gaps = np.diff(np.append(ordered, ordered[0] + 2 * np.pi))
+    widest = int(np.argmax(gaps))
+    across = ordered[widest] + gaps[widest] / 2 + np.pi
+    gathered: Array = across + np.mod(planes - across + np.pi, 2 * np.pi) - np.pi
+    return gathered
+
+
+def shortest_way(world: World, groups: tuple[Group, ...]) -> Array:
+    """Where the arm axis stands at each stop so that the straight way through all is short, (n, 2)."""
+    regions: list[BaseGeometry] = [max(group.places.values(), key=lambda area: area.area) for group in groups]
+    start = None if world.start is None else axis_of(world.robot, world.start.base)
+    return through(regions, start)
+
+
+def check_arm(world: World) -> str | None:
+    """Why an arm cannot work while its base stands still; None where it can."""
+    chain = world.robot.chain
+    return None if pivoted(chain) is chain else "a vertical pivot: this arm turns as its base turns"

@@ -1,0 +1,89 @@
+"""Poses of the whole robot, and rows of a motion under construction."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from regionik.plan import Configuration, Motion
+from regionik.planners.solvers import kernels
+from regionik.rolling import on_way, travel
+from regionik.worlds.arrays import Array
+from regionik.worlds.robot import BaseKind
+
+LARGEST_BEND = 0.5  # change of a joint between two states above which the arm has jumped [rad]
+
+
+@dataclass(frozen=True, eq=False)
+class Pose:
+    """Where base and arm are."""
+
+    base: Array  # (3,) x, y [m], yaw [rad]
+    joints: Array  # (dof,)
+
+
+@dataclass(frozen=True, eq=False)
+class Row:
+    """One state under construction."""
+
+    pose: Pose
+    kind: str
+    setpoint: int
+
+
+def pose(configuration: Configuration) -> Pose:
+    """Base and arm of a configuration."""
+    return Pose(configuration.base, configuration.joints)
+
+
+def turn_to(here: Array, there: Array) -> Array:
+    """From one base pose (3,) to another, yaw the shorter way."""
+    step = there - here
+    return np.array([step[0], step[1], kernels.wrap(step[2])])
+
+
+def between(here: Pose, there: Pose, share: float, kind: BaseKind = "omni") -> Pose:
+    """Part of the way between two states, as every reader of a plan fills it in."""
+    base = on_way(kind, here.base, there.base, share)
+    return Pose(base, here.joints + share * (there.joints - here.joints))
+
+
+def arrays(poses: Sequence[Pose]) -> tuple[Array, Array]:
+    """Poses as arrays, base (n, 3) and joints (n, dof)."""
+    return np.array([one.base for one in poses]), np.array([one.joints for one in poses])
+
+
+def columns(rows: Sequence[Row]) -> Motion:
+    """Rows as the columns of a motion that is not timed."""
+    base, joints = arrays([row.pose for row in rows])
+    return Motion(
+        base=base,
+        joints=joints,
+        kind=np.array([row.kind for row in rows]),
+        setpoint=np.array([row.setpoint for row in rows], dtype=np.int64),
+        time=np.full(len(rows), np.nan),
+    )
+
+
+def lift_offs(motion: Motion) -> int:
+    """Runs of states with the tool lifted, after the first set-point."""
+    lifted = np.concatenate([[False], motion.kind == "transit", [False]]).astype(int)
+    first = int(np.argmax(motion.kind == "setpoint"))
+    return int(np.count_nonzero(np.diff(lifted[first + 1 :]) == 1))
+
+
+def figures(
+    kind: BaseKind, setpoints: Sequence[Configuration], motion: Motion, methods: dict[str, int]
+) -> dict[str, Any]:
+    """Plain numbers about a motion, for `regionik.plan.Plan.stats`."""
+    return {
+        "setpoints": len(setpoints),
+        "iterations": int(sum(found.iterations for found in setpoints)),
+        "states": len(motion),
+        "base_travel": travel(kind, motion.base),
+        "base_moves": methods,
+        "largest_error": float(max(found.error for found in setpoints)),
+    }

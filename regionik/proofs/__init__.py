@@ -1,0 +1,1 @@
+"""What `regionik.verify` proves, one kind a file, with kinematics and bounds of its own."""

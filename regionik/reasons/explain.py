@@ -1,0 +1,291 @@
+"""The reason why not: which set-point, which obstacle, what is missing and what would mend it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import shapely
+from shapely.geometry import Point
+from shapely.geometry.base import BaseGeometry
+
+from regionik.areas.ground import ground_of, grow
+from regionik.areas.relaxations import without_criteria
+from regionik.areas.standing import by_heading
+from regionik.plan import Violation
+from regionik.planners.driving.footprint import width_of
+from regionik.planners.driving.shape import narrowest
+from regionik.regions import (
+    TakenAway,
+    largest_clearance,
+    outer_areas,
+    reach_of,
+    what_took_away,
+)
+from regionik.worlds.arrays import Array
+from regionik.worlds.errors import Cause, CauseKind, Explanation, Repair
+from regionik.worlds.pivot import span_of
+from regionik.worlds.scene import Target, World
+
+
+def unreachable(
+    world: World, i: int, targets: Sequence[Target] | None = None, others: int = 0
+) -> Explanation:
+    """Why the area of set-point i is empty.
+
+    Parameters
+    ----------
+    world : World
+    i : int
+        Counts from 0.
+    targets : sequence of Target, optional
+        The world's task by default.
+    others : int
+        How many more set-points have empty areas.
+    """
+    every = world.task if targets is None else targets
+    target = every[i]
+    who = f"{setpoint(i, len(every))} at {spot(target.position)}"
+    taken = what_took_away(world, target)
+    proven = outer_areas(world, [target])[0].is_empty
+    open_clearance = largest_clearance(world, target)
+    if open_clearance is None:
+        reason, causes, repairs = _out_of_reach(world, target, who)
+    else:
+        reason, causes, repairs = _crowded_out(world, who, taken, open_clearance)
+    bare = None if world.rules.criteria is None else largest_clearance(without_criteria(world), target)
+    if bare is not None and bare >= world.rules.clearance:
+        reason += " Without the criteria of the rules it could be reached."
+        causes = (Cause("criteria", "rules.criteria"), *causes)
+    if not proven:
+        reason += " This is not proven: the outer area is not empty, so a place may hide in the gap."
+    if others:
+        have = "set-points have" if others > 1 else "set-point has"
+        reason += f" {others} more {have} no place for the base either."
+    return Explanation("unreachable", i, reason, causes, repairs)
+
+
+def _out_of_reach(
+    world: World, target: Target, who: str
+) -> tuple[str, tuple[Cause, ...], tuple[Repair, ...]]:
+    span = span_of(world.robot.chain)
+    shoulder, length = span.height + float(world.robot.mount[2]), span.length
+    over = abs(float(target.position[2]) - shoulder) - length
+    if over > 0:
+        way = "above" if target.position[2] > shoulder else "below"
+        reason = (
+            f"{who} cannot be reached from anywhere: it lies {over:.3f} m {way} all that "
+            f"{world.robot.name} reaches (heights from {shoulder - length:.3f} to {shoulder + length:.3f} m)."
+        )
+        text = (
+            f"raise the arm or lower the target by {over:.3f} m"
+            if way == "above"
+            else (f"raise the target by {over:.3f} m")
+        )
+        return reason, (Cause("reach", world.robot.name, over),), (
+            Repair("move-target", "target", over, text),
+        )  # fmt: skip
+    ground = ground_of(world)
+    if ground.inner.floor.is_empty:
+        reason = (
+            f"{who} cannot be reached: nowhere on the floor is room for the base of {world.robot.name}, "
+            f"whose footprint reaches {ground.far:.3f} m from the arm's axis."
+        )
+        return reason, (Cause("floor", "edge of the floor", None),), ()
+    places = shapely.union_all([side.free for side in by_heading(world).sides])
+    off = places.distance(Point(target.position[:2]))
+    if off > 0 and reach_of(world, target).disjoint(places):
+        reason = (
+            f"{who} cannot be reached from the floor: it lies {off:.3f} m beyond the places where the base "
+            f"may stand, and the arm of {world.robot.name} does not reach that far."
+        ) + tight(world, places, Point(target.position[:2]))
+        return reason, (Cause("floor", "edge of the floor", off),), ()
+    kind: CauseKind = "limits" if target.direction is None else "direction"
+    reason = (
+        f"{who} cannot be reached from anywhere: no posture {_wanted(world, target)} brings the tool of "
+        f"{world.robot.name} there."
+    )
+    return reason, (Cause(kind, world.robot.name),), ()
+
+
+def _wanted(world: World, target: Target) -> str:
+    """What the postures of an arm lack for a target that is in reach of its floor and height."""
+    if target.direction is None:
+        return "within limits"
+    bare, pointed = Target(target.position), Target(target.position, target.direction, target.cone)
+    if largest_clearance(world, bare) is None:
+        return "within limits, whichever way the tool points,"
+    if target.orientation is None:
+        return "with the wanted tool direction"
+    if largest_clearance(world, pointed) is None:
+        return "with the tool's axis as its orientation asks"
+    return "with the tool turned about its axis as asked, as its direction alone would let it be,"
+
+
+def _crowded_out(
+    world: World, who: str, taken: tuple[TakenAway, ...], open_clearance: float
+) -> tuple[str, tuple[Cause, ...], tuple[Repair, ...]]:
+    wanted = world.rules.clearance
+    missing = wanted - open_clearance
+    blockers = sorted((part for part in taken if part.kind == "obstacle"), key=lambda p: -p.polygon.area)
+    names = list(dict.fromkeys(part.name for part in blockers))
+    reason = (
+        f"{who} cannot be reached: wherever the arm could reach it from, the base is nearer than its "
+        f"clearance of {wanted:.3f} m to {join(names[:4])}. "
+        f"The most clearance that leaves a place is {open_clearance:.3f} m, {missing:.3f} m less."
+    )
+    causes = tuple(Cause("obstacle", name, missing) for name in names)
+    text = f"a clearance of {open_clearance:.3f} m lets it be reached"
+    repair = Repair("clearance", "rules.clearance", open_clearance, text)
+    return reason, causes, (repair,)
+
+
+def cut_off(world: World, i: int, here: BaseGeometry, areas: BaseGeometry) -> Explanation:
+    """Why the base cannot get from the floor it stands on to any place of set-point i.
+
+    Parameters
+    ----------
+    world : World
+    i : int
+    here : BaseGeometry
+        Piece of free floor that the base can drive on.
+    areas : BaseGeometry
+        Admissible area of set-point i, all of it elsewhere.
+    """
+    bridge = shapely.shortest_line(here, areas)
+    blockers = _crossed(world, bridge)
+    gap = float(bridge.length)
+    who = setpoint(i, len(world.task))
+    if i > 0:
+        who = f"The path breaks between set-points {i} and {i + 1} of {len(world.task)}: the latter"
+    names = join(blockers) if blockers else "the edge of the floor"
+    reason = (
+        f"{who} at {spot(world.task[i].position)} can be reached only from floor that the base cannot get "
+        f"to: {names} cuts it off. The nearest such place is {gap:.3f} m beyond the floor the base can "
+        f"drive on, at a clearance of {world.rules.clearance:.3f} m."
+    )
+    reason += tight(world, here, areas)
+    causes = tuple(Cause("obstacle", name, gap) for name in blockers)
+    return Explanation("ladder-broken", i, reason, causes or (Cause("floor", names, gap),))
+
+
+def tight(world: World, here: BaseGeometry, there: BaseGeometry) -> str:
+    """A sentence on the narrowest place between two parts of the floor, where the base is too wide for it."""
+    across = width_of(world.robot.footprint)
+    if across == 0:
+        return ""
+    ground = ground_of(world)
+    taken = [grow(shadow, ground.clearance, inner=False) for shadow in ground.shadows]
+    passage = narrowest(ground.floor - shapely.union_all(taken), here, there)
+    if passage >= across:
+        return ""
+    return (
+        f" The widest way there is {passage:.3f} m wide at its narrowest, clearance taken off, and the base "
+        f"nowhere less than {across:.3f} m."
+    )
+
+
+def too_many_lifts(world: World, breaks: Sequence[int], bridges: Sequence[BaseGeometry]) -> Explanation:
+    """Why the path cannot be done with as few lift-offs as the rules allow."""
+    allowed = world.rules.max_lift_offs or 0
+    i, bridge = breaks[allowed], bridges[allowed]
+    blockers = _crossed(world, bridge)
+    names = join(blockers) if blockers else "the arm's reach"
+    reason = (
+        f"The path breaks between set-points {i} and {i + 1} of {len(world.task)}: no place of the base "
+        f"serves both, {bridge.length:.3f} m apart at the nearest, because of {names}; the tool would have "
+        f"to be lifted here, lift-off {allowed + 1} of {len(breaks)} in all, and the rules allow {allowed}."
+    )
+    causes = tuple(Cause("obstacle", name, float(bridge.length)) for name in blockers)
+    repair = Repair("lift-off", f"set-point {i + 1}", 1.0, f"allow a lift-off before set-point {i + 1}", "1")
+    return Explanation("ladder-broken", i, reason, causes or (Cause("reach", names, None),), (repair,))
+
+
+def blocked_start(world: World) -> Explanation | None:
+    """Why the base cannot stand where it starts; None where it can."""
+    if world.start is None:
+        return None
+    robot, ground = world.robot, ground_of(world)
+    x, y, yaw = world.start.base
+    c, s = np.cos(yaw), np.sin(yaw)
+    corners = robot.footprint @ np.array([[c, s], [-s, c]]) + (x, y)
+    outline = Point(corners[0]) if len(corners) == 1 else shapely.Polygon(corners)
+    where = f"The start at ({x:z.3f}, {y:z.3f})"
+    if not world.floor.polygon.covers(outline):
+        off = max(float(world.floor.polygon.distance(Point(corner))) for corner in corners)
+        reason = f"{where} is off the floor by {off:.3f} m; the base must start on it."
+        return Explanation("start-blocked", None, reason, (Cause("floor", "edge of the floor", off),))
+    found = ground.nearest(outline)
+    if found is None or found[1] >= ground.clearance - 1e-9:
+        return None
+    name, gap = found
+    depth = max(
+        (
+            shadow.radius - float(shadow.core.distance(outline))
+            if shadow.radius
+            else _depth(shadow.core, outline)
+        )
+        for n, shadow in zip(ground.names, ground.shadows, strict=True)
+        if n == name
+    )
+    place = f"inside {name}, {depth:.3f} m deep" if gap == 0.0 else f"{gap:.3f} m from {name}"
+    missing = ground.clearance - gap + (depth if gap == 0.0 else 0.0)
+    reason = (
+        f"{where} is blocked: the base stands {place}, and must keep a clearance of "
+        f"{ground.clearance:.3f} m. It would have to start at least {missing:.3f} m farther away."
+    )
+    return Explanation("start-blocked", None, reason, (Cause("obstacle", name, missing),))
+
+
+def invalid_plan(world: World, violations: Sequence[Violation]) -> Explanation:
+    """The first thing for which verification turned a finished plan down."""
+    first = violations[0]
+    more = f" ({len(violations) - 1} more of this and other kinds.)" if len(violations) > 1 else ""
+    reason = f"A plan was found but does not hold: {first.text}{more}"
+    names = [solid.name for solid in world.solids if solid.name in first.text]
+    cause = Cause("path", first.kind, first.amount)
+    if names:
+        cause = Cause("obstacle", max(names, key=len), first.amount)
+    return Explanation("plan-invalid", first.setpoint, reason, (cause,))
+
+
+def no_posture(world: World, i: int) -> Explanation:
+    """M-FABRIK found no posture although the area is not empty."""
+    reason = (
+        f"{setpoint(i, len(world.task))} at {spot(world.task[i].position)} has admissible places for the "
+        f"base, but no posture within the joint limits was found at heading policy '{world.rules.heading}'."
+    )
+    return Explanation("no-posture", i, reason, (Cause("limits", world.robot.name, None),))
+
+
+def _crossed(world: World, bridge: BaseGeometry) -> list[str]:
+    """Obstacles whose grown shadows a line on the floor runs through."""
+    ground = ground_of(world)
+    by = ground.clearance + ground.far
+    names = [
+        name
+        for name, shadow in zip(ground.names, ground.shadows, strict=True)
+        if grow(shadow, by, inner=True).intersects(bridge)
+    ]
+    return list(dict.fromkeys(names))[:6]
+
+
+def _depth(core: BaseGeometry, outline: BaseGeometry) -> float:
+    return float(core.boundary.distance(outline)) if core.covers(outline) else 0.0
+
+
+def setpoint(i: int, count: int) -> str:
+    """A set-point as people count."""
+    return f"Set-point {i + 1} of {count}"
+
+
+def spot(position: Array) -> str:
+    """A position in words."""
+    return f"({', '.join(f'{value:z.3f}' for value in position)})"
+
+
+def join(names: Sequence[str]) -> str:
+    """Names in one line."""
+    if not names:
+        return "nothing"
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"

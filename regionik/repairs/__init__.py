@@ -1,0 +1,1 @@
+"""The smallest changes that make an impossible target or path possible, each checked."""

@@ -1,0 +1,87 @@
+"""`point_to_point(robot, start, goal)`: the arm from one posture to another, its jerk limited."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from regionik.planners.timing.jerk import JerkLimited, jerk_limited
+from regionik.planners.timing.polynomial import Moment
+from regionik.worlds.arrays import Array, frozen
+from regionik.worlds.errors import InputError
+from regionik.worlds.robot import Robot
+from regionik.worlds.speeds import Speeds
+
+SWELL = 0.25  # from no acceleration to all of it, where no jerk is given [s]
+SLACK = 1e-9  # rounding allowed at joint limits [rad] or [m]
+
+
+def point_to_point(
+    robot: Robot,
+    start: ArrayLike,
+    goal: ArrayLike,
+    *,
+    speeds: Speeds | None = None,
+    jerk: ArrayLike | None = None,
+    start_velocity: ArrayLike = 0.0,
+    goal_velocity: ArrayLike = 0.0,
+) -> JerkLimited:
+    """Move the arm from one posture to another as fast as velocity, acceleration and jerk allow.
+
+    From rest to rest the joints keep a straight line between their postures. Obstacles and the robot's own
+    body are not looked at: for a way that is free of them, plan one and time it.
+
+    Parameters
+    ----------
+    robot : Robot
+    start, goal : (dof,) array_like
+        Joints [rad] or [m].
+    speeds : Speeds, optional
+        Limits of velocity and acceleration; by default those of the robot.
+    jerk : float or (dof,) array_like, optional
+        Limits [rad/s3] or [m/s3]; by default full acceleration within a quarter of a second.
+    start_velocity, goal_velocity : float or (dof,) array_like
+        [rad/s] or [m/s]
+
+    Raises
+    ------
+    InputError
+        For numbers that are not finite, limits not above 0, velocities beyond the limits, and a motion that
+        leaves the joints' limits, with the joint and the time.
+
+    Examples
+    --------
+    >>> from regionik.worlds.library import load_robot
+    >>> motion = point_to_point(load_robot("youbot"), [0, 0.5, 0.5, 0, 0], [1, 0.5, 1.0, 0, 0])
+    >>> round(motion.duration, 3), motion.at(motion.duration).position.tolist()
+    (1.75, [1.0, 0.5, 1.0, 0.0, 0.0])
+    """
+    chain = robot.chain
+    velocity, acceleration = (speeds or Speeds()).of_joints(chain)
+    jerks = acceleration / SWELL if jerk is None else _each(jerk, chain.dof, "jerk")
+    begun, ended = (
+        Moment(
+            frozen(joints, (chain.dof,), name),
+            _each(speed, chain.dof, f"{name}_velocity"),
+            np.zeros(chain.dof),
+        )
+        for name, joints, speed in (("start", start, start_velocity), ("goal", goal, goal_velocity))
+    )
+    motion = jerk_limited(begun, ended, velocity, acceleration, jerks)
+    least, most, at_least, at_most = motion.extremes()
+    for k, joint in enumerate(chain.joints):
+        for value, time, beyond in (
+            (least[k], at_least[k], joint.lower - least[k]),
+            (most[k], at_most[k], most[k] - joint.upper),
+        ):
+            if beyond > SLACK:
+                raise InputError(
+                    f"{joint.name}: expected {joint.lower:g} to {joint.upper:g}, would be at {value:g} "
+                    f"after {time:g} s"
+                )
+    return motion
+
+
+def _each(values: ArrayLike, dof: int, what: str) -> Array:
+    given = np.asarray(values, dtype=np.float64)
+    return frozen(np.full(dof, given) if given.ndim == 0 else given, (dof,), what)

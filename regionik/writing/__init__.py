@@ -1,0 +1,1 @@
+"""Answers, fields, robots and messages as files for people and other programs."""

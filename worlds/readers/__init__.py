@@ -1,0 +1,1 @@
+"""Foreign files: text, XML, meshes, CSV, maps."""

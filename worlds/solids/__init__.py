@@ -1,0 +1,1 @@
+"""Solids round links, and which of them may run into each other."""
