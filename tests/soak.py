@@ -138,16 +138,23 @@ def blocked_at_start(world: World) -> bool:
 
 
 def judged(kind: str, seed: int) -> Judged:
-    """Plan a world and ask for the second opinion."""
+    """Plan a world and ask for the second opinion; an exception nobody foresaw is a fault too."""
+    try:
+        return _judged(kind, seed)
+    except Exception as error:  # the very thing that is looked for
+        return Judged(kind, seed, "failed", (f"{type(error).__name__}: {error}",))
+
+
+def _judged(kind: str, seed: int) -> Judged:
     world = soaked_world(kind, seed)
-    one = replace(_judged(world, kind, seed), asked=_asked(world))
+    one = replace(_planned(world, kind, seed), asked=_asked(world))
     if kind not in SEARCHED or seed % EVERY:
         return one
     verdicts, wrong = against_reach(world, hard_targets(world, np.random.default_rng([seed, 2])))
     return replace(one, reach=verdicts, wrong=one.wrong + wrong)
 
 
-def _judged(world: World, kind: str, seed: int) -> Judged:
+def _planned(world: World, kind: str, seed: int) -> Judged:
     try:
         made = search(world)
         made = made if world.speeds is None else retime(made)

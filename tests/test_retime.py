@@ -271,6 +271,20 @@ def test_a_robot_that_stays_needs_no_time() -> None:
     assert trajectory(found).sample([0.0]).joints[0] == pytest.approx(joints)
 
 
+@pytest.mark.parametrize("asked", [Speeds(base_velocity=0.5), Speeds(tool_velocity=0.1)])
+def test_a_single_state_needs_no_time(asked: Speeds) -> None:
+    """Without a start a path of one set-point is one state."""
+    free = load_world("free")
+    found = retime(plan(replace(free, task=free.task[:1], start=None)), asked)
+    assert found.motion.time.tolist() == [0.0]
+    assert found.stats["timing"]["duration"] == 0.0
+    assert trajectory(found).sample([0.0]).base_velocity.tolist() == [[0.0, 0.0, 0.0]]
+
+
+def test_a_world_of_one_set_point_that_the_soak_found_is_timed() -> None:
+    assert verify(retime(search(soaked_world("overhead", 591)))).ok
+
+
 def test_a_curve_goes_nowhere_beyond_its_states() -> None:
     rng = np.random.default_rng(1)
     base = np.cumsum(rng.normal(size=(30, 3)) * [0.1, 0.1, 0.0], axis=0)

@@ -22,7 +22,8 @@ RESTS = 1e-6  # tool speed below which the tool stays at a set-point [m/s]
 
 def looked(limits: Limits, motion: Motion) -> Iterator[tuple[Sample, Mask]]:
     """The motion at a thousand instants a second, some at a time, and whether the tool is on the path."""
-    found, working = Trajectory(limits.robot, motion), limits.working(motion)
+    found = Trajectory(limits.robot, motion)
+    working = limits.working(motion) if len(motion) > 1 else np.zeros(1, dtype=bool)  # one state has no hop
     times = np.append(np.arange(0.0, found.duration, 1 / RATE), found.duration)
     for some in np.array_split(times, 1 + len(times) // CHUNK):
         hop = np.searchsorted(motion.time, some, side="right") - 1

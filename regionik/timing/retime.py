@@ -96,7 +96,9 @@ def retime(plan: Plan, speeds: Speeds | None = None, *, blend: float = BLEND, ho
 
 
 def _timed(limits: Limits, motion: Motion, blend: float) -> Motion:
-    """A motion with times, through its own states and more."""
+    """A motion with times, through its own states and more; a single state is there at 0."""
+    if len(motion) == 1:
+        return replace(motion, time=np.zeros(1))
     motion = rounded(limits, motion, blend)
     motion = rounded(limits, _dense(limits, motion), blend)
     motion = replace(motion, time=_times(limits, motion))
