@@ -14,7 +14,7 @@ from regionik.drawing.scene_view import robot_bodies
 from regionik.plan import Motion
 from regionik.planners.clearance.touching import bodies_from, motion_clear, nearest, words
 from regionik.proofs import arm as proof_arm
-from regionik.proofs import own_body as proof_self
+from regionik.proofs import own_body
 from regionik.proofs.findings import Finding, Words
 from regionik.proofs.journey import Journey
 from regionik.worlds.arrays import Array
@@ -56,7 +56,7 @@ def prove(robot: Robot, motion: Motion, *solids: Solid) -> tuple[Finding, Findin
     far = Target(np.array([9.0, 9.0, 9.0]))
     world = World("by hand", robot, Floor(shapely.box(-9, -9, 9, 9)), solids, (far,), Rules())
     journey, said = Journey(robot, motion), Words(motion, 1)
-    return proof_arm.arm(world, journey, said), proof_self.itself(journey, said)
+    return proof_arm.arm(world, journey, said), own_body.itself(journey, said)
 
 
 # --- pairs and questions

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from regionik.plan import Motion
-from regionik.proofs import own_body as proof_self
+from regionik.proofs import own_body
 from regionik.proofs.findings import Finding, Words
 from regionik.proofs.journey import Journey
 from regionik.proofs.own_body import itself
@@ -40,7 +40,7 @@ def still(*joints: Array) -> Motion:
 def pairs_of(*pairs: tuple[int, int]) -> Iterator[None]:
     """Choose the pairs that count, whatever the robot's own would be."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(proof_self, "self_pairs", lambda robot: pairs)
+        patch.setattr(own_body, "self_pairs", lambda robot: pairs)
         yield
 
 
@@ -115,7 +115,7 @@ def test_margin_is_the_least_distance_at_states() -> None:
     with pairs_of((0, 1)):
         robot = clock(hand_of(0.012))
         assert check(robot, swing(-np.pi / 2, 1.0)).margin == pytest.approx(0.012, abs=1e-12)
-        assert check(robot, swing(1.0, 2.0)).margin == proof_self.LOOK
+        assert check(robot, swing(1.0, 2.0)).margin == own_body.LOOK
         robot = clock(paddle(0.02))
         assert check(robot, swing(-3 * np.pi / 4, 1.0)).margin == pytest.approx(0.02, abs=1e-12)
 
@@ -242,6 +242,6 @@ def test_overlaps_are_as_deep_as_told() -> None:
             found = check(robot, still(*joints))
         gap = sampled_gap(robot, np.repeat(joints, 2, 0), (0, 1), 1)
         told = -found.violations[0].amount if found.violations else found.margin
-        assert told == pytest.approx(min(gap, proof_self.LOOK), abs=1e-6)
+        assert told == pytest.approx(min(gap, own_body.LOOK), abs=1e-6)
         deep += gap < -1e-6
     assert deep >= 5
