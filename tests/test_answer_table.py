@@ -256,7 +256,7 @@ def test_killed_runs_give_the_bytes_of_an_unbroken_one(tmp_path: Path) -> None:
     table = table_of(tmp_path, 300)
     output = tmp_path / "answers.csv"
     parts = tmp_path / "answers.csv.parts"
-    small = "from regionik import answer_table, cli; answer_table.CHUNK = 25; cli.main()"
+    small = "import regionik.writing.answer_table as m; m.CHUNK = 25; from regionik import cli; cli.main()"
     command = [sys.executable, "-c", small, "reach", "free", "--csv", str(table), "-o", str(output)]
     for done in (1, 2):
         with subprocess.Popen(command, stderr=subprocess.DEVNULL) as process:
