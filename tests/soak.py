@@ -35,7 +35,7 @@ from tests.opinion.judge import detours, objections, posture_objections
 from tests.opinion.machine import Facts, Machine
 from tests.opinion.moment import Moment
 from tests.opinion.search import find, find_clear
-from tests.soaked import KINDS, soaked_world
+from tests.soaked import KINDS, STOPS, soaked_world
 
 SEARCHED, EVERY = ("floor", "overhead"), 2  # where single targets are asked for: in every second of these
 
@@ -183,8 +183,7 @@ def report(found: list[Judged]) -> str:
     lines = [
         "# Random worlds and the second opinion",
         "",
-        f"On {date.today()} `make soak` planned all bundled worlds and {drawn} random ones "
-        f"(seeds 0 to {drawn - 1}).",
+        f"On {date.today()} `make soak` planned all bundled worlds and {drawn} random ones (seeds from 0).",
         "Pinocchio and coal judged every plan and every blocked start, brute force every proven",
         "`unreachable` of a set-point: those are the claims tested.",
         "What dense samples do not show is not proven.",
@@ -193,7 +192,7 @@ def report(found: list[Judged]) -> str:
         "| worlds | planned | no plan, by verdict | claims tested | drives | contradicted |",
         "|---|---|---|---|---|---|",
     ]
-    for kind in ("bundled", *KINDS):
+    for kind in dict.fromkeys(one.kind for one in found):
         mine = [one for one in found if one.kind == kind]
         verdicts = Counter(one.verdict for one in mine)
         planned = verdicts.pop("planned", 0)
@@ -232,13 +231,14 @@ def _who(one: Judged) -> str:
 def main() -> int:
     """Exit code 1 where a plan or a claim was contradicted."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("worlds", type=int, nargs="?", default=500)
+    parser.add_argument("worlds", type=int, nargs="?", default=500, help="and a tenth as many with stops")
     parser.add_argument("-o", "--output", type=Path)
     parser.add_argument("--workers", type=int, default=2)
     asked = parser.parse_args()
     bundled, drawn = range(len(world_names())), range(asked.worlds)
-    kinds = ["bundled"] * len(bundled) + [KINDS[n % len(KINDS)] for n in drawn]
-    seeds = [*bundled, *drawn]
+    standing = range(asked.worlds // 10)
+    kinds = ["bundled"] * len(bundled) + [KINDS[n % len(KINDS)] for n in drawn] + [STOPS] * len(standing)
+    seeds = [*bundled, *drawn, *standing]
     with ProcessPoolExecutor(asked.workers, get_context("spawn")) as pool:
         found = list(track(pool.map(judged, kinds, seeds), "worlds", len(kinds)))
     text = report(found)

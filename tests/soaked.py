@@ -14,7 +14,7 @@ from regionik.worlds.chain import chain_from_dh
 from regionik.worlds.criteria import Criteria
 from regionik.worlds.library import load_world, world_names
 from regionik.worlds.robot import BaseKind, Robot, capsules_along
-from regionik.worlds.scene import Start, World
+from regionik.worlds.scene import Heading, Order, Start, World
 from regionik.worlds.speeds import Speeds
 from regionik.worlds.urdf import load_robot
 from regionik.writing.urdf_text import robot_to_urdf
@@ -22,10 +22,11 @@ from tests.test_overhead_worlds import overhead_world
 from tests.test_random_worlds import random_world
 
 KINDS = ("floor", "overhead", "made", "wheels", "urdf")  # of random worlds
+STOPS = "stops"  # a kind of its own, made of some of these
 
 
 def soaked_world(kind: str, seed: int) -> World:
-    """A random world of one of `KINDS`, or of the bundled ones the seed-th."""
+    """A random world of one of `KINDS` or of `STOPS`, or of the bundled ones the seed-th."""
     if kind == "bundled":
         return load_world(world_names()[seed])
     return demanding(_drawn(kind, seed), np.random.default_rng([seed, 1]))
@@ -42,6 +43,8 @@ def _drawn(kind: str, seed: int) -> World:
             return _with(world, made_robot(np.random.default_rng(seed)))
         case "wheels":
             return on_wheels(random_world(seed), seed)
+        case "stops":
+            return standing_still(_drawn(("floor", "made", "urdf")[seed % 3], seed), seed)
         case _:
             return _with(random_world(seed), through_urdf(random_world(seed).robot))
 
@@ -102,6 +105,13 @@ def on_wheels(world: World, seed: int) -> World:
     kind: BaseKind = "differential" if seed % 2 else "car"
     robot = replace(world.robot, base=kind, turning_radius=0.0 if seed % 2 else 0.4)
     return replace(world, robot=robot, rules=replace(world.rules, heading="free"))
+
+
+def standing_still(world: World, seed: int) -> World:
+    """The same, done from stops, in the order given or in any."""
+    order: Order = "any" if seed % 2 else "given"
+    heading: Heading = "free" if world.rules.heading == "face_target" else world.rules.heading
+    return replace(world, rules=replace(world.rules, mode="stops", order=order, heading=heading))
 
 
 def through_urdf(robot: Robot) -> Robot:

@@ -30,6 +30,7 @@ from regionik.worlds.library import load_world, robot_named
 from regionik.worlds.obstacles import Cylinder, Sphere
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
+from tests.soaked import soaked_world
 
 STOPS = Rules(clearance=0.05, mode="stops", step=0.2)
 TAU = STOPS.stop_tolerance
@@ -223,6 +224,17 @@ def test_tools_that_point_are_verified_all_over_the_circles() -> None:
     away = tuple(replace(target, direction=-target.direction) for target in found.world.task)  # type: ignore[operator]
     report = verify(replace(found, world=replace(found.world, task=away)))
     assert any("not seen to reach" in violation.text for violation in report.violations)
+
+
+@pytest.mark.parametrize("span", [slice(2, 7), slice(0, 2), slice(10, 14)])
+def test_circles_that_end_where_the_cone_does_are_verified(span: slice) -> None:
+    """At their rims no posture turns the tool any further than to the edge of its cone; found by the soak."""
+    asked = soaked_world("made", 47)
+    world = replace(asked, task=asked.task[span], obstacles=(), start=None)
+    found = plan(ruled(world, mode="stops", heading="free"))
+    assert verify(found).ok
+    away = tuple(replace(target, cone=target.cone - 0.05) for target in found.world.task)
+    assert not verify(replace(found, world=replace(found.world, task=away))).ok
 
 
 def test_tools_that_are_turned_are_verified_all_over_the_circles() -> None:

@@ -22,8 +22,7 @@ WAYS = 4  # steps on the way out to the rim, each posture led on to the next
 SWEEPS = 40  # of damped least squares at each step
 DAMPING = 1e-3
 LONGEST = 0.3  # step of a joint [rad] or [m]
-CLOSE = 0.1  # share of the tolerance that is near enough to end
-WITHIN = 0.99  # share of a cone that a tool is turned into; much less of it may be out of reach
+CLOSE = 0.05  # share of the tolerance that is near enough to end, in metres as in radians
 NUDGES = 32  # seeded postures tried where none led on is left
 
 
@@ -162,7 +161,8 @@ def _linear(world: World, asked: list[Target], poses: Array, q: Array) -> tuple[
     frames = world.robot.frames(poses, q)
     tool = frames[:, -1]
     off = np.array([target.position for target in asked]) - tool[:, :3, 3]
-    turn = np.array([_turn(target, R) for target, R in zip(asked, tool[:, :3, :3], strict=True)])
+    tolerance = world.rules.tolerance
+    turn = np.array([_turn(target, R, tolerance) for target, R in zip(asked, tool[:, :3, :3], strict=True)])
     axes = np.stack(
         [frames[:, k, :3, :3] @ joint.axis for k, joint in enumerate(world.robot.chain.joints)], axis=1
     )
@@ -175,11 +175,16 @@ def _linear(world: World, asked: list[Target], poses: Array, q: Array) -> tuple[
     return missing, J
 
 
-def _turn(target: Target, R: Array) -> Array:
-    """Turn that brings the tool to what is asked, as a vector; none where it is within its cone."""
+def _turn(target: Target, R: Array, tolerance: float) -> Array:
+    """Turn that brings the tool to what is asked, as a vector; none where it is within its cone.
+
+    What is aimed at lies hardly more inside the cone than an answer that is near enough is off: at the end of
+    the reach no posture may turn the tool any further.
+    """
     way, angle = _off(target, R)
-    size, spare = float(np.linalg.norm(way)), WITHIN * target.cone
-    turn: Array = way / size * (angle - spare) if size > 0 and angle > spare else np.zeros(3)
+    inside = max(target.cone - 2 * CLOSE * tolerance, target.cone / 2)
+    size = float(np.linalg.norm(way))
+    turn: Array = way / size * (angle - inside) if size > 0 and angle > inside else np.zeros(3)
     return turn
 
 
