@@ -237,6 +237,12 @@ def test_circles_that_end_where_the_cone_does_are_verified(span: slice) -> None:
     assert not verify(replace(found, world=replace(found.world, task=away))).ok
 
 
+@pytest.mark.parametrize("seed", [5, 12, 87, 98, 112])
+def test_worlds_done_from_stops_that_the_soak_found_are_planned(seed: int) -> None:
+    """They were refused: at rims by a search that kept tools from rolling, at a start too tight to turn."""
+    plan(soaked_world("stops", seed))
+
+
 def test_tools_that_are_turned_are_verified_all_over_the_circles() -> None:
     """An arm of five joints turns its tool as asked only as its base stands, or within a wide cone."""
     turn = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])

@@ -40,7 +40,10 @@ class Driver(Protocol):
         """Of sampling planners."""
 
     def onto(self, here: Pose, label: int) -> list[Pose]:
-        """From a pose onto the free floor of a piece, the arm still; the pose alone where it is there."""
+        """From a pose onto the free floor of a piece, the arm still; the pose alone where it is there.
+
+        Raises NoPathError.
+        """
 
     def route(self, here: Pose, there: Pose, label: int, berth: float = 0.0) -> Array:
         """Way over a piece of free floor, with ``berth`` more kept from its edge; raises NoPathError."""
@@ -88,7 +91,8 @@ class AnyHeading:
         if spot is axis:
             return [here]
         there = Pose(pose_of(self.world.robot, spot, here.base[2]), here.joints)
-        return [here, *self.hops.straight(here, there), there]
+        shaped = ByHeading(self.world, self.hops, self.seed)
+        return [here, *shaped.states(here, there, shaped.route(here, there, label)), there]
 
     def route(self, here: Pose, there: Pose, label: int, berth: float = 0.0) -> Array:
         """Of the arm axis, (k, 2); see `Driver`."""

@@ -41,7 +41,10 @@ class Carrier:
         """States strictly between two poses, on a way found in the space of the whole robot."""
         if self.world.robot.base != "omni":
             return None
-        lead = self.driver.onto(here, piece)
+        try:
+            lead = self.driver.onto(here, piece)
+        except NoPathError:
+            return None
         if not self.hops.clear(lead):
             return None
         way = WholeBody(self.world, self.hops, self.driver, piece).way(lead[-1], there)
@@ -58,13 +61,13 @@ class Carrier:
         The arm is folded at once where that keeps it clear, else after drawing back; it unfolds likewise.
         """
         try:
-            plain = self._carried(here, there, piece)
+            lead = self.driver.onto(here, piece)
+            plain = [*lead[1:], *self._carried(lead[-1], there, piece)]
         except NoPathError as refusal:
             self.refusals.append(refusal)
             return None
         if self.hops.clear([here, *plain, there]):
             return plain
-        lead = self.driver.onto(here, piece)
         out = next(self._withdrawals(lead[-1], piece), None)
         back = next(self._withdrawals(there, piece), None)
         if out is None or back is None or not self.hops.clear(lead):

@@ -157,26 +157,27 @@ def _step(J: Array, missing: Array) -> Array:
 
 
 def _linear(world: World, asked: list[Target], poses: Array, q: Array) -> tuple[Array, Array]:
-    """What position and axis lack (n, 6), and its Jacobian (n, 6, dof)."""
+    """What the position lacks and how far the tool is turned off, (n, 4), and its Jacobian, (n, 4, dof)."""
     frames = world.robot.frames(poses, q)
     tool = frames[:, -1]
     off = np.array([target.position for target in asked]) - tool[:, :3, 3]
     tolerance = world.rules.tolerance
-    turn = np.array([_turn(target, R, tolerance) for target, R in zip(asked, tool[:, :3, :3], strict=True)])
+    turns = [_turn(target, R, tolerance) for target, R in zip(asked, tool[:, :3, :3], strict=True)]
+    about, over = (np.array(part) for part in zip(*turns, strict=True))
     axes = np.stack(
         [frames[:, k, :3, :3] @ joint.axis for k, joint in enumerate(world.robot.chain.joints)], axis=1
     )
     revolute = np.array([joint.kind == "revolute" for joint in world.robot.chain.joints])[None, :, None]
     levers = tool[:, None, :3, 3] - frames[:, :-1, :3, 3]
     moves = np.where(revolute, np.cross(axes, levers), axes).transpose(0, 2, 1)
-    turns = np.where(revolute, axes, 0.0).transpose(0, 2, 1)
-    missing: Array = np.hstack([off, turn])
-    J: Array = np.concatenate([moves, np.where(turn[..., None] != 0.0, turns, 0.0)], axis=1)
+    turned = np.einsum("nka,na->nk", np.where(revolute, axes, 0.0), about)
+    missing: Array = np.column_stack([off, over])
+    J: Array = np.concatenate([moves, turned[:, None]], axis=1)
     return missing, J
 
 
-def _turn(target: Target, R: Array, tolerance: float) -> Array:
-    """Turn that brings the tool to what is asked, as a vector; none where it is within its cone.
+def _turn(target: Target, R: Array, tolerance: float) -> tuple[Array, float]:
+    """About which axis a tool is to be turned to what is asked, and how far; not at all within its cone.
 
     What is aimed at lies hardly more inside the cone than an answer that is near enough is off: at the end of
     the reach no posture may turn the tool any further.
@@ -184,8 +185,7 @@ def _turn(target: Target, R: Array, tolerance: float) -> Array:
     way, angle = _off(target, R)
     inside = max(target.cone - 2 * CLOSE * tolerance, target.cone / 2)
     size = float(np.linalg.norm(way))
-    turn: Array = way / size * (angle - inside) if size > 0 and angle > inside else np.zeros(3)
-    return turn
+    return (way / size, angle - inside) if size > 0 and angle > inside else (np.zeros(3), 0.0)
 
 
 def _off(target: Target, R: Array) -> tuple[Array, float]:
