@@ -34,6 +34,8 @@ from regionik.worlds.pivot import pivot_of
 from regionik.worlds.scene import World
 
 PLACES = 8  # of a stop that are tried
+HARD_PLACES = 2  # of these, how many of a stop with more set-points are worth a search for the way there
+HARD_TRIES = 3  # postures there that are worth it
 POSTURES = 8  # at one set-point that are tried from the one before
 PATIENCE = 200  # of them without getting farther before another place is tried
 
@@ -156,8 +158,8 @@ class _Attendant:
             part = group
             if count < len(group.setpoints):
                 part = self.work.floors.group(group.setpoints[:count], self.world.rules.order)
-            for bay in islice(chain([placing.best(part, spot)], placing.others(part)), PLACES):
-                tried = self._attempt(bay, here)
+            for n, bay in enumerate(islice(chain([placing.best(part, spot)], placing.others(part)), PLACES)):
+                tried = self._attempt(bay, here, HARD_TRIES if n < HARD_PLACES or count == 1 else 0)
                 if best is None or len(tried.spots) > len(best.spots):
                     best = tried
                 if len(best.spots) == count:
@@ -167,11 +169,14 @@ class _Attendant:
             raise NoPlanFound(self._why_not(group.setpoints[0], here))
         return best
 
-    def _attempt(self, bay: Bay, here: Pose | None) -> _Attempt:
-        """The set-points of a stop from one place; in any order the tool may be lifted between them."""
+    def _attempt(self, bay: Bay, here: Pose | None, hard: int) -> _Attempt:
+        """The set-points of a stop from one place; in any order the tool may be lifted between them.
+
+        So many postures are worth a search in the space of the whole robot.
+        """
         rows, spots = list[Row](), list[Spot]()
         while len(spots) < len(bay.setpoints):
-            came = self._arrive(bay, len(spots), here)
+            came = self._arrive(bay, len(spots), here, hard)
             if came is None:
                 break
             rows += came[0]
@@ -183,7 +188,7 @@ class _Attendant:
                 break
         return _Attempt(bay, rows, spots)
 
-    def _arrive(self, bay: Bay, p: int, here: Pose | None) -> tuple[list[Row], Spot] | None:
+    def _arrive(self, bay: Bay, p: int, here: Pose | None, hard: int) -> tuple[list[Row], Spot] | None:
         """Get to a set-point of a stop with the tool lifted."""
         i, near = bay.setpoints[p], np.array(self.world.robot.carry)
         near[pivot_of(self.world.robot.chain)] = bay.pivot[p]
@@ -194,8 +199,8 @@ class _Attendant:
         if here is None:
             return ([], spots[0]) if spots else None
         piece = self.work.floors.piece
-        for carried in (self.carrier.folded, self.carrier.sampled):
-            for spot in spots:
+        for carried, some in ((self.carrier.folded, spots), (self.carrier.sampled, spots[:hard])):
+            for spot in some:
                 way = carried(here, spot.pose, piece)
                 if way is not None:
                     if i > 0 and not way:  # however short the way, the tool leaves its path on it
