@@ -21,7 +21,7 @@ from regionik.parking.stops import stops
 from regionik.pipeline import plan
 from regionik.plan import Plan
 from regionik.planfile import load_plan
-from regionik.proofs.stops import _miss
+from regionik.proofs.stops import _linear, _miss
 from regionik.regions import path_areas
 from regionik.verify import verify
 from regionik.worlds.chain import Chain
@@ -312,3 +312,25 @@ def test_a_tool_that_points_the_other_way_misses_by_half_a_turn() -> None:
     asked = [Target(tool[:3, 3], direction=sign * tool[:3, 2], cone=0.2) for sign in (1.0, -1.0)]
     misses = [_miss(world, [one], base, joints)[0] for one in asked]
     assert misses == pytest.approx([-world.rules.tolerance, np.pi - 0.2])
+
+
+def test_what_is_missing_changes_as_the_jacobian_says() -> None:
+    world = load_world("wall")
+    rng, chain = np.random.default_rng(3), world.robot.chain
+    low, high = np.maximum(chain.lower, -3.0), np.minimum(chain.upper, 3.0)
+    base, small = rng.uniform(-1, 1, (1, 3)), 1e-6
+    for _ in range(20):
+        q, other = rng.uniform(low, high, (2, 1, chain.dof))
+        tool = world.robot.tool(base[0], other[0])
+        spot = tool[:3, 3]
+        for target in (
+            Target(spot),
+            Target(spot, direction=tool[:3, 2], cone=0.1),
+            Target(spot, cone=0.1, orientation=tool[:3, :3]),
+        ):
+            _, J = _linear(world, [target], base, q)
+            steps = q + small * np.eye(chain.dof), q - small * np.eye(chain.dof)
+            ahead, behind = (
+                _linear(world, [target] * chain.dof, np.tile(base, (chain.dof, 1)), x)[0] for x in steps
+            )
+            assert (behind - ahead) / (2 * small) == pytest.approx(J[0].T, abs=1e-5)
