@@ -35,6 +35,8 @@ def pace(course: Course) -> Iterator[str]:
     for k in np.flatnonzero((spans == 0) & (np.abs(moved).max(axis=1) > STILL)):
         yield f"pace: something moves in no time after state {k}"
     on = np.flatnonzero(spans > 0).astype(np.int64)
+    if not len(on):
+        return
     yield from _speeds(course, moved[on], spans[on], on)
     yield from _accelerations(course, moved[on] / spans[on, None], spans[on], on)
 
