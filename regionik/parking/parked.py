@@ -14,7 +14,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from regionik.motion import Course
+from regionik.motion import HARD_TRIES, Course
 from regionik.moving.avoid import PITCHES, Avoider, Evidence, Spot
 from regionik.moving.basepaths import StandingTracks
 from regionik.moving.driving import driver_for
@@ -35,7 +35,6 @@ from regionik.worlds.scene import World
 
 PLACES = 8  # of a stop that are tried
 HARD_PLACES = 2  # of these, how many of a stop with more set-points are worth a search for the way there
-HARD_TRIES = 3  # postures there that are worth it
 POSTURES = 8  # at one set-point that are tried from the one before
 PATIENCE = 200  # of them without getting farther before another place is tried
 
