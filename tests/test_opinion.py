@@ -164,6 +164,7 @@ POINT, SQUARE = [[0, 0]], [[-0.1, -0.1], [0.1, -0.1], [0.1, 0.1], [-0.1, 0.1]]
 PLATE = {"name": "plate", "box": {"size": [0.4, 1.0, 0.5], "center": [0, 0, 0.25]}}
 POST = {"name": "post", "cylinder": {"radius": 0.3, "height": 1.0, "center": [0, 0, 0.5]}}
 WALL = {"name": "wall", "box": {"size": [0.1, 2.2, 0.5], "center": [0, 0, 0.25]}}
+PIER = {"name": "pier", "box": {"size": [0.4, 2.0, 0.5], "center": [0, -0.5, 0.25]}}
 HANGING = {"name": "lamp", "box": {"size": [0.4, 2.0, 0.1], "center": [0, 0, 5.0]}}
 
 
@@ -176,6 +177,7 @@ HANGING = {"name": "lamp", "box": {"size": [0.4, 2.0, 0.1], "center": [0, 0, 5.0
         pytest.param([POST], SQUARE, 0.1, taut(0.5), id="round a post with the disc in a footprint"),
         pytest.param([WALL], POINT, 0.0, np.inf, id="nowhere"),
         pytest.param([HANGING], POINT, 0.0, 2.0, id="under it"),
+        pytest.param([PIER], POINT, 0.0, 0.4 + 2 * np.hypot(0.8, 0.5), id="round what reaches the edge"),
     ],
 )
 def test_shortest_ways(things: list[Any], footprint: Any, clearance: float, least: float) -> None:

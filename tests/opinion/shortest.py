@@ -102,11 +102,10 @@ def inner_radius(footprint: Array) -> float:
 def _corners(free: Any) -> Array:
     """Corners (n, 2) round which a shortest way may bend: those that reach into free floor."""
     found = [np.empty((0, 2))]
-    for part in shapely.get_parts(free):
+    for part in shapely.get_parts(shapely.normalize(free)):  # outside clockwise, holes the other way round
         for ring in (part.exterior, *part.interiors):
             corners = np.asarray(ring.coords)[:-1]
             before, after = corners - np.roll(corners, 1, axis=0), np.roll(corners, -1, axis=0) - corners
             bend = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
-            inward = bend < 0 if shapely.is_ccw(ring) else bend > 0
-            found.append(corners[inward if ring is part.exterior else ~inward])
+            found.append(corners[bend > 0])
     return np.vstack(found)
