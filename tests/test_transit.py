@@ -7,6 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import shapely
+from hypothesis import given
+from hypothesis import strategies as st
 
 from regionik.areas.ground import ground_of
 from regionik.areas.standing import anywhere
@@ -72,6 +74,20 @@ def test_folded_ways_over_open_floor(name: str) -> None:
     again = carrier(world).folded(here, there, 0)
     assert again is not None
     assert [pose.joints.tolist() for pose in again] == [pose.joints.tolist() for pose in way]
+
+
+@given(st.floats(0.0, 2.0), st.floats(-3.0, 3.0), st.floats(0.02, 0.5))
+def test_a_base_that_turns_round_its_arm_keeps_its_steps(way: float, turn: float, step: float) -> None:
+    world = world_of("youbot-real")
+    world = replace(world, rules=replace(world.rules, step=step))
+    hops = Hops(world, guard_of(world))
+    here = posed(world, np.zeros(3))
+    start = axis_of(world.robot, here.base)
+    there_base = np.array([*(start + (way, 0.0)), turn])
+    there_base[:2] -= axis_of(world.robot, np.array([0.0, 0.0, turn]))
+    there = posed(world, there_base)
+    bases = [pose.base for pose in [here, *hops.straight(here, there), there]]
+    assert np.hypot(*np.diff(bases, axis=0)[:, :2].T).max() <= step
 
 
 def test_the_arm_draws_back_where_it_cannot_fold() -> None:

@@ -7,7 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from shapely.geometry import Polygon, box
+from shapely.affinity import rotate, translate
+from shapely.geometry import Point, Polygon, box
 
 from regionik.plan import Configuration, Motion, Plan, Report, Violation
 from regionik.proofs.findings import MOST
@@ -435,6 +436,22 @@ def test_a_footprint_turns_into_a_wall(gap: float, holds: bool) -> None:
     assert report.ok == holds
     if not holds:
         assert "wall" in only(report, "clearance").text
+
+
+@pytest.mark.parametrize(("spare", "holds"), [(4e-6, True), (-4e-6, False)])
+def test_the_side_of_a_footprint_turns_past_a_post(spare: float, holds: bool) -> None:
+    motion = drive([-0.04, 0.0, -0.04], [0.04, 0.0, 0.04])
+    post = Cylinder("post", 0.1, 0.1, np.array([0.0, 0.4, 0.05]))
+    world = world_of(motion, post, robot=youbot(FOOTPRINT), rules=replace(RULES, clearance=0.0))
+    s = np.linspace(0, 1, 1001)[:, None]
+    gaps = []
+    for x, y, yaw in motion.base[0] + s * (motion.base[1] - motion.base[0]):
+        shape = translate(rotate(Polygon(FOOTPRINT), yaw, origin=(0, 0), use_radians=True), x, y)
+        gaps.append(shape.distance(Point(0.0, 0.4)) - 0.1)
+    nearest = min(gaps[1:-1])
+    assert nearest < min(gaps[0], gaps[-1]) - 1e-4  # it is between the states that it comes near
+    rules = replace(world.rules, clearance=nearest - spare)
+    assert verify(plan_of(replace(world, rules=rules), motion, 1)).ok == holds
 
 
 @pytest.mark.parametrize(("gap", "holds"), [(0.3468, True), (0.345, False)])

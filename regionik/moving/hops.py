@@ -29,12 +29,13 @@ class Hops:
         """States strictly between two poses: axis along a path, heading and joints spread over it."""
         robot = self.world.robot
         turn = turn_to(here.base, there.base)[2]
-        lever = float(np.hypot(*robot.mount[:2]))
-        step = self.world.rules.step / (1.0 + lever)
-        swing = max(abs(turn) / TURN_STRIDE, float(np.abs(there.joints - here.joints).max()) / LARGEST_BEND)
-        if lever > 0:
-            swing = max(swing, abs(turn) * lever / (step * 0.5))
-        shares, axes = spread_along(np.array(path), step * 0.999, int(np.ceil(swing)))
+        # The base moves by no more than the axis does and the mount swings about it.
+        way = float(np.hypot(*np.diff(path, axis=0).T).sum())
+        way += abs(turn) * float(np.hypot(*robot.mount[:2]))
+        step = self.world.rules.step * 0.999
+        bend = float(np.abs(there.joints - here.joints).max())
+        parts = max(abs(turn) / TURN_STRIDE, bend / LARGEST_BEND, way / step)
+        shares, axes = spread_along(np.array(path), step, int(np.ceil(parts)))
         bases = np.column_stack([np.zeros((len(shares), 2)), here.base[2] + shares * turn])
         bases[:, :2] = axes - axis_of(robot, bases)
         joints = here.joints + shares[:, None] * (there.joints - here.joints)

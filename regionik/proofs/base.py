@@ -17,7 +17,7 @@ from regionik.worlds.scene import World
 EXACT = 1e-9  # where the floor swept by a hop is known exactly [m]
 TURNING = 1e-6  # where the footprint turns on the way [m]
 OVERLAP = 4e-6  # that shapes must have in common to be told from shapes that touch [m]
-SHORTEST = 1e-4  # motion of the footprint over half a part below which its halves are not looked at [m]
+SHORTEST = 1e-6  # motion of the footprint over half a part below which its halves are not looked at [m]
 
 Shapes = NDArray[np.object_]
 
