@@ -7,14 +7,15 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import sys
 from collections import Counter
-from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass, replace
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import asdict, dataclass, replace
 from datetime import date
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 import numpy as np
 from rich.progress import track
@@ -161,6 +162,7 @@ def _planned(world: World, kind: str, seed: int) -> Judged:
     except NoPlanFound as failure:
         why = failure.explanation
         wrong: tuple[str, ...] = () if why.reason else ("no reason is given",)
+        wrong += (why.reason,) if why.verdict == "plan-invalid" else ()  # a fault of the planner's
         blocked = why.verdict == "start-blocked"
         if blocked and not blocked_at_start(world):
             wrong += (f"said to be blocked at its start: {why.reason}",)
@@ -228,19 +230,44 @@ def _who(one: Judged) -> str:
     return world_names()[one.seed] if one.kind == "bundled" else f"{one.kind} {one.seed}"
 
 
+def _lines(path: Path | None) -> TextIO:
+    """Where lines are added."""
+    return Path(os.devnull if path is None else path).open("a")
+
+
+def _read(path: Path | None) -> dict[tuple[str, int], Judged]:
+    """What an earlier run of the same code kept."""
+    if path is None or not path.exists():
+        return {}
+    found: dict[tuple[str, int], Judged] = {}
+    for line in path.read_text().splitlines():
+        row: dict[str, Any] = {
+            key: tuple(v) if isinstance(v, list) else v for key, v in json.loads(line).items()
+        }
+        found[row["kind"], row["seed"]] = Judged(**row)
+    return found
+
+
 def main() -> int:
     """Exit code 1 where a plan or a claim was contradicted."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("worlds", type=int, nargs="?", default=500, help="and a tenth as many with stops")
     parser.add_argument("-o", "--output", type=Path)
     parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--kept", type=Path, help="worlds judged, a line each, which are not judged again")
     asked = parser.parse_args()
     bundled, drawn = range(len(world_names())), range(asked.worlds)
-    standing = range(asked.worlds // 10)
-    kinds = ["bundled"] * len(bundled) + [KINDS[n % len(KINDS)] for n in drawn] + [STOPS] * len(standing)
-    seeds = [*bundled, *drawn, *standing]
-    with ProcessPoolExecutor(asked.workers, get_context("spawn")) as pool:
-        found = list(track(pool.map(judged, kinds, seeds), "worlds", len(kinds)))
+    worlds = [("bundled", n) for n in bundled] + [(KINDS[n % len(KINDS)], n) for n in drawn]
+    worlds += [(STOPS, n) for n in range(asked.worlds // 10)]
+    seen = _read(asked.kept)
+    left = [world for world in worlds if world not in seen]
+    with ProcessPoolExecutor(asked.workers, get_context("spawn")) as pool, _lines(asked.kept) as lines:
+        coming = as_completed([pool.submit(judged, *world) for world in left])
+        for done in track(coming, "worlds", len(left)):
+            one = done.result()
+            seen[one.kind, one.seed] = one
+            print(json.dumps(asdict(one)), file=lines, flush=True)
+    found = [seen[world] for world in worlds]
     text = report(found)
     if asked.output is not None:
         asked.output.write_text(text)
