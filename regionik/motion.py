@@ -24,6 +24,7 @@ from regionik.moving.rolled import travel_headings
 from regionik.moving.stretch import Stretcher
 from regionik.moving.transit import Carrier
 from regionik.plan import Configuration, Motion
+from regionik.planners.driving.drive import NoPathError
 from regionik.postures.guard import guard_of
 from regionik.postures.poses import Pose, Row, arrays, between, columns
 from regionik.pruning import Pruned
@@ -180,7 +181,10 @@ class _Walker:
             return explain_arm.no_drive(self.world, i, self.carrier.refusals[0])
         if here is not None and cut_off:
             piece = int(self.pruned.ladder.floor[self.nominal[i].component])
-            touch = self.carrier.obstruction(here, self.nominal[i].pose, piece)
+            try:
+                touch = self.carrier.obstruction(here, self.nominal[i].pose, piece)
+            except NoPathError as refusal:  # it drives to other places of this set-point only
+                return explain_arm.no_drive(self.world, i, refusal)
         closest, cause = "no single thing stands in the way", Cause("limits", self.world.robot.name)
         if touch is not None:
             closest, cause = guard.words(touch), guard.cause(touch)

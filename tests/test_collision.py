@@ -146,6 +146,21 @@ def test_distance_from_a_ball_in_closed_form() -> None:
     np.testing.assert_allclose(near.on_solid, [0.8, 0, 0], atol=1e-12)
 
 
+def test_an_upright_link_beside_an_upright_wall() -> None:
+    """Their edges are parallel but for rounding, where fcl takes others for the nearest; found by the soak."""
+    size, middle = np.array([0.48736026, 0.26423666, 0.8]), np.array([-0.33203483, 0.07671397, 0.4])
+    wall = Box("wall", size, middle, 1.9346469225358376)
+    obstacles, rng = obstacles_from([wall]), np.random.default_rng(1)
+    spots = rng.normal([-0.4467, -0.189, 0.147], 0.1, (2000, 3))
+    for a in [np.array([-0.4467059424322599, -0.18900687515437725, 0.147]), *spots]:
+        b = a + (0.0, 0.0, 0.155)
+        level = wall.distance(
+            np.array([a[0], a[1], np.clip(0.4, a[2], b[2])])
+        )  # it never stands over the wall
+        if level > 0 and a[2] < 0.8 and b[2] > 0:
+            assert capsule_distance(obstacles, a, b, 0.0).distance == pytest.approx(level, abs=1e-8)
+
+
 def test_the_nearest_of_many_and_only_some() -> None:
     solids = [Sphere(f"ball {k}", 0.1, np.array([k, 0.0, 0.0])) for k in range(1, 20)]
     obstacles = obstacles_from(solids)

@@ -252,3 +252,17 @@ def test_areas_are_those_of_brute_force(kind: str, seed: int) -> None:
             seen["outside"] += 1
             assert not found, f"{spot} is said not to serve"
     assert min(seen["inside"], seen["outside"]) > 2
+
+
+@pytest.mark.parametrize(
+    ("kind", "seed"),
+    [
+        pytest.param("overhead", 3571, id="steps of a base that turns round its arm"),
+        pytest.param("urdf", 3084, id="the side of a footprint turns past a post"),
+        pytest.param("floor", 4635, id="an upright link beside an upright wall"),
+        pytest.param("overhead", 4946, id="an arm led round things still faces its target"),
+        pytest.param("wheels", 4798, id="no way to the place that is nominal"),
+    ],
+)
+def test_worlds_that_the_soak_found(kind: str, seed: int) -> None:
+    assert judged(kind, seed).wrong == ()

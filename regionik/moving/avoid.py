@@ -33,6 +33,7 @@ from regionik.postures.serialarm import serial_solver
 from regionik.pruning import Ladder
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
+from regionik.worlds.pivot import pivot_of, pivoted
 from regionik.worlds.scene import World
 
 PLACES = 24  # of the base, looked through in one component
@@ -259,8 +260,8 @@ class Avoider:
             self.guard.bodies, base, quest.aim, spot.found.joints, quest.effort,
             contact=contact, margin=SPARE, seed=self.seed,
         )  # fmt: skip
-        if found is not None and self.clear(i, Pose(base, found[0])):
-            yield replace(spot, found=replace(spot.found, joints=found[0], error=found[1]))
+        if found is not None:
+            yield from self._faced(i, spot, *found[:2])
 
     def _asked(self, i: int, spot: Spot, ask: Callable[..., ClearPosture]) -> Iterator[Spot]:
         target, bodies, base = self.world.task[i], self.guard.bodies, spot.found.base
@@ -275,8 +276,22 @@ class Avoider:
             seed=self.seed,
         )
         self.evidence.setdefault(i, Evidence()).proven += found.kind == "none"
-        if found.joints is not None and self.clear(i, Pose(base, found.joints)):
-            yield Spot(replace(spot.found, joints=found.joints, error=found.error), spot.component)
+        if found.joints is not None:
+            yield from self._faced(i, spot, found.joints, found.error)
+
+    def _faced(self, i: int, spot: Spot, joints: Array, error: float) -> Iterator[Spot]:
+        """Other joints at a spot where they are clear; the base turned under the arm where it has to face it."""
+        robot, base = self.world.robot, spot.found.base
+        if self.world.rules.heading == "face_target" and pivoted(robot.chain) is robot.chain:
+            pivot = pivot_of(robot.chain)
+            ahead = np.clip(0.0, robot.chain.lower[pivot], robot.chain.upper[pivot])
+            yaw = float(base[2] + joints[pivot] - ahead)
+            if away(yaw, self._span(spot.component)) > 0:
+                return
+            base = pose_of(robot, axis_of(robot, base), yaw)
+            joints = np.where(np.arange(robot.chain.dof) == pivot, ahead, joints)
+        if self.clear(i, Pose(base, joints)):
+            yield Spot(replace(spot.found, base=base, joints=joints, error=error), spot.component)
 
     def _elsewhere(self, i: int, k: int, here: Pose) -> Iterator[Spot]:
         """Clear postures at places of the base in a component, near places first."""
