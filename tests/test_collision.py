@@ -147,7 +147,7 @@ def test_distance_from_a_ball_in_closed_form() -> None:
 
 
 def test_an_upright_link_beside_an_upright_wall() -> None:
-    """Their edges are parallel but for rounding, where fcl takes others for the nearest; found by the soak."""
+    """Their edges are parallel but for rounding, where fcl may take others for the nearest."""
     size, middle = np.array([0.48736026, 0.26423666, 0.8]), np.array([-0.33203483, 0.07671397, 0.4])
     wall = Box("wall", size, middle, 1.9346469225358376)
     obstacles, rng = obstacles_from([wall]), np.random.default_rng(1)
