@@ -146,12 +146,17 @@ def test_distance_from_a_ball_in_closed_form() -> None:
     np.testing.assert_allclose(near.on_solid, [0.8, 0, 0], atol=1e-12)
 
 
-def test_an_upright_link_beside_an_upright_wall() -> None:
+@pytest.mark.parametrize("as_mesh", [False, True])
+def test_an_upright_link_beside_an_upright_wall(as_mesh: bool) -> None:
     """Their edges are parallel but for rounding, where fcl may take others for the nearest."""
     size, middle = np.array([0.48736026, 0.26423666, 0.8]), np.array([-0.33203483, 0.07671397, 0.4])
     wall = Box("wall", size, middle, 1.9346469225358376)
-    obstacles, rng = obstacles_from([wall]), np.random.default_rng(1)
-    spots = rng.normal([-0.4467, -0.189, 0.147], 0.1, (2000, 3))
+    spots = np.random.default_rng(1).normal([-0.4467, -0.189, 0.147], 0.1, (2000, 3))
+    corners = obstacles_from([wall]).pieces[0].corners  # the lower ones, then those above them
+    sides = [[k, (k + 1) % 4, m] for k in range(4) for m in ((k + 1) % 4 + 4, k)]
+    sides = [[a, b, c] if c > 3 else [a, b + 4, a + 4] for a, b, c in sides]
+    surface = Mesh("mesh", corners, np.array([[0, 2, 1], [0, 3, 2], [4, 5, 6], [4, 6, 7], *sides]))
+    obstacles = obstacles_from([surface if as_mesh else wall])
     for a in [np.array([-0.4467059424322599, -0.18900687515437725, 0.147]), *spots]:
         b = a + (0.0, 0.0, 0.155)
         level = wall.distance(

@@ -1,9 +1,9 @@
 """Distances between arm links and solids, with the points that witness them. The only file that imports fcl.
 
 A link is a segment with a radius, so its distance is that of the segment less the radius, or a box. fcl
-measures both against surfaces of triangles, and what it says of convex solids is taken where a plane proves
-it. Its solvers for convex shapes (GJK, EPA) are left alone on purpose: where edges run parallel their answers
-were centimetres too large, and the signed distance of an axis that ends in a corner never came back.
+measures both against surfaces of triangles, and its word is taken where it is proven, by `_proven`. Its
+solvers for convex shapes (GJK, EPA) are left alone on purpose: where edges run parallel their answers were
+centimetres too large, and the signed distance of an axis that ends in a corner never came back.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from regionik.planners.geometry.convex import convex_pieces
-from regionik.planners.geometry.hulls import hull_gap
+from regionik.planners.geometry.hulls import hull_gap, surface_gap
 from regionik.planners.geometry.pieces import (
     NONE,
     TOUCH,
@@ -191,9 +191,9 @@ def separation(piece: Piece, start: Array, end: Array) -> Separation:
         distance, on_axis, on_piece = _between(_axis_on(start, end), piece.surface)
     inside = distance > 0 and not piece.disc and contains(piece, start)
     if distance > 0 and not inside:
-        if piece.mesh is None and not piece.disc:
-            return _proven(piece, np.stack([start, end]), distance, on_axis, on_piece)
-        return Separation(distance, (on_axis - on_piece) / distance, on_axis)
+        if piece.disc:
+            return Separation(distance, (on_axis - on_piece) / distance, on_axis)
+        return _proven(piece, np.stack([start, end]), distance, on_axis, on_piece)
     if piece.mesh is None:
         return way_out(piece, np.stack([start, end]))
     gap = -min(0.0, piece.mesh.distance(start)) if inside else 0.0
@@ -220,26 +220,30 @@ def hull_separation(piece: Piece, corners: Array) -> Separation:
     inside = swallowed or (distance > 0 and not piece.ball and contains(piece, corners[0]))
     normal = (on_box - on_piece) / distance if distance > 0 else UP
     if distance > 0 and not inside:
-        if piece.mesh is None:
-            return _proven(piece, corners, distance, on_box, on_piece)
-        return Separation(distance, normal, on_box)
+        return _proven(piece, corners, distance, on_box, on_piece)
     if piece.mesh is None:
         return way_out(piece, corners)
     return Separation(-max(distance, TOUCH), -normal, on_box)
 
 
 def _proven(piece: Piece, corners: Array, distance: float, on_link: Array, on_piece: Array) -> Separation:
-    """What fcl says of hulls that are apart, if a plane between them proves it; else what our own walk finds.
+    """What fcl says of surfaces that are apart, if that is proven; else what our own walk finds.
 
-    Of edges that are parallel but for rounding fcl may leave out the nearest points: it told of a link 7 cm
-    beside a wall that it was 8 cm away.
+    A plane proves it of convex solids; of meshes, that no triangle is nearer. Of edges that are parallel but
+    for rounding fcl may leave out the nearest points: it told of a link 7 cm beside a wall that it was 8 cm
+    away.
     """
-    normal = (on_link - on_piece) / distance
-    if float((corners @ normal).min() - (piece.corners @ normal).max()) >= distance - EXACT:
-        return Separation(distance - piece.ball, normal, on_link)
-    normal, on_link = np.zeros(3), np.empty(3)
-    gap = hull_gap(corners, piece.corners, 0.0, normal, on_link)[0]
-    return Separation(gap - piece.ball, normal, on_link) if gap > TOUCH else way_out(piece, corners)
+    normal, gap = (on_link - on_piece) / distance, distance
+    if piece.mesh is not None:
+        normal, on_link = normal.copy(), on_link.copy()
+        gap = surface_gap(corners, piece.mesh.vertices, piece.mesh.faces, distance - EXACT, normal, on_link)
+        gap = distance if gap == distance - EXACT else gap
+    elif (corners @ normal).min() - (piece.corners @ normal).max() < distance - EXACT:
+        normal, on_link = np.zeros(3), np.empty(3)
+        gap = hull_gap(corners, piece.corners, 0.0, normal, on_link)[0]
+    if gap <= TOUCH and piece.mesh is None:
+        return way_out(piece, corners)
+    return Separation(float(gap) - piece.ball, normal, on_link)
 
 
 def link_piece(solid: LinkSolid) -> Piece:

@@ -280,7 +280,7 @@ class Avoider:
             yield from self._faced(i, spot, found.joints, found.error)
 
     def _faced(self, i: int, spot: Spot, joints: Array, error: float) -> Iterator[Spot]:
-        """Other joints at a spot, if clear; the base is turned under the arm where it has to face the target."""
+        """Other joints at a spot, if clear; the base turns under the arm where it has to face the target."""
         robot, base = self.world.robot, spot.found.base
         if self.world.rules.heading == "face_target" and pivoted(robot.chain) is robot.chain:
             pivot = pivot_of(robot.chain)
