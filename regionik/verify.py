@@ -16,6 +16,7 @@ from regionik.proofs.axis import direction, orientation
 from regionik.proofs.base import clearance, floor
 from regionik.proofs.criteria import criteria
 from regionik.proofs.findings import Finding, Words, finding
+from regionik.proofs.heading import heading
 from regionik.proofs.journey import Indices, Journey, wrapped
 from regionik.proofs.own_body import itself
 from regionik.proofs.stops import stops
@@ -54,6 +55,7 @@ def verify(plan: Plan) -> Report:
             _joints(journey, words),
             _step(journey, words, plan.world.rules.step),
             wheels(journey, words),
+            heading(plan.world, journey, words),
             setpoints(plan.world, journey, words),
             path(plan.world, journey, words),
             direction(plan.world, journey, words),

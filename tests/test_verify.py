@@ -476,6 +476,24 @@ def test_the_base_turns_the_shorter_way() -> None:
 # The arm
 
 
+def test_a_base_that_turns_though_its_heading_is_fixed() -> None:
+    motion = drive([0.0, 0.0, 0.3], [0.0, 0.0, 0.3], [0.05, 0.0, 0.2])
+    rules = replace(RULES, heading="fixed")
+    found = only(verify(plan_of(world_of(motion, rules=rules), motion, 1)), "heading")
+    assert found.state == 2
+    assert found.amount == pytest.approx(0.1)
+    straight_on = drive([0.0, 0.0, 0.3], [0.05, 0.0, 0.3])
+    assert verify(plan_of(world_of(straight_on, rules=rules), straight_on, 1)).ok
+
+
+@pytest.mark.parametrize("aside", [0.0, 0.01])
+def test_a_base_that_does_not_face_its_target(aside: float) -> None:
+    motion = drive([0.0, 0.0, 0.3], [0.05, 0.0, 0.3], joints=Q + [aside, 0.0, 0.0, 0.0, 0.0])
+    report = verify(plan_of(world_of(motion, rules=replace(RULES, heading="face_target")), motion, 1))
+    assert report.ok == (aside == 0.0)
+    assert [violation.kind for violation in report.violations] == ["heading"] * (aside > 0)
+
+
 def test_the_arm_passes_through_a_thin_plate_between_clear_states() -> None:
     rules = replace(RULES, step=1.0)
     motion = drive([0.0, -0.1, 0.0], [0.0, 0.1, 0.0])

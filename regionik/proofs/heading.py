@@ -1,0 +1,36 @@
+"""Whether the base is turned as the rules want it: not at all, or so that the arm faces each set-point."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from regionik.plan import Violation
+from regionik.proofs.findings import Finding, Words, finding
+from regionik.proofs.journey import Journey, wrapped
+from regionik.worlds.pivot import pivot_of, pivoted
+from regionik.worlds.scene import World
+
+TURNED = 1e-6  # by which a base may be turned that is not to turn [rad]
+
+
+def heading(world: World, journey: Journey, words: Words) -> Finding:
+    """Headings under ``rules.heading``, within a microradian; hops turn no further than their ends.
+
+    A base that faces its targets has the pivot of its arm straight ahead, or as near to it as its limits
+    allow, in the states that are set-points. A fixed heading is that of the first state.
+    """
+    motion, chain = journey.motion, world.robot.chain
+    told: list[Violation] = []
+    if world.rules.heading == "fixed" and world.rules.mode == "continuous":
+        off = np.abs(wrapped(motion.base[:, 2] - motion.base[0, 2]))
+        for k in np.flatnonzero(off > TURNED).tolist():
+            text = f"the base is turned by {off[k]:.4g} rad {words.state(k)}; its heading is fixed"
+            told.append(Violation("heading", k, words.owner(k), float(off[k]), text))
+    if world.rules.heading == "face_target" and pivoted(chain) is chain:
+        pivot = pivot_of(chain)
+        ahead = np.clip(0.0, chain.lower[pivot], chain.upper[pivot])
+        off = np.where(motion.kind == "setpoint", np.abs(wrapped(motion.joints[:, pivot] - ahead)), 0.0)
+        for k in np.flatnonzero(off > TURNED).tolist():
+            text = f"the base faces {off[k]:.4g} rad past its target {words.state(k)}"
+            told.append(Violation("heading", k, words.owner(k), float(off[k]), text))
+    return finding("heading", np.inf, told)
