@@ -218,12 +218,12 @@ def hull_separation(piece: Piece, corners: Array) -> Separation:
     distance, on_box, on_piece = _between(_box_on(corners), surface)
     swallowed = distance > 0 and bool(within_box(corners, piece.corners).any())
     inside = swallowed or (distance > 0 and not piece.ball and contains(piece, corners[0]))
-    normal = (on_box - on_piece) / distance if distance > 0 else UP
     if distance > 0 and not inside:
         return _proven(piece, corners, distance, on_box, on_piece)
     if piece.mesh is None:
         return way_out(piece, corners)
-    return Separation(-max(distance, TOUCH), -normal, on_box)
+    normal = (on_piece - on_box) / distance if distance > 0 else -UP
+    return Separation(-max(distance, TOUCH), normal, on_box)
 
 
 def _proven(piece: Piece, corners: Array, distance: float, on_link: Array, on_piece: Array) -> Separation:
@@ -235,9 +235,9 @@ def _proven(piece: Piece, corners: Array, distance: float, on_link: Array, on_pi
     """
     normal, gap = (on_link - on_piece) / distance, distance
     if piece.mesh is not None:
-        normal, on_link = normal.copy(), on_link.copy()
-        gap = surface_gap(corners, piece.mesh.vertices, piece.mesh.faces, distance - EXACT, normal, on_link)
-        gap = distance if gap == distance - EXACT else gap
+        on_link, most = on_link.copy(), distance - EXACT
+        nearer = surface_gap(corners, piece.mesh.vertices, piece.mesh.faces, most, normal, on_link)
+        gap = nearer if nearer < most else distance
     elif (corners @ normal).min() - (piece.corners @ normal).max() < distance - EXACT:
         normal, on_link = np.zeros(3), np.empty(3)
         gap = hull_gap(corners, piece.corners, 0.0, normal, on_link)[0]
