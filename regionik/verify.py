@@ -1,4 +1,4 @@
-"""A plan checked again from its world alone, by code that shares nothing with what made it.
+"""A plan checked again from its world alone, by other code than made it; the two share only distances from solids.
 
 "Free" means proven: motion between states is bounded (see `regionik.proofs.journey`), not sampled.
 """
