@@ -1,4 +1,6 @@
-"""A plan checked again from its world alone, by other code than made it; the two share only distances from solids.
+"""A plan checked again from its world alone, by other code than made it.
+
+The two share only how distances from solids are measured.
 
 "Free" means proven: motion between states is bounded (see `regionik.proofs.journey`), not sampled.
 """

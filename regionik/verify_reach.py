@@ -42,7 +42,7 @@ def verify_answers(
     targets: Sequence[Target] | None = None,
     which: Sequence[int] | None = None,
 ) -> Report:
-    """Check base and arm of targets that are said to be reachable, by code that shares only distances with `reach`.
+    """Check base and arm of targets that are said to be reachable, by other code than made the answer.
 
     Joints are held against their limits, the tool against its target, the footprint against floor and
     clearance, and where the rules lead the arm round things, its links against solids and one another.
