@@ -13,7 +13,7 @@ ROOMS = ("worlds", "planners", "regionik")
 SOURCES = sorted({path.resolve() for room in ROOMS for path in (ROOT / room).glob("**/*.py")})
 ENGINES = {
     "ompl": {"planners/driving/sampling.py"},
-    "fcl": {"planners/geometry/collision.py"},
+    "fcl": {"planners/geometry/surfaces.py"},
     "meshcat": {"regionik/view.py"},
     "toppra": {"planners/timing/fastest.py"},
     "matplotlib": {"regionik/drawing/plot.py"},

@@ -1,26 +1,22 @@
-"""Distances between arm links and solids, with the points that witness them. The only file that imports fcl.
+"""Distances between arm links and solids, with the points that witness them.
 
 A link is a segment with a radius, so its distance is that of the segment less the radius, or a box. fcl
-measures both against surfaces of triangles, and its word is taken where it is proven, by `_proven`. Its
-solvers for convex shapes (GJK, EPA) are left alone on purpose: where edges run parallel their answers were
-centimetres too large, and the signed distance of an axis that ends in a corner never came back.
+measures both against surfaces of triangles, and its word is taken where it is proven, by `_proven`.
 """
 
 from __future__ import annotations
 
-import math
-import threading
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import NamedTuple
 
-import fcl
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from regionik.planners.geometry.convex import convex_pieces
-from regionik.planners.geometry.hulls import hull_gap, surface_gap
+from regionik.planners.geometry.facetree import face_tree, nearest_face
+from regionik.planners.geometry.hulls import hull_gap
 from regionik.planners.geometry.pieces import (
     NONE,
     TOUCH,
@@ -33,16 +29,12 @@ from regionik.planners.geometry.pieces import (
     way_out,
     within_box,
 )
+from regionik.planners.geometry.surfaces import BOX, between, box, segment, surface
 from regionik.worlds.arrays import Array, frozen
-from regionik.worlds.errors import InputError
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Solid, Sphere
 from regionik.worlds.robot import LinkSolid
 
 EXACT = 1e-8  # of a distance that a plane proves [m]
-_REQUEST = fcl.DistanceRequest(enable_nearest_points=True)
-_SIGNS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
-_QUADS = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])
-_BOX = np.vstack([_QUADS[:, [0, 1, 2]], _QUADS[:, [0, 2, 3]]])  # triangles of corners ordered as _SIGNS
 
 
 class Near(NamedTuple):
@@ -188,7 +180,7 @@ def separation(piece: Piece, start: Array, end: Array) -> Separation:
     if piece.disc:
         distance, on_axis, on_piece = from_cylinder(piece, start, end)
     else:
-        distance, on_axis, on_piece = _between(_axis_on(start, end), piece.surface)
+        distance, on_axis, on_piece = between(segment(start, end), piece.surface)
     inside = distance > 0 and not piece.disc and contains(piece, start)
     if distance > 0 and not inside:
         if piece.disc:
@@ -214,8 +206,8 @@ def hull_separation(piece: Piece, corners: Array) -> Separation:
         way, on_box = np.zeros(3), np.empty(3)
         distance = hull_gap(corners, piece.corners, piece.disc, way, on_box)[0]
         return Separation(distance, way, on_box) if distance > TOUCH else way_out(piece, corners)
-    surface = _axis_on(piece.corners[0], piece.corners[-1]) if piece.ball else piece.surface
-    distance, on_box, on_piece = _between(_box_on(corners), surface)
+    other = segment(piece.corners[0], piece.corners[-1]) if piece.ball else piece.surface
+    distance, on_box, on_piece = between(box(corners), other)
     swallowed = distance > 0 and bool(within_box(corners, piece.corners).any())
     inside = swallowed or (distance > 0 and not piece.ball and contains(piece, corners[0]))
     if distance > 0 and not inside:
@@ -234,9 +226,9 @@ def _proven(piece: Piece, corners: Array, distance: float, on_link: Array, on_pi
     away.
     """
     normal, gap = (on_link - on_piece) / distance, distance
-    if piece.mesh is not None:
+    if piece.faces is not None:
         on_link, most = on_link.copy(), distance - EXACT
-        nearer = surface_gap(corners, piece.mesh.vertices, piece.mesh.faces, most, normal, on_link)
+        nearer = nearest_face(piece.faces, corners, most, normal, on_link)
         gap = nearer if nearer < most else distance
     elif (corners @ normal).min() - (piece.corners @ normal).max() < distance - EXACT:
         normal, on_link = np.zeros(3), np.empty(3)
@@ -254,68 +246,7 @@ def link_piece(solid: LinkSolid) -> Piece:
     axes = (corners[[4, 2, 1]] - corners[0]) / np.linalg.norm(corners[[4, 2, 1]] - corners[0], axis=1)[
         :, None
     ]
-    return Piece(corners, np.vstack([axes, -axes]), axes, surface=_surface(corners, _BOX))
-
-
-def _between(a: fcl.CollisionObject, b: fcl.CollisionObject) -> tuple[float, Array, Array]:
-    """Distance of two surfaces, and the two points; 0 where they meet."""
-    found = fcl.DistanceResult()
-    distance = fcl.distance(a, b, _REQUEST, found)
-    on_a, on_b = found.nearest_points
-    return max(0.0, float(distance)), on_a, on_b
-
-
-def _axis_on(a: Array, b: Array) -> fcl.CollisionObject:
-    length, pose = _pose(a, b)
-    axis = _axis(round(length, 12), threading.get_ident())
-    axis.setTransform(pose)
-    return axis
-
-
-def _box_on(corners: Array) -> fcl.CollisionObject:
-    middle, sides = corners.mean(0), corners[[4, 2, 1]] - corners[0]
-    if not math.isfinite(float(middle.sum())):  # fcl would call such a pose free
-        raise InputError(f"box: every number must be finite, got {corners.tolist()}")
-    size = np.linalg.norm(sides, axis=1)
-    box = _box(*np.round(size, 12).tolist(), threading.get_ident())
-    box.setTransform(fcl.Transform((sides / size[:, None]).T, middle))
-    return box
-
-
-def _pose(a: Array, b: Array) -> tuple[float, fcl.Transform]:
-    """Length of a segment, and the transform that lays one along z onto it."""
-    (ax, ay, az), (bx, by, bz) = a.tolist(), b.tolist()
-    x, y, z = bx - ax, by - ay, bz - az
-    length = math.sqrt(x * x + y * y + z * z)
-    if not math.isfinite(length):  # fcl would call such a pose free
-        raise InputError(f"capsule: every number must be finite, got {a.tolist()} and {b.tolist()}")
-    x, y, z = (x / length, y / length, z / length) if length > 0 else (0.0, 0.0, 1.0)
-    s = math.copysign(1.0, z)
-    u = -1.0 / (s + z)
-    v = x * y * u
-    turn = np.array([[1 + s * x * x * u, v, x], [s * v, s + y * y * u, y], [-s * x, -y, z]])
-    return length, fcl.Transform(turn, np.array([(ax + bx) / 2, (ay + by) / 2, (az + bz) / 2]))
-
-
-@lru_cache(maxsize=512)
-def _axis(length: float, thread: int) -> fcl.CollisionObject:
-    """A segment along z as a triangle without area; one for each thread, because it is moved about."""
-    half = length / 2
-    return _surface(np.array([[0, 0, -half], [0, 0, half], [0, 0, half]]), np.array([[0, 1, 2]]))
-
-
-@lru_cache(maxsize=512)
-def _box(x: float, y: float, z: float, thread: int) -> fcl.CollisionObject:
-    return _surface(_SIGNS * np.array([x, y, z]) / 2, _BOX)
-
-
-def _surface(vertices: Array, faces: NDArray[np.int64]) -> fcl.CollisionObject:
-    middle = (vertices.min(0) + vertices.max(0)) / 2
-    model = fcl.BVHModel()
-    model.beginModel(len(vertices), len(faces))
-    model.addSubModel(vertices - middle, np.array(faces))
-    model.endModel()
-    return fcl.CollisionObject(model, fcl.Transform(np.eye(3), middle))
+    return Piece(corners, np.vstack([axes, -axes]), axes, surface=surface(corners, BOX))
 
 
 def _pieces(solid: Solid) -> list[Piece]:
@@ -326,7 +257,12 @@ def _pieces(solid: Solid) -> list[Piece]:
             ends = solid.center + np.outer([-solid.height / 2, solid.height / 2], UP)
             return [Piece(ends, NONE, disc=solid.radius)]
         case Mesh():
-            return [Piece(solid.vertices, NONE, surface=_surface(solid.vertices, solid.faces), mesh=solid)]
+            triangles = solid.vertices, solid.faces
+            return [
+                Piece(
+                    solid.vertices, NONE, surface=surface(*triangles), mesh=solid, faces=face_tree(*triangles)
+                )
+            ]
         case Box():
             c, s = np.cos(solid.yaw), np.sin(solid.yaw)
             level = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * solid.size[:2] / 2
@@ -349,4 +285,4 @@ def _prism(outline: Array, bottom: float, top: float) -> Piece:
     level = np.column_stack([edges[:, 1], -edges[:, 0]]) / np.linalg.norm(edges, axis=1)[:, None]
     normals = np.vstack([np.column_stack([level, np.zeros(n)]), UP, -UP])
     edges = np.vstack([np.column_stack([-level[:, 1], level[:, 0], np.zeros(n)]), UP])
-    return Piece(corners, normals, edges, surface=_surface(corners, np.array(fan + lid + sides)))
+    return Piece(corners, normals, edges, surface=surface(corners, np.array(fan + lid + sides)))

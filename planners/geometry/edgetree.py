@@ -65,7 +65,7 @@ def tree_of(vertices: Array, starts: Index) -> EdgeTree:
 
 
 @compiled
-def _beyond(i: int) -> int:
+def beyond(i: int) -> int:
     """The next node that is not below this one; 0 behind the last."""
     while i & 1:
         i >>= 1
@@ -88,7 +88,7 @@ def _crossed_oddly(tree: EdgeTree, x: float, y: float) -> bool:
     leaves, inside, i = len(boxes) // 2, False, 1
     while i > 0:
         if y < boxes[i, 1] or y >= boxes[i, 3] or x > boxes[i, 2]:
-            i = _beyond(i)
+            i = beyond(i)
         elif i < leaves:
             i *= 2
         else:
@@ -100,7 +100,7 @@ def _crossed_oddly(tree: EdgeTree, x: float, y: float) -> bool:
                     side = (bx - ax) * (y - ay) - (x - ax) * (by - ay)
                     if (side > 0.0) == (by > ay):
                         inside = not inside
-            i = _beyond(i)
+            i = beyond(i)
     return inside
 
 
@@ -129,7 +129,7 @@ def nearest(tree: EdgeTree, x: float, y: float, edge: int) -> tuple[float, float
     i = 1
     while i > 0:
         if _gap2(boxes, i, x, y) > best:
-            i = _beyond(i)
+            i = beyond(i)
         elif i < leaves:
             i *= 2
         else:
@@ -139,7 +139,7 @@ def nearest(tree: EdgeTree, x: float, y: float, edge: int) -> tuple[float, float
                 gap2 = (px - x) * (px - x) + (py - y) * (py - y)
                 if gap2 < best or (gap2 == best and k < edge):
                     best, best_x, best_y, edge = gap2, px, py, k
-            i = _beyond(i)
+            i = beyond(i)
     return best_x, best_y, edge
 
 

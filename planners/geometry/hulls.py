@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
 from regionik.planners.geometry.flat import compiled
 from regionik.worlds.arrays import Array
@@ -57,7 +56,7 @@ def hull_gap(A: Array, B: Array, disc: float, way: Array, spot: Array) -> tuple[
             upper = size
         if size < NOTHING or count == 4:
             break
-        i, j, gap = _extremes(A, B, v)
+        i, j, gap = extremes(A, B, v)
         level = math.sqrt(v[0] * v[0] + v[1] * v[1])
         bound = (gap - disc * level) / size
         if bound > lower:
@@ -80,38 +79,7 @@ def hull_gap(A: Array, B: Array, disc: float, way: Array, spot: Array) -> tuple[
 
 
 @compiled
-def surface_gap(
-    A: Array, vertices: Array, faces: NDArray[np.int64], most: float, way: Array, spot: Array
-) -> float:
-    """Distance of the hull of A from triangles, where it is less than ``most``, else that [m].
-
-    ``way`` and ``spot`` are as in `hull_gap`, overwritten where something is nearer.
-    """
-    low, high = np.empty(3), np.empty(3)
-    for d in range(3):
-        low[d], high[d] = A[:, d].min(), A[:, d].max()
-    triangle, along, place = np.empty((3, 3)), np.empty(3), np.empty(3)
-    least = most
-    for f in range(len(faces)):
-        square = 0.0
-        for d in range(3):
-            a, b, c = vertices[faces[f, 0], d], vertices[faces[f, 1], d], vertices[faces[f, 2], d]
-            triangle[0, d], triangle[1, d], triangle[2, d] = a, b, c
-            aside = max(min(a, min(b, c)) - high[d], low[d] - max(a, max(b, c)), 0.0)
-            square += aside * aside
-        if square >= least * least:
-            continue
-        along[:] = 0.0
-        gap = max(hull_gap(A, triangle, 0.0, along, place)[0], 0.0)
-        if gap < least:
-            least = gap
-            way[:] = along
-            spot[:] = place
-    return least
-
-
-@compiled
-def _extremes(A: Array, B: Array, v: Array) -> tuple[int, int, float]:
+def extremes(A: Array, B: Array, v: Array) -> tuple[int, int, float]:
     """The corner of A least far along v, that of B farthest along it, and how much lies between them."""
     i, low = 0, np.inf
     for k in range(len(A)):

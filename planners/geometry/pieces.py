@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from regionik.planners.geometry.facetree import FaceTree
 from regionik.planners.geometry.hulls import hull_gap
 from regionik.worlds.arrays import Array
 from regionik.worlds.obstacles import Mesh
@@ -43,6 +44,7 @@ class Piece:
     ball: float = 0.0  # [m]
     surface: Any = None  # the engine's triangles, of a part with corners
     mesh: Mesh | None = None
+    faces: FaceTree | None = None  # of a mesh
 
     def support(self, directions: Array) -> Array:
         """How far the piece reaches along each direction (..., 3), as (...)."""
@@ -54,9 +56,10 @@ class Piece:
 
 def contains(piece: Piece, point: Array) -> bool:
     """Whether a point is inside or on the surface, where fcl overlooks a segment within one triangle."""
-    if piece.mesh is None:
+    if piece.mesh is None or piece.faces is None:
         return bool((piece.normals @ point <= piece.support(piece.normals) + TOUCH).all())
-    within = (piece.corners.min(0) <= point + TOUCH) & (point <= piece.corners.max(0) + TOUCH)
+    low, high = piece.faces.boxes[1].reshape(2, 3)
+    within = (low <= point + TOUCH) & (point <= high + TOUCH)
     return bool(within.all()) and piece.mesh.distance(point) <= TOUCH
 
 
