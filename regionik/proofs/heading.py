@@ -19,18 +19,19 @@ def heading(world: World, journey: Journey, words: Words) -> Finding:
     A base that faces its targets has the pivot of its arm straight ahead, or as near to it as its limits
     allow, in the states that are set-points. A fixed heading is that of the first state.
     """
-    motion, chain = journey.motion, world.robot.chain
-    told: list[Violation] = []
-    if world.rules.heading == "fixed" and world.rules.mode == "continuous":
+    motion, chain, rules = journey.motion, world.robot.chain, world.rules
+    if rules.heading == "fixed" and rules.mode == "continuous":
         off = np.abs(wrapped(motion.base[:, 2] - motion.base[0, 2]))
-        for k in np.flatnonzero(off > TURNED).tolist():
-            text = f"the base is turned by {off[k]:.4g} rad {words.state(k)}; its heading is fixed"
-            told.append(Violation("heading", k, words.owner(k), float(off[k]), text))
-    if world.rules.heading == "face_target" and pivoted(chain) is chain:
+        text = "the base is turned by {:.4g} rad {}; its heading is fixed"
+    elif rules.heading == "face_target" and pivoted(chain) is chain:
         pivot = pivot_of(chain)
         ahead = np.clip(0.0, chain.lower[pivot], chain.upper[pivot])
         off = np.where(motion.kind == "setpoint", np.abs(wrapped(motion.joints[:, pivot] - ahead)), 0.0)
-        for k in np.flatnonzero(off > TURNED).tolist():
-            text = f"the base faces {off[k]:.4g} rad past its target {words.state(k)}"
-            told.append(Violation("heading", k, words.owner(k), float(off[k]), text))
+        text = "the base faces {:.4g} rad past its target {}"
+    else:
+        return finding("heading", np.inf, [])
+    told = [
+        Violation("heading", k, words.owner(k), float(off[k]), text.format(off[k], words.state(k)))
+        for k in np.flatnonzero(off > TURNED).tolist()
+    ]
     return finding("heading", np.inf, told)
