@@ -1,7 +1,8 @@
 # make demo    plan a bundled world, verify the plan, write a page to look at
 # make test    the whole test suite, with the same random cases each time; pytest alone draws new ones
 # make coverage  the lines that the suite runs, every kernel as plain Python too; fails under 95 in a hundred
-# make soak    all bundled worlds, WORLDS=500 random ones and a tenth as many done from stops, judged by other libraries
+# make soak    all bundled worlds, WORLDS=500 random ones, a tenth as many done from stops, a fifth on floors of
+#              random outlines and maps, judged by other libraries
 # make fuzz    SECONDS=120 of broken files of each kind, after files made to do harm
 # make lint    style, types, import order
 # make bench   the table of speeds against others, into docs/benchmarks.md and docs/benchmarks.json (minutes)

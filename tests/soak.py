@@ -36,7 +36,7 @@ from tests.opinion.judge import detours, objections, posture_objections
 from tests.opinion.machine import Facts, Machine
 from tests.opinion.moment import Moment
 from tests.opinion.search import find, find_clear
-from tests.soaked import KINDS, STOPS, soaked_world
+from tests.soaked import GROUND, KINDS, STOPS, soaked_world
 
 SEARCHED, EVERY = ("floor", "overhead"), 2  # where single targets are asked for: in every second of these
 
@@ -251,7 +251,9 @@ def _read(path: Path | None) -> dict[tuple[str, int], Judged]:
 def main() -> int:
     """Exit code 1 where a plan or a claim was contradicted."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("worlds", type=int, nargs="?", default=500, help="and a tenth as many with stops")
+    parser.add_argument(
+        "worlds", type=int, nargs="?", default=500, help="random ones, and more of rare kinds"
+    )
     parser.add_argument("-o", "--output", type=Path)
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--kept", type=Path, help="worlds judged, a line each, which are not judged again")
@@ -259,6 +261,7 @@ def main() -> int:
     bundled, drawn = range(len(world_names())), range(asked.worlds)
     worlds = [("bundled", n) for n in bundled] + [(KINDS[n % len(KINDS)], n) for n in drawn]
     worlds += [(STOPS, n) for n in range(asked.worlds // 10)]
+    worlds += [(GROUND, n) for n in range(asked.worlds // 5)]
     seen = _read(asked.kept)
     left = [world for world in worlds if world not in seen]
     with ProcessPoolExecutor(asked.workers, get_context("spawn")) as pool, _lines(asked.kept) as lines:

@@ -18,15 +18,16 @@ from regionik.worlds.scene import Heading, Order, Start, World
 from regionik.worlds.speeds import Speeds
 from regionik.worlds.urdf import load_robot
 from regionik.writing.urdf_text import robot_to_urdf
+from tests.grounds import floor_of
 from tests.test_overhead_worlds import overhead_world
 from tests.test_random_worlds import random_world
 
 KINDS = ("floor", "overhead", "made", "wheels", "urdf")  # of random worlds
-STOPS = "stops"  # a kind of its own, made of some of these
+STOPS, GROUND = "stops", "ground"  # kinds of their own, made of these: done from stops, on random floors
 
 
 def soaked_world(kind: str, seed: int) -> World:
-    """A random world of one of `KINDS` or of `STOPS`, or of the bundled ones the seed-th."""
+    """A random world of one of `KINDS`, of `STOPS` or of `GROUND`, or of the bundled ones the seed-th."""
     if kind == "bundled":
         return load_world(world_names()[seed])
     return demanding(_drawn(kind, seed), np.random.default_rng([seed, 1]))
@@ -45,6 +46,8 @@ def _drawn(kind: str, seed: int) -> World:
             return on_wheels(random_world(seed), seed)
         case "stops":
             return standing_still(_drawn(("floor", "made", "urdf")[seed % 3], seed), seed)
+        case "ground":
+            return replace(_drawn(KINDS[seed % len(KINDS)], seed), floor=floor_of(seed))
         case _:
             return _with(random_world(seed), through_urdf(random_world(seed).robot))
 
