@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import shapely
@@ -86,25 +85,6 @@ def _onward(
         if shared.area > LEAST:
             ahead[k] = shared
     return ahead
-
-
-def shrunk(shapes: Geometries, by: float, *, inner: bool) -> Geometries:
-    """Places whose circle of a radius lies in a shape, from within or from outside.
-
-    Parameters
-    ----------
-    shapes : (m,) array of geometry
-    by : float
-        Radius [m].
-    inner : bool
-        Whether every place is to be one; else none is to be missing.
-    """
-    if by == 0.0:
-        return shapes
-    # Corners of what is taken away: mitred they hold the arc, with chords they lie inside it.
-    join: Any = "mitre" if inner else "round"
-    left: Geometries = shapely.buffer(shapes, -by, quad_segs=16, join_style=join)
-    return left
 
 
 def _solid(shape: BaseGeometry) -> BaseGeometry:

@@ -17,12 +17,10 @@ from shapely import STRtree
 from shapely.geometry import Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
+from regionik.planners.geometry.offsets import grown, shrunk
 from regionik.worlds.obstacles import Shadow, Solid
 from regionik.worlds.scene import World
 
-QUAD_SEGMENTS = 12
-QUANTUM = np.pi / (2 * QUAD_SEGMENTS)  # angle of one segment of an arc [rad]
-ROUNDING = 1e-6  # a number of segments this near to the next may be rounded either way
 GUARD = 1e-6  # kept beyond every bound of an inner area, so that rounding never breaks one [m]
 
 EVERY = (-np.inf, np.inf)  # heading
@@ -122,14 +120,15 @@ class Ground:
 
     @cached_property
     def inner(self) -> Side:
-        grown = self.grown(self.clearance + GUARD, inner=True)
-        return Side(self.floor.buffer(-self.far - GUARD), disjoint(grown))
+        taken = self.taken(self.clearance + GUARD, inner=True)
+        return Side(shrunk(self.floor, self.far + GUARD, outside=False), disjoint(taken))
 
     @cached_property
     def outer(self) -> Side:
-        return Side(self.floor.buffer(-self.near), disjoint(self.grown(self.clearance, inner=False)))
+        taken = self.taken(self.clearance, inner=False)
+        return Side(shrunk(self.floor, self.near, outside=True), disjoint(taken))
 
-    def grown(self, clearance: float, *, inner: bool) -> Geometries:
+    def taken(self, clearance: float, *, inner: bool) -> Geometries:
         """Every shadow grown by clearance and footprint: circumscribed for inner areas, else inscribed."""
         spare = self.far if inner else self.near
         return np.array([grow(shadow, clearance + spare, inner) for shadow in self.shadows], dtype=object)
@@ -163,26 +162,7 @@ def shadow_of(solid: Solid, below: float) -> Shadow | None:
 @lru_cache(maxsize=4096)
 def grow(shadow: Shadow, by: float, inner: bool) -> BaseGeometry:
     """A shadow grown by a disc, as a polygon around it (``inner``) or within it."""
-    radius = shadow.radius + by
-    if inner:
-        radius /= np.cos(_widest_segment(shadow.core) / 2)
-    return shadow.core.buffer(radius, quad_segs=QUAD_SEGMENTS)
-
-
-def _widest_segment(core: BaseGeometry) -> float:
-    """Widest angle of one segment where the buffer rounds a corner: GEOS rounds their number [rad]."""
-    if shapely.get_type_id(core) > 3:
-        return 1.5 * QUANTUM
-    widest = QUANTUM
-    for ring in shapely.get_rings(core):
-        way = np.diff(shapely.get_coordinates(ring), axis=0)
-        way = way[np.hypot(*way.T) > 0]
-        ahead = np.roll(way, -1, axis=0)
-        cross = way[:, 0] * ahead[:, 1] - way[:, 1] * ahead[:, 0]
-        angles = np.abs(np.arctan2(cross, (way * ahead).sum(axis=1)))
-        segments = np.maximum(1.0, np.floor(angles / QUANTUM + 0.5 - ROUNDING))
-        widest = max(widest, float((angles / segments).max()))
-    return min(widest, 1.5 * QUANTUM)
+    return grown(shadow.core, shadow.radius + by, outside=inner)
 
 
 @lru_cache(maxsize=8)

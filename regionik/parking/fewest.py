@@ -20,8 +20,9 @@ from shapely.geometry.base import BaseGeometry
 from regionik.areas.ground import Geometries
 from regionik.areas.standing import Index, Standing
 from regionik.mfabrik import axis_of
+from regionik.planners.geometry.offsets import shrunk
 from regionik.planners.places.cover import Cover, Faces, faces_of, least_cover
-from regionik.planners.places.runs import fewest_runs, shrunk
+from regionik.planners.places.runs import fewest_runs
 from regionik.pruning import Ladder, Mask, build_ladder
 from regionik.reasons import explain
 from regionik.regions import PathAreas, outer_areas, path_areas, ways_to_stand
@@ -216,7 +217,7 @@ def _covered(world: World, floors: Floors) -> Parking:
     )
     cover = least_cover(faces.inside)
     groups = _given_out(world.task, faces, side, cover, floors)
-    outer = shrunk(_outer(world), world.rules.stop_tolerance, inner=False)
+    outer = _for_circles(_outer(world), world, outside=True)
     bound = least_cover(faces_of(outer).inside)
     stats: dict[str, int | bool | str] = {
         "count": len(groups), "lower_bound": bound.lower, "bound": "outer areas",
@@ -256,7 +257,7 @@ def _floors(world: World, standing: Standing, facings: tuple[int, ...]) -> list[
     """Areas on each piece of floor that the base may be on."""
     areas = path_areas(world, facings=facings, standing=standing)
     ladder = build_ladder(areas, len(world.task), standing)
-    narrow = shrunk(ladder.component, world.rules.stop_tolerance, inner=True)
+    narrow = _for_circles(ladder.component, world, outside=False)
     back: list[list[int]] = [[] for _ in ladder.component]
     for m, k in ladder.edges.tolist():
         if ladder.side[m] == ladder.side[k]:
@@ -291,9 +292,17 @@ def _outer(world: World) -> Geometries:
     return areas
 
 
+def _for_circles(shapes: Geometries, world: World, *, outside: bool) -> Geometries:
+    """Places whose circle to park in lies in a shape: all of them and a little more, or none too many."""
+    by = world.rules.stop_tolerance
+    if by == 0.0:
+        return shapes
+    return np.array([shrunk(shape, by, outside=outside) for shape in shapes], dtype=object)
+
+
 def _lower_in_order(world: World) -> int:
     """Stops that any base needs, whatever its headings and the arm's postures."""
-    areas = shrunk(_outer(world), world.rules.stop_tolerance, inner=False)
+    areas = _for_circles(_outer(world), world, outside=True)
     count = len(areas)
     back = [[i - 1] if i else [] for i in range(count)]
     return len(fewest_runs(areas, np.arange(count + 1), back))

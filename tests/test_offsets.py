@@ -1,0 +1,71 @@
+"""Shapes grown and shrunk by a disc lie on the side of the true ones that was asked for."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from regionik.planners.geometry.offsets import SHALLOW, grown, shrunk
+
+NEAR = 1e-9
+
+
+def blob(seed: int) -> shapely.Polygon:
+    """A star, a disc with a dented rim or a room with bays, now and then with holes."""
+    rng = np.random.default_rng(seed)
+    count = int(rng.integers(4, 90))
+    angles = np.linspace(0, 2 * np.pi, count, endpoint=False)
+    dents = [rng.uniform(0.4, 1.0, count), 1.0 + rng.uniform(-0.02, 0.02, count), np.ones(count)]
+    reach = dents[rng.integers(3)]
+    shape = shapely.Polygon(np.column_stack([reach * np.cos(angles), reach * np.sin(angles)])).buffer(0)
+    for _ in range(rng.integers(0, 3)):
+        x, y = rng.uniform(-0.8, 0.8, 2)
+        hole = shapely.Point(x, y).buffer(rng.uniform(0.02, 0.4), quad_segs=int(rng.integers(1, 24)))
+        shape = shape.difference(hole)
+    parts = [part for part in shapely.get_parts(shape) if part.geom_type == "Polygon"]
+    return max(parts, key=lambda part: part.area)
+
+
+def rim(shape: shapely.Geometry) -> np.ndarray:
+    points: np.ndarray = shapely.points(shapely.get_coordinates(shape.boundary.segmentize(0.01)))
+    return points
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.integers(0, 10**9), st.floats(0.01, 0.6))
+def test_grown(seed: int, by: float) -> None:
+    shape = blob(seed)
+    more, less = grown(shape, by, outside=True), grown(shape, by, outside=False)
+    assert shapely.distance(rim(more), shape).min() >= by - NEAR
+    assert shapely.distance(rim(less), shape).max() <= by + NEAR
+    assert shapely.distance(rim(more), shape).max() <= 1.02 * by
+    # Holes that are left where there are none make it less still.
+    shell = shapely.Polygon(less.exterior)
+    assert shapely.distance(rim(shell), shape).min() >= (0.99 - SHALLOW) * by
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.integers(0, 10**9), st.floats(0.01, 0.3))
+def test_shrunk(seed: int, by: float) -> None:
+    shape = blob(seed)
+    more, less = shrunk(shape, by, outside=True), shrunk(shape, by, outside=False)
+    assert less.is_empty or more.buffer(NEAR).covers(less)
+    if not less.is_empty:
+        assert shapely.distance(rim(less), shape.boundary).min() >= by - NEAR
+        assert shapely.distance(rim(less), shape.boundary).max() <= 1.02 * by
+    if not more.is_empty:
+        assert shapely.distance(rim(more), shape.boundary).max() <= by + NEAR
+        assert shapely.distance(rim(more), shape.boundary).min() >= (0.99 - SHALLOW) * by
+    places = np.random.default_rng(seed).uniform(-1, 1, (300, 2))
+    spots = shapely.points(places[shapely.contains_xy(shape, *places.T)])
+    room = shapely.distance(spots, shape.boundary)
+    assert not shapely.covers(less, spots[room < by - NEAR]).any()
+    assert shapely.covers(more, spots[room > by + NEAR]).all()
+
+
+@pytest.mark.parametrize("outside", [True, False])
+def test_a_room_without_corners_that_stand_out_is_shrunk_exactly(outside: bool) -> None:
+    assert shrunk(shapely.box(0, 0, 3, 2), 0.5, outside=outside).equals(shapely.box(0.5, 0.5, 2.5, 1.5))
