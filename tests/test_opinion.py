@@ -33,7 +33,7 @@ from tests.opinion.machine import Machine
 from tests.opinion.search import find_clear, stand_at
 from tests.opinion.shortest import Ground
 from tests.soak import against, against_reach, counterexample, facts_of, judged, machine_of
-from tests.soaked import KINDS, soaked_world
+from tests.soaked import GROUND, KINDS, soaked_world
 
 
 def taut(radius: float) -> float:
@@ -58,7 +58,7 @@ def test_nothing_against_bundled_worlds(name: str) -> None:
 
 
 def test_nothing_against_random_worlds() -> None:
-    found = [judged(KINDS[n % len(KINDS)], n) for n in range(16)]
+    found = [judged(KINDS[n % len(KINDS)], n) for n in range(16)] + [judged(GROUND, n) for n in range(6, 9)]
     assert {(one.kind, one.seed): one.wrong for one in found if one.wrong} == {}
     verdicts = Counter(one.verdict for one in found)
     assert verdicts["planned"] >= 10
@@ -262,6 +262,8 @@ def test_areas_are_those_of_brute_force(kind: str, seed: int) -> None:
         pytest.param("floor", 4635, id="an upright link beside an upright wall"),
         pytest.param("overhead", 4946, id="an arm led round things still faces its target"),
         pytest.param("wheels", 4798, id="no way to the place that is nominal"),
+        pytest.param("ground", 85, id="a disc beside a round hole in the floor"),
+        pytest.param("ground", 407, id="a drive past a corner that stands into the floor"),
     ],
 )
 def test_worlds_that_the_soak_found(kind: str, seed: int) -> None:
