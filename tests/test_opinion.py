@@ -262,6 +262,7 @@ def test_areas_are_those_of_brute_force(kind: str, seed: int) -> None:
         pytest.param("floor", 4635, id="an upright link beside an upright wall"),
         pytest.param("overhead", 4946, id="an arm led round things still faces its target"),
         pytest.param("wheels", 4798, id="no way to the place that is nominal"),
+        pytest.param("stops", 205, id="the base stays at a stop while the tool is lifted"),
         pytest.param("ground", 85, id="a disc beside a round hole in the floor"),
         pytest.param("ground", 407, id="a drive past a corner that stands into the floor"),
     ],

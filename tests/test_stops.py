@@ -243,6 +243,11 @@ def test_worlds_done_from_stops_that_the_soak_found_are_planned(seed: int) -> No
     plan(soaked_world("stops", seed))
 
 
+def test_a_circle_that_outer_areas_would_hold_is_not_ruled_out() -> None:
+    with pytest.raises(NoPlanFound, match="no larger circle is there is not proven"):
+        plan(soaked_world("stops", 256))
+
+
 def test_tools_that_are_turned_are_verified_all_over_the_circles() -> None:
     """An arm of five joints turns its tool as asked only as its base stands, or within a wide cone."""
     turn = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])

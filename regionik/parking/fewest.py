@@ -327,6 +327,8 @@ def no_room(world: World, i: int, floors: Floors) -> Explanation:
         f"but the base has no circle of radius {wanted:.4f} m to park in; the largest has {widest:.4f} m. A "
         f"stop_tolerance of at most {widest:.4f} m would do."
     )
+    if not shrunk(outer_areas(world, [world.task[i]])[0], wanted, outside=True).is_empty:
+        reason += " That no larger circle is there is not proven: outer areas leave room for one."
     return Explanation("unreachable", i, reason, (Cause("floor", "room to park", wanted - widest),))
 
 

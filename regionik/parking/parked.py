@@ -188,7 +188,7 @@ class _Attendant:
         return _Attempt(bay, rows, spots)
 
     def _arrive(self, bay: Bay, p: int, here: Pose | None, hard: int) -> tuple[list[Row], Spot] | None:
-        """Get to a set-point of a stop with the tool lifted."""
+        """Get to a set-point of a stop with the tool lifted; the base stays but on the way to the first."""
         i, near = bay.setpoints[p], np.array(self.world.robot.carry)
         near[pivot_of(self.world.robot.chain)] = bay.pivot[p]
         components = self._components(bay, i)
@@ -198,10 +198,11 @@ class _Attendant:
         if here is None:
             return ([], spots[0]) if spots else None
         piece = self.work.floors.piece
-        for carried, some in ((self.carrier.folded, spots), (self.carrier.sampled, spots[:hard])):
+        ways = [(self.carrier.folded, spots), (self.carrier.sampled, spots[:hard])]
+        for carried, some in ways if p == 0 else ways[:1]:
             for spot in some:
                 way = carried(here, spot.pose, piece)
-                if way is not None:
+                if way is not None and (p == 0 or all(np.array_equal(at.base, bay.base) for at in way)):
                     if i > 0 and not way:  # however short the way, the tool leaves its path on it
                         way = [between(here, spot.pose, 0.5, self.world.robot.base)]
                     return [Row(pose, "transit", i - 1) for pose in way], spot
