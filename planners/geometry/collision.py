@@ -257,12 +257,8 @@ def _pieces(solid: Solid) -> list[Piece]:
             ends = solid.center + np.outer([-solid.height / 2, solid.height / 2], UP)
             return [Piece(ends, NONE, disc=solid.radius)]
         case Mesh():
-            triangles = solid.vertices, solid.faces
-            return [
-                Piece(
-                    solid.vertices, NONE, surface=surface(*triangles), mesh=solid, faces=face_tree(*triangles)
-                )
-            ]
+            flat, tree = surface(solid.vertices, solid.faces), face_tree(solid.vertices, solid.faces)
+            return [Piece(solid.vertices, NONE, surface=flat, mesh=solid, faces=tree)]
         case Box():
             c, s = np.cos(solid.yaw), np.sin(solid.yaw)
             level = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * solid.size[:2] / 2
