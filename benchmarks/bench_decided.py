@@ -28,7 +28,7 @@ from regionik.planners.solvers.kernels import fit, triangle, wrap
 from regionik.postures.guard import contact_for, guard_of
 from regionik.reach import reach
 from regionik.seeking.flatworld import keep_of, own, stance_of
-from regionik.verify_reach import verify_answers
+from regionik.verification.answers import verify_answers
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import Target, World
 from tests.test_overhead_worlds import overhead_world

@@ -14,9 +14,9 @@ import numpy as np
 import shapely
 import yaml
 
-from regionik import live
-from regionik.view import blank, stop
-from regionik.worlds.format import world_to_document
+from regionik.view import live
+from regionik.view.viewer import blank, stop
+from regionik.worlds.documents.world_file import world_to_document
 from regionik.worlds.library import robot_named
 from regionik.worlds.obstacles import Box
 from regionik.worlds.scene import Floor, Rules, Target, World

@@ -20,7 +20,7 @@ import shapely
 from pivoted import EXACT, KINDS, Case, case, points_in, searched, solved
 
 from regionik.worlds.arrays import Array
-from regionik.worlds.pivot import span_of
+from regionik.worlds.pivoted_arm import span_of
 
 NEAR = 0.03  # half of the points outside lie this near to the outer area [m]
 

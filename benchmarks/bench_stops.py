@@ -13,10 +13,10 @@ import numpy as np
 import shapely
 
 from regionik.areas.reachable import BACK, FRONT
-from regionik.drawing.plot import plot_stops
 from regionik.parking.fewest import park
 from regionik.parking.stops import find
 from regionik.regions import path_areas
+from regionik.view.figures import plot_stops
 from regionik.worlds.library import load_world, robot_named
 from regionik.worlds.obstacles import Cylinder
 from regionik.worlds.scene import Floor, Rules, Target, World

@@ -19,7 +19,7 @@ from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import planar_pose, pose, translation
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Solid, Sphere
 from regionik.worlds.robot import LinkBox, LinkSolid, Robot
-from regionik.worlds.solids.selfpairs import base_body, self_pairs
+from regionik.worlds.self_collision import base_body, self_pairs
 
 ARMS = ("youbot", "youbot-real", "hinge5", "dof10", "pioneer7", "boxes")
 CERTAIN = 1e-6  # bodies that overlap by more than this are told [m]

@@ -16,7 +16,7 @@ from benchmarks.speed.mobile import TOLERANCE, task
 from regionik.mfabrik import Solver
 from regionik.pipeline import search, whole_path
 from regionik.reach import reach
-from regionik.verify import verify
+from regionik.verification.verifier import verify
 from regionik.worlds.library import load_world
 
 Timed = Callable[..., Any]  # pytest-benchmark's fixture: calls what it is given, many times

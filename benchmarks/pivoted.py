@@ -14,7 +14,7 @@ from regionik.planners.solvers.serial import serial_arm
 from regionik.regions import Area, PathAreas, admissible_area, path_areas
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, Joint, rot_x, rot_y, rot_z, translation
-from regionik.worlds.pivot import pivot_of, pivoted, span_of
+from regionik.worlds.pivoted_arm import pivot_of, pivoted, span_of
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Rules, Target, World
 

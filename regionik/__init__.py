@@ -17,29 +17,29 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from regionik.bulk import reach_many
-    from regionik.compare import compare
-    from regionik.drawing.plot import plot
+    from regionik.comparison import compare
     from regionik.field import reach_field, reach_slice
     from regionik.mfabrik import Solver
+    from regionik.output.field_file import write_field
+    from regionik.output.plan_file import load_plan
     from regionik.parking.stops import stops
     from regionik.pipeline import plan
-    from regionik.plan import Plan
-    from regionik.planfile import load_plan
     from regionik.reach import reach
     from regionik.regions import admissible_area
     from regionik.timing.point_to_point import point_to_point
     from regionik.timing.retime import retime
     from regionik.timing.trajectory import trajectory
-    from regionik.verify import verify
-    from regionik.verify_reach import verify_answers
-    from regionik.view import show, to_html
+    from regionik.values import Plan
+    from regionik.verification.answers import verify_answers
+    from regionik.verification.verifier import verify
+    from regionik.view.figures import plot
+    from regionik.view.viewer import show, to_html
     from regionik.why import why
     from regionik.worlds.criteria import Criteria
     from regionik.worlds.errors import InputError, NoPlanFound, RegionikError
     from regionik.worlds.library import load_robot, load_world
     from regionik.worlds.scene import World
     from regionik.worlds.speeds import Speeds
-    from regionik.writing.field_file import write_field
 
 __version__ = "0.1.0"
 
@@ -86,24 +86,24 @@ _HOME = {
     "World": "regionik.worlds.scene",
     "admissible_area": "regionik.regions",
     "compare": "regionik.compare",
-    "load_plan": "regionik.planfile",
+    "load_plan": "regionik.output.plan_file",
     "load_robot": "regionik.worlds.library",
     "load_world": "regionik.worlds.library",
     "plan": "regionik.pipeline",
-    "plot": "regionik.drawing.plot",
+    "plot": "regionik.view.figures",
     "point_to_point": "regionik.timing.point_to_point",
     "reach": "regionik.reach",
     "reach_field": "regionik.field",
     "reach_many": "regionik.bulk",
     "reach_slice": "regionik.field",
     "retime": "regionik.timing.retime",
-    "show": "regionik.view",
+    "show": "regionik.view.viewer",
     "stops": "regionik.parking.stops",
-    "to_html": "regionik.view",
+    "to_html": "regionik.view.viewer",
     "trajectory": "regionik.timing.trajectory",
     "verify": "regionik.verify",
-    "verify_answers": "regionik.verify_reach",
-    "write_field": "regionik.writing.field_file",
+    "verify_answers": "regionik.verification.answers",
+    "write_field": "regionik.output.field_file",
     "why": "regionik.why",
 }
 

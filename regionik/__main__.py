@@ -7,7 +7,7 @@ import sys
 from io import TextIOWrapper
 from typing import NoReturn
 
-from regionik.commands.interrupts import end_on_signals, exit_code, leave, tell
+from regionik.cli.interrupts import end_on_signals, exit_code, leave, tell
 
 
 def main() -> NoReturn:
@@ -15,7 +15,7 @@ def main() -> NoReturn:
     _open_streams()
     try:
         end_on_signals()
-        from regionik.cli import main as command
+        from regionik.cli.app import main as command
 
         command()
     except KeyboardInterrupt:

@@ -71,7 +71,7 @@ def reach_many(
 
     Examples
     --------
-    >>> from regionik.worlds.format import load_world
+    >>> from regionik.worlds.documents.world_file import load_world
     >>> reach_many(load_world("pillar"), [[0.5, 0, 0.25], [0.5, 0, 2.0]], chunk=1).verdict.tolist()
     ['reachable', 'unreachable']
     """

@@ -18,8 +18,8 @@ from regionik.planners.reach.rings import reach_intervals
 from regionik.regions import path_areas
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.errors import InputError
-from regionik.worlds.pivot import is_planar, pivoted
-from regionik.worlds.planar import planar_arm
+from regionik.worlds.pivoted_arm import is_planar, pivoted
+from regionik.worlds.planar_arm import planar_arm
 from regionik.worlds.scene import Target, World
 
 MOST_CELLS = 40_000_000

@@ -20,7 +20,6 @@ from regionik.areas.ground import EVERY
 from regionik.areas.meeting import asked_in
 from regionik.areas.reachable import FRONT, Family
 from regionik.areas.standing import Standing
-from regionik.plan import Configuration, OpenConfiguration
 from regionik.planners.geometry.flat import FlatPolygon
 from regionik.planners.solvers.batches import answer_all
 from regionik.planners.solvers.callsheet import FACE_TARGET, FIXED, FREE, Turning, held
@@ -29,10 +28,11 @@ from regionik.planners.solvers.ways import answer_way
 from regionik.postures.arms import ANGLE_SLACK, Arm, PlaneSolver, arm_solver
 from regionik.postures.serialarm import Reached, serial_solver
 from regionik.pruning import Ladder
+from regionik.values import Configuration, OpenConfiguration
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.criteria import Criteria, kept
 from regionik.worlds.errors import InputError
-from regionik.worlds.pivot import behind, pivot_of, pivoted
+from regionik.worlds.pivoted_arm import behind, pivot_of, pivoted
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Heading, Target, World
 

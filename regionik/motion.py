@@ -23,12 +23,12 @@ from regionik.moving.hops import Hops
 from regionik.moving.rolled import travel_headings
 from regionik.moving.stretch import Stretcher
 from regionik.moving.transit import Carrier
-from regionik.plan import Configuration, Motion
 from regionik.planners.driving.drive import NoPathError
 from regionik.postures.guard import guard_of
 from regionik.postures.poses import Pose, Row, arrays, between, columns
 from regionik.pruning import Pruned
 from regionik.reasons import explain_arm
+from regionik.values import Configuration, Motion
 from regionik.worlds.errors import Cause, Explanation, NoPlanFound
 from regionik.worlds.scene import Start, World
 

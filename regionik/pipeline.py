@@ -20,7 +20,6 @@ from regionik.parking.fewest import park
 from regionik.parking.parked import attend
 from regionik.parking.stops import check as check_stops
 from regionik.parking.stops import in_turn
-from regionik.plan import Plan, PlannedArea
 from regionik.postures.poses import figures, lift_offs
 from regionik.pruning import Ladder, Pruned, build_ladder, choose_chain, prune
 from regionik.reasons import explain, explain_arm
@@ -30,10 +29,11 @@ from regionik.repairs.path import why_path
 from regionik.repairs.target import why_target
 from regionik.seeking.wherever import can_look
 from regionik.timing.retime import retime
-from regionik.verify import verify
+from regionik.values import Plan, PlannedArea
+from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Explanation, InputError, NoPlanFound
-from regionik.worlds.pivot import pivoted, span_of
+from regionik.worlds.pivoted_arm import pivoted, span_of
 from regionik.worlds.scene import World
 from regionik.worlds.speeds import has_speeds
 
@@ -66,7 +66,7 @@ def plan(world: World, *, seed: int = 0, progress: Progress | None = None) -> Pl
 
     Examples
     --------
-    >>> from regionik.worlds.format import load_world
+    >>> from regionik.worlds.documents.world_file import load_world
     >>> plan(load_world("free")).lift_offs
     0
     """

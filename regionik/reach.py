@@ -86,7 +86,7 @@ def reach(world: World, targets: ArrayLike | Sequence[Target]) -> Answer:
 
     Examples
     --------
-    >>> from regionik.worlds.format import load_world
+    >>> from regionik.worlds.documents.world_file import load_world
     >>> reach(load_world("pillar"), [[0.5, 0, 0.25], [0.5, 0, 2.0]]).verdict.tolist()
     ['reachable', 'unreachable']
     """

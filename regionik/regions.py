@@ -30,7 +30,7 @@ from regionik.areas.standing import (
 from regionik.worlds.arrays import frozen
 from regionik.worlds.criteria import Criteria
 from regionik.worlds.errors import CauseKind
-from regionik.worlds.pivot import span_of
+from regionik.worlds.pivoted_arm import span_of
 from regionik.worlds.scene import Target, World
 
 

@@ -18,14 +18,14 @@ from shapely.geometry.base import BaseGeometry
 from regionik.areas.ground import ground_of
 from regionik.mfabrik import axis_of
 from regionik.moving.tracks import SAME, Follow, arm_of, same, ways
-from regionik.plan import Configuration, Motion, Plan, PlannedArea, Report
 from regionik.planners.driving.drive import NoPathError
 from regionik.planners.driving.pitch import HeightError, PitchArm, arm_share
 from regionik.planners.driving.room import Room, room_of
 from regionik.planners.driving.wheels import drive_differential
 from regionik.postures.poses import LARGEST_BEND, Pose, Row, columns, figures, lift_offs
 from regionik.reasons import explain
-from regionik.verify import verify
+from regionik.values import Configuration, Motion, Plan, PlannedArea, Report
+from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Cause, Explanation, NoPlanFound
 from regionik.worlds.scene import Target, World

@@ -47,7 +47,7 @@ def why(world: World, target: Target | ArrayLike | None = None) -> Explanation |
 
     Examples
     --------
-    >>> from regionik.worlds.format import load_world
+    >>> from regionik.worlds.documents.world_file import load_world
     >>> found = why(load_world("pillar"), [0.5, 0.0, 0.7])
     >>> [(cause.kind, repair.kind) for cause, repair in zip(found.causes, found.repairs)]
     [('reach', 'move-target')]

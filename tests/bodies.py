@@ -8,7 +8,7 @@ import numpy as np
 from scipy.optimize import nnls
 from scipy.spatial import ConvexHull
 
-from regionik.plan import Motion
+from regionik.values import Motion
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, Joint, rot_x, rot_y, rot_z, translation
 from regionik.worlds.robot import LinkBox, LinkCapsule, LinkSolid, Robot, capsules_along

@@ -20,11 +20,11 @@ import shapely
 from shapely.geometry import box, shape
 
 import regionik as rik
-from regionik.storage.plandocument import plan_to_document
+from regionik.output.answers import csv_rows
+from regionik.storage.plan_document import plan_to_document
 from regionik.worlds.errors import NoPlanFound
 from regionik.worlds.obstacles import Box
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
-from regionik.writing.answers import csv_rows
 
 NEAR = 1e-9
 Document = dict[str, Any]

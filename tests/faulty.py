@@ -36,7 +36,7 @@ CASES = {
     "configurations": Case(PLAN, "regionik.pipeline.configurations", "interrupted"),
     "motion": Case(PLAN, "regionik.pipeline.connect", "interrupted"),
     "verification": Case(PLAN, "regionik.pipeline.verify", "interrupted"),
-    "page": Case(PLAN, "regionik.view.page_of", "interrupted"),
+    "page": Case(PLAN, "regionik.view.viewer.page_of", "interrupted"),
     "writing": Case("plan {world} -o plan.json", "os.fsync", "interrupted"),
     "terminated": Case(PLAN, "regionik.pipeline.connect", "terminated"),
     "terminated while it writes": Case("plan {world} -o plan.json", "os.fsync", "terminated"),
@@ -46,7 +46,7 @@ CASES = {
     "a program without an end": Case(PLAN, "regionik.pipeline.prune", "solved"),
     "a library that swallows it": Case(PLAN, "regionik.pipeline.prune", "swallowed"),
     "reach": Case(
-        "reach {world} --csv {table} -o answers.csv", "regionik.writing.answer_table.reach", "interrupted"
+        "reach {world} --csv {table} -o answers.csv", "regionik.output.answer_table.reach", "interrupted"
     ),
     "why": Case("why {world} --target 9 9 0.2 --html why.html", "regionik.why.why", "interrupted"),
     "stops": Case("stops l_shape -o stops.geojson", "regionik.parking.stops.find", "interrupted"),
@@ -211,13 +211,13 @@ def outcome(case: Case, folder: Path, names: dict[str, str]) -> dict[str, Any]:
 
 def main() -> None:
     """Run all cases and print what came of each, as one JSON document."""
-    from regionik import cli
+    from regionik.cli import app
 
     away = Path(sys.argv[1])
     table = away / "targets.csv"
     table.write_text("x,y,z\n1,0,0.3\n")
     for command in ("plan free -o {0}/plan.json --html {0}/plan.html", "why free", "stops l_shape"):
-        cli.run(command.format(away).split())  # all is imported, and compiled
+        app.run(command.format(away).split())  # all is imported, and compiled
     for case in CASES.values():
         import_module(case.function.rpartition(".")[0])
     names = {"world": "free", "table": str(table)}

@@ -25,14 +25,14 @@ from typing import Any
 
 import numpy as np
 
-from regionik.planfile import load_plan
-from regionik.worlds.documents.document import document_of
+from regionik.output.plan_file import load_plan
+from regionik.output.urdf import robot_to_urdf
+from regionik.worlds.documents.world_file import load_world
+from regionik.worlds.documents.world_writer import document_of
 from regionik.worlds.errors import InputError
-from regionik.worlds.format import load_world
-from regionik.worlds.readers.csvpath import long_table, read_csv
-from regionik.worlds.readers.rosmap import load_map
-from regionik.worlds.urdf import load_robot
-from regionik.writing.urdf_text import robot_to_urdf
+from regionik.worlds.readers.csv_path import long_table, read_csv
+from regionik.worlds.readers.occupancy_map import load_map
+from regionik.worlds.urdf.loader import load_robot
 from tests.hostile import KINDS, READ, Files, bombs, mutated, samples, write
 
 LONGEST = 10.0  # of the processor; a machine with more to do gives it less at a time [s]

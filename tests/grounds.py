@@ -11,7 +11,7 @@ from PIL import Image
 from shapely import affinity
 from shapely.geometry.base import BaseGeometry
 
-from regionik.worlds.readers.rosmap import load_map
+from regionik.worlds.readers.occupancy_map import load_map
 from regionik.worlds.scene import Floor
 
 HOME = shapely.Point(-0.7, 0.0).buffer(0.6)  # round where random worlds start

@@ -15,8 +15,8 @@ import numpy as np
 import trimesh
 from PIL import Image
 
-from regionik.storage.plandocument import plan_to_document
-from regionik.worlds.documents.document import document_of
+from regionik.storage.plan_document import plan_to_document
+from regionik.worlds.documents.world_writer import document_of
 from regionik.worlds.library import load_world
 from tests.nasty import GOOD, TASK, broken
 from tests.plans import every_solid, synthetic_plan

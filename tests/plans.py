@@ -13,7 +13,7 @@ import shapely
 from shapely.geometry import MultiPolygon, Point, Polygon, box
 from shapely.ops import nearest_points
 
-from regionik.plan import Configuration, Motion, Plan, PlannedArea
+from regionik.values import Configuration, Motion, Plan, PlannedArea
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import chain_from_dh
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Solid, Sphere

@@ -20,17 +20,17 @@ from typing import Any, TextIO
 import numpy as np
 from rich.progress import track
 
+from regionik.output.urdf import robot_to_urdf
 from regionik.pipeline import search
-from regionik.plan import Plan
 from regionik.reach import reach
-from regionik.storage.plandocument import plan_to_document
+from regionik.storage.plan_document import plan_to_document
 from regionik.timing.retime import retime
+from regionik.values import Plan
+from regionik.worlds.documents.world_file import world_to_document
 from regionik.worlds.errors import InputError, NoPlanFound
-from regionik.worlds.format import world_to_document
 from regionik.worlds.library import world_names
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Target, World
-from regionik.writing.urdf_text import robot_to_urdf
 from tests.opinion.course import Course
 from tests.opinion.judge import detours, objections, posture_objections
 from tests.opinion.machine import Facts, Machine

@@ -10,14 +10,14 @@ import numpy as np
 import shapely
 
 from regionik.areas.demand import in_plane
+from regionik.output.urdf import robot_to_urdf
 from regionik.worlds.chain import chain_from_dh
 from regionik.worlds.criteria import Criteria
 from regionik.worlds.library import load_world, world_names
 from regionik.worlds.robot import BaseKind, Robot, capsules_along
 from regionik.worlds.scene import Heading, Order, Start, World
 from regionik.worlds.speeds import Speeds
-from regionik.worlds.urdf import load_robot
-from regionik.writing.urdf_text import robot_to_urdf
+from regionik.worlds.urdf.loader import load_robot
 from tests.grounds import floor_of
 from tests.test_overhead_worlds import overhead_world
 from tests.test_random_worlds import random_world

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from regionik.drawing.animation import LONGEST, MOST_FRAMES, REST, SHORTEST, key_frames, turning
-from regionik.plan import Motion, Plan
+from regionik.values import Motion, Plan
+from regionik.view.animation import LONGEST, MOST_FRAMES, REST, SHORTEST, key_frames, turning
 from regionik.worlds.chain import Joint, motion
 from tests.plans import every_solid, l_shape, synthetic_plan
 

@@ -18,16 +18,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from regionik import cli
+from regionik.cli import app
+from regionik.output import answer_table as module
+from regionik.output.answer_table import answer_table
+from regionik.output.answers import csv_head, csv_rows, targets_asked, write_answers
 from regionik.reach import reach
-from regionik.storage.parts import parts_of
+from regionik.storage.partial_file import parts_of
 from regionik.worlds.errors import InputError
 from regionik.worlds.library import load_world
-from regionik.worlds.readers.csvpath import Block, long_table, read_csv
+from regionik.worlds.readers.csv_path import Block, long_table, read_csv
 from regionik.worlds.scene import World
-from regionik.writing import answer_table as module
-from regionik.writing.answer_table import answer_table
-from regionik.writing.answers import csv_head, csv_rows, targets_asked, write_answers
 
 
 def table_of(folder: Path, count: int) -> Path:
@@ -237,10 +237,10 @@ def test_a_folder_of_other_things_is_left_alone(tmp_path: Path) -> None:
 def test_too_many_for_memory_is_one_line(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("regionik.writing.answers.MOST_AT_ONCE", 100)
+    monkeypatch.setattr("regionik.output.answers.MOST_AT_ONCE", 100)
     table = table_of(tmp_path, 110)
     for more in (["-o", str(tmp_path / "answers.json")], ["--json"], []):
-        assert cli.run(["reach", "free", "--csv", str(table), *more]) == 2
+        assert app.run(["reach", "free", "--csv", str(table), *more]) == 2
         out, err = capfd.readouterr()
         assert out == ""
         assert f"{table}: 110 targets are more than the 100 that are answered at once" in err
@@ -248,7 +248,7 @@ def test_too_many_for_memory_is_one_line(
 
 
 def test_workers_or_dask(capfd: pytest.CaptureFixture[str]) -> None:
-    assert cli.run(["reach", "free", "--workers", "2", "--dask", "tcp://localhost:1"]) == 2
+    assert app.run(["reach", "free", "--workers", "2", "--dask", "tcp://localhost:1"]) == 2
     assert "--workers and --dask" in capfd.readouterr().err
 
 
@@ -256,7 +256,7 @@ def test_killed_runs_give_the_bytes_of_an_unbroken_one(tmp_path: Path) -> None:
     table = table_of(tmp_path, 300)
     output = tmp_path / "answers.csv"
     parts = tmp_path / "answers.csv.parts"
-    small = "import regionik.writing.answer_table as m; m.CHUNK = 25; from regionik import cli; cli.main()"
+    small = "import regionik.output.answer_table as m; m.CHUNK = 25; from regionik import cli; cli.main()"
     command = [sys.executable, "-c", small, "reach", "free", "--csv", str(table), "-o", str(output)]
     for done in (1, 2):
         with subprocess.Popen(command, stderr=subprocess.DEVNULL) as process:
@@ -270,6 +270,6 @@ def test_killed_runs_give_the_bytes_of_an_unbroken_one(tmp_path: Path) -> None:
     last = subprocess.run([*command, "--workers", "2"], capture_output=True, text=True, check=False)
     assert last.returncode == 1, last.stderr
     unbroken = tmp_path / "unbroken.csv"
-    assert cli.run(["reach", "free", "--csv", str(table), "-o", str(unbroken)]) == 1
+    assert app.run(["reach", "free", "--csv", str(table), "-o", str(unbroken)]) == 1
     assert output.read_bytes() == unbroken.read_bytes()
     assert not parts.exists()

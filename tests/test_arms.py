@@ -16,7 +16,7 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import without_limits
 from regionik.worlds.chain import Chain, Joint, translation
 from regionik.worlds.library import robot_named
-from regionik.worlds.pivot import is_planar, span_of
+from regionik.worlds.pivoted_arm import is_planar, span_of
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Heading, Target
 from tests.bodies import on_lift, with_lift

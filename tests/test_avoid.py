@@ -18,7 +18,7 @@ from regionik.planners.clearance.touching import Touch
 from regionik.postures.guard import guard_of
 from regionik.postures.poses import Pose
 from regionik.pruning import Pruned, choose_chain
-from regionik.worlds.format import load_world
+from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.scene import World
 
 

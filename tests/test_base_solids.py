@@ -10,26 +10,26 @@ import pytest
 import shapely
 import trimesh
 
-from regionik.drawing.scene_view import robot_bodies
-from regionik.plan import Motion
+from regionik.output.urdf import robot_to_urdf
 from regionik.planners.clearance.touching import bodies_from, motion_clear, nearest, words
-from regionik.proofs import arm as proof_arm
-from regionik.proofs import own_body
-from regionik.proofs.findings import Finding, Words
-from regionik.proofs.journey import Journey
+from regionik.values import Motion
+from regionik.verification import arm_clearance as proof_arm
+from regionik.verification import self_collision
+from regionik.verification.findings import Finding, Words
+from regionik.verification.motion import Journey
+from regionik.view.world_picture import robot_bodies
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, Joint, pose, translation
+from regionik.worlds.documents.world_file import world_from_document, world_to_document
 from regionik.worlds.errors import InputError
-from regionik.worlds.format import world_from_document, world_to_document
-from regionik.worlds.fromurdf.base import standing
 from regionik.worlds.obstacles import Box, Solid
-from regionik.worlds.readers.meshfile import hull_of
+from regionik.worlds.readers.meshes import hull_of
 from regionik.worlds.robot import BASE, LinkBox, LinkCapsule, Robot
 from regionik.worlds.scene import Floor, Rules, Target, World
-from regionik.worlds.solids.covering import Part, surface_part
-from regionik.worlds.solids.selfpairs import BODY, self_pairs
-from regionik.worlds.urdf import load_robot
-from regionik.writing.urdf_text import robot_to_urdf
+from regionik.worlds.self_collision import BODY, self_pairs
+from regionik.worlds.urdf.base import standing
+from regionik.worlds.urdf.covering import Part, surface_part
+from regionik.worlds.urdf.loader import load_robot
 from tests.bodies import motion_through
 from tests.urdfs import depth
 
@@ -56,7 +56,7 @@ def prove(robot: Robot, motion: Motion, *solids: Solid) -> tuple[Finding, Findin
     far = Target(np.array([9.0, 9.0, 9.0]))
     world = World("by hand", robot, Floor(shapely.box(-9, -9, 9, 9)), solids, (far,), Rules())
     journey, said = Journey(robot, motion), Words(motion, 1)
-    return proof_arm.arm(world, journey, said), own_body.itself(journey, said)
+    return proof_arm.arm(world, journey, said), self_collision.itself(journey, said)
 
 
 # --- pairs and questions

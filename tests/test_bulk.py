@@ -21,7 +21,7 @@ import pytest
 from regionik.bulk import FRESH_POOLS, handed_out, reach_many
 from regionik.reach import Answer, reach
 from regionik.workers import processes
-from regionik.worlds.documents.document import document_of
+from regionik.worlds.documents.world_writer import document_of
 from regionik.worlds.errors import EngineError, InputError
 from regionik.worlds.library import load_world, world_names
 from regionik.worlds.scene import Target, World

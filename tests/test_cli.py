@@ -16,8 +16,8 @@ from typing import Any, NamedTuple
 
 import pytest
 
-from regionik import __version__, cli
-from regionik.commands import console
+from regionik import __version__
+from regionik.cli import app, console
 from regionik.worlds.errors import EngineError
 from tests.nasty import NASTY, Nasty
 
@@ -54,7 +54,7 @@ def run(capfd: pytest.CaptureFixture[str]) -> Run:
 
     def run(*arguments: object) -> Outcome:
         capfd.readouterr()
-        code = cli.run([str(argument) for argument in arguments])
+        code = app.run([str(argument) for argument in arguments])
         return Outcome(code, *capfd.readouterr())
 
     return run
@@ -76,7 +76,7 @@ def spawned(*arguments: object, **options: Any) -> Iterator[subprocess.Popen[str
 def planned(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A plan of ``pillar``, made once."""
     path = tmp_path_factory.mktemp("planned") / "plan.json"
-    assert cli.run(["plan", "pillar", "-o", str(path)]) == 0
+    assert app.run(["plan", "pillar", "-o", str(path)]) == 0
     return path
 
 
@@ -387,14 +387,14 @@ def test_version_and_help(run: Run) -> None:
 
 
 def test_help_imports_nothing_heavy() -> None:
-    code = "import sys, regionik, regionik.cli; print(*{name.partition('.')[0] for name in sys.modules})"
+    code = "import sys, regionik, regionik.cli.app; print(*{name.partition('.')[0] for name in sys.modules})"
     loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
     assert not set(loaded.split()) & (set(HEAVY) - set(LIGHT))
 
 
 def test_functions_win_over_modules_of_the_same_name() -> None:
     code = (
-        "import regionik.plan, regionik.drawing.plot, regionik.reach, regionik.verify, regionik as rik\n"
+        "import regionik.plan, regionik.view.figures, regionik.reach, regionik.verify, regionik as rik\n"
         "from regionik.plan import Plan\n"
         "assert rik.Plan is Plan\n"
         "assert all(map(callable, (rik.plan, rik.plot, rik.reach, rik.verify)))\n"
@@ -463,7 +463,7 @@ def test_a_watched_file_is_shown_until_ctrl_c(tmp_path: Path) -> None:
 def test_other_signals_and_errors_that_nobody_catches_end_nothing() -> None:
     said = """
 import os, signal, time
-from regionik.commands.interrupts import GRACE, end_on_signals
+from regionik.cli.interrupts import GRACE, end_on_signals
 class Faulty:
     def __del__(self): raise ValueError("told")
 class Interrupted:

@@ -11,10 +11,18 @@ import numpy as np
 import pytest
 
 import regionik as rik
-from regionik import cli
-from regionik.compare import Comparison, Score, compare, tool_of
-from regionik.methods import DEFAULT, METHODS, methods_named, sliding_chain
-from regionik.plan import Configuration
+from regionik.cli import app
+from regionik.comparison import (
+    DEFAULT,
+    METHODS,
+    Comparison,
+    Score,
+    compare,
+    methods_named,
+    sliding_chain,
+    tool_of,
+)
+from regionik.values import Configuration
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError
 from regionik.worlds.library import load_world, robot_named
@@ -158,13 +166,13 @@ def test_no_task() -> None:
 
 def test_the_command(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     table, document = tmp_path / "scores.csv", tmp_path / "scores.json"
-    assert cli.run(["compare", "pillar", "--methods", "mfabrik,dls", "-o", str(table)]) == 0
+    assert app.run(["compare", "pillar", "--methods", "mfabrik,dls", "-o", str(table)]) == 0
     out, err = capfd.readouterr()
     assert out.splitlines()[1].startswith("mfabrik    15/15")
     assert "dls beats mfabrik" in err
     rows = list(csv.DictReader(table.read_text().splitlines()))
     assert [(row["method"], row["success"]) for row in rows] == [("mfabrik", "15"), ("dls", "15")]
-    assert cli.run(["compare", "pillar", "--methods", "dls", "--json", "-o", str(document)]) == 0
+    assert app.run(["compare", "pillar", "--methods", "dls", "--json", "-o", str(document)]) == 0
     out, _ = capfd.readouterr()
     for text in (out, document.read_text()):
         found = json.loads(text)
@@ -180,7 +188,7 @@ def test_the_command(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
 def test_wrong_input_is_one_line_and_exit_code_2(
     arguments: tuple[str, ...], capfd: pytest.CaptureFixture[str]
 ) -> None:
-    assert cli.run(["compare", *arguments]) == 2
+    assert app.run(["compare", *arguments]) == 2
     out, err = capfd.readouterr()
     assert out == ""
     assert len(err.splitlines()) == 1

@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import pose
-from regionik.worlds.readers.meshfile import hull_of
+from regionik.worlds.readers.meshes import hull_of
 from regionik.worlds.robot import LinkBox, LinkSolid
-from regionik.worlds.solids.bounding import bounding_solid, rough_volume, volume
-from regionik.worlds.solids.covering import Part, clipped, covered, surface_part
+from regionik.worlds.urdf.bounding import bounding_solid, rough_volume, volume
+from regionik.worlds.urdf.covering import Part, clipped, covered, surface_part
 from tests.urdfs import depth
 
 NO_SURFACE = np.empty((0, 3, 3))

@@ -16,18 +16,17 @@ from regionik.pipeline import plan
 from regionik.planners.reach.paving import paved
 from regionik.planners.reach.rings import FREE, reach_spans
 from regionik.planners.solvers.qualities import Asked, asked_of, posture_spare
-from regionik.proofs.criteria import efforts, joint_margins, manipulability
 from regionik.regions import admissible_area
-from regionik.verify import verify
+from regionik.verification.criteria import efforts, joint_margins, manipulability
+from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, Joint, chain_from_dh, rot_x, translation
 from regionik.worlds.criteria import Criteria, kept
+from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import InputError, NoPlanFound
-from regionik.worlds.format import load_world
 from regionik.worlds.library import robot_named
-from regionik.worlds.masses import GRAVITY, LinkMass
-from regionik.worlds.planar import planar_arm
-from regionik.worlds.robot import Robot, capsules_along
+from regionik.worlds.planar_arm import planar_arm
+from regionik.worlds.robot import GRAVITY, LinkMass, Robot, capsules_along
 from regionik.worlds.scene import Floor, Rules, Target, World
 
 SEEDS = st.integers(0, 10_000)

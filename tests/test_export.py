@@ -14,16 +14,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from regionik.commands.files import EXPORTS
-from regionik.export import FORMATS, export
-from regionik.plan import Plan
+from regionik.cli.files import EXPORTS
+from regionik.output.export import FORMATS, export
+from regionik.output.urdf import robot_to_urdf, roll_pitch_yaw
 from regionik.timing.limits import tool_velocity
 from regionik.timing.trajectory import Sample, trajectory
+from regionik.values import Plan
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, Joint, pose
 from regionik.worlds.errors import InputError
 from regionik.worlds.robot import LinkBox, LinkCapsule, Robot
-from regionik.writing.urdf_text import robot_to_urdf, roll_pitch_yaw
 from tests.plans import FOOTPRINT, every_solid, l_shape, synthetic_plan, timed, youbot
 
 

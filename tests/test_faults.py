@@ -20,10 +20,10 @@ import pytest
 import shapely
 from numba.core.caching import FunctionCache
 
-from regionik import cli, view
-from regionik.drawing import helper
+from regionik.cli import app
 from regionik.planners.geometry import flat
 from regionik.storage.files import leftover, write_whole
+from regionik.view import child_process, viewer
 from regionik.worlds.errors import EngineError, InputError
 from regionik.worlds.library import world_path
 from tests.faulty import CASES
@@ -133,7 +133,7 @@ def test_a_library_that_fails_is_one_line(
         raise error
 
     monkeypatch.setattr("regionik.pipeline.whole_path", stage)
-    assert cli.run(["plan", "free", "-o", str(tmp_path / "plan.json")]) == 3
+    assert app.run(["plan", "free", "-o", str(tmp_path / "plan.json")]) == 3
     out, err = capfd.readouterr()
     assert out == ""
     assert len(err.splitlines()) == 1
@@ -156,7 +156,7 @@ def test_a_folder_that_goes_meanwhile_is_one_line(
         return plan(*arguments, **options)
 
     monkeypatch.setattr(pipeline, "plan", stage)
-    assert cli.run(["plan", "free", "-o", str(folder / "plan.json")]) == 2
+    assert app.run(["plan", "free", "-o", str(folder / "plan.json")]) == 2
     assert "expected an existing folder" in capfd.readouterr().err
 
 
@@ -165,7 +165,7 @@ def test_a_folder_that_is_read_only_is_told_before_the_work(
 ) -> None:
     monkeypatch.setattr(os, "access", lambda path, mode: False)  # of root nothing is kept by modes
     monkeypatch.delattr("regionik.pipeline.plan")
-    assert cli.run(["plan", "free", "-o", str(tmp_path / "plan.json")]) == 2
+    assert app.run(["plan", "free", "-o", str(tmp_path / "plan.json")]) == 2
     assert "nothing can be written in that folder" in capfd.readouterr().err
 
 
@@ -180,7 +180,7 @@ def test_what_is_read_is_not_written_over(
     }  # fmt: skip
     for name, text in texts.items():
         (tmp_path / name).write_text(text, "utf-8")
-    assert cli.run(command.format(*(tmp_path / name for name in texts)).split()) == 2
+    assert app.run(command.format(*(tmp_path / name for name in texts)).split()) == 2
     assert "is what is read here" in capfd.readouterr().err
     assert {path.name: path.read_text("utf-8") for path in tmp_path.iterdir()} == texts
 
@@ -228,19 +228,22 @@ def shown() -> Iterator[tuple[subprocess.Popen[str], int]]:
 
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGTERM, 143), (signal.SIGKILL, -9)])
 def test_the_viewers_server_ends_with_it(number: int, code: int) -> None:
-    with shown() as (process, helper):
+    with shown() as (process, child_process):
         process.send_signal(number)
         assert process.wait(5.0) == code
         until = time.monotonic() + 5.0
-        while Path(f"/proc/{helper}/cmdline").exists() and Path(f"/proc/{helper}/cmdline").read_bytes():
+        while (
+            Path(f"/proc/{child_process}/cmdline").exists()
+            and Path(f"/proc/{child_process}/cmdline").read_bytes()
+        ):
             assert time.monotonic() < until, "the server stayed"
             time.sleep(0.01)
 
 
 def test_a_server_that_does_not_start_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(helper, "_FOLLOW", "raise SystemExit(7)")
+    monkeypatch.setattr(child_process, "_FOLLOW", "raise SystemExit(7)")
     with pytest.raises(EngineError, match="did not start"):
-        view.blank()
+        viewer.blank()
 
 
 def _double(x: float) -> float:
@@ -265,7 +268,7 @@ def test_kernels_work_where_the_disk_is_full(monkeypatch: pytest.MonkeyPatch) ->
 
 
 def test_margins_are_never_less_than_nothing_by_rounding() -> None:
-    from regionik.commands.console import _margins
+    from regionik.cli.console import _margins
 
     assert _margins({"joints": -1e-17, "floor": -0.00004, "step": -0.5}) == (
         "joints 0.0000 rad, floor 0.0000 m, step -0.5000 m"

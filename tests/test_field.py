@@ -12,8 +12,9 @@ import rasterio
 import shapely
 from numpy.typing import NDArray
 
-from regionik import cli
+from regionik.cli import app
 from regionik.field import MOST_CELLS, Field, reach_field, reach_slice
+from regionik.output.field_file import write_field
 from regionik.planners.geometry.gridcount import count_rings
 from regionik.reach import reach
 from regionik.regions import admissible_area
@@ -21,7 +22,6 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError
 from regionik.worlds.library import load_robot, load_world
 from regionik.worlds.scene import Start, Target, World
-from regionik.writing.field_file import write_field
 
 CELL = 0.1
 
@@ -190,9 +190,9 @@ def test_other_files_are_refused(found: Field, tmp_path: Path, monkeypatch: pyte
 def test_the_command(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     table, output = tmp_path / "t.csv", tmp_path / "f.npz"
     table.write_text("0.5,-0.1,0.3\n0.6,-0.2,0.3\n")
-    assert cli.run(["field", "free", "--targets", str(table), "--cell", "0.2", "-o", str(output)]) == 0
+    assert app.run(["field", "free", "--targets", str(table), "--cell", "0.2", "-o", str(output)]) == 0
     assert "free: the best place reaches 2 of 2 targets" in capfd.readouterr().err
-    assert cli.run(["field", "free", "--height", "0.3", "--cell", "0.2", "-o", str(output)]) == 0
+    assert app.run(["field", "free", "--height", "0.3", "--cell", "0.2", "-o", str(output)]) == 0
     with np.load(output) as there:
         assert float(there["height"]) == 0.3
     assert "at 0.3 m the tool reaches" in capfd.readouterr().err
@@ -203,7 +203,7 @@ def test_the_command(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
         (["--targets", str(tmp_path / "no.csv"), "-o", str(output)], "there is no such file"),
     ]
     for arguments, words in wrong:
-        assert cli.run(["field", "free", *arguments]) == 2
+        assert app.run(["field", "free", *arguments]) == 2
         out, err = capfd.readouterr()
         assert (out, len(err.splitlines())) == ("", 1)
         assert words in err

@@ -20,12 +20,17 @@ from scipy.spatial.transform import Rotation
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain, Joint, chain_from_dh, planar_pose
 from regionik.worlds.criteria import Criteria
-from regionik.worlds.documents.schema import RulesPart
+from regionik.worlds.documents.world_file import (
+    load_world,
+    world_from_document,
+    world_schema,
+    world_to_document,
+)
+from regionik.worlds.documents.world_schema import RulesPart
 from regionik.worlds.errors import InputError
-from regionik.worlds.format import load_world, world_from_document, world_schema, world_to_document
 from regionik.worlds.library import world_names, world_path
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Sphere
-from regionik.worlds.readers.textfile import JSON_LIMIT, YAML_LIMIT, read_document
+from regionik.worlds.readers.text import JSON_LIMIT, YAML_LIMIT, read_document
 from regionik.worlds.robot import LinkBox, LinkCapsule, Robot, capsules_along
 from regionik.worlds.scene import Rules, World
 from tests.nasty import GOOD, NASTY, Nasty, broken

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from shapely.geometry import Point, Polygon
 
-from regionik.proofs.gaps import Hull, beyond, gaps, hull_of, hull_of_prism, plane_gaps
+from regionik.verification.convex_distance import Hull, beyond, gaps, hull_of, hull_of_prism, plane_gaps
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import translation
 from regionik.worlds.obstacles import Prism

@@ -14,15 +14,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from regionik.planfile import load_plan
-from regionik.worlds.documents.document import document_of
+from regionik.output.plan_file import load_plan
+from regionik.worlds.documents.world_file import load_world
+from regionik.worlds.documents.world_writer import document_of
 from regionik.worlds.errors import InputError
-from regionik.worlds.format import load_world
-from regionik.worlds.readers.csvpath import LENGTH_LIMIT, LINES_LIMIT, long_table, read_csv
-from regionik.worlds.readers.meshfile import read_mesh
-from regionik.worlds.readers.rosmap import RUN_LIMIT, load_map
-from regionik.worlds.readers.textfile import EVENTS_LIMIT, VALUES_LIMIT
-from regionik.worlds.urdf import load_robot
+from regionik.worlds.readers.csv_path import LENGTH_LIMIT, LINES_LIMIT, long_table, read_csv
+from regionik.worlds.readers.meshes import read_mesh
+from regionik.worlds.readers.occupancy_map import RUN_LIMIT, load_map
+from regionik.worlds.readers.text import EVENTS_LIMIT, VALUES_LIMIT
+from regionik.worlds.urdf.loader import load_robot
 from tests.fuzz import judged
 from tests.hostile import KINDS, MAP, READ, mutated, samples, write
 from tests.nasty import TASK, broken
@@ -68,9 +68,7 @@ def test_a_name_of_thousands_of_characters_makes_no_message_of_thousands(tmp_pat
 def test_what_the_mesh_engine_thinks_on_its_way_is_not_said(tmp_path: Path) -> None:
     mesh = tmp_path / "m.stl"
     mesh.write_bytes(FACET.replace(b"normal 0 0 1", b"normal 0 0 z"))
-    program = (
-        f"import pathlib, regionik.worlds.readers.meshfile as m; m.read_mesh(pathlib.Path({str(mesh)!r}))"
-    )
+    program = f"import pathlib, regionik.worlds.readers.meshes as m; m.read_mesh(pathlib.Path({str(mesh)!r}))"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
     assert "face_normals" not in done.stderr
 
@@ -116,7 +114,7 @@ def test_what_would_fill_memory_or_time_is_refused(
 
 
 def test_set_points_are_counted_over_all_pieces(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("regionik.worlds.documents.maketask.SETPOINTS_LIMIT", 7)
+    monkeypatch.setattr("regionik.worlds.documents.task_reader.SETPOINTS_LIMIT", 7)
     (tmp_path / "w.yaml").write_text(broken(TASK, f"{TASK}\n  - {TASK}"))
     with pytest.raises(InputError, match=r"task\[1\]: expected at most 7 set-points"):
         load_world(tmp_path / "w.yaml")

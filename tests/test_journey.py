@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from regionik.proofs.journey import Journey, sag
+from regionik.verification.motion import Journey, sag
 from regionik.worlds.arrays import Array
 from regionik.worlds.robot import BaseKind
 from tests.bodies import motion_through, random_robot

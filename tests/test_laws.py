@@ -14,15 +14,15 @@ from hypothesis import strategies as st
 from shapely.affinity import affine_transform, scale
 
 from regionik.pipeline import search, whole_path
-from regionik.plan import Configuration
 from regionik.reach import reach
 from regionik.regions import admissible_area, path_areas
-from regionik.storage.plandocument import plan_to_document, plan_to_text
-from regionik.verify import verify
+from regionik.storage.plan_document import plan_to_document, plan_to_text
+from regionik.values import Configuration
+from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
+from regionik.worlds.documents.world_file import world_from_document, world_to_document
 from regionik.worlds.errors import NoPlanFound
-from regionik.worlds.format import world_from_document, world_to_document
 from regionik.worlds.library import load_world, robot_named
 from regionik.worlds.obstacles import Box, Cylinder, Prism, Solid, Sphere
 from regionik.worlds.robot import LinkCapsule, Robot

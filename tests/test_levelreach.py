@@ -17,8 +17,8 @@ from regionik.planners.reach.ruledout import in_question, sticks_out
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, Joint, rot_x, translation
 from regionik.worlds.library import robot_named
-from regionik.worlds.pivot import pivot_of, span_of
-from regionik.worlds.planar import planar_arm
+from regionik.worlds.pivoted_arm import pivot_of, span_of
+from regionik.worlds.planar_arm import planar_arm
 from tests.bodies import on_lift, with_lift
 
 SEEDS = st.integers(0, 10_000)

@@ -13,10 +13,10 @@ from typing import Any
 import pytest
 import yaml
 
-from regionik import live
-from regionik.cli import run
+from regionik.cli.app import run
+from regionik.view import live
+from regionik.worlds.documents.world_file import load_world, world_to_document
 from regionik.worlds.errors import InputError
-from regionik.worlds.format import load_world, world_to_document
 from tests.test_whatif import crowded
 
 

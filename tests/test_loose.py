@@ -9,11 +9,10 @@ import pytest
 
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain, Joint, translation
+from regionik.worlds.documents.world_file import load_world, world_from_document, world_to_document
 from regionik.worlds.errors import InputError
-from regionik.worlds.format import load_world, world_from_document, world_to_document
 from regionik.worlds.robot import LinkBox, Robot
-from regionik.worlds.solids.loose import loose_pairs
-from regionik.worlds.solids.selfpairs import self_pairs
+from regionik.worlds.self_collision import loose_pairs, self_pairs
 
 THIN, WIDE = 0.04, 0.5  # [m]
 

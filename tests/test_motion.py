@@ -14,18 +14,18 @@ import shapely
 
 from regionik.moving import wholebody
 from regionik.pipeline import plan
-from regionik.plan import Plan
 from regionik.planners.solvers.kernels import wrap
 from regionik.postures.poses import LARGEST_BEND
-from regionik.storage.plandocument import plan_to_text
-from regionik.verify import verify
+from regionik.storage.plan_document import plan_to_text
+from regionik.values import Plan
+from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
+from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import Explanation, InputError, NoPlanFound
-from regionik.worlds.format import load_world
 from regionik.worlds.library import robot_named
 from regionik.worlds.obstacles import Box, Cylinder
-from regionik.worlds.planar import planar_arm
+from regionik.worlds.planar_arm import planar_arm
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
 from tests.bodies import with_lift
 
@@ -127,8 +127,8 @@ def test_the_same_bytes_again_and_in_another_process() -> None:
     script = (
         "import sys\n"
         "from regionik.pipeline import plan\n"
-        "from regionik.storage.plandocument import plan_to_text\n"
-        "from regionik.worlds.format import load_world\n"
+        "from regionik.storage.plan_document import plan_to_text\n"
+        "from regionik.worlds.documents.world_file import load_world\n"
         "for name in ('shelf', 'pipe'):\n"
         "    sys.stdout.write(plan_to_text(plan(load_world(name))))\n"
     )

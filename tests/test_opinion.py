@@ -16,17 +16,17 @@ import shapely
 from numpy.typing import ArrayLike
 
 import tests.opinion
+from regionik.output.urdf import robot_to_urdf
 from regionik.pipeline import search
-from regionik.plan import Plan
 from regionik.reach import reach
 from regionik.regions import admissible_area
-from regionik.storage.plandocument import plan_to_document
+from regionik.storage.plan_document import plan_to_document
 from regionik.timing.retime import retime
-from regionik.worlds.format import world_to_document
+from regionik.values import Plan
+from regionik.worlds.documents.world_file import world_to_document
 from regionik.worlds.library import load_world, world_names
 from regionik.worlds.scene import Target
 from regionik.worlds.speeds import Speeds
-from regionik.writing.urdf_text import robot_to_urdf
 from tests.opinion.course import Course, halfway
 from tests.opinion.judge import objections
 from tests.opinion.machine import Machine

@@ -6,12 +6,12 @@ import numpy as np
 import shapely
 
 from regionik.pipeline import plan
-from regionik.verify import verify
+from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import NoPlanFound
 from regionik.worlds.library import robot_named
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Solid, Sphere
-from regionik.worlds.pivot import is_planar, span_of
+from regionik.worlds.pivoted_arm import is_planar, span_of
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
 

@@ -10,12 +10,12 @@ from regionik.mfabrik import axis_of
 from regionik.pipeline import plan
 from regionik.reach import reach
 from regionik.regions import admissible_area
-from regionik.verify import verify
+from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, Joint, rot_x, translation
 from regionik.worlds.errors import InputError
 from regionik.worlds.library import robot_named
-from regionik.worlds.pivot import behind, is_planar, pivot_of, pivoted, span_of
+from regionik.worlds.pivoted_arm import behind, is_planar, pivot_of, pivoted, span_of
 from regionik.worlds.robot import BaseKind, Robot
 from regionik.worlds.scene import Floor, Heading, Rules, Start, Target, World
 from tests.bodies import on_lift, with_lift

@@ -4,7 +4,7 @@ import pytest
 from regionik.worlds.chain import Chain, chain_from_dh
 from regionik.worlds.errors import InputError
 from regionik.worlds.library import robot_named
-from regionik.worlds.planar import planar_arm
+from regionik.worlds.planar_arm import planar_arm
 
 
 def test_bends_place_the_tool_where_forward_kinematics_does() -> None:

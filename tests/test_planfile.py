@@ -16,17 +16,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 from shapely.geometry import GeometryCollection, LineString, MultiPolygon, Point, Polygon, box
 
-from regionik import planfile
-from regionik.commands.console import plan_summary
-from regionik.drawing.plot import plot
-from regionik.export import plan_to_geojson
+from regionik.cli.console import plan_summary
+from regionik.output import plan_file
+from regionik.output.export import plan_to_geojson
+from regionik.output.plan_file import load_plan, plan_schema, save_plan
 from regionik.pipeline import search
-from regionik.plan import Motion, Plan
-from regionik.planfile import load_plan, plan_schema, save_plan
-from regionik.storage import plandocument
-from regionik.storage.plandocument import multipolygon, plain, plan_to_document, plan_to_text
-from regionik.verify import verify
-from regionik.view import to_html
+from regionik.storage import plan_document
+from regionik.storage.plan_document import multipolygon, plain, plan_to_document, plan_to_text
+from regionik.values import Motion, Plan
+from regionik.verification.verifier import verify
+from regionik.view.figures import plot
+from regionik.view.viewer import to_html
 from regionik.worlds.errors import InputError
 from regionik.worlds.library import load_world
 from tests.plans import every_solid, l_shape, synthetic_plan
@@ -96,7 +96,7 @@ def test_the_document_is_what_the_schema_says(document: dict[str, Any], plan: Pl
 
 def test_areas_too_many_to_be_read_back_are_left_out(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     made = search(load_world("slab"))
-    monkeypatch.setattr(plandocument, "CORNERS_LIMIT", 100)
+    monkeypatch.setattr(plan_document, "CORNERS_LIMIT", 100)
     made.save(tmp_path / "plan.json")
     assert "areas are left out" in plan_summary(made, 1.0, ())
     back = load_plan(tmp_path / "plan.json")
@@ -223,7 +223,7 @@ def test_missing_and_too_large_files(tmp_path: Path, monkeypatch: pytest.MonkeyP
         load_plan(tmp_path)
     huge = tmp_path / "huge.json"
     huge.touch()
-    os.truncate(huge, planfile.SIZE_LIMIT + 1)
+    os.truncate(huge, plan_file.SIZE_LIMIT + 1)
     with pytest.raises(InputError, match=r"expected a plan of at most 256 MB"):
         load_plan(huge)
 

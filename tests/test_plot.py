@@ -14,10 +14,10 @@ from matplotlib import rc_context, rcParams
 from PIL import Image
 
 import regionik as rik
-from regionik.drawing.curves import clearances, curves_of, footprints
-from regionik.drawing.floor_view import POSES, floor_of
-from regionik.plan import Plan
 from regionik.planners.clearance.touching import bodies_from, nearest
+from regionik.values import Plan
+from regionik.view.floor_plan import POSES, floor_of
+from regionik.view.plan_curves import clearances, curves_of, footprints
 from regionik.worlds.chain import Chain
 from regionik.worlds.errors import InputError
 from regionik.worlds.scene import World

@@ -11,9 +11,9 @@ import shapely
 from regionik.areas.demand import between, deviation, misses
 from regionik.mfabrik import Solver, axis_of
 from regionik.pipeline import plan
-from regionik.plan import Plan
 from regionik.regions import admissible_area, path_areas
-from regionik.verify import verify
+from regionik.values import Plan
+from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, chain_from_dh, rot_x, rot_z
 from regionik.worlds.errors import InputError, NoPlanFound

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from shapely.geometry import Polygon, box
 
-from regionik.plan import Motion
-from regionik.proofs.arm import arm
-from regionik.proofs.findings import Finding, Words
-from regionik.proofs.journey import Journey
+from regionik.values import Motion
+from regionik.verification.arm_clearance import arm
+from regionik.verification.findings import Finding, Words
+from regionik.verification.motion import Journey
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, Joint, translation
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Solid, Sphere

@@ -6,10 +6,10 @@ import numpy as np
 import shapely
 from scipy.spatial.transform import Rotation
 
-from regionik.plan import Motion
-from regionik.proofs.axis import direction, orientation
-from regionik.proofs.findings import Finding, Words
-from regionik.proofs.journey import Journey
+from regionik.values import Motion
+from regionik.verification.findings import Finding, Words
+from regionik.verification.motion import Journey
+from regionik.verification.tool_axis import direction, orientation
 from regionik.worlds.arrays import Array
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Target, World

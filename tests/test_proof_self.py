@@ -8,16 +8,16 @@ from contextlib import contextmanager
 import numpy as np
 import pytest
 
-from regionik.plan import Motion
-from regionik.proofs import own_body
-from regionik.proofs.findings import Finding, Words
-from regionik.proofs.journey import Journey
-from regionik.proofs.own_body import itself
-from regionik.verify import verify
+from regionik.values import Motion
+from regionik.verification import self_collision
+from regionik.verification.findings import Finding, Words
+from regionik.verification.motion import Journey
+from regionik.verification.self_collision import itself
+from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, Joint, rot_x, translation
 from regionik.worlds.robot import LinkBox, LinkCapsule, LinkSolid, Robot
-from regionik.worlds.solids.selfpairs import base_body
+from regionik.worlds.self_collision import base_body
 from tests.bodies import motion_through, random_robot, signed_distance
 from tests.plans import FOOTPRINT, youbot
 from tests.test_verify import motion_of, of_kind, plan_of, world_of
@@ -40,7 +40,7 @@ def still(*joints: Array) -> Motion:
 def pairs_of(*pairs: tuple[int, int]) -> Iterator[None]:
     """Choose the pairs that count, whatever the robot's own would be."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(own_body, "self_pairs", lambda robot: pairs)
+        patch.setattr(self_collision, "self_pairs", lambda robot: pairs)
         yield
 
 
@@ -115,7 +115,7 @@ def test_margin_is_the_least_distance_at_states() -> None:
     with pairs_of((0, 1)):
         robot = clock(hand_of(0.012))
         assert check(robot, swing(-np.pi / 2, 1.0)).margin == pytest.approx(0.012, abs=1e-12)
-        assert check(robot, swing(1.0, 2.0)).margin == own_body.LOOK
+        assert check(robot, swing(1.0, 2.0)).margin == self_collision.LOOK
         robot = clock(paddle(0.02))
         assert check(robot, swing(-3 * np.pi / 4, 1.0)).margin == pytest.approx(0.02, abs=1e-12)
 
@@ -242,6 +242,6 @@ def test_overlaps_are_as_deep_as_told() -> None:
             found = check(robot, still(*joints))
         gap = sampled_gap(robot, np.repeat(joints, 2, 0), (0, 1), 1)
         told = -found.violations[0].amount if found.violations else found.margin
-        assert told == pytest.approx(min(gap, own_body.LOOK), abs=1e-6)
+        assert told == pytest.approx(min(gap, self_collision.LOOK), abs=1e-6)
         deep += gap < -1e-6
     assert deep >= 5

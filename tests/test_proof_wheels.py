@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from shapely.geometry import box
 
-from regionik.plan import Motion
 from regionik.planners.driving.arcs import moved
-from regionik.verify import verify
+from regionik.values import Motion
+from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array
 from regionik.worlds.obstacles import Cylinder
 from regionik.worlds.robot import BaseKind, Robot

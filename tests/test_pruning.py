@@ -13,7 +13,7 @@ from regionik.motion import connect
 from regionik.pipeline import finish, start_place, whole_path
 from regionik.pruning import Ladder, build_ladder, choose_chain, prune
 from regionik.regions import path_areas
-from regionik.worlds.format import load_world
+from regionik.worlds.documents.world_file import load_world
 
 
 def random_ladder(rng: np.random.Generator, *, turning: bool = False) -> Ladder:

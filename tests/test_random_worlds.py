@@ -7,7 +7,7 @@ import pytest
 import shapely
 
 from regionik.pipeline import search
-from regionik.verify import verify
+from regionik.verification.verifier import verify
 from regionik.worlds.errors import NoPlanFound
 from regionik.worlds.library import robot_named
 from regionik.worlds.obstacles import Box, Cylinder, Solid, Sphere

@@ -9,22 +9,22 @@ import numpy as np
 import pytest
 import shapely
 
+from regionik.output.plan_file import load_plan
 from regionik.pipeline import plan, search
-from regionik.plan import Plan
-from regionik.planfile import load_plan
 from regionik.planners.timing.fastest import Look, fastest
 from regionik.rolling import wheels
+from regionik.timing.blending import curve_of
 from regionik.timing.curve import running_on
 from regionik.timing.limits import limits_of, tool_velocity
 from regionik.timing.retime import BLEND, retime
-from regionik.timing.rounding import curve_of
 from regionik.timing.trajectory import Sample, trajectory
-from regionik.verify import verify
+from regionik.values import Plan
+from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain
+from regionik.worlds.documents.world_file import world_from_document, world_to_document
 from regionik.worlds.errors import InputError
-from regionik.worlds.format import world_from_document, world_to_document
 from regionik.worlds.library import load_world, world_names
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
 from regionik.worlds.speeds import Speeds

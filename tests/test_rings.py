@@ -12,7 +12,7 @@ from regionik.planners.reach.rings import (
 )
 from regionik.planners.solvers import kernels
 from regionik.worlds.library import robot_named
-from regionik.worlds.planar import planar_arm
+from regionik.worlds.planar_arm import planar_arm
 
 ARM = planar_arm(robot_named("youbot").chain)
 Z = float(ARM.shoulder[1])

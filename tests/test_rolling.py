@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from regionik.planners.driving.arcs import moved, rolling
-from regionik.proofs.journey import Journey
 from regionik.rolling import BULGE, cuts, on_way, sampled, trace, travel
+from regionik.verification.motion import Journey
 from regionik.worlds.arrays import Array
 from regionik.worlds.robot import BaseKind
 from tests.bodies import motion_through

@@ -13,7 +13,7 @@ from regionik.planners.solvers.kernels import wrap
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
 from regionik.worlds.library import robot_named
-from regionik.worlds.planar import PlanarArm, planar_arm
+from regionik.worlds.planar_arm import PlanarArm, planar_arm
 
 CHAIN = robot_named("youbot").chain
 ARM = planar_arm(CHAIN)

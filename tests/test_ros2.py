@@ -14,13 +14,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rosbags.typesys import Stores, get_typestore
 
-from regionik.export import export
-from regionik.plan import Plan
+from regionik.output.export import export
+from regionik.output.ros2 import joint_trajectory, nanoseconds, path, stamp, to_text
 from regionik.timing.trajectory import trajectory
+from regionik.values import Plan
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
 from regionik.worlds.errors import InputError
-from regionik.writing.ros2 import joint_trajectory, nanoseconds, path, stamp, to_text
 from tests.plans import l_shape, synthetic_plan, timed
 
 STORE = get_typestore(Stores.ROS2_HUMBLE)

@@ -15,7 +15,7 @@ from shapely.geometry import Point, box
 
 from regionik.worlds.bundled import DATA
 from regionik.worlds.errors import InputError
-from regionik.worlds.readers.rosmap import CELL_LIMIT, load_map
+from regionik.worlds.readers.occupancy_map import CELL_LIMIT, load_map
 from regionik.worlds.scene import Floor
 
 KEYS = {

@@ -11,7 +11,7 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named, without_limits
 from regionik.worlds.chain import Chain, Joint, translation
 from regionik.worlds.robot import LinkBox, LinkCapsule, LinkSolid, Robot
-from regionik.worlds.solids.selfpairs import BODY, base_body, self_pairs
+from regionik.worlds.self_collision import BODY, base_body, self_pairs
 
 SQUARE = np.array([[0.2, 0.2], [-0.2, 0.2], [-0.2, -0.2], [0.2, -0.2]])
 POINT = np.zeros((1, 2))

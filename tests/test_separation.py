@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import pose, translation
-from regionik.worlds.solids.separation import Hull, apart
+from regionik.worlds.self_collision import Hull, apart
 
 HERE = np.eye(4)[None]
 

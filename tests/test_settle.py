@@ -11,8 +11,8 @@ from shapely.geometry import Polygon
 from regionik.planners.reach.ringfloor import distances, inside, meets, on_circle, parts_of
 from regionik.reach import FEWER, _decided, reach
 from regionik.seeking.settle import OPEN, REACHED, is_covered, reasons, settled
-from regionik.verify_reach import verify_answers
-from regionik.worlds.format import load_world
+from regionik.verification.answers import verify_answers
+from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.scene import Target
 from tests.test_random_worlds import random_world
 

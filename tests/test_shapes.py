@@ -5,8 +5,8 @@ import pytest
 import shapely
 import trimesh
 
-from regionik.drawing import shapes
-from regionik.drawing.shapes import Triangles
+from regionik.view import triangle_meshes
+from regionik.view.triangle_meshes import Triangles
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import pose
 from regionik.worlds.obstacles import Solid
@@ -34,14 +34,14 @@ def bounds(part: Triangles) -> Array:
     ],
 )
 def test_flat_covers_the_area_exactly(floor: shapely.Geometry) -> None:
-    part = shapes.flat(floor, 0.25)
+    part = triangle_meshes.flat(floor, 0.25)
     assert area(part) == pytest.approx(floor.area)
     assert (part.vertices[:, 2] == 0.25).all()
 
 
 def test_extruded_has_walls_and_a_lid() -> None:
     ring = shapely.box(0, 0, 3, 3) - shapely.box(1, 1, 2, 2)
-    part = shapes.extruded(ring, 0.5, 2.5)
+    part = triangle_meshes.extruded(ring, 0.5, 2.5)
     assert area(part) == pytest.approx(ring.area + 2.0 * ring.length)
     assert np.allclose(bounds(part), [[0, 0, 0.5], [3, 3, 2.5]])
 
@@ -49,7 +49,7 @@ def test_extruded_has_walls_and_a_lid() -> None:
 @pytest.mark.parametrize("end", [[0, 0, 0.4], [0.1, -0.2, 0.3], [0, 0, -0.2], [0.3, 0, 0], [0, 0, 0]])
 def test_a_capsule_lies_just_within_its_radius(end: list[float]) -> None:
     start = np.array([0.1, 0.2, 0.3])
-    part = shapes.capsule(start, start + end, 0.05)
+    part = triangle_meshes.capsule(start, start + end, 0.05)
     along = np.array(end, dtype=float)
     t = np.clip((part.vertices - start) @ along / max(along @ along, 1e-30), 0, 1)[:, None]
     away = np.linalg.norm(part.vertices - start - t * along, axis=1)
@@ -61,7 +61,7 @@ def test_a_capsule_lies_just_within_its_radius(end: list[float]) -> None:
 
 def test_a_box_on_a_link_is_closed_and_has_its_corners() -> None:
     T_link_box, size = pose([0.1, -0.2, 0.3], [0.4, 0.5, -2.0]), np.array([0.1, 0.2, 0.4])
-    part = shapes.link_solid(LinkBox(0, "case", T_link_box, size))
+    part = triangle_meshes.link_solid(LinkBox(0, "case", T_link_box, size))
     own = (part.vertices - T_link_box[:3, 3]) @ T_link_box[:3, :3]
     assert np.allclose(np.abs(own), size / 2, atol=1e-12)
     mesh = trimesh.Trimesh(part.vertices, part.faces, process=True, merge_norm=True)
@@ -72,19 +72,19 @@ def test_a_box_on_a_link_is_closed_and_has_its_corners() -> None:
 
 def test_a_capsule_on_a_link_is_drawn_as_one() -> None:
     start, end = np.array([0.0, 0.1, 0.2]), np.array([0.3, 0.1, 0.0])
-    part = shapes.link_solid(LinkCapsule(0, "tube", start, end, 0.05))
-    assert np.array_equal(part.vertices, shapes.capsule(start, end, 0.05).vertices)
+    part = triangle_meshes.link_solid(LinkCapsule(0, "tube", start, end, 0.05))
+    assert np.array_equal(part.vertices, triangle_meshes.capsule(start, end, 0.05).vertices)
 
 
 def test_tubes_and_balls_have_equal_shares_of_faces() -> None:
     points = np.array([[0, 0, 0], [1, 0, 0], [1, 0, 0], [1, 0, 2.0], [1, 3, 2]])
-    tubes = shapes.tubes(points, 0.01)
-    assert len(tubes.faces) == 4 * 2 * shapes.TUBE_SIDES
+    tubes = triangle_meshes.tubes(points, 0.01)
+    assert len(tubes.faces) == 4 * 2 * triangle_meshes.TUBE_SIDES
     assert np.isfinite(tubes.vertices).all()
-    one = tubes.vertices[np.unique(tubes.faces[: 2 * shapes.TUBE_SIDES])]
+    one = tubes.vertices[np.unique(tubes.faces[: 2 * triangle_meshes.TUBE_SIDES])]
     assert np.allclose(np.hypot(one[:, 1], one[:, 2]), 0.01)
     for count in (3, 400):
-        balls = shapes.balls(np.arange(3.0 * count).reshape(-1, 3), 0.02)
+        balls = triangle_meshes.balls(np.arange(3.0 * count).reshape(-1, 3), 0.02)
         share = len(balls.faces) // count
         assert share * count == len(balls.faces)
         last = balls.vertices[np.unique(balls.faces[-share:])]
@@ -93,16 +93,16 @@ def test_tubes_and_balls_have_equal_shares_of_faces() -> None:
 
 @pytest.mark.parametrize("body", every_solid().solids, ids=lambda body: body.name)
 def test_solids_are_drawn_where_they_are(body: Solid) -> None:
-    part = shapes.solid(body)
+    part = triangle_meshes.solid(body)
     assert np.allclose(bounds(part)[:, 2], body.z_range, atol=1e-9)
-    assert np.allclose(bounds(part)[:, :2].ravel(), shapes.outline(body).bounds, atol=1e-6)
+    assert np.allclose(bounds(part)[:, :2].ravel(), triangle_meshes.outline(body).bounds, atol=1e-6)
     surface = [abs(body.distance(vertex)) for vertex in part.vertices]
     assert max(surface) < 0.01
 
 
 def test_merged_keeps_order_and_nothing_is_fine() -> None:
-    a, b = shapes.flat(shapely.box(0, 0, 1, 1)), shapes.flat(shapely.box(2, 0, 4, 1))
-    both = shapes.merged([a, shapes.flat(shapely.Polygon()), b])
+    a, b = triangle_meshes.flat(shapely.box(0, 0, 1, 1)), triangle_meshes.flat(shapely.box(2, 0, 4, 1))
+    both = triangle_meshes.merged([a, triangle_meshes.flat(shapely.Polygon()), b])
     assert np.allclose(both.vertices[both.faces[: len(a.faces)]], a.vertices[a.faces])
     assert np.allclose(both.vertices[both.faces[len(a.faces) :]], b.vertices[b.faces])
-    assert len(shapes.merged([]).faces) == 0
+    assert len(triangle_meshes.merged([]).faces) == 0

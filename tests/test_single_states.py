@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import shapely
 
-from regionik.plan import Configuration, Motion, Plan, PlannedArea
-from regionik.verify import verify
+from regionik.values import Configuration, Motion, Plan, PlannedArea
+from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array
 from regionik.worlds.library import robot_named
 from regionik.worlds.obstacles import Solid, Sphere

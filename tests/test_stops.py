@@ -13,17 +13,17 @@ import shapely
 from shapely.geometry import Point
 
 from regionik.areas.reachable import BACK, FRONT
-from regionik.cli import run
-from regionik.drawing.floor_view import floor_of
-from regionik.drawing.plan_view import picture_of_plan
+from regionik.cli.app import run
+from regionik.output.plan_file import load_plan
 from regionik.parking.fewest import park
 from regionik.parking.stops import stops
 from regionik.pipeline import plan
-from regionik.plan import Plan
-from regionik.planfile import load_plan
-from regionik.proofs.stops import _linear, _miss
 from regionik.regions import path_areas
-from regionik.verify import verify
+from regionik.values import Plan
+from regionik.verification.stops import _linear, _miss
+from regionik.verification.verifier import verify
+from regionik.view.floor_plan import floor_of
+from regionik.view.plan_picture import picture_of_plan
 from regionik.worlds.chain import Chain
 from regionik.worlds.errors import InputError, NoPlanFound
 from regionik.worlds.library import load_world, robot_named

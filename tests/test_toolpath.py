@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from regionik.worlds.chain import planar_pose, rot_x, rot_y, rot_z
 from regionik.worlds.errors import InputError
-from regionik.worlds.readers.csvpath import read_csv
+from regionik.worlds.readers.csv_path import read_csv
 from regionik.worlds.toolpath import (
     ToolPath,
     arc,

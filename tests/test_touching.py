@@ -28,7 +28,7 @@ from regionik.worlds.chain import Chain, Joint, planar_pose, rot_x, rot_y, trans
 from regionik.worlds.errors import InputError
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Solid, Sphere
 from regionik.worlds.robot import LinkBox, LinkCapsule, Robot
-from regionik.worlds.solids.selfpairs import base_body, self_pairs
+from regionik.worlds.self_collision import base_body, self_pairs
 
 MARGIN = 0.01
 GRAIN = 0.055  # nothing of a solid is farther from its sampled points [m]

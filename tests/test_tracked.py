@@ -12,17 +12,17 @@ from shapely.geometry import Point
 from regionik.mfabrik import axis_of
 from regionik.moving.tracks import arm_of
 from regionik.pipeline import check, plan
-from regionik.plan import Plan
 from regionik.planners.driving.pitch import arm_share
 from regionik.planners.driving.tracking import SaturationError, track, track_runs
 from regionik.rolling import travel, wheels
 from regionik.tracked import DRAWN, follows
-from regionik.verify import verify
+from regionik.values import Plan
+from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import planar_pose, rot_y, rot_z
+from regionik.worlds.documents.world_file import load_world, world_from_document, world_to_document
 from regionik.worlds.errors import InputError, NoPlanFound
-from regionik.worlds.format import load_world, world_from_document, world_to_document
 from regionik.worlds.obstacles import Box
 from regionik.worlds.scene import Start, Target, World
 

@@ -21,10 +21,10 @@ from regionik.worlds.bundled import BODY_HEIGHT, LINK_RADIUS
 from regionik.worlds.chain import pose
 from regionik.worlds.errors import InputError
 from regionik.worlds.readers.collada import read_points
-from regionik.worlds.readers.meshfile import hull_of, oriented_box, outer_hull
+from regionik.worlds.readers.meshes import hull_of, oriented_box, outer_hull
 from regionik.worlds.robot import LinkBox, LinkCapsule, LinkSolid, Robot
-from regionik.worlds.solids.bounding import bounding_solid, cylinder_capsule, sphere_capsule
-from regionik.worlds.urdf import load_robot
+from regionik.worlds.urdf.bounding import bounding_solid, cylinder_capsule, sphere_capsule
+from regionik.worlds.urdf.loader import load_robot
 from tests.urdfs import CRANE, UPPER_SIZE, crane, depth, frames_of
 
 

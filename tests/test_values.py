@@ -12,9 +12,8 @@ import shapely
 from regionik.worlds.chain import Chain, Joint, chain_from_dh
 from regionik.worlds.errors import InputError
 from regionik.worlds.library import robot_named
-from regionik.worlds.masses import LinkMass
 from regionik.worlds.obstacles import Box, Mesh, Prism
-from regionik.worlds.robot import LinkBox, LinkCapsule
+from regionik.worlds.robot import LinkBox, LinkCapsule, LinkMass
 from regionik.worlds.scene import Target
 
 YOUBOT, ONE, NONE = robot_named("youbot"), np.ones(3), np.zeros(3)

@@ -10,10 +10,10 @@ import pytest
 from shapely.affinity import rotate, translate
 from shapely.geometry import Point, Polygon, box
 
-from regionik.plan import Configuration, Motion, Plan, Report, Violation
-from regionik.proofs.findings import MOST
-from regionik.proofs.journey import Journey, sag
-from regionik.verify import verify
+from regionik.values import Configuration, Motion, Plan, Report, Violation
+from regionik.verification.findings import MOST
+from regionik.verification.motion import Journey, sag
+from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, Joint, rot_x, rot_y, translation
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Solid, Sphere

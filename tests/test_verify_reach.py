@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from regionik.reach import Answer, reach
-from regionik.verify_reach import verify_answers
+from regionik.verification.answers import verify_answers
+from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import InputError
-from regionik.worlds.format import load_world
 from regionik.worlds.obstacles import Sphere
 from regionik.worlds.scene import Target, World
 

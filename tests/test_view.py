@@ -16,13 +16,13 @@ import pytest
 import umsgpack
 from PIL import Image
 
-from regionik import view
-from regionik.drawing.animation import MOST_FRAMES
-from regionik.drawing.camera import camera_for
-from regionik.drawing.plan_view import picture_of_plan
-from regionik.drawing.scene_view import BALL, first_posture, picture_of_world, tip_radius
-from regionik.plan import Plan
-from regionik.view import to_html
+from regionik.values import Plan
+from regionik.view import viewer
+from regionik.view.animation import MOST_FRAMES
+from regionik.view.camera import camera_for
+from regionik.view.plan_picture import picture_of_plan
+from regionik.view.viewer import to_html
+from regionik.view.world_picture import BALL, first_posture, picture_of_world, tip_radius
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import pose
 from regionik.worlds.errors import InputError
@@ -198,14 +198,14 @@ def test_a_missing_folder_is_one_line(plan: Plan, tmp_path: Path) -> None:
 
 
 def test_show_serves_and_stop_ends_it(plan: Plan) -> None:
-    visualizer = view.show(plan, open_browser=False)
+    visualizer = viewer.show(plan, open_browser=False)
     process = visualizer.window.server_proc
     try:
         assert visualizer.url().startswith("http://127.0.0.1")
         visualizer["more"].set_transform(np.eye(4))  # the server answers
         assert process.poll() is None
     finally:
-        view.stop(visualizer)
+        viewer.stop(visualizer)
     assert process.poll() is not None
 
 

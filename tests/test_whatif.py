@@ -10,9 +10,9 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from regionik.drawing.whatif_view import look_bodies, verdict
 from regionik.pipeline import whole_path
-from regionik.whatif import Look, alike, look
+from regionik.view.live_areas import Look, alike, look
+from regionik.view.live_picture import look_bodies, verdict
 from regionik.worlds.errors import NoPlanFound
 from regionik.worlds.library import load_world, robot_named, world_names
 from regionik.worlds.obstacles import Box

@@ -9,7 +9,7 @@ import pytest
 import shapely
 
 from regionik import plan, verify
-from regionik.plan import Plan
+from regionik.values import Plan
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError, NoPlanFound
 from regionik.worlds.library import robot_named

@@ -24,11 +24,11 @@ from regionik.postures.guard import contact_for, guard_of
 from regionik.reach import reach
 from regionik.seeking.flatworld import own, stance_of
 from regionik.seeking.wherever import around_of, asked_of, look_everywhere, prepared
-from regionik.verify_reach import verify_answers
+from regionik.verification.answers import verify_answers
 from regionik.worlds.arrays import Array
 from regionik.worlds.library import robot_named
 from regionik.worlds.obstacles import Box, Sphere
-from regionik.worlds.planar import planar_arm
+from regionik.worlds.planar_arm import planar_arm
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
 from tests.test_random_worlds import random_world
 

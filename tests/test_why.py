@@ -11,15 +11,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from regionik.areas.relaxations import Constraint, constraints_of, with_obstacle_moved
-from regionik.cli import run
-from regionik.drawing.picture import CAUSE
-from regionik.drawing.why_view import picture_of_why
+from regionik.cli.app import run
 from regionik.pipeline import plan
 from regionik.reach import reach
 from regionik.reasons.causes import irreducible
 from regionik.repairs.least import FINE, circle, confirmed, first_seen, least_open, shortest_step, sphere
 from regionik.repairs.smallest import share
 from regionik.repairs.trials import repaired
+from regionik.view.explanation_picture import picture_of_why
+from regionik.view.picture import CAUSE
 from regionik.why import why
 from regionik.worlds.errors import Explanation, InputError, NoPlanFound, Repair
 from regionik.worlds.library import load_world, robot_named

@@ -1,4 +1,4 @@
-"""The machine: a base on the floor and an arm mounted on it."""
+"""What the links of an arm weigh, as far as standing still asks: masses and their centres."""
 
 from __future__ import annotations
 
@@ -11,7 +11,33 @@ from numpy.typing import ArrayLike
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.chain import Chain, planar_pose
 from regionik.worlds.errors import InputError
-from regionik.worlds.masses import LinkMass
+
+GRAVITY = 9.80665  # standard gravity [m/s2]
+
+
+@dataclass(frozen=True, eq=False)
+class LinkMass:
+    """A mass that moves with one arm link.
+
+    Attributes
+    ----------
+    link : int
+        Index into ``Chain.frames``: the link that joint ``link`` moves.
+    mass : float
+        [kg]
+    center : (3,) array
+        Centre of mass in the link's frame [m].
+    """
+
+    link: int
+    mass: float
+    center: Array
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "center", frozen(self.center, (3,), "mass: center"))
+        if not 0 < self.mass < np.inf:
+            raise InputError(f"mass: expected a finite number above 0, got {self.mass}")
+
 
 BaseKind = Literal["omni", "differential", "car"]
 

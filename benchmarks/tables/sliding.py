@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from regionik.methods import SLIDES, Sliding, sliding_chain
+from regionik.comparison import SLIDES, Sliding, sliding_chain
 from regionik.mfabrik import Batch
-from regionik.plan import Configuration
 from regionik.planners.rivals.iterative import Rival
+from regionik.values import Configuration
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
 from regionik.worlds.robot import Robot

@@ -19,7 +19,7 @@ from regionik.planners.solvers.kernels import wrap
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain, planar_pose
-from regionik.worlds.format import load_world
+from regionik.worlds.documents.world_file import load_world
 
 ROBOT = robot_named("pioneer-parm")
 SPEED = 0.5  # of a wheel at most, as printed [m/s]

@@ -9,9 +9,9 @@ from regionik.planners.clearance.provable import inner_capsule
 from regionik.planners.geometry.collision import obstacles_from
 from regionik.planners.geometry.upright import depths, uprights_from
 from regionik.worlds.arrays import Array
-from regionik.worlds.planar import PlanarArm, planar_arm
+from regionik.worlds.planar_arm import PlanarArm, planar_arm
 from regionik.worlds.robot import Robot
-from regionik.worlds.solids.selfpairs import BODY, base_body, self_pairs
+from regionik.worlds.self_collision import BODY, base_body, self_pairs
 
 
 def cores_of(robot: Robot) -> Cores:

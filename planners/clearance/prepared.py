@@ -19,7 +19,7 @@ from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.errors import InputError
 from regionik.worlds.obstacles import Solid
 from regionik.worlds.robot import LinkSolid, Robot
-from regionik.worlds.solids.selfpairs import BODY, base_body, self_pairs
+from regionik.worlds.self_collision import BODY, base_body, self_pairs
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,7 +19,7 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Solid, Sphere
 from regionik.worlds.robot import LinkBox, LinkCapsule, LinkSolid
-from regionik.worlds.solids.selfpairs import base_body, self_pairs
+from regionik.worlds.self_collision import base_body, self_pairs
 
 MOST_SPARE = 2  # joints beyond what the target takes, up to which the search may come to an end
 LEVER = 1e-9  # a joint that moves no point farther than this plays no part [m]

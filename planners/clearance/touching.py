@@ -25,7 +25,7 @@ from regionik.planners.geometry.flat import Index
 from regionik.planners.geometry.pieces import Separation
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.errors import InputError
-from regionik.worlds.solids.selfpairs import BODY
+from regionik.worlds.self_collision import BODY
 
 __all__ = [
     "Bodies",

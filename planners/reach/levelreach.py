@@ -16,7 +16,7 @@ from regionik.planners.reach.meridian import Meridian, meridian_of, tool_for
 from regionik.planners.reach.ruledout import bounded
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
-from regionik.worlds.pivot import pivot_of, span_of
+from regionik.worlds.pivoted_arm import pivot_of, span_of
 
 Intervals = tuple[tuple[float, float], ...]
 

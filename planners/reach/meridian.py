@@ -18,7 +18,7 @@ from regionik.planners.reach.sway import longest_levers
 from regionik.planners.solvers.serial import SerialArm, chain_frames, chain_jacobian, serial_arm
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, Joint, motion
-from regionik.worlds.pivot import pivot_of
+from regionik.worlds.pivoted_arm import pivot_of
 
 STILL = 1e-12  # a lever below this does not move the tool [m]; limits closer than this hold still
 UNIT = np.array([1.0, 0.0])

@@ -23,7 +23,7 @@ from regionik.planners.solvers.polish import DIRECTION, Aim, polish
 from regionik.planners.solvers.reaching import Effort, solve
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
-from regionik.worlds.pivot import pivot_of
+from regionik.worlds.pivoted_arm import pivot_of
 
 DISTANCES, BEARINGS = 32, 48  # cells of the grid
 FINER = 3  # times, where the reach is too thin for it

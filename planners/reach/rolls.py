@@ -11,7 +11,7 @@ import numpy as np
 from regionik.planners.solvers.kernels import TWO_PI, wrap
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import rot_y, rot_z
-from regionik.worlds.planar import PlanarArm
+from regionik.worlds.planar_arm import PlanarArm
 
 
 def tool_turn(arm: PlanarArm, yaw: float, pitch: float, roll: float) -> Array:

@@ -15,9 +15,8 @@ from regionik.planners.geometry.flat import compiled
 from regionik.planners.solvers.kernels import TWO_PI, PlaneArm, fit, slack, triangle
 from regionik.worlds.arrays import Array
 from regionik.worlds.criteria import Criteria
-from regionik.worlds.masses import GRAVITY, LinkMass
-from regionik.worlds.planar import PlanarArm, planar_arm
-from regionik.worlds.robot import Robot
+from regionik.worlds.planar_arm import PlanarArm, planar_arm
+from regionik.worlds.robot import GRAVITY, LinkMass, Robot
 
 REFINEMENTS = 30  # of the pitch, where no sampled one meets what is asked
 SPARE = 1e-9  # of what is asked, beyond rounding

@@ -15,8 +15,8 @@ from regionik.planners.solvers.qualities import Asked, asked_of, posture_spare
 from regionik.worlds.arrays import Array
 from regionik.worlds.criteria import Criteria, kept
 from regionik.worlds.errors import InputError
-from regionik.worlds.pivot import is_planar
-from regionik.worlds.planar import planar_arm
+from regionik.worlds.pivoted_arm import is_planar
+from regionik.worlds.planar_arm import planar_arm
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Target, World
 

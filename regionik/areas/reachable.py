@@ -19,8 +19,8 @@ from regionik.planners.reach.posereach import pose_reach
 from regionik.planners.reach.rings import FREE, reach_intervals, reach_spans
 from regionik.planners.reach.rolls import out_of_roll, swings
 from regionik.worlds.arrays import Array
-from regionik.worlds.pivot import pivoted
-from regionik.worlds.planar import PlanarArm, planar_arm
+from regionik.worlds.pivoted_arm import pivoted
+from regionik.worlds.planar_arm import PlanarArm, planar_arm
 from regionik.worlds.scene import Target, World
 
 Index = NDArray[np.intp]

@@ -20,9 +20,9 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
 from regionik.worlds.errors import CauseKind
 from regionik.worlds.obstacles import Mesh, Prism, Solid
-from regionik.worlds.pivot import span_of
+from regionik.worlds.pivoted_arm import span_of
 from regionik.worlds.scene import World
-from regionik.worlds.solids.selfpairs import base_body
+from regionik.worlds.self_collision import base_body
 
 JOINT_LIMITS = "joint limits"
 CLEARANCE = "rules.clearance"

@@ -25,7 +25,7 @@ from regionik.planners.driving.room import Room, room_of
 from regionik.worlds.arrays import Array
 from regionik.worlds.criteria import kept
 from regionik.worlds.obstacles import Shadow
-from regionik.worlds.pivot import is_planar, pivot_of, pivoted
+from regionik.worlds.pivoted_arm import is_planar, pivot_of, pivoted
 from regionik.worlds.scene import World
 
 SLABS = 24  # of equal width in a full turn

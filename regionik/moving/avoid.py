@@ -23,7 +23,6 @@ from regionik.areas.meeting import meets
 from regionik.areas.standing import Standing, away, into_span
 from regionik.mfabrik import Solver, axis_of, pose_of, solver_for
 from regionik.moving.rolled import Rolls
-from regionik.plan import Configuration
 from regionik.planners.clearance.clearpose import look_round
 from regionik.planners.clearance.posture import ClearPosture, clear_posture, go_round
 from regionik.planners.clearance.touching import Touch
@@ -31,9 +30,10 @@ from regionik.postures.guard import SPARE, Guard
 from regionik.postures.poses import Pose, pose
 from regionik.postures.serialarm import serial_solver
 from regionik.pruning import Ladder
+from regionik.values import Configuration
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
-from regionik.worlds.pivot import pivot_of, pivoted
+from regionik.worlds.pivoted_arm import pivot_of, pivoted
 from regionik.worlds.scene import World
 
 PLACES = 24  # of the base, looked through in one component

@@ -10,10 +10,10 @@ import shapely
 
 from regionik.areas.standing import Mask, Standing, away, room_for
 from regionik.mfabrik import axis_of
-from regionik.plan import Configuration
 from regionik.planners.driving.room import fits
 from regionik.planners.solvers.kernels import wrap
 from regionik.pruning import Ladder
+from regionik.values import Configuration
 from regionik.worlds.arrays import Array
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import World

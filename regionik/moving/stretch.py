@@ -18,7 +18,6 @@ from regionik.areas.reachable import Family
 from regionik.mfabrik import Solver, pose_of, solver_between
 from regionik.moving.avoid import Spot
 from regionik.moving.basepaths import BaseWay, Tracks
-from regionik.plan import Configuration
 from regionik.planners.clearance.legs import between, laid_out
 from regionik.planners.clearance.touching import Touch
 from regionik.planners.driving.drive import NoPathError
@@ -27,9 +26,10 @@ from regionik.planners.solvers import kernels
 from regionik.postures.guard import Guard
 from regionik.postures.poses import LARGEST_BEND, Pose, Row, arrays, pose
 from regionik.pruning import Ladder
+from regionik.values import Configuration
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import RegionikError
-from regionik.worlds.pivot import pivot_of, pivoted
+from regionik.worlds.pivoted_arm import pivot_of, pivoted
 from regionik.worlds.scene import Target, World
 
 TOOL_STRIDE = 0.05  # longest way of base or tool between two states on the path [m]

@@ -14,7 +14,7 @@ from regionik.planners.clearance.touching import Touch
 from regionik.planners.driving.drive import NoPathError
 from regionik.postures.guard import Guard
 from regionik.postures.poses import Pose
-from regionik.worlds.pivot import pivot_of, pivoted
+from regionik.worlds.pivoted_arm import pivot_of, pivoted
 from regionik.worlds.scene import World
 
 WITHDRAWALS = (0.0, 0.1, 0.2, 0.4, 0.6)  # how far the base draws back before the arm folds [m]

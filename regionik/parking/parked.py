@@ -24,13 +24,13 @@ from regionik.moving.transit import Carrier
 from regionik.parking.fewest import Group
 from regionik.parking.placing import Bay, Placing
 from regionik.parking.stops import Work
-from regionik.plan import Configuration, Stop
 from regionik.postures.guard import guard_of
 from regionik.postures.poses import Pose, Row, between, columns
 from regionik.reasons import explain, explain_arm
+from regionik.values import Configuration, Stop
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Cause, Explanation, NoPlanFound, Repair
-from regionik.worlds.pivot import pivot_of
+from regionik.worlds.pivoted_arm import pivot_of
 from regionik.worlds.scene import World
 
 PLACES = 8  # of a stop that are tried

@@ -16,11 +16,11 @@ from regionik.areas.standing import into_span
 from regionik.mfabrik import Solver, axis_of, pose_of, solver_for
 from regionik.moving.avoid import spread
 from regionik.parking.fewest import Floors, Group, depth
-from regionik.plan import Configuration, Stop
 from regionik.planners.places.tour import through
 from regionik.planners.solvers.serial import chain_frames, chain_jacobian, serial_arm
+from regionik.values import Configuration, Stop
 from regionik.worlds.arrays import Array
-from regionik.worlds.pivot import pivot_of, pivoted
+from regionik.worlds.pivoted_arm import pivot_of, pivoted
 from regionik.worlds.scene import World
 
 PLACES = 24  # of a stop that a criterion is asked about before the best is bettered

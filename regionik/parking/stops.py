@@ -10,8 +10,8 @@ import numpy as np
 from regionik.mfabrik import axis_of
 from regionik.parking.fewest import Floors, Group, Parking, park, reordered
 from regionik.parking.placing import Bay, Placing, check_arm, shortest_way
-from regionik.plan import Stop
 from regionik.planners.places.tour import shortest_order
+from regionik.values import Stop
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError
 from regionik.worlds.scene import World

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from regionik.plan import Configuration, Motion
 from regionik.planners.solvers import kernels
 from regionik.rolling import on_way, travel
+from regionik.values import Configuration, Motion
 from regionik.worlds.arrays import Array
 from regionik.worlds.robot import BaseKind
 
@@ -78,7 +78,7 @@ def lift_offs(motion: Motion) -> int:
 def figures(
     kind: BaseKind, setpoints: Sequence[Configuration], motion: Motion, methods: dict[str, int]
 ) -> dict[str, Any]:
-    """Plain numbers about a motion, for `regionik.plan.Plan.stats`."""
+    """Plain numbers about a motion, for `regionik.values.Plan.stats`."""
     return {
         "setpoints": len(setpoints),
         "iterations": int(sum(found.iterations for found in setpoints)),

@@ -18,7 +18,7 @@ from regionik.planners.solvers.polish import Aim, polish
 from regionik.planners.solvers.reaching import Effort, solve
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
-from regionik.worlds.pivot import pivot_of, pivoted, span_of
+from regionik.worlds.pivoted_arm import pivot_of, pivoted, span_of
 from regionik.worlds.scene import Target
 
 MOST_PASSES = 100

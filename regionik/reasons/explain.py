@@ -12,7 +12,6 @@ from shapely.geometry.base import BaseGeometry
 from regionik.areas.ground import ground_of, grow
 from regionik.areas.relaxations import without_criteria
 from regionik.areas.standing import by_heading
-from regionik.plan import Violation
 from regionik.planners.driving.footprint import width_of
 from regionik.planners.driving.shape import narrowest
 from regionik.regions import (
@@ -22,9 +21,10 @@ from regionik.regions import (
     reach_of,
     what_took_away,
 )
+from regionik.values import Violation
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Cause, CauseKind, Explanation, Repair
-from regionik.worlds.pivot import span_of
+from regionik.worlds.pivoted_arm import span_of
 from regionik.worlds.scene import Target, World
 
 

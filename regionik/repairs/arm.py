@@ -27,7 +27,7 @@ from regionik.repairs.trials import Change, enters, holds
 from regionik.seeking.wherever import look_everywhere
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Explanation, Repair
-from regionik.worlds.pivot import span_of
+from regionik.worlds.pivoted_arm import span_of
 from regionik.worlds.scene import World
 
 PROOF, SEARCH = 30_000, 1_500  # cells of postures looked at for a cause, and for an amount of a repair

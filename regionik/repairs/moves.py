@@ -20,7 +20,7 @@ from regionik.repairs.least import FINE, Opens, circle, first_seen, shortest_ste
 from regionik.repairs.trials import checked, opened, sighted
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Repair
-from regionik.worlds.pivot import span_of
+from regionik.worlds.pivoted_arm import span_of
 from regionik.worlds.scene import World
 
 _ROUND = 32  # directions on the floor

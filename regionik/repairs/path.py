@@ -26,7 +26,7 @@ from regionik.repairs.smallest import clearance_repair, left, raise_repair, smal
 from regionik.repairs.target import arm_too_short, cause_of, mended, together
 from regionik.repairs.trials import repaired
 from regionik.worlds.errors import Explanation, Repair
-from regionik.worlds.pivot import span_of
+from regionik.worlds.pivoted_arm import span_of
 from regionik.worlds.scene import World
 
 _DIRECTIONS = 8  # in which obstacles are moved

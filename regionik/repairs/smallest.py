@@ -22,7 +22,7 @@ from regionik.repairs.moves import obstacle_moved, target_moved
 from regionik.repairs.trials import checked, opened
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Repair
-from regionik.worlds.pivot import span_of
+from regionik.worlds.pivoted_arm import span_of
 from regionik.worlds.scene import Target, World
 
 

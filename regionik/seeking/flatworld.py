@@ -15,7 +15,7 @@ from regionik.planners.reach.rings import boundary_circles
 from regionik.planners.solvers.kernels import PlaneArm
 from regionik.postures.guard import SPARE, guard_of
 from regionik.worlds.arrays import Array
-from regionik.worlds.planar import planar_arm
+from regionik.worlds.planar_arm import planar_arm
 from regionik.worlds.scene import World
 
 SLACK = 1e-9  # rounding allowed at a bound [rad]

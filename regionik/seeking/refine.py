@@ -25,8 +25,8 @@ from regionik.planners.driving.footprint import slab_free
 from regionik.postures.poses import Pose
 from regionik.worlds.arrays import Array
 from regionik.worlds.obstacles import Shadow
-from regionik.worlds.pivot import span_of
-from regionik.worlds.planar import planar_arm
+from regionik.worlds.pivoted_arm import span_of
+from regionik.worlds.planar_arm import planar_arm
 from regionik.worlds.scene import Target, World
 
 ARCS = 768  # vertices of a full circle

@@ -10,13 +10,13 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from regionik.plan import Motion, Plan
 from regionik.planners.timing.fastest import Look, fastest
+from regionik.timing.blending import curve_of, put_in, resting, rounded
 from regionik.timing.curve import Curve
 from regionik.timing.limits import Limits, Mask, limits_of
-from regionik.timing.pace import check_tool_speed, figures, slowing
-from regionik.timing.rounding import curve_of, put_in, resting, rounded
-from regionik.verify import verify
+from regionik.timing.speed_report import check_tool_speed, figures, slowing
+from regionik.values import Motion, Plan
+from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError
 from regionik.worlds.robot import Robot
@@ -68,7 +68,7 @@ def retime(plan: Plan, speeds: Speeds | None = None, *, blend: float = BLEND, ho
     Examples
     --------
     >>> from regionik.pipeline import plan
-    >>> from regionik.worlds.format import load_world
+    >>> from regionik.worlds.documents.world_file import load_world
     >>> timed = retime(plan(load_world("free")), Speeds(base_velocity=0.2))
     >>> bool(timed.motion.time[0] == 0.0), bool((np.diff(timed.motion.time) >= 0).all())
     (True, True)

@@ -8,8 +8,8 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.typing import ArrayLike
 
-from regionik.plan import Motion, Plan
 from regionik.timing.curve import Curve, running_on
+from regionik.values import Motion, Plan
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.errors import InputError
 from regionik.worlds.robot import Robot

@@ -14,9 +14,9 @@ import numpy as np
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Joint, motion, translation
 from regionik.worlds.errors import InputError
-from regionik.worlds.readers.checking import LARGEST, at, wrong
-from regionik.worlds.readers.textfile import clip
-from regionik.worlds.readers.xmlfile import Element, read_xml
+from regionik.worlds.readers.text import clip
+from regionik.worlds.readers.validation import LARGEST, at, wrong
+from regionik.worlds.readers.xml import Element, read_xml
 
 SUFFIX = ".dae"
 COLLADA_LIMIT = 64 * 2**20  # [bytes]

@@ -1,1 +1,0 @@
-"""What is drawn, before anything draws it; figures, and the parts of pages."""

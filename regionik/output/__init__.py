@@ -1,0 +1,1 @@
+"""Plans, answers and reach fields as files for other programs."""

@@ -1,0 +1,301 @@
+"""Plans kept in files: ``plan.json``, its schema, and the way back to a `Plan`."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+import shapely
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from shapely.geometry import LinearRing, MultiPolygon, Polygon
+
+from regionik.storage.plan_document import PARTS, VERSION
+from regionik.values import Configuration, Motion, Plan, PlannedArea, Stop
+from regionik.worlds.documents.robot_schema import Many
+from regionik.worlds.documents.world_file import world_from_document
+from regionik.worlds.errors import InputError
+from regionik.worlds.readers.text import check_count, check_plain_file
+from regionik.worlds.readers.validation import LARGEST
+from regionik.worlds.scene import StopCriterion, World
+
+SIZE_LIMIT = 256 * 2**20  # [bytes]
+VALUES_LIMIT = 12_000_000  # depot has a thousand for each set-point, most of them corners of areas
+
+Number = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
+Index = Annotated[int, Field(ge=0)]
+NotNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
+Three = Annotated[list[Number], Field(min_length=3, max_length=3)]
+Position = Annotated[list[Number], Field(min_length=2, max_length=2)]
+Ring = Annotated[Many[Position], Field(min_length=4, description="closed: the last position is the first")]
+
+
+class _Record(BaseModel):
+    model_config = ConfigDict(strict=True, extra="forbid")
+
+
+class SetpointRecord(_Record):
+    """Base and arm that put the tool on one target."""
+
+    target: Three = Field(description="x, y, z [m]")
+    base: Three = Field(description="x, y [m], yaw [rad]")
+    joints: Many[Number] = Field(description="in the order of joint_names [rad] or [m]")
+    iterations: Index
+    error: Number | None = Field(description="distance of the tool from the target [m]")
+    converged: bool
+
+
+class StateRecord(_Record):
+    """One moment of the motion.
+
+    Between neighbours the base turns the shorter way and joints move linearly. A base on wheels rolls along
+    one arc, or turns on the spot; an omnidirectional one moves straight.
+    """
+
+    base: Three = Field(description="x, y [m], yaw [rad]")
+    joints: Many[Number] = Field(description="in the order of joint_names [rad] or [m]")
+    kind: Literal["setpoint", "step", "transit"]
+    setpoint: Index | None = Field(description="counts from 0")
+    time: Number | None = Field(description="[s]")
+    tool: Three = Field(description="x, y, z [m]")
+
+
+class MultiPolygonRecord(_Record):
+    """A GeoJSON MultiPolygon on the floor [m]; it may be empty."""
+
+    type: Literal["MultiPolygon"]
+    coordinates: Many[Annotated[Many[Ring], Field(min_length=1)]]
+
+
+class PartsRecord(_Record):
+    """A GeoJSON GeometryCollection: admissible, pruned and rejected, in this order."""
+
+    type: Literal["GeometryCollection"]
+    geometries: Annotated[list[MultiPolygonRecord], Field(min_length=3, max_length=3)]
+
+
+class PropertiesRecord(_Record):
+    """What a feature is about."""
+
+    setpoint: Index = Field(description="counts from 0")
+    parts: Annotated[list[Literal["admissible", "pruned", "rejected"]], Field(min_length=3, max_length=3)]
+
+
+class AreaRecord(_Record):
+    """Floor areas of one set-point."""
+
+    type: Literal["Feature"]
+    properties: PropertiesRecord
+    geometry: PartsRecord
+
+
+class AreasRecord(_Record):
+    """A GeoJSON FeatureCollection, one feature per set-point in order, or none where they are too many."""
+
+    type: Literal["FeatureCollection"]
+    features: Many[AreaRecord]
+
+
+class StopRecord(_Record):
+    """Where the base stands still while the arm does some set-points."""
+
+    base: Three = Field(description="x, y [m], yaw [rad]")
+    setpoints: Annotated[Many[Index], Field(min_length=1)] = Field(description="they follow one another")
+    tolerance: NotNegative = Field(description="radius of the circle to park in, at this heading [m]")
+    criterion: StopCriterion = Field(description="what made this the best place of the stop")
+
+
+class PlanRecord(_Record):
+    """A whole-path plan of regionik. Metres, radians, seconds; right-handed, z up, x forward."""
+
+    version: Literal[1]
+    world: dict[str, Any] = Field(description="the world file, embedded: a plan can be verified alone")
+    seed: int
+    joint_names: Many[str]
+    setpoints: Many[SetpointRecord] = Field(description="one for each target of the world, in order")
+    states: Many[StateRecord] = Field(description="the whole motion in order")
+    areas: AreasRecord
+    lift_offs: Index = Field(description="runs of transits after the first set-point")
+    stops: Many[StopRecord] = Field(description="base stops in mode stops; empty otherwise")
+    stats: dict[str, Any]
+
+
+def save_plan(plan: Plan, path: str | os.PathLike[str]) -> None:
+    """Write ``plan.json``, whole or not at all; the same plan gives the same bytes.
+
+    Raises
+    ------
+    InputError
+        When the file cannot be written.
+    """
+    plan.save(path)
+
+
+def load_plan(path: str | os.PathLike[str]) -> Plan:
+    """Read a plan that `save_plan` wrote.
+
+    Only the file's form is judged here: whether the plan holds is for `regionik.verify`.
+
+    Raises
+    ------
+    InputError
+        One line: file, place, what was expected.
+    """
+    where = str(path)
+    record = _record(_read(path), where)
+    world = world_from_document(record.world, f"{where}: world", Path(path).parent)
+    _agrees(record, world, where)
+    return Plan(
+        world=world,
+        seed=record.seed,
+        setpoints=tuple(_configuration(s) for s in record.setpoints),
+        motion=_motion(record, world),
+        areas=tuple(_area(a, f"{where}: areas.features[{k}]") for k, a in enumerate(record.areas.features)),
+        lift_offs=record.lift_offs,
+        stops=tuple(_stop(s) for s in record.stops),
+        stats=record.stats,
+    )
+
+
+def plan_schema() -> dict[str, Any]:
+    """JSON Schema of ``plan.json`` (draft 2020-12), as committed in ``docs/plan.schema.json``."""
+    schema = PlanRecord.model_json_schema()
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema, "title": "regionik plan"}
+
+
+def _read(path: str | os.PathLike[str]) -> Any:
+    try:
+        check_plain_file(Path(path))
+        size = os.stat(path).st_size
+        if size > SIZE_LIMIT:
+            raise InputError(f"{path}: expected a plan of at most {SIZE_LIMIT >> 20} MB, got {size >> 20} MB")
+        data = Path(path).read_bytes()
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from None
+    check_count(data, VALUES_LIMIT, str(path))
+    try:
+        return json.loads(data, parse_constant=_refuse)
+    except RecursionError:
+        raise InputError(f"{path}: expected a plan in JSON, this is nested too deep") from None
+    except ValueError as error:
+        raise InputError(f"{path}: expected a plan in JSON: {error}") from None
+
+
+def _refuse(constant: str) -> None:
+    raise ValueError(f"every number must be finite, got {constant}")
+
+
+def _record(document: Any, where: str) -> PlanRecord:
+    if not isinstance(document, dict):
+        raise InputError(f"{where}: expected a plan, a JSON object, got {type(document).__name__}")
+    version = document.get("version")
+    if version != VERSION or isinstance(version, bool):
+        raise InputError(f"{where}: version: expected {VERSION}, got {json.dumps(version)[:40]}")
+    try:
+        return PlanRecord.model_validate(document)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        raise InputError(f"{where}: {_place(first['loc'])}: {_words(dict(first))}") from None
+
+
+def _place(steps: tuple[int | str, ...]) -> str:
+    text = "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in steps)
+    return text.removeprefix(".")
+
+
+def _words(error: dict[str, Any]) -> str:
+    if error["type"] == "missing":
+        return "expected this entry, it is missing"
+    if error["type"] == "extra_forbidden":
+        return "expected no such entry"
+    said = str(error["msg"]).removeprefix("Input should be ")
+    got = error["input"]
+    return f"expected {said}, got {json.dumps(got)[:60]}"
+
+
+def _agrees(record: PlanRecord, world: World, where: str) -> None:
+    """Counts, names and targets of the plan are those of its world."""
+    names = list(world.robot.chain.names)
+    if record.joint_names != names:
+        raise InputError(f"{where}: joint_names: expected {names}, got {record.joint_names}")
+    count = len(world.task)
+    features = record.areas.features
+    for key, many in (("setpoints", len(record.setpoints)), ("areas.features", len(features) or count)):
+        if many != count:
+            raise InputError(f"{where}: {key}: expected {count}, one for each target, got {many}")
+    for k, (setpoint, target) in enumerate(zip(record.setpoints, world.task, strict=True)):
+        if not np.allclose(setpoint.target, target.position, rtol=0.0, atol=1e-9):
+            wanted = target.position.tolist()
+            raise InputError(
+                f"{where}: setpoints[{k}].target: expected the world's {wanted}, got {setpoint.target}"
+            )
+    for k, area in enumerate(features):
+        if area.properties.setpoint != k or tuple(area.properties.parts) != PARTS:
+            raise InputError(
+                f"{where}: areas.features[{k}].properties: expected set-point {k}, parts {list(PARTS)}"
+            )
+    for k, stop in enumerate(record.stops):
+        if max(stop.setpoints) >= count:
+            raise InputError(
+                f"{where}: stops[{k}].setpoints: expected 0 to {count - 1}, got {max(stop.setpoints)}"
+            )
+    joints = {"setpoints": [s.joints for s in record.setpoints], "states": [s.joints for s in record.states]}
+    for key, rows in joints.items():
+        for k, row in enumerate(rows):
+            if len(row) != len(names):
+                raise InputError(f"{where}: {key}[{k}].joints: expected {len(names)} numbers, got {len(row)}")
+    if not record.states:
+        raise InputError(f"{where}: states: expected at least one state")
+    for k, state in enumerate(record.states):
+        if state.setpoint is not None and state.setpoint >= count:
+            raise InputError(
+                f"{where}: states[{k}].setpoint: expected 0 to {count - 1}, got {state.setpoint}"
+            )
+
+
+def _configuration(record: SetpointRecord) -> Configuration:
+    error = np.nan if record.error is None else record.error
+    base, joints = np.array(record.base, dtype=np.float64), np.array(record.joints, dtype=np.float64)
+    return Configuration(base, joints, error, record.iterations, record.converged)
+
+
+def _stop(record: StopRecord) -> Stop:
+    base = np.array(record.base, dtype=np.float64)
+    return Stop(base, tuple(record.setpoints), record.tolerance, record.criterion)
+
+
+def _motion(record: PlanRecord, world: World) -> Motion:
+    states = record.states
+    return Motion(
+        base=np.array([s.base for s in states], dtype=np.float64),
+        joints=np.array([s.joints for s in states], dtype=np.float64).reshape(-1, world.robot.chain.dof),
+        kind=np.array([s.kind for s in states]),
+        setpoint=np.array([-1 if s.setpoint is None else s.setpoint for s in states], dtype=np.int64),
+        time=np.array([np.nan if s.time is None else s.time for s in states]),
+    )
+
+
+def _area(record: AreaRecord, where: str) -> PlannedArea:
+    admissible, pruned, rejected = (
+        _multipolygon(part, f"{where}.geometry.geometries[{k}]")
+        for k, part in enumerate(record.geometry.geometries)
+    )
+    return PlannedArea(admissible, pruned, rejected)
+
+
+def _multipolygon(record: MultiPolygonRecord, where: str) -> MultiPolygon:
+    for p, polygon in enumerate(record.coordinates):
+        for r, ring in enumerate(polygon):
+            if ring[0] != ring[-1]:
+                raise InputError(f"{where}.coordinates[{p}][{r}]: expected a closed ring, its ends differ")
+    shape = MultiPolygon(
+        [
+            Polygon(LinearRing(outer), [LinearRing(hole) for hole in holes])
+            for outer, *holes in record.coordinates
+        ]
+    )
+    if not shape.is_valid:
+        raise InputError(f"{where}: expected simple polygons: {shapely.is_valid_reason(shape)}")
+    return shape

@@ -1,0 +1,174 @@
+"""Plans as ROS 2 messages, in the YAML or JSON that ``ros2 topic pub`` reads.
+
+Fields are those of trajectory_msgs/msg/JointTrajectory and nav_msgs/msg/Path.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from regionik.timing.sampling import instants, is_timed
+from regionik.timing.trajectory import trajectory
+from regionik.values import Plan
+from regionik.worlds.arrays import Array
+from regionik.worlds.errors import InputError
+
+SUFFIXES = (".yaml", ".yml", ".json")
+JOINT_TRAJECTORY, PATH = "trajectory_msgs/msg/JointTrajectory", "nav_msgs/msg/Path"
+FRAME = "map"
+_SECOND = 1_000_000_000  # [ns]
+
+Message = dict[str, Any]
+
+
+def joint_trajectory(plan: Plan, rate: float | None = None, frame: str = FRAME) -> Message:
+    """The arm's motion as a trajectory_msgs/msg/JointTrajectory.
+
+    Its stamp is zero, which tells controllers to start when it comes. Times ascend strictly, as controllers
+    ask for: of rows in the same nanosecond the last one stays.
+
+    Parameters
+    ----------
+    plan : Plan
+        A timed one.
+    rate : float, optional
+        Points a second; by default one for each state [1/s].
+    frame : str
+
+    Raises
+    ------
+    InputError
+        When the plan is not timed, or the rate or the frame are not right.
+    """
+    trajectory(plan)  # says what is missing where the plan is not timed
+    rows, header = instants(plan, rate), _header(frame, 0)
+    clock = nanoseconds(rows.sample.time)
+    points = [
+        {
+            "positions": rows.sample.joints[k].tolist(),
+            "velocities": rows.sample.joint_velocity[k].tolist(),
+            "accelerations": rows.sample.joint_acceleration[k].tolist(),
+            "effort": [],
+            "time_from_start": stamp(int(clock[k])),
+        }
+        for k in np.flatnonzero(np.append(np.diff(clock) > 0, True)).tolist()
+    ]
+    return {"header": header, "joint_names": list(plan.world.robot.chain.names), "points": points}
+
+
+def path(plan: Plan, rate: float | None = None, frame: str = FRAME) -> Message:
+    """The way of the base as a nav_msgs/msg/Path.
+
+    Stamps of poses count from the start of the plan; they are zero where it is not timed.
+
+    Parameters
+    ----------
+    plan : Plan
+    rate : float, optional
+        Poses a second, of timed plans; by default one for each state [1/s].
+    frame : str
+
+    Raises
+    ------
+    InputError
+        When the rate or the frame are not right.
+    """
+    rows = instants(plan, rate)
+    clock = nanoseconds(rows.sample.time if is_timed(plan.motion) else np.zeros(len(rows)))
+    poses = [
+        {
+            "header": _header(frame, moment),
+            "pose": {
+                "position": {"x": x, "y": y, "z": 0.0},
+                "orientation": {"x": 0.0, "y": 0.0, "z": float(np.sin(yaw / 2)), "w": float(np.cos(yaw / 2))},
+            },
+        }
+        for moment, (x, y, yaw) in zip(clock.tolist(), rows.sample.base.tolist(), strict=True)
+    ]
+    return {"header": _header(frame, 0), "poses": poses}
+
+
+def bundle(plan: Plan, rate: float | None = None, frame: str = FRAME) -> Message:
+    """Both messages, each with its type, under ``joint_trajectory`` and ``path``."""
+    return {
+        "joint_trajectory": {"type": JOINT_TRAJECTORY, "message": joint_trajectory(plan, rate, frame)},
+        "path": {"type": PATH, "message": path(plan, rate, frame)},
+    }
+
+
+MESSAGES = {"ros2": bundle, "joint-trajectory": joint_trajectory, "path": path}
+
+
+def to_text(message: Message, suffix: str) -> str:
+    """A message as a JSON or, of any other suffix, a YAML document.
+
+    Both read alike to parsers of YAML 1.1: floats have a point in them, which these want.
+    """
+    if suffix.lower() == ".json":
+        return _flow(message) + "\n"
+    return "\n".join(_block(message, "")) + "\n"
+
+
+def _header(frame: str, clock: int) -> Message:
+    if not frame.strip() or frame != frame.strip() or frame.startswith("/"):
+        raise InputError(
+            f"frame: expected the name of a frame, as map or odom, without a slash; got {frame!r}"
+        )
+    return {"stamp": stamp(clock), "frame_id": frame}
+
+
+def nanoseconds(times: Array) -> NDArray[np.int64]:
+    """Times (n,) [s], rounded to whole nanoseconds."""
+    if len(times) and (times.min() < 0 or times.max() >= 2**31 - 1):
+        raise InputError(f"times: expected 0 to {2**31 - 2} s, got {times.min():g} to {times.max():g}")
+    # Whole seconds are exact; taken apart, the rest keeps its digits.
+    whole = np.floor(times)
+    return whole.astype(np.int64) * _SECOND + np.rint((times - whole) * _SECOND).astype(np.int64)
+
+
+def stamp(clock: int) -> Message:
+    """Nanoseconds as the fields of builtin_interfaces/msg/Time and Duration."""
+    seconds, rest = divmod(clock, _SECOND)
+    return {"sec": seconds, "nanosec": rest}
+
+
+def _flow(value: Any) -> str:
+    match value:
+        case dict():
+            return "{" + ", ".join(f"{json.dumps(key)}: {_flow(item)}" for key, item in value.items()) + "}"
+        case list():
+            return "[" + ", ".join(map(_flow, value)) + "]"
+        case float():
+            text = repr(value)
+            # 1e-07 is a number to JSON but a word to YAML 1.1, which wants 1.0e-07.
+            return text if "." in text else text.replace("e", ".0e")
+        case str():
+            # YAML neither joins pairs of surrogates nor takes characters that cannot be printed.
+            quoted = json.dumps(value, ensure_ascii=False)
+            return "".join(c if c.isprintable() or ord(c) > 0xFFFF else f"\\u{ord(c):04x}" for c in quoted)
+        case _:
+            return json.dumps(value)
+
+
+def _block(value: Message, indent: str) -> Iterator[str]:
+    """Lines of a YAML mapping; lists of mappings go on in blocks, all that holds no mapping on one line."""
+    for key, item in value.items():
+        if isinstance(item, list) and item and isinstance(item[0], dict):
+            yield f"{indent}{key}:"
+            for entry in item:
+                first, *others = _block(entry, f"{indent}  ")
+                yield f"{indent}- {first.lstrip()}"
+                yield from others
+        elif isinstance(item, dict) and any(isinstance(part, dict | list) for part in item.values()):
+            yield f"{indent}{key}:"
+            yield from _block(item, f"{indent}  ")
+        elif isinstance(item, dict):
+            inside = ", ".join(f"{name}: {_flow(part)}" for name, part in item.items())
+            yield f"{indent}{key}: {{{inside}}}"
+        else:
+            yield f"{indent}{key}: {_flow(item)}"

@@ -1,0 +1,241 @@
+"""The frozen results, one per stage."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
+
+from regionik.storage.files import write_whole
+from regionik.storage.plan_document import plan_to_text
+from regionik.worlds.arrays import Array, frozen
+from regionik.worlds.errors import InputError
+from regionik.worlds.scene import StopCriterion, World
+
+StateKind = Literal["setpoint", "step", "transit"]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Configuration:
+    """Base and arm that put the tool on a target (the result of M-FABRIK).
+
+    Attributes
+    ----------
+    base : (3,) array
+        x, y [m], yaw [rad].
+    joints : (dof,) array
+    error : float
+        Distance of the tool from the target [m].
+    iterations : int
+        Passes of Algorithm 1, restarts included.
+    converged : bool
+    """
+
+    base: Array
+    joints: Array
+    error: float
+    iterations: int
+    converged: bool
+
+
+@dataclass(eq=False, init=False, slots=True)
+class OpenConfiguration:
+    """A configuration while a solver fills it in; `Configuration` as its class freezes it.
+
+    Frozen fields would take a third of a solver's time.
+    """
+
+    base: Array
+    joints: Array
+    error: float
+    iterations: int
+    converged: bool
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """One moment of the motion."""
+
+    base: Array  # (3,) x, y [m], yaw [rad]
+    joints: Array  # (dof,)
+    kind: StateKind
+    setpoint: int | None
+    time: float | None = None  # [s]
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """The whole motion in order, kept as columns.
+
+    Between neighbours the base turns evenly the shorter way and joints move linearly. An omnidirectional base
+    moves straight. One on wheels rolls along one arc or line, forwards or backwards, or turns on the spot:
+    the chord between two states lies along the heading in the middle of the turn.
+
+    Attributes
+    ----------
+    base : (n, 3) array
+    joints : (n, dof) array
+    kind : (n,) array of str
+        "setpoint", "step" or "transit".
+    setpoint : (n,) array of int
+        Set-point the state belongs to, -1 for none. A ``step`` on its way from set-point i to i + 1
+        carries i.
+    time : (n,) array
+        [s], NaN where the motion is not timed.
+    """
+
+    base: Array
+    joints: Array
+    kind: NDArray[np.str_]
+    setpoint: NDArray[np.int64]
+    time: Array
+
+    def __post_init__(self) -> None:
+        n = len(self.base)
+        object.__setattr__(self, "base", frozen(self.base, (None, 3), "states: base"))
+        object.__setattr__(self, "joints", frozen(self.joints, (n, None), "states: joints"))
+        for key in ("kind", "setpoint", "time"):
+            if len(getattr(self, key)) != n:
+                raise InputError(f"states: expected {n} values of {key}")
+
+    def __len__(self) -> int:
+        return len(self.base)
+
+    def __getitem__(self, k: int) -> State:
+        i, t = int(self.setpoint[k]), float(self.time[k])
+        kind: Any = str(self.kind[k])
+        return State(self.base[k], self.joints[k], kind, None if i < 0 else i, None if np.isnan(t) else t)
+
+    def __iter__(self) -> Iterator[State]:
+        return (self[k] for k in range(len(self)))
+
+
+@dataclass(frozen=True, eq=False)
+class PlannedArea:
+    """Floor areas of one set-point, as drawn and exported.
+
+    ``admissible`` is reach minus rejection; ``pruned`` is what is left of it for the whole path;
+    ``rejected`` is the part of the reach that obstacles or the floor's edge took away.
+    """
+
+    admissible: BaseGeometry
+    pruned: BaseGeometry
+    rejected: BaseGeometry
+
+
+@dataclass(frozen=True, eq=False)
+class Stop:
+    """Where the base stands still while the arm does some set-points.
+
+    Attributes
+    ----------
+    base : (3,) array
+        x, y [m], yaw [rad].
+    setpoints : tuple of int
+        In the order in which they are done. In a plan these follow one another.
+    tolerance : float
+        Wherever the base parks within this circle about ``base``, at this heading, the arm reaches all the
+        set-points and the base keeps its clearance [m].
+    criterion : str
+        What made this the best place of the stop, as `regionik.worlds.scene.Rules` names it.
+    """
+
+    base: Array
+    setpoints: tuple[int, ...]
+    tolerance: float
+    criterion: StopCriterion
+
+    @property
+    def first(self) -> int:
+        return self.setpoints[0]
+
+    @property
+    def last(self) -> int:
+        return self.setpoints[-1]
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """A whole-path plan. It embeds its world, so that it can be verified alone.
+
+    Attributes
+    ----------
+    world : World
+    seed : int
+    setpoints : tuple of Configuration
+        One for each target of ``world.task``.
+    motion : Motion
+        All states, from the start (if any) to the last set-point.
+    areas : tuple of PlannedArea
+        One for each set-point. Files of very long paths have none, see
+        `regionik.storage.plan_document.CORNERS_LIMIT`.
+    lift_offs : int
+        How often the tool leaves the path after the first set-point.
+    stops : tuple of Stop
+        In mode ``stops``; empty otherwise.
+    stats : dict
+        Plain numbers about the plan, the same for the same world and seed.
+    """
+
+    world: World
+    seed: int
+    setpoints: tuple[Configuration, ...]
+    motion: Motion
+    areas: tuple[PlannedArea, ...]
+    lift_offs: int
+    stops: tuple[Stop, ...] = ()
+    stats: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def states(self) -> Motion:
+        """The motion; iterate over it for one `State` at a time."""
+        return self.motion
+
+    def tools(self) -> Array:
+        """Tool position at every state, (n, 3) [m]."""
+        frames = self.world.robot.tool(self.motion.base, self.motion.joints)
+        positions: Array = frames[:, :3, 3]
+        return positions
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write ``plan.json``, whole or not at all; `regionik.load_plan` reads it back.
+
+        Raises
+        ------
+        InputError
+            When the file cannot be written.
+        """
+        write_whole(path, plan_to_text(self))
+
+
+@dataclass(frozen=True)
+class Violation:
+    """One way in which a plan does not hold."""
+
+    kind: str
+    state: int | None  # index of the state, or of the first of two neighbours
+    setpoint: int | None
+    amount: float  # [m] or [rad] beyond what is allowed
+    text: str
+
+
+@dataclass(frozen=True)
+class Report:
+    """What `regionik.verify` found.
+
+    Attributes
+    ----------
+    ok : bool
+    margins : dict
+        Least margin of every check; negative where it is violated [m] or [rad].
+    violations : tuple of Violation
+    """
+
+    ok: bool
+    margins: dict[str, float]
+    violations: tuple[Violation, ...]

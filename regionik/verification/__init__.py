@@ -1,0 +1,1 @@
+"""Plans checked from their world alone, by code of its own."""

@@ -1,0 +1,263 @@
+"""Proof that every link keeps its distance from every solid.
+
+At the middle of a part of a hop, a plane is laid square to the shortest way from a piece of a solid to the
+hull of the link's corners. While the corners stay beyond the plane by the link's radius and the clearance,
+the link is clear; they lie between their samples up to the sag that their acceleration allows.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import shapely
+
+from regionik.planners.geometry.collision import Obstacles, hull_separation, obstacles_from
+from regionik.planners.geometry.pieces import Piece, Separation
+from regionik.values import Violation
+from regionik.verification.contact import TOUCH, Contact, contact_of
+from regionik.verification.findings import Finding, Words, finding
+from regionik.verification.motion import Indices, Journey, Mask, Parts, Verdicts, prove, sag
+from regionik.worlds.arrays import Array
+from regionik.worlds.scene import World
+
+SHORTEST = 1e-4  # motion of a link over half a part below which its halves are not looked at [m]
+LOOK = 0.05  # how far beyond the clearance distances at states are measured for the margin [m]
+SHALLOW = 1e-8  # to which the depth of boxes in meshes is found [m]
+SIGNS = (-1.0, 1.0)
+CORNERS = np.array([[x, y, z] for x in SIGNS for y in SIGNS for z in SIGNS])  # in the order of LinkBox
+
+
+@dataclass(frozen=True, eq=False)
+class _Links:
+    """The robot's solids on their way: all points within a radius of the hull of some corners."""
+
+    journey: Journey
+
+    @cached_property
+    def corners(self) -> tuple[Array, ...]:
+        """In the links' frames, of each solid (k, 3) [m]."""
+        return tuple(solid.corners for solid in self.journey.robot.all_solids)
+
+    @cached_property
+    def radii(self) -> Array:
+        return np.array([solid.radius for solid in self.journey.robot.all_solids])
+
+    @property
+    def last(self) -> Mask:
+        """The solids of the last link that has one."""
+        links = np.array([solid.link for solid in self.journey.robot.all_solids])
+        outermost: Mask = links == links.max()
+        return outermost
+
+    @cached_property
+    def acceleration(self) -> Array:
+        """Bound for any point of each solid's hull, (solids, hops): the largest of its corners."""
+        return np.array(
+            [
+                np.max([self.journey.acceleration(solid.link, corner) for corner in solid.corners], axis=0)
+                for solid in self.journey.robot.all_solids
+            ]
+        )
+
+    def place(self, base: Array, joints: Array) -> tuple[Array, Array]:
+        """Corners of all solids in the world, (m, solids, k, 3), and the tool, (m, 3).
+
+        Where a solid has fewer corners than k, its first one stands in for the rest.
+        """
+        robot = self.journey.robot
+        arm = robot.frames(base, joints)
+        T_world_base = robot.T_world_arm(base) @ np.linalg.inv(robot.T_base_arm)
+        frames = np.concatenate([arm, T_world_base[:, None]], axis=1)  # the base last, at its index
+        most = max(len(corners) for corners in self.corners)
+        hulls = [
+            frames[:, solid.link, None, :3, 3]
+            + np.concatenate([corners, np.repeat(corners[:1], most - len(corners), axis=0)])
+            @ frames[:, solid.link, :3, :3].swapaxes(1, 2)
+            for solid, corners in zip(self.journey.robot.all_solids, self.corners, strict=True)
+        ]
+        return np.stack(hulls, axis=1), arm[:, -1, :3, 3]
+
+
+def arm(world: World, journey: Journey, words: Words) -> Finding:
+    """Every link ``arm_clearance`` away from every solid, but for the last where it may touch its work."""
+    if not world.solids or not world.robot.all_solids:
+        return finding("arm", np.inf, [])
+    return _Arm(world, journey, words, obstacles_from(world.solids)).check()
+
+
+def _depth(piece: Piece, corners: Array) -> float:
+    """How much a box that cuts a mesh must shrink, on all sides, to be free of it [m].
+
+    Surfaces that cross have no distance that would tell a graze from a cut.
+    """
+    middle, half = corners.mean(0), (corners[[4, 2, 1]] - corners[0]) / 2
+    sizes = np.linalg.norm(half, axis=1)
+    low, high = 0.0, float(sizes.min())
+    while high - low > SHALLOW:
+        inset = (low + high) / 2
+        shrunk = middle + CORNERS @ (half * (1 - inset / sizes)[:, None])
+        low, high = (low, inset) if hull_separation(piece, shrunk).distance > 0 else (inset, high)
+    return low
+
+
+@dataclass(frozen=True, eq=False)
+class _Pairs:
+    """A state or hop, a solid of a link and a piece of another solid that come close."""
+
+    row: Indices
+    link: Indices
+    piece: Indices
+
+    def take(self, which: Mask) -> _Pairs:
+        return _Pairs(self.row[which], self.link[which], self.piece[which])
+
+
+@dataclass(frozen=True, eq=False)
+class _Arm:
+    world: World
+    journey: Journey
+    words: Words
+    obstacles: Obstacles
+
+    @cached_property
+    def links(self) -> _Links:
+        return _Links(self.journey)
+
+    @cached_property
+    def contact(self) -> Contact:
+        return contact_of(self.world, self.obstacles)
+
+    @cached_property
+    def shadows(self) -> shapely.STRtree:
+        """Boxes round the pieces, as they are seen from above."""
+        return shapely.STRtree(shapely.box(*self.obstacles.low[:, :2].T, *self.obstacles.high[:, :2].T))
+
+    @property
+    def limit(self) -> float:
+        return self.world.rules.arm_clearance
+
+    def check(self) -> Finding:
+        motion = self.journey.motion
+        hulls, tools = self.links.place(motion.base, motion.joints)
+        still = self._close(hulls, np.full(hulls.shape[:2], LOOK))
+        gap = self._gaps(hulls[still.row, still.link], still)
+        bulge = np.zeros(len(gap))
+        exempt = self._exempt(still, tools[still.row][:, None], bulge)[1]
+        violations = self._violations(still, gap, exempt)
+        hops = self._close(
+            np.concatenate([hulls[:-1], hulls[1:]], axis=2), sag(self.links.acceleration.T, np.ones(1))
+        )
+        hit = {(v[0] + d, *v[1:]) for v in violations for d in (0, -1)}
+        solid = self.obstacles.owner[hops.piece].tolist()
+        rows = zip(hops.row.tolist(), hops.link.tolist(), solid, strict=True)
+        hops = hops.take(np.array([row not in hit for row in rows], dtype=bool))
+        outcome = prove(len(hops.row), lambda parts: self._look(hops, parts))
+        told = [self._tell(key, self.words.state(key[0]), g) for key, g in violations.items()]
+        told += self._untold(hops, {**outcome.stuck, **outcome.failed})
+        return finding("arm", min(LOOK, float(gap[~exempt].min(initial=np.inf)) - self.limit), told)
+
+    def _close(self, points: Array, bulge: Array) -> _Pairs:
+        """Pairs whose boxes come within the clearance; points (n, solids, k, 3), bulge (n, solids)."""
+        count = points.shape[1]
+        low, high = points.min(2).reshape(-1, 3), points.max(2).reshape(-1, 3)
+        within = (self.links.radii + self.limit + bulge).reshape(-1)
+        around = shapely.box(*(low[:, :2] - within[:, None]).T, *(high[:, :2] + within[:, None]).T)
+        row, piece = self.shadows.query(around)
+        apart = np.maximum(low[row] - self.obstacles.high[piece], self.obstacles.low[piece] - high[row])
+        gap = np.linalg.norm(np.maximum(apart, 0.0), axis=1)
+        close = (gap == 0) | (gap < within[row])
+        row, piece = row[close], piece[close]
+        order = np.lexsort([piece, row])
+        return _Pairs(row[order] // count, row[order] % count, piece[order])
+
+    def _gaps(self, corners: Array, pairs: _Pairs) -> Array:
+        """Distances between link solids, given by their corners (m, k, 3), and pieces."""
+        rows = range(len(pairs.row))
+        found = [self._separation(pairs.link[m], pairs.piece[m], corners[m]).distance for m in rows]
+        return np.array(found) - self.links.radii[pairs.link]
+
+    def _separation(self, link: int, piece: int, corners: Array) -> Separation:
+        """Signed distance of the hull of a link's corners from a piece."""
+        own = corners[: len(self.links.corners[link])]
+        met, other = hull_separation(self.obstacles.pieces[piece], own), self.obstacles.pieces[piece]
+        if met.distance > 0 or other.mesh is None or self.links.radii[link] > 0:
+            return met
+        return met._replace(distance=min(met.distance, -_depth(other, own)))
+
+    def _exempt(self, pairs: _Pairs, tools: Array, bulge: Array) -> tuple[Mask, Mask]:
+        last = self.links.last[pairs.link]
+        owner = np.where(last, self.obstacles.owner[pairs.piece], -1)
+        return self.contact.allows(owner, tools, bulge)
+
+    def _look(self, hops: _Pairs, parts: Parts) -> Verdicts:
+        item = parts.item
+        pairs = _Pairs(hops.row[item], hops.link[item], hops.piece[item])
+        hulls, tools = self._samples(pairs, parts)  # (m, 3 samples, k corners, 3), (m, 3 samples, 3)
+        length = parts.high - parts.low
+        bulge = sag(self.links.acceleration[pairs.link, pairs.row], length)
+        whole, middle = self._exempt(pairs, tools, sag(self.journey.tool_acceleration[pairs.row], length))
+        moved = np.linalg.norm(hulls - hulls[:, 1:2], axis=-1).max((1, 2))
+        need = self.links.radii[pairs.link] + self.limit + bulge - TOUCH
+        proven = whole | self._boxes_apart(hulls, pairs.piece, need)
+        failed = np.zeros(len(item), dtype=bool)
+        for m in np.flatnonzero(~proven).tolist():
+            found = self._separation(pairs.link[m], pairs.piece[m], hulls[m, 1])
+            piece = self.obstacles.pieces[pairs.piece[m]]
+            beyond = float((hulls[m] @ found.normal).min() - piece.support(found.normal))
+            if piece.mesh is not None:  # a plane goes round the hull of a mesh; there may be room within
+                beyond = max(beyond, found.distance - moved[m])
+            proven[m] = beyond >= need[m]
+            failed[m] = found.distance < need[m] - bulge[m] and not middle[m]
+        return Verdicts(proven, failed, moved + 100 * bulge < SHORTEST)
+
+    def _samples(self, pairs: _Pairs, parts: Parts) -> tuple[Array, Array]:
+        """Corners and tool at both ends and the middle of parts; parts that pairs share are placed once."""
+        keys = np.column_stack([pairs.row, parts.low, parts.high])
+        once, index = np.unique(keys, axis=0, return_inverse=True)
+        hop = once[:, 0].astype(np.int64)
+        hulls, tools = [], []
+        for s in (once[:, 1], (once[:, 1] + once[:, 2]) / 2, once[:, 2]):
+            corners, tool = self.links.place(self.journey.base(hop, s), self.journey.joints(hop, s))
+            hulls.append(corners[index, pairs.link])
+            tools.append(tool[index])
+        return np.stack(hulls, axis=1), np.stack(tools, axis=1)
+
+    def _boxes_apart(self, hulls: Array, piece: Indices, need: Array) -> Mask:
+        low, high = hulls.min((1, 2)), hulls.max((1, 2))
+        gap = np.maximum(np.maximum(low - self.obstacles.high[piece], self.obstacles.low[piece] - high), 0.0)
+        apart: Mask = (np.linalg.norm(gap, axis=1) >= need) & (gap > 0).any(1)
+        return apart
+
+    def _violations(self, pairs: _Pairs, gap: Array, exempt: Mask) -> dict[tuple[int, int, int], float]:
+        """Least gap of each state, link and solid that are too close."""
+        worst: dict[tuple[int, int, int], float] = {}
+        for m in np.flatnonzero((gap < self.limit - TOUCH) & ~exempt).tolist():
+            key = int(pairs.row[m]), int(pairs.link[m]), int(self.obstacles.owner[pairs.piece[m]])
+            worst[key] = min(worst.get(key, np.inf), float(gap[m]))
+        return worst
+
+    def _untold(self, hops: _Pairs, where: dict[int, float]) -> list[Violation]:
+        """Violations between states, one for each hop, link and solid."""
+        worst: dict[tuple[int, int, int], float] = {}
+        for item, s in where.items():
+            one = _Pairs(*(column[item : item + 1] for column in (hops.row, hops.link, hops.piece)))
+            here = self.journey.base(one.row, np.array([s])), self.journey.joints(one.row, np.array([s]))
+            hulls, _ = self.links.place(*here)
+            gap = float(self._gaps(hulls[:, one.link[0]], one)[0])
+            key = int(one.row[0]), int(one.link[0]), int(self.obstacles.owner[one.piece[0]])
+            worst[key] = min(worst.get(key, np.inf), gap)
+        return [self._tell(key, self.words.hop(key[0]), gap) for key, gap in worst.items()]
+
+    def _tell(self, key: tuple[int, int, int], where: str, gap: float) -> Violation:
+        state, link, solid = key
+        part, name = self.world.robot.all_solids[link].name, self.world.solids[solid].name
+        if gap < 0:
+            how = f"{part} overlaps {name} by {-gap:z.4f} m {where}"
+        elif gap < self.limit:
+            how = f"{part} comes within {gap:z.4f} m of {name} {where}"
+        else:
+            how = f"{part} is not proven clear of {name} {where}, {gap:.6f} m away"
+        text = f"{how}; the arm's clearance is {self.limit:g} m"
+        return Violation("arm", state, self.words.owner(state), max(0.0, self.limit - gap), text)

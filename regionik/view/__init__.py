@@ -1,0 +1,1 @@
+"""Pictures of worlds, plans, areas and explanations: MeshCat, offline pages, figures."""

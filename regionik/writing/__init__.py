@@ -1,1 +1,0 @@
-"""Answers, fields, robots and messages as files for people and other programs."""

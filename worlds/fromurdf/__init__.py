@@ -1,1 +1,0 @@
-"""The parts of a URDF file, read with care."""

@@ -1,0 +1,259 @@
+"""Tool paths and targets from CSV files: a short file at once, a long one block by block.
+
+Columns are x, y, z, then nothing, or dx, dy, dz (tool axis), or qx, qy, qz, qw (orientation). Lines with
+these names before the first point, empty lines and lines that begin with # are passed over.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from regionik.worlds.arrays import Array
+from regionik.worlds.errors import InputError
+from regionik.worlds.readers.text import check_plain_file, clip, read_text
+from regionik.worlds.readers.validation import LARGEST
+from regionik.worlds.toolpath import ToolPath, rotation_from_quaternion
+
+CSV_LIMIT = 64 * 2**20  # of a file that is read at once [bytes]
+LINES_LIMIT = 1_000_000  # of a file that is read at once
+LENGTH_LIMIT = 10_000  # of a line [characters]
+COLUMNS = {
+    3: ("x", "y", "z"),
+    6: ("x", "y", "z", "dx", "dy", "dz"),
+    7: ("x", "y", "z", "qx", "qy", "qz", "qw"),
+}
+_PIECE = 2**20  # [bytes]
+_NEWLINE = 10
+
+
+@dataclass(frozen=True)
+class Block:
+    """Some lines of a file of points; it can be read far away from the file.
+
+    Attributes
+    ----------
+    where : str
+        How error messages call the file.
+    row, columns : int
+        Number of the file's first line with a point, and how many columns it has.
+    number : int
+        Number of the first of these lines within the file.
+    data : bytes
+    """
+
+    where: str
+    row: int
+    columns: int
+    number: int
+    data: bytes
+
+    def path(self) -> ToolPath:
+        """The points of these lines.
+
+        Raises
+        ------
+        InputError
+            Names the file, the line and what was expected.
+        """
+        lines = _text(self.data, self.where).splitlines()
+        _check_lengths(lines, self.where, self.number)
+        return _path_of_lines(lines, self.where, self.row, self.columns, self.number)
+
+
+@dataclass(frozen=True)
+class LongTable:
+    """A long file of points, cut into blocks of so many lines.
+
+    Attributes
+    ----------
+    digest : str
+        SHA-256 of the file.
+    ends : tuple of int
+        Where each block ends in the file; the first begins at 0 [bytes].
+    size : int
+        Lines of a block.
+    lines : int
+        Of the file.
+    """
+
+    file: Path
+    digest: str
+    row: int
+    columns: int
+    size: int
+    lines: int
+    ends: tuple[int, ...]
+
+    def __len__(self) -> int:
+        return len(self.ends)
+
+    def block(self, k: int) -> Block:
+        """Block ``k``, read from the file."""
+        start = self.ends[k - 1] if k else 0
+        try:
+            with open(self.file, "rb") as file:
+                file.seek(start)
+                data = file.read(self.ends[k] - start)
+        except OSError as error:
+            raise InputError(f"{self.file}: cannot be read: {error.strerror or error}") from None
+        return Block(str(self.file), self.row, self.columns, k * self.size + 1, data)
+
+
+def read_csv(path: Path) -> ToolPath:
+    """Tool path from a CSV file.
+
+    Raises
+    ------
+    InputError
+        Names the file, the line and what was expected.
+    """
+    lines = read_text(path, CSV_LIMIT).splitlines()
+    if len(lines) > LINES_LIMIT:
+        raise InputError(f"{path}: expected at most {LINES_LIMIT} lines, got {len(lines)}")
+    _check_lengths(lines, str(path), 1)
+    row, columns = _first_row(lines, str(path))
+    return _path_of_lines(lines, str(path), row, columns, 1)
+
+
+def long_table(path: Path, size: int) -> LongTable:
+    """Find the blocks of ``size`` lines of a CSV file; of what they hold only the first row is looked at.
+
+    Raises
+    ------
+    InputError
+        When the file cannot be read or has no points.
+    """
+    try:
+        check_plain_file(path)
+        with open(path, "rb") as file:
+            lines = iter(lambda: file.readline(LENGTH_LIMIT + 1), b"")
+            row, columns = _first_row((_text(line, str(path)) for line in lines), str(path))
+            file.seek(0)
+            digest, after, count, place = hashlib.sha256(), [0], 0, 0
+            while piece := file.read(_PIECE):
+                digest.update(piece)
+                found = np.flatnonzero(np.frombuffer(piece, dtype=np.uint8) == _NEWLINE)
+                whole = (count + np.arange(1, len(found) + 1)) % size == 0
+                after += (place + found[whole] + 1).tolist()
+                count, place = count + len(found), place + len(piece)
+    except FileNotFoundError:
+        raise InputError(f"{path}: there is no such file") from None
+    except (OSError, ValueError) as error:  # ValueError: a NUL in the path
+        raise InputError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
+    if place > after[-1]:
+        after.append(place)
+    return LongTable(path, digest.hexdigest(), row, columns, size, count, tuple(after[1:]))
+
+
+def _text(data: bytes, where: str) -> str:
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise InputError(f"{where}: expected UTF-8 text") from None
+
+
+def _first_row(lines: Iterable[str], where: str) -> tuple[int, int]:
+    """Number of the first line with a point, counted from 1, and how many columns it has."""
+    for number, line in enumerate(lines, start=1):
+        _check_lengths([line], where, number)
+        cells = _cells(line)
+        if not _passed_over(cells) and tuple(cells) not in COLUMNS.values():
+            return number, len(_row(cells, f"{where}: line {number}"))
+    raise InputError(f"{where}: expected at least one line of x,y,z")
+
+
+def _path_of_lines(lines: Sequence[str], where: str, row: int, columns: int, number: int) -> ToolPath:
+    kept = lines[max(0, row - number) :]
+    number = max(row, number)
+    numbers: Sequence[int] = range(number, number + len(kept))
+    rows = _plain_rows(kept, columns)
+    if rows is None:
+        rows, numbers = _careful_rows(kept, where, row, columns, number)
+    return _path_of_rows(rows, where, numbers)
+
+
+def _check_lengths(lines: Sequence[str], where: str, number: int) -> None:
+    """Refuse lines longer than any row is, of which the first has a number."""
+    for at, line in enumerate(lines, start=number):
+        if len(line) > LENGTH_LIMIT:
+            raise InputError(f"{where}: line {at}: expected at most {LENGTH_LIMIT} characters")
+
+
+def _cells(line: str) -> list[str]:
+    return [cell.strip() for cell in line.split(",")]
+
+
+def _passed_over(cells: list[str]) -> bool:
+    return not any(cells) or cells[0].startswith("#")
+
+
+def _plain_rows(lines: Sequence[str], columns: int) -> Array | None:
+    """All lines at once where each is a row of finite numbers; else None."""
+    if not lines or not all(lines):
+        return None
+    try:
+        rows = np.loadtxt(lines, delimiter=",", comments=None, ndmin=2)
+    except ValueError:
+        return None
+    return rows if rows.shape == (len(lines), columns) and (np.abs(rows) <= LARGEST).all() else None
+
+
+def _careful_rows(
+    lines: Sequence[str], where: str, row: int, columns: int, number: int
+) -> tuple[Array, list[int]]:
+    """Line by line: the rows, and the number of the line of each."""
+    rows: list[list[float]] = []
+    numbers: list[int] = []
+    for at, line in enumerate(lines, start=number):
+        cells = _cells(line)
+        if _passed_over(cells):
+            continue
+        rows.append(_row(cells, f"{where}: line {at}"))
+        numbers.append(at)
+        if len(cells) != columns:
+            expected = f"expected {columns} columns as in line {row}, got {len(cells)}"
+            raise InputError(f"{where}: line {at}: {expected}")
+    return np.array(rows).reshape(-1, columns), numbers
+
+
+def _row(cells: list[str], where: str) -> list[float]:
+    if len(cells) not in COLUMNS:
+        valid = " or ".join(",".join(names) for names in COLUMNS.values())
+        raise InputError(f"{where}: expected {valid}, got {len(cells)} columns")
+    values = []
+    for name, cell in zip(COLUMNS[len(cells)], cells, strict=True):
+        try:
+            value = float(cell)
+        except ValueError:
+            value = math.nan
+        if not math.isfinite(value):
+            raise InputError(f"{where}: {name}: expected a finite number, got {clip(cell)}")
+        if abs(value) > LARGEST:
+            what = f"expected a number of at most {LARGEST:g} in size"
+            raise InputError(f"{where}: {name}: {what}, got {clip(cell)}")
+        values.append(value)
+    return values
+
+
+def _path_of_rows(rows: Array, where: str, numbers: Sequence[int]) -> ToolPath:
+    points, rest = rows[:, :3], rows[:, 3:]
+    if rest.shape[1] == 0:
+        return ToolPath(points)
+    if rest.shape[1] == 3:
+        zero = np.flatnonzero(np.linalg.norm(rest, axis=1) < 1e-9)
+        if len(zero):
+            raise InputError(f"{where}: line {numbers[zero[0]]}: dx,dy,dz must not be zero")
+        return ToolPath(points, directions=rest)
+    turns = []
+    for number, quaternion in zip(numbers, rest, strict=True):
+        try:
+            turns.append(rotation_from_quaternion(quaternion))
+        except InputError as error:
+            raise InputError(f"{where}: line {number}: qx,qy,qz,qw: {error}") from None
+    return ToolPath(points, orientations=np.array(turns).reshape(-1, 3, 3))

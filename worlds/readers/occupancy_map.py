@@ -1,0 +1,175 @@
+"""Occupancy maps as ROS map_server writes them: a YAML file and an image.
+
+Pixel values become occupied, free or unknown as in https://wiki.ros.org/map_server (trinary maps).
+The only file that imports Pillow.
+"""
+
+from __future__ import annotations
+
+import warnings
+from io import BytesIO
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from PIL import Image, UnidentifiedImageError
+from pydantic import ConfigDict, Field
+from shapely.geometry import Polygon, box
+
+from regionik.worlds.arrays import Array
+from regionik.worlds.errors import InputError
+from regionik.worlds.obstacles import Prism
+from regionik.worlds.readers.text import check_plain_file, read_document
+from regionik.worlds.readers.validation import Strict, at, bounded, checked
+from regionik.worlds.scene import Floor
+
+CELL_LIMIT = 25_000_000
+IMAGE_LIMIT = 128 * 2**20  # [bytes]
+RUN_LIMIT = 400_000  # of blocked cells along rows
+TEXT_CELL_LIMIT = 2_000_000  # of an image in plain text, which is read far more slowly
+_FULL_SCALE = {"1": 1.0, "L": 255.0, "RGB": 255.0, "I": 65535.0, "I;16": 65535.0, "I;16B": 65535.0}
+
+
+class MapDocument(Strict):
+    """The keys of a map file that matter here."""
+
+    model_config = ConfigDict(extra="ignore")
+
+    image: Annotated[str, Field(min_length=1, description="the image file")]
+    resolution: Annotated[float, Field(gt=0, description="the side of a cell [m]")]
+    origin: Annotated[
+        list[float],
+        Field(min_length=3, max_length=3, description="x, y, yaw of the lower left corner [m, rad]"),
+    ]
+    occupied_thresh: Annotated[float, Field(ge=0, le=1, description="a number from 0 to 1")]
+    free_thresh: Annotated[float, Field(ge=0, le=1, description="a number from 0 to 1")]
+    negate: Literal[0, 1] | bool = 0
+    mode: Literal["trinary"] = "trinary"
+
+
+def load_map(yaml_path: Path, height: float, free_thresh: float | None = None) -> Floor:
+    """Floor from a map file.
+
+    Parameters
+    ----------
+    yaml_path : Path
+        Map file; its image (PGM or PNG) is relative to it.
+    height : float
+        How tall occupied and unknown cells stand [m].
+    free_thresh : float, optional
+        Instead of the map's own. Maps are often saved with unseen cells as grey 205 and a threshold of
+        0.25, by which every reader takes unseen cells (1 - 205/255 = 0.1961) for free floor; 0.196 keeps
+        them unknown.
+
+    Returns
+    -------
+    Floor
+        ``polygon`` is the map's whole rectangle, ``cells`` one prism for each edge-connected blob of
+        occupied or unknown cells.
+
+    Raises
+    ------
+    InputError
+        Names the file, the key and what was expected.
+    """
+    where = str(yaml_path)
+    plain = read_document(yaml_path)
+    document = checked(MapDocument, plain, where)
+    bounded(plain, where)
+    if not 0 < height < np.inf:
+        raise InputError(f"height: must be above 0, got {height:g}")
+    free = document.free_thresh if free_thresh is None else free_thresh
+    if free >= document.occupied_thresh:
+        raise InputError(
+            f"{where}: free_thresh: must be below occupied_thresh {document.occupied_thresh:g}, got {free:g}"
+        )
+    darkness, opaque = _read_image(yaml_path.parent / document.image, bool(document.negate))
+    blocked = ~((darkness < free) & opaque)
+    rows, columns = blocked.shape
+    with at(where, "image"):
+        blobs = _blobs(blocked)
+    cells = _prisms([_placed(part, document) for part in blobs], height)
+    return Floor(_placed(box(0, 0, columns, rows), document), cells)
+
+
+def _read_image(path: Path, negate: bool) -> tuple[Array, NDArray[np.bool_]]:
+    """Occupancy from 0 (free) to 1, and which cells are not transparent; row 0 is the lowest y."""
+    try:
+        check_plain_file(path)
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", Image.DecompressionBombWarning)
+            if path.stat().st_size > IMAGE_LIMIT:
+                raise InputError(f"{path}: expected an image of at most {IMAGE_LIMIT >> 20} MB")
+            # From memory no reader makes room for more than there is, whatever the file says of its parts.
+            with Image.open(BytesIO(path.read_bytes()), formats=["PPM", "PNG"]) as image:
+                columns, rows = image.size
+                plain = any(tile[0] == "ppm_plain" for tile in image.tile)
+                most = TEXT_CELL_LIMIT if plain else CELL_LIMIT
+                if columns * rows > most:
+                    raise InputError(f"{path}: expected at most {most} cells, got {columns} x {rows}")
+                grey, opaque = _channels(image)
+    except FileNotFoundError:
+        raise InputError(f"{path}: there is no such file (named by key image)") from None
+    except (Image.DecompressionBombWarning, Image.DecompressionBombError):
+        raise InputError(f"{path}: expected at most {CELL_LIMIT} cells") from None
+    except (UnidentifiedImageError, OSError, ValueError, SyntaxError, EOFError):
+        raise InputError(f"{path}: expected a PGM or PNG image that can be read whole") from None
+    occupied = grey if negate else 1.0 - grey
+    return np.flipud(occupied), np.flipud(opaque)
+
+
+def _channels(image: Image.Image) -> tuple[Array, NDArray[np.bool_]]:
+    """Grey from 0 to 1, and which cells are not transparent."""
+    if image.mode in ("P", "PA", "RGBA", "LA") or "transparency" in image.info:
+        values = np.asarray(image.convert("RGBA"))
+        return _grey(values[..., :3], 255.0), values[..., 3] == 255
+    if image.mode not in _FULL_SCALE:
+        raise ValueError(f"image mode {image.mode}")
+    grey = _grey(np.asarray(image), _FULL_SCALE[image.mode])
+    return grey, np.ones(grey.shape, dtype=np.bool_)
+
+
+def _grey(values: NDArray[Any], full: float) -> Array:
+    return (values.mean(axis=-1, dtype=np.float64) if values.ndim == 3 else values) / full
+
+
+def _blobs(blocked: NDArray[np.bool_]) -> list[Polygon]:
+    """Edge-connected blobs of cells, in whole cells.
+
+    Runs along rows are joined in whole numbers, where the union is exact. Blobs that touch at a corner
+    only stay apart in a union, so that no label image is needed.
+    """
+    edges = np.diff(np.pad(blocked, ((0, 0), (1, 1))).astype(np.int8), axis=1)
+    row, first = np.nonzero(edges == 1)
+    _, last = np.nonzero(edges == -1)
+    if len(row) > RUN_LIMIT:
+        text = f"expected at most {RUN_LIMIT} runs of occupied or unknown cells along rows, got {len(row)}"
+        raise InputError(text)
+    runs = shapely.box(first, row, last, row + 1)
+    joined = shapely.simplify(shapely.union_all(runs), 0.0)
+    parts = [part for part in shapely.get_parts(joined) if not part.is_empty]
+    return sorted(parts, key=lambda part: (part.bounds[1], part.bounds[0], part.bounds))
+
+
+def _placed(part: Polygon, document: MapDocument) -> Polygon:
+    """From whole cells to metres in the world."""
+    x, y, yaw = document.origin
+    c, s = (np.cos(yaw), np.sin(yaw)) if yaw else (1.0, 0.0)
+    R = np.array([[c, s], [-s, c]])
+    placed: Polygon = shapely.transform(part, lambda cells: cells * document.resolution @ R + [x, y])
+    return placed
+
+
+def _prisms(parts: list[Polygon], height: float) -> tuple[Prism, ...]:
+    taken: dict[str, int] = {}
+    prisms = []
+    for part in parts:
+        spot = part.representative_point()
+        name = f"map cells near ({spot.x:z.1f}, {spot.y:z.1f})"
+        taken[name] = taken.get(name, 0) + 1
+        if taken[name] > 1:
+            name = f"{name}, {taken[name]}"
+        prisms.append(Prism(name, part, 0.0, height))
+    return tuple(prisms)

@@ -1,1 +1,0 @@
-"""Solids round links, and which of them may run into each other."""

@@ -1,0 +1,209 @@
+"""A few capsules and boxes for the solids of a robot's links: large ones are cut, small ones put together.
+
+A mesh is cut by a plane where the two halves' bounds together are much smaller than the bound of the whole.
+The corners of the surface on one side, and those that the cut makes, contain in their hull all of the solid
+on that side: nothing sticks out of its bound. Where there are too many solids, those of one link that fit
+together best share a bound.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import chain, product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from regionik.worlds.arrays import Array
+from regionik.worlds.readers.meshes import hull_of, nearly_least_box, oriented_box
+from regionik.worlds.robot import BASE, LinkSolid
+from regionik.worlds.urdf.bounding import bounding_solid, rough_volume
+
+MOST = 20  # solids of a robot: whoever asks what touches what asks all of them
+WORTH = 0.08  # of a part's volume, that each piece more must save
+_LOOKED_AT = 1000  # triangles of a mesh when places to cut are compared
+_CUTS = np.linspace(0, 1, 7)[1:-1]  # places tried along each side of the bounding box
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """What one solid stands for, in the frame of the link that a joint moves.
+
+    Attributes
+    ----------
+    link : int
+    name : str
+    points : (n, 3) array
+        Their hull contains it [m].
+    triangles : (m, 3, 3) array
+        The surface of a mesh; empty for what is not to be cut [m].
+    exact : LinkCapsule, LinkBox or None
+        The solid, where it is known.
+    """
+
+    link: int
+    name: str
+    points: Array
+    triangles: Array
+    exact: LinkSolid | None = None
+
+    @cached_property
+    def rough(self) -> float:
+        """Volume of the solid, quickly found [m^3]."""
+        return rough_volume(self.points)
+
+    @cached_property
+    def solid(self) -> LinkSolid:
+        return self.exact or bounding_solid(self.link, self.name, self.points)
+
+
+def surface_part(link: int, name: str, triangles: Array) -> Part:
+    """A mesh, given by its triangles (m, 3, 3)."""
+    return Part(link, name, hull_of(triangles.reshape(-1, 3)), triangles)
+
+
+def covered(parts: Iterable[Part], most: int = MOST) -> tuple[Part, ...]:
+    """What solids are to stand for: all parts, cut where that pays, put together beyond ``most``."""
+    return tuple(_cut(_merged(_distinct(parts), most), most))
+
+
+def _distinct(parts: Iterable[Part]) -> list[Part]:
+    """Each part once: files name the same mesh of a link again."""
+    found = {(part.link, part.points.tobytes()): part for part in reversed(list(parts))}
+    return list(reversed(found.values()))
+
+
+# --- cutting
+
+
+def _cut(parts: list[Part], most: int) -> list[Part]:
+    """Pieces in the place of parts, those first that save most volume a piece, while there is room."""
+    chosen = [[part] for part in parts]
+    offers = {k: found for k, part in enumerate(parts) if len(found := _ways(part)) > 1}
+    spare = most - len(parts)
+    while spare > 0:
+        worth = {
+            (k, j): _saved(chosen[k], way) / (len(way) - len(chosen[k]))
+            for k, ways in offers.items()
+            for j, way in enumerate(ways)
+            if 0 < len(way) - len(chosen[k]) <= spare
+        }
+        enough = {key: saved for key, saved in worth.items() if saved > WORTH * parts[key[0]].rough}
+        if not enough:
+            break
+        k, j = max(enough, key=lambda key: (enough[key], -key[0], -key[1]))
+        spare -= len(offers[k][j]) - len(chosen[k])
+        chosen[k] = offers[k][j]
+    return [part for pieces in chosen for part in _numbered(pieces)]
+
+
+def _saved(before: list[Part], after: list[Part]) -> float:
+    return sum(part.rough for part in before) - sum(part.rough for part in after)
+
+
+def _numbered(pieces: list[Part]) -> list[Part]:
+    if len(pieces) == 1:
+        return pieces
+    return [replace(part, name=f"{part.name} part {k + 1}") for k, part in enumerate(pieces)]
+
+
+def _ways(part: Part) -> list[list[Part]]:
+    """The part whole, in halves, with either half or both in halves again."""
+    if not len(part.triangles):
+        return [[part]]
+    turn = oriented_box(part.points)[0][:3, :3]
+    ways = [[[half], _halves(half, turn)] for half in _halves(part, turn)]
+    return [[part], *(list(chain.from_iterable(pieces)) for pieces in product(*ways))]
+
+
+def _halves(part: Part, turn: Array) -> list[Part]:
+    """Both sides of the plane that leaves the smallest boxes, square to an axis of ``turn`` or its own."""
+    some = part.triangles[:: 1 + len(part.triangles) // _LOOKED_AT]
+    least, cut = np.inf, (turn[:, 0], np.inf)
+    for axes in (turn, nearly_least_box(part.points)[0][:3, :3]):
+        for normal, offset in _planes(part.points, axes):
+            boxes = sum(_box(half.reshape(-1, 3) @ axes) for half in _sides(some, normal, offset))
+            if boxes < least:
+                least, cut = boxes, (normal, offset)
+    return [surface_part(part.link, part.name, half) for half in _sides(part.triangles, *cut)]
+
+
+def _sides(triangles: Array, normal: Array, offset: float) -> list[Array]:
+    """What a plane leaves on its sides, where there is something."""
+    both = clipped(triangles, normal, offset), clipped(triangles, -normal, -offset)
+    return [side for side in both if len(side)]
+
+
+def _box(points: Array) -> float:
+    """Volume of the box round points along their axes [m^3]."""
+    return float(np.prod(np.ptp(points, axis=0)))
+
+
+def _planes(points: Array, axes: Array) -> Iterator[tuple[Array, float]]:
+    """Cuts through points, square to axes (columns): (normal, offset along it)."""
+    along = points @ axes
+    for normal, low, high in zip(axes.T, along.min(0), along.max(0), strict=True):
+        yield from ((normal, float(low + share * (high - low))) for share in _CUTS)
+
+
+def clipped(triangles: Array, normal: Array, offset: float) -> Array:
+    """The parts of triangles (m, 3, 3) on the side to which a plane's normal points, as triangles."""
+    height = triangles @ normal - offset
+    above = height >= 0
+    count = above.sum(1)
+    parts = [triangles[count == 3]]
+    for kept in (1, 2):
+        which = np.flatnonzero(count == kept)
+        lone = np.argmax(above[which] == (kept == 1), axis=1)  # the corner that is alone on its side
+        order = (lone[:, None] + np.arange(3)) % 3
+        a, b, c = np.moveaxis(np.take_along_axis(triangles[which], order[:, :, None], 1), 1, 0)
+        p, q, r = np.moveaxis(np.take_along_axis(height[which], order, 1), 1, 0)
+        ab = a + (p / (p - q))[:, None] * (b - a)
+        ac = a + (p / (p - r))[:, None] * (c - a)
+        rows = [(a, ab, ac)] if kept == 1 else [(ab, b, c), (ab, c, ac)]
+        parts += [np.stack(row, axis=1) for row in rows]
+    return np.concatenate(parts)
+
+
+# --- putting together
+
+
+def _merged(parts: list[Part], most: int) -> list[Part]:
+    """Neighbours on one link under one bound, those first whose common box is hardly larger."""
+    groups = [[part] for part in parts]
+    if len(parts) <= most:
+        return parts
+    low, high = (np.array([end(part.points, axis=0) for part in parts]) for end in (np.min, np.max))
+    link = np.array([part.link for part in parts])
+    growth = np.array([_growth(k, low, high, link) for k in range(len(parts))])
+    for _ in range(len(parts) - most):
+        k, i = np.unravel_index(int(np.argmin(growth)), growth.shape)
+        if growth[k, i] == np.inf:
+            break
+        groups[k] += groups[i]
+        low[k], high[k] = np.minimum(low[k], low[i]), np.maximum(high[k], high[i])
+        groups[i], link[i] = [], BASE - 1 - i  # of no link that there is
+        growth[i], growth[:, i] = np.inf, np.inf
+        growth[k] = growth[:, k] = _growth(int(k), low, high, link)
+    return [_together(group) for group in groups if group]
+
+
+def _growth(k: int, low: Array, high: Array, link: NDArray[np.int64]) -> Array:
+    """What the box round one group and each other, along their link's axes, has more than both (n,) [m^3].
+
+    Infinite for itself and where the other is not of its link.
+    """
+    size = np.prod(high - low, axis=1)
+    both = np.prod(np.maximum(high[k], high) - np.minimum(low[k], low), axis=1)
+    apart = (link != link[k]) | (np.arange(len(link)) == k)
+    growth: Array = np.where(apart, np.inf, both - size[k] - size)
+    return growth
+
+
+def _together(group: list[Part]) -> Part:
+    if len(group) == 1:
+        return group[0]
+    points = hull_of(np.concatenate([part.points for part in group]))
+    return Part(group[0].link, f"{group[0].name} and more", points, np.empty((0, 3, 3)))

@@ -1,0 +1,120 @@
+"""The meshes that a URDF file names: where they are, and their surfaces."""
+
+from __future__ import annotations
+
+import os
+import re
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from regionik.worlds.arrays import Array
+from regionik.worlds.errors import InputError
+from regionik.worlds.readers.collada import SUFFIX, read_points
+from regionik.worlds.readers.meshes import hull_of, hull_triangles, outer_hull, read_mesh
+from regionik.worlds.readers.validation import LARGEST, wrong
+from regionik.worlds.urdf.elements import Shape
+
+_SCHEME = re.compile(r"([A-Za-z][A-Za-z0-9+.-]*):/?/?")
+_PACKAGE = "package"
+_MANY = 20_000  # triangles, or points, above which a hull stands for the surface
+_TOO_LARGE = f"expected finite numbers of at most {LARGEST:g} in size"
+
+
+@dataclass(frozen=True)
+class Meshes:
+    """Surfaces of mesh files below a URDF file's package, each file read once.
+
+    The package is the nearest folder above the URDF file that holds a ``package.xml``, or the folder above
+    the URDF file's own. ``package://name/rest`` is looked for in every folder above that bears the name,
+    then in folders of that name beside the package and inside it; other names are relative to the URDF
+    file. Nothing outside the package named is read, and nothing comes over a network.
+
+    Attributes
+    ----------
+    path : Path
+        The URDF file.
+    """
+
+    path: Path
+    _surfaces: dict[Path, Array | str] = field(default_factory=dict)
+
+    def surface(self, shape: Shape) -> Array | str:
+        """Triangles (m, 3, 3) in the shape's frame, which its solid lies within [m], or why there are none.
+
+        Raises
+        ------
+        InputError
+            When the file may not be named; lists where it may be.
+        """
+        found = self._find(shape)
+        if isinstance(found, str):
+            return found
+        if found not in self._surfaces:
+            self._surfaces[found] = _read(found)
+        surface = self._surfaces[found]
+        if isinstance(surface, str):
+            return surface
+        scaled: Array = surface * np.array(shape.size)
+        return scaled if np.abs(scaled).max() <= LARGEST else _TOO_LARGE
+
+    def _find(self, shape: Shape) -> Path | str:
+        folder = Path(os.path.realpath(self.path)).parent
+        scheme = _SCHEME.match(shape.file)
+        if scheme is not None and scheme[1].lower() == _PACKAGE:
+            package, _, rest = shape.file[scheme.end() :].partition("/")
+            places = [(top, top / rest) for top in _packages(folder, package)]
+            if not places:
+                return f"there is no folder {package} beside or above the URDF file's package"
+        elif scheme is None or scheme[1].lower() == "file":
+            rest = shape.file if scheme is None else "/" + shape.file[scheme.end() :].lstrip("/")
+            places = [(_package_root(folder), folder / rest)]
+        else:
+            raise self._refused(shape, "expected package://name/file or a file relative to the URDF file")
+        allowed = [(top, Path(os.path.realpath(file))) for top, file in places]
+        inside = [file for top, file in allowed if file.is_relative_to(top)]
+        if not inside:
+            raise self._refused(shape, f"expected a file below {allowed[0][0]}")
+        return next((file for file in inside if _is_file(file)), "there is no such file")
+
+    def _refused(self, shape: Shape, text: str) -> InputError:
+        return wrong(str(self.path), shape.place, f"mesh {shape.file!r}: {text}")
+
+
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except OSError:  # a name that is too long for any file
+        return False
+
+
+def _package_root(folder: Path) -> Path:
+    """The folder that a URDF file in ``folder`` may name files below."""
+    marked = (above for above in (folder, *folder.parents) if (above / "package.xml").is_file())
+    return next(marked, folder.parent if folder.parent != folder.parent.parent else folder)
+
+
+def _packages(folder: Path, name: str) -> list[Path]:
+    """Folders that ``package://name`` may mean, the likeliest first."""
+    if not name or name in (".", "..") or "\\" in name:
+        return []
+    above = [folder, *folder.parents]
+    root = _package_root(folder)
+    workspace = [top for top in above[: above.index(root) + 2] if top != top.parent]
+    beside = [Path(os.path.realpath(top / name)) for top in workspace if (top / name).is_dir()]
+    return [top for top in above if top.name == name] + beside
+
+
+def _read(path: Path) -> Array | str:
+    """Triangles of a mesh; those of its hull where the file only tells points, or too many triangles."""
+    try:
+        points, faces = (read_points(path), None) if path.suffix.lower() == SUFFIX else read_mesh(path)
+    except InputError as error:
+        return str(error).removeprefix(f"{path}: ")
+    if not np.isfinite(points).all() or np.abs(points).max() > LARGEST:
+        return _TOO_LARGE
+    if faces is None or len(faces) > _MANY:
+        return hull_triangles(hull_of(points) if len(points) <= _MANY else outer_hull(points))
+    surface: Array = points[faces]
+    return surface
