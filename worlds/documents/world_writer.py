@@ -23,7 +23,7 @@ Document = dict[str, Any]
 
 
 def document_of(world: World) -> Document:
-    """Plain values from which `regionik.worlds.documents.world_file.world_from_document` makes an equal world."""
+    """Plain values from which `world_from_document` makes an equal world."""
     document: Document = {"version": 1, "name": world.name}
     if world.about:
         document["about"] = world.about
