@@ -9,15 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 import shapely
-from typer.testing import CliRunner
 
-from regionik.cli import app
+from regionik import cli
 from regionik.pipeline import plan
 from regionik.reach import reach
 from regionik.why import why
 from regionik.worlds.chain import Chain
 from regionik.worlds.errors import Explanation, NoPlanFound
-from regionik.worlds.format import save_world
+from regionik.worlds.format import world_to_document
 from regionik.worlds.library import robot_named
 from regionik.worlds.scene import Floor, Rules, Target, World
 
@@ -86,10 +85,12 @@ def test_a_proof_is_the_same_everywhere() -> None:
 
 
 @pytest.mark.parametrize("command", ["plan", "why", "reach"])
-def test_commands_tell_what_is_undecided(command: str, tmp_path: Path) -> None:
-    save_world(turned(), tmp_path / "turned.yaml")
-    out = CliRunner().invoke(app, [command, str(tmp_path / "turned.yaml"), "--json"])
-    document = json.loads(out.stdout)
-    assert out.exit_code == 1
+def test_commands_tell_what_is_undecided(
+    command: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "turned.json"
+    path.write_text(json.dumps(world_to_document(turned())))
+    assert cli.run([command, str(path), "--json"]) == 1
+    document = json.loads(capfd.readouterr().out)
     assert (document["ok"], document["verdict"], document["setpoint"]) == (False, "undecided", 0)
     assert document["reason"].startswith("No way was found to reach ")
