@@ -23,6 +23,7 @@ from regionik.parking.stops import in_turn
 from regionik.postures.poses import figures, lift_offs
 from regionik.pruning import Ladder, Pruned, build_ladder, choose_chain, prune
 from regionik.reasons import explain, explain_arm
+from regionik.reasons.causes import no_inner
 from regionik.regions import PathAreas, path_areas, ways_to_stand
 from regionik.repairs.arm import no_clear_posture, why_arm
 from regionik.repairs.path import why_path
@@ -86,13 +87,15 @@ def explained(world: World, quick: Explanation, seed: int = 0) -> Explanation:
     """The quick words on why areas allow no plan, with irreducible causes and repairs; others as they are."""
     if tracked.follows(world):
         return quick
-    if quick.verdict == "unreachable" and quick.setpoint is not None:
-        return why_target(world, quick.setpoint, quick)
-    if quick.verdict == "no-posture" and quick.setpoint is not None and can_look(world):
-        asked = replace(world, task=(world.task[quick.setpoint],))
-        return why_arm(world, quick.setpoint, quick) if no_clear_posture(asked) else quick
     if quick.verdict == "ladder-broken" and not spans(world):
         return why_path(world, quick, spans, lambda changed: _can_be_planned(changed, seed))
+    if quick.setpoint is None:
+        return quick
+    asked = replace(world, task=(world.task[quick.setpoint],))
+    if quick.verdict in ("unreachable", "undecided") and no_inner(asked):  # else there is no room to park
+        return why_target(world, quick.setpoint, quick)
+    if quick.verdict == "no-posture" and can_look(world) and no_clear_posture(asked):
+        return why_arm(world, quick.setpoint, quick)
     return quick
 
 
@@ -229,7 +232,7 @@ def cut_path(world: World, standing: Standing, areas: PathAreas) -> Pruned:
     rungs = ladder.rungs
     empty = np.flatnonzero(np.diff(rungs) == 0)
     if len(empty):
-        raise NoPlanFound(explain.unreachable(world, int(empty[0]), others=len(empty) - 1))
+        raise NoPlanFound(explain.no_place(world, int(empty[0]), others=len(empty) - 1))
     pruned = _best_pruned(world, standing, ladder)
     gap = _first_gap(pruned)
     if gap is not None:

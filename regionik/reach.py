@@ -170,7 +170,7 @@ def _closely(world: World, target: Target, cells: int) -> _Result:
     if pose is not None:
         return _Result("reachable", pose, 0.0, "")
     if left.is_empty:
-        return _ruled_out(world, target)
+        return _Result("unreachable", None, 0.0, f"{_who(target)} cannot be reached: {_CLOSELY}")
     gap = min(diameter(left), seen.gap)
     return _Result("undecided", None, gap, _doubt(quest, gap, tried))
 
@@ -193,25 +193,30 @@ def _everywhere(quest: Quest, cells: int) -> _Result:
 
 
 _NO_WAY = "from no place of the floor and in no posture does the arm keep off {}"
+_CLOSELY = "heading by heading and pitch by pitch, each place for the base is ruled out"
 _IN = "whatever the posture, the end of the arm is in {} there, or too near to it"
 
 
 def _ruled_out(world: World, target: Target) -> _Result:
-    return _Result("unreachable", None, 0.0, explain.unreachable(world, 0, [target]).reason)
+    return _Result("unreachable", None, 0.0, explain.no_place(world, 0, [target]).reason)
 
 
 def _doubt(quest: Quest, gap: float, tried: int) -> str:
     """Why a target stays undecided."""
-    who, touch = _who(quest.target), quest.touch
+    lead, touch = explain.no_way_to(_who(quest.target)), quest.touch
+    left = places_open(gap)
     if touch is not None:
         return (
-            f"{who} is not decided: in reach of places for the base up to {gap:.4f} m across, but each of "
-            f"{quest.met} postures looked at touches something; in the best of them, "
-            f"{quest.guard.words(touch)}."
+            f"{lead}: each of {quest.met} postures looked at touches something; in the best of them, "
+            f"{quest.guard.words(touch)}. {left}: a clear posture from one of them would decide it."
         )
-    if tried:
-        return f"{who} is not decided: no posture was found at places for the base {gap:.4f} m across."
-    return f"{who} is not decided: the places that are not ruled out are up to {gap:.4f} m across."
+    looked = "no posture was found in the areas looked at" if tried else "no place for the base is known"
+    return f"{lead}: {looked}. {left}: a posture from one of them would decide it."
+
+
+def places_open(gap: float) -> str:
+    """The start of a sentence on what is left undecided, up to so wide [m]."""
+    return f"Places for the base up to {gap:.4f} m across are not ruled out"
 
 
 def _who(target: Target) -> str:

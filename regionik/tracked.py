@@ -178,12 +178,13 @@ def _out_of_reach(world: World, error: HeightError) -> Explanation:
     low, high, asked, missing = (
         f"{1000 * value:.2f}" for value in (error.low, error.high, error.height, off)
     )
+    who = f"{explain.setpoint(i, len(world.task))} at {explain.spot(target.position)}"
     reason = (
-        f"{explain.setpoint(i, len(world.task))} at {explain.spot(target.position)} cannot be reached: with "
-        f"this tool direction the arm attains heights of {low} to {high} mm, wherever the base stands; "
-        f"{asked} mm is asked for, {missing} mm too {which}."
+        f"{explain.no_way_to(who)}: with this very tool direction and its last joint at zero, as the tracker "
+        f"keeps it, the arm attains heights of {low} to {high} mm, wherever the base stands; {asked} mm is "
+        f"asked for, {missing} mm too {which}. Other postures are not ruled out."
     )
-    return Explanation("unreachable", i, reason, (Cause("reach", world.robot.name, off),))
+    return Explanation("undecided", i, reason, (Cause("reach", world.robot.name, off),))
 
 
 @dataclass(frozen=True, eq=False)
@@ -208,6 +209,7 @@ class _Refused:
         if self.no_way:
             return Explanation("ladder-broken", 0, f"{many}. {self.no_way[0]}.", (Cause("floor", "floor"),))
         reason = (
-            "Whatever the base's heading and the elbow, some joint leaves its limits under the set-points."
+            "No way was found to follow the set-points: from all headings of the base and both elbows that "
+            "were tried some joint leaves its limits."
         )
         return Explanation("no-posture", None, reason, (Cause("limits", self.world.robot.name),))

@@ -10,11 +10,11 @@ from regionik.pipeline import check, explained, whole_path
 from regionik.reach import reach
 from regionik.reasons import explain
 from regionik.reasons.causes import no_inner
-from regionik.repairs.arm import why_arm
+from regionik.repairs.arm import no_clear_posture, why_arm
 from regionik.repairs.target import why_target
 from regionik.seeking.wherever import can_look
 from regionik.worlds.arrays import frozen
-from regionik.worlds.errors import Explanation, NoPlanFound
+from regionik.worlds.errors import Cause, Explanation, NoPlanFound
 from regionik.worlds.scene import Target, World
 
 
@@ -61,10 +61,12 @@ def why(world: World, target: Target | ArrayLike | None = None) -> Explanation |
     if answer.reachable[0]:
         return None
     if no_inner(asked):
-        return why_target(asked, 0, explain.unreachable(asked, 0))
-    if answer.verdict[0] == "unreachable" and can_look(asked):
-        return why_arm(asked, 0, Explanation("unreachable", 0, f"{answer.reason[0]}."))
-    return explain.no_posture(asked, 0)
+        return why_target(asked, 0, explain.no_place(asked, 0))
+    reason = f"{answer.reason[0].rstrip('.')}."
+    if answer.verdict[0] == "undecided":
+        return Explanation("undecided", 0, reason, (Cause("limits", world.robot.name),))
+    told = Explanation("unreachable", 0, reason, (Cause("limits", world.robot.name),))
+    return why_arm(asked, 0, told) if can_look(asked) and no_clear_posture(asked) else told
 
 
 def _path(world: World) -> Explanation | None:

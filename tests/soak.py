@@ -167,8 +167,7 @@ def _planned(world: World, kind: str, seed: int) -> Judged:
         if blocked and not blocked_at_start(world):
             wrong += (f"said to be blocked at its start: {why.reason}",)
         parking = any(cause.name == "room to park" for cause in why.causes)  # in reach, but with no circle
-        proven = why.verdict == "unreachable" and not parking and "not proven" not in why.reason
-        claimed = proven and why.setpoint is not None
+        claimed = why.verdict == "unreachable" and not parking and why.setpoint is not None
         if claimed and why.setpoint is not None:
             found = counterexample(world, why.setpoint)
             if found is not None:

@@ -95,7 +95,7 @@ def test_the_printed_height_of_the_knob_is_refused_with_the_attainable_ones() ->
     with pytest.raises(NoPlanFound, match=r"365\.96 to 685\.96 mm.* 340\.00 mm is asked for") as no:
         plan(replace(world, task=low))
     told = no.value.explanation
-    assert (told.verdict, told.setpoint) == ("unreachable", 0)
+    assert (told.verdict, told.setpoint) == ("undecided", 0)  # its last joint could bend
     assert told.causes[0].margin == pytest.approx(0.02596, abs=1e-6)
     mended = tuple(replace(t, position=t.position + [0, 0, 0.06]) for t in low)
     assert verify(plan(replace(world, task=mended[:5]))).ok

@@ -85,7 +85,7 @@ def test_a_corridor_too_narrow_is_told_with_both_widths() -> None:
     assert "nowhere less than 0.380 m" in caught.value.explanation.reason
     beyond = corridor(0.36)
     with pytest.raises(
-        NoPlanFound, match="can be reached only from floor that the base cannot get to"
+        NoPlanFound, match="has known places only on floor that the base cannot get to"
     ) as cut:
         plan(replace(beyond, task=beyond.task[:3] + beyond.task[-4:]))
     assert "0.360 m wide at its narrowest" in cut.value.explanation.reason

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal
 
-Verdict = Literal["unreachable", "ladder-broken", "no-posture", "start-blocked", "plan-invalid"]
+Verdict = Literal["unreachable", "undecided", "ladder-broken", "no-posture", "start-blocked", "plan-invalid"]
 CauseKind = Literal[
     "obstacle", "reach", "limits", "clearance", "direction", "floor", "base", "path", "self", "criteria"
 ]
@@ -53,6 +53,8 @@ class Repair:
 class Explanation:
     """Why the answer is no: one paragraph for people, the same as data for programs.
 
+    ``verdict`` is "unreachable" where it is proven, "undecided" where no place for the base is known but
+    none is ruled out; "ladder-broken" and "no-posture" say that no way and no posture was found.
     ``setpoint`` counts from 0; ``reason`` counts from 1, as people do.
     """
 

@@ -127,7 +127,9 @@ def _at_any_heading(axes: Array) -> Array:
 
 
 def _together(kind: BaseKind, knots: Array) -> BaseWay:
-    """The tool goes on as the base does."""
+    """The tool goes on as the base does; a base that is there already stands while it does."""
+    if len(knots) == 1:
+        knots = np.concatenate([knots, knots])
     if len(knots) == 2:
         return BaseWay(kind, knots, EVENLY)
     far = np.concatenate([[0.0], np.cumsum(leg_lengths(knots))])

@@ -61,10 +61,9 @@ def answers_document(answer: Answer) -> dict[str, Any]:
     if answer.reachable.all():
         return {"ok": True, "answers": records(answer)}
     first = int((~answer.reachable).argmax())
-    proven = answer.verdict[first] == "unreachable"
     return {
         "ok": False,
-        "verdict": "unreachable" if proven else "no-posture",
+        "verdict": str(answer.verdict[first]),
         "setpoint": first,
         "reason": answer.reason[first],
         "causes": [],

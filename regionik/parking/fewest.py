@@ -172,7 +172,7 @@ def park_in_order(world: World) -> Parking:
         if best is not None and len(best.groups) <= lower:
             break
     if best is None:
-        raise refused or NoPlanFound(explain.unreachable(world, 0))
+        raise refused or NoPlanFound(explain.no_place(world, 0))
     stats: dict[str, int | bool | str] = {
         "count": len(best.groups),
         "lower_bound": lower,
@@ -197,7 +197,7 @@ def park_in_any_order(world: World) -> Parking:
                 found.append(_covered(world, floors))
         if found:
             return min(found, key=lambda one: len(one.groups))
-    raise refused or NoPlanFound(explain.unreachable(world, 0))
+    raise refused or NoPlanFound(explain.no_place(world, 0))
 
 
 def _solid_rungs(floors: Floors) -> Index:
@@ -314,7 +314,7 @@ def no_room(world: World, i: int, floors: Floors) -> Explanation:
     span = slice(int(rungs[i]), int(rungs[i + 1]))
     every = floors.ladder.component[span]
     if not len(every):
-        return explain.unreachable(world, i)
+        return explain.no_place(world, i)
     if not floors.usable[span].any():
         piece = floors.ladder.floor[floors.usable][:1].tolist() or [int(floors.ladder.floor[span][0])]
         return explain.cut_off(
@@ -322,14 +322,19 @@ def no_room(world: World, i: int, floors: Floors) -> Explanation:
         )
     widest = max(radius(area) for area in every[floors.usable[span]])
     wanted = world.rules.stop_tolerance
-    reason = (
-        f"{explain.setpoint(i, len(world.task))} at {explain.spot(world.task[i].position)} can be reached, "
-        f"but the base has no circle of radius {wanted:.4f} m to park in; the largest has {widest:.4f} m. A "
-        f"stop_tolerance of at most {widest:.4f} m would do."
-    )
-    if not shrunk(outer_areas(world, [world.task[i]])[0], wanted, outside=True).is_empty:
-        reason += " That no larger circle is there is not proven: outer areas leave room for one."
-    return Explanation("unreachable", i, reason, (Cause("floor", "room to park", wanted - widest),))
+    who = f"{explain.setpoint(i, len(world.task))} at {explain.spot(world.task[i].position)}"
+    circle = f"circle of radius {wanted:.4f} m to park in"
+    proven = shrunk(outer_areas(world, [world.task[i]])[0], wanted, outside=True).is_empty
+    if proven:
+        reason = f"{who} can be reached, but the base has no {circle}; the largest has {widest:.4f} m."
+    else:
+        reason = (
+            f"{explain.no_way_to(who)} from a {circle}; the largest known has {widest:.4f} m, and outer "
+            "areas leave room for one."
+        )
+    reason += f" A stop_tolerance of at most {widest:.4f} m would do."
+    cause = Cause("floor", "room to park", wanted - widest)
+    return Explanation("unreachable" if proven else "undecided", i, reason, (cause,))
 
 
 def radius(area: BaseGeometry) -> float:

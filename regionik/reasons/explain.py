@@ -9,9 +9,10 @@ import shapely
 from shapely.geometry import Point
 from shapely.geometry.base import BaseGeometry
 
+from regionik.areas.demand import in_plane
 from regionik.areas.ground import ground_of, grow
 from regionik.areas.relaxations import without_criteria
-from regionik.areas.standing import by_heading
+from regionik.areas.standing import by_heading, outer_by_heading, turns_matter
 from regionik.planners.driving.footprint import width_of
 from regionik.planners.driving.shape import narrowest
 from regionik.regions import (
@@ -28,10 +29,10 @@ from regionik.worlds.pivoted_arm import span_of
 from regionik.worlds.scene import Target, World
 
 
-def unreachable(
-    world: World, i: int, targets: Sequence[Target] | None = None, others: int = 0
-) -> Explanation:
-    """Why the area of set-point i is empty.
+def no_place(world: World, i: int, targets: Sequence[Target] | None = None, others: int = 0) -> Explanation:
+    """Why no place of the base is known for set-point i: "unreachable" where its outer area is empty, too.
+
+    Else the verdict is "undecided": an empty inner area is no proof.
 
     Parameters
     ----------
@@ -46,27 +47,44 @@ def unreachable(
     every = world.task if targets is None else targets
     target = every[i]
     who = f"{setpoint(i, len(every))} at {spot(target.position)}"
-    taken = what_took_away(world, target)
     proven = outer_areas(world, [target])[0].is_empty
+    lead = f"{who} cannot be reached" if proven else no_way_to(who)
     open_clearance = largest_clearance(world, target)
     if open_clearance is None:
-        reason, causes, repairs = _out_of_reach(world, target, who)
+        reason, causes, repairs = _out_of_reach(world, target, lead, proven)
     else:
-        reason, causes, repairs = _crowded_out(world, who, taken, open_clearance)
+        taken = what_took_away(world, target)
+        reason, causes, repairs = _crowded_out(world, lead, taken, open_clearance, proven)
     bare = None if world.rules.criteria is None else largest_clearance(without_criteria(world), target)
     if bare is not None and bare >= world.rules.clearance:
         reason += " Without the criteria of the rules it could be reached."
         causes = (Cause("criteria", "rules.criteria"), *causes)
     if not proven:
-        reason += " This is not proven: the outer area is not empty, so a place may hide in the gap."
+        reason += f" It is not ruled out either: {_left_open(world, target)}."
     if others:
         have = "set-points have" if others > 1 else "set-point has"
-        reason += f" {others} more {have} no place for the base either."
-    return Explanation("unreachable", i, reason, causes, repairs)
+        reason += f" {others} more {have} no known place for the base either."
+    return Explanation("unreachable" if proven else "undecided", i, reason, causes, repairs)
+
+
+def no_way_to(who: str) -> str:
+    """The start of a sentence on what is neither shown to be in reach nor ruled out."""
+    return f"No way was found to reach {who[0].lower()}{who[1:]}"
+
+
+def _left_open(world: World, target: Target) -> str:
+    """What keeps inner areas smaller than outer ones."""
+    robot, ground = world.robot, ground_of(world)
+    why = [f"inner areas keep {world.rules.reach_margin:g} m off the edge of reach"]
+    if target.direction is not None and not in_plane(robot.chain, target):
+        why.append("places for a tool turned as asked are sampled, pose by pose")
+    if world.rules.heading != "fixed" and not turns_matter(world) and ground.far > ground.near:
+        why.append(f"the base is taken as the circle of {ground.far:.3f} m about the arm's axis")
+    return join(why)
 
 
 def _out_of_reach(
-    world: World, target: Target, who: str
+    world: World, target: Target, lead: str, proven: bool
 ) -> tuple[str, tuple[Cause, ...], tuple[Repair, ...]]:
     span = span_of(world.robot.chain)
     shoulder, length = span.height + float(world.robot.mount[2]), span.length
@@ -74,7 +92,7 @@ def _out_of_reach(
     if over > 0:
         way = "above" if target.position[2] > shoulder else "below"
         reason = (
-            f"{who} cannot be reached from anywhere: it lies {over:.3f} m {way} all that "
+            f"{lead} from anywhere: it lies {over:.3f} m {way} all that "
             f"{world.robot.name} reaches (heights from {shoulder - length:.3f} to {shoulder + length:.3f} m)."
         )
         text = (
@@ -86,24 +104,29 @@ def _out_of_reach(
             Repair("move-target", "target", over, text),
         )  # fmt: skip
     ground = ground_of(world)
-    if ground.inner.floor.is_empty:
+    sides = (outer_by_heading if proven and ground.inner.floor.is_empty else by_heading)(world).sides
+    places = shapely.union_all([side.free for side in sides])
+    if places.is_empty:
+        room = "room" if proven else "known room"
         reason = (
-            f"{who} cannot be reached: nowhere on the floor is room for the base of {world.robot.name}, "
-            f"whose footprint reaches {ground.far:.3f} m from the arm's axis."
+            f"{lead}: nowhere on the floor is {room} for the base of {world.robot.name}, whose footprint "
+            f"reaches {ground.far:.3f} m from the arm's axis."
         )
         return reason, (Cause("floor", "edge of the floor", None),), ()
-    places = shapely.union_all([side.free for side in by_heading(world).sides])
     off = places.distance(Point(target.position[:2]))
     if off > 0 and reach_of(world, target).disjoint(places):
+        beyond = "where the base may stand" if proven else "known for the base"
         reason = (
-            f"{who} cannot be reached from the floor: it lies {off:.3f} m beyond the places where the base "
-            f"may stand, and the arm of {world.robot.name} does not reach that far."
+            f"{lead}: it lies {off:.3f} m beyond the places {beyond}, and the arm of {world.robot.name} does "
+            "not reach that far."
         ) + tight(world, places, Point(target.position[:2]))
         return reason, (Cause("floor", "edge of the floor", off),), ()
     kind: CauseKind = "limits" if target.direction is None else "direction"
+    wanted, never = _wanted(world, target), reach_of(world, target).is_empty
     reason = (
-        f"{who} cannot be reached from anywhere: no posture {_wanted(world, target)} brings the tool of "
-        f"{world.robot.name} there."
+        f"{lead} from anywhere: no posture {wanted} brings the tool of {world.robot.name} there."
+        if never
+        else f"{lead}: no posture {wanted} is known that brings the tool of {world.robot.name} there."
     )
     return reason, (Cause(kind, world.robot.name),), ()
 
@@ -123,16 +146,17 @@ def _wanted(world: World, target: Target) -> str:
 
 
 def _crowded_out(
-    world: World, who: str, taken: tuple[TakenAway, ...], open_clearance: float
+    world: World, lead: str, taken: tuple[TakenAway, ...], open_clearance: float, proven: bool
 ) -> tuple[str, tuple[Cause, ...], tuple[Repair, ...]]:
     wanted = world.rules.clearance
     missing = wanted - open_clearance
     blockers = sorted((part for part in taken if part.kind == "obstacle"), key=lambda p: -p.polygon.area)
     names = list(dict.fromkeys(part.name for part in blockers))
+    reach, is_near = ("could reach", "is") if proven else ("is known to reach", "is or may be")
     reason = (
-        f"{who} cannot be reached: wherever the arm could reach it from, the base is nearer than its "
-        f"clearance of {wanted:.3f} m to {join(names[:4])}. "
-        f"The most clearance that leaves a place is {open_clearance:.3f} m, {missing:.3f} m less."
+        f"{lead}: wherever the arm {reach} it from, the base {is_near} nearer than its clearance of "
+        f"{wanted:.3f} m to {join(names[:4])}. The most clearance that is known to leave a place is "
+        f"{open_clearance:.3f} m, {missing:.3f} m less."
     )
     causes = tuple(Cause("obstacle", name, missing) for name in names)
     text = f"a clearance of {open_clearance:.3f} m lets it be reached"
@@ -155,14 +179,15 @@ def cut_off(world: World, i: int, here: BaseGeometry, areas: BaseGeometry) -> Ex
     bridge = shapely.shortest_line(here, areas)
     blockers = _crossed(world, bridge)
     gap = float(bridge.length)
-    who = setpoint(i, len(world.task))
+    count, where = len(world.task), spot(world.task[i].position)
+    lead = f"to set-point 1 of {count} at {where}: it"
     if i > 0:
-        who = f"The path breaks between set-points {i} and {i + 1} of {len(world.task)}: the latter"
+        lead = f"between set-points {i} and {i + 1} of {count}: the latter at {where}"
     names = join(blockers) if blockers else "the edge of the floor"
     reason = (
-        f"{who} at {spot(world.task[i].position)} can be reached only from floor that the base cannot get "
-        f"to: {names} cuts it off. The nearest such place is {gap:.3f} m beyond the floor the base can "
-        f"drive on, at a clearance of {world.rules.clearance:.3f} m."
+        f"No way was found {lead} has known places only on floor that the base cannot get to: {names} cuts "
+        f"it off. The nearest such place is {gap:.3f} m beyond the floor the base can drive on, at a "
+        f"clearance of {world.rules.clearance:.3f} m."
     )
     reason += tight(world, here, areas)
     causes = tuple(Cause("obstacle", name, gap) for name in blockers)
@@ -192,9 +217,10 @@ def too_many_lifts(world: World, breaks: Sequence[int], bridges: Sequence[BaseGe
     blockers = _crossed(world, bridge)
     names = join(blockers) if blockers else "the arm's reach"
     reason = (
-        f"The path breaks between set-points {i} and {i + 1} of {len(world.task)}: no place of the base "
-        f"serves both, {bridge.length:.3f} m apart at the nearest, because of {names}; the tool would have "
-        f"to be lifted here, lift-off {allowed + 1} of {len(breaks)} in all, and the rules allow {allowed}."
+        f"The path breaks between set-points {i} and {i + 1} of {len(world.task)}: no known place of the "
+        f"base serves both, {bridge.length:.3f} m apart at the nearest, because of {names}; the tool would "
+        f"have to be lifted here, lift-off {allowed + 1} of {len(breaks)} in all, and the rules allow "
+        f"{allowed}."
     )
     causes = tuple(Cause("obstacle", name, float(bridge.length)) for name in blockers)
     repair = Repair("lift-off", f"set-point {i + 1}", 1.0, f"allow a lift-off before set-point {i + 1}", "1")

@@ -58,7 +58,7 @@ def why_arm(world: World, i: int, quick: Explanation) -> Explanation:
     repairs = _repairs(asked, kept, who)
     causes = tuple(cause_of(one, quick) for one in kept) or (arm_too_short(world, quick),)
     proof = "This is a proof: with these no posture from any place is clear."
-    words = " ".join([quick.reason, together(asked, kept), proof, mended(repairs)]).strip()
+    words = " ".join([quick.reason, together(asked, kept, proven=True), proof, mended(repairs)]).strip()
     return replace(quick, reason=words, causes=causes, repairs=repairs)
 
 

@@ -57,8 +57,7 @@ def why_path(world: World, quick: Explanation, spans: Asked, holds: Asked) -> Ex
     first = {(one.kind, one.name): one for one in reversed(found)}
     repairs = smallest_first(world, list(first.values()))
     causes = tuple(cause_of(one, quick) for one in kept) or (arm_too_short(world, quick),)
-    ground = "This rests on inner areas alone: no way is known, none is proven not to be there."
-    reason = " ".join([quick.reason, together(world, kept), ground, mended(repairs)]).strip()
+    reason = " ".join([quick.reason, together(world, kept, proven=False), mended(repairs)]).strip()
     return replace(quick, reason=reason, causes=causes, repairs=repairs)
 
 

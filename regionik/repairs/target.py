@@ -15,6 +15,7 @@ from regionik.areas.relaxations import (
     Constraint,
     constraints_of,
 )
+from regionik.reach import Answer, places_open, reach
 from regionik.reasons import explain
 from regionik.reasons.causes import irreducible, no_inner, no_outer
 from regionik.repairs.smallest import repairs_of_target
@@ -31,21 +32,35 @@ def why_target(world: World, i: int, quick: Explanation) -> Explanation:
     i : int
         Counts from 0.
     quick : Explanation
-        What is known of it already; its reason stays, and its margins.
+        What is known of it already; its margins stay. What is undecided is looked at closely by itself.
     """
     asked = replace(world, task=(world.task[i],))
+    if quick.verdict == "undecided":
+        quick = by_itself(quick, reach(asked, asked.task), explain.setpoint(i, len(world.task)))
     proven = no_outer(asked)
     kept = irreducible(asked, constraints_of(asked), no_outer if proven else no_inner)
     who = f"set-point {i + 1}" if len(world.task) > 1 else "the target"
     repairs = repairs_of_target(asked, kept, who)
     causes = tuple(cause_of(one, quick) for one in kept) or (arm_too_short(world, quick),)
-    ground = (
-        "This is a proof: with these the outer area is empty."
-        if proven
-        else "This rests on inner areas alone: no place is known, none is proven not to be there."
-    )
-    reason = " ".join([quick.reason, together(world, kept), ground, mended(repairs)]).strip()
-    return replace(quick, reason=reason, causes=causes, repairs=repairs)
+    proof = "This is a proof: with these the outer area is empty." if proven else ""
+    parts = [quick.reason, together(world, kept, proven=proven), proof, mended(repairs)]
+    return replace(quick, reason=" ".join(part for part in parts if part), causes=causes, repairs=repairs)
+
+
+def by_itself(quick: Explanation, answer: Answer, who: str) -> Explanation:
+    """The quick words on a set-point that no place is known for, with what `reach` says of it alone."""
+    if answer.verdict[0] == "unreachable":
+        told = f"{who}{answer.reason[0].removeprefix('The target').rstrip('.')}."
+        return replace(quick, verdict="unreachable", reason=told)
+    if answer.reachable[0]:
+        x, y, yaw = answer.base[0]
+        told = (
+            f"By itself it can be reached, with the base at ({x:z.3f}, {y:z.3f}, {yaw:z.3f} rad): a plan by "
+            "way of such places, which inner areas leave out, would decide it."
+        )
+    else:
+        told = f"{places_open(answer.gap[0])}: a posture from one of them would decide it."
+    return replace(quick, reason=f"{quick.reason} {told}")
 
 
 def cause_of(one: Constraint, quick: Explanation) -> Cause:
@@ -63,14 +78,19 @@ def arm_too_short(world: World, quick: Explanation) -> Cause:
     return Cause("reach", world.robot.name, margin)
 
 
-def together(world: World, kept: Sequence[Constraint]) -> str:
-    """A sentence on what belongs together."""
-    if not kept:
+def together(world: World, kept: Sequence[Constraint], *, proven: bool) -> str:
+    """A sentence on what belongs together; where it rests on inner areas alone it says so first."""
+    if not kept and proven:
         return f"The arm of {world.robot.name} on its mount is too short, whatever else is taken away."
+    what = (
+        "What rules it out" if proven else "By inner areas alone, which prove nothing, what stands in the way"
+    )
+    if not kept:
+        return f"{what} is the arm of {world.robot.name} on its mount, whatever else is taken away."
     names = [_name(world, one) for one in kept]
     if len(names) == 1:
-        return f"What rules it out is {names[0]}, by itself."
-    return f"What rules it out is {explain.join(names)} together; without any one of them the rest does not."
+        return f"{what} is {names[0]}, by itself."
+    return f"{what} is {explain.join(names)} together; without any one of them the rest does not."
 
 
 def _name(world: World, one: Constraint) -> str:

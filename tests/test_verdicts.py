@@ -1,0 +1,96 @@
+"""Verdicts say what is known: `unreachable` is a proof, and `reach`, `why` and `plan` agree on it."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import shapely
+
+from regionik.cli import app
+from regionik.pipeline import plan
+from regionik.reach import reach
+from regionik.why import why
+from regionik.worlds.chain import Chain
+from regionik.worlds.documents.world_file import world_to_document
+from regionik.worlds.errors import Explanation, NoPlanFound
+from regionik.worlds.library import robot_named
+from regionik.worlds.scene import Floor, Rules, Target, World
+
+PIONEER7 = robot_named("pioneer7")
+
+
+def turned() -> World:
+    """A tool direction that no posture is known for, at a point within reach: areas are sampled."""
+    target = Target(np.array([0.3, 0.4, 0.55]), np.array([0.0, 0.0, -1.0]), 0.1)
+    return World("turned", PIONEER7, Floor(shapely.box(-2, -2, 2, 2)), (), (target,))
+
+
+def lane() -> World:
+    """A lane too narrow for the circle round the base, under an arm whose first joint has limits."""
+    first, *rest = PIONEER7.chain.joints
+    chain = Chain((replace(first, lower=-2.9, upper=2.9), *rest), PIONEER7.chain.T_last_tool)
+    corners = np.array([[0.4, 0.15], [-0.4, 0.15], [-0.4, -0.15], [0.4, -0.15]])
+    robot = replace(PIONEER7, chain=chain, footprint=corners)
+    target = Target(np.array([0.3, 0.3, 0.3]))
+    return World("lane", robot, Floor(shapely.box(-2, -0.2, 2, 0.2)), (), (target,), Rules(avoidance=False))
+
+
+def refused(world: World) -> Explanation:
+    with pytest.raises(NoPlanFound) as caught:
+        plan(world)
+    return caught.value.explanation
+
+
+def check_undecided(found: Explanation | None) -> None:
+    assert found is not None
+    assert found.verdict == "undecided"
+    assert found.reason.startswith("No way was found to reach set-point 1 of 1 at ")
+    assert "cannot" not in found.reason
+    assert "would decide it" in found.reason
+    assert "What rules it out" not in found.reason
+    assert "By inner areas alone, which prove nothing, what stands in the way is" in found.reason
+
+
+def test_an_empty_inner_area_is_no_proof() -> None:
+    world = turned()
+    assert reach(world, world.task).verdict.tolist() == ["undecided"]
+    check_undecided(why(world, world.task[0]))
+    check_undecided(why(world))
+    check_undecided(refused(world))
+
+
+def test_a_target_that_is_reached_by_itself_is_not_ruled_out_by_a_plan() -> None:
+    world = lane()
+    assert reach(world, world.task).reachable.all()
+    assert why(world, world.task[0]) is None
+    found = refused(world)
+    check_undecided(found)
+    assert "By itself it can be reached, with the base at (" in found.reason
+
+
+def test_a_proof_is_the_same_everywhere() -> None:
+    world = lane()
+    world = replace(world, task=(Target(np.array([0.3, 0.4, 0.5])),))
+    answer = reach(world, world.task)
+    assert answer.verdict.tolist() == ["unreachable"]
+    for found in (why(world, world.task[0]), why(world), refused(world)):
+        assert found is not None
+        assert found.verdict == "unreachable"
+        assert found.reason.startswith(answer.reason[0])
+        assert "0.350 m beyond the places where the base may stand" in found.reason
+
+
+@pytest.mark.parametrize("command", ["plan", "why", "reach"])
+def test_commands_tell_what_is_undecided(
+    command: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "turned.json"
+    path.write_text(json.dumps(world_to_document(turned())))
+    assert app.run([command, str(path), "--json"]) == 1
+    document = json.loads(capfd.readouterr().out)
+    assert (document["ok"], document["verdict"], document["setpoint"]) == (False, "undecided", 0)
+    assert document["reason"].startswith("No way was found to reach ")
