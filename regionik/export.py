@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 
 from regionik.plan import Plan
-from regionik.rolling import cuts, trace
 from regionik.storage.files import write_whole
 from regionik.storage.plandocument import PARTS, multipolygon
 from regionik.timing.instants import instants, is_timed
@@ -137,13 +136,13 @@ def plan_to_urdf(plan: Plan) -> str:
 
 
 def _base_path(plan: Plan) -> dict[str, Any]:
-    kind, motion = plan.world.robot.base, plan.motion
+    drive, motion = plan.world.robot.drive, plan.motion
     times: Array | None = None
     if is_timed(motion):
-        times = np.interp(cuts(kind, motion.base), np.arange(len(motion)), motion.time)
+        times = np.interp(drive.cuts(motion.base), np.arange(len(motion)), motion.time)
         track = trajectory(plan).sample(times).base[:, :2]
     else:
-        track = trace(kind, motion.base)
+        track = drive.trace(motion.base)
     twice = slice(None) if len(track) > 1 else [0, 0]  # a line needs two positions
     line = {"type": "LineString", "coordinates": track[twice].tolist()}
     if times is None:

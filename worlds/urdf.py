@@ -13,13 +13,14 @@ from numpy.typing import ArrayLike
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.bundled import BODY_HEIGHT, robot_named, robot_names, without_limits
 from regionik.worlds.chain import Chain, planar_pose
+from regionik.worlds.drives import BaseKind, drive_of
 from regionik.worlds.errors import InputError
 from regionik.worlds.fromurdf.body import body_of
 from regionik.worlds.fromurdf.chain import Parts, chain_of, masses_of, parts_of, route_of
 from regionik.worlds.fromurdf.tree import SUFFIXES, read_urdf
 from regionik.worlds.fromurdf.words import listed
 from regionik.worlds.readers.checking import LARGEST, at, wrong
-from regionik.worlds.robot import BASE, BaseKind, Robot
+from regionik.worlds.robot import BASE, Robot
 from regionik.worlds.robotchecks import carried, check_footprint, check_turning
 from regionik.worlds.solids.loose import loose_pairs
 
@@ -215,7 +216,7 @@ def _bundled(name: str, tip: str | None, root: str | None) -> Robot:
 
 
 def _turning(robot: Robot, base: BaseKind, radius: float | None, where: str) -> float:
-    own = robot.turning_radius if base == "car" else 0.0
+    own = drive_of(base, robot.turning_radius).turning_radius
     known = own if radius is None else _above_zero(radius, where, "turning_radius")
     check_turning(base, known, where, "turning_radius")
     return known

@@ -13,7 +13,6 @@ from shapely.geometry.base import BaseGeometry
 from regionik.drawing.curves import footprints
 from regionik.drawing.scene_view import DETAIL, rejection_shown
 from regionik.plan import Plan, Stop
-from regionik.rolling import trace
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import World
 
@@ -75,7 +74,7 @@ def floor_of(plan: Plan) -> FloorView:
     """What is seen of a plan from above."""
     world, motion = plan.world, plan.motion
     floor = world.floor.polygon
-    base_path, tool_path = trace(world.robot.base, motion.base), plan.tools()[:, :2]
+    base_path, tool_path = world.robot.drive.trace(motion.base), plan.tools()[:, :2]
     setpoints = np.array([target.position[:2] for target in world.task]).reshape(-1, 2)
     at = np.flatnonzero(motion.kind == "setpoint")
     shown = motion.base[at[np.unique(np.linspace(0, len(at) - 1, POSES).round().astype(int))]]

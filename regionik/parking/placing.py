@@ -14,7 +14,7 @@ from shapely.geometry.base import BaseGeometry
 from regionik.areas.reachable import Family
 from regionik.areas.standing import into_span
 from regionik.mfabrik import Solver, axis_of, pose_of, solver_for
-from regionik.moving.avoid import spread
+from regionik.moving.configuration_sampling import spread
 from regionik.parking.fewest import Floors, Group, depth
 from regionik.plan import Configuration, Stop
 from regionik.planners.places.tour import through
