@@ -198,3 +198,12 @@ def test_a_path_between_two_rooms_has_no_shared_place() -> None:
     floor = Floor(shapely.box(-1, -1, 2, 1))
     with pytest.raises(NoPlanFound):
         whole_path(World("rooms", robot, floor, (wall,), task, Rules()))
+
+
+def test_a_base_on_wheels_that_is_there_but_for_rounding_stands_while_the_tool_goes_on() -> None:
+    world = world_of("pioneer7")
+    paths = follower(replace(world, robot=replace(world.robot, base="differential"))).paths
+    here = np.array([0.3, 0.0, 0.0])
+    for way in paths.between(0, 1, here, here + [1e-12, 0.0, 0.0]):
+        assert len(way.knots) >= 2
+        assert way.tool[[0, -1]].tolist() == [0.0, 1.0]

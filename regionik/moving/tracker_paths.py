@@ -10,7 +10,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from regionik.planners.driving.pitch import HeightError, PitchArm, arm_share, pitch_arm
-from regionik.planners.driving.tracking import Track, headings, track_runs
+from regionik.planners.driving.tracking import TrackedRun, headings, track_runs
 from regionik.postures.poses import LARGEST_BEND
 from regionik.worlds.arrays import Array
 from regionik.worlds.drives import DifferentialDrive
@@ -35,7 +35,7 @@ class TrackedPath:
     """One way to follow the poses of a path: in runs, the tool lifted between them; none where none can."""
 
     path: PosePath
-    runs: tuple[Track, ...]
+    runs: tuple[TrackedRun, ...]
 
 
 def arm_of(robot: Robot) -> PitchArm | None:
@@ -144,7 +144,7 @@ def _pose(target: Target) -> Array:
     return T
 
 
-def _coarse(world: World, path: PosePath, runs: tuple[Track, ...]) -> list[int]:
+def _coarse(world: World, path: PosePath, runs: tuple[TrackedRun, ...]) -> list[int]:
     """Indices of poses from which the robot goes too far, or the tool too far off, until the next."""
     rules, robot = world.rules, world.robot
     base, joints = (np.concatenate([getattr(run, part) for run in runs]) for part in ("base", "joints"))

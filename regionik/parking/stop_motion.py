@@ -24,7 +24,7 @@ from regionik.moving.path_search import HARD_TRIES, JoinedMotion, PathSearch
 from regionik.moving.transit import TransitPlanner
 from regionik.parking.fewest import Group
 from regionik.parking.placing import Bay, Placing
-from regionik.parking.stops import Work
+from regionik.parking.stops import StopSequence
 from regionik.plan import Stop
 from regionik.postures.guard import guard_of
 from regionik.postures.poses import Pose, Row
@@ -61,7 +61,7 @@ class StopMotion:
     places: tuple[BaseGeometry, ...]
 
 
-def connect_stops(work: Work, seed: int, progress: Progress | None = None) -> StopMotion:
+def connect_stops(work: StopSequence, seed: int, progress: Progress | None = None) -> StopMotion:
     """Go from stop to stop and do their set-points.
 
     Raises
@@ -96,7 +96,7 @@ class _Attempt:
 class _StopConnection:
     """Stops one after the other, each from the place that serves most of it."""
 
-    work: Work
+    work: StopSequence
     search: PathSearch
 
     @property

@@ -18,6 +18,7 @@ from regionik.worlds.documents.grammar import (
     Vec3,
     Vec4,
 )
+from regionik.worlds.drives import BaseKind
 from regionik.worlds.readers.checking import Strict
 from regionik.worlds.robot import BASE
 
@@ -108,7 +109,7 @@ LinkSolidPart = Annotated[
 
 class _OwnRobot(_Weighed):
     name: OneLine = "robot"
-    base: Literal["omni", "differential", "car"] = "omni"
+    base: BaseKind = "omni"
     footprint: Annotated[list[Vec2], Field(min_length=1)] = Field(default=[[0.0, 0.0]])
     mount: Vec4 = Field(default=[0.0, 0.0, 0.0, 0.0])
     body_height: Positive = BODY_HEIGHT
@@ -151,7 +152,7 @@ class UrdfRobot(Strict):
     urdf: File
     tip: OneLine | None = None
     root: OneLine | None = None
-    base: Literal["omni", "differential", "car"] = "omni"
+    base: BaseKind = "omni"
     footprint: Annotated[list[Vec2], Field(min_length=1)] | None = None
     mount: Vec4 | None = None
     turning_radius: NotNegative = 0.0
