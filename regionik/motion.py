@@ -11,14 +11,9 @@ from dataclasses import dataclass
 from itertools import islice
 
 from regionik.areas.standing import Standing
-from regionik.moving.configuration_sampling import Candidate, ConfigurationSampler
-from regionik.moving.drivers import driver_for
-from regionik.moving.interpolation import Interpolator
-from regionik.moving.path_following import PathFollower
-from regionik.moving.path_search import JoinedMotion, PathSearch
-from regionik.moving.transit import TransitPlanner
+from regionik.moving.configuration_sampling import Candidate
+from regionik.moving.path_search import JoinedMotion, PathSearch, path_search
 from regionik.plan import Configuration
-from regionik.postures.guard import guard_of
 from regionik.postures.poses import Pose, Row
 from regionik.pruning import Pruned
 from regionik.reasons import explain_arm
@@ -61,16 +56,7 @@ def connect(
     NoPlanFound
         Where the arm touches something in every posture that was looked at, or cannot get there.
     """
-    guard, ladder = guard_of(world), pruned.ladder
-    interpolator = Interpolator(world, guard)
-    driver = driver_for(world, interpolator, standing, seed)
-    rolling = driver.rolling_goals(ladder, goals)
-    search = PathSearch(
-        world,
-        ConfigurationSampler(world, guard, ladder, standing, seed, rolling),
-        PathFollower(world, ladder, guard, driver.paths(ladder)),
-        TransitPlanner(world, guard, interpolator, driver),
-    )
+    search = path_search(world, pruned.ladder, standing, seed, goals)
     nominal = tuple(Candidate(goal, k) for goal, k in zip(goals, chain, strict=True))
     return _Connection(pruned, nominal, search).made(progress or (lambda *_: None))
 
@@ -128,7 +114,7 @@ class _Connection:
         return sorted(kept, key=lambda k: (k != self.nominal[i].component, k))
 
     def _one_lift_too_many(self, i: int) -> Explanation:
-        """What would have the tool lifted before set-point i, against the rules."""
+        """Explain what would have the tool lifted before set-point i, against the rules."""
         world, guard, touch = self.search.world, self.search.guard, self.search.follower.stops.get(i - 1)
         if touch is None:
             return explain_arm.arm_must_lift(world, i, "the arm would have to jump", None)

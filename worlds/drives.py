@@ -1,4 +1,4 @@
-"""How a base gets about: one class for each kind, and what every reader of a plan fills in between two poses.
+"""Kinds of base: what each can do, and its way between two poses, as every reader of a plan fills it in.
 
 `verify` asks a drive for its kind of motion alone (`BaseDrive.rolls` and `BaseDrive.turning_radius`), and has
 kinematics of its own.
@@ -22,7 +22,7 @@ BULGE = 5e-4  # that a line through points of a drawn way may cut off an arc [m]
 
 @dataclass(frozen=True)
 class BaseDrive(ABC):
-    """How a base drives, turns and stands.
+    """Motion of a base.
 
     Attributes
     ----------
@@ -34,7 +34,7 @@ class BaseDrive(ABC):
     headings : tuple of str
         Rules of heading that it can keep.
     turning_radius : float
-        Least one of its arcs [m].
+        Least radius of its arcs [m].
     """
 
     kind: ClassVar[BaseKind]
@@ -46,7 +46,7 @@ class BaseDrive(ABC):
     @property
     @abstractmethod
     def words(self) -> str:
-        """The kind, as people call it: "a differential drive"."""
+        """The kind as people call it: "a differential drive"."""
 
     @abstractmethod
     def parts(self, here: Array, there: Array) -> tuple[Array, Array]:
@@ -55,7 +55,6 @@ class BaseDrive(ABC):
         The base turns the shorter way; in reverse it rolls less than 0 [m], [rad].
         """
 
-    @abstractmethod
     def between(self, here: Array, there: Array, share: ArrayLike) -> Array:
         """Base poses on the way from some poses to others, headings running on from the first.
 
@@ -70,6 +69,15 @@ class BaseDrive(ABC):
         -------
         (..., 3) array
         """
+        share = np.asarray(share, dtype=np.float64)
+        slide, length = self.parts(here, there)
+        pose: Array = here + share[..., None] * slide
+        if self.rolls:
+            half = share * slide[..., 2] / 2
+            chord, middle = share * length * np.sinc(half / np.pi), here[..., 2] + half
+            pose[..., 0] += chord * np.cos(middle)
+            pose[..., 1] += chord * np.sin(middle)
+        return pose
 
     def travel(self, base: Array) -> float:
         """Length of the way through base poses (n, 3) [m]."""
@@ -81,7 +89,7 @@ class BaseDrive(ABC):
         return self.parts(base[:-1], base[1:])[1]
 
     def cuts(self, base: Array) -> Array:
-        """Where to look at the way through base poses (n, 3) so that lines between are near it, (m,).
+        """Places on the way through base poses (n, 3) between which lines are near it, (m,).
 
         In poses: 2.5 is halfway from the third to the fourth. All poses are among them.
         """
@@ -107,52 +115,28 @@ class OmnidirectionalDrive(BaseDrive):
     kind = "omni"
     rolls = False
     headings = ("free", "face_target", "fixed")
-
-    @property
-    def words(self) -> str:
-        """See `BaseDrive`."""
-        return "an omnidirectional base"
+    words = "an omnidirectional base"
 
     def parts(self, here: Array, there: Array) -> tuple[Array, Array]:
         """Nothing is rolled; see `BaseDrive`."""
         step = _shorter(here, there)
         return step, np.zeros(step.shape[:-1])
 
-    def between(self, here: Array, there: Array, share: ArrayLike) -> Array:
-        """On the straight line; see `BaseDrive`."""
-        share = np.asarray(share, dtype=np.float64)
-        pose: Array = here + share[..., None] * _shorter(here, there)
-        return pose
-
 
 @dataclass(frozen=True)
 class _RollingDrive(BaseDrive):
-    """It rolls along the arc whose heading lies along the chord in the middle of the turn.
-
-    What of the chord lies across that heading no wheel can roll; it is slid evenly.
-    """
+    """It rolls along the arc whose chord has the heading in the middle of the turn."""
 
     rolls = True
 
     def parts(self, here: Array, there: Array) -> tuple[Array, Array]:
-        """An arc of radius length / turn has the chord length sin(turn / 2) / (turn / 2); see `BaseDrive`."""
+        """What of the chord lies across that heading no wheel can roll: it is slid; see `BaseDrive`."""
         step = _shorter(here, there)
         half = step[..., 2] / 2
         tangent = np.stack([np.cos(here[..., 2] + half), np.sin(here[..., 2] + half)], -1)
         along = (step[..., :2] * tangent).sum(-1)
         step[..., :2] -= along[..., None] * tangent
-        return step, along / np.sinc(half / np.pi)
-
-    def between(self, here: Array, there: Array, share: ArrayLike) -> Array:
-        """On the arc; see `BaseDrive`."""
-        share = np.asarray(share, dtype=np.float64)
-        slide, length = self.parts(here, there)
-        half = share * slide[..., 2] / 2
-        chord, middle = share * length * np.sinc(half / np.pi), here[..., 2] + half
-        pose: Array = here + share[..., None] * slide
-        pose[..., 0] += chord * np.cos(middle)
-        pose[..., 1] += chord * np.sin(middle)
-        return pose
+        return step, along / np.sinc(half / np.pi)  # chord = length sin(half) / half
 
 
 @dataclass(frozen=True)
@@ -167,16 +151,12 @@ class DifferentialDrive(_RollingDrive):
     """
 
     kind = "differential"
-
-    @property
-    def words(self) -> str:
-        """See `BaseDrive`."""
-        return "a differential drive"
+    words = "a differential drive"
 
 
 @dataclass(frozen=True)
 class CarDrive(_RollingDrive):
-    """Wheels that steer: it rolls along arcs no tighter than its turning radius."""
+    """Wheels that steer: no arc is tighter than its turning radius."""
 
     kind = "car"
     turns_on_the_spot = False

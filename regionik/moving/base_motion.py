@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import NamedTuple, Protocol
 
@@ -10,8 +10,6 @@ import numpy as np
 
 from regionik.areas.standing import Index, Standing, room_for
 from regionik.moving.interpolation import Interpolator
-from regionik.moving.rolling_goals import RollingGoals
-from regionik.plan import Configuration
 from regionik.planners.clearance.legs import bases_between, leg_lengths
 from regionik.planners.driving.room import Room, fits
 from regionik.postures.poses import Pose
@@ -86,7 +84,7 @@ class StandingPaths:
 
 
 class Driver(Protocol):
-    """How one kind of base moves."""
+    """One kind of base that moves."""
 
     @property
     def methods(self) -> dict[str, int]:
@@ -122,9 +120,6 @@ class Driver(Protocol):
 
     def paths(self, ladder: Ladder) -> BasePaths:
         """Ways while the tool stays on its path."""
-
-    def rolling_goals(self, ladder: Ladder, found: Sequence[Configuration]) -> RollingGoals | None:
-        """Where a base on wheels may go next along M-FABRIK's configurations; others go anywhere."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,7 +9,7 @@ the tool goes on.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import islice
 
@@ -23,7 +23,6 @@ from regionik.areas.standing import Index, Standing, into_span, room_for
 from regionik.mfabrik import axis_of, pose_of
 from regionik.moving.base_motion import BasePath, ShapedDriver, halting, together
 from regionik.moving.interpolation import Interpolator
-from regionik.plan import Configuration
 from regionik.planners.driving.drive import NoPathError, drive, drive_inside
 from regionik.planners.driving.footprint import Slab
 from regionik.planners.driving.room import Room, room_of, slides
@@ -112,9 +111,6 @@ class AnyHeadingDriver:
         """See `Driver`."""
         return AnyHeadingPaths(self.world, ladder, self)
 
-    def rolling_goals(self, ladder: Ladder, found: Sequence[Configuration]) -> None:
-        """See `Driver`."""
-
     def _piece(self, label: int) -> BaseGeometry:
         piece: BaseGeometry = self.standing.pieces.polygon[label]
         return piece
@@ -157,9 +153,6 @@ class ByHeadingDriver(ShapedDriver):
     def paths(self, ladder: Ladder) -> ByHeadingPaths:
         """See `Driver`."""
         return ByHeadingPaths(self.world, ladder, self.standing, self.seed)
-
-    def rolling_goals(self, ladder: Ladder, found: Sequence[Configuration]) -> None:
-        """See `Driver`."""
 
 
 @dataclass(frozen=True, eq=False)

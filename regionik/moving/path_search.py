@@ -8,19 +8,24 @@ to a candidate from which the next run begins.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from regionik.areas.standing import Standing
+from regionik.moving.base_motion import StandingPaths
 from regionik.moving.configuration_sampling import Candidate, ConfigurationSampler, Evidence
+from regionik.moving.drivers import driver_for
+from regionik.moving.interpolation import Interpolator
 from regionik.moving.path_following import PathFollower
+from regionik.moving.rolling_goals import rolling_goals_for
 from regionik.moving.transit import TransitPlanner
 from regionik.plan import Configuration, Motion
-from regionik.planners.clearance.touching import Touch
 from regionik.planners.driving.drive import NoPathError
-from regionik.postures.guard import Guard
+from regionik.postures.guard import Guard, guard_of
 from regionik.postures.poses import Pose, Row, arrays, between, columns
+from regionik.pruning import Ladder
 from regionik.reasons import explain_arm
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Cause, Explanation, NoPlanFound
@@ -52,7 +57,7 @@ class JoinedMotion:
 
 
 @dataclass(frozen=True, eq=False)
-class Step:
+class SearchStep:
     """A candidate of a run, how the tool came there, and what may follow."""
 
     candidate: Candidate
@@ -62,15 +67,7 @@ class Step:
 
 @dataclass(frozen=True, eq=False)
 class PathSearch:
-    """The search, with all that it asks of a robot.
-
-    Attributes
-    ----------
-    world : World
-    sampler : ConfigurationSampler
-    follower : PathFollower
-    transits : TransitPlanner
-    """
+    """The search, with all that it asks."""
 
     world: World
     sampler: ConfigurationSampler
@@ -82,13 +79,7 @@ class PathSearch:
         return self.sampler.guard
 
     def start(self) -> list[Row]:
-        """The state that the robot starts in, if its arm is clear there; none where it may start anywhere.
-
-        Raises
-        ------
-        NoPlanFound
-            When the arm is not clear.
-        """
+        """The state that the robot starts in, if any; raises NoPlanFound where its arm is not clear there."""
         start, guard = self.world.start, self.guard
         if start is None:
             return []
@@ -101,18 +92,9 @@ class PathSearch:
     def arrive(
         self, i: int, here: Pose | None, candidates: Iterable[Candidate], plain: Carry, hard: int = HARD_TRIES
     ) -> tuple[list[Row], Candidate] | None:
-        """Get to the first candidate at set-point i that there is a way to with the tool lifted.
+        """Get to a candidate at set-point i with the tool lifted; without ``here`` the robot begins there.
 
-        Parameters
-        ----------
-        i : int
-        here : Pose, optional
-            Without it the robot begins at the first candidate.
-        candidates : iterable of Candidate
-        plain : callable
-            Plans a transit; it is asked about all candidates first.
-        hard : int
-            For how many of them a transit is then searched for in the space of the whole robot.
+        ``plain`` plans transits to all; to the first few a ``hard`` one is searched for with base and arm.
         """
         if here is None:
             return next((([], candidate) for candidate in candidates), None)
@@ -134,17 +116,12 @@ class PathSearch:
         for candidate in asked[:hard]:
             yield candidate, self.transits.sampled(here, candidate.pose, int(floor[candidate.component]))
 
-    def run(self, i: int, count: int, first: Candidate, ahead: Ahead) -> list[Step]:
+    def run(self, i: int, count: int, first: Candidate, ahead: Ahead) -> list[SearchStep]:
         """The longest run found from a candidate at set-point i, over ``count`` set-points at most.
 
-        Parameters
-        ----------
-        i, count : int
-        first : Candidate
-        ahead : callable
-            Given a set-point and a candidate there, those of the next set-point, the likeliest first.
+        Given a set-point and a candidate there, ``ahead`` has those of the next one, the likeliest first.
         """
-        steps = [Step(first, [], ahead(i, first))]
+        steps = [SearchStep(first, [], ahead(i, first))]
         best, tried, seen = list(steps), 0, set[Candidate]()
         while steps and len(best) < count and tried < PATIENCE:
             candidate = next(steps[-1].ahead, None)
@@ -160,7 +137,7 @@ class PathSearch:
                 continue
             seen.add(candidate)
             arrived = self._arrived(k, candidate, rows[-1].pose)
-            steps.append(Step(arrived, rows[:-1], ahead(k, arrived)))
+            steps.append(SearchStep(arrived, rows[:-1], ahead(k, arrived)))
             if len(steps) > len(best):
                 best, tried = list(steps), 0
         return best
@@ -179,23 +156,15 @@ class PathSearch:
         return JoinedMotion(columns(rows), tuple(candidate.found for candidate in candidates), methods)
 
     def why_not(self, i: int, here: Pose | None, goal: Candidate | None = None) -> Explanation:
-        """What stands in the arm's way at set-point i, or on the way there.
-
-        Parameters
-        ----------
-        i : int
-        here : Pose, optional
-            Where the robot comes from.
-        goal : Candidate, optional
-            What M-FABRIK found for the set-point, to which the way is looked at.
-        """
+        """Explain what stands in the arm's way at set-point i, or on the way there from ``here``."""
         guard, seen = self.guard, self.sampler.evidence.get(i, Evidence())
         touch, cut_off = seen.best, here is not None and seen.clear > 0
         if cut_off and self.transits.refusals:
             return explain_arm.no_drive(self.world, i, self.transits.refusals[0])
         if here is not None and cut_off and goal is not None:
             try:
-                touch = self._obstruction(here, goal)
+                piece = int(self.sampler.ladder.floor[goal.component])
+                touch = self.transits.obstruction(here, goal.pose, piece)
             except NoPathError as refusal:  # it drives to other places of this set-point only
                 return explain_arm.no_drive(self.world, i, refusal)
         closest, cause = "no single thing stands in the way", Cause("limits", self.world.robot.name)
@@ -204,5 +173,23 @@ class PathSearch:
         looked = seen.places, seen.postures, seen.proven
         return explain_arm.no_clear_posture(self.world, i, looked, closest, cause, cut_off=cut_off)
 
-    def _obstruction(self, here: Pose, goal: Candidate) -> Touch | None:
-        return self.transits.obstruction(here, goal.pose, int(self.sampler.ladder.floor[goal.component]))
+
+def path_search(
+    world: World,
+    ladder: Ladder,
+    standing: Standing,
+    seed: int,
+    goals: Sequence[Configuration] | None = None,
+) -> PathSearch:
+    """The search of a world, its base going along M-FABRIK's configurations, or standing without them."""
+    guard = guard_of(world)
+    interpolator = Interpolator(world, guard)
+    driver = driver_for(world, interpolator, standing, seed)
+    rolling = None if goals is None else rolling_goals_for(world, ladder, standing, goals)
+    paths = StandingPaths(world) if goals is None else driver.paths(ladder)
+    return PathSearch(
+        world,
+        ConfigurationSampler(world, guard, ladder, standing, seed, rolling),
+        PathFollower(world, ladder, guard, paths),
+        TransitPlanner(world, guard, interpolator, driver),
+    )

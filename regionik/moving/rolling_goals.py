@@ -1,4 +1,4 @@
-"""Where a base on wheels may go next: it stays while the arm reaches, else rolls where it can stay long."""
+"""Next poses of a base on wheels: it stays while the arm reaches, else rolls to where it can stay long."""
 
 from __future__ import annotations
 
@@ -94,7 +94,15 @@ class RollingGoals:
         return held
 
 
-def travel_headings(robot: Robot, goals: Sequence[Configuration]) -> Array:
+def rolling_goals_for(
+    world: World, ladder: Ladder, standing: Standing, found: Sequence[Configuration]
+) -> RollingGoals | None:
+    """Goals of a base on wheels along M-FABRIK's configurations; a base that slides goes anywhere."""
+    rolls = world.robot.drive.rolls
+    return RollingGoals(world, ladder, standing, _travel_headings(world.robot, found)) if rolls else None
+
+
+def _travel_headings(robot: Robot, goals: Sequence[Configuration]) -> Array:
     """Direction in which the arm axis goes on from each configuration, (n,); NaN where it stays [rad]."""
     axes = np.array([axis_of(robot, goal.base) for goal in goals])
     headings = np.full(len(axes), np.nan)

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from regionik.moving.base_motion import BasePath, ShapedDriver, halting, together
-from regionik.moving.rolling_goals import RollingGoals, travel_headings
-from regionik.plan import Configuration
 from regionik.planners.driving.room import Room, rolls
 from regionik.planners.driving.wheels import Way, drive_car, drive_differential
 from regionik.postures.poses import Pose
@@ -25,7 +23,7 @@ class _WheeledDriver(ShapedDriver, ABC):
 
     @abstractmethod
     def way_in(self, room: Room, a: Array, b: Array) -> Way:
-        """How the base rolls from one pose to another; raises NoPathError."""
+        """Way that the base rolls from one pose to another; raises NoPathError."""
 
     def route(self, here: Pose, there: Pose, label: int, berth: float = 0.0) -> Array:
         """Of the base, (n, 3), each hop a line, an arc or a turn on the spot; see `Driver`."""
@@ -50,10 +48,6 @@ class _WheeledDriver(ShapedDriver, ABC):
     def paths(self, ladder: Ladder) -> WheeledPaths:
         """See `Driver`."""
         return WheeledPaths(self.world, self)
-
-    def rolling_goals(self, ladder: Ladder, found: Sequence[Configuration]) -> RollingGoals:
-        """See `Driver`."""
-        return RollingGoals(self.world, ladder, self.standing, travel_headings(self.world.robot, found))
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,18 +15,12 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from regionik.moving.base_motion import StandingPaths
-from regionik.moving.configuration_sampling import PITCHES, Candidate, ConfigurationSampler
-from regionik.moving.drivers import driver_for
-from regionik.moving.interpolation import Interpolator
-from regionik.moving.path_following import PathFollower
-from regionik.moving.path_search import HARD_TRIES, JoinedMotion, PathSearch
-from regionik.moving.transit import TransitPlanner
+from regionik.moving.configuration_sampling import PITCHES, Candidate
+from regionik.moving.path_search import HARD_TRIES, JoinedMotion, PathSearch, path_search
 from regionik.parking.fewest import Group
 from regionik.parking.placing import Bay, Placing
 from regionik.parking.stops import StopSequence
 from regionik.plan import Stop
-from regionik.postures.guard import guard_of
 from regionik.postures.poses import Pose, Row
 from regionik.reasons import explain
 from regionik.worlds.arrays import Array
@@ -70,16 +64,7 @@ def connect_stops(work: StopSequence, seed: int, progress: Progress | None = Non
         Where the arm touches something in every posture that was looked at, the base finds no way, or
         the tool is lifted more often than the rules allow.
     """
-    world, floors = work.world, work.floors
-    guard = guard_of(world)
-    interpolator = Interpolator(world, guard)
-    driver = driver_for(world, interpolator, floors.standing, seed)
-    search = PathSearch(
-        world,
-        ConfigurationSampler(world, guard, floors.ladder, floors.standing, seed),
-        PathFollower(world, floors.ladder, guard, StandingPaths(world)),
-        TransitPlanner(world, guard, interpolator, driver),
-    )
+    search = path_search(work.world, work.floors.ladder, work.floors.standing, seed)
     return _StopConnection(work, search).made(progress or (lambda *_: None))
 
 
