@@ -26,7 +26,7 @@ class BasePath(NamedTuple):
     Attributes
     ----------
     rolls : bool
-        How the base goes from knot to knot; see `regionik.worlds.drives.Drive`.
+        How the base goes from knot to knot; see `regionik.worlds.drives.BaseDrive`.
     knots : (k, 3) array
         Base poses; where the heading is NaN it is free, and the place is that of the arm axis [m], [rad].
     tool : (k,) array
