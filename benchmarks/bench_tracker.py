@@ -16,10 +16,10 @@ import time
 import numpy as np
 
 import regionik as rik
-from regionik.moving.tracks import arm_of
+from regionik.moving.tracker_paths import arm_of
 from regionik.planners.driving.tracking import chord_heading
-from regionik.rolling import wheels
 from regionik.worlds.arrays import Array
+from regionik.worlds.drives import wheel_travel
 
 SPEED = 0.5  # of a wheel [m/s]
 
@@ -57,7 +57,7 @@ def measure(name: str) -> bool:
     took = time.perf_counter() - begun
     place, turn = residuals(found)
     pivot = np.degrees(np.abs(found.motion.joints[:, 0]).max())
-    longest = np.abs(wheels(found.motion.base, world.robot.gauge)).max(axis=1)
+    longest = np.abs(wheel_travel(found.motion.base, world.robot.gauge)).max(axis=1)
     slip = 1e-9 - rik.verify(found).margins["wheels"]
     theirs = 1000 * paper_slip(world)
     print(

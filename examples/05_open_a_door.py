@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 import regionik as rik
-from regionik.rolling import wheels
+from regionik.worlds.drives import wheel_travel
 
 folder = Path(sys.argv[1]) if len(sys.argv) > 1 else Path()
 world = rik.load_world("door")
@@ -25,7 +25,7 @@ turn = np.degrees(np.ptp(np.unwrap(plan.motion.base[:, 2])))
 print(f"the door is open: the base rolled {plan.stats['base_travel']:.2f} m and turned {turn:.0f} deg")
 
 # The wheels stand 0.32 m apart. At 0.5 m/s at most, the faster one sets the time.
-ways = wheels(plan.motion.base, world.robot.gauge)
+ways = wheel_travel(plan.motion.base, world.robot.gauge)
 print(f"that takes {np.abs(ways).max(axis=1).sum() / 0.5:.1f} s")
 
 # Verification finds no slip across the wheels, by its own reading of the states.

@@ -15,9 +15,10 @@ from regionik.areas.demand import in_plane
 from regionik.areas.ground import united
 from regionik.areas.standing import Standing
 from regionik.mfabrik import axis_of, configurations
-from regionik.motion import Course, connect
+from regionik.motion import connect
+from regionik.moving.path_search import JoinedMotion
 from regionik.parking.fewest import park
-from regionik.parking.parked import attend
+from regionik.parking.stop_motion import connect_stops
 from regionik.parking.stops import check as check_stops
 from regionik.parking.stops import in_turn
 from regionik.postures.poses import figures, lift_offs
@@ -130,8 +131,8 @@ def search(world: World, seed: int = 0, tell: Progress = _untold) -> Plan:
     for i, goal in enumerate(goals):
         if not goal.converged and not world.rules.avoidance:
             raise NoPlanFound(explain.no_posture(world, i))
-    course = connect(world, pruned, chain, goals, standing, seed, tell)
-    return _verified(finish(world, seed, areas, pruned, course), tell)
+    joined = connect(world, pruned, chain, goals, standing, seed, tell)
+    return _verified(finish(world, seed, areas, pruned, joined), tell)
 
 
 def _verified(found: Plan, tell: Progress) -> Plan:
@@ -149,22 +150,22 @@ def _stopping(world: World, seed: int, tell: Progress) -> Plan:
     parking = park(world)
     tell("stops", 0, len(parking.groups))
     work = in_turn(world, parking)
-    done = attend(work, seed, tell)
-    course = done.course
-    stats = figures(world.robot.base, course.setpoints, course.motion, course.methods)
+    done = connect_stops(work, seed, tell)
+    joined = done.joined
+    stats = figures(world.robot.drive, joined.setpoints, joined.motion, joined.methods)
     stats["stops"] = {**parking.stats, "count": len(done.stops), "split_before": list(done.split)}
     if world.rules.order == "any":
         stats["order"] = list(work.order)
     shown = _planned_areas(work.world, work.floors.areas, lambda i: done.places[i])
-    lifts = lift_offs(course.motion)
-    return Plan(work.world, seed, course.setpoints, course.motion, shown, lifts, done.stops, stats)
+    lifts = lift_offs(joined.motion)
+    return Plan(work.world, seed, joined.setpoints, joined.motion, shown, lifts, done.stops, stats)
 
 
 def check(world: World) -> None:
     """Refuse what cannot be planned at all."""
     if not world.task:
         raise InputError(f"{world.name}: task: expected at least one set-point")
-    if world.robot.base != "omni" and world.rules.heading != "free":
+    if world.rules.heading not in world.robot.drive.headings:
         raise InputError(
             f"{world.name}: rules.heading: a base on wheels turns as it drives, expected free, "
             f"got {world.rules.heading}"
@@ -301,12 +302,11 @@ def start_pose(world: World, pruned: Pruned, chain: list[int]) -> tuple[Array, A
     return np.array([spot.x, spot.y, 0.0]), world.robot.carry
 
 
-def finish(world: World, seed: int, areas: PathAreas, pruned: Pruned, course: Course) -> Plan:
+def finish(world: World, seed: int, areas: PathAreas, pruned: Pruned, joined: JoinedMotion) -> Plan:
     """Put the results of the stages together."""
-    motion = course.motion
-    stats = figures(world.robot.base, course.setpoints, motion, course.methods)
+    stats = figures(world.robot.drive, joined.setpoints, joined.motion, joined.methods)
     shown = _planned_areas(world, areas, pruned.area)
-    return Plan(world, seed, course.setpoints, motion, shown, lift_offs(motion), (), stats)
+    return Plan(world, seed, joined.setpoints, joined.motion, shown, lift_offs(joined.motion), (), stats)
 
 
 def _planned_areas(

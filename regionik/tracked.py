@@ -17,7 +17,7 @@ from shapely.geometry.base import BaseGeometry
 
 from regionik.areas.ground import ground_of
 from regionik.mfabrik import axis_of
-from regionik.moving.tracks import SAME, Follow, arm_of, same, ways
+from regionik.moving.tracker_paths import SAME, TrackedPath, arm_of, same, tracked_paths
 from regionik.planners.driving.drive import NoPathError
 from regionik.planners.driving.pitch import HeightError, PitchArm, arm_share
 from regionik.planners.driving.room import Room, room_of
@@ -54,16 +54,16 @@ def follow(world: World, seed: int, tell: Tell) -> Plan:
     assert arm is not None, "asked of a world that the tracker follows"
     tell("tracker", 0, 0)
     refused = _Refused(world)
-    carrier = _Carrier(world, seed)
+    joiner = _RunJoiner(world, seed)
     try:
-        for k, found in enumerate(ways(world, arm)):
+        for k, found in enumerate(tracked_paths(world, arm)):
             tell("tracker", k, 0)
             try:
-                motion = carrier.motion(found)
+                motion = joiner.motion(found)
             except NoPathError as error:
                 refused.no_way.append(str(error))
                 continue
-            made = _plan(world, seed, arm, motion, carrier.methods(found))
+            made = _plan(world, seed, arm, motion, joiner.methods(found))
             report = verify(made)
             if report.ok:
                 return replace(made, stats={**made.stats, "margins": report.margins})
@@ -74,13 +74,13 @@ def follow(world: World, seed: int, tell: Tell) -> Plan:
 
 
 @dataclass(frozen=True, eq=False)
-class _Carrier:
+class _RunJoiner:
     """Puts runs together to one motion; between two the tool is lifted and the base driven."""
 
     world: World
     seed: int
 
-    def motion(self, found: Follow) -> Motion:
+    def motion(self, found: TrackedPath) -> Motion:
         start, rows, k = self.world.start, [], 0
         here = None if start is None else Pose(start.base, start.joints)
         if here is not None:
@@ -97,7 +97,7 @@ class _Carrier:
             del rows[0]
         return columns(rows)
 
-    def methods(self, found: Follow) -> dict[str, int]:
+    def methods(self, found: TrackedPath) -> dict[str, int]:
         drives = len(found.runs) - (self.world.start is None)
         return {"tracker": sum(len(run.base) - 1 for run in found.runs)} | (
             {"drive": drives} if drives else {}
@@ -140,7 +140,7 @@ def _plan(world: World, seed: int, arm: PitchArm, motion: Motion, methods: dict[
         _area(world, arm, target, free, axis_of(world.robot, one.base))
         for target, one in zip(world.task, found, strict=True)
     )
-    stats = figures(world.robot.base, found, motion, methods)
+    stats = figures(world.robot.drive, found, motion, methods)
     return Plan(world, seed, found, motion, areas, lift_offs(motion), (), stats)
 
 

@@ -180,10 +180,10 @@ FAULTS = (
     ),
     Fault(
         "wheels: the chord lies along the heading at its end",
-        "regionik/rolling.py",
+        "worlds/drives.py",
         "half = share * slide[..., 2] / 2",
         "half = share * slide[..., 2]",
-        ("tests/test_rolling.py",),
+        ("tests/test_drives.py",),
     ),
     Fault(
         "boxes turn the wrong way on the floor",

@@ -13,8 +13,9 @@ from regionik.areas.demand import in_plane
 from regionik.output.urdf import robot_to_urdf
 from regionik.worlds.chain import chain_from_dh
 from regionik.worlds.criteria import Criteria
+from regionik.worlds.drives import BaseKind
 from regionik.worlds.library import load_world, world_names
-from regionik.worlds.robot import BaseKind, Robot, capsules_along
+from regionik.worlds.robot import Robot, capsules_along
 from regionik.worlds.scene import Heading, Order, Start, World
 from regionik.worlds.speeds import Speeds
 from regionik.worlds.urdf.loader import load_robot

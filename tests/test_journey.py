@@ -9,7 +9,7 @@ import pytest
 
 from regionik.verification.motion import Journey, sag
 from regionik.worlds.arrays import Array
-from regionik.worlds.robot import BaseKind
+from regionik.worlds.drives import BaseKind
 from tests.bodies import motion_through, random_robot
 
 H = 1e-4  # step of the differences [hops]

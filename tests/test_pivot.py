@@ -13,10 +13,11 @@ from regionik.regions import admissible_area
 from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, Joint, rot_x, translation
+from regionik.worlds.drives import BaseKind
 from regionik.worlds.errors import InputError
 from regionik.worlds.library import robot_named
 from regionik.worlds.pivoted_arm import behind, is_planar, pivot_of, pivoted, span_of
-from regionik.worlds.robot import BaseKind, Robot
+from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Heading, Rules, Start, Target, World
 from tests.bodies import on_lift, with_lift
 

@@ -116,8 +116,8 @@ def test_l_shape_without_pruning_lifts_off() -> None:
     breaks = tuple(i + 1 for i, pair in enumerate(itertools.pairwise(chain)) if pair not in edges)
     goals = configurations(world, ladder, standing, chain, (world.start.base, world.start.joints))
     everything = prune(ladder, np.ones(len(ladder.component), dtype=bool))
-    course = connect(world, replace(everything, breaks=breaks), chain, goals, standing, 0)
-    assert finish(world, 0, areas, everything, course).lift_offs >= 1
+    joined = connect(world, replace(everything, breaks=breaks), chain, goals, standing, 0)
+    assert finish(world, 0, areas, everything, joined).lift_offs >= 1
 
 
 def test_overlaps_agree_with_every_pair() -> None:

@@ -12,7 +12,6 @@ import shapely
 from regionik.output.plan_file import load_plan
 from regionik.pipeline import plan, search
 from regionik.planners.timing.fastest import Look, fastest
-from regionik.rolling import wheels
 from regionik.timing.blending import curve_of
 from regionik.timing.curve import running_on
 from regionik.timing.limits import limits_of, tool_velocity
@@ -24,6 +23,7 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain
 from regionik.worlds.documents.world_file import world_from_document, world_to_document
+from regionik.worlds.drives import OmnidirectionalDrive, wheel_travel
 from regionik.worlds.errors import InputError
 from regionik.worlds.library import load_world, world_names
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
@@ -65,7 +65,7 @@ def test_no_limit_is_exceeded_at_a_thousand_hertz(name: str) -> None:
     assert np.abs(look.base_velocity[:, 2]).max() <= speeds.turn_velocity * SLACK
     assert np.abs(look.base_acceleration[:, 2]).max() <= speeds.turn_acceleration * SLACK
     if speeds.wheel_velocity is not None:
-        rolled = np.abs(wheels(look.base, robot.gauge)) / np.diff(look.time)[:, None]
+        rolled = np.abs(wheel_travel(look.base, robot.gauge)) / np.diff(look.time)[:, None]
         assert rolled[:-1].max() <= speeds.wheel_velocity * (
             1 + 1e-4
         )  # by differences, over each millisecond
@@ -289,7 +289,7 @@ def test_a_curve_goes_nowhere_beyond_its_states() -> None:
     rng = np.random.default_rng(1)
     base = np.cumsum(rng.normal(size=(30, 3)) * [0.1, 0.1, 0.0], axis=0)
     joints = np.repeat(rng.uniform(-1, 1, (10, 2)), 3, axis=0)
-    curve = running_on("omni", base, joints)
+    curve = running_on(OmnidirectionalDrive(), base, joints)
     ((a, b),) = curve.runs
     position = np.linspace(curve.position[a], curve.position[b], 5000)
     k = curve.hop_at(position)

@@ -21,7 +21,6 @@ from regionik.planners.clearance.touching import (
     solid_clear,
     way_clear,
 )
-from regionik.rolling import on_way
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain, Joint, planar_pose, rot_x, rot_y, translation
@@ -291,7 +290,7 @@ def test_a_small_step_of_the_base_changes_the_distance_no_more(name: str) -> Non
 def between(robot: Robot, a: Array, b: Array, qa: Array, qb: Array, count: int) -> tuple[Array, Array]:
     """States of a motion."""
     s = np.linspace(0, 1, count)
-    return on_way(robot.base, a, b, s), qa + s[:, None] * (qb - qa)
+    return robot.drive.between(a, b, s), qa + s[:, None] * (qb - qa)
 
 
 def motions(bodies: Bodies, count: int, seed: int) -> list[tuple[Array, Array, Array, Array]]:

@@ -10,11 +10,10 @@ import pytest
 from shapely.geometry import Point
 
 from regionik.mfabrik import axis_of
-from regionik.moving.tracks import arm_of
+from regionik.moving.tracker_paths import arm_of
 from regionik.pipeline import check, plan
 from regionik.planners.driving.pitch import arm_share
 from regionik.planners.driving.tracking import SaturationError, track, track_runs
-from regionik.rolling import travel, wheels
 from regionik.tracked import DRAWN, follows
 from regionik.values import Plan
 from regionik.verification.verifier import verify
@@ -22,6 +21,7 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import planar_pose, rot_y, rot_z
 from regionik.worlds.documents.world_file import load_world, world_from_document, world_to_document
+from regionik.worlds.drives import wheel_travel
 from regionik.worlds.errors import InputError, NoPlanFound
 from regionik.worlds.obstacles import Box
 from regionik.worlds.scene import Start, Target, World
@@ -66,8 +66,8 @@ def test_poses_are_met_without_lifting_slipping_or_leaving_limits(name: str) -> 
     report = verify(found)
     assert report.ok
     assert 1e-9 - report.margins["wheels"] < 1e-12
-    ways = wheels(found.motion.base, robot.gauge)
-    assert travel(robot.base, found.motion.base) == pytest.approx(np.abs(ways.mean(1)).sum())
+    ways = wheel_travel(found.motion.base, robot.gauge)
+    assert robot.drive.travel(found.motion.base) == pytest.approx(np.abs(ways.mean(1)).sum())
     times = np.abs(ways).max(1) / SPEED
     assert np.abs(ways / times[:, None]).max() <= SPEED + 1e-12
     assert times.sum() == pytest.approx({"circle": 28.3, "door": 0.988}[name], rel=0.01)

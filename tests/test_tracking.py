@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from benchmarks.tables.xu import circle
 from regionik.planners.driving.pitch import HeightError, PitchArm, heights
-from regionik.planners.driving.tracking import Track, rolled, track
+from regionik.planners.driving.tracking import TrackedRun, rolled, track
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, chain_from_dh, planar_pose, rot_y, rot_z, translation
 
@@ -24,7 +24,7 @@ def parm() -> Chain:
     return Chain(chain.joints, chain.T_last_tool @ translation(0, 0, 0.11321))
 
 
-def residuals(found: Track, poses: list[Array]) -> tuple[float, float]:
+def residuals(found: TrackedRun, poses: list[Array]) -> tuple[float, float]:
     chain = parm()
     mount = planar_pose(AHEAD, 0, 0, LIFT)
     tools = [
@@ -39,7 +39,7 @@ def door(height: float) -> list[Array]:
     return [rot_z(np.radians(k)) @ translation(0.23, 0, height) @ rot_z(-np.pi / 2) for k in range(91)]
 
 
-def follow(poses: list[Array], limit: float = LIMIT) -> Track:
+def follow(poses: list[Array], limit: float = LIMIT) -> TrackedRun:
     return track(PARM, poses, ahead=AHEAD, lift=LIFT, pivot_limit=limit)
 
 

@@ -13,16 +13,16 @@ from hypothesis import strategies as st
 from regionik.areas.ground import ground_of
 from regionik.areas.standing import anywhere
 from regionik.mfabrik import axis_of
-from regionik.moving import wholebody
-from regionik.moving.driving import driver_for
-from regionik.moving.hops import TURN_STRIDE, Hops
-from regionik.moving.transit import Carrier
+from regionik.moving import whole_body
+from regionik.moving.drivers import driver_for
+from regionik.moving.interpolation import TURN_STRIDE, Interpolator
+from regionik.moving.transit import TransitPlanner
 from regionik.planners.solvers.kernels import wrap
 from regionik.postures.guard import guard_of
 from regionik.postures.poses import LARGEST_BEND, Pose, between
+from regionik.worlds.drives import BaseKind
 from regionik.worlds.library import robot_named
 from regionik.worlds.obstacles import Box, Cylinder, Solid
-from regionik.worlds.robot import BaseKind
 from regionik.worlds.scene import Floor, Heading, Rules, World
 
 HERE = np.array([-0.9, -0.7, 0.3])
@@ -34,10 +34,10 @@ def world_of(name: str, *solids: Solid, heading: Heading = "free") -> World:
     return World(name, robot_named(name), Floor(shapely.box(-2, -2, 2, 2)), solids, (), rules)
 
 
-def carrier(world: World) -> Carrier:
+def carrier(world: World) -> TransitPlanner:
     guard = guard_of(world)
-    hops = Hops(world, guard)
-    return Carrier(world, guard, hops, driver_for(world, hops, anywhere(world), 0))
+    interpolator = Interpolator(world, guard)
+    return TransitPlanner(world, guard, interpolator, driver_for(world, interpolator, anywhere(world), 0))
 
 
 def posed(world: World, base: np.ndarray, *bends: float) -> Pose:
@@ -54,7 +54,7 @@ def check(world: World, here: Pose, way: list[Pose], there: Pose) -> None:
         assert abs(wrap(b.base[2] - a.base[2])) <= LARGEST_BEND
         assert np.abs(b.joints - a.joints).max() <= LARGEST_BEND + 1e-9
         for share in np.linspace(0, 1, 5):
-            at = between(a, b, float(share))
+            at = between(a, b, float(share), world.robot.drive)
             assert guard_of(world).clear(at)
             assert free.distance(shapely.Point(axis_of(robot, at.base))) < 1e-3
             assert (at.joints >= robot.chain.lower - 1e-9).all()
@@ -80,13 +80,13 @@ def test_folded_ways_over_open_floor(name: str) -> None:
 def test_a_base_that_turns_round_its_arm_keeps_its_steps(way: float, turn: float, step: float) -> None:
     world = world_of("youbot-real")
     world = replace(world, rules=replace(world.rules, step=step))
-    hops = Hops(world, guard_of(world))
+    interpolator = Interpolator(world, guard_of(world))
     here = posed(world, np.zeros(3))
     start = axis_of(world.robot, here.base)
     there_base = np.array([*(start + (way, 0.0)), turn])
     there_base[:2] -= axis_of(world.robot, np.array([0.0, 0.0, turn]))
     there = posed(world, there_base)
-    bases = [pose.base for pose in [here, *hops.straight(here, there), there]]
+    bases = [pose.base for pose in [here, *interpolator.straight(here, there), there]]
     assert np.hypot(*np.diff(bases, axis=0)[:, :2].T).max() <= step
 
 
@@ -126,7 +126,7 @@ def test_sampled_ways_in_a_narrow_place(heading: Heading) -> None:
 
 
 def test_no_way_out_of_a_pen(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(wholebody, "ITERATIONS", 100)
+    monkeypatch.setattr(whole_body, "ITERATIONS", 100)
     pen = tuple(
         Box(name, np.array([*size, 1.0]), np.array([*middle, 0.7]))
         for name, size, middle in (

@@ -11,10 +11,10 @@ import shapely
 from regionik import plan, verify
 from regionik.values import Plan
 from regionik.worlds.arrays import Array
+from regionik.worlds.drives import BaseKind
 from regionik.worlds.errors import InputError, NoPlanFound
 from regionik.worlds.library import robot_named
 from regionik.worlds.obstacles import Box
-from regionik.worlds.robot import BaseKind
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
 
 RADIUS = 0.6  # of the car's turns [m]

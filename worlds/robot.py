@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.chain import Chain, planar_pose
+from regionik.worlds.drives import BaseDrive, BaseKind, drive_of
 from regionik.worlds.errors import InputError
 
 GRAVITY = 9.80665  # standard gravity [m/s2]
@@ -38,8 +39,6 @@ class LinkMass:
         if not 0 < self.mass < np.inf:
             raise InputError(f"mass: expected a finite number above 0, got {self.mass}")
 
-
-BaseKind = Literal["omni", "differential", "car"]
 
 BASE = -1  # the link of solids that are fixed to the base; its frame is the base frame
 
@@ -190,6 +189,11 @@ class Robot:
             if wrong is not None:
                 text = f"{wrong.name}: expected a link from {low} to {high}, got {wrong.link}"
                 raise InputError(f"{what}: {text}")
+
+    @cached_property
+    def drive(self) -> BaseDrive:
+        """How the base gets about."""
+        return drive_of(self.base, self.turning_radius)
 
     @property
     def all_solids(self) -> tuple[LinkSolid, ...]:

@@ -22,10 +22,10 @@ from regionik.areas.reachable import FRONT
 from regionik.exactareas import exact_areas
 from regionik.mfabrik import configurations
 from regionik.motion import connect
-from regionik.moving.driving import driver_for
-from regionik.moving.hops import Hops
-from regionik.moving.transit import Carrier
-from regionik.moving.wholebody import WholeBody
+from regionik.moving.drivers import driver_for
+from regionik.moving.interpolation import Interpolator
+from regionik.moving.transit import TransitPlanner
+from regionik.moving.whole_body import WholeBodyPlanner
 from regionik.pipeline import search, start_place, start_pose, whole_path
 from regionik.planners.driving.drive import drive
 from regionik.planners.geometry.ringarcs import measures, outlines
@@ -33,7 +33,6 @@ from regionik.postures.guard import guard_of
 from regionik.postures.poses import Pose
 from regionik.pruning import choose_chain
 from regionik.regions import path_areas
-from regionik.rolling import travel
 from regionik.worlds.library import load_world
 from regionik.worlds.obstacles import Box
 from regionik.worlds.scene import Floor, Target, World
@@ -155,18 +154,18 @@ def _jump(size: Size) -> Iterator[Row]:
     first = int(np.argmax(kinds == "setpoint"))
     lifted = np.flatnonzero((kinds == "transit") & (np.arange(len(kinds)) > first))
     runs = np.split(lifted, np.flatnonzero(np.diff(lifted) > 1) + 1)
-    run = max(runs, key=lambda one: travel("omni", motion.base[one[0] - 1 : one[-1] + 2]))
+    run = max(runs, key=lambda one: world.robot.drive.travel(motion.base[one[0] - 1 : one[-1] + 2]))
     here, there = (Pose(motion.base[k], motion.joints[k]) for k in (run[0] - 1, run[-1] + 1))
     standing, _, _ = whole_path(world)
     guard = guard_of(world)
-    hops = Hops(world, guard)
-    driver = driver_for(world, hops, standing, 0)
+    interpolator = Interpolator(world, guard)
+    driver = driver_for(world, interpolator, standing, 0)
     piece = standing.piece_at(here.base[:2], float(here.base[2]))
     assert piece is not None
-    carrier = Carrier(world, guard, hops, driver)
+    transits = TransitPlanner(world, guard, interpolator, driver)
 
     def staged() -> list[Pose]:
-        way = carrier.folded(here, there, piece)
+        way = transits.folded(here, there, piece)
         assert way is not None
         return [here, *way, there]
 
@@ -175,10 +174,11 @@ def _jump(size: Size) -> Iterator[Row]:
     def whole() -> list[Pose]:
         way = None
         while way is None:  # a run that finds none counts with the one that does
-            way = WholeBody(world, hops, replace(driver, seed=next(seeds)), piece).way(here, there)
+            seeded = replace(driver, seed=next(seeds))
+            way = WholeBodyPlanner(world, interpolator, seeded, piece).way(here, there)
         return way
 
-    lengths = [travel("omni", np.array([pose.base for pose in work()])) for work in (staged, whole)]
+    lengths = [world.robot.drive.travel(np.array([pose.base for pose in work()])) for work in (staged, whole)]
     yield against(
         "the far jump of pillar, proven clear",
         "OMPL RRTConnect over base and arm, 8 dimensions, the same checker",
@@ -187,7 +187,9 @@ def _jump(size: Size) -> Iterator[Row]:
         Wanted(10.0),
         size,
     )
-    others = [travel("omni", np.array([pose.base for pose in whole()])) for _ in range(size.count(15))]
+    others = [
+        world.robot.drive.travel(np.array([pose.base for pose in whole()])) for _ in range(size.count(15))
+    ]
     yield counted(
         "the same: our base path / theirs", "RRTConnect, shortened", [lengths[0] / one for one in others],
         Wanted(1.0, at_least=False),

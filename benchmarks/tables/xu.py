@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchmarks.tables.table import Table
-from regionik.moving.tracks import arm_of
+from regionik.moving.tracker_paths import arm_of
 from regionik.planners.driving.pitch import PitchArm, heights
 from regionik.planners.driving.tracking import chord_heading, track
 from regionik.planners.solvers.kernels import wrap

@@ -177,7 +177,7 @@ def way_clear(
     i, k, m, s = _first_stop(bodies, bases, joints, margin, contact)
     if k < 0:
         return i, None
-    hop = hop_between(bases[i], joints[i], bases[i + 1], joints[i + 1], bodies.robot.base != "omni")
+    hop = hop_between(bases[i], joints[i], bases[i + 1], joints[i + 1], bodies.robot.drive.rolls)
     return i, _touch(bodies, _at(hop, s), k, m)
 
 
@@ -190,7 +190,7 @@ def _first_stop(
     bodies: Bodies, bases: Array, joints: Array, margin: float, contact: Contact | None
 ) -> tuple[int, int, int, float]:
     """Hop, solid, row and part of the hop where the proof of a way ends; a solid of -1 where it does not."""
-    exempt, rolls = _exempt(contact), bodies.robot.base != "omni"
+    exempt, rolls = _exempt(contact), bodies.robot.drive.rolls
     known = bodies.arm, bodies.mount, bodies.movers, bodies.hulls
     i, k, m, s = first_stop_on_way(*known, bases, joints, rolls, exempt, float(margin))
     for n in range(i if bodies.meshed else 0):

@@ -37,7 +37,7 @@ class SaturationError(PoseError):
 
 
 @dataclass(frozen=True, eq=False)
-class Track:
+class TrackedRun:
     """How the robot follows poses; a step leads to the pose of its row.
 
     Attributes
@@ -63,7 +63,7 @@ class Track:
 
 
 class _Row(NamedTuple):
-    """One row of a `Track`."""
+    """One row of a `TrackedRun`."""
 
     base: Array
     joints: Array
@@ -80,7 +80,7 @@ def track(
     pivot_limit: float = np.pi / 2,
     heading: float | None = None,
     elbow: int = 1,
-) -> Track:
+) -> TrackedRun:
     """Follow tool poses with a base that rolls along arcs.
 
     Parameters
@@ -136,10 +136,10 @@ def _rows(
         yield _Row(base, _joints(share, pivot, turn - base[2]), bend, arc)
 
 
-def _track_of(rows: Iterable[_Row]) -> Track:
+def _track_of(rows: Iterable[_Row]) -> TrackedRun:
     found = list(rows)
     base, joints, bend, arc = zip(*found, strict=True) if found else ((),) * 4
-    return Track(
+    return TrackedRun(
         np.array(base).reshape(-1, 3), np.array(joints).reshape(-1, 5), np.array(bend), np.array(arc)
     )
 
@@ -155,7 +155,7 @@ def track_runs(
     heading: float | None = None,
     elbow: int = 1,
     most: float = np.inf,
-) -> tuple[Track, ...]:
+) -> tuple[TrackedRun, ...]:
     """Follow tool poses in runs: a new one begins where a joint cannot follow any longer.
 
     Between two runs the tool must be lifted and the base brought from the last pose of the one to the first
@@ -164,7 +164,7 @@ def track_runs(
 
     Returns
     -------
-    tuple of Track
+    tuple of TrackedRun
         None at all where some pose is beyond the limits from every heading, or more than ``most`` runs would
         be needed.
     """
@@ -179,7 +179,7 @@ def track_runs(
                     return
                 yield row
 
-    def run(first: int, yaw: float | None) -> Track:
+    def run(first: int, yaw: float | None) -> TrackedRun:
         return _track_of(within(_rows(arm, poses[first:], ahead, lift, limit, yaw, elbow)))
 
     runs = [run(0, heading)]

@@ -158,10 +158,9 @@ def report_document(report: Report) -> dict[str, Any]:
 
 def plan_summary(plan: Plan, seconds: float, written: Iterable[Path]) -> str:
     """Return what a person wants to know about a plan, in a few lines."""
-    from regionik.rolling import travel
     from regionik.storage.plan_document import keeps_areas
 
-    way = travel(plan.world.robot.base, plan.motion.base)
+    way = plan.world.robot.drive.travel(plan.motion.base)
     worst = max(c.error for c in plan.setpoints)
     lines = [
         f"{plan.world.name}: {_count(len(plan.setpoints), 'set-point')} within {worst * 1000:.3f} mm, "

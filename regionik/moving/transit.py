@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from regionik.moving.driving import Driver
-from regionik.moving.hops import Hops
-from regionik.moving.wholebody import WholeBody
+from regionik.moving.base_motion import Driver
+from regionik.moving.interpolation import Interpolator
+from regionik.moving.whole_body import WholeBodyPlanner
 from regionik.planners.clearance.touching import Touch
 from regionik.planners.driving.drive import NoPathError
 from regionik.postures.guard import Guard
@@ -22,7 +22,7 @@ BERTHS = (0.0, 0.04, 0.08, 0.16)  # kept from the edge of the free floor beyond 
 
 
 @dataclass(frozen=True, eq=False)
-class Carrier:
+class TransitPlanner:
     """Moves the robot with its tool lifted.
 
     Attributes
@@ -33,21 +33,21 @@ class Carrier:
 
     world: World
     guard: Guard
-    hops: Hops
+    interpolator: Interpolator
     driver: Driver
     refusals: list[NoPathError] = field(default_factory=list)
 
     def sampled(self, here: Pose, there: Pose, piece: int) -> list[Pose] | None:
         """States strictly between two poses, on a way found in the space of the whole robot."""
-        if self.world.robot.base != "omni":
+        if self.world.robot.drive.rolls:
             return None
         try:
             lead = self.driver.onto(here, piece)
         except NoPathError:
             return None
-        if not self.hops.clear(lead):
+        if not self.interpolator.clear(lead):
             return None
-        way = WholeBody(self.world, self.hops, self.driver, piece).way(lead[-1], there)
+        way = WholeBodyPlanner(self.world, self.interpolator, self.driver, piece).way(lead[-1], there)
         if way is None:
             return None
         self.driver.methods["whole body"] = self.driver.methods.get("whole body", 0) + 1
@@ -66,11 +66,11 @@ class Carrier:
         except NoPathError as refusal:
             self.refusals.append(refusal)
             return None
-        if self.hops.clear([here, *plain, there]):
+        if self.interpolator.clear([here, *plain, there]):
             return plain
         out = next(self._withdrawals(lead[-1], piece), None)
         back = next(self._withdrawals(there, piece), None)
-        if out is None or back is None or not self.hops.clear(lead):
+        if out is None or back is None or not self.interpolator.clear(lead):
             return None
         drive = self._driven(out[-1], back[-1], piece)
         return None if drive is None else [*lead[1:], *out, *drive, *back[::-1]]
@@ -90,11 +90,11 @@ class Carrier:
             return self.driver.states(here, there, route)
         lifted, lowered = self._lifted(here), self._lifted(there)
         return [
-            *self.hops.still(here, lifted),
+            *self.interpolator.still(here, lifted),
             lifted,
             *self.driver.states(lifted, lowered, route),
             lowered,
-            *self.hops.still(lowered, there),
+            *self.interpolator.still(lowered, there),
         ]
 
     def _driven(self, here: Pose, there: Pose, piece: int) -> list[Pose] | None:
@@ -104,7 +104,7 @@ class Carrier:
                 drive = self.driver.states(here, there, self.driver.route(here, there, piece, berth))
             except NoPathError:
                 return None
-            if self.hops.clear([here, *drive, there]):
+            if self.interpolator.clear([here, *drive, there]):
                 return drive
         return None
 
@@ -113,8 +113,8 @@ class Carrier:
         for far in WITHDRAWALS:
             for back in self.driver.retreats(here, far, piece):
                 folded = self._lifted(back[-1])
-                way = [*back, *self.hops.still(back[-1], folded), folded]
-                if self.hops.clear([here, *way]):
+                way = [*back, *self.interpolator.still(back[-1], folded), folded]
+                if self.interpolator.clear([here, *way]):
                     yield way
 
     def _lifted(self, at: Pose) -> Pose:

@@ -13,7 +13,6 @@ import numpy as np
 
 from regionik.output.ros2 import FRAME, MESSAGES, SUFFIXES, to_text
 from regionik.output.urdf import robot_to_urdf
-from regionik.rolling import cuts, trace
 from regionik.storage.files import write_whole
 from regionik.storage.plan_document import PARTS, multipolygon
 from regionik.timing.limits import tool_velocity
@@ -137,13 +136,13 @@ def plan_to_urdf(plan: Plan) -> str:
 
 
 def _base_path(plan: Plan) -> dict[str, Any]:
-    kind, motion = plan.world.robot.base, plan.motion
+    drive, motion = plan.world.robot.drive, plan.motion
     times: Array | None = None
     if is_timed(motion):
-        times = np.interp(cuts(kind, motion.base), np.arange(len(motion)), motion.time)
+        times = np.interp(drive.cuts(motion.base), np.arange(len(motion)), motion.time)
         track = trajectory(plan).sample(times).base[:, :2]
     else:
-        track = trace(kind, motion.base)
+        track = drive.trace(motion.base)
     twice = slice(None) if len(track) > 1 else [0, 0]  # a line needs two positions
     line = {"type": "LineString", "coordinates": track[twice].tolist()}
     if times is None:

@@ -47,7 +47,7 @@ class Group:
 
 
 @dataclass(frozen=True, eq=False)
-class Floors:
+class ParkingAreas:
     """Areas to park in, under one way to stand and to face.
 
     Attributes
@@ -128,7 +128,7 @@ class Parking:
 
     Attributes
     ----------
-    floors : Floors
+    floors : ParkingAreas
     groups : tuple of Group
     lower : int
         No base needs fewer stops.
@@ -136,7 +136,7 @@ class Parking:
         How that is known.
     """
 
-    floors: Floors
+    floors: ParkingAreas
     groups: tuple[Group, ...]
     lower: int
     stats: dict[str, int | bool | str] = field(default_factory=dict)
@@ -200,13 +200,13 @@ def park_in_any_order(world: World) -> Parking:
     raise refused or NoPlanFound(explain.no_place(world, 0))
 
 
-def _solid_rungs(floors: Floors) -> Index:
+def _solid_rungs(floors: ParkingAreas) -> Index:
     """How many components of each set-point leave room to park."""
     real = shapely.area(floors.narrow) > 0
     return np.bincount(floors.ladder.target[real], minlength=floors.ladder.count).astype(np.intp)
 
 
-def _covered(world: World, floors: Floors) -> Parking:
+def _covered(world: World, floors: ParkingAreas) -> Parking:
     """The least cover, every set-point given to one of the places that meet it."""
     sides = sorted(set(floors.ladder.side.tolist()))
     overlays = [faces_of(floors.areas_at(s)) for s in sides]
@@ -226,7 +226,7 @@ def _covered(world: World, floors: Floors) -> Parking:
     return Parking(floors, tuple(groups), bound.lower, stats)
 
 
-def _areas_of(floors: Floors, side: int) -> Geometries:
+def _areas_of(floors: ParkingAreas, side: int) -> Geometries:
     """Places to park at one side, by set-point."""
     ladder, own = floors.ladder, floors.ladder.side == side
     parts = [floors.narrow[own & (ladder.target == i)] for i in range(ladder.count)]
@@ -236,7 +236,7 @@ def _areas_of(floors: Floors, side: int) -> Geometries:
 
 
 def _given_out(
-    task: Sequence[Target], faces: Faces, side: Index, cover: Cover, floors: Floors
+    task: Sequence[Target], faces: Faces, side: Index, cover: Cover, floors: ParkingAreas
 ) -> list[Group]:
     """Every set-point to the nearest of the chosen faces that meet it; places are what its areas share."""
     chosen = list(cover.chosen)
@@ -253,7 +253,7 @@ def _given_out(
     return groups
 
 
-def _floors(world: World, standing: Standing, facings: tuple[int, ...]) -> list[Floors]:
+def _floors(world: World, standing: Standing, facings: tuple[int, ...]) -> list[ParkingAreas]:
     """Areas on each piece of floor that the base may be on."""
     areas = path_areas(world, facings=facings, standing=standing)
     ladder = build_ladder(areas, len(world.task), standing)
@@ -268,11 +268,11 @@ def _floors(world: World, standing: Standing, facings: tuple[int, ...]) -> list[
         own = narrow.copy()
         own[~usable] = shapely.Polygon()
         linked = tuple(map(tuple, back))
-        found.append(Floors(standing, facings, piece, areas, ladder, usable, own, linked))
+        found.append(ParkingAreas(standing, facings, piece, areas, ladder, usable, own, linked))
     return found
 
 
-def reordered(world: World, floors: Floors) -> Floors:
+def reordered(world: World, floors: ParkingAreas) -> ParkingAreas:
     """The same for a world of the same set-points in another order."""
     found = _floors(world, floors.standing, floors.facings)
     return next(one for one in found if one.piece == floors.piece)
@@ -308,7 +308,7 @@ def _lower_in_order(world: World) -> int:
     return len(fewest_runs(areas, np.arange(count + 1), back))
 
 
-def no_room(world: World, i: int, floors: Floors) -> Explanation:
+def no_room(world: World, i: int, floors: ParkingAreas) -> Explanation:
     """Why there is no place to park for set-point i."""
     rungs = floors.ladder.rungs
     span = slice(int(rungs[i]), int(rungs[i + 1]))

@@ -14,8 +14,8 @@ from shapely.geometry.base import BaseGeometry
 from regionik.areas.reachable import Family
 from regionik.areas.standing import into_span
 from regionik.mfabrik import Solver, axis_of, pose_of, solver_for
-from regionik.moving.avoid import spread
-from regionik.parking.fewest import Floors, Group, depth
+from regionik.moving.configuration_sampling import spread
+from regionik.parking.fewest import Group, ParkingAreas, depth
 from regionik.planners.places.tour import through
 from regionik.planners.solvers.serial import chain_frames, chain_jacobian, serial_arm
 from regionik.values import Configuration, Stop
@@ -62,7 +62,7 @@ class Placing:
     """Finds places for the stops of a world."""
 
     world: World
-    floors: Floors
+    floors: ParkingAreas
 
     def best(self, group: Group, at: Array | None = None) -> Bay:
         """The best place of a stop; one that serves only the first of its set-points where none serves all.

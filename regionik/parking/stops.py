@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from regionik.mfabrik import axis_of
-from regionik.parking.fewest import Floors, Group, Parking, park, reordered
+from regionik.parking.fewest import Group, Parking, ParkingAreas, park, reordered
 from regionik.parking.placing import Bay, Placing, check_arm, shortest_way
 from regionik.planners.places.tour import shortest_order
 from regionik.values import Stop
@@ -75,7 +75,7 @@ def check(world: World) -> None:
 
 
 @dataclass(frozen=True, eq=False)
-class Work:
+class StopSequence:
     """Stops in the order in which they are done.
 
     Attributes
@@ -84,7 +84,7 @@ class Work:
         Its set-points in the order of the work.
     order : tuple of int
         Which set-point of the world asked for each of them is.
-    floors : Floors
+    floors : ParkingAreas
     groups : tuple of Group
         Of set-points that follow one another.
     spots : tuple of (2,) arrays or None
@@ -93,11 +93,11 @@ class Work:
 
     world: World
     order: tuple[int, ...]
-    floors: Floors
+    floors: ParkingAreas
     groups: tuple[Group, ...]
     spots: tuple[Array | None, ...]
 
-    def after(self, k: int, done: int) -> Work:
+    def after(self, k: int, done: int) -> StopSequence:
         """What is still to do where the place of stop k serves only what comes before set-point ``done``."""
         if self.world.rules.order == "given":
             groups = tuple(self.floors.groups(done))
@@ -107,7 +107,7 @@ class Work:
         return replace(self, groups=groups, spots=(None, *self.spots[k + 1 :]))
 
 
-def in_turn(world: World, parking: Parking) -> Work:
+def in_turn(world: World, parking: Parking) -> StopSequence:
     """The stops of a parking one after the other, along a short tour where set-points may be in any order.
 
     Ways between stops count as straight.
@@ -124,10 +124,10 @@ def in_turn(world: World, parking: Parking) -> Work:
     spots: tuple[Array | None, ...] = (None,) * len(groups)
     if world.rules.stop_criterion == "distance":
         spots = tuple(shortest_way(world, groups))
-    return Work(world, order, floors, groups, spots)
+    return StopSequence(world, order, floors, groups, spots)
 
 
-def settled(work: Work) -> Iterator[Bay]:
+def settled(work: StopSequence) -> Iterator[Bay]:
     """The best place of every stop; a stop that no heading serves is split."""
     placing = Placing(work.world, work.floors)
     k = 0

@@ -80,13 +80,13 @@ class Guard:
 
     def led(self, bases: Array, joints: Array, line: Array, shares: Array, stray: float) -> int:
         """How many hops jump nowhere and lead the tool along a line; see `moving.hops_led`."""
-        rolls, step = self.world.robot.base != "omni", self.world.rules.step
+        rolls, step = self.world.robot.drive.rolls, self.world.rules.step
         arm, mount = self.bodies.arm, self.bodies.mount
         return int(hops_led(arm, mount, bases, joints, rolls, line, shares, stray, LARGEST_BEND, step))
 
     def tools(self, bases: Array, joints: Array, shares: Array) -> Array:
         """Tool frames at k shares of every hop through states (n + 1, ...), (n, k, 4, 4)."""
-        rolls = self.world.robot.base != "omni"
+        rolls = self.world.robot.drive.rolls
         frames: Array = tools_on(self.bodies.arm, self.bodies.mount, bases, joints, rolls, shares)
         return frames
 

@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 
 from regionik.planners.solvers import kernels
-from regionik.rolling import on_way, travel
 from regionik.values import Configuration, Motion
 from regionik.worlds.arrays import Array
-from regionik.worlds.robot import BaseKind
+from regionik.worlds.drives import BaseDrive
 
 LARGEST_BEND = 0.5  # change of a joint between two states above which the arm has jumped [rad]
 
@@ -45,9 +44,9 @@ def turn_to(here: Array, there: Array) -> Array:
     return np.array([step[0], step[1], kernels.wrap(step[2])])
 
 
-def between(here: Pose, there: Pose, share: float, kind: BaseKind = "omni") -> Pose:
+def between(here: Pose, there: Pose, share: float, drive: BaseDrive) -> Pose:
     """Part of the way between two states, as every reader of a plan fills it in."""
-    base = on_way(kind, here.base, there.base, share)
+    base = drive.between(here.base, there.base, share)
     return Pose(base, here.joints + share * (there.joints - here.joints))
 
 
@@ -76,14 +75,14 @@ def lift_offs(motion: Motion) -> int:
 
 
 def figures(
-    kind: BaseKind, setpoints: Sequence[Configuration], motion: Motion, methods: dict[str, int]
+    drive: BaseDrive, setpoints: Sequence[Configuration], motion: Motion, methods: dict[str, int]
 ) -> dict[str, Any]:
     """Plain numbers about a motion, for `regionik.values.Plan.stats`."""
     return {
         "setpoints": len(setpoints),
         "iterations": int(sum(found.iterations for found in setpoints)),
         "states": len(motion),
-        "base_travel": travel(kind, motion.base),
+        "base_travel": drive.travel(motion.base),
         "base_moves": methods,
         "largest_error": float(max(found.error for found in setpoints)),
     }

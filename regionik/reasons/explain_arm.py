@@ -78,9 +78,7 @@ def arm_must_lift(world: World, i: int, obstruction: str, cause: Cause | None) -
 
 def no_drive(world: World, i: int, refusal: NoPathError) -> Explanation:
     """Why the base does not get to any place that was looked at for set-point i."""
-    kind = {"omni": "an omnidirectional base", "differential": "a differential drive"}.get(
-        world.robot.base, f"a car with a turning radius of {world.robot.turning_radius:g} m"
-    )
+    kind = world.robot.drive.words
     reason = (
         f"{setpoint(i, len(world.task))} at {spot(world.task[i].position)} has admissible places for the "
         f"base, but {kind} was not found a way to the places that were looked at: {refusal}."

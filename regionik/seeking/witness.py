@@ -13,7 +13,7 @@ from regionik.areas.meeting import meets
 from regionik.areas.reachable import Family
 from regionik.areas.standing import into_span, room_for
 from regionik.mfabrik import Solver, pose_of, solver_for
-from regionik.moving.avoid import spread
+from regionik.moving.configuration_sampling import spread
 from regionik.planners.clearance.posture import clear_posture
 from regionik.planners.clearance.touching import Touch
 from regionik.planners.driving.room import fits

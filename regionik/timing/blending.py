@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from regionik.rolling import on_way
 from regionik.timing.curve import Curve, running_on
 from regionik.timing.limits import Limits
 from regionik.values import Motion
@@ -19,7 +18,7 @@ SHARES = (0.25, 0.5, 0.75)  # of a hop, where the smooth path is compared with i
 
 def curve_of(robot: Robot, motion: Motion) -> Curve:
     """The smooth path through a motion's states."""
-    return running_on(robot.base, motion.base, motion.joints)
+    return running_on(robot.drive, motion.base, motion.joints)
 
 
 def rounded(limits: Limits, motion: Motion, blend: float) -> Motion:
@@ -28,7 +27,7 @@ def rounded(limits: Limits, motion: Motion, blend: float) -> Motion:
         far = np.flatnonzero(_deviation(limits, motion) > blend)
         if not len(far):
             return motion
-        base = on_way(limits.robot.base, motion.base[far], motion.base[far + 1], np.full(len(far), 0.5))
+        base = limits.robot.drive.between(motion.base[far], motion.base[far + 1], np.full(len(far), 0.5))
         joints = (motion.joints[far] + motion.joints[far + 1]) / 2
         motion = _with(motion, far, base, joints)
     raise InputError(
@@ -49,7 +48,7 @@ def _deviation(limits: Limits, motion: Motion) -> Array:
     curve, hop = curve_of(limits.robot, motion), np.arange(len(off))
     for share in SHARES:
         z, _, _ = curve.along(curve.position[:-1] + share * curve.hops, hop)
-        base = on_way(limits.robot.base, curve.base[:-1], curve.base[1:], np.full(len(hop), share))
+        base = limits.robot.drive.between(curve.base[:-1], curve.base[1:], np.full(len(hop), share))
         joints = curve.joints[:-1] + share * np.diff(curve.joints, axis=0)
         off = np.maximum(off, limits.moved(z[:, :3] - base, z[:, 3:] - joints))
     return off

@@ -13,9 +13,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from regionik.rolling import lengths, on_way
 from regionik.worlds.arrays import Array
-from regionik.worlds.robot import BaseKind
+from regionik.worlds.drives import BaseDrive
 
 SAME = 1e-9  # states that differ by less are one [m], [rad]
 CORNER = np.radians(30)  # sharper ones are stopped at, others are rounded
@@ -28,43 +27,40 @@ class Curve:
 
     Attributes
     ----------
-    kind : {"omni", "differential", "car"}
+    drive : BaseDrive
     base : (n, 3) array
         x, y [m], yaw [rad], running on.
     joints : (n, dof) array
     """
 
-    kind: BaseKind
+    drive: BaseDrive
     base: Array
     joints: Array
 
     @cached_property
     def _ways(self) -> tuple[Array, Array, Array]:
         """Over each hop: way rolled [m], angle turned [rad], the most that a joint moves; (n - 1,) each."""
-        turn = np.diff(self.base[:, 2])
-        rolled = np.zeros(len(turn)) if self.kind == "omni" else lengths(self.kind, self.base)
-        return rolled, turn, np.abs(np.diff(self.joints, axis=0)).max(1, initial=0.0)
+        bend = np.abs(np.diff(self.joints, axis=0)).max(1, initial=0.0)
+        return self.drive.rolled(self.base), np.diff(self.base[:, 2]), bend
 
     @cached_property
     def _gait(self) -> NDArray[np.int64]:
         """What a base on wheels does over each hop: 1, -1 rolls, 2, -2 turns on the spot, 0 stands."""
-        rolled, turn, bend = self._ways
-        if self.kind == "omni":
-            return np.zeros(len(turn), dtype=np.int64)
-        slow = CRAWL * bend + SAME
-        turning = np.where(np.abs(turn) > slow, 2 * np.sign(turn), 0.0)
-        return np.where(np.abs(rolled) > slow, np.sign(rolled), turning).astype(np.int64)
+        return np.zeros(len(self.base) - 1, dtype=np.int64)
 
     @cached_property
     def hops(self) -> Array:
-        """How far each hop goes along the path, (n - 1,): as what moves most; on wheels, as they roll."""
-        rolled, turn, bend = (np.abs(way) for way in self._ways)
-        if self.kind == "omni":
-            slid = np.hypot(*np.diff(self.base[:, :2], axis=0).T)
-            far = np.maximum(np.maximum(slid, turn), bend)
-        else:
-            far = np.choose(np.abs(self._gait), [bend, rolled, turn])
+        """How far each hop goes along the path, (n - 1,)."""
+        far = self._far
         return np.where(far > SAME, far, 0.0)
+
+    @property
+    def _far(self) -> Array:
+        """How far each hop goes, as what moves most, (n - 1,)."""
+        _, turn, bend = self._ways
+        slid = np.hypot(*np.diff(self.base[:, :2], axis=0).T)
+        far: Array = np.maximum(np.maximum(slid, np.abs(turn)), bend)
+        return far
 
     @cached_property
     def position(self) -> Array:
@@ -81,20 +77,17 @@ class Curve:
     @cached_property
     def corners(self) -> NDArray[np.int64]:
         """States within runs where the robot must rest: sharp corners, and changes of a base's gait."""
-        ways = self._directions
+        ways = np.concatenate([self._base_ways, np.diff(self.joints, axis=0)], axis=1)
+        ways = ways / np.maximum(np.linalg.norm(ways, axis=1), SAME)[:, None]
         turned = (ways[:-1] * ways[1:]).sum(1) <= np.cos(CORNER)
         changed = (np.diff(self._gait) != 0) | turned
         return 1 + np.flatnonzero(changed & (self.hops[:-1] > 0) & (self.hops[1:] > 0))
 
-    @cached_property
-    def _directions(self) -> Array:
-        """Unit vectors along the hops, (n - 1, k); a base on wheels may roll on along another arc."""
-        rolled, turn, _ = self._ways
-        base = np.diff(self.base, axis=0)
-        if self.kind != "omni":
-            base = np.column_stack([rolled, np.where(np.abs(self._gait) == 1, 0.0, turn)])
-        ways = np.concatenate([base, np.diff(self.joints, axis=0)], axis=1)
-        return np.asarray(ways / np.maximum(np.linalg.norm(ways, axis=1), SAME)[:, None])
+    @property
+    def _base_ways(self) -> Array:
+        """What the base does over each hop, (n - 1, k), told apart where the path has a corner."""
+        ways: Array = np.diff(self.base, axis=0)
+        return ways
 
     @cached_property
     def _cubics(self) -> tuple[Array, Array, Array, Array]:
@@ -126,9 +119,37 @@ class Curve:
         """Base and joints at path positions (m,) on hops (m,), (m, 3 + dof), and their two derivatives."""
         t = (position - self.position[hop])[:, None]
         a, b, c, d = (power[hop] for power in self._cubics)
-        z, slope, bend = a + t * (b + t * (c + t * d)), b + t * (2 * c + 3 * t * d), 2 * c + 6 * t * d
-        if self.kind != "omni":
-            z[:, :3], slope[:, :3], bend[:, :3] = self._rolling(position, hop)
+        return a + t * (b + t * (c + t * d)), b + t * (2 * c + 3 * t * d), 2 * c + 6 * t * d
+
+
+@dataclass(frozen=True, eq=False)
+class RollingCurve(Curve):
+    """A path through states of a base on wheels, which keeps to its arcs and lines."""
+
+    @cached_property
+    def _gait(self) -> NDArray[np.int64]:
+        rolled, turn, bend = self._ways
+        slow = CRAWL * bend + SAME
+        turning = np.where(np.abs(turn) > slow, 2 * np.sign(turn), 0.0)
+        return np.where(np.abs(rolled) > slow, np.sign(rolled), turning).astype(np.int64)
+
+    @property
+    def _far(self) -> Array:
+        """As the wheels roll."""
+        rolled, turn, bend = (np.abs(way) for way in self._ways)
+        far: Array = np.choose(np.abs(self._gait), [bend, rolled, turn])
+        return far
+
+    @property
+    def _base_ways(self) -> Array:
+        """Where it rolls it may roll on along another arc."""
+        rolled, turn, _ = self._ways
+        return np.column_stack([rolled, np.where(np.abs(self._gait) == 1, 0.0, turn)])
+
+    def along(self, position: Array, hop: NDArray[np.int64]) -> tuple[Array, Array, Array]:
+        """See `Curve`."""
+        z, slope, bend = super().along(position, hop)
+        z[:, :3], slope[:, :3], bend[:, :3] = self._rolling(position, hop)
         return z, slope, bend
 
     def _rolling(self, position: Array, hop: NDArray[np.int64]) -> tuple[Array, Array, Array]:
@@ -136,7 +157,7 @@ class Curve:
         far = np.where(self.hops > 0, self.hops, np.inf)[hop]
         rolled, turn = (way[hop] / far for way in self._ways[:2])
         share = np.clip((position - self.position[hop]) / far, 0.0, 1.0)
-        base = on_way(self.kind, self.base[hop], self.base[hop + 1], share)
+        base = self.drive.between(self.base[hop], self.base[hop + 1], share)
         c, s, none = np.cos(base[:, 2]), np.sin(base[:, 2]), np.zeros(len(base))
         swing = rolled * turn
         return (
@@ -146,9 +167,10 @@ class Curve:
         )
 
 
-def running_on(kind: BaseKind, base: Array, joints: Array) -> Curve:
+def running_on(drive: BaseDrive, base: Array, joints: Array) -> Curve:
     """The curve through states whose headings are taken the shorter way from one to the next."""
     turn = np.diff(base[:, 2])
     turn -= 2 * np.pi * np.ceil((turn - np.pi) / (2 * np.pi))
     yaw = base[0, 2] + np.concatenate([[0.0], np.cumsum(turn)])
-    return Curve(kind, np.column_stack([base[:, :2], yaw]), joints)
+    curve = RollingCurve if drive.rolls else Curve
+    return curve(drive, np.column_stack([base[:, :2], yaw]), joints)

@@ -106,7 +106,7 @@ class Trajectory:
 
     @cached_property
     def _curve(self) -> Curve:
-        return running_on(self.robot.base, self.motion.base, self.motion.joints)
+        return running_on(self.robot.drive, self.motion.base, self.motion.joints)
 
     @cached_property
     def rates(self) -> Array:

@@ -47,7 +47,7 @@ def wheels(journey: Journey, words: Words) -> Finding:
     turn and nowhere else; a car goes at least its turning radius times the turn. The margin is that of slip,
     or the way that a car's tightest hop has to spare if that is less.
     """
-    if journey.robot.base == "omni" or not journey.hops:
+    if not journey.robot.drive.rolls or not journey.hops:
         return finding("wheels", np.inf, [])
     slip = np.linalg.norm(journey.slide, axis=1)
     told = [
@@ -55,8 +55,8 @@ def wheels(journey: Journey, words: Words) -> Finding:
         for k in np.flatnonzero(slip > EXACT).tolist()
     ]
     margin = EXACT - float(slip.max())
-    if journey.robot.base == "car":
-        radius, turn = journey.robot.turning_radius, np.abs(journey.turn)
+    radius, turn = journey.robot.drive.turning_radius, np.abs(journey.turn)
+    if radius > 0:
         short = turn * radius * (1 - EXACT) - np.abs(journey.arc)
         margin = min(margin, -float(short[turn * radius > EXACT].max(initial=-np.inf)))
         for k in np.flatnonzero(short > EXACT).tolist():

@@ -61,7 +61,7 @@ class Journey:
     @cached_property
     def arc(self) -> Array:
         """Way that the base rolls on every hop, below 0 in reverse, (hops,) [m]; none if it has no wheels."""
-        if self.robot.base == "omni":
+        if not self.robot.drive.rolls:
             return np.zeros(self.hops)
         half = self.turn / 2
         along: Array = (self._chord * self._tangent).sum(1) / np.sinc(half / np.pi)
@@ -70,7 +70,7 @@ class Journey:
     @cached_property
     def slide(self) -> Array:
         """Way of the base on every hop that is not rolled, (hops, 2) [m]; on wheels there should be none."""
-        if self.robot.base == "omni":
+        if not self.robot.drive.rolls:
             return self._chord
         across = np.column_stack([-self._tangent[:, 1], self._tangent[:, 0]])
         slide: Array = (self._chord * across).sum(1)[:, None] * across

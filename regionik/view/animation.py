@@ -8,7 +8,6 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from regionik.rolling import cuts, sampled
 from regionik.values import Plan
 from regionik.worlds.arrays import Array
 
@@ -75,11 +74,11 @@ class Frames:
 
 def key_frames(plan: Plan) -> Frames:
     """At most about ``MOST_FRAMES`` key frames; states that are set-points are always among them."""
-    motion, kind = plan.motion, plan.world.robot.base
+    motion, drive = plan.motion, plan.world.robot.drive
     states = np.column_stack([motion.base[:, :2], np.unwrap(motion.base[:, 2])])
     clock = _clock(states, motion.joints, plan.tools())
-    index = cuts(kind, states)
-    times, base = _at(index, clock), sampled(kind, states, index)
+    index = drive.cuts(states)
+    times, base = _at(index, clock), drive.sampled(states, index)
     at_setpoint = np.isin(index, np.flatnonzero(motion.kind == "setpoint"))
     keep = _chosen(at_setpoint)
     dof = motion.joints.shape[1]

@@ -10,7 +10,6 @@ import shapely
 from shapely.geometry import MultiPolygon, Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from regionik.rolling import trace
 from regionik.values import Plan, Stop
 from regionik.view.plan_curves import footprints
 from regionik.view.world_picture import DETAIL, rejection_shown
@@ -75,7 +74,7 @@ def floor_of(plan: Plan) -> FloorView:
     """What is seen of a plan from above."""
     world, motion = plan.world, plan.motion
     floor = world.floor.polygon
-    base_path, tool_path = trace(world.robot.base, motion.base), plan.tools()[:, :2]
+    base_path, tool_path = world.robot.drive.trace(motion.base), plan.tools()[:, :2]
     setpoints = np.array([target.position[:2] for target in world.task]).reshape(-1, 2)
     at = np.flatnonzero(motion.kind == "setpoint")
     shown = motion.base[at[np.unique(np.linspace(0, len(at) - 1, POSES).round().astype(int))]]

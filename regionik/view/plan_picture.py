@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 from shapely.geometry import LineString, Point
 from shapely.geometry.base import BaseGeometry
 
-from regionik import rolling
 from regionik.values import Plan
 from regionik.view import triangle_meshes
 from regionik.view.animation import Frames, Track, key_frames, turning
@@ -53,7 +52,7 @@ def picture_of_plan(plan: Plan) -> Picture:
     trace, trace_tracks = _trace(plan, frames)
     tracks = [*_robot_tracks(world.robot, frames), *area_tracks, *mark_tracks, *trace_tracks]
     tools = world.robot.tool(plan.motion.base, plan.motion.joints)[:, :2, 3]
-    camera = camera_for(world, np.vstack([rolling.trace(world.robot.base, plan.motion.base), tools]))
+    camera = camera_for(world, np.vstack([world.robot.drive.trace(plan.motion.base), tools]))
     return Picture(
         title=world.name,
         facts=(counted(len(plan.setpoints), "set-point"), counted(plan.lift_offs, "lift-off")),
@@ -88,7 +87,7 @@ def _areas(plan: Plan, frames: Frames, covered: BaseGeometry) -> tuple[list[Body
     strong = shapely.union_all(pruned).simplify(DETAIL)
     pale = covered - strong
     single = [triangle_meshes.flat(area.simplify(DETAIL)) for area in pruned]
-    track = rolling.trace(plan.world.robot.base, plan.motion.base)
+    track = plan.world.robot.drive.trace(plan.motion.base)
     path = LineString(np.vstack([track, track[-1:]]))
     bodies = [
         layer("areas/pale", pale, PALE, 0.8, 3),

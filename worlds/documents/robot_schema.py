@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal, TypeVar
 from pydantic import Discriminator, FailFast, Field, Tag
 
 from regionik.worlds.bundled import BODY_HEIGHT, LINK_RADIUS
+from regionik.worlds.drives import BaseKind
 from regionik.worlds.readers.validation import Strict
 from regionik.worlds.robot import BASE
 
@@ -129,7 +130,7 @@ LinkSolidPart = Annotated[
 
 class _OwnRobot(_Weighed):
     name: OneLine = "robot"
-    base: Literal["omni", "differential", "car"] = "omni"
+    base: BaseKind = "omni"
     footprint: Annotated[list[Vec2], Field(min_length=1)] = Field(default=[[0.0, 0.0]])
     mount: Vec4 = Field(default=[0.0, 0.0, 0.0, 0.0])
     body_height: Positive = BODY_HEIGHT
@@ -172,7 +173,7 @@ class UrdfRobot(Strict):
     urdf: File
     tip: OneLine | None = None
     root: OneLine | None = None
-    base: Literal["omni", "differential", "car"] = "omni"
+    base: BaseKind = "omni"
     footprint: Annotated[list[Vec2], Field(min_length=1)] | None = None
     mount: Vec4 | None = None
     turning_radius: NotNegative = 0.0

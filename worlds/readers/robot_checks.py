@@ -9,6 +9,7 @@ from shapely.geometry import MultiPoint, Polygon
 
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
+from regionik.worlds.drives import BaseKind, drive_of
 from regionik.worlds.readers.validation import wrong
 
 
@@ -31,11 +32,12 @@ def carried(values: Sequence[float] | None, chain: Chain, where: str, place: str
     return np.array(values)
 
 
-def check_turning(base: str, radius: float, where: str, place: str) -> None:
+def check_turning(base: BaseKind, radius: float, where: str, place: str) -> None:
     """Refuse cars that do not say how tightly they turn, and radii of bases that turn on the spot."""
-    if base == "car" and radius <= 0:
+    spins = drive_of(base).turns_on_the_spot
+    if not spins and radius <= 0:
         raise wrong(where, place, "a car needs its least turning radius, a length above 0 [m]")
-    if base != "car" and radius > 0:
+    if spins and radius > 0:
         raise wrong(where, place, f"expected base car, as a base of kind {base} turns on the spot")
 
 

@@ -13,10 +13,11 @@ from numpy.typing import ArrayLike
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.bundled import BODY_HEIGHT, robot_named, robot_names, without_limits
 from regionik.worlds.chain import Chain, planar_pose
+from regionik.worlds.drives import BaseKind, drive_of
 from regionik.worlds.errors import InputError
 from regionik.worlds.readers.robot_checks import carried, check_footprint, check_turning
 from regionik.worlds.readers.validation import LARGEST, at, wrong
-from regionik.worlds.robot import BASE, BaseKind, Robot
+from regionik.worlds.robot import BASE, Robot
 from regionik.worlds.self_collision import loose_pairs
 from regionik.worlds.urdf.collision import body_of
 from regionik.worlds.urdf.elements import SUFFIXES, listed, read_urdf
@@ -214,7 +215,7 @@ def _bundled(name: str, tip: str | None, root: str | None) -> Robot:
 
 
 def _turning(robot: Robot, base: BaseKind, radius: float | None, where: str) -> float:
-    own = robot.turning_radius if base == "car" else 0.0
+    own = drive_of(base, robot.turning_radius).turning_radius
     known = own if radius is None else _above_zero(radius, where, "turning_radius")
     check_turning(base, known, where, "turning_radius")
     return known

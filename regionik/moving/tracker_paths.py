@@ -10,10 +10,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from regionik.planners.driving.pitch import HeightError, PitchArm, arm_share, pitch_arm
-from regionik.planners.driving.tracking import Track, headings, track_runs
+from regionik.planners.driving.tracking import TrackedRun, headings, track_runs
 from regionik.postures.poses import LARGEST_BEND
-from regionik.rolling import on_way
 from regionik.worlds.arrays import Array
+from regionik.worlds.drives import DifferentialDrive
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Target, World
 
@@ -31,22 +31,22 @@ class PosePath:
 
 
 @dataclass(frozen=True, eq=False)
-class Follow:
+class TrackedPath:
     """One way to follow the poses of a path: in runs, the tool lifted between them; none where none can."""
 
     path: PosePath
-    runs: tuple[Track, ...]
+    runs: tuple[TrackedRun, ...]
 
 
 def arm_of(robot: Robot) -> PitchArm | None:
     """The arm, if the tracker can lead the robot: wheels, and a pitch arm straight ahead of them."""
     x, y, _, yaw = robot.mount
-    if robot.base != "differential" or x <= 0 or y != 0 or yaw != 0:
+    if not isinstance(robot.drive, DifferentialDrive) or x <= 0 or y != 0 or yaw != 0:
         return None
     return pitch_arm(robot.chain)
 
 
-def ways(world: World, arm: PitchArm) -> Iterator[Follow]:
+def tracked_paths(world: World, arm: PitchArm) -> Iterator[TrackedPath]:
     """Ways from all headings of the base and both elbows: fewest lift-offs first, then least wheel travel.
 
     A new run begins where a joint would leave its limits; what no run can follow is left out.
@@ -70,7 +70,7 @@ def ways(world: World, arm: PitchArm) -> Iterator[Follow]:
         starts = [start for start, one in zip(starts, found, strict=True) if not one.runs]
 
 
-def _cost(world: World, found: Follow) -> tuple[int, float]:
+def _cost(world: World, found: TrackedPath) -> tuple[int, float]:
     """How often the base drives with the tool lifted, and how far its faster wheel goes beside that [m]."""
     start, first = world.start, found.runs[0]
     away = start is not None and not same(start.base, start.joints, first.base[0], first.joints[0])
@@ -94,7 +94,7 @@ def _bends(world: World, arm: PitchArm, elbow: int) -> bool:
     return True
 
 
-def _followed(world: World, arm: PitchArm, heading: float | None, elbow: int, most: float) -> Follow:
+def _followed(world: World, arm: PitchArm, heading: float | None, elbow: int, most: float) -> TrackedPath:
     """Segments between set-points are halved until what the robot does between poses keeps the rules."""
     robot, parts = world.robot, [1] * len(world.task)
     for _ in range(FINEST):
@@ -117,7 +117,7 @@ def _followed(world: World, arm: PitchArm, heading: float | None, elbow: int, mo
         if not coarse:
             break
         parts = [2 * n if i in coarse else n for i, n in enumerate(parts)]
-    return Follow(path, runs)
+    return TrackedPath(path, runs)
 
 
 def _path(task: tuple[Target, ...], parts: list[int]) -> PosePath:
@@ -144,7 +144,7 @@ def _pose(target: Target) -> Array:
     return T
 
 
-def _coarse(world: World, path: PosePath, runs: tuple[Track, ...]) -> list[int]:
+def _coarse(world: World, path: PosePath, runs: tuple[TrackedRun, ...]) -> list[int]:
     """Indices of poses from which the robot goes too far, or the tool too far off, until the next."""
     rules, robot = world.rules, world.robot
     base, joints = (np.concatenate([getattr(run, part) for run in runs]) for part in ("base", "joints"))
@@ -154,7 +154,7 @@ def _coarse(world: World, path: PosePath, runs: tuple[Track, ...]) -> list[int]:
     arc = np.concatenate([run.arc for run in runs])[1:]
     coarse = (np.abs(arc) > rules.step) | (np.abs(bend) > LARGEST_BEND).any(1)
     for s in (0.25, 0.5, 0.75):
-        tool = robot.tool(on_way(robot.base, base[:-1], base[1:], s), joints[:-1] + s * bend)
+        tool = robot.tool(robot.drive.between(base[:-1], base[1:], s), joints[:-1] + s * bend)
         off = np.linalg.norm(tool - poses[:-1] - s * move, axis=1)
         coarse |= (off[:, 3] > rules.path_tolerance / 2) | (off[:, 2] > cone / 2)
     coarse[np.cumsum([len(run.base) for run in runs])[:-1] - 1] = False  # there the tool is lifted

@@ -11,22 +11,22 @@ import shapely
 
 from regionik.areas.reachable import FRONT, Family
 from regionik.mfabrik import Solver, axis_of, pose_of
-from regionik.moving.avoid import Spot
-from regionik.moving.basepaths import BaseWay, tracks_for
-from regionik.moving.driving import driver_for
-from regionik.moving.hops import Hops
-from regionik.moving.stretch import Place, Stretcher, Way, _solve
+from regionik.moving.base_motion import BasePath
+from regionik.moving.configuration_sampling import Candidate
+from regionik.moving.drivers import driver_for
+from regionik.moving.interpolation import Interpolator
+from regionik.moving.path_following import PathFollower, PathSegment, SegmentPoint, _solve
 from regionik.pipeline import whole_path
 from regionik.planners.clearance.legs import between as between_knots
 from regionik.planners.clearance.legs import leg_lengths
 from regionik.planners.solvers.kernels import wrap
 from regionik.postures.guard import guard_of
 from regionik.postures.poses import LARGEST_BEND, Pose, Row, between
-from regionik.rolling import on_way
+from regionik.worlds.drives import BaseKind, drive_of
 from regionik.worlds.errors import NoPlanFound
 from regionik.worlds.library import robot_named
 from regionik.worlds.obstacles import Box, Solid
-from regionik.worlds.robot import BaseKind, Robot
+from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Rules, Target, World
 
 
@@ -38,23 +38,23 @@ def world_of(name: str, solids: tuple[Solid, ...] = (), **rules: object) -> Worl
     return World(name, robot, floor, solids, task, Rules(**rules))  # type: ignore[arg-type]
 
 
-def stretcher(world: World) -> Stretcher:
+def follower(world: World) -> PathFollower:
     standing, _, pruned = whole_path(world)
     guard, ladder = guard_of(world), pruned.ladder
-    tracks = tracks_for(world, ladder, standing, driver_for(world, Hops(world, guard), standing, 0))
-    return Stretcher(world, ladder, guard, tracks)
+    driver = driver_for(world, Interpolator(world, guard), standing, 0)
+    return PathFollower(world, ladder, guard, driver.paths(ladder))
 
 
-def spots_at(world: World, i: int, axis: tuple[float, float], near: Pose | None = None) -> list[Spot]:
+def spots_at(world: World, i: int, axis: tuple[float, float], near: Pose | None = None) -> list[Candidate]:
     """Configurations at set-point i with the arm axis on a spot, the least changed first."""
     here = Pose(pose_of(world.robot, np.array(axis), 0.0), world.robot.carry)
     if near is not None:
         here = Pose(pose_of(world.robot, np.array(axis), near.base[2]), near.joints)
     found = Solver(world.robot).self_motion(world.task[i].position, here.base, here.joints, 48)
-    return [Spot(one, i) for one in found]
+    return [Candidate(one, i) for one in found]
 
 
-def check(world: World, here: Pose, rows: list[Row], goal: Spot) -> None:
+def check(world: World, here: Pose, rows: list[Row], goal: Candidate) -> None:
     poses = [here, *(row.pose for row in rows)]
     p, q = (target.position for target in world.task)
     assert {(row.kind, row.setpoint) for row in rows} == {("step", 0)}
@@ -63,7 +63,7 @@ def check(world: World, here: Pose, rows: list[Row], goal: Spot) -> None:
         assert abs(wrap(b.base[2] - a.base[2])) <= LARGEST_BEND
         assert np.hypot(*(b.base - a.base)[:2]) <= world.rules.step + 1e-9
         for share in np.linspace(0, 1, 9):
-            at = between(a, b, float(share))
+            at = between(a, b, float(share), world.robot.drive)
             tool = world.robot.tool(at.base, at.joints)[:3, 3]
             along = np.clip((tool - p) @ (q - p) / ((q - p) @ (q - p)), 0, 1)
             assert np.linalg.norm(tool - p - along * (q - p)) <= world.rules.path_tolerance
@@ -78,7 +78,7 @@ def check(world: World, here: Pose, rows: list[Row], goal: Spot) -> None:
 @pytest.mark.parametrize("name", ["youbot", "hinge5", "dof10", "pioneer7"])
 def test_the_tool_stays_on_its_way(name: str) -> None:
     world = world_of(name)
-    walk = stretcher(world)
+    walk = follower(world)
     first = spots_at(world, 0, (0.3, 0.1))[0]
     done = 0
     for axis in ((0.3, 0.1), (0.35, 0.15), (0.4, 0.0)):
@@ -92,7 +92,7 @@ def test_the_tool_stays_on_its_way(name: str) -> None:
 
 def test_an_elbow_that_would_have_to_jump_is_refused() -> None:
     world = world_of("youbot")
-    walk = stretcher(world)
+    walk = follower(world)
     here, there = spots_at(world, 0, (0.1, 0.0)), spots_at(world, 1, (0.2, 0.0))
     ups = [spot for spot in here if spot.pose.joints[2] < -0.4]
     downs = [spot for spot in there if spot.pose.joints[2] > 0.4]
@@ -108,7 +108,7 @@ def test_an_elbow_that_would_have_to_jump_is_refused() -> None:
 def test_a_board_on_the_way_stops_it_and_is_told() -> None:
     board = Box("board", np.array([0.02, 0.35, 0.4]), np.array([0.55, -0.275, 0.4]))
     world = world_of("youbot", (board,), tool_contact=0.0)
-    walk = stretcher(world)
+    walk = follower(world)
     left = [spot for spot in spots_at(world, 0, (0.4, -0.3)) if guard_of(world).clear(spot.pose)]
     right = [spot for spot in spots_at(world, 1, (0.7, -0.3)) if guard_of(world).clear(spot.pose)]
     assert left
@@ -118,33 +118,35 @@ def test_a_board_on_the_way_stops_it_and_is_told() -> None:
     assert touch.kind == "obstacle"
     assert guard_of(world).other(touch) == "board"
     free = replace(world, obstacles=())
-    followed = [stretcher(free).follow(0, a, b) for a in left[:2] for b in right[:2]]
+    followed = [follower(free).follow(0, a, b) for a in left[:2] for b in right[:2]]
     assert any(rows is not None for rows in followed)
 
 
 def test_a_way_goes_evenly_from_knot_to_knot() -> None:
     rng = np.random.default_rng(0)
     axes, spots, joints = (rng.normal(size=size) for size in ((3, 2), (2, 3), (2, 5)))
-    base = BaseWay("omni", np.column_stack([axes, np.full(3, np.nan)]), np.array([0.0, 0.4, 1.0]))
+    base = BasePath(False, np.column_stack([axes, np.full(3, np.nan)]), np.array([0.0, 0.4, 1.0]))
     families = Family(FRONT, pitch=3.0), Family(FRONT, pitch=-3.0)
-    way = Way(base, (Target(spots[0]), Target(spots[1])), joints, families, stride=0.25)
+    way = PathSegment(base, (Target(spots[0]), Target(spots[1])), joints, families, stride=0.25)
     np.testing.assert_allclose(way.points, spots[0] + base.tool[:, None] * (spots[1] - spots[0]))
     lengths = np.hypot(*np.diff(axes, axis=0).T), np.diff(base.tool) * np.linalg.norm(spots[1] - spots[0])
     np.testing.assert_allclose(leg_lengths(base.knots), lengths[0])
     shares = np.cumsum([0.0, *np.add(*lengths)]) / np.sum(lengths)
     np.testing.assert_allclose(way.wished, joints[0] + shares[:, None] * (joints[1] - joints[0]))
     counts = np.ceil(np.maximum(*lengths) / way.stride).astype(int)
-    assert way.places() == [Place(n, k / counts[n]) for n in (0, 1) for k in range(1, counts[n] + 1)]
+    assert way.places() == [SegmentPoint(n, k / counts[n]) for n in (0, 1) for k in range(1, counts[n] + 1)]
     leg, share = np.array([0, 1, 1]), np.array([0.5, 0.25, 1.0])
     places = base.places(leg, share)
     assert np.isnan(places[:, 2]).all()
     expected = [(axes[0] + axes[1]) / 2, 0.75 * axes[1] + 0.25 * axes[2], axes[2]]
     np.testing.assert_allclose(places[:, :2], expected)
-    asked = [way.target(Place(int(k), float(s))).position for k, s in zip(leg, share, strict=True)]
+    asked = [way.target(SegmentPoint(int(k), float(s))).position for k, s in zip(leg, share, strict=True)]
     np.testing.assert_allclose(asked, between_knots(way.points, leg, share), atol=1e-12)
     assert asked[2].tolist() == spots[1].tolist()
-    assert wrap(way.pitch(Place(0, 0.5)) - 3.0) == 0.0  # both ends of the leg lie nearer to the first
-    assert wrap(way.pitch(Place(1, 0.5)) - 3.0) == pytest.approx(0.5 * (2 * np.pi - 6.0))  # the shorter way
+    assert wrap(way.pitch(SegmentPoint(0, 0.5)) - 3.0) == 0.0  # both ends of the leg lie nearer to the first
+    assert wrap(way.pitch(SegmentPoint(1, 0.5)) - 3.0) == pytest.approx(
+        0.5 * (2 * np.pi - 6.0)
+    )  # the shorter way
 
 
 @pytest.mark.parametrize("kind", get_args(BaseKind))
@@ -152,8 +154,9 @@ def test_a_base_on_a_leg_is_where_readers_of_a_plan_take_it_to_be(kind: BaseKind
     rng = np.random.default_rng(0)
     knots = rng.uniform([-2.0, -2.0, -7.0], [2.0, 2.0, 7.0], (40, 3))
     leg, share = rng.integers(0, 39, 100), rng.uniform(0.0, 1.0, 100)
-    places = BaseWay(kind, knots, np.linspace(0.0, 1.0, 40)).places(leg, share)
-    np.testing.assert_allclose(places, on_way(kind, knots[leg], knots[leg + 1], share), atol=1e-12)
+    drive = drive_of(kind, 0.4)
+    places = BasePath(drive.rolls, knots, np.linspace(0.0, 1.0, 40)).places(leg, share)
+    np.testing.assert_allclose(places, drive.between(knots[leg], knots[leg + 1], share), atol=1e-12)
 
 
 @pytest.mark.parametrize("heading", [np.nan, 0.4])
@@ -169,13 +172,15 @@ def test_states_of_one_call_are_those_solved_one_by_one(heading: float) -> None:
         knots = np.column_stack([axes, np.full(5, heading)])
         first = solver.hold(ends[0], np.array([*axes[0], 0.3]), robot.carry).joints
         joints = first + rng.uniform(-0.2, 0.2, (2, 5))
-        way = Way(BaseWay("omni", knots, np.linspace(0, 1, 5)), ends, joints, (Family(FRONT),) * 2, 0.1)
+        way = PathSegment(
+            BasePath(False, knots, np.linspace(0, 1, 5)), ends, joints, (Family(FRONT),) * 2, 0.1
+        )
         leg, share = np.arange(4), np.full(4, 1.0)
         near = Pose(np.array([*axes[0], 0.3]), joints[0])
         rows = between_knots(way.points, leg, share), way.base.places(leg, share), way.wished[1:]
         bases, postures = solver.along(*rows, LARGEST_BEND / 2, near.base, near.joints)
         for n in range(4):
-            one = _solve(solver, way, Place(n, 1.0), near)
+            one = _solve(solver, way, SegmentPoint(n, 1.0), near)
             assert (one is None) == (n >= len(bases))
             if one is None:
                 break
@@ -197,8 +202,8 @@ def test_a_path_between_two_rooms_has_no_shared_place() -> None:
 
 def test_a_base_on_wheels_that_is_there_but_for_rounding_stands_while_the_tool_goes_on() -> None:
     world = world_of("pioneer7")
-    tracks = stretcher(replace(world, robot=replace(world.robot, base="differential"))).tracks
+    paths = follower(replace(world, robot=replace(world.robot, base="differential"))).paths
     here = np.array([0.3, 0.0, 0.0])
-    for way in tracks.ways(0, 1, here, here + [1e-12, 0.0, 0.0]):
+    for way in paths.between(0, 1, here, here + [1e-12, 0.0, 0.0]):
         assert len(way.knots) >= 2
         assert way.tool[[0, -1]].tolist() == [0.0, 1.0]

@@ -1,19 +1,23 @@
-"""The way of a base between two states: both readings of it agree with each other and with rolling wheels."""
+"""How bases get about: all readings of a way agree with one another and with rolling wheels."""
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
+from pathlib import Path
+from typing import get_args
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import regionik
 from regionik.planners.driving.arcs import moved, rolling
-from regionik.rolling import BULGE, cuts, on_way, sampled, trace, travel
+from regionik.verification import motion as proofs_journey
 from regionik.verification.motion import Journey
 from regionik.worlds.arrays import Array
-from regionik.worlds.robot import BaseKind
+from regionik.worlds.drives import BULGE, BaseKind, DifferentialDrive, OmnidirectionalDrive, drive_of
 from tests.bodies import motion_through
 from tests.plans import youbot
 
@@ -34,11 +38,11 @@ def rolled(start: Array, length: float, turn: float, n: int = 2000) -> Array:
 @pytest.mark.parametrize("kind", WHEELS)
 @given(poses, arcs, turns)
 def test_the_way_of_a_base_that_rolls(kind: BaseKind, start: Array, length: float, turn: float) -> None:
-    way = rolled(start, length, turn)
+    drive, way = drive_of(kind, 0.4), rolled(start, length, turn)
     share = np.linspace(0, 1, len(way))
-    np.testing.assert_allclose(on_way(kind, start, way[-1], share)[:, :2], way[:, :2], atol=1e-5)
-    np.testing.assert_allclose(on_way(kind, start, way[-1], share)[:, 2], way[:, 2], atol=1e-9)
-    assert travel(kind, way[[0, -1]]) == pytest.approx(abs(length), abs=1e-5)
+    np.testing.assert_allclose(drive.between(start, way[-1], share)[:, :2], way[:, :2], atol=1e-5)
+    np.testing.assert_allclose(drive.between(start, way[-1], share)[:, 2], way[:, 2], atol=1e-9)
+    assert drive.travel(way[[0, -1]]) == pytest.approx(abs(length), abs=1e-5)
 
 
 @settings(deadline=None)  # the first call compiles
@@ -58,30 +62,46 @@ def test_what_plans_are_filled_in_with_is_what_verify_assumes(kind: BaseKind, se
     base = rng.uniform(-3, 3, (6, 3))
     base[3] = base[2]
     base[4, 2] = base[3, 2]
-    journey = Journey(replace(youbot(), base=kind), motion_through(base, np.zeros((6, 5))))
+    drive, robot = drive_of(kind), replace(youbot(), base=kind)
+    journey = Journey(robot, motion_through(base, np.zeros((6, 5))))
     hop, s = np.repeat(np.arange(5), 7), np.tile(np.linspace(0, 1, 7), 5)
-    found = on_way(kind, base[hop], base[hop + 1], s)
+    found = drive.between(base[hop], base[hop + 1], s)
     np.testing.assert_allclose(journey.base(hop, s), found, atol=1e-12)
     np.testing.assert_allclose(found[6::7, :2], base[1:, :2], atol=1e-12)
-    assert travel(kind, base) == pytest.approx(journey.length.sum())
+    assert drive.travel(base) == pytest.approx(journey.length.sum())
     assert np.abs(np.cos(found[6::7, 2]) - np.cos(base[1:, 2])).max() < 1e-12
 
 
 def test_an_omnidirectional_base_goes_straight_whatever_it_turns() -> None:
-    way = on_way("omni", np.zeros(3), np.array([2.0, 1.0, 3.0]), np.linspace(0, 1, 5))
+    way = OmnidirectionalDrive().between(np.zeros(3), np.array([2.0, 1.0, 3.0]), np.linspace(0, 1, 5))
     np.testing.assert_allclose(way, np.outer(np.linspace(0, 1, 5), [2, 1, 3]), atol=1e-15)
 
 
 def test_lines_through_the_cuts_stay_near_the_way() -> None:
     base = np.array([[0, 0, 0], [1, 1, np.pi / 2], [1, 2, np.pi / 2], [1, 2, 0.0], [1, 2, 0.0]])
-    index = cuts("differential", base)
+    index = DifferentialDrive().cuts(base)
     assert np.isin(np.arange(5), index).all()
-    np.testing.assert_allclose(sampled("differential", base, index)[np.isin(index, np.arange(5))], base)
-    fine = on_way("differential", base[0], base[1], np.linspace(0, 1, 500))[:, :2]
-    line = trace("differential", base)[: int(np.searchsorted(index, 1.0)) + 1]
+    np.testing.assert_allclose(DifferentialDrive().sampled(base, index)[np.isin(index, np.arange(5))], base)
+    fine = DifferentialDrive().between(base[0], base[1], np.linspace(0, 1, 500))[:, :2]
+    line = DifferentialDrive().trace(base)[: int(np.searchsorted(index, 1.0)) + 1]
     off = [np.abs(np.hypot(*(point - [0, 1])) - 1) for point in (line[:-1] + line[1:]) / 2]
     assert max(off) <= BULGE
     assert np.abs(np.hypot(*(fine - [0, 1]).T) - 1).max() < 1e-12
     assert len(index) < 40
-    assert cuts("omni", base).tolist() == [0, 1, 2, 3, 4]
-    assert trace("car", base[:1]).tolist() == [[0, 0]]
+    assert OmnidirectionalDrive().cuts(base).tolist() == [0, 1, 2, 3, 4]
+    assert drive_of("car", 0.4).trace(base[:1]).tolist() == [[0, 0]]
+
+
+def test_a_robot_knows_its_drive() -> None:
+    robots = [replace(youbot(), base=kind, turning_radius=0.4) for kind in get_args(BaseKind)]
+    assert [robot.drive.kind for robot in robots] == list(get_args(BaseKind))
+    assert [robot.drive.turning_radius for robot in robots] == [0.0, 0.0, 0.4]
+    assert [robot.drive.rolls for robot in robots] == [False, True, True]
+
+
+def test_verification_asks_a_drive_for_its_kind_of_motion_alone() -> None:
+    """It has kinematics of its own, so that a fault in the planner's cannot hide in both."""
+    files = [Path(regionik.__file__).parent / "verify.py", *Path(proofs_journey.__file__).parent.glob("*.py")]
+    asked = {name for file in files for name in re.findall(r"\bdrive\.(\w+)", file.read_text("utf-8"))}
+    assert asked == {"rolls", "turning_radius"}
+    assert not any("worlds.drives" in file.read_text("utf-8") for file in files)

@@ -1,7 +1,7 @@
 """The tool goes on along its path from one set-point to the next, and base and arm with it.
 
-The base moves as `basepaths` offers; the arm is solved along the way so that the tool keeps to its own and
-nothing jumps.
+The base moves as `base_motion.BasePaths` offers; the arm is solved along the way so that the tool keeps to
+its own and nothing jumps.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from regionik.areas.demand import between as asked_between
 from regionik.areas.demand import deviation
 from regionik.areas.reachable import Family
 from regionik.mfabrik import Solver, pose_of, solver_between
-from regionik.moving.avoid import Spot
-from regionik.moving.basepaths import BaseWay, Tracks
+from regionik.moving.base_motion import BasePath, BasePaths
+from regionik.moving.configuration_sampling import Candidate
 from regionik.planners.clearance.legs import between, laid_out
 from regionik.planners.clearance.touching import Touch
 from regionik.planners.driving.drive import NoPathError
@@ -36,21 +36,21 @@ TOOL_STRIDE = 0.05  # longest way of base or tool between two states on the path
 SOLVE_TOLERANCE = 0.1  # arms between set-points are solved to this share of the tolerance
 SAG_SHARE = 0.3  # share of the path tolerance that motion between two states may use
 TURN_SLACK = 1e-7  # rounding allowed at the edge of a cone [rad]
-DEEPEST = 6  # halvings before a stretch counts as discontinuous
+DEEPEST = 6  # halvings before a segment counts as discontinuous
 LOOKED_AT = np.array([0.25, 0.5, 0.75])  # shares of the way between two states
 AT_ONCE = 16  # states tried in one call: after one that fails, the rest is tried anew
 CLOSEST = 3  # halvings before a motion that is not proven clear counts as blocked
 
 
 class _BlockedError(RegionikError):
-    """The arm would touch something on the way."""
+    """The arm would touch something on the segment."""
 
     def __init__(self, touch: Touch) -> None:
         super().__init__("the arm would touch something")
         self.touch = touch
 
 
-class Place(NamedTuple):
+class SegmentPoint(NamedTuple):
     """A place on a way: the leg, the share of it, and how often the hop to there was halved."""
 
     leg: int
@@ -59,12 +59,12 @@ class Place(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Way:
+class PathSegment:
     """What base, tool and arm do from one set-point to the next, evenly from knot to knot of the base's way.
 
     Attributes
     ----------
-    base : BaseWay
+    base : BasePath
     asked : (Target, Target)
         At both set-points.
     joints : (2, dof) array
@@ -74,7 +74,7 @@ class Way:
         Longest part of the base's way, or of the tool's, between two states [m].
     """
 
-    base: BaseWay
+    base: BasePath
     asked: tuple[Target, Target]
     joints: Array
     family: tuple[Family, Family]
@@ -95,37 +95,37 @@ class Way:
         """Joints wished for at every knot, (k, dof)."""
         return self._laid[1]
 
-    def places(self) -> list[Place]:
+    def places(self) -> list[SegmentPoint]:
         """A stride apart at most, all knots but the first among them."""
         leg, share = self._laid[2:]
-        return [Place(*one) for one in zip(leg.tolist(), share.tolist(), strict=True)]
+        return [SegmentPoint(*one) for one in zip(leg.tolist(), share.tolist(), strict=True)]
 
     @cached_property
     def _laid(self) -> tuple[Array, Array, Index, Array]:
         spots = np.array([target.position for target in self.asked])
         return laid_out(self.base.knots, self.base.tool, spots, self.joints, self.stride)
 
-    def target(self, at: Place) -> Target:
+    def target(self, at: SegmentPoint) -> Target:
         """What the tool is asked at a place; its axis or frame turns evenly."""
         first, last = (asked_between(*self.asked, tool) for tool in self._tool(at))
         return asked_between(first, last, at.share)
 
-    def families(self, at: Place) -> list[Family]:
+    def families(self, at: SegmentPoint) -> list[Family]:
         """At both ends of a leg."""
         return [self.family[round(tool)] for tool in self._tool(at)]
 
-    def pitch(self, at: Place) -> float:
+    def pitch(self, at: SegmentPoint) -> float:
         """Of the last link."""
         first, last = (family.pitch for family in self.families(at))
         return first + at.share * kernels.wrap(last - first)
 
-    def _tool(self, at: Place) -> list[float]:
+    def _tool(self, at: SegmentPoint) -> list[float]:
         tool: list[float] = self.base.tool[at.leg : at.leg + 2].tolist()
         return tool
 
 
 @dataclass(frozen=True, eq=False)
-class Stretcher:
+class PathFollower:
     """Moves the robot with its tool on the path.
 
     Attributes
@@ -137,19 +137,19 @@ class Stretcher:
     world: World
     ladder: Ladder
     guard: Guard
-    tracks: Tracks
+    paths: BasePaths
     stops: dict[int, Touch] = field(default_factory=dict)
     _solvers: dict[Family, Solver] = field(default_factory=dict)
 
-    def follow(self, i: int, here: Spot, goal: Spot) -> list[Row] | None:
+    def follow(self, i: int, here: Candidate, goal: Candidate) -> list[Row] | None:
         """From set-point i to i + 1; None where the arm would have to jump, or would touch something."""
         ends = self.world.task[i], self.world.task[i + 1]
         joints = np.array([here.found.joints, goal.found.joints])
         families = self.ladder.family[here.component], self.ladder.family[goal.component]
         stride = min(TOOL_STRIDE, self.world.rules.step)
         try:
-            for base in self.tracks.ways(here.component, goal.component, here.pose.base, goal.pose.base):
-                poses = self._states(Way(base, ends, joints, families, stride), here.pose)
+            for base in self.paths.between(here.component, goal.component, here.pose.base, goal.pose.base):
+                poses = self._states(PathSegment(base, ends, joints, families, stride), here.pose)
                 if poses is not None:
                     return [Row(one, "step", i) for one in poses]
         except NoPathError:
@@ -158,17 +158,17 @@ class Stretcher:
             self.stops.setdefault(i, blocked.touch)
         return None
 
-    def _states(self, way: Way, here: Pose) -> list[Pose] | None:
+    def _states(self, segment: PathSegment, here: Pose) -> list[Pose] | None:
         """States on a way that keep the tool to its own and the arm clear.
 
         What holds is taken, up to a hop that does not: that one is halved, as often as it may help.
         """
-        ahead = way.places()[::-1]  # the next one last
-        passed, at = [here], Place(0, 0.0)
+        ahead = segment.places()[::-1]  # the next one last
+        passed, at = [here], SegmentPoint(0, 0.0)
         while ahead:
             tried = [at, *ahead[: -AT_ONCE - 1 : -1]]
-            states, missing = self._solved(way, tried[1:], passed[-1])
-            count, touch = self._proven(way, tried[: len(states) + 1], [passed[-1], *states])
+            states, missing = self._solved(segment, tried[1:], passed[-1])
+            count, touch = self._proven(segment, tried[: len(states) + 1], [passed[-1], *states])
             passed += states[:count]
             at, ahead = tried[count], ahead[: len(ahead) - count]
             if count == len(states) and not missing:
@@ -181,33 +181,37 @@ class Stretcher:
             if depth >= DEEPEST:
                 return None
             done = at.share if at.leg == leg else 0.0
-            ahead += [Place(leg, share, depth + 1), Place(leg, (done + share) / 2, depth + 1)]
+            ahead += [SegmentPoint(leg, share, depth + 1), SegmentPoint(leg, (done + share) / 2, depth + 1)]
         return passed[1:]
 
-    def _solved(self, way: Way, places: list[Place], near: Pose) -> tuple[list[Pose], bool]:
+    def _solved(
+        self, segment: PathSegment, places: list[SegmentPoint], near: Pose
+    ) -> tuple[list[Pose], bool]:
         """States at places, each from the one before, and whether the one after them was not found.
 
         All of them where one compiled call finds them, else the first.
         """
-        solver = self._solver(way.families(places[0])[0])
-        if not (way.bare and solver.compiled):
-            state = _solve(solver, way, places[0], near)
+        solver = self._solver(segment.families(places[0])[0])
+        if not (segment.bare and solver.compiled):
+            state = _solve(solver, segment, places[0], near)
             return ([], True) if state is None else ([state], False)
         leg, share = _columns(places)
-        points, wished = (between(knots, leg, share) for knots in (way.points, way.wished))
-        rows = points, way.base.places(leg, share), wished
+        points, wished = (between(knots, leg, share) for knots in (segment.points, segment.wished))
+        rows = points, segment.base.places(leg, share), wished
         found = solver.along(*rows, LARGEST_BEND / 2, near.base, near.joints)
         states = [Pose(*state) for state in zip(*found, strict=True)]
         return states, len(states) < len(places)
 
-    def _proven(self, way: Way, places: list[Place], poses: list[Pose]) -> tuple[int, Touch | None]:
+    def _proven(
+        self, segment: PathSegment, places: list[SegmentPoint], poses: list[Pose]
+    ) -> tuple[int, Touch | None]:
         """How many hops lead the tool as asked, jump nowhere and are clear; what stops the next one."""
         (leg, share), (bases, joints) = _columns(places), arrays(poses)
-        line, sag = between(way.points, leg, share), SAG_SHARE * self.world.rules.path_tolerance
+        line, sag = between(segment.points, leg, share), SAG_SHARE * self.world.rules.path_tolerance
         count = self.guard.led(bases, joints, line, LOOKED_AT, sag)
-        if not way.bare:
+        if not segment.bare:
             tools = self.guard.tools(bases[: count + 1], joints[: count + 1], LOOKED_AT)
-            asked = [way.target(place) for place in places[: count + 1]]
+            asked = [segment.target(place) for place in places[: count + 1]]
             turned = [_turned(*hop) for hop in zip(asked[:-1], asked[1:], tools, strict=True)]
             count = [*turned, False].index(False)
         return self.guard.proven(bases[: count + 1], joints[: count + 1])
@@ -229,11 +233,11 @@ def _turned(p: Target, q: Target, tools: Array) -> bool:
     return all(deviation(one, tool[:3, :3]) <= one.cone + TURN_SLACK for one, tool in pairs)
 
 
-def _solve(solver: Solver, way: Way, at: Place, near: Pose) -> Pose | None:
+def _solve(solver: Solver, segment: PathSegment, at: SegmentPoint, near: Pose) -> Pose | None:
     """Pose at one place, as near as may be to the wished posture; see `ways.answer_way`."""
     leg, share = _columns([at])
-    place, wished = way.base.places(leg, share)[0], between(way.wished, leg, share)[0]
-    tool, pitch, bound = way.target(at), way.pitch(at), not np.isnan(place[2])
+    place, wished = segment.base.places(leg, share)[0], between(segment.wished, leg, share)[0]
+    tool, pitch, bound = segment.target(at), segment.pitch(at), not np.isnan(place[2])
     if not np.isnan(pitch):
         solver = replace(solver, family=replace(solver.family, pitch=pitch))
     if bound:
@@ -250,6 +254,6 @@ def _solve(solver: Solver, way: Way, at: Place, near: Pose) -> Pose | None:
     return Pose(base, found.joints) if bound else pose(found)
 
 
-def _columns(places: list[Place]) -> tuple[Index, Array]:
+def _columns(places: list[SegmentPoint]) -> tuple[Index, Array]:
     """Legs and shares of places."""
     return np.array([one.leg for one in places]), np.array([one.share for one in places])

@@ -12,7 +12,14 @@ import shapely
 
 from regionik.areas.standing import anywhere
 from regionik.mfabrik import axis_of, configurations
-from regionik.moving.avoid import KEPT, PLACES, Avoider, Evidence, Spot, spread
+from regionik.moving.configuration_sampling import (
+    KEPT,
+    PLACES,
+    Candidate,
+    ConfigurationSampler,
+    Evidence,
+    spread,
+)
 from regionik.pipeline import start_place, start_pose, whole_path
 from regionik.planners.clearance.touching import Touch
 from regionik.postures.guard import guard_of
@@ -23,23 +30,23 @@ from regionik.worlds.scene import World
 
 
 @cache
-def prepared(name: str) -> tuple[World, Pruned, tuple[Spot, ...]]:
+def prepared(name: str) -> tuple[World, Pruned, tuple[Candidate, ...]]:
     world = load_world(name)
     standing, _, pruned = whole_path(world)
     chain = choose_chain(pruned, standing, start_place(world))
     goals = configurations(world, pruned.ladder, standing, chain, start_pose(world, pruned, chain))
-    return world, pruned, tuple(Spot(goal, k) for goal, k in zip(goals, chain, strict=True))
+    return world, pruned, tuple(Candidate(goal, k) for goal, k in zip(goals, chain, strict=True))
 
 
-def avoider(name: str) -> Avoider:
+def sampler(name: str) -> ConfigurationSampler:
     world, pruned, _ = prepared(name)
-    return Avoider(world, guard_of(world), pruned.ladder, anywhere(world), 0)
+    return ConfigurationSampler(world, guard_of(world), pruned.ladder, anywhere(world), 0)
 
 
 @pytest.mark.parametrize(("name", "i"), [("shelf", 0), ("shelf", 12), ("pipe", 5), ("tao1", 0), ("tao3", 0)])
 def test_every_option_is_clear_and_on_target(name: str, i: int) -> None:
     world, pruned, nominal = prepared(name)
-    looking, robot = avoider(name), world.robot
+    looking, robot = sampler(name), world.robot
     here = nominal[max(i - 1, 0)].pose
     options = list(islice(looking.options(i, [nominal[i].component], here, nominal[i]), 12))
     assert len(options) >= 3
@@ -57,7 +64,7 @@ def test_every_option_is_clear_and_on_target(name: str, i: int) -> None:
 def test_the_same_options_again() -> None:
     world, _, nominal = prepared("pipe")
     one, other = (
-        list(islice(avoider("pipe").options(5, [nominal[5].component], nominal[4].pose, nominal[5]), 8))
+        list(islice(sampler("pipe").options(5, [nominal[5].component], nominal[4].pose, nominal[5]), 8))
         for _ in range(2)
     )
     for a, b in zip(one, other, strict=True):
@@ -69,14 +76,14 @@ def test_the_same_options_again() -> None:
 def test_without_avoidance_there_is_only_what_mfabrik_found() -> None:
     world, pruned, nominal = prepared("shelf")
     bare = replace(world, rules=replace(world.rules, avoidance=False))
-    looking = Avoider(bare, guard_of(bare), pruned.ladder, anywhere(world), 0)
+    looking = ConfigurationSampler(bare, guard_of(bare), pruned.ladder, anywhere(world), 0)
     assert list(looking.options(3, [nominal[3].component], nominal[2].pose, nominal[3])) == [nominal[3]]
     assert not looking.evidence
 
 
 def test_a_place_offers_the_postures_that_change_least() -> None:
     _, _, nominal = prepared("shelf")
-    looking, here = avoider("shelf"), nominal[4].pose
+    looking, here = sampler("shelf"), nominal[4].pose
     options = list(looking.options(5, [nominal[5].component], here, nominal[5]))
     elsewhere = options[-2 * KEPT :]
     axes = [tuple(axis_of(load_world("shelf").robot, spot.pose.base).round(9)) for spot in options]
@@ -100,7 +107,7 @@ def test_evidence_counts_what_was_looked_at_and_keeps_the_best() -> None:
 def test_a_search_is_told_as_evidence() -> None:
     world, pruned, nominal = prepared("shelf")
     shut = replace(world, rules=replace(world.rules, arm_clearance=0.2))
-    looking = Avoider(shut, guard_of(shut), pruned.ladder, anywhere(world), 0)
+    looking = ConfigurationSampler(shut, guard_of(shut), pruned.ladder, anywhere(world), 0)
     here = Pose(np.zeros(3), world.robot.carry)
     assert list(looking.options(0, [nominal[0].component], here, nominal[0])) == []
     seen = looking.evidence[0]

@@ -1,4 +1,4 @@
-"""Where a base on wheels may go next: it stays while the arm reaches, else rolls where it can stay long."""
+"""Next poses of a base on wheels: it stays while the arm reaches, else rolls to where it can stay long."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from regionik.planners.solvers.kernels import wrap
 from regionik.pruning import Ladder
 from regionik.values import Configuration
 from regionik.worlds.arrays import Array
+from regionik.worlds.drives import BaseDrive
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import World
 
@@ -28,16 +29,30 @@ TRAVEL = 0.3  # way of the base from which it has a direction [m]
 
 
 @dataclass(frozen=True, eq=False)
-class Rolls:
-    """Poses a base on wheels comes to by staying or by one motion, with the component each stands in."""
+class RollingGoals:
+    """Poses a base on wheels comes to by staying or by one motion, with the component each stands in.
+
+    Attributes
+    ----------
+    world : World
+    ladder : Ladder
+    standing : Standing
+    travel : (n,) array
+        Where the base goes on to from each set-point, NaN where it stays [rad].
+    """
 
     world: World
     ladder: Ladder
     standing: Standing
+    travel: Array
 
-    def poses(
-        self, i: int, components: Sequence[int], here: Array, ahead: float | None = None
-    ) -> Iterator[tuple[Array, int]]:
+    def ahead(self, i: int) -> list[float]:
+        """Headings along the way on from set-point i: forwards, backwards and across."""
+        if np.isnan(self.travel[i]):
+            return []
+        return [float(self.travel[i]) + turn for turn in (0.0, np.pi, np.pi / 2, -np.pi / 2)]
+
+    def poses(self, i: int, components: Sequence[int], here: Array) -> Iterator[tuple[Array, int]]:
         """For set-point i, the likeliest first.
 
         Parameters
@@ -47,10 +62,8 @@ class Rolls:
             Where the base may stand.
         here : (3,) array
             Base pose at first.
-        ahead : float, optional
-            Heading that a base that turns on the spot may take when it has come [rad].
         """
-        bases, efforts = _motions(self.world.robot, here, ahead)
+        bases, efforts = _motions(self.world.robot.drive, here, next(iter(self.ahead(i)), None))
         holds = {k: self._holds(k, bases) for k in components}
         owner = np.full(len(bases), -1)
         for k in reversed(components):
@@ -81,7 +94,15 @@ class Rolls:
         return held
 
 
-def travel_headings(robot: Robot, goals: Sequence[Configuration]) -> Array:
+def rolling_goals_for(
+    world: World, ladder: Ladder, standing: Standing, found: Sequence[Configuration]
+) -> RollingGoals | None:
+    """Goals of a base on wheels along M-FABRIK's configurations; a base that slides goes anywhere."""
+    rolls = world.robot.drive.rolls
+    return RollingGoals(world, ladder, standing, _travel_headings(world.robot, found)) if rolls else None
+
+
+def _travel_headings(robot: Robot, goals: Sequence[Configuration]) -> Array:
     """Direction in which the arm axis goes on from each configuration, (n,); NaN where it stays [rad]."""
     axes = np.array([axis_of(robot, goal.base) for goal in goals])
     headings = np.full(len(axes), np.nan)
@@ -95,21 +116,24 @@ def travel_headings(robot: Robot, goals: Sequence[Configuration]) -> Array:
     return headings
 
 
-def _motions(robot: Robot, here: Array, ahead: float | None) -> tuple[Array, Array]:
-    """Poses after one motion and what each costs, the pose itself first."""
+def _motions(drive: BaseDrive, here: Array, ahead: float | None) -> tuple[Array, Array]:
+    """Poses after one motion and what each costs, the pose itself first.
+
+    A base that turns on the spot may take the heading ``ahead`` when it has come.
+    """
     bases, efforts = [here], [0.0]
     for length in (sign * length for length in LENGTHS for sign in (1, -1)):
-        if robot.base == "car":
-            turns = [(0.0, share * length / robot.turning_radius) for share in CURVES]
-        else:
+        if drive.turns_on_the_spot:
             turns = [(float(spin), 0.0) for spin in SPINS]
+        else:
+            turns = [(0.0, share * length / drive.turning_radius) for share in CURVES]
         for spin, turn in turns:
             start = here + (0.0, 0.0, spin)
             half = start[2] + turn / 2
             chord = length * np.sinc(turn / (2 * np.pi))
             bases.append(start + (chord * np.cos(half), chord * np.sin(half), turn))
             efforts.append(abs(length) + TURN_WEIGHT * (abs(spin) + abs(turn)))
-            if robot.base == "differential" and ahead is not None:
+            if drive.turns_on_the_spot and ahead is not None:
                 bases.append(np.array([*bases[-1][:2], ahead]))
                 efforts.append(efforts[-1] + TURN_WEIGHT * abs(wrap(ahead - start[2])))
     return np.array(bases), np.array(efforts)

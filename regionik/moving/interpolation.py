@@ -11,7 +11,6 @@ from regionik.mfabrik import axis_of
 from regionik.planners.geometry.pulling import spread_along
 from regionik.postures.guard import Guard
 from regionik.postures.poses import LARGEST_BEND, Pose, turn_to
-from regionik.rolling import on_way
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import World
 
@@ -19,7 +18,7 @@ TURN_STRIDE = 0.1  # largest turn of the base between two states [rad]
 
 
 @dataclass(frozen=True, eq=False)
-class Hops:
+class Interpolator:
     """States between poses, and whether the arm is clear on them."""
 
     world: World
@@ -43,7 +42,7 @@ class Hops:
 
     def over(self, here: Pose, there: Pose, bases: Array) -> list[Pose]:
         """States strictly between two poses: base through given poses (n, 3), joints spread over its way."""
-        kind, change = self.world.robot.base, there.joints - here.joints
+        drive, change = self.world.robot.drive, there.joints - here.joints
         moves = np.array([turn_to(a, b) for a, b in zip(bases[:-1], bases[1:], strict=True)]).reshape(-1, 3)
         ways = np.hypot(moves[:, 0], moves[:, 1])
         efforts = ways + np.abs(moves[:, 2])
@@ -58,7 +57,7 @@ class Hops:
             count = max(1, int(np.ceil(parts * 1.001)))
             parted = np.arange(1, count) / count
             joints = last.joints + parted[:, None] * (next_.joints - last.joints)
-            inner = zip(on_way(kind, last.base, base, parted), joints, strict=True)
+            inner = zip(drive.between(last.base, base, parted), joints, strict=True)
             rows += [*(Pose(*pose) for pose in inner), next_]
             last = next_
         return rows[:-1]

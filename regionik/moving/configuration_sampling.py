@@ -22,7 +22,7 @@ from regionik.areas.demand import in_plane
 from regionik.areas.meeting import meets
 from regionik.areas.standing import Standing, away, into_span
 from regionik.mfabrik import Solver, axis_of, pose_of, solver_for
-from regionik.moving.rolled import Rolls
+from regionik.moving.rolling_goals import RollingGoals
 from regionik.planners.clearance.clearpose import look_round
 from regionik.planners.clearance.posture import ClearPosture, clear_posture, go_round
 from regionik.planners.clearance.touching import Touch
@@ -49,7 +49,7 @@ KEPT = 2  # postures that a place offers to one that asks
 
 
 @dataclass(frozen=True, eq=False)
-class Spot:
+class Candidate:
     """A configuration at a set-point, and the component its base stands in."""
 
     found: Configuration
@@ -93,7 +93,7 @@ class Evidence:
 
 
 @dataclass(frozen=True, eq=False)
-class Avoider:
+class ConfigurationSampler:
     """Finds clear configurations for the set-points of a world.
 
     Attributes
@@ -103,8 +103,8 @@ class Avoider:
     ladder : Ladder
     standing : Standing
     seed : int
-    travel : (n,) array, optional
-        Of a base on wheels: where it goes on to from each set-point, NaN where it stays [rad].
+    rolling : RollingGoals, optional
+        Where a base on wheels may go next; of another, and of one that stands still, there are none.
     evidence : dict of int to Evidence
         What was looked at, by set-point.
     """
@@ -114,14 +114,16 @@ class Avoider:
     ladder: Ladder
     standing: Standing
     seed: int
-    travel: Array | None = None
+    rolling: RollingGoals | None = None
     evidence: dict[int, Evidence] = field(default_factory=dict)
     _places: dict[int, Array] = field(default_factory=dict)
-    _clear: dict[tuple[int, int], list[Spot]] = field(default_factory=dict)
+    _clear: dict[tuple[int, int], list[Candidate]] = field(default_factory=dict)
     _futile: dict[tuple[int, int], int] = field(default_factory=dict)
-    _nearly: dict[int, list[tuple[float, Spot]]] = field(default_factory=dict)
+    _nearly: dict[int, list[tuple[float, Candidate]]] = field(default_factory=dict)
 
-    def options(self, i: int, components: Sequence[int], here: Pose, nominal: Spot) -> Iterator[Spot]:
+    def options(
+        self, i: int, components: Sequence[int], here: Pose, nominal: Candidate
+    ) -> Iterator[Candidate]:
         """Clear configurations at set-point i, the likeliest first.
 
         Parameters
@@ -131,20 +133,22 @@ class Avoider:
             Where the base may stand.
         here : Pose
             Where the robot comes from.
-        nominal : Spot
+        nominal : Candidate
             What M-FABRIK found for this set-point.
         """
         found = self._options(i, components, here, nominal)
-        return (spot for spot in found if self.meets(spot.pose))
+        return (candidate for candidate in found if self.meets(candidate.pose))
 
     def meets(self, at: Pose) -> bool:
         """Whether a posture at a set-point meets the rules' criteria; those of `Solver` do anyway."""
         criteria = self.world.rules.criteria
         return criteria is None or meets(self.world.robot, criteria, at.joints)
 
-    def _options(self, i: int, components: Sequence[int], here: Pose, nominal: Spot) -> Iterator[Spot]:
-        if self.travel is not None:
-            yield from self._rolled(i, components, here)
+    def _options(
+        self, i: int, components: Sequence[int], here: Pose, nominal: Candidate
+    ) -> Iterator[Candidate]:
+        if self.rolling is not None:  # by staying or by one motion
+            yield from self._stood(i, components, here, self.rolling.poses(i, components, here.base))
         reached = nominal.found.converged and nominal.component in components
         if reached and self.clear(i, nominal.pose):
             yield from self._turns(nominal, here)
@@ -154,13 +158,13 @@ class Avoider:
         for k in components:
             onward = self.solver(k)(target, here.base, here.joints)
             if onward.converged:
-                spot = Spot(onward, k)
-                yield from [spot] if self.clear(i, spot.pose) else self.around(i, spot)
+                candidate = Candidate(onward, k)
+                yield from [candidate] if self.clear(i, candidate.pose) else self.around(i, candidate)
         nothing = True
         for k in components:
-            for spot in self._elsewhere(i, k, here):
+            for candidate in self._elsewhere(i, k, here):
                 nothing = False
-                yield spot
+                yield candidate
         if nothing:
             yield from self._mended(i, components)
 
@@ -173,53 +177,50 @@ class Avoider:
         order = np.argsort(shapely.distance(parts, axis) + TURN_WEIGHT * np.array(turns), kind="stable")
         return [components[m] for m in order[:NEAREST].tolist()]
 
-    def arrivals(self, i: int, components: Sequence[int], here: Pose, nominal: Spot) -> Iterator[Spot]:
+    def arrivals(
+        self, i: int, components: Sequence[int], here: Pose, nominal: Candidate
+    ) -> Iterator[Candidate]:
         """As `options`, for a base that comes with the tool lifted.
 
         On wheels it looks along its way, where most of the path can be done from first.
         """
         k, ahead = nominal.component, self._ahead(i)
-        if ahead:
+        if self.rolling is not None and ahead:
             axes = [axis_of(self.world.robot, nominal.found.base), *self._spread(k)]
             bases = np.array([pose_of(self.world.robot, axis, yaw) for yaw in ahead for axis in axes])
-            gains = Rolls(self.world, self.ladder, self.standing).gains(i, bases)
-            best = bases[np.argsort(-gains, kind="stable")]
+            best = bases[np.argsort(-self.rolling.gains(i, bases), kind="stable")]
             yield from self._stood(i, components, here, ((base, k) for base in best))
         yield from self.options(i, components, here, nominal)
 
-    def _rolled(self, i: int, components: Sequence[int], here: Pose) -> Iterator[Spot]:
-        """Clear postures where a base on wheels gets to by staying or by one motion."""
-        rolls = Rolls(self.world, self.ladder, self.standing)
-        ahead = next(iter(self._ahead(i)), None)
-        return self._stood(i, components, here, rolls.poses(i, components, here.base, ahead))
-
     def _stood(
         self, i: int, components: Sequence[int], here: Pose, poses: Iterable[tuple[Array, int]]
-    ) -> Iterator[Spot]:
+    ) -> Iterator[Candidate]:
         """Clear postures with the base at given poses, each in a component."""
         for base, k in poses:
             solver = replace(self.solver(k), span=(float(base[2]), float(base[2])))
             found = solver.hold(self.world.task[i], base, here.joints)
-            spot = Spot(replace(found, base=base), k)
-            if found.converged and k in components and self.clear(i, spot.pose):
-                yield spot
+            candidate = Candidate(replace(found, base=base), k)
+            if found.converged and k in components and self.clear(i, candidate.pose):
+                yield candidate
 
     def _ahead(self, i: int) -> list[float]:
-        """Headings along the way on: forwards, backwards and across."""
-        if self.travel is None or np.isnan(self.travel[i]):
-            return []
-        return [float(self.travel[i]) + turn for turn in (0.0, np.pi, np.pi / 2, -np.pi / 2)]
+        """Headings of a base on wheels along the way on."""
+        return [] if self.rolling is None else self.rolling.ahead(i)
 
-    def _turns(self, spot: Spot, here: Pose) -> Iterator[Spot]:
-        """A spot with its endless joints turned the shorter way from here, then with each the longer way."""
-        chain, found = self.world.robot.chain, spot.found
+    def _turns(self, candidate: Candidate, here: Pose) -> Iterator[Candidate]:
+        """A candidate, its endless joints turned the shorter way from here, then each the longer way."""
+        chain, found = self.world.robot.chain, candidate.found
         turns = _endless(chain)
         change = found.joints - here.joints
         near = here.joints + np.where(turns, np.remainder(change + np.pi, 2 * np.pi) - np.pi, change)
-        yield replace(spot, found=replace(found, joints=near)) if (near != found.joints).any() else spot
+        yield (
+            replace(candidate, found=replace(found, joints=near))
+            if (near != found.joints).any()
+            else candidate
+        )
         for k in np.flatnonzero(turns & (np.abs(near - here.joints) > FAR)).tolist():
             far = near - 2 * np.pi * np.sign(near - here.joints) * (np.arange(chain.dof) == k)
-            yield replace(spot, found=replace(found, joints=far))
+            yield replace(candidate, found=replace(found, joints=far))
 
     def clear(self, i: int, at: Pose) -> bool:
         """Whether the arm keeps clear; what it comes near to is kept as evidence."""
@@ -232,44 +233,44 @@ class Avoider:
         self.evidence.setdefault(i, Evidence()).add(touch, room)
         return room
 
-    def around(self, i: int, spot: Spot) -> Iterator[Spot]:
+    def around(self, i: int, candidate: Candidate) -> Iterator[Candidate]:
         """The base stays; the arm goes round what it touches, by FABRIK with avoiding rotations."""
-        key, target = (i, spot.component), self.world.task[i]
+        key, target = (i, candidate.component), self.world.task[i]
         if self._futile.get(key, 0) >= GIVEN_UP:
             return
-        around: list[Spot] = []
+        around: list[Candidate] = []
         if target.direction is None:
-            around = list(self._asked(i, spot, go_round))
+            around = list(self._asked(i, candidate, go_round))
         elif not in_plane(self.world.robot.chain, target):  # in a plane, its few postures were all looked at
-            around = list(self._looked(i, spot))
+            around = list(self._looked(i, candidate))
         self._futile[key] = 0 if around else self._futile.get(key, 0) + 1
         yield from around
 
-    def _searched(self, i: int, spot: Spot) -> Iterator[Spot]:
+    def _searched(self, i: int, candidate: Candidate) -> Iterator[Candidate]:
         """The base stays; every posture of the arm is looked for, or there is proven to be none."""
         if self.world.task[i].direction is None:
-            yield from self._asked(i, spot, partial(clear_posture, most_boxes=BOXES))
+            yield from self._asked(i, candidate, partial(clear_posture, most_boxes=BOXES))
 
-    def _looked(self, i: int, spot: Spot) -> Iterator[Spot]:
+    def _looked(self, i: int, candidate: Candidate) -> Iterator[Candidate]:
         """The base stays; the arm is tried in other postures on the pose."""
         robot = self.world.robot
         arm = serial_solver(robot.chain, float(robot.mount[2]), self.world.rules.tolerance)
         quest = arm.quest(self.world.task[i])
-        base, contact = spot.found.base, self.guard.contact
+        base, contact = candidate.found.base, self.guard.contact
         found = look_round(
-            self.guard.bodies, base, quest.aim, spot.found.joints, quest.effort,
+            self.guard.bodies, base, quest.aim, candidate.found.joints, quest.effort,
             contact=contact, margin=SPARE, seed=self.seed,
         )  # fmt: skip
         if found is not None:
-            yield from self._faced(i, spot, *found[:2])
+            yield from self._faced(i, candidate, *found[:2])
 
-    def _asked(self, i: int, spot: Spot, ask: Callable[..., ClearPosture]) -> Iterator[Spot]:
-        target, bodies, base = self.world.task[i], self.guard.bodies, spot.found.base
+    def _asked(self, i: int, candidate: Candidate, ask: Callable[..., ClearPosture]) -> Iterator[Candidate]:
+        target, bodies, base = self.world.task[i], self.guard.bodies, candidate.found.base
         found = ask(
             bodies,
             base,
             target.position,
-            spot.found.joints,
+            candidate.found.joints,
             contact=self.guard.contact,
             tolerance=self.world.rules.tolerance,
             margin=SPARE,
@@ -277,42 +278,44 @@ class Avoider:
         )
         self.evidence.setdefault(i, Evidence()).proven += found.kind == "none"
         if found.joints is not None:
-            yield from self._faced(i, spot, found.joints, found.error)
+            yield from self._faced(i, candidate, found.joints, found.error)
 
-    def _faced(self, i: int, spot: Spot, joints: Array, error: float) -> Iterator[Spot]:
-        """Other joints at a spot, if clear; the base turns under the arm where it has to face the target."""
-        robot, base = self.world.robot, spot.found.base
+    def _faced(self, i: int, candidate: Candidate, joints: Array, error: float) -> Iterator[Candidate]:
+        """Other joints at a candidate, if clear; a base that must face the target turns under the arm."""
+        robot, base = self.world.robot, candidate.found.base
         if self.world.rules.heading == "face_target" and pivoted(robot.chain) is robot.chain:
             pivot = pivot_of(robot.chain)
             ahead = np.clip(0.0, robot.chain.lower[pivot], robot.chain.upper[pivot])
             yaw = float(base[2] + joints[pivot] - ahead)
-            if away(yaw, self._span(spot.component)) > 0:
+            if away(yaw, self._span(candidate.component)) > 0:
                 return
             base = pose_of(robot, axis_of(robot, base), yaw)
             joints = np.where(np.arange(robot.chain.dof) == pivot, ahead, joints)
         if self.clear(i, Pose(base, joints)):
-            yield Spot(replace(spot.found, base=base, joints=joints, error=error), spot.component)
+            yield Candidate(
+                replace(candidate.found, base=base, joints=joints, error=error), candidate.component
+            )
 
-    def _elsewhere(self, i: int, k: int, here: Pose) -> Iterator[Spot]:
+    def _elsewhere(self, i: int, k: int, here: Pose) -> Iterator[Candidate]:
         """Clear postures at places of the base in a component, near places first."""
         axis = axis_of(self.world.robot, here.base)
         places = self._spread(k)
         for m in np.argsort(np.hypot(*(places - axis).T), kind="stable").tolist():
             found = self._at(i, k, m)
-            change = [float(np.abs(spot.found.joints - here.joints).max()) for spot in found]
+            change = [float(np.abs(candidate.found.joints - here.joints).max()) for candidate in found]
             for n in np.argsort(change, kind="stable")[:KEPT].tolist():
                 yield found[n]
 
-    def _mended(self, i: int, components: Sequence[int]) -> Iterator[Spot]:
+    def _mended(self, i: int, components: Sequence[int]) -> Iterator[Candidate]:
         """The postures nearest to being clear, led round what they touch; then all at their places."""
         nearly = [one for k in components for one in self._nearly.get(k, [])]
-        nearest = [spot for _, spot in sorted(nearly, key=lambda one: -one[0])[:MENDED]]
-        for spot in nearest:
-            yield from self.around(i, spot)
-        for spot in nearest[:SEARCHED]:
-            yield from self._searched(i, spot)
+        nearest = [candidate for _, candidate in sorted(nearly, key=lambda one: -one[0])[:MENDED]]
+        for candidate in nearest:
+            yield from self.around(i, candidate)
+        for candidate in nearest[:SEARCHED]:
+            yield from self._searched(i, candidate)
 
-    def _at(self, i: int, k: int, m: int) -> list[Spot]:
+    def _at(self, i: int, k: int, m: int) -> list[Candidate]:
         """All clear postures at one place, looked through once."""
         key = (k, m)
         if key not in self._clear:
@@ -320,12 +323,14 @@ class Avoider:
             base = pose_of(self.world.robot, place, self._heading(k, target.position, place))
             found = self.solver(k).self_motion(target, base, self.world.robot.carry, PITCHES)
             self.evidence.setdefault(i, Evidence()).places += 1
-            spots = [Spot(one, k) for one in found]
-            rooms = [self._room(i, spot.pose) for spot in spots]
-            self._clear[key] = [spot for spot, room in zip(spots, rooms, strict=True) if room == np.inf]
-            if spots and not self._clear[key]:
+            candidates = [Candidate(one, k) for one in found]
+            rooms = [self._room(i, candidate.pose) for candidate in candidates]
+            self._clear[key] = [
+                candidate for candidate, room in zip(candidates, rooms, strict=True) if room == np.inf
+            ]
+            if candidates and not self._clear[key]:
                 best = int(np.argmax(rooms))
-                self._nearly.setdefault(k, []).append((rooms[best], spots[best]))
+                self._nearly.setdefault(k, []).append((rooms[best], candidates[best]))
         return self._clear[key]
 
     def _heading(self, k: int, target: Array, axis: Array) -> float:

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from regionik.mfabrik import axis_of, pose_of
-from regionik.moving.driving import Driver
-from regionik.moving.hops import Hops
+from regionik.moving.base_motion import Driver
+from regionik.moving.interpolation import Interpolator
 from regionik.planners.driving.sampling import State, connect
 from regionik.postures.poses import Pose, turn_to
 from regionik.worlds.arrays import Array
@@ -19,11 +19,11 @@ STRIDE = 1.0  # its longest motion, metres and radians together
 
 
 @dataclass(frozen=True, eq=False)
-class WholeBody:
+class WholeBodyPlanner:
     """The space of arm axis, heading and joints over one piece of free floor, for an omnidirectional base."""
 
     world: World
-    hops: Hops
+    interpolator: Interpolator
     driver: Driver
     piece: int
 
@@ -34,7 +34,7 @@ class WholeBody:
 
         def free(state: State) -> bool:
             at = self._pose(self._read(state))
-            return self.driver.inside(at, self.piece) and self.hops.guard.clear(at)
+            return self.driver.inside(at, self.piece) and self.interpolator.guard.clear(at)
 
         def clear(p: State, q: State) -> bool:
             return self._goes(self._pose(self._read(p)), self._pose(self._read(q)))
@@ -48,7 +48,7 @@ class WholeBody:
     def _goes(self, here: Pose, there: Pose) -> bool:
         """Whether a straight motion stays on the free floor, and keeps the arm clear."""
         states = self.driver.direct(here, there, self.piece)
-        return states is not None and self.hops.clear([here, *states, there])
+        return states is not None and self.interpolator.clear([here, *states, there])
 
     def _shortened(self, poses: list[Pose]) -> list[Pose]:
         """Poses without those that a straight motion, proven clear, can leave out."""

@@ -1,0 +1,157 @@
+"""Motion of a base: driving with the tool lifted, and ways of the base while the tool stays on its path."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from regionik.areas.standing import Index, Standing, room_for
+from regionik.moving.interpolation import Interpolator
+from regionik.planners.clearance.legs import bases_between, leg_lengths
+from regionik.planners.driving.room import Room, fits
+from regionik.postures.poses import Pose
+from regionik.pruning import Ladder
+from regionik.worlds.arrays import Array
+from regionik.worlds.scene import World
+
+EVENLY = np.array([0.0, 1.0])  # from one knot to another
+
+
+class BasePath(NamedTuple):
+    """A way of the base from one set-point to the next, knot by knot, and how far the tool is at each.
+
+    Attributes
+    ----------
+    rolls : bool
+        How the base goes from knot to knot; see `regionik.worlds.drives.BaseDrive`.
+    knots : (k, 3) array
+        Base poses; where the heading is NaN it is free, and the place is that of the arm axis [m], [rad].
+    tool : (k,) array
+        0 at the first set-point, 1 at the second.
+    """
+
+    rolls: bool
+    knots: Array
+    tool: Array
+
+    def places(self, leg: Index, share: Array) -> Array:
+        """As the knots are, at shares (n,) of legs (n,): leg k goes from knot k to the next, (n, 3)."""
+        places: Array = bases_between(self.knots, leg, share, self.rolls)
+        return places
+
+
+def together(rolls: bool, knots: Array) -> BasePath:
+    """The tool goes on as the base does; a base that is there already stands while it does."""
+    if len(knots) == 1:
+        knots = np.concatenate([knots, knots])
+    if len(knots) == 2:
+        return BasePath(rolls, knots, EVENLY)
+    far = np.concatenate([[0.0], np.cumsum(leg_lengths(knots))])
+    return BasePath(rolls, knots, far / far[-1] if far[-1] > 0 else np.linspace(0.0, 1.0, len(knots)))
+
+
+def halting(rolls: bool, before: Array, after: Array) -> BasePath:
+    """The base moves, stands while the tool goes on, and moves on: ``after`` begins where ``before`` ends."""
+    return BasePath(rolls, np.concatenate([before, after]), np.repeat([0.0, 1.0], [len(before), len(after)]))
+
+
+class BasePaths(Protocol):
+    """Ways of one kind of base while the tool goes on."""
+
+    def between(self, k: int, j: int, here: Array, goal: Array) -> Iterator[BasePath]:
+        """Ways from a pose in component k to one in component j of the next set-point, the plainest first.
+
+        Raises
+        ------
+        NoPathError
+            Where there is none.
+        """
+
+
+@dataclass(frozen=True, eq=False)
+class StandingPaths:
+    """The base stands still while the tool goes on."""
+
+    world: World
+
+    def between(self, k: int, j: int, here: Array, goal: Array) -> Iterator[BasePath]:
+        """See `BasePaths`."""
+        if np.array_equal(here, goal):
+            yield together(self.world.robot.drive.rolls, np.stack([here, here]))
+
+
+class Driver(Protocol):
+    """One kind of base that moves."""
+
+    @property
+    def methods(self) -> dict[str, int]:
+        """How many moves each method made."""
+
+    @property
+    def seed(self) -> int:
+        """Of sampling planners."""
+
+    def onto(self, here: Pose, label: int) -> list[Pose]:
+        """From a pose onto the free floor of a piece, the arm still; the pose alone where it is there.
+
+        Raises NoPathError.
+        """
+
+    def route(self, here: Pose, there: Pose, label: int, berth: float = 0.0) -> Array:
+        """Way over a piece of free floor, with ``berth`` more kept from its edge; raises NoPathError."""
+
+    def states(self, here: Pose, there: Pose, route: Array) -> list[Pose]:
+        """States strictly between two poses along a route."""
+
+    def direct(self, here: Pose, there: Pose, label: int) -> list[Pose] | None:
+        """States of the straight motion between two poses; None where it leaves the floor."""
+
+    def inside(self, at: Pose, label: int) -> bool:
+        """Whether the base may stand there."""
+
+    def extent(self, label: int) -> Array:
+        """Least and greatest x and y of the arm axis on a piece of floor, (2, 2) [m]."""
+
+    def retreats(self, at: Pose, far: float, label: int) -> Iterator[list[Pose]]:
+        """Short ways off, the arm still, the likeliest first: states after the first, to the last."""
+
+    def paths(self, ladder: Ladder) -> BasePaths:
+        """Ways while the tool stays on its path."""
+
+
+@dataclass(frozen=True, eq=False)
+class ShapedDriver:
+    """A base whose footprint is moved as it is, proven free."""
+
+    world: World
+    interpolator: Interpolator
+    standing: Standing
+    seed: int
+    methods: dict[str, int] = field(default_factory=dict)
+
+    @property
+    def room(self) -> Room:
+        return room_for(self.world)
+
+    def onto(self, here: Pose, label: int) -> list[Pose]:
+        """It is there wherever it fits; see `Driver`."""
+        return [here]
+
+    def states(self, here: Pose, there: Pose, route: Array) -> list[Pose]:
+        """Joints spread over the base's poses; see `Driver`."""
+        return self.interpolator.over(here, there, route)
+
+    def inside(self, at: Pose, label: int) -> bool:
+        """See `Driver`."""
+        return bool(fits(self.room, *at.base))
+
+    def extent(self, label: int) -> Array:
+        """See `Driver`."""
+        return np.reshape(self.world.floor.polygon.bounds, (2, 2))
+
+    def count(self, method: str) -> None:
+        """Note that a method made a move."""
+        self.methods[method] = self.methods.get(method, 0) + 1

@@ -1,0 +1,316 @@
+"""An omnidirectional base, its arm axis driven as a point where every heading is free, else its footprint.
+
+While the tool goes on from one set-point to the next, the base first tries to go straight. Else it moves
+inside the area of the first set-point to a place that both share, and from there inside the area of the
+second: at the same time as the tool, where the area holds at every heading, or halting at that place while
+the tool goes on.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from itertools import islice
+
+import numpy as np
+import shapely
+from shapely.geometry import LineString, Point, Polygon
+from shapely.geometry.base import BaseGeometry
+
+from regionik.areas.ground import GUARD, Geometries, ground_of
+from regionik.areas.standing import Index, Standing, into_span, room_for
+from regionik.mfabrik import axis_of, pose_of
+from regionik.moving.base_motion import BasePath, ShapedDriver, halting, together
+from regionik.moving.interpolation import Interpolator
+from regionik.planners.driving.drive import NoPathError, drive, drive_inside
+from regionik.planners.driving.footprint import Slab
+from regionik.planners.driving.room import Room, room_of, slides
+from regionik.planners.driving.shape import drive_shape
+from regionik.planners.driving.slabgraph import through
+from regionik.planners.geometry.flat import FlatPolygon, segment_in_either
+from regionik.postures.poses import Pose
+from regionik.pruning import Ladder
+from regionik.worlds.arrays import Array
+from regionik.worlds.scene import World
+
+WAYS = 16  # directions of drawing back
+INSET = 0.002  # kept from the edge of what two areas share, where there is room [m]
+TURN_PART = 0.1  # of a turn about the arm axis, which a base frame elsewhere does by short slides [rad]
+
+
+@dataclass(frozen=True, eq=False)
+class AnyHeadingDriver:
+    """On floor that is free at every heading: the arm axis is driven as a point."""
+
+    world: World
+    interpolator: Interpolator
+    standing: Standing
+    seed: int
+    methods: dict[str, int] = field(default_factory=dict)
+    _floors: dict[int, FlatPolygon] = field(default_factory=dict)
+
+    def onto(self, here: Pose, label: int) -> list[Pose]:
+        """A robot may start where only its heading keeps it clear; see `Driver`."""
+        axis = axis_of(self.world.robot, here.base)
+        spot = into(self._piece(label), axis)
+        if spot is axis:
+            return [here]
+        there = Pose(pose_of(self.world.robot, spot, here.base[2]), here.joints)
+        shaped = ByHeadingDriver(self.world, self.interpolator, self.standing, self.seed)
+        return [here, *shaped.states(here, there, shaped.route(here, there, label)), there]
+
+    def route(self, here: Pose, there: Pose, label: int, berth: float = 0.0) -> Array:
+        """Of the arm axis, (k, 2); see `Driver`."""
+        a, b = (axis_of(self.world.robot, pose.base) for pose in (here, there))
+        piece = self._piece(label)
+        free = piece.buffer(-berth) if berth else piece
+        if free.is_empty:
+            raise NoPathError("no floor is left", a, b)
+        flat = FlatPolygon.from_shapely(free) if berth else self._flat(label)
+        return self.within(free, flat, a, b)
+
+    def within(self, free: BaseGeometry, flat: FlatPolygon, a: Array, b: Array) -> Array:
+        """Way of the arm axis from a to b inside a polygon, also given for kernels, (k, 2)."""
+        # Ends may lie outside by rounding, or by the gap between the exact and the inner area.
+        spots = [p if flat.holds(p) else into(free, p) for p in (a, b)]
+        if math.dist(*spots) < 1e-9:
+            return np.array([a, b])
+        step = self.world.rules.step
+        if isinstance(free, Polygon):
+            found = drive_inside(free, flat, *spots, step=step, seed=self.seed)
+        else:
+            found = drive(free, *spots, step=step, seed=self.seed)
+        self.methods[found.method] = self.methods.get(found.method, 0) + 1
+        points = np.array(found.points)
+        points[0], points[-1] = a, b
+        return points
+
+    def states(self, here: Pose, there: Pose, route: Array) -> list[Pose]:
+        """Heading and joints spread over the route; see `Driver`."""
+        return self.interpolator.along(here, there, route)
+
+    def direct(self, here: Pose, there: Pose, label: int) -> list[Pose] | None:
+        """The axis moves straight; see `Driver`."""
+        a, b = (axis_of(self.world.robot, pose.base) for pose in (here, there))
+        return self.interpolator.straight(here, there) if self._flat(label).sees(a, b) else None
+
+    def inside(self, at: Pose, label: int) -> bool:
+        """See `Driver`."""
+        return self._flat(label).holds(axis_of(self.world.robot, at.base))
+
+    def extent(self, label: int) -> Array:
+        """See `Driver`."""
+        return np.reshape(self._piece(label).bounds, (2, 2))
+
+    def retreats(self, at: Pose, far: float, label: int) -> Iterator[list[Pose]]:
+        """Straight off in sixteen directions, away from the tool first; see `Driver`."""
+        return _retreats(self, at, far, label)
+
+    def paths(self, ladder: Ladder) -> AnyHeadingPaths:
+        """See `Driver`."""
+        return AnyHeadingPaths(self.world, ladder, self)
+
+    def _piece(self, label: int) -> BaseGeometry:
+        piece: BaseGeometry = self.standing.pieces.polygon[label]
+        return piece
+
+    def _flat(self, label: int) -> FlatPolygon:
+        """A piece of the free floor for kernels, kept."""
+        if label not in self._floors:
+            self._floors[label] = FlatPolygon.from_shapely(self._piece(label))
+        return self._floors[label]
+
+
+@dataclass(frozen=True, eq=False)
+class ByHeadingDriver(ShapedDriver):
+    """It turns so as to pass where its circle would not."""
+
+    def route(self, here: Pose, there: Pose, label: int, berth: float = 0.0) -> Array:
+        """Of the base, (n, 3); see `Driver`."""
+        ground, robot = ground_of(self.world), self.world.robot
+        found = drive_shape(
+            robot.footprint,
+            ground.floor,
+            here.base,
+            there.base,
+            obstacles=ground.shadows,
+            clearance=ground.clearance + GUARD + berth,
+            seed=self.seed,
+        )
+        self.count(found.method)
+        return found.poses
+
+    def direct(self, here: Pose, there: Pose, label: int) -> list[Pose] | None:
+        """The base goes straight and turns evenly; see `Driver`."""
+        bases = np.stack([here.base, there.base])
+        return self.interpolator.over(here, there, bases) if slides(self.room, *bases) else None
+
+    def retreats(self, at: Pose, far: float, label: int) -> Iterator[list[Pose]]:
+        """Straight off in sixteen directions, away from the tool first; see `Driver`."""
+        return _retreats(self, at, far, label)
+
+    def paths(self, ladder: Ladder) -> ByHeadingPaths:
+        """See `Driver`."""
+        return ByHeadingPaths(self.world, ladder, self.standing, self.seed)
+
+
+@dataclass(frozen=True, eq=False)
+class AnyHeadingPaths:
+    """The arm axis is led through areas that hold at every heading."""
+
+    world: World
+    ladder: Ladder
+    driver: AnyHeadingDriver
+
+    def between(self, k: int, j: int, here: Array, goal: Array) -> Iterator[BasePath]:
+        """See `BasePaths`."""
+        a, b = (axis_of(self.world.robot, pose) for pose in (here, goal))
+        if self._within(k, j, a, b):
+            yield together(False, _at_any_heading(np.array([a, b])))
+        for over in self._handovers(k, j, a, b):
+            before, after = (
+                _at_any_heading(way) for way in (self._inside(k, a, over), self._inside(j, over, b))
+            )
+            yield together(False, np.concatenate([before, after[1:]]))
+            yield halting(False, before, after)
+
+    def _handovers(self, k: int, j: int, a: Array, b: Array) -> Iterator[Array]:
+        """Places that two components share: an end of the way itself, where it is one, comes first."""
+        shared = (end for end, other in ((b, k), (a, j)) if self.ladder.flat(other).holds(end))
+        yield from islice(shared, 1)
+        yield _handover(self.ladder.component[k] & self.ladder.component[j], a, b)
+
+    def _inside(self, k: int, a: Array, b: Array) -> Array:
+        """Way of the arm axis in a component, (n, 2)."""
+        return a[None] if a is b else self.driver.within(self.ladder.component[k], self.ladder.flat(k), a, b)
+
+    def _within(self, k: int, j: int, a: Array, b: Array) -> bool:
+        """Whether the straight way lies in two components together; most ways lie in one of them."""
+        one, other = self.ladder.flat(k), self.ladder.flat(j)
+        if one.sees(a, b) or other.sees(a, b):
+            return True
+        return bool(segment_in_either(one.vertices, one.starts, other.vertices, other.starts, *a, *b))
+
+
+@dataclass(frozen=True, eq=False)
+class ByHeadingPaths:
+    """The base turns and drives through the slabs of a component's group."""
+
+    world: World
+    ladder: Ladder
+    standing: Standing
+    seed: int
+    _slabs: dict[int, tuple[Slab, ...]] = field(default_factory=dict)
+
+    def between(self, k: int, j: int, here: Array, goal: Array) -> Iterator[BasePath]:
+        """See `BasePaths`."""
+        if slides(room_for(self.world), here, goal):
+            yield together(False, np.stack([here, goal]))
+        over = self._shared(k, j, here, goal)
+        if over is None:
+            return
+        before, after = self._through(k, here, over), self._through(j, over, goal)
+        if before is not None and after is not None:  # by way of slabs it is far: the tool rather waits
+            yield halting(False, before, after)
+
+    def _shared(self, k: int, j: int, here: Array, goal: Array) -> Array | None:
+        """The pose nearest to the way that components of both groups hold."""
+        ladder, sides = self.ladder, self.standing.sides
+        ends = [axis_of(self.world.robot, pose) for pose in (here, goal)]
+        best: tuple[float, Array] | None = None
+        for m, n in ladder.edges.tolist():
+            if ladder.group[m] != ladder.group[k] or ladder.group[n] != ladder.group[j]:
+                continue
+            spot = _handover(ladder.component[m] & ladder.component[n], *ends)
+            yaw = float(here[2])
+            for c in (m, n, m):  # neighbouring slabs share the heading between them
+                yaw = into_span(yaw, sides[int(ladder.side[c])].span)
+            cost = sum(float(np.hypot(*(spot - end))) for end in ends) + abs(yaw - here[2])
+            if best is None or cost < best[0]:
+                best = cost, pose_of(self.world.robot, spot, yaw)
+        return None if best is None else best[1]
+
+    def _through(self, k: int, a: Array, b: Array) -> Array | None:
+        """Base poses from one to another, the arm axis inside the slabs of a component's group."""
+        robot, room = self.world.robot, room_for(self.world)
+        if slides(room, a, b):
+            return np.stack([a, b])
+        seen = [np.array([*axis_of(robot, pose), pose[2]]) for pose in (a, b)]
+        found = through(_axis_room(self.world), self._group(k), seen[0], seen[1], self.seed)
+        if found is None:
+            return None
+        poses = np.array([pose_of(robot, p[:2], float(p[2])) for p in _parted(found)])
+        poses[0], poses[-1] = a, b
+        free = all(slides(room, p, q) for p, q in zip(poses[:-1], poses[1:], strict=True))
+        return poses if free else None
+
+    def _group(self, k: int) -> tuple[Slab, ...]:
+        """What the components of a group cover, slab by slab."""
+        group = int(self.ladder.group[k])
+        if group not in self._slabs:
+            members = np.flatnonzero(self.ladder.group == group)
+            self._slabs[group] = tuple(
+                Slab(*side.span, shapely.union_all(self._of_side(members, s)), shapely.Polygon())
+                for s, side in enumerate(self.standing.sides)
+            )
+        return self._slabs[group]
+
+    def _of_side(self, members: Index, s: int) -> Geometries:
+        part: Geometries = self.ladder.component[members[self.ladder.side[members] == s]]
+        return part
+
+
+def _axis_room(world: World) -> Room:
+    ground, robot = ground_of(world), world.robot
+    return room_of(robot.footprint - robot.mount[:2], ground.floor, ground.shadows, ground.clearance)
+
+
+def _parted(poses: Array) -> Array:
+    """Poses with turns cut to short ones; headings on without jumps."""
+    rows = [poses[0]]
+    for pose in poses[1:]:
+        last = rows[-1]
+        to = np.array([pose[0], pose[1], into_span(float(last[2]), (pose[2], pose[2]))])
+        count = max(1, int(np.ceil(abs(to[2] - last[2]) / TURN_PART)))
+        rows += [last + (m + 1) / count * (to - last) for m in range(count)]
+    return np.array(rows)
+
+
+def into(free: BaseGeometry, spot: Array) -> Array:
+    """The spot, or the nearest point of the polygon."""
+    point = Point(spot)
+    if free.covers(point):
+        return spot
+    return np.array(shapely.shortest_line(free, point).coords[0])
+
+
+def _retreats(
+    driver: AnyHeadingDriver | ByHeadingDriver, at: Pose, far: float, label: int
+) -> Iterator[list[Pose]]:
+    """Straight motions off, away from the tool first."""
+    robot = driver.world.robot
+    axis = axis_of(robot, at.base)
+    away = float(np.arctan2(*(axis - robot.tool(at.base, at.joints)[:2, 3])[::-1]))
+    turns = sorted(range(WAYS), key=lambda k: (min(k, WAYS - k), k))
+    for k in turns if far > 0 else turns[:1]:
+        angle = away + 2 * np.pi * k / WAYS
+        spot = axis + far * np.array([np.cos(angle), np.sin(angle)])
+        back = Pose(pose_of(robot, spot, at.base[2]), at.joints)
+        states = driver.direct(at, back, label)
+        if states is not None:
+            yield [*states, back]
+
+
+def _at_any_heading(axes: Array) -> Array:
+    """Knots (k, 3) of a way of the arm axis (k, 2)."""
+    knots = np.full((len(axes), 3), np.nan)
+    knots[:, :2] = axes
+    return knots
+
+
+def _handover(shared: BaseGeometry, a: Array, b: Array) -> Array:
+    """Place in the shared area nearest to the way from a to b, a little inside where there is room."""
+    inside = shared.buffer(-INSET)
+    goal = shared if inside.is_empty else inside
+    return np.array(shapely.shortest_line(goal, LineString([a, b])).coords[0])

@@ -1,0 +1,195 @@
+"""Depth-first search through clear configurations, from set-point to set-point.
+
+In a step the tool goes on along its path from a candidate at one set-point to one at the next. Where no step
+leads on, the last one is taken back; the longest run is kept. Where that ends, the tool is lifted and carried
+to a candidate from which the next run begins.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from regionik.areas.standing import Standing
+from regionik.moving.base_motion import StandingPaths
+from regionik.moving.configuration_sampling import Candidate, ConfigurationSampler, Evidence
+from regionik.moving.drivers import driver_for
+from regionik.moving.interpolation import Interpolator
+from regionik.moving.path_following import PathFollower
+from regionik.moving.rolling_goals import rolling_goals_for
+from regionik.moving.transit import TransitPlanner
+from regionik.planners.driving.drive import NoPathError
+from regionik.postures.guard import Guard, guard_of
+from regionik.postures.poses import Pose, Row, arrays, between, columns
+from regionik.pruning import Ladder
+from regionik.reasons import explain_arm
+from regionik.values import Configuration, Motion
+from regionik.worlds.arrays import Array
+from regionik.worlds.errors import Cause, Explanation, NoPlanFound
+from regionik.worlds.scene import World
+
+HARD_TRIES = 3  # candidates that are worth a search in the space of the whole robot
+PATIENCE = 200  # candidates tried without getting farther before the search ends
+
+Ahead = Callable[[int, Candidate], Iterator[Candidate]]
+Carry = Callable[[Pose, Pose, int], list[Pose] | None]
+
+
+@dataclass(frozen=True, eq=False)
+class JoinedMotion:
+    """Configurations joined to one motion.
+
+    Attributes
+    ----------
+    motion : Motion
+    setpoints : tuple of Configuration
+        As the motion passes them: the arm re-solved along the way.
+    methods : dict
+        How many base moves each method of `drive` made.
+    """
+
+    motion: Motion
+    setpoints: tuple[Configuration, ...]
+    methods: dict[str, int]
+
+
+@dataclass(frozen=True, eq=False)
+class SearchStep:
+    """A candidate of a run, how the tool came there, and what may follow."""
+
+    candidate: Candidate
+    rows: list[Row]
+    ahead: Iterator[Candidate]
+
+
+@dataclass(frozen=True, eq=False)
+class PathSearch:
+    """The search, with all that it asks."""
+
+    world: World
+    sampler: ConfigurationSampler
+    follower: PathFollower
+    transits: TransitPlanner
+
+    @property
+    def guard(self) -> Guard:
+        return self.sampler.guard
+
+    def start(self) -> list[Row]:
+        """The state that the robot starts in, if any; raises NoPlanFound where its arm is not clear there."""
+        start, guard = self.world.start, self.guard
+        if start is None:
+            return []
+        here = Pose(start.base, start.joints)
+        touch = guard.touch(here)
+        if guard.on and touch.kind != "none":
+            raise NoPlanFound(explain_arm.blocked_arm(self.world, guard.words(touch), guard.cause(touch)))
+        return [Row(here, "transit", -1)]
+
+    def arrive(
+        self, i: int, here: Pose | None, candidates: Iterable[Candidate], plain: Carry, hard: int = HARD_TRIES
+    ) -> tuple[list[Row], Candidate] | None:
+        """Get to a candidate at set-point i with the tool lifted; without ``here`` the robot begins there.
+
+        ``plain`` plans transits to all; to the first few a ``hard`` one is searched for with base and arm.
+        """
+        if here is None:
+            return next((([], candidate) for candidate in candidates), None)
+        for candidate, way in self._transits(here, candidates, plain, hard):
+            if way is None:
+                continue
+            if i > 0 and not way:  # however short the way, the tool leaves its path on it
+                way = [between(here, candidate.pose, 0.5, self.world.robot.drive)]
+            return [Row(pose, "transit", i - 1) for pose in way], candidate
+        return None
+
+    def _transits(
+        self, here: Pose, candidates: Iterable[Candidate], plain: Carry, hard: int
+    ) -> Iterator[tuple[Candidate, list[Pose] | None]]:
+        floor, asked = self.sampler.ladder.floor, list[Candidate]()
+        for candidate in candidates:
+            asked.append(candidate)
+            yield candidate, plain(here, candidate.pose, int(floor[candidate.component]))
+        for candidate in asked[:hard]:
+            yield candidate, self.transits.sampled(here, candidate.pose, int(floor[candidate.component]))
+
+    def run(self, i: int, count: int, first: Candidate, ahead: Ahead) -> list[SearchStep]:
+        """The longest run found from a candidate at set-point i, over ``count`` set-points at most.
+
+        Given a set-point and a candidate there, ``ahead`` has those of the next one, the likeliest first.
+        """
+        steps = [SearchStep(first, [], ahead(i, first))]
+        best, tried, seen = list(steps), 0, set[Candidate]()
+        while steps and len(best) < count and tried < PATIENCE:
+            candidate = next(steps[-1].ahead, None)
+            if candidate is None:
+                steps.pop()
+                continue
+            if candidate in seen:
+                continue
+            k = i + len(steps)
+            rows = self.follower.follow(k - 1, steps[-1].candidate, candidate)
+            tried += 1
+            if rows is None or not self.sampler.meets(rows[-1].pose):  # the arm is solved anew on the way
+                continue
+            seen.add(candidate)
+            arrived = self._arrived(k, candidate, rows[-1].pose)
+            steps.append(SearchStep(arrived, rows[:-1], ahead(k, arrived)))
+            if len(steps) > len(best):
+                best, tried = list(steps), 0
+        return best
+
+    def _arrived(self, i: int, candidate: Candidate, pose: Pose) -> Candidate:
+        """The candidate as the motion reaches it; iterations stay those of M-FABRIK."""
+        tool: Array = self.guard.tools(*arrays([pose, pose]), np.zeros(1))[0, 0, :3, 3]
+        error = math.dist(tool, self.world.task[i].position)
+        good = error <= self.world.rules.tolerance
+        found = replace(candidate.found, base=pose.base, joints=pose.joints, error=error, converged=good)
+        return replace(candidate, found=found)
+
+    def joined(self, rows: list[Row], candidates: list[Candidate]) -> JoinedMotion:
+        """The states of a finished search."""
+        methods = dict(sorted(self.transits.driver.methods.items()))
+        return JoinedMotion(columns(rows), tuple(candidate.found for candidate in candidates), methods)
+
+    def why_not(self, i: int, here: Pose | None, goal: Candidate | None = None) -> Explanation:
+        """Explain what stands in the arm's way at set-point i, or on the way there from ``here``."""
+        guard, seen = self.guard, self.sampler.evidence.get(i, Evidence())
+        touch, cut_off = seen.best, here is not None and seen.clear > 0
+        if cut_off and self.transits.refusals:
+            return explain_arm.no_drive(self.world, i, self.transits.refusals[0])
+        if here is not None and cut_off and goal is not None:
+            try:
+                piece = int(self.sampler.ladder.floor[goal.component])
+                touch = self.transits.obstruction(here, goal.pose, piece)
+            except NoPathError as refusal:  # it drives to other places of this set-point only
+                return explain_arm.no_drive(self.world, i, refusal)
+        closest, cause = "no single thing stands in the way", Cause("limits", self.world.robot.name)
+        if touch is not None:
+            closest, cause = guard.words(touch), guard.cause(touch)
+        looked = seen.places, seen.postures, seen.proven
+        return explain_arm.no_clear_posture(self.world, i, looked, closest, cause, cut_off=cut_off)
+
+
+def path_search(
+    world: World,
+    ladder: Ladder,
+    standing: Standing,
+    seed: int,
+    goals: Sequence[Configuration] | None = None,
+) -> PathSearch:
+    """The search of a world, its base going along M-FABRIK's configurations, or standing without them."""
+    guard = guard_of(world)
+    interpolator = Interpolator(world, guard)
+    driver = driver_for(world, interpolator, standing, seed)
+    rolling = None if goals is None else rolling_goals_for(world, ladder, standing, goals)
+    paths = StandingPaths(world) if goals is None else driver.paths(ladder)
+    return PathSearch(
+        world,
+        ConfigurationSampler(world, guard, ladder, standing, seed, rolling),
+        PathFollower(world, ladder, guard, paths),
+        TransitPlanner(world, guard, interpolator, driver),
+    )

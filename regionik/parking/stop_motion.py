@@ -1,0 +1,214 @@
+"""The motion of a plan with stops: the arm works while the base stands, the tool is lifted while it drives.
+
+A stop that the arm cannot do in one go, because of what is in its way, is tried from other places of it;
+where none does all of it, places of its first half are, and so on, and the rest becomes a stop of its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import chain, islice
+
+import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from regionik.moving.configuration_sampling import PITCHES, Candidate
+from regionik.moving.path_search import HARD_TRIES, JoinedMotion, PathSearch, path_search
+from regionik.parking.fewest import Group
+from regionik.parking.placing import Bay, Placing
+from regionik.parking.stops import StopSequence
+from regionik.postures.poses import Pose, Row
+from regionik.reasons import explain
+from regionik.values import Stop
+from regionik.worlds.arrays import Array
+from regionik.worlds.errors import Cause, Explanation, NoPlanFound, Repair
+from regionik.worlds.pivoted_arm import pivot_of
+from regionik.worlds.scene import World
+
+PLACES = 8  # of a stop that are tried
+HARD_PLACES = 2  # of these, how many of a stop with more set-points are worth a search for the way there
+POSTURES = 8  # at one set-point that are tried from the one before
+
+Progress = Callable[[str, int, int], None]
+
+
+@dataclass(frozen=True, eq=False)
+class StopMotion:
+    """A motion through all stops.
+
+    Attributes
+    ----------
+    joined : JoinedMotion
+    stops : tuple of Stop
+    split : tuple of int
+        Set-points before which a stop had to be split.
+    places : tuple of geometry
+        For each set-point the places of its stop.
+    """
+
+    joined: JoinedMotion
+    stops: tuple[Stop, ...]
+    split: tuple[int, ...]
+    places: tuple[BaseGeometry, ...]
+
+
+def connect_stops(work: StopSequence, seed: int, progress: Progress | None = None) -> StopMotion:
+    """Go from stop to stop and do their set-points.
+
+    Raises
+    ------
+    NoPlanFound
+        Where the arm touches something in every posture that was looked at, the base finds no way, or
+        the tool is lifted more often than the rules allow.
+    """
+    search = path_search(work.world, work.floors.ladder, work.floors.standing, seed)
+    return _StopConnection(work, search).made(progress or (lambda *_: None))
+
+
+@dataclass(frozen=True, eq=False)
+class _Attempt:
+    """What was done from one place: states, and a candidate for each set-point done."""
+
+    bay: Bay
+    rows: list[Row]
+    candidates: list[Candidate]
+
+
+@dataclass(frozen=True, eq=False)
+class _StopConnection:
+    """Stops one after the other, each from the place that serves most of it."""
+
+    work: StopSequence
+    search: PathSearch
+
+    @property
+    def world(self) -> World:
+        return self.work.world
+
+    def made(self, tell: Progress) -> StopMotion:
+        """Stop after stop until all set-points are done."""
+        rows, found = self.search.start(), list[Candidate]()
+        placing, work, k = Placing(self.world, self.work.floors), self.work, 0
+        stops, split, places = list[Stop](), list[int](), list[BaseGeometry]()
+        while k < len(work.groups):
+            group = work.groups[k]
+            most = self.world.rules.max_lift_offs
+            if most is not None and len(stops) > most:
+                raise NoPlanFound(self._one_lift_too_many(group))
+            best = self._best(group, placing, work.spots[k], rows[-1].pose if rows else None)
+            rows += best.rows
+            found += best.candidates
+            done = best.bay.setpoints[: len(best.candidates)]
+            stops.append(replace(best.bay.stop(self.world), setpoints=done))
+            places += [shapely.union_all(list(group.places.values()))] * len(done)
+            tell("motion", len(found), len(self.world.task))
+            k += 1
+            if len(done) < len(group.setpoints):
+                split.append(len(found))
+                work, k = work.after(k - 1, len(found)), 0
+        return StopMotion(self.search.joined(rows, found), tuple(stops), tuple(split), tuple(places))
+
+    def _best(self, group: Group, placing: Placing, spot: Array | None, here: Pose | None) -> _Attempt:
+        """The place from which most of a stop is done; places of parts of it where none does all of it."""
+        best: _Attempt | None = None
+        count = len(group.setpoints)
+        while count > (len(best.candidates) if best else 0):
+            part = group
+            if count < len(group.setpoints):
+                part = self.work.floors.group(group.setpoints[:count], self.world.rules.order)
+            for n, bay in enumerate(islice(chain([placing.best(part, spot)], placing.others(part)), PLACES)):
+                tried = self._attempt(bay, here, HARD_TRIES if n < HARD_PLACES or count == 1 else 0)
+                if best is None or len(tried.candidates) > len(best.candidates):
+                    best = tried
+                if len(best.candidates) == count:
+                    return best
+            count //= 2
+        if best is None or not best.candidates:
+            raise NoPlanFound(self.search.why_not(group.setpoints[0], here))
+        return best
+
+    def _attempt(self, bay: Bay, here: Pose | None, hard: int) -> _Attempt:
+        """The set-points of a stop from one place; in any order the tool may be lifted between them.
+
+        So many postures are worth a search in the space of the whole robot.
+        """
+        rows, done = list[Row](), list[Candidate]()
+        while len(done) < len(bay.setpoints):
+            i = bay.setpoints[len(done)]
+            came = self._arrive(bay, i, here, hard)
+            if came is None:
+                break
+            rows += came[0]
+            left = len(bay.setpoints) - len(done)
+            for step in self.search.run(i, left, came[1], partial(self._ahead, bay)):
+                rows += [*step.rows, Row(step.candidate.pose, "setpoint", bay.setpoints[len(done)])]
+                done.append(step.candidate)
+            here = rows[-1].pose
+            if self.world.rules.order == "given":
+                break
+        return _Attempt(bay, rows, done)
+
+    def _arrive(self, bay: Bay, i: int, here: Pose | None, hard: int) -> tuple[list[Row], Candidate] | None:
+        """Get to a set-point of a stop with the tool lifted; the base stays but on the way to the first."""
+        first, near = i == bay.setpoints[0], np.array(self.world.robot.carry)
+        near[pivot_of(self.world.robot.chain)] = bay.pivot[bay.setpoints.index(i)]
+        components = self._components(bay, i)
+        postures = list(islice(self._postures(i, components, bay.base, near), POSTURES))
+        if not postures and len(bay.setpoints) == 1:
+            postures = list(self._round(i, components, bay.base, near))
+        plain = self.search.transits.folded if first else self._folded_still
+        return self.search.arrive(i, here, postures, plain, hard if first else 0)
+
+    def _folded_still(self, here: Pose, there: Pose, piece: int) -> list[Pose] | None:
+        """States strictly between two postures on a transit on which the base stands."""
+        way = self.search.transits.folded(here, there, piece)
+        still = way is not None and all(np.array_equal(at.base, there.base) for at in way)
+        return way if still else None
+
+    def _components(self, bay: Bay, i: int) -> list[int]:
+        """Components of a set-point that hold the place, that of the bay first."""
+        floors, own = self.work.floors, bay.chain[bay.setpoints.index(i)]
+        rungs, side = floors.ladder.rungs, floors.ladder.side
+        point = shapely.Point(bay.axis)
+        found = [k for k in range(rungs[i], rungs[i + 1]) if side[k] == side[own] and floors.usable[k]]
+        return [own, *(k for k in found if k != own and floors.ladder.component[k].covers(point))]
+
+    def _ahead(self, bay: Bay, i: int, here: Candidate) -> Iterator[Candidate]:
+        """Postures at the set-point after i of a stop."""
+        if i >= bay.setpoints[-1]:
+            return iter(())
+        linked = [k for k in self._components(bay, i + 1) if here.component in self.work.floors.back[k]]
+        return islice(self._postures(i + 1, linked, bay.base, here.found.joints), POSTURES)
+
+    def _postures(self, i: int, components: list[int], base: Array, near: Array) -> Iterator[Candidate]:
+        """Clear postures on a set-point with the base where it is, the least changed first."""
+        target, yaw = self.world.task[i], float(base[2])
+        for k in components:
+            solver = replace(self.search.sampler.solver(k), span=(yaw, yaw))
+            plain = [solver.hold(target, base, near), solver.least_change(target, base, near)]
+            some = [one for one in plain if one is not None and one.converged]
+            for found in chain(some, solver.self_motion(target, base, near, PITCHES)):
+                candidate = Candidate(replace(found, base=base), k)
+                if self.search.sampler.clear(i, candidate.pose):
+                    yield candidate
+
+    def _round(self, i: int, components: list[int], base: Array, near: Array) -> Iterator[Candidate]:
+        """A posture on a set-point led round what it touches, where all others touch something."""
+        solver = replace(self.search.sampler.solver(components[0]), span=(float(base[2]), float(base[2])))
+        found = solver.hold(self.world.task[i], base, near)
+        if self.search.guard.on and found.converged:
+            yield from self.search.sampler.around(i, Candidate(replace(found, base=base), components[0]))
+
+    def _one_lift_too_many(self, group: Group) -> Explanation:
+        """One stop more than the rules let the tool be lifted."""
+        i, most = group.setpoints[0], self.world.rules.max_lift_offs
+        reason = (
+            f"{explain.setpoint(i, len(self.world.task))} needs one stop more: the base has done "
+            f"all before it from {(most or 0) + 1}, each going on for as long as the areas let it, and the "
+            f"tool is lifted between two stops; the rules allow {most} lift-offs."
+        )
+        repair = Repair("lift-off", f"set-point {i + 1}", 1.0, f"allow a lift-off before set-point {i + 1}")
+        return Explanation("ladder-broken", i, reason, (Cause("reach", "room to park", None),), (repair,))
