@@ -36,10 +36,11 @@ if TYPE_CHECKING:
     from regionik.view.viewer import show, to_html
     from regionik.why import why
     from regionik.worlds.criteria import Criteria
+    from regionik.worlds.documents.world_file import load_world
     from regionik.worlds.errors import InputError, NoPlanFound, RegionikError
-    from regionik.worlds.library import load_robot, load_world
     from regionik.worlds.scene import World
     from regionik.worlds.speeds import Speeds
+    from regionik.worlds.urdf.loader import load_robot
 
 __version__ = "0.1.0"
 
@@ -87,8 +88,8 @@ _HOME = {
     "admissible_area": "regionik.regions",
     "compare": "regionik.comparison",
     "load_plan": "regionik.output.plan_file",
-    "load_robot": "regionik.worlds.library",
-    "load_world": "regionik.worlds.library",
+    "load_robot": "regionik.worlds.urdf.loader",
+    "load_world": "regionik.worlds.documents.world_file",
     "plan": "regionik.pipeline",
     "plot": "regionik.view.figures",
     "point_to_point": "regionik.timing.point_to_point",

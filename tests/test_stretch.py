@@ -23,8 +23,8 @@ from regionik.planners.solvers.kernels import wrap
 from regionik.postures.guard import guard_of
 from regionik.postures.poses import LARGEST_BEND, Pose, Row, between
 from regionik.rolling import on_way
+from regionik.worlds.bundled import robot_named
 from regionik.worlds.errors import NoPlanFound
-from regionik.worlds.library import robot_named
 from regionik.worlds.obstacles import Box, Solid
 from regionik.worlds.robot import BaseKind, Robot
 from regionik.worlds.scene import Floor, Rules, Target, World

@@ -20,7 +20,7 @@ from regionik.moving.transit import Carrier
 from regionik.planners.solvers.kernels import wrap
 from regionik.postures.guard import guard_of
 from regionik.postures.poses import LARGEST_BEND, Pose, between
-from regionik.worlds.library import robot_named
+from regionik.worlds.bundled import robot_named
 from regionik.worlds.obstacles import Box, Cylinder, Solid
 from regionik.worlds.robot import BaseKind
 from regionik.worlds.scene import Floor, Heading, Rules, World

@@ -30,7 +30,7 @@ from regionik.reasons import explain, explain_arm
 from regionik.values import Configuration, Stop
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Cause, Explanation, NoPlanFound, Repair
-from regionik.worlds.pivoted_arm import pivot_of
+from regionik.worlds.pivoted_arm import pivot_index
 from regionik.worlds.scene import World
 
 PLACES = 8  # of a stop that are tried
@@ -190,7 +190,7 @@ class _Attendant:
     def _arrive(self, bay: Bay, p: int, here: Pose | None, hard: int) -> tuple[list[Row], Spot] | None:
         """Get to a set-point of a stop with the tool lifted; the base stays but on the way to the first."""
         i, near = bay.setpoints[p], np.array(self.world.robot.carry)
-        near[pivot_of(self.world.robot.chain)] = bay.pivot[p]
+        near[pivot_index(self.world.robot.chain)] = bay.pivot[p]
         components = self._components(bay, i)
         spots = list(islice(self._postures(i, components, bay.base, near), POSTURES))
         if not spots and len(bay.setpoints) == 1:
