@@ -20,19 +20,12 @@ _ALIGNED = 1e-9
 
 @dataclass(frozen=True)
 class ReachBound:
-    """A ball swept about the pivot that the tool never leaves.
+    """A ball swept about the pivot that the tool never leaves."""
 
-    Attributes
-    ----------
-    radius, height : float
-        Centre of the ball: distance from the pivot axis, and height over the arm's base frame [m].
-    length : float
-        Radius of the ball [m].
-    """
-
+    # centre of the ball: distance from the pivot axis, and height over the arm's base frame [m]
     radius: float
     height: float
-    length: float
+    length: float  # radius of the ball [m]
 
 
 @lru_cache(maxsize=64)

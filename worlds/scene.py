@@ -145,12 +145,7 @@ class Rules:
 
 
 _ABOVE_ZERO = ("step", "tolerance", "path_tolerance")
-_CHOICES: dict[str, Any] = {
-    "heading": Heading,
-    "mode": Mode,
-    "order": Order,
-    "stop_criterion": StopCriterion,
-}
+_CHOICES: dict[str, Any] = {"heading": Heading, "mode": Mode, "order": Order, "stop_criterion": StopCriterion}
 
 
 @dataclass(frozen=True)

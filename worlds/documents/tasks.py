@@ -13,16 +13,7 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.chain import check_rotation, pose
 from regionik.worlds.errors import InputError, located, located_error
 from regionik.worlds.readers.csv_path import read_csv
-from regionik.worlds.readers.validation import (
-    FileName,
-    Many,
-    Matrix3,
-    Positive,
-    Strict,
-    Vec3,
-    Vec4,
-    one_of,
-)
+from regionik.worlds.readers.validation import FileName, Many, Matrix3, Positive, Strict, Vec3, Vec4, one_of
 from regionik.worlds.scene import Target
 from regionik.worlds.toolpath import (
     ToolPath,

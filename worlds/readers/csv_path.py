@@ -34,23 +34,12 @@ _NEWLINE = 10
 
 @dataclass(frozen=True)
 class CsvBlock:
-    """Some lines of a CSV file; parsing them needs the file no more.
+    """Some lines of a CSV file; parsing them needs the file no more."""
 
-    Attributes
-    ----------
-    where : str
-        Name of the file in error messages.
-    row, columns : int
-        Number of the file's first line with a point, and the number of its columns.
-    number : int
-        Number of the first of these lines within the file.
-    data : bytes
-    """
-
-    where: str
-    row: int
-    columns: int
-    number: int
+    where: str  # name of the file in error messages
+    row: int  # number of the file's first line with a point
+    columns: int  # of that line
+    number: int  # number of the first of these lines within the file
     data: bytes
 
     def path(self) -> ToolPath:
@@ -68,27 +57,15 @@ class CsvBlock:
 
 @dataclass(frozen=True)
 class CsvTable:
-    """A long CSV file, cut into blocks of ``size`` lines.
-
-    Attributes
-    ----------
-    digest : str
-        SHA-256 of the file.
-    ends : tuple of int
-        Offset of the end of each block; the first begins at 0 [bytes].
-    size : int
-        Lines of a block.
-    lines : int
-        Of the file.
-    """
+    """A long CSV file, cut into blocks of ``size`` lines."""
 
     file: Path
-    digest: str
+    digest: str  # SHA-256 of the file
     row: int
     columns: int
-    size: int
-    lines: int
-    ends: tuple[int, ...]
+    size: int  # lines of a block
+    lines: int  # of the file
+    ends: tuple[int, ...]  # offset of the end of each block; the first begins at 0 [bytes]
 
     def __len__(self) -> int:
         return len(self.ends)

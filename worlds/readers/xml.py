@@ -21,23 +21,13 @@ ATTRIBUTE_LIMIT = 150_000  # as the parser's time grows with the square of their
 
 @dataclass(frozen=True)
 class Element:
-    """One element of an XML file.
-
-    Attributes
-    ----------
-    tag : str
-    attributes : dict
-    line : int
-        Where it begins in its file, from 1.
-    children : list of Element
-    texts : list of str
-        Text between its tags and those of its children, in pieces.
-    """
+    """One element of an XML file."""
 
     tag: str
     attributes: dict[str, str]
-    line: int
+    line: int  # where it begins in its file, from 1
     children: list[Element] = field(default_factory=list)
+    # text between its tags and those of its children, in pieces
     texts: list[str] = field(default_factory=list)
 
     def all(self, tag: str) -> Iterator[Element]:

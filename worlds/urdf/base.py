@@ -33,21 +33,11 @@ _UP = np.array([0.0, 0.0, 1.0])
 
 @dataclass(frozen=True, eq=False)
 class BaseShape:
-    """A footprint with the parts above it.
+    """A footprint with the parts above it."""
 
-    Attributes
-    ----------
-    outline : (n, 2) array
-        Convex footprint [m]; no rows where nothing is low.
-    height : float
-        Height up to which the footprint counts [m]; 0 for a base without parts.
-    parts : tuple of CollisionPart
-        Parts that stand higher.
-    """
-
-    outline: Array
-    height: float
-    parts: tuple[CollisionPart, ...] = ()
+    outline: Array  # (n, 2) convex footprint [m]; no rows where nothing is low
+    height: float  # height up to which the footprint counts [m]; 0 for a base without parts
+    parts: tuple[CollisionPart, ...] = ()  # parts that stand higher
 
 
 def base_shape(parts: Sequence[CollisionPart], height: float | None) -> BaseShape:

@@ -24,20 +24,11 @@ _SIGNS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]
 
 @dataclass(frozen=True, eq=False)
 class CollisionModel:
-    """Parts of a robot, each to be bounded by one solid.
+    """Parts of a robot, each to be bounded by one solid."""
 
-    Attributes
-    ----------
-    parts : tuple of CollisionPart
-        Of the arm's links.
-    base : BaseShape
-    notes : tuple of str
-        Shapes that could not be read, and what replaces them.
-    """
-
-    parts: tuple[CollisionPart, ...]
+    parts: tuple[CollisionPart, ...]  # of the arm's links
     base: BaseShape
-    notes: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()  # shapes that could not be read, and what replaces them
 
 
 def collision_model(

@@ -34,25 +34,13 @@ _CUTS = np.linspace(0, 1, 7)[1:-1]  # places tried along each side of the boundi
 
 @dataclass(frozen=True, eq=False)
 class CollisionPart:
-    """Part of a link that one solid bounds, in the frame of the link that a joint moves.
-
-    Attributes
-    ----------
-    link : int
-    name : str
-    points : (n, 3) array
-        Corners of a hull that contains it [m].
-    triangles : (m, 3, 3) array
-        Surface of a mesh; empty for parts that are not to be cut [m].
-    exact : LinkCapsule, LinkBox or None
-        Its solid, where that is known.
-    """
+    """Part of a link that one solid bounds, in the frame of the link that a joint moves."""
 
     link: int
     name: str
-    points: Array
-    triangles: Array
-    exact: LinkSolid | None = None
+    points: Array  # (n, 3) corners of a hull that contains it [m]
+    triangles: Array  # (m, 3, 3) surface of a mesh; empty for parts that are not to be cut [m]
+    exact: LinkSolid | None = None  # its solid, where that is known
 
     @cached_property
     def rough(self) -> float:

@@ -39,84 +39,43 @@ _SIZES: dict[ShapeKind, tuple[str, ...]] = {
 
 @dataclass(frozen=True, eq=False)
 class CollisionShape:
-    """A collision element of a link.
-
-    Attributes
-    ----------
-    kind : {"box", "cylinder", "sphere", "mesh"}
-    T_link_shape : (4, 4) array
-    size : tuple of float
-        Box: x, y, z; cylinder: radius, length (along z); sphere: radius [m]; mesh: scale along x, y, z.
-    file : str
-        File name of the mesh.
-    place : str
-        Place in the file, for messages.
-    """
+    """A collision element of a link."""
 
     kind: ShapeKind
-    T_link_shape: Array
+    T_link_shape: Array  # (4, 4)
+    # box: x, y, z; cylinder: radius, length (along z); sphere: radius [m]; mesh: scale along x, y, z
     size: tuple[float, ...]
-    file: str
-    place: str
+    file: str  # file name of the mesh
+    place: str  # place in the file, for messages
 
 
 @dataclass(frozen=True, eq=False)
 class UrdfJoint:
-    """A joint between two links.
-
-    Attributes
-    ----------
-    name, kind, parent, child : str
-    T_parent_joint : (4, 4) array
-    axis : (3,) array
-        In the joint's frame, of any length but zero.
-    lower, upper : float or None
-        [rad] or [m]; None where the file gives none, infinite where there is no limit.
-    velocity : float
-        [rad/s] or [m/s]; infinite where there is no limit.
-    mimic : str or None
-        Name of the joint that it copies.
-    offset : float
-        Its value where that joint is at zero.
-    place : str
-        Place in the file, for messages.
-    """
+    """A joint between two links."""
 
     name: str
     kind: str
     parent: str
     child: str
-    T_parent_joint: Array
-    axis: Array
-    lower: float | None
+    T_parent_joint: Array  # (4, 4)
+    axis: Array  # (3,) in the joint's frame, of any length but zero
+    lower: float | None  # [rad] or [m]; None where the file gives none, infinite where there is no limit
     upper: float | None
-    velocity: float
-    mimic: str | None
-    offset: float
-    place: str
+    velocity: float  # [rad/s] or [m/s]; infinite where there is no limit
+    mimic: str | None  # name of the joint that it copies
+    offset: float  # its value where that joint is at zero
+    place: str  # place in the file, for messages
 
 
 @dataclass(frozen=True)
 class UrdfModel:
-    """Contents of a URDF file that regionik uses.
-
-    Attributes
-    ----------
-    path : Path
-    name : str
-        Of the robot.
-    links : dict
-        Collision shapes of each link, by its name.
-    joints : tuple of UrdfJoint
-        In the order of the file; each name and each child once, every link known.
-    inertials : dict
-        Mass [kg] and its centre (3,) [m] of each link that has any, by its name.
-    """
+    """Contents of a URDF file that regionik uses."""
 
     path: Path
-    name: str
-    links: dict[str, tuple[CollisionShape, ...]]
-    joints: tuple[UrdfJoint, ...]
+    name: str  # of the robot
+    links: dict[str, tuple[CollisionShape, ...]]  # collision shapes of each link, by its name
+    joints: tuple[UrdfJoint, ...]  # in the order of the file; each name and each child once, every link known
+    # mass [kg] and its centre (3,) [m] of each link that has any, by its name
     inertials: dict[str, tuple[float, Array]]
 
     @property

@@ -25,53 +25,30 @@ _KINDS: dict[str, Literal["revolute", "prismatic"]] = {
 
 @dataclass(frozen=True, eq=False)
 class KinematicPath:
-    """Joints from a root link to a tip link.
-
-    Attributes
-    ----------
-    root, tip : str
-    joints : tuple of UrdfJoint
-        From root to tip, fixed ones included.
-    """
+    """Joints from a root link to a tip link."""
 
     root: str
     tip: str
-    joints: tuple[UrdfJoint, ...]
+    joints: tuple[UrdfJoint, ...]  # from root to tip, fixed ones included
 
 
 @dataclass(frozen=True, eq=False)
 class PlacedLink:
-    """A link that moves with a joint of the chain, or with the base.
-
-    Attributes
-    ----------
-    name : str
-    owner : int
-        Index of the chain's joint that it moves with; `BASE` for the base.
-    T_owner_link : (4, 4) array
-        Its frame in the link that this joint moves; for the base, in the base frame.
-    """
+    """A link that moves with a joint of the chain, or with the base."""
 
     name: str
-    owner: int
-    T_owner_link: Array
+    owner: int  # index of the chain's joint that it moves with; `BASE` for the base
+    T_owner_link: Array  # (4, 4) its frame in the link that this joint moves; for the base, in the base frame
 
 
 @dataclass(frozen=True, eq=False)
 class LinkPlacement:
-    """All links, each with what it moves with.
-
-    Attributes
-    ----------
-    links : tuple of PlacedLink
-    left_out : tuple of str
-        Joints of the base that the arm has not, whose links with solids are not placed.
-    copies : tuple of str
-        Joints that mimic one of the arm's and are taken to stand still, with solids behind them.
-    """
+    """All links, each with what it moves with."""
 
     links: tuple[PlacedLink, ...]
+    # joints of the base that the arm has not, whose links with solids are not placed
     left_out: tuple[str, ...]
+    # joints that mimic one of the arm's and are taken to stand still, with solids behind them
     copies: tuple[str, ...]
 
 
