@@ -18,7 +18,7 @@ from shapely import STRtree
 from regionik.areas.ground import Geometries, ground_of
 from regionik.areas.reachable import FRONT, reach_rows
 from regionik.regions import path_areas
-from regionik.worlds.library import robot_named
+from regionik.worlds.bundled import robot_named
 from regionik.worlds.obstacles import Box
 from regionik.worlds.scene import Floor, Rules, Target, World
 

@@ -16,8 +16,8 @@ import yaml
 
 from regionik.view import live
 from regionik.view.viewer import blank, stop
+from regionik.worlds.bundled import robot_named
 from regionik.worlds.documents.world_file import world_to_document
-from regionik.worlds.library import robot_named
 from regionik.worlds.obstacles import Box
 from regionik.worlds.scene import Floor, Rules, Target, World
 

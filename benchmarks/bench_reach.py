@@ -20,14 +20,14 @@ import shapely
 from pivoted import EXACT, KINDS, Case, case, points_in, searched, solved
 
 from regionik.worlds.arrays import Array
-from regionik.worlds.pivoted_arm import span_of
+from regionik.worlds.pivoted_arm import reach_bound
 
 NEAR = 0.03  # half of the points outside lie this near to the outer area [m]
 
 
 def outside(one: Case, outer: shapely.Geometry, rng: np.random.Generator, count: int) -> Array:
     """Points outside an area: some next to it, some anywhere near the arm's span."""
-    span = span_of(one.world.robot.chain)
+    span = reach_bound(one.world.robot.chain)
     everywhere = shapely.Point(0, 0).buffer(1.3 * (span.radius + span.length)) - outer
     if outer.is_empty:
         return points_in(everywhere, rng, count)

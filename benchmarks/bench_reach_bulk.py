@@ -16,7 +16,7 @@ import shapely
 
 from regionik.reach import reach
 from regionik.worlds.arrays import Array
-from regionik.worlds.library import robot_named
+from regionik.worlds.bundled import robot_named
 from regionik.worlds.obstacles import Box, Cylinder, Solid, Sphere
 from regionik.worlds.scene import Floor, Rules, World
 

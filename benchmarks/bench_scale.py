@@ -26,7 +26,7 @@ import psutil
 import yaml
 
 from regionik.reach import reach
-from regionik.worlds.library import load_world
+from regionik.worlds.documents.world_file import load_world
 
 OBSTACLES = 100
 LOOK = 0.05  # how often memory is looked at [s]

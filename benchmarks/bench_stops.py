@@ -17,7 +17,8 @@ from regionik.parking.fewest import park
 from regionik.parking.stops import find
 from regionik.regions import path_areas
 from regionik.view.figures import plot_stops
-from regionik.worlds.library import load_world, robot_named
+from regionik.worlds.bundled import robot_named
+from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.obstacles import Cylinder
 from regionik.worlds.scene import Floor, Rules, Target, World
 

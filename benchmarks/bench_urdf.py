@@ -102,9 +102,9 @@ def line(name: str, path: Path, root: str | None, tip: str | None, count: int) -
 def _end(robot: Robot, path: Path) -> str:
     """The tip that was chosen where none was given: the leaf behind the chain's last joint."""
     from regionik.worlds.urdf.elements import read_urdf
-    from regionik.worlds.urdf.kinematic_tree import route_of
+    from regionik.worlds.urdf.kinematic_tree import kinematic_path
 
-    return route_of(read_urdf(path), None, None).tip
+    return kinematic_path(read_urdf(path), None, None).tip
 
 
 def main() -> None:

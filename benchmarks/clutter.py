@@ -19,7 +19,7 @@ from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import planar_pose, pose, translation
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Solid, Sphere
 from regionik.worlds.robot import LinkBox, LinkSolid, Robot
-from regionik.worlds.self_collision import base_body, self_pairs
+from regionik.worlds.self_collision import base_body, self_collision_pairs
 
 ARMS = ("youbot", "youbot-real", "hinge5", "dof10", "pioneer7", "boxes")
 CERTAIN = 1e-6  # bodies that overlap by more than this are told [m]
@@ -297,7 +297,7 @@ def faults(one: Scene, joints: Array, tolerance: float) -> list[str]:
         wrong += [
             f"link {k} in {solid.name}" for k, body in enumerate(bodies) if not keeps_off(body, distance)
         ]
-    for i, k in self_pairs(robot):
+    for i, k in self_collision_pairs(robot):
         if i >= 0 and not keeps_off(bodies[k], _from_body(bodies[i])):
             wrong.append(f"link {k} in link {i}")
     return wrong + _in_base(one, joints)
@@ -308,7 +308,7 @@ def _in_base(one: Scene, joints: Array) -> list[str]:
     if body is None:
         return []
     frames, distance = robot.frames(np.zeros(3), joints), distance_to(body)
-    own = [k for i, k in self_pairs(robot) if i < 0]
+    own = [k for i, k in self_collision_pairs(robot) if i < 0]
     return [
         f"link {k} in the base"
         for k in own
@@ -350,7 +350,7 @@ def _all_that_may_meet(one: Scene) -> Iterator[tuple[int, Distance, Callable[[Ar
         for k in range(len(parts)):
             yield k, distance_to(solid), _still(np.eye(4))
     body, T_base = base_body(robot), planar_pose(*one.base)
-    for i, k in self_pairs(robot):
+    for i, k in self_collision_pairs(robot):
         if i >= 0:
             yield k, _from_body(body_of(parts[i], np.eye(4))), _of_link(parts[i].link)
         elif body is not None:

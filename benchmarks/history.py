@@ -17,7 +17,7 @@ from regionik.mfabrik import Solver
 from regionik.pipeline import search, whole_path
 from regionik.reach import reach
 from regionik.verification.verifier import verify
-from regionik.worlds.library import load_world
+from regionik.worlds.documents.world_file import load_world
 
 Timed = Callable[..., Any]  # pytest-benchmark's fixture: calls what it is given, many times
 

@@ -14,7 +14,7 @@ from regionik.planners.solvers.serial import serial_arm
 from regionik.regions import Area, PathAreas, admissible_area, path_areas
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, Joint, rot_x, rot_y, rot_z, translation
-from regionik.worlds.pivoted_arm import pivot_of, pivoted, span_of
+from regionik.worlds.pivoted_arm import pivot_index, reach_bound, with_pivot
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Rules, Target, World
 
@@ -119,8 +119,8 @@ def solved(one: Case, areas: PathAreas, row: int, spot: Array) -> bool:
 
 def searched(one: Case, spot: Array, starts: int, rng: np.random.Generator) -> float:
     """Least distance that damped least squares from random postures leaves between tool and target [m]."""
-    chain, mount = pivoted(one.world.robot.chain), one.world.robot.mount
-    pivot = pivot_of(chain)
+    chain, mount = with_pivot(one.world.robot.chain), one.world.robot.mount
+    pivot = pivot_index(chain)
     joints = [
         replace(j, lower=-np.inf, upper=np.inf) if k == pivot else j for k, j in enumerate(chain.joints)
     ]
@@ -130,7 +130,7 @@ def searched(one: Case, spot: Array, starts: int, rng: np.random.Generator) -> f
     if one.target.direction is not None:
         turns[:, :, 2] = _within_cone(one.target.direction, one.target.cone, rng, starts)
     kind = POSITION if one.target.direction is None else DIRECTION
-    least, reach = np.inf, span_of(chain).length
+    least, reach = np.inf, reach_bound(chain).length
     for turn, q in zip(turns, _postures(chain, rng, starts), strict=True):
         error, angle, _ = polish(arm, Aim(goal, kind, turn), q, reach, EXACT, ANGLE, STEPS)
         if angle <= ANGLE:

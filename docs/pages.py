@@ -15,7 +15,9 @@ FORMATS = {
     "plan-file.md": ("plan.schema.json", "Plan files", "JSON, written by `regionik.Plan.save`."),
 }
 SECTIONS = {
-    "Worlds and robots": ("load_world", "load_robot", "World", "Criteria", "Speeds"),
+    "Worlds": ("load_world", "World", "Floor", "Start", "Target", "Rules", "Criteria", "Speeds"),
+    "Obstacles": ("Box", "Cylinder", "Sphere", "Prism", "Mesh"),
+    "Robots": ("load_robot", "Robot", "Chain", "Joint", "LinkBox", "LinkCapsule"),
     "Areas and reach": (
         "admissible_area",
         "reach",
@@ -40,10 +42,6 @@ RESULTS = (
     "regionik.field.Field",
     "regionik.worlds.errors.Explanation",
     "regionik.worlds.errors.Repair",
-    "regionik.worlds.scene.Target",
-    "regionik.worlds.scene.Floor",
-    "regionik.worlds.scene.Start",
-    "regionik.worlds.scene.Rules",
 )
 
 

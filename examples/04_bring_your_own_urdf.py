@@ -4,11 +4,8 @@ import sys
 from pathlib import Path
 
 import numpy as np
-from shapely.geometry import box
 
 import regionik as rik
-from regionik.worlds.obstacles import Box
-from regionik.worlds.scene import Floor, Rules, Start, Target
 
 folder = Path(sys.argv[1]) if len(sys.argv) > 1 else Path()
 
@@ -25,17 +22,17 @@ print(f"{len(robot.solids)} solids on the arm, base {robot.body_height:.2f} m hi
 print(", ".join(solid.name for solid in robot.base_solids), "on it")
 
 # A wall to paint across, under a beam that hangs too low for the mast.
-wall = Box("wall", np.array([3.0, 0.1, 2.0]), np.array([0.0, 1.05, 1.0]))
-beam = Box("beam", np.array([0.2, 0.5, 0.3]), np.array([-1.3, 0.2, 0.85]))
-stroke = [Target(np.array([x, 0.9, 1.0])) for x in np.linspace(-0.9, 0.9, 7)]
+wall = rik.Box("wall", [3.0, 0.1, 2.0], [0.0, 1.05, 1.0])
+beam = rik.Box("beam", [0.2, 0.5, 0.3], [-1.3, 0.2, 0.85])
+stroke = [rik.Target([x, 0.9, 1.0]) for x in np.linspace(-0.9, 0.9, 7)]
 world = rik.World(
     name="painter",
     robot=robot,
-    floor=Floor(box(-2.5, -1.5, 2.5, 1.5)),
+    floor=rik.Floor([[-2.5, -1.5], [2.5, -1.5], [2.5, 1.5], [-2.5, 1.5]]),
     obstacles=(wall, beam),
     task=tuple(stroke),
-    rules=Rules(clearance=0.05, arm_clearance=0.01),
-    start=Start(np.array([-1.0, -0.8, 0.0]), robot.carry),
+    rules=rik.Rules(clearance=0.05, arm_clearance=0.01),
+    start=rik.Start([-1.0, -0.8, 0.0], robot.carry),
 )
 plan = rik.plan(world)
 print(f"{plan.lift_offs} lift-offs, {len(plan.motion)} states")

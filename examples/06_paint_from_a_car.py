@@ -5,11 +5,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from shapely.geometry import box
 
 import regionik as rik
-from regionik.worlds.obstacles import Box, Cylinder
-from regionik.worlds.scene import Floor, Rules, Start, Target
 
 folder = Path(sys.argv[1]) if len(sys.argv) > 1 else Path()
 
@@ -18,20 +15,20 @@ robot = replace(rik.load_robot("youbot-real"), name="painter", base="car", turni
 
 # Up and down along a wall, 0.1 m off it, the spray within 20 degrees of straight on. A column stands in the
 # way of the base.
-wall = Box("wall", np.array([6.0, 0.1, 1.2]), np.array([1.75, 1.1, 0.6]))
-column = Cylinder("column", 0.1, 0.5, np.array([1.9, -0.1, 0.25]))
+wall = rik.Box("wall", [6.0, 0.1, 1.2], [1.75, 1.1, 0.6])
+column = rik.Cylinder("column", 0.1, 0.5, [1.9, -0.1, 0.25])
 stroke = [
     (x, 0.95, z) for k, x in enumerate(np.arange(0.0, 3.6, 0.25)) for z in ((0.2, 0.4), (0.4, 0.2))[k % 2]
 ]
-task = tuple(Target(np.array(spot), np.array([0.0, 1.0, 0.0]), cone=np.radians(20)) for spot in stroke)
+task = tuple(rik.Target(spot, [0.0, 1.0, 0.0], cone=np.radians(20)) for spot in stroke)
 world = rik.World(
     name="facade",
     robot=robot,
-    floor=Floor(box(-2, -1.5, 5.5, 1.6)),
+    floor=rik.Floor([[-2, -1.5], [5.5, -1.5], [5.5, 1.6], [-2, 1.6]]),
     obstacles=(wall, column),
     task=task,
-    rules=Rules(clearance=0.05, arm_clearance=0.005),
-    start=Start(np.array([-1.2, -0.9, 0.6]), robot.carry),
+    rules=rik.Rules(clearance=0.05, arm_clearance=0.005),
+    start=rik.Start([-1.2, -0.9, 0.6], robot.carry),
 )
 try:
     plan = rik.plan(world)

@@ -35,22 +35,40 @@ if TYPE_CHECKING:
     from regionik.view.figures import plot
     from regionik.view.viewer import show, to_html
     from regionik.why import why
+    from regionik.worlds.chain import Chain, Joint
     from regionik.worlds.criteria import Criteria
+    from regionik.worlds.documents.world_file import load_world
     from regionik.worlds.errors import InputError, NoPlanFound, RegionikError
-    from regionik.worlds.library import load_robot, load_world
-    from regionik.worlds.scene import World
+    from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Sphere
+    from regionik.worlds.robot import LinkBox, LinkCapsule, Robot
+    from regionik.worlds.scene import Floor, Rules, Start, Target, World
     from regionik.worlds.speeds import Speeds
+    from regionik.worlds.urdf.loader import load_robot
 
 __version__ = "0.1.0"
 
 __all__ = [
+    "Box",
+    "Chain",
     "Criteria",
+    "Cylinder",
+    "Floor",
     "InputError",
+    "Joint",
+    "LinkBox",
+    "LinkCapsule",
+    "Mesh",
     "NoPlanFound",
     "Plan",
+    "Prism",
     "RegionikError",
+    "Robot",
+    "Rules",
     "Solver",
     "Speeds",
+    "Sphere",
+    "Start",
+    "Target",
     "World",
     "admissible_area",
     "compare",
@@ -76,19 +94,33 @@ __all__ = [
 ]
 
 _HOME = {
+    "Box": "regionik.worlds.obstacles",
+    "Chain": "regionik.worlds.chain",
     "Criteria": "regionik.worlds.criteria",
+    "Cylinder": "regionik.worlds.obstacles",
+    "Floor": "regionik.worlds.scene",
     "InputError": "regionik.worlds.errors",
+    "Joint": "regionik.worlds.chain",
+    "LinkBox": "regionik.worlds.robot",
+    "LinkCapsule": "regionik.worlds.robot",
+    "Mesh": "regionik.worlds.obstacles",
     "NoPlanFound": "regionik.worlds.errors",
     "Plan": "regionik.values",
+    "Prism": "regionik.worlds.obstacles",
     "RegionikError": "regionik.worlds.errors",
+    "Robot": "regionik.worlds.robot",
+    "Rules": "regionik.worlds.scene",
     "Solver": "regionik.mfabrik",
     "Speeds": "regionik.worlds.speeds",
+    "Sphere": "regionik.worlds.obstacles",
+    "Start": "regionik.worlds.scene",
+    "Target": "regionik.worlds.scene",
     "World": "regionik.worlds.scene",
     "admissible_area": "regionik.regions",
     "compare": "regionik.comparison",
     "load_plan": "regionik.output.plan_file",
-    "load_robot": "regionik.worlds.library",
-    "load_world": "regionik.worlds.library",
+    "load_robot": "regionik.worlds.urdf.loader",
+    "load_world": "regionik.worlds.documents.world_file",
     "plan": "regionik.pipeline",
     "plot": "regionik.view.figures",
     "point_to_point": "regionik.timing.point_to_point",
@@ -103,8 +135,8 @@ _HOME = {
     "trajectory": "regionik.timing.trajectory",
     "verify": "regionik.verification.verifier",
     "verify_answers": "regionik.verification.answers",
-    "write_field": "regionik.output.field_file",
     "why": "regionik.why",
+    "write_field": "regionik.output.field_file",
 }
 
 

@@ -18,8 +18,8 @@ from regionik.planners.reach.rings import reach_intervals
 from regionik.regions import path_areas
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.errors import InputError
-from regionik.worlds.pivoted_arm import is_planar, pivoted
-from regionik.worlds.planar_arm import planar_arm
+from regionik.worlds.pivoted_arm import with_pivot
+from regionik.worlds.planar_arm import is_planar, planar_arm
 from regionik.worlds.scene import Target, World
 
 MOST_CELLS = 40_000_000
@@ -240,7 +240,7 @@ def _distances(world: World, heights: Array, *, inner: bool) -> list[Array]:
     else:
         reach = inner_reach if inner else outer_reach
         distinct, where = np.unique(heights, return_inverse=True)
-        rings = [np.array(reach(pivoted(chain), z - mount)).reshape(-1, 2) for z in distinct.tolist()]
+        rings = [np.array(reach(with_pivot(chain), z - mount)).reshape(-1, 2) for z in distinct.tolist()]
         found = [rings[k] for k in where]
     if not inner:
         return found

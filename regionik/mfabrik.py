@@ -30,9 +30,9 @@ from regionik.postures.serialarm import Reached, serial_solver
 from regionik.pruning import Ladder
 from regionik.values import Configuration, OpenConfiguration
 from regionik.worlds.arrays import Array, frozen
-from regionik.worlds.criteria import Criteria, kept
+from regionik.worlds.criteria import Criteria, with_joint_margin
 from regionik.worlds.errors import InputError
-from regionik.worlds.pivoted_arm import behind, pivot_of, pivoted
+from regionik.worlds.pivoted_arm import pivot_index, pivot_joints, with_pivot
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Heading, Target, World
 
@@ -228,8 +228,8 @@ class Solver:
 
     @cached_property
     def _turning(self) -> Turning:
-        chain = pivoted(self._kept.chain)
-        pivot = chain.joints[pivot_of(chain)]
+        chain = with_pivot(self._kept.chain)
+        pivot = chain.joints[pivot_index(chain)]
         low, high = (float(end) for end in self.span)
         return Turning(float(pivot.lower), float(pivot.upper), HEADINGS[self.heading], low, high)
 
@@ -259,18 +259,18 @@ class Solver:
     @property
     def _kept(self) -> Robot:
         """The robot with the limits that its criteria leave."""
-        return kept(self.robot, self.criteria)
+        return with_joint_margin(self.robot, self.criteria)
 
     def _behind(self, joints: Array) -> Array:
         chain = self._kept.chain
         if chain is not self.robot.chain:  # joints that do not matter stay as they are
             joints = np.clip(joints, chain.lower, chain.upper)
-        return behind(chain, joints)
+        return pivot_joints(chain, joints)
 
     def _headed(self, reached: Reached, base: Array, joints: Array) -> Configuration:
         """SetBaseOrientation of Algorithm 1: the pivot's turn shared between joint and base."""
-        chain, joints = pivoted(self._kept.chain), behind(self.robot.chain, joints)
-        k = pivot_of(chain)
+        chain, joints = with_pivot(self._kept.chain), pivot_joints(self.robot.chain, joints)
+        k = pivot_index(chain)
         q = np.array(reached.joints)
         plane = self._yaw(base) - float(self.robot.mount[3]) + float(q[k])  # as the arm was asked
         q[k], yaw, fits = share_turn(plane, float(base[2]), float(joints[k]), self._turning)

@@ -35,9 +35,8 @@ from regionik.values import Plan, PlannedArea
 from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Explanation, InputError, NoPlanFound
-from regionik.worlds.pivoted_arm import pivoted, span_of
+from regionik.worlds.pivoted_arm import reach_bound, with_pivot
 from regionik.worlds.scene import World
-from regionik.worlds.speeds import has_speeds
 
 Progress = Callable[[str, int, int], None]
 
@@ -78,7 +77,7 @@ def plan(world: World, *, seed: int = 0, progress: Progress | None = None) -> Pl
     except NoPlanFound as no:
         tell("why", 0, 1)
         raise NoPlanFound(explained(world, no.explanation, seed)) from None
-    if world.speeds is None and not has_speeds(world.robot):
+    if world.speeds is None and not world.robot.chain.has_velocity_limits:
         return found
     tell("timing", 0, 1)
     return retime(found)
@@ -183,8 +182,8 @@ def check(world: World) -> None:
 
 def _check_areas(world: World) -> None:
     """Refuse what areas and M-FABRIK cannot be asked about."""
-    chain = pivoted(world.robot.chain)
-    span_of(chain)
+    chain = with_pivot(world.robot.chain)
+    reach_bound(chain)
     planar = all(in_plane(chain, target) for target in world.task)
     if not planar and world.rules.heading == "fixed" and np.isfinite(chain.upper[0] - chain.lower[0]):
         raise InputError(

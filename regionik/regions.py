@@ -30,7 +30,7 @@ from regionik.areas.standing import (
 from regionik.worlds.arrays import frozen
 from regionik.worlds.criteria import Criteria
 from regionik.worlds.errors import CauseKind
-from regionik.worlds.pivoted_arm import span_of
+from regionik.worlds.pivoted_arm import reach_bound
 from regionik.worlds.scene import Target, World
 
 
@@ -214,7 +214,7 @@ def reach_of(world: World, target: Target) -> BaseGeometry:
 def what_took_away(world: World, target: Target) -> tuple[TakenAway, ...]:
     """Obstacles, floor edge and arm limits that make the area smaller than a stretched arm's disc."""
     ground = ground_of(world)
-    span = span_of(world.robot.chain)
+    span = reach_bound(world.robot.chain)
     rise = target.position[2] - span.height - world.robot.mount[2]
     stretched = span.length**2 - rise**2
     if stretched <= 0:

@@ -30,7 +30,7 @@ class Case(NamedTuple):
 
 PLAN = "plan {world} -o plan.json --html plan.html"
 CASES = {
-    "load": Case(PLAN, "regionik.worlds.library.load_world", "interrupted"),
+    "load": Case(PLAN, "regionik.worlds.documents.world_file.load_world", "interrupted"),
     "areas": Case(PLAN, "regionik.pipeline.path_areas", "interrupted"),
     "pruning": Case(PLAN, "regionik.pipeline.prune", "interrupted"),
     "configurations": Case(PLAN, "regionik.pipeline.configurations", "interrupted"),

@@ -27,10 +27,9 @@ import numpy as np
 
 from regionik.output.plan_file import load_plan
 from regionik.output.urdf import robot_to_urdf
-from regionik.worlds.documents.world_file import load_world
-from regionik.worlds.documents.world_writer import document_of
+from regionik.worlds.documents.world_file import load_world, world_to_document
 from regionik.worlds.errors import InputError
-from regionik.worlds.readers.csv_path import long_table, read_csv
+from regionik.worlds.readers.csv_path import index_csv, read_csv
 from regionik.worlds.readers.occupancy_map import load_map
 from regionik.worlds.urdf.loader import load_robot
 from tests.hostile import KINDS, READ, Files, bombs, mutated, samples, write
@@ -62,13 +61,13 @@ def read(kind: str, path: Path) -> None:
     match kind:
         case "world":
             world = load_world(path)
-            document_of(world)
+            world_to_document(world)
             robot_to_urdf(world.robot, world.floor.polygon)
         case "plan":
             load_plan(path)
         case "csv":
             read_csv(path)
-            table = long_table(path, 1000)
+            table = index_csv(path, 1000)
             for k in range(min(len(table), 3)):
                 table.block(k).path()
         case "urdf":

@@ -16,8 +16,7 @@ import trimesh
 from PIL import Image
 
 from regionik.storage.plan_document import plan_to_document
-from regionik.worlds.documents.world_writer import document_of
-from regionik.worlds.library import load_world
+from regionik.worlds.documents.world_file import load_world, world_to_document
 from tests.nasty import GOOD, TASK, broken
 from tests.plans import every_solid, synthetic_plan
 from tests.urdfs import CRANE
@@ -217,7 +216,7 @@ def images() -> dict[str, bytes]:
 
 
 def _worlds() -> list[Files]:
-    every = json.dumps(document_of(every_solid()), indent=1).encode()
+    every = json.dumps(world_to_document(every_solid()), indent=1).encode()
     named = GOOD.replace("youbot", "{urdf: r.urdf, tip: tool}").replace("[0, 1, 0, 1, 0]", "[0.1, 0, 0]")
     with_mesh = (
         "\n  - {name: block, mesh: {file: meshes/block.stl, position: [3, 1, 0], scale: 0.001}}\nstart"
@@ -265,7 +264,7 @@ def _world_bombs() -> dict[str, bytes | Files]:
     laughs = "a0: &a0 [x, x]\n" + "".join(f"a{k + 1}: &a{k + 1} [*a{k}, *a{k}]\n" for k in range(60))
     circle = [[round(float(np.cos(t)), 9), round(float(np.sin(t)), 9)] for t in np.linspace(0, 6.28, 100_000)]
     many = "\n".join(["  - {line: {from: [0, 1.5, 0.3], to: [1, 1.5, 0.3], count: 1000000}}"] * 200)
-    every = document_of(every_solid())
+    every = world_to_document(every_solid())
     numbers = [[0.5, 1.5, 0.3]] * 1_000_000
     return {
         "aliases": laughs.encode(),

@@ -15,7 +15,7 @@ from shapely.ops import nearest_points
 
 from regionik.values import Configuration, Motion, Plan, PlannedArea
 from regionik.worlds.arrays import Array
-from regionik.worlds.chain import chain_from_dh
+from regionik.worlds.chain import Chain
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Solid, Sphere
 from regionik.worlds.robot import Robot, capsules_along
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
@@ -35,7 +35,7 @@ def youbot(
     footprint: tuple[tuple[float, float], ...] = ((0.0, 0.0),), mount: tuple[float, ...] = (0, 0, 0, 0)
 ) -> Robot:
     """The paper's arm on a point base, or on another footprint."""
-    chain = chain_from_dh([(*row, *limits) for row, limits in zip(DH, LIMITS.tolist(), strict=True)])
+    chain = Chain.from_dh([(*row, *limits) for row, limits in zip(DH, LIMITS.tolist(), strict=True)])
     carry = np.array([0.0, 2.6, -2.0, 1.5, 0.0])
     return Robot(
         "youbot",

@@ -26,9 +26,9 @@ from regionik.reach import reach
 from regionik.storage.plan_document import plan_to_document
 from regionik.timing.retime import retime
 from regionik.values import Plan
+from regionik.worlds.bundled import world_names
 from regionik.worlds.documents.world_file import world_to_document
 from regionik.worlds.errors import InputError, NoPlanFound
-from regionik.worlds.library import world_names
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Target, World
 from tests.opinion.course import Course

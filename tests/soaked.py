@@ -11,10 +11,11 @@ import shapely
 
 from regionik.areas.demand import in_plane
 from regionik.output.urdf import robot_to_urdf
-from regionik.worlds.chain import chain_from_dh
+from regionik.worlds.bundled import world_names
+from regionik.worlds.chain import Chain
 from regionik.worlds.criteria import Criteria
+from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.drives import BaseKind
-from regionik.worlds.library import load_world, world_names
 from regionik.worlds.robot import Robot, capsules_along
 from regionik.worlds.scene import Heading, Order, Start, World
 from regionik.worlds.speeds import Speeds
@@ -70,7 +71,7 @@ def made_robot(rng: np.random.Generator) -> Robot:
         (0.0, 0.0, 0.0, quarter, low[3] + quarter, high[3] + quarter),
         (0.0, tip, 0.0, 0.0, low[4], high[4]),
     ]
-    chain = chain_from_dh(rows)
+    chain = Chain.from_dh(rows)
     angles = np.sort(rng.uniform(0, 2 * np.pi, 7))
     round_ = rng.uniform(0.08, 0.3) * np.column_stack([np.cos(angles), rng.uniform(0.5, 1) * np.sin(angles)])
     outline = np.asarray(shapely.MultiPoint(round_).convex_hull.exterior.coords)[:-1]

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from regionik.values import Motion, Plan
 from regionik.view.animation import LONGEST, MOST_FRAMES, REST, SHORTEST, key_frames, turning
-from regionik.worlds.chain import Joint, motion
+from regionik.worlds.chain import Joint
 from tests.plans import every_solid, l_shape, synthetic_plan
 
 
@@ -112,4 +112,4 @@ def test_quaternions_turn_as_joints_do(axis: list[float], angle: float) -> None:
             [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
         ]
     )
-    assert np.allclose(turned, motion(joint, np.array(angle))[:3, :3], atol=1e-12)
+    assert np.allclose(turned, joint.transform(angle)[:3, :3], atol=1e-12)

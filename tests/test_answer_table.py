@@ -24,9 +24,9 @@ from regionik.output.answer_table import answer_table
 from regionik.output.answers import csv_head, csv_rows, targets_asked, write_answers
 from regionik.reach import reach
 from regionik.storage.partial_file import parts_of
+from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import InputError
-from regionik.worlds.library import load_world
-from regionik.worlds.readers.csv_path import Block, long_table, read_csv
+from regionik.worlds.readers.csv_path import CsvBlock, index_csv, read_csv
 from regionik.worlds.scene import World
 
 
@@ -65,7 +65,7 @@ def test_blocks_are_the_file(
     path = tmp_path_factory.mktemp("table") / "t.csv"
     lines = [*(["x,y,z"] if named else []), "7,8,9", *lines]
     path.write_bytes((end.join(lines) + (end if closed else "")).encode())
-    blocks = long_table(path, size)
+    blocks = index_csv(path, size)
     assert b"".join(blocks.block(k).data for k in range(len(blocks))) == path.read_bytes()
     points = np.concatenate([blocks.block(k).path().points for k in range(len(blocks))])
     assert np.array_equal(points, read_csv(path).points)
@@ -99,12 +99,12 @@ def test_tables_without_points(tmp_path: Path, text: bytes) -> None:
     path = tmp_path / "t.csv"
     path.write_bytes(text)
     with pytest.raises(InputError, match=r"t.csv: expected"):
-        long_table(path, 10)
+        index_csv(path, 10)
 
 
 def test_a_table_that_is_not_there(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="there is no such file"):
-        long_table(tmp_path / "t.csv", 10)
+        index_csv(tmp_path / "t.csv", 10)
 
 
 # Answers ------------------------------------------------------------------------------------------------
@@ -143,7 +143,7 @@ def cut_after(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], list[int]]:
     def arm(most: int) -> list[int]:
         numbers: list[int] = []
 
-        def answered(world: World, block: Block) -> tuple[bytes, int, int]:
+        def answered(world: World, block: CsvBlock) -> tuple[bytes, int, int]:
             if len(numbers) == most:
                 raise Cut
             numbers.append(block.number)

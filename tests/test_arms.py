@@ -13,11 +13,11 @@ from regionik.planners.solvers.kernels import wrap
 from regionik.postures.arms import PlaneSolver, arm_solver
 from regionik.postures.serialarm import SerialSolver
 from regionik.worlds.arrays import Array
-from regionik.worlds.bundled import without_limits
+from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain, Joint, translation
-from regionik.worlds.library import robot_named
-from regionik.worlds.pivoted_arm import is_planar, span_of
-from regionik.worlds.robot import Robot
+from regionik.worlds.pivoted_arm import reach_bound
+from regionik.worlds.planar_arm import is_planar
+from regionik.worlds.robot import Robot, without_limits
 from regionik.worlds.scene import Heading, Target
 from tests.bodies import on_lift, with_lift
 
@@ -134,8 +134,8 @@ def _tool(chain: Chain, axis: Array, yaw: float, joints: Array) -> Array:
 def test_self_motion_is_of_many_kinds_and_on_target(name: str) -> None:
     robot = robot_of(name)
     base = np.array([0.2, 0.1, 0.4])
-    low = robot.T_base_arm[2, 3] + span_of(robot.chain).height
-    far = 0.6 * span_of(robot.chain).length
+    low = robot.T_base_arm[2, 3] + reach_bound(robot.chain).height
+    far = 0.6 * reach_bound(robot.chain).length
     target = np.array([*axis_of(robot, base), low]) + [far, 0.0, 0.1]
     found = Solver(robot).self_motion(target, base, robot.carry, 24)
     joints = np.array([one.joints for one in found])
@@ -172,7 +172,7 @@ def test_least_change_goes_back_to_where_it_came_from(name: str) -> None:
 @pytest.mark.parametrize("name", SERIAL)
 def test_proven_reach_lies_within_its_bound_and_is_reached(name: str) -> None:
     robot = robot_of(name)
-    span, mount = span_of(robot.chain), float(robot.mount[2])
+    span, mount = reach_bound(robot.chain), float(robot.mount[2])
     for rise in span.height + np.array([-0.3, 0.0, 0.5]) * span.length:
         bound = outer_reach(robot.chain, float(rise))
         rings = inner_reach(robot.chain, float(rise))
@@ -192,7 +192,7 @@ def test_proven_reach_lies_within_its_bound_and_is_reached(name: str) -> None:
 @pytest.mark.parametrize("name", [*SERIAL, "youbot", "youbot-real"])
 def test_the_tool_never_leaves_its_span(name: str) -> None:
     robot = robot_of(name)
-    span = span_of(robot.chain)
+    span = reach_bound(robot.chain)
     tools = robot.chain.forward(postures(robot, np.random.default_rng(7), 500))[:, :3, 3]
     away = np.hypot(tools[:, 0], tools[:, 1])
     # The ball turns about the pivot: nearest at one of its two places in the plane of tool and pivot.

@@ -11,7 +11,7 @@ from regionik.planners.clearance.linkwise import links_clear, touchable, whole_p
 from regionik.planners.clearance.prepared import Bodies, Contact, bodies_from
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
-from regionik.worlds.chain import Chain, Joint, chain_from_dh, rot_x, rot_y, translation
+from regionik.worlds.chain import Chain, Joint, rot_x, rot_y, translation
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Solid, Sphere
 from regionik.worlds.robot import LinkBox, LinkCapsule, Robot, capsules_along
 
@@ -40,7 +40,7 @@ def _case(capsule: LinkCapsule) -> LinkBox:
 
 def planar(limit: float = np.inf) -> Chain:
     """Four unit links in the plane, as in Tao's experiments."""
-    return chain_from_dh([(0, 0, 1, 0, -limit, limit)] * 4)
+    return Chain.from_dh([(0, 0, 1, 0, -limit, limit)] * 4)
 
 
 def lift() -> Chain:

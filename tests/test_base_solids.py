@@ -23,12 +23,12 @@ from regionik.worlds.chain import Chain, Joint, pose, translation
 from regionik.worlds.documents.world_file import world_from_document, world_to_document
 from regionik.worlds.errors import InputError
 from regionik.worlds.obstacles import Box, Solid
-from regionik.worlds.readers.meshes import hull_of
 from regionik.worlds.robot import BASE, LinkBox, LinkCapsule, Robot
 from regionik.worlds.scene import Floor, Rules, Target, World
-from regionik.worlds.self_collision import BODY, self_pairs
-from regionik.worlds.urdf.base import standing
-from regionik.worlds.urdf.covering import Part, surface_part
+from regionik.worlds.self_collision import BODY, self_collision_pairs
+from regionik.worlds.urdf.base import base_shape
+from regionik.worlds.urdf.bounding import convex_hull
+from regionik.worlds.urdf.decomposition import CollisionPart, mesh_part
 from regionik.worlds.urdf.loader import load_robot
 from tests.bodies import motion_through
 from tests.urdfs import depth
@@ -63,15 +63,15 @@ def prove(robot: Robot, motion: Motion, *solids: Solid) -> tuple[Finding, Findin
 
 
 def test_the_mast_and_all_links_but_the_first() -> None:
-    assert self_pairs(boom()) == ((BODY, 1), (1, 2))
+    assert self_collision_pairs(boom()) == ((BODY, 1), (1, 2))
     bare = replace(boom(), footprint=np.zeros((1, 2)))
-    assert self_pairs(bare) == ((1, 2),)
+    assert self_collision_pairs(bare) == ((1, 2),)
 
 
 def test_what_touches_the_mast_in_every_posture_is_built_that_way() -> None:
     robot = boom()
     tied = replace(robot, base_solids=(replace(MAST, size=np.array([2.0, 2.0, 0.8])),))
-    assert self_pairs(tied) == ((BODY, 1),)
+    assert self_collision_pairs(tied) == ((BODY, 1),)
 
 
 @pytest.mark.parametrize("turned", [0.0, 0.7, -2.0])
@@ -156,14 +156,14 @@ def test_an_arm_that_runs_into_its_mast() -> None:
 # --- cut from a URDF's elements
 
 
-def block(x: float, y: float, low: float, high: float, size: float, name: str) -> Part:
+def block(x: float, y: float, low: float, high: float, size: float, name: str) -> CollisionPart:
     box = LinkBox(BASE, name, translation(x, y, (low + high) / 2), np.array([size, size, high - low]))
-    return Part(BASE, name, box.corners, NO_SURFACE, box)
+    return CollisionPart(BASE, name, box.corners, NO_SURFACE, box)
 
 
 def test_a_base_is_cut_below_its_mast() -> None:
     parts = [block(0, 0, 0.1, 0.3, 0.6, "body"), block(-0.2, 0, 0.3, 1.2, 0.1, "mast")]
-    base = standing(parts, None)
+    base = base_shape(parts, None)
     assert base.height == pytest.approx(0.3)
     assert np.ptp(base.outline, axis=0) == pytest.approx([0.6, 0.6])
     assert [part.solid for part in base.parts] == [parts[1].exact]
@@ -173,15 +173,15 @@ def test_what_saves_little_or_covers_other_floor_is_not_cut() -> None:
     wide = [block(0, 0, 0.1, 0.3, 0.6, "body"), block(0, 0, 0.3, 0.5, 0.55, "deck")]
     mushroom = [block(0, 0, 0.0, 0.5, 0.2, "foot"), block(0, 0, 0.5, 0.55, 0.8, "hat")]
     for parts in (wide, mushroom):
-        base = standing(parts, None)
+        base = base_shape(parts, None)
         assert base.height == pytest.approx(max(part.points[:, 2].max() for part in parts))
         assert base.parts == ()
 
 
 def test_a_height_that_is_given_is_where_it_is_cut() -> None:
     parts = [block(0, 0, 0.1, 0.3, 0.6, "body"), block(-0.2, 0, 0.3, 1.2, 0.1, "mast")]
-    assert standing(parts, 1.2).parts == ()
-    low = standing(parts, 0.2)
+    assert base_shape(parts, 1.2).parts == ()
+    low = base_shape(parts, 0.2)
     assert {part.name for part in low.parts} == {"body", "mast"}
     assert np.ptp(low.outline, axis=0) == pytest.approx([0.6, 0.6])
 
@@ -195,8 +195,8 @@ def test_nothing_of_a_base_is_left_out(height: float | None) -> None:
         ]
     )
     assert isinstance(mesh, trimesh.Trimesh)
-    parts = [surface_part(BASE, "frame", np.asarray(mesh.triangles)), block(0.2, 0, 0.3, 0.7, 0.1, "box")]
-    base = standing(parts, height)
+    parts = [mesh_part(BASE, "frame", np.asarray(mesh.triangles)), block(0.2, 0, 0.3, 0.7, 0.1, "box")]
+    base = base_shape(parts, height)
     rng = np.random.default_rng(0)
     inner = [np.asarray(box.vertices) for box in mesh.split()] + [parts[1].points]
     weights = [rng.dirichlet(np.full(len(v), 0.2), 500) for v in inner]
@@ -206,7 +206,7 @@ def test_nothing_of_a_base_is_left_out(height: float | None) -> None:
     for part in base.parts:
         covered |= depth(part.solid, points) < 1e-8
     assert covered.all()
-    assert len(hull_of(points)) > 8
+    assert len(convex_hull(points)) > 8
 
 
 def test_a_urdf_with_a_mast() -> None:
@@ -225,9 +225,9 @@ def test_a_urdf_with_a_mast() -> None:
 
 def test_solids_belong_to_links_that_are_there() -> None:
     for link in (BASE, 2):
-        with pytest.raises(InputError, match=f"^solids: mast: expected a link from 0 to 1, got {link}"):
+        with pytest.raises(InputError, match=rf"^solids\[0\].link: expected a link from 0 to 1, got {link}"):
             replace(boom(), solids=(replace(MAST, link=link),))
-    with pytest.raises(InputError, match="base_solids: mast: expected a link from -1 to -1, got 0"):
+    with pytest.raises(InputError, match=r"base_solids\[0\].link: expected link -1, got 0"):
         replace(boom(), base_solids=(replace(MAST, link=0),))
 
 

@@ -21,9 +21,9 @@ import pytest
 from regionik.bulk import FRESH_POOLS, handed_out, reach_many
 from regionik.reach import Answer, reach
 from regionik.workers import processes
-from regionik.worlds.documents.world_writer import document_of
+from regionik.worlds.bundled import world_names
+from regionik.worlds.documents.world_file import load_world, world_to_document
 from regionik.worlds.errors import EngineError, InputError
-from regionik.worlds.library import load_world, world_names
 from regionik.worlds.scene import Target, World
 
 TARGETS = np.random.default_rng(3).uniform([-1, -1.5, 0], [4.5, 2.5, 0.9], (60, 3))
@@ -117,7 +117,7 @@ def test_bad_targets_are_refused_before_anything_is_handed_out() -> None:
 def test_every_world_goes_to_another_process(name: str) -> None:
     world = load_world(name)
     reach(world, world.task[:2])  # what is cached for it must not hinder
-    assert document_of(pickle.loads(pickle.dumps(world))) == document_of(world)
+    assert world_to_document(pickle.loads(pickle.dumps(world))) == world_to_document(world)
 
 
 def test_a_world_is_sent_once() -> None:

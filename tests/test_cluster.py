@@ -19,8 +19,8 @@ from regionik.bulk import handed_out, reach_many
 from regionik.cli import app
 from regionik.cluster import cluster
 from regionik.reach import reach
+from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import EngineError, InputError
-from regionik.worlds.library import load_world
 from regionik.worlds.scene import World
 from tests.test_bulk import same
 

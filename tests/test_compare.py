@@ -24,8 +24,9 @@ from regionik.comparison import (
 )
 from regionik.values import Configuration
 from regionik.worlds.arrays import Array
+from regionik.worlds.bundled import robot_named
+from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import InputError
-from regionik.worlds.library import load_world, robot_named
 from regionik.worlds.scene import Target
 
 HINGES = """

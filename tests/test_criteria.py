@@ -20,11 +20,11 @@ from regionik.regions import admissible_area
 from regionik.verification.criteria import efforts, joint_margins, manipulability
 from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array
-from regionik.worlds.chain import Chain, Joint, chain_from_dh, rot_x, translation
-from regionik.worlds.criteria import Criteria, kept
+from regionik.worlds.bundled import robot_named
+from regionik.worlds.chain import Chain, Joint, rot_x, translation
+from regionik.worlds.criteria import Criteria, with_joint_margin
 from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import InputError, NoPlanFound
-from regionik.worlds.library import robot_named
 from regionik.worlds.planar_arm import planar_arm
 from regionik.worlds.robot import GRAVITY, LinkMass, Robot, capsules_along
 from regionik.worlds.scene import Floor, Rules, Target, World
@@ -53,7 +53,7 @@ def planar_robot(seed: int, aside: float = 0.0) -> Robot:
     roll = bool(seed % 2)
     rows += [(0.0, 0.0, 0.0 if roll else c, np.pi / 2 if roll else 0.0, low[3], high[3])]
     rows += [(0.0, c, 0.0, 0.0, -2.0, 2.0)] if roll else []
-    chain = chain_from_dh(rows)
+    chain = Chain.from_dh(rows)
     masses = [LinkMass(k, rng.uniform(0.2, 2), rng.uniform(-0.1, 0.1, 3)) for k in range(4)]
     if roll:
         masses.append(LinkMass(4, rng.uniform(0.2, 2), np.array([aside, 0.0, rng.uniform(0, c)])))
@@ -253,7 +253,7 @@ def test_places_of_the_inner_rings_have_a_posture_that_meets_all(seed: int, asid
 
 
 def limits_of_roll(robot: Robot, asked: Criteria) -> tuple[float, float]:
-    last = kept(robot, asked).chain.joints[-1]
+    last = with_joint_margin(robot, asked).chain.joints[-1]
     return last.lower, last.upper
 
 

@@ -20,8 +20,9 @@ from regionik.exactareas import exact_areas
 from regionik.planners.geometry.cells import cells_of, within
 from regionik.planners.geometry.ringarcs import Outline, Sectors, holds, measures, nearest_place, outlines
 from regionik.regions import path_areas
+from regionik.worlds.bundled import robot_named
+from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import InputError
-from regionik.worlds.library import load_world, robot_named
 
 FINE = 1024  # vertices of a circle
 

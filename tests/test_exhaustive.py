@@ -17,7 +17,7 @@ from regionik.planners.reach.sway import bones_from, chords, longest_levers, swa
 from regionik.planners.solvers.serial import chain_jacobian, serial_arm
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
-from regionik.worlds.chain import Chain, Joint, chain_from_dh, rot_x, rot_y, translation
+from regionik.worlds.chain import Chain, Joint, rot_x, rot_y, translation
 from regionik.worlds.errors import InputError
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Solid, Sphere
 from regionik.worlds.robot import LinkBox, LinkCapsule, capsules_along
@@ -333,7 +333,7 @@ def test_target_out_of_reach_takes_no_box() -> None:
 @pytest.mark.parametrize(("target", "kind"), [([1.9995, 0, 0], "found"), ([0.9, 0, 0], "none")])
 def test_reach_alone(target: list[float], kind: str) -> None:
     rows = [(0, 0, 1, 0, -3, 3), (0, 0, 1, 0, -2, 2)]  # the elbow stops before the tool comes that near
-    arm = chain_from_dh(rows)
+    arm = Chain.from_dh(rows)
     assert search(arm, capsules_along(arm, 0.01), NOTHING, target, 1e-3).kind == kind
 
 
@@ -354,7 +354,7 @@ def test_no_solids_and_no_obstacles_leave_nothing_to_hit() -> None:
     ],
 )
 def test_one_joint(target: list[float], at: float, kind: str) -> None:
-    arm = chain_from_dh([(0, 0, 1, 0, -2, 2)])
+    arm = Chain.from_dh([(0, 0, 1, 0, -2, 2)])
     ball = obstacles_from([Sphere("ball", 0.1, np.array([0.0, at, 0.0]))])
     assert search(arm, capsules_along(arm, 0.01), ball, target, 1e-3).kind == kind
 
@@ -369,7 +369,7 @@ def test_a_fixed_joint_and_a_slide() -> None:
 
 
 def test_clearance_decides() -> None:
-    arm = chain_from_dh([(0, 0, 1, 0, -2, 2)])
+    arm = Chain.from_dh([(0, 0, 1, 0, -2, 2)])
     ball = obstacles_from([Sphere("ball", 0.1, np.array([0.5, 0.3, 0.0]))])
     links = capsules_along(arm, 0.05)  # the gap is 0.15
     assert search(arm, links, ball, [1, 0, 0], 1e-6, clearance=0.1499).kind == "found"
@@ -391,7 +391,7 @@ def test_budget_spent_is_told_and_the_same_question_has_the_same_answer() -> Non
 
 def test_meshes_refuse_postures_but_prove_nothing() -> None:
     corners = np.array([[x, y, z] for x in (-0.2, 0.2) for y in (-0.2, 0.2) for z in (-0.2, 0.2)])
-    arm = chain_from_dh([(0, 0, 1, 0, -2, 2)])
+    arm = Chain.from_dh([(0, 0, 1, 0, -2, 2)])
     links = capsules_along(arm, 0.01)
     on_link = obstacles_from([Mesh("mesh", corners + [0.5, 0, 0], CUBE)])
     aside = obstacles_from([Mesh("mesh", corners + [0.5, 0.6, 0], CUBE)])

@@ -24,7 +24,7 @@ from regionik.planners.solvers.serial import serial_arm
 from regionik.planners.solvers.turns import held
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
-from regionik.worlds.chain import Chain, Joint, chain_from_dh, motion, rot_x, rot_y, rot_z, translation
+from regionik.worlds.chain import Chain, Joint, rot_x, rot_y, rot_z, translation
 
 ARMS = ("hinge5", "dof10", "pioneer7")
 FREE = (-np.inf, np.inf)
@@ -83,7 +83,7 @@ def reachable(chain: Chain, count: int, seed: int) -> Array:
 )
 def test_parallel_axes_are_plain_fabrik(target: tuple[float, float], iterations: int, error: float) -> None:
     # Tao et al., row 1 of tables 1 to 3: four hinges, links of 1, straight along y.
-    chain = chain_from_dh([(0, 0, 1, 0, *FREE)] * 4)
+    chain = Chain.from_dh([(0, 0, 1, 0, *FREE)] * 4)
     bodies = pointing_bodies(chain)
     posture = posture_of(bodies, np.array([np.pi / 2, 0, 0, 0]))
     goal, left = np.array([*target, 0.0]), [np.inf]
@@ -101,7 +101,7 @@ def test_parallel_axes_are_plain_fabrik(target: tuple[float, float], iterations:
 
 
 def test_one_pass_is_the_textbook_step() -> None:
-    bodies = pointing_bodies(chain_from_dh([(0, 0, length, 0, *FREE) for length in (1.0, 0.7, 0.5)]))
+    bodies = pointing_bodies(Chain.from_dh([(0, 0, length, 0, *FREE) for length in (1.0, 0.7, 0.5)]))
     posture = posture_of(bodies, np.array([0.3, 0.4, -0.9]))
     goal, points, d = np.array([0.9, 1.1, 0.0]), posture.outer.copy(), [1.0, 0.7, 0.5]
     points[3] = goal
@@ -136,7 +136,7 @@ def test_bodies_stay_rigid_and_within_limits(name: str, whole: bool) -> None:
             forward_pass(bodies, goal, posture)
             np.testing.assert_array_equal(posture.outer[-1], goal)
             for k in range(1, n):
-                turn = motion(chain.joints[k], posture.joints[k])
+                turn = chain.joints[k].transform(posture.joints[k])
                 step = (bodies.arm.fixed[k] @ turn)[:3, :3]
                 np.testing.assert_allclose(posture.turns[k - 1] @ step, posture.turns[k], atol=1e-12)
             backward_pass(bodies, posture)

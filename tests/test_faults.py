@@ -24,8 +24,8 @@ from regionik.cli import app
 from regionik.planners.geometry import flat
 from regionik.storage.files import leftover, write_whole
 from regionik.view import child_process, viewer
+from regionik.worlds.bundled import world_path
 from regionik.worlds.errors import EngineError, InputError
-from regionik.worlds.library import world_path
 from tests.faulty import CASES
 
 WITHIN = 1.0  # from signal to end [s]

@@ -19,9 +19,10 @@ from regionik.planners.geometry.gridcount import count_rings
 from regionik.reach import reach
 from regionik.regions import admissible_area
 from regionik.worlds.arrays import Array
+from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import InputError
-from regionik.worlds.library import load_robot, load_world
 from regionik.worlds.scene import Start, Target, World
+from regionik.worlds.urdf.loader import load_robot
 
 CELL = 0.1
 

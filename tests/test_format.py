@@ -17,18 +17,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from regionik.worlds.bundled import robot_named
-from regionik.worlds.chain import Chain, Joint, chain_from_dh, planar_pose
+from regionik.worlds.bundled import robot_named, world_names, world_path
+from regionik.worlds.chain import Chain, Joint, planar_pose
 from regionik.worlds.criteria import Criteria
 from regionik.worlds.documents.world_file import (
+    RulesPart,
     load_world,
     world_from_document,
     world_schema,
     world_to_document,
 )
-from regionik.worlds.documents.world_schema import RulesPart
 from regionik.worlds.errors import InputError
-from regionik.worlds.library import world_names, world_path
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Sphere
 from regionik.worlds.readers.text import JSON_LIMIT, YAML_LIMIT, read_document
 from regionik.worlds.robot import LinkBox, LinkCapsule, Robot, capsules_along
@@ -198,7 +197,7 @@ def test_a_mesh_file_is_scaled_turned_and_moved(tmp_path: Path) -> None:
 def test_broken_meshes_are_refused(suffix: str, content: bytes, tmp_path: Path) -> None:
     (tmp_path / f"m{suffix}").write_bytes(content)
     document = good() | {"obstacles": [{"name": "m", "mesh": {"file": f"m{suffix}"}}]}
-    with pytest.raises(InputError, match=r"obstacles\[0\].mesh: .*m\.") as caught:
+    with pytest.raises(InputError, match=r"obstacles\[0\].mesh.file: .*m\.") as caught:
         world_from_document(document, "w", tmp_path)
     assert len(str(caught.value).splitlines()) == 1
 
@@ -321,7 +320,7 @@ def test_bundled_robots_are_written_by_name() -> None:
     assert world_to_document(world)["robot"] == "youbot"
     ignoring = world_from_document(good() | {"robot": {"name": "youbot-real", "limits": "ignore"}})
     assert world_to_document(ignoring)["robot"] == {"name": "youbot-real", "limits": "ignore"}
-    chain = chain_from_dh([[0, 0.1, 0.2, 0, -1, 1]])
+    chain = Chain.from_dh([[0, 0.1, 0.2, 0, -1, 1]])
     changed = Robot(
         "youbot", "omni", np.zeros((1, 2)), np.zeros(4), chain, capsules_along(chain, 0.1), 0.1, np.zeros(1)
     )

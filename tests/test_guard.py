@@ -12,7 +12,7 @@ from regionik.planners.clearance.touching import Touch
 from regionik.postures.guard import SPARE, guard_of
 from regionik.postures.poses import Pose, between
 from regionik.worlds.arrays import Array
-from regionik.worlds.library import robot_named
+from regionik.worlds.bundled import robot_named
 from regionik.worlds.obstacles import Box, Cylinder, Sphere
 from regionik.worlds.scene import Floor, Rules, Target, World
 

@@ -9,7 +9,7 @@ import pytest
 
 from regionik.mfabrik import Solver
 from regionik.planners.solvers import handed, onecall
-from regionik.worlds.library import robot_named
+from regionik.worlds.bundled import robot_named
 
 YOUBOT = robot_named("youbot")
 TARGET, BASE = np.array([1.0, 0.25, 0.25]), np.array([0.0, 0.5, 0.25])

@@ -15,10 +15,9 @@ import numpy as np
 import pytest
 
 from regionik.output.plan_file import load_plan
-from regionik.worlds.documents.world_file import load_world
-from regionik.worlds.documents.world_writer import document_of
+from regionik.worlds.documents.world_file import load_world, world_to_document
 from regionik.worlds.errors import InputError
-from regionik.worlds.readers.csv_path import LENGTH_LIMIT, LINES_LIMIT, long_table, read_csv
+from regionik.worlds.readers.csv_path import LENGTH_LIMIT, LINES_LIMIT, index_csv, read_csv
 from regionik.worlds.readers.meshes import read_mesh
 from regionik.worlds.readers.occupancy_map import RUN_LIMIT, load_map
 from regionik.worlds.readers.text import EVENTS_LIMIT, VALUES_LIMIT
@@ -30,7 +29,7 @@ from tests.plans import every_solid
 
 READERS: dict[str, Callable[[Path], Any]] = {
     "w.json": load_world, "w.yaml": load_world, "p.json": load_plan, "p.csv": read_csv,
-    "long.csv": lambda path: long_table(path, 10), "m.obj": read_mesh, "m.ply": read_mesh, "m.off": read_mesh,
+    "long.csv": lambda path: index_csv(path, 10), "m.obj": read_mesh, "m.ply": read_mesh, "m.off": read_mesh,
     "r.urdf": load_robot, "m.yaml": lambda path: load_map(path, 1.0),
 }  # fmt: skip
 
@@ -101,7 +100,7 @@ def test_a_pipe_named_by_a_map_is_not_waited_for(tmp_path: Path) -> None:
         ("m.off", b"OFF\n" * 1_000_001, "at most 1000000 lines"),
         ("m.obj", b"v 0 0\nv 1 0\nv 0 1\nf 1 2 3\n", "expected a mesh with x, y, z"),
         ("m.ply", FLAT.replace(b"0 1 2", b"0 1 99999999999999999999"), "can be read whole"),
-        ("m.ply", PROPERTY_FIRST, "expected a PLY mesh that can be read whole"),
+        ("m.ply", PROPERTY_FIRST, "expected a mesh in PLY format that can be read whole"),
         ("r.urdf", b"<robot " + b"a='' " * 150_001 + b"/>", "at most 150000 attributes"),
     ],
 )  # fmt: skip
@@ -114,14 +113,14 @@ def test_what_would_fill_memory_or_time_is_refused(
 
 
 def test_set_points_are_counted_over_all_pieces(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("regionik.worlds.documents.task_reader.SETPOINTS_LIMIT", 7)
+    monkeypatch.setattr("regionik.worlds.documents.tasks.SETPOINTS_LIMIT", 7)
     (tmp_path / "w.yaml").write_text(broken(TASK, f"{TASK}\n  - {TASK}"))
     with pytest.raises(InputError, match=r"task\[1\]: expected at most 7 set-points"):
         load_world(tmp_path / "w.yaml")
 
 
 def test_only_the_first_of_very_many_errors_is_made(tmp_path: Path) -> None:
-    document = {**document_of(every_solid()), "obstacles": [{}] * 500_000}
+    document = {**world_to_document(every_solid()), "obstacles": [{}] * 500_000}
     (tmp_path / "w.json").write_text(json.dumps(document))
     with pytest.raises(InputError, match=r"obstacles\[0\]: expected exactly one of"):
         load_world(tmp_path / "w.json")

@@ -16,7 +16,7 @@ from regionik.planners.solvers.reaching import solve
 from regionik.planners.solvers.serial import serial_arm
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
-from regionik.worlds.chain import Chain, Joint, chain_from_dh, rot_z, translation
+from regionik.worlds.chain import Chain, Joint, rot_z, translation
 from regionik.worlds.errors import InputError
 
 FREE = (-np.inf, np.inf)
@@ -33,7 +33,7 @@ def six_axes() -> Chain:
         (0, 0, 0, -h, -2.1, 2.1),
         (0, 0.08, 0, 0, -6.1, 6.1),
     ]
-    return chain_from_dh(rows)
+    return Chain.from_dh(rows)
 
 
 def six_skewed() -> Chain:
@@ -47,7 +47,7 @@ def six_skewed() -> Chain:
         (0, 0.095, 0, -h, -6.2, 6.2),
         (0, 0.082, 0, 0, -6.2, 6.2),
     ]
-    return chain_from_dh(rows)
+    return Chain.from_dh(rows)
 
 
 def lifted() -> Chain:
@@ -71,7 +71,7 @@ def telescope() -> Chain:
 
 
 def planar(*lengths: float) -> Chain:
-    return chain_from_dh([(0, 0, length, 0, *FREE) for length in lengths])
+    return Chain.from_dh([(0, 0, length, 0, *FREE) for length in lengths])
 
 
 CHAINS = {
@@ -300,7 +300,7 @@ def test_a_lift_goes_where_the_arm_cannot() -> None:
 def test_never_nan_never_unexplained(
     lengths: list[float], twists: list[float], target: tuple[float, ...]
 ) -> None:
-    chain = chain_from_dh([(0, 0, a, t, -2.5, 2.5) for a, t in zip(lengths, twists, strict=False)])
+    chain = Chain.from_dh([(0, 0, a, t, -2.5, 2.5) for a, t in zip(lengths, twists, strict=False)])
     solver, goal = ArmSolver(chain, restarts=2), Goal(target)
     check(chain, solver, goal, solver(goal, np.full(chain.dof, 0.2)))
 

@@ -20,10 +20,10 @@ from regionik.storage.plan_document import plan_to_document, plan_to_text
 from regionik.values import Configuration
 from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array
+from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain
-from regionik.worlds.documents.world_file import world_from_document, world_to_document
+from regionik.worlds.documents.world_file import load_world, world_from_document, world_to_document
 from regionik.worlds.errors import NoPlanFound
-from regionik.worlds.library import load_world, robot_named
 from regionik.worlds.obstacles import Box, Cylinder, Prism, Solid, Sphere
 from regionik.worlds.robot import LinkCapsule, Robot
 from regionik.worlds.scene import Floor, Rules, Start, Target, World

@@ -15,9 +15,9 @@ from regionik.planners.reach.meridian import Meridian, look, meridian_of, tool_f
 from regionik.planners.reach.rings import reach_intervals
 from regionik.planners.reach.ruledout import in_question, sticks_out
 from regionik.worlds.arrays import Array
+from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain, Joint, rot_x, translation
-from regionik.worlds.library import robot_named
-from regionik.worlds.pivoted_arm import pivot_of, span_of
+from regionik.worlds.pivoted_arm import pivot_index, reach_bound
 from regionik.worlds.planar_arm import planar_arm
 from tests.bodies import on_lift, with_lift
 
@@ -63,7 +63,7 @@ def test_no_posture_is_outside_the_outer_reach(seed: int) -> None:
 def test_every_distance_of_the_inner_reach_has_a_posture(seed: int, share: float, azimuth: float) -> None:
     chain = chain_of(seed)
     _, rise = tool_at(chain, np.random.default_rng(seed))
-    pivot = pivot_of(chain)
+    pivot = pivot_index(chain)
     start = np.clip(np.zeros(chain.dof), chain.lower, chain.upper)
     outer = outer_reach(chain, rise)
     for low, high in inner_reach(chain, rise):
@@ -105,7 +105,7 @@ def test_a_lift_adds_the_reach_at_other_heights(rise: float) -> None:
 def test_bounds_meet_where_the_arm_is_simple() -> None:
     for name in ("hinge5", "dof10", "pioneer7"):
         chain = robot_named(name).chain
-        span = span_of(chain)
+        span = reach_bound(chain)
         for share in (-0.6, 0.1, 0.8):
             rise = span.height + share * span.length
             ((low, high),) = inner_reach(chain, rise)

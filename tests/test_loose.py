@@ -12,7 +12,7 @@ from regionik.worlds.chain import Chain, Joint, translation
 from regionik.worlds.documents.world_file import load_world, world_from_document, world_to_document
 from regionik.worlds.errors import InputError
 from regionik.worlds.robot import LinkBox, Robot
-from regionik.worlds.self_collision import loose_pairs, self_pairs
+from regionik.worlds.self_collision import disabled_pairs, self_collision_pairs
 
 THIN, WIDE = 0.04, 0.5  # [m]
 
@@ -36,30 +36,30 @@ def bodies(robot: Robot) -> list[np.ndarray]:
 
 def test_boxes_that_are_the_bodies_are_asked() -> None:
     robot = arm(THIN)
-    assert self_pairs(robot) == ((0, 2),)
-    assert loose_pairs(robot, bodies(robot)) == ([], [])
+    assert self_collision_pairs(robot) == ((0, 2),)
+    assert disabled_pairs(robot, bodies(robot)) == ([], [])
 
 
 def test_wide_boxes_round_bodies_that_stay_apart_are_not_asked() -> None:
     robot, real = arm(WIDE, limit=1.2), arm(THIN, limit=1.2)
-    pairs, notes = loose_pairs(robot, bodies(real))
+    pairs, notes = disabled_pairs(robot, bodies(real))
     assert pairs == [("box 0", "box 2")]
     assert notes == []
-    assert self_pairs(replace(robot, unchecked=tuple(pairs))) == ()
+    assert self_collision_pairs(replace(robot, unchecked=tuple(pairs))) == ()
 
 
 def test_wide_boxes_round_bodies_that_may_touch_are_asked() -> None:
     robot = arm(WIDE, gap=0.5)
-    pairs, notes = loose_pairs(robot, bodies(arm(THIN, gap=0.5)))
+    pairs, notes = disabled_pairs(robot, bodies(arm(THIN, gap=0.5)))
     assert (pairs, notes) == ([], [])
 
 
 def test_where_next_to_nothing_is_left_it_is_said() -> None:
-    pairs, notes = loose_pairs(arm(3.0, limit=2.2), bodies(arm(0.2, limit=2.2)))
+    pairs, notes = disabled_pairs(arm(3.0, limit=2.2), bodies(arm(0.2, limit=2.2)))
     assert pairs == [("box 0", "box 2")]
     (note,) = notes
     assert note.startswith(
-        "what stands for box 0 and box 2 touches in 96% of postures, they themselves in up"
+        "the bounds of box 0 and box 2 touch in 96% of postures, the links themselves in up to"
     )
 
 
@@ -70,7 +70,7 @@ def test_a_file_names_pairs() -> None:
     document = world_to_document(replace(load_world("slab"), robot=robot))
     read = world_from_document(document)
     assert read.robot.unchecked == ((names[2], names[0]),)
-    assert self_pairs(read.robot) == ((0, 3), (1, 3))
+    assert self_collision_pairs(read.robot) == ((0, 3), (1, 3))
     assert world_to_document(read) == document
     document["robot"]["unchecked"] = [[names[0], "elbow"]]
     with pytest.raises(

@@ -12,8 +12,8 @@ from regionik.mfabrik import Solver
 from regionik.planners.solvers.lanes import BLOCK
 from regionik.regions import path_areas
 from regionik.worlds.arrays import Array
+from regionik.worlds.bundled import robot_named
 from regionik.worlds.errors import InputError
-from regionik.worlds.library import robot_named
 from regionik.worlds.scene import Floor, Heading, Rules, Target, World
 
 YOUBOT = robot_named("youbot")

@@ -20,10 +20,10 @@ from regionik.storage.plan_document import plan_to_text
 from regionik.values import Plan
 from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array
+from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain
 from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import Explanation, InputError, NoPlanFound
-from regionik.worlds.library import robot_named
 from regionik.worlds.obstacles import Box, Cylinder
 from regionik.worlds.planar_arm import planar_arm
 from regionik.worlds.scene import Floor, Rules, Start, Target, World

@@ -23,8 +23,8 @@ from regionik.regions import admissible_area
 from regionik.storage.plan_document import plan_to_document
 from regionik.timing.retime import retime
 from regionik.values import Plan
-from regionik.worlds.documents.world_file import world_to_document
-from regionik.worlds.library import load_world, world_names
+from regionik.worlds.bundled import world_names
+from regionik.worlds.documents.world_file import load_world, world_to_document
 from regionik.worlds.scene import Target
 from regionik.worlds.speeds import Speeds
 from tests.opinion.course import Course, halfway

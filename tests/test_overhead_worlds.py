@@ -8,10 +8,11 @@ import shapely
 from regionik.pipeline import plan
 from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array
+from regionik.worlds.bundled import robot_named
 from regionik.worlds.errors import NoPlanFound
-from regionik.worlds.library import robot_named
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Solid, Sphere
-from regionik.worlds.pivoted_arm import is_planar, span_of
+from regionik.worlds.pivoted_arm import reach_bound
+from regionik.worlds.planar_arm import is_planar
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
 
@@ -46,7 +47,7 @@ def overhead_world(seed: int, most: int = 12) -> World:
 
 
 def random_path(robot: Robot, count: int, rng: np.random.Generator) -> Array:
-    span = span_of(robot.chain)
+    span = reach_bound(robot.chain)
     low, high = span.height + np.array([-0.4, 0.6]) * span.length
     share = np.linspace(0, 1, count)
     along = rng.uniform(0, 0.3) + share * rng.uniform(0.1, 1.2)

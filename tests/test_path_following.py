@@ -22,9 +22,9 @@ from regionik.planners.clearance.legs import leg_lengths
 from regionik.planners.solvers.kernels import wrap
 from regionik.postures.guard import guard_of
 from regionik.postures.poses import LARGEST_BEND, Pose, Row, between
+from regionik.worlds.bundled import robot_named
 from regionik.worlds.drives import BaseKind, drive_of
 from regionik.worlds.errors import NoPlanFound
-from regionik.worlds.library import robot_named
 from regionik.worlds.obstacles import Box, Solid
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Rules, Target, World

@@ -12,11 +12,17 @@ from regionik.reach import reach
 from regionik.regions import admissible_area
 from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array
+from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain, Joint, rot_x, translation
 from regionik.worlds.drives import BaseKind
 from regionik.worlds.errors import InputError
-from regionik.worlds.library import robot_named
-from regionik.worlds.pivoted_arm import behind, is_planar, pivot_of, pivoted, span_of
+from regionik.worlds.pivoted_arm import (
+    pivot_index,
+    pivot_joints,
+    reach_bound,
+    with_pivot,
+)
+from regionik.worlds.planar_arm import is_planar
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Heading, Rules, Start, Target, World
 from tests.bodies import on_lift, with_lift
@@ -32,9 +38,9 @@ def chain_of(*joints: Joint) -> Chain:
 
 def test_the_pivot_is_the_first_joint_that_is_not_a_lift() -> None:
     down = Joint("down", "prismatic", -0.1, 0.1, np.eye(4), np.array([0.0, 0.0, -1.0]))
-    assert pivot_of(chain_of(PIVOT, HINGE)) == 0
-    assert pivot_of(chain_of(LIFT, PIVOT, HINGE)) == 1
-    assert pivot_of(chain_of(LIFT, down, PIVOT, HINGE)) == 2
+    assert pivot_index(chain_of(PIVOT, HINGE)) == 0
+    assert pivot_index(chain_of(LIFT, PIVOT, HINGE)) == 1
+    assert pivot_index(chain_of(LIFT, down, PIVOT, HINGE)) == 2
     assert not is_planar(on_lift(robot_named("youbot")).chain)
 
 
@@ -53,14 +59,14 @@ def test_other_arms_are_behind_a_pivot_that_stands_still(first: Joint) -> None:
     for joints in ((first, HINGE), (LIFT, first, HINGE)):
         chain = chain_of(*joints)
         with pytest.raises(InputError, match="expected a first axis that is the vertical"):
-            pivot_of(chain)
-        whole = pivoted(chain)
-        assert pivot_of(whole) == 0
+            pivot_index(chain)
+        whole = with_pivot(chain)
+        assert pivot_index(whole) == 0
         assert (whole.joints[0].lower, whole.joints[0].upper) == (0.0, 0.0)
         q = np.full(chain.dof, 0.3)
-        assert whole.forward(behind(chain, q)).tolist() == chain.forward(q).tolist()
-        assert pivoted(whole) is whole
-        assert behind(whole, np.ones((3, whole.dof))).tolist() == np.ones((3, whole.dof)).tolist()
+        assert whole.forward(pivot_joints(chain, q)).tolist() == chain.forward(q).tolist()
+        assert with_pivot(whole) is whole
+        assert pivot_joints(whole, np.ones((3, whole.dof))).tolist() == np.ones((3, whole.dof)).tolist()
 
 
 def standing_on(first: Joint, base: BaseKind) -> Robot:
@@ -105,17 +111,17 @@ def test_reach_of_other_arms_is_asked_for(first: Joint) -> None:
 
 def test_lifts_alone_are_refused() -> None:
     with pytest.raises(InputError, match="expected a first axis that is the vertical"):
-        pivot_of(chain_of(LIFT))
+        pivot_index(chain_of(LIFT))
 
 
 def test_a_lift_without_end_is_refused() -> None:
     endless = Joint("lift", "prismatic", 0.0, np.inf, np.eye(4))
     with pytest.raises(InputError, match="lift: a sliding joint needs limits"):
-        span_of(chain_of(endless, PIVOT, HINGE))
+        reach_bound(chain_of(endless, PIVOT, HINGE))
 
 
 def test_a_lift_lengthens_the_span_by_half_its_travel() -> None:
-    plain, lifted = span_of(chain_of(PIVOT, HINGE)), span_of(chain_of(LIFT, PIVOT, HINGE))
+    plain, lifted = reach_bound(chain_of(PIVOT, HINGE)), reach_bound(chain_of(LIFT, PIVOT, HINGE))
     assert lifted.height == pytest.approx(plain.height + 0.15)
     assert lifted.length == pytest.approx(plain.length + 0.15)
     assert lifted.radius == plain.radius

@@ -15,7 +15,7 @@ import regionik as rik
 from regionik.mfabrik import Solver
 from regionik.planners.geometry import flat
 from regionik.planners.solvers.inverse import ArmSolver, Goal
-from regionik.worlds.library import robot_named
+from regionik.worlds.bundled import robot_named
 from tests.twice import kernels_called_twice
 
 

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from regionik.worlds.chain import Chain, chain_from_dh
+from regionik.worlds.bundled import robot_named
+from regionik.worlds.chain import Chain
 from regionik.worlds.errors import InputError
-from regionik.worlds.library import robot_named
 from regionik.worlds.planar_arm import planar_arm
 
 
@@ -35,7 +35,7 @@ def test_candle_of_the_paper() -> None:
 )
 def test_other_arms_are_refused_in_one_line(rows: list[tuple[float, ...]], word: str) -> None:
     with pytest.raises(InputError, match=word) as caught:
-        planar_arm(chain_from_dh(rows))
+        planar_arm(Chain.from_dh(rows))
     assert "\n" not in str(caught.value)
 
 

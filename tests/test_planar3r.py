@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from regionik.planners.rivals.planar3r import Planar3R
 from regionik.planners.solvers.inverse import Goal
 from regionik.worlds.bundled import robot_named
-from regionik.worlds.chain import Chain, chain_from_dh
+from regionik.worlds.chain import Chain
 from regionik.worlds.errors import InputError
 
 MOST = np.pi / 3
@@ -18,7 +18,7 @@ MOST = np.pi / 3
 
 def arm(low: float = 0.0, high: float = MOST) -> Chain:
     """Links of paper 004 [m]."""
-    return chain_from_dh([(0.0, 0.0, length, 0.0, low, high) for length in (0.07, 0.10, 0.14)])
+    return Chain.from_dh([(0.0, 0.0, length, 0.0, low, high) for length in (0.07, 0.10, 0.14)])
 
 
 shares = st.floats(0.0, 1.0)

@@ -27,8 +27,8 @@ from regionik.values import Motion, Plan
 from regionik.verification.verifier import verify
 from regionik.view.figures import plot
 from regionik.view.viewer import to_html
+from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import InputError
-from regionik.worlds.library import load_world
 from tests.plans import every_solid, l_shape, synthetic_plan
 
 SCHEMA = Path(__file__).parents[1] / "docs" / "plan.schema.json"

@@ -15,9 +15,9 @@ from regionik.regions import admissible_area, path_areas
 from regionik.values import Plan
 from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array
-from regionik.worlds.chain import Chain, chain_from_dh, rot_x, rot_z
+from regionik.worlds.bundled import robot_named
+from regionik.worlds.chain import Chain, rot_x, rot_z
 from regionik.worlds.errors import InputError, NoPlanFound
-from regionik.worlds.library import robot_named
 from regionik.worlds.obstacles import Box
 from regionik.worlds.robot import Robot, capsules_along
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
@@ -38,7 +38,7 @@ def six_axes() -> Robot:
         (0, 0.0997, 0, -h, -far, far),
         (0, 0.0996, 0, 0, -far, far),
     ]
-    chain = chain_from_dh(rows)
+    chain = Chain.from_dh(rows)
     corners = np.array([[0.3, 0.25], [-0.3, 0.25], [-0.3, -0.25], [0.3, -0.25]])
     carry = np.array([0, -2.2, 2.2, -1.5, -1.5, 0])
     mount = np.array([0.1, 0, 0.3, 0])

@@ -16,12 +16,12 @@ from regionik.planners.clearance.exhaustive import search
 from regionik.planners.clearance.ownbody import between
 from regionik.planners.clearance.posture import ClearPosture, clear_posture, go_round
 from regionik.planners.clearance.prepared import Contact, bodies_from
-from regionik.planners.clearance.provable import _seen, is_bounded, spare_joints
+from regionik.planners.clearance.provable import is_bounded, spare_joints
 from regionik.planners.clearance.touching import nearest
 from regionik.planners.geometry.collision import obstacles_from
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
-from regionik.worlds.chain import Chain, Joint, chain_from_dh, planar_pose
+from regionik.worlds.chain import Chain, Joint, planar_pose
 from regionik.worlds.errors import InputError
 from regionik.worlds.obstacles import Box, Cylinder, Prism, Sphere
 from regionik.worlds.robot import Robot, capsules_along
@@ -48,7 +48,7 @@ def answers() -> list[tuple[Scene, ClearPosture]]:
 
 
 def flat_robot(links: int = 4, radius: float = 1e-6) -> Robot:
-    chain = chain_from_dh([(0, 0, 1, 0, -np.inf, np.inf)] * links)
+    chain = Chain.from_dh([(0, 0, 1, 0, -np.inf, np.inf)] * links)
     point, mount = np.zeros((1, 2)), np.zeros(4)
     return Robot("flat", "omni", point, mount, chain, capsules_along(chain, radius), 0.1, np.zeros(links))
 
@@ -166,7 +166,7 @@ def test_an_arm_that_must_run_into_its_base_is_told() -> None:
 def test_wherever_the_robot_stands_the_answer_is_the_same() -> None:
     for number in (4, 6, 13, 24):
         one, T = scene(number), planar_pose(0.7, -1.3, 2.0)
-        solids = [_seen(solid, T) for solid in one.solids]
+        solids = [solid.transformed(T) for solid in one.solids]
         base = np.array([*(T @ [*one.base[:2], 0, 1])[:2], one.base[2] + 2.0])
         moved = replace_scene(one, solids, base, (T @ [*one.target, 1])[:3])
         assert solved(moved, number).kind == answers()[number][1].kind

@@ -8,8 +8,8 @@ import shapely
 
 from regionik.pipeline import search
 from regionik.verification.verifier import verify
+from regionik.worlds.bundled import robot_named
 from regionik.worlds.errors import NoPlanFound
-from regionik.worlds.library import robot_named
 from regionik.worlds.obstacles import Box, Cylinder, Solid, Sphere
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
 

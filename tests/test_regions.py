@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 from regionik.areas.ground import ground_of, grow
 from regionik.areas.reachable import BACK, FRONT, reach_rows
 from regionik.regions import admissible_area, outer_areas, path_areas
+from regionik.worlds.bundled import robot_named
 from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import InputError
-from regionik.worlds.library import robot_named
 from regionik.worlds.obstacles import Box, Cylinder, Shadow, Solid
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
 

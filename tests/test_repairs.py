@@ -10,8 +10,9 @@ from regionik.pipeline import plan, spans
 from regionik.reach import reach
 from regionik.repairs.trials import repaired
 from regionik.why import why
+from regionik.worlds.bundled import robot_named
+from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import Explanation, Repair
-from regionik.worlds.library import load_world, robot_named
 from regionik.worlds.obstacles import Box
 from regionik.worlds.scene import Floor, Rules, Target, World
 from tests.why_cases import as_small_as_brute_force, cases, part_of, smaller

@@ -20,12 +20,11 @@ from regionik.timing.trajectory import Sample, trajectory
 from regionik.values import Plan
 from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array
-from regionik.worlds.bundled import robot_named
+from regionik.worlds.bundled import robot_named, world_names
 from regionik.worlds.chain import Chain
-from regionik.worlds.documents.world_file import world_from_document, world_to_document
+from regionik.worlds.documents.world_file import load_world, world_from_document, world_to_document
 from regionik.worlds.drives import OmnidirectionalDrive, wheel_travel
 from regionik.worlds.errors import InputError
-from regionik.worlds.library import load_world, world_names
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
 from regionik.worlds.speeds import Speeds
 from tests.soaked import soaked_world
@@ -57,7 +56,7 @@ def each_millisecond(found: Plan) -> Sample:
 def test_no_limit_is_exceeded_at_a_thousand_hertz(name: str) -> None:
     found, speeds = timed(name), speeds_for(name)
     robot, look = found.world.robot, each_millisecond(found)
-    velocity, acceleration = speeds.of_joints(robot.chain)
+    velocity, acceleration = speeds.joint_limits(robot.chain)
     assert (np.abs(look.joint_velocity) <= velocity * SLACK).all()
     assert (np.abs(look.joint_acceleration) <= acceleration * SLACK).all()
     assert np.hypot(*look.base_velocity[:, :2].T).max() <= speeds.base_velocity * SLACK

@@ -11,7 +11,7 @@ from regionik.planners.reach.rings import (
     turning_heights,
 )
 from regionik.planners.solvers import kernels
-from regionik.worlds.library import robot_named
+from regionik.worlds.bundled import robot_named
 from regionik.worlds.planar_arm import planar_arm
 
 ARM = planar_arm(robot_named("youbot").chain)

@@ -21,7 +21,7 @@ from regionik.planners.solvers.inverse import Goal, confirm, spread_postures
 from regionik.planners.solvers.polish import DIRECTION, ORIENTATION, POSITION, Aim
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
-from regionik.worlds.chain import Chain, chain_from_dh
+from regionik.worlds.chain import Chain
 from regionik.worlds.errors import InputError
 
 COMPILED = (Fabrik, FabrikPolished, PseudoInverse, DampedLeastSquares, Transpose, CyclicDescent)
@@ -40,7 +40,7 @@ FEWEST = {
 
 def small(chain_limits: float = np.pi / 3) -> Chain:
     """The planar arm of paper 004."""
-    return chain_from_dh([(0.0, 0.0, length, 0.0, 0.0, chain_limits) for length in (0.07, 0.10, 0.14)])
+    return Chain.from_dh([(0.0, 0.0, length, 0.0, 0.0, chain_limits) for length in (0.07, 0.10, 0.14)])
 
 
 def aims(chain: Chain, kind: int, count: int) -> list[Aim]:
@@ -113,7 +113,7 @@ def _tool(chain: Chain, joints: Array) -> Array:
 def test_descent_is_best_for_each_joint() -> None:
     """One hinge: CCD's closed form against a fine scan, the limits in its way or not."""
     for low, high in ((-3.0, 3.0), (0.5, 1.0), (-2.0, -1.5)):
-        chain = chain_from_dh([(0.0, 0.0, 0.3, 0.0, low, high)])
+        chain = Chain.from_dh([(0.0, 0.0, 0.3, 0.0, low, high)])
         scan = np.linspace(low, high, 4001)[:, None]
         for aim_angle in np.linspace(-3.0, 3.0, 13):
             point = np.array([0.5 * np.cos(aim_angle), 0.5 * np.sin(aim_angle), 0.1])

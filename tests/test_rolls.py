@@ -11,8 +11,8 @@ from scipy.spatial.transform import Rotation
 from regionik.planners.reach.rolls import out_of_roll, roll_for, swings, tool_turn, within_limits
 from regionik.planners.solvers.kernels import wrap
 from regionik.worlds.arrays import Array
+from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain
-from regionik.worlds.library import robot_named
 from regionik.worlds.planar_arm import PlanarArm, planar_arm
 
 CHAIN = robot_named("youbot").chain

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from regionik.worlds.arrays import Array
-from regionik.worlds.bundled import robot_named, without_limits
+from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain, Joint, translation
-from regionik.worlds.robot import LinkBox, LinkCapsule, LinkSolid, Robot
-from regionik.worlds.self_collision import BODY, base_body, self_pairs
+from regionik.worlds.robot import LinkBox, LinkCapsule, LinkSolid, Robot, without_limits
+from regionik.worlds.self_collision import BODY, base_body, self_collision_pairs
 
 SQUARE = np.array([[0.2, 0.2], [-0.2, 0.2], [-0.2, -0.2], [0.2, -0.2]])
 POINT = np.zeros((1, 2))
@@ -40,27 +40,27 @@ def block(link: int, size: tuple[float, float, float], x: float = 0.15) -> LinkB
 
 def test_the_bundled_robots() -> None:
     """The fourth link has no length, so no solid; the second begins in the base's body and stays there."""
-    assert self_pairs(robot_named("youbot")) == ((0, 2), (0, 3), (1, 3))
-    assert self_pairs(robot_named("youbot-real")) == ((BODY, 2), (BODY, 3), (0, 2), (0, 3), (1, 3))
+    assert self_collision_pairs(robot_named("youbot")) == ((0, 2), (0, 3), (1, 3))
+    assert self_collision_pairs(robot_named("youbot-real")) == ((BODY, 2), (BODY, 3), (0, 2), (0, 3), (1, 3))
 
 
 def test_pairs_are_kept() -> None:
     robot = robot_named("youbot")
-    assert self_pairs(robot) is self_pairs(robot)
+    assert self_collision_pairs(robot) is self_collision_pairs(robot)
 
 
 def test_solids_of_one_link_and_of_neighbours_belong_together() -> None:
     robot = arm((rod(0), rod(1), block(1, (0.1, 0.1, 0.1)), rod(2), rod(3)))
-    assert self_pairs(robot) == ((0, 3), (0, 4), (1, 4), (2, 4))
+    assert self_collision_pairs(robot) == ((0, 3), (0, 4), (1, 4), (2, 4))
 
 
 def test_links_without_solids_are_passed_over() -> None:
-    assert self_pairs(arm((rod(0), rod(3)))) == ()
-    assert self_pairs(arm((rod(0), rod(2), rod(3)))) == ((0, 2),)
+    assert self_collision_pairs(arm((rod(0), rod(3)))) == ()
+    assert self_collision_pairs(arm((rod(0), rod(2), rod(3)))) == ((0, 2),)
 
 
 def test_order_of_the_solids_does_not_matter() -> None:
-    assert self_pairs(arm((rod(2), rod(0), rod(1)))) == ((0, 1),)
+    assert self_collision_pairs(arm((rod(2), rod(0), rod(1)))) == ((0, 1),)
 
 
 @pytest.mark.parametrize("shape", ["capsule", "box"])
@@ -70,17 +70,17 @@ def test_what_touches_in_every_posture_is_built_that_way(shape: str) -> None:
             return rod(2, -back, 0.3)
         return block(2, (0.3 + back, 0.06, 0.06), 0.15 - back / 2)
 
-    assert self_pairs(arm((rod(0), rod(1), far(0.0)), limit=0.1)) == ((0, 2),)
-    assert self_pairs(arm((rod(0), rod(1), far(0.3)), limit=0.1)) == ()  # reaches back to joint 1
+    assert self_collision_pairs(arm((rod(0), rod(1), far(0.0)), limit=0.1)) == ((0, 2),)
+    assert self_collision_pairs(arm((rod(0), rod(1), far(0.3)), limit=0.1)) == ()  # reaches back to joint 1
 
 
 def test_joints_that_cannot_move_and_joints_without_end() -> None:
-    assert self_pairs(arm((rod(0), rod(1), rod(2, -0.3)), limit=0.0)) == ()
+    assert self_collision_pairs(arm((rod(0), rod(1), rod(2, -0.3)), limit=0.0)) == ()
     free = without_limits(arm((rod(0), rod(1), rod(2))))
-    assert self_pairs(free) == ((0, 2),)
+    assert self_collision_pairs(free) == ((0, 2),)
     half = [replace(joint, upper=np.inf) for joint in free.chain.joints]
     half[0] = replace(half[0], lower=4.0)
-    assert self_pairs(replace(free, chain=Chain(tuple(half), free.chain.T_last_tool))) == ((0, 2),)
+    assert self_collision_pairs(replace(free, chain=Chain(tuple(half), free.chain.T_last_tool))) == ((0, 2),)
 
 
 def test_the_base_body_is_the_footprint_raised() -> None:
@@ -92,16 +92,16 @@ def test_the_base_body_is_the_footprint_raised() -> None:
 
 def test_the_base_against_all_links_but_the_first_with_a_solid() -> None:
     solids = (rod(1), rod(2), block(3, (0.3, 0.1, 0.1)))
-    assert self_pairs(arm(solids, footprint=SQUARE)) == ((BODY, 1), (BODY, 2), (0, 2))
-    assert self_pairs(arm(solids)) == ((0, 2),)
+    assert self_collision_pairs(arm(solids, footprint=SQUARE)) == ((BODY, 1), (BODY, 2), (0, 2))
+    assert self_collision_pairs(arm(solids)) == ((0, 2),)
 
 
 def test_what_always_stands_in_the_base_is_left_out() -> None:
     low = arm((rod(0), rod(1), rod(2)), limit=0.05, footprint=SQUARE * 10, height=0.1)
-    assert self_pairs(low) == ((0, 2),)
+    assert self_collision_pairs(low) == ((0, 2),)
 
 
 def test_pairs_that_are_named_need_not_keep_apart() -> None:
     robot = arm((rod(0), rod(1), rod(2), rod(3)))
-    assert self_pairs(robot) == ((0, 2), (0, 3), (1, 3))
-    assert self_pairs(replace(robot, unchecked=(("rod 3", "rod 0"),))) == ((0, 2), (1, 3))
+    assert self_collision_pairs(robot) == ((0, 2), (0, 3), (1, 3))
+    assert self_collision_pairs(replace(robot, unchecked=(("rod 3", "rod 0"),))) == ((0, 2), (1, 3))

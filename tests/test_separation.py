@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import pose, translation
-from regionik.worlds.self_collision import Hull, apart
+from regionik.worlds.self_collision import ConvexBody, separated
 
 HERE = np.eye(4)[None]
 
@@ -32,7 +32,7 @@ def test_bodies_that_are_found_apart_are(seed: int, away: float, radius: float) 
     rng = np.random.default_rng(seed)
     one, other = rng.normal(size=(5, 3)), rng.normal(size=(2, 3))
     T = pose([away, 0, 0], rng.uniform(-3, 3, 3).tolist())
-    if apart(Hull(one, radius), HERE, Hull(other, radius), T[None])[0]:
+    if separated(ConvexBody(one, radius), HERE, ConvexBody(other, radius), T[None])[0]:
         assert distance(one, other @ T[:3, :3].T + T[:3, 3]) > 2 * radius - 1e-9
 
 
@@ -44,7 +44,7 @@ def test_bodies_on_both_sides_of_a_gap_are_found_apart(seed: int, gap: float, ra
     high[:, 2] += 2 * radius + gap - high[:, 2].min()
     T = np.eye(4)
     T[:3, :3] = Rotation.random(random_state=seed % 1000).as_matrix()
-    assert apart(Hull(low, radius), T[None], Hull(high, radius), T[None])[0]
+    assert separated(ConvexBody(low, radius), T[None], ConvexBody(high, radius), T[None])[0]
 
 
 @given(st.integers(0, 2**32 - 1), st.floats(0, 0.99))
@@ -53,11 +53,11 @@ def test_bodies_that_share_a_point_are_not(seed: int, share: float) -> None:
     one, other = rng.normal(size=(12, 3)), rng.normal(size=(12, 3))
     spots = rng.dirichlet(np.ones(12), 2)
     T = translation(*(spots[0] @ one - spots[1] @ other))
-    assert not apart(Hull(one, share), HERE, Hull(other), T[None])[0]
+    assert not separated(ConvexBody(one, share), HERE, ConvexBody(other), T[None])[0]
 
 
 def test_each_pair_of_poses_by_itself() -> None:
-    ball = Hull(np.zeros((1, 3)), 0.5)
+    ball = ConvexBody(np.zeros((1, 3)), 0.5)
     spots = np.array([0.9, 1.1, 0.0, 5.0])
     moved = np.stack([translation(x, 0, 0) for x in spots])
-    assert apart(ball, np.repeat(HERE, 4, 0), ball, moved).tolist() == [False, True, False, True]
+    assert separated(ball, np.repeat(HERE, 4, 0), ball, moved).tolist() == [False, True, False, True]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from regionik.planners.solvers.serial import chain_frames, chain_jacobian, serial_arm
-from regionik.worlds.chain import Chain, Joint, chain_from_dh, rot_x, rot_y, translation
+from regionik.worlds.chain import Chain, Joint, rot_x, rot_y, translation
 
 
 def lifted_arm() -> Chain:
@@ -25,7 +25,7 @@ def lifted_arm() -> Chain:
 
 def dh_arm() -> Chain:
     rows = [(0.3, 0.1, 0.2, 1.1, -3, 3), (-0.2, 0.0, 0.3, -0.4, -3, 3), (0.0, 0.2, 0.0, 1.57, -3, 3)]
-    return chain_from_dh(rows)
+    return Chain.from_dh(rows)
 
 
 @pytest.mark.parametrize("chain", [lifted_arm(), dh_arm()], ids=["lift", "dh"])

@@ -11,7 +11,7 @@ import shapely
 from regionik.values import Configuration, Motion, Plan, PlannedArea
 from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array
-from regionik.worlds.library import robot_named
+from regionik.worlds.bundled import robot_named
 from regionik.worlds.obstacles import Solid, Sphere
 from regionik.worlds.scene import Floor, Rules, Target, World
 

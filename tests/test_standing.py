@@ -23,7 +23,7 @@ from regionik.areas.standing import (
     outer_by_heading,
     turns_matter,
 )
-from regionik.worlds.library import robot_named
+from regionik.worlds.bundled import robot_named
 from regionik.worlds.obstacles import Box, Cylinder, Solid
 from regionik.worlds.scene import Floor, Heading, Rules, Start, Target, World
 

@@ -24,9 +24,10 @@ from regionik.verification.stops import _linear, _miss
 from regionik.verification.verifier import verify
 from regionik.view.floor_plan import floor_of
 from regionik.view.plan_picture import picture_of_plan
+from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain
+from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import InputError, NoPlanFound
-from regionik.worlds.library import load_world, robot_named
 from regionik.worlds.obstacles import Cylinder, Sphere
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Rules, Start, Target, World

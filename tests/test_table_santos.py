@@ -11,7 +11,7 @@ from benchmarks.tables import __main__ as writer
 from benchmarks.tables import santos, santos_runs
 from benchmarks.tables import santos_printed as printed
 from benchmarks.tables.table import Table, ahead, markdown
-from regionik.worlds.library import robot_named
+from regionik.worlds.bundled import robot_named
 
 
 @pytest.fixture(scope="module")

@@ -15,12 +15,12 @@ from regionik.worlds.readers.csv_path import read_csv
 from regionik.worlds.toolpath import (
     ToolPath,
     arc,
-    following,
     line,
-    moved,
     rotation_from_quaternion,
     sine,
     targets_along,
+    transform_path,
+    turn_with_arc,
 )
 
 coordinate = st.floats(-50, 50).map(lambda value: round(value, 6))
@@ -145,11 +145,11 @@ def test_a_tool_that_follows_its_arc_looks_alike_from_its_centre(
     if start == end:
         return
     points = arc([0, 0, 0.2], 1.0, start, end, count)
-    aimed = following(ToolPath(points, directions=np.tile([-1.0, 0, 0], (count, 1))), start, end)
+    aimed = turn_with_arc(ToolPath(points, directions=np.tile([-1.0, 0, 0], (count, 1))), start, end)
     assert aimed.directions is not None
     np.testing.assert_allclose(aimed.directions, np.array([0, 0, 0.2]) - points, atol=1e-11)
     R = rot_z(0.3)[:3, :3] @ rot_x(1.0)[:3, :3]
-    turned = following(ToolPath(points, orientations=np.tile(R, (count, 1, 1))), start, end)
+    turned = turn_with_arc(ToolPath(points, orientations=np.tile(R, (count, 1, 1))), start, end)
     assert turned.orientations is not None
     for angle, found in zip(np.linspace(start, end, count), turned.orientations, strict=True):
         np.testing.assert_allclose(found, rot_z(angle)[:3, :3] @ R, atol=1e-11)
@@ -157,7 +157,7 @@ def test_a_tool_that_follows_its_arc_looks_alike_from_its_centre(
 
 def test_a_path_is_scaled_then_placed() -> None:
     path = ToolPath(np.array([[1000.0, 0, 500]]), np.array([[1.0, 0, 0]]), None)
-    there = moved(path, planar_pose(1.0, 2.0, np.pi / 2, 0.1), 0.001)
+    there = transform_path(path, planar_pose(1.0, 2.0, np.pi / 2, 0.1), 0.001)
     np.testing.assert_allclose(there.points, [[1, 3, 0.6]], atol=1e-12)
     np.testing.assert_allclose(there.directions, [[0, 1, 0]], atol=1e-12)  # type: ignore[arg-type]
 

@@ -27,7 +27,7 @@ from regionik.worlds.chain import Chain, Joint, planar_pose, rot_x, rot_y, trans
 from regionik.worlds.errors import InputError
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Solid, Sphere
 from regionik.worlds.robot import LinkBox, LinkCapsule, Robot
-from regionik.worlds.self_collision import base_body, self_pairs
+from regionik.worlds.self_collision import base_body, self_collision_pairs
 
 MARGIN = 0.01
 GRAIN = 0.055  # nothing of a solid is farther from its sampled points [m]
@@ -155,7 +155,7 @@ def sampled(bodies: Bodies, base: Array, joints: Array) -> Array:
         for obstacle in bodies.obstacles:
             found = np.minimum(found, outside(obstacle, cloud).min(1) - radius)
     body = base_body(robot)
-    for i, k in self_pairs(robot):
+    for i, k in self_collision_pairs(robot):
         if i < 0:
             assert body is not None
             T = np.linalg.inv(np.array([planar_pose(*b) for b in base]))

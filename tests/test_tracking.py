@@ -9,7 +9,7 @@ from benchmarks.tables.xu import circle
 from regionik.planners.driving.pitch import HeightError, PitchArm, heights
 from regionik.planners.driving.tracking import TrackedRun, rolled, track
 from regionik.worlds.arrays import Array
-from regionik.worlds.chain import Chain, chain_from_dh, planar_pose, rot_y, rot_z, translation
+from regionik.worlds.chain import Chain, planar_pose, rot_y, rot_z, translation
 
 PARM = PitchArm(shoulder_out=0.06875, shoulder_up=0.12, upper=0.16, fore=0.13775 + 0.11321)
 AHEAD = LIFT = 0.155
@@ -20,7 +20,7 @@ LIMIT = np.pi / 2
 def parm() -> Chain:
     h, inf = np.pi / 2, np.inf
     rows = [(0, 0.12, 0.06875, -h), (0, 0, 0.16, 0), (-h, 0, 0, -h), (0, 0.13775, 0, h), (0, 0, 0, -h)]
-    chain = chain_from_dh([(*row, -inf, inf) for row in rows])
+    chain = Chain.from_dh([(*row, -inf, inf) for row in rows])
     return Chain(chain.joints, chain.T_last_tool @ translation(0, 0, 0.11321))
 
 

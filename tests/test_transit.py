@@ -20,8 +20,8 @@ from regionik.moving.transit import TransitPlanner
 from regionik.planners.solvers.kernels import wrap
 from regionik.postures.guard import guard_of
 from regionik.postures.poses import LARGEST_BEND, Pose, between
+from regionik.worlds.bundled import robot_named
 from regionik.worlds.drives import BaseKind
-from regionik.worlds.library import robot_named
 from regionik.worlds.obstacles import Box, Cylinder, Solid
 from regionik.worlds.scene import Floor, Heading, Rules, World
 

@@ -61,7 +61,7 @@ def test_chain_limits_and_speeds(tmp_path: Path) -> None:
     assert robot.carry.tolist() == [0.05, 0.0, 0.0]
 
 
-_BARE = pytest.mark.filterwarnings("ignore:.*is left out; give footprint")
+_BARE = pytest.mark.filterwarnings("ignore:.*are left out; give footprint")
 
 
 @_BARE
@@ -366,7 +366,9 @@ BROKEN = (
         changed('<link name="plate"/>', '<xacro:plate p="1"/>'),
         "xacro crane.urdf > crane.expanded.urdf",
     ),
-    Broken("xacro value", changed('radius="0.05"', 'radius="${r}"'), "xacro is not read, expand it first"),
+    Broken(
+        "xacro value", changed('radius="0.05"', 'radius="${r}"'), "xacro is not supported, expand it first"
+    ),
     Broken("no name", changed('<robot name="crane"', "<robot"), "line 2: robot: expected a name"),
     Broken("no links", '<robot name="r"/>', "expected at least one <link>"),
     Broken("link twice", changed('name="plate"/>', 'name="torso"/>'), "link torso: this name is given twice"),

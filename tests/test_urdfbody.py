@@ -17,13 +17,18 @@ from scipy.spatial import ConvexHull, Delaunay
 from scipy.spatial.transform import Rotation
 
 from regionik.worlds.arrays import Array
-from regionik.worlds.bundled import BODY_HEIGHT, LINK_RADIUS
 from regionik.worlds.chain import pose
 from regionik.worlds.errors import InputError
 from regionik.worlds.readers.collada import read_points
-from regionik.worlds.readers.meshes import hull_of, oriented_box, outer_hull
-from regionik.worlds.robot import LinkBox, LinkCapsule, LinkSolid, Robot
-from regionik.worlds.urdf.bounding import bounding_solid, cylinder_capsule, sphere_capsule
+from regionik.worlds.robot import BODY_HEIGHT, LINK_RADIUS, LinkBox, LinkCapsule, LinkSolid, Robot
+from regionik.worlds.urdf.bounding import (
+    bounding_solid,
+    convex_hull,
+    cylinder_capsule,
+    oriented_box,
+    outer_hull,
+    sphere_capsule,
+)
 from regionik.worlds.urdf.loader import load_robot
 from tests.urdfs import CRANE, UPPER_SIZE, crane, depth, frames_of
 
@@ -78,7 +83,7 @@ def test_points_are_inside_their_bounding_solid(
 ) -> None:
     cloud = np.random.default_rng(seed).normal(size=(count, 3)) * sizes  # flat or a point, where sizes are 0
     points = cloud @ T[:3, :3].T + T[:3, 3]
-    bound = bounding_solid(1, "cloud", hull_of(points))
+    bound = bounding_solid(1, "cloud", convex_hull(points))
     assert depth(bound, points).max() < 1e-8
     along_axes = np.prod(np.maximum(np.ptp(points, axis=0), 1e-4))
     assert volume(bound) <= along_axes * (1 + 1e-6)
@@ -216,7 +221,7 @@ def test_missing_meshes_are_named_and_stood_in_for(tmp_path: Path) -> None:
 def test_unreadable_meshes_are_named_and_stood_in_for(tmp_path: Path, content: bytes) -> None:
     path = crane(tmp_path)
     (path.parent / "meshes" / "upper.stl").write_bytes(content)
-    with pytest.warns(UserWarning, match="mesh meshes/upper.stl: expected .*stands for it"):
+    with pytest.warns(UserWarning, match="mesh meshes/upper.stl: expected .*replaces it"):
         load_robot(path, tip="tool")
 
 
@@ -336,7 +341,7 @@ def test_an_outer_hull_contains_its_points_and_little_more(seed: int, sizes: tup
     assert (outer.find_simplex(inward) >= 0).all()
     assert ConvexHull(outer.points).volume < 1.3 * ConvexHull(points).volume
     flat = points * [1, 1, 0]
-    assert np.array_equal(outer_hull(flat), hull_of(flat))
+    assert np.array_equal(outer_hull(flat), convex_hull(flat))
 
 
 # --- COLLADA

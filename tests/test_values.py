@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 import shapely
 
-from regionik.worlds.chain import Chain, Joint, chain_from_dh
+from regionik.worlds.bundled import robot_named
+from regionik.worlds.chain import Chain, Joint
 from regionik.worlds.errors import InputError
-from regionik.worlds.library import robot_named
 from regionik.worlds.obstacles import Box, Mesh, Prism
 from regionik.worlds.robot import LinkBox, LinkCapsule, LinkMass
 from regionik.worlds.scene import Target
@@ -22,23 +22,29 @@ BOW = shapely.Polygon([(0, 0), (1, 1), (1, 0), (0, 1)])
 CORNERS = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
 
 REFUSED: dict[str, Callable[[], object]] = {
-    "joint hinge: limits must be lower <= upper, got 2.0 and 1.0": lambda: replace(HINGE, lower=2.0),
+    "joint hinge: expected lower limit <= upper limit, got 2 and 1": lambda: replace(HINGE, lower=2.0),
     "joint hinge: axis must not be zero": lambda: replace(HINGE, axis=NONE),
     "chain: joint names must differ, got hinge twice": lambda: Chain((HINGE, HINGE), FRAME),
     "joints: expected 5 values, got shape (2,)": lambda: YOUBOT.chain.forward([0.0, 0.0]),
-    "dh: expected 1 joint names, got 2": lambda: chain_from_dh([(0, 0, 1, 0, -1, 1)], names=("a", "b")),
-    "dh[0]: expected theta, d, a, alpha, lower, upper, got 2 numbers": lambda: chain_from_dh([(0, 0)]),
+    "names: expected 1 joint names, got 2": lambda: Chain.from_dh([(0, 0, 1, 0, -1, 1)], names=("a", "b")),
+    "dh[0]: expected theta, d, a, alpha, lower, upper, got 2 numbers": lambda: Chain.from_dh([(0, 0)]),
     "rod: radius must be above 0, got 0.0": lambda: LinkCapsule(0, "rod", NONE, ONE, 0.0),
     "case: size must be above 0, got [0.0, 0.0, 0.0]": lambda: LinkBox(0, "case", FRAME, NONE),
-    "footprint: expected one point or at least three corners": lambda: replace(YOUBOT, footprint=np.eye(2)),
-    "body_height must be above 0, got 0.0": lambda: replace(YOUBOT, body_height=0.0),
-    "payload must be at least 0, got -1.0": lambda: replace(YOUBOT, payload=-1.0),
-    "masses: expected a link from 0 to 4, got 5": lambda: replace(YOUBOT, masses=(LinkMass(5, 1.0, NONE),)),
+    "footprint: expected one point or at least three corners, got 2": lambda: replace(
+        YOUBOT, footprint=np.eye(2)
+    ),
+    "body_height: must be above 0, got 0": lambda: replace(YOUBOT, body_height=0.0),
+    "payload: must be at least 0, got -1": lambda: replace(YOUBOT, payload=-1.0),
+    "masses[0].link: expected a link from 0 to 4, got 5": lambda: replace(
+        YOUBOT, masses=(LinkMass(5, 1.0, NONE),)
+    ),
     "mass: expected a finite number above 0, got 0.0": lambda: LinkMass(0, 0.0, NONE),
     "target: direction must not be zero": lambda: Target(ONE, NONE),
     "target: cone must be above 0 and at most pi, got 0.0": lambda: Target(ONE, ONE, 0.0),
     "crate: size must be above 0, got 0, 0, 0": lambda: Box("crate", NONE, ONE),
-    "bow: polygon must be simple and not empty: Self-intersection": lambda: Prism("bow", BOW, 0.0, 1.0),
+    "bow: polygon: expected an outline that does not cross or touch itself: Self-intersection": lambda: Prism(
+        "bow", BOW, 0.0, 1.0
+    ),
     "rock: mesh: expected triangles, got shape (1, 2)": lambda: Mesh("rock", CORNERS, np.array([[0, 1]])),
     "rock: mesh: a triangle names a vertex that is not there": lambda: Mesh(
         "rock", CORNERS, np.array([[0, 1, 3]])

@@ -14,10 +14,10 @@ from regionik.cli import app
 from regionik.pipeline import plan
 from regionik.reach import reach
 from regionik.why import why
+from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain
 from regionik.worlds.documents.world_file import world_to_document
 from regionik.worlds.errors import Explanation, NoPlanFound
-from regionik.worlds.library import robot_named
 from regionik.worlds.scene import Floor, Rules, Target, World
 
 PIONEER7 = robot_named("pioneer7")

@@ -13,8 +13,9 @@ from hypothesis import strategies as st
 from regionik.pipeline import whole_path
 from regionik.view.live_areas import Look, alike, look
 from regionik.view.live_picture import look_bodies, verdict
+from regionik.worlds.bundled import robot_named, world_names
+from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import NoPlanFound
-from regionik.worlds.library import load_world, robot_named, world_names
 from regionik.worlds.obstacles import Box
 from regionik.worlds.scene import Floor, Rules, Target, World
 

@@ -11,9 +11,9 @@ import shapely
 from regionik import plan, verify
 from regionik.values import Plan
 from regionik.worlds.arrays import Array
+from regionik.worlds.bundled import robot_named
 from regionik.worlds.drives import BaseKind
 from regionik.worlds.errors import InputError, NoPlanFound
-from regionik.worlds.library import robot_named
 from regionik.worlds.obstacles import Box
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
 

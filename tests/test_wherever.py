@@ -26,7 +26,7 @@ from regionik.seeking.flatworld import own, stance_of
 from regionik.seeking.wherever import around_of, asked_of, look_everywhere, prepared
 from regionik.verification.answers import verify_answers
 from regionik.worlds.arrays import Array
-from regionik.worlds.library import robot_named
+from regionik.worlds.bundled import robot_named
 from regionik.worlds.obstacles import Box, Sphere
 from regionik.worlds.planar_arm import planar_arm
 from regionik.worlds.scene import Floor, Rules, Start, Target, World

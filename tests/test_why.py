@@ -21,8 +21,9 @@ from regionik.repairs.trials import repaired
 from regionik.view.explanation_picture import picture_of_why
 from regionik.view.picture import CAUSE
 from regionik.why import why
+from regionik.worlds.bundled import robot_named
+from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import Explanation, InputError, NoPlanFound, Repair
-from regionik.worlds.library import load_world, robot_named
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Sphere
 from regionik.worlds.scene import Floor, Rules, Target, World
 from tests.why_cases import as_small_as_brute_force, cases, proven_irreducible

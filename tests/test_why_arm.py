@@ -10,8 +10,8 @@ from regionik.pipeline import plan
 from regionik.reach import reach
 from regionik.repairs.trials import repaired
 from regionik.why import why
+from regionik.worlds.bundled import robot_named
 from regionik.worlds.errors import Explanation, NoPlanFound
-from regionik.worlds.library import robot_named
 from regionik.worlds.obstacles import Sphere
 from regionik.worlds.scene import Rules, Target, World
 from tests.test_wherever import HALL, kept_heading, level

@@ -1,8 +1,10 @@
-"""Arrays as values: checked once, copied, read-only."""
+"""Arrays in frozen dataclasses: checked once, copied, read-only; and how such values print."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import MISSING, fields, is_dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,9 +13,11 @@ from regionik.worlds.errors import InputError
 
 Array = NDArray[np.float64]
 
+_SHOWN = 6  # numbers of an array, or items of a tuple, that fit on a line
+
 
 def frozen(values: ArrayLike, shape: Sequence[int | None], what: str) -> Array:
-    """Copy ``values`` into a read-only float array of the given shape.
+    """Return ``values`` as a read-only float array of its own, of the given shape.
 
     Parameters
     ----------
@@ -21,7 +25,7 @@ def frozen(values: ArrayLike, shape: Sequence[int | None], what: str) -> Array:
     shape : sequence of int or None
         Expected length of each axis; None takes any.
     what : str
-        How the error message calls the array.
+        Name of the array in error messages.
 
     Raises
     ------
@@ -44,3 +48,61 @@ def frozen(values: ArrayLike, shape: Sequence[int | None], what: str) -> Array:
         raise InputError(f"{what}: every number must be finite, got {array.tolist()}")
     array.flags.writeable = False
     return array
+
+
+def freeze(value: object, owner: str, **shapes: Sequence[int | None]) -> None:
+    """Freeze fields of a frozen dataclass in place; for its ``__post_init__``.
+
+    Parameters
+    ----------
+    value : dataclass
+    owner : str
+        Name of the value in error messages.
+    **shapes : sequence of int or None
+        Shape of each field, as `frozen` takes it.
+    """
+    for key, shape in shapes.items():
+        object.__setattr__(value, key, frozen(getattr(value, key), shape, f"{owner}: {key}"))
+
+
+def unit_vector(values: ArrayLike, what: str) -> Array:
+    """Return a direction (3,) as a read-only unit vector; one that is a unit vector stays as it is."""
+    vector = frozen(values, (3,), what)
+    norm = float(np.linalg.norm(vector))
+    if norm < 1e-9:
+        raise InputError(f"{what} must not be zero")
+    return vector if abs(norm - 1.0) <= 1e-12 else frozen(vector / norm, (3,), what)
+
+
+def scalar_or_tuple(values: Any) -> Any:
+    """Return a sequence of numbers as a tuple, so that it can be hashed; a number, or None, as it is."""
+    return tuple(map(float, values)) if isinstance(values, Sequence | np.ndarray) else values
+
+
+def one_line(value: Any) -> str:
+    """Return a short form of a dataclass on one line; for its ``__repr__``.
+
+    Its name comes first, fields at their defaults are left out, and of long arrays only the shape is shown.
+    """
+    shown = []
+    for field in fields(value):
+        item = getattr(value, field.name)
+        default = field.default if field.default_factory is MISSING else field.default_factory()
+        if field.repr and (default is MISSING or type(item) is not type(default) or _differ(item, default)):
+            shown.append(repr(item) if field.name == "name" else f"{field.name}={_brief(item)}")
+    return f"{type(value).__name__}({', '.join(shown)})"
+
+
+def _differ(item: Any, default: Any) -> bool:
+    return bool(np.any(item != default)) if np.shape(item) == np.shape(default) else True
+
+
+def _brief(item: Any) -> str:
+    if isinstance(item, np.ndarray):
+        numbers = np.round(item, 6).tolist()
+        return f"<{' x '.join(map(str, item.shape))} array>" if item.size > _SHOWN else str(numbers)
+    if isinstance(item, tuple) and (len(item) > _SHOWN or any(map(is_dataclass, item))):
+        return f"<{len(item)}>"
+    if is_dataclass(item) and hasattr(item, "name"):
+        return repr(item.name)
+    return f"<{item.geom_type}>" if hasattr(item, "geom_type") else repr(item)

@@ -1,25 +1,22 @@
-"""What comes with regionik: robots, and the folder of world files."""
+"""Bundled robots, and the names and files of bundled worlds."""
 
 from __future__ import annotations
 
-from dataclasses import replace
 from math import inf, pi, radians
 from pathlib import Path
 
 import numpy as np
 
-from regionik.worlds.chain import Chain, chain_from_dh, translation
+from regionik.worlds.chain import Chain, translation
 from regionik.worlds.errors import InputError
-from regionik.worlds.robot import Robot, capsules_along
+from regionik.worlds.robot import BODY_HEIGHT, LINK_RADIUS, Robot, capsules_along
 
 DATA = Path(__file__).parent / "data"
 WORLD_SUFFIX = ".world.yaml"
-LINK_RADIUS = 0.035  # [m]
 ARM_RADIUS = 0.025  # of the FABRIK-R paper's arms, whose links are 68 to 150 mm long [m]
-BODY_HEIGHT = 0.14  # [m]
 
 # M-FABRIK, table 1: d, a [m], alpha [rad]. Limits [deg] are the datasheet's (+-169, -65..90, -151..146,
-# +-102.5, +-167.5, zero with the arm straight up), turned into the table's angles: theta1 = q1,
+# +-102.5, +-167.5, zero with the arm straight up), converted to the table's angles: theta1 = q1,
 # theta2 = 90 - q2, theta3 = -q3, theta4 = 90 - q4, theta5 = q5.
 _YOUBOT = (
     (0.147, 0.033, pi / 2, -169.0, 169.0),
@@ -79,12 +76,12 @@ _STRAIGHT_UP = np.radians([0.0, 90.0, 0.0, 90.0, 0.0])
 
 
 def robot_names() -> tuple[str, ...]:
-    """Names of the bundled robots."""
+    """Return the names of the bundled robots."""
     return ("youbot", "youbot-real", "hinge5", "dof10", "pioneer7", "pioneer-parm")
 
 
 def robot_named(name: str) -> Robot:
-    """A bundled robot.
+    """Return a bundled robot.
 
     ``youbot`` is the robot of the M-FABRIK paper: a point base with the arm on its centre.
     ``youbot-real`` carries the same arm 0.143 m ahead of the centre of a 0.58 x 0.38 m base.
@@ -115,19 +112,13 @@ def robot_named(name: str) -> Robot:
     raise InputError(f"unknown robot {name!r}, valid names: {', '.join(robot_names())}")
 
 
-def without_limits(robot: Robot) -> Robot:
-    """The same robot with joints that turn without end (experiment 1 of the M-FABRIK paper)."""
-    joints = tuple(replace(joint, lower=-inf, upper=inf) for joint in robot.chain.joints)
-    return replace(robot, chain=Chain(joints, robot.chain.T_last_tool))
-
-
 def world_names() -> tuple[str, ...]:
-    """Names of the bundled worlds, sorted."""
+    """Return the names of the bundled worlds, sorted."""
     return tuple(sorted(path.name.removesuffix(WORLD_SUFFIX) for path in DATA.glob(f"*{WORLD_SUFFIX}")))
 
 
 def world_path(name: str) -> Path:
-    """File of a bundled world.
+    """Return the file of a bundled world.
 
     Raises
     ------
@@ -144,30 +135,22 @@ def world_path(name: str) -> Path:
 
 def _youbot(name: str, ahead: float, footprint: list[list[float]]) -> Robot:
     rows = [(0.0, d, a, alpha, radians(lo), radians(hi)) for d, a, alpha, lo, hi in _YOUBOT]
-    chain = chain_from_dh(rows)
+    chain = Chain.from_dh(rows)
     solids = capsules_along(chain, LINK_RADIUS)
     mount = np.array([ahead, 0.0, 0.0, 0.0])
     return Robot(name, "omni", np.array(footprint), mount, chain, solids, BODY_HEIGHT, _STRAIGHT_UP)
 
 
 def _bare_arm(name: str) -> Robot:
-    chain = chain_from_dh([(*row, -inf, inf) for row in _ARMS[name]])
+    chain = Chain.from_dh([(*row, -inf, inf) for row in _ARMS[name]])
     carry = np.radians(_CARRY[name])
-    return Robot(
-        name,
-        "omni",
-        np.zeros((1, 2)),
-        np.zeros(4),
-        chain,
-        capsules_along(chain, ARM_RADIUS),
-        BODY_HEIGHT,
-        carry,
-    )
+    solids = capsules_along(chain, ARM_RADIUS)
+    return Robot(name, "omni", np.zeros((1, 2)), np.zeros(4), chain, solids, BODY_HEIGHT, carry)
 
 
 def _pioneer_parm(name: str) -> Robot:
     h = _PIONEER_MOUNT
-    chain = chain_from_dh([(*row[:4], radians(row[4]), radians(row[5])) for row in _PARM])
+    chain = Chain.from_dh([(*row[:4], radians(row[4]), radians(row[5])) for row in _PARM])
     chain = Chain(chain.joints, chain.T_last_tool @ translation(0.0, 0.0, _PARM_TOOL))
     return Robot(
         name,

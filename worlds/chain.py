@@ -1,6 +1,6 @@
 """Serial chains: joints, limits, frames and forward kinematics.
 
-The plain numpy forward kinematics here is the reference: `regionik.verify` trusts it and nothing else.
+This plain numpy forward kinematics is the reference: `regionik.verify` relies on it alone.
 """
 
 from __future__ import annotations
@@ -12,10 +12,12 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from regionik.worlds.arrays import Array, frozen
-from regionik.worlds.errors import InputError
+from regionik.worlds.arrays import Array, frozen, one_line, unit_vector
+from regionik.worlds.errors import InputError, located
 
 JointKind = Literal["revolute", "prismatic"]
+
+_RIGID = 1e-6  # of a rotation matrix that a file gives
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,20 +47,29 @@ class Joint:
     velocity: float = np.inf
 
     def __post_init__(self) -> None:
+        what = f"joint {self.name}"
         if np.isnan(self.lower) or np.isnan(self.upper) or self.lower > self.upper:
             raise InputError(
-                f"joint {self.name}: limits must be lower <= upper, got {self.lower} and {self.upper}"
+                f"{what}: expected lower limit <= upper limit, got {self.lower:g} and {self.upper:g}"
             )
-        object.__setattr__(
-            self, "T_parent_joint", frozen(self.T_parent_joint, (4, 4), f"joint {self.name}: frame")
-        )
-        axis = frozen(self.axis, (3,), f"joint {self.name}: axis")
-        norm = float(np.linalg.norm(axis))
-        if norm < 1e-9:
-            raise InputError(f"joint {self.name}: axis must not be zero")
-        if abs(norm - 1.0) > 1e-12:  # a unit vector stays as it is, so that files read back equal
-            axis = frozen(axis / norm, (3,), "axis")
-        object.__setattr__(self, "axis", axis)
+        object.__setattr__(self, "T_parent_joint", frozen(self.T_parent_joint, (4, 4), f"{what}: frame"))
+        object.__setattr__(self, "axis", unit_vector(self.axis, f"{what}: axis"))
+
+    def transform(self, value: ArrayLike) -> Array:
+        """Return the transform (..., 4, 4) of the joint at values (...,) [rad] or [m]; Rodrigues' formula."""
+        q = np.asarray(value)
+        T = np.zeros((*q.shape, 4, 4))
+        T[...] = np.eye(4)
+        if self.kind == "prismatic":
+            T[..., :3, 3] = np.multiply.outer(q, self.axis)
+            return T
+        x, y, z = self.axis
+        cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+        s, c = np.sin(q)[..., None, None], np.cos(q)[..., None, None]
+        T[..., :3, :3] = np.eye(3) + s * cross + (1 - c) * (cross @ cross)
+        return T
+
+    __repr__ = one_line
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,12 +81,19 @@ class Chain:
     joints : tuple of Joint
     T_last_tool : (4, 4) array
         Fixed transform from the last joint's link to the tool frame.
+
+    Examples
+    --------
+    >>> elbow = Joint("elbow", "revolute", -2.0, 2.0, np.eye(4))
+    >>> Chain([elbow], translation(0.3, 0.0, 0.0)).forward([0.0])[:3, 3].tolist()
+    [0.3, 0.0, 0.0]
     """
 
     joints: tuple[Joint, ...]
     T_last_tool: Array
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "joints", tuple(self.joints))
         if not self.joints:
             raise InputError("chain: expected at least one joint")
         names = [joint.name for joint in self.joints]
@@ -83,6 +101,39 @@ class Chain:
         if twice:
             raise InputError(f"chain: joint names must differ, got {', '.join(twice)} twice")
         object.__setattr__(self, "T_last_tool", frozen(self.T_last_tool, (4, 4), "tool frame"))
+
+    __repr__ = one_line
+
+    @classmethod
+    def from_dh(cls, rows: Sequence[Sequence[float]], names: Sequence[str] | None = None) -> Chain:
+        """Return the chain of standard Denavit-Hartenberg rows.
+
+        Parameters
+        ----------
+        rows : sequence of (theta, d, a, alpha, lower, upper)
+            [rad] and [m]; ``theta`` is added to the joint's value, limits bound the joint's value.
+        names : sequence of str, optional
+            Joint names; ``joint_1`` and so on by default.
+
+        Examples
+        --------
+        >>> Chain.from_dh([(0, 0, 0.3, 0, -2, 2), (0, 0, 0.2, 0, -2, 2)]).names
+        ('joint_1', 'joint_2')
+        """
+        if names is not None and len(names) != len(rows):
+            raise InputError(f"names: expected {len(rows)} joint names, got {len(names)}")
+        fixed = np.eye(4)
+        joints = []
+        for k, row in enumerate(rows):
+            if len(row) != 6:
+                text = f"expected theta, d, a, alpha, lower, upper, got {len(row)} numbers"
+                raise InputError(f"dh[{k}]: {text}")
+            theta, d, a, alpha, lower, upper = row
+            name = names[k] if names is not None else f"joint_{k + 1}"
+            with located("", f"dh[{k}]"):
+                joints.append(Joint(name, "revolute", lower, upper, fixed @ rot_z(theta)))
+            fixed = translation(a, 0.0, d) @ rot_x(alpha)
+        return cls(tuple(joints), fixed)
 
     @property
     def dof(self) -> int:
@@ -101,7 +152,7 @@ class Chain:
         return np.array([joint.upper for joint in self.joints])
 
     def frames(self, joints: ArrayLike) -> Array:
-        """Pose of every link in the arm's base frame, then of the tool.
+        """Return the pose of every link in the arm's base frame, then of the tool.
 
         Parameters
         ----------
@@ -119,86 +170,80 @@ class Chain:
         T = np.broadcast_to(np.eye(4), (*q.shape[:-1], 4, 4))
         frames = np.empty((*q.shape[:-1], self.dof + 1, 4, 4))
         for k, joint in enumerate(self.joints):
-            T = T @ joint.T_parent_joint @ motion(joint, q[..., k])
+            T = T @ joint.T_parent_joint @ joint.transform(q[..., k])
             frames[..., k, :, :] = T
         frames[..., self.dof, :, :] = T @ self.T_last_tool
         return frames
 
     def forward(self, joints: ArrayLike) -> Array:
-        """Tool frame in the arm's base frame, (..., 4, 4)."""
+        """Return the tool frame in the arm's base frame, (..., 4, 4)."""
         tool: Array = self.frames(joints)[..., -1, :, :]
         return tool
 
+    @property
+    def has_velocity_limits(self) -> bool:
+        """True where any joint has a speed limit."""
+        return any(np.isfinite(joint.velocity) for joint in self.joints)
 
-def motion(joint: Joint, value: Array) -> Array:
-    """Transform of a joint moved by ``value`` (...,), as (..., 4, 4); Rodrigues' formula."""
-    T = np.zeros((*np.shape(value), 4, 4))
-    T[...] = np.eye(4)
-    if joint.kind == "prismatic":
-        T[..., :3, 3] = np.multiply.outer(value, joint.axis)
-        return T
-    x, y, z = joint.axis
-    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    s, c = np.sin(value)[..., None, None], np.cos(value)[..., None, None]
-    T[..., :3, :3] = np.eye(3) + s * cross + (1 - c) * (cross @ cross)
-    return T
+    def check_limits(self, joints: Sequence[float], what: str) -> None:
+        """Refuse joint values of which one is outside its limits.
 
-
-def chain_from_dh(rows: Sequence[Sequence[float]], names: Sequence[str] | None = None) -> Chain:
-    """Chain from standard Denavit-Hartenberg rows.
-
-    Parameters
-    ----------
-    rows : sequence of (theta, d, a, alpha, lower, upper)
-        [rad] and [m]; ``theta`` is added to the joint's value, limits bound the joint's value.
-    names : sequence of str, optional
-        Joint names; ``joint_1`` and so on by default.
-    """
-    if names is not None and len(names) != len(rows):
-        raise InputError(f"dh: expected {len(rows)} joint names, got {len(names)}")
-    fixed = np.eye(4)
-    joints = []
-    for k, row in enumerate(rows):
-        if len(row) != 6:
-            raise InputError(f"dh[{k}]: expected theta, d, a, alpha, lower, upper, got {len(row)} numbers")
-        theta, d, a, alpha, lower, upper = row
-        name = names[k] if names is not None else f"joint_{k + 1}"
-        joints.append(Joint(name, "revolute", lower, upper, fixed @ rot_z(theta)))
-        fixed = translation(a, 0.0, d) @ rot_x(alpha)
-    return Chain(tuple(joints), fixed)
+        Parameters
+        ----------
+        joints : sequence of float
+            One value a joint [rad] or [m].
+        what : str
+            Name of the values in the error message.
+        """
+        if len(joints) != self.dof:
+            raise InputError(
+                f"{what}: expected {self.dof} values ({', '.join(self.names)}), got {len(joints)}"
+            )
+        for k, (joint, value) in enumerate(zip(self.joints, joints, strict=True)):
+            if not joint.lower <= value <= joint.upper:
+                limits = f"{joint.lower:.6g} to {joint.upper:.6g}"
+                text = f"{joint.name} must be within its limits {limits}, got {value:.6g}"
+                raise InputError(f"{what}[{k}]: {text}")
 
 
 def translation(x: float, y: float, z: float) -> Array:
-    """Pure translation, (4, 4)."""
+    """Return a pure translation, (4, 4)."""
     T = np.eye(4)
     T[:3, 3] = x, y, z
     return T
 
 
 def rot_x(angle: float) -> Array:
-    """Rotation about x, (4, 4)."""
+    """Return a rotation about x, (4, 4)."""
     c, s = np.cos(angle), np.sin(angle)
     return np.array([[1, 0, 0, 0], [0, c, -s, 0], [0, s, c, 0], [0, 0, 0, 1.0]])
 
 
 def rot_y(angle: float) -> Array:
-    """Rotation about y, (4, 4)."""
+    """Return a rotation about y, (4, 4)."""
     c, s = np.cos(angle), np.sin(angle)
     return np.array([[c, 0, s, 0], [0, 1, 0, 0], [-s, 0, c, 0], [0, 0, 0, 1.0]])
 
 
 def rot_z(angle: float) -> Array:
-    """Rotation about z, (4, 4)."""
+    """Return a rotation about z, (4, 4)."""
     c, s = np.cos(angle), np.sin(angle)
     return np.array([[c, -s, 0, 0], [s, c, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1.0]])
 
 
 def planar_pose(x: float, y: float, yaw: float, z: float = 0.0) -> Array:
-    """Frame at (x, y, z) turned by yaw about z, (4, 4)."""
+    """Return the frame at (x, y, z) turned by yaw about z, (4, 4)."""
     return translation(x, y, z) @ rot_z(yaw)
 
 
 def pose(position: Sequence[float], rpy: Sequence[float]) -> Array:
-    """Transform from a position [m] and roll, pitch, yaw [rad] about fixed axes, (4, 4)."""
+    """Return the transform of a position [m] and roll, pitch, yaw [rad] about fixed axes, (4, 4)."""
     roll, pitch, yaw = rpy
     return translation(*position) @ rot_z(yaw) @ rot_y(pitch) @ rot_x(roll)
+
+
+def check_rotation(matrix: Array) -> Array:
+    """Return a matrix (3, 3) itself, once it is known to be a rotation."""
+    if np.abs(matrix @ matrix.T - np.eye(3)).max() > _RIGID or np.linalg.det(matrix) < 0:
+        raise InputError("expected a rotation matrix (right-handed, unit rows at right angles)")
+    return matrix

@@ -1,4 +1,4 @@
-"""What a posture at a set-point must be good for, besides reaching it."""
+"""Criteria that postures meet at set-points, besides reaching them."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from regionik.worlds.arrays import Array
+from regionik.worlds.arrays import Array, one_line, scalar_or_tuple
 from regionik.worlds.chain import Chain
 from regionik.worlds.errors import InputError
 from regionik.worlds.robot import Robot
@@ -15,7 +15,7 @@ from regionik.worlds.robot import Robot
 
 @dataclass(frozen=True)
 class Criteria:
-    """Thresholds that every posture at a set-point meets together; None asks for nothing.
+    """Thresholds that a posture at a set-point must meet together; None sets none.
 
     Attributes
     ----------
@@ -25,23 +25,24 @@ class Criteria:
     joint_margin : float, optional
         Least distance of every joint from both of its limits, as a share of its range: 0 to below 0.5.
         Joints without limits keep any.
-    effort : float or tuple of float, optional
-        Most torque (force of a sliding joint) that gravity asks of all joints, or of each [N m] or [N]; the
+    effort : float or sequence of float, optional
+        Largest torque (force of a sliding joint) due to gravity at all joints, or at each [N m] or [N]; the
         robot needs masses or a payload.
 
     Examples
     --------
-    >>> Criteria(manipulability=0.01, joint_margin=0.05).joint_margin
-    0.05
+    >>> Criteria(manipulability=0.01, joint_margin=0.05)
+    Criteria(manipulability=0.01, joint_margin=0.05)
     """
 
     manipulability: float | None = None
     joint_margin: float | None = None
     effort: float | tuple[float, ...] | None = None
 
+    __repr__ = one_line
+
     def __post_init__(self) -> None:
-        if isinstance(self.effort, (list, np.ndarray)):
-            object.__setattr__(self, "effort", tuple(float(one) for one in self.effort))
+        object.__setattr__(self, "effort", scalar_or_tuple(self.effort))
         if self.manipulability is not None and not 0 <= self.manipulability < np.inf:
             raise InputError(f"criteria: manipulability: must be at least 0, got {self.manipulability:g}")
         if self.joint_margin is not None and not 0 <= self.joint_margin < 0.5:
@@ -54,12 +55,12 @@ class Criteria:
                 raise InputError(f"criteria: effort: must be above 0, got {one:g}")
 
     def check(self, robot: Robot) -> None:
-        """Refuse what a robot cannot be held to.
+        """Refuse criteria that do not apply to a robot.
 
         Raises
         ------
         InputError
-            When effort is asked of a robot without masses, or of another number of joints.
+            When effort is limited for a robot without masses, or for another number of joints.
         """
         if self.effort is None:
             return
@@ -76,12 +77,12 @@ class Criteria:
             )
 
     def efforts(self, dof: int) -> Array:
-        """Limits of effort (dof,); infinite where none is asked."""
+        """Return the limits of effort (dof,); infinite where there are none."""
         return np.broadcast_to(np.array(np.inf if self.effort is None else self.effort, dtype=float), (dof,))
 
 
-def kept(robot: Robot, criteria: Criteria | None) -> Robot:
-    """The robot with the limits that the asked joint margin leaves."""
+def with_joint_margin(robot: Robot, criteria: Criteria | None) -> Robot:
+    """Return the robot with its joint limits narrowed by the joint margin of the criteria."""
     margin = None if criteria is None else criteria.joint_margin
     return robot if not margin else _narrowed(robot, margin)
 

@@ -1,7 +1,9 @@
-"""Every failure of regionik, and the evidence it carries."""
+"""Errors of regionik, and the evidence they carry."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -95,3 +97,22 @@ class NoPlanFound(RegionikError):
     def __init__(self, explanation: Explanation) -> None:
         super().__init__(explanation.reason)
         self.explanation = explanation
+
+
+def located_error(where: str, place: str, text: str) -> InputError:
+    """Return the error ``where: place: text``, on one line.
+
+    A ``place`` that ends in a dot is continued by the text: ``robot.`` and ``mount: expected ...`` give
+    ``robot.mount: expected ...``.
+    """
+    parts = (where, place + text) if place.endswith(".") else (where, place, text)
+    return InputError(": ".join(" ".join(part.split()) for part in parts if part))
+
+
+@contextmanager
+def located(where: str, place: str) -> Iterator[None]:
+    """Put file and place before the message of any `InputError` raised inside, as `located_error` does."""
+    try:
+        yield
+    except InputError as error:
+        raise located_error(where, place, str(error)) from None

@@ -1,17 +1,24 @@
-"""Named solids and their shadows on the floor."""
+"""Obstacles: named solids, their distance from points and their shadows on the floor.
+
+A new primitive is a subclass of `Obstacle` here, named in `Solid`; its form in world files goes into
+`regionik.worlds.documents.environment`.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any, Self
 
 import numpy as np
 import shapely
 import trimesh
+from numpy.typing import ArrayLike, NDArray
+from shapely.affinity import affine_transform
 from shapely.geometry import Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from regionik.worlds.arrays import Array, frozen
+from regionik.worlds.arrays import Array, freeze, frozen, one_line
 from regionik.worlds.errors import InputError
 
 
@@ -26,141 +33,255 @@ class Shadow:
     radius: float = 0.0
 
     def distance(self, other: BaseGeometry) -> float:
-        """Distance from the shadow to a shape on the floor, 0 where they meet [m]."""
+        """Return the distance from a shape on the floor, 0 where they meet [m]."""
         return max(0.0, float(self.core.distance(other)) - self.radius)
 
 
-@dataclass(frozen=True, eq=False)
-class Box:
-    """A box that stands upright, turned by yaw about its centre."""
+class Obstacle:
+    """Base of all solids; what they share, and what each of them gives."""
 
     name: str
-    size: Array  # (3,) [m]
-    center: Array  # (3,) [m]
-    yaw: float = 0.0
 
-    def __post_init__(self) -> None:
-        _freeze(self, size=(3,), center=(3,))
-        _above_zero(self.name, "size", *self.size)
+    @property
+    def bounds(self) -> Array:
+        """Corners of the upright box around the solid, low and high (2, 3) [m]."""
+        raise NotImplementedError
 
     @property
     def z_range(self) -> tuple[float, float]:
-        half = self.size[2] / 2
-        return float(self.center[2] - half), float(self.center[2] + half)
+        """Lowest and highest point [m]."""
+        low, high = self.bounds[:, 2]
+        return float(low), float(high)
 
     def shadow(self, below: float) -> Shadow | None:
-        """Floor area of the part lower than ``below`` [m]; None where there is no such part."""
-        if self.z_range[0] >= below:
-            return None
+        """Return the floor area under the part lower than ``below`` [m]; None where there is no such part."""
+        return self._shadow(below) if self.z_range[0] < below else None
+
+    def _shadow(self, below: float) -> Shadow:
+        raise NotImplementedError
+
+    def distance(self, point: Array) -> float:
+        """Return the signed distance of a point (3,), negative inside [m]."""
+        raise NotImplementedError
+
+    def transformed(self, T: Array) -> Self:
+        """Return the solid moved by a transform (4, 4) that keeps z upright."""
+        raise NotImplementedError
+
+    __repr__ = one_line
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Box(Obstacle):
+    """An upright box, turned by yaw about its centre.
+
+    Attributes
+    ----------
+    name : str
+    size : (3,) array
+        [m]
+    center : (3,) array
+        [m]
+    yaw : float
+        [rad]
+
+    Examples
+    --------
+    >>> Box("crate", [1, 2, 0.5], [0, 0, 0.25]).distance(np.array([1.5, 0, 0.25]))
+    1.0
+    """
+
+    name: str
+    size: Array
+    center: Array
+    yaw: float = 0.0
+
+    def __post_init__(self) -> None:
+        freeze(self, self.name, size=(3,), center=(3,))
+        _check_positive(self.name, "size", *self.size)
+
+    @property
+    def bounds(self) -> Array:
+        half = np.array([np.hypot(*self.size[:2]), np.hypot(*self.size[:2]), self.size[2]]) / 2
+        return np.stack([self.center - half, self.center + half])
+
+    def _shadow(self, below: float) -> Shadow:
         c, s = np.cos(self.yaw), np.sin(self.yaw)
         corners = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]]) * self.size[:2] / 2
         return Shadow(Polygon(corners @ np.array([[c, s], [-s, c]]) + self.center[:2]))
 
     def distance(self, point: Array) -> float:
-        """Signed distance of a point, negative inside [m]."""
         c, s = np.cos(self.yaw), np.sin(self.yaw)
         x, y, z = point - self.center
         local = np.array([c * x + s * y, -s * x + c * y, z])
         return _box_distance(np.abs(local) - self.size / 2)
 
+    def transformed(self, T: Array) -> Self:
+        turn = float(np.arctan2(T[1, 0], T[0, 0]))
+        return replace(self, center=_moved(self.center, T), yaw=self.yaw + turn)
 
-@dataclass(frozen=True, eq=False)
-class Cylinder:
-    """An upright cylinder."""
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Cylinder(Obstacle):
+    """An upright cylinder.
+
+    Attributes
+    ----------
+    name : str
+    radius, height : float
+        [m]
+    center : (3,) array
+        [m]
+
+    Examples
+    --------
+    >>> Cylinder("post", 0.1, 1.0, [2, 0, 0.5]).z_range
+    (0.0, 1.0)
+    """
 
     name: str
-    radius: float  # [m]
-    height: float  # [m]
-    center: Array  # (3,) [m]
+    radius: float
+    height: float
+    center: Array
 
     def __post_init__(self) -> None:
-        _freeze(self, center=(3,))
-        _above_zero(self.name, "radius and height", self.radius, self.height)
+        freeze(self, self.name, center=(3,))
+        _check_positive(self.name, "radius and height", self.radius, self.height)
 
     @property
-    def z_range(self) -> tuple[float, float]:
-        return float(self.center[2] - self.height / 2), float(self.center[2] + self.height / 2)
+    def bounds(self) -> Array:
+        half = np.array([self.radius, self.radius, self.height / 2])
+        return np.stack([self.center - half, self.center + half])
 
-    def shadow(self, below: float) -> Shadow | None:
-        """Floor area of the part lower than ``below`` [m]; None where there is no such part."""
-        return Shadow(Point(self.center[:2]), self.radius) if self.z_range[0] < below else None
+    def _shadow(self, below: float) -> Shadow:
+        return Shadow(Point(self.center[:2]), self.radius)
 
     def distance(self, point: Array) -> float:
-        """Signed distance of a point, negative inside [m]."""
         x, y, z = point - self.center
         return _box_distance(np.array([np.hypot(x, y) - self.radius, abs(z) - self.height / 2]))
 
+    def transformed(self, T: Array) -> Self:
+        return replace(self, center=_moved(self.center, T))
 
-@dataclass(frozen=True, eq=False)
-class Sphere:
-    """A ball."""
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Sphere(Obstacle):
+    """A ball.
+
+    Attributes
+    ----------
+    name : str
+    radius : float
+        [m]
+    center : (3,) array
+        [m]
+
+    Examples
+    --------
+    >>> Sphere("ball", 0.5, [0, 0, 1]).distance(np.array([0, 0, 0]))
+    0.5
+    """
 
     name: str
-    radius: float  # [m]
-    center: Array  # (3,) [m]
+    radius: float
+    center: Array
 
     def __post_init__(self) -> None:
-        _freeze(self, center=(3,))
-        _above_zero(self.name, "radius", self.radius)
+        freeze(self, self.name, center=(3,))
+        _check_positive(self.name, "radius", self.radius)
 
     @property
-    def z_range(self) -> tuple[float, float]:
-        return float(self.center[2] - self.radius), float(self.center[2] + self.radius)
+    def bounds(self) -> Array:
+        return np.stack([self.center - self.radius, self.center + self.radius])
 
-    def shadow(self, below: float) -> Shadow | None:
-        """Floor area of the part lower than ``below`` [m]; None where there is no such part."""
-        if self.z_range[0] >= below:
-            return None
+    def _shadow(self, below: float) -> Shadow:
         over = max(0.0, self.center[2] - below)
         return Shadow(Point(self.center[:2]), float(np.sqrt(self.radius**2 - over**2)))
 
     def distance(self, point: Array) -> float:
-        """Signed distance of a point, negative inside [m]."""
         return float(np.linalg.norm(point - self.center) - self.radius)
 
+    def transformed(self, T: Array) -> Self:
+        return replace(self, center=_moved(self.center, T))
 
-@dataclass(frozen=True, eq=False)
-class Prism:
-    """A floor polygon, with holes or without, raised from one height to another."""
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Prism(Obstacle):
+    """A floor polygon, with holes or without, raised from one height to another.
+
+    Attributes
+    ----------
+    name : str
+    polygon : Polygon
+        Or its corners (n, 2) in order [m].
+    bottom, top : float
+        [m]
+
+    Examples
+    --------
+    >>> Prism("shelf", [[0, 0], [1, 0], [1, 0.4]], 0.9, 1.0)
+    Prism('shelf', polygon=<Polygon>, bottom=0.9, top=1.0)
+    """
 
     name: str
     polygon: Polygon
-    bottom: float  # [m]
-    top: float  # [m]
+    bottom: float
+    top: float
 
     def __post_init__(self) -> None:
-        if not self.polygon.is_valid or self.polygon.is_empty:
-            why = shapely.is_valid_reason(self.polygon)
-            raise InputError(f"{self.name}: polygon must be simple and not empty: {why}")
-        _above_zero(self.name, "height (z from low to high)", self.top - self.bottom)
+        object.__setattr__(self, "polygon", as_polygon(self.polygon, f"{self.name}: polygon"))
+        _check_positive(self.name, "height (z from low to high)", self.top - self.bottom)
+
+    @property
+    def bounds(self) -> Array:
+        x_low, y_low, x_high, y_high = self.polygon.bounds
+        return np.array([[x_low, y_low, self.bottom], [x_high, y_high, self.top]])
 
     @property
     def z_range(self) -> tuple[float, float]:
         return self.bottom, self.top
 
-    def shadow(self, below: float) -> Shadow | None:
-        """Floor area of the part lower than ``below`` [m]; None where there is no such part."""
-        return Shadow(self.polygon) if self.bottom < below else None
+    def _shadow(self, below: float) -> Shadow:
+        return Shadow(self.polygon)
 
     def distance(self, point: Array) -> float:
-        """Signed distance of a point, negative inside [m]."""
         spot = Point(point[:2])
         flat = self.polygon.boundary.distance(spot)
         flat = -flat if self.polygon.contains(spot) else flat
         middle, half = (self.bottom + self.top) / 2, (self.top - self.bottom) / 2
         return _box_distance(np.array([flat, abs(point[2] - middle) - half]))
 
+    def transformed(self, T: Array) -> Self:
+        level = [T[0, 0], T[0, 1], T[1, 0], T[1, 1], T[0, 3], T[1, 3]]
+        outline = affine_transform(self.polygon, level)
+        return replace(self, polygon=outline, bottom=self.bottom + T[2, 3], top=self.top + T[2, 3])
 
-@dataclass(frozen=True, eq=False)
-class Mesh:
-    """A closed triangle mesh, taken as a solid."""
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Mesh(Obstacle):
+    """A closed triangle mesh, taken as a solid.
+
+    Attributes
+    ----------
+    name : str
+    vertices : (n, 3) array
+        In the world [m].
+    faces : (m, 3) array of int
+        Indices of the corners of each triangle.
+
+    Examples
+    --------
+    >>> corners = [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]
+    >>> Mesh("wedge", corners, [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
+    Mesh('wedge', vertices=<4 x 3 array>, faces=<4 x 3 array>)
+    """
 
     name: str
-    vertices: Array  # (n, 3) [m], in the world
-    faces: np.ndarray = field(repr=False)  # (m, 3) int
+    vertices: Array
+    faces: NDArray[np.int64]
 
     def __post_init__(self) -> None:
-        _freeze(self, vertices=(None, 3))
+        freeze(self, self.name, vertices=(None, 3))
         faces = np.array(self.faces, dtype=np.int64)
         if faces.ndim != 2 or faces.shape[1] != 3 or not len(faces):
             raise InputError(f"{self.name}: mesh: expected triangles, got shape {faces.shape}")
@@ -170,13 +291,15 @@ class Mesh:
         object.__setattr__(self, "faces", faces)
 
     @property
-    def z_range(self) -> tuple[float, float]:
-        return float(self.vertices[:, 2].min()), float(self.vertices[:, 2].max())
+    def bounds(self) -> Array:
+        return np.stack([self.vertices.min(axis=0), self.vertices.max(axis=0)])
 
-    def shadow(self, below: float) -> Shadow | None:
-        """Floor area of the part lower than ``below`` [m]; None where there is no such part."""
-        if self.z_range[0] >= below:
-            return None
+    @property
+    def is_closed(self) -> bool:
+        """True where every edge joins two triangles, so that there is an inside."""
+        return bool(self._trimesh.is_watertight)
+
+    def _shadow(self, below: float) -> Shadow:
         part = trimesh.intersections.slice_mesh_plane(  # type: ignore[no-untyped-call]
             self._trimesh, plane_normal=[0, 0, -1], plane_origin=[0, 0, below]
         )
@@ -184,7 +307,6 @@ class Mesh:
         return Shadow(shapely.union_all(triangles[shapely.is_valid(triangles)]))
 
     def distance(self, point: Array) -> float:
-        """Signed distance of a point, negative inside [m]."""
         corners = self.vertices[self.faces]
         spots = np.broadcast_to(point, (len(corners), 3))
         nearest = trimesh.triangles.closest_point(corners, spots)  # type: ignore[no-untyped-call]
@@ -192,12 +314,15 @@ class Mesh:
         return -gap if self.contains(point) else gap
 
     def contains(self, point: Array) -> bool:
-        """Whether the surface winds round the point (generalised winding number above 1/2)."""
+        """Return True where the surface winds round the point (generalised winding number above 1/2)."""
         a, b, c = (self.vertices[self.faces[:, k]] - point for k in range(3))
         la, lb, lc = (np.linalg.norm(v, axis=1) for v in (a, b, c))
         triple = np.einsum("ij,ij->i", a, np.cross(b, c))
         scale = la * lb * lc + lc * _dot(a, b) + la * _dot(b, c) + lb * _dot(c, a)
         return bool(abs(np.arctan2(triple, scale).sum()) > np.pi)
+
+    def transformed(self, T: Array) -> Self:
+        return replace(self, vertices=_moved(self.vertices, T))
 
     @cached_property
     def _trimesh(self) -> trimesh.Trimesh:
@@ -207,23 +332,45 @@ class Mesh:
 Solid = Box | Cylinder | Sphere | Prism | Mesh
 
 
+def as_polygon(outline: Polygon | ArrayLike, what: str) -> Any:
+    """Return a floor area itself, or the polygon of corners (n, 2).
+
+    Raises
+    ------
+    InputError
+        When it is empty, or its outline crosses or touches itself.
+    """
+    polygon = (
+        outline if isinstance(outline, BaseGeometry) else _polygon(frozen(outline, (None, 2), what), what)
+    )
+    if not polygon.is_valid or polygon.is_empty or polygon.area <= 0:
+        why = "its area is zero" if polygon.is_valid else shapely.is_valid_reason(polygon)
+        raise InputError(f"{what}: expected an outline that does not cross or touch itself: {why}")
+    return polygon
+
+
+def _polygon(corners: Array, what: str) -> Polygon:
+    if len(corners) < 3:
+        raise InputError(f"{what}: expected at least 3 corners, got {len(corners)}")
+    return Polygon(corners)
+
+
+def _moved(points: Array, T: Array) -> Array:
+    moved: Array = points @ T[:3, :3].T + T[:3, 3]
+    return moved
+
+
 def _dot(a: Array, b: Array) -> Array:
     product: Array = np.einsum("ij,ij->i", a, b)
     return product
 
 
 def _box_distance(excess: Array) -> float:
-    """Signed distance from how far a point lies beyond each face pair."""
+    """Return the signed distance of a point that lies so far beyond each pair of faces."""
     outside = float(np.linalg.norm(np.maximum(excess, 0.0)))
     return outside if outside > 0 else float(excess.max())
 
 
-def _freeze(solid: object, **shapes: tuple[int | None, ...]) -> None:
-    for key, shape in shapes.items():
-        what = f"{solid.name}: {key}"  # type: ignore[attr-defined]
-        object.__setattr__(solid, key, frozen(getattr(solid, key), shape, what))
-
-
-def _above_zero(name: str, what: str, *values: float) -> None:
+def _check_positive(name: str, what: str, *values: float) -> None:
     if not all(0 < value < np.inf for value in values):
         raise InputError(f"{name}: {what} must be above 0, got {', '.join(f'{v:g}' for v in values)}")

@@ -1,7 +1,7 @@
-"""Arms on a vertical pivot, on vertical lifts below it or not: what can be said of all of them.
+"""Arms on a vertical pivot, with or without vertical lifts below it: pivot, and bound of the reach.
 
-An arm without one turns as its base turns: `pivoted` puts a pivot that stands still before it, and whoever
-places the base gives that pivot's turn to the base.
+An arm without such a pivot turns with its base: `with_pivot` puts one that stands still before it, and where
+the base is placed its turn is given to the base.
 """
 
 from __future__ import annotations
@@ -14,71 +14,53 @@ import numpy as np
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, Joint
 from regionik.worlds.errors import InputError
-from regionik.worlds.planar_arm import planar_arm
 
 _ALIGNED = 1e-9
 
 
 @dataclass(frozen=True)
-class Span:
-    """A ball, turned about the pivot, that the tool never leaves.
+class ReachBound:
+    """A ball swept about the pivot that the tool never leaves."""
 
-    Attributes
-    ----------
-    radius, height : float
-        Middle of the ball: distance from the pivot axis and height over the arm's base frame [m].
-    length : float
-        [m]
-    """
-
+    # centre of the ball: distance from the pivot axis, and height over the arm's base frame [m]
     radius: float
     height: float
-    length: float
+    length: float  # radius of the ball [m]
 
 
 @lru_cache(maxsize=64)
-def is_planar(chain: Chain) -> bool:
-    """Whether the arm works in one vertical plane, as `planar_arm` reads it."""
-    try:
-        planar_arm(chain)
-    except InputError:
-        return False
-    return True
+def with_pivot(chain: Chain) -> Chain:
+    """Return the chain itself where it has a vertical pivot, else the chain behind one that stands still.
 
-
-@lru_cache(maxsize=64)
-def pivoted(chain: Chain) -> Chain:
-    """The chain where it has a vertical pivot, else the chain behind one that stands still.
-
-    That one is the vertical through the arm's base frame; joint values get a zero before them, `behind`.
+    That pivot is the vertical through the arm's base frame. `pivot_joints` gives joint values to match.
     """
     try:
-        pivot_of(chain)
+        pivot_index(chain)
     except InputError:
         still = Joint("(base)", "revolute", 0.0, 0.0, np.eye(4), np.array([0.0, 0.0, 1.0]))
         return Chain((still, *chain.joints), chain.T_last_tool)
     return chain
 
 
-def behind(chain: Chain, joints: Array) -> Array:
-    """Joint values (..., dof) of a chain as those of `pivoted`."""
-    more = pivoted(chain).dof - chain.dof
+def pivot_joints(chain: Chain, joints: Array) -> Array:
+    """Return joint values (..., dof) of a chain as those of the chain `with_pivot`, zero for its pivot."""
+    more = with_pivot(chain).dof - chain.dof
     return np.concatenate([np.zeros((*joints.shape[:-1], more)), joints], axis=-1)
 
 
 @lru_cache(maxsize=64)
-def pivot_of(chain: Chain) -> int:
-    """Which joint is the vertical pivot: the first one, or the first after joints that lift it.
+def pivot_index(chain: Chain) -> int:
+    """Return the index of the vertical pivot: the first joint, or the first after joints that lift it.
 
     Raises
     ------
     InputError
-        When what comes first is anything else, as never in a chain that is `pivoted`.
+        When the chain has no such pivot; a chain `with_pivot` always has.
 
     Examples
     --------
     >>> from regionik.worlds.bundled import robot_named
-    >>> pivot_of(robot_named("youbot").chain)
+    >>> pivot_index(robot_named("youbot").chain)
     0
     """
     for k, (joint, T) in enumerate(zip(chain.joints, chain.frames(np.zeros(chain.dof)), strict=False)):
@@ -94,19 +76,18 @@ def pivot_of(chain: Chain) -> int:
 
 
 @lru_cache(maxsize=64)
-def span_of(chain: Chain) -> Span:
-    """Bound of the reach of an arm, turned about the pivot that it has or is `pivoted` by.
+def reach_bound(chain: Chain) -> ReachBound:
+    """Return a bound of an arm's reach, about its pivot or the one that `with_pivot` gives it.
 
     Raises
     ------
     InputError
-        When a sliding joint has no end.
+        When a sliding joint has no limits.
     """
-    chain = pivoted(chain)
-    pivot = pivot_of(chain)
-    endless = [
-        j.name for j in chain.joints if j.kind == "prismatic" and not np.isfinite([j.lower, j.upper]).all()
-    ]
+    chain = with_pivot(chain)
+    pivot = pivot_index(chain)
+    slides = [joint for joint in chain.joints if joint.kind == "prismatic"]
+    endless = [joint.name for joint in slides if not np.isfinite([joint.lower, joint.upper]).all()]
     if endless:
         raise InputError(f"robot: joint {endless[0]}: a sliding joint needs limits to be planned for")
     steps = [joint.T_parent_joint[:3, 3] for joint in chain.joints[1:]] + [chain.T_last_tool[:3, 3]]
@@ -114,8 +95,8 @@ def span_of(chain: Chain) -> Span:
     middle[:pivot] = (chain.lower[:pivot] + chain.upper[:pivot]) / 2
     T_pivot = chain.frames(middle)[pivot]
     first_step = T_pivot[:3, 3] + T_pivot[:3, :3] @ steps[pivot]
-    slides = [j for j in chain.joints[pivot:] if j.kind == "prismatic"]
-    travel = sum(max(abs(j.lower), abs(j.upper)) for j in slides)
+    behind = [joint for joint in chain.joints[pivot:] if joint.kind == "prismatic"]
+    travel = sum(max(abs(joint.lower), abs(joint.upper)) for joint in behind)
     travel += float((chain.upper[:pivot] - chain.lower[:pivot]).sum()) / 2
     length = float(sum(np.linalg.norm(step) for step in steps[pivot + 1 :])) + travel
-    return Span(float(np.hypot(*first_step[:2])), float(first_step[2]), length)
+    return ReachBound(float(np.hypot(*first_step[:2])), float(first_step[2]), length)

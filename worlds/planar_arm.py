@@ -1,7 +1,7 @@
 """Arms that work in one vertical plane through their first axis.
 
-The youBot and most small mobile arms are built so: a vertical pivot, then parallel horizontal hinges,
-then at most a roll about the last link. In the plane, r points away from the pivot axis and z up.
+The youBot and most small mobile arms are built this way: a vertical pivot, three parallel horizontal hinges,
+and at most a roll about the last link. In the plane, r points away from the pivot axis and z up.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ _HINGES = 3
 
 @dataclass(frozen=True, eq=False)
 class PlanarArm:
-    """The planar reading of a chain.
+    """A chain as an arm in one vertical plane.
 
     Attributes
     ----------
@@ -30,8 +30,8 @@ class PlanarArm:
     lengths : (m,) array
         Links from hinge to hinge, the last one to the tool [m].
     sign, offset : (m,) array
-        Bend of link i against link i - 1 (of link 0 against the r axis), counter-clockwise from r to
-        z: ``bend = sign * joint + offset`` [rad].
+        Bend of link i relative to link i - 1 (of link 0 relative to the r axis), counter-clockwise from r
+        to z: ``bend = sign * joint + offset`` [rad].
     lower, upper : (m,) array
         Limits of the bends [rad].
     pivot_lower, pivot_upper : float
@@ -41,12 +41,13 @@ class PlanarArm:
     roll : int or None
         Index of the joint that rolls about the last link, if there is one.
     tool_along_link : bool
-        Whether the tool's axis (its frame's z) points along the last link.
+        True where the tool's axis (its frame's z) points along the last link.
     tool_turn : (3, 3) array
-        Tool frame at roll zero, as seen from a frame whose x lies along the last link and whose y is the
+        Tool frame at roll zero, seen from a frame whose x lies along the last link and whose y is the
         plane's normal, r towards z being a turn about -y.
     roll_sign, roll_lower, roll_upper : float
-        Which way the roll joint turns the tool about its own axis, and its limits [rad]; zeros without one.
+        Sense in which the roll joint turns the tool about its own axis, and its limits [rad]; zeros
+        without one.
     """
 
     shoulder: Array
@@ -70,14 +71,14 @@ class PlanarArm:
         return len(self.lengths)
 
     def bends(self, joints: Array) -> Array:
-        """Bends (..., m) of joint values (..., dof)."""
+        """Return the bends (..., m) of joint values (..., dof)."""
         values: Array = self.sign * joints[..., 1 : 1 + self.hinges] + self.offset
         return values
 
     def hinge_joints(self, bends: Array, near: Array) -> Array:
-        """Joint values (..., m) of bends, each taken to the turn that lies within its limits.
+        """Return the joint values (..., m) of bends, each by the full turn that lies within its limits.
 
-        Where a joint has no limits, to the turn nearest to the joint values ``near`` (..., dof).
+        A joint without limits takes the turn nearest to the joint values ``near`` (..., dof).
         """
         bounded = np.isfinite(self.lower) & np.isfinite(self.upper)
         middle = self.bends(near)
@@ -89,7 +90,7 @@ class PlanarArm:
 
 @lru_cache(maxsize=64)
 def planar_arm(chain: Chain) -> PlanarArm:
-    """Read a chain as a planar arm; kept for the last few chains, as every solver asks for it.
+    """Return a chain as a planar arm; cached, as every solver asks for it.
 
     Raises
     ------
@@ -141,8 +142,18 @@ def planar_arm(chain: Chain) -> PlanarArm:
     )
 
 
+@lru_cache(maxsize=64)
+def is_planar(chain: Chain) -> bool:
+    """Return True where the arm works in one vertical plane, as `planar_arm` has it."""
+    try:
+        planar_arm(chain)
+    except InputError:
+        return False
+    return True
+
+
 def _check_axes(chain: Chain, origins: Array, axes: Array) -> None:
-    """Refuse chains whose joints are not a vertical pivot, three horizontal hinges and perhaps one more."""
+    """Refuse all chains but a vertical pivot with three horizontal hinges and at most one joint more."""
     if any(joint.kind != "revolute" for joint in chain.joints):
         raise _not_planar("every joint must be revolute")
     if axes[0, 2] < 1 - _ALIGNED or np.hypot(*origins[0, :2]) > _ALIGNED:
@@ -156,7 +167,7 @@ def _check_axes(chain: Chain, origins: Array, axes: Array) -> None:
 
 
 def _plane(origins: Array, axes: Array) -> Array:
-    """The horizontal r axis of the arm's plane: towards the first hinge, or the way that it turns upwards."""
+    """Return the r axis of the arm's plane: towards the first hinge, or the side that it turns upwards."""
     normal = axes[1]
     r_axis = np.array([-normal[1], normal[0], 0.0])
     ahead = float((origins[1] - origins[0]) @ r_axis)

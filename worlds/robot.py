@@ -1,19 +1,25 @@
-"""What the links of an arm weigh, as far as standing still asks: masses and their centres."""
+"""Mobile manipulators: an arm on a driving base, the solids of its links, and their masses."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
+from shapely.geometry import MultiPoint, Polygon
 
-from regionik.worlds.arrays import Array, frozen
+from regionik.worlds.arrays import Array, freeze, frozen, one_line
 from regionik.worlds.chain import Chain, planar_pose
 from regionik.worlds.drives import BaseDrive, BaseKind, drive_of
 from regionik.worlds.errors import InputError
 
 GRAVITY = 9.80665  # standard gravity [m/s2]
+BASE = -1  # the link of solids that are fixed to the base; its frame is the base frame
+BODY_HEIGHT = 0.14  # of a base of which nothing else is known [m]
+LINK_RADIUS = 0.035  # of a link of which nothing else is known [m]
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,17 +41,16 @@ class LinkMass:
     center: Array
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "center", frozen(self.center, (3,), "mass: center"))
+        freeze(self, "mass", center=(3,))
         if not 0 < self.mass < np.inf:
             raise InputError(f"mass: expected a finite number above 0, got {self.mass}")
 
-
-BASE = -1  # the link of solids that are fixed to the base; its frame is the base frame
+    __repr__ = one_line
 
 
 @dataclass(frozen=True, eq=False)
 class LinkCapsule:
-    """The solid of one arm link: all points within ``radius`` of a segment.
+    """A capsule that moves with one arm link: all points within ``radius`` of a segment.
 
     Attributes
     ----------
@@ -65,14 +70,15 @@ class LinkCapsule:
     radius: float
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "start", frozen(self.start, (3,), f"{self.name}: start"))
-        object.__setattr__(self, "end", frozen(self.end, (3,), f"{self.name}: end"))
+        freeze(self, self.name, start=(3,), end=(3,))
         if not 0 < self.radius < np.inf:
             raise InputError(f"{self.name}: radius must be above 0, got {self.radius}")
 
+    __repr__ = one_line
+
     @property
     def corners(self) -> Array:
-        """The solid is all points within ``radius`` of the hull of these, in the link's frame (2, 3) [m]."""
+        """Ends of the segment (2, 3): the solid is all points within ``radius`` of their hull [m]."""
         return np.stack([self.start, self.end])
 
 
@@ -86,7 +92,7 @@ class LinkBox:
         Index into ``Chain.frames``: the link that joint ``link`` moves; `BASE` for what is fixed to the base.
     name : str
     T_link_box : (4, 4) array
-        Middle and axes of the box in the link's frame.
+        Frame of the box, in its middle and along its sides, in the link's frame.
     size : (3,) array
         [m]
     """
@@ -97,19 +103,20 @@ class LinkBox:
     size: Array
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "T_link_box", frozen(self.T_link_box, (4, 4), f"{self.name}: frame"))
-        object.__setattr__(self, "size", frozen(self.size, (3,), f"{self.name}: size"))
+        freeze(self, self.name, T_link_box=(4, 4), size=(3,))
         if not (self.size > 0).all():
             raise InputError(f"{self.name}: size must be above 0, got {self.size.tolist()}")
 
+    __repr__ = one_line
+
     @property
     def radius(self) -> float:
-        """A box is the hull of its corners and no more."""
+        """Zero: the box is the hull of its corners."""
         return 0.0
 
     @property
     def corners(self) -> Array:
-        """In the link's frame (8, 3) [m]."""
+        """Corners in the link's frame (8, 3) [m]."""
         signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
         corners: Array = (signs * self.size / 2) @ self.T_link_box[:3, :3].T + self.T_link_box[:3, 3]
         return corners
@@ -140,17 +147,27 @@ class Robot:
     gauge : float
         Distance between the wheels that drive a differential base, 0 where it is not known [m].
     carry : (dof,) array
-        Joint values in which the arm is driven about with the tool lifted.
+        Joint values with which the arm is driven about, the tool lifted; by default zero, or the limits
+        nearest to it.
     base_solids : tuple of LinkCapsule or LinkBox
-        What else is fixed to the base, a mast for instance. It keeps off things as links of the arm do, which
-        in their turn keep off it.
+        Other solids fixed to the base, such as a mast. They keep their distance from obstacles, and from the
+        arm, as the arm's links do.
     unchecked : tuple of (str, str)
         Names of solids that need not keep apart, though they do not follow one another. The base's own body
-        goes by "base of" and the robot's name.
+        is called "base of" and the robot's name.
     masses : tuple of LinkMass
-        Of the arm's links; none where they are not known.
+        Of the arm's links; empty where they are not known.
     payload : float
-        What the tool carries at its frame's origin [kg].
+        Mass held at the tool frame's origin [kg].
+
+    Examples
+    --------
+    >>> chain = Chain.from_dh([(0, 0.2, 0, -np.pi / 2, -2, 2), (0, 0, 0.4, 0, -2, 2), (0, 0, 0.3, 0, -2, 2)])
+    >>> robot = Robot("lamp", "omni", [[0, 0]], [0, 0, 0.1, 0], chain, capsules_along(chain, 0.03))
+    >>> robot
+    Robot('lamp', base='omni', joints=3, solids=2)
+    >>> robot.tool([1, 0, 0], [0, 0, 0])[:3, 3].round(6).tolist()
+    [1.7, 0.0, 0.3]
     """
 
     name: str
@@ -159,8 +176,8 @@ class Robot:
     mount: Array
     chain: Chain
     solids: tuple[LinkSolid, ...]
-    body_height: float
-    carry: Array
+    body_height: float = BODY_HEIGHT
+    carry: Array = field(default_factory=lambda: np.empty(0))
     turning_radius: float = 0.0
     gauge: float = 0.0
     base_solids: tuple[LinkSolid, ...] = ()
@@ -169,26 +186,26 @@ class Robot:
     payload: float = 0.0
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "footprint", frozen(self.footprint, (None, 2), "footprint"))
-        object.__setattr__(self, "mount", frozen(self.mount, (4,), "mount"))
-        object.__setattr__(self, "carry", frozen(self.carry, (self.chain.dof,), "carry"))
-        if len(self.footprint) not in (1,) and len(self.footprint) < 3:
-            raise InputError("footprint: expected one point or at least three corners")
+        for key in ("solids", "base_solids", "unchecked", "masses"):
+            object.__setattr__(self, key, tuple(getattr(self, key)))
+        if not np.size(self.carry):
+            object.__setattr__(self, "carry", np.clip(0.0, self.chain.lower, self.chain.upper))
+        for key, shape in (("footprint", (None, 2)), ("mount", (4,)), ("carry", (self.chain.dof,))):
+            object.__setattr__(self, key, frozen(getattr(self, key), shape, key))
+        if self.base not in get_args(BaseKind):
+            raise InputError(f"base: expected one of {', '.join(get_args(BaseKind))}, got {self.base!r}")
+        _check_footprint(self.footprint)
         if not 0 < self.body_height < np.inf:
-            raise InputError(f"body_height must be above 0, got {self.body_height}")
+            raise InputError(f"body_height: must be above 0, got {self.body_height:g}")
         if not 0 <= self.payload < np.inf:
-            raise InputError(f"payload must be at least 0, got {self.payload}")
-        astray = next((one.link for one in self.masses if not 0 <= one.link < self.chain.dof), None)
-        if astray is not None:
-            raise InputError(f"masses: expected a link from 0 to {self.chain.dof - 1}, got {astray}")
-        for solids, what, low, high in (
-            (self.solids, "solids", 0, self.chain.dof - 1),
-            (self.base_solids, "base_solids", BASE, BASE),
-        ):
-            wrong = next((solid for solid in solids if not low <= solid.link <= high), None)
-            if wrong is not None:
-                text = f"{wrong.name}: expected a link from {low} to {high}, got {wrong.link}"
-                raise InputError(f"{what}: {text}")
+            raise InputError(f"payload: must be at least 0, got {self.payload:g}")
+        _check_links("masses", self.masses, 0, self.chain.dof - 1)
+        _check_links("solids", self.solids, 0, self.chain.dof - 1)
+        _check_links("base_solids", self.base_solids, BASE, BASE)
+
+    def __repr__(self) -> str:
+        sizes = f"joints={self.chain.dof}, solids={len(self.all_solids)}"
+        return f"Robot({self.name!r}, base={self.base!r}, {sizes})"
 
     @cached_property
     def drive(self) -> BaseDrive:
@@ -197,23 +214,24 @@ class Robot:
 
     @property
     def all_solids(self) -> tuple[LinkSolid, ...]:
-        """The arm's solids, then those fixed to the base."""
+        """Solids of the arm, then those fixed to the base."""
         return (*self.solids, *self.base_solids)
 
     @property
     def loads(self) -> tuple[LinkMass, ...]:
-        """All that gravity pulls at: the masses of the links, and the payload at the tool."""
+        """Masses of the links, and the payload at the tool."""
         if not self.payload:
             return self.masses
         return (*self.masses, LinkMass(self.chain.dof - 1, self.payload, self.chain.T_last_tool[:3, 3]))
 
     @property
     def T_base_arm(self) -> Array:
+        """Arm base frame in the base frame, (4, 4)."""
         x, y, z, yaw = self.mount
         return planar_pose(x, y, yaw, z)
 
     def frames(self, base: ArrayLike, joints: ArrayLike) -> Array:
-        """Link and tool frames in the world, (..., dof + 1, 4, 4).
+        """Return link and tool frames in the world, (..., dof + 1, 4, 4).
 
         Parameters
         ----------
@@ -224,12 +242,12 @@ class Robot:
         return self.T_world_arm(np.asarray(base))[..., None, :, :] @ self.chain.frames(joints)
 
     def tool(self, base: ArrayLike, joints: ArrayLike) -> Array:
-        """Tool frame in the world, (..., 4, 4)."""
+        """Return the tool frame in the world, (..., 4, 4)."""
         frame: Array = self.frames(base, joints)[..., -1, :, :]
         return frame
 
     def T_world_arm(self, base: Array) -> Array:
-        """Arm base frame in the world, (..., 4, 4), for base poses (..., 3)."""
+        """Return the arm base frame in the world, (..., 4, 4), for base poses (..., 3)."""
         T_world_base = np.zeros((*base.shape[:-1], 4, 4))
         c, s = np.cos(base[..., 2]), np.sin(base[..., 2])
         T_world_base[..., 0, 0], T_world_base[..., 0, 1] = c, -s
@@ -240,8 +258,14 @@ class Robot:
         return T
 
 
-def capsules_along(chain: Chain, radius: float) -> tuple[LinkCapsule, ...]:
-    """One capsule a link, from its joint to the next joint (or the tool); links of no length have none."""
+def without_limits(robot: Robot) -> Robot:
+    """Return the same robot with joints that turn without end (experiment 1 of the M-FABRIK paper)."""
+    joints = tuple(replace(joint, lower=-np.inf, upper=np.inf) for joint in robot.chain.joints)
+    return replace(robot, chain=Chain(joints, robot.chain.T_last_tool))
+
+
+def capsules_along(chain: Chain, radius: float = LINK_RADIUS) -> tuple[LinkCapsule, ...]:
+    """Return one capsule a link, from its joint to the next or to the tool; links of no length have none."""
     capsules = []
     for k, joint in enumerate(chain.joints):
         T_next = chain.joints[k + 1].T_parent_joint if k + 1 < chain.dof else chain.T_last_tool
@@ -249,3 +273,31 @@ def capsules_along(chain: Chain, radius: float) -> tuple[LinkCapsule, ...]:
         if np.linalg.norm(end) > 1e-9:
             capsules.append(LinkCapsule(k, f"link {k + 1} ({joint.name})", np.zeros(3), end, radius))
     return tuple(capsules)
+
+
+def check_turning_radius(base: BaseKind, radius: float) -> None:
+    """Refuse cars without a least turning radius, and turning radii of bases that turn on the spot."""
+    spins = drive_of(base).turns_on_the_spot
+    if not spins and radius <= 0:
+        raise InputError("turning_radius: a car needs its least turning radius, a length above 0 [m]")
+    if spins and radius > 0:
+        raise InputError(f"turning_radius: expected base car, as a base of kind {base} turns on the spot")
+
+
+def _check_footprint(corners: Array) -> None:
+    """Refuse outlines that are neither one point nor convex."""
+    if len(corners) == 1:
+        return
+    if len(corners) < 3:
+        raise InputError(f"footprint: expected one point or at least three corners, got {len(corners)}")
+    outline = Polygon(corners)
+    hull = MultiPoint(corners).convex_hull
+    if not outline.is_valid or outline.area <= 0 or hull.area - outline.area > 1e-9 * hull.area:
+        raise InputError("footprint: expected the corners of a convex outline, in order")
+
+
+def _check_links(what: str, parts: Sequence[LinkSolid | LinkMass], low: int, high: int) -> None:
+    wrong = next((k for k, part in enumerate(parts) if not low <= part.link <= high), None)
+    if wrong is not None:
+        expected = f"a link from {low} to {high}" if low < high else f"link {low}"
+        raise InputError(f"{what}[{wrong}].link: expected {expected}, got {parts[wrong].link}")

@@ -1,17 +1,18 @@
-"""The world: robot, floor, obstacles, start, task and rules."""
+"""Worlds: robot, floor, obstacles, start, set-points and rules."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Literal
+from math import inf
+from typing import Any, Literal, get_args
 
 import numpy as np
 from shapely.geometry import Polygon
 
-from regionik.worlds.arrays import Array, frozen
+from regionik.worlds.arrays import Array, freeze, frozen, one_line, unit_vector
 from regionik.worlds.criteria import Criteria
 from regionik.worlds.errors import InputError
-from regionik.worlds.obstacles import Prism, Solid
+from regionik.worlds.obstacles import Prism, Solid, as_polygon
 from regionik.worlds.robot import Robot
 from regionik.worlds.speeds import Speeds
 
@@ -28,13 +29,18 @@ class Target:
     Attributes
     ----------
     position : (3,) array
-        [m], in the world.
+        In the world [m].
     direction : (3,) array or None
         Unit tool axis (the tool frame's z); None leaves it free.
     cone : float
         Allowed deviation from ``direction`` [rad].
     orientation : (3, 3) array or None
         Full tool orientation; its third column is ``direction``.
+
+    Examples
+    --------
+    >>> Target([0.5, 0.2, 0.3], direction=[0, 0, -2], cone=0.1)
+    Target(position=[0.5, 0.2, 0.3], direction=[0.0, 0.0, -1.0], cone=0.1)
     """
 
     position: Array
@@ -43,62 +49,63 @@ class Target:
     orientation: Array | None = None
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "position", frozen(self.position, (3,), "target: position"))
+        freeze(self, "target", position=(3,))
         if self.orientation is not None:
             R = frozen(self.orientation, (3, 3), "target: orientation")
             object.__setattr__(self, "orientation", R)
             object.__setattr__(self, "direction", R[:, 2])
         if self.direction is not None:
-            direction = frozen(self.direction, (3,), "target: direction")
-            norm = float(np.linalg.norm(direction))
-            if norm < 1e-9:
-                raise InputError("target: direction must not be zero")
-            if abs(norm - 1.0) > 1e-12:  # a unit vector stays as it is, so that files read back equal
-                direction = frozen(direction / norm, (3,), "direction")
-            object.__setattr__(self, "direction", direction)
+            object.__setattr__(self, "direction", unit_vector(self.direction, "target: direction"))
         if not 0 < self.cone <= np.pi:
             raise InputError(f"target: cone must be above 0 and at most pi, got {self.cone}")
+
+    __repr__ = one_line
 
 
 @dataclass(frozen=True)
 class Rules:
-    """What a plan must keep; lengths in metres.
+    """Rules that a plan must keep; lengths in metres.
 
     Attributes
     ----------
     clearance : float
-        Base to every solid it could hit.
+        Least distance of the base from every solid that it could hit.
     arm_clearance : float
-        Arm links to every solid.
+        Least distance of the arm's links from every solid.
     step : float
         Longest base step between two states (rho of Algorithm 2).
     heading : {"free", "face_target", "fixed"}
     tolerance : float
-        Tool to set-point.
+        Largest distance of the tool from its set-point.
     path_tolerance : float
-        Tool to the segment between set-points while it is on its way.
+        Largest distance of the tool from the segment between set-points while it is on its way.
     tool_contact : float
         Distance from a set-point within which the last link may touch what the tool works on.
     reach_margin : float
         Kept from both ends of the reach, where the arm is stretched or folded.
     max_lift_offs : int or None
-        How often the tool may leave the path; None is no bound.
+        Largest number of times that the tool may leave the path; None for any.
     avoidance : bool
-        Whether plans take the arm round things; without it a plan whose arm touches something is refused.
+        Plans lead the arm around obstacles; without it a plan whose arm touches something is refused.
     mode : {"continuous", "stops"}
-        Whether the base goes along with the tool, or stands still at as few stops as there can be and the
-        tool is lifted while it drives from one to the next.
+        In mode ``continuous`` the base drives while the tool works; in mode ``stops`` it stands still at as
+        few stops as possible, and the tool is lifted while it drives from one to the next.
     order : {"given", "any"}
-        Whether set-points are done in their order, or, in mode ``stops``, in whichever saves stops and way.
+        Order of the set-points: as given, or, in mode ``stops``, any that saves stops and distance.
     stop_criterion : {"tolerance", "clearance", "manipulability", "effort", "distance"}
-        Which place of a stop is best: the middle of the largest circle in which the base may park; the
-        farthest from where it may not be; that of the largest least manipulability (Yoshikawa's volume of
-        the tool's velocities) over its set-points; that of the smallest largest torque with which the arm,
-        itself without weight, holds a load at its tool; or the places of the shortest way through all stops.
+        Best place of a stop: the middle of the largest circle in which the base may park; the farthest from
+        where it may not be; the largest of the least manipulability (Yoshikawa's volume of the tool's
+        velocities) over its set-points; the smallest of the largest torque with which the arm, itself
+        without weight, holds a load at its tool; or the places of the shortest way through all stops.
     stop_tolerance : float
-        Radius of the circle in which the base may park at every stop, at the least [m].
+        Least radius of the circle in which the base may park at every stop [m].
     criteria : Criteria or None
-        What the arm's posture at every set-point must be good for.
+        Criteria for the arm's posture at every set-point.
+
+    Examples
+    --------
+    >>> Rules(clearance=0.05, mode="stops")
+    Rules(clearance=0.05, mode='stops')
     """
 
     clearance: float = 0.2
@@ -117,48 +124,110 @@ class Rules:
     stop_tolerance: float = 0.01
     criteria: Criteria | None = None
 
+    def __post_init__(self) -> None:
+        for key, value in vars(self).items():
+            if isinstance(value, int | float) and not (
+                0 <= value < inf and (value or key not in _ABOVE_ZERO)
+            ):
+                expected = "above 0" if key in _ABOVE_ZERO else "at least 0"
+                raise InputError(f"{key}: must be {expected}, got {value:g}")
+        for key, choices in _CHOICES.items():
+            if getattr(self, key) not in get_args(choices):
+                valid = ", ".join(get_args(choices))
+                raise InputError(f"{key}: expected one of {valid}, got {getattr(self, key)!r}")
+        if self.order == "any" and self.mode != "stops":
+            raise InputError("order: any goes with rules.mode: stops, expected given")
+        if self.mode == "stops" and self.heading == "face_target":
+            text = "face_target turns the base at every set-point; with rules.mode: stops valid choices"
+            raise InputError(f"heading: {text}: free, fixed")
+
+    __repr__ = one_line
+
+
+_ABOVE_ZERO = ("step", "tolerance", "path_tolerance")
+_CHOICES: dict[str, Any] = {"heading": Heading, "mode": Mode, "order": Order, "stop_criterion": StopCriterion}
+
 
 @dataclass(frozen=True)
 class Floor:
-    """Where the base may drive before obstacles are taken away.
+    """Area where the base may drive before obstacles are taken away.
 
-    ``cells`` are the occupied and unknown parts of a map, as solids.
+    Attributes
+    ----------
+    polygon : Polygon
+        Or its corners (n, 2) in order [m].
+    cells : tuple of Prism
+        Occupied and unknown parts of a map, as solids.
+
+    Examples
+    --------
+    >>> Floor([[0, 0], [4, 0], [4, 3], [0, 3]])
+    Floor(polygon=<12 m2>, cells=0)
     """
 
     polygon: Polygon
     cells: tuple[Prism, ...] = ()
 
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "polygon", as_polygon(self.polygon, "floor: polygon"))
+        object.__setattr__(self, "cells", tuple(self.cells))
+
+    def __repr__(self) -> str:
+        return f"Floor(polygon=<{self.polygon.area:g} m2>, cells={len(self.cells)})"
+
 
 @dataclass(frozen=True, eq=False)
 class Start:
-    """Where the robot stands at first."""
+    """Pose of the robot before it sets off.
 
-    base: Array  # (3,) x, y [m], yaw [rad]
-    joints: Array  # (dof,)
+    Attributes
+    ----------
+    base : (3,) array
+        x, y [m], yaw [rad].
+    joints : (dof,) array
+        [rad] or [m]
+
+    Examples
+    --------
+    >>> Start([0, 0, 1.5], [0, 1, 0, 1, 0])
+    Start(base=[0.0, 0.0, 1.5], joints=[0.0, 1.0, 0.0, 1.0, 0.0])
+    """
+
+    base: Array
+    joints: Array
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "base", frozen(self.base, (3,), "start: base"))
-        object.__setattr__(self, "joints", frozen(self.joints, (None,), "start: joints"))
+        freeze(self, "start", base=(3,), joints=(None,))
+
+    __repr__ = one_line
 
 
 @dataclass(frozen=True, eq=False)
 class World:
-    """Everything a plan depends on.
+    """Everything that a plan depends on.
 
     Attributes
     ----------
     name : str
-    about : str
-        One line for people.
     robot : Robot
     floor : Floor
     obstacles : tuple of Solid
+        Each under a name of its own.
     task : tuple of Target
         Set-points in order.
     rules : Rules
     start : Start or None
+    about : str
+        One line of description.
     speeds : Speeds or None
-        What plans are timed by; None leaves them without times, unless the robot has speeds.
+        Limits by which plans are timed; None leaves them without times, unless the robot has speeds.
+
+    Examples
+    --------
+    >>> from regionik.worlds.bundled import robot_named
+    >>> floor = Floor([[-1, -1], [4, -1], [4, 2], [-1, 2]])
+    >>> World("empty", robot_named("youbot"), floor, task=[Target([1, 0, 0.3])])
+    World('empty', robot='youbot', obstacles=0, set_points=1, mode='continuous')
     """
 
     name: str
@@ -170,6 +239,25 @@ class World:
     start: Start | None = None
     about: str = ""
     speeds: Speeds | None = None
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "obstacles", tuple(self.obstacles))
+        object.__setattr__(self, "task", tuple(self.task))
+        places: dict[str, str] = {}
+        for group, solids in (("floor.cells", self.floor.cells), ("obstacles", self.obstacles)):
+            for k, solid in enumerate(solids):
+                place = f"{group}[{k}]"
+                if places.setdefault(solid.name, place) != place:
+                    text = f"expected a name of its own, {solid.name!r} is {places[solid.name]}"
+                    raise InputError(f"{place}.name: {text}")
+        dof = self.robot.chain.dof
+        if self.start is not None and len(self.start.joints) != dof:
+            names = ", ".join(self.robot.chain.names)
+            raise InputError(f"start.joints: expected {dof} values ({names}), got {len(self.start.joints)}")
+
+    def __repr__(self) -> str:
+        sizes = f"obstacles={len(self.obstacles)}, set_points={len(self.task)}, mode={self.rules.mode!r}"
+        return f"World({self.name!r}, robot={self.robot.name!r}, {sizes})"
 
     @property
     def solids(self) -> tuple[Solid, ...]:

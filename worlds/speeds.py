@@ -1,31 +1,28 @@
-"""How fast a robot may move: what a plan is timed by."""
+"""Limits of speed and acceleration by which plans are timed."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import inf, isnan
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from regionik.worlds.arrays import Array
+from regionik.worlds.arrays import Array, one_line, scalar_or_tuple
 from regionik.worlds.chain import Chain
 from regionik.worlds.errors import InputError
-from regionik.worlds.robot import Robot
 
-JOINT_SPEED, SLIDE_SPEED = 1.0, 0.1  # of joints that have no limit [rad/s], [m/s]
-RISE = 0.5  # from rest to full speed, where no acceleration is given [s]
+REVOLUTE_SPEED, PRISMATIC_SPEED = 1.0, 0.1  # of joints that have no limit [rad/s], [m/s]
+RISE_TIME = 0.5  # from rest to full speed, where no acceleration is given [s]
 
 
 @dataclass(frozen=True)
 class Speeds:
-    """Limits of speed and acceleration; None stands for what the robot has, or for a plain default.
+    """Limits of speed and acceleration; None stands for the robot's own, or for a default.
 
     Attributes
     ----------
-    joint_velocity : float or tuple of float, optional
+    joint_velocity : float or sequence of float, optional
         Of all joints, or of each; by default the robot's, and 1 rad/s or 0.1 m/s where it has none.
-    joint_acceleration : float or tuple of float, optional
+    joint_acceleration : float or sequence of float, optional
         By default full speed within half a second.
     base_velocity, base_acceleration : float
         Of the base's origin [m/s], [m/s2].
@@ -35,6 +32,11 @@ class Speeds:
         Of the rim of either driven wheel of a differential base whose ``gauge`` is known [m/s].
     tool_velocity : float, optional
         Of the tool while it works [m/s].
+
+    Examples
+    --------
+    >>> Speeds(joint_velocity=[1.0, 2.0], tool_velocity=0.1)
+    Speeds(joint_velocity=(1.0, 2.0), tool_velocity=0.1)
     """
 
     joint_velocity: float | tuple[float, ...] | None = None
@@ -46,48 +48,39 @@ class Speeds:
     wheel_velocity: float | None = None
     tool_velocity: float | None = None
 
+    __repr__ = one_line
+
     def __post_init__(self) -> None:
         for key in ("joint_velocity", "joint_acceleration"):
-            values = getattr(self, key)
-            if isinstance(values, (list, np.ndarray)):
-                object.__setattr__(self, key, tuple(float(value) for value in values))
+            object.__setattr__(self, key, scalar_or_tuple(getattr(self, key)))
         for key, value in vars(self).items():
             for one in value if isinstance(value, tuple) else (value,):
-                if one is not None and (isnan(one) or one <= 0):
+                if one is not None and not one > 0:
                     raise InputError(f"speeds: {key}: must be above 0, got {one:g}")
 
-    def of_joints(self, chain: Chain) -> tuple[Array, Array]:
-        """Velocity and acceleration limits of each joint, (dof,) each.
+    def joint_limits(self, chain: Chain) -> tuple[Array, Array]:
+        """Return the velocity and acceleration limits of each joint, (dof,) each.
 
         Raises
         ------
         InputError
             When there are not as many as joints.
         """
-        plain = np.array([JOINT_SPEED if j.kind == "revolute" else SLIDE_SPEED for j in chain.joints])
+        default = np.array(
+            [REVOLUTE_SPEED if j.kind == "revolute" else PRISMATIC_SPEED for j in chain.joints]
+        )
         own = np.array([joint.velocity for joint in chain.joints])
-        velocity = _each(self.joint_velocity, np.where(np.isfinite(own), own, plain), chain, "joint_velocity")
-        return velocity, _each(self.joint_acceleration, velocity / RISE, chain, "joint_acceleration")
-
-    @property
-    def of_wheels(self) -> float:
-        return inf if self.wheel_velocity is None else self.wheel_velocity
-
-    @property
-    def of_tool(self) -> float:
-        return inf if self.tool_velocity is None else self.tool_velocity
+        own = np.where(np.isfinite(own), own, default)
+        velocity = _per_joint(self.joint_velocity, own, chain, "joint_velocity")
+        return velocity, _per_joint(
+            self.joint_acceleration, velocity / RISE_TIME, chain, "joint_acceleration"
+        )
 
 
-def has_speeds(robot: Robot) -> bool:
-    """Whether any joint of a robot has a velocity limit."""
-    return any(np.isfinite(joint.velocity) for joint in robot.chain.joints)
-
-
-def _each(values: float | tuple[float, ...] | None, plain: Array, chain: Chain, what: str) -> Array:
+def _per_joint(values: float | tuple[float, ...] | None, default: Array, chain: Chain, what: str) -> Array:
     if values is None:
-        return plain
-    given: ArrayLike = values
+        return default
     if isinstance(values, tuple) and len(values) != chain.dof:
         names = ", ".join(chain.names)
         raise InputError(f"speeds: {what}: expected one number or {chain.dof} ({names}), got {len(values)}")
-    return np.broadcast_to(np.asarray(given, dtype=np.float64), (chain.dof,)).copy()
+    return np.broadcast_to(np.asarray(values, dtype=np.float64), (chain.dof,)).copy()

@@ -1,19 +1,19 @@
-"""Tool paths: set-points along lines, waves and arcs.
+"""Tool paths: points along lines, sine waves and arcs, with directions or orientations of the tool.
 
-Generated points are rounded to a picometre, and turns alike, so that machines whose sine differs in the last
-bit agree.
+Generated points and rotations are rounded to 12 decimals, so that machines whose sine differs in the last bit
+agree.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from regionik.worlds.arrays import Array, frozen
+from regionik.worlds.arrays import Array, freeze, frozen
 from regionik.worlds.errors import InputError
 from regionik.worlds.scene import Target
 
@@ -22,7 +22,7 @@ _DECIMALS = 12
 
 @dataclass(frozen=True, eq=False)
 class ToolPath:
-    """Points of the tool, with a direction or an orientation at each, or with neither.
+    """Points of the tool, each with a direction, with an orientation or with neither.
 
     Attributes
     ----------
@@ -40,15 +40,15 @@ class ToolPath:
 
     def __post_init__(self) -> None:
         n = len(self.points)
-        object.__setattr__(self, "points", frozen(self.points, (None, 3), "points"))
+        freeze(self, "tool path", points=(None, 3))
         if self.directions is not None:
-            object.__setattr__(self, "directions", frozen(self.directions, (n, 3), "directions"))
+            freeze(self, "tool path", directions=(n, 3))
         if self.orientations is not None:
-            object.__setattr__(self, "orientations", frozen(self.orientations, (n, 3, 3), "orientations"))
+            freeze(self, "tool path", orientations=(n, 3, 3))
 
 
 def line(start: ArrayLike, end: ArrayLike, count: int) -> Array:
-    """Points from ``start`` to ``end``, both included, evenly spaced, (count, 3) [m].
+    """Return points from ``start`` to ``end``, both included, evenly spaced, (count, 3) [m].
 
     >>> line([0, 0, 0.2], [1, 0, 0.2], 3)[:, 0].tolist()
     [0.0, 0.5, 1.0]
@@ -66,7 +66,7 @@ def sine(
     phase: float = 0.0,
     axis: ArrayLike | None = None,
 ) -> Array:
-    """A line with a sine wave across it, (count, 3) [m].
+    """Return points on a line with a sine wave across it, (count, 3) [m].
 
     Parameters
     ----------
@@ -75,11 +75,11 @@ def sine(
     amplitude : float
         [m]
     periods : float
-        Waves between start and end.
+        Number of waves between start and end.
     count : int
-        Points, both ends included.
+        Number of points, both ends included.
     phase : float
-        Of the wave at the start [rad].
+        Phase of the wave at the start [rad].
     axis : (3,) array_like, optional
         Direction of the wave; by default the horizontal one to the left of the line.
     """
@@ -94,9 +94,9 @@ def sine(
 
 
 def arc(center: ArrayLike, radius: float, start: float, end: float, count: int, rise: float = 0.0) -> Array:
-    """Points on a circle about z from angle ``start`` to ``end`` [rad], (count, 3) [m].
+    """Return points on a circle about z from angle ``start`` to ``end`` [rad], (count, 3) [m].
 
-    It is level, or climbs evenly by ``rise`` [m] from its centre's height.
+    They are level, or climb evenly by ``rise`` [m] from the centre's height.
     """
     x, y, z = _numbers(center, "center")
     if count < 2:
@@ -113,27 +113,21 @@ def arc(center: ArrayLike, radius: float, start: float, end: float, count: int, 
     return _sampled(count, point)
 
 
-def following(path: ToolPath, start: float, end: float) -> ToolPath:
-    """A tool that turns with its arc: as it is at angle 0, turned about z by the angle of each point."""
+def turn_with_arc(path: ToolPath, start: float, end: float) -> ToolPath:
+    """Return a path whose tool, given at angle 0, turns about z by the angle of each point on its arc."""
     n = len(path.points)
     angles = [start + (end - start) * k / (n - 1) for k in range(n)]
-    turns = np.array(
-        [
-            [
-                [_even(math.cos(a)), _even(-math.sin(a)), 0.0],
-                [_even(math.sin(a)), _even(math.cos(a)), 0.0],
-                [0, 0, 1],
-            ]
-            for a in angles
-        ]
-    )
+    sines, cosines = (np.array([_rounded(f(a)) for a in angles]) for f in (math.sin, math.cos))
+    turns = np.zeros((n, 3, 3))
+    turns[:, 0, 0], turns[:, 0, 1], turns[:, 1, 0], turns[:, 1, 1] = cosines, 0.0 - sines, sines, cosines
+    turns[:, 2, 2] = 1.0
     directions = None if path.directions is None else (turns @ path.directions[:, :, None])[:, :, 0]
     orientations = None if path.orientations is None else turns @ path.orientations
     return ToolPath(path.points, directions, orientations)
 
 
 def rotation_from_quaternion(quaternion: ArrayLike) -> Array:
-    """Rotation matrix of a unit quaternion x, y, z, w, (3, 3)."""
+    """Return the rotation matrix (3, 3) of a unit quaternion x, y, z, w."""
     values = frozen(quaternion, (4,), "quaternion")
     norm = float(np.linalg.norm(values))
     if abs(norm - 1.0) > 1e-3:
@@ -148,8 +142,8 @@ def rotation_from_quaternion(quaternion: ArrayLike) -> Array:
     )
 
 
-def moved(path: ToolPath, T_world_path: Array, scale: float) -> ToolPath:
-    """The path scaled, then placed in the world by a (4, 4) transform."""
+def transform_path(path: ToolPath, T_world_path: Array, scale: float) -> ToolPath:
+    """Return the path scaled, then moved into the world by a (4, 4) transform."""
     R, p = T_world_path[:3, :3], T_world_path[:3, 3]
     directions = None if path.directions is None else path.directions @ R.T
     orientations = None if path.orientations is None else R @ path.orientations
@@ -157,25 +151,23 @@ def moved(path: ToolPath, T_world_path: Array, scale: float) -> ToolPath:
 
 
 def targets_along(path: ToolPath, cone: float) -> tuple[Target, ...]:
-    """One target a point."""
-    n = len(path.points)
-    directions: Sequence[Array | None] = [None] * n if path.directions is None else list(path.directions)
-    turns: Sequence[Array | None] = [None] * n if path.orientations is None else list(path.orientations)
-    if path.orientations is not None:
-        directions = [None] * n  # the orientation carries it
+    """Return one target a point."""
+    free = [None] * len(path.points)
+    directions = free if path.directions is None else path.directions
+    orientations = free if path.orientations is None else path.orientations
     return tuple(
-        Target(point, direction, cone, turn)
-        for point, direction, turn in zip(path.points, directions, turns, strict=True)
+        Target(point, direction, cone, orientation)
+        for point, direction, orientation in zip(path.points, directions, orientations, strict=True)
     )
 
 
 def _sampled(count: int, point: Callable[[float], list[float]]) -> Array:
-    # Scalars through math, not arrays through numpy: its vector sine varies with the processor.
-    rows = [[_even(value) for value in point(k / (count - 1))] for k in range(count)]
+    # By math, number by number: numpy's vector sine varies with the processor.
+    rows = [[_rounded(value) for value in point(k / (count - 1))] for k in range(count)]
     return frozen(rows, (count, 3), "points")
 
 
-def _even(value: float) -> float:
+def _rounded(value: float) -> float:
     return round(value, _DECIMALS) + 0.0
 
 

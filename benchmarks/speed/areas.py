@@ -33,7 +33,7 @@ from regionik.postures.guard import guard_of
 from regionik.postures.poses import Pose
 from regionik.pruning import choose_chain
 from regionik.regions import path_areas
-from regionik.worlds.library import load_world
+from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.obstacles import Box
 from regionik.worlds.scene import Floor, Target, World
 

@@ -18,7 +18,7 @@ from regionik.planners.rivals.planar3r import Planar3R
 from regionik.planners.solvers.polish import POSITION, Aim
 from regionik.planners.timing.polynomial import polynomial
 from regionik.worlds.arrays import Array
-from regionik.worlds.chain import Chain, chain_from_dh
+from regionik.worlds.chain import Chain
 
 LINKS = (7.0, 10.0, 14.0)  # [cm]
 MOST_ANGLE = 60.0  # each joint turns from 0 to here: "maximum angle" in the paper [deg]
@@ -57,7 +57,7 @@ PRINTED_END = [27.7, 63.93, 49.44]
 def arm() -> Chain:
     """The arm, in metres and radians."""
     most = np.radians(MOST_ANGLE)
-    return chain_from_dh([(0.0, 0.0, length / 100, 0.0, 0.0, most) for length in LINKS])
+    return Chain.from_dh([(0.0, 0.0, length / 100, 0.0, 0.0, most) for length in LINKS])
 
 
 def place(angles: Array) -> Array:

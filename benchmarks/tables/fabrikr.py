@@ -19,7 +19,7 @@ from regionik.planners.rivals.iterative import CyclicDescent, DampedLeastSquares
 from regionik.planners.solvers.inverse import ArmPostures, ArmSolver
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
-from regionik.worlds.chain import Chain, chain_from_dh
+from regionik.worlds.chain import Chain
 
 OURS = "FABRIK-R"
 RUNS = 200
@@ -133,7 +133,7 @@ def distances(chain: Chain, servos: ArrayLike) -> Array:
 def as_printed() -> Chain:
     """The arm of table 5 with the printed 150 mm of d1; the bundled `pioneer7` has 148.9 mm."""
     rows = [(0.0, d / 1000, a / 1000, np.radians(alpha), *FREE) for a, alpha, d in printed.TABLE_5]
-    return chain_from_dh(rows)
+    return Chain.from_dh(rows)
 
 
 def lengths() -> Array:

@@ -23,8 +23,8 @@ from regionik.planners.rivals.iterative import DampedLeastSquares, PseudoInverse
 from regionik.pruning import choose_chain
 from regionik.values import Configuration
 from regionik.worlds.arrays import Array
+from regionik.worlds.bundled import robot_named
 from regionik.worlds.documents.world_file import load_world
-from regionik.worlds.library import robot_named
 
 OURS = "M-FABRIK"
 RUNS = 1000

@@ -104,8 +104,8 @@ def search(
     Examples
     --------
     >>> from regionik.planners.geometry.collision import obstacles_from
-    >>> from regionik.worlds.chain import chain_from_dh
-    >>> arm = chain_from_dh([(0, 0, 1, 0, -3, 3), (0, 0, 1, 0, -3, 3)])
+    >>> from regionik.worlds.chain import Chain
+    >>> arm = Chain.from_dh([(0, 0, 1, 0, -3, 3), (0, 0, 1, 0, -3, 3)])
     >>> search(arm, [], obstacles_from([]), [1.2, 0.9, 0.0], 1e-3).kind
     'found'
     >>> search(arm, [], obstacles_from([]), [2.2, 0.9, 0.0], 1e-3).note

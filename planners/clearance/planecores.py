@@ -11,7 +11,7 @@ from regionik.planners.geometry.upright import depths, uprights_from
 from regionik.worlds.arrays import Array
 from regionik.worlds.planar_arm import PlanarArm, planar_arm
 from regionik.worlds.robot import Robot
-from regionik.worlds.self_collision import BODY, base_body, self_pairs
+from regionik.worlds.self_collision import BODY, base_body, self_collision_pairs
 
 
 def cores_of(robot: Robot) -> Cores:
@@ -50,8 +50,8 @@ def cores_of(robot: Robot) -> Cores:
             ends.append(placed)
             radius.append(thick)
             outermost.append(solid.link == last)
-    pairs = [(index[i], index[k]) for i, k in self_pairs(robot) if i in index and k in index]
-    heeds = [index[k] for i, k in self_pairs(robot) if i == BODY and k in index]
+    pairs = [(index[i], index[k]) for i, k in self_collision_pairs(robot) if i in index and k in index]
+    heeds = [index[k] for i, k in self_collision_pairs(robot) if i == BODY and k in index]
     body = base_body(robot)
     block = uprights_from(obstacles_from([] if body is None else [body]).pieces)
     return Cores(

@@ -19,7 +19,7 @@ from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.errors import InputError
 from regionik.worlds.obstacles import Solid
 from regionik.worlds.robot import LinkSolid, Robot
-from regionik.worlds.self_collision import BODY, base_body, self_pairs
+from regionik.worlds.self_collision import BODY, base_body, self_collision_pairs
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,7 +120,7 @@ def bodies_from(robot: Robot, solids: Sequence[Solid], clearance: float = 0.0) -
     arm = len(rows)
     rows += [_Row(s.corners, link_piece(s), s.link, k) for k, s in enumerate(robot.all_solids)]
     meets = np.zeros((len(robot.all_solids), len(rows) - world), dtype=np.bool_)
-    for i, k in self_pairs(robot):
+    for i, k in self_collision_pairs(robot):
         if i < 0:
             meets[k, : arm - world] = True
         else:

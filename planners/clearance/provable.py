@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
-from shapely.affinity import affine_transform
 
 from regionik.planners.clearance.exhaustive import Verdict, search
 from regionik.planners.clearance.linkwise import touchable
@@ -17,9 +15,9 @@ from regionik.planners.geometry.upright import uprights_from
 from regionik.planners.reach.sway import longest_levers
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
-from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Solid, Sphere
+from regionik.worlds.obstacles import Mesh
 from regionik.worlds.robot import LinkBox, LinkCapsule, LinkSolid
-from regionik.worlds.self_collision import base_body, self_pairs
+from regionik.worlds.self_collision import base_body, self_collision_pairs
 
 MOST_SPARE = 2  # joints beyond what the target takes, up to which the search may come to an end
 LEVER = 1e-9  # a joint that moves no point farther than this plays no part [m]
@@ -66,7 +64,7 @@ def ask(
     T = _inverse(robot.T_world_arm(base))
     free = touchable(contact, target, tolerance)
     solids = [
-        _seen(solid, T)
+        solid.transformed(T)
         for k, solid in enumerate(bodies.obstacles)
         if k not in free and not isinstance(solid, Mesh)
     ]
@@ -95,13 +93,13 @@ def _own(bodies: Bodies, margin: float) -> Own:
     """What the arm keeps from itself and its base, in the arm's base frame."""
     robot = bodies.robot
     count = len(robot.solids)
-    links_only = [pair for pair in self_pairs(robot) if pair[0] >= 0 and pair[1] < count]
+    links_only = [pair for pair in self_collision_pairs(robot) if pair[0] >= 0 and pair[1] < count]
     pairs = np.array(links_only, dtype=np.int64).reshape(-1, 2)
     links = np.array([solid.link for solid in robot.solids], dtype=np.int64)
     outwards = links[pairs[:, 0]] <= links[pairs[:, 1]]
-    heeds = np.array([k for i, k in self_pairs(robot) if i < 0], dtype=np.int64)
+    heeds = np.array([k for i, k in self_collision_pairs(robot) if i < 0], dtype=np.int64)
     body, T = base_body(robot), _inverse(robot.T_base_arm)
-    pieces = obstacles_from([] if body is None else [_seen(body, T)]).pieces
+    pieces = obstacles_from([] if body is None else [body.transformed(T)]).pieces
     return Own(np.where(outwards[:, None], pairs, pairs[:, ::-1]), uprights_from(pieces), heeds, margin)
 
 
@@ -139,28 +137,7 @@ def _along(solid: LinkBox) -> LinkCapsule:
     return LinkCapsule(solid.link, solid.name, middle - half, middle + half, radius)
 
 
-def _seen(solid: Solid, T: Array) -> Solid:
-    """A solid in another frame whose z axis is upright too."""
-    match solid:
-        case Box():
-            turn = float(np.arctan2(T[1, 0], T[0, 0]))
-            return replace(solid, center=_moved(solid.center, T), yaw=solid.yaw + turn)
-        case Cylinder() | Sphere():
-            return replace(solid, center=_moved(solid.center, T))
-        case Prism():
-            level = [T[0, 0], T[0, 1], T[1, 0], T[1, 1], T[0, 3], T[1, 3]]
-            outline = affine_transform(solid.polygon, level)
-            return Prism(solid.name, outline, solid.bottom + T[2, 3], solid.top + T[2, 3])
-        case Mesh():
-            return replace(solid, vertices=_moved(solid.vertices, T))
-
-
 def _inverse(T: Array) -> Array:
     inverse = np.eye(4)
     inverse[:3, :3], inverse[:3, 3] = T[:3, :3].T, -T[:3, :3].T @ T[:3, 3]
     return inverse
-
-
-def _moved(points: Array, T: Array) -> Array:
-    moved: Array = points @ T[:3, :3].T + T[:3, 3]
-    return moved

@@ -12,7 +12,7 @@ import numpy as np
 
 from regionik.planners.solvers.kernels import wrap
 from regionik.worlds.arrays import Array
-from regionik.worlds.chain import Chain, chain_from_dh
+from regionik.worlds.chain import Chain
 from regionik.worlds.errors import RegionikError
 
 VERTICAL = 1e-9  # cosine of the tool's pitch below which it stands upright
@@ -109,7 +109,7 @@ def _chain_of(arm: PitchArm) -> Chain:
         (0, arm.fore, 0, h),
         (0, 0, 0, -h),
     ]
-    return chain_from_dh([(*row, -inf, inf) for row in rows])
+    return Chain.from_dh([(*row, -inf, inf) for row in rows])
 
 
 def heights(arm: PitchArm, pitch_sine: float) -> tuple[float, float]:

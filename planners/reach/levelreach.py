@@ -16,7 +16,7 @@ from regionik.planners.reach.meridian import Meridian, meridian_of, tool_for
 from regionik.planners.reach.ruledout import bounded
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
-from regionik.worlds.pivoted_arm import pivot_of, span_of
+from regionik.worlds.pivoted_arm import pivot_index, reach_bound
 
 Intervals = tuple[tuple[float, float], ...]
 
@@ -79,7 +79,7 @@ def outer_reach(chain: Chain, rise: float) -> Intervals:
     No posture within the limits has any other distance. A budget of boxes (`planners.ruledout`) bounds the
     work: with it spent, what is undecided stays in.
     """
-    meridian, span = _meridian(chain), span_of(chain)
+    meridian, span = _meridian(chain), reach_bound(chain)
     square = span.length**2 - (rise - span.height) ** 2
     if square < 0:
         return ()
@@ -158,7 +158,7 @@ def posture_at(chain: Chain, point: ArrayLike, joints: ArrayLike) -> Array:
         Joints that do not matter keep these values.
     """
     p, q = np.asarray(point, dtype=np.float64), np.array(joints, dtype=np.float64)
-    meridian, pivot = _meridian(chain), pivot_of(chain)
+    meridian, pivot = _meridian(chain), pivot_index(chain)
     if _is_level(chain):
         q = _level_posture(chain, float(np.hypot(p[0], p[1])))
     elif meridian is not None:
@@ -208,7 +208,7 @@ def merged(intervals: list[list[float]] | list[tuple[float, float]]) -> Interval
 
 
 def _meridian(chain: Chain) -> Meridian | None:
-    span_of(chain)  # refuses what has no bound
+    reach_bound(chain)  # refuses what has no bound
     return meridian_of(chain)
 
 

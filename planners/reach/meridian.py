@@ -17,8 +17,8 @@ from regionik.planners.geometry.flat import Index, compiled
 from regionik.planners.reach.sway import longest_levers
 from regionik.planners.solvers.serial import SerialArm, chain_frames, chain_jacobian, serial_arm
 from regionik.worlds.arrays import Array
-from regionik.worlds.chain import Chain, Joint, motion
-from regionik.worlds.pivoted_arm import pivot_of
+from regionik.worlds.chain import Chain, Joint
+from regionik.worlds.pivoted_arm import pivot_index
 
 STILL = 1e-12  # a lever below this does not move the tool [m]; limits closer than this hold still
 UNIT = np.array([1.0, 0.0])
@@ -88,7 +88,7 @@ def meridian_of(chain: Chain) -> Meridian | None:
     InputError
         When the arm has no vertical pivot.
     """
-    pivot = pivot_of(chain)
+    pivot = pivot_index(chain)
     levers, _ = longest_levers(chain, chain.dof - 1, chain.T_last_tool[:3, 3])
     joints: list[Joint] = []
     which: list[int] = []
@@ -97,7 +97,7 @@ def meridian_of(chain: Chain) -> Meridian | None:
         built_in = built_in @ joint.T_parent_joint
         held = joint.upper - joint.lower < STILL
         if k == pivot or held or (joint.kind == "revolute" and levers[k] < STILL):
-            built_in = built_in @ motion(joint, np.asarray(joint.lower if held and k != pivot else 0.0))
+            built_in = built_in @ joint.transform(joint.lower if held and k != pivot else 0.0)
         else:
             joints.append(replace(joint, T_parent_joint=built_in))
             which.append(k)

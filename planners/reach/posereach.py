@@ -23,7 +23,7 @@ from regionik.planners.solvers.polish import DIRECTION, Aim, polish
 from regionik.planners.solvers.reaching import Effort, solve
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
-from regionik.worlds.pivoted_arm import pivot_of
+from regionik.worlds.pivoted_arm import pivot_index
 
 DISTANCES, BEARINGS = 32, 48  # cells of the grid
 FINER = 3  # times, where the reach is too thin for it
@@ -158,7 +158,7 @@ def _sampled(quest: _Quest, far: float, finer: int, known: _Grid | None) -> _Gri
 
 @lru_cache(maxsize=32)
 def _prepared(chain: Chain, angle_tolerance: float) -> tuple[Bodies, Array, Effort]:
-    joints, pivot = list(chain.joints), pivot_of(chain)
+    joints, pivot = list(chain.joints), pivot_index(chain)
     joints[pivot] = replace(joints[pivot], lower=-np.inf, upper=np.inf)
     endless = Chain(tuple(joints), chain.T_last_tool)
     bodies = posing_bodies(endless)

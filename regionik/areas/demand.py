@@ -8,8 +8,7 @@ from scipy.spatial.transform import Rotation
 from regionik.planners.solvers.polish import DIRECTION, ORIENTATION, POSITION, Aim
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
-from regionik.worlds.pivoted_arm import is_planar
-from regionik.worlds.planar_arm import planar_arm
+from regionik.worlds.planar_arm import is_planar, planar_arm
 from regionik.worlds.scene import Target
 
 _ANY_TURN = np.zeros((3, 3))  # what kernels are given where they do not look

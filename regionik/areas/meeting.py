@@ -13,10 +13,9 @@ from regionik.planners.reach.paving import paved
 from regionik.planners.solvers.kernels import LIMIT_SLACK, PlaneArm
 from regionik.planners.solvers.qualities import Asked, asked_of, posture_spare
 from regionik.worlds.arrays import Array
-from regionik.worlds.criteria import Criteria, kept
+from regionik.worlds.criteria import Criteria, with_joint_margin
 from regionik.worlds.errors import InputError
-from regionik.worlds.pivoted_arm import is_planar
-from regionik.worlds.planar_arm import planar_arm
+from regionik.worlds.planar_arm import is_planar, planar_arm
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Target, World
 
@@ -26,7 +25,7 @@ Rows = tuple[tuple[float, float], ...]
 
 def narrowed(world: World) -> World:
     """The world with the limits that the asked joint margin leaves to its arm."""
-    robot = kept(world.robot, world.rules.criteria)
+    robot = with_joint_margin(world.robot, world.rules.criteria)
     return world if robot is world.robot else replace(world, robot=robot)
 
 
@@ -98,7 +97,7 @@ def _cut(
 def meets(robot: Robot, criteria: Criteria | None, joints: Array) -> bool:
     """Whether a posture (dof,) meets criteria at any roll."""
     asked = asked_in(robot, criteria)
-    limits = kept(robot, criteria).chain
+    limits = with_joint_margin(robot, criteria).chain
     over = (joints < limits.lower - LIMIT_SLACK) | (joints > limits.upper + LIMIT_SLACK)
     if limits is not robot.chain and over.any():
         return False

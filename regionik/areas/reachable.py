@@ -19,7 +19,7 @@ from regionik.planners.reach.posereach import pose_reach
 from regionik.planners.reach.rings import FREE, reach_intervals, reach_spans
 from regionik.planners.reach.rolls import out_of_roll, swings
 from regionik.worlds.arrays import Array
-from regionik.worlds.pivoted_arm import pivoted
+from regionik.worlds.pivoted_arm import with_pivot
 from regionik.worlds.planar_arm import PlanarArm, planar_arm
 from regionik.worlds.scene import Target, World
 
@@ -256,7 +256,7 @@ def fine_reach(
         intervals = [reach_intervals(arm, shoulder, at, kind.pitches)[0] for kind in kinds]
     else:
         kinds, rise = (Family(FRONT),), float(target.position[2]) - height
-        whole = inner_reach(pivoted(chain), rise) if inner else outer_reach(pivoted(chain), rise)
+        whole = inner_reach(with_pivot(chain), rise) if inner else outer_reach(with_pivot(chain), rise)
         intervals = [np.array(whole).reshape(-1, 2)]
     margin, guard = (GUARD, GUARD) if inner else (None, 0.0)
     pairs = zip(kinds, intervals, strict=True)
@@ -280,7 +280,7 @@ def _posed_rows(
     world: World, targets: Sequence[Target]
 ) -> tuple[NDArray[np.intp], tuple[Family, ...], Geometries]:
     """Reach of an arm that does not work in one plane, its tool turned as asked: looked for pose by pose."""
-    chain, height = pivoted(world.robot.chain), float(world.robot.mount[2])
+    chain, height = with_pivot(world.robot.chain), float(world.robot.mount[2])
     shapes = [pose_reach(chain, height, aim_of(target)).area for target in targets]
     shapes = [shape.buffer(-world.rules.reach_margin, join_style="mitre") for shape in shapes]
     real = [i for i, shape in enumerate(shapes) if not shape.is_empty]
@@ -293,7 +293,7 @@ def _whole_rings(
     world: World, targets: Sequence[Target], *, inner: bool
 ) -> tuple[NDArray[np.intp], tuple[Family, ...], Geometries]:
     """Reach of an arm that does not work in one plane: rings proven to be in reach, or all that may be."""
-    chain, height, family = pivoted(world.robot.chain), float(world.robot.mount[2]), Family(FRONT)
+    chain, height, family = with_pivot(world.robot.chain), float(world.robot.mount[2]), Family(FRONT)
     table: list[tuple[int, Family, float, float]] = []
     for i, target in enumerate(targets):
         rise = float(target.position[2]) - height

@@ -12,15 +12,14 @@ from itertools import combinations
 
 import numpy as np
 import shapely
-from shapely.affinity import translate
 from shapely.geometry import Point
 from shapely.ops import nearest_points
 
 from regionik.worlds.arrays import Array
-from regionik.worlds.chain import Chain
+from regionik.worlds.chain import Chain, translation
 from regionik.worlds.errors import CauseKind
-from regionik.worlds.obstacles import Mesh, Prism, Solid
-from regionik.worlds.pivoted_arm import span_of
+from regionik.worlds.obstacles import Solid
+from regionik.worlds.pivoted_arm import reach_bound
 from regionik.worlds.scene import World
 from regionik.worlds.self_collision import base_body
 
@@ -114,7 +113,7 @@ def without_cells(world: World) -> World:
 
 def without_edge(world: World) -> World:
     """A floor that ends nowhere near the task."""
-    span = span_of(world.robot.chain)
+    span = reach_bound(world.robot.chain)
     away = float(np.hypot(*(world.robot.footprint - world.robot.mount[:2]).T).max())
     spots = shapely.MultiPoint([target.position[:2] for target in world.task])
     margin = 2 * (span.radius + span.length + away) + world.rules.clearance + 1.0
@@ -213,14 +212,6 @@ def with_target_moved(world: World, i: int, by: Array) -> World:
 
 def with_obstacle_moved(world: World, name: str, by: Array) -> World:
     """The obstacle of that name moved over the floor by (2,) [m]."""
-    moved = tuple(_moved(solid, by) if solid.name == name else solid for solid in world.obstacles)
+    T = translation(by[0], by[1], 0.0)
+    moved = tuple(solid.transformed(T) if solid.name == name else solid for solid in world.obstacles)
     return replace(world, obstacles=moved)
-
-
-def _moved(solid: Solid, by: Array) -> Solid:
-    step = np.array([by[0], by[1], 0.0])
-    if isinstance(solid, Prism):
-        return replace(solid, polygon=translate(solid.polygon, float(by[0]), float(by[1])))
-    if isinstance(solid, Mesh):
-        return replace(solid, vertices=solid.vertices + step)
-    return replace(solid, center=solid.center + step)

@@ -23,9 +23,10 @@ from regionik.areas.ground import EVERY, GUARD, Geometries, Side, disjoint, grou
 from regionik.planners.driving.footprint import slab_areas, slab_rejections, slabs_along
 from regionik.planners.driving.room import Room, room_of
 from regionik.worlds.arrays import Array
-from regionik.worlds.criteria import kept
+from regionik.worlds.criteria import with_joint_margin
 from regionik.worlds.obstacles import Shadow
-from regionik.worlds.pivoted_arm import is_planar, pivot_of, pivoted
+from regionik.worlds.pivoted_arm import pivot_index, with_pivot
+from regionik.worlds.planar_arm import is_planar
 from regionik.worlds.scene import World
 
 SLABS = 24  # of equal width in a full turn
@@ -156,8 +157,8 @@ def turns_matter(world: World) -> bool:
 
     With a bounded first joint it decides on the reach too, which is known for arms in one plane only.
     """
-    chain = pivoted(kept(world.robot, world.rules.criteria).chain)
-    pivot = chain.joints[pivot_of(chain)]
+    chain = with_pivot(with_joint_margin(world.robot, world.rules.criteria).chain)
+    pivot = chain.joints[pivot_index(chain)]
     endless = pivot.upper - pivot.lower >= 2 * np.pi
     planar = is_planar(chain) and all(in_plane(chain, one) for one in world.task)
     return world.rules.heading != "fixed" and not _round(world) and (endless or planar)

@@ -144,7 +144,8 @@ def _start(
 @app.command()
 def worlds(as_json: AsJson = False) -> None:
     """List the bundled worlds."""
-    from regionik.worlds.library import load_world, world_names
+    from regionik.worlds.bundled import world_names
+    from regionik.worlds.documents.world_file import load_world
 
     rows = [(name, load_world(name).about) for name in world_names()]
     if as_json:
@@ -180,7 +181,7 @@ def plan(
 def _planned(world: str, seed: int, progress: LateProgress) -> Plan:
     progress("load", 0, 1)
     from regionik.pipeline import plan as plan_world
-    from regionik.worlds.library import load_world
+    from regionik.worlds.documents.world_file import load_world
 
     scene = load_world(world)
     progress("load", 1, 1)
@@ -295,7 +296,7 @@ def _plan_or_world(what: str) -> Plan | World:
     import json
 
     from regionik.output.plan_file import load_plan
-    from regionik.worlds.library import load_world
+    from regionik.worlds.documents.world_file import load_world
 
     if what.endswith(".json") and Path(what).is_file():
         try:

@@ -33,7 +33,7 @@ def compare(
         from regionik.cli.comparison_table import comparison_document, print_scores, write_comparison
         from regionik.comparison import DEFAULT
         from regionik.comparison import compare as run
-        from regionik.worlds.library import load_world
+        from regionik.worlds.documents.world_file import load_world
 
         scene = load_world(world)
         progress("load", 1, 1)

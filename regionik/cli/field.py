@@ -36,7 +36,7 @@ def field(
         progress("load", 0, 1)
         from regionik.field import reach_field, reach_slice
         from regionik.output.field_file import write_field
-        from regionik.worlds.library import load_world
+        from regionik.worlds.documents.world_file import load_world
         from regionik.worlds.readers.csv_path import read_csv
         from regionik.worlds.scene import Target
         from regionik.worlds.toolpath import targets_along

@@ -47,7 +47,7 @@ def reach(
         raise InputError("--workers and --dask: expected one of them")
     with LateProgress() as progress:
         progress("load", 0, 1)
-        from regionik.worlds.library import load_world
+        from regionik.worlds.documents.world_file import load_world
 
         scene = load_world(world)
         progress("load", 1, 1)

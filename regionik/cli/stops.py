@@ -40,7 +40,7 @@ def stops(
     with LateProgress() as progress, explained(as_json):
         progress("load", 0, 1)
         from regionik.parking.stops import find
-        from regionik.worlds.library import load_world
+        from regionik.worlds.documents.world_file import load_world
 
         scene = load_world(world)
         if criterion is not None:

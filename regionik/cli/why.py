@@ -36,7 +36,7 @@ def why(
         progress("load", 0, 1)
         from regionik.output.answers import targets_asked
         from regionik.why import why as ask
-        from regionik.worlds.library import load_world
+        from regionik.worlds.documents.world_file import load_world
 
         scene = load_world(world)
         progress("load", 1, 1)

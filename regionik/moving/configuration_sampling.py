@@ -33,7 +33,7 @@ from regionik.pruning import Ladder
 from regionik.values import Configuration
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
-from regionik.worlds.pivoted_arm import pivot_of, pivoted
+from regionik.worlds.pivoted_arm import pivot_index, with_pivot
 from regionik.worlds.scene import World
 
 PLACES = 24  # of the base, looked through in one component
@@ -283,8 +283,8 @@ class ConfigurationSampler:
     def _faced(self, i: int, candidate: Candidate, joints: Array, error: float) -> Iterator[Candidate]:
         """Other joints at a candidate, if clear; a base that must face the target turns under the arm."""
         robot, base = self.world.robot, candidate.found.base
-        if self.world.rules.heading == "face_target" and pivoted(robot.chain) is robot.chain:
-            pivot = pivot_of(robot.chain)
+        if self.world.rules.heading == "face_target" and with_pivot(robot.chain) is robot.chain:
+            pivot = pivot_index(robot.chain)
             ahead = np.clip(0.0, robot.chain.lower[pivot], robot.chain.upper[pivot])
             yaw = float(base[2] + joints[pivot] - ahead)
             if away(yaw, self._span(candidate.component)) > 0:

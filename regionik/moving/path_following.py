@@ -29,7 +29,7 @@ from regionik.pruning import Ladder
 from regionik.values import Configuration
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import RegionikError
-from regionik.worlds.pivoted_arm import pivot_of, pivoted
+from regionik.worlds.pivoted_arm import pivot_index, with_pivot
 from regionik.worlds.scene import Target, World
 
 TOOL_STRIDE = 0.05  # longest way of base or tool between two states on the path [m]
@@ -243,8 +243,8 @@ def _solve(solver: Solver, segment: PathSegment, at: SegmentPoint, near: Pose) -
     if bound:
         solver = replace(solver, span=(float(place[2]), float(place[2])))
     base = place if bound else pose_of(solver.robot, place[:2], near.base[2])
-    chain = pivoted(solver.robot.chain)
-    others = (np.arange(chain.dof) != pivot_of(chain))[-len(wished) :]
+    chain = with_pivot(solver.robot.chain)
+    others = (np.arange(chain.dof) != pivot_index(chain))[-len(wished) :]
     wished = np.where(others, wished, near.joints)  # the heading decides on the pivot
     found: Configuration | None = solver.hold(tool, base, wished)
     if found is None or not found.converged or np.abs(found.joints - wished)[others].max() > LARGEST_BEND / 2:

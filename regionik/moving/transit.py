@@ -14,7 +14,7 @@ from regionik.planners.clearance.touching import Touch
 from regionik.planners.driving.drive import NoPathError
 from regionik.postures.guard import Guard
 from regionik.postures.poses import Pose
-from regionik.worlds.pivoted_arm import pivot_of, pivoted
+from regionik.worlds.pivoted_arm import pivot_index, with_pivot
 from regionik.worlds.scene import World
 
 WITHDRAWALS = (0.0, 0.1, 0.2, 0.4, 0.6)  # how far the base draws back before the arm folds [m]
@@ -121,6 +121,6 @@ class TransitPlanner:
         """Carry posture with the pivot left where it is, so that the arm folds in its own plane."""
         q = np.array(self.world.robot.carry)
         chain = self.world.robot.chain
-        if pivoted(chain) is chain:
-            q[pivot_of(chain)] = at.joints[pivot_of(chain)]
+        if with_pivot(chain) is chain:
+            q[pivot_index(chain)] = at.joints[pivot_index(chain)]
         return Pose(at.base, q)

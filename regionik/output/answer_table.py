@@ -13,8 +13,8 @@ from regionik.bulk import AHEAD, CHUNK, Pool, handed_out
 from regionik.output.answers import csv_head, csv_rows
 from regionik.reach import reach
 from regionik.storage.partial_file import parts_of
-from regionik.worlds.documents.world_writer import document_of
-from regionik.worlds.readers.csv_path import Block, LongTable, long_table
+from regionik.worlds.documents.world_file import world_to_document
+from regionik.worlds.readers.csv_path import CsvBlock, CsvTable, index_csv
 from regionik.worlds.scene import Target, World
 from regionik.worlds.toolpath import targets_along
 
@@ -56,7 +56,7 @@ def answer_table(
         When workers are lost again and again.
     """
     tell = progress or (lambda stage, done, total: None)
-    blocks = long_table(table, CHUNK)
+    blocks = index_csv(table, CHUNK)
     with parts_of(output, _manifest(world, blocks)) as parts:
         found = parts.found()
         if not found:
@@ -71,18 +71,18 @@ def answer_table(
     return sum(yes for yes, _ in found.values()), sum(total for _, total in found.values())
 
 
-def _read(blocks: LongTable, numbers: list[int]) -> Iterator[tuple[int, Block]]:
+def _read(blocks: CsvTable, numbers: list[int]) -> Iterator[tuple[int, CsvBlock]]:
     return ((k, blocks.block(k)) for k in numbers)
 
 
-def _check(blocks: LongTable, tell: Callable[[str, int, int], None]) -> None:
+def _check(blocks: CsvTable, tell: Callable[[str, int, int], None]) -> None:
     """Read every line once: what is wrong in the last is said before the first is answered."""
     for k in range(len(blocks)):
         blocks.block(k).path()
         tell("read", k + 1, len(blocks))
 
 
-def _answered(world: World, block: Block) -> tuple[bytes, int, int]:
+def _answered(world: World, block: CsvBlock) -> tuple[bytes, int, int]:
     """Rows of the answers to a block, how many of them are yes, and how many there are."""
     path = block.path()
     if not len(path.points):
@@ -93,8 +93,8 @@ def _answered(world: World, block: Block) -> tuple[bytes, int, int]:
     return rows.encode(), int(answer.reachable.sum()), len(answer.reachable)
 
 
-def _manifest(world: World, blocks: LongTable) -> dict[str, object]:
-    document = json.dumps(document_of(world), sort_keys=True)
+def _manifest(world: World, blocks: CsvTable) -> dict[str, object]:
+    document = json.dumps(world_to_document(world), sort_keys=True)
     return {
         "world": hashlib.sha256(document.encode()).hexdigest(),
         "table of targets": blocks.digest,

@@ -20,7 +20,7 @@ from regionik.planners.places.tour import through
 from regionik.planners.solvers.serial import chain_frames, chain_jacobian, serial_arm
 from regionik.values import Configuration, Stop
 from regionik.worlds.arrays import Array
-from regionik.worlds.pivoted_arm import pivot_of, pivoted
+from regionik.worlds.pivoted_arm import pivot_index, with_pivot
 from regionik.worlds.scene import World
 
 PLACES = 24  # of a stop that a criterion is asked about before the best is bettered
@@ -166,7 +166,7 @@ class Placing:
 
     def _planes(self, group: Group, chain: tuple[int, ...], axis: Array) -> Array:
         """Base yaw and pivot together that each set-point asks for, running on along the path [rad]."""
-        base, pivot = pose_of(self.world.robot, axis, 0.0), pivot_of(self.world.robot.chain)
+        base, pivot = pose_of(self.world.robot, axis, 0.0), pivot_index(self.world.robot.chain)
         planes = []
         for i, k in zip(group.setpoints, chain, strict=True):
             found = self.posture(i, k, base)
@@ -183,7 +183,7 @@ class Placing:
 
         The pivot is as near as may be to the middle of its limits.
         """
-        joint = self.world.robot.chain.joints[pivot_of(self.world.robot.chain)]
+        joint = self.world.robot.chain.joints[pivot_index(self.world.robot.chain)]
         endless = not np.isfinite(joint.upper - joint.lower)
         middle = 0.0 if endless else (joint.lower + joint.upper) / 2
         for count in range(len(planes), 0, -1):
@@ -196,7 +196,7 @@ class Placing:
 
     def _swing_room(self, setpoints: tuple[int, ...], axis: Array, pivot: Array) -> float:
         """How far the base may be off before the pivot comes to a limit, for arms in one plane [m]."""
-        joint = self.world.robot.chain.joints[pivot_of(self.world.robot.chain)]
+        joint = self.world.robot.chain.joints[pivot_index(self.world.robot.chain)]
         spots = np.array([self.world.task[i].position[:2] for i in setpoints])
         left = np.clip(np.minimum(pivot - joint.lower, joint.upper - pivot), 0.0, np.pi / 2)
         return float((np.hypot(*(spots - axis).T) * np.sin(left)).min())
@@ -267,4 +267,4 @@ def shortest_way(world: World, groups: tuple[Group, ...]) -> Array:
 def check_arm(world: World) -> str | None:
     """Why an arm cannot work while its base stands still; None where it can."""
     chain = world.robot.chain
-    return None if pivoted(chain) is chain else "a vertical pivot: this arm turns as its base turns"
+    return None if with_pivot(chain) is chain else "a vertical pivot: this arm turns as its base turns"

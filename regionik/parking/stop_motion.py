@@ -25,7 +25,7 @@ from regionik.reasons import explain
 from regionik.values import Stop
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Cause, Explanation, NoPlanFound, Repair
-from regionik.worlds.pivoted_arm import pivot_of
+from regionik.worlds.pivoted_arm import pivot_index
 from regionik.worlds.scene import World
 
 PLACES = 8  # of a stop that are tried
@@ -154,7 +154,7 @@ class _StopConnection:
     def _arrive(self, bay: Bay, i: int, here: Pose | None, hard: int) -> tuple[list[Row], Candidate] | None:
         """Get to a set-point of a stop with the tool lifted; the base stays but on the way to the first."""
         first, near = i == bay.setpoints[0], np.array(self.world.robot.carry)
-        near[pivot_of(self.world.robot.chain)] = bay.pivot[bay.setpoints.index(i)]
+        near[pivot_index(self.world.robot.chain)] = bay.pivot[bay.setpoints.index(i)]
         components = self._components(bay, i)
         postures = list(islice(self._postures(i, components, bay.base, near), POSTURES))
         if not postures and len(bay.setpoints) == 1:

@@ -25,8 +25,7 @@ from regionik.planners.solvers.ways import PITCHES, TILT
 from regionik.postures.serialarm import MOST_PASSES, Reached, serial_solver
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
-from regionik.worlds.pivoted_arm import is_planar
-from regionik.worlds.planar_arm import PlanarArm, planar_arm
+from regionik.worlds.planar_arm import PlanarArm, is_planar, planar_arm
 from regionik.worlds.scene import Target
 
 ANGLE_SLACK = 1e-9  # rounding allowed at the edge of a cone [rad]

@@ -18,7 +18,7 @@ from regionik.planners.solvers.polish import Aim, polish
 from regionik.planners.solvers.reaching import Effort, solve
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
-from regionik.worlds.pivoted_arm import pivot_of, pivoted, span_of
+from regionik.worlds.pivoted_arm import pivot_index, reach_bound, with_pivot
 from regionik.worlds.scene import Target
 
 MOST_PASSES = 100
@@ -47,7 +47,7 @@ class SerialSolver:
     Attributes
     ----------
     chain, endless : Chain
-        As it is `pivoted`, and with a pivot that turns without end, where the base turns.
+        As it is `with_pivot`, and with a pivot that turns without end, where the base turns.
     pointing, posing : Bodies
         Of the latter, for positions, and for more.
     starts : (r, dof) array
@@ -104,7 +104,7 @@ class SerialSolver:
         """M-FABRIK: passes with the base after the root, then restarts."""
         q, place = np.array(joints), np.array(axis)
         error, angle, passes = roam(
-            quest.bodies, pivot_of(self.chain), starts, area.vertices, area.starts, place, yaw,
+            quest.bodies, pivot_index(self.chain), starts, area.vertices, area.starts, place, yaw,
             self.height, quest.aim, quest.effort, q,
         )  # fmt: skip
         return quest.reached(place, q, error, angle, passes)
@@ -179,7 +179,7 @@ class SerialSolver:
         tries = [(missed.axis, k) for k in near[:NEAREST]] + [(known.places[k], k) for k in free[:1]]
         for place, k in tries:
             q = np.array(known.postures[k])
-            q[pivot_of(self.chain)] += known.yaws[k] - yaw
+            q[pivot_index(self.chain)] += known.yaws[k] - yaw
             endless = np.isinf(self.chain.upper - self.chain.lower)
             q = np.where(endless, joints + np.remainder(q - joints + np.pi, 2 * np.pi) - np.pi, q)
             found = self._polished(quest, np.array(place), yaw, q)
@@ -229,9 +229,9 @@ def serial_solver(chain: Chain, height: float, tolerance: float, *, turns: bool 
 
     The pivot has no limits where the base ``turns``, and its own where that keeps its heading.
     """
-    span_of(chain)
-    chain = pivoted(chain)
-    joints, pivot = list(chain.joints), pivot_of(chain)
+    reach_bound(chain)
+    chain = with_pivot(chain)
+    joints, pivot = list(chain.joints), pivot_index(chain)
     if turns:
         joints[pivot] = replace(joints[pivot], lower=-np.inf, upper=np.inf)
     endless = Chain(tuple(joints), chain.T_last_tool)

@@ -25,7 +25,7 @@ from regionik.regions import (
 from regionik.values import Violation
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Cause, CauseKind, Explanation, Repair
-from regionik.worlds.pivoted_arm import span_of
+from regionik.worlds.pivoted_arm import reach_bound
 from regionik.worlds.scene import Target, World
 
 
@@ -86,7 +86,7 @@ def _left_open(world: World, target: Target) -> str:
 def _out_of_reach(
     world: World, target: Target, lead: str, proven: bool
 ) -> tuple[str, tuple[Cause, ...], tuple[Repair, ...]]:
-    span = span_of(world.robot.chain)
+    span = reach_bound(world.robot.chain)
     shoulder, length = span.height + float(world.robot.mount[2]), span.length
     over = abs(float(target.position[2]) - shoulder) - length
     if over > 0:

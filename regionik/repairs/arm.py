@@ -27,7 +27,7 @@ from regionik.repairs.trials import Change, enters, holds
 from regionik.seeking.wherever import look_everywhere
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Explanation, Repair
-from regionik.worlds.pivoted_arm import span_of
+from regionik.worlds.pivoted_arm import reach_bound
 from regionik.worlds.scene import World
 
 PROOF, SEARCH = 30_000, 1_500  # cells of postures looked at for a cause, and for an amount of a repair
@@ -88,7 +88,7 @@ def _cone(world: World, who: str) -> Repair | None:
 
 
 def _raise(world: World) -> Repair | None:
-    rise = _least(world, lambda rise: with_mast(world, rise), span_of(world.robot.chain).length)
+    rise = _least(world, lambda rise: with_mast(world, rise), reach_bound(world.robot.chain).length)
     return None if rise is None else raise_repair(world, rise)
 
 

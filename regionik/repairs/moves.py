@@ -20,7 +20,7 @@ from regionik.repairs.least import FINE, Opens, circle, first_seen, shortest_ste
 from regionik.repairs.trials import checked, opened, sighted
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Repair
-from regionik.worlds.pivoted_arm import span_of
+from regionik.worlds.pivoted_arm import reach_bound
 from regionik.worlds.scene import World
 
 _ROUND = 32  # directions on the floor
@@ -142,7 +142,7 @@ def on_grid(step: Array) -> Array:
 
 def _farthest(world: World) -> float:
     """A move of the target that is long enough to bring it next to the arm, wherever that may stand [m]."""
-    span, target = span_of(world.robot.chain), world.task[0].position
+    span, target = reach_bound(world.robot.chain), world.task[0].position
     off = float(world.floor.polygon.distance(Point(target[:2])))
     height = abs(float(target[2] - world.robot.mount[2]) - span.height)
     return off + height + 2 * (span.radius + span.length)

@@ -26,7 +26,7 @@ from regionik.repairs.smallest import clearance_repair, left, raise_repair, smal
 from regionik.repairs.target import arm_too_short, cause_of, mended, together
 from regionik.repairs.trials import repaired
 from regionik.worlds.errors import Explanation, Repair
-from regionik.worlds.pivoted_arm import span_of
+from regionik.worlds.pivoted_arm import reach_bound
 from regionik.worlds.scene import World
 
 _DIRECTIONS = 8  # in which obstacles are moved
@@ -74,7 +74,7 @@ def _repairs(world: World, quick: Explanation, kept: Sequence[Constraint], spans
     for one in kept:
         if one.kind == "obstacle" and spans(one.relax(world)):
             yield from _moves(world, one.name, spans)
-    rise = _least(lambda rise: spans(with_mast(world, rise)), span_of(world.robot.chain).length)
+    rise = _least(lambda rise: spans(with_mast(world, rise)), reach_bound(world.robot.chain).length)
     if rise is not None:
         yield from (raise_repair(world, float(on_grid(np.array(rise * slack)))) for slack in _SLACK)
 

@@ -22,7 +22,7 @@ from regionik.repairs.moves import obstacle_moved, target_moved
 from regionik.repairs.trials import checked, opened
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Repair
-from regionik.worlds.pivoted_arm import span_of
+from regionik.worlds.pivoted_arm import reach_bound
 from regionik.worlds.scene import Target, World
 
 
@@ -54,7 +54,7 @@ def share(world: World, repair: Repair) -> float:
     A length counts as a part of the arm's length, a clearance by what it loses, a cone by what it gains as a
     part of a half turn, a lift-off as one.
     """
-    span = span_of(world.robot.chain)
+    span = reach_bound(world.robot.chain)
     length = span.radius + span.length
     if repair.kind == "clearance":
         now = world.rules.arm_clearance if repair.name == ARM_CLEARANCE else world.rules.clearance
@@ -122,7 +122,7 @@ def cone_repair(world: World, who: str, cone: float) -> Repair:
 
 
 def _raise(world: World) -> Repair | None:
-    span = span_of(world.robot.chain)
+    span = reach_bound(world.robot.chain)
     height = float(world.task[0].position[2] - world.robot.mount[2]) - span.height
     most = max(0.0, height) + span.length
 

@@ -25,7 +25,7 @@ from regionik.planners.driving.footprint import slab_free
 from regionik.postures.poses import Pose
 from regionik.worlds.arrays import Array
 from regionik.worlds.obstacles import Shadow
-from regionik.worlds.pivoted_arm import span_of
+from regionik.worlds.pivoted_arm import reach_bound
 from regionik.worlds.planar_arm import planar_arm
 from regionik.worlds.scene import Target, World
 
@@ -193,7 +193,7 @@ class _Close:
     @cached_property
     def _near(self) -> tuple[BaseGeometry, list[Shadow]]:
         """Floor and shadows that matter to places within reach."""
-        ground, span = ground_of(self.world), span_of(self.world.robot.chain)
+        ground, span = ground_of(self.world), reach_bound(self.world.robot.chain)
         x, y, by = *self.target.position[:2], span.radius + span.length + 2 * ground.far + GUARD
         box = shapely.box(x - by, y - by, x + by, y + by)
         floor = shapely.intersection(ground.floor, box)

@@ -20,8 +20,7 @@ from regionik.planners.geometry.collision import obstacles_from, solids_within
 from regionik.postures.guard import guard_of
 from regionik.seeking.flatworld import floor_of, keep_of, reach_of, stance_of
 from regionik.worlds.arrays import Array
-from regionik.worlds.pivoted_arm import is_planar
-from regionik.worlds.planar_arm import planar_arm
+from regionik.worlds.planar_arm import is_planar, planar_arm
 from regionik.worlds.scene import World
 
 CHUNK = 20_000  # configurations that are confirmed together

@@ -34,8 +34,7 @@ from regionik.postures.guard import contact_for
 from regionik.postures.poses import Pose
 from regionik.seeking.flatworld import floor_of, keep_of, own, reach_of, stance_of
 from regionik.worlds.arrays import Array
-from regionik.worlds.pivoted_arm import is_planar
-from regionik.worlds.planar_arm import planar_arm
+from regionik.worlds.planar_arm import is_planar, planar_arm
 from regionik.worlds.scene import Target, World
 
 

@@ -141,7 +141,7 @@ class Limits:
 
 def limits_of(robot: Robot, speeds: Speeds) -> Limits:
     """Limits of a robot."""
-    velocity, acceleration = speeds.of_joints(robot.chain)
+    velocity, acceleration = speeds.joint_limits(robot.chain)
     levers, reach = longest_levers(robot.chain, robot.chain.dof - 1, robot.chain.T_last_tool[:3, 3])
     from_axis = float(np.hypot(*robot.mount[:2])) + reach
     corners = float(np.hypot(*robot.footprint.T).max())

@@ -57,7 +57,7 @@ def point_to_point(
     (1.75, [1.0, 0.5, 1.0, 0.0, 0.0])
     """
     chain = robot.chain
-    velocity, acceleration = (speeds or Speeds()).of_joints(chain)
+    velocity, acceleration = (speeds or Speeds()).joint_limits(chain)
     jerks = acceleration / SWELL if jerk is None else _each(jerk, chain.dof, "jerk")
     begun, ended = (
         Moment(

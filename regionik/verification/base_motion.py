@@ -7,7 +7,7 @@ import numpy as np
 from regionik.values import Violation
 from regionik.verification.findings import Finding, Words, finding
 from regionik.verification.motion import Journey, wrapped
-from regionik.worlds.pivoted_arm import pivot_of, pivoted
+from regionik.worlds.pivoted_arm import pivot_index, with_pivot
 from regionik.worlds.scene import World
 
 TURNED = 1e-6  # by which a base may be turned that is not to turn [rad]
@@ -23,8 +23,8 @@ def heading(world: World, journey: Journey, words: Words) -> Finding:
     if rules.heading == "fixed" and rules.mode == "continuous":
         off = np.abs(wrapped(motion.base[:, 2] - motion.base[0, 2]))
         text = "the base is turned by {:.4g} rad {}; its heading is fixed"
-    elif rules.heading == "face_target" and pivoted(chain) is chain:
-        pivot = pivot_of(chain)
+    elif rules.heading == "face_target" and with_pivot(chain) is chain:
+        pivot = pivot_index(chain)
         ahead = np.clip(0.0, chain.lower[pivot], chain.upper[pivot])
         off = np.where(motion.kind == "setpoint", np.abs(wrapped(motion.joints[:, pivot] - ahead)), 0.0)
         text = "the base faces {:.4g} rad past its target {}"

@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 
 from regionik.values import Motion
 from regionik.worlds.arrays import Array
-from regionik.worlds.chain import motion as joint_motion
 from regionik.worlds.robot import Robot
 
 Indices = NDArray[np.int64]
@@ -116,7 +115,7 @@ class Journey:
         start = self.robot.T_base_arm if lower < 0 else np.eye(4)
         T = np.broadcast_to(start, (len(joints), 4, 4))
         for k in range(lower + 1, link + 1):
-            T = T @ chain.joints[k].T_parent_joint @ joint_motion(chain.joints[k], joints[:, k])
+            T = T @ chain.joints[k].T_parent_joint @ chain.joints[k].transform(joints[:, k])
         return T
 
     def acceleration(self, link: int, point: Array) -> Array:

@@ -19,7 +19,7 @@ from regionik.verification.findings import Finding, Words, finding
 from regionik.verification.motion import Bounds, Indices, Journey, Parts, Verdicts, prove, sag
 from regionik.worlds.arrays import Array
 from regionik.worlds.robot import Robot
-from regionik.worlds.self_collision import base_body, self_pairs
+from regionik.worlds.self_collision import base_body, self_collision_pairs
 
 TOUCH = 1e-6  # [m]
 SHORTEST = 1e-4  # motion of a link over half a part below which its halves are not looked at [m]
@@ -53,7 +53,7 @@ def _bodies(robot: Robot) -> Iterator[tuple[_Body, _Body]]:
     body = base_body(robot)
     base = [] if body is None else [_Body("the robot's own base", -1, hull_of_prism(body))]
     links = [_Body(solid.name, solid.link, hull_of(solid)) for solid in robot.all_solids]
-    for pair in self_pairs(robot):
+    for pair in self_collision_pairs(robot):
         if -1 in pair and not base:
             continue
         one, other = sorted((base[0] if k < 0 else links[k] for k in pair), key=lambda b: b.link)

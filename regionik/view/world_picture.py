@@ -25,7 +25,7 @@ from regionik.view.picture import (
     Picture,
 )
 from regionik.worlds.arrays import Array
-from regionik.worlds.chain import motion, planar_pose
+from regionik.worlds.chain import planar_pose
 from regionik.worlds.robot import LinkBox, Robot
 from regionik.worlds.scene import Floor, World
 
@@ -103,7 +103,7 @@ def robot_bodies(robot: Robot, base: Array, joints: Array) -> tuple[list[Body], 
     for k, joint in enumerate(robot.chain.joints):
         moving = joint_path(k)
         poses[moving.rsplit("/", 1)[0]] = joint.T_parent_joint
-        poses[moving] = motion(joint, joints[k])
+        poses[moving] = joint.transform(joints[k])
         links = [triangle_meshes.link_solid(solid) for solid in robot.solids if solid.link == k]
         if links:
             bodies.append(Body(f"{moving}/link", triangle_meshes.merged(links), ARM))

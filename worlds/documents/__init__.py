@@ -1,1 +1,1 @@
-"""The grammar of world files, and the way from a document to a `World` and back."""
+"""World files: the grammar of each part, and its reading and writing."""

@@ -1,24 +1,131 @@
-"""World files: a World from YAML or JSON, and back.
-
-The grammar is in `regionik.worlds.documents.world_schema`; `world_schema` gives it as a JSON Schema.
-"""
+"""World files, version 1: a World from YAML or JSON, and back."""
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import ConfigDict, Field
 
 from regionik.worlds.bundled import world_path
-from regionik.worlds.documents.world_reader import build_world
-from regionik.worlds.documents.world_schema import WorldDocument
-from regionik.worlds.documents.world_writer import document_of
+from regionik.worlds.criteria import Criteria
+from regionik.worlds.documents.environment import (
+    FloorPart,
+    ObstaclePart,
+    floor_to_document,
+    read_floor,
+    read_obstacle,
+    solid_to_document,
+)
+from regionik.worlds.documents.robots import RobotPart, read_robot, robot_to_document
+from regionik.worlds.documents.tasks import PiecePart, read_task, task_to_document
+from regionik.worlds.errors import located, located_error
+from regionik.worlds.obstacles import Solid
 from regionik.worlds.readers.text import SUFFIXES, plain_mapping, read_document
-from regionik.worlds.readers.validation import bounded, checked
-from regionik.worlds.scene import World
+from regionik.worlds.readers.validation import (
+    Many,
+    NotNegative,
+    OneLine,
+    Positive,
+    Strict,
+    Vec3,
+    check_magnitudes,
+    validated,
+)
+from regionik.worlds.robot import Robot
+from regionik.worlds.scene import Heading, Mode, Order, Rules, Start, StopCriterion, Target, World
+from regionik.worlds.speeds import Speeds
+
+_DEEP = 1e-6  # a target this far inside a solid is taken for a mistake [m]
+
+
+class StartPart(Strict):
+    base: Vec3 = Field(description="x, y [m], yaw [rad]")
+    joints: Many[float] = Field(description="one value a joint")
+
+
+class CriteriaPart(Strict):
+    """The fields of `regionik.worlds.criteria.Criteria`, checked."""
+
+    manipulability: NotNegative | None = Field(default=None, description="least manipulability [m3]")
+    joint_margin: Annotated[float, Field(ge=0, lt=0.5)] | None = Field(
+        default=None, description="least distance from both limits, as a share of a joint's range"
+    )
+    effort: Positive | list[Positive] | None = Field(
+        default=None,
+        description="largest torque from gravity, for all joints or for each [N m], [N] if sliding",
+    )
+
+
+class RulesPart(Strict):
+    """The fields of `regionik.worlds.scene.Rules`, checked."""
+
+    clearance: NotNegative = Rules.clearance
+    arm_clearance: NotNegative = Rules.arm_clearance
+    step: Positive = Rules.step
+    heading: Heading = Rules.heading
+    tolerance: Positive = Rules.tolerance
+    path_tolerance: Positive = Rules.path_tolerance
+    tool_contact: NotNegative = Rules.tool_contact
+    reach_margin: NotNegative = Rules.reach_margin
+    max_lift_offs: Annotated[int, Field(ge=0)] | None = Rules.max_lift_offs
+    avoidance: bool = Rules.avoidance
+    mode: Mode = Field(
+        default=Rules.mode,
+        description="continuous: the base drives while the tool works; stops: it stands still at as few "
+        "stops as possible, and the tool is lifted while it drives between them",
+    )
+    order: Order = Field(
+        default=Rules.order,
+        description="of the set-points; any goes with mode stops, for drilling and the like",
+    )
+    stop_criterion: StopCriterion = Field(
+        default=Rules.stop_criterion,
+        description="best place of a stop: tolerance, the middle of the largest circle to park in; "
+        "clearance, farthest from where the base may not be; manipulability, its least over the stop's "
+        "set-points largest; effort, the largest joint torque that holds a load at the tool smallest; "
+        "distance, the shortest way through all stops",
+    )
+    stop_tolerance: NotNegative = Field(
+        default=Rules.stop_tolerance, description="least radius of the circle to park in [m]"
+    )
+    criteria: CriteriaPart | None = None
+
+
+class SpeedsPart(Strict):
+    """The fields of `regionik.worlds.speeds.Speeds`, checked."""
+
+    joint_velocity: Positive | list[Positive] | None = None
+    joint_acceleration: Positive | list[Positive] | None = None
+    base_velocity: Positive = Speeds.base_velocity
+    base_acceleration: Positive = Speeds.base_acceleration
+    turn_velocity: Positive = Speeds.turn_velocity
+    turn_acceleration: Positive = Speeds.turn_acceleration
+    wheel_velocity: Positive | None = Speeds.wheel_velocity
+    tool_velocity: Positive | None = Speeds.tool_velocity
+
+
+class WorldDocument(Strict):
+    """A regionik world file, version 1. Metres, radians; right-handed, z up."""
+
+    model_config = ConfigDict(title="regionik world file")
+
+    version: Literal[1] = Field(description="1, the version of this format")
+    name: OneLine | None = None
+    about: OneLine | None = None
+    robot: RobotPart = Field(description="a bundled name, or a mapping with one of name, dh, urdf, chain")
+    floor: FloorPart = Field(description="{polygon: [[x, y], ...]} or {map: file}")
+    obstacles: Many[ObstaclePart] = []
+    start: StartPart | None = None
+    task: Annotated[Many[PiecePart], Field(min_length=1)] = Field(description="set-points")
+    rules: RulesPart = RulesPart()
+    speeds: SpeedsPart | None = Field(default=None, description="limits by which plans are timed")
 
 
 def load_world(name_or_path: str | Path) -> World:
-    """A bundled world by its name, or a world from a .yaml, .yml or .json file.
+    """Return a bundled world by its name, or the world of a .yaml, .yml or .json file.
 
     Raises
     ------
@@ -38,16 +145,16 @@ def load_world(name_or_path: str | Path) -> World:
 
 
 def world_from_document(document: dict[str, Any], where: str = "world", folder: Path | None = None) -> World:
-    """World of a document of plain values.
+    """Return the world of a document of plain values.
 
     Parameters
     ----------
     document : dict
-        What a world file holds.
+        Contents of a world file.
     where : str
-        How messages call the document; also the world's name, where it gives none.
+        Name of the document in error messages; also the world's name, where it gives none.
     folder : Path, optional
-        What relative file names are relative to; the working directory by default.
+        Folder that file names are relative to; the working directory by default.
 
     Raises
     ------
@@ -55,21 +162,89 @@ def world_from_document(document: dict[str, Any], where: str = "world", folder: 
         One line: ``where``, the place in the document, what was expected and the valid choices.
     """
     plain = plain_mapping(document, where)
-    model = checked(WorldDocument, plain, where)
-    bounded(plain, where)
-    return build_world(model, where, Path() if folder is None else folder)
+    model = validated(WorldDocument, plain, where)
+    check_magnitudes(plain, where)
+    folder = Path() if folder is None else folder
+    robot = read_robot(model.robot, where, folder)
+    floor = read_floor(model.floor, where, folder)
+    parts = enumerate(model.obstacles)
+    obstacles = tuple(read_obstacle(part, where, f"obstacles[{k}]", folder) for k, part in parts)
+    task, places = read_task(model.task, where, folder)
+    rules = _rules(model.rules, robot, where)
+    start = None if model.start is None else Start(np.array(model.start.base), np.array(model.start.joints))
+    speeds = None if model.speeds is None else _speeds(model.speeds, robot, where)
+    name = model.name or Path(where).name.partition(".")[0] or "world"
+    with located(where, ""):
+        world = World(name, robot, floor, obstacles, task, rules, start, model.about or "", speeds)
+        if start is not None:
+            robot.chain.check_limits(start.joints.tolist(), "start.joints")
+    _check_targets(task, places, world.solids, where)
+    return world
 
 
 def world_to_document(world: World) -> dict[str, Any]:
-    """A document that holds the whole world: no other file is needed to read it back.
+    """Return a document that holds the whole world: no other file is needed to read it back.
 
     Maps become prisms, meshes lists of triangles, generated tool paths lists of points. Reading it back
     gives an equal world, to the last bit.
     """
-    return document_of(world)
+    document: dict[str, Any] = {"version": 1, "name": world.name}
+    if world.about:
+        document["about"] = world.about
+    document["robot"] = robot_to_document(world.robot)
+    document["floor"] = floor_to_document(world.floor)
+    document["obstacles"] = [solid_to_document(solid) for solid in world.obstacles]
+    if world.start is not None:
+        document["start"] = {"base": world.start.base.tolist(), "joints": world.start.joints.tolist()}
+    document["task"] = task_to_document(world.task)
+    document["rules"] = _plain(asdict(world.rules))
+    if world.speeds is not None:
+        document["speeds"] = _plain(asdict(world.speeds))
+    return document
 
 
 def world_schema() -> dict[str, Any]:
-    """JSON Schema of a world file."""
+    """Return the JSON Schema of a world file."""
     schema = WorldDocument.model_json_schema()
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
+
+
+def _rules(part: RulesPart, robot: Robot, where: str) -> Rules:
+    criteria = None
+    if part.criteria is not None:
+        with located(where, "rules"):
+            criteria = Criteria(**part.criteria.model_dump())
+            criteria.check(robot)
+    with located(where, "rules."):
+        return Rules(**{**part.model_dump(), "criteria": criteria})
+
+
+def _speeds(part: SpeedsPart, robot: Robot, where: str) -> Speeds:
+    with located(where, "speeds"):
+        speeds = Speeds(**part.model_dump())
+        speeds.joint_limits(robot.chain)
+    return speeds
+
+
+def _check_targets(
+    task: tuple[Target, ...], places: list[str], solids: tuple[Solid, ...], where: str
+) -> None:
+    """Refuse set-points that lie inside a solid."""
+    points = np.array([target.position for target in task])
+    for solid in solids:
+        low, high = solid.bounds
+        for i in np.flatnonzero(((points > low) & (points < high)).all(axis=1)):
+            depth = -solid.distance(points[i])
+            if depth > _DEEP:
+                text = (
+                    f"set-point {i + 1} of {len(task)} lies {depth:.6g} m inside {solid.name!r}, "
+                    "expected it on the surface or outside"
+                )
+                raise located_error(where, places[i], text)
+
+
+def _plain(value: Any) -> Any:
+    """Return plain values with lists instead of tuples."""
+    if isinstance(value, dict):
+        return {key: _plain(item) for key, item in value.items()}
+    return list(value) if isinstance(value, tuple) else value

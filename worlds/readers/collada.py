@@ -1,7 +1,6 @@
-"""The points of COLLADA files, which many URDF files name for the solids of their links.
+"""Vertices of COLLADA files, which many URDF files name as meshes of their links.
 
-Only where the vertices are is read. As the programs around ROS do, the unit is applied and the up axis is
-not.
+Faces are not read. As in the tools of ROS, the unit is applied and the up axis is not.
 """
 
 from __future__ import annotations
@@ -12,10 +11,10 @@ from pathlib import Path
 import numpy as np
 
 from regionik.worlds.arrays import Array
-from regionik.worlds.chain import Joint, motion, translation
-from regionik.worlds.errors import InputError
+from regionik.worlds.chain import Joint, translation
+from regionik.worlds.errors import InputError, located, located_error
 from regionik.worlds.readers.text import clip
-from regionik.worlds.readers.validation import LARGEST, at, wrong
+from regionik.worlds.readers.validation import LARGEST
 from regionik.worlds.readers.xml import Element, read_xml
 
 SUFFIX = ".dae"
@@ -24,7 +23,7 @@ _PLACED_LIMIT = 2_000_000  # points, as a scene may show one geometry many times
 
 
 def read_points(path: Path) -> Array:
-    """Vertices (n, 3) of all geometries as the file's scene places them [m].
+    """Return the vertices (n, 3) of all geometries as the file's scene places them [m].
 
     Raises
     ------
@@ -34,7 +33,7 @@ def read_points(path: Path) -> Array:
     where = str(path)
     root = read_xml(path, COLLADA_LIMIT)
     if root.tag != "COLLADA":
-        raise wrong(
+        raise located_error(
             where, f"line {root.line}", f"expected <COLLADA> as first element, got <{clip(root.tag)[1:-1]}>"
         )
     meter = _meter(root, where)
@@ -50,15 +49,17 @@ def read_points(path: Path) -> Array:
         for shown in node.all("instance_geometry"):
             cloud = clouds.get(shown.attributes.get("url", ""))
             if cloud is None:
-                raise wrong(where, f"line {shown.line}", "instance_geometry: expected the id of a geometry")
+                raise located_error(
+                    where, f"line {shown.line}", "instance_geometry: expected the id of a geometry"
+                )
             placed.append(cloud @ T[:3, :3].T + T[:3, 3])
         if sum(map(len, placed)) > _PLACED_LIMIT:
-            raise wrong(where, f"line {node.line}", f"expected at most {_PLACED_LIMIT} points")
+            raise located_error(where, f"line {node.line}", f"expected at most {_PLACED_LIMIT} points")
         stack += [(child, T @ _transform(child, where)) for child in node.all("node")]
     found = placed or list(clouds.values())
     points: Array = meter * np.concatenate([*found, np.empty((0, 3))])
     if not len(points) or not np.isfinite(points).all():
-        raise wrong(where, "", "expected a mesh with finite vertices")
+        raise located_error(where, "", "expected a mesh with finite vertices")
     return points
 
 
@@ -68,12 +69,12 @@ def _meter(root: Element, where: str) -> float:
         return 1.0
     value = _numbers(unit.attributes.get("meter", "1"), where, unit)
     if len(value) != 1 or not 0 < value[0] <= LARGEST:
-        raise wrong(where, f"line {unit.line}", "unit: expected meter above 0")
+        raise located_error(where, f"line {unit.line}", "unit: expected meter above 0")
     return float(value[0])
 
 
 def _points(geometry: Element, where: str) -> Array:
-    """Positions of a geometry's vertices, (n, 3)."""
+    """Return the positions of a geometry's vertices, (n, 3)."""
     sources = {"#" + source.attributes.get("id", ""): source for source in geometry.inside("mesh", "source")}
     clouds = [np.empty((0, 3))]
     for given in geometry.inside("mesh", "vertices", "input"):
@@ -82,16 +83,20 @@ def _points(geometry: Element, where: str) -> Array:
         source = sources.get(given.attributes.get("source", ""))
         numbers = None if source is None else source.first("float_array")
         if numbers is None:
-            raise wrong(where, f"line {given.line}", "vertices: expected the id of a source of numbers")
+            raise located_error(
+                where, f"line {given.line}", "vertices: expected the id of a source of numbers"
+            )
         values = _numbers("".join(numbers.texts), where, numbers)
         if len(values) % 3:
-            raise wrong(where, f"line {numbers.line}", f"expected three numbers a vertex, got {len(values)}")
+            raise located_error(
+                where, f"line {numbers.line}", f"expected three numbers a vertex, got {len(values)}"
+            )
         clouds.append(values.reshape(-1, 3))
     return np.concatenate(clouds)
 
 
 def _transform(node: Element, where: str) -> Array:
-    """Where a node stands in its parent, (4, 4)."""
+    """Return the transform of a node in its parent, (4, 4)."""
     T = np.eye(4)
     for step in node.children:
         if step.tag not in _STEPS:
@@ -99,10 +104,10 @@ def _transform(node: Element, where: str) -> Array:
         count, make = _STEPS[step.tag]
         values = _numbers("".join(step.texts), where, step)
         if len(values) != count:
-            raise wrong(
+            raise located_error(
                 where, f"line {step.line}", f"{step.tag}: expected {count} numbers, got {len(values)}"
             )
-        with at(where, f"line {step.line}"):
+        with located(where, f"line {step.line}"):
             T = T @ make(values)
     return T
 
@@ -111,7 +116,7 @@ def _rotate(values: Array) -> Array:
     if not np.linalg.norm(values[:3]) > 1e-9:
         raise InputError("rotate: axis must not be zero")
     turn = Joint("rotate", "revolute", -np.inf, np.inf, np.eye(4), values[:3])
-    return motion(turn, np.radians(values[3]))
+    return turn.transform(np.radians(values[3]))
 
 
 _STEPS: dict[str, tuple[int, Callable[[Array], Array]]] = {
@@ -129,5 +134,5 @@ def _numbers(text: str, where: str, element: Element) -> Array:
         values = np.array([np.nan])
     if not np.isfinite(values).all() or np.abs(values).max(initial=0.0) > LARGEST:
         text = f"{element.tag}: expected finite numbers of at most {LARGEST:g} in size"
-        raise wrong(where, f"line {element.line}", text)
+        raise located_error(where, f"line {element.line}", text)
     return values

@@ -1,7 +1,7 @@
 """Tool paths and targets from CSV files: a short file at once, a long one block by block.
 
-Columns are x, y, z, then nothing, or dx, dy, dz (tool axis), or qx, qy, qz, qw (orientation). Lines with
-these names before the first point, empty lines and lines that begin with # are passed over.
+Columns are x, y, z, and either nothing more, or dx, dy, dz (tool axis), or qx, qy, qz, qw (orientation).
+Lines with these names before the first point, empty lines and lines that begin with # are skipped.
 """
 
 from __future__ import annotations
@@ -33,28 +33,17 @@ _NEWLINE = 10
 
 
 @dataclass(frozen=True)
-class Block:
-    """Some lines of a file of points; it can be read far away from the file.
+class CsvBlock:
+    """Some lines of a CSV file; parsing them needs the file no more."""
 
-    Attributes
-    ----------
-    where : str
-        How error messages call the file.
-    row, columns : int
-        Number of the file's first line with a point, and how many columns it has.
-    number : int
-        Number of the first of these lines within the file.
-    data : bytes
-    """
-
-    where: str
-    row: int
-    columns: int
-    number: int
+    where: str  # name of the file in error messages
+    row: int  # number of the file's first line with a point
+    columns: int  # of that line
+    number: int  # number of the first of these lines within the file
     data: bytes
 
     def path(self) -> ToolPath:
-        """The points of these lines.
+        """Return the points of these lines.
 
         Raises
         ------
@@ -67,34 +56,22 @@ class Block:
 
 
 @dataclass(frozen=True)
-class LongTable:
-    """A long file of points, cut into blocks of so many lines.
-
-    Attributes
-    ----------
-    digest : str
-        SHA-256 of the file.
-    ends : tuple of int
-        Where each block ends in the file; the first begins at 0 [bytes].
-    size : int
-        Lines of a block.
-    lines : int
-        Of the file.
-    """
+class CsvTable:
+    """A long CSV file, cut into blocks of ``size`` lines."""
 
     file: Path
-    digest: str
+    digest: str  # SHA-256 of the file
     row: int
     columns: int
-    size: int
-    lines: int
-    ends: tuple[int, ...]
+    size: int  # lines of a block
+    lines: int  # of the file
+    ends: tuple[int, ...]  # offset of the end of each block; the first begins at 0 [bytes]
 
     def __len__(self) -> int:
         return len(self.ends)
 
-    def block(self, k: int) -> Block:
-        """Block ``k``, read from the file."""
+    def block(self, k: int) -> CsvBlock:
+        """Return block ``k``, read from the file."""
         start = self.ends[k - 1] if k else 0
         try:
             with open(self.file, "rb") as file:
@@ -102,11 +79,11 @@ class LongTable:
                 data = file.read(self.ends[k] - start)
         except OSError as error:
             raise InputError(f"{self.file}: cannot be read: {error.strerror or error}") from None
-        return Block(str(self.file), self.row, self.columns, k * self.size + 1, data)
+        return CsvBlock(str(self.file), self.row, self.columns, k * self.size + 1, data)
 
 
 def read_csv(path: Path) -> ToolPath:
-    """Tool path from a CSV file.
+    """Return the tool path in a CSV file.
 
     Raises
     ------
@@ -121,8 +98,8 @@ def read_csv(path: Path) -> ToolPath:
     return _path_of_lines(lines, str(path), row, columns, 1)
 
 
-def long_table(path: Path, size: int) -> LongTable:
-    """Find the blocks of ``size`` lines of a CSV file; of what they hold only the first row is looked at.
+def index_csv(path: Path, size: int) -> CsvTable:
+    """Return the blocks of ``size`` lines of a CSV file; of its contents only the first row is checked.
 
     Raises
     ------
@@ -148,7 +125,7 @@ def long_table(path: Path, size: int) -> LongTable:
         raise InputError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
     if place > after[-1]:
         after.append(place)
-    return LongTable(path, digest.hexdigest(), row, columns, size, count, tuple(after[1:]))
+    return CsvTable(path, digest.hexdigest(), row, columns, size, count, tuple(after[1:]))
 
 
 def _text(data: bytes, where: str) -> str:
@@ -159,11 +136,11 @@ def _text(data: bytes, where: str) -> str:
 
 
 def _first_row(lines: Iterable[str], where: str) -> tuple[int, int]:
-    """Number of the first line with a point, counted from 1, and how many columns it has."""
+    """Return the number of the first line with a point, counted from 1, and the number of its columns."""
     for number, line in enumerate(lines, start=1):
         _check_lengths([line], where, number)
         cells = _cells(line)
-        if not _passed_over(cells) and tuple(cells) not in COLUMNS.values():
+        if not _is_skipped(cells) and tuple(cells) not in COLUMNS.values():
             return number, len(_row(cells, f"{where}: line {number}"))
     raise InputError(f"{where}: expected at least one line of x,y,z")
 
@@ -172,14 +149,14 @@ def _path_of_lines(lines: Sequence[str], where: str, row: int, columns: int, num
     kept = lines[max(0, row - number) :]
     number = max(row, number)
     numbers: Sequence[int] = range(number, number + len(kept))
-    rows = _plain_rows(kept, columns)
+    rows = _fast_rows(kept, columns)
     if rows is None:
         rows, numbers = _careful_rows(kept, where, row, columns, number)
     return _path_of_rows(rows, where, numbers)
 
 
 def _check_lengths(lines: Sequence[str], where: str, number: int) -> None:
-    """Refuse lines longer than any row is, of which the first has a number."""
+    """Refuse lines longer than any row; ``number`` is that of the first."""
     for at, line in enumerate(lines, start=number):
         if len(line) > LENGTH_LIMIT:
             raise InputError(f"{where}: line {at}: expected at most {LENGTH_LIMIT} characters")
@@ -189,12 +166,12 @@ def _cells(line: str) -> list[str]:
     return [cell.strip() for cell in line.split(",")]
 
 
-def _passed_over(cells: list[str]) -> bool:
+def _is_skipped(cells: list[str]) -> bool:
     return not any(cells) or cells[0].startswith("#")
 
 
-def _plain_rows(lines: Sequence[str], columns: int) -> Array | None:
-    """All lines at once where each is a row of finite numbers; else None."""
+def _fast_rows(lines: Sequence[str], columns: int) -> Array | None:
+    """Return all lines at once where each is a row of finite numbers; else None."""
     if not lines or not all(lines):
         return None
     try:
@@ -207,12 +184,12 @@ def _plain_rows(lines: Sequence[str], columns: int) -> Array | None:
 def _careful_rows(
     lines: Sequence[str], where: str, row: int, columns: int, number: int
 ) -> tuple[Array, list[int]]:
-    """Line by line: the rows, and the number of the line of each."""
+    """Return the rows, read line by line, and the number of the line of each."""
     rows: list[list[float]] = []
     numbers: list[int] = []
     for at, line in enumerate(lines, start=number):
         cells = _cells(line)
-        if _passed_over(cells):
+        if _is_skipped(cells):
             continue
         rows.append(_row(cells, f"{where}: line {at}"))
         numbers.append(at)

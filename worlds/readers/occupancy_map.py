@@ -1,7 +1,7 @@
-"""Occupancy maps as ROS map_server writes them: a YAML file and an image.
+"""Occupancy maps of ROS map_server: a YAML file and an image.
 
 Pixel values become occupied, free or unknown as in https://wiki.ros.org/map_server (trinary maps).
-The only file that imports Pillow.
+No other file imports Pillow.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ from pydantic import ConfigDict, Field
 from shapely.geometry import Polygon, box
 
 from regionik.worlds.arrays import Array
-from regionik.worlds.errors import InputError
+from regionik.worlds.errors import InputError, located
 from regionik.worlds.obstacles import Prism
 from regionik.worlds.readers.text import check_plain_file, read_document
-from regionik.worlds.readers.validation import Strict, at, bounded, checked
+from regionik.worlds.readers.validation import Strict, check_magnitudes, validated
 from regionik.worlds.scene import Floor
 
 CELL_LIMIT = 25_000_000
@@ -33,7 +33,7 @@ _FULL_SCALE = {"1": 1.0, "L": 255.0, "RGB": 255.0, "I": 65535.0, "I;16": 65535.0
 
 
 class MapDocument(Strict):
-    """The keys of a map file that matter here."""
+    """Keys of a map file; others are ignored."""
 
     model_config = ConfigDict(extra="ignore")
 
@@ -50,18 +50,17 @@ class MapDocument(Strict):
 
 
 def load_map(yaml_path: Path, height: float, free_thresh: float | None = None) -> Floor:
-    """Floor from a map file.
+    """Return the floor of a map file.
 
     Parameters
     ----------
     yaml_path : Path
         Map file; its image (PGM or PNG) is relative to it.
     height : float
-        How tall occupied and unknown cells stand [m].
+        Height of occupied and unknown cells [m].
     free_thresh : float, optional
-        Instead of the map's own. Maps are often saved with unseen cells as grey 205 and a threshold of
-        0.25, by which every reader takes unseen cells (1 - 205/255 = 0.1961) for free floor; 0.196 keeps
-        them unknown.
+        Replaces the map's own. Maps are often saved with unseen cells as grey 205 and a threshold of 0.25, by
+        which unseen cells (1 - 205/255 = 0.1961) count as free floor; 0.196 keeps them unknown.
 
     Returns
     -------
@@ -76,8 +75,8 @@ def load_map(yaml_path: Path, height: float, free_thresh: float | None = None) -
     """
     where = str(yaml_path)
     plain = read_document(yaml_path)
-    document = checked(MapDocument, plain, where)
-    bounded(plain, where)
+    document = validated(MapDocument, plain, where)
+    check_magnitudes(plain, where)
     if not 0 < height < np.inf:
         raise InputError(f"height: must be above 0, got {height:g}")
     free = document.free_thresh if free_thresh is None else free_thresh
@@ -88,21 +87,21 @@ def load_map(yaml_path: Path, height: float, free_thresh: float | None = None) -
     darkness, opaque = _read_image(yaml_path.parent / document.image, bool(document.negate))
     blocked = ~((darkness < free) & opaque)
     rows, columns = blocked.shape
-    with at(where, "image"):
+    with located(where, "image"):
         blobs = _blobs(blocked)
     cells = _prisms([_placed(part, document) for part in blobs], height)
     return Floor(_placed(box(0, 0, columns, rows), document), cells)
 
 
 def _read_image(path: Path, negate: bool) -> tuple[Array, NDArray[np.bool_]]:
-    """Occupancy from 0 (free) to 1, and which cells are not transparent; row 0 is the lowest y."""
+    """Return occupancy from 0 (free) to 1, and a mask of opaque cells; row 0 is the lowest y."""
     try:
         check_plain_file(path)
         with warnings.catch_warnings():
             warnings.simplefilter("error", Image.DecompressionBombWarning)
             if path.stat().st_size > IMAGE_LIMIT:
                 raise InputError(f"{path}: expected an image of at most {IMAGE_LIMIT >> 20} MB")
-            # From memory no reader makes room for more than there is, whatever the file says of its parts.
+            # Reading from memory, Pillow allocates no more than there is, whatever sizes the file claims.
             with Image.open(BytesIO(path.read_bytes()), formats=["PPM", "PNG"]) as image:
                 columns, rows = image.size
                 plain = any(tile[0] == "ppm_plain" for tile in image.tile)
@@ -121,7 +120,7 @@ def _read_image(path: Path, negate: bool) -> tuple[Array, NDArray[np.bool_]]:
 
 
 def _channels(image: Image.Image) -> tuple[Array, NDArray[np.bool_]]:
-    """Grey from 0 to 1, and which cells are not transparent."""
+    """Return grey from 0 to 1, and a mask of opaque cells."""
     if image.mode in ("P", "PA", "RGBA", "LA") or "transparency" in image.info:
         values = np.asarray(image.convert("RGBA"))
         return _grey(values[..., :3], 255.0), values[..., 3] == 255
@@ -136,10 +135,10 @@ def _grey(values: NDArray[Any], full: float) -> Array:
 
 
 def _blobs(blocked: NDArray[np.bool_]) -> list[Polygon]:
-    """Edge-connected blobs of cells, in whole cells.
+    """Return edge-connected blobs of cells, in units of cells.
 
-    Runs along rows are joined in whole numbers, where the union is exact. Blobs that touch at a corner
-    only stay apart in a union, so that no label image is needed.
+    Runs along rows are joined in whole numbers, where the union is exact. A union keeps blobs apart that only
+    touch at a corner, so that no label image is needed.
     """
     edges = np.diff(np.pad(blocked, ((0, 0), (1, 1))).astype(np.int8), axis=1)
     row, first = np.nonzero(edges == 1)
@@ -154,7 +153,7 @@ def _blobs(blocked: NDArray[np.bool_]) -> list[Polygon]:
 
 
 def _placed(part: Polygon, document: MapDocument) -> Polygon:
-    """From whole cells to metres in the world."""
+    """Return a polygon in cells as one in the world [m]."""
     x, y, yaw = document.origin
     c, s = (np.cos(yaw), np.sin(yaw)) if yaw else (1.0, 0.0)
     R = np.array([[c, s], [-s, c]])

@@ -1,7 +1,7 @@
-"""Text files of keys and values, read with care: YAML and JSON.
+"""YAML and JSON files, read as plain values within bounds of size, depth and count.
 
-YAML is read by the core schema of YAML 1.2 (so ``1e-3`` is a number and ``no`` is a word), without
-aliases, tags or duplicate keys.
+YAML is read by the core schema of YAML 1.2 (``1e-3`` is a number and ``no`` is a word), without aliases,
+tags or duplicate keys.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ for _tag, _pattern, _first in (
 
 
 def read_text(path: Path, limit: int) -> str:
-    """Text of a UTF-8 file of at most ``limit`` bytes."""
+    """Return the text of a UTF-8 file of at most ``limit`` bytes."""
     try:
         check_plain_file(path)
         size = path.stat().st_size
@@ -66,19 +66,19 @@ def read_text(path: Path, limit: int) -> str:
     except FileNotFoundError:
         raise InputError(f"{path}: there is no such file") from None
     except UnicodeDecodeError as error:
-        raise InputError(f"{path}: expected UTF-8 text, byte {error.start} is none") from None
+        raise InputError(f"{path}: expected UTF-8 text, byte {error.start} is not") from None
     except (OSError, ValueError) as error:  # ValueError: a NUL in the path
         raise InputError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
 
 
 def check_plain_file(path: Path) -> None:
-    """Refuse folders, devices and pipes, which may have no end; what is not there is for who opens it."""
+    """Refuse folders, devices and pipes, which may have no end; a missing file is left to its reader."""
     if path.exists() and not path.is_file():
         raise InputError(f"{path}: cannot be read: expected a file, this is a folder, a device or a pipe")
 
 
 def check_count(text: str | bytes, limit: int, where: str) -> None:
-    """Refuse JSON of more values than fit into memory, before any is made."""
+    """Refuse JSON of more values than fit into memory, before any of them is made."""
     data = text.encode() if isinstance(text, str) else text
     count = sum(data.count(sign) for sign in (b",", b"[", b"{"))
     if count > limit:
@@ -86,7 +86,7 @@ def check_count(text: str | bytes, limit: int, where: str) -> None:
 
 
 def read_document(path: Path) -> dict[str, Any]:
-    """Keys and plain values of a YAML or JSON file.
+    """Return the keys and plain values of a YAML or JSON file.
 
     Raises
     ------
@@ -105,7 +105,7 @@ def read_document(path: Path) -> dict[str, Any]:
 
 
 def plain_mapping(value: Any, where: str) -> dict[str, Any]:
-    """``value`` itself, once it is known to be a mapping of plain, finite, bounded values."""
+    """Return ``value`` itself, once it is known to be a mapping of plain, finite values."""
     if not isinstance(value, dict):
         raise InputError(f"{where}: expected a mapping of keys to values, got {clip(value)}")
     _plain(value, where, "", 0)
@@ -113,7 +113,7 @@ def plain_mapping(value: Any, where: str) -> dict[str, Any]:
 
 
 def clip(value: Any) -> str:
-    """Short one-line form of a value for messages."""
+    """Return a short one-line form of a value for messages."""
     text = " ".join(repr(value).split())
     return text if len(text) <= 60 else f"{text[:57]}..."
 
@@ -186,7 +186,9 @@ def _scan(text: str, where: str) -> None:
         if isinstance(event, yaml.AliasEvent) or getattr(event, "anchor", None):
             mark = event.start_mark
             line = f"line {mark.line + 1}: " if mark else ""
-            raise InputError(f"{where}: {line}YAML anchors and aliases are not read, write the value out")
+            raise InputError(
+                f"{where}: {line}YAML anchors and aliases are not supported, write the value out"
+            )
         if isinstance(event, yaml.CollectionStartEvent):
             depth += 1
         elif isinstance(event, yaml.CollectionEndEvent):

@@ -1,20 +1,31 @@
-"""Documents against models: the first thing wrong, as one line."""
+"""Models of documents: fields they share, strict mappings, and the first error as one line."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
-from typing import Any, TypeVar
+from typing import Annotated, Any, TypeVar
 
-from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Discriminator, FailFast, Field, ValidationError, model_validator
 from pydantic_core import ErrorDetails, PydanticCustomError
 
-from regionik.worlds.errors import InputError
+from regionik.worlds.errors import located_error
 from regionik.worlds.readers.text import clip
 
-Model = TypeVar("Model", bound=BaseModel)
-
 LARGEST = 1e9  # any length, angle or count in a file is smaller
+
+Model = TypeVar("Model", bound=BaseModel)
+_Item = TypeVar("_Item")
+Many = Annotated[list[_Item], FailFast()]  # of a million wrong ones only the first is reported
+
+OneLine = Annotated[str, Field(min_length=1, max_length=200, pattern=r"^[^\r\n\x00-\x1f]+$")]
+FileName = Annotated[str, Field(min_length=1, pattern=r"^[^\r\n\x00]+$")]
+Positive = Annotated[float, Field(gt=0)]
+NotNegative = Annotated[float, Field(ge=0)]
+Vec2 = Annotated[list[float], Field(min_length=2, max_length=2)]
+Vec3 = Annotated[list[float], Field(min_length=3, max_length=3)]
+Vec4 = Annotated[list[float], Field(min_length=4, max_length=4)]
+Size3 = Annotated[list[Positive], Field(min_length=3, max_length=3)]
+Matrix3 = Annotated[list[Vec3], Field(min_length=3, max_length=3)]
+Matrix4 = Annotated[list[Vec4], Field(min_length=4, max_length=4)]
 
 
 class Strict(BaseModel):
@@ -25,7 +36,7 @@ class Strict(BaseModel):
     @model_validator(mode="before")
     @classmethod
     def _keys(cls, value: Any) -> Any:
-        """Say which keys there are; pydantic's own message would not."""
+        """Name the valid keys, which pydantic's own message does not."""
         if not isinstance(value, dict):
             return value
         fields = {field.alias or name: field for name, field in cls.model_fields.items()}
@@ -43,42 +54,39 @@ class Strict(BaseModel):
         return value
 
 
-def checked(model: type[Model], document: dict[str, Any], where: str) -> Model:
-    """The document as a model; the first error as an `InputError` of one line."""
+def one_of(*kinds: str) -> Discriminator:
+    """Return a discriminator of mappings by the one key that names their kind."""
+
+    def tag(value: Any) -> str | None:
+        found = [kind for kind in kinds if isinstance(value, dict) and kind in value]
+        return f"<{found[0]}>" if len(found) == 1 else None
+
+    return Discriminator(
+        tag, custom_error_type="kind", custom_error_message=f"expected exactly one of {', '.join(kinds)}"
+    )
+
+
+def validated(model: type[Model], document: dict[str, Any], where: str) -> Model:
+    """Return a document as a model; raise the first error as an `InputError` of one line."""
     try:
         return model.model_validate(document)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
-    raise wrong(where, _place(first["loc"]), _expected(first))
+    raise located_error(where, _place(first["loc"]), _expected(first))
 
 
-def bounded(value: Any, where: str, place: tuple[int | str, ...] = ()) -> None:
+def check_magnitudes(value: Any, where: str, place: tuple[int | str, ...] = ()) -> None:
     """Refuse numbers so large that squares and sums of them would overflow."""
     if isinstance(value, dict):
         for key, item in value.items():
-            bounded(item, where, (*place, key))
+            check_magnitudes(item, where, (*place, key))
     elif isinstance(value, list):
         for k, item in enumerate(value):
-            bounded(item, where, (*place, k))
+            check_magnitudes(item, where, (*place, k))
     elif isinstance(value, int | float) and abs(value) > LARGEST:
-        raise wrong(
+        raise located_error(
             where, _place(place), f"expected a number of at most {LARGEST:g} in size, got {clip(value)}"
         )
-
-
-def wrong(where: str, place: str, text: str) -> InputError:
-    """``where: place: text`` on one line."""
-    parts = (where, place, text)
-    return InputError(": ".join(" ".join(part.split()) for part in parts if part))
-
-
-@contextmanager
-def at(where: str, place: str) -> Iterator[None]:
-    """Say where, when a value inside is refused."""
-    try:
-        yield
-    except InputError as error:
-        raise wrong(where, place, str(error)) from None
 
 
 def _place(loc: tuple[int | str, ...]) -> str:

@@ -1,7 +1,7 @@
-"""XML files of elements and attributes, read with care.
+"""XML files as trees of elements, read within bounds.
 
-Nothing is fetched, expanded or executed: a document type declaration (where entities are made) is refused,
-and size, depth and the number of elements are bounded.
+Nothing is fetched, expanded or executed: a document type declaration, which defines entities, is refused, and
+size, depth and the number of elements are bounded.
 """
 
 from __future__ import annotations
@@ -11,66 +11,52 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from xml.parsers import expat
 
+from regionik.worlds.errors import located_error
 from regionik.worlds.readers.text import DEPTH_LIMIT, clip, read_text
-from regionik.worlds.readers.validation import wrong
 
 XML_LIMIT = 16 * 2**20  # [bytes]
 ELEMENT_LIMIT = 100_000
-ATTRIBUTE_LIMIT = 150_000  # the parser's time grows with the square of those of one element
+ATTRIBUTE_LIMIT = 150_000  # as the parser's time grows with the square of their number in one element
 
 
 @dataclass(frozen=True)
 class Element:
-    """One element of an XML file.
-
-    Attributes
-    ----------
-    tag : str
-    attributes : dict
-    line : int
-        Where it begins in its file, from 1.
-    children : list of Element
-    texts : list of str
-        What stands between its tags and those of its children, in pieces.
-    """
+    """One element of an XML file."""
 
     tag: str
     attributes: dict[str, str]
-    line: int
+    line: int  # where it begins in its file, from 1
     children: list[Element] = field(default_factory=list)
+    # text between its tags and those of its children, in pieces
     texts: list[str] = field(default_factory=list)
 
     def all(self, tag: str) -> Iterator[Element]:
-        """Children with this tag, in order."""
+        """Return the children with this tag, in order."""
         return (child for child in self.children if child.tag == tag)
 
     def inside(self, *tags: str) -> list[Element]:
-        """Descendants by the tags that lead to them, in order."""
+        """Return the descendants at a path of tags, in order."""
         found = [self]
         for tag in tags:
             found = [child for element in found for child in element.all(tag)]
         return found
 
     def first(self, tag: str) -> Element | None:
-        """The first child with this tag, if there is one."""
+        """Return the first child with this tag, or None."""
         return next(self.all(tag), None)
 
 
 def read_xml(path: Path, limit: int = XML_LIMIT) -> Element:
-    """Root element of an XML file in UTF-8 of at most ``limit`` bytes.
+    """Return the root element of an XML file in UTF-8 of at most ``limit`` bytes.
 
     Raises
     ------
     InputError
         One line: the file, the line in it where known, and what was expected.
     """
-    return parse_xml(read_text(path, limit), str(path))
-
-
-def parse_xml(text: str, where: str) -> Element:
-    """Root element of a text that messages call ``where``."""
+    text, where = read_text(path, limit), str(path)
     if text.count("=") > ATTRIBUTE_LIMIT:
-        raise wrong(where, "", f"expected at most {ATTRIBUTE_LIMIT} attributes")
+        raise located_error(where, "", f"expected at most {ATTRIBUTE_LIMIT} attributes")
     parser = expat.ParserCreate()
     builder = _Builder(parser, where)
     parser.StartElementHandler = builder.start
@@ -82,12 +68,12 @@ def parse_xml(text: str, where: str) -> Element:
         parser.Parse(text, True)
     except expat.ExpatError as error:
         what = expat.ErrorString(error.code)
-        raise wrong(where, f"line {error.lineno}", f"not valid XML: {what}") from None
+        raise located_error(where, f"line {error.lineno}", f"not valid XML: {what}") from None
     return builder.top.children[0]
 
 
 class _Builder:
-    """Puts elements together as the parser meets them."""
+    """Builds the tree of elements as the parser meets them."""
 
     def __init__(self, parser: expat.XMLParserType, where: str) -> None:
         self.parser = parser
@@ -100,9 +86,11 @@ class _Builder:
         line = self.parser.CurrentLineNumber
         self.count += 1
         if self.count > ELEMENT_LIMIT:
-            raise wrong(self.where, f"line {line}", f"expected at most {ELEMENT_LIMIT} elements")
+            raise located_error(self.where, f"line {line}", f"expected at most {ELEMENT_LIMIT} elements")
         if len(self.open) > DEPTH_LIMIT:
-            raise wrong(self.where, f"line {line}", f"expected at most {DEPTH_LIMIT} levels of nesting")
+            raise located_error(
+                self.where, f"line {line}", f"expected at most {DEPTH_LIMIT} levels of nesting"
+            )
         element = Element(tag, attributes, line)
         self.open[-1].children.append(element)
         self.open.append(element)
@@ -116,8 +104,8 @@ class _Builder:
 
     def refuse_doctype(self, name: str, _system: str | None, _public: str | None, _inner: int) -> None:
         line = f"line {self.parser.CurrentLineNumber}"
-        raise wrong(
+        raise located_error(
             self.where,
             line,
-            f"document types and entities are not read, leave out <!DOCTYPE {clip(name)} ...>",
+            f"document types and entities are not supported, leave out <!DOCTYPE {clip(name)} ...>",
         )

@@ -1,71 +1,176 @@
-"""Capsules and boxes around solids: every point of the solid is inside.
+"""Hulls, boxes and capsules around points: every point is inside.
 
 Of all capsules about one axis the one of least volume is found on a grid of radii: a thicker capsule may be
-shorter, as its round ends then reach further past the ends of its segment.
+shorter, as its round ends reach further past the ends of its segment.
 """
 
 from __future__ import annotations
 
 from math import pi
+from typing import Any
 
 import numpy as np
 import shapely
+import trimesh
+from scipy.spatial import ConvexHull, HalfspaceIntersection, QhullError
 
 from regionik.worlds.arrays import Array
-from regionik.worlds.readers.meshes import nearly_least_box, oriented_box
+from regionik.worlds.chain import rot_x, rot_y, rot_z
 from regionik.worlds.robot import LinkBox, LinkCapsule, LinkSolid
 
+_FLAT = 1e-4  # thickness [m], or share of the width where that is more than a metre
+_HULL_FLAT = 1e-7  # as _FLAT: of a cloud much thinner Qhull loses corners without an error
+_CHUNK = 10_000  # points projected at once
+_MANY = 500  # points, above which trimesh's oriented box takes too long
+_TURNS, _ROUNDS = (0.2, 0.1, 0.05, 0.02), 4  # of a box that is refined [rad]
 _RADII = 65
-_THIN = 1e-4  # no side and no radius is smaller [m]
-_SHORT = 1e-6  # nor any segment shorter: engines want a direction [m]
+_THIN = 1e-4  # least side and radius [m]
+_SHORT = 1e-6  # least length of a segment, as engines want a direction [m]
 _GROWN = 1 + 1e-9  # against rounding
 
 
+def convex_hull(points: Array) -> Array:
+    """Return the corners (m, 3) of the convex hull of points (n, 3); of a flat cloud, each point once."""
+    distinct: Array = np.unique(points, axis=0)
+    hull = _hull(distinct)
+    return distinct if hull is None else np.asarray(distinct[hull.vertices], dtype=np.float64)
+
+
+def hull_triangles(points: Array) -> Array:
+    """Return the triangles (m, 3, 3) of the hull of points (n, 3); of a flat cloud, each point as one."""
+    hull = _hull(points)
+    faces: Array = np.repeat(points[:, None], 3, axis=1) if hull is None else points[hull.simplices]
+    return faces
+
+
+def outer_hull(points: Array, faces: int = 400) -> Array:
+    """Return the corners (m, 3) of a polytope around points (n, 3), of at most ``faces`` supporting planes.
+
+    A flat cloud has no such polytope: the corners of its hull are returned.
+    """
+    widths, axes = _principal_axes(points)
+    if _is_flat(widths):
+        return convex_hull(points)
+    k = np.arange(faces) + 0.5  # directions evenly over the sphere, on a spiral
+    z, turn = 1 - 2 * k / faces, np.pi * (1 + np.sqrt(5)) * k
+    normals = np.column_stack([np.sqrt(1 - z**2) * np.cos(turn), np.sqrt(1 - z**2) * np.sin(turn), z])
+    middle, stretch = points.mean(0), axes * (widths / np.sqrt(len(points)))
+    local = (points - middle) @ np.linalg.inv(stretch).T  # as wide one way as another
+    chunks = np.array_split(local, 1 + len(points) // _CHUNK)
+    reach = np.max([(chunk @ normals.T).max(0) for chunk in chunks], axis=0)
+    body = HalfspaceIntersection(np.column_stack([normals, -reach]), np.zeros(3))
+    corners: Array = convex_hull(body.intersections) @ stretch.T + middle
+    return corners
+
+
+def oriented_box(points: Array) -> tuple[Array, Array]:
+    """Return the frame (4, 4) and sizes (3,) of a small box around points (n, 3), at any angle [m].
+
+    Sizes are 0 where points are flat. Of more than `_MANY` points it is one along the frame's or their
+    principal axes.
+    """
+    widths, axes = _principal_axes(points)
+    turns = [np.eye(3), axes]
+    if 3 < len(points) <= _MANY and not _is_flat(widths):  # trimesh fails on flat clouds
+        engine: Any = trimesh.bounds
+        turns.append(np.asarray(engine.oriented_bounds(points)[0], dtype=np.float64)[:3, :3].T)
+    return _smallest_box(points, turns)
+
+
+def fast_oriented_box(points: Array) -> tuple[Array, Array]:
+    """Return a box as `oriented_box` does, faster: along the better axes, then turned while that helps."""
+    T, size = _smallest_box(points, [np.eye(3), _principal_axes(points)[1]])
+    for step in _TURNS:
+        for _ in range(_ROUNDS):
+            before = float(np.prod(size + _FLAT))
+            T, size = _smallest_box(points, [T[:3, :3], *(T[:3, :3] @ turn for turn in _small_turns(step))])
+            if np.prod(size + _FLAT) >= before:
+                break
+    return T, size
+
+
 def cylinder_capsule(link: int, name: str, T_link: Array, radius: float, length: float) -> LinkCapsule:
-    """The least capsule that contains a cylinder along z of ``T_link``; its ends are round and stand out."""
+    """Return the least capsule that contains a cylinder along z of ``T_link``; its round ends stand out."""
     half = length / 2
     rim = np.array([[radius, -half], [radius, half]])
-    return _capsule(link, name, T_link, *_least(rim[:, 0], rim[:, 1]))
+    return _capsule(link, name, T_link, *_least_capsule(rim[:, 0], rim[:, 1]))
 
 
 def sphere_capsule(link: int, name: str, center: Array, radius: float) -> LinkCapsule:
-    """A sphere as a capsule of next to no length."""
+    """Return a sphere as a capsule of next to no length."""
     T = np.eye(4)
     T[:3, 3] = center
     return _capsule(link, name, T, radius, 0.0, 0.0)
 
 
 def bounding_solid(link: int, name: str, points: Array) -> LinkSolid:
-    """The least by volume of a few boxes and capsules that contain points (n, 3) in the link's frame."""
-    found = [_smaller(link, name, points, *box(points)) for box in (oriented_box, nearly_least_box)]
+    """Return the least by volume of a few boxes and capsules around points (n, 3) in the link's frame."""
+    found = [_least_solid(link, name, points, *box(points)) for box in (oriented_box, fast_oriented_box)]
     return min(found, key=volume)
 
 
 def rough_volume(points: Array) -> float:
-    """Volume of a solid that contains points (n, 3), quickly found [m^3]."""
-    return volume(_smaller(0, "rough", points, *nearly_least_box(points)))
+    """Return the volume of a solid around points (n, 3), found fast [m^3]."""
+    return volume(_least_solid(0, "rough", points, *fast_oriented_box(points)))
 
 
 def volume(solid: LinkSolid) -> float:
-    """[m^3]"""
+    """Return the volume of a link's solid [m^3]."""
     if isinstance(solid, LinkBox):
         return float(np.prod(solid.size))
     length = float(np.linalg.norm(solid.end - solid.start))
     return pi * solid.radius**2 * (length + 4 / 3 * solid.radius)
 
 
-def _smaller(link: int, name: str, points: Array, T_link_box: Array, size: Array) -> LinkSolid:
+def _hull(points: Array) -> ConvexHull | None:
+    """Return the hull; None of fewer than four points, and of points nearly in one plane."""
+    if _is_flat(_principal_axes(points)[0], _HULL_FLAT):
+        return None
+    try:
+        return ConvexHull(points)
+    except QhullError:
+        return None
+
+
+def _principal_axes(points: Array) -> tuple[Array, Array]:
+    """Return widths (3,) of points along their principal axes, least first, and the axes as columns."""
+    spread = points - points.mean(axis=0)
+    squares, axes = np.linalg.eigh(spread.T @ spread)
+    return np.sqrt(np.maximum(squares, 0.0)), axes * np.sign(np.linalg.det(axes))
+
+
+def _is_flat(widths: Array, limit: float = _FLAT) -> bool:
+    return bool(widths[0] <= limit * max(widths[2], 1.0))
+
+
+def _small_turns(angle: float) -> list[Array]:
+    """Return turns about each axis, either way, (3, 3)."""
+    return [turn(sign * angle)[:3, :3] for turn in (rot_x, rot_y, rot_z) for sign in (1, -1)]
+
+
+def _smallest_box(points: Array, turns: list[Array]) -> tuple[Array, Array]:
+    # Measured again, as rounding in an engine must not leave points outside.
+    boxes = [(turn, (points @ turn).min(axis=0), (points @ turn).max(axis=0)) for turn in turns]
+    turn, low, high = min(boxes, key=lambda box: float(np.prod(box[2] - box[1] + _FLAT)))
+    T = np.eye(4)
+    T[:3, :3], T[:3, 3] = turn, turn @ ((low + high) / 2)
+    return T, high - low
+
+
+def _least_solid(link: int, name: str, points: Array, T_link_box: Array, size: Array) -> LinkSolid:
+    """Return the box, or the capsule along one of its axes, whichever is smaller."""
     size = np.maximum(size * _GROWN, _THIN)
     in_box = (points - T_link_box[:3, 3]) @ T_link_box[:3, :3]
     best: LinkSolid = LinkBox(link, name, T_link_box, size)
     least = float(np.prod(size))
     for along in range(3):
         across = [(along + 1) % 3, (along + 2) % 3]
-        middle = _middle(in_box[:, across])
-        radius, start, end = _least(np.linalg.norm(in_box[:, across] - middle, axis=1), in_box[:, along])
-        volume = float(_volume(*np.array([radius, start, end])))
-        if volume < least:
-            least = volume
+        middle = _circle_center(in_box[:, across])
+        radial = np.linalg.norm(in_box[:, across] - middle, axis=1)
+        radius, start, end = _least_capsule(radial, in_box[:, along])
+        size_of_capsule = float(_capsule_volume(*np.array([radius, start, end])))
+        if size_of_capsule < least:
+            least = size_of_capsule
             T = T_link_box.copy()
             T[:3, 3] += T_link_box[:3, across] @ middle
             T[:3, :3] = T_link_box[:3, [*across, along]]
@@ -73,16 +178,16 @@ def _smaller(link: int, name: str, points: Array, T_link_box: Array, size: Array
     return best
 
 
-def _middle(points: Array) -> Array:
-    """Middle of the smallest circle around points (n, 2)."""
+def _circle_center(points: Array) -> Array:
+    """Return the centre of the smallest circle around points (n, 2)."""
     circle = shapely.minimum_bounding_circle(shapely.multipoints(points))
     found = shapely.get_coordinates(shapely.centroid(circle))
     center: Array = found[0] if len(found) else points[0]  # no circle where all points are one
     return center
 
 
-def _least(radial: Array, axial: Array) -> tuple[float, float, float]:
-    """Radius, start and end of the least capsule about an axis.
+def _least_capsule(radial: Array, axial: Array) -> tuple[float, float, float]:
+    """Return radius, start and end of the least capsule about an axis.
 
     Points (n,) are given by their distances from the axis and along it.
     """
@@ -91,19 +196,19 @@ def _least(radial: Array, axial: Array) -> tuple[float, float, float]:
     radii = np.linspace(thinnest, np.hypot(thinnest, half), _RADII)[:, None]
     bulge = np.sqrt(np.maximum(radii**2 - radial**2, 0.0))
     start, end = (axial + bulge).min(1), (axial - bulge).max(1)
-    inside = start > end  # one ball holds all, wherever between the two its middle is
+    inside = start > end  # one ball holds all, wherever between the two its centre is
     start, end = np.where(inside, (start + end) / 2, start), np.where(inside, (start + end) / 2, end)
-    best = int(np.argmin(_volume(radii[:, 0], start, end)))
+    best = int(np.argmin(_capsule_volume(radii[:, 0], start, end)))
     return float(radii[best, 0]), float(start[best]), float(end[best])
 
 
-def _volume(radius: Array, start: Array, end: Array) -> Array:
+def _capsule_volume(radius: Array, start: Array, end: Array) -> Array:
     volume: Array = pi * radius**2 * (end - start) + 4 / 3 * pi * radius**3
     return volume
 
 
 def _capsule(link: int, name: str, T_link: Array, radius: float, start: float, end: float) -> LinkCapsule:
-    """A capsule about z of ``T_link``."""
+    """Return a capsule about z of ``T_link``."""
     if end - start < _SHORT:
         start, end = (start + end - _SHORT) / 2, (start + end + _SHORT) / 2
     origin, along = T_link[:3, 3], T_link[:3, 2]

@@ -1,4 +1,4 @@
-"""Names, numbers and frames in the attributes of a URDF file."""
+"""URDF files as values: links with their collision shapes and masses, and joints."""
 
 from __future__ import annotations
 
@@ -14,74 +14,19 @@ import numpy as np
 
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import pose
-from regionik.worlds.errors import InputError
+from regionik.worlds.errors import InputError, located, located_error
 from regionik.worlds.readers.text import clip
-from regionik.worlds.readers.validation import LARGEST, wrong
+from regionik.worlds.readers.validation import LARGEST
 from regionik.worlds.readers.xml import Element, read_xml
-
-_NAME_LIMIT = 120
-NUMBER = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?", re.ASCII)
-
-
-def listed(names: Iterable[str], most: int = 60) -> str:
-    """Names for a message, the first ones where there are many."""
-    known = list(names)
-    rest = len(known) - most
-    return ", ".join(known[:most]) + (f" and {rest} more" if rest > 0 else "")
-
-
-def origin_of(element: Element, where: str, place: str) -> Array:
-    """Where an element's <origin> puts it, (4, 4)."""
-    origin = element.first("origin")
-    zero = (0.0, 0.0, 0.0)
-    return pose(numbers_in(origin, "xyz", where, place, zero), numbers_in(origin, "rpy", where, place, zero))
-
-
-def end_of(element: Element, role: str, where: str, place: str) -> str:
-    """The link at one end of a joint."""
-    end = element.first(role)
-    link = "" if end is None else end.attributes.get("link", "")
-    if not link:
-        raise wrong(where, place, f'expected <{role} link="..."/>')
-    return link
-
-
-def name_of(element: Element, where: str, what: str) -> str:
-    """The name of an element, printable on one line."""
-    name = element.attributes.get("name", "").strip()
-    if not name or not name.isprintable() or len(name) > _NAME_LIMIT:
-        text = f"expected a name of at most {_NAME_LIMIT} printable characters, got {clip(name)}"
-        raise wrong(where, f"line {element.line}: {what}", text)
-    return name
-
-
-def numbers_in(
-    element: Element | None, key: str, where: str, place: str, default: tuple[float, ...]
-) -> tuple[float, ...]:
-    """Numbers of an element's attribute; the default where it has none."""
-    text = None if element is None else element.attributes.get(key)
-    if element is None or text is None:
-        return default
-    return values_in(text, len(default), where, f"{place}: {element.tag} {key}")
-
-
-def values_in(text: str, count: int, where: str, place: str) -> tuple[float, ...]:
-    """Exactly ``count`` finite numbers of a size that squares of them can bear."""
-    words = text.split()
-    plain = len(words) == count and all(NUMBER.fullmatch(word) for word in words)
-    values = tuple(float(word) for word in words) if plain else ()
-    if not plain or not all(isfinite(value) and abs(value) <= LARGEST for value in values):
-        many = "one finite number" if count == 1 else f"{count} finite numbers"
-        raise wrong(where, place, f"expected {many} of at most {LARGEST:g} in size, got {clip(text)}")
-    return values
-
 
 SUFFIXES = (".urdf", ".xml")
 JOINT_TYPES = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
-NO_LIMIT = 1e6  # URDF demands numbers where there is no limit; who needs one writes such a number
+NO_LIMIT = 1e6  # URDF demands numbers; files without a limit give one of this size
 SOLID_LIMIT = 1000
 LINK_LIMIT = 4000
-_ENDLESS = re.compile(r"[-+]?inf(?:inity)?", re.ASCII | re.IGNORECASE)
+_NAME_LIMIT = 120
+_NUMBER = re.compile(r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?", re.ASCII)
+_INFINITY = re.compile(r"[-+]?inf(?:inity)?", re.ASCII | re.IGNORECASE)
 
 ShapeKind = Literal["box", "cylinder", "sphere", "mesh"]
 _SIZES: dict[ShapeKind, tuple[str, ...]] = {
@@ -93,136 +38,86 @@ _SIZES: dict[ShapeKind, tuple[str, ...]] = {
 
 
 @dataclass(frozen=True, eq=False)
-class Shape:
-    """A collision solid as its link carries it.
-
-    Attributes
-    ----------
-    kind : {"box", "cylinder", "sphere", "mesh"}
-    T_link_shape : (4, 4) array
-    size : tuple of float
-        Box: x, y, z; cylinder: radius, length (along z); sphere: radius [m]; mesh: scale along x, y, z.
-    file : str
-        What the file calls the mesh.
-    place : str
-        Where it stands in the file, for messages.
-    """
+class CollisionShape:
+    """A collision element of a link."""
 
     kind: ShapeKind
-    T_link_shape: Array
+    T_link_shape: Array  # (4, 4)
+    # box: x, y, z; cylinder: radius, length (along z); sphere: radius [m]; mesh: scale along x, y, z
     size: tuple[float, ...]
-    file: str
-    place: str
+    file: str  # file name of the mesh
+    place: str  # place in the file, for messages
 
 
 @dataclass(frozen=True, eq=False)
-class TreeJoint:
-    """A joint between two links.
-
-    Attributes
-    ----------
-    name, kind, parent, child : str
-    T_parent_joint : (4, 4) array
-    axis : (3,) array
-        In the joint's frame, of any length but zero.
-    lower, upper : float or None
-        [rad] or [m]; None where the file gives none, infinite where there is no limit.
-    velocity : float
-        [rad/s] or [m/s]; infinite where there is no limit.
-    mimic : str or None
-        The joint that it copies.
-    offset : float
-        Its value where that joint is at zero.
-    place : str
-        Where it stands in the file, for messages.
-    """
+class UrdfJoint:
+    """A joint between two links."""
 
     name: str
     kind: str
     parent: str
     child: str
-    T_parent_joint: Array
-    axis: Array
-    lower: float | None
+    T_parent_joint: Array  # (4, 4)
+    axis: Array  # (3,) in the joint's frame, of any length but zero
+    lower: float | None  # [rad] or [m]; None where the file gives none, infinite where there is no limit
     upper: float | None
-    velocity: float
-    mimic: str | None
-    offset: float
-    place: str
+    velocity: float  # [rad/s] or [m/s]; infinite where there is no limit
+    mimic: str | None  # name of the joint that it copies
+    offset: float  # its value where that joint is at zero
+    place: str  # place in the file, for messages
 
 
 @dataclass(frozen=True)
-class UrdfFile:
-    """Everything of a URDF file that regionik uses.
-
-    Attributes
-    ----------
-    path : Path
-    name : str
-        The robot's.
-    links : dict
-        The shapes of each link, by its name.
-    joints : tuple of TreeJoint
-        In the order of the file; each name and each child once, every link known.
-    inertials : dict
-        Mass [kg] and its centre (3,) [m] of each link that has any, by its name.
-    """
+class UrdfModel:
+    """Contents of a URDF file that regionik uses."""
 
     path: Path
-    name: str
-    links: dict[str, tuple[Shape, ...]]
-    joints: tuple[TreeJoint, ...]
+    name: str  # of the robot
+    links: dict[str, tuple[CollisionShape, ...]]  # collision shapes of each link, by its name
+    joints: tuple[UrdfJoint, ...]  # in the order of the file; each name and each child once, every link known
+    # mass [kg] and its centre (3,) [m] of each link that has any, by its name
     inertials: dict[str, tuple[float, Array]]
 
     @property
     def where(self) -> str:
+        """Name of the file in messages."""
         return str(self.path)
 
 
-def read_urdf(path: Path) -> UrdfFile:
-    """Links, joints and shapes of a URDF file.
+def read_urdf(path: Path) -> UrdfModel:
+    """Return links, joints and shapes of a URDF file.
 
     Raises
     ------
     InputError
         One line: the file, the line in it, what was expected and the valid choices.
     """
-    where = str(path)
     if path.suffix.lower() == ".xacro":
-        raise _xacro(path, "")
+        raise _xacro_error(path, "")
     if path.suffix.lower() not in SUFFIXES:
-        raise wrong(where, "", f"expected a file that ends in {', '.join(SUFFIXES)}")
+        raise located_error(str(path), "", f"expected a file that ends in {', '.join(SUFFIXES)}")
     root = read_xml(path)
-    if root.tag != "robot":
-        raise wrong(
-            where, f"line {root.line}", f"expected <robot> as first element, got <{clip(root.tag)[1:-1]}>"
-        )
+    with located(str(path), ""):
+        if root.tag != "robot":
+            got = f"<{clip(root.tag)[1:-1]}>"
+            raise InputError(f"line {root.line}: expected <robot> as first element, got {got}")
     _refuse_xacro(root, path)
-    name = name_of(root, where, "robot")
-    links: dict[str, tuple[Shape, ...]] = {}
-    inertials: dict[str, tuple[float, Array]] = {}
-    for element in root.all("link"):
-        link = name_of(element, where, "link")
-        if link in links:
-            raise wrong(where, f"line {element.line}: link {link}", "this name is given twice")
-        links[link] = tuple(_shape(solid, where, link) for solid in element.all("collision"))
-        weight = _inertial(element.first("inertial"), where, link)
-        if weight is not None:
-            inertials[link] = weight
-    if len(links) > LINK_LIMIT:
-        raise wrong(where, "", f"expected at most {LINK_LIMIT} links, got {len(links)}")
-    if sum(map(len, links.values())) > SOLID_LIMIT:
-        raise wrong(where, "", f"expected at most {SOLID_LIMIT} collision elements")
-    joints = tuple(_joint(element, where) for element in root.all("joint"))
-    _check_joints(joints, links, where)
-    return UrdfFile(path, name, links, joints, inertials)
+    with located(str(path), ""):
+        return _model(root, path)
 
 
-def _xacro(path: Path, place: str) -> InputError:
+def join_names(names: Iterable[str], most: int = 60) -> str:
+    """Return names for a message, only the first ``most`` where there are more."""
+    known = list(names)
+    rest = len(known) - most
+    return ", ".join(known[:most]) + (f" and {rest} more" if rest > 0 else "")
+
+
+def _xacro_error(path: Path, place: str) -> InputError:
     stem = path.name.removesuffix(".xacro").removesuffix(".urdf")
     target = f"{stem}.urdf" if f"{stem}.urdf" != path.name else f"{stem}.expanded.urdf"
     command = f"xacro {shlex.quote(path.name)} > {shlex.quote(target)}"
-    return wrong(str(path), place, f"xacro is not read, expand it first: {command}")
+    return located_error(str(path), place, f"xacro is not supported, expand it first: {command}")
 
 
 def _refuse_xacro(root: Element, path: Path) -> None:
@@ -231,129 +126,196 @@ def _refuse_xacro(root: Element, path: Path) -> None:
     while stack:
         element = stack.pop()
         if element.tag.startswith("xacro:") or any("${" in text for text in element.attributes.values()):
-            raise _xacro(path, f"line {element.line}")
+            raise _xacro_error(path, f"line {element.line}")
         stack += reversed(element.children)
 
 
-def _check_joints(joints: tuple[TreeJoint, ...], links: dict[str, tuple[Shape, ...]], where: str) -> None:
+# Below, messages begin with the line; `read_urdf` puts the file before it.
+
+
+def _model(root: Element, path: Path) -> UrdfModel:
+    name = _name(root, "robot")
+    links: dict[str, tuple[CollisionShape, ...]] = {}
+    inertials: dict[str, tuple[float, Array]] = {}
+    for element in root.all("link"):
+        link = _name(element, "link")
+        place = f"line {element.line}: link {link}"
+        if link in links:
+            raise InputError(f"{place}: this name is given twice")
+        links[link] = tuple(_shape(solid, link) for solid in element.all("collision"))
+        inertial = _inertial(element.first("inertial"), link)
+        if inertial is not None:
+            inertials[link] = inertial
+    if len(links) > LINK_LIMIT:
+        raise InputError(f"expected at most {LINK_LIMIT} links, got {len(links)}")
+    if sum(map(len, links.values())) > SOLID_LIMIT:
+        raise InputError(f"expected at most {SOLID_LIMIT} collision elements")
+    joints = tuple(_joint(element) for element in root.all("joint"))
+    _check_joints(joints, links)
+    return UrdfModel(path, name, links, joints, inertials)
+
+
+def _check_joints(joints: tuple[UrdfJoint, ...], links: dict[str, tuple[CollisionShape, ...]]) -> None:
     """Refuse names given twice, unknown links, and links with two parents."""
     above: dict[str, str] = {}
     names: set[str] = set()
     for joint in joints:
         if joint.name in names:
-            raise wrong(where, joint.place, "this name is given twice")
+            raise InputError(f"{joint.place}: this name is given twice")
         names.add(joint.name)
         for role, link in (("parent", joint.parent), ("child", joint.child)):
             if link not in links:
-                raise wrong(where, joint.place, f"unknown {role} link {link!r}, valid links: {listed(links)}")
+                text = f"unknown {role} link {link!r}, valid links: {join_names(links)}"
+                raise InputError(f"{joint.place}: {text}")
         if joint.child in above:
-            other = above[joint.child]
-            raise wrong(
-                where,
-                joint.place,
-                f"link {joint.child} is already the child of joint {other}: expected one parent",
-            )
+            text = f"link {joint.child} is already the child of joint {above[joint.child]}"
+            raise InputError(f"{joint.place}: {text}: expected one parent")
         above[joint.child] = joint.name
     for joint in joints:
         if joint.mimic is not None and joint.mimic not in names:
-            text = f"mimic: unknown joint {joint.mimic!r}, valid joints: {listed(names)}"
-            raise wrong(where, joint.place, text)
+            text = f"mimic: unknown joint {joint.mimic!r}, valid joints: {join_names(names)}"
+            raise InputError(f"{joint.place}: {text}")
 
 
-# --- elements
-
-
-def _joint(element: Element, where: str) -> TreeJoint:
-    name = name_of(element, where, "joint")
+def _joint(element: Element) -> UrdfJoint:
+    name = _name(element, "joint")
     place = f"line {element.line}: joint {name}"
     kind = element.attributes.get("type", "")
     if kind not in JOINT_TYPES:
-        raise wrong(where, place, f"unknown type {clip(kind)}, valid types: {', '.join(JOINT_TYPES)}")
-    axis = numbers_in(element.first("axis"), "xyz", where, place, (1.0, 0.0, 0.0))
+        raise InputError(f"{place}: unknown type {clip(kind)}, valid types: {', '.join(JOINT_TYPES)}")
+    axis = _numbers(element.first("axis"), "xyz", place, (1.0, 0.0, 0.0))
     if kind != "fixed" and max(map(abs, axis)) < 1e-9:
-        raise wrong(where, place, "axis must not be zero")
-    lower, upper = _limits(element, kind, where, place)
-    velocity = _limit(element, "velocity", where, place)
+        raise InputError(f"{place}: axis must not be zero")
+    lower, upper = _limits(element, kind, place)
+    velocity = _limit(element, "velocity", place)
     if velocity is not None and velocity < 0:
-        raise wrong(where, place, f"velocity must not be below 0, got {velocity:g}")
-    copied = element.first("mimic")
-    return TreeJoint(
+        raise InputError(f"{place}: velocity must not be below 0, got {velocity:g}")
+    mimic = element.first("mimic")
+    return UrdfJoint(
         name=name,
         kind=kind,
-        parent=end_of(element, "parent", where, place),
-        child=end_of(element, "child", where, place),
-        T_parent_joint=origin_of(element, where, place),
+        parent=_link_of(element, "parent", place),
+        child=_link_of(element, "child", place),
+        T_parent_joint=_origin(element, place),
         axis=np.array(axis),
         lower=lower,
         upper=upper,
-        velocity=velocity or inf,  # 0 is what files say that know of none
-        mimic=None if copied is None else copied.attributes.get("joint", ""),
-        offset=numbers_in(copied, "offset", where, place, (0.0,))[0],
+        velocity=velocity or inf,  # files that know of no limit say 0
+        mimic=None if mimic is None else mimic.attributes.get("joint", ""),
+        offset=_numbers(mimic, "offset", place, (0.0,))[0],
         place=place,
     )
 
 
-def _inertial(element: Element | None, where: str, link: str) -> tuple[float, Array] | None:
-    """Mass and centre; None where the file gives no mass, or zero."""
-    if element is None:
-        return None
-    place = f"line {element.line}: link {link}"
-    (mass,) = numbers_in(element.first("mass"), "value", where, place, (0.0,))
-    if mass < 0:
-        raise wrong(where, place, f"mass must not be below 0, got {mass:g}")
-    return (mass, origin_of(element, where, place)[:3, 3]) if mass > 0 else None
-
-
-def _limits(element: Element, kind: str, where: str, place: str) -> tuple[float | None, float | None]:
+def _limits(element: Element, kind: str, place: str) -> tuple[float | None, float | None]:
     if kind == "continuous":
         return -inf, inf
-    lower, upper = (_limit(element, key, where, place) for key in ("lower", "upper"))
+    lower, upper = (_limit(element, key, place) for key in ("lower", "upper"))
     if lower is not None and upper is not None and lower > upper:
-        raise wrong(where, place, f"expected lower limit <= upper limit, got {lower:g} and {upper:g}")
-    if lower == inf or upper == -inf:
-        wanted = f"lower: expected a number below {NO_LIMIT:g}"
-        if upper == -inf:
-            wanted = f"upper: expected a number above {-NO_LIMIT:g}"
-        raise wrong(where, place, f"limit {wanted}")
+        raise InputError(f"{place}: expected lower limit <= upper limit, got {lower:g} and {upper:g}")
+    if upper == -inf:
+        raise InputError(f"{place}: limit upper: expected a number above {-NO_LIMIT:g}")
+    if lower == inf:
+        raise InputError(f"{place}: limit lower: expected a number below {NO_LIMIT:g}")
     return lower, upper
 
 
-def _limit(element: Element, key: str, where: str, place: str) -> float | None:
-    """An attribute of <limit>; infinite from `NO_LIMIT` on."""
+def _limit(element: Element, key: str, place: str) -> float | None:
+    """Return an attribute of <limit>; infinite from `NO_LIMIT` on."""
     limit = element.first("limit")
     text = None if limit is None else limit.attributes.get(key)
     if text is None:
         return None
     text = text.strip()
-    if not NUMBER.fullmatch(text) and not _ENDLESS.fullmatch(text):
-        raise wrong(where, place, f"limit {key}: expected a number, got {clip(text)}")
+    if not _NUMBER.fullmatch(text) and not _INFINITY.fullmatch(text):
+        raise InputError(f"{place}: limit {key}: expected a number, got {clip(text)}")
     value = float(text)
     return value if abs(value) < NO_LIMIT else inf if value > 0 else -inf
 
 
-def _shape(element: Element, where: str, link: str) -> Shape:
+def _inertial(element: Element | None, link: str) -> tuple[float, Array] | None:
+    """Return mass and centre; None where the file gives no mass, or zero."""
+    if element is None:
+        return None
+    place = f"line {element.line}: link {link}"
+    (mass,) = _numbers(element.first("mass"), "value", place, (0.0,))
+    if mass < 0:
+        raise InputError(f"{place}: mass must not be below 0, got {mass:g}")
+    return (mass, _origin(element, place)[:3, 3]) if mass > 0 else None
+
+
+def _shape(element: Element, link: str) -> CollisionShape:
     place = f"line {element.line}: link {link}"
     geometry = element.first("geometry")
     found = [] if geometry is None else geometry.children
     kind: ShapeKind | None = next((k for k in _SIZES if [child.tag for child in found] == [k]), None)
     if kind is None:
         got = ", ".join(f"<{clip(child.tag)[1:-1]}>" for child in found[:3]) or "nothing"
-        raise wrong(where, place, f"collision geometry: expected one of {', '.join(_SIZES)}, got {got}")
-    T = origin_of(element, where, place)
+        raise InputError(f"{place}: collision geometry: expected one of {', '.join(_SIZES)}, got {got}")
+    T = _origin(element, place)
     inner = found[0]
     if kind == "mesh":
-        scale = inner.attributes.get("scale", "1 1 1")
-        each = values_in(scale * 3 if len(scale.split()) == 1 else scale, 3, where, f"{place}: mesh scale")
-        file = inner.attributes.get("filename", "").strip()
-        if not file or not file.isprintable():
-            raise wrong(where, place, f"mesh: expected a filename, got {clip(file)}")
-        if 0 in each:
-            raise wrong(where, place, "mesh scale must not be zero")
-        return Shape(kind, T, each, file, place)
+        return _mesh(inner, T, place)
     size: tuple[float, ...] = ()
     for key in _SIZES[kind]:
-        what = f"{place}: {kind} {key}"
-        size += values_in(inner.attributes.get(key, ""), 3 if kind == "box" else 1, where, what)
+        count = 3 if kind == "box" else 1
+        size += _values(inner.attributes.get(key, ""), count, f"{place}: {kind} {key}")
     if not min(size) > 0:
-        raise wrong(where, place, f"{kind}: every size must be above 0, got {listed(f'{s:g}' for s in size)}")
-    return Shape(kind, T, size, "", place)
+        got = join_names(f"{s:g}" for s in size)
+        raise InputError(f"{place}: {kind}: every size must be above 0, got {got}")
+    return CollisionShape(kind, T, size, "", place)
+
+
+def _mesh(element: Element, T: Array, place: str) -> CollisionShape:
+    scale = element.attributes.get("scale", "1 1 1")
+    factors = _values(scale * 3 if len(scale.split()) == 1 else scale, 3, f"{place}: mesh scale")
+    file = element.attributes.get("filename", "").strip()
+    if not file or not file.isprintable():
+        raise InputError(f"{place}: mesh: expected a filename, got {clip(file)}")
+    if 0 in factors:
+        raise InputError(f"{place}: mesh scale must not be zero")
+    return CollisionShape("mesh", T, factors, file, place)
+
+
+def _origin(element: Element, place: str) -> Array:
+    """Return the transform of an element's <origin>, (4, 4)."""
+    origin = element.first("origin")
+    zero = (0.0, 0.0, 0.0)
+    return pose(_numbers(origin, "xyz", place, zero), _numbers(origin, "rpy", place, zero))
+
+
+def _link_of(element: Element, role: str, place: str) -> str:
+    """Return the link at one end of a joint."""
+    end = element.first(role)
+    link = "" if end is None else end.attributes.get("link", "")
+    if not link:
+        raise InputError(f'{place}: expected <{role} link="..."/>')
+    return link
+
+
+def _name(element: Element, what: str) -> str:
+    """Return the name of an element, printable on one line."""
+    name = element.attributes.get("name", "").strip()
+    if not name or not name.isprintable() or len(name) > _NAME_LIMIT:
+        text = f"expected a name of at most {_NAME_LIMIT} printable characters, got {clip(name)}"
+        raise InputError(f"line {element.line}: {what}: {text}")
+    return name
+
+
+def _numbers(element: Element | None, key: str, place: str, default: tuple[float, ...]) -> tuple[float, ...]:
+    """Return the numbers of an attribute; the default where there is none."""
+    text = None if element is None else element.attributes.get(key)
+    if element is None or text is None:
+        return default
+    return _values(text, len(default), f"{place}: {element.tag} {key}")
+
+
+def _values(text: str, count: int, place: str) -> tuple[float, ...]:
+    """Return exactly ``count`` finite numbers, small enough to square."""
+    words = text.split()
+    plain = len(words) == count and all(_NUMBER.fullmatch(word) for word in words)
+    values = tuple(float(word) for word in words) if plain else ()
+    if not plain or not all(isfinite(value) and abs(value) <= LARGEST for value in values):
+        many = "one finite number" if count == 1 else f"{count} finite numbers"
+        raise InputError(f"{place}: expected {many} of at most {LARGEST:g} in size, got {clip(text)}")
+    return values

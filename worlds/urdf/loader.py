@@ -11,17 +11,22 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from regionik.worlds.arrays import Array, frozen
-from regionik.worlds.bundled import BODY_HEIGHT, robot_named, robot_names, without_limits
+from regionik.worlds.bundled import robot_named, robot_names
 from regionik.worlds.chain import Chain, planar_pose
 from regionik.worlds.drives import BaseKind, drive_of
-from regionik.worlds.errors import InputError
-from regionik.worlds.readers.robot_checks import carried, check_footprint, check_turning
-from regionik.worlds.readers.validation import LARGEST, at, wrong
-from regionik.worlds.robot import BASE, Robot
-from regionik.worlds.self_collision import loose_pairs
-from regionik.worlds.urdf.collision import body_of
-from regionik.worlds.urdf.elements import SUFFIXES, listed, read_urdf
-from regionik.worlds.urdf.kinematic_tree import Parts, chain_of, masses_of, parts_of, route_of
+from regionik.worlds.errors import InputError, located, located_error
+from regionik.worlds.readers.validation import LARGEST
+from regionik.worlds.robot import BASE, BODY_HEIGHT, Robot, check_turning_radius, without_limits
+from regionik.worlds.self_collision import disabled_pairs
+from regionik.worlds.urdf.collision import collision_model
+from regionik.worlds.urdf.elements import SUFFIXES, join_names, read_urdf
+from regionik.worlds.urdf.kinematic_tree import (
+    LinkPlacement,
+    chain_along,
+    kinematic_path,
+    link_masses,
+    place_links,
+)
 
 _UPRIGHT = 1e-9
 
@@ -39,18 +44,18 @@ def load_robot(
     limits: Literal["ignore"] | None = None,
     payload: float = 0.0,
 ) -> Robot:
-    """A bundled robot by its name, or a robot from a URDF file.
+    """Return a bundled robot by its name, or the robot of a URDF file.
 
     The chain runs over the moving joints from ``root`` to ``tip``; fixed joints are folded into its frames.
-    Its solids are the collision elements of all links that move with it: boxes as they are, the least
-    capsule around each cylinder and sphere, a few boxes and capsules around each mesh; no more than twenty
-    or so in all, as small ones share a bound. Links behind other joints (fingers, heads) stand still at zero.
-    What is fixed to the root, wheels included, gives the footprint and the body height where they are not
-    both given; what stands higher, such as a mast on a low base, becomes solids of its own. Where to cut is
-    chosen so that all of it takes least room, or is ``body_height``. Two bounds that touch in many postures,
-    while the hulls inside them are not seen to touch in any of 2000, need not keep apart. Speed limits of 0
-    and limits of a million and beyond count as none; soft limits, moments of inertia and visual elements are
-    not read. The masses of inertial elements are, of all links that move with the chain.
+    Its solids bound the collision elements of all links that move with it: boxes as they are, the least
+    capsule around each cylinder and sphere, a few boxes and capsules around each mesh; no more than about
+    twenty in all, as small ones share a bound. Links behind other joints (fingers, heads) stand still at
+    zero. The root and all that is fixed to it, wheels included, give the footprint and the body height where
+    they are not both given; what stands higher, such as a mast on a low base, becomes solids of its own. The
+    height of the cut is ``body_height``, or such that all takes least volume. Two bounds that touch in many
+    postures, while the hulls inside them touch in none of 2000, need not keep apart. Speed limits of 0 and
+    limits of a million and more count as none. Masses are read, of all links that move with the chain; soft
+    limits, moments of inertia and visual elements are not.
 
     Parameters
     ----------
@@ -63,23 +68,23 @@ def load_robot(
     footprint : (n, 2) array_like, optional
         Corners in order of the base's convex outline, or one point [m].
     mount : (4,) array_like, optional
-        Where the root link stands in the base frame, which lies on the floor: x, y, z [m], yaw [rad]; by
-        default it is the base frame. Of a bundled robot, where its arm stands.
+        Pose of the root link in the base frame, which lies on the floor: x, y, z [m], yaw [rad]; by default
+        the two coincide. Of a bundled robot, the pose of its arm.
     turning_radius : float, optional
         Least turning radius [m]; must be given for a car.
     body_height : float, optional
         [m]
     carry : (dof,) array_like, optional
-        Joint values in which the arm is driven about; by default zero, or the limits nearest to it.
+        Joint values with which the arm is driven about; by default zero, or the limits nearest to it.
     limits : "ignore", optional
-        Joints without limits.
+        Leave out all joint limits.
     payload : float
-        What the tool carries at its frame's origin [kg].
+        Mass held at the tool frame's origin [kg].
 
     Returns
     -------
     Robot
-        At base pose 0, ``Robot.tool`` is the tip's frame as the file gives it in the root's, moved by
+        At base pose 0, ``Robot.tool`` is the tip's frame in the root's, as the file gives it, moved by
         ``mount``.
 
     Raises
@@ -90,40 +95,40 @@ def load_robot(
     Warns
     -----
     UserWarning
-        Where a mesh is missing or unreadable and a capsule stands for it, and where links are left out.
+        Where a mesh is missing or unreadable and a capsule replaces it, and where links are left out.
 
     Examples
     --------
     >>> load_robot("youbot", base="differential").base
     'differential'
     """
-    is_file, path = _is_file(name_or_path), Path(name_or_path)
-    where = str(path)
+    path, where = Path(name_or_path), str(name_or_path)
     if base is not None and base not in get_args(BaseKind):
-        raise wrong(where, "base", f"expected one of {', '.join(get_args(BaseKind))}, got {base!r}")
+        raise located_error(where, "base", f"expected one of {', '.join(get_args(BaseKind))}, got {base!r}")
     if limits not in (None, "ignore"):
-        raise wrong(where, "limits", f"expected ignore, got {limits!r}")
-    given_mount = None if mount is None else _numbers(mount, (4,), f"{where}: mount")
-    given_height = None if body_height is None else _above_zero(body_height, where, "body_height")
-    if is_file:
-        robot = _from_urdf(path, tip, root, given_mount, footprint is None, given_height, limits is None)
+        raise located_error(where, "limits", f"expected ignore, got {limits!r}")
+    with located(where, ""):
+        given_mount = None if mount is None else _numbers(mount, (4,), "mount")
+        height = None if body_height is None else _above_zero(body_height, "body_height")
+    if _is_file(name_or_path):
+        robot = _from_urdf(path, tip, root, given_mount, footprint is None, height, limits is None)
     else:
         robot = _bundled(where, tip, root)
-        if given_mount is not None:
-            robot = replace(robot, mount=given_mount)
-    if footprint is not None:
-        corners = _numbers(footprint, (None, 2), f"{where}: footprint")
-        check_footprint(corners.tolist(), where, "footprint")
-        robot = replace(robot, footprint=corners)
-    if limits is not None:
-        robot = without_limits(robot)
-    if carry is not None:
-        values = _numbers(carry, (None,), f"{where}: carry").tolist()
-        robot = replace(robot, carry=carried(values, robot.chain, where, "carry"))
-    height = robot.body_height if given_height is None else given_height
-    kind: BaseKind = robot.base if base is None else base
-    radius = _turning(robot, kind, turning_radius, where)
-    with at(where, "payload"):
+        robot = robot if given_mount is None else replace(robot, mount=given_mount)
+    robot = robot if limits is None else without_limits(robot)
+    kind = robot.base if base is None else base
+    with located(where, ""):
+        if footprint is not None:
+            robot = replace(robot, footprint=_numbers(footprint, (None, 2), "footprint"))
+        if carry is not None:
+            values = _numbers(carry, (None,), "carry")
+            robot.chain.check_limits(values.tolist(), "carry")
+            robot = replace(robot, carry=values)
+        radius = drive_of(kind, robot.turning_radius).turning_radius
+        if turning_radius is not None:
+            radius = _above_zero(turning_radius, "turning_radius")
+        check_turning_radius(kind, radius)
+        height = robot.body_height if height is None else height
         return replace(robot, base=kind, body_height=height, turning_radius=radius, payload=payload)
 
 
@@ -136,39 +141,38 @@ def _from_urdf(
     height: float | None,
     limited: bool,
 ) -> Robot:
-    file = read_urdf(path)
-    route = route_of(file, root, tip)
-    chain = chain_of(file, route, limited)
+    model = read_urdf(path)
+    kinematic = kinematic_path(model, root, tip)
+    chain = chain_along(model, kinematic, limited)
     T_base_root = np.eye(4) if mount is None else planar_pose(mount[0], mount[1], mount[3], mount[2])
     yaw = 0.0 if mount is None else float(mount[3])
     arm_mount, chain = _mounted(chain, T_base_root, yaw)
-    parts = parts_of(file, route, T_base_root)
+    placement = place_links(model, kinematic, T_base_root)
     measured = want_footprint or height is None
-    body = body_of(file, [link for link in parts.placed if measured or link.owner != BASE], chain, height)
-    found = body.base
+    links = [link for link in placement.links if measured or link.owner != BASE]
+    body = collision_model(model, links, chain, height)
     robot = Robot(
-        name=file.name,
+        name=model.name,
         base="omni",
-        footprint=found.outline if len(found.outline) and want_footprint else np.zeros((1, 2)),
+        footprint=body.base.outline if len(body.base.outline) and want_footprint else np.zeros((1, 2)),
         mount=arm_mount,
         chain=chain,
         solids=tuple(part.solid for part in body.parts),
-        body_height=found.height if found.height > 0 else BODY_HEIGHT,
-        carry=carried(None, chain, file.where, "carry"),
-        base_solids=tuple(part.solid for part in found.parts),
-        masses=masses_of(file, parts),
+        body_height=body.base.height if body.base.height > 0 else BODY_HEIGHT,
+        base_solids=tuple(part.solid for part in body.base.parts),
+        masses=link_masses(model, placement),
     )
-    unchecked, loose = loose_pairs(robot, [part.points for part in (*body.parts, *found.parts)])
-    for note in (*body.notes, *_notes(parts, measured), *loose):
-        warnings.warn(f"{file.where}: {note}", stacklevel=3)
+    unchecked, touching = disabled_pairs(robot, [part.points for part in (*body.parts, *body.base.parts)])
+    for note in (*body.notes, *_notes(placement, measured), *touching):
+        warnings.warn(f"{model.where}: {note}", stacklevel=3)
     return replace(robot, unchecked=tuple(unchecked))
 
 
 def _mounted(chain: Chain, T_base_root: Array, yaw: float) -> tuple[Array, Chain]:
-    """Where the arm's base frame stands, (4,), and the chain seen from it.
+    """Return the mount (4,) of the arm's base frame, and the chain seen from it.
 
-    It stands upright at the first joint; where that is a vertical pivot, or lifts stand below one, on the
-    pivot's axis, as all that reasons about such arms expects.
+    The frame stands upright at the first joint; where that is a vertical pivot, or lifts stand below one, on
+    the pivot's axis, as `regionik.worlds.pivoted_arm` expects.
     """
     first = chain.joints[0]
     T_base_first = T_base_root @ first.T_parent_joint
@@ -186,16 +190,17 @@ def _mounted(chain: Chain, T_base_root: Array, yaw: float) -> tuple[Array, Chain
     return mount, Chain(joints, chain.T_last_tool)
 
 
-def _notes(parts: Parts, measured: bool) -> list[str]:
+def _notes(placement: LinkPlacement, measured: bool) -> list[str]:
     notes = []
-    if parts.left_out and measured:
-        names = listed(parts.left_out, 8)
+    if placement.left_out and measured:
+        names = join_names(placement.left_out, 8)
         notes.append(
-            f"what hangs on the base by joints that the arm has not ({names}) is left out; "
-            "give footprint and body_height to cover it"
+            f"links behind joints of the base that are not the arm's ({names}) are left out; "
+            "give footprint and body_height to cover them"
         )
-    if parts.copies:
-        notes.append(f"joints that copy the arm's ({listed(parts.copies, 8)}) are taken to stand still")
+    if placement.copies:
+        names = join_names(placement.copies, 8)
+        notes.append(f"joints that mimic the arm's ({names}) are taken to stand still")
     return notes
 
 
@@ -210,21 +215,16 @@ def _bundled(name: str, tip: str | None, root: str | None) -> Robot:
         choices = f"a path that ends in {', '.join(SUFFIXES)}, or one of {', '.join(robot_names())}"
         raise InputError(f"unknown robot {name!r}: expected {choices}")
     if tip is not None or root is not None:
-        raise wrong(name, "tip" if tip is not None else "root", "a bundled robot has no links to choose from")
+        raise located_error(
+            name, "tip" if tip is not None else "root", "a bundled robot has no links to choose from"
+        )
     return robot_named(name)
 
 
-def _turning(robot: Robot, base: BaseKind, radius: float | None, where: str) -> float:
-    own = drive_of(base, robot.turning_radius).turning_radius
-    known = own if radius is None else _above_zero(radius, where, "turning_radius")
-    check_turning(base, known, where, "turning_radius")
-    return known
-
-
-def _above_zero(value: float, where: str, place: str) -> float:
-    number = float(_numbers(value, (), f"{where}: {place}"))
+def _above_zero(value: float, what: str) -> float:
+    number = float(_numbers(value, (), what))
     if number <= 0:
-        raise wrong(where, place, f"must be above 0, got {number:g}")
+        raise InputError(f"{what}: must be above 0, got {number:g}")
     return number
 
 

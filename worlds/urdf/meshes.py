@@ -1,4 +1,4 @@
-"""The meshes that a URDF file names: where they are, and their surfaces."""
+"""Mesh files that a URDF file names: their paths and surfaces."""
 
 from __future__ import annotations
 
@@ -10,26 +10,27 @@ from pathlib import Path
 import numpy as np
 
 from regionik.worlds.arrays import Array
-from regionik.worlds.errors import InputError
+from regionik.worlds.errors import InputError, located_error
 from regionik.worlds.readers.collada import SUFFIX, read_points
-from regionik.worlds.readers.meshes import hull_of, hull_triangles, outer_hull, read_mesh
-from regionik.worlds.readers.validation import LARGEST, wrong
-from regionik.worlds.urdf.elements import Shape
+from regionik.worlds.readers.meshes import read_mesh
+from regionik.worlds.readers.validation import LARGEST
+from regionik.worlds.urdf.bounding import convex_hull, hull_triangles, outer_hull
+from regionik.worlds.urdf.elements import CollisionShape
 
 _SCHEME = re.compile(r"([A-Za-z][A-Za-z0-9+.-]*):/?/?")
 _PACKAGE = "package"
-_MANY = 20_000  # triangles, or points, above which a hull stands for the surface
+_MANY = 20_000  # triangles, or points, above which a hull replaces the surface
 _TOO_LARGE = f"expected finite numbers of at most {LARGEST:g} in size"
 
 
 @dataclass(frozen=True)
-class Meshes:
+class MeshFiles:
     """Surfaces of mesh files below a URDF file's package, each file read once.
 
     The package is the nearest folder above the URDF file that holds a ``package.xml``, or the folder above
-    the URDF file's own. ``package://name/rest`` is looked for in every folder above that bears the name,
-    then in folders of that name beside the package and inside it; other names are relative to the URDF
-    file. Nothing outside the package named is read, and nothing comes over a network.
+    the URDF file's own. ``package://name/rest`` is looked up in every folder above of that name, then in
+    folders of that name beside the package and inside it; other names are relative to the URDF file. Nothing
+    outside the named package is read, and nothing is fetched over a network.
 
     Attributes
     ----------
@@ -40,13 +41,13 @@ class Meshes:
     path: Path
     _surfaces: dict[Path, Array | str] = field(default_factory=dict)
 
-    def surface(self, shape: Shape) -> Array | str:
-        """Triangles (m, 3, 3) in the shape's frame, which its solid lies within [m], or why there are none.
+    def surface(self, shape: CollisionShape) -> Array | str:
+        """Return triangles (m, 3, 3) around a mesh, in the shape's frame [m], or why there are none.
 
         Raises
         ------
         InputError
-            When the file may not be named; lists where it may be.
+            When the file lies outside the folders that may be named.
         """
         found = self._find(shape)
         if isinstance(found, str):
@@ -59,7 +60,7 @@ class Meshes:
         scaled: Array = surface * np.array(shape.size)
         return scaled if np.abs(scaled).max() <= LARGEST else _TOO_LARGE
 
-    def _find(self, shape: Shape) -> Path | str:
+    def _find(self, shape: CollisionShape) -> Path | str:
         folder = Path(os.path.realpath(self.path)).parent
         scheme = _SCHEME.match(shape.file)
         if scheme is not None and scheme[1].lower() == _PACKAGE:
@@ -78,25 +79,25 @@ class Meshes:
             raise self._refused(shape, f"expected a file below {allowed[0][0]}")
         return next((file for file in inside if _is_file(file)), "there is no such file")
 
-    def _refused(self, shape: Shape, text: str) -> InputError:
-        return wrong(str(self.path), shape.place, f"mesh {shape.file!r}: {text}")
+    def _refused(self, shape: CollisionShape, text: str) -> InputError:
+        return located_error(str(self.path), shape.place, f"mesh {shape.file!r}: {text}")
 
 
 def _is_file(path: Path) -> bool:
     try:
         return path.is_file()
-    except OSError:  # a name that is too long for any file
+    except OSError:  # the name is too long
         return False
 
 
 def _package_root(folder: Path) -> Path:
-    """The folder that a URDF file in ``folder`` may name files below."""
+    """Return the folder below which a URDF file in ``folder`` may name files."""
     marked = (above for above in (folder, *folder.parents) if (above / "package.xml").is_file())
     return next(marked, folder.parent if folder.parent != folder.parent.parent else folder)
 
 
 def _packages(folder: Path, name: str) -> list[Path]:
-    """Folders that ``package://name`` may mean, the likeliest first."""
+    """Return the folders that ``package://name`` may mean, the likeliest first."""
     if not name or name in (".", "..") or "\\" in name:
         return []
     above = [folder, *folder.parents]
@@ -107,7 +108,7 @@ def _packages(folder: Path, name: str) -> list[Path]:
 
 
 def _read(path: Path) -> Array | str:
-    """Triangles of a mesh; those of its hull where the file only tells points, or too many triangles."""
+    """Return the triangles of a mesh; of its hull where the file has only points, or too many triangles."""
     try:
         points, faces = (read_points(path), None) if path.suffix.lower() == SUFFIX else read_mesh(path)
     except InputError as error:
@@ -115,6 +116,6 @@ def _read(path: Path) -> Array | str:
     if not np.isfinite(points).all() or np.abs(points).max() > LARGEST:
         return _TOO_LARGE
     if faces is None or len(faces) > _MANY:
-        return hull_triangles(hull_of(points) if len(points) <= _MANY else outer_hull(points))
+        return hull_triangles(convex_hull(points) if len(points) <= _MANY else outer_hull(points))
     surface: Array = points[faces]
     return surface

@@ -1,8 +1,8 @@
-"""A few capsules and boxes for the solids of a robot's links: large ones are cut, small ones put together.
+"""Decomposition of a robot's links into a few parts to bound: large meshes are cut, small solids merged.
 
-A mesh is cut by a plane where the two halves' bounds together are much smaller than the bound of the whole.
-The corners of the surface on one side, and those that the cut makes, contain in their hull all of the solid
-on that side: nothing sticks out of its bound. Where there are too many solids, those of one link that fit
+A mesh is cut by a plane where the bounds of the halves together are much smaller than the bound of the whole.
+The hull of the surface's corners on one side, and of those that the cut makes, contains all of the solid on
+that side: nothing sticks out of its bound. Where there are too many solids, those of one link that fit
 together best share a bound.
 """
 
@@ -17,60 +17,54 @@ import numpy as np
 from numpy.typing import NDArray
 
 from regionik.worlds.arrays import Array
-from regionik.worlds.readers.meshes import hull_of, nearly_least_box, oriented_box
 from regionik.worlds.robot import BASE, LinkSolid
-from regionik.worlds.urdf.bounding import bounding_solid, rough_volume
+from regionik.worlds.urdf.bounding import (
+    bounding_solid,
+    convex_hull,
+    fast_oriented_box,
+    oriented_box,
+    rough_volume,
+)
 
-MOST = 20  # solids of a robot: whoever asks what touches what asks all of them
-WORTH = 0.08  # of a part's volume, that each piece more must save
-_LOOKED_AT = 1000  # triangles of a mesh when places to cut are compared
+MOST = 20  # solids of a robot, as collision checks take each of them
+WORTH = 0.08  # of a part's volume, that each further piece must save
+_SAMPLED = 1000  # triangles of a mesh when places to cut are compared
 _CUTS = np.linspace(0, 1, 7)[1:-1]  # places tried along each side of the bounding box
 
 
 @dataclass(frozen=True, eq=False)
-class Part:
-    """What one solid stands for, in the frame of the link that a joint moves.
-
-    Attributes
-    ----------
-    link : int
-    name : str
-    points : (n, 3) array
-        Their hull contains it [m].
-    triangles : (m, 3, 3) array
-        The surface of a mesh; empty for what is not to be cut [m].
-    exact : LinkCapsule, LinkBox or None
-        The solid, where it is known.
-    """
+class CollisionPart:
+    """Part of a link that one solid bounds, in the frame of the link that a joint moves."""
 
     link: int
     name: str
-    points: Array
-    triangles: Array
-    exact: LinkSolid | None = None
+    points: Array  # (n, 3) corners of a hull that contains it [m]
+    triangles: Array  # (m, 3, 3) surface of a mesh; empty for parts that are not to be cut [m]
+    exact: LinkSolid | None = None  # its solid, where that is known
 
     @cached_property
     def rough(self) -> float:
-        """Volume of the solid, quickly found [m^3]."""
+        """Volume of a solid around it, found fast [m^3]."""
         return rough_volume(self.points)
 
     @cached_property
     def solid(self) -> LinkSolid:
+        """Solid that bounds it."""
         return self.exact or bounding_solid(self.link, self.name, self.points)
 
 
-def surface_part(link: int, name: str, triangles: Array) -> Part:
-    """A mesh, given by its triangles (m, 3, 3)."""
-    return Part(link, name, hull_of(triangles.reshape(-1, 3)), triangles)
+def mesh_part(link: int, name: str, triangles: Array) -> CollisionPart:
+    """Return a mesh, given by its triangles (m, 3, 3), as a part."""
+    return CollisionPart(link, name, convex_hull(triangles.reshape(-1, 3)), triangles)
 
 
-def covered(parts: Iterable[Part], most: int = MOST) -> tuple[Part, ...]:
-    """What solids are to stand for: all parts, cut where that pays, put together beyond ``most``."""
+def decompose(parts: Iterable[CollisionPart], most: int = MOST) -> tuple[CollisionPart, ...]:
+    """Return the parts to bound: all that are given, cut where that pays, merged beyond ``most``."""
     return tuple(_cut(_merged(_distinct(parts), most), most))
 
 
-def _distinct(parts: Iterable[Part]) -> list[Part]:
-    """Each part once: files name the same mesh of a link again."""
+def _distinct(parts: Iterable[CollisionPart]) -> list[CollisionPart]:
+    """Return each part once, as some files name the same mesh of a link twice."""
     found = {(part.link, part.points.tobytes()): part for part in reversed(list(parts))}
     return list(reversed(found.values()))
 
@@ -78,10 +72,10 @@ def _distinct(parts: Iterable[Part]) -> list[Part]:
 # --- cutting
 
 
-def _cut(parts: list[Part], most: int) -> list[Part]:
-    """Pieces in the place of parts, those first that save most volume a piece, while there is room."""
+def _cut(parts: list[CollisionPart], most: int) -> list[CollisionPart]:
+    """Return parts cut into pieces, first where that saves most volume a piece, up to ``most``."""
     chosen = [[part] for part in parts]
-    offers = {k: found for k, part in enumerate(parts) if len(found := _ways(part)) > 1}
+    offers = {k: found for k, part in enumerate(parts) if len(found := _cuttings(part)) > 1}
     spare = most - len(parts)
     while spare > 0:
         worth = {
@@ -99,18 +93,18 @@ def _cut(parts: list[Part], most: int) -> list[Part]:
     return [part for pieces in chosen for part in _numbered(pieces)]
 
 
-def _saved(before: list[Part], after: list[Part]) -> float:
+def _saved(before: list[CollisionPart], after: list[CollisionPart]) -> float:
     return sum(part.rough for part in before) - sum(part.rough for part in after)
 
 
-def _numbered(pieces: list[Part]) -> list[Part]:
+def _numbered(pieces: list[CollisionPart]) -> list[CollisionPart]:
     if len(pieces) == 1:
         return pieces
     return [replace(part, name=f"{part.name} part {k + 1}") for k, part in enumerate(pieces)]
 
 
-def _ways(part: Part) -> list[list[Part]]:
-    """The part whole, in halves, with either half or both in halves again."""
+def _cuttings(part: CollisionPart) -> list[list[CollisionPart]]:
+    """Return the part whole, in halves, and with either half or both cut again."""
     if not len(part.triangles):
         return [[part]]
     turn = oriented_box(part.points)[0][:3, :3]
@@ -118,38 +112,38 @@ def _ways(part: Part) -> list[list[Part]]:
     return [[part], *(list(chain.from_iterable(pieces)) for pieces in product(*ways))]
 
 
-def _halves(part: Part, turn: Array) -> list[Part]:
-    """Both sides of the plane that leaves the smallest boxes, square to an axis of ``turn`` or its own."""
-    some = part.triangles[:: 1 + len(part.triangles) // _LOOKED_AT]
+def _halves(part: CollisionPart, turn: Array) -> list[CollisionPart]:
+    """Return both sides of the plane that leaves the smallest boxes, among planes square to box axes."""
+    some = part.triangles[:: 1 + len(part.triangles) // _SAMPLED]
     least, cut = np.inf, (turn[:, 0], np.inf)
-    for axes in (turn, nearly_least_box(part.points)[0][:3, :3]):
+    for axes in (turn, fast_oriented_box(part.points)[0][:3, :3]):
         for normal, offset in _planes(part.points, axes):
             boxes = sum(_box(half.reshape(-1, 3) @ axes) for half in _sides(some, normal, offset))
             if boxes < least:
                 least, cut = boxes, (normal, offset)
-    return [surface_part(part.link, part.name, half) for half in _sides(part.triangles, *cut)]
+    return [mesh_part(part.link, part.name, half) for half in _sides(part.triangles, *cut)]
 
 
 def _sides(triangles: Array, normal: Array, offset: float) -> list[Array]:
-    """What a plane leaves on its sides, where there is something."""
-    both = clipped(triangles, normal, offset), clipped(triangles, -normal, -offset)
+    """Return the triangles on either side of a plane, where there are any."""
+    both = clip_triangles(triangles, normal, offset), clip_triangles(triangles, -normal, -offset)
     return [side for side in both if len(side)]
 
 
 def _box(points: Array) -> float:
-    """Volume of the box round points along their axes [m^3]."""
+    """Return the volume of the box around points along their axes [m^3]."""
     return float(np.prod(np.ptp(points, axis=0)))
 
 
 def _planes(points: Array, axes: Array) -> Iterator[tuple[Array, float]]:
-    """Cuts through points, square to axes (columns): (normal, offset along it)."""
+    """Yield planes through points, square to axes (columns): (normal, offset along it)."""
     along = points @ axes
     for normal, low, high in zip(axes.T, along.min(0), along.max(0), strict=True):
         yield from ((normal, float(low + share * (high - low))) for share in _CUTS)
 
 
-def clipped(triangles: Array, normal: Array, offset: float) -> Array:
-    """The parts of triangles (m, 3, 3) on the side to which a plane's normal points, as triangles."""
+def clip_triangles(triangles: Array, normal: Array, offset: float) -> Array:
+    """Return what of triangles (m, 3, 3) is on the side that a plane's normal points to, as triangles."""
     height = triangles @ normal - offset
     above = height >= 0
     count = above.sum(1)
@@ -167,11 +161,11 @@ def clipped(triangles: Array, normal: Array, offset: float) -> Array:
     return np.concatenate(parts)
 
 
-# --- putting together
+# --- merging
 
 
-def _merged(parts: list[Part], most: int) -> list[Part]:
-    """Neighbours on one link under one bound, those first whose common box is hardly larger."""
+def _merged(parts: list[CollisionPart], most: int) -> list[CollisionPart]:
+    """Return parts of which neighbours on one link are merged, first those whose common box grows least."""
     groups = [[part] for part in parts]
     if len(parts) <= most:
         return parts
@@ -184,26 +178,26 @@ def _merged(parts: list[Part], most: int) -> list[Part]:
             break
         groups[k] += groups[i]
         low[k], high[k] = np.minimum(low[k], low[i]), np.maximum(high[k], high[i])
-        groups[i], link[i] = [], BASE - 1 - i  # of no link that there is
+        groups[i], link[i] = [], BASE - 1 - i  # no link has this number
         growth[i], growth[:, i] = np.inf, np.inf
         growth[k] = growth[:, k] = _growth(int(k), low, high, link)
-    return [_together(group) for group in groups if group]
+    return [_merge_group(group) for group in groups if group]
 
 
 def _growth(k: int, low: Array, high: Array, link: NDArray[np.int64]) -> Array:
-    """What the box round one group and each other, along their link's axes, has more than both (n,) [m^3].
+    """Return by how much the common box of group ``k`` and each other is larger than both boxes, (n,) [m^3].
 
-    Infinite for itself and where the other is not of its link.
+    Boxes lie along the link's axes; infinite for itself and for groups of other links.
     """
     size = np.prod(high - low, axis=1)
     both = np.prod(np.maximum(high[k], high) - np.minimum(low[k], low), axis=1)
-    apart = (link != link[k]) | (np.arange(len(link)) == k)
-    growth: Array = np.where(apart, np.inf, both - size[k] - size)
+    unfit = (link != link[k]) | (np.arange(len(link)) == k)
+    growth: Array = np.where(unfit, np.inf, both - size[k] - size)
     return growth
 
 
-def _together(group: list[Part]) -> Part:
+def _merge_group(group: list[CollisionPart]) -> CollisionPart:
     if len(group) == 1:
         return group[0]
-    points = hull_of(np.concatenate([part.points for part in group]))
-    return Part(group[0].link, f"{group[0].name} and more", points, np.empty((0, 3, 3)))
+    points = convex_hull(np.concatenate([part.points for part in group]))
+    return CollisionPart(group[0].link, f"{group[0].name} and more", points, np.empty((0, 3, 3)))

@@ -10,10 +10,9 @@ from hypothesis import strategies as st
 
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import pose
-from regionik.worlds.readers.meshes import hull_of
 from regionik.worlds.robot import LinkBox, LinkSolid
-from regionik.worlds.urdf.bounding import bounding_solid, rough_volume, volume
-from regionik.worlds.urdf.covering import Part, clipped, covered, surface_part
+from regionik.worlds.urdf.bounding import bounding_solid, convex_hull, rough_volume, volume
+from regionik.worlds.urdf.decomposition import CollisionPart, clip_triangles, decompose, mesh_part
 from tests.urdfs import depth
 
 NO_SURFACE = np.empty((0, 3, 3))
@@ -58,8 +57,8 @@ _POSE = st.tuples(*[st.floats(-3, 3)] * 6).map(lambda values: pose(values[:3], v
 @given(_POSE, st.integers(2, 3))
 def test_cut_meshes_stay_inside_and_shrink(T: Array, arms: int) -> None:
     mesh = crook(arms)
-    part = surface_part(3, "crook", triangles_of(mesh, T))
-    solids = tuple(piece.solid for piece in covered([part]))
+    part = mesh_part(3, "crook", triangles_of(mesh, T))
+    solids = tuple(piece.solid for piece in decompose([part]))
     assert outermost(solids, inside(mesh, 200) @ T[:3, :3].T + T[:3, 3]) < 1e-8
     names = [f"crook part {k + 1}" for k in range(len(solids))]
     assert [(s.link, s.name) for s in solids] == [(3, name) for name in names]
@@ -68,40 +67,40 @@ def test_cut_meshes_stay_inside_and_shrink(T: Array, arms: int) -> None:
 
 def test_what_is_nearly_its_bound_is_not_cut() -> None:
     for mesh in (trimesh.creation.box((0.5, 0.3, 0.1)), trimesh.creation.capsule(height=1.0, radius=0.1)):
-        assert [s.name for s in covered([surface_part(0, "plain", np.asarray(mesh.triangles))])] == ["plain"]
+        assert [s.name for s in decompose([mesh_part(0, "plain", np.asarray(mesh.triangles))])] == ["plain"]
 
 
 def test_there_are_never_more_cuts_than_room() -> None:
-    crooks = [surface_part(k, f"crook {k}", triangles_of(crook(3), np.eye(4))) for k in range(3)]
-    assert len(covered(crooks, 20)) == 12
-    assert len(covered(crooks, 3)) == 3
-    assert 3 < len(covered(crooks, 5)) <= 5
+    crooks = [mesh_part(k, f"crook {k}", triangles_of(crook(3), np.eye(4))) for k in range(3)]
+    assert len(decompose(crooks, 20)) == 12
+    assert len(decompose(crooks, 3)) == 3
+    assert 3 < len(decompose(crooks, 5)) <= 5
 
 
 def test_a_mesh_that_is_named_again_counts_once() -> None:
-    once = surface_part(0, "crook", triangles_of(crook(2), np.eye(4)))
-    again = surface_part(0, "crook 2", triangles_of(crook(2), np.eye(4)))
-    assert len(covered([once, again])) == len(covered([once])) == 2
+    once = mesh_part(0, "crook", triangles_of(crook(2), np.eye(4)))
+    again = mesh_part(0, "crook 2", triangles_of(crook(2), np.eye(4)))
+    assert len(decompose([once, again])) == len(decompose([once])) == 2
 
 
 def test_too_many_solids_of_a_link_share_bounds() -> None:
     rng = np.random.default_rng(1)
     parts = [
-        Part(k % 2, f"stone {k}", spot + 0.02 * rng.normal(size=(8, 3)), NO_SURFACE)
+        CollisionPart(k % 2, f"stone {k}", spot + 0.02 * rng.normal(size=(8, 3)), NO_SURFACE)
         for k, spot in enumerate(rng.choice([-1.0, 0.0, 1.0], (40, 3)))
     ]
-    solids = tuple(piece.solid for piece in covered(parts, 12))
+    solids = tuple(piece.solid for piece in decompose(parts, 12))
     assert len(solids) == 12
     for link in (0, 1):
         own = tuple(solid for solid in solids if solid.link == link)
         assert outermost(own, np.concatenate([p.points for p in parts if p.link == link])) < 1e-8
-    links = [Part(k, "alone", np.eye(3), NO_SURFACE) for k in range(4)]
-    assert len(covered(links, 2)) == 4  # what different links carry stays apart
+    links = [CollisionPart(k, "alone", np.eye(3), NO_SURFACE) for k in range(4)]
+    assert len(decompose(links, 2)) == 4  # what different links carry stays apart
 
 
 def test_solids_that_are_known_are_taken() -> None:
     box = LinkBox(0, "box", np.eye(4), np.array([1.0, 2.0, 3.0]))
-    (piece,) = covered([Part(0, "box", box.corners, NO_SURFACE, box)])
+    (piece,) = decompose([CollisionPart(0, "box", box.corners, NO_SURFACE, box)])
     assert piece.solid is box
 
 
@@ -111,7 +110,7 @@ def test_clipping_keeps_area_and_side(seed: int, offset: float) -> None:
     rng = np.random.default_rng(seed)
     triangles, normal = rng.normal(size=(20, 3, 3)), rng.normal(size=3)
     normal /= np.linalg.norm(normal)
-    above, below = clipped(triangles, normal, offset), clipped(triangles, -normal, -offset)
+    above, below = clip_triangles(triangles, normal, offset), clip_triangles(triangles, -normal, -offset)
     assert (above @ normal >= offset - 1e-9).all()
     assert (below @ normal <= offset + 1e-9).all()
     assert area(above) + area(below) == pytest.approx(area(triangles))
@@ -120,15 +119,15 @@ def test_clipping_keeps_area_and_side(seed: int, offset: float) -> None:
 def test_corners_on_the_plane_belong_to_both_sides() -> None:
     triangle = np.array([[[0.0, 0, 0], [1, 0, 0], [0, 0, 1]]])
     up = np.array([0.0, 0, 1])
-    assert clipped(triangle, up, 0.0).tolist() == triangle.tolist()
-    below = clipped(triangle, -up, 0.0)
+    assert clip_triangles(triangle, up, 0.0).tolist() == triangle.tolist()
+    below = clip_triangles(triangle, -up, 0.0)
     assert np.ptp(below.reshape(-1, 3), axis=0).tolist() == [1, 0, 0]
 
 
 @settings(max_examples=30, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.tuples(*[st.floats(0.05, 1)] * 3), _POSE)
 def test_the_quick_volume_is_near(seed: int, sizes: tuple[float, ...], T: Array) -> None:
-    cloud = hull_of(np.random.default_rng(seed).normal(size=(60, 3)) * sizes)
+    cloud = convex_hull(np.random.default_rng(seed).normal(size=(60, 3)) * sizes)
     points = cloud @ T[:3, :3].T + T[:3, 3]
     least = volume(bounding_solid(0, "cloud", points))
     assert least <= rough_volume(points) * (1 + 1e-6) <= 1.5 * least

@@ -1,0 +1,233 @@
+"""Floor and obstacles of a world file: their grammar, reading and writing.
+
+A form of obstacle is a model whose ``solid`` gives the obstacle and whose `solid_to_document` case writes it.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import Field, Tag
+from shapely.geometry import Polygon
+
+from regionik.worlds.chain import pose
+from regionik.worlds.errors import InputError, located
+from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Solid, Sphere, as_polygon
+from regionik.worlds.readers.meshes import read_mesh
+from regionik.worlds.readers.occupancy_map import load_map
+from regionik.worlds.readers.validation import (
+    FileName,
+    Many,
+    OneLine,
+    Positive,
+    Size3,
+    Strict,
+    Vec2,
+    Vec3,
+    one_of,
+)
+from regionik.worlds.scene import Floor
+
+Ring = Annotated[Many[Vec2], Field(min_length=3)]
+Range = Annotated[list[float], Field(min_length=2, max_length=2)]
+Corner = Annotated[int, Field(ge=0)]
+
+
+class BoxShape(Strict):
+    size: Size3 = Field(description="three lengths [m]")
+    center: Vec3 = Field(description="x, y, z [m]")
+    yaw: float = 0.0
+
+    def solid(self, name: str, _folder: Path) -> Box:
+        return Box(name, np.array(self.size), np.array(self.center), self.yaw)
+
+
+class CylinderShape(Strict):
+    radius: Positive = Field(description="a length [m]")
+    height: Positive = Field(description="a length [m]")
+    center: Vec3 = Field(description="x, y, z [m]")
+
+    def solid(self, name: str, _folder: Path) -> Cylinder:
+        return Cylinder(name, self.radius, self.height, np.array(self.center))
+
+
+class SphereShape(Strict):
+    radius: Positive = Field(description="a length [m]")
+    center: Vec3 = Field(description="x, y, z [m]")
+
+    def solid(self, name: str, _folder: Path) -> Sphere:
+        return Sphere(name, self.radius, np.array(self.center))
+
+
+class PrismShape(Strict):
+    polygon: Ring = Field(description="corners [[x, y], ...] [m]")
+    holes: Many[Ring] = []
+    z: Range = Field(description="bottom and top [m]")
+
+    def solid(self, name: str, _folder: Path) -> Prism:
+        bottom, top = self.z
+        if not bottom < top:
+            raise InputError(f"z: expected bottom below top, got [{bottom:g}, {top:g}]")
+        return Prism(name, as_polygon(Polygon(self.polygon, self.holes), "polygon"), bottom, top)
+
+
+class MapCell(PrismShape):
+    """A blob of map cells, as written by `regionik.worlds.documents.world_file.world_to_document`."""
+
+    name: OneLine
+
+
+class MeshFile(Strict):
+    file: FileName = Field(description="an STL, OBJ, PLY or OFF file")
+    position: Vec3 = [0.0, 0.0, 0.0]
+    rpy: Vec3 = [0.0, 0.0, 0.0]
+    scale: Positive = 1.0
+
+    def solid(self, name: str, folder: Path) -> Mesh:
+        with located("file", ""):
+            vertices, faces = read_mesh(folder / self.file)
+            return _closed(
+                Mesh(name, vertices * self.scale, faces).transformed(pose(self.position, self.rpy))
+            )
+
+
+class MeshInline(Strict):
+    vertices: Annotated[Many[Vec3], Field(min_length=4)] = Field(description="points [[x, y, z], ...] [m]")
+    faces: Annotated[
+        Many[Annotated[list[Corner], Field(min_length=3, max_length=3)]], Field(min_length=4)
+    ] = Field(description="triangles [[i, j, k], ...]")
+
+    def solid(self, name: str, _folder: Path) -> Mesh:
+        with located("faces", ""):
+            return _closed(Mesh(name, np.array(self.vertices), np.array(self.faces)))
+
+
+MeshShape = Annotated[
+    Annotated[MeshFile, Tag("<file>")] | Annotated[MeshInline, Tag("<vertices>")], one_of("file", "vertices")
+]
+
+
+class _NamedObstacle(Strict):
+    name: OneLine = Field(description="a name")
+
+
+class BoxObstacle(_NamedObstacle):
+    box: BoxShape
+
+
+class CylinderObstacle(_NamedObstacle):
+    cylinder: CylinderShape
+
+
+class SphereObstacle(_NamedObstacle):
+    sphere: SphereShape
+
+
+class PrismObstacle(_NamedObstacle):
+    prism: PrismShape
+
+
+class MeshObstacle(_NamedObstacle):
+    mesh: MeshShape
+
+
+ObstaclePart = Annotated[
+    Annotated[BoxObstacle, Tag("<box>")]
+    | Annotated[CylinderObstacle, Tag("<cylinder>")]
+    | Annotated[SphereObstacle, Tag("<sphere>")]
+    | Annotated[PrismObstacle, Tag("<prism>")]
+    | Annotated[MeshObstacle, Tag("<mesh>")],
+    one_of("box", "cylinder", "sphere", "prism", "mesh"),
+]
+
+
+class PolygonFloor(Strict):
+    polygon: Ring = Field(description="corners [[x, y], ...] [m]")
+    holes: Many[Ring] = []
+    cells: Many[MapCell] = []
+
+
+class MapFloor(Strict):
+    """A ROS map; ``free_thresh`` replaces the map's own."""
+
+    map: FileName = Field(description="a map_server YAML file")
+    height: Positive = 1.0
+    free_thresh: Annotated[float, Field(ge=0, le=1)] | None = None
+
+
+FloorPart = Annotated[
+    Annotated[PolygonFloor, Tag("<polygon>")] | Annotated[MapFloor, Tag("<map>")], one_of("polygon", "map")
+]
+
+
+def read_floor(part: PolygonFloor | MapFloor, where: str, folder: Path) -> Floor:
+    """Return the floor of a document that messages call ``where``; files are relative to ``folder``."""
+    if isinstance(part, MapFloor):
+        with located(where, "floor.map"):
+            return load_map(folder / part.map, part.height, part.free_thresh)
+    with located(where, "floor."):
+        polygon = as_polygon(Polygon(part.polygon, part.holes), "polygon")
+    cells = []
+    for k, cell in enumerate(part.cells):
+        with located(where, f"floor.cells[{k}]."):
+            cells.append(cell.solid(cell.name, folder))
+    return Floor(polygon, tuple(cells))
+
+
+def read_obstacle(part: _NamedObstacle, where: str, place: str, folder: Path) -> Solid:
+    """Return an obstacle; ``place`` is where it stands in the document."""
+    (kind,) = part.model_fields_set - {"name"}
+    with located(where, f"{place}.{kind}."):
+        solid: Solid = getattr(part, kind).solid(part.name, folder)
+    return solid
+
+
+def _closed(mesh: Mesh) -> Mesh:
+    if not mesh.is_closed:
+        raise InputError("expected a closed surface, every edge in two triangles")
+    return mesh
+
+
+# --- writing
+
+
+def floor_to_document(floor: Floor) -> dict[str, Any]:
+    """Return plain values from which an equal floor is read."""
+    document = _rings(floor.polygon)
+    if floor.cells:
+        document["cells"] = [{"name": cell.name, **_prism(cell)} for cell in floor.cells]
+    return document
+
+
+def solid_to_document(solid: Solid) -> dict[str, Any]:
+    """Return plain values from which an equal obstacle is read."""
+    match solid:
+        case Box(size=size, center=center):
+            shape = {"box": {"size": size.tolist(), "center": center.tolist(), "yaw": float(solid.yaw)}}
+        case Cylinder(radius=radius, height=height, center=center):
+            sizes = {"radius": float(radius), "height": float(height)}
+            shape = {"cylinder": {**sizes, "center": center.tolist()}}
+        case Sphere(radius=radius, center=center):
+            shape = {"sphere": {"radius": float(radius), "center": center.tolist()}}
+        case Prism():
+            shape = {"prism": _prism(solid)}
+        case Mesh(vertices=vertices, faces=faces):
+            shape = {"mesh": {"vertices": vertices.tolist(), "faces": faces.tolist()}}
+    return {"name": solid.name, **shape}
+
+
+def _prism(solid: Prism) -> dict[str, Any]:
+    return {**_rings(solid.polygon), "z": [float(solid.bottom), float(solid.top)]}
+
+
+def _rings(polygon: Polygon) -> dict[str, Any]:
+    document: dict[str, Any] = {"polygon": _corners(polygon.exterior.coords)}
+    if polygon.interiors:
+        document["holes"] = [_corners(ring.coords) for ring in polygon.interiors]
+    return document
+
+
+def _corners(coordinates: Any) -> list[list[float]]:
+    return [[x, y] for x, y, *_ in list(coordinates)[:-1]]

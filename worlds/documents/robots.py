@@ -1,0 +1,417 @@
+"""The robot of a world file: its grammar, reading and writing."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from math import inf, isfinite
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from pydantic import Discriminator, Field, Tag
+
+from regionik.worlds.arrays import Array
+from regionik.worlds.bundled import robot_named, robot_names
+from regionik.worlds.chain import Chain, Joint, check_rotation, pose
+from regionik.worlds.drives import BaseKind
+from regionik.worlds.errors import InputError, located
+from regionik.worlds.readers.validation import (
+    FileName,
+    Matrix4,
+    NotNegative,
+    OneLine,
+    Positive,
+    Size3,
+    Strict,
+    Vec2,
+    Vec3,
+    Vec4,
+)
+from regionik.worlds.robot import (
+    BASE,
+    BODY_HEIGHT,
+    LINK_RADIUS,
+    LinkBox,
+    LinkCapsule,
+    LinkMass,
+    LinkSolid,
+    Robot,
+    capsules_along,
+    check_turning_radius,
+    without_limits,
+)
+from regionik.worlds.urdf.elements import join_names
+from regionik.worlds.urdf.loader import load_robot
+
+DhRow = Annotated[
+    list[float | None],
+    Field(min_length=6, max_length=6, description="theta, d, a, alpha, lower, upper; null for no limit"),
+]
+Names = Annotated[
+    list[OneLine],
+    Field(min_length=2, max_length=2, description="names of two solids that need not keep apart"),
+]
+
+
+class MassPart(Strict):
+    """The mass of an arm link, its centre in the frame of the joint that moves the link."""
+
+    link: Annotated[int, Field(ge=0)] = Field(description="the number of a joint, from 0")
+    mass: Positive = Field(description="a mass [kg]")
+    center: Vec3 = Field(default=[0.0, 0.0, 0.0], description="centre of mass x, y, z [m]")
+
+
+class _WithMasses(Strict):
+    """Masses; `rules.criteria.effort` needs them."""
+
+    masses: list[MassPart] = Field(default=[], description="masses of the arm's links")
+    payload: NotNegative = Field(default=0.0, description="mass held by the tool [kg]")
+
+
+class NamedRobot(_WithMasses):
+    name: OneLine
+    limits: Literal["ignore"] | None = None
+
+
+class _OnLink(Strict):
+    link: Annotated[int, Field(ge=BASE)] = Field(
+        description="the number of a joint, from 0; -1 for what is fixed to the base"
+    )
+    name: OneLine = Field(description="a name")
+
+
+class CapsulePart(_OnLink):
+    """All points within ``radius`` of a segment in the link's frame."""
+
+    start: Vec3 = Field(description="x, y, z [m]")
+    end: Vec3 = Field(description="x, y, z [m]")
+    radius: Positive = Field(description="a length [m]")
+
+    def solid(self) -> LinkCapsule:
+        return LinkCapsule(self.link, self.name, np.array(self.start), np.array(self.end), self.radius)
+
+
+class PosedBox(_OnLink):
+    """A box by the position of its middle and its roll, pitch, yaw in the link's frame."""
+
+    size: Size3 = Field(description="three lengths [m]")
+    position: Vec3 = Field(default=[0.0, 0.0, 0.0])
+    rpy: Vec3 = Field(default=[0.0, 0.0, 0.0])
+
+    def solid(self) -> LinkBox:
+        return LinkBox(self.link, self.name, pose(self.position, self.rpy), np.array(self.size))
+
+
+class FramedBox(_OnLink):
+    """A box as `regionik.worlds.documents.world_file.world_to_document` writes it, exact to the last bit."""
+
+    size: Size3 = Field(description="three lengths [m]")
+    frame: Matrix4 = Field(description="the box's frame in the link, as a 4 x 4 matrix")
+
+    def solid(self) -> LinkBox:
+        return LinkBox(self.link, self.name, _transform(self.frame, "frame"), np.array(self.size))
+
+
+def _solid_kind(value: Any) -> str | None:
+    keys = set(value) if isinstance(value, dict) else set()
+    capsule, box = keys & {"start", "end", "radius"}, keys & {"size", "position", "rpy", "frame"}
+    if bool(capsule) == bool(box):
+        return None
+    if capsule:
+        return "<capsule>"
+    return "<framed>" if "frame" in keys else "<posed>"
+
+
+LinkSolidPart = Annotated[
+    Annotated[CapsulePart, Tag("<capsule>")]
+    | Annotated[PosedBox, Tag("<posed>")]
+    | Annotated[FramedBox, Tag("<framed>")],
+    Discriminator(
+        _solid_kind,
+        custom_error_type="kind",
+        custom_error_message="expected link, name and either start, end, radius (a capsule)"
+        " or size, position, rpy (a box)",
+    ),
+]
+
+
+class _OwnRobot(_WithMasses):
+    name: OneLine = "robot"
+    base: BaseKind = "omni"
+    footprint: Annotated[list[Vec2], Field(min_length=1)] = Field(default=[[0.0, 0.0]])
+    mount: Vec4 = Field(default=[0.0, 0.0, 0.0, 0.0])
+    body_height: Positive = BODY_HEIGHT
+    turning_radius: NotNegative = 0.0
+    gauge: NotNegative = 0.0
+    link_radius: Positive = LINK_RADIUS
+    solids: list[LinkSolidPart] | None = None
+    unchecked: list[Names] = Field(default=[])
+    carry: list[float] | None = None
+    limits: Literal["ignore"] | None = None
+
+
+class DhRobot(_OwnRobot):
+    dh: Annotated[list[DhRow], Field(min_length=1)]
+    names: list[OneLine] | None = None
+
+    def arm(self) -> Chain:
+        rows = []
+        for k, (theta, d, a, alpha, lower, upper) in enumerate(self.dh):
+            if theta is None or d is None or a is None or alpha is None:
+                raise InputError(f"dh[{k}]: theta, d, a, alpha: expected numbers, got null")
+            rows.append((theta, d, a, alpha, *_limits(lower, upper)))
+        return Chain.from_dh(rows, self.names)
+
+
+class JointPart(Strict):
+    name: OneLine
+    kind: Literal["revolute", "prismatic"]
+    lower: float | None
+    upper: float | None
+    frame: Matrix4 = Field(description="the joint's frame in its parent link, as a 4 x 4 matrix")
+    axis: Vec3
+    velocity: Positive | None = None
+
+
+class ChainPart(Strict):
+    joints: Annotated[list[JointPart], Field(min_length=1)]
+    tool: Matrix4 = Field(description="the tool's frame in the last link, as a 4 x 4 matrix")
+
+
+class ChainRobot(_OwnRobot):
+    """Joint by joint, for arms whose frames no Denavit-Hartenberg row gives exactly."""
+
+    chain: ChainPart
+
+    def arm(self) -> Chain:
+        joints = []
+        for k, part in enumerate(self.chain.joints):
+            with located("", f"chain.joints[{k}]."):
+                T = _transform(part.frame, "frame")
+            with located("", f"chain.joints[{k}]"):
+                limits, axis = _limits(part.lower, part.upper), np.array(part.axis)
+                joints.append(Joint(part.name, part.kind, *limits, T, axis, part.velocity or inf))
+        return Chain(tuple(joints), _transform(self.chain.tool, "chain.tool"))
+
+
+class UrdfRobot(Strict):
+    urdf: FileName
+    tip: OneLine | None = None
+    root: OneLine | None = None
+    base: BaseKind = "omni"
+    footprint: Annotated[list[Vec2], Field(min_length=1)] | None = None
+    mount: Vec4 | None = None
+    turning_radius: NotNegative = 0.0
+    body_height: Positive | None = None
+    payload: NotNegative = Field(default=0.0, description="mass held by the tool [kg]")
+    carry: list[float] | None = None
+    limits: Literal["ignore"] | None = None
+
+
+def _robot_kind(value: Any) -> str | None:
+    if isinstance(value, str):
+        return "<bundled>"
+    if not isinstance(value, dict):
+        return None
+    own = [kind for kind in ("dh", "urdf", "chain") if kind in value]
+    if len(own) == 1:
+        return f"<{own[0]}>"
+    return "<name>" if not own and "name" in value else None
+
+
+RobotPart = Annotated[
+    Annotated[OneLine, Tag("<bundled>")]
+    | Annotated[NamedRobot, Tag("<name>")]
+    | Annotated[DhRobot, Tag("<dh>")]
+    | Annotated[ChainRobot, Tag("<chain>")]
+    | Annotated[UrdfRobot, Tag("<urdf>")],
+    Discriminator(
+        _robot_kind,
+        custom_error_type="kind",
+        custom_error_message="expected a bundled name, or a mapping with one of name, dh, urdf, chain",
+    ),
+]
+
+
+# --- reading
+
+
+def read_robot(part: str | NamedRobot | DhRobot | ChainRobot | UrdfRobot, where: str, folder: Path) -> Robot:
+    """Return the robot of a document that messages call ``where``; a URDF file is relative to ``folder``."""
+    if isinstance(part, str):
+        with located(where, "robot"):
+            return robot_named(part)
+    if isinstance(part, UrdfRobot):
+        options = part.model_dump(exclude={"urdf", "turning_radius"})
+        with located(where, "robot"):
+            return load_robot(folder / part.urdf, **options, turning_radius=part.turning_radius or None)
+    if isinstance(part, NamedRobot):
+        with located(where, "robot.name"):
+            robot = robot_named(part.name)
+    else:
+        with located(where, "robot."):
+            robot = _own_robot(part)
+    with located(where, "robot."):
+        masses = tuple(LinkMass(mass.link, mass.mass, np.array(mass.center)) for mass in part.masses)
+        robot = replace(robot, masses=masses, payload=part.payload)
+    return without_limits(robot) if part.limits == "ignore" else robot
+
+
+def _own_robot(part: DhRobot | ChainRobot) -> Robot:
+    check_turning_radius(part.base, part.turning_radius)
+    chain = part.arm()
+    if part.carry is not None:
+        chain.check_limits(part.carry, "carry")
+    solids = _solids(part, chain)
+    names = {solid.name for solid in solids}
+    for k, pair in enumerate(part.unchecked):
+        unknown = next((name for name in pair if name not in names), None)
+        if unknown is not None:
+            text = f"expected names of solids ({join_names(sorted(names), 8)}), got {unknown!r}"
+            raise InputError(f"unchecked[{k}]: {text}")
+    return Robot(
+        name=part.name,
+        base=part.base,
+        footprint=np.array(part.footprint),
+        mount=np.array(part.mount),
+        chain=chain,
+        solids=tuple(solid for solid in solids if solid.link != BASE),
+        body_height=part.body_height,
+        carry=np.array(part.carry or ()),
+        turning_radius=part.turning_radius,
+        gauge=part.gauge,
+        base_solids=tuple(solid for solid in solids if solid.link == BASE),
+        unchecked=tuple((one, other) for one, other in part.unchecked),
+    )
+
+
+def _solids(part: DhRobot | ChainRobot, chain: Chain) -> tuple[LinkSolid, ...]:
+    if part.solids is None:
+        return capsules_along(chain, part.link_radius)
+    solids: list[LinkSolid] = []
+    for k, solid in enumerate(part.solids):
+        with located("", f"solids[{k}]."):
+            if solid.link >= chain.dof:
+                expected = f"a link from {BASE} (the base) to {chain.dof - 1}"
+                raise InputError(f"link: expected {expected}, got {solid.link}")
+            solids.append(solid.solid())
+    return tuple(solids)
+
+
+def _limits(lower: float | None, upper: float | None) -> tuple[float, float]:
+    return -inf if lower is None else lower, inf if upper is None else upper
+
+
+def _transform(rows: list[list[float]], what: str) -> Array:
+    T = np.array(rows)
+    with located("", what):
+        check_rotation(T[:3, :3])
+        if not np.array_equal(T[3], [0, 0, 0, 1]):
+            raise InputError(f"expected 0, 0, 0, 1 as last row, got {T[3].tolist()}")
+    return T
+
+
+# --- writing
+
+
+def robot_to_document(robot: Robot) -> str | dict[str, Any]:
+    """Return plain values from which an equal robot is read: a bundled one by its name, others in full."""
+    full = _full_robot(robot)
+    for name in robot_names():
+        bundled = robot_named(name)
+        if full == _full_robot(bundled):
+            return name
+        if full == _full_robot(without_limits(bundled)):
+            return {"name": name, "limits": "ignore"}
+    return full
+
+
+def _full_robot(robot: Robot) -> dict[str, Any]:
+    document: dict[str, Any] = {"name": robot.name}
+    rows = dh_rows(robot.chain)
+    if rows is None:
+        joints = [_joint(joint) for joint in robot.chain.joints]
+        document["chain"] = {"joints": joints, "tool": robot.chain.T_last_tool.tolist()}
+    else:
+        document["dh"] = [[None if abs(value) == inf else value for value in row] for row in rows]
+        document["names"] = list(robot.chain.names)
+    document["base"] = robot.base
+    document["footprint"] = robot.footprint.tolist()
+    document["mount"] = robot.mount.tolist()
+    document["body_height"] = float(robot.body_height)
+    document["turning_radius"] = float(robot.turning_radius)
+    document["gauge"] = float(robot.gauge)
+    document |= _link_solids(robot)
+    if robot.unchecked:
+        document["unchecked"] = [list(names) for names in robot.unchecked]
+    if robot.masses:
+        document["masses"] = [
+            {"link": one.link, "mass": float(one.mass), "center": one.center.tolist()} for one in robot.masses
+        ]
+    if robot.payload:
+        document["payload"] = float(robot.payload)
+    document["carry"] = robot.carry.tolist()
+    return document
+
+
+def dh_rows(chain: Chain) -> list[list[float]] | None:
+    """Return Denavit-Hartenberg rows that give exactly this chain again; None where there are none."""
+    plain = all(
+        joint.kind == "revolute" and joint.velocity == inf and joint.axis.tolist() == [0.0, 0.0, 1.0]
+        for joint in chain.joints
+    )
+    if not plain:
+        return None
+    frames = [joint.T_parent_joint for joint in chain.joints]
+    theta = [_angle(-T[0, 1], T[0, 0]) for T in frames]
+    rows = []
+    for k, (joint, T_next) in enumerate(zip(chain.joints, [*frames[1:], chain.T_last_tool], strict=True)):
+        alpha = _angle(-T_next[1, 2], T_next[2, 2])
+        d, a = float(T_next[2, 3]), float(T_next[0, 3])
+        rows.append([theta[k], d, a, alpha, float(joint.lower), float(joint.upper)])
+    again = Chain.from_dh(rows, chain.names)
+    made = [*(joint.T_parent_joint for joint in again.joints), again.T_last_tool]
+    exact = all(np.array_equal(T, M) for T, M in zip([*frames, chain.T_last_tool], made, strict=True))
+    return rows if exact else None
+
+
+def _angle(sine: float, cosine: float) -> float:
+    """Return the angle whose sine and cosine are exactly these, if one is near; else the nearest."""
+    nearest = float(np.arctan2(sine, cosine)) + 0.0
+    candidate = float(np.nextafter(np.nextafter(nearest, -inf), -inf))
+    for _ in range(5):
+        if np.sin(candidate) == sine and np.cos(candidate) == cosine:
+            return candidate
+        candidate = float(np.nextafter(candidate, inf))
+    return nearest
+
+
+def _joint(joint: Joint) -> dict[str, Any]:
+    document: dict[str, Any] = {
+        "name": joint.name,
+        "kind": joint.kind,
+        "lower": float(joint.lower) if isfinite(joint.lower) else None,
+        "upper": float(joint.upper) if isfinite(joint.upper) else None,
+        "frame": joint.T_parent_joint.tolist(),
+        "axis": joint.axis.tolist(),
+    }
+    if joint.velocity != inf:
+        document["velocity"] = float(joint.velocity)
+    return document
+
+
+def _link_solids(robot: Robot) -> dict[str, Any]:
+    """Return one radius where it describes all solids, else every solid."""
+    solids = [_link_solid(solid) for solid in robot.all_solids]
+    radius = robot.solids[0].radius if robot.solids else 0.0
+    if radius > 0 and solids == [_link_solid(solid) for solid in capsules_along(robot.chain, radius)]:
+        return {"link_radius": float(radius)}
+    return {"solids": solids}
+
+
+def _link_solid(solid: LinkSolid) -> dict[str, Any]:
+    document: dict[str, Any] = {"link": solid.link, "name": solid.name}
+    if isinstance(solid, LinkCapsule):
+        ends = {"start": solid.start.tolist(), "end": solid.end.tolist()}
+        return {**document, **ends, "radius": float(solid.radius)}
+    return {**document, "size": solid.size.tolist(), "frame": solid.T_link_box.tolist()}

@@ -1,0 +1,200 @@
+"""The task of a world file, set-points in order: grammar, reading and writing."""
+
+from __future__ import annotations
+
+from itertools import groupby
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import Discriminator, Field, Tag
+
+from regionik.worlds.arrays import Array
+from regionik.worlds.chain import check_rotation, pose
+from regionik.worlds.errors import InputError, located, located_error
+from regionik.worlds.readers.csv_path import read_csv
+from regionik.worlds.readers.validation import FileName, Many, Matrix3, Positive, Strict, Vec3, Vec4, one_of
+from regionik.worlds.scene import Target
+from regionik.worlds.toolpath import (
+    ToolPath,
+    arc,
+    line,
+    rotation_from_quaternion,
+    sine,
+    targets_along,
+    transform_path,
+    turn_with_arc,
+)
+
+SETPOINTS_LIMIT = 200_000  # a plan of so many can still be read back
+Count = Annotated[int, Field(ge=2, le=1_000_000)]
+
+
+def _rotation_kind(value: Any) -> str:
+    return "<matrix>" if isinstance(value, list) and value and isinstance(value[0], list) else "<quaternion>"
+
+
+class ToolAim(Strict):
+    """Direction or orientation of the tool; both are free where neither is given."""
+
+    direction: Vec3 | None = None
+    orientation: (
+        Annotated[
+            Annotated[Vec4, Tag("<quaternion>")] | Annotated[Matrix3, Tag("<matrix>")],
+            Discriminator(_rotation_kind),
+        ]
+        | None
+    ) = None
+    cone: Annotated[float, Field(gt=0, le=3.141592653589793)] | None = None
+
+
+class LineCurve(Strict):
+    start: Vec3 = Field(alias="from", description="x, y, z [m]")
+    end: Vec3 = Field(alias="to", description="x, y, z [m]")
+    count: Count = Field(description="a number of set-points")
+
+
+class SineCurve(LineCurve):
+    amplitude: float = Field(description="a length [m]")
+    periods: Positive = Field(description="a number of waves")
+    phase: float = 0.0
+    axis: Vec3 | None = None
+
+
+class ArcCurve(Strict):
+    center: Vec3 = Field(description="x, y, z [m]")
+    radius: Positive = Field(description="a length [m]")
+    start: float = Field(alias="from", description="an angle [rad]")
+    end: float = Field(alias="to", description="an angle [rad]")
+    rise: float = Field(default=0.0, description="a height climbed evenly [m]")
+    count: Count = Field(description="a number of set-points")
+
+
+class FramePart(Strict):
+    position: Vec3 = [0.0, 0.0, 0.0]
+    rpy: Vec3 = [0.0, 0.0, 0.0]
+
+
+class LinePiece(ToolAim):
+    line: LineCurve
+
+    def path(self, _folder: Path) -> ToolPath:
+        return ToolPath(line(self.line.start, self.line.end, self.line.count))
+
+
+class SinePiece(ToolAim):
+    sine: SineCurve
+
+    def path(self, _folder: Path) -> ToolPath:
+        w = self.sine
+        return ToolPath(sine(w.start, w.end, w.amplitude, w.periods, w.count, w.phase, w.axis))
+
+
+class ArcPiece(ToolAim):
+    """With ``follow`` the tool turns with the arc, from the direction or orientation given for angle 0."""
+
+    arc: ArcCurve
+    follow: bool = False
+
+    def path(self, _folder: Path) -> ToolPath:
+        a = self.arc
+        return ToolPath(arc(a.center, a.radius, a.start, a.end, a.count, a.rise))
+
+
+class PointsPiece(ToolAim):
+    points: Annotated[Many[Vec3], Field(min_length=1)]
+
+    def path(self, _folder: Path) -> ToolPath:
+        return ToolPath(np.array(self.points))
+
+
+class CsvPiece(ToolAim):
+    csv: FileName
+    frame: FramePart = FramePart()
+    scale: Positive = 1.0
+
+    def path(self, folder: Path) -> ToolPath:
+        T_world_path = pose(self.frame.position, self.frame.rpy)
+        return transform_path(read_csv(folder / self.csv), T_world_path, self.scale)
+
+
+Piece = LinePiece | SinePiece | ArcPiece | PointsPiece | CsvPiece
+_KINDS = ("line", "sine", "arc", "points", "csv")
+PiecePart = Annotated[
+    Annotated[LinePiece, Tag("<line>")]
+    | Annotated[SinePiece, Tag("<sine>")]
+    | Annotated[ArcPiece, Tag("<arc>")]
+    | Annotated[PointsPiece, Tag("<points>")]
+    | Annotated[CsvPiece, Tag("<csv>")],
+    one_of(*_KINDS),
+]
+
+
+def read_task(parts: list[Piece], where: str, folder: Path) -> tuple[tuple[Target, ...], list[str]]:
+    """Return the set-points of all pieces, and the place in the document that each comes from."""
+    targets: list[Target] = []
+    places: list[str] = []
+    for k, part in enumerate(parts):
+        place = f"task[{k}]"
+        found = _targets(part, where, place, folder, SETPOINTS_LIMIT - len(targets))
+        targets.extend(found)
+        places.extend([place] * len(found))
+    return tuple(targets), places
+
+
+def _targets(part: Piece, where: str, place: str, folder: Path, most: int) -> tuple[Target, ...]:
+    kind = next(kind for kind in _KINDS if hasattr(part, kind))
+    with located(where, f"{place}.{kind}"):
+        path = part.path(folder)
+    if len(path.points) > most:
+        raise located_error(where, place, f"expected at most {SETPOINTS_LIMIT} set-points in all")
+    with located(where, f"{place}."):
+        path = _aimed(part, path)
+    return targets_along(path, Target.cone if part.cone is None else part.cone)
+
+
+def _aimed(part: Piece, path: ToolPath) -> ToolPath:
+    """Return a path with the direction or orientation of its piece."""
+    own = path.directions is not None or path.orientations is not None
+    given = [key for key in ("direction", "orientation") if getattr(part, key) is not None]
+    if own and given:
+        raise InputError(f"{given[0]}: the CSV file has its own, leave this out")
+    if len(given) > 1:
+        raise InputError("direction: expected at most one of direction, orientation")
+    if part.cone is not None and not own and not given:
+        raise InputError("cone: needs a direction or an orientation beside it")
+    n = len(path.points)
+    if part.direction is not None:
+        if np.linalg.norm(part.direction) < 1e-9:
+            raise InputError("direction: must not be zero")
+        path = ToolPath(path.points, directions=np.tile(part.direction, (n, 1)))
+    if part.orientation is not None:
+        with located("", "orientation"):
+            path = ToolPath(path.points, orientations=np.tile(_rotation(part.orientation), (n, 1, 1)))
+    if isinstance(part, ArcPiece) and part.follow:
+        if not given:
+            raise InputError("follow: needs a direction or an orientation beside it")
+        path = turn_with_arc(path, part.arc.start, part.arc.end)
+    return path
+
+
+def _rotation(orientation: list[float] | list[list[float]]) -> Array:
+    values = np.array(orientation)
+    return check_rotation(values) if values.ndim == 2 else rotation_from_quaternion(values)
+
+
+def task_to_document(task: tuple[Target, ...]) -> list[dict[str, Any]]:
+    """Return the set-points as lists of points; neighbours that aim alike share one."""
+    pieces: list[dict[str, Any]] = []
+    for _, group in groupby(task, key=lambda target: repr(_aim(target))):
+        targets = list(group)
+        pieces.append({"points": [target.position.tolist() for target in targets], **_aim(targets[0])})
+    return pieces
+
+
+def _aim(target: Target) -> dict[str, Any]:
+    if target.orientation is not None:
+        return {"orientation": target.orientation.tolist(), "cone": float(target.cone)}
+    if target.direction is not None:
+        return {"direction": target.direction.tolist(), "cone": float(target.cone)}
+    return {}
