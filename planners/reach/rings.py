@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -118,14 +120,21 @@ def reach_spans(
     back: bool = True,
 ) -> tuple[NDArray[np.intp], Array]:
     """As `reach_intervals`, in one table: the height of each interval, ascending, (m,), and (m, 2)."""
-    circles = boundary_circles(arm, shoulder_z, pitches)
-    centers, radii = np.ascontiguousarray(circles[:, :2]), np.ascontiguousarray(circles[:, 2])
+    centers, radii, turns = _boundary(arm, shoulder_z, pitches)
     plane = kernels.PlaneArm(float(arm.shoulder[0]), shoulder_z, arm.lengths, arm.lower, arm.upper)
     out, counts = np.empty((len(heights), _MOST_INTERVALS, 2)), np.empty(len(heights), dtype=np.int64)
-    order, turns = np.argsort(heights, kind="stable"), turning_heights(circles)
+    order = np.argsort(heights, kind="stable")
     _spans(plane, *pitches, centers, radii, np.asarray(heights), order, turns, front, back, out, counts)
     real = np.arange(_MOST_INTERVALS) < counts[:, None]
     return np.repeat(np.arange(len(heights)), counts), out[real]
+
+
+@lru_cache(maxsize=256)
+def _boundary(arm: PlanarArm, shoulder_z: float, pitches: tuple[float, float]) -> tuple[Array, Array, Array]:
+    """Centers and radii of the boundary circles, and their turning heights."""
+    circles = boundary_circles(arm, shoulder_z, pitches)
+    centers, radii = np.ascontiguousarray(circles[:, :2]), np.ascontiguousarray(circles[:, 2])
+    return centers, radii, turning_heights(circles)
 
 
 def turning_heights(circles: Array) -> Array:

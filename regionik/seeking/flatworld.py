@@ -18,8 +18,6 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.planar import planar_arm
 from regionik.worlds.scene import World
 
-SLACK = 1e-9  # rounding allowed at a bound [rad]
-
 
 @lru_cache(maxsize=128)
 def stance_of(world: World, span: tuple[float, float]) -> Stance:
@@ -30,13 +28,13 @@ def stance_of(world: World, span: tuple[float, float]) -> Stance:
         low = high = min(max(0.0, low), high)
     shoulder = float(arm.shoulder[0]), float(arm.shoulder[1] + robot.mount[2])
     plane = PlaneArm(*shoulder, *map(own, (arm.lengths, arm.lower, arm.upper)))
-    zero, yaw, turn = float(arm.pivot_zero + robot.mount[3]), 0.0, np.inf
+    zero, yaw = float(arm.pivot_zero + robot.mount[3]), 0.0
     if world.start is not None:
         yaw = float(world.start.base[2])
     if span != EVERY:
-        yaw, turn = (span[0] + span[1]) / 2, (span[1] - span[0]) / 2
-    sign, offset, mount, carry = map(own, (arm.sign, arm.offset, robot.mount[:2], robot.carry))
-    return Stance(plane, sign, offset, zero, low, high, mount, yaw, turn + SLACK, carry)
+        yaw = (span[0] + span[1]) / 2
+    sign, offset, mount = map(own, (arm.sign, arm.offset, robot.mount[:2]))
+    return Stance(plane, sign, offset, zero, low, high, mount, yaw)
 
 
 @lru_cache(maxsize=8)
@@ -44,7 +42,7 @@ def reach_of(world: World) -> Reach:
     """The circles on which the arm's reach can begin or end."""
     arm = planar_arm(world.robot.chain)
     circles = boundary_circles(arm, float(arm.shoulder[1] + world.robot.mount[2]))
-    return Reach(own(circles[:, :2]), own(circles[:, 2]), world.rules.reach_margin)
+    return Reach(own(circles[:, :2]), own(circles[:, 2]))
 
 
 @lru_cache(maxsize=8)

@@ -9,8 +9,8 @@ from collections.abc import Callable, Iterator
 from importlib.metadata import version
 from pathlib import Path
 
-from regionik.bulk import AHEAD, CHUNK, Pool, handed_out
-from regionik.reach import reach
+from regionik.bulk import AHEAD, Pool, handed_out
+from regionik.reach import CHUNK, reach
 from regionik.storage.parts import parts_of
 from regionik.worlds.documents.document import document_of
 from regionik.worlds.readers.csvpath import Block, LongTable, long_table
@@ -40,7 +40,7 @@ def answer_table(
     world : World
     table, output : Path
     executor : Executor or function that makes one, optional
-        As for `regionik.bulk.reach_many`.
+        As for `regionik.reach.reach`.
     progress : callable, optional
         Called with a stage, blocks done, blocks in all.
 
