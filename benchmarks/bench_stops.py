@@ -12,10 +12,10 @@ from dataclasses import replace
 import numpy as np
 import shapely
 
-from regionik.areas.reachable import BACK, FRONT
 from regionik.drawing.plot import plot_stops
 from regionik.parking.fewest import park
 from regionik.parking.stops import find
+from regionik.postures.families import BACK, FRONT
 from regionik.regions import path_areas
 from regionik.worlds.library import load_world, robot_named
 from regionik.worlds.obstacles import Cylinder

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from regionik.areas.demand import misses
 from regionik.areas.standing import room_for
 from regionik.methods import DEFAULT, OURS, Method, methods_named
 from regionik.mfabrik import pose_of
@@ -16,6 +15,7 @@ from regionik.plan import Configuration
 from regionik.planners.driving.room import fits
 from regionik.postures.guard import guard_of
 from regionik.postures.poses import pose
+from regionik.postures.tool_goal import misses
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import planar_pose
 from regionik.worlds.errors import InputError

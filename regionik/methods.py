@@ -13,7 +13,6 @@ from typing import Protocol
 
 import numpy as np
 
-from regionik.areas.demand import aim_of
 from regionik.mfabrik import Solver, axis_of, pose_of, solver_for
 from regionik.pipeline import start_place, whole_path
 from regionik.plan import Configuration
@@ -22,6 +21,7 @@ from regionik.planners.rivals.iterative import CyclicDescent, DampedLeastSquares
 from regionik.planners.rivals.method import ArmMethod, Fabrik, FabrikPolished, Found
 from regionik.planners.rivals.network import Network
 from regionik.planners.solvers.mobile import seen
+from regionik.postures.tool_goal import aim_of
 from regionik.pruning import choose_chain
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, Joint

@@ -11,8 +11,8 @@ from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from regionik import tracked
-from regionik.areas.demand import in_plane
 from regionik.areas.ground import united
+from regionik.areas.reachable import heeds_headings
 from regionik.areas.standing import Standing
 from regionik.mfabrik import axis_of, configurations
 from regionik.motion import Course, connect
@@ -33,7 +33,7 @@ from regionik.timing.retime import retime
 from regionik.verify import verify
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Explanation, InputError, NoPlanFound
-from regionik.worlds.pivot import pivoted, span_of
+from regionik.worlds.pivot import span_of
 from regionik.worlds.scene import World
 from regionik.worlds.speeds import has_speeds
 
@@ -179,10 +179,8 @@ def check(world: World) -> None:
 
 def _check_areas(world: World) -> None:
     """Refuse what areas and M-FABRIK cannot be asked about."""
-    chain = pivoted(world.robot.chain)
-    span_of(chain)
-    planar = all(in_plane(chain, target) for target in world.task)
-    if not planar and world.rules.heading == "fixed" and np.isfinite(chain.upper[0] - chain.lower[0]):
+    span_of(world.robot.chain)
+    if world.rules.heading == "fixed" and not heeds_headings(world):
         raise InputError(
             f"{world.name}: rules.heading: fixed can be planned only for an arm in one vertical plane, "
             "its tool along the last link where a direction is asked, or with an endless first joint, "

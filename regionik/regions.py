@@ -17,7 +17,7 @@ from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from regionik.areas.ground import GUARD, Geometries, Side, ground_of, grow
-from regionik.areas.reachable import BACK, FRONT, Family, reach_rows
+from regionik.areas.reachable import reach_rows
 from regionik.areas.relaxations import without_criteria
 from regionik.areas.standing import (
     Standing,
@@ -27,6 +27,7 @@ from regionik.areas.standing import (
     span_of_rules,
     turns_matter,
 )
+from regionik.postures.families import BACK, FRONT, Family
 from regionik.worlds.arrays import frozen
 from regionik.worlds.criteria import Criteria
 from regionik.worlds.errors import CauseKind

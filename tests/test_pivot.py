@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import shapely
 
+from regionik.areas.reachable import reach_model
 from regionik.mfabrik import axis_of
 from regionik.pipeline import plan
 from regionik.reach import reach
@@ -15,7 +16,7 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, Joint, rot_x, translation
 from regionik.worlds.errors import InputError
 from regionik.worlds.library import robot_named
-from regionik.worlds.pivot import behind, is_planar, pivot_of, pivoted, span_of
+from regionik.worlds.pivot import behind, pivot_of, pivoted, span_of
 from regionik.worlds.robot import BaseKind, Robot
 from regionik.worlds.scene import Floor, Heading, Rules, Start, Target, World
 from tests.bodies import on_lift, with_lift
@@ -34,7 +35,7 @@ def test_the_pivot_is_the_first_joint_that_is_not_a_lift() -> None:
     assert pivot_of(chain_of(PIVOT, HINGE)) == 0
     assert pivot_of(chain_of(LIFT, PIVOT, HINGE)) == 1
     assert pivot_of(chain_of(LIFT, down, PIVOT, HINGE)) == 2
-    assert not is_planar(on_lift(robot_named("youbot")).chain)
+    assert not reach_model(on_lift(robot_named("youbot")), "point").exact
 
 
 OTHERS = (

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 import shapely
 
-from regionik.areas.demand import between, deviation, misses
 from regionik.mfabrik import Solver, axis_of
 from regionik.pipeline import plan
 from regionik.plan import Plan
+from regionik.postures.tool_goal import between, deviation, misses
 from regionik.regions import admissible_area, path_areas
 from regionik.verify import verify
 from regionik.worlds.arrays import Array

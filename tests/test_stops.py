@@ -12,7 +12,6 @@ import pytest
 import shapely
 from shapely.geometry import Point
 
-from regionik.areas.reachable import BACK, FRONT
 from regionik.cli import run
 from regionik.drawing.floor_view import floor_of
 from regionik.drawing.plan_view import picture_of_plan
@@ -21,6 +20,7 @@ from regionik.parking.stops import stops
 from regionik.pipeline import plan
 from regionik.plan import Plan
 from regionik.planfile import load_plan
+from regionik.postures.families import BACK, FRONT
 from regionik.proofs.stops import _linear, _miss
 from regionik.regions import path_areas
 from regionik.verify import verify

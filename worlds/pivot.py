@@ -14,7 +14,6 @@ import numpy as np
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, Joint
 from regionik.worlds.errors import InputError
-from regionik.worlds.planar import planar_arm
 
 _ALIGNED = 1e-9
 
@@ -34,16 +33,6 @@ class Span:
     radius: float
     height: float
     length: float
-
-
-@lru_cache(maxsize=64)
-def is_planar(chain: Chain) -> bool:
-    """Whether the arm works in one vertical plane, as `planar_arm` reads it."""
-    try:
-        planar_arm(chain)
-    except InputError:
-        return False
-    return True
 
 
 @lru_cache(maxsize=64)

@@ -18,14 +18,12 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from shapely.geometry import Point, Polygon
 
-from regionik.areas.demand import in_plane
 from regionik.areas.ground import EVERY, GUARD, Geometries, Side, disjoint, ground_of
+from regionik.areas.reachable import heeds_headings
 from regionik.planners.driving.footprint import slab_areas, slab_rejections, slabs_along
 from regionik.planners.driving.room import Room, room_of
 from regionik.worlds.arrays import Array
-from regionik.worlds.criteria import kept
 from regionik.worlds.obstacles import Shadow
-from regionik.worlds.pivot import is_planar, pivot_of, pivoted
 from regionik.worlds.scene import World
 
 SLABS = 24  # of equal width in a full turn
@@ -154,13 +152,9 @@ def by_heading(world: World) -> Standing:
 def turns_matter(world: World) -> bool:
     """Whether the heading decides on where the base may stand.
 
-    With a bounded first joint it decides on the reach too, which is known for arms in one plane only.
+    With a bounded first joint it decides on the reach too, which not every model of reach knows.
     """
-    chain = pivoted(kept(world.robot, world.rules.criteria).chain)
-    pivot = chain.joints[pivot_of(chain)]
-    endless = pivot.upper - pivot.lower >= 2 * np.pi
-    planar = is_planar(chain) and all(in_plane(chain, one) for one in world.task)
-    return world.rules.heading != "fixed" and not _round(world) and (endless or planar)
+    return world.rules.heading != "fixed" and not _round(world) and heeds_headings(world)
 
 
 def span_of_rules(world: World) -> tuple[float, float]:

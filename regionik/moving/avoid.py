@@ -18,8 +18,7 @@ from scipy.stats import qmc
 from shapely.geometry import Point
 from shapely.geometry.base import BaseGeometry
 
-from regionik.areas.demand import in_plane
-from regionik.areas.meeting import meets
+from regionik.areas.reachable import model_of, reach_model
 from regionik.areas.standing import Standing, away, into_span
 from regionik.mfabrik import Solver, axis_of, pose_of, solver_for
 from regionik.moving.rolled import Rolls
@@ -140,7 +139,7 @@ class Avoider:
     def meets(self, at: Pose) -> bool:
         """Whether a posture at a set-point meets the rules' criteria; those of `Solver` do anyway."""
         criteria = self.world.rules.criteria
-        return criteria is None or meets(self.world.robot, criteria, at.joints)
+        return criteria is None or reach_model(self.world.robot, "point").meets(criteria, at.joints)
 
     def _options(self, i: int, components: Sequence[int], here: Pose, nominal: Spot) -> Iterator[Spot]:
         if self.travel is not None:
@@ -240,7 +239,7 @@ class Avoider:
         around: list[Spot] = []
         if target.direction is None:
             around = list(self._asked(i, spot, go_round))
-        elif not in_plane(self.world.robot.chain, target):  # in a plane, its few postures were all looked at
+        elif not model_of(self.world, target).shows_all_postures:  # else all were looked at
             around = list(self._looked(i, spot))
         self._futile[key] = 0 if around else self._futile.get(key, 0) + 1
         yield from around

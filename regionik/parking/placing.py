@@ -11,7 +11,6 @@ import shapely
 from shapely.geometry import Point
 from shapely.geometry.base import BaseGeometry
 
-from regionik.areas.reachable import Family
 from regionik.areas.standing import into_span
 from regionik.mfabrik import Solver, axis_of, pose_of, solver_for
 from regionik.moving.avoid import spread
@@ -19,6 +18,7 @@ from regionik.parking.fewest import Floors, Group, depth
 from regionik.plan import Configuration, Stop
 from regionik.planners.places.tour import through
 from regionik.planners.solvers.serial import chain_frames, chain_jacobian, serial_arm
+from regionik.postures.families import Family
 from regionik.worlds.arrays import Array
 from regionik.worlds.pivot import pivot_of, pivoted
 from regionik.worlds.scene import World

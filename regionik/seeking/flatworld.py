@@ -9,39 +9,37 @@ import shapely
 from shapely.geometry import Polygon
 
 from regionik.areas.ground import EVERY, Side
+from regionik.areas.reachable import planar_reach
 from regionik.planners.clearance.bulkreach import Keep, Reach, Stance
 from regionik.planners.reach.ringfloor import Parts, parts_of
 from regionik.planners.reach.rings import boundary_circles
-from regionik.planners.solvers.kernels import PlaneArm
 from regionik.postures.guard import SPARE, guard_of
 from regionik.worlds.arrays import Array
-from regionik.worlds.planar import planar_arm
 from regionik.worlds.scene import World
 
 
 @lru_cache(maxsize=128)
 def stance_of(world: World, span: tuple[float, float]) -> Stance:
     """How the robot stands with its heading in a span."""
-    robot, arm = world.robot, planar_arm(world.robot.chain)
+    robot, model = world.robot, planar_reach(world.robot)
+    arm = model.arm
     low, high = arm.pivot_lower, arm.pivot_upper
     if world.rules.heading == "face_target":
         low = high = min(max(0.0, low), high)
-    shoulder = float(arm.shoulder[0]), float(arm.shoulder[1] + robot.mount[2])
-    plane = PlaneArm(*shoulder, *map(own, (arm.lengths, arm.lower, arm.upper)))
     zero, yaw = float(arm.pivot_zero + robot.mount[3]), 0.0
     if world.start is not None:
         yaw = float(world.start.base[2])
     if span != EVERY:
         yaw = (span[0] + span[1]) / 2
     sign, offset, mount = map(own, (arm.sign, arm.offset, robot.mount[:2]))
-    return Stance(plane, sign, offset, zero, low, high, mount, yaw)
+    return Stance(model.plane, sign, offset, zero, low, high, mount, yaw)
 
 
 @lru_cache(maxsize=8)
 def reach_of(world: World) -> Reach:
     """The circles on which the arm's reach can begin or end."""
-    arm = planar_arm(world.robot.chain)
-    circles = boundary_circles(arm, float(arm.shoulder[1] + world.robot.mount[2]))
+    model = planar_reach(world.robot)
+    circles = boundary_circles(model.arm, model.plane.shoulder_z)
     return Reach(own(circles[:, :2]), own(circles[:, 2]))
 
 

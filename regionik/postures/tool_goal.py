@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from regionik.planners.solvers.polish import DIRECTION, ORIENTATION, POSITION, Aim
 from regionik.worlds.arrays import Array
-from regionik.worlds.chain import Chain
-from regionik.worlds.pivot import is_planar
-from regionik.worlds.planar import planar_arm
 from regionik.worlds.scene import Target
+
+Goal = Literal["point", "direction", "orientation"]
 
 _ANY_TURN = np.zeros((3, 3))  # what kernels are given where they do not look
 HELD = 0.5  # share of a cone that arms are solved to; the rest is left for the way between two states
 
 
-def in_plane(chain: Chain, target: Target) -> bool:
-    """Whether the arm meets the target in its own plane; any other is solved as a chain of rigid bodies."""
-    return is_planar(chain) and (target.direction is None or planar_arm(chain).tool_along_link)
+def goal_of(target: Target) -> Goal:
+    """Return what a set-point asks of the tool: its point alone, its axis too, or its whole frame."""
+    if target.orientation is not None:
+        return "orientation"
+    return "point" if target.direction is None else "direction"
 
 
 def aim_of(target: Target) -> Aim:
