@@ -22,7 +22,7 @@ Result = TypeVar("Result")
 
 
 class _WorldWanted:
-    """What a worker answers that has not seen the world yet."""
+    """Answer of a worker that has not seen the world yet."""
 
 
 _seen: dict[str, World] = {}  # the world that this worker works on
@@ -137,7 +137,7 @@ class _Errands(Generic[Item, Result]):
 def _job(
     work: Callable[[World, Item], Result], digest: str, world: bytes | None, item: Item
 ) -> Result | _WorldWanted:
-    """What a worker does; it keeps one world, with all that is cached for it."""
+    """Work done by a worker; it keeps one world, with all that is cached for it."""
     with _one_at_a_time:
         if digest not in _seen:
             if world is None:

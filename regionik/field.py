@@ -59,14 +59,14 @@ class Field:
 
     @property
     def meaning(self) -> str:
-        """What the values are, in a few words."""
+        """Meaning of the values, in a few words."""
         if self.height is None:
             return f"targets reached, of {self.most}"
         return f"tool at {self.height:g} m: 0 unreachable, 1 undecided, 2 reachable"
 
     @property
     def summary(self) -> str:
-        """What a person wants to know first."""
+        """One line of what a person wants to know first."""
         if self.height is None:
             return f"the best place reaches {self.values.max(initial=0)} of {self.most} targets"
         area = [float((self.values == value).sum()) * self.cell**2 for value in (REACHABLE, UNDECIDED)]
@@ -74,7 +74,7 @@ class Field:
 
 
 def reach_field(world: World, targets: ArrayLike | Sequence[Target], cell: float = 0.05) -> Field:
-    """How many targets the arm reaches from each place of its axis on the floor.
+    """Number of targets that the arm reaches from each place of its axis on the floor.
 
     A target counts where its inner area holds the middle of the cell, so it is truly reached from there, with
     one heading for all that a place counts: the best.
@@ -113,7 +113,7 @@ def reach_field(world: World, targets: ArrayLike | Sequence[Target], cell: float
 
 
 def reach_slice(world: World, height: float, cell: float = 0.05) -> Field:
-    """Which positions of the tool at one height are reached from anywhere on the floor.
+    """Positions of the tool at one height that are reached from anywhere on the floor.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Whether targets can be reached, and from where: arrays in, arrays out."""
+"""Reachability of targets, with base and arm where they can be reached: arrays in, arrays out."""
 
 from __future__ import annotations
 
@@ -208,7 +208,7 @@ def _closely(world: World, target: Target) -> _Result:
 
 
 def _everywhere(quest: Quest) -> _Result:
-    """What a look at all postures from all places comes to; for arms in one plane, led round things."""
+    """Result of a look at all postures from all places, for arms that are led round things."""
     world, target = quest.world, quest.target
     if not can_look(world):
         return _Result("undecided", None, np.inf, "")

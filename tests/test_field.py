@@ -18,9 +18,10 @@ from regionik.planners.geometry.gridcount import count_rings
 from regionik.reach import reach
 from regionik.regions import admissible_area
 from regionik.worlds.arrays import Array
+from regionik.worlds.criteria import Criteria
 from regionik.worlds.errors import InputError
 from regionik.worlds.library import load_robot, load_world
-from regionik.worlds.scene import Start, Target, World
+from regionik.worlds.scene import Rules, Start, Target, World
 from regionik.writing.field_file import write_field
 
 CELL = 0.1
@@ -41,6 +42,7 @@ WORLDS = {
     "free": load_world("free"),
     "l_shape": load_world("l_shape"),
     "headings": fixed("free", "youbot-real"),
+    "criteria": replace(load_world("free"), rules=Rules(criteria=Criteria(0.012, 0.05))),
     "no plane": replace(load_world("free"), robot=load_robot("hinge5"), start=None),
 }
 

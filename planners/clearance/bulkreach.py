@@ -61,7 +61,7 @@ class Reach(NamedTuple):
 
 
 class Keep(NamedTuple):
-    """What the arm keeps off, as `touching` has it.
+    """Solids that the arm keeps off, as `touching` has them.
 
     Attributes
     ----------
@@ -94,7 +94,7 @@ def _gap(movers: Movers, hulls: Hulls, placed: Array, k: int, m: int) -> float:
 
 @compiled
 def _clear_of_itself(keep: Keep, hop: Hop, frames: Array, placed: Array) -> bool:
-    """Whether solids keep their distance from one another and from the base; both arrays are overwritten."""
+    """True where solids keep their distance from one another and the base; both arrays are overwritten."""
     arm, mount, movers, hulls, within, _ = keep
     for m in range(hulls.world, len(hulls.frame)):
         seen = False
@@ -112,7 +112,7 @@ def _clear_of_itself(keep: Keep, hop: Hop, frames: Array, placed: Array) -> bool
 
 @compiled
 def is_clear(keep: Keep, base: Array, q: Array, tool_on: int) -> bool:
-    """Whether every solid of the robot is proven to keep its distance; the tool works on ``tool_on``.
+    """True where every solid of the robot is proven to keep its distance; the tool works on ``tool_on``.
 
     Lower bounds decide, and meshes count as their hulls: what is clear by a hair may be refused.
     """

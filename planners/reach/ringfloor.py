@@ -1,4 +1,4 @@
-"""A free floor as compiled values: is a place on it, or near it."""
+"""Free floors as flat arrays: points inside and points near, compiled."""
 
 from __future__ import annotations
 
@@ -42,7 +42,8 @@ def parts_of(polygons: Sequence[Polygon]) -> Parts:
 
     Examples
     --------
-    >>> parts = parts_of([shapely.box(0, 0, 1, 1), shapely.box(2, 0, 3, 1)])
+    >>> from shapely import box
+    >>> parts = parts_of([box(0, 0, 1, 1), box(2, 0, 3, 1)])
     >>> inside(parts, 0.5, 0.5), inside(parts, 1.5, 0.5)
     (True, False)
     """
@@ -72,7 +73,7 @@ def _band(parts: Parts, y: float) -> int:
 
 @compiled
 def inside(parts: Parts, x: float, y: float) -> bool:
-    """Whether a place is on the floor."""
+    """True where a place is on the floor."""
     odd = False
     k = _band(parts, y)
     for i in range(parts.first[k], parts.first[k + 1]):
@@ -84,7 +85,7 @@ def inside(parts: Parts, x: float, y: float) -> bool:
 
 @compiled
 def is_near(parts: Parts, x: float, y: float, by: float) -> bool:
-    """Whether some place of the floor is at most ``by`` away [m]."""
+    """True where some place of the floor is at most ``by`` away [m]."""
     if inside(parts, x, y):
         return True
     for k in range(_band(parts, y - by), _band(parts, y + by) + 1):

@@ -200,7 +200,7 @@ def _spans(
 
 @compiled
 def _end(centers: Array, radii: Array, name: int, z: float) -> float:
-    """Where a circle, its near or far side, is at a height; the axis behind the last of them."""
+    """Place of a circle's near or far side at a height; the axis behind the last of them."""
     k = name // 2
     if k == len(radii):
         return 0.0
@@ -220,7 +220,7 @@ def _named(centers: Array, radii: Array, z: float, r: float) -> int:
 
 @compiled
 def _apart(centers: Array, radii: Array, z: float) -> bool:
-    """Whether sides of circles and the axis keep their distance at a height, so that none is another."""
+    """True where sides of circles and the axis keep their distance at a height: none is another."""
     places, count = np.zeros(2 * len(radii) + 1), 1
     for name in range(2 * len(radii)):
         if abs(z - centers[name // 2, 1]) <= radii[name // 2]:

@@ -195,7 +195,7 @@ class PlanarReach(ReachModel):
         return asked is None or bool(posture_spare(self.plane, asked[0], self.arm.bends(joints)) >= 0.0)
 
     def turns_freely(self, rules: Rules, span: tuple[float, float]) -> bool:
-        """Whether headings and pivot together turn the plane all round; see `ReachModel`."""
+        """True where headings and pivot together turn the plane all round; see `ReachModel`."""
         low, high = self._pivot(rules)
         return span == EVERY or bool(high - low + span[1] - span[0] >= 2 * np.pi)
 
@@ -231,7 +231,7 @@ def _paved(
 
 
 def _ahead(family: Family, spans: Array, margin: float | None, arcs: int) -> tuple[Index, Array, Array]:
-    """Which of the spans (m, 2) of signed distance a family reaches, and the distances, low and high."""
+    """Rows of the spans (m, 2) of signed distance that a family reaches; their distances, low and high."""
     low, high = spans.T
     front = low >= 0
     a, b = np.where(front, low, -high), np.where(front, high, -low)

@@ -52,12 +52,12 @@ class ReachQuery(NamedTuple):
 
     @property
     def inner(self) -> bool:
-        """Whether it is the reach from within."""
+        """True for the reach from within."""
         return self.margin is not None
 
     @property
     def guard(self) -> float:
-        """What sectors keep from both ends of their headings [rad]."""
+        """Angle that sectors keep from both ends of their headings [rad]."""
         return GUARD if self.inner else 0.0
 
 
@@ -138,19 +138,19 @@ class ReachModel(ABC):
         """
 
     def meets(self, criteria: Criteria | None, joints: Array) -> bool:
-        """Whether a posture (dof,) meets criteria at any roll."""
+        """True where a posture (dof,) meets criteria at any roll."""
         self.thresholds(criteria)
         limits = kept(self.robot, criteria).chain
         over = (joints < limits.lower - LIMIT_SLACK) | (joints > limits.upper + LIMIT_SLACK)
         return limits is self.robot.chain or not over.any()
 
     def turns_freely(self, rules: Rules, span: tuple[float, float]) -> bool:
-        """Whether areas are the same for a base that keeps its headings within a span."""
+        """True where areas are the same for a base that keeps its headings within a span."""
         return True
 
     @property
     def heeds_headings(self) -> bool:
-        """Whether areas hold for a base that keeps its heading: where the pivot turns all round, any do."""
+        """True where areas hold for a base that keeps its heading, as the pivot turns all round."""
         pivot = self.chain.joints[pivot_of(self.chain)]
         return bool(pivot.upper - pivot.lower >= 2 * np.pi)
 

@@ -71,7 +71,7 @@ def model_of(world: World, target: Target) -> ReachModel:
 
 
 def heeds_headings(world: World) -> bool:
-    """Whether areas of the world's task hold for a base that keeps to some headings."""
+    """True where areas of the world's task hold for a base that keeps to some headings."""
     robot = kept(world.robot, world.rules.criteria)
     goals: set[Goal] = {"point", *map(goal_of, world.task)}
     return all(reach_model(robot, goal).heeds_headings for goal in goals)

@@ -48,7 +48,7 @@ def ring_sectors(
 
 
 def wide_enough(low: Array, high: Array, margin: float | None, arcs: int) -> NDArray[np.bool_]:
-    """Whether rings (n,) have a polygon: a ring thinner than its chords has none within it."""
+    """Rings (n,) that have a polygon within: one thinner than its chords has none."""
     real: NDArray[np.bool_] = low + high > 0
     if margin is not None:
         real &= (low + margin) / np.cos(np.pi / arcs) + GUARD < high - margin

@@ -1,4 +1,4 @@
-"""Where the base may stand, by heading.
+"""Free floor of the base, by heading.
 
 Areas that hold at every heading need room for the circle round the footprint. Where that is too much, a full
 turn is cut into slabs of heading: within a slab the footprint needs room for its turns in it alone. The base
@@ -55,7 +55,7 @@ class Pieces(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Standing:
-    """Where the base may stand: one side for every heading, or one a slab, round the full turn."""
+    """Free floor of the base: one side for every heading, or one a slab, round the full turn."""
 
     sides: tuple[Side, ...]
 
@@ -75,7 +75,7 @@ class Standing:
         return parts
 
     def beside(self, a: Index, b: Index) -> Mask:
-        """Whether two sides are the same, or neighbours on the turn."""
+        """Pairs of sides that are the same, or neighbours on the turn."""
         count = len(self.sides)
         apart = np.abs(a - b)
         near: Mask = (apart <= 1) | (apart == count - 1)
@@ -92,7 +92,7 @@ class Standing:
 
 
 def away(yaw: float, span: tuple[float, float]) -> float:
-    """How far a heading lies outside a span of headings, the shorter way [rad].
+    """Angle from a heading to a span of headings, the shorter way [rad].
 
     Examples
     --------
@@ -150,7 +150,7 @@ def by_heading(world: World) -> Standing:
 
 
 def turns_matter(world: World) -> bool:
-    """Whether the heading decides on where the base may stand.
+    """True where the places for the base depend on its heading.
 
     With a bounded first joint it decides on the reach too, which not every model of reach knows.
     """

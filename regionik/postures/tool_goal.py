@@ -1,4 +1,4 @@
-"""What a set-point asks of the tool: for arms, for kernels, and on the way from one set-point to the next."""
+"""Goals of the tool: what set-points ask of it, and what is asked on the way between them."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def aim_of(target: Target) -> Aim:
 
 
 def misses(target: Target, tool: Array) -> tuple[float, float]:
-    """How far a tool frame (4, 4) is off in position [m], and in axis or turn where one is asked [rad]."""
+    """Error of a tool frame (4, 4) in position [m], and in axis or turn where one is asked [rad]."""
     return float(np.linalg.norm(tool[:3, 3] - target.position)), deviation(target, tool[:3, :3])
 
 
@@ -51,7 +51,7 @@ def deviation(target: Target, turn: Array) -> float:
 
 
 def between(a: Target, b: Target, share: float) -> Target:
-    """What the tool does at a share of the way: it goes straight, its axis or its frame turns evenly.
+    """Goal at a share of the way: the tool goes straight, its axis or its frame turns evenly.
 
     A direction goes along the shorter arc, an orientation the shorter way; what only one end asks for,
     nothing on the way does. The cone goes evenly from one to the other.

@@ -20,7 +20,7 @@ from regionik.worlds.scene import World
 
 @lru_cache(maxsize=128)
 def stance_of(world: World, span: tuple[float, float]) -> Stance:
-    """How the robot stands with its heading in a span."""
+    """Stance of the robot with its heading in a span."""
     robot, model = world.robot, planar_reach(world.robot)
     arm = model.arm
     low, high = arm.pivot_lower, arm.pivot_upper
@@ -45,7 +45,7 @@ def reach_of(world: World) -> Reach:
 
 @lru_cache(maxsize=8)
 def keep_of(world: World) -> Keep:
-    """What the arm keeps off."""
+    """Solids that the arm keeps off."""
     guard, bodies = guard_of(world), guard_of(world).bodies
     return Keep(bodies.arm, own(bodies.mount), bodies.movers, bodies.hulls, SPARE, guard.on)
 

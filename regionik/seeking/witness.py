@@ -80,7 +80,7 @@ class Quest:
         return next((q for _, near in nearest if (q := self._searched(near)) is not None), None)
 
     def stands(self, q: Pose) -> bool:
-        """Whether tool, joints and base are where they should be, whatever the arm touches."""
+        """True where tool, joints and base are where they should be, whatever the arm touches."""
         world, chain = self.world, self.world.robot.chain
         error, angle = misses(self.target, world.robot.tool(q.base, q.joints))
         on_target = error <= world.rules.tolerance + SLACK and angle <= self.target.cone + SLACK
@@ -89,7 +89,7 @@ class Quest:
         return on_target and good and bool(fits(room_for(world), *q.base.tolist()))
 
     def confirms(self, q: Pose) -> bool:
-        """Whether a configuration is an answer."""
+        """True where a configuration is an answer."""
         return self.stands(q) and self._room(q) == np.inf
 
     def _places(self, area: BaseGeometry) -> Array:
