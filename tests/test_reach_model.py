@@ -145,11 +145,12 @@ def test_a_pivot_that_turns_once_round_plans_with_a_fixed_heading() -> None:
 
 def test_criteria_that_an_arm_cannot_be_held_to_are_refused() -> None:
     asked = Criteria(manipulability=0.01)
-    for robot, goal, words in (
+    refused: tuple[tuple[Robot, Goal, str], ...] = (
         (robot_named("pioneer7"), "point", "one vertical plane"),
         (robot_named("pioneer7"), "direction", "one vertical plane"),
         (across(robot_named("youbot")), "direction", "along the last link"),
-    ):
+    )
+    for robot, goal, words in refused:
         with pytest.raises(InputError, match=words):
             reach_model(robot, goal).thresholds(asked)
         assert reach_model(robot, goal).thresholds(Criteria(joint_margin=0.1)) is None

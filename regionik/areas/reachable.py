@@ -20,7 +20,6 @@ from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Target, World
 
 
-@lru_cache(maxsize=256)
 def reach_model(robot: Robot, goal: Goal) -> ReachModel:
     """Return the model of an arm's reach that suits a kind of goal.
 
@@ -46,14 +45,21 @@ def reach_model(robot: Robot, goal: Goal) -> ReachModel:
     >>> reach_model(robot_named("youbot"), "direction").exact
     True
     """
+    point, pose = _models(robot)
+    return point if goal == "point" else pose
+
+
+@lru_cache(maxsize=256)
+def _models(robot: Robot) -> tuple[ReachModel, ReachModel]:
+    """The models for points and for poses."""
     try:
         planar = planar_reach(robot)
     except InputError:
-        return PivotedReach(robot) if goal == "point" else PosedReach(robot)
-    return planar if goal == "point" or planar.arm.tool_along_link else PosedReach(robot, planar=True)
+        return PivotedReach(robot), PosedReach(robot)
+    return planar, planar if planar.arm.tool_along_link else PosedReach(robot, planar=True)
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=256)
 def planar_reach(robot: Robot) -> PlanarReach:
     """Return the reach of an arm in one vertical plane.
 
