@@ -16,7 +16,8 @@ import shapely
 from shapely import STRtree
 
 from regionik.areas.ground import Geometries, ground_of
-from regionik.areas.reachable import FRONT, reach_rows
+from regionik.areas.reachable import reach_rows
+from regionik.postures.families import FRONT
 from regionik.regions import path_areas
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.obstacles import Box

@@ -12,9 +12,9 @@ from dataclasses import replace
 import numpy as np
 import shapely
 
-from regionik.areas.reachable import BACK, FRONT
 from regionik.parking.fewest import park
 from regionik.parking.stops import find
+from regionik.postures.families import BACK, FRONT
 from regionik.regions import path_areas
 from regionik.view.figures import plot_stops
 from regionik.worlds.bundled import robot_named

@@ -21,7 +21,6 @@ SECTIONS = {
     "Areas and reach": (
         "admissible_area",
         "reach",
-        "reach_many",
         "reach_field",
         "reach_slice",
         "write_field",

@@ -16,7 +16,6 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from regionik.bulk import reach_many
     from regionik.comparison import compare
     from regionik.field import reach_field, reach_slice
     from regionik.mfabrik import Solver
@@ -80,7 +79,6 @@ __all__ = [
     "point_to_point",
     "reach",
     "reach_field",
-    "reach_many",
     "reach_slice",
     "retime",
     "show",
@@ -126,7 +124,6 @@ _HOME = {
     "point_to_point": "regionik.timing.point_to_point",
     "reach": "regionik.reach",
     "reach_field": "regionik.field",
-    "reach_many": "regionik.bulk",
     "reach_slice": "regionik.field",
     "retime": "regionik.timing.retime",
     "show": "regionik.view.viewer",

@@ -5,22 +5,14 @@ from __future__ import annotations
 import hashlib
 import pickle
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
-from dataclasses import fields
-from itertools import chain
 from threading import Lock
-from typing import Any, Generic, TypeVar
+from typing import Generic, TypeVar
 
-import numpy as np
-from numpy.typing import ArrayLike
-
-from regionik.reach import Answer, reach
-from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.errors import EngineError
-from regionik.worlds.scene import Target, World
+from regionik.worlds.scene import World
 
-CHUNK = 2000  # targets that a worker is given at once
 AHEAD = 32  # chunks handed out before the first of them is back
 FRESH_POOLS = 3  # tried one after the other without an answer
 
@@ -30,76 +22,11 @@ Result = TypeVar("Result")
 
 
 class _WorldWanted:
-    """What a worker answers that has not seen the world yet."""
+    """Answer of a worker that has not seen the world yet."""
 
 
 _seen: dict[str, World] = {}  # the world that this worker works on
 _one_at_a_time = Lock()  # prepared geometry must not be shared by threads
-
-
-def reach_many(
-    world: World,
-    targets: ArrayLike | Sequence[Target],
-    executor: Pool | None = None,
-    chunk: int = CHUNK,
-    progress: Callable[[str, int, int], None] | None = None,
-) -> Answer:
-    """Ask for very many targets whether the tool can get there, and from where.
-
-    The answer is that of `reach` for each chunk, whatever the executor and the number of its workers.
-
-    Parameters
-    ----------
-    world : World
-    targets : (n, 3) array_like or sequence of Target
-        Bare points leave the tool direction free [m].
-    executor : Executor or function that makes one, optional
-        Where chunks are worked on: processes of this machine or of others; threads of one process take
-        turns. By default this process. Chunks of workers that are lost are handed out again; a process
-        pool breaks with its workers, and only a function can make another one.
-    chunk : int
-        Targets that a worker is given at once.
-    progress : callable, optional
-        Called with "reach", targets done, targets in all.
-
-    Raises
-    ------
-    InputError
-        For targets that are not n rows of three finite numbers.
-    EngineError
-        When workers are lost again and again.
-
-    Examples
-    --------
-    >>> from regionik.worlds.documents.world_file import load_world
-    >>> reach_many(load_world("pillar"), [[0.5, 0, 0.25], [0.5, 0, 2.0]], chunk=1).verdict.tolist()
-    ['reachable', 'unreachable']
-    """
-    asked = _checked(targets)
-    chunks = [asked[k : k + chunk] for k in range(0, max(1, len(asked)), chunk)]
-    parts: dict[int, Answer] = {}
-    done = 0
-    for k, answer in handed_out(world, reach, enumerate(chunks), executor):
-        parts[k] = answer
-        done += len(answer.reachable)
-        if progress is not None:
-            progress("reach", done, len(asked))
-    return _joined([parts[k] for k in range(len(chunks))])
-
-
-def _checked(targets: ArrayLike | Sequence[Target]) -> Array | Sequence[Target]:
-    if isinstance(targets, Sequence) and all(isinstance(target, Target) for target in targets):
-        return [target for target in targets if isinstance(target, Target)]
-    return frozen(np.atleast_2d(np.asarray(targets)), (None, 3), "targets")
-
-
-def _joined(parts: Sequence[Answer]) -> Answer:
-    columns: dict[str, Any] = {}
-    for field in fields(Answer):
-        values = [getattr(part, field.name) for part in parts]
-        whole = list(chain(*values)) if isinstance(values[0], list) else np.concatenate(values)
-        columns[field.name] = whole
-    return Answer(**columns)
 
 
 def handed_out(
@@ -210,7 +137,7 @@ class _Errands(Generic[Item, Result]):
 def _job(
     work: Callable[[World, Item], Result], digest: str, world: bytes | None, item: Item
 ) -> Result | _WorldWanted:
-    """What a worker does; it keeps one world, with all that is cached for it."""
+    """Work done by a worker; it keeps one world, with all that is cached for it."""
     with _one_at_a_time:
         if digest not in _seen:
             if world is None:

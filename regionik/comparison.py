@@ -14,7 +14,6 @@ from typing import Protocol
 
 import numpy as np
 
-from regionik.areas.demand import aim_of, misses
 from regionik.areas.standing import room_for
 from regionik.mfabrik import Solver, axis_of, pose_of, solver_for
 from regionik.pipeline import start_place, whole_path
@@ -26,6 +25,7 @@ from regionik.planners.rivals.network import Network
 from regionik.planners.solvers.mobile import seen
 from regionik.postures.guard import guard_of
 from regionik.postures.poses import pose
+from regionik.postures.tool_goal import aim_of, misses
 from regionik.pruning import choose_chain
 from regionik.values import Configuration
 from regionik.worlds.arrays import Array

@@ -15,14 +15,15 @@ from functools import cached_property, lru_cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from regionik.areas.demand import in_plane
 from regionik.areas.ground import Side
-from regionik.areas.meeting import narrowed, refuse
-from regionik.areas.reachable import BACK, FRONT, Family, plane_rings
+from regionik.areas.reach_model import ReachQuery
+from regionik.areas.reachable import model_of, planar_reach
 from regionik.areas.standing import anywhere
 from regionik.planners.geometry.cells import Cells, cells_of
 from regionik.planners.geometry.ringarcs import Outline, Sectors, holds, measures, nearest_place, outlines
+from regionik.postures.families import BACK, FRONT, Family
 from regionik.worlds.arrays import Array, frozen
+from regionik.worlds.criteria import with_joint_margin
 from regionik.worlds.errors import InputError
 from regionik.worlds.scene import Target, World
 
@@ -103,15 +104,13 @@ def exact_areas(
     True
     """
     asked, side = world.task if targets is None else targets, side or anywhere(world).sides[0]
-    kept = narrowed(world)
-    for target in asked:
-        refuse(kept, target)
-        if not in_plane(kept.robot.chain, target):
-            raise InputError(
-                f"{world.name}: exact areas are those of an arm that works in one vertical plane"
-            )
-    which, families, reach = plane_rings(kept, asked, facings, side.span, inner=True)
-    margin = world.rules.reach_margin
+    if not all(model_of(world, target).exact for target in asked):
+        raise InputError(f"{world.name}: exact areas are those of an arm that works in one vertical plane")
+    rules, model = world.rules, planar_reach(with_joint_margin(world.robot, world.rules.criteria))
+    which, families, reach = model.rings(
+        asked, ReachQuery(rules, rules.reach_margin, side.span, tuple(facings))
+    )
+    margin = rules.reach_margin
     rings = Sectors(*(np.ascontiguousarray(column) for column in reach))
     rings = rings._replace(low=rings.low + margin, high=rings.high - margin)
     floor = _cells(side)

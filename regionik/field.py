@@ -9,17 +9,16 @@ import numpy as np
 import shapely
 from numpy.typing import ArrayLike, NDArray
 
-from regionik.areas.ground import EVERY, GUARD, Side
-from regionik.areas.reachable import BACK, FRONT, reach_rows
+from regionik.areas.ground import GUARD, Side
+from regionik.areas.reach_model import ReachModel
+from regionik.areas.reachable import reach_model, reach_rows
 from regionik.areas.standing import anywhere, by_heading, outer_by_heading
 from regionik.planners.geometry.gridcount import count_rings
-from regionik.planners.reach.levelreach import inner_reach, outer_reach
-from regionik.planners.reach.rings import reach_intervals
+from regionik.postures.families import BACK, FRONT
 from regionik.regions import path_areas
 from regionik.worlds.arrays import Array, frozen
+from regionik.worlds.criteria import with_joint_margin
 from regionik.worlds.errors import InputError
-from regionik.worlds.pivoted_arm import with_pivot
-from regionik.worlds.planar_arm import is_planar, planar_arm
 from regionik.worlds.scene import Target, World
 
 MOST_CELLS = 40_000_000
@@ -60,14 +59,14 @@ class Field:
 
     @property
     def meaning(self) -> str:
-        """What the values are, in a few words."""
+        """Meaning of the values, in a few words."""
         if self.height is None:
             return f"targets reached, of {self.most}"
         return f"tool at {self.height:g} m: 0 unreachable, 1 undecided, 2 reachable"
 
     @property
     def summary(self) -> str:
-        """What a person wants to know first."""
+        """One line of what a person wants to know first."""
         if self.height is None:
             return f"the best place reaches {self.values.max(initial=0)} of {self.most} targets"
         area = [float((self.values == value).sum()) * self.cell**2 for value in (REACHABLE, UNDECIDED)]
@@ -75,7 +74,7 @@ class Field:
 
 
 def reach_field(world: World, targets: ArrayLike | Sequence[Target], cell: float = 0.05) -> Field:
-    """How many targets the arm reaches from each place of its axis on the floor.
+    """Number of targets that the arm reaches from each place of its axis on the floor.
 
     A target counts where its inner area holds the middle of the cell, so it is truly reached from there, with
     one heading for all that a place counts: the best.
@@ -114,7 +113,7 @@ def reach_field(world: World, targets: ArrayLike | Sequence[Target], cell: float
 
 
 def reach_slice(world: World, height: float, cell: float = 0.05) -> Field:
-    """Which positions of the tool at one height are reached from anywhere on the floor.
+    """Positions of the tool at one height that are reached from anywhere on the floor.
 
     Parameters
     ----------
@@ -143,7 +142,7 @@ def reach_slice(world: World, height: float, cell: float = 0.05) -> Field:
     for side in outer_by_heading(world).sides:
         values[_met(side, outer, x, y)] = UNDECIDED
     (side,) = anywhere(world).sides
-    if _turns_freely(world, side.span):
+    if _model(world).turns_freely(world.rules, side.span):
         values[_met(side, inner, x, y)] = REACHABLE
     else:
         values[_met_one_by_one(world, float(z[0]), values, x, y)] = REACHABLE
@@ -183,7 +182,7 @@ def _counted(
 ) -> NDArray[np.int32]:
     """Targets reached from each free cell within one side's headings."""
     count = np.zeros(free.shape, dtype=np.int32)
-    if isinstance(targets, list) or not _turns_freely(world, side.span):
+    if isinstance(targets, list) or not _model(world).turns_freely(world.rules, side.span):
         _count_areas(world, _as_targets(targets), side, free, x, y, count)
         return count
     spans = _distances(world, targets[:, 2], inner=True)
@@ -192,14 +191,9 @@ def _counted(
     return count
 
 
-def _turns_freely(world: World, span: tuple[float, float]) -> bool:
-    """Whether the arm's plane can point anywhere while the base keeps its headings."""
-    chain = world.robot.chain
-    if span == EVERY or not is_planar(chain):
-        return True
-    arm = planar_arm(chain)
-    turn = 0.0 if world.rules.heading == "face_target" else arm.pivot_upper - arm.pivot_lower
-    return bool(turn + span[1] - span[0] >= 2 * np.pi)
+def _model(world: World) -> ReachModel:
+    """The reach of bare points."""
+    return reach_model(with_joint_margin(world.robot, world.rules.criteria), "point")
 
 
 def _as_targets(targets: Array | list[Target]) -> list[Target]:
@@ -232,16 +226,7 @@ def _count_areas(
 
 def _distances(world: World, heights: Array, *, inner: bool) -> list[Array]:
     """Distances from the arm axis at which the tool is in reach, (k, 2) for each height, at any heading."""
-    chain, mount = world.robot.chain, float(world.robot.mount[2])
-    if is_planar(chain):
-        arm = planar_arm(chain)
-        signed = reach_intervals(arm, float(arm.shoulder[1]) + mount, heights)
-        found = [np.sort(np.abs(some), axis=1) for some in signed]
-    else:
-        reach = inner_reach if inner else outer_reach
-        distinct, where = np.unique(heights, return_inverse=True)
-        rings = [np.array(reach(with_pivot(chain), z - mount)).reshape(-1, 2) for z in distinct.tolist()]
-        found = [rings[k] for k in where]
+    found = _model(world).distances(world.rules.criteria, heights, inner=inner)
     if not inner:
         return found
     keep = world.rules.reach_margin + GUARD

@@ -15,18 +15,19 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from shapely.geometry.base import BaseGeometry
 
-from regionik.areas.demand import in_plane
 from regionik.areas.ground import EVERY
-from regionik.areas.meeting import asked_in
-from regionik.areas.reachable import FRONT, Family
+from regionik.areas.reach_model import ReachModel
+from regionik.areas.reachable import reach_model
 from regionik.areas.standing import Standing
 from regionik.planners.geometry.flat import FlatPolygon
 from regionik.planners.solvers.batches import answer_all
 from regionik.planners.solvers.callsheet import FACE_TARGET, FIXED, FREE, Turning, held
 from regionik.planners.solvers.onecall import OneCall, one_call, share_turn
 from regionik.planners.solvers.ways import answer_way
-from regionik.postures.arms import ANGLE_SLACK, Arm, PlaneSolver, arm_solver
-from regionik.postures.serialarm import Reached, serial_solver
+from regionik.postures.arms import ANGLE_SLACK, Arm, PlaneSolver
+from regionik.postures.families import FRONT, Family
+from regionik.postures.serialarm import Reached
+from regionik.postures.tool_goal import goal_of
 from regionik.pruning import Ladder
 from regionik.values import Configuration, OpenConfiguration
 from regionik.worlds.arrays import Array, frozen
@@ -76,6 +77,7 @@ class Solver:
     family: Family = field(default_factory=lambda: Family(FRONT))
     span: tuple[float, float] = EVERY
     criteria: Criteria | None = None
+    _model: ReachModel = field(init=False, repr=False)
     _arm: Arm = field(init=False, repr=False)
     _flat: FlatPolygon = field(init=False, repr=False)
     _mobile: bool = field(init=False, repr=False, default=True)
@@ -85,11 +87,9 @@ class Solver:
             raise InputError(f"solver: tolerance must be above 0, got {self.tolerance}")
         if self.heading not in HEADINGS:
             raise InputError(f"solver: heading must be one of {', '.join(HEADINGS)}, got {self.heading}")
-        robot, height, turns = self._kept, float(self.robot.mount[2]), not self._bound
-        asked = asked_in(robot, self.criteria)
-        arm = arm_solver(
-            robot.chain, height, self.family, self.tolerance, turns=turns, asked=asked and asked[0]
-        )
+        model, turns = reach_model(self._kept, "point"), not self._bound
+        arm = model.solver(self.family, self.tolerance, turns=turns, criteria=self.criteria)
+        object.__setattr__(self, "_model", model)
         object.__setattr__(self, "_arm", arm)
         object.__setattr__(self, "_flat", _flat(self.area))
 
@@ -240,11 +240,11 @@ class Solver:
         return self._headed(arm.reach(target, axis, self._yaw(base), q, self._flat, mobile), base, joints)
 
     def _arm_for(self, target: Target) -> Arm:
-        """The arm in its plane, or as rigid bodies where the tool must point across it."""
-        if target.direction is None or in_plane(self._kept.chain, target):
+        """The arm as it meets the goal: as for a point, unless that takes another model of its reach."""
+        model = reach_model(self._kept, goal_of(target))
+        if model is self._model:
             return self._arm
-        height = float(self.robot.mount[2])
-        return serial_solver(self._kept.chain, height, self.tolerance, turns=not self._bound)
+        return model.solver(self.family, self.tolerance, turns=not self._bound)
 
     def _yaw(self, base: Array) -> float:
         """Heading of the arm's base frame."""

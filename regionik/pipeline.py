@@ -11,8 +11,8 @@ from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from regionik import tracked
-from regionik.areas.demand import in_plane
 from regionik.areas.ground import united
+from regionik.areas.reachable import heeds_headings
 from regionik.areas.standing import Standing
 from regionik.mfabrik import axis_of, configurations
 from regionik.motion import connect
@@ -35,7 +35,7 @@ from regionik.values import Plan, PlannedArea
 from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Explanation, InputError, NoPlanFound
-from regionik.worlds.pivoted_arm import reach_bound, with_pivot
+from regionik.worlds.pivoted_arm import reach_bound
 from regionik.worlds.scene import World
 
 Progress = Callable[[str, int, int], None]
@@ -182,10 +182,8 @@ def check(world: World) -> None:
 
 def _check_areas(world: World) -> None:
     """Refuse what areas and M-FABRIK cannot be asked about."""
-    chain = with_pivot(world.robot.chain)
-    reach_bound(chain)
-    planar = all(in_plane(chain, target) for target in world.task)
-    if not planar and world.rules.heading == "fixed" and np.isfinite(chain.upper[0] - chain.lower[0]):
+    reach_bound(world.robot.chain)
+    if world.rules.heading == "fixed" and not heeds_headings(world):
         raise InputError(
             f"{world.name}: rules.heading: fixed can be planned only for an arm in one vertical plane, "
             "its tool along the last link where a direction is asked, or with an endless first joint, "

@@ -19,9 +19,9 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from regionik.areas.ground import Geometries, united
-from regionik.areas.reachable import Family
 from regionik.areas.standing import LEAST_AREA, Standing, groups, into_span
 from regionik.planners.geometry.flat import FlatPolygon, clamp, flats_of
+from regionik.postures.families import Family
 from regionik.regions import PathAreas
 from regionik.worlds.arrays import Array
 

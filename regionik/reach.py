@@ -1,10 +1,11 @@
-"""Whether targets can be reached, and from where: arrays in, arrays out."""
+"""Reachability of targets, with base and arm where they can be reached: arrays in, arrays out."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields
+from itertools import chain
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import shapely
@@ -12,20 +13,21 @@ from numpy.typing import ArrayLike, NDArray
 from shapely.geometry import Point
 
 from regionik.areas.standing import anywhere
+from regionik.bulk import Pool, handed_out
 from regionik.mfabrik import axis_of, pose_of, solver_for
 from regionik.planners.clearance.provable import smothered
 from regionik.postures.poses import Pose
 from regionik.reasons import explain
 from regionik.regions import PathAreas, outer_areas, path_areas
 from regionik.seeking.refine import diameter, refine
-from regionik.seeking.settle import OPEN, REACHED, is_covered, reasons, settled
 from regionik.seeking.wherever import can_look, look_everywhere
 from regionik.seeking.witness import Quest
 from regionik.worlds.arrays import Array, frozen
+from regionik.worlds.errors import InputError
 from regionik.worlds.scene import Target, World
 
-CELLS, FEWER = 200_000, 20_000  # of postures looked at for one target, and for one of many
-MANY = 1000  # bare points from which on compiled loops go first: compiling them costs a minute, once
+CELLS = 200_000  # of postures looked at for one target
+CHUNK = 2000  # targets that a worker is given at once
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,27 +64,42 @@ class Answer:
     gap: Array
 
 
-def reach(world: World, targets: ArrayLike | Sequence[Target]) -> Answer:
-    """Ask for many targets whether the tool can get there, and from where.
+def reach(
+    world: World,
+    targets: ArrayLike | Sequence[Target],
+    *,
+    executor: Pool | None = None,
+    chunk: int = CHUNK,
+    progress: Callable[[str, int, int], None] | None = None,
+) -> Answer:
+    """Ask for targets whether the tool can get there, and from where.
 
     Coarse areas of all targets come first. Where they leave a doubt, or the arm touches something, the target
     is looked at closely: without the rules' margin of reach, with finer circles, heading by heading and pitch
     by pitch, and with other postures at other places. What is undecided then says why.
 
-    Of `MANY` bare points and more, compiled loops decide all but a few, and those are not looked at for as
-    long: single ones may stay undecided. Other verdicts are the same; places, postures and the words of
-    reasons may be others.
+    The answer for a target does not depend on the others, on the chunks or on the executor.
 
     Parameters
     ----------
     world : World
     targets : (n, 3) array_like or sequence of Target
         Bare points leave the tool direction free [m].
+    executor : Executor or function that makes one, optional
+        Where chunks are worked on: processes of this machine or of others; threads of one process take
+        turns. By default this process. Chunks of workers that are lost are handed out again; a process
+        pool breaks with its workers, and only a function can make another one.
+    chunk : int
+        Targets that are worked on at once.
+    progress : callable, optional
+        Called with "reach", targets done, targets in all.
 
     Raises
     ------
     InputError
-        For targets that are not n rows of three finite numbers.
+        For targets that are not n rows of three finite numbers, or a chunk below 1.
+    EngineError
+        When workers are lost again and again.
 
     Examples
     --------
@@ -90,32 +107,47 @@ def reach(world: World, targets: ArrayLike | Sequence[Target]) -> Answer:
     >>> reach(load_world("pillar"), [[0.5, 0, 0.25], [0.5, 0, 2.0]]).verdict.tolist()
     ['reachable', 'unreachable']
     """
-    positions, asked = _as_targets(targets)
-    n, dof = len(positions), world.robot.chain.dof
-    kind = np.full(n, OPEN)
-    base, joints, gap = np.full((n, 3), np.nan), np.full((n, dof), np.nan), np.zeros(n)
-    bare = np.array([asked is None or asked[i].direction is None for i in range(n)], dtype=bool)
-    if bare.sum() >= MANY and is_covered(world):
-        quick = settled(world, positions[bare])
-        kind[bare], base[bare], joints[bare] = quick.kind, quick.base, quick.joints
-    reason = reasons(world, kind)
-    verdict = np.where(kind == REACHED, "reachable", "unreachable").astype("<U11")
-    left = np.flatnonzero(kind == OPEN).tolist()
-    close = [Target(positions[i]) if asked is None else asked[i] for i in left]
-    cells = CELLS if len(positions) < MANY else FEWER
-    for i, result in zip(left, _decided(world, close, cells), strict=True):
-        verdict[i], gap[i], reason[i] = result.verdict, result.gap, result.reason
+    if chunk < 1:
+        raise InputError(f"chunk: must be at least 1, got {chunk}")
+    asked = _checked(targets)
+    chunks = [asked[k : k + chunk] for k in range(0, max(1, len(asked)), chunk)]
+    parts: dict[int, Answer] = {}
+    done = 0
+    for k, answer in handed_out(world, _answered, enumerate(chunks), executor):
+        parts[k] = answer
+        done += len(answer.reachable)
+        if progress is not None:
+            progress("reach", done, len(asked))
+    return _joined([parts[k] for k in range(len(chunks))])
+
+
+def _checked(targets: ArrayLike | Sequence[Target]) -> Array | list[Target]:
+    """Positions (n, 3), or the targets where they are more than that."""
+    if isinstance(targets, Sequence) and all(isinstance(target, Target) for target in targets):
+        return [target for target in targets if isinstance(target, Target)]
+    return frozen(np.atleast_2d(np.asarray(targets)), (None, 3), "targets")
+
+
+def _joined(parts: Sequence[Answer]) -> Answer:
+    columns: dict[str, Any] = {}
+    for field in fields(Answer):
+        values = [getattr(part, field.name) for part in parts]
+        columns[field.name] = list(chain(*values)) if isinstance(values[0], list) else np.concatenate(values)
+    return Answer(**columns)
+
+
+def _answered(world: World, targets: Array | list[Target]) -> Answer:
+    """The answers for the targets of one chunk."""
+    asked = targets if isinstance(targets, list) else [Target(row) for row in targets]
+    positions = np.array([target.position for target in asked]).reshape(-1, 3)
+    results = _decided(world, asked)
+    verdict = np.array([one.verdict for one in results], dtype="<U11")
+    base, joints = np.full((len(asked), 3), np.nan), np.full((len(asked), world.robot.chain.dof), np.nan)
+    for i, result in enumerate(results):
         if result.pose is not None:
             base[i], joints[i] = result.pose.base, result.pose.joints
-    return Answer(positions, verdict == "reachable", verdict, base, joints, reason, gap)
-
-
-def _as_targets(targets: ArrayLike | Sequence[Target]) -> tuple[Array, list[Target] | None]:
-    """Positions (n, 3), and the targets where they are more than that."""
-    if isinstance(targets, Sequence) and all(isinstance(target, Target) for target in targets):
-        asked = [target for target in targets if isinstance(target, Target)]
-        return np.array([target.position for target in asked]).reshape(-1, 3), asked
-    return frozen(np.atleast_2d(np.asarray(targets)), (None, 3), "targets"), None
+    reasons, gap = [one.reason for one in results], np.array([one.gap for one in results], dtype=float)
+    return Answer(positions, verdict == "reachable", verdict, base, joints, reasons, gap)
 
 
 class _Result(NamedTuple):
@@ -127,14 +159,14 @@ class _Result(NamedTuple):
     reason: str
 
 
-def _decided(world: World, targets: Sequence[Target], cells: int) -> list[_Result]:
+def _decided(world: World, targets: Sequence[Target]) -> list[_Result]:
     """Coarse areas of all targets at once; those that leave a doubt are looked at closely, one by one."""
     found = _at_hand(world, targets)
     rest = [i for i in range(len(targets)) if i not in found]
     outer = outer_areas(world, [targets[i] for i in rest])
     results = {i: _Result("reachable", pose, 0.0, "") for i, pose in found.items()}
     for i, area in zip(rest, outer, strict=True):
-        results[i] = _ruled_out(world, targets[i]) if area.is_empty else _closely(world, targets[i], cells)
+        results[i] = _ruled_out(world, targets[i]) if area.is_empty else _closely(world, targets[i])
     return [results[i] for i in range(len(targets))]
 
 
@@ -154,7 +186,7 @@ def _at_hand(world: World, targets: Sequence[Target]) -> dict[int, Pose]:
     return found
 
 
-def _closely(world: World, target: Target, cells: int) -> _Result:
+def _closely(world: World, target: Target) -> _Result:
     """The answer for a target whose coarse areas leave a doubt."""
     quest = Quest(world, target)
     if quest.guard.on:
@@ -162,7 +194,7 @@ def _closely(world: World, target: Target, cells: int) -> _Result:
         name = smothered(bodies, target.position, world.rules.tolerance, 0.0, contact)
         if name:
             return _Result("unreachable", None, 0.0, f"{_who(target)} cannot be reached: {_IN.format(name)}")
-    seen = _everywhere(quest, cells)
+    seen = _everywhere(quest)
     if seen.verdict != "undecided":
         return seen
     pose, left, tried = refine(world, target, quest.within)
@@ -175,12 +207,12 @@ def _closely(world: World, target: Target, cells: int) -> _Result:
     return _Result("undecided", None, gap, _doubt(quest, gap, tried))
 
 
-def _everywhere(quest: Quest, cells: int) -> _Result:
-    """What a look at all postures from all places comes to; for arms in one plane, led round things."""
+def _everywhere(quest: Quest) -> _Result:
+    """Result of a look at all postures from all places, for arms that are led round things."""
     world, target = quest.world, quest.target
     if not can_look(world):
         return _Result("undecided", None, np.inf, "")
-    seen = look_everywhere(world, target, cells)
+    seen = look_everywhere(world, target, CELLS)
     if seen.verdict == "none":
         around = f"{', '.join(seen.around)} and itself" if seen.around else "itself and its base"
         return _Result(

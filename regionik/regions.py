@@ -17,7 +17,7 @@ from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from regionik.areas.ground import GUARD, Geometries, Side, ground_of, grow
-from regionik.areas.reachable import BACK, FRONT, Family, reach_rows
+from regionik.areas.reachable import reach_rows
 from regionik.areas.relaxations import without_criteria
 from regionik.areas.standing import (
     Standing,
@@ -27,6 +27,7 @@ from regionik.areas.standing import (
     span_of_rules,
     turns_matter,
 )
+from regionik.postures.families import BACK, FRONT, Family
 from regionik.worlds.arrays import frozen
 from regionik.worlds.criteria import Criteria
 from regionik.worlds.errors import CauseKind
@@ -68,7 +69,7 @@ class TakenAway:
 
 @dataclass(frozen=True, eq=False)
 class Area:
-    """Where the arm axis may stand for one target.
+    """Admissible area of one target: where the arm axis may stand.
 
     Attributes
     ----------
@@ -102,7 +103,7 @@ class Area:
 
     @cached_property
     def causes(self) -> tuple[TakenAway, ...]:
-        """What took the rest of the stretched-arm disc away, each with name and polygon."""
+        """Causes that took the rest of the stretched-arm disc away, each with name and polygon."""
         return what_took_away(self.world, self.target)
 
     @cached_property
@@ -112,7 +113,7 @@ class Area:
 
 
 def admissible_area(world: World, target: Target | ArrayLike, criteria: Criteria | None = None) -> Area:
-    """Where the arm axis may stand so that the tool reaches a target.
+    """Area where the arm axis may stand so that the tool reaches a target.
 
     Parameters
     ----------
@@ -206,7 +207,7 @@ def outer_areas(world: World, targets: Sequence[Target]) -> list[BaseGeometry]:
 
 
 def reach_of(world: World, target: Target) -> BaseGeometry:
-    """Where the arm axis could stand for a target if nothing were in the way, from outside."""
+    """Reach of a target from outside: places of the arm axis if nothing were in the way."""
     _, _, rings = reach_rows(world, [target], (FRONT, BACK), inner=False, span=span_of_rules(world))
     return shapely.union_all(rings) if len(rings) else Polygon()
 

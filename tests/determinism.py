@@ -68,7 +68,7 @@ def answers() -> Document:
     world = bundled("depot")
     low, high = np.reshape(world.floor.polygon.bounds, (2, 2))
     spots = np.random.default_rng(0).uniform([*low, 0.0], [*high, 0.9], (300, 3))
-    answer = rik.reach_many(world, spots, chunk=100)
+    answer = rik.reach(world, spots, chunk=100)
     rows = [line.split(",") for line in csv_rows(answer, world.robot.chain.names).splitlines()]
     return {"rows": [[_number(cell) for cell in row] for row in rows]}
 

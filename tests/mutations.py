@@ -152,9 +152,9 @@ FAULTS = (
     ),
     Fault(
         "areas: no margin at the ends of the reach",
-        "regionik/areas/reachable.py",
-        "margin = world.rules.reach_margin if inner else 0.0",
-        "margin = 0.0",
+        "regionik/areas/planar_reach.py",
+        "_ahead(family, spans, query.margin, query.arcs)",
+        "_ahead(family, spans, query.margin and 0.0, query.arcs)",
         ("tests/test_regions.py", "tests/test_laws.py"),
     ),
     Fault(

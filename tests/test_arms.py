@@ -6,17 +6,18 @@ import numpy as np
 import pytest
 import shapely
 
-from regionik.areas.reachable import FRONT, Family
+from regionik.areas.reachable import reach_model
 from regionik.mfabrik import Solver, axis_of, pose_of
 from regionik.planners.reach.levelreach import inner_reach, outer_reach
 from regionik.planners.solvers.kernels import wrap
-from regionik.postures.arms import PlaneSolver, arm_solver
-from regionik.postures.serialarm import SerialSolver
+from regionik.postures.arms import PlaneSolver
+from regionik.postures.families import FRONT, Family
+from regionik.postures.serialarm import SerialSolver, serial_solver
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain, Joint, translation
 from regionik.worlds.pivoted_arm import reach_bound
-from regionik.worlds.planar_arm import is_planar
+from regionik.worlds.planar_arm import planar_arm
 from regionik.worlds.robot import Robot, without_limits
 from regionik.worlds.scene import Heading, Target
 from tests.bodies import on_lift, with_lift
@@ -84,7 +85,7 @@ def test_hold_keeps_the_axis_and_the_limits(name: str) -> None:
             assert np.linalg.norm(tool - target) <= solver.tolerance * (1 + 1e-9)
         reached += found.converged
     # A planar arm held in one family does not reach what only the other one does.
-    assert reached == COUNT or (is_planar(robot.chain) and reached > COUNT / 2)
+    assert reached == COUNT or (reach_model(robot, "point").exact and reached > COUNT / 2)
 
 
 @pytest.mark.parametrize("name", SERIAL)
@@ -105,13 +106,13 @@ def test_the_base_stays_in_its_area(name: str) -> None:
 
 def test_both_ways_reach_the_same_targets() -> None:
     robot, rng = without_limits(robot_named("youbot")), np.random.default_rng(4)
-    plane = arm_solver(robot.chain, 0.0, Family(FRONT), 1e-4)
+    plane = PlaneSolver(planar_arm(robot.chain), 0.0, Family(FRONT), 1e-4)
     assert isinstance(plane, PlaneSolver)
     # One roll more, and the arm is no longer read as planar.
     roll = Joint("more", "revolute", -np.pi, np.pi, translation(0, 0, 0))
     longer = Chain((*robot.chain.joints, roll), robot.chain.T_last_tool)
     chain = Chain((*robot.chain.joints[:-1], *longer.joints[-2:]), robot.chain.T_last_tool)
-    serial = arm_solver(chain, 0.0, Family(FRONT), 1e-4)
+    serial = serial_solver(chain, 0.0, 1e-4)
     assert isinstance(serial, SerialSolver)
     nowhere = Solver(robot)._flat
     for _ in range(COUNT):

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from regionik.bulk import FRESH_POOLS, handed_out, reach_many
+from regionik.bulk import FRESH_POOLS, handed_out
 from regionik.reach import Answer, reach
 from regionik.workers import processes
 from regionik.worlds.bundled import world_names
@@ -80,21 +80,43 @@ def fatal(world: World, item: tuple[str, int]) -> int:
     return k * k
 
 
-@pytest.mark.parametrize("chunk", [1, 7, 60, 1000])
+@pytest.mark.parametrize("chunk", [1, 7, 59])
 def test_chunks_do_not_show(chunk: int) -> None:
     world = load_world("l_shape")
     told: list[tuple[str, int, int]] = []
-    answer = reach_many(world, TARGETS, chunk=chunk, progress=lambda *row: told.append(row))
+    answer = reach(world, TARGETS, chunk=chunk, progress=lambda *row: told.append(row))
     assert same(answer, reach(world, TARGETS))
     assert told[-1] == ("reach", 60, 60)
     assert len(told) == -(-60 // chunk)
+
+
+def row(answer: Answer, i: int) -> Answer:
+    """The answer for one of many targets."""
+    values = {field.name: getattr(answer, field.name) for field in fields(Answer)}
+    return Answer(**{name: value[i : i + 1] for name, value in values.items()})
+
+
+@pytest.mark.parametrize(("name", "cone"), [("l_shape", None), ("depot", None), ("wall", 0.4)])
+def test_a_target_is_answered_alone_as_among_a_thousand(name: str, cone: float | None) -> None:
+    world = load_world(name)
+    x0, y0, x1, y1 = world.floor.polygon.bounds
+    spots = np.random.default_rng(4).uniform([x0, y0, 0], [x1, y1, 0.9], (1200, 3))
+    asked = [Target(spot) if cone is None else Target(spot, [1, 0, 0], cone) for spot in spots]  # type: ignore[arg-type]
+    many = reach(world, asked)
+    for i in range(0, 1200, 40):
+        assert same(reach(world, asked[i : i + 1]), row(many, i))
+
+
+def test_a_chunk_of_nothing_is_refused() -> None:
+    with pytest.raises(InputError, match="chunk"):
+        reach(load_world("pillar"), TARGETS, chunk=0)
 
 
 @pytest.mark.parametrize("pool", [ThreadPoolExecutor, Backwards])
 def test_executors_do_not_show(pool: Any) -> None:
     world = load_world("l_shape")
     with pool() as executor:
-        assert same(reach_many(world, TARGETS, executor, chunk=11), reach(world, TARGETS))
+        assert same(reach(world, TARGETS, executor=executor, chunk=11), reach(world, TARGETS))
 
 
 @pytest.mark.parametrize("count", [1, 2, 3])
@@ -102,14 +124,14 @@ def test_processes_do_not_show(count: int) -> None:
     world = load_world("l_shape")
     targets: Sequence[Target] = [Target(row, [1, 0, 0], 0.4) for row in TARGETS[:20]]  # type: ignore[arg-type]
     with processes(count) as executor:
-        assert same(reach_many(world, TARGETS, executor, chunk=9), reach(world, TARGETS))
-        assert same(reach_many(world, targets, executor, chunk=3), reach(world, targets))
+        assert same(reach(world, TARGETS, executor=executor, chunk=9), reach(world, TARGETS))
+        assert same(reach(world, targets, executor=executor, chunk=3), reach(world, targets))
 
 
 def test_bad_targets_are_refused_before_anything_is_handed_out() -> None:
     executor = Backwards()
     with pytest.raises(InputError, match="targets"):
-        reach_many(load_world("pillar"), [[0, 0]], executor)
+        reach(load_world("pillar"), [[0, 0]], executor=executor)
     assert executor.asked == []
 
 

@@ -15,7 +15,7 @@ import distributed
 import numpy as np
 import pytest
 
-from regionik.bulk import handed_out, reach_many
+from regionik.bulk import handed_out
 from regionik.cli import app
 from regionik.cluster import cluster
 from regionik.reach import reach
@@ -72,7 +72,7 @@ def test_answers_are_those_of_one_process(address: str) -> None:
     world = load_world("l_shape")
     targets = np.random.default_rng(5).uniform([-1, -1.5, 0], [4.5, 2.5, 0.9], (40, 3))
     with cluster(address) as (executor, _):
-        assert same(reach_many(world, targets, executor, chunk=7), reach(world, targets))
+        assert same(reach(world, targets, executor=executor, chunk=7), reach(world, targets))
 
 
 @pytest.mark.filterwarnings("ignore")

@@ -10,11 +10,11 @@ import shapely
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from regionik.areas.meeting import distances, meets, narrowed
+from regionik.areas.reachable import planar_reach, reach_model
 from regionik.mfabrik import Solver
 from regionik.pipeline import plan
 from regionik.planners.reach.paving import paved
-from regionik.planners.reach.rings import FREE, reach_spans
+from regionik.planners.reach.rings import FREE
 from regionik.planners.solvers.qualities import Asked, asked_of, posture_spare
 from regionik.regions import admissible_area
 from regionik.verification.criteria import efforts, joint_margins, manipulability
@@ -27,7 +27,7 @@ from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import InputError, NoPlanFound
 from regionik.worlds.planar_arm import planar_arm
 from regionik.worlds.robot import GRAVITY, LinkMass, Robot, capsules_along
-from regionik.worlds.scene import Floor, Rules, Target, World
+from regionik.worlds.scene import Floor, Target, World
 
 SEEDS = st.integers(0, 10_000)
 FLOOR = Floor(shapely.box(-3, -3, 3, 3))
@@ -91,10 +91,7 @@ def meet(robot: Robot, asked: Criteria, joints: Array, slack: float = 0.0) -> Ar
 
 def rings(robot: Robot, asked: Criteria, z: float, *, inner: bool) -> Array:
     """Intervals of signed distance at a height, before any margin."""
-    world = narrowed(World("test", robot, FLOOR, rules=Rules(criteria=asked)))
-    arm, heights = planar_arm(world.robot.chain), np.array([z])
-    reach = reach_spans(arm, float(arm.shoulder[1] + robot.mount[2]), heights)
-    return distances(world, FREE, heights, *reach, inner=inner)[1]
+    return planar_reach(with_joint_margin(robot, asked)).intervals(asked, np.array([z]), inner=inner)[1]
 
 
 def spot_of(robot: Robot, joints: Array) -> tuple[float, float]:
@@ -174,17 +171,15 @@ def test_the_plane_measures_what_space_does(seed: int) -> None:
     robot = planar_robot(seed)
     q = postures(robot, np.random.default_rng(seed), 1)[0]
     arm = planar_arm(robot.chain)
-    (both, _), w = asked_of(robot, Criteria(manipulability=0.01)), float(manipulability(robot, q))
+    (both, _), w = asked_of(arm, robot, Criteria(manipulability=0.01)), float(manipulability(robot, q))
     assert posture_spare(plane(robot), both, arm.bends(q)) == pytest.approx(w / 0.01 - 1, abs=1e-6)
-    asked, _ = asked_of(robot, Criteria(effort=3.0))
+    asked, _ = asked_of(arm, robot, Criteria(effort=3.0))
     torques = np.abs(efforts(robot, q))[1:4]
     assert posture_spare(plane(robot), asked, arm.bends(q)) == pytest.approx((1 - torques / 3).min())
 
 
 def plane(robot: Robot):  # type: ignore[no-untyped-def]  # a named tuple of the kernels
-    from regionik.areas.meeting import plane_of
-
-    return plane_of(robot)
+    return planar_reach(robot).plane
 
 
 # --- areas
@@ -358,7 +353,7 @@ def test_m_fabrik_finds_postures_that_meet_all(asked: Criteria) -> None:
     assert all(one.converged for one in found)
     joints = np.array([*rows.joints, *(one.joints for one in found)])
     assert meet(robot, asked, joints, 1e-9).all()
-    assert all(meets(robot, asked, q) for q in joints)
+    assert all(reach_model(robot, "point").meets(asked, q) for q in joints)
 
 
 @pytest.mark.parametrize(

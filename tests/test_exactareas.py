@@ -13,12 +13,12 @@ from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from regionik.areas.ground import ground_of
-from regionik.areas.reachable import ARC_POINTS, FRONT
-from regionik.areas.sectors import ring_sectors
+from regionik.areas.sectors import ARC_POINTS, ring_sectors
 from regionik.areas.standing import by_heading
 from regionik.exactareas import exact_areas
 from regionik.planners.geometry.cells import cells_of, within
 from regionik.planners.geometry.ringarcs import Outline, Sectors, holds, measures, nearest_place, outlines
+from regionik.postures.families import FRONT
 from regionik.regions import path_areas
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.documents.world_file import load_world

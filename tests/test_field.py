@@ -19,9 +19,10 @@ from regionik.planners.geometry.gridcount import count_rings
 from regionik.reach import reach
 from regionik.regions import admissible_area
 from regionik.worlds.arrays import Array
+from regionik.worlds.criteria import Criteria
 from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import InputError
-from regionik.worlds.scene import Start, Target, World
+from regionik.worlds.scene import Rules, Start, Target, World
 from regionik.worlds.urdf.loader import load_robot
 
 CELL = 0.1
@@ -42,6 +43,7 @@ WORLDS = {
     "free": load_world("free"),
     "l_shape": load_world("l_shape"),
     "headings": fixed("free", "youbot-real"),
+    "criteria": replace(load_world("free"), rules=Rules(criteria=Criteria(0.012, 0.05))),
     "no plane": replace(load_world("free"), robot=load_robot("hinge5"), start=None),
 }
 

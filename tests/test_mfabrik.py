@@ -7,9 +7,9 @@ import pytest
 import shapely
 from numpy.typing import ArrayLike
 
-from regionik.areas.reachable import BACK, FRONT, Family
 from regionik.mfabrik import Solver
 from regionik.planners.solvers.lanes import BLOCK
+from regionik.postures.families import BACK, FRONT, Family
 from regionik.regions import path_areas
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named

@@ -5,6 +5,7 @@ from collections import Counter
 import numpy as np
 import shapely
 
+from regionik.areas.reachable import reach_model
 from regionik.pipeline import plan
 from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array
@@ -12,7 +13,6 @@ from regionik.worlds.bundled import robot_named
 from regionik.worlds.errors import NoPlanFound
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Solid, Sphere
 from regionik.worlds.pivoted_arm import reach_bound
-from regionik.worlds.planar_arm import is_planar
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
 
@@ -32,8 +32,10 @@ def overhead_world(seed: int, most: int = 12) -> World:
     if rng.random() < 0.9:  # a set-point too near to a solid is a no at once
         berth = arm_clearance + robot.solids[-1].radius + 0.005
         solids = tuple(one for one in solids if min(one.distance(spot) for spot in path) > berth)
-    direction = np.array([0.0, 0.0, -1.0]) if is_planar(robot.chain) and rng.random() < 0.15 else None
-    free = np.isinf(robot.chain.upper[0]) or is_planar(robot.chain)
+    direction = (
+        np.array([0.0, 0.0, -1.0]) if reach_model(robot, "point").exact and rng.random() < 0.15 else None
+    )
+    free = np.isinf(robot.chain.upper[0]) or reach_model(robot, "point").exact
     rules = Rules(
         clearance=float(rng.uniform(0, 0.15)),
         arm_clearance=arm_clearance,

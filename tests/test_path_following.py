@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 import shapely
 
-from regionik.areas.reachable import FRONT, Family
 from regionik.mfabrik import Solver, axis_of, pose_of
 from regionik.moving.base_motion import BasePath
 from regionik.moving.configuration_sampling import Candidate
@@ -20,6 +19,7 @@ from regionik.pipeline import whole_path
 from regionik.planners.clearance.legs import between as between_knots
 from regionik.planners.clearance.legs import leg_lengths
 from regionik.planners.solvers.kernels import wrap
+from regionik.postures.families import FRONT, Family
 from regionik.postures.guard import guard_of
 from regionik.postures.poses import LARGEST_BEND, Pose, Row, between
 from regionik.worlds.bundled import robot_named

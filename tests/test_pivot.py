@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import shapely
 
+from regionik.areas.reachable import reach_model
 from regionik.mfabrik import axis_of
 from regionik.pipeline import plan
 from regionik.reach import reach
@@ -22,7 +23,6 @@ from regionik.worlds.pivoted_arm import (
     reach_bound,
     with_pivot,
 )
-from regionik.worlds.planar_arm import is_planar
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Heading, Rules, Start, Target, World
 from tests.bodies import on_lift, with_lift
@@ -41,7 +41,7 @@ def test_the_pivot_is_the_first_joint_that_is_not_a_lift() -> None:
     assert pivot_index(chain_of(PIVOT, HINGE)) == 0
     assert pivot_index(chain_of(LIFT, PIVOT, HINGE)) == 1
     assert pivot_index(chain_of(LIFT, down, PIVOT, HINGE)) == 2
-    assert not is_planar(on_lift(robot_named("youbot")).chain)
+    assert not reach_model(on_lift(robot_named("youbot")), "point").exact
 
 
 OTHERS = (

@@ -56,7 +56,7 @@ def test_each_kernel_of_bulk_answers_says_the_same_as_plain_python(name: str) ->
     world = rik.load_world(name)
     targets = np.random.default_rng(0).uniform([-1, -1, 0], [3, 3, 1], (50, 3))
     with kernels_called_twice():
-        found = rik.reach_many(world, targets)
+        found = rik.reach(world, targets)
     np.testing.assert_array_equal(found.reachable, rik.reach(world, targets).reachable)
 
 

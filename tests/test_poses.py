@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 import shapely
 
-from regionik.areas.demand import between, deviation, misses
 from regionik.mfabrik import Solver, axis_of
 from regionik.pipeline import plan
+from regionik.postures.tool_goal import between, deviation, misses
 from regionik.regions import admissible_area, path_areas
 from regionik.values import Plan
 from regionik.verification.verifier import verify

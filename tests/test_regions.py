@@ -5,7 +5,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from regionik.areas.ground import ground_of, grow
-from regionik.areas.reachable import BACK, FRONT, reach_rows
+from regionik.areas.reachable import reach_rows
+from regionik.postures.families import BACK, FRONT
 from regionik.regions import admissible_area, outer_areas, path_areas
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.documents.world_file import load_world

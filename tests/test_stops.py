@@ -12,12 +12,12 @@ import pytest
 import shapely
 from shapely.geometry import Point
 
-from regionik.areas.reachable import BACK, FRONT
 from regionik.cli.app import run
 from regionik.output.plan_file import load_plan
 from regionik.parking.fewest import park
 from regionik.parking.stops import stops
 from regionik.pipeline import plan
+from regionik.postures.families import BACK, FRONT
 from regionik.regions import path_areas
 from regionik.values import Plan
 from regionik.verification.stops import _linear, _miss

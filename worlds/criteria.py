@@ -54,6 +54,11 @@ class Criteria:
             if one is not None and not one > 0:
                 raise InputError(f"criteria: effort: must be above 0, got {one:g}")
 
+    @property
+    def beyond_limits(self) -> bool:
+        """Whether more is asked than a margin to the joint limits."""
+        return bool(self.manipulability) or self.effort is not None
+
     def check(self, robot: Robot) -> None:
         """Refuse criteria that do not apply to a robot.
 

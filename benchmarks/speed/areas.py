@@ -18,7 +18,6 @@ from shapely.geometry import Polygon
 from benchmarks.bench_areas import crowded, loop
 from benchmarks.bench_drive import MAPS, STEP, clutter, length, shortest
 from benchmarks.speed.harness import Row, Rows, Size, Spread, Wanted, Work, against, counted, timed
-from regionik.areas.reachable import FRONT
 from regionik.exactareas import exact_areas
 from regionik.mfabrik import configurations
 from regionik.motion import connect
@@ -29,6 +28,7 @@ from regionik.moving.whole_body import WholeBodyPlanner
 from regionik.pipeline import search, start_place, start_pose, whole_path
 from regionik.planners.driving.drive import drive
 from regionik.planners.geometry.ringarcs import measures, outlines
+from regionik.postures.families import FRONT
 from regionik.postures.guard import guard_of
 from regionik.postures.poses import Pose
 from regionik.pruning import choose_chain

@@ -9,12 +9,12 @@ from regionik.planners.clearance.provable import inner_capsule
 from regionik.planners.geometry.collision import obstacles_from
 from regionik.planners.geometry.upright import depths, uprights_from
 from regionik.worlds.arrays import Array
-from regionik.worlds.planar_arm import PlanarArm, planar_arm
+from regionik.worlds.planar_arm import PlanarArm
 from regionik.worlds.robot import Robot
 from regionik.worlds.self_collision import BODY, base_body, self_collision_pairs
 
 
-def cores_of(robot: Robot) -> Cores:
+def cores_of(robot: Robot, arm: PlanarArm) -> Cores:
     """Capsules inside the solids of an arm in one plane.
 
     Boxes count as the capsules inside them. What turns about the last link counts as what it covers at every
@@ -23,12 +23,14 @@ def cores_of(robot: Robot) -> Cores:
     Parameters
     ----------
     robot : Robot
+    arm : PlanarArm
+        Its chain in the plane.
 
     Returns
     -------
     Cores
     """
-    arm, last = planar_arm(robot.chain), max(solid.link for solid in robot.all_solids)
+    last = max(solid.link for solid in robot.all_solids)
     frames, anchors = _reference(robot, arm)
     rank: list[int] = []
     ends: list[Array] = []

@@ -94,7 +94,7 @@ def outer_reach(chain: Chain, rise: float) -> Intervals:
 
 @lru_cache(maxsize=256)
 def _is_level(chain: Chain) -> bool:
-    """Whether the tool's height never changes: all axes stand upright."""
+    """True where the tool's height never changes, as all axes stand upright."""
     heights = chain.forward(_drawn(chain, np.random.default_rng(0), LOOKS))[:, 2, 3]
     return bool(np.ptp(heights) < LEVEL)
 

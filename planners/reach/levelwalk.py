@@ -60,7 +60,7 @@ def to_level(meridian: Meridian, z: float, joints: Array, tool: Tool, free: Arra
 
 @compiled
 def hop_holds(meridian: Meridian, a: Array, b: Array, tool: Tool, free: Array) -> bool:
-    """Whether a motion at one height is proven to lead from one posture (m,) at it to another.
+    """True where a motion at one height is proven to lead from one posture (m,) at it to another.
 
     Along the hop the height is off by at most E. Along a direction d it rises at least half as fast as in the
     middle of the hop, wherever within 2 E of the hop: so every posture of it can be put right.
@@ -148,7 +148,7 @@ def walk(
 
 @compiled
 def weights(meridian: Meridian) -> Array:
-    """How readily each joint moves (m,): the less, the farther it takes the tool."""
+    """Readiness of each joint to move (m,): the less, the farther it takes the tool."""
     return 1.0 / np.maximum(meridian.levers, 1e-3)
 
 

@@ -53,7 +53,7 @@ class Meridian(NamedTuple):
 
 
 class Tool(NamedTuple):
-    """Where the tool of a posture is in its meridian, and what moves it; room that `look` fills.
+    """Place of a posture's tool in its meridian, and what moves it; room that `look` fills.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Where the pivot axis of any arm may stand for a tool that must also point or be turned: pose by pose.
+"""Reach of any arm whose tool must also point or be turned, pose by pose.
 
 The reach of such a target is not round: it is looked for on a polar grid about the target. From each pose
 found, damped least squares leads on to its neighbours, so that the postures of one area hang together as far
@@ -61,7 +61,7 @@ class PoseReach:
 
 @dataclass(frozen=True, eq=False)
 class _Grid:
-    """What was found about a target at the origin whose axis points along +x, seen from above."""
+    """Poses found about a target at the origin whose axis points along +x, seen from above."""
 
     distances: Array  # (r,)
     bearings: Array  # (b,)
@@ -72,7 +72,7 @@ class _Grid:
 
 
 def pose_reach(chain: Chain, height: float, aim: Aim) -> PoseReach:
-    """Where the pivot axis may stand so that some posture meets an aim; the pivot turns without end.
+    """Places of the pivot axis from which some posture meets an aim; the pivot turns without end.
 
     Parameters
     ----------
@@ -118,7 +118,7 @@ def _grid(chain: Chain, rise: float, kind: int, key: tuple[float, ...], cone: fl
 
 @dataclass(frozen=True, eq=False)
 class _Quest:
-    """What is looked for: an aim at a height over the arm's base frame, its axis at azimuth zero."""
+    """Aim at a height over the arm's base frame, its axis at azimuth zero."""
 
     bodies: Bodies
     starts: Array

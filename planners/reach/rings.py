@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -118,14 +120,21 @@ def reach_spans(
     back: bool = True,
 ) -> tuple[NDArray[np.intp], Array]:
     """As `reach_intervals`, in one table: the height of each interval, ascending, (m,), and (m, 2)."""
-    circles = boundary_circles(arm, shoulder_z, pitches)
-    centers, radii = np.ascontiguousarray(circles[:, :2]), np.ascontiguousarray(circles[:, 2])
+    centers, radii, turns = _boundary(arm, shoulder_z, pitches)
     plane = kernels.PlaneArm(float(arm.shoulder[0]), shoulder_z, arm.lengths, arm.lower, arm.upper)
     out, counts = np.empty((len(heights), _MOST_INTERVALS, 2)), np.empty(len(heights), dtype=np.int64)
-    order, turns = np.argsort(heights, kind="stable"), turning_heights(circles)
+    order = np.argsort(heights, kind="stable")
     _spans(plane, *pitches, centers, radii, np.asarray(heights), order, turns, front, back, out, counts)
     real = np.arange(_MOST_INTERVALS) < counts[:, None]
     return np.repeat(np.arange(len(heights)), counts), out[real]
+
+
+@lru_cache(maxsize=256)
+def _boundary(arm: PlanarArm, shoulder_z: float, pitches: tuple[float, float]) -> tuple[Array, Array, Array]:
+    """Centers and radii of the boundary circles, and their turning heights."""
+    circles = boundary_circles(arm, shoulder_z, pitches)
+    centers, radii = np.ascontiguousarray(circles[:, :2]), np.ascontiguousarray(circles[:, 2])
+    return centers, radii, turning_heights(circles)
 
 
 def turning_heights(circles: Array) -> Array:
@@ -191,7 +200,7 @@ def _spans(
 
 @compiled
 def _end(centers: Array, radii: Array, name: int, z: float) -> float:
-    """Where a circle, its near or far side, is at a height; the axis behind the last of them."""
+    """Place of a circle's near or far side at a height; the axis behind the last of them."""
     k = name // 2
     if k == len(radii):
         return 0.0
@@ -211,7 +220,7 @@ def _named(centers: Array, radii: Array, z: float, r: float) -> int:
 
 @compiled
 def _apart(centers: Array, radii: Array, z: float) -> bool:
-    """Whether sides of circles and the axis keep their distance at a height, so that none is another."""
+    """True where sides of circles and the axis keep their distance at a height: none is another."""
     places, count = np.zeros(2 * len(radii) + 1), 1
     for name in range(2 * len(radii)):
         if abs(z - centers[name // 2, 1]) <= radii[name // 2]:

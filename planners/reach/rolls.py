@@ -43,7 +43,7 @@ def within_limits(arm: PlanarArm, roll: float, near: float) -> float:
 def swings(
     arm: PlanarArm, yaw: float, pitch: float, half: float, turn: Array, slack: float = 0.0
 ) -> tuple[tuple[float, float], ...]:
-    """How far the plane may swing about ``yaw`` while the roll joint keeps up, within its limits.
+    """Swings of the plane about ``yaw`` with which the roll joint keeps up, within its limits.
 
     With the tool's axis along ``turn``'s at ``yaw``, a swing s of the plane about the vertical turns the tool
     about its own axis by w, tan(w / 2) = tan(s / 2) sin(pitch), beyond the shortest turn between both axes.
@@ -89,7 +89,7 @@ def _swing(twist: float, lean: float) -> float:
 
 
 def out_of_roll(arm: PlanarArm, yaw: float, pitch: float, half: float, turn: Array, cone: float) -> bool:
-    """Whether no posture of a kind turns the tool within ``cone`` of an orientation: a bound that holds.
+    """True only where no posture of a kind turns the tool within ``cone`` of an orientation.
 
     The plane may swing to ``half`` either side of ``yaw``, the last link's pitch differ by ``cone``. A swing
     s at pitch p' turns the tool about its own axis by w, tan(w / 2) = tan(s / 2) sin((p + p') / 2) /

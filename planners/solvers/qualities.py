@@ -15,7 +15,7 @@ from regionik.planners.geometry.flat import compiled
 from regionik.planners.solvers.kernels import TWO_PI, PlaneArm, fit, slack, triangle
 from regionik.worlds.arrays import Array
 from regionik.worlds.criteria import Criteria
-from regionik.worlds.planar_arm import PlanarArm, planar_arm
+from regionik.worlds.planar_arm import PlanarArm
 from regionik.worlds.robot import GRAVITY, LinkMass, Robot
 
 REFINEMENTS = 30  # of the pitch, where no sampled one meets what is asked
@@ -43,16 +43,15 @@ class Asked(NamedTuple):
 
 
 @lru_cache(maxsize=256)
-def asked_of(robot: Robot, criteria: Criteria) -> tuple[Asked, Asked]:
+def asked_of(arm: PlanarArm, robot: Robot, criteria: Criteria) -> tuple[Asked, Asked]:
     """What criteria ask of an arm in one plane besides its limits: thresholds for inner reach, and for outer.
 
     Masses off the axis of the roll joint pull as the roll turns them. Inner thresholds hold at any roll,
     outer ones may hold at some; without such masses both are one.
     """
     least = criteria.manipulability or 0.0
-    arm, dof = planar_arm(robot.chain), robot.chain.dof
     pull, loose = _pull(robot, arm)
-    limits = criteria.efforts(dof)
+    limits = criteria.efforts(robot.chain.dof)
     hinges = np.array(limits[1 : 1 + arm.hinges])
     if loose == 0.0:
         both = Asked(least, pull, hinges)

@@ -1,1 +1,1 @@
-"""What an area is made of: reach of a target, the floor as the arm axis sees it, and what rules ask."""
+"""Parts of an area: the reach of a target, the floor as the arm axis sees it, what the rules ask."""

@@ -91,7 +91,7 @@ def arm_constraints_of(world: World) -> tuple[Constraint, ...]:
 
 
 def direction_name(world: World) -> str:
-    """What the task asks of the tool beyond its position."""
+    """Name of what the task asks of the tool beyond its position."""
     turned = any(target.orientation is not None for target in world.task)
     return "tool orientation" if turned else "tool direction"
 

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 
 from regionik.areas.ground import GUARD, Geometries
 from regionik.worlds.arrays import Array
+
+ARC_POINTS = 48  # vertices of a full circle
 
 
 def ring_sectors(
@@ -42,6 +45,14 @@ def ring_sectors(
     hole = centers[part, None] + near[part, None, None] * unit
     out[part] = shapely.polygons(np.concatenate([rim, hole[:, ::-1]], axis=1))
     return out
+
+
+def wide_enough(low: Array, high: Array, margin: float | None, arcs: int) -> NDArray[np.bool_]:
+    """Rings (n,) that have a polygon within: one thinner than its chords has none."""
+    real: NDArray[np.bool_] = low + high > 0
+    if margin is not None:
+        real &= (low + margin) / np.cos(np.pi / arcs) + GUARD < high - margin
+    return real
 
 
 def _rings(centers: Array, far: Array, near: Array, arcs: int) -> Geometries:

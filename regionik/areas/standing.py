@@ -1,4 +1,4 @@
-"""Where the base may stand, by heading.
+"""Free floor of the base, by heading.
 
 Areas that hold at every heading need room for the circle round the footprint. Where that is too much, a full
 turn is cut into slabs of heading: within a slab the footprint needs room for its turns in it alone. The base
@@ -18,15 +18,12 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from shapely.geometry import Point, Polygon
 
-from regionik.areas.demand import in_plane
 from regionik.areas.ground import EVERY, GUARD, Geometries, Side, disjoint, ground_of
+from regionik.areas.reachable import heeds_headings
 from regionik.planners.driving.footprint import slab_areas, slab_rejections, slabs_along
 from regionik.planners.driving.room import Room, room_of
 from regionik.worlds.arrays import Array
-from regionik.worlds.criteria import with_joint_margin
 from regionik.worlds.obstacles import Shadow
-from regionik.worlds.pivoted_arm import pivot_index, with_pivot
-from regionik.worlds.planar_arm import is_planar
 from regionik.worlds.scene import World
 
 SLABS = 24  # of equal width in a full turn
@@ -58,7 +55,7 @@ class Pieces(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Standing:
-    """Where the base may stand: one side for every heading, or one a slab, round the full turn."""
+    """Free floor of the base: one side for every heading, or one a slab, round the full turn."""
 
     sides: tuple[Side, ...]
 
@@ -78,7 +75,7 @@ class Standing:
         return parts
 
     def beside(self, a: Index, b: Index) -> Mask:
-        """Whether two sides are the same, or neighbours on the turn."""
+        """Pairs of sides that are the same, or neighbours on the turn."""
         count = len(self.sides)
         apart = np.abs(a - b)
         near: Mask = (apart <= 1) | (apart == count - 1)
@@ -95,7 +92,7 @@ class Standing:
 
 
 def away(yaw: float, span: tuple[float, float]) -> float:
-    """How far a heading lies outside a span of headings, the shorter way [rad].
+    """Angle from a heading to a span of headings, the shorter way [rad].
 
     Examples
     --------
@@ -153,15 +150,11 @@ def by_heading(world: World) -> Standing:
 
 
 def turns_matter(world: World) -> bool:
-    """Whether the heading decides on where the base may stand.
+    """True where the places for the base depend on its heading.
 
-    With a bounded first joint it decides on the reach too, which is known for arms in one plane only.
+    With a bounded first joint it decides on the reach too, which not every model of reach knows.
     """
-    chain = with_pivot(with_joint_margin(world.robot, world.rules.criteria).chain)
-    pivot = chain.joints[pivot_index(chain)]
-    endless = pivot.upper - pivot.lower >= 2 * np.pi
-    planar = is_planar(chain) and all(in_plane(chain, one) for one in world.task)
-    return world.rules.heading != "fixed" and not _round(world) and (endless or planar)
+    return world.rules.heading != "fixed" and not _round(world) and heeds_headings(world)
 
 
 def span_of_rules(world: World) -> tuple[float, float]:

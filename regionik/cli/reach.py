@@ -79,11 +79,11 @@ def _at_once(
     progress: LateProgress,
 ) -> tuple[int, int]:
     """Answer targets that are all held in memory; return how many are reachable, and all."""
-    from regionik.bulk import reach_many
     from regionik.output.answers import answers_document, targets_asked, write_answers
+    from regionik.reach import reach as answers_for
 
     progress("reach", 0, 0)
-    answer = reach_many(scene, targets_asked(scene, target, table), pool, progress=progress)
+    answer = answers_for(scene, targets_asked(scene, target, table), executor=pool, progress=progress)
     if output is not None:
         write_answers(answer, scene.robot.chain.names, output)
     if as_json:

@@ -18,8 +18,7 @@ from scipy.stats import qmc
 from shapely.geometry import Point
 from shapely.geometry.base import BaseGeometry
 
-from regionik.areas.demand import in_plane
-from regionik.areas.meeting import meets
+from regionik.areas.reachable import model_of, reach_model
 from regionik.areas.standing import Standing, away, into_span
 from regionik.mfabrik import Solver, axis_of, pose_of, solver_for
 from regionik.moving.rolling_goals import RollingGoals
@@ -142,7 +141,7 @@ class ConfigurationSampler:
     def meets(self, at: Pose) -> bool:
         """Whether a posture at a set-point meets the rules' criteria; those of `Solver` do anyway."""
         criteria = self.world.rules.criteria
-        return criteria is None or meets(self.world.robot, criteria, at.joints)
+        return criteria is None or reach_model(self.world.robot, "point").meets(criteria, at.joints)
 
     def _options(
         self, i: int, components: Sequence[int], here: Pose, nominal: Candidate
@@ -241,7 +240,7 @@ class ConfigurationSampler:
         around: list[Candidate] = []
         if target.direction is None:
             around = list(self._asked(i, candidate, go_round))
-        elif not in_plane(self.world.robot.chain, target):  # in a plane, its few postures were all looked at
+        elif not model_of(self.world, target).shows_all_postures:  # else all were looked at
             around = list(self._looked(i, candidate))
         self._futile[key] = 0 if around else self._futile.get(key, 0) + 1
         yield from around

@@ -12,9 +12,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from regionik.areas.demand import between as asked_between
-from regionik.areas.demand import deviation
-from regionik.areas.reachable import Family
 from regionik.mfabrik import Solver, pose_of, solver_between
 from regionik.moving.base_motion import BasePath, BasePaths
 from regionik.moving.configuration_sampling import Candidate
@@ -23,8 +20,11 @@ from regionik.planners.clearance.touching import Touch
 from regionik.planners.driving.drive import NoPathError
 from regionik.planners.geometry.flat import Index
 from regionik.planners.solvers import kernels
+from regionik.postures.families import Family
 from regionik.postures.guard import Guard
 from regionik.postures.poses import LARGEST_BEND, Pose, Row, arrays, pose
+from regionik.postures.tool_goal import between as asked_between
+from regionik.postures.tool_goal import deviation
 from regionik.pruning import Ladder
 from regionik.values import Configuration
 from regionik.worlds.arrays import Array

@@ -9,9 +9,9 @@ from collections.abc import Callable, Iterator
 from importlib.metadata import version
 from pathlib import Path
 
-from regionik.bulk import AHEAD, CHUNK, Pool, handed_out
+from regionik.bulk import AHEAD, Pool, handed_out
 from regionik.output.answers import csv_head, csv_rows
-from regionik.reach import reach
+from regionik.reach import CHUNK, reach
 from regionik.storage.partial_file import parts_of
 from regionik.worlds.documents.world_file import world_to_document
 from regionik.worlds.readers.csv_path import CsvBlock, CsvTable, index_csv
@@ -40,7 +40,7 @@ def answer_table(
     world : World
     table, output : Path
     executor : Executor or function that makes one, optional
-        As for `regionik.bulk.reach_many`.
+        As for `regionik.reach.reach`.
     progress : callable, optional
         Called with a stage, blocks done, blocks in all.
 

@@ -11,13 +11,13 @@ import shapely
 from shapely.geometry import Point
 from shapely.geometry.base import BaseGeometry
 
-from regionik.areas.reachable import Family
 from regionik.areas.standing import into_span
 from regionik.mfabrik import Solver, axis_of, pose_of, solver_for
 from regionik.moving.configuration_sampling import spread
 from regionik.parking.fewest import Group, ParkingAreas, depth
 from regionik.planners.places.tour import through
 from regionik.planners.solvers.serial import chain_frames, chain_jacobian, serial_arm
+from regionik.postures.families import Family
 from regionik.values import Configuration, Stop
 from regionik.worlds.arrays import Array
 from regionik.worlds.pivoted_arm import pivot_index, with_pivot

@@ -12,8 +12,6 @@ from typing import Protocol
 
 import numpy as np
 
-from regionik.areas.demand import deviation
-from regionik.areas.reachable import Family, families_of
 from regionik.planners.geometry.edgetree import tree_of
 from regionik.planners.geometry.flat import FlatPolygon
 from regionik.planners.reach.rolls import roll_for, tool_turn, within_limits
@@ -22,10 +20,11 @@ from regionik.planners.solvers.callsheet import Joined, Turning, packed
 from regionik.planners.solvers.passes import holds_of
 from regionik.planners.solvers.qualities import COMFORT, Asked, meeting_posture, posture_spare
 from regionik.planners.solvers.ways import PITCHES, TILT
-from regionik.postures.serialarm import MOST_PASSES, Reached, serial_solver
+from regionik.postures.families import Family, families_of
+from regionik.postures.serialarm import MOST_PASSES, Reached
+from regionik.postures.tool_goal import deviation
 from regionik.worlds.arrays import Array
-from regionik.worlds.chain import Chain
-from regionik.worlds.planar_arm import PlanarArm, is_planar, planar_arm
+from regionik.worlds.planar_arm import PlanarArm
 from regionik.worlds.scene import Target
 
 ANGLE_SLACK = 1e-9  # rounding allowed at the edge of a cone [rad]
@@ -52,36 +51,6 @@ class Arm(Protocol):
         self, target: Target, axis: Array, yaw: float, joints: Array, tries: int
     ) -> list[Reached]:
         """Postures on target of many kinds, the base held."""
-
-
-def arm_solver(
-    chain: Chain,
-    height: float,
-    family: Family,
-    tolerance: float,
-    *,
-    turns: bool = True,
-    asked: Asked | None = None,
-) -> Arm:
-    """The solver that suits a chain.
-
-    Parameters
-    ----------
-    chain : Chain
-    height : float
-        Of the arm's base frame over the floor [m].
-    family : Family
-        Kind of posture; arms that do not work in one plane have only one.
-    tolerance : float
-        [m]
-    turns : bool
-        Whether the base turns for the arm.
-    asked : Asked, optional
-        What postures of an arm in one plane must meet.
-    """
-    if is_planar(chain):
-        return PlaneSolver(planar_arm(chain), height, family, tolerance, asked)
-    return serial_solver(chain, height, tolerance, turns=turns)
 
 
 @dataclass(frozen=True, eq=False)

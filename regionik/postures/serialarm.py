@@ -7,7 +7,6 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
-from regionik.areas.demand import HELD, aim_of
 from regionik.planners.geometry.flat import FlatPolygon, clamp, contains
 from regionik.planners.reach.levelreach import posture_at
 from regionik.planners.reach.posereach import ANGLE_SHARE, pose_reach
@@ -16,6 +15,7 @@ from regionik.planners.solvers.inverse import spread_postures
 from regionik.planners.solvers.mobile import roam, seen
 from regionik.planners.solvers.polish import Aim, polish
 from regionik.planners.solvers.reaching import Effort, solve
+from regionik.postures.tool_goal import HELD, aim_of
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
 from regionik.worlds.pivoted_arm import pivot_index, reach_bound, with_pivot

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 
-from regionik.areas.reachable import BACK, FRONT
 from regionik.areas.relaxations import Constraint
 from regionik.areas.standing import Standing, anywhere, by_heading, turns_matter
+from regionik.postures.families import BACK, FRONT
 from regionik.regions import outer_areas, path_areas
 from regionik.worlds.scene import World
 

@@ -9,8 +9,8 @@ import shapely
 from shapely.geometry import Point
 from shapely.geometry.base import BaseGeometry
 
-from regionik.areas.demand import in_plane
 from regionik.areas.ground import ground_of, grow
+from regionik.areas.reachable import model_of
 from regionik.areas.relaxations import without_criteria
 from regionik.areas.standing import by_heading, outer_by_heading, turns_matter
 from regionik.planners.driving.footprint import width_of
@@ -74,9 +74,9 @@ def no_way_to(who: str) -> str:
 
 def _left_open(world: World, target: Target) -> str:
     """What keeps inner areas smaller than outer ones."""
-    robot, ground = world.robot, ground_of(world)
+    ground = ground_of(world)
     why = [f"inner areas keep {world.rules.reach_margin:g} m off the edge of reach"]
-    if target.direction is not None and not in_plane(robot.chain, target):
+    if not model_of(world, target).proven:
         why.append("places for a tool turned as asked are sampled, pose by pose")
     if world.rules.heading != "fixed" and not turns_matter(world) and ground.far > ground.near:
         why.append(f"the base is taken as the circle of {ground.far:.3f} m about the arm's axis")

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from regionik.areas.demand import in_plane
+from regionik.areas.reachable import model_of
 from regionik.areas.relaxations import (
     ARM_CLEARANCE,
     Constraint,
@@ -80,7 +80,7 @@ def _lower(world: World) -> Repair | None:
 
 def _cone(world: World, who: str) -> Repair | None:
     target = world.task[0]
-    if target.direction is None or not in_plane(world.robot.chain, target):
+    if target.direction is None or not model_of(world, target).exact:
         return None
     most = np.pi - target.cone
     more = _least(world, lambda more: with_cone(world, min(np.pi, target.cone + more)), most)

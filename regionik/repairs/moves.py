@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from shapely.geometry import Point
 from shapely.ops import nearest_points
 
-from regionik.areas.demand import in_plane
 from regionik.areas.ground import GUARD, ground_of, grow
+from regionik.areas.reachable import model_of
 from regionik.areas.relaxations import with_obstacle_moved, with_target_moved, without_obstacle
 from regionik.areas.standing import LEAST_AREA
 from regionik.regions import path_areas
@@ -31,12 +31,10 @@ _FARTHER = 1.05  # than areas have it, from which on other directions are looked
 def target_moved(world: World, who: str) -> Repair | None:
     """The shortest move found that brings a world's one target within reach, or None.
 
-    For an arm in one vertical plane in all directions, for others over the floor; not for others whose tool
-    must point: what they reach is looked for pose by pose.
+    In all directions where areas are exact, else over the floor; not where they are looked for pose by pose.
     """
-    target = world.task[0]
-    planar = in_plane(world.robot.chain, target)
-    if target.direction is not None and not planar:
+    target, model = world.task[0], model_of(world, world.task[0])
+    if not model.proven:
         return None
 
     def opens(steps: Array) -> NDArray[np.bool_]:
@@ -48,11 +46,11 @@ def target_moved(world: World, who: str) -> Repair | None:
         return found
 
     around = np.column_stack([circle(_ROUND), np.zeros(_ROUND)])
-    directions = np.vstack([around, sphere(_SPHERE)]) if planar else around
+    directions = np.vstack([around, sphere(_SPHERE)]) if model.exact else around
     by = _least(
         world,
         lambda by: with_target_moved(world, 0, by),
-        opens if planar else lambda steps: opens(steps * [1.0, 1.0, 0.0]),
+        opens if model.exact else lambda steps: opens(steps * [1.0, 1.0, 0.0]),
         np.vstack([_inwards(world), directions]),
         _farthest(world),
     )

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from regionik.areas.demand import in_plane
+from regionik.areas.reachable import model_of
 from regionik.areas.relaxations import (
     ARM_CLEARANCE,
     CLEARANCE,
@@ -96,7 +96,7 @@ def clearance_repair(world: World, amount: float) -> Repair:
 def _cone(world: World, who: str) -> Repair | None:
     target = world.task[0]
     most = np.pi - target.cone
-    if target.direction is None or most <= 0 or not in_plane(world.robot.chain, target):
+    if target.direction is None or most <= 0 or not model_of(world, target).exact:
         return None
 
     def wider(more: float) -> float:
@@ -130,7 +130,7 @@ def _raise(world: World) -> Repair | None:
         # To the arm a higher mount is a lower target, and the base does not see either.
         return opened(world, [_lowered(world.task[0], float(rise)) for rise in amounts])
 
-    if not in_plane(world.robot.chain, world.task[0]):  # each height of another arm is looked at by itself
+    if not model_of(world, world.task[0]).exact:  # each height of another arm is looked at by itself
         return None
     rise = checked(world, lambda rise: with_mast(world, rise), least_open(opens, most), most)
     if rise is None:

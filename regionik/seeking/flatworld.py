@@ -9,47 +9,43 @@ import shapely
 from shapely.geometry import Polygon
 
 from regionik.areas.ground import EVERY, Side
+from regionik.areas.reachable import planar_reach
 from regionik.planners.clearance.bulkreach import Keep, Reach, Stance
 from regionik.planners.reach.ringfloor import Parts, parts_of
 from regionik.planners.reach.rings import boundary_circles
-from regionik.planners.solvers.kernels import PlaneArm
 from regionik.postures.guard import SPARE, guard_of
 from regionik.worlds.arrays import Array
-from regionik.worlds.planar_arm import planar_arm
 from regionik.worlds.scene import World
-
-SLACK = 1e-9  # rounding allowed at a bound [rad]
 
 
 @lru_cache(maxsize=128)
 def stance_of(world: World, span: tuple[float, float]) -> Stance:
-    """How the robot stands with its heading in a span."""
-    robot, arm = world.robot, planar_arm(world.robot.chain)
+    """Stance of the robot with its heading in a span."""
+    robot, model = world.robot, planar_reach(world.robot)
+    arm = model.arm
     low, high = arm.pivot_lower, arm.pivot_upper
     if world.rules.heading == "face_target":
         low = high = min(max(0.0, low), high)
-    shoulder = float(arm.shoulder[0]), float(arm.shoulder[1] + robot.mount[2])
-    plane = PlaneArm(*shoulder, *map(own, (arm.lengths, arm.lower, arm.upper)))
-    zero, yaw, turn = float(arm.pivot_zero + robot.mount[3]), 0.0, np.inf
+    zero, yaw = float(arm.pivot_zero + robot.mount[3]), 0.0
     if world.start is not None:
         yaw = float(world.start.base[2])
     if span != EVERY:
-        yaw, turn = (span[0] + span[1]) / 2, (span[1] - span[0]) / 2
-    sign, offset, mount, carry = map(own, (arm.sign, arm.offset, robot.mount[:2], robot.carry))
-    return Stance(plane, sign, offset, zero, low, high, mount, yaw, turn + SLACK, carry)
+        yaw = (span[0] + span[1]) / 2
+    sign, offset, mount = map(own, (arm.sign, arm.offset, robot.mount[:2]))
+    return Stance(model.plane, sign, offset, zero, low, high, mount, yaw)
 
 
 @lru_cache(maxsize=8)
 def reach_of(world: World) -> Reach:
     """The circles on which the arm's reach can begin or end."""
-    arm = planar_arm(world.robot.chain)
-    circles = boundary_circles(arm, float(arm.shoulder[1] + world.robot.mount[2]))
-    return Reach(own(circles[:, :2]), own(circles[:, 2]), world.rules.reach_margin)
+    model = planar_reach(world.robot)
+    circles = boundary_circles(model.arm, model.plane.shoulder_z)
+    return Reach(own(circles[:, :2]), own(circles[:, 2]))
 
 
 @lru_cache(maxsize=8)
 def keep_of(world: World) -> Keep:
-    """What the arm keeps off."""
+    """Solids that the arm keeps off."""
     guard, bodies = guard_of(world), guard_of(world).bodies
     return Keep(bodies.arm, own(bodies.mount), bodies.movers, bodies.hulls, SPARE, guard.on)
 

@@ -17,16 +17,17 @@ import shapely
 from shapely.geometry import MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from regionik.areas.demand import in_plane
 from regionik.areas.ground import EVERY, GUARD, ground_of
-from regionik.areas.reachable import BACK, FRONT, Family, families_of, fine_reach
+from regionik.areas.reach_model import ReachModel
+from regionik.areas.reachable import fine_reach, reach_model
 from regionik.areas.standing import span_of_rules
 from regionik.planners.driving.footprint import slab_free
+from regionik.postures.families import BACK, FRONT, Family
 from regionik.postures.poses import Pose
+from regionik.postures.tool_goal import goal_of
 from regionik.worlds.arrays import Array
 from regionik.worlds.obstacles import Shadow
 from regionik.worlds.pivoted_arm import reach_bound
-from regionik.worlds.planar_arm import planar_arm
 from regionik.worlds.scene import Target, World
 
 ARCS = 768  # vertices of a full circle
@@ -125,7 +126,7 @@ class _Close:
         heading = span_of_rules(self.world)
         if heading == EVERY and not self._turnless:
             heading = (-np.pi, np.pi)
-        if self.target.direction is None or not in_plane(self.world.robot.chain, self.target):
+        if self.target.direction is None or not self._model.exact:
             return Cell(heading, None)
         pitch = _pitch_of(self.target.direction)
         low, high = pitch - self.target.cone, pitch + self.target.cone
@@ -168,8 +169,7 @@ class _Close:
         if cell.pitch is None or target.direction is None:
             return Family(FRONT), Family(BACK)
         if target.orientation is not None:
-            arm = planar_arm(self.world.robot.chain)
-            return families_of(arm, target, (FRONT, BACK), inner=inner)
+            return self._model.families(target, (FRONT, BACK), inner=inner)
         pitch = sum(cell.pitch) / 2
         low, high = (pitch, pitch) if inner else cell.pitch
         half = _widest_swing(_pitch_of(target.direction), target.cone, low, high) - (GUARD if inner else 0.0)
@@ -179,6 +179,10 @@ class _Close:
         along = Family(FRONT, pitch, azimuth, half, (low, high))
         against = Family(FRONT, np.pi - pitch, azimuth + np.pi, half, (np.pi - high, np.pi - low))
         return tuple(replace(kind, facing=facing) for facing in (FRONT, BACK) for kind in (along, against))
+
+    @property
+    def _model(self) -> ReachModel:
+        return reach_model(self.world.robot, goal_of(self.target))
 
     @cached_property
     def _turnless(self) -> bool:

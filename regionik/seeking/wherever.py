@@ -10,6 +10,7 @@ import shapely
 from shapely.geometry import Point, Polygon
 
 from regionik.areas.ground import EVERY, GUARD, ground_of
+from regionik.areas.reachable import model_of, planar_reach, reach_model
 from regionik.areas.standing import room_for
 from regionik.planners.clearance.anyplace import (
     FIRST_CELLS,
@@ -34,7 +35,6 @@ from regionik.postures.guard import contact_for
 from regionik.postures.poses import Pose
 from regionik.seeking.flatworld import floor_of, keep_of, own, reach_of, stance_of
 from regionik.worlds.arrays import Array
-from regionik.worlds.planar_arm import is_planar, planar_arm
 from regionik.worlds.scene import Target, World
 
 
@@ -61,7 +61,7 @@ class Looked(NamedTuple):
 
 def can_look(world: World) -> bool:
     """Whether `look_everywhere` can be asked: an arm in one plane that is led round things."""
-    return world.rules.avoidance and is_planar(world.robot.chain)
+    return world.rules.avoidance and reach_model(world.robot, "point").exhaustible
 
 
 def look_everywhere(world: World, target: Target, most: int) -> Looked:
@@ -110,7 +110,7 @@ class Prepared(NamedTuple):
 @lru_cache(maxsize=8)
 def prepared(world: World) -> Prepared:
     """What is the same for all targets of a world."""
-    stance, cores = stance_of(world, EVERY), cores_of(world.robot)
+    stance, cores = stance_of(world, EVERY), cores_of(world.robot, planar_reach(world.robot).arm)
     fixed = world.rules.heading == "fixed"
     frame = Frame(
         stance.plane, stance.mount, stance.zero, stance.low, stance.high, stance.yaw if fixed else np.nan
@@ -157,6 +157,6 @@ def asked_of(world: World, target: Target) -> Asked:
     seek = world.rules.criteria is None and target.orientation is None
     if target.direction is None:
         return Asked(position, free, np.pi, seek)
-    if not planar_arm(world.robot.chain).tool_along_link:
+    if not model_of(world, target).exact:
         return Asked(position, free, np.pi, False)
     return Asked(position, own(target.direction), float(target.cone), seek)

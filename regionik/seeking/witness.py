@@ -8,17 +8,17 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from regionik.areas.demand import in_plane, misses
-from regionik.areas.meeting import meets
-from regionik.areas.reachable import Family
+from regionik.areas.reachable import model_of, reach_model
 from regionik.areas.standing import into_span, room_for
 from regionik.mfabrik import Solver, pose_of, solver_for
 from regionik.moving.configuration_sampling import spread
 from regionik.planners.clearance.posture import clear_posture
 from regionik.planners.clearance.touching import Touch
 from regionik.planners.driving.room import fits
+from regionik.postures.families import Family
 from regionik.postures.guard import SPARE, Guard, contact_for, guard_of
 from regionik.postures.poses import Pose
+from regionik.postures.tool_goal import misses
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import Target, World
 
@@ -72,24 +72,24 @@ class Quest:
     def search(self) -> Pose | None:
         """At the places nearest to a clear posture, all postures of the arm are looked for.
 
-        An arm in one plane has shown all kinds of them already.
+        Some arms have shown all kinds of them already.
         """
-        if self.target.direction is not None or in_plane(self.world.robot.chain, self.target):
+        if self.target.direction is not None or model_of(self.world, self.target).shows_all_postures:
             return None
         nearest = sorted(self.nearly, key=lambda one: -one[0])[:SEARCHED]
         return next((q for _, near in nearest if (q := self._searched(near)) is not None), None)
 
     def stands(self, q: Pose) -> bool:
-        """Whether tool, joints and base are where they should be, whatever the arm touches."""
+        """True where tool, joints and base are where they should be, whatever the arm touches."""
         world, chain = self.world, self.world.robot.chain
         error, angle = misses(self.target, world.robot.tool(q.base, q.joints))
         on_target = error <= world.rules.tolerance + SLACK and angle <= self.target.cone + SLACK
         within = (q.joints >= chain.lower - SLACK).all() and (q.joints <= chain.upper + SLACK).all()
-        good = bool(within) and meets(world.robot, world.rules.criteria, q.joints)
+        good = bool(within) and reach_model(world.robot, "point").meets(world.rules.criteria, q.joints)
         return on_target and good and bool(fits(room_for(world), *q.base.tolist()))
 
     def confirms(self, q: Pose) -> bool:
-        """Whether a configuration is an answer."""
+        """True where a configuration is an answer."""
         return self.stands(q) and self._room(q) == np.inf
 
     def _places(self, area: BaseGeometry) -> Array:

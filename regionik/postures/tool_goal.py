@@ -1,23 +1,27 @@
-"""What a set-point asks of the tool: for arms, for kernels, and on the way from one set-point to the next."""
+"""Goals of the tool: what set-points ask of it, and what is asked on the way between them."""
 
 from __future__ import annotations
+
+from typing import Literal
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from regionik.planners.solvers.polish import DIRECTION, ORIENTATION, POSITION, Aim
 from regionik.worlds.arrays import Array
-from regionik.worlds.chain import Chain
-from regionik.worlds.planar_arm import is_planar, planar_arm
 from regionik.worlds.scene import Target
+
+Goal = Literal["point", "direction", "orientation"]
 
 _ANY_TURN = np.zeros((3, 3))  # what kernels are given where they do not look
 HELD = 0.5  # share of a cone that arms are solved to; the rest is left for the way between two states
 
 
-def in_plane(chain: Chain, target: Target) -> bool:
-    """Whether the arm meets the target in its own plane; any other is solved as a chain of rigid bodies."""
-    return is_planar(chain) and (target.direction is None or planar_arm(chain).tool_along_link)
+def goal_of(target: Target) -> Goal:
+    """Return what a set-point asks of the tool: its point alone, its axis too, or its whole frame."""
+    if target.orientation is not None:
+        return "orientation"
+    return "point" if target.direction is None else "direction"
 
 
 def aim_of(target: Target) -> Aim:
@@ -31,7 +35,7 @@ def aim_of(target: Target) -> Aim:
 
 
 def misses(target: Target, tool: Array) -> tuple[float, float]:
-    """How far a tool frame (4, 4) is off in position [m], and in axis or turn where one is asked [rad]."""
+    """Error of a tool frame (4, 4) in position [m], and in axis or turn where one is asked [rad]."""
     return float(np.linalg.norm(tool[:3, 3] - target.position)), deviation(target, tool[:3, :3])
 
 
@@ -47,7 +51,7 @@ def deviation(target: Target, turn: Array) -> float:
 
 
 def between(a: Target, b: Target, share: float) -> Target:
-    """What the tool does at a share of the way: it goes straight, its axis or its frame turns evenly.
+    """Goal at a share of the way: the tool goes straight, its axis or its frame turns evenly.
 
     A direction goes along the shorter arc, an orientation the shorter way; what only one end asks for,
     nothing on the way does. The cone goes evenly from one to the other.

@@ -1,0 +1,281 @@
+"""Reach of an arm in one vertical plane: exact rings and ring sectors, for any tool direction.
+
+With the plane at azimuth a and the tool at a signed distance r from the axis in it, the axis stands at
+c = p - r (cos a, sin a) for a tool at p. The r that postures within limits reach at a height are intervals
+(`planners.reach.rings`); a takes every direction that the family allows and that base and pivot turn to.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from typing import ClassVar
+
+import numpy as np
+
+from regionik.areas.ground import EVERY
+from regionik.areas.reach_model import FineRows, Index, ReachModel, ReachQuery, Rows
+from regionik.areas.sectors import ring_sectors, wide_enough
+from regionik.planners.geometry.ringarcs import Sectors
+from regionik.planners.reach.paving import paved
+from regionik.planners.reach.rings import FREE, reach_intervals, reach_spans
+from regionik.planners.solvers.kernels import PlaneArm
+from regionik.planners.solvers.qualities import Asked, asked_of, posture_spare
+from regionik.postures.arms import Arm, PlaneSolver
+from regionik.postures.families import BACK, FRONT, Family, families_of
+from regionik.worlds.arrays import Array
+from regionik.worlds.criteria import Criteria
+from regionik.worlds.planar_arm import PlanarArm
+from regionik.worlds.scene import Rules, Target
+
+Arc = tuple[float, float]  # middle and half width [rad]
+
+
+@dataclass(frozen=True, eq=False)
+class PlanarReach(ReachModel):
+    """Reach of an arm in one vertical plane, its tool along the last link where a direction is asked.
+
+    Attributes
+    ----------
+    arm : PlanarArm
+        The robot's chain in the plane.
+    """
+
+    arm: PlanarArm
+
+    exact: ClassVar[bool] = True
+    shows_all_postures: ClassVar[bool] = True
+
+    @property
+    def exhaustible(self) -> bool:
+        return True
+
+    @property
+    def heeds_headings(self) -> bool:
+        return True
+
+    @cached_property
+    def plane(self) -> PlaneArm:
+        """The arm for kernels, heights counted from the floor; its arrays are writable, as they expect."""
+        lengths, lower, upper = (
+            np.array(part, order="C") for part in (self.arm.lengths, self.arm.lower, self.arm.upper)
+        )
+        return PlaneArm(float(self.arm.shoulder[0]), self._shoulder, lengths, lower, upper)
+
+    @property
+    def _shoulder(self) -> float:
+        """Height of the first hinge over the floor [m]."""
+        return float(self.arm.shoulder[1] + self.robot.mount[2])
+
+    def rows(self, targets: Sequence[Target], query: ReachQuery) -> Rows:
+        """Exact but for the chords of circles; see `ReachModel`."""
+        which, families, rings = self.rings(targets, query)
+        return which, families, ring_sectors(*rings, query.margin, query.arcs)
+
+    def rings(
+        self, targets: Sequence[Target], query: ReachQuery
+    ) -> tuple[Index, tuple[Family, ...], Sectors]:
+        """As `rows`, but the numbers of each ring or ring sector.
+
+        Inner ones are wide enough for the rules' margin on both sides, which is not taken off yet.
+        """
+        self.thresholds(query.rules.criteria)
+        positions = np.array([target.position for target in targets]).reshape(-1, 3)
+        alike: dict[tuple[Family, ...], list[int]] = {}
+        for i, target in enumerate(targets):
+            alike.setdefault(self.families(target, query.facings, inner=query.inner), []).append(i)
+        found: list[Family] = []
+        parts = [np.empty((0, 4))]
+        for kinds, members in alike.items():
+            for pitches in sorted({family.pitches for family in kinds}):
+                some = [family for family in kinds if family.pitches == pitches]
+                rows = self._table(positions[members, 2], some, query)
+                rows[:, 0] = np.array(members)[rows[:, 0].astype(np.intp)]
+                rows[:, 1] += len(found)
+                parts.append(rows)
+                found += some
+        table = np.concatenate(parts)
+        table = table[np.argsort(table[:, 0], kind="stable")]
+        arcs = [self._arcs(family, query) for family in found]
+        which, kind, rings = _sectors(positions[:, :2], found, table, arcs)
+        return which, tuple(found[k] for k in kind.tolist()), rings
+
+    def _table(self, heights: Array, kinds: Sequence[Family], query: ReachQuery) -> Array:
+        """Distances that families of one range of pitches reach: rows of height, family, low, high [m]."""
+        criteria, pitches = query.rules.criteria, kinds[0].pitches
+        owner, spans = self.intervals(criteria, heights, pitches, query.facings, inner=query.inner)
+        parts = []
+        for k, family in enumerate(kinds):
+            ahead, low, high = _ahead(family, spans, query.margin, query.arcs)
+            parts.append(np.column_stack([owner[ahead], np.full(len(ahead), k), low, high]))
+        return np.concatenate(parts)
+
+    def fine_rows(self, target: Target, kinds: Sequence[Family], query: ReachQuery) -> FineRows:
+        """Exact but for the chords of circles; see `ReachModel`."""
+        parts = [np.empty((0, 4))]
+        for k, family in enumerate(kinds):
+            reach = reach_intervals(self.arm, self._shoulder, target.position[2:], family.pitches)[0]
+            ahead, low, high = _ahead(family, reach, query.margin, query.arcs)
+            parts.append(np.column_stack([np.zeros(len(ahead)), np.full(len(ahead), k), low, high]))
+        turns = [[arc for arc in self._arcs(one, query) if arc[1] > 0] for one in kinds]
+        _, kind, rings = _sectors(target.position[None, :2], kinds, np.concatenate(parts), turns)
+        return tuple(kinds[k] for k in kind.tolist()), ring_sectors(*rings, query.margin, query.arcs)
+
+    def intervals(
+        self,
+        criteria: Criteria | None,
+        heights: Array,
+        pitches: tuple[float, float] = FREE,
+        facings: Sequence[int] = (FRONT, BACK),
+        *,
+        inner: bool,
+    ) -> tuple[Index, Array]:
+        """Intervals of signed distance r at each height with a posture that meets all criteria together.
+
+        Parameters
+        ----------
+        criteria : Criteria or None
+        heights : (n,) array
+            Of the tool over the floor [m].
+        pitches : (low, high)
+            Angles that the last link may take in the plane [rad].
+        facings : sequence of int
+        inner : bool
+            Whether to give what is proven, or what is not ruled out.
+
+        Returns
+        -------
+        owner : (m,) array of int
+            Height of each, ascending.
+        reach : (m, 2) array
+            Ascending at each height; none crosses 0 [m].
+        """
+        front, back = FRONT in facings, BACK in facings
+        owner, reach = reach_spans(self.arm, self._shoulder, heights, pitches, front=front, back=back)
+        asked = self.thresholds(criteria)
+        if asked is None or criteria is None:
+            return owner, reach
+        side = 0 if inner or asked[0] is asked[1] else 1
+        bounds = np.searchsorted(owner, np.arange(len(heights) + 1)).tolist()
+        found = [np.empty((0, 2))]
+        for z, a, b in zip(heights.tolist(), bounds[:-1], bounds[1:], strict=True):
+            known = tuple((low, high) for low, high in reach[a:b].tolist())
+            found.append(_paved(self, criteria, side, pitches, z, known)[0 if inner else 1])
+        return np.repeat(np.arange(len(heights)), [len(rows) for rows in found[1:]]), np.concatenate(found)
+
+    def distances(self, criteria: Criteria | None, heights: Array, *, inner: bool) -> list[Array]:
+        """|r| in front of the axis and behind it; see `ReachModel`."""
+        owner, reach = self.intervals(criteria, heights, inner=inner)
+        return np.split(np.sort(np.abs(reach), axis=1), np.searchsorted(owner, np.arange(1, len(heights))))
+
+    def families(self, target: Target, facings: tuple[int, ...], *, inner: bool) -> tuple[Family, ...]:
+        """Those of `postures.families`; see `ReachModel`."""
+        return families_of(self.arm, target, facings, inner=inner)
+
+    def solver(
+        self, family: Family, tolerance: float, *, turns: bool = True, criteria: Criteria | None = None
+    ) -> Arm:
+        """FABRIK in the arm's plane; see `ReachModel`."""
+        asked = self.thresholds(criteria)
+        return PlaneSolver(self.arm, self.height, family, tolerance, asked and asked[0])
+
+    def thresholds(self, criteria: Criteria | None) -> tuple[Asked, Asked] | None:
+        """Those of manipulability and effort; see `ReachModel`."""
+        if criteria is None or not criteria.beyond_limits:
+            return None
+        criteria.check(self.robot)
+        return asked_of(self.arm, self.robot, criteria)
+
+    def meets(self, criteria: Criteria | None, joints: Array) -> bool:
+        """See `ReachModel`."""
+        asked = self.thresholds(criteria)
+        if not super().meets(criteria, joints):
+            return False
+        return asked is None or bool(posture_spare(self.plane, asked[0], self.arm.bends(joints)) >= 0.0)
+
+    def turns_freely(self, rules: Rules, span: tuple[float, float]) -> bool:
+        """True where headings and pivot together turn the plane all round; see `ReachModel`."""
+        low, high = self._pivot(rules)
+        return span == EVERY or bool(high - low + span[1] - span[0] >= 2 * np.pi)
+
+    def _pivot(self, rules: Rules) -> tuple[float, float]:
+        """Turns of the pivot that the rules leave; at one where the base looks where the plane does [rad]."""
+        low, high = self.arm.pivot_lower, self.arm.pivot_upper
+        if rules.heading == "face_target":
+            low = high = min(max(0.0, low), high)
+        return low, high
+
+    def _arcs(self, family: Family, query: ReachQuery) -> list[Arc]:
+        """Directions the plane may take: the family's own, cut to what base and pivot turn to."""
+        own, span, (low, high) = (family.azimuth, family.half), query.span, self._pivot(query.rules)
+        half = (span[1] - span[0] + high - low) / 2
+        if not half < np.pi:
+            return [own]
+        yaw = float(self.robot.mount[3]) + self.arm.pivot_zero
+        middle = yaw + (span[0] + span[1] + low + high) / 2
+        return _common_arcs(own, (middle, half - query.guard))
+
+
+@lru_cache(maxsize=4096)
+def _paved(
+    model: PlanarReach,
+    criteria: Criteria,
+    side: int,
+    pitches: tuple[float, float],
+    z: float,
+    known: tuple[tuple[float, float], ...],
+) -> tuple[Array, Array]:
+    asked = asked_of(model.arm, model.robot, criteria)[side]
+    return paved(model.plane, asked, pitches, z, np.array(known).reshape(-1, 2))
+
+
+def _ahead(family: Family, spans: Array, margin: float | None, arcs: int) -> tuple[Index, Array, Array]:
+    """Rows of the spans (m, 2) of signed distance that a family reaches; their distances, low and high."""
+    low, high = spans.T
+    front = low >= 0
+    a, b = np.where(front, low, -high), np.where(front, high, -low)
+    reached = ((low + high) * family.facing > 0) & wide_enough(a, b, margin, arcs)
+    return np.flatnonzero(reached), a[reached], b[reached]
+
+
+def _sectors(
+    centers: Array, kinds: Sequence[Family], table: Array, arcs: Sequence[Sequence[Arc]]
+) -> tuple[Index, Index, Sectors]:
+    """Rings cut to the directions of their families: target and family of each sector, and their numbers.
+
+    Parameters
+    ----------
+    centers : (n, 2) array
+        Of the targets [m].
+    kinds : sequence of Family
+    table : (m, 4) array
+        Rows of target, family, low, high.
+    arcs : sequence of sequences of (middle, half)
+        Directions that the plane may take, of each family [rad].
+    """
+    which, kind = table[:, :2].astype(np.intp).T
+    counts = np.array([len(several) for several in arcs], dtype=np.intp)
+    times = counts[kind]
+    row = np.repeat(np.arange(len(kind)), times)
+    arc = (np.cumsum(counts) - counts)[kind[row]] + np.arange(len(row)) - (np.cumsum(times) - times)[row]
+    which, kind = which[row], kind[row]
+    middle, half = np.array([one for several in arcs for one in several]).reshape(-1, 2)[arc].T
+    behind = np.array([np.pi if family.facing == FRONT else 0.0 for family in kinds])
+    return which, kind, Sectors(centers[which], table[row, 2], table[row, 3], middle + behind[kind], half)
+
+
+def _common_arcs(a: Arc, b: Arc) -> list[Arc]:
+    """Intersection of two arcs given by center and half width: none, one or two arcs."""
+    if a[1] >= np.pi:
+        return [b]
+    if b[1] >= np.pi:
+        return [a]
+    shift = (b[0] - a[0] + np.pi) % (2 * np.pi) - np.pi
+    arcs = []
+    for turn in (-2 * np.pi, 0.0, 2 * np.pi):
+        low = max(-a[1], shift + turn - b[1])
+        high = min(a[1], shift + turn + b[1])
+        if high > low:
+            arcs.append((a[0] + (low + high) / 2, (high - low) / 2))
+    return arcs

@@ -1,0 +1,165 @@
+"""Reach of an arm for one kind of goal: the questions that every model of it answers."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from regionik.areas.ground import GUARD, Geometries
+from regionik.areas.sectors import ARC_POINTS
+from regionik.planners.solvers.kernels import LIMIT_SLACK
+from regionik.planners.solvers.qualities import Asked
+from regionik.postures.arms import Arm
+from regionik.postures.families import BACK, FRONT, Family
+from regionik.worlds.arrays import Array
+from regionik.worlds.chain import Chain
+from regionik.worlds.criteria import Criteria, with_joint_margin
+from regionik.worlds.pivoted_arm import pivot_index, with_pivot
+from regionik.worlds.robot import Robot
+from regionik.worlds.scene import Rules, Target
+
+Index = NDArray[np.intp]
+Rows = tuple[Index, tuple[Family, ...], Geometries]  # target, ascending, family and shape of each row
+FineRows = tuple[tuple[Family, ...], Geometries]  # family and shape of each row
+
+
+class ReachQuery(NamedTuple):
+    """Reach that is asked for.
+
+    Attributes
+    ----------
+    rules : Rules
+    margin : float or None
+        What rings within the true reach keep from both its ends [m]; None for rings around it.
+    span : (low, high)
+        Headings of the base [rad].
+    facings : tuple of int
+        Which of `FRONT` and `BACK` to take.
+    arcs : int
+        Vertices of a full circle.
+    """
+
+    rules: Rules
+    margin: float | None
+    span: tuple[float, float]
+    facings: tuple[int, ...] = (FRONT, BACK)
+    arcs: int = ARC_POINTS
+
+    @property
+    def inner(self) -> bool:
+        """True for the reach from within."""
+        return self.margin is not None
+
+    @property
+    def guard(self) -> float:
+        """Angle that sectors keep from both ends of their headings [rad]."""
+        return GUARD if self.inner else 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class ReachModel(ABC):
+    """Reach of a robot's arm for one kind of goal; `reachable.reach_model` chooses the implementation.
+
+    The reach of a target is the set of places of the arm axis on the floor, the pivot axis of the arm, from
+    which some posture within limits meets the target. An inner area holds places that work, an outer one all
+    that may.
+
+    Attributes
+    ----------
+    robot : Robot
+        With the limits that postures must keep.
+    exact : bool
+        Inner and outer areas are the true reach at every height and cone, but for the chords of circles.
+    proven : bool
+        Every place of an inner area is proven to work.
+    shows_all_postures : bool
+        The self-motion of the solver shows postures of every kind.
+    exhaustible : bool
+        All postures from all places can be searched for a clear one, or proven to hold none.
+    """
+
+    robot: Robot
+
+    exact: ClassVar[bool] = False
+    proven: ClassVar[bool] = True
+    shows_all_postures: ClassVar[bool] = False
+
+    @property
+    @abstractmethod
+    def exhaustible(self) -> bool:
+        """As above."""
+
+    @abstractmethod
+    def rows(self, targets: Sequence[Target], query: ReachQuery) -> Rows:
+        """Reach of targets of the model's goal: a row for each target, family and interval of distance."""
+
+    @abstractmethod
+    def fine_rows(self, target: Target, kinds: Sequence[Family], query: ReachQuery) -> FineRows:
+        """Reach of one target by given families, whatever criteria the rules have."""
+
+    @abstractmethod
+    def distances(self, criteria: Criteria | None, heights: Array, *, inner: bool) -> list[Array]:
+        """Distances of axis and tool within reach at each height, any way the tool points, (k, 2) [m]."""
+
+    @abstractmethod
+    def families(self, target: Target, facings: tuple[int, ...], *, inner: bool) -> tuple[Family, ...]:
+        """Posture families that may reach a target."""
+
+    @abstractmethod
+    def solver(
+        self, family: Family, tolerance: float, *, turns: bool = True, criteria: Criteria | None = None
+    ) -> Arm:
+        """The arm as M-FABRIK moves it, in a family of postures.
+
+        Parameters
+        ----------
+        family : Family
+        tolerance : float
+            [m]
+        turns : bool
+            Whether the base turns for the arm.
+        criteria : Criteria, optional
+            Thresholds of manipulability and effort that postures must meet.
+        """
+
+    @abstractmethod
+    def thresholds(self, criteria: Criteria | None) -> tuple[Asked, Asked] | None:
+        """Thresholds that criteria set besides limits, for inner and for outer areas; None for none.
+
+        Raises
+        ------
+        InputError
+            For criteria that the arm cannot be held to.
+        """
+
+    def meets(self, criteria: Criteria | None, joints: Array) -> bool:
+        """True where a posture (dof,) meets criteria at any roll."""
+        self.thresholds(criteria)
+        limits = with_joint_margin(self.robot, criteria).chain
+        over = (joints < limits.lower - LIMIT_SLACK) | (joints > limits.upper + LIMIT_SLACK)
+        return limits is self.robot.chain or not over.any()
+
+    def turns_freely(self, rules: Rules, span: tuple[float, float]) -> bool:
+        """True where areas are the same for a base that keeps its headings within a span."""
+        return True
+
+    @property
+    def heeds_headings(self) -> bool:
+        """True where areas hold for a base that keeps its heading, as the pivot turns all round."""
+        pivot = self.chain.joints[pivot_index(self.chain)]
+        return bool(pivot.upper - pivot.lower >= 2 * np.pi)
+
+    @property
+    def chain(self) -> Chain:
+        """The arm on its vertical pivot."""
+        return with_pivot(self.robot.chain)
+
+    @property
+    def height(self) -> float:
+        """Height of the arm's base frame over the floor [m]."""
+        return float(self.robot.mount[2])

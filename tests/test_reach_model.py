@@ -1,0 +1,156 @@
+"""Models of reach: which arm gets which, and what they promise of each other."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import shapely
+
+from regionik.areas.pivoted_reach import PivotedReach, PosedReach
+from regionik.areas.planar_reach import PlanarReach
+from regionik.areas.reach_model import ReachModel
+from regionik.areas.reachable import heeds_headings, model_of, reach_model, reach_rows
+from regionik.pipeline import plan
+from regionik.planners.solvers.polish import DIRECTION
+from regionik.postures.arms import PlaneSolver
+from regionik.postures.families import BACK, FRONT, Family
+from regionik.postures.serialarm import SerialSolver
+from regionik.postures.tool_goal import Goal, aim_of, goal_of
+from regionik.verification.verifier import verify
+from regionik.worlds.bundled import robot_named
+from regionik.worlds.chain import Chain, rot_x
+from regionik.worlds.criteria import Criteria
+from regionik.worlds.errors import InputError
+from regionik.worlds.robot import Robot
+from regionik.worlds.scene import Floor, Rules, Target, World
+
+GOALS: tuple[Goal, ...] = ("point", "direction", "orientation")
+FLOOR = Floor(shapely.box(-2, -2, 2, 2))
+
+
+def across(robot: Robot) -> Robot:
+    """The robot with its tool square to the last link."""
+    return replace(robot, chain=Chain(robot.chain.joints, robot.chain.T_last_tool @ rot_x(np.pi / 2)))
+
+
+def bounded(robot: Robot, half: float) -> Robot:
+    """The robot with a pivot that turns by ``half`` either way."""
+    pivot, *others = robot.chain.joints
+    joints = replace(pivot, lower=-half, upper=half), *others
+    return replace(robot, chain=Chain(joints, robot.chain.T_last_tool))
+
+
+def traits(model: ReachModel) -> set[str]:
+    return {name for name in ("exact", "proven", "exhaustible", "shows_all_postures") if getattr(model, name)}
+
+
+def targets(position: tuple[float, float, float]) -> dict[Goal, Target]:
+    spot = np.array(position)
+    return {
+        "point": Target(spot),
+        "direction": Target(spot, np.array([0.0, 0.0, -1.0]), 0.3),
+        "orientation": Target(spot, cone=0.3, orientation=rot_x(np.pi)[:3, :3]),
+    }
+
+
+def test_a_goal_is_what_is_asked() -> None:
+    assert {goal: goal_of(target) for goal, target in targets((0, 0, 0)).items()} == {g: g for g in GOALS}
+    assert aim_of(targets((0, 0, 0))["direction"]).kind == DIRECTION
+
+
+def test_an_arm_in_a_plane_has_one_model() -> None:
+    robot = robot_named("youbot")
+    (model,) = {reach_model(robot, goal) for goal in GOALS}
+    assert isinstance(model, PlanarReach)
+    assert traits(model) == {"exact", "proven", "exhaustible", "shows_all_postures"}
+    assert isinstance(model.solver(Family(FRONT), 1e-3), PlaneSolver)
+
+
+def test_a_tool_across_the_plane_is_posed_but_can_be_exhausted() -> None:
+    robot = across(robot_named("youbot"))
+    assert isinstance(reach_model(robot, "point"), PlanarReach)
+    for goal in GOALS[1:]:
+        model = reach_model(robot, goal)
+        assert isinstance(model, PosedReach)
+        assert traits(model) == {"exhaustible"}
+        assert isinstance(model.solver(Family(FRONT), 1e-3), SerialSolver)
+
+
+def test_any_other_arm_is_pivoted_for_points_and_posed_for_more() -> None:
+    robot = robot_named("pioneer7")
+    point = reach_model(robot, "point")
+    assert type(point) is PivotedReach
+    assert traits(point) == {"proven"}
+    for goal in GOALS[1:]:
+        assert isinstance(reach_model(robot, goal), PosedReach)
+        assert traits(reach_model(robot, goal)) == set()
+
+
+@pytest.mark.parametrize("name", ["youbot", "pioneer7"])
+def test_inner_reach_lies_within_outer_reach(name: str) -> None:
+    robot = robot_named(name)
+    world = World("test", robot, FLOOR, task=tuple(targets((0.1, 0.2, 0.1)).values()))
+    shapes = {}
+    for inner in (True, False):
+        which, families, rows = reach_rows(world, world.task, (FRONT, BACK), inner=inner)
+        assert len(which) == len(families) == len(rows)
+        assert (np.diff(which) >= 0).all()
+        shapes[inner] = [shapely.union_all(rows[which == i]) for i in range(len(world.task))]
+    for inside, around in zip(shapes[True], shapes[False], strict=True):
+        assert inside.area > 0
+        assert inside.difference(around).area < 1e-9
+
+
+@pytest.mark.parametrize("name", ["youbot", "pioneer7"])
+def test_rings_lie_at_the_distances_in_reach(name: str) -> None:
+    world, z = World("test", robot_named(name), FLOOR), 0.3
+    (spans,) = model_of(world, Target(np.array([0.0, 0.0, z]))).distances(None, np.array([z]), inner=True)
+    _, _, rows = reach_rows(world, [Target(np.array([0.0, 0.0, z]))], (FRONT, BACK), inner=True)
+    corners = np.hypot(*shapely.get_coordinates(rows).T)
+    assert all(((low <= corners) & (corners <= high)).any() for low, high in spans.tolist())
+    assert ((spans[:, :1] <= corners) & (corners <= spans[:, 1:])).any(axis=0).all()
+
+
+def test_rows_of_mixed_goals_are_those_of_each() -> None:
+    world = World("test", across(robot_named("youbot")), FLOOR)
+    asked = [target for spot in ((0.1, 0, 0.3), (0.5, 0.2, 0.2)) for target in targets(spot).values()]
+    which, families, rows = reach_rows(world, asked, (FRONT,), inner=True)
+    for i, target in enumerate(asked):
+        _, some, alone = reach_rows(world, [target], (FRONT,), inner=True)
+        assert shapely.equals_exact(rows[which == i], alone).all()
+        assert tuple(families[k] for k in np.flatnonzero(which == i)) == some
+
+
+@pytest.mark.parametrize("heading", ["free", "fixed"])
+def test_headings_are_heeded_by_arms_in_a_plane_and_by_pivots_that_turn_all_round(heading: str) -> None:
+    rules, spot = Rules(heading=heading), (Target(np.array([0.1, 0.0, 0.3])),)  # type: ignore[arg-type]
+    for robot, heeds in (
+        (robot_named("pioneer7"), True),
+        (bounded(robot_named("pioneer7"), np.pi), True),
+        (bounded(robot_named("pioneer7"), 1.0), False),
+        (bounded(robot_named("youbot"), 1.0), True),
+    ):
+        assert heeds_headings(World("test", robot, FLOOR, task=spot, rules=rules)) == heeds
+    crossed = (targets((0.1, 0.0, 0.3))["direction"],)
+    assert not heeds_headings(World("test", across(bounded(robot_named("youbot"), 1.0)), FLOOR, task=crossed))
+
+
+def test_a_pivot_that_turns_once_round_plans_with_a_fixed_heading() -> None:
+    task = tuple(Target(np.array([x, 0.1, 0.3])) for x in (0.2, 0.5, 0.8))
+    world = World(
+        "test", bounded(robot_named("pioneer7"), np.pi), FLOOR, task=task, rules=Rules(heading="fixed")
+    )
+    assert verify(plan(world)).ok
+
+
+def test_criteria_that_an_arm_cannot_be_held_to_are_refused() -> None:
+    asked = Criteria(manipulability=0.01)
+    refused: tuple[tuple[Robot, Goal, str], ...] = (
+        (robot_named("pioneer7"), "point", "one vertical plane"),
+        (robot_named("pioneer7"), "direction", "one vertical plane"),
+        (across(robot_named("youbot")), "direction", "along the last link"),
+    )
+    for robot, goal, words in refused:
+        with pytest.raises(InputError, match=words):
+            reach_model(robot, goal).thresholds(asked)
+        assert reach_model(robot, goal).thresholds(Criteria(joint_margin=0.1)) is None
