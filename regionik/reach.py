@@ -61,6 +61,11 @@ class Answer:
     reason: list[str]
     gap: Array
 
+    def __repr__(self) -> str:
+        counts = dict(zip(*np.unique(self.verdict, return_counts=True), strict=True))
+        found = ", ".join(f"{count} {verdict}" for verdict, count in counts.items())
+        return f"Answer({len(self.verdict)} targets: {found or 'none'})"
+
 
 def reach(world: World, targets: ArrayLike | Sequence[Target]) -> Answer:
     """Ask for many targets whether the tool can get there, and from where.

@@ -67,7 +67,7 @@ def test_only_what_changes_is_sent_again(path: Path) -> None:
         yield
         assert "/meshcat/obstacles/14" in [one["path"] for one in viewer.sent if one["type"] == "delete"]
 
-    live.follow(path, viewer, told.append, changes())
+    live.watch(path, viewer, told.append, changes())
     assert set(drawn[0]) <= {"obstacles/3", "floor/rejected/3", "areas/strong", "areas/pale", "words"}
     assert {"obstacles/3", "words"} <= set(drawn[0])
     assert drawn[1] == ["words"]
@@ -80,16 +80,16 @@ def test_only_what_changes_is_sent_again(path: Path) -> None:
 def test_a_file_that_is_no_world_at_first_is_an_error(tmp_path: Path) -> None:
     (tmp_path / "x.yaml").write_text("robot: x\n")
     with pytest.raises(InputError, match=r"x\.yaml"):
-        live.follow(tmp_path / "x.yaml", Recorder(), print, iter(()))
+        live.watch(tmp_path / "x.yaml", Recorder(), print, iter(()))
     document = world_to_document(crowded())
     del document["task"]
     save(tmp_path / "y.yaml", document)
     with pytest.raises(InputError, match="task"):
-        live.follow(tmp_path / "y.yaml", Recorder(), print, iter(()))
+        live.watch(tmp_path / "y.yaml", Recorder(), print, iter(()))
 
 
 def test_a_save_is_seen_in_place_and_by_replacement(path: Path) -> None:
-    seen = live.saved(path)
+    seen = live.file_changes(path)
     document = path.read_text()
 
     def later(act: Any) -> None:

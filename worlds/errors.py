@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Literal
 
 Verdict = Literal["unreachable", "ladder-broken", "no-posture", "start-blocked", "plan-invalid"]
@@ -60,7 +60,11 @@ class Explanation:
     setpoint: int | None
     reason: str
     causes: tuple[Cause, ...] = ()
-    repairs: tuple[Repair, ...] = field(default=())
+    repairs: tuple[Repair, ...] = ()
+
+    def __repr__(self) -> str:
+        counts = f"{len(self.causes)} causes, {len(self.repairs)} repairs"
+        return f"Explanation({self.verdict}: {' '.join(self.reason.split())} [{counts}])"
 
 
 MESSAGE_LIMIT = 1000  # [characters]
