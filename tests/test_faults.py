@@ -181,7 +181,7 @@ def test_what_is_read_is_not_written_over(
     for name, text in texts.items():
         (tmp_path / name).write_text(text, "utf-8")
     assert app.run(command.format(*(tmp_path / name for name in texts)).split()) == 2
-    assert "is what is read here" in capfd.readouterr().err
+    assert "is the file to read" in capfd.readouterr().err
     assert {path.name: path.read_text("utf-8") for path in tmp_path.iterdir()} == texts
 
 

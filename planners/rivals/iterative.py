@@ -40,7 +40,7 @@ PSEUDO_INVERSE, DAMPED, TRANSPOSE, CYCLIC = range(4)
 
 
 class DescentLimits(NamedTuple):
-    """When to stop [m], [rad], most steps from each start, and the length of the arm [m]."""
+    """Tolerances [m], [rad], most steps from each start, and the length of the arm [m]."""
 
     tolerance: float
     angle_tolerance: float
@@ -49,7 +49,7 @@ class DescentLimits(NamedTuple):
 
 
 class Descent(NamedTuple):
-    """What a kernel reached: misses [m], [rad], steps in all, restarts."""
+    """The end of a descent: misses [m], [rad], steps in all, restarts."""
 
     error: float
     angle: float

@@ -24,7 +24,7 @@ RESTARTS = 10  # other postures to start from, the same for all methods that sta
 
 
 class SearchResult(NamedTuple):
-    """Where a method ended: joints (dof,), misses [m] and [rad], iterations and restarts."""
+    """The end of a search: joints (dof,), misses [m] and [rad], iterations and restarts."""
 
     joints: Array
     error: float

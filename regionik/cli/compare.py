@@ -41,10 +41,10 @@ def compare(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Solve the set-points of WORLD by M-FABRIK and by its rivals, and say where these are better.
+    """Compare M-FABRIK with its rivals on the set-points of WORLD, and say where these are better.
 
-    Every method goes from set-point to set-point from its own last answer, on a floor without limits;
-    mfabrik-areas keeps to the areas of the whole path. genetic and network need regionik[compare].
+    Every method starts each set-point from its own last answer, on a floor without limits; mfabrik-areas
+    keeps to the areas of the whole path. genetic and network need regionik[compare].
     """
     check_output(output, (".csv", ".json"), [world])
     with DelayedProgress() as progress, explain_no_plan(as_json):

@@ -1,4 +1,4 @@
-"""What commands share: messages, tables and documents, progress, common options.
+"""Shared by all commands: messages, tables and documents, progress, common options.
 
 Answers go to stdout, everything else to stderr.
 """
@@ -81,14 +81,14 @@ def check_output(
     if choices and path.suffix.lower() not in choices:
         raise InputError(f"{path}: expected a file name ending in {', '.join(choices)}")
     if path.is_dir():
-        raise InputError(f"{path}: is a folder, expected a file name")
+        raise InputError(f"{path}: expected a file to write, this is a folder")
     if not path.parent.is_dir():
-        raise InputError(f"{path}: there is no folder {path.parent}")
+        raise InputError(f"{path}: expected an existing folder, {path.parent} is not there")
     folder = os.path.dirname(os.path.realpath(path))
     if (path.is_file() or not path.exists()) and not os.access(folder, os.W_OK):
         raise InputError(f"{path}: nothing can be written in that folder")
     if path.is_file() and any(read is not None and _is_same_file(path, read) for read in reads):
-        raise InputError(f"{path}: is what is read here, expected another file to write")
+        raise InputError(f"{path}: is the file to read, expected another to write")
 
 
 def _is_same_file(path: Path, other: Path | str) -> bool:
@@ -161,7 +161,7 @@ def read_plan(path: Path, progress: DelayedProgress) -> Plan:
 
 @contextmanager
 def explain_no_plan(as_json: bool) -> Iterator[None]:
-    """Turn a `NoPlanFound` into its paragraph, its document if asked for, and exit code 1."""
+    """Turn a `NoPlanFound` into its explanation, as JSON too if wanted, and exit code 1."""
     try:
         yield
     except NoPlanFound as no:
@@ -206,7 +206,7 @@ def plan_summary(plan: Plan, seconds: float, written: Iterable[Path]) -> str:
     lines.append(f"  planned and verified in {seconds:.1f} s")
     lines += [f"  wrote {path}" for path in written]
     if not keeps_areas(plan):
-        lines.append("  areas are left out of plan files, which could not be read back with so many corners")
+        lines.append("  areas are left out of the plan file: with so many corners it could not be read back")
     return "\n".join(lines)
 
 

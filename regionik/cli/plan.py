@@ -125,7 +125,7 @@ def retime(
     blend: Annotated[float | None, typer.Option("--blend", help="How far corners are cut [m].")] = None,
     hold: Annotated[bool, typer.Option("--hold", help="Refuse a tool speed that cannot be held.")] = False,
 ) -> None:
-    """Time a plan anew, as fast as its speeds allow; what is not given is the world's, or the robot's."""
+    """Time a plan, as fast as its speeds allow; those not given are the world's, or the robot's."""
     check_output(output)
     with DelayedProgress() as progress:
         found = read_plan(path, progress)

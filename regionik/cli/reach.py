@@ -53,11 +53,11 @@ def reach(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Say for each target whether the tool reaches it, and where the base then stands.
+    """Decide for each target whether the tool reaches it, and from which pose of the base.
 
-    Without --target and --csv the set-points of WORLD are asked for. From one CSV file to another there may
-    be any number of targets; a run that was broken off goes on when it is called again. The exit code is 1
-    when any target is not reachable.
+    Without --target and --csv the targets are the set-points of WORLD. From one CSV file to another there may
+    be any number of targets; a run that was interrupted resumes when it is called again. The exit code is 1
+    if any target is not reachable.
     """
     check_output(output, (".csv", ".json", ".geojson"), [world, table])
     if dask is not None and workers > 1:
@@ -156,8 +156,8 @@ def field(
         if height is not None:
             found = reach_slice(scene, height, cell)
         else:
-            asked = scene.task if targets is None else targets_along(read_csv(targets), Target.cone)
-            found = reach_field(scene, asked, cell)
+            chosen = scene.task if targets is None else targets_along(read_csv(targets), Target.cone)
+            found = reach_field(scene, chosen, cell)
         write_field(found, output)
     print_message(f"{scene.name}: {found.summary}")
     print_message(f"wrote {output}")
@@ -174,7 +174,7 @@ def stops(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Say where to park: the fewest stops from which the base does all set-points of WORLD standing still.
+    """Find where to park: the fewest stops from which the arm does all set-points of WORLD.
 
     No motion is planned; rules.mode: stops in the world file plans it. rules.order: any frees the order.
     """
@@ -244,9 +244,9 @@ def why(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Say why a target or the path of WORLD is out of reach, and the smallest changes that would mend it.
+    """Explain why a target or the path of WORLD is out of reach, and find the smallest changes that mend it.
 
-    Each change was made and asked for again. The exit code is 1 where something stands in the way.
+    Each change was applied and checked. The exit code is 1 if something stands in the way.
     """
     check_output(html, reads=[world])
     with DelayedProgress() as progress:
@@ -257,13 +257,13 @@ def why(
         from regionik.output.answers import parse_targets
         from regionik.why import why as explain
 
-        asked = parse_targets(scene, target, None)[0] if target else None
-        found = explain(scene, asked)
+        chosen = parse_targets(scene, target, None)[0] if target else None
+        found = explain(scene, chosen)
     if html is not None:
         from regionik.view.explanation_picture import picture_of_explanation
         from regionik.view.html_page import to_html
 
-        to_html(scene if found is None else picture_of_explanation(scene, found, asked), html)
+        to_html(scene if found is None else picture_of_explanation(scene, found, chosen), html)
         print_message(f"wrote {html}")
     if as_json:
         print_json({"ok": True} if found is None else explanation_document(found))

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 def show(
     what: Annotated[str, typer.Argument(metavar="PLAN|WORLD", help="A plan.json, a world's name or file.")],
     browser: Annotated[bool, typer.Option(help="Open a browser at the address.")] = True,
-    live: Annotated[bool, typer.Option("--live", help="Watch a world file; draw anew what changes.")] = False,
+    live: Annotated[bool, typer.Option("--live", help="Watch a world file; redraw what changes.")] = False,
 ) -> None:
     """Show a plan or a world in the browser until Ctrl-C."""
     from regionik.view.viewer import show as show_picture
@@ -32,8 +32,8 @@ def show(
         return
     with DelayedProgress() as progress:
         progress("load", 0, 1)
-        seen = _plan_or_world(what)
-    with _until_interrupted(show_picture(seen, open_browser=browser)):
+        loaded = _plan_or_world(what)
+    with _until_interrupted(show_picture(loaded, open_browser=browser)):
         print_message("Ctrl-C ends")
         Event().wait()
 

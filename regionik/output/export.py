@@ -65,7 +65,7 @@ def export(
 
 
 class Options(NamedTuple):
-    """How to write a plan: the suffix of the file, rows a second or one a state [1/s], frame of messages."""
+    """Suffix of the file, rows a second or None for one a state [1/s], frame of messages."""
 
     suffix: str
     rate: float | None

@@ -201,13 +201,13 @@ def _expectation(error: dict[str, Any]) -> str:
         return "expected this entry, it is missing"
     if error["type"] == "extra_forbidden":
         return "expected no such entry"
-    said = str(error["msg"]).removeprefix("Input should be ")
+    expected = str(error["msg"]).removeprefix("Input should be ")
     got = error["input"]
-    return f"expected {said}, got {json.dumps(got)[:60]}"
+    return f"expected {expected}, got {json.dumps(got)[:60]}"
 
 
 def _mismatches(record: PlanRecord, world: World) -> Iterator[tuple[str, object, object]]:
-    """Where the plan does not fit its world: place, what was expected, what is there."""
+    """Mismatches of a plan and its world: place, what was expected, what is there."""
     names, count = list(world.robot.chain.names), len(world.task)
     if record.joint_names != names:
         yield "joint_names", names, record.joint_names

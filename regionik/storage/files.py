@@ -197,10 +197,10 @@ def _check_manifest(folder: Path, manifest: Mapping[str, object]) -> None:
     except (OSError, ValueError):
         written = None
     if not isinstance(written, dict):
-        raise InputError(f"{path}: is not the manifest of parts; remove the folder {folder} to begin anew")
+        raise InputError(f"{path}: is not the manifest of parts; remove the folder {folder} to start again")
     other = [name for name in manifest if written.get(name) != manifest[name]]
     if other:
         raise InputError(
             f"{folder}: holds parts of a run with another {' and another '.join(other)}; "
-            "finish that one first, or remove the folder to begin anew"
+            "finish that one first, or remove the folder to start again"
         )

@@ -28,7 +28,7 @@ class KeyFrames:
     times : (n,) array
         [s], from 0.
     base : (n, 3) array
-        Yaw is unwrapped, so that every turn goes the shorter way.
+        Yaw is unwrapped, so that every turn takes the shorter direction.
     joints : (n, dof) array
     lifted : (n,) array of bool
         Whether the motion to the frame is a transit.

@@ -205,7 +205,7 @@ def _curve(ax: Axes, curves: PlanCurves, values: Array, limits: tuple[float, flo
 
 
 def _shared_axis(ax: Axes, curves: PlanCurves, last: bool) -> None:
-    """What all curves share: the abscissa, set-points as ticks, lifted intervals shaded."""
+    """Draw what all curves share: the abscissa, set-points as ticks, lifted intervals shaded."""
     ax.set_xlim(curves.states[0], max(curves.states[-1], curves.states[0] + 1e-3))
     for start, end in curves.lifted.tolist():
         ax.axvspan(start, end, facecolor=_hex(Color.LIFTED), alpha=LIGHT, linewidth=0)

@@ -60,26 +60,28 @@ def watch(
     InputError
         When the file cannot be used at the start.
     """
-    seen = live_areas(_load(path))
-    camera = camera_for(seen.world, start_state(seen.world)[0][None, :2])
-    set_scene(visualizer, Picture(seen.world.name, (), (), (), {}, camera, floor_radius(seen.world, camera)))
-    shown = redraw(visualizer, {}, seen)
-    draw_message(visualizer, verdict(seen), camera)
-    report(verdict(seen))
+    areas = live_areas(_load(path))
+    camera = camera_for(areas.world, start_state(areas.world)[0][None, :2])
+    set_scene(
+        visualizer, Picture(areas.world.name, (), (), (), {}, camera, floor_radius(areas.world, camera))
+    )
+    shown = redraw(visualizer, {}, areas)
+    draw_message(visualizer, verdict(areas), camera)
+    report(verdict(areas))
     gc.freeze()  # what lives as long as the process: scanning it again takes a tenth of a second each time
     for _ in file_changes(path) if changes is None else changes:
         began = time.perf_counter()
         try:
-            seen = live_areas(_load(path), seen)
+            areas = live_areas(_load(path), areas)
         except InputError as error:
             draw_message(visualizer, str(error), camera)
             report(str(error))
             continue
-        shown = redraw(visualizer, shown, seen)
-        draw_message(visualizer, verdict(seen), camera)
+        shown = redraw(visualizer, shown, areas)
+        draw_message(visualizer, verdict(areas), camera)
         seconds = time.perf_counter() - began
-        count = f"{len(seen.recomputed)} of {len(seen.world.task)} areas made anew"
-        report(f"{verdict(seen)} ({count}, {seconds:.2f} s)")
+        count = f"{len(areas.recomputed)} of {len(areas.world.task)} areas recomputed"
+        report(f"{verdict(areas)} ({count}, {seconds:.2f} s)")
 
 
 def file_changes(path: Path) -> Iterator[None]:
@@ -93,11 +95,11 @@ def file_changes(path: Path) -> Iterator[None]:
             yield
 
 
-def redraw(visualizer: Any, shown: dict[str, SceneMesh], seen: LiveAreas) -> dict[str, SceneMesh]:
+def redraw(visualizer: Any, shown: dict[str, SceneMesh], areas: LiveAreas) -> dict[str, SceneMesh]:
     """Send the meshes that differ from those shown; return those shown afterwards, by their paths."""
-    base, joints = start_state(seen.world)
-    robot, poses = robot_meshes(seen.world.robot, base, joints)
-    wanted = {mesh.path: mesh for mesh in (*live_meshes(seen), *robot) if len(mesh.mesh.faces)}
+    base, joints = start_state(areas.world)
+    robot, poses = robot_meshes(areas.world.robot, base, joints)
+    wanted = {mesh.path: mesh for mesh in (*live_meshes(areas), *robot) if len(mesh.mesh.faces)}
     for path in shown.keys() - wanted.keys():
         delete_node(visualizer, path)
     changed = [mesh for path, mesh in wanted.items() if not _is_same(shown.get(path), mesh)]
@@ -131,26 +133,26 @@ def _is_same(old: SceneMesh | None, new: SceneMesh) -> bool:
     return old.colors is new.colors and same_mesh
 
 
-def verdict(seen: LiveAreas) -> str:
+def verdict(areas: LiveAreas) -> str:
     """One line: whether the path can be done, or why not."""
-    if seen.explanation is not None:
-        return seen.explanation.reason
-    assert seen.pruned is not None
-    lifts = len(seen.pruned.breaks)
+    if areas.explanation is not None:
+        return areas.explanation.reason
+    assert areas.pruned is not None
+    lifts = len(areas.pruned.breaks)
     how = f"with {count_noun(lifts, 'lift-off')}" if lifts else "without lifting the tool"
-    count = len(seen.world.task)
-    return f"All {count} set-points can be reached, {how}; whether the arm touches anything, a plan will say."
+    count = len(areas.world.task)
+    return f"All {count} set-points can be reached {how}; a plan also checks the arm for collisions."
 
 
-def live_meshes(seen: LiveAreas) -> list[SceneMesh]:
+def live_meshes(areas: LiveAreas) -> list[SceneMesh]:
     """Floor, obstacles with what they reject, areas, and the tool path, but not the robot.
 
     Meshes of what has not changed since the areas before are the very same objects.
     """
-    world = seen.world
+    world = areas.world
     distance = world.rules.clearance + float(np.hypot(*world.robot.footprint.T).max())
     has_area = np.zeros(len(world.task), dtype=bool)
-    has_area[seen.areas.target[~shapely.is_empty(seen.areas.inner)]] = True
+    has_area[areas.areas.target[~shapely.is_empty(areas.areas.inner)]] = True
     obstacles = (
         _obstacle_meshes(solid, k, world.robot.body_height, distance)
         for k, solid in enumerate(world.obstacles)
@@ -158,7 +160,7 @@ def live_meshes(seen: LiveAreas) -> list[SceneMesh]:
     return [
         *_floor_meshes(world.floor),
         *(mesh for meshes in obstacles for mesh in meshes),
-        *_area_meshes(seen),
+        *_area_meshes(areas),
         *task_meshes(world, missing=~has_area),
     ]
 
@@ -182,11 +184,11 @@ def _obstacle_meshes(solid: Solid, k: int, height: float, distance: float) -> tu
     return mesh, floor_layer(f"floor/rejected/{k}", rejected, Color.REJECTED, 1.0, 2)
 
 
-def _area_meshes(seen: LiveAreas) -> list[SceneMesh]:
-    every = shapely.union_all(seen.areas.inner).simplify(DETAIL)
+def _area_meshes(areas: LiveAreas) -> list[SceneMesh]:
+    every = shapely.union_all(areas.areas.inner).simplify(DETAIL)
     strong: BaseGeometry = shapely.Polygon()
-    if seen.pruned is not None:
-        strong = shapely.union_all(seen.pruned.ladder.component[seen.pruned.keep]).simplify(DETAIL)
+    if areas.pruned is not None:
+        strong = shapely.union_all(areas.pruned.ladder.component[areas.pruned.keep]).simplify(DETAIL)
     return [
         floor_layer("areas/pale", every - strong, Color.PALE, 0.8, 3),
         floor_layer("areas/strong", strong, Color.STRONG, 0.62, 4),

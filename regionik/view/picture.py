@@ -57,7 +57,7 @@ class SceneMesh:
 
 @dataclass(frozen=True, eq=False)
 class KeyframeTrack:
-    """How one property of one node changes.
+    """The animation of one property of a node.
 
     Attributes
     ----------

@@ -143,11 +143,11 @@ def _without_self_collision(robot: Robot) -> Robot:
 def _base_clearance(world: World, motion: Motion) -> Array:
     """Footprint to the nearest shadow at every state, 0 where they meet, (n,) [m]."""
     shadows = [solid.shadow(world.robot.body_height) for solid in world.solids]
-    seen = [shadow for shadow in shadows if shadow is not None and not shadow.core.is_empty]
+    shown = [shadow for shadow in shadows if shadow is not None and not shadow.core.is_empty]
     nearest_shadow = np.full(len(motion), np.inf)
     prints = footprints(world.robot, motion.base)
-    for radius in sorted({shadow.radius for shadow in seen}):
-        cores = shapely.STRtree([shadow.core for shadow in seen if shadow.radius == radius])
+    for radius in sorted({shadow.radius for shadow in shown}):
+        cores = shapely.STRtree([shadow.core for shadow in shown if shadow.radius == radius])
         which, distance = cores.query_nearest(prints, return_distance=True, all_matches=False)
         nearest_shadow[which[0]] = np.minimum(nearest_shadow[which[0]], distance - radius)
     clearance: Array = np.maximum(nearest_shadow, 0.0)

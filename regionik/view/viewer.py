@@ -171,8 +171,8 @@ def draw_message(visualizer: Any, text: str, camera: Camera) -> None:
     board = geometry.Box([width, width / aspect, 1e-4])
     paint = geometry.MeshBasicMaterial(map=geometry.ImageTexture(image=geometry.PngImage(png)))
     drawn = geometry.Mesh(board, paint).lower()
-    visualizer.window.send(_Command("set_object", f"{_ROOT}/words", {"object": drawn}))
-    visualizer.window.send(_transform(f"{_ROOT}/words", T))
+    visualizer.window.send(_Command("set_object", f"{_ROOT}/message", {"object": drawn}))
+    visualizer.window.send(_transform(f"{_ROOT}/message", T))
 
 
 def text_image(text: str) -> tuple[bytes, float]:
