@@ -25,6 +25,7 @@ from regionik.planners.rivals.iterative import CyclicDescent, DampedLeastSquares
 from regionik.planners.rivals.method import ArmMethod, Fabrik, FabrikPolished, SearchResult
 from regionik.planners.rivals.network import Network
 from regionik.planners.solvers.mobile import seen
+from regionik.planners.solvers.polish import Aim
 from regionik.postures.guard import guard_of
 from regionik.postures.poses import pose
 from regionik.pruning import choose_chain
@@ -54,11 +55,10 @@ class SlidingBase:
     method: ArmMethod
 
     def __call__(self, target: Target, base: Array, joints: Array) -> Configuration:
-        aim = seen(axis_of(self.robot, base), _yaw(self.robot, base), _height(self.robot), aim_of(target))
+        aim = _aim(self.robot, base, target)
         found = self.method.search(aim, np.concatenate([np.zeros(BASE_JOINTS), joints]))
-        return _shifted(
-            self.robot, base, found.joints[:BASE_JOINTS], found.joints[BASE_JOINTS:], found, self.method
-        )
+        shift, arm = found.joints[:BASE_JOINTS], found.joints[BASE_JOINTS:]
+        return _shifted(self.robot, base, shift, arm, found, self.method)
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,12 +69,16 @@ class DrivenBase:
     method: Network
 
     def __call__(self, target: Target, base: Array, joints: Array) -> Configuration:
-        axis, yaw = axis_of(self.robot, base), _yaw(self.robot, base)
-        aim = seen(axis, yaw, _height(self.robot), aim_of(target))
+        aim = _aim(self.robot, base, target)
         shift = (aim.position - self.method.nearest_learnt(aim.position))[:BASE_JOINTS]
         aim.position[:BASE_JOINTS] -= shift
         found = self.method.search(aim, joints)
         return _shifted(self.robot, base, shift, found.joints, found, self.method)
+
+
+def _aim(robot: Robot, base: Array, target: Target) -> Aim:
+    """A target in the frame of the arm."""
+    return seen(axis_of(robot, base), _yaw(robot, base), float(robot.mount[2]), aim_of(target))
 
 
 def _shifted(
@@ -91,10 +95,6 @@ def _shifted(
 
 def _yaw(robot: Robot, base: Array) -> float:
     return float(base[2] + robot.mount[3])
-
-
-def _height(robot: Robot) -> float:
-    return float(robot.mount[2])
 
 
 def sliding_chain(chain: Chain) -> Chain:
