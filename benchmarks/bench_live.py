@@ -15,7 +15,7 @@ import shapely
 import yaml
 
 from regionik.view import live
-from regionik.view.viewer import blank, stop
+from regionik.view.viewer import start_server, stop
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.documents.world_file import world_to_document
 from regionik.worlds.obstacles import Box
@@ -43,7 +43,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder, "hall.yaml")
         path.write_text(yaml.safe_dump(document))
-        rng, viewer = np.random.default_rng(1), blank()
+        rng, viewer = np.random.default_rng(1), start_server()
 
         def changes() -> Iterator[None]:
             for _ in range(SAVES):
@@ -57,7 +57,7 @@ def main() -> None:
                 times.append(time.perf_counter() - begun)
 
         try:
-            live.follow(path, viewer, lambda line: None, changes())
+            live.watch(path, viewer, lambda line: None, changes())
         finally:
             stop(viewer)
     told = np.median(times), np.max(times)

@@ -1,6 +1,6 @@
 """Fewest stops: against all ways to cut 100 random paths, against a grid, over 20 x 200 holes, and on depot.
 
-Every number is counted in this run. Run: python benchmarks/bench_stops.py [picture.png]
+Every number is count_noun in this run. Run: python benchmarks/bench_stops.py [picture.png]
 """
 
 from __future__ import annotations

@@ -25,7 +25,7 @@ SECTIONS = {
         "reach_slice",
         "write_field",
     ),
-    "Plans": ("plan", "Plan", "load_plan", "verify", "verify_answers", "stops", "why"),
+    "Plans": ("plan", "Plan", "load_plan", "export", "verify", "verify_answers", "stops", "why"),
     "Time": ("retime", "trajectory", "point_to_point"),
     "To look at": ("show", "to_html", "plot"),
     "Inverse kinematics": ("Solver", "compare"),

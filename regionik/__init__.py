@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from regionik.comparison import compare
     from regionik.field import reach_field, reach_slice
     from regionik.mfabrik import Solver
+    from regionik.output.export import export
     from regionik.output.field_file import write_field
     from regionik.output.plan_file import load_plan
     from regionik.parking.stops import stops
@@ -32,7 +33,8 @@ if TYPE_CHECKING:
     from regionik.verification.answers import verify_answers
     from regionik.verification.verifier import verify
     from regionik.view.figures import plot
-    from regionik.view.viewer import show, to_html
+    from regionik.view.html_page import to_html
+    from regionik.view.viewer import show
     from regionik.why import why
     from regionik.worlds.chain import Chain, Joint
     from regionik.worlds.criteria import Criteria
@@ -71,6 +73,7 @@ __all__ = [
     "World",
     "admissible_area",
     "compare",
+    "export",
     "load_plan",
     "load_robot",
     "load_world",
@@ -116,6 +119,7 @@ _HOME = {
     "World": "regionik.worlds.scene",
     "admissible_area": "regionik.regions",
     "compare": "regionik.comparison",
+    "export": "regionik.output.export",
     "load_plan": "regionik.output.plan_file",
     "load_robot": "regionik.worlds.urdf.loader",
     "load_world": "regionik.worlds.documents.world_file",
@@ -128,7 +132,7 @@ _HOME = {
     "retime": "regionik.timing.retime",
     "show": "regionik.view.viewer",
     "stops": "regionik.parking.stops",
-    "to_html": "regionik.view.viewer",
+    "to_html": "regionik.view.html_page",
     "trajectory": "regionik.timing.trajectory",
     "verify": "regionik.verification.verifier",
     "verify_answers": "regionik.verification.answers",

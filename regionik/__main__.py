@@ -7,31 +7,31 @@ import sys
 from io import TextIOWrapper
 from typing import NoReturn
 
-from regionik.cli.interrupts import end_on_signals, exit_code, leave, tell
+from regionik.cli.interrupts import end_process, exit_code, install_handlers, print_interrupted
 
 
 def main() -> NoReturn:
     """Run the command ``regionik`` and leave with its exit code."""
     _open_streams()
     try:
-        end_on_signals()
+        install_handlers()
         from regionik.cli.app import main as command
 
         command()
     except KeyboardInterrupt:
-        tell()
-        leave(exit_code())
+        print_interrupted()
+        end_process(exit_code())
 
 
 def _open_streams() -> None:
-    """Open what the caller has closed: a file of ours must not become stdout, nor a word fail to be said."""
+    """Open streams that the caller has closed: no file of ours may become stdout, and no message may fail."""
     while (lowest := os.open(os.devnull, os.O_RDWR)) <= 2:
         pass
     os.close(lowest)
     sys.stdout = sys.stdout or os.fdopen(1, "w", encoding="utf-8")
     sys.stderr = sys.stderr or os.fdopen(2, "w", encoding="utf-8")
     if isinstance(sys.stdout, TextIOWrapper):
-        sys.stdout.reconfigure(errors="backslashreplace")  # names that the terminal has no letters for
+        sys.stdout.reconfigure(errors="backslashreplace")  # names that the terminal cannot encode
 
 
 if __name__ == "__main__":

@@ -1,8 +1,9 @@
-"""Ways to solve a world's set-points, all asked alike: a target, base and joints in, a configuration out.
+"""M-FABRIK compared with other methods of inverse kinematics on the set-points of a world.
 
-M-FABRIK moves the base after the arm's root. To its rivals the base is two more joints before the arm, which
-slide along x and y without limits; none of them turns the base. The neural network knows the arm alone: the
-base drives straight until the target lies where the nearest place of the arm's cloud is.
+Every method takes a target, a base pose and joints, and returns a configuration. M-FABRIK drags the base with
+the root of the arm. To its rivals the base is two more joints before the arm, prismatic along x and y without
+limits; none of them turns the base. The neural network knows the arm alone: the base drives straight until
+the target is at the nearest position that it has learnt.
 """
 
 from __future__ import annotations
@@ -20,85 +21,87 @@ from regionik.pipeline import start_place, whole_path
 from regionik.planners.driving.room import fits
 from regionik.planners.rivals.genetic import Genetic
 from regionik.planners.rivals.iterative import CyclicDescent, DampedLeastSquares, PseudoInverse, Transpose
-from regionik.planners.rivals.method import ArmMethod, Fabrik, FabrikPolished, Found
+from regionik.planners.rivals.method import ArmMethod, Fabrik, FabrikPolished, SearchResult
 from regionik.planners.rivals.network import Network
 from regionik.planners.solvers.mobile import seen
+from regionik.planners.solvers.polish import Aim
 from regionik.postures.guard import guard_of
 from regionik.postures.poses import pose
 from regionik.postures.tool_goal import aim_of, misses
 from regionik.pruning import choose_chain
 from regionik.values import Configuration
 from regionik.worlds.arrays import Array
-from regionik.worlds.chain import Chain, Joint, planar_pose
+from regionik.worlds.chain import Chain, Joint
 from regionik.worlds.errors import InputError
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Target, World
 
-OURS = "mfabrik"  # what the others are measured against
-SLIDES = 2  # joints of the base before those of the arm
+REFERENCE = "mfabrik"
+BASE_JOINTS = 2  # before those of the arm
 
 
 class Method(Protocol):
-    """One way to solve a target."""
+    """A method that solves a target by base and arm."""
 
     def __call__(self, target: Target, base: Array, joints: Array, /) -> Configuration:
-        """From a base pose (3,) and joints (dof,) to base and arm on the target, as near as it comes."""
+        """Solve a target from a base pose (3,) and joints (dof,); where it is not met, come near."""
 
 
 @dataclass(frozen=True, eq=False)
-class Sliding:
-    """A base whose x and y are two more joints of the chain that a method solves."""
+class SlidingBase:
+    """A method for a chain whose first two joints are x and y of the base."""
 
     robot: Robot
     method: ArmMethod
 
     def __call__(self, target: Target, base: Array, joints: Array) -> Configuration:
-        aim = seen(axis_of(self.robot, base), _yaw(self.robot, base), _height(self.robot), aim_of(target))
-        found = self.method.search(aim, np.concatenate([np.zeros(SLIDES), joints]))
-        return _moved(self.robot, base, found.joints[:SLIDES], found.joints[SLIDES:], found, self.method)
+        aim = _aim(self.robot, base, target)
+        found = self.method.search(aim, np.concatenate([np.zeros(BASE_JOINTS), joints]))
+        shift, arm = found.joints[:BASE_JOINTS], found.joints[BASE_JOINTS:]
+        return _shifted(self.robot, base, shift, arm, found, self.method)
 
 
 @dataclass(frozen=True, eq=False)
-class Driven:
-    """A base that first drives straight until its target lies at the nearest place of the network's cloud."""
+class DrivenBase:
+    """A network whose base first drives straight until the target is at the nearest learnt position."""
 
     robot: Robot
     method: Network
 
     def __call__(self, target: Target, base: Array, joints: Array) -> Configuration:
-        axis, yaw = axis_of(self.robot, base), _yaw(self.robot, base)
-        aim = seen(axis, yaw, _height(self.robot), aim_of(target))
-        shift = (aim.position - self.method.nearest_place(aim.position))[:SLIDES]
-        aim.position[:SLIDES] -= shift
+        aim = _aim(self.robot, base, target)
+        shift = (aim.position - self.method.nearest_learnt(aim.position))[:BASE_JOINTS]
+        aim.position[:BASE_JOINTS] -= shift
         found = self.method.search(aim, joints)
-        return _moved(self.robot, base, shift, found.joints, found, self.method)
+        return _shifted(self.robot, base, shift, found.joints, found, self.method)
 
 
-def _moved(
-    robot: Robot, base: Array, shift: Array, joints: Array, found: Found, method: ArmMethod
+def _aim(robot: Robot, base: Array, target: Target) -> Aim:
+    """A target in the frame of the arm."""
+    return seen(axis_of(robot, base), _yaw(robot, base), float(robot.mount[2]), aim_of(target))
+
+
+def _shifted(
+    robot: Robot, base: Array, shift: Array, joints: Array, found: SearchResult, method: ArmMethod
 ) -> Configuration:
-    """The base shifted in the frame of the arm, its heading kept."""
+    """A configuration with the base shifted in the frame of the arm, its heading kept."""
     yaw = _yaw(robot, base)
     c, s = np.cos(yaw), np.sin(yaw)
     axis = axis_of(robot, base) + np.array([c * shift[0] - s * shift[1], s * shift[0] + c * shift[1]])
-    good = found.error <= method.tolerance and found.angle <= method.angle_tolerance
+    converged = found.error <= method.tolerance and found.angle <= method.angle_tolerance
     pose = pose_of(robot, axis, float(base[2]))
-    return Configuration(pose, np.array(joints), found.error, found.iterations, bool(good))
+    return Configuration(pose, np.array(joints), found.error, found.iterations, bool(converged))
 
 
 def _yaw(robot: Robot, base: Array) -> float:
     return float(base[2] + robot.mount[3])
 
 
-def _height(robot: Robot) -> float:
-    return float(robot.mount[2])
-
-
 def sliding_chain(chain: Chain) -> Chain:
-    """The chain behind two joints that slide along x and y of its base frame, without limits."""
+    """Return the chain after two prismatic joints along x and y of its base frame, without limits."""
     slides = [
         Joint(f"(base {name})", "prismatic", -np.inf, np.inf, np.eye(4), axis)
-        for name, axis in zip("xy", np.eye(3)[:SLIDES], strict=True)
+        for name, axis in zip("xy", np.eye(3)[:BASE_JOINTS], strict=True)
     ]
     return Chain((*slides, *chain.joints), chain.T_last_tool)
 
@@ -106,14 +109,14 @@ def sliding_chain(chain: Chain) -> Chain:
 Methods = Sequence[Method]  # one for each set-point of a world
 
 
-def _free(world: World) -> Methods:
-    """M-FABRIK on a floor without limits, as its rivals have it."""
+def _mfabrik(world: World) -> Methods:
+    """M-FABRIK on a floor without limits, as for its rivals."""
     solver = Solver(world.robot, None, world.rules.tolerance, world.rules.heading)
     return [solver] * len(world.task)
 
 
-def _inside(world: World) -> Methods:
-    """M-FABRIK in the areas of the whole path, as plans use it."""
+def _mfabrik_in_areas(world: World) -> Methods:
+    """M-FABRIK within the areas of the whole path, as plans use it."""
     standing, _, pruned = whole_path(world)
     ladder = pruned.ladder
     return [
@@ -122,10 +125,10 @@ def _inside(world: World) -> Methods:
     ]
 
 
-def _sliding(kind: type[ArmMethod]) -> Callable[[World], Methods]:
+def _with_sliding_base(kind: type[ArmMethod]) -> Callable[[World], Methods]:
     def make(world: World) -> Methods:
         method = kind(sliding_chain(world.robot.chain), world.rules.tolerance)  # type: ignore[call-arg]
-        return [Sliding(world.robot, method)] * len(world.task)
+        return [SlidingBase(world.robot, method)] * len(world.task)
 
     return make
 
@@ -136,69 +139,68 @@ def _network(world: World) -> Methods:
             f"network: takes positions alone, and {world.name} has set-points that ask for a direction, "
             f"valid choices: {', '.join(name for name in METHODS if name != Network.name)}"
         )
-    return [Driven(world.robot, Network(world.robot.chain, world.rules.tolerance))] * len(world.task)
+    return [DrivenBase(world.robot, Network(world.robot.chain, world.rules.tolerance))] * len(world.task)
 
 
-_SLIDING = (Fabrik, FabrikPolished, PseudoInverse, DampedLeastSquares, Transpose, CyclicDescent)
+_ARM_METHODS = (Fabrik, FabrikPolished, PseudoInverse, DampedLeastSquares, Transpose, CyclicDescent)
 
 METHODS: dict[str, Callable[[World], Methods]] = {
-    OURS: _free,
-    "mfabrik-areas": _inside,
-    **{kind.name: _sliding(kind) for kind in _SLIDING},
-    Genetic.name: _sliding(Genetic),
+    REFERENCE: _mfabrik,
+    "mfabrik-areas": _mfabrik_in_areas,
+    **{kind.name: _with_sliding_base(kind) for kind in _ARM_METHODS},
+    Genetic.name: _with_sliding_base(Genetic),
     Network.name: _network,
 }
-DEFAULT = (OURS, *(kind.name for kind in _SLIDING))
+DEFAULT = (REFERENCE, *(kind.name for kind in _ARM_METHODS))
 
 
-def methods_named(world: World, names: Sequence[str]) -> dict[str, Methods]:
+def prepare_methods(world: World, names: Sequence[str]) -> dict[str, Methods]:
     """Prepare methods for a world, one for each set-point.
 
     Raises
     ------
     InputError
-        For a name that there is not, named with the valid choices, and for a package that is not installed.
+        For an unknown name, with the valid choices, and for a package that is not installed.
     NoPlanFound
         Where areas are asked for and the world has none.
     """
-    for name in names:
-        if name not in METHODS:
-            raise InputError(f"methods: expected some of {', '.join(METHODS)}, got {name!r}")
-    if not names:
-        raise InputError(f"methods: expected some of {', '.join(METHODS)}, got none")
+    unknown = [repr(name) for name in names if name not in METHODS]
+    if unknown or not names:
+        got = unknown[0] if unknown else "none"
+        raise InputError(f"methods: expected some of {', '.join(METHODS)}, got {got}")
     return {name: METHODS[name](world) for name in dict.fromkeys(names)}
 
 
-ROUNDS = 40  # walks of a method along the path, of which the fastest counts
-ENOUGH = 0.5  # time after which a method is not walked again [s]
-SLACK = 1e-9  # rounding allowed at tolerances, cones and limits
-ALIKE = 1.05  # ratio of iterations, times or errors below which neither method is called the better
-LEAST = 1e-6  # difference of errors that is worth a word [m]
+MAX_RUNS = 40  # of a method along the path, of which the fastest counts
+TIME_BUDGET = 0.5  # after which a method is not run again [s]
+ROUNDING = 1e-9  # allowed at tolerances, cones and limits
+TIE_RATIO = 1.05  # of iterations, times or errors below which no method is called better
+TIE_ERROR = 1e-6  # difference of errors below which no method is called better [m]
 
 Progress = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True, eq=False)
 class Score:
-    """How one method did on the set-points of a world.
+    """Score of one method on the set-points of a world.
 
     Attributes
     ----------
     method : str
     setpoints, success : int
-        Set-points, and those met by our own forward kinematics: position, direction, joint limits.
+        Set-points, and those met by forward kinematics: position, direction, joint limits.
     iterations : float
         Mean over the set-points.
     microseconds : float
         Mean time of a call [us].
     ratio : float
-        Of the mean time to that of M-FABRIK in the same run; NaN where that was not run.
+        Of the mean time to that of M-FABRIK in the same call; NaN without it.
     median_error, worst_error : float
         [m]
     over_limits : int
         Set-points with a joint beyond its limits.
     collisions : int
-        Set-points where the arm is too near to something.
+        Set-points where the arm is too close to something.
     off_floor : int
         Set-points where the base has no room.
     """
@@ -218,28 +220,34 @@ class Score:
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """Scores on one world, in the order in which the methods were asked for.
+    """Scores on one world, in the order of the methods asked for.
 
     Attributes
     ----------
     world : str
     scores : tuple of Score
     answers : dict of tuple of Configuration
-        What each method came to, by its name.
+        Of each method, by its name.
     """
 
     world: str
     scores: tuple[Score, ...]
     answers: dict[str, tuple[Configuration, ...]]
 
+    def __repr__(self) -> str:
+        scores = ", ".join(f"{score.method} {score.success}/{score.setpoints}" for score in self.scores)
+        return f"Comparison({self.world}: {scores})"
+
     @property
     def beaten(self) -> tuple[str, ...]:
-        """One line for each method that does better than M-FABRIK in something, and in what."""
-        ours = [score for score in self.scores if score.method == OURS]
+        """One line for each method that beats M-FABRIK in something, and in what."""
+        ours = [score for score in self.scores if score.method == REFERENCE]
         if not ours:
             return ()
-        found = ((score.method, _better(score, ours[0])) for score in self.scores if score.method != OURS)
-        return tuple(f"{name} beats {OURS} in {', '.join(what)}" for name, what in found if what)
+        found = (
+            (score.method, _advantages(score, ours[0])) for score in self.scores if score.method != REFERENCE
+        )
+        return tuple(f"{name} beats {REFERENCE} in {', '.join(what)}" for name, what in found if what)
 
 
 def compare(
@@ -247,8 +255,8 @@ def compare(
 ) -> Comparison:
     """Solve a world's set-points by several methods, each from its own last answer.
 
-    All begin at the world's start, or without one an arm's length before the first set-point. Answers are
-    the same each time; times are not.
+    All begin at the world's start, or without one half the arm's reach before the first set-point. Answers
+    are deterministic; times are not.
 
     Parameters
     ----------
@@ -272,33 +280,33 @@ def compare(
     """
     if not world.task:
         raise InputError(f"{world.name}: task: expected at least one set-point")
-    tell = progress or (lambda stage, done, total: None)
-    prepared = methods_named(world, methods)
+    report = progress or (lambda stage, done, total: None)
+    prepared = prepare_methods(world, methods)
     answers, seconds = {}, {}
     for done, (name, solvers) in enumerate(prepared.items()):
-        tell("compare", done, len(prepared))
-        answers[name], seconds[name] = _timed(world, solvers)
-    ours = seconds.get(OURS, np.nan)
-    scores = tuple(_judged(world, name, answers[name], seconds[name], ours) for name in prepared)
+        report("compare", done, len(prepared))
+        answers[name], seconds[name] = _solve_and_time(world, solvers)
+    ours = seconds.get(REFERENCE, np.nan)
+    scores = tuple(_score(world, name, answers[name], seconds[name], ours) for name in prepared)
     return Comparison(world.name, scores, answers)
 
 
-def _timed(world: World, solvers: Sequence[Method]) -> tuple[tuple[Configuration, ...], float]:
-    """Answers, and the mean time of a call on the fastest of a few walks [s]."""
+def _solve_and_time(world: World, solvers: Sequence[Method]) -> tuple[tuple[Configuration, ...], float]:
+    """Answers, and the mean time of a call in the fastest of a few runs [s]."""
     start = _start(world)
-    solvers[0](world.task[0], *start)  # compiled code is loaded here
+    solvers[0](world.task[0], *start)  # loads compiled code
     least, spent = np.inf, 0.0
-    for _ in range(ROUNDS):
+    for _ in range(MAX_RUNS):
         began = time.perf_counter()
-        found = _walk(world, solvers, start)
+        found = _run(world, solvers, start)
         taken = time.perf_counter() - began
         least, spent = min(least, taken), spent + taken
-        if spent > ENOUGH:
+        if spent > TIME_BUDGET:
             break
     return found, least / len(world.task)
 
 
-def _walk(world: World, solvers: Sequence[Method], start: tuple[Array, Array]) -> tuple[Configuration, ...]:
+def _run(world: World, solvers: Sequence[Method], start: tuple[Array, Array]) -> tuple[Configuration, ...]:
     found: list[Configuration] = []
     base, joints = start
     for target, solver in zip(world.task, solvers, strict=True):
@@ -308,7 +316,7 @@ def _walk(world: World, solvers: Sequence[Method], start: tuple[Array, Array]) -
 
 
 def _start(world: World) -> tuple[Array, Array]:
-    """The world's start; without one, the arm carried and its axis half its reach before the first target."""
+    """The world's start; without one, the arm carried, its axis half its reach before the first target."""
     if world.start is not None:
         return world.start.base, world.start.joints
     robot, first = world.robot, world.task[0].position
@@ -317,54 +325,43 @@ def _start(world: World) -> tuple[Array, Array]:
     return pose_of(robot, first[:2] - [reach / 2, 0.0], 0.0), robot.carry
 
 
-def _judged(world: World, name: str, answers: Sequence[Configuration], seconds: float, ours: float) -> Score:
-    """Judge answers by the chain's own kinematics and by what plans are held to."""
-    chain, room, guard = world.robot.chain, room_for(world), guard_of(world)
-    tools = [tool_of(world, one) for one in answers]
+def _score(world: World, name: str, answers: Sequence[Configuration], seconds: float, ours: float) -> Score:
+    """Score answers by forward kinematics and by the checks of plans."""
+    robot, room, guard = world.robot, room_for(world), guard_of(world)
+    base, joints = np.array([one.base for one in answers]), np.array([one.joints for one in answers])
+    tools = robot.tool(base, joints)
     missed = np.array([misses(target, tool) for target, tool in zip(world.task, tools, strict=True)])
     cones = np.array([target.cone for target in world.task])
-    over = np.array(
-        [
-            bool(((q < chain.lower - SLACK) | (q > chain.upper + SLACK)).any())
-            for q in (one.joints for one in answers)
-        ]
-    )
-    met = (missed[:, 0] <= world.rules.tolerance + SLACK) & (missed[:, 1] <= cones + SLACK) & ~over
+    lower, upper = robot.chain.lower - ROUNDING, robot.chain.upper + ROUNDING
+    over = ((joints < lower) | (joints > upper)).any(axis=1)
+    met = (missed[:, 0] <= world.rules.tolerance + ROUNDING) & (missed[:, 1] <= cones + ROUNDING) & ~over
     return Score(
-        name,
-        len(answers),
-        int(met.sum()),
-        float(np.mean([one.iterations for one in answers])),
-        seconds * 1e6,
-        seconds / ours,
-        float(np.median(missed[:, 0])),
-        float(missed[:, 0].max()),
-        int(over.sum()),
-        sum(guard.touch(pose(one)).kind != "none" for one in answers),
-        sum(not fits(room, *one.base.tolist()) for one in answers),
+        method=name,
+        setpoints=len(answers),
+        success=int(met.sum()),
+        iterations=float(np.mean([one.iterations for one in answers])),
+        microseconds=seconds * 1e6,
+        ratio=seconds / ours,
+        median_error=float(np.median(missed[:, 0])),
+        worst_error=float(missed[:, 0].max()),
+        over_limits=int(over.sum()),
+        collisions=sum(guard.touch(pose(one)).kind != "none" for one in answers),
+        off_floor=sum(not fits(room, *one.base.tolist()) for one in answers),
     )
 
 
-def tool_of(world: World, answer: Configuration) -> Array:
-    """Tool frame of a configuration in the world, (4, 4), by the plain kinematics of the chain."""
-    x, y, z, yaw = world.robot.mount.tolist()
-    T_world_base = planar_pose(*answer.base.tolist())
-    tool: Array = T_world_base @ planar_pose(x, y, yaw, z) @ world.robot.chain.forward(answer.joints)
-    return tool
-
-
-def _better(one: Score, ours: Score) -> list[str]:
-    """In what a method does better, with both figures; nothing for one that meets fewer set-points."""
+def _advantages(one: Score, ours: Score) -> list[str]:
+    """Criteria in which a method is better, with both figures; none if it meets fewer set-points."""
     found: list[str] = []
     if one.success < ours.success:
         return found
     if one.success > ours.success:
         found.append(f"success ({one.success} against {ours.success} of {one.setpoints})")
-    if one.iterations * ALIKE < ours.iterations:
+    if one.iterations * TIE_RATIO < ours.iterations:
         found.append(f"iterations ({one.iterations:.2f} against {ours.iterations:.2f})")
-    if one.ratio * ALIKE < 1.0:
+    if one.ratio * TIE_RATIO < 1.0:
         found.append(f"time ({one.ratio:.2f} of it)")
-    if one.worst_error * ALIKE + LEAST < ours.worst_error:
+    if one.worst_error * TIE_RATIO + TIE_ERROR < ours.worst_error:
         found.append(f"worst error ({one.worst_error * 1e3:.3g} against {ours.worst_error * 1e3:.3g} mm)")
     for what, field in (("limits", "over_limits"), ("collisions", "collisions"), ("floor", "off_floor")):
         if getattr(one, field) < getattr(ours, field):

@@ -57,16 +57,19 @@ class Field:
     heading: Array
     height: float | None = None
 
+    def __repr__(self) -> str:
+        return f"Field({self.world}: {len(self.x)} x {len(self.y)} cells of {self.cell:g} m, {self.summary})"
+
     @property
     def meaning(self) -> str:
-        """Meaning of the values, in a few words."""
+        """The meaning of the values, in a few words."""
         if self.height is None:
             return f"targets reached, of {self.most}"
         return f"tool at {self.height:g} m: 0 unreachable, 1 undecided, 2 reachable"
 
     @property
     def summary(self) -> str:
-        """One line of what a person wants to know first."""
+        """The result in one line."""
         if self.height is None:
             return f"the best place reaches {self.values.max(initial=0)} of {self.most} targets"
         area = [float((self.values == value).sum()) * self.cell**2 for value in (REACHABLE, UNDECIDED)]

@@ -63,6 +63,11 @@ class Answer:
     reason: list[str]
     gap: Array
 
+    def __repr__(self) -> str:
+        counts = dict(zip(*np.unique(self.verdict, return_counts=True), strict=True))
+        found = ", ".join(f"{count} {verdict}" for verdict, count in counts.items())
+        return f"Answer({len(self.verdict)} targets: {found or 'none'})"
+
 
 def reach(
     world: World,

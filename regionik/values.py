@@ -1,4 +1,4 @@
-"""The frozen results, one per stage."""
+"""The frozen results of the stages."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-from regionik.storage.files import write_whole
+from regionik.storage.files import write_atomic
 from regionik.storage.plan_document import plan_to_text
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.errors import InputError
@@ -41,6 +41,10 @@ class Configuration:
     error: float
     iterations: int
     converged: bool
+
+    def __repr__(self) -> str:
+        state = "converged" if self.converged else "not converged"
+        return f"Configuration({_pose_text(self.base)}, {state}, error {self.error:.3g} m)"
 
 
 @dataclass(eq=False, init=False, slots=True)
@@ -103,6 +107,9 @@ class Motion:
             if len(getattr(self, key)) != n:
                 raise InputError(f"states: expected {n} values of {key}")
 
+    def __repr__(self) -> str:
+        return f"Motion({len(self)} states, {int((self.kind == 'transit').sum())} of them transits)"
+
     def __len__(self) -> int:
         return len(self.base)
 
@@ -127,10 +134,15 @@ class PlannedArea:
     pruned: BaseGeometry
     rejected: BaseGeometry
 
+    def __repr__(self) -> str:
+        return (
+            f"PlannedArea({self.admissible.area:.3g} m2 admissible, {self.pruned.area:.3g} m2 of it pruned)"
+        )
+
 
 @dataclass(frozen=True, eq=False)
 class Stop:
-    """Where the base stands still while the arm does some set-points.
+    """A place at which the base stands still while the arm does some set-points.
 
     Attributes
     ----------
@@ -142,13 +154,16 @@ class Stop:
         Wherever the base parks within this circle about ``base``, at this heading, the arm reaches all the
         set-points and the base keeps its clearance [m].
     criterion : str
-        What made this the best place of the stop, as `regionik.worlds.scene.Rules` names it.
+        By which the place was chosen, as in `regionik.worlds.scene.Rules`.
     """
 
     base: Array
     setpoints: tuple[int, ...]
     tolerance: float
     criterion: StopCriterion
+
+    def __repr__(self) -> str:
+        return f"Stop({_pose_text(self.base)}, {len(self.setpoints)} set-points, {self.tolerance:.3g} m)"
 
     @property
     def first(self) -> int:
@@ -170,12 +185,12 @@ class Plan:
     setpoints : tuple of Configuration
         One for each target of ``world.task``.
     motion : Motion
-        All states, from the start (if any) to the last set-point.
+        All states, from the start (if any) to the last set-point; iterate over it for one `State` at a time.
     areas : tuple of PlannedArea
         One for each set-point. Files of very long paths have none, see
         `regionik.storage.plan_document.CORNERS_LIMIT`.
     lift_offs : int
-        How often the tool leaves the path after the first set-point.
+        Times that the tool leaves the path after the first set-point.
     stops : tuple of Stop
         In mode ``stops``; empty otherwise.
     stats : dict
@@ -191,10 +206,9 @@ class Plan:
     stops: tuple[Stop, ...] = ()
     stats: dict[str, Any] = field(default_factory=dict)
 
-    @property
-    def states(self) -> Motion:
-        """The motion; iterate over it for one `State` at a time."""
-        return self.motion
+    def __repr__(self) -> str:
+        counts = f"{len(self.setpoints)} set-points, {len(self.motion)} states, {self.lift_offs} lift-offs"
+        return f"Plan({self.world.name}: {counts})"
 
     def tools(self) -> Array:
         """Tool position at every state, (n, 3) [m]."""
@@ -210,12 +224,12 @@ class Plan:
         InputError
             When the file cannot be written.
         """
-        write_whole(path, plan_to_text(self))
+        write_atomic(path, plan_to_text(self))
 
 
 @dataclass(frozen=True)
 class Violation:
-    """One way in which a plan does not hold."""
+    """A check that a plan fails."""
 
     kind: str
     state: int | None  # index of the state, or of the first of two neighbours
@@ -226,7 +240,7 @@ class Violation:
 
 @dataclass(frozen=True)
 class Report:
-    """What `regionik.verify` found.
+    """The result of `regionik.verify`.
 
     Attributes
     ----------
@@ -239,3 +253,13 @@ class Report:
     ok: bool
     margins: dict[str, float]
     violations: tuple[Violation, ...]
+
+    def __repr__(self) -> str:
+        if self.ok:
+            return f"Report(ok, {len(self.margins)} margins)"
+        return f"Report({len(self.violations)} violations, the first: {self.violations[0].text})"
+
+
+def _pose_text(base: Array) -> str:
+    x, y, yaw = base.tolist()
+    return f"x {x:.3f} m, y {y:.3f} m, yaw {yaw:.3f} rad"

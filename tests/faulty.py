@@ -36,7 +36,7 @@ CASES = {
     "configurations": Case(PLAN, "regionik.pipeline.configurations", "interrupted"),
     "motion": Case(PLAN, "regionik.pipeline.connect", "interrupted"),
     "verification": Case(PLAN, "regionik.pipeline.verify", "interrupted"),
-    "page": Case(PLAN, "regionik.view.viewer.page_of", "interrupted"),
+    "page": Case(PLAN, "regionik.view.html_page.html_page", "interrupted"),
     "writing": Case("plan {world} -o plan.json", "os.fsync", "interrupted"),
     "terminated": Case(PLAN, "regionik.pipeline.connect", "terminated"),
     "terminated while it writes": Case("plan {world} -o plan.json", "os.fsync", "terminated"),
@@ -46,7 +46,7 @@ CASES = {
     "a program without an end": Case(PLAN, "regionik.pipeline.prune", "solved"),
     "a library that swallows it": Case(PLAN, "regionik.pipeline.prune", "swallowed"),
     "reach": Case(
-        "reach {world} --csv {table} -o answers.csv", "regionik.output.answer_table.reach", "interrupted"
+        "reach {world} --csv {table} -o answers.csv", "regionik.output.answers.reach", "interrupted"
     ),
     "why": Case("why {world} --target 9 9 0.2 --html why.html", "regionik.why.why", "interrupted"),
     "stops": Case("stops l_shape -o stops.geojson", "regionik.parking.stops.find", "interrupted"),

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from regionik.values import Motion, Plan
-from regionik.view.animation import LONGEST, MOST_FRAMES, REST, SHORTEST, key_frames, turning
+from regionik.view.animation import LONGEST, MOST_FRAMES, REST, SHORTEST, key_frames, turn_quaternions
 from regionik.worlds.chain import Joint
 from tests.plans import every_solid, l_shape, synthetic_plan
 
@@ -104,7 +104,7 @@ def test_a_plan_that_rests_is_one_frame(plan: Plan) -> None:
 )
 def test_quaternions_turn_as_joints_do(axis: list[float], angle: float) -> None:
     joint = Joint("j", "revolute", -10, 10, np.eye(4), np.array(axis))
-    x, y, z, w = turning(joint.axis, np.array([angle]))[0]
+    x, y, z, w = turn_quaternions(joint.axis, np.array([angle]))[0]
     turned = np.array(
         [
             [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],

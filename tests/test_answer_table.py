@@ -19,11 +19,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from regionik.cli import app
-from regionik.output import answer_table as module
-from regionik.output.answer_table import answer_table
-from regionik.output.answers import csv_head, csv_rows, targets_asked, write_answers
+from regionik.output import answers as module
+from regionik.output.answers import csv_header, csv_rows, parse_targets, stream_answers, write_answers
 from regionik.reach import reach
-from regionik.storage.partial_file import parts_of
+from regionik.storage.files import open_partial
 from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import InputError
 from regionik.worlds.readers.csv_path import CsvBlock, index_csv, read_csv
@@ -38,9 +37,9 @@ def table_of(folder: Path, count: int) -> Path:
 
 
 def at_once(world: World, table: Path) -> bytes:
-    answer = reach(world, targets_asked(world, [], table))
+    answer = reach(world, parse_targets(world, [], table))
     names = world.robot.chain.names
-    return (csv_head(names) + csv_rows(answer, names)).encode()
+    return (csv_header(names) + csv_rows(answer, names)).encode()
 
 
 @pytest.fixture(autouse=True)
@@ -89,9 +88,9 @@ def test_a_wrong_line_is_named_before_any_work(
     lines = table.read_text().splitlines()
     lines[89] = line
     table.write_text("\n".join(lines))
-    monkeypatch.setattr(module, "_answered", lambda *_: pytest.fail("worked"))
+    monkeypatch.setattr(module, "_answer_block", lambda *_: pytest.fail("worked"))
     with pytest.raises(InputError, match=expected):
-        answer_table(load_world("free"), table, tmp_path / "answers.csv")
+        stream_answers(load_world("free"), table, tmp_path / "answers.csv")
 
 
 @pytest.mark.parametrize("text", [b"", b"x,y,z\n", b"# 1,2,3\n", b"\xff\xfe1,2,3\n"])
@@ -113,13 +112,13 @@ def test_a_table_that_is_not_there(tmp_path: Path) -> None:
 def test_the_table_is_that_of_a_small_run(tmp_path: Path) -> None:
     world, table, output = load_world("l_shape"), table_of(tmp_path, 110), tmp_path / "answers.csv"
     told: list[tuple[str, int, int]] = []
-    yes, total = answer_table(world, table, output, progress=lambda *row: told.append(row))
+    yes, total = stream_answers(world, table, output, progress=lambda *row: told.append(row))
     assert output.read_bytes() == at_once(world, table)
     assert (yes, total) == (output.read_text().count(",reachable,"), 110)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["answers.csv", "targets.csv"]
     assert [row for row in told if row[0] == "reach"] == [("reach", k, 5) for k in range(6)]
     whole = tmp_path / "again.csv"
-    write_answers(reach(world, targets_asked(world, [], table)), world.robot.chain.names, whole)
+    write_answers(reach(world, parse_targets(world, [], table)), world.robot.chain.names, whole)
     assert whole.read_bytes() == output.read_bytes()
 
 
@@ -127,7 +126,7 @@ def test_directions_and_blocks_of_nothing(tmp_path: Path) -> None:
     world, table, output = load_world("free"), tmp_path / "t.csv", tmp_path / "answers.csv"
     row = "0.5,-0.1,0.3,1,0,0\n"
     table.write_text("x,y,z,dx,dy,dz\n" + row * 3 + "# nothing\n" * 60 + row + "0,0,3,1,0,0\n")
-    assert answer_table(world, table, output) == (4, 5)
+    assert stream_answers(world, table, output) == (4, 5)
     assert output.read_bytes() == at_once(world, table)
 
 
@@ -138,7 +137,7 @@ class Cut(Exception):
 @pytest.fixture
 def cut_after(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], list[int]]:
     """Let the answering of blocks end after so many of them; returns what was answered."""
-    real = module._answered
+    real = module._answer_block
 
     def arm(most: int) -> list[int]:
         numbers: list[int] = []
@@ -149,7 +148,7 @@ def cut_after(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], list[int]]:
             numbers.append(block.number)
             return real(world, block)
 
-        monkeypatch.setattr(module, "_answered", answered)
+        monkeypatch.setattr(module, "_answer_block", answered)
         return numbers
 
     return arm
@@ -162,13 +161,13 @@ def test_a_run_goes_on_where_it_ended(tmp_path: Path, cut_after: Callable[[int],
     for most in (0, 2, 1):
         numbers = cut_after(most)
         with pytest.raises(Cut):
-            answer_table(world, table, output)
+            stream_answers(world, table, output)
         done += numbers
         assert not output.exists()
         assert len(list(parts.iterdir())) == 1 + len(done)
     (parts / ".0123456789abcdef.part").write_text("what a kill left")
     done += (numbers := cut_after(99))
-    yes, total = answer_table(world, table, output)
+    yes, total = stream_answers(world, table, output)
     assert sorted(done + numbers) == [1, 26, 51, 76, 101]
     assert output.read_bytes() == at_once(world, table)
     assert (yes, total) == (output.read_text().count(",reachable,"), 110)
@@ -181,7 +180,7 @@ def cut_run(tmp_path: Path, cut_after: Callable[[int], list[int]]) -> tuple[Worl
     world, table, output = load_world("free"), table_of(tmp_path, 110), tmp_path / "answers.csv"
     cut_after(2)
     with pytest.raises(Cut):
-        answer_table(world, table, output)
+        stream_answers(world, table, output)
     cut_after(99)
     return world, table, output
 
@@ -190,10 +189,10 @@ def test_another_world_or_table_is_refused(cut_run: tuple[World, Path, Path]) ->
     world, table, output = cut_run
     slack = replace(world, rules=replace(world.rules, clearance=0.1))
     with pytest.raises(InputError, match=r"answers.csv.parts: .* another world; .* remove the folder"):
-        answer_table(slack, table, output)
+        stream_answers(slack, table, output)
     table.write_text(table.read_text() + "1,1,0.5\n")
     with pytest.raises(InputError, match="another table of targets; "):
-        answer_table(world, table, output)
+        stream_answers(world, table, output)
 
 
 def test_other_versions_are_refused(cut_run: tuple[World, Path, Path]) -> None:
@@ -203,10 +202,10 @@ def test_other_versions_are_refused(cut_run: tuple[World, Path, Path]) -> None:
     manifest["version of regionik or of what it stands on"]["shapely"] = "1.0"
     path.write_text(json.dumps(manifest))
     with pytest.raises(InputError, match="another version of regionik"):
-        answer_table(world, table, output)
+        stream_answers(world, table, output)
     path.write_text("{")
     with pytest.raises(InputError, match=r"not the manifest of parts; remove the folder"):
-        answer_table(world, table, output)
+        stream_answers(world, table, output)
 
 
 def test_two_runs_at_once_are_refused(cut_run: tuple[World, Path, Path]) -> None:
@@ -214,9 +213,9 @@ def test_two_runs_at_once_are_refused(cut_run: tuple[World, Path, Path]) -> None
     lock = os.open(output.with_name("answers.csv.parts"), os.O_RDONLY)
     fcntl.flock(lock, fcntl.LOCK_EX)
     with pytest.raises(InputError, match="another run is writing there"):
-        answer_table(world, table, output)
+        stream_answers(world, table, output)
     os.close(lock)
-    assert answer_table(world, table, output)[1] == 110
+    assert stream_answers(world, table, output)[1] == 110
 
 
 def test_a_folder_of_other_things_is_left_alone(tmp_path: Path) -> None:
@@ -225,7 +224,7 @@ def test_a_folder_of_other_things_is_left_alone(tmp_path: Path) -> None:
     (folder / "letters.txt").write_text("dear")
     with (
         pytest.raises(InputError, match="other things than parts"),
-        parts_of(tmp_path / "answers.csv", {"world": "a"}),
+        open_partial(tmp_path / "answers.csv", {"world": "a"}),
     ):
         pytest.fail("began")
     assert (folder / "letters.txt").read_text() == "dear"
@@ -237,7 +236,7 @@ def test_a_folder_of_other_things_is_left_alone(tmp_path: Path) -> None:
 def test_too_many_for_memory_is_one_line(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr("regionik.output.answers.MOST_AT_ONCE", 100)
+    monkeypatch.setattr("regionik.output.answers.MEMORY_LIMIT", 100)
     table = table_of(tmp_path, 110)
     for more in (["-o", str(tmp_path / "answers.json")], ["--json"], []):
         assert app.run(["reach", "free", "--csv", str(table), *more]) == 2
@@ -256,7 +255,7 @@ def test_killed_runs_give_the_bytes_of_an_unbroken_one(tmp_path: Path) -> None:
     table = table_of(tmp_path, 300)
     output = tmp_path / "answers.csv"
     parts = tmp_path / "answers.csv.parts"
-    small = "import regionik.output.answer_table as m; m.CHUNK = 25; from regionik import cli; cli.main()"
+    small = "import regionik.output.answers as m; m.CHUNK = 25; from regionik.cli import app; app.main()"
     command = [sys.executable, "-c", small, "reach", "free", "--csv", str(table), "-o", str(output)]
     for done in (1, 2):
         with subprocess.Popen(command, stderr=subprocess.DEVNULL) as process:

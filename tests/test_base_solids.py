@@ -17,7 +17,7 @@ from regionik.verification import arm_clearance as proof_arm
 from regionik.verification import self_collision
 from regionik.verification.findings import Finding, Words
 from regionik.verification.motion import Journey
-from regionik.view.world_picture import robot_bodies
+from regionik.view.world_picture import robot_meshes
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, Joint, pose, translation
 from regionik.worlds.documents.world_file import world_from_document, world_to_document
@@ -246,7 +246,7 @@ def test_it_is_drawn_and_exported(tmp_path: Path) -> None:
     robot = boom()
 
     def drawn(robot: Robot) -> dict[str, Array]:
-        return {body.path: body.mesh.vertices for body in robot_bodies(robot, np.zeros(3), np.zeros(2))[0]}
+        return {body.path: body.mesh.vertices for body in robot_meshes(robot, np.zeros(3), np.zeros(2))[0]}
 
     assert "robot/mast" not in drawn(replace(robot, base_solids=()))
     mast = drawn(robot)["robot/mast"]

@@ -463,12 +463,12 @@ def test_a_watched_file_is_shown_until_ctrl_c(tmp_path: Path) -> None:
 def test_other_signals_and_errors_that_nobody_catches_end_nothing() -> None:
     said = """
 import os, signal, time
-from regionik.cli.interrupts import GRACE, end_on_signals
+from regionik.cli.interrupts import GRACE, install_handlers
 class Faulty:
     def __del__(self): raise ValueError("told")
 class Interrupted:
     def __del__(self): raise KeyboardInterrupt
-end_on_signals()
+install_handlers()
 signal.signal(signal.SIGUSR1, lambda *_: None)
 os.kill(os.getpid(), signal.SIGUSR1)
 Faulty(), Interrupted()
@@ -506,9 +506,9 @@ def test_progress_shows_late_and_only_on_a_terminal(
 ) -> None:
     screen = _Terminal() if terminal else io.StringIO()
     monkeypatch.setattr(sys, "stderr", screen)
-    monkeypatch.setattr(console, "PATIENCE", patience)
+    monkeypatch.setattr(console, "PROGRESS_DELAY", patience)
     monkeypatch.setenv("TERM", "xterm")
-    with console.LateProgress() as progress:
+    with console.DelayedProgress() as progress:
         if progress._timer is not None and shows:
             progress._timer.join()
         for k in range(4):

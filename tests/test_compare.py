@@ -18,9 +18,8 @@ from regionik.comparison import (
     Comparison,
     Score,
     compare,
-    methods_named,
+    prepare_methods,
     sliding_chain,
-    tool_of,
 )
 from regionik.values import Configuration
 from regionik.worlds.arrays import Array
@@ -49,7 +48,7 @@ def test_answers_are_what_the_scores_say(pillar: Comparison) -> None:
     for score in pillar.scores:
         answers = pillar.answers[score.method]
         off = [
-            float(np.linalg.norm(tool_of(world, one)[:3, 3] - target.position))
+            float(np.linalg.norm(world.robot.tool(one.base, one.joints)[:3, 3] - target.position))
             for one, target in zip(answers, world.task, strict=True)
         ]
         np.testing.assert_allclose(off, [one.error for one in answers], atol=1e-9)
@@ -123,10 +122,13 @@ def test_turned_mounts_and_headings_are_seen() -> None:
     world = load_world("pillar")
     turned = replace(world.robot, mount=np.array([0.1, -0.05, 0.2, 0.7]))
     scene = replace(world, robot=turned)
-    for name, methods in methods_named(scene, ["dls", "ccd", "fabrik+dls"]).items():
+    for name, methods in prepare_methods(scene, ["dls", "ccd", "fabrik+dls"]).items():
         answer = methods[0](world.task[0], np.array([0.3, 0.4, 2.0]), world.robot.carry)
         assert answer.converged, name
-        assert np.linalg.norm(tool_of(scene, answer)[:3, 3] - world.task[0].position) <= 1e-3
+        assert (
+            np.linalg.norm(scene.robot.tool(answer.base, answer.joints)[:3, 3] - world.task[0].position)
+            <= 1e-3
+        )
         assert answer.base[2] == 2.0
 
 
@@ -154,7 +156,7 @@ def test_a_network_drives_to_the_nearest_place_that_it_knows() -> None:
     world = replace(world, task=world.task[:3])
     found = compare(world, ["network"]).answers["network"]
     for one, target in zip(found, world.task, strict=True):
-        off = np.linalg.norm(tool_of(world, one)[:3, 3] - target.position)
+        off = np.linalg.norm(world.robot.tool(one.base, one.joints)[:3, 3] - target.position)
         assert off == pytest.approx(one.error, abs=1e-9)
         assert off < 0.05
         assert one.converged == (off <= world.rules.tolerance)

@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from regionik.cli.files import EXPORTS
+from regionik.cli.plan import EXPORT_FORMATS
 from regionik.output.export import FORMATS, export
 from regionik.output.urdf import robot_to_urdf, roll_pitch_yaw
 from regionik.timing.limits import tool_velocity
@@ -177,7 +177,7 @@ def test_roll_pitch_yaw_comes_back(angles: tuple[float, float, float], pitch: fl
 
 
 def test_csv_has_one_row_a_state(plan: Plan, tmp_path: Path) -> None:
-    export(plan, "csv", tmp_path / "plan.csv")
+    export(plan, tmp_path / "plan.csv", "csv")
     rows = list(csv.DictReader((tmp_path / "plan.csv").read_text().splitlines()))
     assert len(rows) == len(plan.motion)
     for k, (row, state, tool) in enumerate(zip(rows, plan.motion, plan.tools(), strict=True)):
@@ -191,7 +191,7 @@ def test_csv_has_one_row_a_state(plan: Plan, tmp_path: Path) -> None:
 @pytest.mark.parametrize("world", [l_shape(), every_solid()])
 def test_geojson_has_areas_path_and_points(world: object, tmp_path: Path) -> None:
     plan = synthetic_plan(world)  # type: ignore[arg-type]
-    export(plan, "geojson", tmp_path / "plan.geojson")
+    export(plan, tmp_path / "plan.geojson", "geojson")
     features = json.loads((tmp_path / "plan.geojson").read_text())["features"]
     by_part: dict[str, list[dict[str, object]]] = {}
     for feature in features:
@@ -217,23 +217,23 @@ def test_geojson_has_areas_path_and_points(world: object, tmp_path: Path) -> Non
 
 
 def test_an_unknown_format_names_the_valid_ones(plan: Plan, tmp_path: Path) -> None:
-    assert FORMATS == EXPORTS
+    assert tuple(FORMATS) == EXPORT_FORMATS
     with pytest.raises(InputError, match=f"format dxf: expected one of {', '.join(FORMATS)}"):
-        export(plan, "dxf", tmp_path / "plan.dxf")
+        export(plan, tmp_path / "plan.dxf", "dxf")
     assert os.listdir(tmp_path) == []
 
 
 @pytest.mark.parametrize("format", FORMATS)
 def test_the_same_plan_gives_the_same_bytes(format: str, tmp_path: Path) -> None:
     for name in ("a.yaml", "b.yaml"):
-        export(timed(synthetic_plan(l_shape())), format, tmp_path / name)
+        export(timed(synthetic_plan(l_shape())), tmp_path / name, format)
     assert (tmp_path / "a.yaml").read_bytes() == (tmp_path / "b.yaml").read_bytes()
 
 
 def test_csv_of_a_timed_plan_goes_on_with_velocities_and_accelerations(tmp_path: Path) -> None:
     plan = timed(synthetic_plan(l_shape()))
-    export(plan, "csv", tmp_path / "timed.csv")
-    export(synthetic_plan(l_shape()), "csv", tmp_path / "plain.csv")
+    export(plan, tmp_path / "timed.csv", "csv")
+    export(synthetic_plan(l_shape()), tmp_path / "plain.csv")
     rows = list(csv.DictReader((tmp_path / "timed.csv").read_text().splitlines()))
     (plain, *others) = (tmp_path / "plain.csv").read_text().splitlines()
     moving = ["base_x", "base_y", "base_yaw", *plan.world.robot.chain.names]
@@ -251,7 +251,7 @@ def test_csv_of_a_timed_plan_goes_on_with_velocities_and_accelerations(tmp_path:
 
 def test_csv_at_a_rate_says_where_on_the_way_it_is(tmp_path: Path) -> None:
     plan = timed(synthetic_plan(l_shape()))
-    export(plan, "csv", tmp_path / "even.csv", rate=50.0)
+    export(plan, tmp_path / "even.csv", "csv", rate=50.0)
     rows = list(csv.DictReader((tmp_path / "even.csv").read_text().splitlines()))
     times, motion = np.array([float(row["time"]) for row in rows]), plan.motion
     assert np.allclose(np.diff(times[:-1]), 0.02)
@@ -278,7 +278,7 @@ def test_the_tool_moves_as_its_positions_do(robot: Robot) -> None:
 
 def test_geojson_of_a_timed_plan_says_when_the_base_is_where(tmp_path: Path) -> None:
     plan = timed(synthetic_plan(l_shape()))
-    export(plan, "geojson", tmp_path / "plan.geojson")
+    export(plan, tmp_path / "plan.geojson", "geojson")
     features = json.loads((tmp_path / "plan.geojson").read_text())["features"]
     (path,) = (f for f in features if f["properties"]["part"] == "base-path")
     times, line = path["properties"]["time"], np.array(path["geometry"]["coordinates"])

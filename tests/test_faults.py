@@ -22,8 +22,8 @@ from numba.core.caching import FunctionCache
 
 from regionik.cli import app
 from regionik.planners.geometry import flat
-from regionik.storage.files import leftover, write_whole
-from regionik.view import child_process, viewer
+from regionik.storage.files import is_leftover, write_atomic
+from regionik.view import viewer
 from regionik.worlds.bundled import world_path
 from regionik.worlds.errors import EngineError, InputError
 from tests.faulty import CASES
@@ -52,7 +52,7 @@ def test_a_command_ends_within_a_second_and_leaves_nothing(
     assert end["seconds"] < WITHIN
     if instead == "killed":
         assert end["err"] == ""
-        assert [leftover(file, "plan.json") for file in end["files"]] == [True]
+        assert [is_leftover(file, "plan.json") for file in end["files"]] == [True]
         return
     assert len(end["err"].splitlines()) == 1
     assert "interrupted" in end["err"] or "cannot be written" in end["err"]
@@ -68,7 +68,7 @@ def test_what_a_killed_run_left_goes_with_the_next_and_what_is_being_written_sta
         path.write_text("half")
     with alive.open("rb") as file:
         fcntl.flock(file, fcntl.LOCK_EX)
-        write_whole(target, "whole")
+        write_atomic(target, "whole")
     assert target.read_text() == "whole"
     assert {path for path in (dead, alive, other) if path.exists()} == {alive, other}
 
@@ -76,17 +76,17 @@ def test_what_a_killed_run_left_goes_with_the_next_and_what_is_being_written_sta
 @pytest.mark.parametrize("name", ["x" * 255, "é" * 120, "[a-z]*?.json", "new\nline.json", "-o"])
 def test_any_name_that_a_file_can_have_is_written(tmp_path: Path, name: str) -> None:
     for content in ("old", "new"):
-        write_whole(tmp_path / name, content)
+        write_atomic(tmp_path / name, content)
     assert {path.name: path.read_text() for path in tmp_path.iterdir()} == {name: "new"}
 
 
 def test_two_writers_of_one_file_leave_one_whole_file_at_any_time(tmp_path: Path) -> None:
     target, size = tmp_path / "plan.json", 200_000
-    write_whole(target, "a" * size)
+    write_atomic(target, "a" * size)
 
     def write(letter: str) -> None:
         for _ in range(30):
-            write_whole(target, letter * size)
+            write_atomic(target, letter * size)
 
     writers = [threading.Thread(target=write, args=[letter]) for letter in "ab"]
     for writer in writers:
@@ -99,14 +99,14 @@ def test_two_writers_of_one_file_leave_one_whole_file_at_any_time(tmp_path: Path
 
 def test_a_disk_that_fills_up_keeps_the_old_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     target = tmp_path / "plan.json"
-    write_whole(target, "old")
+    write_atomic(target, "old")
 
     def full(fd: int) -> None:
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(os, "fsync", full)
     with pytest.raises(InputError, match="No space left"):
-        write_whole(target, "new")
+        write_atomic(target, "new")
     assert target.read_text() == "old"
     assert os.listdir(tmp_path) == ["plan.json"]
 
@@ -181,7 +181,7 @@ def test_what_is_read_is_not_written_over(
     for name, text in texts.items():
         (tmp_path / name).write_text(text, "utf-8")
     assert app.run(command.format(*(tmp_path / name for name in texts)).split()) == 2
-    assert "is what is read here" in capfd.readouterr().err
+    assert "is the file to read" in capfd.readouterr().err
     assert {path.name: path.read_text("utf-8") for path in tmp_path.iterdir()} == texts
 
 
@@ -241,9 +241,9 @@ def test_the_viewers_server_ends_with_it(number: int, code: int) -> None:
 
 
 def test_a_server_that_does_not_start_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(child_process, "_FOLLOW", "raise SystemExit(7)")
+    monkeypatch.setattr(viewer, "_EXIT_WITH_PARENT", "raise SystemExit(7)")
     with pytest.raises(EngineError, match="did not start"):
-        viewer.blank()
+        viewer.start_server()
 
 
 def _double(x: float) -> float:

@@ -19,18 +19,16 @@ ENGINES = {
     "matplotlib": {"regionik/view/figures.py"},
     "typer": {
         "regionik/cli/app.py",
-        "regionik/cli/shared.py",
         "regionik/cli/compare.py",
-        "regionik/cli/field.py",
-        "regionik/cli/files.py",
+        "regionik/cli/console.py",
+        "regionik/cli/plan.py",
         "regionik/cli/reach.py",
-        "regionik/cli/stops.py",
-        "regionik/cli/why.py",
+        "regionik/cli/show.py",
     },
     "pygad": {"planners/rivals/genetic.py"},
     "sklearn": {"planners/rivals/network.py"},
     "distributed": {"regionik/cluster.py"},
-    "rasterio": {"regionik/output/geotiff.py"},
+    "rasterio": {"regionik/output/field_file.py"},
 }
 
 

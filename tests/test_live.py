@@ -51,7 +51,7 @@ def test_only_what_changes_is_sent_again(path: Path) -> None:
     drawn: list[list[str]] = []
 
     def changes() -> Iterator[None]:
-        assert {"floor/all", "obstacles/0", "areas/strong", "robot/base", "words"} <= set(viewer.drawn())
+        assert {"floor/all", "obstacles/0", "areas/strong", "robot/base", "message"} <= set(viewer.drawn())
         viewer.sent.clear()
         document["obstacles"][3]["box"]["center"][:2] = [5.6, 0.4]
         save(path, document)
@@ -67,29 +67,29 @@ def test_only_what_changes_is_sent_again(path: Path) -> None:
         yield
         assert "/meshcat/obstacles/14" in [one["path"] for one in viewer.sent if one["type"] == "delete"]
 
-    live.follow(path, viewer, told.append, changes())
-    assert set(drawn[0]) <= {"obstacles/3", "floor/rejected/3", "areas/strong", "areas/pale", "words"}
-    assert {"obstacles/3", "words"} <= set(drawn[0])
-    assert drawn[1] == ["words"]
+    live.watch(path, viewer, told.append, changes())
+    assert set(drawn[0]) <= {"obstacles/3", "floor/rejected/3", "areas/strong", "areas/pale", "message"}
+    assert {"obstacles/3", "message"} <= set(drawn[0])
+    assert drawn[1] == ["message"]
     assert len(told) == 4
     assert str(path) in told[2]
     assert "\n" not in told[2]
-    assert "of 30 areas made anew" in told[3]
+    assert "of 30 areas recomputed" in told[3]
 
 
 def test_a_file_that_is_no_world_at_first_is_an_error(tmp_path: Path) -> None:
     (tmp_path / "x.yaml").write_text("robot: x\n")
     with pytest.raises(InputError, match=r"x\.yaml"):
-        live.follow(tmp_path / "x.yaml", Recorder(), print, iter(()))
+        live.watch(tmp_path / "x.yaml", Recorder(), print, iter(()))
     document = world_to_document(crowded())
     del document["task"]
     save(tmp_path / "y.yaml", document)
     with pytest.raises(InputError, match="task"):
-        live.follow(tmp_path / "y.yaml", Recorder(), print, iter(()))
+        live.watch(tmp_path / "y.yaml", Recorder(), print, iter(()))
 
 
 def test_a_save_is_seen_in_place_and_by_replacement(path: Path) -> None:
-    seen = live.saved(path)
+    seen = live.file_changes(path)
     document = path.read_text()
 
     def later(act: Any) -> None:

@@ -19,14 +19,16 @@ from shapely.geometry import GeometryCollection, LineString, MultiPolygon, Point
 from regionik.cli.console import plan_summary
 from regionik.output import plan_file
 from regionik.output.export import plan_to_geojson
-from regionik.output.plan_file import load_plan, plan_schema, save_plan
+from regionik.output.plan_file import load_plan, plan_schema
 from regionik.pipeline import search
 from regionik.storage import plan_document
-from regionik.storage.plan_document import multipolygon, plain, plan_to_document, plan_to_text
+from regionik.storage.geojson import multipolygon
+from regionik.storage.json_values import json_values
+from regionik.storage.plan_document import plan_to_document, plan_to_text
 from regionik.values import Motion, Plan
 from regionik.verification.verifier import verify
 from regionik.view.figures import plot
-from regionik.view.viewer import to_html
+from regionik.view.html_page import to_html
 from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import InputError
 from tests.plans import every_solid, l_shape, synthetic_plan
@@ -54,7 +56,7 @@ def same(a: Any, b: Any) -> bool:
 @pytest.mark.parametrize("world", [l_shape, every_solid])
 def test_a_plan_comes_back_the_same(world: Callable[[], Any], tmp_path: Path) -> None:
     plan = synthetic_plan(world(), seed=3)
-    save_plan(plan, tmp_path / "plan.json")
+    plan.save(tmp_path / "plan.json")
     back = load_plan(tmp_path / "plan.json")
     for key in ("base", "joints", "kind", "setpoint"):
         assert same(getattr(back.motion, key), getattr(plan.motion, key))
@@ -255,7 +257,7 @@ JSON = st.recursive(
 
 
 @given(JSON)
-def test_plain_values_are_json_and_stay_as_they_are(value: Any) -> None:
-    once = plain(value)
+def test_json_values_are_json_and_stay_as_they_are(value: Any) -> None:
+    once = json_values(value)
     assert json.loads(json.dumps(once, allow_nan=False)) == once
-    assert plain(once) == once
+    assert json_values(once) == once

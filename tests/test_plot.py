@@ -1,4 +1,4 @@
-"""Curves of plans, what of the floor is drawn, and the figures made of them."""
+"""PlanCurves of plans, what of the floor is drawn, and the figures made of them."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from PIL import Image
 import regionik as rik
 from regionik.planners.clearance.touching import bodies_from, nearest
 from regionik.values import Plan
-from regionik.view.floor_plan import POSES, floor_of
-from regionik.view.plan_curves import clearances, curves_of, footprints
+from regionik.view.floor_plan import POSES, plan_floor
+from regionik.view.plan_curves import clearances, footprints, plan_curves
 from regionik.worlds.chain import Chain
 from regionik.worlds.errors import InputError
 from regionik.worlds.scene import World
@@ -54,7 +54,7 @@ def test_where_there_are_no_solids_clearance_is_infinite() -> None:
 
 
 def test_curves_without_times_run_over_states(plan: Plan) -> None:
-    curves, motion = curves_of(plan), plan.motion
+    curves, motion = plan_curves(plan), plan.motion
     assert not curves.timed
     assert curves.speeds is None
     assert curves.along.tolist() == list(range(1, len(motion) + 1))
@@ -63,7 +63,7 @@ def test_curves_without_times_run_over_states(plan: Plan) -> None:
 
 def test_curves_of_a_timed_plan_hold_its_states_and_speeds(plan: Plan) -> None:
     moving = timed(plan)
-    curves, motion = curves_of(moving), moving.motion
+    curves, motion = plan_curves(moving), moving.motion
     assert curves.speeds is not None
     at = np.searchsorted(curves.along, motion.time)
     assert np.array_equal(curves.along[at], motion.time)
@@ -76,18 +76,18 @@ def test_curves_of_a_timed_plan_hold_its_states_and_speeds(plan: Plan) -> None:
 
 
 def test_lifted_spans_are_the_transits_with_their_ends(plan: Plan) -> None:
-    spans, kind = curves_of(plan).lifted, plan.motion.kind
+    spans, kind = plan_curves(plan).lifted, plan.motion.kind
     hops = {k for low, high in spans.tolist() for k in range(int(low) - 1, int(high) - 1)}
     assert hops == {k for k in range(len(kind) - 1) if "transit" in kind[k : k + 2]}
     assert (spans[1:, 0] > spans[:-1, 1]).all()
 
 
 def test_the_floor_is_parted(plan: Plan) -> None:
-    view = floor_of(plan)
+    view = plan_floor(plan)
     parts = [view.free, view.rejected, view.pale, view.strong]
     assert sum(part.area for part in parts) == pytest.approx(view.all.area, rel=0.01)
     assert shapely.union_all(parts).area == pytest.approx(view.all.area, rel=0.01)
-    assert len(view.footprints) == len(view.noses) == min(POSES, len(plan.setpoints))
+    assert len(view.footprints) == len(view.headings) == min(POSES, len(plan.setpoints))
     everything = shapely.box(*view.low, *view.high)
     assert everything.covers(shapely.multipoints(np.vstack([view.base_path, view.tool_path, view.setpoints])))
 

@@ -11,8 +11,8 @@ from regionik.planners.rivals.genetic import Genetic
 from regionik.planners.rivals.iterative import (
     CyclicDescent,
     DampedLeastSquares,
+    IterativeMethod,
     PseudoInverse,
-    Rival,
     Transpose,
 )
 from regionik.planners.rivals.method import ArmMethod, Fabrik, FabrikPolished
@@ -75,13 +75,13 @@ def test_no_step_leads_away(kind: type[ArmMethod]) -> None:
     chain = robot_named("pioneer7").chain
     goal, start = Goal([2.0, 0.0, 0.4]), robot_named("pioneer7").carry
     method = kind(chain, restarts=0)  # type: ignore[call-arg]
-    errors = [kind(chain, most=n, restarts=0)(goal, start).error for n in (1, 3, 10, 100)]  # type: ignore[call-arg]
+    errors = [kind(chain, max_iterations=n, restarts=0)(goal, start).error for n in (1, 3, 10, 100)]  # type: ignore[call-arg]
     assert errors == sorted(errors, reverse=True)
     assert not method(goal, start).converged
 
 
 @pytest.mark.parametrize("kind", [PseudoInverse, DampedLeastSquares, Transpose, CyclicDescent])
-def test_many_at_once_are_each_alone(kind: type[Rival]) -> None:
+def test_many_at_once_are_each_alone(kind: type[IterativeMethod]) -> None:
     chain = robot_named("pioneer7").chain
     goals = np.array([aim.position for aim in aims(chain, POSITION, 12)])
     starts, method = spread_postures(chain, 1.0, 12, 5), kind(chain)
@@ -164,7 +164,7 @@ def test_a_network_turns_with_the_pivot(robot: str) -> None:
         network(Goal([0.35 * np.cos(a), 0.35 * np.sin(a), 0.2]), np.zeros(5)).error for a in (0.0, 1.0, -2.0)
     ]
     np.testing.assert_allclose(errors, errors[0], atol=1e-9)
-    place = network.nearest_place(np.array([0.0, 0.35, 0.2]))
+    place = network.nearest_learnt(np.array([0.0, 0.35, 0.2]))
     assert abs(place[0]) < 1e-9
     assert place[1] > 0.0
 

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from rosbags.typesys import Stores, get_typestore
 
 from regionik.output.export import export
-from regionik.output.ros2 import joint_trajectory, nanoseconds, path, stamp, to_text
+from regionik.output.ros2 import joint_trajectory, message_text, nanoseconds, path_message, stamp
 from regionik.timing.trajectory import trajectory
 from regionik.values import Plan
 from regionik.worlds.arrays import Array
@@ -57,7 +57,7 @@ def _value(kind: Any, value: Any) -> Any:
 
 def read_back(plan: Plan, kind: str, file: Path, **asked: Any) -> Any:
     """A message that has gone to a file, from there into a message of the store, over the wire and back."""
-    export(plan, kind, file, **asked)
+    export(plan, file, kind, **asked)
     text = file.read_text(encoding="utf-8")
     document = yaml.safe_load(text)  # as ros2 topic pub does
     if file.suffix == ".json":
@@ -123,13 +123,13 @@ def test_a_rate_gives_even_times_and_the_end(plan: Plan, rate: float, tmp_path: 
 
 @pytest.mark.parametrize("suffix", [".yaml", ".json"])
 def test_the_bundle_holds_both_with_their_types(plan: Plan, suffix: str, tmp_path: Path) -> None:
-    export(plan, "ros2", tmp_path / f"plan{suffix}", frame="world")
+    export(plan, tmp_path / f"plan{suffix}", "ros2", frame="world")
     both = yaml.safe_load((tmp_path / f"plan{suffix}").read_text())
     assert {key: entry["type"] for key, entry in both.items()} == {
         key.replace("-", "_"): name for key, name in TYPES.items()
     }
     assert both["joint_trajectory"]["message"] == joint_trajectory(plan, frame="world")
-    assert both["path"]["message"] == path(plan, frame="world")
+    assert both["path"]["message"] == path_message(plan, frame="world")
 
 
 times = st.lists(st.floats(0, 2**31 - 2), min_size=1).map(sorted)
@@ -174,7 +174,7 @@ documents = st.recursive(
 
 @given(st.dictionaries(st.sampled_from("abcd"), documents, min_size=1), st.sampled_from([".yaml", ".json"]))
 def test_every_document_is_read_as_it_was(document: dict[str, Any], suffix: str) -> None:
-    read = yaml.safe_load(to_text(document, suffix))
+    read = yaml.safe_load(message_text(document, suffix))
     assert read == document
     assert repr(read) == repr(document)  # which tells floats from integers and -0.0 from 0.0
 
@@ -206,7 +206,7 @@ def test_a_plan_without_times_has_a_path_but_no_trajectory(tmp_path: Path) -> No
     assert all(clock(posed.header.stamp) == 0 for posed in found.poses)
     for kind, asked in (("joint-trajectory", {}), ("ros2", {}), ("path", {"rate": 5.0})):
         with pytest.raises(InputError, match="not timed"):
-            export(untimed, kind, tmp_path / "no.yaml", **asked)  # type: ignore[arg-type]
+            export(untimed, tmp_path / "no.yaml", kind, **asked)  # type: ignore[arg-type]
     assert not (tmp_path / "no.yaml").exists()
 
 
@@ -228,6 +228,6 @@ def test_what_does_not_go_is_refused(
     plan: Plan, kind: str, name: str, asked: dict[str, Any], words: str, tmp_path: Path
 ) -> None:
     with pytest.raises(InputError, match=words) as caught:
-        export(plan, kind, tmp_path / name, **asked)
+        export(plan, tmp_path / name, kind, **asked)
     assert "\n" not in str(caught.value)
     assert list(tmp_path.iterdir()) == []

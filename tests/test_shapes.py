@@ -6,7 +6,7 @@ import shapely
 import trimesh
 
 from regionik.view import triangle_meshes
-from regionik.view.triangle_meshes import Triangles
+from regionik.view.triangle_meshes import TriangleMesh
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import pose
 from regionik.worlds.obstacles import Solid
@@ -14,12 +14,12 @@ from regionik.worlds.robot import LinkBox, LinkCapsule
 from tests.plans import every_solid
 
 
-def area(part: Triangles) -> float:
+def area(part: TriangleMesh) -> float:
     a, b, c = (part.vertices[part.faces[:, k]] for k in range(3))
     return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
 
 
-def bounds(part: Triangles) -> Array:
+def bounds(part: TriangleMesh) -> Array:
     return np.array([part.vertices.min(axis=0), part.vertices.max(axis=0)])
 
 
@@ -34,14 +34,14 @@ def bounds(part: Triangles) -> Array:
     ],
 )
 def test_flat_covers_the_area_exactly(floor: shapely.Geometry) -> None:
-    part = triangle_meshes.flat(floor, 0.25)
+    part = triangle_meshes.triangulate(floor, 0.25)
     assert area(part) == pytest.approx(floor.area)
     assert (part.vertices[:, 2] == 0.25).all()
 
 
 def test_extruded_has_walls_and_a_lid() -> None:
     ring = shapely.box(0, 0, 3, 3) - shapely.box(1, 1, 2, 2)
-    part = triangle_meshes.extruded(ring, 0.5, 2.5)
+    part = triangle_meshes.extrude(ring, 0.5, 2.5)
     assert area(part) == pytest.approx(ring.area + 2.0 * ring.length)
     assert np.allclose(bounds(part), [[0, 0, 0.5], [3, 3, 2.5]])
 
@@ -61,7 +61,7 @@ def test_a_capsule_lies_just_within_its_radius(end: list[float]) -> None:
 
 def test_a_box_on_a_link_is_closed_and_has_its_corners() -> None:
     T_link_box, size = pose([0.1, -0.2, 0.3], [0.4, 0.5, -2.0]), np.array([0.1, 0.2, 0.4])
-    part = triangle_meshes.link_solid(LinkBox(0, "case", T_link_box, size))
+    part = triangle_meshes.link_mesh(LinkBox(0, "case", T_link_box, size))
     own = (part.vertices - T_link_box[:3, 3]) @ T_link_box[:3, :3]
     assert np.allclose(np.abs(own), size / 2, atol=1e-12)
     mesh = trimesh.Trimesh(part.vertices, part.faces, process=True, merge_norm=True)
@@ -72,7 +72,7 @@ def test_a_box_on_a_link_is_closed_and_has_its_corners() -> None:
 
 def test_a_capsule_on_a_link_is_drawn_as_one() -> None:
     start, end = np.array([0.0, 0.1, 0.2]), np.array([0.3, 0.1, 0.0])
-    part = triangle_meshes.link_solid(LinkCapsule(0, "tube", start, end, 0.05))
+    part = triangle_meshes.link_mesh(LinkCapsule(0, "tube", start, end, 0.05))
     assert np.array_equal(part.vertices, triangle_meshes.capsule(start, end, 0.05).vertices)
 
 
@@ -84,7 +84,7 @@ def test_tubes_and_balls_have_equal_shares_of_faces() -> None:
     one = tubes.vertices[np.unique(tubes.faces[: 2 * triangle_meshes.TUBE_SIDES])]
     assert np.allclose(np.hypot(one[:, 1], one[:, 2]), 0.01)
     for count in (3, 400):
-        balls = triangle_meshes.balls(np.arange(3.0 * count).reshape(-1, 3), 0.02)
+        balls = triangle_meshes.spheres(np.arange(3.0 * count).reshape(-1, 3), 0.02)
         share = len(balls.faces) // count
         assert share * count == len(balls.faces)
         last = balls.vertices[np.unique(balls.faces[-share:])]
@@ -93,7 +93,7 @@ def test_tubes_and_balls_have_equal_shares_of_faces() -> None:
 
 @pytest.mark.parametrize("body", every_solid().solids, ids=lambda body: body.name)
 def test_solids_are_drawn_where_they_are(body: Solid) -> None:
-    part = triangle_meshes.solid(body)
+    part = triangle_meshes.obstacle_mesh(body)
     assert np.allclose(bounds(part)[:, 2], body.z_range, atol=1e-9)
     assert np.allclose(bounds(part)[:, :2].ravel(), triangle_meshes.outline(body).bounds, atol=1e-6)
     surface = [abs(body.distance(vertex)) for vertex in part.vertices]
@@ -101,8 +101,11 @@ def test_solids_are_drawn_where_they_are(body: Solid) -> None:
 
 
 def test_merged_keeps_order_and_nothing_is_fine() -> None:
-    a, b = triangle_meshes.flat(shapely.box(0, 0, 1, 1)), triangle_meshes.flat(shapely.box(2, 0, 4, 1))
-    both = triangle_meshes.merged([a, triangle_meshes.flat(shapely.Polygon()), b])
+    a, b = (
+        triangle_meshes.triangulate(shapely.box(0, 0, 1, 1)),
+        triangle_meshes.triangulate(shapely.box(2, 0, 4, 1)),
+    )
+    both = triangle_meshes.merge([a, triangle_meshes.triangulate(shapely.Polygon()), b])
     assert np.allclose(both.vertices[both.faces[: len(a.faces)]], a.vertices[a.faces])
     assert np.allclose(both.vertices[both.faces[len(a.faces) :]], b.vertices[b.faces])
-    assert len(triangle_meshes.merged([]).faces) == 0
+    assert len(triangle_meshes.merge([]).faces) == 0

@@ -22,7 +22,7 @@ from regionik.regions import path_areas
 from regionik.values import Plan
 from regionik.verification.stops import _linear, _miss
 from regionik.verification.verifier import verify
-from regionik.view.floor_plan import floor_of
+from regionik.view.floor_plan import plan_floor
 from regionik.view.plan_picture import picture_of_plan
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain
@@ -302,7 +302,7 @@ def test_the_command_tells_writes_and_draws(tmp_path: Path, capsys: pytest.Captu
 
 def test_pictures_of_a_plan_show_its_circles() -> None:
     found = planned("pillar")
-    assert len(floor_of(found).circles.geoms) == 2
+    assert len(plan_floor(found).circles.geoms) == 2
     assert any(body.path == "areas/parking" for body in picture_of_plan(found).bodies)
 
 

@@ -9,12 +9,17 @@ import numpy as np
 import pytest
 import shapely
 
+from regionik.comparison import Comparison, Score
+from regionik.field import Field
+from regionik.reach import Answer
+from regionik.values import Report, Stop, Violation
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain, Joint
-from regionik.worlds.errors import InputError
+from regionik.worlds.errors import Explanation, InputError
 from regionik.worlds.obstacles import Box, Mesh, Prism
 from regionik.worlds.robot import LinkBox, LinkCapsule, LinkMass
 from regionik.worlds.scene import Target
+from tests.plans import l_shape, synthetic_plan
 
 YOUBOT, ONE, NONE = robot_named("youbot"), np.ones(3), np.zeros(3)
 HINGE, FRAME = Joint("hinge", "revolute", -1.0, 1.0, np.eye(4)), np.eye(4)
@@ -58,3 +63,35 @@ def test_a_value_that_cannot_be_says_what_was_expected(said: str) -> None:
         REFUSED[said]()
     assert str(refused.value).startswith(said)
     assert "\n" not in str(refused.value)
+
+
+def test_results_show_themselves_in_one_line() -> None:
+    plan = synthetic_plan(l_shape())
+    score = Score("dls", 9, 8, 3.0, 50.0, np.nan, 1e-4, 2e-3, 0, 1, 1)
+    shown = {
+        f"Plan(l_shape: {len(plan.setpoints)} set-points, ": plan,
+        f"Motion({len(plan.motion)} states, ": plan.motion,
+        "Configuration(x ": plan.setpoints[0],
+        "PlannedArea(": plan.areas[0],
+        "Stop(x 1.000 m, y 1.000 m, yaw 1.000 rad, 2 set-points, 0.05 m)": Stop(
+            ONE, (0, 1), 0.05, "distance"
+        ),
+        "Report(ok, 1 margins)": Report(True, {"floor": 0.1}, ()),
+        "Report(1 violations, the first: too near)": Report(
+            False, {}, (Violation("floor", 0, None, 0.1, "too near"),)
+        ),
+        "Explanation(unreachable: too high [0 causes, 0 repairs])": Explanation(
+            "unreachable", 0, "too\nhigh"
+        ),
+        "Answer(1 targets: 1 reachable)": Answer(
+            ONE[None], np.array([True]), np.array(["reachable"]), ONE[None], ONE[None], [""], NONE[:1]
+        ),
+        "Field(hall: 2 x 1 cells of 0.1 m, the best place reaches 1 of 1 targets)": Field(
+            "hall", np.zeros(2), np.zeros(1), 0.1, np.ones((1, 2), dtype=np.int32), 1, np.zeros((1, 2))
+        ),
+        "Comparison(hall: dls 8/9)": Comparison("hall", (score,), {}),
+    }
+    for start, value in shown.items():
+        assert repr(value).startswith(start)
+        assert len(repr(value).splitlines()) == 1
+        assert len(repr(value)) < 120

@@ -20,9 +20,9 @@ from regionik.values import Plan
 from regionik.view import viewer
 from regionik.view.animation import MOST_FRAMES
 from regionik.view.camera import camera_for
+from regionik.view.html_page import to_html
 from regionik.view.plan_picture import picture_of_plan
-from regionik.view.viewer import to_html
-from regionik.view.world_picture import BALL, first_posture, picture_of_world, tip_radius
+from regionik.view.world_picture import MARK_RADIUS, picture_of_world, start_state, tool_radius
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import pose
 from regionik.worlds.errors import InputError
@@ -153,7 +153,7 @@ def test_boxes_on_links_are_drawn_where_the_robot_has_them() -> None:
     robot = dataclasses.replace(world.robot, solids=(*world.robot.solids[:2], box, other))
     picture = picture_of_world(dataclasses.replace(world, robot=robot))
     (drawn,) = (body for body in picture.bodies if body.path.endswith("joint_3/link"))
-    base, joints = first_posture(world)
+    base, joints = start_state(world)
     T_world_link = robot.frames(base, joints)[3]
     T_world_drawn = _pose(picture.poses, drawn.path.rsplit("/", 1)[0])
     seen, true = (
@@ -167,10 +167,10 @@ def test_boxes_on_links_are_drawn_where_the_robot_has_them() -> None:
 
 def test_the_ball_at_the_tool_shows_outside_the_last_solid() -> None:
     robot = every_solid().robot
-    assert tip_radius(robot) > robot.solids[-1].radius
+    assert tool_radius(robot) > robot.solids[-1].radius
     box = LinkBox(4, "hand", np.eye(4), np.array([0.1, 0.2, 0.06]))
-    assert tip_radius(dataclasses.replace(robot, solids=(*robot.solids[:-1], box))) > 0.03
-    assert tip_radius(dataclasses.replace(robot, solids=())) >= BALL
+    assert tool_radius(dataclasses.replace(robot, solids=(*robot.solids[:-1], box))) > 0.03
+    assert tool_radius(dataclasses.replace(robot, solids=())) >= MARK_RADIUS
 
 
 def test_the_camera_avoids_a_wall() -> None:

@@ -11,8 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from regionik.pipeline import whole_path
-from regionik.view.live_areas import Look, alike, look
-from regionik.view.live_picture import look_bodies, verdict
+from regionik.view.live import live_meshes, verdict
+from regionik.view.live_areas import LiveAreas, is_equal, live_areas
 from regionik.worlds.bundled import robot_named, world_names
 from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import NoPlanFound
@@ -57,13 +57,13 @@ def changed(world: World, seed: int) -> World:
     return replace(world, obstacles=tuple(solids), task=tuple(task))
 
 
-def assert_same(one: Look, other: Look) -> None:
+def assert_same(one: LiveAreas, other: LiveAreas) -> None:
     assert (one.areas.target == other.areas.target).all()
     assert one.areas.family == other.areas.family
     assert shapely.equals_exact(one.areas.inner, other.areas.inner, 1e-12).all()
-    assert (one.why is None) == (other.why is None)
-    if one.why is not None and other.why is not None:
-        assert one.why.reason == other.why.reason
+    assert (one.explanation is None) == (other.explanation is None)
+    if one.explanation is not None and other.explanation is not None:
+        assert one.explanation.reason == other.explanation.reason
     if one.pruned is not None and other.pruned is not None:
         assert one.pruned.breaks == other.pruned.breaks
 
@@ -72,30 +72,30 @@ def assert_same(one: Look, other: Look) -> None:
 @given(st.integers(0, 3), st.lists(st.integers(0, 10_000), min_size=1, max_size=4))
 def test_a_chain_of_changes_comes_to_what_is_made_from_nothing(seed: int, changes: list[int]) -> None:
     world = crowded(seed)
-    seen = look(world)
+    seen = live_areas(world)
     for change in changes:
         world = changed(world, change)
-        seen = look(world, seen)
-    assert_same(seen, look(world))
+        seen = live_areas(world, seen)
+    assert_same(seen, live_areas(world))
 
 
 def test_only_what_a_moved_solid_meets_is_made_anew() -> None:
     world = crowded()
-    first = look(world)
+    first = live_areas(world)
     far = box("far", 5.8, 5.8)
-    assert look(replace(world, obstacles=(*world.obstacles, far)), first).touched == ()
+    assert live_areas(replace(world, obstacles=(*world.obstacles, far)), first).recomputed == ()
     near = box("near", 1.0, 2.9)
-    touched = look(replace(world, obstacles=(*world.obstacles, near)), first).touched
+    touched = live_areas(replace(world, obstacles=(*world.obstacles, near)), first).recomputed
     assert 0 < len(touched) < 15
     assert max(touched) < 15
-    assert len(look(replace(world, rules=replace(world.rules, clearance=0.15)), first).touched) == 30
+    assert len(live_areas(replace(world, rules=replace(world.rules, clearance=0.15)), first).recomputed) == 30
 
 
 @pytest.mark.parametrize("name", [name for name in world_names() if name not in ("circle", "door", "depot")])
 def test_the_verdict_is_that_of_a_plan(name: str) -> None:
     world = load_world(name)
     pruned = whole_path(world)[2]
-    seen = look(world)
+    seen = live_areas(world)
     assert seen.pruned is not None
     assert len(seen.pruned.breaks) == len(pruned.breaks)
     assert verdict(seen).startswith(f"All {len(world.task)} set-points")
@@ -104,29 +104,29 @@ def test_the_verdict_is_that_of_a_plan(name: str) -> None:
 def test_what_cannot_be_done_is_told_as_a_plan_tells_it() -> None:
     world = crowded()
     away = replace(world, task=(*world.task, Target(np.array([3.0, 3.0, 2.5]))))
-    seen = look(away)
+    seen = live_areas(away)
     with pytest.raises(NoPlanFound) as failure:
         whole_path(away)
-    assert seen.why is not None
+    assert seen.explanation is not None
     assert verdict(seen) == failure.value.explanation.reason
-    missing = [body for body in look_bodies(seen) if body.path == "task/missing"]
+    missing = [body for body in live_meshes(seen) if body.path == "task/missing"]
     assert len(missing) == 1
 
 
 def test_bodies_of_what_stays_are_the_same() -> None:
     world = crowded()
-    first = look(world)
-    before = {body.path: body for body in look_bodies(first)}
+    first = live_areas(world)
+    before = {body.path: body for body in live_meshes(first)}
     moved = replace(world, obstacles=(*world.obstacles[:-1], box("box 14", 5.0, 0.5)))
-    after = {body.path: body for body in look_bodies(look(moved, first))}
+    after = {body.path: body for body in live_meshes(live_areas(moved, first))}
     other = [
         path for path in before if path.startswith(("obstacles", "floor")) and before[path] is not after[path]
     ]
     assert sorted(other) == ["floor/rejected/14", "obstacles/14"]
 
 
-def test_alike() -> None:
-    assert alike(crowded().obstacles, crowded().obstacles)
-    assert not alike(box("a", 0, 0), box("a", 0, 1e-12))
-    assert not alike((1, 2), (1, 2, 3))
-    assert not alike(1, 1.0)
+def test_is_equal() -> None:
+    assert is_equal(crowded().obstacles, crowded().obstacles)
+    assert not is_equal(box("a", 0, 0), box("a", 0, 1e-12))
+    assert not is_equal((1, 2), (1, 2, 3))
+    assert not is_equal(1, 1.0)

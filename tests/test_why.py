@@ -18,8 +18,8 @@ from regionik.reasons.causes import irreducible
 from regionik.repairs.least import FINE, circle, confirmed, first_seen, least_open, shortest_step, sphere
 from regionik.repairs.smallest import share
 from regionik.repairs.trials import repaired
-from regionik.view.explanation_picture import picture_of_why
-from regionik.view.picture import CAUSE
+from regionik.view.explanation_picture import picture_of_explanation
+from regionik.view.picture import Color
 from regionik.why import why
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.documents.world_file import load_world
@@ -165,9 +165,9 @@ def test_the_picture_shows_causes_and_moves() -> None:
     narrow = Box("plate", np.array([0.6, 8.0, 0.1]), np.array([0.0, 0.0, 0.05]))
     world, target = hall(obstacles=(narrow,)), Target(np.array([0.0, 0.0, SHOULDER]))
     found = explained(world, target)
-    picture = picture_of_why(world, found, target)
+    picture = picture_of_explanation(world, found, target)
     bodies = {body.path: body for body in picture.bodies}
-    assert bodies["obstacles/0"].color == CAUSE
+    assert bodies["obstacles/0"].color == Color.CAUSE
     assert len(bodies["why/before"].mesh.faces) == 0
     assert len(bodies["why/after"].mesh.faces) > 0
     for k, repair in enumerate(found.repairs):

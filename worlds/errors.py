@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Literal
 
 Verdict = Literal["unreachable", "undecided", "ladder-broken", "no-posture", "start-blocked", "plan-invalid"]
@@ -64,7 +64,11 @@ class Explanation:
     setpoint: int | None
     reason: str
     causes: tuple[Cause, ...] = ()
-    repairs: tuple[Repair, ...] = field(default=())
+    repairs: tuple[Repair, ...] = ()
+
+    def __repr__(self) -> str:
+        counts = f"{len(self.causes)} causes, {len(self.repairs)} repairs"
+        return f"Explanation({self.verdict}: {' '.join(self.reason.split())} [{counts}])"
 
 
 MESSAGE_LIMIT = 1000  # [characters]

@@ -80,7 +80,7 @@ def genetic(seed: int = 0) -> Genetic:
 
 def papers_genetic(seed: int = 0) -> Genetic:
     """With the paper's 1 % of mutation, and nothing kept."""
-    return Genetic(arm(), STOP / 100, mutation=0.01, kept=0, seed=seed)
+    return Genetic(arm(), STOP / 100, mutation=0.01, elite=0, seed=seed)
 
 
 @lru_cache(maxsize=SEEDS)

@@ -45,9 +45,9 @@ def methods(chain: Chain, tolerance: float) -> Mapping[str, Method]:
     """What is measured beside the paper, by the names of its rows; FABRIK-R by passes and restarts alone."""
     return {
         OURS: ArmSolver(chain, tolerance, polish=False),
-        "CCD": CyclicDescent(chain, tolerance, most=MOST),
-        "Jacobian transpose": Transpose(chain, tolerance, most=MOST),
-        "Jacobian DLS": DampedLeastSquares(chain, tolerance, most=MOST),
+        "CCD": CyclicDescent(chain, tolerance, max_iterations=MOST),
+        "Jacobian transpose": Transpose(chain, tolerance, max_iterations=MOST),
+        "Jacobian DLS": DampedLeastSquares(chain, tolerance, max_iterations=MOST),
     }
 
 

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from regionik.comparison import SLIDES, Sliding, sliding_chain
+from regionik.comparison import BASE_JOINTS, SlidingBase, sliding_chain
 from regionik.mfabrik import Batch
-from regionik.planners.rivals.iterative import Rival
+from regionik.planners.rivals.iterative import IterativeMethod
 from regionik.values import Configuration
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
@@ -29,16 +29,16 @@ class SlidingRival:
     """A rival that takes targets in the world, positions only; the base keeps its heading."""
 
     robot: Robot
-    method: Rival
+    method: IterativeMethod
 
     @classmethod
-    def make(cls, kind: type[Rival], robot: Robot, accuracy: float) -> SlidingRival:
+    def make(cls, kind: type[IterativeMethod], robot: Robot, accuracy: float) -> SlidingRival:
         """Without joint limits."""
         return cls(robot, kind(sliding_chain(without_limits(robot.chain)), accuracy))
 
     def __call__(self, target: ArrayLike, base: ArrayLike, joints: ArrayLike) -> Configuration:
         asked = Target(np.asarray(target, dtype=np.float64))
-        return Sliding(self.robot, self.method)(asked, np.asarray(base), np.asarray(joints))
+        return SlidingBase(self.robot, self.method)(asked, np.asarray(base), np.asarray(joints))
 
     def batch(self, targets: ArrayLike, bases: ArrayLike, joints: ArrayLike) -> Batch:
         """All in one compiled call; bases stand at the origin, as those of the tables do."""
@@ -46,7 +46,7 @@ class SlidingRival:
         if begun.any() or self.robot.mount[[0, 1, 3]].any():
             raise ValueError("bases: expected all at the origin, and the arm over it")
         positions = np.asarray(targets, dtype=np.float64) - [0.0, 0.0, self.robot.mount[2]]
-        q: Array = np.hstack([np.zeros((len(begun), SLIDES)), np.asarray(joints, dtype=np.float64)])
+        q: Array = np.hstack([np.zeros((len(begun), BASE_JOINTS)), np.asarray(joints, dtype=np.float64)])
         found = self.method.batch(positions, q)
-        base = np.column_stack([found.joints[:, :SLIDES], np.zeros(len(begun))])
-        return Batch(base, found.joints[:, SLIDES:], found.error, found.iterations, found.converged)
+        base = np.column_stack([found.joints[:, :BASE_JOINTS], np.zeros(len(begun))])
+        return Batch(base, found.joints[:, BASE_JOINTS:], found.error, found.iterations, found.converged)

@@ -1,1 +1,1 @@
-"""Other methods of inverse kinematics, asked as FABRIK is."""
+"""Other methods of inverse kinematics with the interface of FABRIK."""

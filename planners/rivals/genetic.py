@@ -1,24 +1,24 @@
-"""Inverse kinematics by a genetic algorithm; the only file that imports pygad, once it is asked for."""
+"""Inverse kinematics by a genetic algorithm; the only file that imports pygad, on first use."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from regionik.planners.rivals.method import ArmMethod, Found, reach_of, spatial_error
+from regionik.planners.rivals.method import ArmMethod, SearchResult, arm_length, position_error
 from regionik.planners.solvers.polish import DIRECTION, POSITION, Aim
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
 from regionik.worlds.errors import InputError
 
 POPULATION, TOURNAMENT, GENERATIONS = 50, 5, 500  # paper 004, Table 1, configuration 2
-MUTATION, KEPT = 0.3, 2  # its 1 % without elitism ends three times as far off
+MUTATION, ELITE = 0.3, 2  # the 1 % without elitism of the paper ends three times as far off
 
 
 class Genetic(ArmMethod):
     """Tournaments, one-point crossover and mutation within the joint limits, until the aim is met.
 
-    Joints that slide without end are drawn as far from their start as the target is, and an arm's length on.
-    The start is one of the first population.
+    Prismatic joints without limits are drawn within the distance of the target and an arm's length of their
+    start. The start is one of the first population.
 
     Parameters
     ----------
@@ -27,8 +27,8 @@ class Genetic(ArmMethod):
         [m], [rad]
     mutation : float
         Probability for each gene.
-    kept : int
-        Best of a population that live on as they are.
+    elite : int
+        Best of a population that survive unchanged.
     seed : int
         Same seed, same answer.
 
@@ -46,23 +46,30 @@ class Genetic(ArmMethod):
         tolerance: float = 1e-3,
         angle_tolerance: float = 1e-3,
         mutation: float = MUTATION,
-        kept: int = KEPT,
+        elite: int = ELITE,
         seed: int = 0,
     ) -> None:
         super().__init__(chain, tolerance, angle_tolerance)
         try:
             import pygad
         except ModuleNotFoundError:
-            raise InputError("genetic: expected pygad to be there: pip install regionik[compare]") from None
-        self._run, self._mutation, self._kept, self._seed = pygad.GA, float(mutation), int(kept), int(seed)
-        self._reach = reach_of(chain)
+            raise InputError(
+                "genetic: expected pygad to be installed: pip install regionik[compare]"
+            ) from None
+        self._algorithm, self._mutation, self._elite, self._seed = (
+            pygad.GA,
+            float(mutation),
+            int(elite),
+            int(seed),
+        )
+        self._reach = arm_length(chain)
 
-    def search(self, aim: Aim, joints: Array) -> Found:
-        """The best of all generations; one generation counts as an iteration."""
+    def search(self, aim: Aim, joints: Array) -> SearchResult:
+        """Return the best of all generations; a generation counts as an iteration."""
         lower, upper = self._bounds(aim, joints)
         first = np.random.default_rng(self._seed).uniform(lower, upper, (POPULATION, self.chain.dof))
         first[0] = np.clip(joints, lower, upper)
-        search = self._run(
+        search = self._algorithm(
             num_generations=GENERATIONS,
             num_parents_mating=POPULATION,
             initial_population=first,
@@ -72,7 +79,7 @@ class Genetic(ArmMethod):
             crossover_type="single_point",
             mutation_type="random",
             mutation_probability=self._mutation,
-            keep_elitism=self._kept,
+            keep_elitism=self._elite,
             keep_parents=0,
             fitness_func=lambda _, genes, __: -self._misses(aim, np.atleast_2d(genes)),
             fitness_batch_size=POPULATION,
@@ -84,15 +91,17 @@ class Genetic(ArmMethod):
         genes, _, _ = search.best_solution(search.last_generation_fitness)
         q = np.clip(genes.astype(np.float64), self.chain.lower, self.chain.upper)
         angle = float(_angles(aim, self.chain.forward(q)[None])[0])
-        return Found(q, spatial_error(self.chain, aim, q), angle, int(search.generations_completed), 0)
+        return SearchResult(
+            q, position_error(self.chain, aim, q), angle, int(search.generations_completed), 0
+        )
 
     def _bounds(self, aim: Aim, joints: Array) -> tuple[Array, Array]:
         turns = np.array([joint.kind == "revolute" for joint in self.chain.joints])
-        way = np.where(turns, np.pi, spatial_error(self.chain, aim, joints) + self._reach)
-        return np.maximum(self.chain.lower, joints - way), np.minimum(self.chain.upper, joints + way)
+        span = np.where(turns, np.pi, position_error(self.chain, aim, joints) + self._reach)
+        return np.maximum(self.chain.lower, joints - span), np.minimum(self.chain.upper, joints + span)
 
     def _misses(self, aim: Aim, postures: Array) -> Array:
-        """What postures (m, dof) miss [m]; an angle at its tolerance counts as a length at its own."""
+        """Misses of postures (m, dof) [m]; an angle counts as a length of the same share of its tolerance."""
         tools = self.chain.forward(postures)
         off: Array = np.linalg.norm(tools[:, :3, 3] - aim.position, axis=1)
         if aim.kind == POSITION:
@@ -103,7 +112,7 @@ class Genetic(ArmMethod):
 
 
 def _angles(aim: Aim, tools: Array) -> Array:
-    """Angles (m,) by which tools (m, 4, 4) point or are turned out of the aim's cone [rad]."""
+    """Angles (m,) of tools (m, 4, 4) beyond the aim's cone [rad]."""
     if aim.kind == POSITION:
         return np.zeros(len(tools))
     if aim.kind == DIRECTION:

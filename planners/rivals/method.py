@@ -1,6 +1,6 @@
-"""What all methods of inverse kinematics have in common: an aim and a start in, a posture out.
+"""The interface of inverse kinematics methods, an aim and a start in, a posture out; FABRIK-R by it.
 
-FABRIK-R stands here; ``iterative``, ``genetic``, ``network`` and ``planar3r`` beside it hold its rivals.
+Its rivals are in ``iterative``, ``genetic``, ``network`` and ``planar3r``.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ from regionik.worlds.errors import InputError
 RESTARTS = 10  # other postures to start from, the same for all methods that start again
 
 
-class Found(NamedTuple):
-    """What a method came to: joints (dof,), misses [m] and [rad], iterations and restarts."""
+class SearchResult(NamedTuple):
+    """The end of a search: joints (dof,), misses [m] and [rad], iterations and restarts."""
 
     joints: Array
     error: float
@@ -34,12 +34,12 @@ class Found(NamedTuple):
 
 
 class ArmMethod(ABC):
-    """A way to solve a chain.
+    """An inverse kinematics method for a chain.
 
     Attributes
     ----------
     name : str
-        By which it is asked for.
+        In ``regionik compare --methods``.
     chain : Chain
     tolerance, angle_tolerance : float
         [m], [rad]
@@ -54,11 +54,11 @@ class ArmMethod(ABC):
         self.chain, self.tolerance, self.angle_tolerance = chain, float(tolerance), float(angle_tolerance)
 
     @abstractmethod
-    def search(self, aim: Aim, joints: Array) -> Found:
-        """Bring the tool to an aim from joints (dof,) within the limits, which stay as they are."""
+    def search(self, aim: Aim, joints: Array) -> SearchResult:
+        """Bring the tool to an aim from joints (dof,) within the limits; ``joints`` is not changed."""
 
     def __call__(self, goal: Goal, joints: ArrayLike) -> ArmPosture:
-        """Solve one goal from a start posture, which is taken into the limits first.
+        """Solve one goal from a start posture, which is clipped to the limits first.
 
         Raises
         ------
@@ -78,7 +78,7 @@ class ArmMethod(ABC):
 
 
 class Fabrik(ArmMethod):
-    """FABRIK-R by passes and restarts alone; nothing else finishes what they do not."""
+    """FABRIK-R by passes and restarts alone."""
 
     name = "fabrik"
     polishing: ClassVar[bool] = False
@@ -88,35 +88,37 @@ class Fabrik(ArmMethod):
         chain: Chain,
         tolerance: float = 1e-3,
         angle_tolerance: float = 1e-3,
-        most: int = 300,
+        max_iterations: int = 300,
         restarts: int = RESTARTS,
     ) -> None:
         super().__init__(chain, tolerance, angle_tolerance)
         self._pointing, self._posing = pointing_bodies(chain), posing_bodies(chain)
         reach = span(self._posing.arm)
-        self._effort = Effort(self.tolerance, self.angle_tolerance, int(most), reach, self.polishing)
+        self._effort = Effort(
+            self.tolerance, self.angle_tolerance, int(max_iterations), reach, self.polishing
+        )
         self._starts = spread_postures(chain, reach, restarts, 0)
 
-    def search(self, aim: Aim, joints: Array) -> Found:
-        """Passes from the joints, then from the starts, until the aim is met."""
+    def search(self, aim: Aim, joints: Array) -> SearchResult:
+        """Run passes from the joints, then from the starts, until the aim is met."""
         bodies = self._pointing if aim.kind == POSITION else self._posing
         q, starts = np.array(joints), np.ascontiguousarray(self._starts[:, : len(bodies.slide)])
         error, angle, passes, restarts, _ = solve(bodies, aim, starts, self._effort, q)
-        return Found(q, float(error), float(angle), int(passes), int(restarts))
+        return SearchResult(q, float(error), float(angle), int(passes), int(restarts))
 
 
 class FabrikPolished(Fabrik):
-    """FABRIK-R whose ends are polished by damped least squares, as in `regionik.planners.solvers.inverse`."""
+    """FABRIK-R polished by damped least squares, as in `regionik.planners.solvers.inverse`."""
 
     name = "fabrik+dls"
     polishing = True
 
 
-def spatial_error(chain: Chain, aim: Aim, joints: Array) -> float:
-    """Distance of the tool from the aim's position, by the chain's own forward kinematics [m]."""
+def position_error(chain: Chain, aim: Aim, joints: Array) -> float:
+    """Distance of the tool from the aim's position, by forward kinematics [m]."""
     return float(np.linalg.norm(chain.forward(joints)[:3, 3] - aim.position))
 
 
-def reach_of(chain: Chain) -> float:
-    """Length of the arm laid straight [m]."""
+def arm_length(chain: Chain) -> float:
+    """Length of the outstretched arm [m]."""
     return span(serial_arm(chain))

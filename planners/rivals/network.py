@@ -1,4 +1,4 @@
-"""Inverse kinematics by a neural network; the only file that imports scikit-learn, once it is asked for."""
+"""Inverse kinematics by a neural network; the only file that imports scikit-learn, on first use."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import warnings
 import numpy as np
 
 from regionik.planners.rivals.iterative import DampedLeastSquares
-from regionik.planners.rivals.method import ArmMethod, Found, reach_of, spatial_error
+from regionik.planners.rivals.method import ArmMethod, SearchResult, arm_length, position_error
 from regionik.planners.solvers.inverse import spread_postures
 from regionik.planners.solvers.polish import POSITION, Aim
 from regionik.planners.solvers.turns import held
@@ -15,21 +15,21 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
 from regionik.worlds.errors import InputError
 
-HIDDEN = (50, 50)  # one layer of a hundred, as in paper 004, ends about 1.5 times as far off
+HIDDEN = (50, 50)  # one layer of a hundred, as in paper 004, has about 1.5 times the error
 SAMPLES, EPOCHS = 800, 4000
-EXACT = 1e-9  # to which the postures of the cloud meet their places [m]
-WELL = 0.25  # share of the cloud that counts as learnt well, where fewer places are met within tolerance
-FLAT = 1e-9  # by which a pivot may be off the vertical [m]
-SLICE = 0.05  # of the arm's length, within which samples count as of one height
+EXACT = 1e-9  # tolerance of the training postures [m]
+BEST_SHARE = 0.25  # of the samples that count as learnt, where fewer are met within tolerance
+VERTICAL = 1e-9  # tolerance of a vertical pivot [m]
+SLICE = 0.05  # of the arm's length: samples within it are at one height
 
 
 class Network(ArmMethod):
-    """A multilayer perceptron from tool positions to joints, trained on the arm's own cloud.
+    """A multilayer perceptron from tool positions to joints, trained on samples of the arm.
 
-    The cloud is drawn within the joint limits. A position has many postures, and a network would answer with
-    their mean, which meets nothing; so each place of the cloud is given the one posture that damped least
-    squares comes to from the middle of the limits. Where the arm has a pivot that turns most of the way
-    round, all that is learnt at one heading of it and turned. The start of a search plays no part.
+    Samples are drawn within the joint limits. A position has many postures, and a network would return their
+    mean, which is off target; so each sampled position is given the one posture that damped least squares
+    finds from the middle of the limits. Where a vertical pivot turns most of the way round, samples are
+    learnt at one of its angles and rotated. The start of a search is ignored.
 
     Parameters
     ----------
@@ -37,9 +37,9 @@ class Network(ArmMethod):
     tolerance : float
         [m]
     samples : int
-        Places of the cloud.
+        Positions to learn.
     epochs : int
-        Most steps of the training (L-BFGS).
+        Most iterations of L-BFGS.
     seed : int
         Same seed, same network.
 
@@ -66,11 +66,11 @@ class Network(ArmMethod):
             from threadpoolctl import threadpool_limits
         except ModuleNotFoundError:
             raise InputError(
-                "network: expected scikit-learn to be there: pip install regionik[compare]"
+                "network: expected scikit-learn to be installed: pip install regionik[compare]"
             ) from None
-        self._turns = _turns(chain)
-        places, postures = cloud(chain, samples, seed)
-        self._place, self._posture = _scale(places), _scale(postures)
+        self._turns = _has_turning_pivot(chain)
+        positions, postures = training_set(chain, samples, seed)
+        self._position_scale, self._posture_scale = _scale(positions), _scale(postures)
         self._network = MLPRegressor(
             hidden_layer_sizes=HIDDEN,
             activation="tanh",
@@ -81,52 +81,54 @@ class Network(ArmMethod):
             max_fun=100 * epochs,
             random_state=seed,
         )
-        # So small a network is slower on many threads, and each number of them rounds otherwise.
+        # So small a network is slower on many threads, and rounding depends on their number.
         with warnings.catch_warnings(), threadpool_limits(1):
-            warnings.simplefilter("ignore", ConvergenceWarning)  # to stop at `epochs` is what is meant
-            self._network.fit(_into(places, self._place), _into(postures, self._posture))
-        off = np.linalg.norm(chain.forward(self._answers(places))[:, :3, 3] - places, axis=1)
-        self.places = places[off <= max(self.tolerance, float(np.quantile(off, WELL)))]
+            warnings.simplefilter("ignore", ConvergenceWarning)  # `epochs` is the intended end
+            inputs = _standardized(positions, self._position_scale)
+            self._network.fit(inputs, _standardized(postures, self._posture_scale))
+        off = np.linalg.norm(chain.forward(self._predict(positions))[:, :3, 3] - positions, axis=1)
+        self.learnt = positions[off <= max(self.tolerance, float(np.quantile(off, BEST_SHARE)))]
 
-    def search(self, aim: Aim, joints: Array) -> Found:
-        """One look at the network, its answer taken into the limits."""
+    def search(self, aim: Aim, joints: Array) -> SearchResult:
+        """Predict once, clipped to the limits."""
         if aim.kind != POSITION:
             raise InputError("network: takes positions alone, and the target asks for more")
-        heading, place = self._facing(aim.position)
-        q = self._answers(place[None])[0]
+        heading, local = self._at_heading_zero(aim.position)
+        q = self._predict(local[None])[0]
         lower, upper = self.chain.lower, self.chain.upper
         if self._turns:
             q[0] = held(q[0] + heading, float(joints[0]), lower[0], upper[0])
         q = np.clip(q, lower, upper)
-        return Found(q, spatial_error(self.chain, aim, q), 0.0, 1, 0)
+        return SearchResult(q, position_error(self.chain, aim, q), 0.0, 1, 0)
 
-    def _answers(self, places: Array) -> Array:
-        """Postures (n, dof) for places (n, 3) as they are learnt."""
-        middle, spread = self._posture
-        seen: Array = self._network.predict(_into(places, self._place)).reshape(len(places), -1)
-        return seen * spread + middle
+    def _predict(self, positions: Array) -> Array:
+        """Postures (n, dof) for positions (n, 3) at heading zero."""
+        mean, spread = self._posture_scale
+        inputs = _standardized(positions, self._position_scale)
+        outputs: Array = self._network.predict(inputs).reshape(len(positions), -1)
+        return outputs * spread + mean
 
-    def nearest_place(self, position: Array) -> Array:
-        """The place learnt well that, of about this height, is nearest seen from above (3,) [m]."""
-        heading, place = self._facing(position)
-        off = np.abs(self.places[:, 2] - place[2])
-        near = self.places[off <= max(SLICE * reach_of(self.chain), float(off.min()))]
-        x, y, z = near[np.argmin(np.linalg.norm((near - place)[:, :2], axis=1))]
+    def nearest_learnt(self, position: Array) -> Array:
+        """Of the positions learnt at about this height, the one nearest on the floor plan (3,) [m]."""
+        heading, local = self._at_heading_zero(position)
+        off = np.abs(self.learnt[:, 2] - local[2])
+        near = self.learnt[off <= max(SLICE * arm_length(self.chain), float(off.min()))]
+        x, y, z = near[np.argmin(np.linalg.norm((near - local)[:, :2], axis=1))]
         c, s = np.cos(heading), np.sin(heading)
         return np.array([c * x - s * y, s * x + c * y, z])
 
-    def _facing(self, position: Array) -> tuple[float, Array]:
-        """Heading of a position, and where it lies seen from there; 0 and as it is where no pivot turns."""
+    def _at_heading_zero(self, position: Array) -> tuple[float, Array]:
+        """Heading of a position, and the position turned back by it; 0 and as it is where no pivot turns."""
         if not self._turns:
             return 0.0, np.array(position)
         x, y, z = position
         return float(np.arctan2(y, x)), np.array([np.hypot(x, y), 0.0, z])
 
 
-def cloud(chain: Chain, samples: int, seed: int) -> tuple[Array, Array]:
-    """Tool positions (n, 3) [m] and one posture (n, dof) for each; at most ``samples`` of them."""
-    places = chain.forward(spread_postures(chain, reach_of(chain), samples, seed))[:, :3, 3]
-    if _turns(chain):
+def training_set(chain: Chain, samples: int, seed: int) -> tuple[Array, Array]:
+    """Tool positions (n, 3) [m] and one posture (n, dof) for each, at most ``samples``."""
+    places = chain.forward(spread_postures(chain, arm_length(chain), samples, seed))[:, :3, 3]
+    if _has_turning_pivot(chain):
         places = np.column_stack([np.hypot(*places.T[:2]), np.zeros(len(places)), places[:, 2]])
     bounded = np.isfinite(chain.lower) & np.isfinite(chain.upper)
     middle = np.where(bounded, chain.lower, 0.0) / 2 + np.where(bounded, chain.upper, 0.0) / 2
@@ -136,11 +138,11 @@ def cloud(chain: Chain, samples: int, seed: int) -> tuple[Array, Array]:
     return chain.forward(postures)[:, :3, 3], postures
 
 
-def _turns(chain: Chain) -> bool:
-    """Whether the first joint is a vertical pivot that turns more than three quarters round."""
+def _has_turning_pivot(chain: Chain) -> bool:
+    """Return whether the first joint is a vertical pivot with a range above three quarters of a turn."""
     first = chain.joints[0]
-    upward = (first.T_parent_joint[:3, :3] @ first.axis)[2] > 1.0 - FLAT
-    centred = np.hypot(*first.T_parent_joint[:2, 3]) < FLAT
+    upward = (first.T_parent_joint[:3, :3] @ first.axis)[2] > 1.0 - VERTICAL
+    centred = np.hypot(*first.T_parent_joint[:2, 3]) < VERTICAL
     return bool(first.kind == "revolute" and upward and centred and first.upper - first.lower > 1.5 * np.pi)
 
 
@@ -150,6 +152,6 @@ def _scale(rows: Array) -> tuple[Array, Array]:
     return rows.mean(axis=0), np.where(spread > 1e-9, spread, 1.0)
 
 
-def _into(rows: Array, scale: tuple[Array, Array]) -> Array:
+def _standardized(rows: Array, scale: tuple[Array, Array]) -> Array:
     scaled: Array = (rows - scale[0]) / scale[1]
     return scaled

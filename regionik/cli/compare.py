@@ -1,14 +1,33 @@
-"""The command ``compare``."""
+"""The command ``compare``, and a comparison as a table, a document and a file."""
 
 from __future__ import annotations
 
+import csv
+import io
+import math
+from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from regionik.cli.console import LateProgress, check_output, print_json, say
-from regionik.cli.shared import AsJson, WorldName, explained
+from regionik.cli.console import (
+    AsJson,
+    DelayedProgress,
+    WorldName,
+    check_output,
+    explain_no_plan,
+    print_json,
+    print_message,
+    read_world,
+)
+from regionik.storage.files import write_atomic
+from regionik.storage.json_values import json_text, json_values
+
+if TYPE_CHECKING:
+    from regionik.comparison import Comparison, Score
+
+_HEADER = ("method", "success", "iterations", "time", "us", "median mm", "worst mm", "limits", "arm", "base")
 
 
 def compare(
@@ -22,30 +41,75 @@ def compare(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Solve the set-points of WORLD by M-FABRIK and by its rivals, and say where these are better.
+    """Compare M-FABRIK with its rivals on the set-points of WORLD, and say where these are better.
 
-    Every method goes from set-point to set-point from its own last answer, on a floor without limits;
-    mfabrik-areas keeps to the areas of the whole path. genetic and network need regionik[compare].
+    Every method starts each set-point from its own last answer, on a floor without limits; mfabrik-areas
+    keeps to the areas of the whole path. genetic and network need regionik[compare].
     """
     check_output(output, (".csv", ".json"), [world])
-    with LateProgress() as progress, explained(as_json):
-        progress("load", 0, 1)
-        from regionik.cli.comparison_table import comparison_document, print_scores, write_comparison
+    with DelayedProgress() as progress, explain_no_plan(as_json):
+        scene = read_world(world, progress)
         from regionik.comparison import DEFAULT
-        from regionik.comparison import compare as run
-        from regionik.worlds.documents.world_file import load_world
+        from regionik.comparison import compare as compare_methods
 
-        scene = load_world(world)
-        progress("load", 1, 1)
-        asked = DEFAULT if methods is None else [name.strip() for name in methods.split(",") if name.strip()]
-        comparison = run(scene, asked, progress=progress)
+        names = DEFAULT if methods is None else [name.strip() for name in methods.split(",") if name.strip()]
+        comparison = compare_methods(scene, names, progress=progress)
         if output is not None:
-            write_comparison(comparison, output)
+            csv_wanted = output.suffix.lower() == ".csv"
+            write_atomic(output, scores_csv(comparison) if csv_wanted else json_text(_document(comparison)))
     if as_json:
-        print_json(comparison_document(comparison))
+        print_json(_document(comparison))
     else:
-        print_scores(comparison)
+        _print_scores(comparison)
     for line in comparison.beaten:
-        say(line)
+        print_message(line)
     if output is not None:
-        say(f"wrote {output}")
+        print_message(f"wrote {output}")
+
+
+def _document(comparison: Comparison) -> dict[str, Any]:
+    """The JSON document of a comparison, with every answer of every method."""
+    return {
+        "ok": True,
+        "world": comparison.world,
+        "methods": [
+            {**asdict(score), "answers": json_values(comparison.answers[score.method])}
+            for score in comparison.scores
+        ],
+        "beaten": list(comparison.beaten),
+    }
+
+
+def scores_csv(comparison: Comparison) -> str:
+    """One row a method; empty for NaN."""
+    rows = [asdict(score) for score in comparison.scores]
+    text = io.StringIO(newline="")
+    writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
+    writer.writeheader()
+    for row in rows:
+        writer.writerow({key: "" if value != value else value for key, value in row.items()})
+    return text.getvalue()
+
+
+def _print_scores(comparison: Comparison) -> None:
+    """Print scores as a table on stdout."""
+    rows = [_HEADER, *(_cells(score) for score in comparison.scores)]
+    widths = [max(len(row[k]) for row in rows) for k in range(len(_HEADER))]
+    for name, *figures in rows:
+        cells = (f"{cell:>{width}}" for cell, width in zip(figures, widths[1:], strict=True))
+        print("  ".join([f"{name:<{widths[0]}}", *cells]))
+    print("time: of a call, ratio to mfabrik; limits, arm, base: set-points with a joint beyond its limits,")
+    print("the arm too near to something, the base without room")
+
+
+def _cells(score: Score) -> tuple[str, ...]:
+    return (
+        score.method,
+        f"{score.success}/{score.setpoints}",
+        f"{score.iterations:.2f}",
+        "" if math.isnan(score.ratio) else f"{score.ratio:.2f}",
+        f"{score.microseconds:.0f}",
+        f"{score.median_error * 1e3:.3f}",
+        f"{score.worst_error * 1e3:.3f}",
+        *(str(count) for count in (score.over_limits, score.collisions, score.off_floor)),
+    )

@@ -1,44 +1,55 @@
-"""What the commands print: answers on stdout, everything else on stderr."""
+"""Shared by all commands: messages, tables and documents, progress, common options.
+
+Answers go to stdout, everything else to stderr.
+"""
 
 from __future__ import annotations
 
 import json
-import math
 import os
 import sys
-from collections.abc import Iterable, Mapping
-from contextlib import suppress
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import asdict
 from pathlib import Path
 from threading import Lock, Timer
 from types import TracebackType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
-from regionik.worlds.errors import Explanation, InputError
+import typer
+
+from regionik.storage.json_values import json_values
+from regionik.worlds.errors import Explanation, InputError, NoPlanFound
 
 if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
 
     from regionik.reach import Answer
     from regionik.values import Plan, Report
+    from regionik.worlds.scene import World
 
-PATIENCE = 1.0  # work shorter than this shows no progress bar [s]
-_SHOWN = 20  # rows of a table, or violations, that a person is given at once
+DONE, NO = 0, 1  # exit codes
+PROGRESS_DELAY = 1.0  # shorter work shows no progress bar [s]
+_SHOWN = 20  # violations listed
+
+WorldName = Annotated[str, typer.Argument(metavar="WORLD", help="A bundled world's name, or a world file.")]
+PlanPath = Annotated[Path, typer.Argument(metavar="PLAN", help="A plan.json.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON document, and only it, on stdout.")]
 
 
-def say(text: str) -> None:
-    """Write words for a person, on stderr; where nobody can read them they are not missed."""
+def print_message(text: str) -> None:
+    """Write text for people on stderr; a closed stderr is ignored."""
     with suppress(OSError):
         print(text, file=sys.stderr, flush=True)
 
 
-def complain(text: str) -> None:
+def print_error(text: str) -> None:
     """Write one line on stderr, whatever line breaks ``text`` holds."""
-    say("regionik: " + " ".join(text.split()))
+    print_message("regionik: " + " ".join(text.split()))
 
 
-def failure(error: BaseException | None) -> str:
-    """Return what can be said of an error that nobody expected: what it is, and where it was raised."""
+def describe_failure(error: BaseException | None) -> str:
+    """Describe an unexpected error: what it is, and where it was raised."""
     if isinstance(error, MemoryError):
         return "out of memory: this needs more than there is"
     trace = None if error is None else error.__traceback__
@@ -53,29 +64,16 @@ def failure(error: BaseException | None) -> str:
 
 def print_json(document: Mapping[str, Any]) -> None:
     """Write one JSON document on stdout; NaN becomes null."""
-    json.dump(plain(document), sys.stdout, allow_nan=False, indent=2)
+    json.dump(json_values(document), sys.stdout, allow_nan=False, indent=2)
     print(flush=True)
-
-
-def plain(value: Any) -> Any:
-    """Return ``value`` as what JSON knows: dicts, lists, strings, numbers, booleans and None."""
-    if isinstance(value, Mapping):
-        return {str(key): plain(item) for key, item in value.items()}
-    if hasattr(value, "tolist"):  # a numpy array or scalar
-        return plain(value.tolist())
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    if isinstance(value, list | tuple):
-        return [plain(item) for item in value]
-    return value
 
 
 def check_output(
     path: Path | None, suffixes: Iterable[str] = (), reads: Iterable[Path | str | None] = ()
 ) -> None:
-    """Raise `InputError` if ``path`` cannot be written; asked before the work, not after it.
+    """Raise `InputError` if ``path`` cannot be written, before any work is done.
 
-    What the command reads, if it is a file, is not to be written over.
+    A file that the command reads must not be overwritten.
     """
     if path is None:
         return
@@ -83,24 +81,24 @@ def check_output(
     if choices and path.suffix.lower() not in choices:
         raise InputError(f"{path}: expected a file name ending in {', '.join(choices)}")
     if path.is_dir():
-        raise InputError(f"{path}: is a folder, expected a file name")
+        raise InputError(f"{path}: expected a file to write, this is a folder")
     if not path.parent.is_dir():
-        raise InputError(f"{path}: there is no folder {path.parent}")
+        raise InputError(f"{path}: expected an existing folder, {path.parent} is not there")
     folder = os.path.dirname(os.path.realpath(path))
     if (path.is_file() or not path.exists()) and not os.access(folder, os.W_OK):
         raise InputError(f"{path}: nothing can be written in that folder")
-    if path.is_file() and any(read is not None and _is_same(path, read) for read in reads):
-        raise InputError(f"{path}: is what is read here, expected another file to write")
+    if path.is_file() and any(read is not None and _is_same_file(path, read) for read in reads):
+        raise InputError(f"{path}: is the file to read, expected another to write")
 
 
-def _is_same(path: Path, other: Path | str) -> bool:
+def _is_same_file(path: Path, other: Path | str) -> bool:
     with suppress(OSError, ValueError):
         return path.samefile(other)
     return False
 
 
-class LateProgress:
-    """Progress bars on stderr for work that takes longer than `PATIENCE`.
+class DelayedProgress:
+    """Progress bars on stderr for work that takes longer than `PROGRESS_DELAY`.
 
     Call it with ``(stage, done, total)``. It shows nothing where stderr is no terminal, and leaves nothing
     behind on one.
@@ -112,13 +110,13 @@ class LateProgress:
         self._lock = Lock()
         self._timer: Timer | None = None
 
-    def __enter__(self) -> LateProgress:
+    def __enter__(self) -> DelayedProgress:
         if sys.stderr.isatty():
             from rich.console import Console
             from rich.progress import Progress
 
             self._bars = Progress(console=Console(stderr=True), transient=True)
-            self._timer = Timer(PATIENCE, self._bars.start)
+            self._timer = Timer(PROGRESS_DELAY, self._bars.start)
             self._timer.daemon = True
             self._timer.start()
         return self
@@ -141,32 +139,65 @@ class LateProgress:
             self._bars.stop()
 
 
-def refusal(explanation: Explanation) -> dict[str, Any]:
-    """Return the JSON document of a no."""
+def read_world(name: str, progress: DelayedProgress) -> World:
+    """Load a bundled world or a world file."""
+    progress("load", 0, 1)
+    from regionik.worlds.documents.world_file import load_world
+
+    world = load_world(name)
+    progress("load", 1, 1)
+    return world
+
+
+def read_plan(path: Path, progress: DelayedProgress) -> Plan:
+    """Load a plan file."""
+    progress("load", 0, 1)
+    from regionik.output.plan_file import load_plan
+
+    plan = load_plan(path)
+    progress("load", 1, 1)
+    return plan
+
+
+@contextmanager
+def explain_no_plan(as_json: bool) -> Iterator[None]:
+    """Turn a `NoPlanFound` into its explanation, as JSON too if wanted, and exit code 1."""
+    try:
+        yield
+    except NoPlanFound as no:
+        print_message(no.explanation.reason)
+        if as_json:
+            print_json(explanation_document(no.explanation))
+        raise typer.Exit(NO) from None
+
+
+def explanation_document(explanation: Explanation) -> dict[str, Any]:
+    """The JSON document of an explanation."""
     return {"ok": False, **asdict(explanation)}
 
 
 def report_document(report: Report) -> dict[str, Any]:
-    """Return the JSON document of a verification."""
+    """The JSON document of a verification."""
     found = {"margins": report.margins, "violations": [asdict(v) for v in report.violations]}
     if report.ok:
         return {"ok": True, **found}
     first = report.violations[0]
     reason = f"The plan does not hold: {first.text}"
-    return {**refusal(Explanation("plan-invalid", first.setpoint, reason)), **found}
+    return {**explanation_document(Explanation("plan-invalid", first.setpoint, reason)), **found}
 
 
 def plan_summary(plan: Plan, seconds: float, written: Iterable[Path]) -> str:
-    """Return what a person wants to know about a plan, in a few lines."""
+    """A plan for people, in a few lines."""
     from regionik.storage.plan_document import keeps_areas
+    from regionik.view.picture import count_noun
 
-    way = plan.world.robot.drive.travel(plan.motion.base)
+    length = plan.world.robot.drive.travel(plan.motion.base)
     worst = max(c.error for c in plan.setpoints)
     lines = [
-        f"{plan.world.name}: {_count(len(plan.setpoints), 'set-point')} within {worst * 1000:.3f} mm, "
-        f"{_count(sum(c.iterations for c in plan.setpoints), 'iteration')}",
-        f"  {_count(plan.lift_offs, 'lift-off')}, {way:.2f} m of base travel, "
-        f"{_count(len(plan.motion), 'state')}",
+        f"{plan.world.name}: {count_noun(len(plan.setpoints), 'set-point')} within {worst * 1000:.3f} mm, "
+        f"{count_noun(sum(c.iterations for c in plan.setpoints), 'iteration')}",
+        f"  {count_noun(plan.lift_offs, 'lift-off')}, {length:.2f} m of base travel, "
+        f"{count_noun(len(plan.motion), 'state')}",
     ]
     margins = plan.stats.get("margins")
     if margins:
@@ -174,37 +205,27 @@ def plan_summary(plan: Plan, seconds: float, written: Iterable[Path]) -> str:
     lines.append(f"  planned and verified in {seconds:.1f} s")
     lines += [f"  wrote {path}" for path in written]
     if not keeps_areas(plan):
-        lines.append("  areas are left out of plan files, which could not be read back with so many corners")
+        lines.append("  areas are left out of the plan file: with so many corners it could not be read back")
     return "\n".join(lines)
 
 
 def report_summary(name: str, report: Report) -> str:
-    """Return a verification report for a person."""
+    """A verification report for people."""
+    from regionik.view.picture import count_noun
+
     if report.ok:
         return f"{name}: the plan holds\n  margins: {_margins(report.margins)}"
-    shown = [f"  {violation.text}" for violation in report.violations[:_SHOWN]]
-    hidden = len(report.violations) - len(shown)
-    more = [f"  ... and {hidden} more"] if hidden > 0 else []
-    count = _count(len(report.violations), "violation")
-    return "\n".join([f"{name}: the plan does not hold, {count}", *shown, *more])
-
-
-def _count(number: int, what: str) -> str:
-    return f"{number} {what}{'' if number == 1 else 's'}"
+    lines = [f"{name}: the plan does not hold, {count_noun(len(report.violations), 'violation')}"]
+    lines += [f"  {violation.text}" for violation in report.violations[:_SHOWN]]
+    if len(report.violations) > _SHOWN:
+        lines.append(f"  ... and {len(report.violations) - _SHOWN} more")
+    return "\n".join(lines)
 
 
 def _margins(margins: Mapping[str, float]) -> str:
     unit = dict.fromkeys(("direction", "orientation", "joints"), " rad")
     unit |= {"manipulability": " m3", "joint_margin": " of the range", "effort": " N m"}
     return ", ".join(f"{name} {value:z.4f}{unit.get(name, ' m')}" for name, value in margins.items())
-
-
-def print_worlds(rows: Iterable[tuple[str, str]]) -> None:
-    """Print one line a world: its name and what it is about."""
-    listed = list(rows)
-    width = max((len(name) for name, _ in listed), default=0)
-    for name, about in listed:
-        print(f"{name:<{width}}  {about}")
 
 
 def print_answers(answer: Answer) -> None:

@@ -1,22 +1,39 @@
-"""The command ``reach``."""
+"""The commands that ask for areas, no motion planned: reach, field, stops, why."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, cast, get_args
 
 import typer
 
-from regionik.cli.console import LateProgress, check_output, print_answers, print_json, say
-from regionik.cli.shared import NO, AsJson, WorldName
+from regionik.cli.console import (
+    NO,
+    AsJson,
+    DelayedProgress,
+    WorldName,
+    check_output,
+    explain_no_plan,
+    explanation_document,
+    print_answers,
+    print_json,
+    print_message,
+    read_world,
+)
+from regionik.storage.json_values import json_values
 from regionik.worlds.errors import InputError
 
 if TYPE_CHECKING:
     from regionik.bulk import Pool
-    from regionik.worlds.scene import World
+    from regionik.values import Stop
+    from regionik.worlds.scene import StopCriterion, World
+
+FIELD_SUFFIXES = (".npz", ".tif", ".tiff", ".png", ".svg")
+STOP_CRITERIA = "tolerance, clearance, manipulability, effort, distance"
 
 
 def reach(
@@ -36,54 +53,45 @@ def reach(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Say for each target whether the tool reaches it, and where the base then stands.
+    """Decide for each target whether the tool reaches it, and from which pose of the base.
 
-    Without --target and --csv the set-points of WORLD are asked for. From one CSV file to another there may
-    be any number of targets; a run that was broken off goes on when it is called again. The exit code is 1
-    when any target is not reachable.
+    Without --target and --csv the targets are the set-points of WORLD. From one CSV file to another there may
+    be any number of targets; a run that was interrupted resumes when it is called again. The exit code is 1
+    if any target is not reachable.
     """
     check_output(output, (".csv", ".json", ".geojson"), [world, table])
     if dask is not None and workers > 1:
         raise InputError("--workers and --dask: expected one of them")
-    with LateProgress() as progress:
-        progress("load", 0, 1)
-        from regionik.worlds.documents.world_file import load_world
+    streams = not target and not as_json and _can_stream(table, output)
+    with DelayedProgress() as progress:
+        scene = read_world(world, progress)
+        with _executor(workers, dask) as (pool, ahead):
+            if streams and table is not None and output is not None:
+                from regionik.output.answers import stream_answers
 
-        scene = load_world(world)
-        progress("load", 1, 1)
-        with _pool(workers, dask) as (pool, ahead):
-            if (
-                output is not None
-                and table is not None
-                and not target
-                and not as_json
-                and _long(table, output)
-            ):
-                from regionik.output.answer_table import answer_table
-
-                count, total = answer_table(scene, table, output, pool, ahead, progress)
+                count, total = stream_answers(scene, table, output, pool, ahead, progress)
             else:
-                count, total = _at_once(scene, target or [], table, output, as_json, pool, progress)
-    say(f"{scene.name}: {count} of {total} targets are reachable")
+                count, total = _reach_at_once(scene, target or [], table, output, as_json, pool, progress)
+    print_message(f"{scene.name}: {count} of {total} targets are reachable")
     if count < total:
         raise typer.Exit(NO)
 
 
-def _at_once(
+def _reach_at_once(
     scene: World,
     target: list[str],
     table: Path | None,
     output: Path | None,
     as_json: bool,
     pool: Pool | None,
-    progress: LateProgress,
+    progress: DelayedProgress,
 ) -> tuple[int, int]:
     """Answer targets that are all held in memory; return how many are reachable, and all."""
-    from regionik.output.answers import answers_document, targets_asked, write_answers
-    from regionik.reach import reach as answers_for
+    from regionik.output.answers import answers_document, parse_targets, write_answers
+    from regionik.reach import reach as reach_targets
 
     progress("reach", 0, 0)
-    answer = answers_for(scene, targets_asked(scene, target, table), executor=pool, progress=progress)
+    answer = reach_targets(scene, parse_targets(scene, target, table), executor=pool, progress=progress)
     if output is not None:
         write_answers(answer, scene.robot.chain.names, output)
     if as_json:
@@ -93,15 +101,16 @@ def _at_once(
     return int(answer.reachable.sum()), len(answer.verdict)
 
 
-def _long(table: Path, output: Path) -> bool:
-    """Whether answers can go from file to file: pipes and devices are neither sought in nor replaced."""
-    plain = table.is_file() and (output.is_file() or not output.exists())
-    return plain and output.suffix.lower() == ".csv"
+def _can_stream(table: Path | None, output: Path | None) -> bool:
+    """Return whether answers can go from file to file: pipes and devices cannot be rewound or replaced."""
+    if table is None or output is None or output.suffix.lower() != ".csv":
+        return False
+    return table.is_file() and (output.is_file() or not output.exists())
 
 
 @contextmanager
-def _pool(workers: int, dask: str | None) -> Iterator[tuple[Pool | None, int]]:
-    """What to work on, and how many chunks to hand out ahead."""
+def _executor(workers: int, dask: str | None) -> Iterator[tuple[Pool | None, int]]:
+    """The executor to work on, if any, and how many chunks to hand out ahead."""
     from regionik.bulk import AHEAD
 
     if dask is not None:
@@ -115,3 +124,153 @@ def _pool(workers: int, dask: str | None) -> Iterator[tuple[Pool | None, int]]:
         yield partial(processes, workers), max(AHEAD, 2 * workers)
     else:
         yield None, AHEAD
+
+
+def field(
+    world: WorldName,
+    output: Annotated[Path, typer.Option("-o", "--output", help="An .npz, .tif, .png or .svg file.")],
+    targets: Annotated[
+        Path | None, typer.Option("--targets", help="Targets from a CSV file, instead of WORLD's own.")
+    ] = None,
+    cell: Annotated[float, typer.Option("--cell", metavar="M", help="Side of a cell [m].")] = 0.05,
+    height: Annotated[
+        float | None, typer.Option("--height", metavar="Z", help="A slice of tool positions at this height.")
+    ] = None,
+) -> None:
+    """Map how many targets the arm reaches from each place, or with --height where the tool can be.
+
+    A .tif needs regionik[geotiff].
+    """
+    check_output(output, FIELD_SUFFIXES, [world, targets])
+    if targets is not None and height is not None:
+        raise InputError("--targets and --height: expected one of them, a slice has no targets")
+    with DelayedProgress() as progress:
+        scene = read_world(world, progress)
+        progress("field", 0, 0)
+        from regionik.field import reach_field, reach_slice
+        from regionik.output.field_file import write_field
+        from regionik.worlds.readers.csv_path import read_csv
+        from regionik.worlds.scene import Target
+        from regionik.worlds.toolpath import targets_along
+
+        if height is not None:
+            found = reach_slice(scene, height, cell)
+        else:
+            chosen = scene.task if targets is None else targets_along(read_csv(targets), Target.cone)
+            found = reach_field(scene, chosen, cell)
+        write_field(found, output)
+    print_message(f"{scene.name}: {found.summary}")
+    print_message(f"wrote {output}")
+
+
+def stops(
+    world: WorldName,
+    criterion: Annotated[
+        str | None, typer.Option("--criterion", help=f"What makes a place best: {STOP_CRITERIA}.")
+    ] = None,
+    output: Annotated[Path | None, typer.Option("-o", "--output", help="Stops to a .geojson file.")] = None,
+    picture: Annotated[
+        Path | None, typer.Option("--picture", help="The floor with stops to an .svg or .png file.")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Find where to park: the fewest stops from which the arm does all set-points of WORLD.
+
+    No motion is planned; rules.mode: stops in the world file plans it. rules.order: any frees the order.
+    """
+    check_output(output, (".geojson",), [world])
+    check_output(picture, (".svg", ".png"))
+    with DelayedProgress() as progress, explain_no_plan(as_json):
+        scene = read_world(world, progress)
+        if criterion is not None:
+            scene = replace(scene, rules=replace(scene.rules, stop_criterion=_stop_criterion(criterion)))
+        progress("stops", 0, 0)
+        from regionik.parking.stops import find
+
+        found, parking = find(scene)
+        _write_stops(scene, found, output, picture)
+    written = [path for path in (output, picture) if path is not None]
+    if as_json:
+        document = {"ok": True, "world": scene.name, "stops": json_values(found), "stats": parking.stats}
+        print_json({**document, "files": [str(path) for path in written]})
+    else:
+        _print_stops(found)
+    print_message(
+        f"{scene.name}: {len(found)} stops for {len(scene.task)} set-points; "
+        f"no base does with fewer than {parking.lower}"
+    )
+    for path in written:
+        print_message(f"wrote {path}")
+
+
+def _stop_criterion(criterion: str) -> StopCriterion:
+    from regionik.worlds.scene import StopCriterion
+
+    if criterion not in get_args(StopCriterion):
+        raise InputError(f"--criterion: expected one of {STOP_CRITERIA}, got {criterion}")
+    return cast(StopCriterion, criterion)
+
+
+def _write_stops(scene: World, found: tuple[Stop, ...], output: Path | None, picture: Path | None) -> None:
+    if output is not None:
+        from regionik.output.answers import stops_geojson
+        from regionik.storage.files import write_atomic
+        from regionik.storage.json_values import json_text
+
+        write_atomic(output, json_text(stops_geojson(found)))
+    if picture is not None:
+        from regionik.view.figures import plot_stops
+
+        plot_stops(scene, found, picture)
+
+
+def _print_stops(found: tuple[Stop, ...]) -> None:
+    print("stop  set-points      x [m]     y [m]  yaw [rad]  tolerance [m]")
+    for n, stop in enumerate(found, 1):
+        x, y, yaw = stop.base.tolist()
+        span = f"{stop.first + 1} to {stop.last + 1}"
+        if sorted(stop.setpoints) != list(range(stop.first, stop.last + 1)):
+            span = f"{len(stop.setpoints)} of them"
+        print(f"{n:4d}  {span:12s} {x:z9.3f} {y:z9.3f} {yaw:z10.3f} {stop.tolerance:14.4f}")
+
+
+def why(
+    world: WorldName,
+    target: Annotated[
+        list[str] | None, typer.Option("--target", metavar="X Y Z", help="A target [m]; else the whole path.")
+    ] = None,
+    html: Annotated[
+        Path | None, typer.Option("--html", help="Write an offline page of what stands in the way.")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Explain why a target or the path of WORLD is out of reach, and find the smallest changes that mend it.
+
+    Each change was applied and checked. The exit code is 1 if something stands in the way.
+    """
+    check_output(html, reads=[world])
+    with DelayedProgress() as progress:
+        if len(target or []) > 1:
+            raise InputError(f"--target: expected one target, got {len(target or [])}")
+        scene = read_world(world, progress)
+        progress("why", 0, 0)
+        from regionik.output.answers import parse_targets
+        from regionik.why import why as explain
+
+        chosen = parse_targets(scene, target, None)[0] if target else None
+        found = explain(scene, chosen)
+    if html is not None:
+        from regionik.view.explanation_picture import picture_of_explanation
+        from regionik.view.html_page import to_html
+
+        to_html(scene if found is None else picture_of_explanation(scene, found, chosen), html)
+        print_message(f"wrote {html}")
+    if as_json:
+        print_json({"ok": True} if found is None else explanation_document(found))
+    if found is None:
+        print_message(f"{scene.name}: nothing stands in the way")
+        return
+    print_message(found.reason)
+    for repair in found.repairs[1:]:
+        print_message(f"  or: {repair.text}")
+    raise typer.Exit(NO)

@@ -1,45 +1,56 @@
-"""Targets as they are asked for, answers as documents, tables and files."""
+"""Targets as users give them; answers and stops as documents, tables and files.
+
+`stream_answers` goes from one CSV file to another of any length, block by block, and resumes after a kill.
+"""
 
 from __future__ import annotations
 
 import csv
+import hashlib
 import io
 import json
-from collections.abc import Iterable, Sequence
+import platform
+from collections.abc import Callable, Iterable, Sequence
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from shapely.geometry import Point, mapping
 
-from regionik.reach import Answer
-from regionik.storage.files import write_whole
+from regionik.bulk import AHEAD, Pool, handed_out
+from regionik.reach import CHUNK, Answer, reach
+from regionik.storage.files import open_partial, write_atomic
+from regionik.storage.geojson import feature, feature_collection
+from regionik.storage.json_values import json_text, json_values
 from regionik.values import Stop
 from regionik.worlds.arrays import Array
+from regionik.worlds.documents.world_file import world_to_document
 from regionik.worlds.errors import InputError
-from regionik.worlds.readers.csv_path import read_csv
+from regionik.worlds.readers.csv_path import CsvBlock, CsvTable, index_csv, read_csv
 from regionik.worlds.scene import Target, World
 from regionik.worlds.toolpath import targets_along
 
 FORMATS = (".csv", ".json", ".geojson")
-MOST_AT_ONCE = 100_000  # targets whose answers are held in memory, as documents are
+MEMORY_LIMIT = 100_000  # targets whose answers are held in memory, as documents are
 _AXES, _BASE = ("x", "y", "z"), ("base_x", "base_y", "base_yaw")
+_DEPENDENCIES = ("regionik", "numpy", "scipy", "shapely", "numba", "llvmlite")  # answers may vary with them
 
 
-def targets_asked(world: World, spelled: Sequence[str], table: Path | None) -> list[Target]:
-    """Targets spelled "X Y Z", then those of a CSV file; the world's own where neither is given.
+def parse_targets(world: World, positions: Sequence[str], table: Path | None) -> list[Target]:
+    """Targets written as "X Y Z", then those of a CSV file; the world's own where neither is given.
 
     Raises
     ------
     InputError
         One line: place and what was expected.
     """
-    targets = [Target(_position(text)) for text in spelled]
+    targets = [Target(_position(text)) for text in positions]
     if table is not None:
         path = read_csv(table)
-        if len(path.points) > MOST_AT_ONCE:
+        if len(path.points) > MEMORY_LIMIT:
             raise InputError(
-                f"{table}: {len(path.points)} targets are more than the {MOST_AT_ONCE} that are answered at "
+                f"{table}: {len(path.points)} targets are more than the {MEMORY_LIMIT} that are answered at "
                 "once; -o with a .csv file takes any number, without --target and --json"
             )
         targets += targets_along(path, Target.cone)
@@ -57,9 +68,9 @@ def _position(text: str) -> Array:
 
 
 def answers_document(answer: Answer) -> dict[str, Any]:
-    """Return the JSON document of answers: a yes only where every target is reachable."""
+    """The JSON document of answers; ``ok`` only where every target is reachable."""
     if answer.reachable.all():
-        return {"ok": True, "answers": records(answer)}
+        return {"ok": True, "answers": answer_records(answer)}
     first = int((~answer.reachable).argmax())
     return {
         "ok": False,
@@ -68,12 +79,12 @@ def answers_document(answer: Answer) -> dict[str, Any]:
         "reason": answer.reason[first],
         "causes": [],
         "repairs": [],
-        "answers": records(answer),
+        "answers": answer_records(answer),
     }
 
 
-def records(answer: Answer) -> list[dict[str, Any]]:
-    """Return one dict a target: position, verdict, base, joints, reason; None where there is none."""
+def answer_records(answer: Answer) -> list[dict[str, Any]]:
+    """One dict a target: position, verdict, base, joints, reason; base and joints None where unreachable."""
     return [
         {
             **dict(zip(_AXES, target.tolist(), strict=True)),
@@ -88,10 +99,17 @@ def records(answer: Answer) -> list[dict[str, Any]]:
 
 
 def write_answers(answer: Answer, names: Sequence[str], path: Path) -> None:
-    """Write answers to a ``.csv``, ``.json`` or ``.geojson`` file, by its suffix.
+    """Write answers to a ``.csv``, ``.json`` or ``.geojson`` file.
 
-    ``names`` are the joints'. The columns of the table are x, y, z, verdict, base_x, base_y, base_yaw, one
-    per joint name, reason; empty where a target has no base.
+    Columns of the table are x, y, z, verdict, base_x, base_y, base_yaw, one per joint name, reason; empty
+    where a target has no base. A GeoJSON point lies on the floor, its height among the properties.
+
+    Parameters
+    ----------
+    answer : Answer
+    names : sequence of str
+        Of the joints.
+    path : Path
 
     Raises
     ------
@@ -100,31 +118,34 @@ def write_answers(answer: Answer, names: Sequence[str], path: Path) -> None:
     """
     match path.suffix.lower():
         case ".csv":
-            text = csv_head(names) + csv_rows(answer, names)
+            text = csv_header(names) + csv_rows(answer, names)
         case ".json":
-            document = {"joint_names": list(names), "answers": records(answer)}
-            text = json.dumps(document, indent=2, allow_nan=False) + "\n"
+            text = json_text({"joint_names": names, "answers": answer_records(answer)})
         case ".geojson":
-            text = json.dumps(_as_geojson(answer, names), indent=2, allow_nan=False) + "\n"
+            columns = _columns(answer, names)
+            rows = [dict(zip(columns, cells, strict=True)) for cells in zip(*columns.values(), strict=True)]
+            points = [{"type": "Point", "coordinates": [row["x"], row["y"]]} for row in rows]
+            features = (feature(point, row) for point, row in zip(points, rows, strict=True))
+            text = json_text(feature_collection(features))
         case _:
             raise InputError(f"{path}: expected a file name ending in {', '.join(FORMATS)}")
-    write_whole(path, text)
+    write_atomic(path, text)
 
 
-def csv_head(names: Sequence[str]) -> str:
-    """The first line of a table of answers, the joints' names in it."""
+def csv_header(names: Sequence[str]) -> str:
+    """The first line of a table of answers."""
     return _csv([(*_AXES, "verdict", *_BASE, *names, "reason")])
 
 
 def csv_rows(answer: Answer, names: Sequence[str]) -> str:
-    """Answers as lines of a table, without its head."""
+    """Answers as lines of a table, without its header."""
     return _csv(zip(*_columns(answer, names).values(), strict=True))
 
 
 def _csv(rows: Iterable[Iterable[object]]) -> str:
-    out = io.StringIO(newline="")
-    csv.writer(out, lineterminator="\n").writerows(rows)
-    return out.getvalue()
+    text = io.StringIO(newline="")
+    csv.writer(text, lineterminator="\n").writerows(rows)
+    return text.getvalue()
 
 
 def _columns(answer: Answer, names: Sequence[str]) -> dict[str, list[Any]]:
@@ -139,33 +160,93 @@ def _columns(answer: Answer, names: Sequence[str]) -> dict[str, list[Any]]:
     }
 
 
-def _as_geojson(answer: Answer, names: Sequence[str]) -> dict[str, Any]:
-    """One point a target, seen from above; the height stands among the properties."""
-    columns = _columns(answer, names)
-    features = [
-        {
-            "type": "Feature",
-            "geometry": {"type": "Point", "coordinates": list(cells[:2])},
-            "properties": dict(zip(columns, cells, strict=True)),
-        }
-        for cells in zip(*columns.values(), strict=True)
-    ]
-    return {"type": "FeatureCollection", "features": features}
+def stops_geojson(stops: Sequence[Stop]) -> dict[str, Any]:
+    """Circles to park in, one feature a stop."""
+    circles = (mapping(Point(stop.base[:2]).buffer(stop.tolerance)) for stop in stops)
+    return feature_collection(
+        feature(circle, json_values(stop)) for circle, stop in zip(circles, stops, strict=True)
+    )
 
 
-def stops_as_geojson(stops: Sequence[Stop]) -> dict[str, Any]:
-    """Circles to park in as a FeatureCollection, one feature a stop, in metres of the floor."""
-    features = [
-        {
-            "type": "Feature",
-            "properties": {
-                "base": stop.base.tolist(),
-                "setpoints": list(stop.setpoints),
-                "tolerance": stop.tolerance,
-                "criterion": stop.criterion,
-            },
-            "geometry": mapping(Point(stop.base[:2]).buffer(stop.tolerance)),
-        }
-        for stop in stops
-    ]
-    return {"type": "FeatureCollection", "features": features}
+def stream_answers(
+    world: World,
+    table: Path,
+    output: Path,
+    executor: Pool | None = None,
+    ahead: int = AHEAD,
+    progress: Callable[[str, int, int], None] | None = None,
+) -> tuple[int, int]:
+    """Write the answers to all targets of a CSV file to another.
+
+    At most ``ahead`` blocks of `CHUNK` lines are in memory. Answers are kept in the folder ``output.parts``
+    until all are there; the same call resumes with them, and gives the bytes of one uninterrupted call.
+
+    Parameters
+    ----------
+    world : World
+    table, output : Path
+    executor : Executor or function that makes one, optional
+        As for `regionik.reach.reach`.
+    ahead : int
+        Blocks handed to the executor at a time.
+    progress : callable, optional
+        Called with a stage, blocks done, blocks in all.
+
+    Returns
+    -------
+    reachable, total : int
+
+    Raises
+    ------
+    InputError
+        For a file that cannot be read, a line that is no target, or parts of another run.
+    EngineError
+        When workers are lost again and again.
+    """
+    report = progress or (lambda stage, done, total: None)
+    blocks = index_csv(table, CHUNK)
+    with open_partial(output, _manifest(world, blocks)) as partial:
+        counts = partial.counts()
+        if not counts:
+            _check_lines(blocks, report)
+        missing = ((k, blocks.block(k)) for k in range(len(blocks)) if k not in counts)
+        report("reach", len(counts), len(blocks))
+        done = dict(counts)
+        for k, (data, yes, total) in handed_out(world, _answer_block, missing, executor, ahead):
+            partial.write_part(k, data, yes, total)
+            done[k] = yes, total
+            report("reach", len(done), len(blocks))
+        partial.join(csv_header(world.robot.chain.names).encode())
+    return sum(yes for yes, _ in done.values()), sum(total for _, total in done.values())
+
+
+def _check_lines(blocks: CsvTable, report: Callable[[str, int, int], None]) -> None:
+    """Read every line once: a mistake in the last is reported before the first is answered."""
+    for k in range(len(blocks)):
+        blocks.block(k).path()
+        report("read", k + 1, len(blocks))
+
+
+def _answer_block(world: World, block: CsvBlock) -> tuple[bytes, int, int]:
+    """Rows of the answers to a block, how many targets are reachable, and how many there are."""
+    path = block.path()
+    if not len(path.points):
+        return b"", 0, 0
+    positions_only = path.directions is None and path.orientations is None
+    answer = reach(world, path.points if positions_only else targets_along(path, Target.cone))
+    rows = csv_rows(answer, world.robot.chain.names)
+    return rows.encode(), int(answer.reachable.sum()), len(answer.reachable)
+
+
+def _manifest(world: World, blocks: CsvTable) -> dict[str, object]:
+    document = json.dumps(world_to_document(world), sort_keys=True)
+    return {
+        "world": hashlib.sha256(document.encode()).hexdigest(),
+        "table of targets": blocks.digest,
+        "size of blocks": blocks.size,
+        "version of regionik or of what it stands on": {
+            "python": platform.python_version(),
+            "machine": platform.machine(),
+            **{name: version(name) for name in _DEPENDENCIES},
+        },
+    }

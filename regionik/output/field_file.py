@@ -1,4 +1,4 @@
-"""Reach fields as files: arrays, a GeoTIFF, a picture."""
+"""Reach fields as files: arrays, a GeoTIFF, a picture. The only file that imports rasterio."""
 
 from __future__ import annotations
 
@@ -9,10 +9,12 @@ from pathlib import Path
 import numpy as np
 
 from regionik.field import Field
-from regionik.output.geotiff import geotiff
-from regionik.storage.files import write_whole
-from regionik.view.figures import SUFFIXES, picture_of_field
+from regionik.storage.files import write_atomic
+from regionik.view.figures import SUFFIXES, field_image
 from regionik.worlds.errors import InputError
+
+# The floor has metres and no place on the Earth.
+_LOCAL_FRAME = 'LOCAL_CS["floor",UNIT["metre",1],AXIS["x",EAST],AXIS["y",NORTH]]'
 
 
 def write_field(field: Field, path: str | os.PathLike[str]) -> None:
@@ -33,12 +35,12 @@ def write_field(field: Field, path: str | os.PathLike[str]) -> None:
     if suffix == ".npz":
         data = _arrays(field)
     elif suffix in (".tif", ".tiff"):
-        data = geotiff(field)
+        data = _geotiff(field)
     elif suffix in SUFFIXES:
-        data = picture_of_field(field, suffix)
+        data = field_image(field, suffix)
     else:
         raise InputError(f"{path}: expected a file name ending in .npz, .tif, .tiff, {', '.join(SUFFIXES)}")
-    write_whole(path, data)
+    write_atomic(path, data)
 
 
 def _arrays(field: Field) -> bytes:
@@ -54,3 +56,25 @@ def _arrays(field: Field) -> bytes:
         height=np.float64(np.nan if field.height is None else field.height),
     )
     return data.getvalue()
+
+
+def _geotiff(field: Field) -> bytes:
+    """One band of whole numbers, north up, in metres of the floor."""
+    try:
+        from rasterio import Affine
+        from rasterio.crs import CRS
+        from rasterio.io import MemoryFile
+    except ModuleNotFoundError as error:
+        raise InputError(f"a GeoTIFF needs regionik[geotiff]: {error}") from None
+    rows, columns = field.values.shape
+    left, top = field.x[0] - field.cell / 2, field.y[-1] + field.cell / 2
+    corner = Affine(field.cell, 0.0, left, 0.0, -field.cell, top)
+    with MemoryFile() as memory:
+        with memory.open(
+            driver="GTiff", width=columns, height=rows, count=1, dtype="int32", transform=corner,
+            crs=CRS.from_wkt(_LOCAL_FRAME), compress="deflate",
+        ) as image:  # fmt: skip
+            image.write(field.values[::-1], 1)
+            image.update_tags(world=field.world, most=field.most, meaning=field.meaning)
+        data: bytes = memory.read()
+    return data

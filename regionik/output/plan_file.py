@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -76,7 +77,7 @@ class PartsRecord(_Record):
 
 
 class PropertiesRecord(_Record):
-    """What a feature is about."""
+    """Properties of an area feature."""
 
     setpoint: Index = Field(description="counts from 0")
     parts: Annotated[list[Literal["admissible", "pruned", "rejected"]], Field(min_length=3, max_length=3)]
@@ -98,7 +99,7 @@ class AreasRecord(_Record):
 
 
 class StopRecord(_Record):
-    """Where the base stands still while the arm does some set-points."""
+    """A place at which the base stands still while the arm does some set-points."""
 
     base: Three = Field(description="x, y [m], yaw [rad]")
     setpoints: Annotated[Many[Index], Field(min_length=1)] = Field(description="they follow one another")
@@ -121,21 +122,10 @@ class PlanRecord(_Record):
     stats: dict[str, Any]
 
 
-def save_plan(plan: Plan, path: str | os.PathLike[str]) -> None:
-    """Write ``plan.json``, whole or not at all; the same plan gives the same bytes.
-
-    Raises
-    ------
-    InputError
-        When the file cannot be written.
-    """
-    plan.save(path)
-
-
 def load_plan(path: str | os.PathLike[str]) -> Plan:
-    """Read a plan that `save_plan` wrote.
+    """Read a plan that `Plan.save` wrote.
 
-    Only the file's form is judged here: whether the plan holds is for `regionik.verify`.
+    Only the form of the file is checked; `regionik.verify` checks the plan.
 
     Raises
     ------
@@ -145,7 +135,8 @@ def load_plan(path: str | os.PathLike[str]) -> Plan:
     where = str(path)
     record = _record(_read(path), where)
     world = world_from_document(record.world, f"{where}: world", Path(path).parent)
-    _agrees(record, world, where)
+    for place, expected, got in _mismatches(record, world):
+        raise InputError(f"{where}: {place}: expected {expected}, got {got}")
     return Plan(
         world=world,
         seed=record.seed,
@@ -175,14 +166,14 @@ def _read(path: str | os.PathLike[str]) -> Any:
         raise InputError(f"{path}: cannot be read: {error.strerror or error}") from None
     check_count(data, VALUES_LIMIT, str(path))
     try:
-        return json.loads(data, parse_constant=_refuse)
+        return json.loads(data, parse_constant=_refuse_constant)
     except RecursionError:
         raise InputError(f"{path}: expected a plan in JSON, this is nested too deep") from None
     except ValueError as error:
         raise InputError(f"{path}: expected a plan in JSON: {error}") from None
 
 
-def _refuse(constant: str) -> None:
+def _refuse_constant(constant: str) -> None:
     raise ValueError(f"every number must be finite, got {constant}")
 
 
@@ -196,7 +187,7 @@ def _record(document: Any, where: str) -> PlanRecord:
         return PlanRecord.model_validate(document)
     except ValidationError as error:
         first = error.errors(include_url=False)[0]
-        raise InputError(f"{where}: {_place(first['loc'])}: {_words(dict(first))}") from None
+        raise InputError(f"{where}: {_place(first['loc'])}: {_expectation(dict(first))}") from None
 
 
 def _place(steps: tuple[int | str, ...]) -> str:
@@ -204,54 +195,44 @@ def _place(steps: tuple[int | str, ...]) -> str:
     return text.removeprefix(".")
 
 
-def _words(error: dict[str, Any]) -> str:
+def _expectation(error: dict[str, Any]) -> str:
     if error["type"] == "missing":
         return "expected this entry, it is missing"
     if error["type"] == "extra_forbidden":
         return "expected no such entry"
-    said = str(error["msg"]).removeprefix("Input should be ")
+    expected = str(error["msg"]).removeprefix("Input should be ")
     got = error["input"]
-    return f"expected {said}, got {json.dumps(got)[:60]}"
+    return f"expected {expected}, got {json.dumps(got)[:60]}"
 
 
-def _agrees(record: PlanRecord, world: World, where: str) -> None:
-    """Counts, names and targets of the plan are those of its world."""
-    names = list(world.robot.chain.names)
+def _mismatches(record: PlanRecord, world: World) -> Iterator[tuple[str, object, object]]:
+    """Mismatches of a plan and its world: place, what was expected, what is there."""
+    names, count = list(world.robot.chain.names), len(world.task)
     if record.joint_names != names:
-        raise InputError(f"{where}: joint_names: expected {names}, got {record.joint_names}")
-    count = len(world.task)
-    features = record.areas.features
-    for key, many in (("setpoints", len(record.setpoints)), ("areas.features", len(features) or count)):
-        if many != count:
-            raise InputError(f"{where}: {key}: expected {count}, one for each target, got {many}")
+        yield "joint_names", names, record.joint_names
+    areas = record.areas.features
+    for place, number in (("setpoints", len(record.setpoints)), ("areas.features", len(areas) or count)):
+        if number != count:
+            yield place, f"{count}, one for each target", number
     for k, (setpoint, target) in enumerate(zip(record.setpoints, world.task, strict=True)):
         if not np.allclose(setpoint.target, target.position, rtol=0.0, atol=1e-9):
-            wanted = target.position.tolist()
-            raise InputError(
-                f"{where}: setpoints[{k}].target: expected the world's {wanted}, got {setpoint.target}"
-            )
-    for k, area in enumerate(features):
-        if area.properties.setpoint != k or tuple(area.properties.parts) != PARTS:
-            raise InputError(
-                f"{where}: areas.features[{k}].properties: expected set-point {k}, parts {list(PARTS)}"
-            )
-    for k, stop in enumerate(record.stops):
-        if max(stop.setpoints) >= count:
-            raise InputError(
-                f"{where}: stops[{k}].setpoints: expected 0 to {count - 1}, got {max(stop.setpoints)}"
-            )
+            yield f"setpoints[{k}].target", f"the world's {target.position.tolist()}", setpoint.target
+    for k, properties in enumerate(area.properties for area in areas):
+        if properties.setpoint != k or tuple(properties.parts) != PARTS:
+            expected = f"set-point {k}, parts {list(PARTS)}"
+            yield f"areas.features[{k}].properties", expected, f"{properties.setpoint}, {properties.parts}"
+    if not record.states:
+        yield "states", "at least one state", "none"
     joints = {"setpoints": [s.joints for s in record.setpoints], "states": [s.joints for s in record.states]}
-    for key, rows in joints.items():
+    for place, rows in joints.items():
         for k, row in enumerate(rows):
             if len(row) != len(names):
-                raise InputError(f"{where}: {key}[{k}].joints: expected {len(names)} numbers, got {len(row)}")
-    if not record.states:
-        raise InputError(f"{where}: states: expected at least one state")
-    for k, state in enumerate(record.states):
-        if state.setpoint is not None and state.setpoint >= count:
-            raise InputError(
-                f"{where}: states[{k}].setpoint: expected 0 to {count - 1}, got {state.setpoint}"
-            )
+                yield f"{place}[{k}].joints", f"{len(names)} numbers", len(row)
+    indices = [(f"stops[{k}].setpoints", max(stop.setpoints)) for k, stop in enumerate(record.stops)]
+    indices += [(f"states[{k}].setpoint", state.setpoint or 0) for k, state in enumerate(record.states)]
+    for place, index in indices:
+        if index >= count:
+            yield place, f"0 to {count - 1}", index
 
 
 def _configuration(record: SetpointRecord) -> Configuration:

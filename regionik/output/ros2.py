@@ -29,8 +29,8 @@ Message = dict[str, Any]
 def joint_trajectory(plan: Plan, rate: float | None = None, frame: str = FRAME) -> Message:
     """The arm's motion as a trajectory_msgs/msg/JointTrajectory.
 
-    Its stamp is zero, which tells controllers to start when it comes. Times ascend strictly, as controllers
-    ask for: of rows in the same nanosecond the last one stays.
+    Its stamp is zero, which tells controllers to start on receipt. Times ascend strictly, as controllers
+    require: of rows in the same nanosecond the last is kept.
 
     Parameters
     ----------
@@ -43,9 +43,9 @@ def joint_trajectory(plan: Plan, rate: float | None = None, frame: str = FRAME) 
     Raises
     ------
     InputError
-        When the plan is not timed, or the rate or the frame are not right.
+        When the plan is not timed, or for an invalid rate or frame.
     """
-    trajectory(plan)  # says what is missing where the plan is not timed
+    trajectory(plan)  # raises what is missing where the plan is not timed
     rows, header = instants(plan, rate), _header(frame, 0)
     clock = nanoseconds(rows.sample.time)
     points = [
@@ -61,8 +61,8 @@ def joint_trajectory(plan: Plan, rate: float | None = None, frame: str = FRAME) 
     return {"header": header, "joint_names": list(plan.world.robot.chain.names), "points": points}
 
 
-def path(plan: Plan, rate: float | None = None, frame: str = FRAME) -> Message:
-    """The way of the base as a nav_msgs/msg/Path.
+def path_message(plan: Plan, rate: float | None = None, frame: str = FRAME) -> Message:
+    """The path of the base as a nav_msgs/msg/Path.
 
     Stamps of poses count from the start of the plan; they are zero where it is not timed.
 
@@ -76,7 +76,7 @@ def path(plan: Plan, rate: float | None = None, frame: str = FRAME) -> Message:
     Raises
     ------
     InputError
-        When the rate or the frame are not right.
+        For an invalid rate or frame.
     """
     rows = instants(plan, rate)
     clock = nanoseconds(rows.sample.time if is_timed(plan.motion) else np.zeros(len(rows)))
@@ -93,21 +93,18 @@ def path(plan: Plan, rate: float | None = None, frame: str = FRAME) -> Message:
     return {"header": _header(frame, 0), "poses": poses}
 
 
-def bundle(plan: Plan, rate: float | None = None, frame: str = FRAME) -> Message:
+def both_messages(plan: Plan, rate: float | None = None, frame: str = FRAME) -> Message:
     """Both messages, each with its type, under ``joint_trajectory`` and ``path``."""
     return {
         "joint_trajectory": {"type": JOINT_TRAJECTORY, "message": joint_trajectory(plan, rate, frame)},
-        "path": {"type": PATH, "message": path(plan, rate, frame)},
+        "path": {"type": PATH, "message": path_message(plan, rate, frame)},
     }
 
 
-MESSAGES = {"ros2": bundle, "joint-trajectory": joint_trajectory, "path": path}
+def message_text(message: Message, suffix: str) -> str:
+    """A message as a JSON document, or as YAML for any other suffix.
 
-
-def to_text(message: Message, suffix: str) -> str:
-    """A message as a JSON or, of any other suffix, a YAML document.
-
-    Both read alike to parsers of YAML 1.1: floats have a point in them, which these want.
+    Parsers of YAML 1.1 read both alike: every float has the decimal point that these require.
     """
     if suffix.lower() == ".json":
         return _flow(message) + "\n"

@@ -13,9 +13,8 @@ from regionik.worlds.chain import Joint, translation
 from regionik.worlds.errors import InputError
 from regionik.worlds.robot import LinkBox, LinkCapsule, LinkSolid, Robot
 
-# URDF demands numbers where we know of no limit.
-_UNLIMITED = 1e6
-_OUR_JOINTS = ("base_x", "base_y", "base_yaw", "mount", "tool_fixed")
+_UNLIMITED = 1e6  # URDF demands a number where a limit is infinite
+_VIRTUAL_JOINTS = ("base_x", "base_y", "base_yaw", "mount", "tool_fixed")
 
 
 def robot_to_urdf(robot: Robot, floor: Polygon) -> str:
@@ -31,24 +30,25 @@ def robot_to_urdf(robot: Robot, floor: Polygon) -> str:
     InputError
         When an arm joint bears a name of the virtual joints.
     """
-    taken = [name for name in robot.chain.names if name in _OUR_JOINTS]
+    taken = [name for name in robot.chain.names if name in _VIRTUAL_JOINTS]
     if taken:
         raise InputError(
-            f"robot {robot.name}: joint {taken[0]} cannot be exported: URDF needs {', '.join(_OUR_JOINTS)}"
+            f"robot {robot.name}: joint {taken[0]} cannot be exported: "
+            f"URDF needs {', '.join(_VIRTUAL_JOINTS)}"
         )
     root = ElementTree.Element("robot", name=robot.name)
     x_low, y_low, x_high, y_high = floor.bounds
     _link(root, "world")
-    _joint(root, _slide("base_x", 0, x_low, x_high), "world", "base_x_link")
+    _joint(root, _prismatic("base_x", 0, x_low, x_high), "world", "base_x_link")
     _link(root, "base_x_link")
-    _joint(root, _slide("base_y", 1, y_low, y_high), "base_x_link", "base_y_link")
+    _joint(root, _prismatic("base_y", 1, y_low, y_high), "base_x_link", "base_y_link")
     _link(root, "base_y_link")
     _joint(root, Joint("base_yaw", "revolute", -np.inf, np.inf, np.eye(4)), "base_y_link", "base")
     base = _link(root, "base")
-    _body(base, robot)
+    _add_footprint(base, robot)
     for solid in robot.base_solids:
-        _link_solid(base, solid)
-    _fixed(root, "mount", robot.T_base_arm, "base", "arm_base")
+        _add_solid(base, solid)
+    _joint_element(root, "mount", "fixed", robot.T_base_arm, "base", "arm_base")
     _link(root, "arm_base")
     parent = "arm_base"
     for k, joint in enumerate(robot.chain.joints):
@@ -57,15 +57,15 @@ def robot_to_urdf(robot: Robot, floor: Polygon) -> str:
         link = _link(root, child)
         for solid in robot.solids:
             if solid.link == k:
-                _link_solid(link, solid)
+                _add_solid(link, solid)
         parent = child
-    _fixed(root, "tool_fixed", robot.chain.T_last_tool, parent, "tool")
+    _joint_element(root, "tool_fixed", "fixed", robot.chain.T_last_tool, parent, "tool")
     _link(root, "tool")
     ElementTree.indent(root)
     return '<?xml version="1.0"?>\n' + ElementTree.tostring(root, encoding="unicode") + "\n"
 
 
-def _slide(name: str, axis: int, lower: float, upper: float) -> Joint:
+def _prismatic(name: str, axis: int, lower: float, upper: float) -> Joint:
     return Joint(name, "prismatic", lower, upper, np.eye(4), np.eye(3)[axis])
 
 
@@ -73,72 +73,71 @@ def _link(root: ElementTree.Element, name: str) -> ElementTree.Element:
     return ElementTree.SubElement(root, "link", name=name)
 
 
-def _fixed(root: ElementTree.Element, name: str, T: Array, parent: str, child: str) -> None:
-    element = ElementTree.SubElement(root, "joint", name=name, type="fixed")
-    _origin(element, T)
+def _joint_element(
+    root: ElementTree.Element, name: str, kind: str, T: Array, parent: str, child: str
+) -> ElementTree.Element:
+    element = ElementTree.SubElement(root, "joint", name=name, type=kind)
+    _origin(element, T[:3, 3], roll_pitch_yaw(T))
     ElementTree.SubElement(element, "parent", link=parent)
     ElementTree.SubElement(element, "child", link=child)
+    return element
 
 
 def _joint(root: ElementTree.Element, joint: Joint, parent: str, child: str) -> None:
     endless = joint.kind == "revolute" and np.isinf(joint.lower) and np.isinf(joint.upper)
-    element = ElementTree.SubElement(
-        root, "joint", name=joint.name, type="continuous" if endless else joint.kind
-    )
-    _origin(element, joint.T_parent_joint)
-    ElementTree.SubElement(element, "parent", link=parent)
-    ElementTree.SubElement(element, "child", link=child)
-    ElementTree.SubElement(element, "axis", xyz=_words(joint.axis))
+    kind = "continuous" if endless else joint.kind
+    element = _joint_element(root, joint.name, kind, joint.T_parent_joint, parent, child)
+    ElementTree.SubElement(element, "axis", xyz=_numbers(joint.axis))
     limit = {"effort": repr(_UNLIMITED), "velocity": repr(_finite(joint.velocity))}
     if not endless:
         limit = {"lower": repr(_finite(joint.lower)), "upper": repr(_finite(joint.upper)), **limit}
     ElementTree.SubElement(element, "limit", limit)
 
 
-def _body(link: ElementTree.Element, robot: Robot) -> None:
+def _add_footprint(link: ElementTree.Element, robot: Robot) -> None:
     if len(robot.footprint) == 1:
         return
     low, high = robot.footprint.min(axis=0), robot.footprint.max(axis=0)
     (x, y), (length, width) = (low + high) / 2, high - low
-    shape = _solid(link, "footprint", translation(x, y, robot.body_height / 2))
-    ElementTree.SubElement(shape, "box", size=_words(np.array([length, width, robot.body_height])))
+    shape = _collision(link, "footprint", translation(x, y, robot.body_height / 2))
+    ElementTree.SubElement(shape, "box", size=_numbers(np.array([length, width, robot.body_height])))
 
 
-def _link_solid(link: ElementTree.Element, solid: LinkSolid) -> None:
+def _add_solid(link: ElementTree.Element, solid: LinkSolid) -> None:
     match solid:
         case LinkCapsule():
-            _capsule(link, solid)
+            _add_capsule(link, solid)
         case LinkBox():
-            shape = _solid(link, solid.name, solid.T_link_box, roll_pitch_yaw(solid.T_link_box))
-            ElementTree.SubElement(shape, "box", size=_words(solid.size))
+            shape = _collision(link, solid.name, solid.T_link_box, roll_pitch_yaw(solid.T_link_box))
+            ElementTree.SubElement(shape, "box", size=_numbers(solid.size))
 
 
-def _capsule(link: ElementTree.Element, capsule: LinkCapsule) -> None:
+def _add_capsule(link: ElementTree.Element, capsule: LinkCapsule) -> None:
     radius = repr(float(capsule.radius))
     along = capsule.end - capsule.start
     length = float(np.linalg.norm(along))
     ends = {"start": capsule.start, "end": capsule.end} if length > 0 else {"start": capsule.start}
     for which, center in ends.items():
-        shape = _solid(link, f"{capsule.name} {which}", translation(*center))
+        shape = _collision(link, f"{capsule.name} {which}", translation(*center))
         ElementTree.SubElement(shape, "sphere", radius=radius)
     if length > 0:
         # Yaw and pitch that take z to the capsule's axis.
         yaw, pitch = np.arctan2(along[1], along[0]), np.arctan2(np.hypot(along[0], along[1]), along[2])
         middle = (capsule.start + capsule.end) / 2
-        shape = _solid(link, f"{capsule.name} side", translation(*middle), (0.0, pitch, yaw))
+        shape = _collision(link, f"{capsule.name} side", translation(*middle), (0.0, pitch, yaw))
         ElementTree.SubElement(shape, "cylinder", radius=radius, length=repr(length))
 
 
-def _solid(
+def _collision(
     link: ElementTree.Element, name: str, T: Array, rpy: ArrayLike = (0.0, 0.0, 0.0)
 ) -> ElementTree.Element:
     collision = ElementTree.SubElement(link, "collision", name=name)
-    ElementTree.SubElement(collision, "origin", xyz=_words(T[:3, 3]), rpy=_words(np.asarray(rpy)))
+    _origin(collision, T[:3, 3], np.asarray(rpy))
     return ElementTree.SubElement(collision, "geometry")
 
 
-def _origin(element: ElementTree.Element, T: Array) -> None:
-    ElementTree.SubElement(element, "origin", xyz=_words(T[:3, 3]), rpy=_words(roll_pitch_yaw(T)))
+def _origin(element: ElementTree.Element, xyz: Array, rpy: Array) -> None:
+    ElementTree.SubElement(element, "origin", xyz=_numbers(xyz), rpy=_numbers(rpy))
 
 
 def roll_pitch_yaw(T: Array) -> Array:
@@ -154,5 +153,5 @@ def _finite(value: float) -> float:
     return float(np.clip(value, -_UNLIMITED, _UNLIMITED))
 
 
-def _words(values: Array) -> str:
+def _numbers(values: Array) -> str:
     return " ".join(repr(float(value) + 0.0) for value in values)

@@ -1,1 +1,1 @@
-"""Files written whole or not at all, and plans as text."""
+"""Files written atomically, and plans as JSON documents."""

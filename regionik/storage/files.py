@@ -1,27 +1,37 @@
-"""Files that are written whole or not at all."""
+"""Files that are written atomically: whole or not at all, long ones in parts that a later run resumes.
+
+The parts of a long file lie in a folder beside it, each written atomically, with a manifest of what they were
+made from. Once all of them exist, they are joined, the file is moved into place, and the folder is removed.
+"""
 
 from __future__ import annotations
 
 import fcntl
+import json
 import os
 import re
 import secrets
-from contextlib import suppress
+import shutil
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
 
 from regionik.worlds.errors import InputError
 
-_STEM = 60  # letters of a file's name in that of what is written beside it: names have 255 bytes at most
+_STEM = 60  # letters of a file's name kept in that of its temporary file: names have 255 bytes at most
+_MANIFEST, _JOINED = "manifest.json", "whole"
+_PART = re.compile(r"(\d{8})-(\d+)of(\d+)")
 
 
-def write_whole(path: str | os.PathLike[str], content: str | bytes) -> None:
-    """Write a file so that nobody ever sees half of it.
+def write_atomic(path: str | os.PathLike[str], content: str | bytes) -> None:
+    """Write a file so that no reader ever sees half of it.
 
     Parameters
     ----------
     path : path
-        Where to write; an existing file is replaced, a link is followed.
+        An existing file is replaced, a link is followed.
     content : str or bytes
         Text is written as UTF-8 with the line ends it has.
 
@@ -32,7 +42,7 @@ def write_whole(path: str | os.PathLike[str], content: str | bytes) -> None:
     """
     target = Path(os.path.realpath(path))
     data = content.encode("utf-8") if isinstance(content, str) else content
-    try:
+    with _os_errors(path):
         if target.is_dir():
             raise InputError(f"{path}: expected a file to write, this is a folder")
         if not target.parent.is_dir():
@@ -41,20 +51,27 @@ def write_whole(path: str | os.PathLike[str], content: str | bytes) -> None:
             target.write_bytes(data)  # a pipe or a device cannot be replaced by a file
         else:
             _replace(target, data)
+
+
+@contextmanager
+def _os_errors(path: str | os.PathLike[str]) -> Iterator[None]:
+    """Turn an `OSError` into an `InputError` of one line."""
+    try:
+        yield
     except OSError as error:
         raise InputError(f"{path}: cannot be written: {error.strerror or error}") from None
 
 
-def leftover(entry: str, name: str | None = None) -> bool:
-    """Whether an entry of a folder was written beside a file (``name``, or any) and never moved to it."""
+def is_leftover(entry: str, name: str | None = None) -> bool:
+    """Return whether a folder entry is a temporary file of ``name`` (of any file, by default)."""
     stem = r".{1,60}" if name is None else re.escape(name[:_STEM])
     return re.fullmatch(rf"\.{stem}\.[0-9a-f]{{8}}\.part", entry, re.DOTALL) is not None
 
 
 def _replace(target: Path, data: bytes) -> None:
     """Write beside ``target`` and move over it; only a rename within one folder is atomic."""
-    _sweep(target)
-    file = _beside(target)
+    _remove_leftovers(target)
+    file = _temporary_file(target)
     try:
         with file:
             file.write(data)
@@ -65,21 +82,125 @@ def _replace(target: Path, data: bytes) -> None:
         Path(file.name).unlink(missing_ok=True)
 
 
-def _beside(target: Path) -> BinaryIO:
+def _temporary_file(target: Path) -> BinaryIO:
     """A new file in the folder of ``target``, locked while it is open."""
     while True:
         file = open(target.with_name(f".{target.name[:_STEM]}.{secrets.token_hex(4)}.part"), "xb")  # noqa: SIM115
-        with suppress(OSError):  # where a file system knows no locks nobody sweeps either
+        with suppress(OSError):  # a file system without locks is never cleared of leftovers either
             fcntl.flock(file, fcntl.LOCK_EX)
-        if os.path.exists(file.name):  # else it was taken for a leftover before it was locked
+        if os.path.exists(file.name):  # else it was removed as a leftover before it was locked
             return file
         file.close()
 
 
-def _sweep(target: Path) -> None:
-    """Remove what those left who were killed while they wrote ``target``: nobody holds its lock any more."""
+def _remove_leftovers(target: Path) -> None:
+    """Remove temporary files of processes killed while they wrote ``target``: nobody holds their locks."""
     for entry in os.listdir(target.parent):
-        if leftover(entry, target.name):
+        if is_leftover(entry, target.name):
             with suppress(OSError), open(target.with_name(entry), "rb") as file:
                 fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
                 os.unlink(file.name)
+
+
+@dataclass(frozen=True)
+class PartialFile:
+    """A file that is being written in parts.
+
+    Attributes
+    ----------
+    file : Path
+        The parts are joined to it.
+    folder : Path
+        It holds the parts written so far.
+    """
+
+    file: Path
+    folder: Path
+
+    def counts(self) -> dict[int, tuple[int, int]]:
+        """Return the counts of each part written so far by its number: rows that say yes, and all rows."""
+        return {number: counts for number, counts, _ in self._parts()}
+
+    def write_part(self, number: int, data: bytes, yes: int, total: int) -> None:
+        """Write one part atomically."""
+        write_atomic(self.folder / f"{number:08d}-{yes}of{total}", data)
+
+    def join(self, head: bytes) -> None:
+        """Write the file, a head and all parts, and remove the folder."""
+        joined, parts = self.folder / _JOINED, self._parts()
+        with _os_errors(self.file):
+            with open(joined, "wb") as file:
+                file.write(head)
+                for _, _, part in parts:
+                    with open(part, "rb") as data:
+                        shutil.copyfileobj(data, file)
+                file.flush()
+                os.fsync(file.fileno())
+            os.replace(joined, self.file)
+            for path in self.folder.iterdir():
+                if path.name != _MANIFEST:
+                    path.unlink()
+            (self.folder / _MANIFEST).unlink()  # the last: a folder without it holds nothing to resume
+            self.folder.rmdir()
+
+    def _parts(self) -> list[tuple[int, tuple[int, int], Path]]:
+        matches = [(_PART.fullmatch(path.name), path) for path in sorted(self.folder.iterdir())]
+        return [
+            (int(match[1]), (int(match[2]), int(match[3])), path)
+            for match, path in matches
+            if match is not None
+        ]
+
+
+@contextmanager
+def open_partial(output: Path, manifest: Mapping[str, object]) -> Iterator[PartialFile]:
+    """Begin or resume a file in parts; no other run works on it meanwhile.
+
+    Parameters
+    ----------
+    output : Path
+        The file to be; the folder of its parts is called as it, with ``.parts`` after it.
+    manifest : mapping
+        All that the bytes of the file depend on, as JSON values, each by its name for messages.
+
+    Raises
+    ------
+    InputError
+        When parts made from something else are there, another run holds them, or writing is not allowed.
+    """
+    file = Path(os.path.realpath(output))
+    folder = file.with_name(f"{file.name}.parts")
+    with _os_errors(output):
+        folder.mkdir(exist_ok=True)
+        lock = os.open(folder, os.O_RDONLY)
+    try:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise InputError(f"{folder}: another run is writing there") from None
+        _check_manifest(folder, manifest)
+        yield PartialFile(file, folder)
+    finally:
+        os.close(lock)
+
+
+def _check_manifest(folder: Path, manifest: Mapping[str, object]) -> None:
+    """Write the manifest of a new folder, or compare it with that of an existing one."""
+    path = folder / _MANIFEST
+    if not path.exists():
+        if any(not is_leftover(entry.name) for entry in folder.iterdir()):
+            raise InputError(f"{folder}: holds other things than parts of answers; move it away")
+        write_atomic(path, json.dumps(manifest, indent=2) + "\n")
+        return
+    try:
+        written = json.loads(path.read_bytes())
+    except (OSError, ValueError):
+        written = None
+    if not isinstance(written, dict):
+        raise InputError(f"{path}: is not the manifest of parts; remove the folder {folder} to start again")
+    other = [name for name in manifest if written.get(name) != manifest[name]]
+    if other:
+        raise InputError(
+            f"{folder}: holds parts of a run with another {' and another '.join(other)}; "
+            "finish that one first, or remove the folder to start again"
+        )

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
-import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import shapely
 from numpy.typing import ArrayLike
-from shapely.geometry import MultiPolygon, Polygon
-from shapely.geometry.base import BaseGeometry
 
+from regionik.storage.geojson import feature, feature_collection, multipolygon
+from regionik.storage.json_values import json_values
 from regionik.worlds.documents.world_file import world_to_document
 
 if TYPE_CHECKING:
@@ -25,14 +23,14 @@ PARTS = ("admissible", "pruned", "rejected")
 
 
 def plan_to_document(plan: Plan) -> dict[str, Any]:
-    """The plan as plain dicts, lists and numbers, in the layout of ``docs/plan.schema.json``.
+    """The plan as dicts, lists and numbers, in the layout of ``docs/plan.schema.json``.
 
     Areas are a GeoJSON FeatureCollection with one feature per set-point. Its geometry is a
     GeometryCollection of three MultiPolygons, some of them perhaps empty: admissible, pruned, rejected.
     There are no features where the areas have more than `CORNERS_LIMIT` corners.
     """
     document = {key: list(value) if isinstance(value, Iterator) else value for key, value in _members(plan)}
-    return {**document, "areas": {"type": "FeatureCollection", "features": document["areas"]}}
+    return {**document, "areas": feature_collection(document["areas"])}
 
 
 def plan_to_text(plan: Plan) -> str:
@@ -42,12 +40,12 @@ def plan_to_text(plan: Plan) -> str:
 
 
 def keeps_areas(plan: Plan) -> bool:
-    """Whether the plan's areas are few enough for a file that can be read back."""
+    """Return whether the plan's areas have few enough corners for a file that can be read back."""
     return sum(_corners(area) for area in plan.areas) <= CORNERS_LIMIT
 
 
 def _members(plan: Plan) -> Iterator[tuple[str, Any]]:
-    """Keys and values of the document; lists that may be long are made entry by entry."""
+    """Keys and values of the document; long lists are made entry by entry."""
     yield "version", VERSION
     yield "world", world_to_document(plan.world)
     yield "seed", int(plan.seed)
@@ -56,8 +54,8 @@ def _members(plan: Plan) -> Iterator[tuple[str, Any]]:
     yield "states", _states(plan)
     yield "areas", _areas(plan) if keeps_areas(plan) else iter(())
     yield "lift_offs", int(plan.lift_offs)
-    yield "stops", plain(list(plan.stops))
-    yield "stats", plain(plan.stats)
+    yield "stops", json_values(plan.stops)
+    yield "stats", json_values(plan.stats)
 
 
 def _text(key: str, value: Any) -> str:
@@ -73,42 +71,6 @@ def _corners(area: PlannedArea) -> int:
     return int(shapely.get_num_coordinates([getattr(area, part) for part in PARTS]).sum())
 
 
-def multipolygon(geometry: BaseGeometry) -> dict[str, Any]:
-    """The polygons of a geometry as a GeoJSON MultiPolygon, outer rings counter-clockwise (RFC 7946)."""
-    polygons = _polygons(geometry)
-    if not shapely.is_valid(MultiPolygon(polygons)):
-        polygons = _polygons(shapely.union_all(shapely.make_valid(polygons)))
-    coordinates = [
-        [shapely.get_coordinates(ring).tolist() for ring in (polygon.exterior, *polygon.interiors)]
-        for polygon in (shapely.orient_polygons(p) for p in polygons)
-    ]
-    return {"type": "MultiPolygon", "coordinates": coordinates}
-
-
-def plain(value: Any) -> Any:
-    """Any result as JSON values; what is not finite becomes null, a geometry becomes GeoJSON."""
-    if isinstance(value, BaseGeometry):
-        return plain(shapely.geometry.mapping(value))
-    if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        return {f.name: plain(getattr(value, f.name)) for f in dataclasses.fields(value)}
-    if isinstance(value, dict):
-        return {str(key): plain(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [plain(item) for item in value]
-    if isinstance(value, (np.ndarray, np.generic)):
-        return plain(value.tolist())
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    return value
-
-
-def _polygons(geometry: BaseGeometry) -> list[Polygon]:
-    """Polygons of any geometry, collections opened; points and lines of a touching boundary are dropped."""
-    if isinstance(geometry, Polygon):
-        return [] if geometry.is_empty else [geometry]
-    return [polygon for part in getattr(geometry, "geoms", ()) for polygon in _polygons(part)]
-
-
 def _numbers(values: ArrayLike) -> list[float]:
     numbers: list[float] = np.asarray(values, dtype=np.float64).tolist()
     return numbers
@@ -121,7 +83,7 @@ def _setpoints(plan: Plan) -> Iterator[dict[str, Any]]:
             "base": _numbers(setpoint.base),
             "joints": _numbers(setpoint.joints),
             "iterations": int(setpoint.iterations),
-            "error": plain(float(setpoint.error)),
+            "error": json_values(float(setpoint.error)),
             "converged": bool(setpoint.converged),
         }
         for target, setpoint in zip(plan.world.task, plan.setpoints, strict=True)
@@ -135,7 +97,7 @@ def _states(plan: Plan) -> Iterator[dict[str, Any]]:
             "joints": _numbers(state.joints),
             "kind": state.kind,
             "setpoint": state.setpoint,
-            "time": plain(state.time),
+            "time": json_values(state.time),
             "tool": _numbers(tool),
         }
         for state, tool in zip(plan.motion, plan.tools(), strict=True)
@@ -143,14 +105,7 @@ def _states(plan: Plan) -> Iterator[dict[str, Any]]:
 
 
 def _areas(plan: Plan) -> Iterator[dict[str, Any]]:
-    return (
-        {
-            "type": "Feature",
-            "properties": {"setpoint": k, "parts": list(PARTS)},
-            "geometry": {
-                "type": "GeometryCollection",
-                "geometries": [multipolygon(getattr(area, part)) for part in PARTS],
-            },
-        }
-        for k, area in enumerate(plan.areas)
-    )
+    for k, area in enumerate(plan.areas):
+        parts = [multipolygon(getattr(area, part)) for part in PARTS]
+        geometry = {"type": "GeometryCollection", "geometries": parts}
+        yield feature(geometry, {"setpoint": k, "parts": list(PARTS)})

@@ -1,4 +1,4 @@
-"""From where to look at a scene: obliquely from above, all of it in view, as little hidden as can be."""
+"""The viewpoint of a picture: obliquely from above, all in view, as little hidden as possible."""
 
 from __future__ import annotations
 
@@ -10,23 +10,23 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.scene import World
 
 VIEW_ANGLE = np.radians(42.0)  # from bottom to top of the window
-_ASPECT = 1.45  # narrower than common windows, so that words fit beside the scene
-_MARGIN = 0.8  # about what happens [m]
-_LOW = 0.3  # what ends below hides little [m]
-# From the south first: north is up then, as on a drawing. Others, and steeper ones, only where they see more.
+_ASPECT = 1.45  # narrower than common windows, which leaves room for the legend
+_MARGIN = 0.8  # about set-points and base [m]
+_LOW = 0.3  # obstacles below this height hide little [m]
+# From the south first, as on a drawing with north up; others, and steeper ones, only where they see more.
 _AZIMUTHS = np.radians([-100.0, -60.0, -140.0, 80.0, 120.0, 40.0, 0.0, 180.0])
 _ELEVATIONS = np.radians([48.0, 62.0, 76.0])
 
 
 def camera_for(world: World, spots: Array) -> Camera:
-    """A camera for a world in which the base visits ``spots`` (n, 2)."""
+    """Return a camera for a world in which the base visits ``spots`` (n, 2) [m]."""
     targets = np.array([t.position for t in world.task]).reshape(-1, 3)
-    low, high = _interest(world, np.vstack([targets[:, :2], spots]))
+    low, high = _ground_of_interest(world, np.vstack([targets[:, :2], spots]))
     top = max(0.3, float(targets[:, 2].max(initial=0.0)))
     corners = np.array([[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (0.0, top)])
     center = np.array([*(low + high) / 2, 0.0])
-    ways = [_toward(azimuth, elevation) for elevation in _ELEVATIONS for azimuth in _AZIMUTHS]
-    eyes = [center + _distance(corners - center, way) * way for way in ways]
+    directions = [_toward(azimuth, elevation) for elevation in _ELEVATIONS for azimuth in _AZIMUTHS]
+    eyes = [center + _distance(corners - center, back) * back for back in directions]
     some = targets[:: 1 + len(targets) // 60]
     floor = np.vstack([some[:, :2], spots[:: 1 + len(spots) // 60]])
     sights = np.vstack([some, np.column_stack([floor, np.zeros(len(floor))])])
@@ -35,8 +35,8 @@ def camera_for(world: World, spots: Array) -> Camera:
     return Camera(eyes[int(np.argmin(hidden))], center)
 
 
-def _interest(world: World, spots: Array) -> tuple[Array, Array]:
-    """Corners of the ground that matters: all that happens, and the floor around it."""
+def _ground_of_interest(world: World, spots: Array) -> tuple[Array, Array]:
+    """Corners of the floor around all set-points and base positions."""
     x_low, y_low, x_high, y_high = world.floor.polygon.bounds
     first, last = spots.min(axis=0), spots.max(axis=0)
     low = np.minimum(np.maximum(first - _MARGIN, [x_low, y_low]), first)
@@ -51,17 +51,22 @@ def _toward(azimuth: float, elevation: float) -> Array:
 
 
 def _distance(corners: Array, back: Array) -> float:
-    """How far back the eye must stand to see all corners (n, 3), given about the centre [m]."""
-    right = np.cross([0.0, 0.0, 1.0], back)
-    right /= np.linalg.norm(right)
-    up = np.cross(back, right)
+    """Distance of the eye from the centre to see all corners (n, 3), given relative to it [m]."""
+    right, up, _ = camera_axes(back)
     tall = np.tan(VIEW_ANGLE / 2)
     need = np.maximum(np.abs(corners @ up) / tall, np.abs(corners @ right) / (tall * _ASPECT))
     return max(1.0, float((need + corners @ back).max()) * 1.04)
 
 
+def camera_axes(back: Array) -> tuple[Array, Array, Array]:
+    """Unit vectors (3,) to the right of the view, upwards, and back to the eye, which is given."""
+    right = np.cross([0.0, 0.0, 1.0], back)
+    right /= np.linalg.norm(right)
+    return right, np.cross(back, right), back
+
+
 def _boxes(world: World) -> Array:
-    """Bounding boxes (n, 2, 3) of what may hide something [m]; map cells hide alike all round."""
+    """Bounding boxes (n, 2, 3) of obstacles [m]; map cells hide the same from everywhere."""
     boxes = []
     for solid in (obstacle for obstacle in world.obstacles if obstacle.z_range[1] > _LOW):
         x_low, y_low, x_high, y_high = outline(solid).bounds
@@ -70,11 +75,11 @@ def _boxes(world: World) -> Array:
 
 
 def _hidden(boxes: Array, eye: Array, sights: Array) -> int:
-    """How many points (n, 3) lie behind boxes."""
+    """Number of points (n, 3) behind boxes, by the slab test."""
     sides = boxes - eye
-    way = sights[:, None, :] - eye
-    way = np.where(np.abs(way) < 1e-12, 1e-12, way)
-    # Slabs: a ray is inside a box between its last entry and its first exit. The point itself may touch.
-    enter, leave = sides[None, :, 0] / way, sides[None, :, 1] / way
+    ray = sights[:, None, :] - eye
+    ray = np.where(np.abs(ray) < 1e-12, 1e-12, ray)
+    # A ray is inside a box between its last entry and its first exit. The point itself may touch.
+    enter, leave = sides[None, :, 0] / ray, sides[None, :, 1] / ray
     first, last = np.minimum(enter, leave).max(axis=2), np.maximum(enter, leave).min(axis=2)
     return int(((first < last) & (first < 0.98) & (last > 0.0)).any(axis=1).sum())

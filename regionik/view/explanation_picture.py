@@ -1,4 +1,4 @@
-"""The picture of a no: the target, what stands in the way, the area before and after a repair, and arrows."""
+"""The picture of an explanation: the target, its obstacles, areas before and after a repair, and arrows."""
 
 from __future__ import annotations
 
@@ -9,104 +9,90 @@ import numpy as np
 
 from regionik.regions import admissible_area, reach_of
 from regionik.repairs.trials import repaired
-from regionik.view import triangle_meshes
-from regionik.view.camera import camera_for
-from regionik.view.picture import (
-    AHEAD,
-    CAUSE,
-    MENDED,
-    NAVIGABLE,
-    PALE,
-    REJECTION,
-    SOLID,
-    STRONG,
-    Body,
-    Picture,
-)
-from regionik.view.world_picture import BALL, DETAIL, extent, first_posture, layer, robot_bodies, world_bodies
-from regionik.worlds.errors import Explanation, Repair
+from regionik.view.picture import Color, Picture, SceneMesh
+from regionik.view.triangle_meshes import arrow, obstacle_mesh, outline, spheres
+from regionik.view.world_picture import DETAIL, MARK_RADIUS, floor_layer, picture_of_world
+from regionik.worlds.errors import Explanation
 from regionik.worlds.obstacles import Solid
 from regionik.worlds.scene import Target, World
 
 _SHAFT = 0.008  # radius of arrows [m]
 
 
-def picture_of_why(world: World, why: Explanation, target: Target | None = None) -> Picture:
-    """What there is to see of a no.
+def picture_of_explanation(world: World, explanation: Explanation, target: Target | None = None) -> Picture:
+    """The picture of why a target or a path is out of reach.
 
     Parameters
     ----------
     world : World
-    why : Explanation
+    explanation : Explanation
     target : Target, optional
-        What was asked for; by default the set-point that the explanation names.
+        The one explained; by default the set-point that the explanation names.
     """
-    i = 0 if target is not None or why.setpoint is None else why.setpoint
+    i = 0 if target is not None or explanation.setpoint is None else explanation.setpoint
     scene = world if target is None else replace(world, task=(target,))
-    base, joints = first_posture(scene)
-    robot, poses = robot_bodies(scene.robot, base, joints)
-    names = {cause.name for cause in why.causes if cause.kind == "obstacle"}
-    marked = {f"obstacles/{k}" for k, solid in enumerate(scene.obstacles) if solid.name in names}
+    before = picture_of_world(scene)
+    names = {cause.name for cause in explanation.causes if cause.kind == "obstacle"}
+    causes = {f"obstacles/{k}" for k, solid in enumerate(scene.obstacles) if solid.name in names}
     bodies = [
-        replace(body, color=CAUSE, opacity=max(0.75, body.opacity)) if body.path in marked else body
-        for body in world_bodies(scene)
+        replace(body, color=Color.CAUSE, opacity=max(0.75, body.opacity)) if body.path in causes else body
+        for body in before.bodies
     ]
-    camera = camera_for(scene, base[None, :2])
-    shown = (*_areas(scene, why, i), *_changes(scene, why, i)) if why.setpoint is not None else ()
-    blame = ", ".join(cause.name for cause in why.causes)
-    return Picture(
+    if explanation.setpoint is not None:
+        bodies += [*_areas(scene, explanation, i), *_changes(scene, explanation, i)]
+    blamed = ", ".join(cause.name for cause in explanation.causes)
+    return replace(
+        before,
         title=f"{world.name}: why not",
-        facts=(f"in the way: {blame}", *(repair.text for repair in why.repairs)),
+        facts=(f"in the way: {blamed}", *(repair.text for repair in explanation.repairs)),
         legend=(
-            (CAUSE, "what stands in the way; the set-point"),
-            (MENDED, "what a repair moves"),
-            (PALE, "reach, were nothing in the way"),
-            (STRONG, "area after the smallest repair"),
-            (NAVIGABLE, "free floor"),
-            (REJECTION, "rejected: too close to a solid"),
-            (SOLID, "other obstacles"),
-            (AHEAD, "set-points"),
+            (Color.CAUSE, "what stands in the way; the set-point"),
+            (Color.REPAIR, "what a repair moves"),
+            (Color.PALE, "reach, were nothing in the way"),
+            (Color.STRONG, "area after the smallest repair"),
+            (Color.NAVIGABLE, "free floor"),
+            (Color.REJECTION, "rejected: too close to a solid"),
+            (Color.SOLID, "other obstacles"),
+            (Color.AHEAD, "set-points"),
         ),
-        bodies=(*bodies, *robot, *shown),
-        poses=poses,
-        camera=camera,
-        extent=extent(scene, camera),
+        bodies=tuple(bodies),
     )
 
 
-def _areas(world: World, why: Explanation, i: int) -> Iterator[Body]:
-    """Reach and area before, area after the smallest repair."""
+def _areas(world: World, explanation: Explanation, i: int) -> Iterator[SceneMesh]:
+    """Reach and area before, and the area after the smallest repair."""
     target = world.task[i]
-    yield layer("why/reach", reach_of(world, target).simplify(DETAIL), PALE, 0.5, 3)
-    yield layer("why/before", admissible_area(world, target).inner.simplify(DETAIL), STRONG, 0.4, 4)
-    if why.repairs:
-        mended = repaired(world, why.repairs[0], i)
+    area = admissible_area(world, target).inner
+    yield floor_layer("why/reach", reach_of(world, target).simplify(DETAIL), Color.PALE, 0.5, 3)
+    yield floor_layer("why/before", area.simplify(DETAIL), Color.STRONG, 0.4, 4)
+    if explanation.repairs:
+        mended = repaired(world, explanation.repairs[0], i)
         after = admissible_area(mended, mended.task[i]).inner
-        # What is left of a smallest repair is next to nothing: a rim makes it seen.
-        yield layer("why/after", after.buffer(0.01).simplify(DETAIL), STRONG, 0.85, 5)
+        # The area after a smallest repair is next to nothing: a rim makes it visible.
+        yield floor_layer("why/after", after.buffer(0.01).simplify(DETAIL), Color.STRONG, 0.85, 5)
 
 
-def _changes(world: World, why: Explanation, i: int) -> Iterator[Body]:
-    """The set-point, where it would move to, and obstacles where they would."""
-    spot = world.task[i].position
-    yield Body("why/target", triangle_meshes.balls(spot[None], 1.8 * BALL), CAUSE)
-    for k, repair in enumerate(why.repairs):
+def _changes(world: World, explanation: Explanation, i: int) -> Iterator[SceneMesh]:
+    """The set-point, and targets and obstacles where repairs move them, with arrows."""
+    position = world.task[i].position
+    yield SceneMesh("why/target", spheres(position[None], 1.8 * MARK_RADIUS), Color.CAUSE)
+    for k, repair in enumerate(explanation.repairs):
         if repair.kind == "move-target":
-            there = spot + np.array(repair.vector)
-            yield Body(f"why/move {k}", triangle_meshes.arrow(spot, there, _SHAFT), MENDED)
-            yield Body(f"why/moved {k}", triangle_meshes.balls(there[None], 1.5 * BALL), MENDED)
+            start, move = position, np.array(repair.vector)
+            moved = SceneMesh(
+                f"why/moved {k}", spheres((start + move)[None], 1.5 * MARK_RADIUS), Color.REPAIR
+            )
         elif repair.kind == "move-obstacle":
-            yield from _moved(world, repair, k)
+            before, after = (_obstacle(one, repair.name) for one in (world, repaired(world, repair)))
+            center = outline(before).centroid
+            start = np.array([center.x, center.y, before.z_range[1] + 3 * _SHAFT])  # above the obstacle
+            move = np.array([*repair.vector, 0.0])
+            moved = SceneMesh(f"why/moved {k}", obstacle_mesh(after), Color.REPAIR, 0.35)
+        else:
+            continue
+        yield SceneMesh(f"why/move {k}", arrow(start, start + move, _SHAFT), Color.REPAIR)
+        yield moved
 
 
-def _moved(world: World, repair: Repair, k: int) -> Iterator[Body]:
-    """An obstacle where a repair puts it, and the arrow over its top from here to there."""
-    before, after = (_named(one, repair.name) for one in (world, repaired(world, repair)))
-    center = triangle_meshes.outline(before).centroid
-    top = np.array([center.x, center.y, before.z_range[1] + 3 * _SHAFT])
-    yield Body(f"why/move {k}", triangle_meshes.arrow(top, top + [*repair.vector, 0.0], _SHAFT), MENDED)
-    yield Body(f"why/moved {k}", triangle_meshes.solid(after), MENDED, 0.35)
-
-
-def _named(world: World, name: str) -> Solid:
+def _obstacle(world: World, name: str) -> Solid:
     return next(solid for solid in world.obstacles if solid.name == name)

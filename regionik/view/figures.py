@@ -1,4 +1,4 @@
-"""A plan as one figure: joints, speeds, clearance, and the floor; reach fields. Imports matplotlib."""
+"""Figures of plans, stops and reach fields; the only file that imports matplotlib."""
 
 from __future__ import annotations
 
@@ -21,33 +21,18 @@ from matplotlib.ticker import MaxNLocator
 from shapely.geometry.base import BaseGeometry
 
 from regionik.field import Field
-from regionik.storage.files import write_whole
+from regionik.storage.files import write_atomic
 from regionik.values import Plan, Stop
-from regionik.view.floor_plan import FloorView, floor_of, floor_of_stops
-from regionik.view.picture import (
-    AHEAD,
-    ARM,
-    BASE_PATH,
-    CURRENT,
-    FLOOR,
-    LIFTED,
-    NAVIGABLE,
-    PALE,
-    PASSED,
-    REJECTION,
-    ROBOT,
-    SOLID,
-    STRONG,
-)
-from regionik.view.plan_curves import Curves, curves_of
-from regionik.view.world_picture import counted
+from regionik.view.floor_plan import FloorView, plan_floor, stops_floor
+from regionik.view.picture import Color, count_noun
+from regionik.view.plan_curves import PlanCurves, plan_curves
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError
 from regionik.worlds.scene import World
 
 SUFFIXES = (".svg", ".png")
 _DPI = 130
-BEYOND, LIGHT = 0.45, 0.13  # opacity of what lies beyond limits, and of spans with the tool lifted
+BEYOND, LIGHT = 0.45, 0.13  # opacity beyond limits, and of intervals with the tool lifted
 _LEFT, _RIGHT, _ROW = 4.2, 7.2, 1.9  # widths of a column of joints and of the floor, height of curves [in]
 _STYLE = {
     "axes.axisbelow": True,
@@ -77,8 +62,8 @@ _STYLE = {
 def plot(plan: Plan, path: str | os.PathLike[str]) -> None:
     """Draw a plan into a file: joints, speeds and clearance along the way, and the floor.
 
-    Curves of a plan without times run over the numbers of its states, and it has none of speeds. The same
-    plan gives the same bytes.
+    Curves of an untimed plan run over the numbers of its states, without speeds. The same plan gives the
+    same bytes.
 
     Parameters
     ----------
@@ -91,81 +76,81 @@ def plot(plan: Plan, path: str | os.PathLike[str]) -> None:
     InputError
         When the path ends otherwise, or the file cannot be written.
     """
-    _saved(lambda: _figure(plan), path)
+    _save(lambda: _figure(plan), path)
 
 
 def plot_stops(world: World, stops: Sequence[Stop], path: str | os.PathLike[str]) -> None:
-    """Draw the stops of a world on its floor into a file, as `plot` does; the path is one of its kinds."""
-    _saved(lambda: _stops_figure(world, stops), path)
+    """Draw the stops of a world on its floor into an ``.svg`` or ``.png`` file."""
+    _save(lambda: _stops_figure(world, stops), path)
 
 
-def _saved(figure: Callable[[], Figure], path: str | os.PathLike[str]) -> None:
+def _save(figure: Callable[[], Figure], path: str | os.PathLike[str]) -> None:
     suffix = FilePath(path).suffix.lower()
     if suffix not in SUFFIXES:
         raise InputError(f"{path}: expected a file name ending in {', '.join(SUFFIXES)}")
-    # The user's own settings would make other pictures of the same plan.
-    with matplotlib.style.context(["default", _STYLE]):
-        data = _drawn(figure(), suffix)
-    write_whole(path, data)
+    write_atomic(path, _render(figure, suffix))
 
 
-def picture_of_field(field: Field, suffix: str) -> bytes:
-    """Draw a reach field: an ``.svg`` or ``.png`` file's bytes, the same for the same field."""
-    half = field.cell / 2
-    edges = (field.x[0] - half, field.x[-1] + half, field.y[0] - half, field.y[-1] + half)
-    with matplotlib.style.context(["default", _STYLE]):
-        high = (_RIGHT - 1.2) * float(np.clip((edges[3] - edges[2]) / (edges[1] - edges[0]), 0.2, 2.0))
-        figure = Figure(figsize=(_RIGHT, high + 1.2))
-        ax = figure.add_subplot()
-        shown = ax.imshow(
-            field.values, origin="lower", extent=edges, cmap="viridis", vmin=0, vmax=max(1, field.most),
-            interpolation="nearest",
-        )  # fmt: skip
-        ax.grid(visible=False)
-        ax.set(title=f"{field.world}: {field.meaning}", xlabel="x [m]", ylabel="y [m]")
-        figure.colorbar(shown, ax=ax).ax.yaxis.set_major_locator(MaxNLocator(6, integer=True))
-        _settle(figure)
-        return _drawn(figure, suffix)
+def field_image(field: Field, suffix: str) -> bytes:
+    """Return the bytes of an ``.svg`` or ``.png`` file of a reach field, the same for the same field."""
+    return _render(lambda: _field_figure(field), suffix)
 
 
-def _drawn(figure: Figure, suffix: str) -> bytes:
+def _render(make: Callable[[], Figure], suffix: str) -> bytes:
     data = io.BytesIO()
     dated = {"Date": None} if suffix == ".svg" else {}
-    figure.savefig(data, format=suffix[1:], dpi=_DPI, metadata=dated)
+    with matplotlib.style.context(["default", _STYLE]):  # independent of the user's own settings
+        figure = make()
+        _fix_layout(figure)
+        figure.savefig(data, format=suffix[1:], dpi=_DPI, metadata=dated)
     return data.getvalue()
 
 
+def _field_figure(field: Field) -> Figure:
+    half = field.cell / 2
+    edges = (field.x[0] - half, field.x[-1] + half, field.y[0] - half, field.y[-1] + half)
+    high = (_RIGHT - 1.2) * float(np.clip((edges[3] - edges[2]) / (edges[1] - edges[0]), 0.2, 2.0))
+    figure = Figure(figsize=(_RIGHT, high + 1.2))
+    ax = figure.add_subplot()
+    shown = ax.imshow(
+        field.values, origin="lower", extent=edges, cmap="viridis", vmin=0, vmax=max(1, field.most),
+        interpolation="nearest",
+    )  # fmt: skip
+    ax.grid(visible=False)
+    ax.set(title=f"{field.world}: {field.meaning}", xlabel="x [m]", ylabel="y [m]")
+    figure.colorbar(shown, ax=ax).ax.yaxis.set_major_locator(MaxNLocator(6, integer=True))
+    return figure
+
+
 def _stops_figure(world: World, stops: Sequence[Stop]) -> Figure:
-    floor = floor_of_stops(world, stops)
+    floor = stops_floor(world, stops)
     high = (_RIGHT - 0.8) * float(np.clip(floor.height / floor.width, 0.3, 1.0)) + 1.2
     figure = Figure(figsize=(_RIGHT, high + 0.7))
-    facts = counted(len(world.task), "set-point"), counted(len(stops), "stop")
+    facts = count_noun(len(world.task), "set-point"), count_noun(len(stops), "stop")
     figure.suptitle(f"{world.name}: {', '.join(facts)}", fontsize=13, fontweight="bold")
     _floor(figure.add_subplot(), floor)
-    _settle(figure)
     return figure
 
 
 def _figure(plan: Plan) -> Figure:
-    curves, floor, dof = curves_of(plan), floor_of(plan), plan.world.robot.chain.dof
+    curves, floor, dof = plan_curves(plan), plan_floor(plan), plan.world.robot.chain.dof
     panels = 1 if curves.speeds is None else 2
     high = (_RIGHT - 0.8) * float(np.clip(floor.height / floor.width, 0.3, 1.0)) + 1.2
     figure = Figure(figsize=(_LEFT * panels + _RIGHT, max(1.3 * dof, high + _ROW * panels) + 0.7))
     figure.suptitle(_title(plan, curves), fontsize=13, fontweight="bold")
     sides = figure.add_gridspec(1, 2, width_ratios=[_LEFT * panels, _RIGHT])
     _joints(figure, sides[0], plan, curves)
-    _marks(figure, curves)
+    _key_to_marks(figure, curves)
     grid = sides[1].subgridspec(1 + panels, 1, height_ratios=[high, *[_ROW] * panels])
     _floor(figure.add_subplot(grid[0]), floor)
     if curves.speeds is not None:
         _speeds(figure.add_subplot(grid[1]), curves)
     _clearance(figure.add_subplot(grid[-1]), plan, curves)
-    _settle(figure)
     return figure
 
 
-def _settle(figure: Figure) -> None:
-    """Lay the panels out once and round their places: the solver's last digits differ from run to run."""
+def _fix_layout(figure: Figure) -> None:
+    """Lay the panels out once and round their positions: the solver's last digits vary between runs."""
     figure.draw_without_rendering()
     figure.set_layout_engine("none")
     for ax in figure.axes:
@@ -173,15 +158,17 @@ def _settle(figure: Figure) -> None:
         ax.set_position((x, y, width, height))
 
 
-def _title(plan: Plan, curves: Curves) -> str:
-    facts = [counted(len(plan.setpoints), "set-point"), counted(plan.lift_offs, "lift-off")]
+def _title(plan: Plan, curves: PlanCurves) -> str:
+    facts = [count_noun(len(plan.setpoints), "set-point"), count_noun(plan.lift_offs, "lift-off")]
     last = (
-        f"{curves.states[-1]:.1f} s" if curves.timed else f"{counted(len(plan.motion), 'state')}, not timed"
+        f"{curves.states[-1]:.1f} s"
+        if curves.timed
+        else f"{count_noun(len(plan.motion), 'state')}, not timed"
     )
     return f"{plan.world.name}: {', '.join([*facts, last])}"
 
 
-def _joints(figure: Figure, place: SubplotSpec, plan: Plan, curves: Curves) -> None:
+def _joints(figure: Figure, place: SubplotSpec, plan: Plan, curves: PlanCurves) -> None:
     """A row for each joint: its value and, of a timed plan, its velocity, each with its limits."""
     joints = plan.world.robot.chain.joints
     grid = place.subgridspec(len(joints), 1 if curves.speeds is None else 2)
@@ -194,64 +181,73 @@ def _joints(figure: Figure, place: SubplotSpec, plan: Plan, curves: Curves) -> N
         for column, (name, unit, values, lower, upper) in enumerate(columns):
             ax = figure.add_subplot(grid[k, column])
             _curve(ax, curves, values[:, k], (lower, upper))
-            _along(ax, curves, last=k + 1 == len(joints))
+            _shared_axis(ax, curves, last=k + 1 == len(joints))
             ax.set_title(name)
             ax.set_ylabel(f"[{unit}]")
 
 
-def _curve(ax: Axes, curves: Curves, values: Array, limits: tuple[float, float]) -> None:
-    """A joint's curve between its limits; what lies beyond them is shaded."""
+def _curve(ax: Axes, curves: PlanCurves, values: Array, limits: tuple[float, float]) -> None:
+    """A joint's curve; beyond its limits the panel is shaded."""
     ends = [limit for limit in limits if np.isfinite(limit)]
     low, high = min([*values, *ends]), max([*values, *ends])
     pad = 0.08 * (high - low) or 0.1
     ax.set_ylim(low - pad, high + pad)
     for limit, beyond in zip(limits, (low - pad, high + pad), strict=True):
         if np.isfinite(limit):
-            ax.axhspan(limit, beyond, facecolor=_hex(SOLID), alpha=BEYOND, linewidth=0)
-    ax.plot(curves.along, values, color=_hex(BASE_PATH), linewidth=0.6 + 0.6 * _fewer(1500, curves.states))
+            ax.axhspan(limit, beyond, facecolor=_hex(Color.SOLID), alpha=BEYOND, linewidth=0)
+    ax.plot(
+        curves.along,
+        values,
+        color=_hex(Color.BASE_PATH),
+        linewidth=0.6 + 0.6 * _crowding(1500, curves.states),
+    )
     ax.yaxis.set_major_locator(MaxNLocator(4))
 
 
-def _along(ax: Axes, curves: Curves, last: bool) -> None:
-    """What all curves share: the axis along the way, set-points as ticks, lifted spans shaded."""
+def _shared_axis(ax: Axes, curves: PlanCurves, last: bool) -> None:
+    """Draw what all curves share: the abscissa, set-points as ticks, lifted intervals shaded."""
     ax.set_xlim(curves.states[0], max(curves.states[-1], curves.states[0] + 1e-3))
     for start, end in curves.lifted.tolist():
-        ax.axvspan(start, end, facecolor=_hex(LIFTED), alpha=LIGHT, linewidth=0)
-    where, width = ax.get_xaxis_transform(), _fewer(100, curves.setpoints)
-    ax.vlines(curves.setpoints, 0.0, 0.06, transform=where, color=_hex(AHEAD), linewidth=width, zorder=3)
+        ax.axvspan(start, end, facecolor=_hex(Color.LIFTED), alpha=LIGHT, linewidth=0)
+    where, width = ax.get_xaxis_transform(), _crowding(100, curves.setpoints)
+    ax.vlines(
+        curves.setpoints, 0.0, 0.06, transform=where, color=_hex(Color.AHEAD), linewidth=width, zorder=3
+    )
     if last:
         ax.set_xlabel("time [s]" if curves.timed else "state, from 1 (the plan is not timed)")
     else:
         ax.tick_params(labelbottom=False)
 
 
-def _marks(figure: Figure, curves: Curves) -> None:
-    """What ticks and shades of the curves mean."""
-    ticks = Line2D([], [], color=_hex(AHEAD), marker="|", markersize=7, linestyle="", label="set-points")
-    beyond = Patch(facecolor=_hex(SOLID), alpha=BEYOND, label="beyond the limits")
-    lifted = Patch(facecolor=_hex(LIFTED), alpha=LIGHT, label="tool lifted")
+def _key_to_marks(figure: Figure, curves: PlanCurves) -> None:
+    """The legend of ticks and shades."""
+    ticks = Line2D(
+        [], [], color=_hex(Color.AHEAD), marker="|", markersize=7, linestyle="", label="set-points"
+    )
+    beyond = Patch(facecolor=_hex(Color.SOLID), alpha=BEYOND, label="beyond the limits")
+    lifted = Patch(facecolor=_hex(Color.LIFTED), alpha=LIGHT, label="tool lifted")
     figure.legend(
         handles=[ticks, beyond, *([lifted] if len(curves.lifted) else [])], loc="outside lower left", ncols=3
     )
 
 
-def _speeds(ax: Axes, curves: Curves) -> None:
+def _speeds(ax: Axes, curves: PlanCurves) -> None:
     assert curves.speeds is not None
-    ax.plot(curves.along, curves.speeds.tool, color=_hex(PASSED), linewidth=1.6, label="tool")
-    ax.plot(curves.along, curves.speeds.base, color=_hex(BASE_PATH), linewidth=0.8, label="base")
+    ax.plot(curves.along, curves.speeds.tool, color=_hex(Color.PASSED), linewidth=1.6, label="tool")
+    ax.plot(curves.along, curves.speeds.base, color=_hex(Color.BASE_PATH), linewidth=0.8, label="base")
     ax.set_title("speed")
     ax.set_ylabel("[m/s]")
     ax.set_ylim(bottom=0.0)
-    _along(ax, curves, last=False)
-    _key(ax)
+    _shared_axis(ax, curves, last=False)
+    _legend(ax)
 
 
-def _clearance(ax: Axes, plan: Plan, curves: Curves) -> None:
+def _clearance(ax: Axes, plan: Plan, curves: PlanCurves) -> None:
     rules, found = plan.world.rules, curves.clearances
     lines = (
-        ("base to solids", found.base, BASE_PATH, "-", rules.clearance),
-        ("arm to solids", found.arm, AHEAD, "-", rules.arm_clearance),
-        ("arm to itself", found.own, ARM, ":", 0.0),
+        ("base to solids", found.base, Color.BASE_PATH, "-", rules.clearance),
+        ("arm to solids", found.arm, Color.AHEAD, "-", rules.arm_clearance),
+        ("arm to itself", found.own, Color.ARM, ":", 0.0),
     )
     for label, values, color, style, least in lines:
         if np.isfinite(values).any():
@@ -261,12 +257,12 @@ def _clearance(ax: Axes, plan: Plan, curves: Curves) -> None:
     ax.set_title("clearance")
     ax.set_ylabel("[m]")
     ax.set_ylim(bottom=min(0.0, *(float(values.min()) for _, values, *_ in lines)))
-    _along(ax, curves, last=True)
-    _key(ax)
+    _shared_axis(ax, curves, last=True)
+    _legend(ax)
 
 
-def _key(ax: Axes) -> None:
-    """The names of the curves, above them and beside the title."""
+def _legend(ax: Axes) -> None:
+    """The legend of the curves, above them and beside the title."""
     handles, labels = ax.get_legend_handles_labels()
     if handles:
         ax.legend(handles, labels, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=5, borderaxespad=0.0)
@@ -275,13 +271,13 @@ def _key(ax: Axes) -> None:
 def _floor(ax: Axes, floor: FloorView) -> None:
     """The floor from above, drawn from below upwards."""
     layers = (
-        ("free floor", floor.free, NAVIGABLE, 0.3, None),
-        ("rejected: too close to a solid", floor.rejected, REJECTION, 0.3, "////"),
-        ("admissible, but a dead end", floor.pale, PALE, 0.9, None),
-        ("areas for the whole path", floor.strong, STRONG, 0.75, None),
-        ("obstacles", floor.solids, SOLID, 1.0, None),
+        ("free floor", floor.free, Color.NAVIGABLE, 0.3, None),
+        ("rejected: too close to a solid", floor.rejected, Color.REJECTION, 0.3, "////"),
+        ("admissible, but a dead end", floor.pale, Color.PALE, 0.9, None),
+        ("areas for the whole path", floor.strong, Color.STRONG, 0.75, None),
+        ("obstacles", floor.solids, Color.SOLID, 1.0, None),
     )
-    _area(ax, floor.all, facecolor=_hex(FLOOR))
+    _area(ax, floor.all, facecolor=_hex(Color.FLOOR))
     key: list[Patch | Line2D] = []
     for label, area, color, opacity, hatch in layers:
         if not area.is_empty:
@@ -289,20 +285,22 @@ def _floor(ax: Axes, floor: FloorView) -> None:
             paint |= {"edgecolor": _hex(color)} if hatch else {}
             _area(ax, area, **paint)
             key.append(Patch(linewidth=0, label=label, **paint))
-    key += ax.plot(*floor.tool_path.T, color=_hex(PASSED), linewidth=1.0, label="path of the tool")
+    key += ax.plot(*floor.tool_path.T, color=_hex(Color.PASSED), linewidth=1.0, label="path of the tool")
     line, width, label = ("-", 1.6, "path of the base") if floor.driven else (":", 1.0, "order of the stops")
-    key += ax.plot(*floor.base_path.T, line, color=_hex(BASE_PATH), linewidth=width, label=label)
-    size = max(2.0, 4.0 * _fewer(60, floor.setpoints))
-    key += ax.plot(*floor.setpoints.T, "o", color=_hex(AHEAD), markersize=size, mew=0, label="set-points")
+    key += ax.plot(*floor.base_path.T, line, color=_hex(Color.BASE_PATH), linewidth=width, label=label)
+    size = max(2.0, 4.0 * _crowding(60, floor.setpoints))
+    key += ax.plot(
+        *floor.setpoints.T, "o", color=_hex(Color.AHEAD), markersize=size, mew=0, label="set-points"
+    )
     if not floor.circles.is_empty:
-        paint = {"facecolor": _hex(CURRENT), "alpha": 0.8}
+        paint = {"facecolor": _hex(Color.CURRENT), "alpha": 0.8}
         _area(ax, floor.circles, zorder=5, **paint)
         key.append(Patch(linewidth=0, label="circles to park in", **paint))
-    for outline, nose in zip(floor.footprints, floor.noses, strict=True):
+    for outline, stroke in zip(floor.footprints, floor.headings, strict=True):
         _area(ax, outline, facecolor="white", alpha=0.5, zorder=4)
-        ax.plot(*shapely.get_coordinates(outline).T, color=_hex(ROBOT), linewidth=0.9, zorder=4)
-        ax.plot(*nose.T, color=_hex(ROBOT), linewidth=2.4, solid_capstyle="butt", zorder=4)
-    key.append(Line2D([], [], color=_hex(ROBOT), linewidth=0.9, label="the base at some set-points"))
+        ax.plot(*shapely.get_coordinates(outline).T, color=_hex(Color.ROBOT), linewidth=0.9, zorder=4)
+        ax.plot(*stroke.T, color=_hex(Color.ROBOT), linewidth=2.4, solid_capstyle="butt", zorder=4)
+    key.append(Line2D([], [], color=_hex(Color.ROBOT), linewidth=0.9, label="the base at some set-points"))
     (x_low, y_low), (x_high, y_high) = floor.low, floor.high
     ax.set(xlim=(x_low, x_high), ylim=(y_low, y_high), aspect="equal", xlabel="x [m]", ylabel="y [m]")
     ax.grid(visible=False)
@@ -313,12 +311,12 @@ def _area(ax: Axes, area: BaseGeometry, **paint: Any) -> None:
     rings = [ring for part in shapely.get_parts(area) for ring in (part.exterior, *part.interiors)]
     if rings:
         outline = Path.make_compound_path(*(Path(shapely.get_coordinates(r), closed=True) for r in rings))
-        # As an artist, not as a patch: that would walk along all the outline to find limits that are given.
+        # As an artist, not as a patch, which would scan the whole outline for limits that are given.
         ax.add_artist(PathPatch(outline, linewidth=0, **paint))
 
 
-def _fewer(most: int, marks: Array) -> float:
-    """What to scale marks with where there are more than so many of them."""
+def _crowding(most: int, marks: Array) -> float:
+    """Scale of marks and lines where there are more than ``most`` of them."""
     return max(0.1, min(1.0, most / max(len(marks), 1)))
 
 

@@ -1,12 +1,16 @@
-"""The page around an offline picture: viewer, drawing commands, legend."""
+"""Pictures as offline HTML pages: viewer, drawing commands, legend."""
 
 from __future__ import annotations
 
 import base64
-from collections.abc import Iterable
+import os
 from html import escape
 
+from regionik.storage.files import write_atomic
+from regionik.values import Plan
 from regionik.view.picture import Picture
+from regionik.view.viewer import packed_commands, picture_of, viewer_script
+from regionik.worlds.scene import World
 
 _PAGE = """<!DOCTYPE html>
 <html lang="en">
@@ -45,25 +49,30 @@ for (const command of [
 """
 
 
-def page(picture: Picture, commands: Iterable[bytes], viewer: str) -> str:
-    """One HTML text that needs no other file and no network.
+def to_html(what: Plan | World | Picture, path: str | os.PathLike[str]) -> None:
+    """Write one HTML file that shows a plan, animated, or a world, with no server and no network.
 
-    Parameters
-    ----------
-    picture : Picture
-        For the words; the drawing is in ``commands``.
-    commands : iterable of bytes
-        Packed commands of the viewer, in order.
-    viewer : str
-        The viewer's script.
+    The same plan gives the same bytes.
+
+    Raises
+    ------
+    InputError
+        When the file cannot be written.
     """
+    write_atomic(path, html_page(what))
+
+
+def html_page(what: Plan | World | Picture) -> str:
+    """Return the text of that file."""
+    picture = picture_of(what)
+    legend = (
+        f'<li><i style="background:#{color:06x}"></i>{escape(text)}</li>' for color, text in picture.legend
+    )
+    commands = (base64.b64encode(command).decode("ascii") for command in packed_commands(picture))
     return _PAGE.format(
         title=escape(picture.title),
         facts=escape(" · ".join(picture.facts)),
-        legend="\n".join(
-            f'<li><i style="background:#{color:06x}"></i>{escape(words)}</li>'
-            for color, words in picture.legend
-        ),
-        viewer=viewer,
-        commands=",\n".join(f'"{base64.b64encode(command).decode("ascii")}"' for command in commands),
+        legend="\n".join(legend),
+        viewer=viewer_script(),
+        commands=",\n".join(f'"{command}"' for command in commands),
     )

@@ -1,8 +1,8 @@
-"""What if: the areas of a world that changes a little, only what the change touches made anew.
+"""Areas of a world that changes a little: only what a change affects is computed again.
 
-An area hangs on its set-point, the robot, the rules, the floor, and the solids that its reach meets. As long
-as the first stay, a solid that comes, goes or moves touches only the set-points whose reach meets its grown
-shadow, where it was or where it is.
+The area of a set-point depends on the set-point, the robot, the rules, the floor, and the obstacles within
+its reach. While the others stay, an obstacle that is added, removed or moved affects only the set-points
+whose reach meets its grown shadow, before or after.
 """
 
 from __future__ import annotations
@@ -28,139 +28,135 @@ Index = NDArray[np.intp]
 
 
 @dataclass(frozen=True, eq=False)
-class Look:
+class LiveAreas:
     """Areas and verdict of a world, before anything is planned in full.
 
     Attributes
     ----------
     world : World
     areas : PathAreas
-        Of every set-point, over the arm's front and back, whatever the base's heading.
+        Of every set-point, over the arm's front and back, at any heading of the base.
     pruned : Pruned or None
         What whole traversals use; None where there is none.
-    why : Explanation or None
+    explanation : Explanation or None
         Why there is none.
-    touched : tuple of int
-        Set-points whose areas were made anew.
+    recomputed : tuple of int
+        Set-points whose areas were computed anew.
     """
 
     world: World
     areas: PathAreas
     pruned: Pruned | None
-    why: Explanation | None
-    touched: tuple[int, ...]
+    explanation: Explanation | None
+    recomputed: tuple[int, ...]
 
 
-def look(world: World, before: Look | None = None) -> Look:
-    """Areas of a world with a task and whether they let the whole path be done.
+def live_areas(world: World, before: LiveAreas | None = None) -> LiveAreas:
+    """Return the areas of a world with a task, and whether they admit the whole path.
 
     Parameters
     ----------
     world : World
-    before : Look, optional
-        Of the world as it was; what is still so is taken from there.
+    before : LiveAreas, optional
+        Of an earlier version of the world; what has not changed is taken from there.
 
     Examples
     --------
     >>> from regionik.worlds.documents.world_file import load_world
-    >>> first = look(load_world("pillar"))
-    >>> first.why is None, len(first.touched), len(look(load_world("pillar"), first).touched)
+    >>> first = live_areas(load_world("pillar"))
+    >>> again = live_areas(load_world("pillar"), first)
+    >>> first.explanation is None, len(first.recomputed), len(again.recomputed)
     (True, 15, 0)
     """
     if before is not None:
-        world = _settled(world, before.world)
+        world = _with_unchanged_parts(world, before.world)
     standing = anywhere(world)
-    kept = {} if before is None else _still_so(before, world)
-    touched = tuple(i for i in range(len(world.task)) if i not in kept)
-    fresh = path_areas(world, [world.task[i] for i in touched], standing=standing)
-    areas = _joined(fresh, touched, before.areas if before else fresh, kept)
-    pruned, why = _cut(world, areas)
-    return Look(world, areas, pruned, why, touched)
+    kept = {} if before is None else _kept_targets(before, world)
+    recomputed = tuple(i for i in range(len(world.task)) if i not in kept)
+    fresh = path_areas(world, [world.task[i] for i in recomputed], standing=standing)
+    areas = _combined(fresh, recomputed, before.areas if before else fresh, kept)
+    pruned, explanation = _prune(world, areas)
+    return LiveAreas(world, areas, pruned, explanation, recomputed)
 
 
-def _cut(world: World, areas: PathAreas) -> tuple[Pruned | None, Explanation | None]:
+def _prune(world: World, areas: PathAreas) -> tuple[Pruned | None, Explanation | None]:
     """The plainest way to stand and to face that needs no lift-off, as plans choose it; or the fewest."""
     found: list[Pruned] = []
-    why = None
+    explanation = None
     for standing, facings in ways_to_stand(world):
         try:
             if standing is anywhere:
-                found.append(cut_path(world, standing(world), _facing(areas, facings)))
+                rows = np.flatnonzero([family.facing in facings for family in areas.family])
+                found.append(cut_path(world, standing(world), _select(areas, rows)))
             else:
                 found.append(prune_path(world, standing(world), facings)[1])
         except NoPlanFound as failure:
-            why = failure.explanation
+            explanation = failure.explanation
         else:
             if not found[-1].breaks:
                 break
-    return (min(found, key=lambda one: len(one.breaks)), None) if found else (None, why)
+    return (min(found, key=lambda one: len(one.breaks)), None) if found else (None, explanation)
 
 
-def _facing(areas: PathAreas, facings: Sequence[int]) -> PathAreas:
-    """The areas of some facings alone."""
-    return _rows(areas, np.flatnonzero([one.facing in facings for one in areas.family]))
-
-
-def _settled(world: World, was: World) -> World:
-    """The world with its parts that are as they were, the very same: what is kept of them is found again."""
-    solids = _named(was)
+def _with_unchanged_parts(world: World, before: World) -> World:
+    """The world with parts equal to those before replaced by them: caches know them by identity."""
+    solids: dict[str, list[Solid]] = {}
+    for solid in before.obstacles:
+        solids.setdefault(solid.name, []).append(solid)
     obstacles = tuple(
-        next((twin for twin in solids.get(one.name, []) if alike(one, twin)), one) for one in world.obstacles
+        next((twin for twin in solids.get(one.name, []) if is_equal(one, twin)), one)
+        for one in world.obstacles
     )
-    floor = was.floor if alike(world.floor, was.floor) else world.floor
-    robot = was.robot if alike(world.robot, was.robot) else world.robot
+    floor = before.floor if is_equal(world.floor, before.floor) else world.floor
+    robot = before.robot if is_equal(world.robot, before.robot) else world.robot
     return replace(world, obstacles=obstacles, floor=floor, robot=robot)
 
 
-def _named(world: World) -> dict[str, list[Solid]]:
-    found: dict[str, list[Solid]] = {}
-    for solid in world.obstacles:
-        found.setdefault(solid.name, []).append(solid)
-    return found
-
-
-def _still_so(before: Look, world: World) -> dict[int, int]:
-    """Set-points whose area is as it was, and which set-point of the world before they were."""
-    was = before.world
-    same = alike((was.robot, was.floor, was.rules), (world.robot, world.floor, world.rules))
-    if not same or (world.rules.heading == "fixed" and not alike(was.start, world.start)):
+def _kept_targets(before: LiveAreas, world: World) -> dict[int, int]:
+    """Set-points whose area has not changed, each with its index before."""
+    old = before.world
+    same = is_equal((old.robot, old.floor, old.rules), (world.robot, world.floor, world.rules))
+    if not same or (world.rules.heading == "fixed" and not is_equal(old.start, world.start)):
         return {}
-    changed = _changed(was, world)
-    met = np.zeros(len(was.task), dtype=bool)
+    changed = _changed_shadows(old, world)
+    affected = np.zeros(len(old.task), dtype=bool)
     if len(changed):
         rows, _ = shapely.STRtree(changed).query(before.areas.reach, predicate="intersects")
-        met[before.areas.target[rows]] = True
-    left = [i for i in range(len(was.task)) if not met[i]]
+        affected[before.areas.target[rows]] = True
+    others = np.flatnonzero(~affected).tolist()
     kept: dict[int, int] = {}
-    for i, target in enumerate(world.task):  # most stay where they are in the task
-        options = [i] if i < len(was.task) and not met[i] else []
-        for j in (*options, *left):
-            if alike(was.task[j], target):
+    for i, target in enumerate(world.task):
+        first = [i] if i < len(old.task) and not affected[i] else []  # most keep their index
+        for j in (*first, *others):
+            if is_equal(old.task[j], target):
                 kept[i] = j
                 break
     return kept
 
 
-def _changed(was: World, world: World) -> Geometries:
-    """Grown shadows of the solids that are not in both worlds."""
-    found = []
-    for one, other in ((was, world), (world, was)):
-        there = {id(solid) for solid in other.obstacles}
-        by = ground_of(one).clearance + ground_of(one).far + GUARD
-        gone = [solid for solid in one.obstacles if id(solid) not in there]
-        shadows = [shadow_of(solid, one.robot.body_height) for solid in gone]
-        found += [grow(shadow, by, inner=True) for shadow in shadows if shadow is not None]
-    shapes: Geometries = np.array(found, dtype=object)
+def _changed_shadows(before: World, after: World) -> Geometries:
+    """Grown shadows of the obstacles that are not in both worlds."""
+    shadows = []
+    for one, other in ((before, after), (after, before)):
+        shared = {id(solid) for solid in other.obstacles}
+        distance = ground_of(one).clearance + ground_of(one).far + GUARD
+        for solid in one.obstacles:
+            shadow = None if id(solid) in shared else shadow_of(solid, one.robot.body_height)
+            if shadow is not None:
+                shadows.append(grow(shadow, distance, inner=True))
+    shapes: Geometries = np.array(shadows, dtype=object)
     return shapes
 
 
-def _joined(fresh: PathAreas, touched: Sequence[int], before: PathAreas, kept: dict[int, int]) -> PathAreas:
-    """Rows of the areas made anew and of those that are as they were, by set-point."""
-    new = np.array(touched, dtype=np.intp)[fresh.target]
+def _combined(
+    fresh: PathAreas, recomputed: Sequence[int], before: PathAreas, kept: dict[int, int]
+) -> PathAreas:
+    """Rows of the areas computed anew and of those kept, by set-point."""
+    new = np.array(recomputed, dtype=np.intp)[fresh.target]
     old = [(i, row) for i, j in kept.items() for row in np.flatnonzero(before.target == j).tolist()]
-    moved = np.array(old, dtype=np.intp).reshape(-1, 2)
-    parts = _rows(before, moved[:, 1])
-    target = np.concatenate([new, moved[:, 0]])
+    pairs = np.array(old, dtype=np.intp).reshape(-1, 2)
+    parts = _select(before, pairs[:, 1])
+    target = np.concatenate([new, pairs[:, 0]])
     order = np.argsort(target, kind="stable")
     families = (*fresh.family, *parts.family)
     return PathAreas(
@@ -172,13 +168,13 @@ def _joined(fresh: PathAreas, touched: Sequence[int], before: PathAreas, kept: d
     )
 
 
-def _rows(areas: PathAreas, rows: Index) -> PathAreas:
+def _select(areas: PathAreas, rows: Index) -> PathAreas:
     family = tuple(areas.family[k] for k in rows.tolist())
     return PathAreas(areas.target[rows], family, areas.side[rows], areas.reach[rows], areas.inner[rows])
 
 
-def alike(a: Any, b: Any) -> bool:
-    """Whether two values are equal, dataclasses by their fields and arrays by their numbers."""
+def is_equal(a: Any, b: Any) -> bool:
+    """Compare two values, dataclasses by their fields and arrays by their numbers."""
     if a is b:
         return True
     if type(a) is not type(b):
@@ -186,7 +182,7 @@ def alike(a: Any, b: Any) -> bool:
     if isinstance(a, np.ndarray):
         return a.shape == b.shape and bool((a == b).all())
     if isinstance(a, tuple):
-        return len(a) == len(b) and all(map(alike, a, b))
+        return len(a) == len(b) and all(map(is_equal, a, b))
     if is_dataclass(a):
-        return all(alike(getattr(a, field.name), getattr(b, field.name)) for field in fields(a))
+        return all(is_equal(getattr(a, field.name), getattr(b, field.name)) for field in fields(a))
     return bool(a == b)

@@ -1,4 +1,4 @@
-"""Triangle meshes to look at: floor areas, solids, links, lines thick enough to see."""
+"""Triangle meshes for display: floor areas, obstacles, links, thick lines."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Solid, Sphere
 from regionik.worlds.robot import LinkBox, LinkCapsule, LinkSolid
 
-_AROUND = 24  # facets of what is round
+_FACETS = 24  # facets round a circle
 TUBE_SIDES = 5
 # Two triangles a side, counter-clockwise seen from outside; corners as `LinkBox.corners` has them.
 _BOX_SIDES = [
@@ -24,44 +24,44 @@ _BOX_SIDES = [
 ]
 
 
-class Triangles(NamedTuple):
+class TriangleMesh(NamedTuple):
     """Vertices (n, 3) [m] and faces (m, 3); corners that share a vertex are shaded smoothly."""
 
     vertices: Array
     faces: NDArray[np.uint32]
 
 
-def merged(parts: list[Triangles]) -> Triangles:
-    """Several meshes as one, in order."""
+def merge(parts: list[TriangleMesh]) -> TriangleMesh:
+    """Concatenate meshes."""
     if not parts:
-        return Triangles(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.uint32))
+        return TriangleMesh(np.zeros((0, 3)), np.zeros((0, 3), dtype=np.uint32))
     first = np.cumsum([0, *(len(part.vertices) for part in parts)])
     faces = [part.faces + np.uint32(k) for part, k in zip(parts, first, strict=False)]
-    return Triangles(np.vstack([part.vertices for part in parts]), np.vstack(faces).astype(np.uint32))
+    return TriangleMesh(np.vstack([part.vertices for part in parts]), np.vstack(faces).astype(np.uint32))
 
 
-def moved(part: Triangles, T: Array) -> Triangles:
-    """A mesh moved by a transform (4, 4)."""
-    return Triangles(part.vertices @ T[:3, :3].T + T[:3, 3], part.faces)
+def transform(part: TriangleMesh, T: Array) -> TriangleMesh:
+    """Return a mesh moved by a transform (4, 4)."""
+    return TriangleMesh(part.vertices @ T[:3, :3].T + T[:3, 3], part.faces)
 
 
-def unshared(part: Triangles) -> Triangles:
-    """The same faces, in order, without common vertices."""
-    return _soup(part.vertices[part.faces])
+def split_vertices(part: TriangleMesh) -> TriangleMesh:
+    """Return the same faces, in order, with no vertex shared."""
+    return _from_corners(part.vertices[part.faces])
 
 
-def flat(area: BaseGeometry, z: float = 0.0) -> Triangles:
-    """A floor area as triangles at height z."""
+def triangulate(area: BaseGeometry, z: float = 0.0) -> TriangleMesh:
+    """Cut a floor area into triangles at height z [m]."""
     pieces = [p for p in shapely.get_parts(area) if isinstance(p, Polygon) and p.area > 0]
     cut = [shapely.get_parts(shapely.constrained_delaunay_triangles(p)) for p in pieces]
     corners = (
         shapely.get_coordinates(np.concatenate(cut)).reshape(-1, 4, 2)[:, :3] if cut else np.zeros((0, 3, 2))
     )
-    return _soup(np.dstack([corners, np.full(corners.shape[:2], z)]))
+    return _from_corners(np.dstack([corners, np.full(corners.shape[:2], z)]))
 
 
-def extruded(area: BaseGeometry, bottom: float, top: float) -> Triangles:
-    """A floor area raised from one height to another: walls and lid (nobody sees it from below)."""
+def extrude(area: BaseGeometry, bottom: float, top: float) -> TriangleMesh:
+    """Extrude a floor area from one height to another: walls and top, for nobody sees it from below."""
     walls = []
     for polygon in shapely.get_parts(area):
         for ring in (polygon.exterior, *polygon.interiors):
@@ -70,34 +70,31 @@ def extruded(area: BaseGeometry, bottom: float, top: float) -> Triangles:
             low, high = np.full((len(a), 1), bottom), np.full((len(a), 1), top)
             a0, b0, a1, b1 = (np.hstack(p) for p in ((a, low), (b, low), (a, high), (b, high)))
             walls += [np.stack([a0, b0, b1], axis=1), np.stack([a0, b1, a1], axis=1)]
-    return merged([_soup(np.vstack(walls)), flat(area, top)])
+    return merge([_from_corners(np.vstack(walls)), triangulate(area, top)])
 
 
-def capsule(start: Array, end: Array, radius: float) -> Triangles:
-    """All points within ``radius`` of a segment; a ball where the ends meet."""
+def capsule(start: Array, end: Array, radius: float) -> TriangleMesh:
+    """All points within ``radius`` of a segment; a sphere where its ends coincide."""
     along = np.asarray(end) - np.asarray(start)
     length = float(np.linalg.norm(along))
-    bow = np.linspace(0.0, np.pi / 2, 6)
-    r = radius * np.concatenate([np.sin(bow), np.cos(bow)])
-    z = np.concatenate([-radius * np.cos(bow), length + radius * np.sin(bow)])
-    turn = np.eye(3) if length == 0 else np.column_stack([*_across(along[None] / length), along / length])
+    arc = np.linspace(0.0, np.pi / 2, 6)
+    r = radius * np.concatenate([np.sin(arc), np.cos(arc)])
+    z = np.concatenate([-radius * np.cos(arc), length + radius * np.sin(arc)])
+    turn = (
+        np.eye(3) if length == 0 else np.column_stack([*_perpendicular(along[None] / length), along / length])
+    )
     T = np.eye(4)
     T[:3, :3], T[:3, 3] = turn, start
-    return moved(_revolved(r, z), T)
+    return transform(_revolve(r, z), T)
 
 
-def disc(radius: float, bottom: float, top: float) -> Triangles:
-    """An upright cylinder about the z axis."""
-    return extruded(shapely.Point(0, 0).buffer(radius, _AROUND // 4), bottom, top)
-
-
-def tubes(points: Array, radius: float) -> Triangles:
+def tubes(points: Array, radius: float) -> TriangleMesh:
     """A polyline (n, 3) as n - 1 thin prisms, ``2 * TUBE_SIDES`` faces each, in order."""
     a, b = points[:-1], points[1:]
     along = b - a
     length = np.linalg.norm(along, axis=1, keepdims=True)
     along = np.where(length > 0, along / np.where(length > 0, length, 1.0), [1.0, 0.0, 0.0])
-    u, v = _across(along)
+    u, v = _perpendicular(along)
     angle = 2 * np.pi * np.arange(TUBE_SIDES) / TUBE_SIDES
     ring = radius * (np.cos(angle)[:, None, None] * u + np.sin(angle)[:, None, None] * v)
     overlap = 0.5 * radius * along  # neighbours overlap, so that bends show no gap
@@ -111,73 +108,73 @@ def tubes(points: Array, radius: float) -> Triangles:
         ]
     )
     faces = one[None] + 2 * TUBE_SIDES * np.arange(len(a))[:, None, None]
-    return Triangles(vertices, faces.reshape(-1, 3).astype(np.uint32))
+    return TriangleMesh(vertices, faces.reshape(-1, 3).astype(np.uint32))
 
 
-def arrow(start: Array, end: Array, radius: float) -> Triangles:
+def arrow(start: Array, end: Array, radius: float) -> TriangleMesh:
     """An arrow between two points (3,) [m]; one shorter than its head is all head."""
     along = end - start
     length = float(np.linalg.norm(along))
     if length == 0.0:
-        return merged([])
+        return merge([])
     head = min(length, 6 * radius)
     T = np.eye(4)
     T[:3, 2] = along / length
-    T[:3, 0], T[:3, 1] = _across(T[None, :3, 2])
+    T[:3, 0], T[:3, 1] = _perpendicular(T[None, :3, 2])
     T[:3, 3] = end - head * T[:3, 2]
-    cone = _revolved(radius * np.array([0.0, 2.5, 0.0]), np.array([0.0, 0.0, head]))
+    cone = _revolve(radius * np.array([0.0, 2.5, 0.0]), np.array([0.0, 0.0, head]))
     shaft = [tubes(np.stack([start, T[:3, 3]]), radius)] if length > head else []
-    return merged([*shaft, moved(cone, T)])
+    return merge([*shaft, transform(cone, T)])
 
 
-def balls(centers: Array, radius: float) -> Triangles:
-    """Small balls at points (n, 3), each with the same number of faces; coarser where there are many."""
+def spheres(centers: Array, radius: float) -> TriangleMesh:
+    """Small spheres at points (n, 3), of equally many faces each, fewer where there are many points."""
     steps, around = (7, 12) if len(centers) <= 300 else (3, 4)
-    bow = np.linspace(0.0, np.pi, steps)
-    one = _revolved(radius * np.sin(bow), -radius * np.cos(bow), around)
+    arc = np.linspace(0.0, np.pi, steps)
+    one = _revolve(radius * np.sin(arc), -radius * np.cos(arc), around)
     vertices = (np.asarray(centers)[:, None, :] + one.vertices).reshape(-1, 3)
     faces = one.faces + len(one.vertices) * np.arange(len(centers))[:, None, None]
-    return Triangles(vertices, faces.reshape(-1, 3).astype(np.uint32))
+    return TriangleMesh(vertices, faces.reshape(-1, 3).astype(np.uint32))
 
 
-def solid(body: Solid) -> Triangles:
+def obstacle_mesh(body: Solid) -> TriangleMesh:
     """The surface of an obstacle."""
     match body:
         case Box() | Cylinder():
-            return extruded(outline(body), *body.z_range)
+            return extrude(outline(body), *body.z_range)
         case Sphere():
             return capsule(body.center, body.center, body.radius)
         case Prism():
-            return extruded(body.polygon, body.bottom, body.top)
+            return extrude(body.polygon, body.bottom, body.top)
         case Mesh():
-            return unshared(Triangles(body.vertices, body.faces.astype(np.uint32)))
+            return split_vertices(TriangleMesh(body.vertices, body.faces.astype(np.uint32)))
 
 
-def link_solid(body: LinkSolid) -> Triangles:
-    """The surface of an arm link's solid, in the link's frame."""
+def link_mesh(body: LinkSolid) -> TriangleMesh:
+    """The surface of a link's solid, in the link's frame."""
     match body:
         case LinkCapsule():
             return capsule(body.start, body.end, body.radius)
         case LinkBox():
-            return _soup(body.corners[_BOX_SIDES])
+            return _from_corners(body.corners[_BOX_SIDES])
 
 
 def outline(body: Solid) -> BaseGeometry:
-    """The whole floor shadow of a solid, discs as polygons."""
+    """The shadow of a whole obstacle on the floor, circles as polygons."""
     shadow = body.shadow(np.inf)
     if shadow is None:
         return Polygon()
-    return shadow.core.buffer(shadow.radius, _AROUND // 4) if shadow.radius else shadow.core
+    return shadow.core.buffer(shadow.radius, _FACETS // 4) if shadow.radius else shadow.core
 
 
-def _soup(corners: Array) -> Triangles:
-    """Triangles (m, 3, 3) that share no vertex, so that edges stay sharp."""
+def _from_corners(corners: Array) -> TriangleMesh:
+    """A mesh of triangles (m, 3, 3) that share no vertex, so that edges look sharp."""
     faces = np.arange(3 * len(corners), dtype=np.uint32).reshape(-1, 3)
-    return Triangles(corners.reshape(-1, 3), faces)
+    return TriangleMesh(corners.reshape(-1, 3), faces)
 
 
-def _across(along: Array) -> tuple[Array, Array]:
-    """Two unit vectors (n, 3) that make a right-handed frame with unit vectors (n, 3)."""
+def _perpendicular(along: Array) -> tuple[Array, Array]:
+    """Two unit vectors (n, 3) that complete unit vectors (n, 3) to right-handed frames."""
     pick = np.where(np.abs(along[:, 2:]) < 0.9, [0.0, 0.0, 1.0], [1.0, 0.0, 0.0])
     u = np.cross(pick, along)
     u /= np.linalg.norm(u, axis=1, keepdims=True)
@@ -185,8 +182,8 @@ def _across(along: Array) -> tuple[Array, Array]:
     return (u, v) if len(along) != 1 else (u[0], v[0])
 
 
-def _revolved(r: Array, z: Array, around: int = _AROUND) -> Triangles:
-    """The surface that a profile (n,) sweeps about the z axis."""
+def _revolve(r: Array, z: Array, around: int = _FACETS) -> TriangleMesh:
+    """The surface of revolution of a profile (n,) about the z axis."""
     angle = 2 * np.pi * np.arange(around) / around
     vertices = np.stack(
         [np.outer(r, np.cos(angle)), np.outer(r, np.sin(angle)), np.repeat(z[:, None], around, axis=1)],
@@ -197,4 +194,4 @@ def _revolved(r: Array, z: Array, around: int = _AROUND) -> Triangles:
     faces = np.concatenate(
         [np.stack([a, b, b + around], axis=-1), np.stack([a, b + around, a + around], axis=-1)]
     )
-    return Triangles(vertices.reshape(-1, 3), faces.reshape(-1, 3).astype(np.uint32))
+    return TriangleMesh(vertices.reshape(-1, 3), faces.reshape(-1, 3).astype(np.uint32))

@@ -1,30 +1,29 @@
-"""Pictures of worlds and plans in MeshCat, live in the browser or as one offline file.
-
-MeshCat takes a second to import, so that only drawing imports it.
-"""
+"""Pictures in MeshCat, served live to a browser; the only file that imports it, which takes a second."""
 
 from __future__ import annotations
 
+import atexit
+import io
 import os
+import subprocess
+import sys
+import textwrap
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 import numpy as np
+from PIL import Image, ImageDraw, ImageFont
 
-from regionik.storage.files import write_whole
 from regionik.values import Plan
 from regionik.view import triangle_meshes
-from regionik.view.animation import Track
-from regionik.view.camera import VIEW_ANGLE
-from regionik.view.child_process import end, started
-from regionik.view.html_page import page
-from regionik.view.labels import lettered
-from regionik.view.picture import Body, Camera, Picture
+from regionik.view.camera import VIEW_ANGLE, camera_axes
+from regionik.view.picture import Camera, KeyframeTrack, Picture, SceneMesh
 from regionik.view.plan_picture import picture_of_plan
 from regionik.view.world_picture import picture_of_world
 from regionik.worlds.arrays import Array
@@ -33,7 +32,7 @@ from regionik.worlds.errors import EngineError
 from regionik.worlds.scene import World
 
 _ROOT = "/meshcat"
-BOARD = 1.6  # width of the words, of half the height of what is seen
+_BOARD_WIDTH = 1.6  # of the message board, in half heights of the view
 _FOREVER = 1_000_000  # repetitions of the animation
 _STEPS = 2300  # three.js: a value jumps at its key
 # Property, type of its values, whether it jumps. Values of type string are handed on as they are, which is
@@ -44,7 +43,20 @@ _THREE = {
     "color": (".material.color", "color", True),
     "faces": (".geometry[drawRange]", "string", True),
 }
+_FONT_SIZE, _LINE_HEIGHT, _PADDING = 30, 40, 14  # [pixels]
+_LINE, _MOST_LINES = 74, 5  # letters in a line, lines
+_INK, _PAPER = (31, 41, 55), (250, 249, 245)
 _DEFAULT_VIEW_ANGLE = np.radians(75.0)  # of MeshCat's camera
+# The server exits with this process: its stdin closes, however the parent ends.
+_EXIT_WITH_PARENT = """
+import os, runpy, sys, threading
+def exit_with_parent():
+    sys.stdin.read()
+    os._exit(0)
+threading.Thread(target=exit_with_parent, daemon=True).start()
+module = sys.argv.pop()
+runpy.run_module(module, run_name="__main__", alter_sys=True)
+"""
 
 
 def show(what: Plan | World | Picture, open_browser: bool = True) -> Any:
@@ -63,117 +75,150 @@ def show(what: Plan | World | Picture, open_browser: bool = True) -> Any:
     meshcat.Visualizer
         For more drawing; its ``url()`` is the address.
     """
-    visualizer = blank()
-    for command in _commands(_picture(what)):
+    visualizer = start_server()
+    for command in scene_commands(picture_of(what)):
         visualizer.window.send(command)
     if open_browser:
         visualizer.open()
     return visualizer
 
 
-def blank() -> Any:
-    """A helper process that serves an empty scene; the address is printed."""
-    process = started("meshcat.servers.zmqserver")
-    told: dict[str, str] = {}
-    assert process.stdout is not None
-    for line in process.stdout:
-        key, _, told[key] = line.strip().partition("=")
-        if "web_url" in told:
-            break
-    else:
-        end(process)
-        raise EngineError("the server of MeshCat did not start")
-    print(f"You can open the visualizer by visiting the following URL:\n{told['web_url']}")
-    visualizer = _meshcat("meshcat.visualizer")
-    window = visualizer.ViewerWindow.__new__(visualizer.ViewerWindow)  # its own would start its own server
-    window.server_proc, window.zmq_url, window.web_url = process, told["zmq_url"], told["web_url"]
-    window.connect_zmq()
-    return visualizer.Visualizer(window=window)
-
-
-def stage(visualizer: Any, picture: Picture) -> None:
-    """Set light and camera of a picture; nothing throws a shadow, for a board of words would."""
-    for command in (*_stage(picture), _property("/Lights/Sun/<object>", "castShadow", False)):
-        visualizer.window.send(command)
-
-
-def draw(visualizer: Any, bodies: Sequence[Body], poses: Mapping[str, Array]) -> None:
-    """Draw bodies, in the place of those of the same path, and put nodes where they belong."""
-    for path, T in poses.items():
-        visualizer.window.send(_transform(f"{_ROOT}/{path}", T))
-    for body in bodies:
-        for command in _body(body, body.path):
-            visualizer.window.send(command)
-
-
-def write(visualizer: Any, text: str, camera: Camera) -> None:
-    """Write words on a board near the eye, in the place of those written before."""
-    geometry = _meshcat("meshcat.geometry")
-    png, aspect = lettered(text)
-    away = camera.eye - camera.center
-    back = away / np.linalg.norm(away)
-    right = np.cross([0.0, 0.0, 1.0], back)
-    right /= np.linalg.norm(right)
-    up = np.cross(back, right)
-    width = 0.5 * float(np.linalg.norm(away)) * np.tan(VIEW_ANGLE / 2) * BOARD
-    middle = camera.center + 0.5 * away + (0.94 * width / BOARD - width / aspect / 2) * up
-    T = np.eye(4)
-    T[:3, 0], T[:3, 1], T[:3, 2], T[:3, 3] = right, up, back, middle
-    board = geometry.Box([width, width / aspect, 1e-4])
-    paint = geometry.MeshBasicMaterial(map=geometry.ImageTexture(image=geometry.PngImage(png)))
-    drawn = geometry.Mesh(board, paint).lower()
-    visualizer.window.send(_Command("set_object", f"{_ROOT}/words", {"object": drawn}))
-    visualizer.window.send(_transform(f"{_ROOT}/words", T))
-
-
-def erase(visualizer: Any, path: str) -> None:
-    """Take a body away."""
-    visualizer.window.send(_Command("delete", f"{_ROOT}/{path}"))
-
-
-def stop(visualizer: Any) -> None:
-    """End the helper process of `show` and wait until it is gone."""
-    visualizer.window.zmq_socket.close(linger=0)  # a call on a dead server would wait for ever
-    end(visualizer.window.server_proc)
-
-
-def to_html(what: Plan | World | Picture, path: str | os.PathLike[str]) -> None:
-    """Write one HTML file that shows a plan, animated, or a world, with no server and no network.
-
-    The same plan gives the same bytes.
-
-    Raises
-    ------
-    InputError
-        When the file cannot be written.
-    """
-    write_whole(path, page_of(what))
-
-
-def page_of(what: Plan | World | Picture) -> str:
-    """The text of that file."""
-    picture = _picture(what)
-    pack = import_module("umsgpack").packb
-    commands = [pack(command.lower()) for command in _commands(picture)]
-    return page(picture, commands, _viewer_script())
-
-
-def _picture(what: Plan | World | Picture) -> Picture:
+def picture_of(what: Plan | World | Picture) -> Picture:
+    """The picture of a plan or a world; a picture as it is."""
     if isinstance(what, Picture):
         return what
     return picture_of_plan(what) if isinstance(what, Plan) else picture_of_world(what)
 
 
+def start_server() -> Any:
+    """Start a helper process that serves an empty scene, print its address, and return its visualizer."""
+    process = _start_process("meshcat.servers.zmqserver")
+    urls: dict[str, str] = {}
+    assert process.stdout is not None
+    for line in process.stdout:
+        key, _, urls[key] = line.strip().partition("=")
+        if "web_url" in urls:
+            break
+    else:
+        _end_process(process)
+        raise EngineError("the server of MeshCat did not start")
+    print(f"You can open the visualizer by visiting the following URL:\n{urls['web_url']}")
+    visualizer = _meshcat("meshcat.visualizer")
+    window = visualizer.ViewerWindow.__new__(visualizer.ViewerWindow)  # its own would start its own server
+    window.server_proc, window.zmq_url, window.web_url = process, urls["zmq_url"], urls["web_url"]
+    window.connect_zmq()
+    return visualizer.Visualizer(window=window)
+
+
+def stop(visualizer: Any) -> None:
+    """End the helper process of `show` and wait until it is gone."""
+    visualizer.window.zmq_socket.close(linger=0)  # a call on a dead server would wait for ever
+    _end_process(visualizer.window.server_proc)
+
+
+def _start_process(module: str) -> subprocess.Popen[str]:
+    """Start a module of a package as a process, whose output is read from ``stdout``."""
+    package = find_spec(module.partition(".")[0])
+    path = [] if package is None or package.origin is None else [str(Path(package.origin).parents[1])]
+    # A session of its own keeps Ctrl-C from it; nobody reads what it writes on stderr.
+    process = subprocess.Popen(
+        [sys.executable, "-u", "-P", "-W", "ignore", "-c", _EXIT_WITH_PARENT, module],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(path)},
+        start_new_session=True,
+        text=True,
+    )
+    atexit.register(_end_process, process)
+    return process
+
+
+def _end_process(process: subprocess.Popen[str]) -> None:
+    process.kill()
+    process.wait()
+    for stream in (process.stdin, process.stdout):
+        if stream is not None:
+            stream.close()
+
+
+def set_scene(visualizer: Any, picture: Picture) -> None:
+    """Set lights and camera of a picture; nothing casts a shadow, for the message board would."""
+    for command in (*_lights_and_camera(picture), _property("/Lights/Sun/<object>", "castShadow", False)):
+        visualizer.window.send(command)
+
+
+def draw_meshes(visualizer: Any, meshes: Sequence[SceneMesh], poses: Mapping[str, Array]) -> None:
+    """Draw meshes, in place of those of the same paths, and set the poses of nodes."""
+    for path, T in poses.items():
+        visualizer.window.send(_transform(f"{_ROOT}/{path}", T))
+    for mesh in meshes:
+        for command in _mesh_commands(mesh, mesh.path):
+            visualizer.window.send(command)
+
+
+def draw_message(visualizer: Any, text: str, camera: Camera) -> None:
+    """Draw a text on a board near the eye, in place of the one before."""
+    geometry = _meshcat("meshcat.geometry")
+    png, aspect = text_image(text)
+    offset = camera.eye - camera.center
+    distance = float(np.linalg.norm(offset))
+    right, up, back = camera_axes(offset / distance)
+    width = 0.5 * distance * np.tan(VIEW_ANGLE / 2) * _BOARD_WIDTH
+    middle = camera.center + 0.5 * offset + (0.94 * width / _BOARD_WIDTH - width / aspect / 2) * up
+    T = np.eye(4)
+    T[:3, 0], T[:3, 1], T[:3, 2], T[:3, 3] = right, up, back, middle
+    board = geometry.Box([width, width / aspect, 1e-4])
+    paint = geometry.MeshBasicMaterial(map=geometry.ImageTexture(image=geometry.PngImage(png)))
+    drawn = geometry.Mesh(board, paint).lower()
+    visualizer.window.send(_Command("set_object", f"{_ROOT}/message", {"object": drawn}))
+    visualizer.window.send(_transform(f"{_ROOT}/message", T))
+
+
+def text_image(text: str) -> tuple[bytes, float]:
+    """A PNG of a text, broken into lines, and its width over its height.
+
+    Examples
+    --------
+    >>> png, aspect = text_image("All is well.")
+    >>> png[1:4], aspect > 10
+    (b'PNG', True)
+    """
+    lines = textwrap.wrap(text, _LINE, max_lines=_MOST_LINES, placeholder=" ...") or [""]
+    font = ImageFont.load_default(_FONT_SIZE)
+    width = 2 * _PADDING + int(max(font.getlength("n" * _LINE) * 0.95, *map(font.getlength, lines)))
+    height = 2 * _PADDING + _LINE_HEIGHT * len(lines)
+    image = Image.new("RGB", (width, height), _PAPER)
+    pen = ImageDraw.Draw(image)
+    for k, line in enumerate(lines):
+        pen.text((_PADDING, _PADDING + k * _LINE_HEIGHT), line, font=font, fill=_INK)
+    data = io.BytesIO()
+    image.save(data, "PNG")
+    return data.getvalue(), width / height
+
+
+def delete_node(visualizer: Any, path: str) -> None:
+    """Remove a node from the scene."""
+    visualizer.window.send(_Command("delete", f"{_ROOT}/{path}"))
+
+
+def packed_commands(picture: Picture) -> list[bytes]:
+    """The commands that draw a picture, as MeshCat's viewer reads them."""
+    pack = import_module("umsgpack").packb
+    return [pack(command.lower()) for command in scene_commands(picture)]
+
+
+def viewer_script() -> str:
+    """MeshCat's viewer, in JavaScript."""
+    server = _meshcat("meshcat.servers.zmqserver")
+    return Path(server.VIEWER_ROOT, "main.min.js").read_text(encoding="utf-8")
+
+
 def _meshcat(module: str) -> ModuleType:
-    """Import a module of MeshCat, which itself imports what is deprecated: nothing a user could mend."""
+    """Import a module of MeshCat without its deprecation warnings, which users cannot act on."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)
         return import_module(module)
-
-
-def _viewer_script() -> str:
-    server = _meshcat("meshcat.servers.zmqserver")
-    return Path(server.VIEWER_ROOT, "main.min.js").read_text(encoding="utf-8")
 
 
 @dataclass(frozen=True)
@@ -181,7 +226,7 @@ class _Command:
     """A message to the viewer, in the form that a MeshCat window sends.
 
     MeshCat's own commands cannot set ``renderOrder`` or ``castShadow`` (they lower the case of keys), nor
-    say that a value jumps.
+    make a value jump.
     """
 
     type: str
@@ -192,24 +237,24 @@ class _Command:
         return {"type": self.type, "path": self.path, **self.content}
 
 
-def _commands(picture: Picture) -> Iterator[_Command]:
-    """All that must be sent, in order; the animation last, for it binds to what is there."""
-    yield from _stage(picture)
+def scene_commands(picture: Picture) -> Iterator[_Command]:
+    """Yield all commands in order; the animation last, for it binds to nodes that exist."""
+    yield from _lights_and_camera(picture)
     for path, T in picture.poses.items():
         yield _transform(f"{_ROOT}/{path}", T)
     for k, body in enumerate(b for b in picture.bodies if len(b.mesh.faces)):
-        yield from _body(body, k)
+        yield from _mesh_commands(body, k)
     if picture.tracks:
         yield _animation(picture.tracks)
 
 
-def _stage(picture: Picture) -> Iterator[_Command]:
-    """Light with shadows, and the camera."""
+def _lights_and_camera(picture: Picture) -> Iterator[_Command]:
+    """Light that casts shadows, and the camera."""
     for hidden in ("Background", "Grid", "Axes", "Lights/PointLightNegativeX", "Lights/PointLightPositiveX"):
         yield _property(f"/{hidden}", "visible", False)
     yield _property("/Lights/AmbientLight/<object>", "intensity", 0.62)
     yield _Command("set_object", "/Lights/Sun", {"object": _sun(picture.extent)})
-    # The camera circles about the origin, so that the scene moves there instead.
+    # The camera orbits the origin, so the scene is moved there.
     yield _transform(_ROOT, translation(*-picture.camera.center))
     offset = picture.camera.eye - picture.camera.center
     camera = "/Cameras/default/rotated/<object>"
@@ -219,8 +264,8 @@ def _stage(picture: Picture) -> Iterator[_Command]:
 
 
 def _sun(extent: float) -> dict[str, Any]:
-    """A light from far away whose shadows reach over the whole floor."""
-    away = 3.0 * extent * np.array([-0.35, -0.45, 1.0])
+    """A distant light whose shadows cover the whole floor."""
+    position = 3.0 * extent * np.array([-0.35, -0.45, 1.0])
     box = {
         "left": -extent,
         "right": extent,
@@ -236,15 +281,15 @@ def _sun(extent: float) -> dict[str, Any]:
         "metadata": {"version": 4.5, "type": "Object"},
         "geometries": [],
         "materials": [],
-        "object": {**light, "matrix": translation(*away).T.flatten().tolist(), "shadow": shadow},
+        "object": {**light, "matrix": translation(*position).T.flatten().tolist(), "shadow": shadow},
     }
 
 
-def _body(body: Body, k: int | str) -> Iterator[_Command]:
+def _mesh_commands(body: SceneMesh, k: int | str) -> Iterator[_Command]:
     geometry_module = _meshcat("meshcat.geometry")
     mesh, colors = body.mesh, None
     if body.colors is not None:  # one a face: no vertex may be shared
-        mesh, colors = triangle_meshes.unshared(mesh), np.repeat(body.colors, 3, axis=0)
+        mesh, colors = triangle_meshes.split_vertices(mesh), np.repeat(body.colors, 3, axis=0)
     geometry = geometry_module.TriangularMeshGeometry(*mesh, colors)
     kind = geometry_module.MeshLambertMaterial if body.lit else geometry_module.MeshBasicMaterial
     flat = body.layer is not None
@@ -256,10 +301,10 @@ def _body(body: Body, k: int | str) -> Iterator[_Command]:
         depthWrite=body.opacity == 1.0 and not flat,
     )
     drawing = geometry_module.Mesh(geometry, material)
-    # MeshCat names things at random; numbers make the same picture the same bytes.
+    # MeshCat draws random names; numbers give the same picture the same bytes.
     geometry.uuid, material.uuid, drawing.uuid = f"geometry-{k}", f"material-{k}", f"mesh-{k}"
     drawn = drawing.lower()
-    # What can be seen through comes after all that lies on the floor.
+    # Translucent meshes are drawn after all that lies on the floor.
     drawn["object"]["renderOrder"] = 100 if body.layer is None else body.layer
     path = f"{_ROOT}/{body.path}"
     yield _Command("set_object", path, {"object": drawn})
@@ -267,8 +312,8 @@ def _body(body: Body, k: int | str) -> Iterator[_Command]:
         yield _property(f"{path}/<object>", "castShadow", False)
 
 
-def _animation(tracks: tuple[Track, ...]) -> _Command:
-    by_path: dict[str, list[Track]] = {}
+def _animation(tracks: tuple[KeyframeTrack, ...]) -> _Command:
+    by_path: dict[str, list[KeyframeTrack]] = {}
     for track in tracks:
         by_path.setdefault(track.path, []).append(track)
     animations = []
@@ -276,14 +321,14 @@ def _animation(tracks: tuple[Track, ...]) -> _Command:
         # Transforms belong to the node, everything else to the mesh that hangs in it.
         own = group[0].kind in ("position", "turn")
         target = f"{_ROOT}/{path}" if own else f"{_ROOT}/{path}/<object>"
-        clip = {"fps": 1, "name": "default", "tracks": [_lowered(track) for track in group]}
+        clip = {"fps": 1, "name": "default", "tracks": [_track_document(track) for track in group]}
         animations.append({"path": target, "clip": clip})
-    # A live server sends nodes in the order of their making: this one was made last.
+    # A live server sends nodes in the order of their creation: this one is the last.
     options = {"play": True, "repetitions": _FOREVER}
     return _Command("set_animation", "/animation", {"animations": animations, "options": options})
 
 
-def _lowered(track: Track) -> dict[str, Any]:
+def _track_document(track: KeyframeTrack) -> dict[str, Any]:
     values = track.values.tolist()
     if track.kind == "faces":
         values = [{"start": 3 * start, "count": 3 * count} for start, count in values]

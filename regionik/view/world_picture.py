@@ -1,94 +1,83 @@
-"""The picture of a world: floor, solids, rejection, tool path, and the robot where it starts."""
+"""The picture of a world: floor, obstacles, rejection, tool path, and the robot where it starts."""
 
 from __future__ import annotations
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from regionik.view import triangle_meshes
 from regionik.view.camera import camera_for
-from regionik.view.picture import (
-    AHEAD,
-    ARM,
-    FLOOR,
-    HEADING,
-    NAVIGABLE,
-    PASSED,
-    PATH,
-    REJECTION,
-    ROBOT,
-    SOLID,
-    Body,
-    Camera,
-    Picture,
-)
+from regionik.view.picture import Camera, Color, Picture, SceneMesh, count_noun
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import planar_pose
+from regionik.worlds.obstacles import Solid
 from regionik.worlds.robot import LinkBox, Robot
 from regionik.worlds.scene import Floor, World
 
-BALL = 0.014  # set-points [m]
+MARK_RADIUS = 0.014  # of set-points [m]
 TOOL = "tool/tip"
-_TALL = 0.6  # [m]
+_TALL = 0.6  # obstacles above this height are drawn translucent [m]
 # Floor areas are drawn to this [m], before one is cut from another, so that no gap shows between them.
 DETAIL = 0.002
 
 
 def picture_of_world(world: World) -> Picture:
-    """What there is before anything is planned."""
-    base, joints = first_posture(world)
-    bodies, poses = robot_bodies(world.robot, base, joints)
+    """The picture of a world before anything is planned."""
+    base, joints = start_state(world)
+    robot, poses = robot_meshes(world.robot, base, joints)
     camera = camera_for(world, base[None, :2])
     return Picture(
         title=world.name,
-        facts=tuple(line for line in (world.about, counted(len(world.task), "set-point")) if line),
+        facts=tuple(line for line in (world.about, count_noun(len(world.task), "set-point")) if line),
         legend=(
-            (NAVIGABLE, "free floor"),
-            (REJECTION, "rejected: too close to a solid"),
-            (SOLID, "obstacles"),
-            (AHEAD, "set-points"),
+            (Color.NAVIGABLE, "free floor"),
+            (Color.REJECTION, "rejected: too close to a solid"),
+            (Color.SOLID, "obstacles"),
+            (Color.AHEAD, "set-points"),
         ),
-        bodies=(*world_bodies(world), *bodies),
+        bodies=(*world_meshes(world), *robot),
         poses=poses,
         camera=camera,
-        extent=extent(world, camera),
+        extent=floor_radius(world, camera),
     )
 
 
-def world_bodies(world: World, covered: BaseGeometry | None = None) -> list[Body]:
-    """Floor, solids and tool path; the free floor is left out where other areas cover it."""
+def world_meshes(world: World, covered: BaseGeometry | None = None) -> list[SceneMesh]:
+    """Floor, obstacles and tool path; the free floor is left out where ``covered`` by other areas."""
     covered = Polygon() if covered is None else covered
-    rejection = rejection_shown(world).simplify(DETAIL)
+    rejected = rejected_area(world).simplify(DETAIL)
     floor = world.floor.polygon
     return [
-        Body("floor/all", triangle_meshes.flat(floor), FLOOR, 1.0, 0),
-        layer("floor/free", floor - rejection - covered, NAVIGABLE, 0.55, 1),
-        layer("floor/rejected", (rejection & floor) - covered, REJECTION, 0.6, 2),
-        *_solids(world),
-        *_task(world),
+        SceneMesh("floor/all", triangle_meshes.triangulate(floor), Color.FLOOR, 1.0, 0),
+        floor_layer("floor/free", floor - rejected - covered, Color.NAVIGABLE, 0.55, 1),
+        floor_layer("floor/rejected", (rejected & floor) - covered, Color.REJECTION, 0.6, 2),
+        *(obstacle_mesh(f"obstacles/{k}", solid) for k, solid in enumerate(world.obstacles)),
+        *map_meshes(world.floor),
+        *task_meshes(world),
     ]
 
 
-def layer(path: str, area: BaseGeometry, color: int, opacity: float, order: int) -> Body:
-    """A floor area as a flat body."""
-    return Body(path, triangle_meshes.flat(area), color, opacity, order, lit=False)
+def floor_layer(path: str, area: BaseGeometry, color: int, opacity: float, order: int) -> SceneMesh:
+    """A floor area as a flat mesh."""
+    return SceneMesh(path, triangle_meshes.triangulate(area), color, opacity, order, lit=False)
 
 
-def rejection_shown(world: World) -> BaseGeometry:
-    """Where the base is too close to a solid, whatever its heading: shadows grown by clearance and base.
+def rejected_area(world: World) -> BaseGeometry:
+    """The area where the base is too close to a solid at any heading: shadows grown by clearance and base.
 
-    For the eye only. The planner's own areas are exact for every heading.
+    For display only; the areas of the planner are exact for every heading.
     """
     robot = world.robot
-    grow = world.rules.clearance + float(np.hypot(*robot.footprint.T).max())
+    distance = world.rules.clearance + float(np.hypot(*robot.footprint.T).max())
     shadows = [solid.shadow(robot.body_height) for solid in world.solids]
-    grown = [s.core.buffer(s.radius + grow, 24) for s in shadows if s is not None]
+    grown = [s.core.buffer(s.radius + distance, 24) for s in shadows if s is not None]
     return shapely.union_all(grown) if grown else Polygon()
 
 
-def first_posture(world: World) -> tuple[Array, Array]:
+def start_state(world: World) -> tuple[Array, Array]:
     """Base (3,) and joints (dof,) at the start, or near the first set-point where no start is given."""
     if world.start is not None:
         return world.start.base, world.start.joints
@@ -96,50 +85,45 @@ def first_posture(world: World) -> tuple[Array, Array]:
     return np.array([*spot, 0.0]), world.robot.carry
 
 
-def robot_bodies(robot: Robot, base: Array, joints: Array) -> tuple[list[Body], dict[str, Array]]:
-    """Bodies of a robot and the poses of their nodes, each joint a node inside the one before."""
-    bodies = [*_base(robot)]
+def robot_meshes(robot: Robot, base: Array, joints: Array) -> tuple[list[SceneMesh], dict[str, Array]]:
+    """Meshes of a robot and the poses of their nodes, each joint a node inside the one before."""
+    bodies = [*_base_meshes(robot)]
     poses = {"robot": planar_pose(*base), "robot/arm": robot.T_base_arm}
     for k, joint in enumerate(robot.chain.joints):
-        moving = joint_path(k)
-        poses[moving.rsplit("/", 1)[0]] = joint.T_parent_joint
-        poses[moving] = joint.transform(joints[k])
-        links = [triangle_meshes.link_solid(solid) for solid in robot.solids if solid.link == k]
+        node = joint_node(k)
+        poses[node.rsplit("/", 1)[0]] = joint.T_parent_joint
+        poses[node] = joint.transform(joints[k])
+        links = [triangle_meshes.link_mesh(solid) for solid in robot.solids if solid.link == k]
         if links:
-            bodies.append(Body(f"{moving}/link", triangle_meshes.merged(links), ARM))
-    last = joint_path(robot.chain.dof - 1)
+            bodies.append(SceneMesh(f"{node}/link", triangle_meshes.merge(links), Color.ARM))
+    last = joint_node(robot.chain.dof - 1)
     poses[f"{last}/tool"] = robot.chain.T_last_tool
-    tip = triangle_meshes.capsule(np.zeros(3), np.zeros(3), tip_radius(robot))
-    bodies.append(Body(f"{last}/{TOOL}", tip, PASSED))
+    tip = triangle_meshes.capsule(np.zeros(3), np.zeros(3), tool_radius(robot))
+    bodies.append(SceneMesh(f"{last}/{TOOL}", tip, Color.PASSED))
     return bodies, poses
 
 
-def joint_path(k: int) -> str:
-    """Node that joint k turns."""
+def joint_node(k: int) -> str:
+    """The node that joint k moves."""
     return "robot/arm" + "".join(f"/at_{i}/joint_{i}" for i in range(k + 1))
 
 
-def tip_radius(robot: Robot) -> float:
-    """The tool's ball shows outside the last link that has a solid [m]."""
+def tool_radius(robot: Robot) -> float:
+    """Radius of the sphere that marks the tool, so that it shows outside the last link with a solid [m]."""
     last = max((solid.link for solid in robot.solids), default=0)
     solids = [solid for solid in robot.solids if solid.link == last]
     half = [float(s.size.min()) / 2 if isinstance(s, LinkBox) else s.radius for s in solids]
-    return 1.25 * max([BALL, *half])
+    return 1.25 * max([MARK_RADIUS, *half])
 
 
-def extent(world: World, camera: Camera) -> float:
-    """Radius about the middle of the picture that holds the floor [m]."""
+def floor_radius(world: World, camera: Camera) -> float:
+    """Radius about the centre of the picture that holds the floor [m]."""
     corners = shapely.get_coordinates(world.floor.polygon) - camera.center[:2]
     return float(np.hypot(*corners.T).max())
 
 
-def counted(count: int, noun: str) -> str:
-    """A number and its noun."""
-    return f"{count} {noun}" + ("" if count == 1 else "s")
-
-
-def _base(robot: Robot) -> list[Body]:
-    """Footprint raised to the body's height, or a disc for a point, its front marked; what stands on it."""
+def _base_meshes(robot: Robot) -> list[SceneMesh]:
+    """Footprint extruded to the body's height, or a disc for a point, its front marked; solids on it."""
     if len(robot.footprint) == 1:
         outline, top = shapely.Point(robot.footprint[0]).buffer(0.06), 0.02
     else:
@@ -150,40 +134,43 @@ def _base(robot: Robot) -> list[Body]:
     mark = Polygon(
         [(front, middle), (front - 1.5 * size, middle + size), (front - 1.5 * size, middle - size)]
     )
-    mast = [triangle_meshes.link_solid(solid) for solid in robot.base_solids]
+    mast = [triangle_meshes.link_mesh(solid) for solid in robot.base_solids]
     return [
-        Body("robot/base", triangle_meshes.extruded(outline, 0.005, top), ROBOT),
-        Body("robot/front", triangle_meshes.extruded(mark, top, top + 0.004), HEADING),
-        *([Body("robot/mast", triangle_meshes.merged(mast), ROBOT)] if mast else []),
+        SceneMesh("robot/base", triangle_meshes.extrude(outline, 0.005, top), Color.ROBOT),
+        SceneMesh("robot/front", triangle_meshes.extrude(mark, top, top + 0.004), Color.HEADING),
+        *([SceneMesh("robot/mast", triangle_meshes.merge(mast), Color.ROBOT)] if mast else []),
     ]
 
 
-def _solids(world: World) -> list[Body]:
-    """Every obstacle as a body; all cells of one height as one, for maps have thousands."""
-    bodies = [
-        grey(f"obstacles/{k}", triangle_meshes.solid(s), s.z_range[1]) for k, s in enumerate(world.obstacles)
-    ]
-    return [*bodies, *map_bodies(world.floor)]
+def obstacle_mesh(path: str, solid: Solid) -> SceneMesh:
+    """An obstacle; a tall one is translucent, so that the robot behind it shows."""
+    return _grey(path, triangle_meshes.obstacle_mesh(solid), solid.z_range[1])
 
 
-def map_bodies(floor: Floor) -> list[Body]:
-    """Occupied and unknown cells, those of one height as one body."""
-    bodies = []
+def map_meshes(floor: Floor) -> list[SceneMesh]:
+    """Occupied and unknown cells, all of one height as one mesh, for maps have thousands."""
+    meshes = []
     for k, (bottom, top) in enumerate(sorted({cell.z_range for cell in floor.cells})):
         area = shapely.union_all([c.polygon for c in floor.cells if c.z_range == (bottom, top)])
-        bodies.append(grey(f"map/{k}", triangle_meshes.extruded(area, bottom, top), top))
-    return bodies
+        meshes.append(_grey(f"map/{k}", triangle_meshes.extrude(area, bottom, top), top))
+    return meshes
 
 
-def grey(path: str, mesh: triangle_meshes.Triangles, top: float) -> Body:
-    """A solid's body; a tall one lets the robot behind it be seen."""
-    return Body(path, mesh, SOLID, 1.0 if top <= _TALL else 0.5)
+def _grey(path: str, mesh: triangle_meshes.TriangleMesh, top: float) -> SceneMesh:
+    return SceneMesh(path, mesh, Color.SOLID, 1.0 if top <= _TALL else 0.5)
 
 
-def _task(world: World) -> list[Body]:
-    if not world.task:
-        return []
-    points = np.array([target.position for target in world.task])
-    line = Body("task/path", triangle_meshes.tubes(points, 0.004), PATH, lit=False)
-    marks = Body("task/ahead", triangle_meshes.balls(points, BALL), AHEAD)
-    return [line, marks] if len(points) > 1 else [marks]
+def task_meshes(world: World, missing: NDArray[np.bool_] | None = None) -> list[SceneMesh]:
+    """The tool path and its set-points; those that are ``missing`` (n,) an area are marked."""
+    points = np.array([target.position for target in world.task]).reshape(-1, 3)
+    missing = np.zeros(len(points), dtype=bool) if missing is None else missing
+    tubes = [triangle_meshes.tubes(points, 0.004)] if len(points) > 1 else []
+    marks = (("task/ahead", ~missing, Color.AHEAD, 1.0), ("task/missing", missing, Color.MISSING, 1.6))
+    return [
+        *(SceneMesh("task/path", mesh, Color.PATH, lit=False) for mesh in tubes),
+        *(
+            SceneMesh(path, triangle_meshes.spheres(points[rows], size * MARK_RADIUS), color)
+            for path, rows, color, size in marks
+            if rows.any()
+        ),
+    ]
