@@ -90,8 +90,8 @@ FAULTS = (
     Fault(
         "verify: clearance of the arm halved",
         "regionik/proofs/arm.py",
-        "np.flatnonzero((gap < self.limit - TOUCH) & ~exempt)",
-        "np.flatnonzero((gap < self.limit / 2 - TOUCH) & ~exempt)",
+        "np.flatnonzero((gap < self.limit - TOUCH) & ~fits)",
+        "np.flatnonzero((gap < self.limit / 2 - TOUCH) & ~fits)",
         ("tests/test_single_states.py",),
     ),
     Fault(

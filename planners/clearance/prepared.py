@@ -66,6 +66,8 @@ class Bodies:
         One for each row of ``hulls``, in its frame; triangles name their mesh.
     clearance : float
         What links keep from obstacles beyond what they keep from each other and the base [m].
+    depth : float
+        How deep the tool may sink into what it touches [m].
     """
 
     robot: Robot
@@ -76,6 +78,7 @@ class Bodies:
     hulls: Hulls
     pieces: tuple[Piece, ...]
     clearance: float
+    depth: float
 
     @cached_property
     def meshed(self) -> bool:
@@ -93,7 +96,9 @@ class _Row(NamedTuple):
     skips: int = 0  # rows of triangles that follow
 
 
-def bodies_from(robot: Robot, solids: Sequence[Solid], clearance: float = 0.0) -> Bodies:
+def bodies_from(
+    robot: Robot, solids: Sequence[Solid], clearance: float = 0.0, depth: float = 0.0
+) -> Bodies:
     """Prepare a robot and obstacles for distance queries.
 
     Parameters
@@ -102,6 +107,8 @@ def bodies_from(robot: Robot, solids: Sequence[Solid], clearance: float = 0.0) -
     solids : sequence of Solid
     clearance : float
         Every margin asked for later is kept beyond this from obstacles [m].
+    depth : float
+        How deep the tool may sink into what it touches [m].
 
     Returns
     -------
@@ -131,10 +138,11 @@ def bodies_from(robot: Robot, solids: Sequence[Solid], clearance: float = 0.0) -
         tuple(solids),
         serial_arm(robot.chain),
         np.array(robot.T_base_arm),
-        _movers(robot.all_solids, meets),
+        _movers(robot.all_solids, meets, depth),
         _hulls(rows, world, clearance),
         tuple(row.piece for row in rows),
         clearance,
+        depth,
     )
 
 
@@ -146,17 +154,29 @@ def _rows(piece: Piece, frame: int, owner: int) -> list[_Row]:
     return [_Row(piece.corners, piece, frame, owner, len(parts)), *parts]
 
 
-def _movers(solids: Sequence[LinkSolid], meets: NDArray[np.bool_]) -> Movers:
+def _movers(solids: Sequence[LinkSolid], meets: NDArray[np.bool_], depth: float) -> Movers:
     links = np.array([solid.link for solid in solids], dtype=np.int64)
-    corners = [solid.corners for solid in solids]
+    corners, cores = [solid.corners for solid in solids], [core_of(solid, depth) for solid in solids]
     return Movers(
         np.concatenate([np.zeros((0, 3)), *corners]),
         np.cumsum([0, *(len(c) for c in corners)]),
         np.array([solid.radius for solid in solids], dtype=np.float64),
         links,
+        np.concatenate([np.zeros((0, 3)), *(core for core, _ in cores)]),
+        np.array([radius for _, radius in cores], dtype=np.float64),
         links == links.max(initial=-1),
         meets,
     )
+
+
+def core_of(solid: LinkSolid, depth: float) -> tuple[Array, float]:
+    """Corners (k, 3) and radius of what is left of a solid that is taken off to a depth on all sides [m]."""
+    corners, middle = solid.corners, solid.corners.mean(0)
+    sides = corners[[4, 2, 1] if len(corners) == 8 else [1]] - corners[0]
+    length = np.linalg.norm(sides, axis=1, keepdims=True)
+    axes = sides / np.maximum(length, 1e-12)
+    left = np.maximum(0.0, 1.0 - 2 * max(0.0, depth - solid.radius) / np.maximum(length, 1e-12))
+    return middle + ((corners - middle) @ axes.T * left[:, 0]) @ axes, max(0.0, solid.radius - depth)
 
 
 def _hulls(rows: Sequence[_Row], world: int, clearance: float) -> Hulls:

@@ -35,6 +35,8 @@ MOST_STEPS = 1000
 SHORTEST = 1e-5  # part of a hop; shorter steps mean that the gap is used up
 ROUNDING = 1e-9  # [m]
 CHORDS = 8  # most parts of a hop whose boxes bound where the links pass
+SLACK = 3e-4  # of contacts, so that they can be proven by other code [m]
+BALLS = 16  # that stand for the parts of a capsule, in a contact
 CHORD = 0.2  # largest turn of base or joint in one of them, while they are fewer [rad]
 
 
@@ -67,6 +69,102 @@ def exempt_for(exempt: Exempt, owner: int, tool: Array) -> float:
             x, y, z = tool[0] - exempt.spots[k, 0], tool[1] - exempt.spots[k, 1], tool[2] - exempt.spots[k, 2]
             best = min(best, x * x + y * y + z * z)
     return exempt.reach - math.sqrt(best)
+
+
+@compiled
+def farthest(points: Array, radius: float, n: Array, height: float, tool: Array) -> float:
+    """Distance from the tool of what lies, of a segment grown by a radius or a box, below a height along n."""
+    far = 0.0
+    if len(points) == 2:  # balls hold it, each as large as their distance asks
+        way = (points[1] - points[0]) / BALLS
+        r = radius + 0.5 * math.sqrt(way[0] ** 2 + way[1] ** 2 + way[2] ** 2)
+        for i in range(BALLS + 1):
+            far = max(far, _of_ball(points[0] + i * way, r, n, height, tool))
+        return far
+    for i in range(len(points)):
+        a = n[0] * points[i, 0] + n[1] * points[i, 1] + n[2] * points[i, 2] - height
+        if a <= 0.0:
+            far = max(far, _length(points[i] - tool))
+        for j in range(i):
+            b = n[0] * points[j, 0] + n[1] * points[j, 1] + n[2] * points[j, 2] - height
+            if a * b < 0.0:
+                far = max(far, _length(points[i] + a / (a - b) * (points[j] - points[i]) - tool))
+    return far
+
+
+@compiled
+def _length(v: Array) -> float:
+    return math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
+
+
+@compiled
+def _of_ball(center: Array, r: float, n: Array, height: float, tool: Array) -> float:
+    """Distance from the tool of the farthest point of a ball below a height along n, 0 where none is."""
+    w = center - tool
+    up, size = n[0] * w[0] + n[1] * w[1] + n[2] * w[2], _length(w)
+    room = height - (n[0] * center[0] + n[1] * center[1] + n[2] * center[2])
+    if room < -r:
+        return 0.0
+    if room >= r or up * r <= room * size:
+        return size + r
+    return math.hypot(up + room, math.sqrt(max(0.0, size * size - up * up)) + math.sqrt(r * r - room * room))
+
+
+@compiled
+def touches(
+    arm: SerialArm,
+    mount: Array,
+    movers: Movers,
+    hulls: Hulls,
+    hop: Hop,
+    exempt: Exempt,
+    k: int,
+    m: int,
+    s: float,
+    frames: Array,
+    most: float,
+) -> float:
+    """Part of a hop, up to ``most``, over which solid k is proven to touch hull m as it may; 0 where not.
+
+    Its core stays beyond a plane that the hull lies behind, and of the solid no more than the depth lies behind
+    it; what comes within the clearance of that plane lies within reach of the tool.
+    """
+    a, b, link = movers.first[k], movers.first[k + 1], movers.link[k]
+    A, B = movers.corners[a:b], hulls.corners[hulls.first[m] : hulls.first[m + 1]]
+    core, placed = np.empty_like(A), np.empty_like(A)
+    put(frames[link], movers.core[a:b], core)
+    put(frames[link], A, placed)
+    n, spot, V, W = np.zeros(3), np.empty(3), np.empty(3), np.empty(3)
+    ball = hulls.ball[m] - exempt.clearance
+    gap = hull_gap(core, B, hulls.disc[m], n, spot)[0]
+    free = gap - movers.core_radius[k] - ball - ROUNDING
+    least, height = np.inf, np.inf
+    for i in range(len(A)):
+        least = min(least, n[0] * placed[i, 0] + n[1] * placed[i, 1] + n[2] * placed[i, 2])
+        height = min(height, n[0] * core[i, 0] + n[1] * core[i, 1] + n[2] * core[i, 2] + ball - gap)
+    sunk = least - height - movers.radius[k] + exempt.depth
+    if free < 0.0 or sunk < 0.0:
+        return 0.0
+    height += exempt.clearance + SLACK
+    if len(B) == 3:  # a triangle: what is deep behind it is not near to any
+        height += max(0.0, exempt.depth - exempt.clearance)
+    tool = arm.tool[:3, 3].copy().reshape(1, 3)
+    speed, acceleration = pace(arm, mount, hop, link, WORLD, A)
+    drift = speed + pace(arm, mount, hop, len(arm.axis) - 1, WORLD, tool)[0]
+    twist(arm, hop, frames, s, link, WORLD, V, W)
+    step = most
+    if speed > 0.0:
+        step = min(step, until_plane(core, n, free, V, W, acceleration))
+        step = min(step, until_plane(placed, n, sunk, V, W, acceleration))
+    reach = exempt.reach - SLACK
+    while step >= SHORTEST or step == most:
+        far = farthest(placed, movers.radius[k], n, height + step * speed, frames[-2, :3, 3])
+        if far <= reach - step * drift:
+            return step
+        if step < SHORTEST:
+            break
+        step *= 0.5
+    return 0.0
 
 
 @compiled
@@ -105,7 +203,8 @@ def advance(
         if may_touch:
             left = exempt_for(exempt, hulls.owner[m], frames[-2, :3, 3])
             if left >= 0.0:
-                step = max(step, left / pace_of_tool if pace_of_tool > 0.0 else np.inf)
+                rest = min(1.0 - s, left / pace_of_tool if pace_of_tool > 0.0 else np.inf)
+                step = max(step, touches(arm, mount, movers, hulls, hop, exempt, k, m, s, frames, rest))
         if s + step >= 1.0 or step < SHORTEST:
             return s + step if s + step >= 1.0 else s
         s += step
@@ -216,6 +315,24 @@ def first_stop_on_way(
 
 
 @compiled
+def _may_touch(
+    arm: SerialArm,
+    mount: Array,
+    movers: Movers,
+    hulls: Hulls,
+    still: Hop,
+    exempt: Exempt,
+    k: int,
+    m: int,
+    frames: Array,
+) -> bool:
+    """Whether solid k may touch hull m, and does not do so farther than it may, in a hop that goes nowhere."""
+    if not movers.outermost[k] or exempt_for(exempt, hulls.owner[m], frames[-2, :3, 3]) < 0.0:
+        return False
+    return touches(arm, mount, movers, hulls, still, exempt, k, m, 0.0, frames, 1.0) >= 1.0
+
+
+@compiled
 def lower_bounds(
     arm: SerialArm,
     mount: Array,
@@ -244,7 +361,7 @@ def lower_bounds(
         while m < len(hulls.frame):
             if m >= hulls.world:
                 lower[k, m] = -np.inf if movers.meets[k, m - hulls.world] else np.inf
-            elif not movers.outermost[k] or exempt_for(exempt, hulls.owner[m], frames[-2, :3, 3]) < 0.0:
+            elif not _may_touch(arm, mount, movers, hulls, still, exempt, k, m, frames):
                 lower[k, m] = box_gap(boxes[k], hulls.boxes[m]) - movers.radius[k]
                 if lower[k, m] < nearest:
                     first_k, first_m, nearest = k, m, lower[k, m]

@@ -16,7 +16,7 @@ import shapely
 from regionik.plan import Violation
 from regionik.planners.geometry.collision import Obstacles, hull_separation, obstacles_from
 from regionik.planners.geometry.pieces import Piece, Separation
-from regionik.proofs.contact import TOUCH, Contact, contact_of
+from regionik.proofs.contact import SIGNS, TOUCH, Contact, Moved, contact_of, touches
 from regionik.proofs.findings import Finding, Words, finding
 from regionik.proofs.journey import Indices, Journey, Mask, Parts, Verdicts, prove, sag
 from regionik.worlds.arrays import Array
@@ -25,8 +25,6 @@ from regionik.worlds.scene import World
 SHORTEST = 1e-4  # motion of a link over half a part below which its halves are not looked at [m]
 LOOK = 0.05  # how far beyond the clearance distances at states are measured for the margin [m]
 SHALLOW = 1e-8  # to which the depth of boxes in meshes is found [m]
-SIGNS = (-1.0, 1.0)
-CORNERS = np.array([[x, y, z] for x in SIGNS for y in SIGNS for z in SIGNS])  # in the order of LinkBox
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,10 +78,13 @@ class _Links:
         return np.stack(hulls, axis=1), arm[:, -1, :3, 3]
 
 
-def arm(world: World, journey: Journey, words: Words) -> Finding:
-    """Every link ``arm_clearance`` away from every solid, but for the last where it may touch its work."""
+def arm(world: World, journey: Journey, words: Words) -> list[Finding]:
+    """Every link ``arm_clearance`` away from every solid, but for the tip of the last that touches its work.
+
+    The second finding is of that contact.
+    """
     if not world.solids or not world.robot.all_solids:
-        return finding("arm", np.inf, [])
+        return [finding("arm", np.inf, [])]
     return _Arm(world, journey, words, obstacles_from(world.solids)).check()
 
 
@@ -97,7 +98,7 @@ def _depth(piece: Piece, corners: Array) -> float:
     low, high = 0.0, float(sizes.min())
     while high - low > SHALLOW:
         inset = (low + high) / 2
-        shrunk = middle + CORNERS @ (half * (1 - inset / sizes)[:, None])
+        shrunk = middle + SIGNS @ (half * (1 - inset / sizes)[:, None])
         low, high = (low, inset) if hull_separation(piece, shrunk).distance > 0 else (inset, high)
     return low
 
@@ -112,6 +113,11 @@ class _Pairs:
 
     def take(self, which: Mask) -> _Pairs:
         return _Pairs(self.row[which], self.link[which], self.piece[which])
+
+
+_Key = tuple[int, int, int]  # state or hop, solid of a link, other solid
+_Close = tuple[float, bool]  # least gap [m], and whether the tool may touch there
+_NONE = (np.inf, False)
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,14 +144,15 @@ class _Arm:
     def limit(self) -> float:
         return self.world.rules.arm_clearance
 
-    def check(self) -> Finding:
+    def check(self) -> list[Finding]:
         motion = self.journey.motion
         hulls, tools = self.links.place(motion.base, motion.joints)
         still = self._close(hulls, np.full(hulls.shape[:2], LOOK))
         gap = self._gaps(hulls[still.row, still.link], still)
         bulge = np.zeros(len(gap))
         exempt = self._exempt(still, tools[still.row][:, None], bulge)[1]
-        violations = self._violations(still, gap, exempt)
+        fits = self._fits(still, hulls[still.row, still.link], tools[still.row], exempt & (gap < self.limit))
+        violations = self._violations(still, gap, exempt, fits)
         hops = self._close(
             np.concatenate([hulls[:-1], hulls[1:]], axis=2), sag(self.links.acceleration.T, np.ones(1))
         )
@@ -154,9 +161,14 @@ class _Arm:
         rows = zip(hops.row.tolist(), hops.link.tolist(), solid, strict=True)
         hops = hops.take(np.array([row not in hit for row in rows], dtype=bool))
         outcome = prove(len(hops.row), lambda parts: self._look(hops, parts))
-        told = [self._tell(key, self.words.state(key[0]), g) for key, g in violations.items()]
+        told = [self._tell(key, self.words.state(key[0]), *found) for key, found in violations.items()]
         told += self._untold(hops, {**outcome.stuck, **outcome.failed})
-        return finding("arm", min(LOOK, float(gap[~exempt].min(initial=np.inf)) - self.limit), told)
+        free = min(LOOK, float(gap[~exempt].min(initial=np.inf)) - self.limit)
+        deep = min(LOOK, float(gap[exempt].min(initial=np.inf)) + self.contact.depth)
+        return [
+            finding("arm", free, [v for v in told if v.kind == "arm"]),
+            finding("contact", deep if exempt.any() else np.inf, [v for v in told if v.kind == "contact"]),
+        ]
 
     def _close(self, points: Array, bulge: Array) -> _Pairs:
         """Pairs whose boxes come within the clearance; points (n, solids, k, 3), bulge (n, solids)."""
@@ -191,16 +203,30 @@ class _Arm:
         owner = np.where(last, self.obstacles.owner[pairs.piece], -1)
         return self.contact.allows(owner, tools, bulge)
 
+    def _fits(self, pairs: _Pairs, hulls: Array, tools: Array, which: Mask) -> Mask:
+        """Which pairs touch as the rules let the tool touch, corners (m, k, 3) and tools (m, 3) at rest."""
+        found = np.zeros(len(which), dtype=bool)
+        for m in np.flatnonzero(which).tolist():
+            found[m] = self._touches(pairs.take(np.array([m])), hulls[m, None], tools[m, None], 0.0, 0.0)
+        return found
+
+    def _touches(self, pair: _Pairs, hulls: Array, tools: Array, bulge: float, tool_bulge: float) -> bool:
+        link, piece = int(pair.link[0]), self.obstacles.pieces[pair.piece[0]]
+        own = np.broadcast_to(hulls, (3, *hulls.shape[1:]))[:, : len(self.links.corners[link])]
+        moved = Moved(own, float(self.links.radii[link]), np.broadcast_to(tools, (3, 3)), bulge, tool_bulge)
+        return touches(self.contact, moved, piece)
+
     def _look(self, hops: _Pairs, parts: Parts) -> Verdicts:
         item = parts.item
         pairs = _Pairs(hops.row[item], hops.link[item], hops.piece[item])
         hulls, tools = self._samples(pairs, parts)  # (m, 3 samples, k corners, 3), (m, 3 samples, 3)
         length = parts.high - parts.low
         bulge = sag(self.links.acceleration[pairs.link, pairs.row], length)
-        whole, middle = self._exempt(pairs, tools, sag(self.journey.tool_acceleration[pairs.row], length))
+        tool_bulge = sag(self.journey.tool_acceleration[pairs.row], length)
+        whole, middle = self._exempt(pairs, tools, tool_bulge)
         moved = np.linalg.norm(hulls - hulls[:, 1:2], axis=-1).max((1, 2))
         need = self.links.radii[pairs.link] + self.limit + bulge - TOUCH
-        proven = whole | self._boxes_apart(hulls, pairs.piece, need)
+        proven = self._boxes_apart(hulls, pairs.piece, need)
         failed = np.zeros(len(item), dtype=bool)
         for m in np.flatnonzero(~proven).tolist():
             found = self._separation(pairs.link[m], pairs.piece[m], hulls[m, 1])
@@ -208,8 +234,13 @@ class _Arm:
             beyond = float((hulls[m] @ found.normal).min() - piece.support(found.normal))
             if piece.mesh is not None:  # a plane goes round the hull of a mesh; there may be room within
                 beyond = max(beyond, found.distance - moved[m])
-            proven[m] = beyond >= need[m]
-            failed[m] = found.distance < need[m] - bulge[m] and not middle[m]
+            one = pairs.take(np.array([m]))
+            proven[m] = beyond >= need[m] or (
+                whole[m] and self._touches(one, hulls[m], tools[m], bulge[m], tool_bulge[m])
+            )
+            failed[m] = found.distance < need[m] - bulge[m] and not (
+                middle[m] and self._touches(one, hulls[m, 1:2], tools[m, 1:2], 0.0, 0.0)
+            )
         return Verdicts(proven, failed, moved + 100 * bulge < SHORTEST)
 
     def _samples(self, pairs: _Pairs, parts: Parts) -> tuple[Array, Array]:
@@ -230,29 +261,32 @@ class _Arm:
         apart: Mask = (np.linalg.norm(gap, axis=1) >= need) & (gap > 0).any(1)
         return apart
 
-    def _violations(self, pairs: _Pairs, gap: Array, exempt: Mask) -> dict[tuple[int, int, int], float]:
-        """Least gap of each state, link and solid that are too close."""
-        worst: dict[tuple[int, int, int], float] = {}
-        for m in np.flatnonzero((gap < self.limit - TOUCH) & ~exempt).tolist():
+    def _violations(self, pairs: _Pairs, gap: Array, exempt: Mask, fits: Mask) -> dict[_Key, _Close]:
+        """Least gap of each state, link and solid that are too close, and whether the tool may touch there."""
+        worst: dict[_Key, _Close] = {}
+        for m in np.flatnonzero((gap < self.limit - TOUCH) & ~fits).tolist():
             key = int(pairs.row[m]), int(pairs.link[m]), int(self.obstacles.owner[pairs.piece[m]])
-            worst[key] = min(worst.get(key, np.inf), float(gap[m]))
+            worst[key] = min(worst.get(key, _NONE), (float(gap[m]), bool(exempt[m])))
         return worst
 
     def _untold(self, hops: _Pairs, where: dict[int, float]) -> list[Violation]:
         """Violations between states, one for each hop, link and solid."""
-        worst: dict[tuple[int, int, int], float] = {}
+        worst: dict[_Key, _Close] = {}
         for item, s in where.items():
             one = _Pairs(*(column[item : item + 1] for column in (hops.row, hops.link, hops.piece)))
             here = self.journey.base(one.row, np.array([s])), self.journey.joints(one.row, np.array([s]))
-            hulls, _ = self.links.place(*here)
+            hulls, tools = self.links.place(*here)
             gap = float(self._gaps(hulls[:, one.link[0]], one)[0])
+            near = bool(self._exempt(one, tools[:, None], np.zeros(1))[1][0])
             key = int(one.row[0]), int(one.link[0]), int(self.obstacles.owner[one.piece[0]])
-            worst[key] = min(worst.get(key, np.inf), gap)
-        return [self._tell(key, self.words.hop(key[0]), gap) for key, gap in worst.items()]
+            worst[key] = min(worst.get(key, _NONE), (gap, near))
+        return [self._tell(key, self.words.hop(key[0]), *found) for key, found in worst.items()]
 
-    def _tell(self, key: tuple[int, int, int], where: str, gap: float) -> Violation:
+    def _tell(self, key: _Key, where: str, gap: float, near: bool) -> Violation:
         state, link, solid = key
         part, name = self.world.robot.all_solids[link].name, self.world.solids[solid].name
+        if near:
+            return self._tell_contact(state, f"{part} touches {name} {where}", gap)
         if gap < 0:
             how = f"{part} overlaps {name} by {-gap:z.4f} m {where}"
         elif gap < self.limit:
@@ -261,3 +295,13 @@ class _Arm:
             how = f"{part} is not proven clear of {name} {where}, {gap:.6f} m away"
         text = f"{how}; the arm's clearance is {self.limit:g} m"
         return Violation("arm", state, self.words.owner(state), max(0.0, self.limit - gap), text)
+
+    def _tell_contact(self, state: int, what: str, gap: float) -> Violation:
+        depth, reach = self.contact.depth, self.contact.reach
+        deeper = -gap - depth
+        if deeper > TOUCH:
+            text = f"{what}, {-gap:z.4f} m deep; it may sink in {depth:.4g} m (contact_depth and tolerance)"
+        else:
+            text = f"{what} with parts that are not proven to lie within {reach:g} m of the tool point"
+            text += f" (tool_contact), or to keep the arm's clearance of {self.limit:g} m from it"
+        return Violation("contact", state, self.words.owner(state), max(0.0, deeper), text)

@@ -16,8 +16,8 @@ from regionik.worlds.scene import World
 def buried(world: World) -> Explanation | None:
     """Why the tool cannot be at some set-point at all, for what stands round it; None where nothing does.
 
-    Where a link ends round in the tool, its radius and the arm's clearance must fit beside every solid but
-    the one that the tool may touch.
+    Where a link ends round in the tool, its radius and the arm's clearance must fit beside every solid; into
+    the one that the tool may touch it sinks no deeper than the rules allow.
     """
     tip = _tip_radius(world)
     if tip is None:
@@ -28,6 +28,9 @@ def buried(world: World) -> Explanation | None:
     for i, target in enumerate(world.task):
         gaps = solids_within(obstacles, target.position, look)
         if gaps and rules.tool_contact > 0 and gaps[0][0] <= rules.tool_contact:
+            gap, touched = gaps[0][0], world.solids[gaps[0][1]].name
+            if tip - gap > rules.deepest_contact + rules.tolerance:
+                return _too_deep(world, i, touched, tip, tip - gap - rules.tolerance)
             gaps = gaps[1:]
         if not gaps or gaps[0][0] >= need:
             continue
@@ -42,6 +45,18 @@ def buried(world: World) -> Explanation | None:
         repair = Repair("move-target", f"set-point {i + 1}", missing, f"move it {missing:.4f} m from {name}")
         return Explanation("no-posture", i, reason, (Cause("obstacle", name, missing),), (repair,))
     return None
+
+
+def _too_deep(world: World, i: int, name: str, tip: float, need: float) -> Explanation:
+    """Why the tool cannot touch a solid: the link that ends round in it is sunk in too deep."""
+    missing, rules = need - world.rules.contact_depth, world.rules
+    reason = (
+        f"{setpoint(i, len(world.task))} at {spot(world.task[i].position)} cannot be touched: the last link, "
+        f"{tip:g} m round about the tool, would sink at least {need:.4f} m into {name}, and the rules allow "
+        f"{rules.contact_depth:g} m (contact_depth). It would have to be {missing:.4f} m more, or the link "
+        f"to end short of the tool point."
+    )
+    return Explanation("no-posture", i, reason, (Cause("obstacle", name, missing),))
 
 
 def _tip_radius(world: World) -> float | None:
