@@ -429,7 +429,7 @@ def test_how_the_base_moves_does_not_matter_to_the_robot_itself() -> None:
 def push(depth: float, mesh: bool = False) -> tuple[Bodies, Contact, float]:
     """A wall before the arm, what may touch it, and the base x from which the tool is that deep in it."""
     solid = box_mesh([1.0, -2, -2], [2.0, 2, 2]) if mesh else wall(1.0, 1.0)
-    bodies = bodies_from(robot_named("youbot"), [Sphere("far", 0.1, np.array([0.0, 5, 0])), solid])
+    bodies = bodies_from(robot_named("youbot"), [Sphere("far", 0.1, np.array([0.0, 5, 0])), solid], 0.0, 0.04)
     z = float(bodies.robot.tool([0, 0, 0], AHEAD)[2, 3])
     contact = Contact(np.array([[1.0, 0.0, z]]), np.array([1]), 0.05)
     return bodies, contact, 1.0 + depth - (ahead() - 0.035)
@@ -494,7 +494,7 @@ def test_inside_a_mesh_without_touching_it() -> None:
     assert touch.distance < -4
     spot = Contact(robot.tool([0, 0, 0], UP)[None, :3, 3], np.array([0]), 0.05)
     last = replace(robot, solids=robot.solids[-1:])
-    swallowed = bodies_from(last, bodies.obstacles)
+    swallowed = bodies_from(last, bodies.obstacles, 0.0, 9.0)
     assert motion_clear(swallowed, [0, 0, 0], UP, [0.04, 0, 0], UP, MARGIN, contact=spot) is None
     assert motion_clear(swallowed, [0, 0, 0], UP, [0.08, 0, 0], UP, MARGIN, contact=spot) is not None
     assert motion_clear(swallowed, [-0.1, 0, 0], UP, [0, 0, 0], UP, MARGIN, contact=spot) is not None

@@ -24,6 +24,7 @@ from regionik.worlds.robotchecks import carried, check_footprint, check_turning
 from regionik.worlds.solids.loose import loose_pairs
 
 _UPRIGHT = 1e-9
+DEEP_TIP = 1e-3  # of the tool point in its own link, from which on it is told [m]
 
 
 def load_robot(
@@ -159,7 +160,7 @@ def _from_urdf(
         masses=masses_of(file, parts),
     )
     unchecked, loose = loose_pairs(robot, [part.points for part in (*body.parts, *found.parts)])
-    for note in (*body.notes, *_notes(parts, measured), *loose):
+    for note in (*body.notes, *_notes(parts, measured), *_tip_notes(robot), *loose):
         warnings.warn(f"{file.where}: {note}", stacklevel=3)
     return replace(robot, unchecked=tuple(unchecked))
 
@@ -197,6 +198,16 @@ def _notes(parts: Parts, measured: bool) -> list[str]:
     if parts.copies:
         notes.append(f"joints that copy the arm's ({listed(parts.copies, 8)}) are taken to stand still")
     return notes
+
+
+def _tip_notes(robot: Robot) -> list[str]:
+    depth, name = robot.tip_depth
+    if depth < DEEP_TIP:
+        return []
+    return [
+        f"the tool point lies {depth:.4f} m inside {name}: it sinks that deep into what the tool touches, which "
+        "rules.contact_depth must allow; or give a tip at the end of the tool"
+    ]
 
 
 def _is_file(name_or_path: str | Path) -> bool:

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from regionik.planners.clearance.moving import BASE
-from regionik.planners.clearance.prepared import Bodies, Contact, core_of
+from regionik.planners.clearance.prepared import Bodies, Contact
 from regionik.planners.geometry.collision import hull_separation
 from regionik.planners.geometry.flat import Index
 from regionik.planners.geometry.pieces import Piece
@@ -60,7 +60,8 @@ def links_clear(
         work = np.isin(bodies.hulls.owner[around], free)
         own = world + np.flatnonzero(bodies.movers.meets[k] & (bodies.hulls.frame[world:] == BASE))
         corners, apart = solid.corners, solid.radius + margin
-        core, least = core_of(solid, bodies.depth)
+        core = bodies.movers.core[slice(*bodies.movers.first[k : k + 2])]
+        least = float(bodies.movers.core_radius[k])
         links[solid.link] += [
             _near(bodies, corners, around[~work], T_world_arm, apart + bodies.clearance),
             _near(bodies, core, around[work], T_world_arm, least),

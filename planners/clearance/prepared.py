@@ -138,7 +138,7 @@ def bodies_from(
         tuple(solids),
         serial_arm(robot.chain),
         np.array(robot.T_base_arm),
-        _movers(robot.all_solids, meets, depth),
+        _movers(robot.all_solids, _cores(robot, depth), meets),
         _hulls(rows, world, clearance),
         tuple(row.piece for row in rows),
         clearance,
@@ -154,9 +154,11 @@ def _rows(piece: Piece, frame: int, owner: int) -> list[_Row]:
     return [_Row(piece.corners, piece, frame, owner, len(parts)), *parts]
 
 
-def _movers(solids: Sequence[LinkSolid], meets: NDArray[np.bool_], depth: float) -> Movers:
+def _movers(
+    solids: Sequence[LinkSolid], cores: Sequence[tuple[Array, float]], meets: NDArray[np.bool_]
+) -> Movers:
     links = np.array([solid.link for solid in solids], dtype=np.int64)
-    corners, cores = [solid.corners for solid in solids], [core_of(solid, depth) for solid in solids]
+    corners = [solid.corners for solid in solids]
     return Movers(
         np.concatenate([np.zeros((0, 3)), *corners]),
         np.cumsum([0, *(len(c) for c in corners)]),
@@ -169,14 +171,25 @@ def _movers(solids: Sequence[LinkSolid], meets: NDArray[np.bool_], depth: float)
     )
 
 
-def core_of(solid: LinkSolid, depth: float) -> tuple[Array, float]:
-    """Corners (k, 3) and radius of what is left of a solid that is taken off to a depth on all sides [m]."""
+def core_of(solid: LinkSolid, depth: float, tool: Array) -> tuple[Array, float]:
+    """Corners (k, 3) and radius of what is left of a solid that is taken off to a depth on all sides [m].
+
+    Where nothing would be left, it is a point as far from the tool, (3,) in the link's frame, as it may be.
+    """
     corners, middle = solid.corners, solid.corners.mean(0)
     sides = corners[[4, 2, 1] if len(corners) == 8 else [1]] - corners[0]
-    length = np.linalg.norm(sides, axis=1, keepdims=True)
-    axes = sides / np.maximum(length, 1e-12)
-    left = np.maximum(0.0, 1.0 - 2 * max(0.0, depth - solid.radius) / np.maximum(length, 1e-12))
-    return middle + ((corners - middle) @ axes.T * left[:, 0]) @ axes, max(0.0, solid.radius - depth)
+    half = np.maximum(np.linalg.norm(sides, axis=1) / 2, 1e-12)
+    axes = sides / (2 * half[:, None])
+    off = max(0.0, depth - solid.radius)
+    left = np.maximum(0.0, 1.0 - off / half)
+    aside = np.clip(-np.clip((tool - middle) @ axes.T / half, -1, 1) * np.maximum(off - half, 0), -half, half)
+    return middle + ((corners - middle) @ axes.T * left + aside) @ axes, max(0.0, solid.radius - depth)
+
+
+def _cores(robot: Robot, depth: float) -> list[tuple[Array, float]]:
+    frames = robot.chain.frames(np.zeros(robot.chain.dof))
+    tools = [np.linalg.solve(T, frames[-1])[:3, 3] for T in frames]
+    return [core_of(solid, depth, tools[solid.link]) for solid in robot.all_solids]
 
 
 def _hulls(rows: Sequence[_Row], world: int, clearance: float) -> Hulls:

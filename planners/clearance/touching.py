@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from regionik.planners.clearance.moving import WORLD, Exempt, Hop, Hulls, hop_between, pace, place, stand
-from regionik.planners.clearance.prepared import Bodies, Contact, bodies_from, core_of
+from regionik.planners.clearance.prepared import Bodies, Contact, bodies_from
 from regionik.planners.clearance.sweeping import (
     ROUNDING,
     exempt_for,
@@ -288,15 +288,15 @@ def _swallowed(bodies: Bodies, hop: Hop, exempt: Exempt) -> tuple[int, int, floa
     swept(bodies.arm, bodies.mount, bodies.movers, hop, boxes)
     tool = bodies.arm.tool[:3, 3].copy().reshape(1, 3)
     speed = pace(bodies.arm, bodies.mount, hop, bodies.robot.chain.dof - 1, WORLD, tool)[0]
-    for k, solid in enumerate(bodies.robot.all_solids):
+    for k, link in enumerate(bodies.movers.link.tolist()):
         for m in np.flatnonzero(_meet(bodies.hulls, boxes[k])).tolist():
             mesh, s = bodies.pieces[m].mesh, 0.0
             while mesh is not None and s <= 1.0:
                 frames = _frames(bodies, _at(hop, s), WORLD)
                 left = exempt_for(exempt, bodies.hulls.owner[m], frames[-2, :3, 3])
                 left = left if bodies.movers.outermost[k] else -np.inf
-                T, within = frames[solid.link], solid.corners if left < 0 else core_of(solid, bodies.depth)[0]
-                if mesh.contains(T[:3, :3] @ within[0] + T[:3, 3]):
+                T, within = frames[link], bodies.movers.corners if left < 0 else bodies.movers.core
+                if mesh.contains(T[:3, :3] @ within[bodies.movers.first[k]] + T[:3, 3]):
                     return k, m, s
                 s += max(abs(left) / speed if speed > 0 else np.inf, LOOK)
     return -1, -1, 1.0

@@ -75,13 +75,18 @@ def contact_of(world: World, obstacles: Obstacles) -> Contact:
     return Contact({k: cKDTree(np.array(spots)) for k, spots in sorted(owners.items())}, reach, rules.arm_clearance, rules.deepest_contact)
 
 
-def core_weights(corners: Array, radius: float, depth: float) -> Array:
-    """Weights (k, k) of a solid's corners in the corners of what is left of it, taken off on all sides."""
-    sides = corners[[4, 2, 1] if len(corners) == 8 else [1]] - corners[0]
-    half = np.maximum(np.linalg.norm(sides, axis=1) / 2, FLAT)
-    left = np.maximum(0.0, 1.0 - max(0.0, depth - radius) / half)
+def core_weights(corners: Array, off: float, tool: Array) -> Array:
+    """Weights (k, k) of a hull's corners in the corners of what is left of it, that much off on all sides.
+
+    Where nothing would be left, it is a point as far from the tool as it may be.
+    """
+    sides = (corners[[4, 2, 1] if len(corners) == 8 else [1]] - corners[0]) / 2
+    square = np.maximum((sides * sides).sum(1), FLAT**2)
+    shares = off / np.sqrt(square)
+    toward = np.clip(sides @ (tool - corners.mean(0)) / square, -1.0, 1.0)
     signs = SIGNS if len(corners) == 8 else SIGNS[[0, 7], :1]
-    weights: Array = ((1 + left * signs[:, None] * signs[None]) / 2).prod(-1)
+    at = signs * np.maximum(0.0, 1.0 - shares) - np.clip(toward * np.maximum(0.0, shares - 1.0), -1.0, 1.0)
+    weights: Array = ((1 + at[:, None] * signs[None]) / 2).prod(-1)
     return weights
 
 
@@ -100,7 +105,7 @@ class Moved(NamedTuple):
 
 def touches(contact: Contact, moved: Moved, piece: Piece) -> bool:
     """Whether a solid is proven to touch a piece no deeper than it may, and with no more than its tip."""
-    weights = core_weights(moved.hulls[1], moved.radius, contact.depth)
+    weights = core_weights(moved.hulls[1], max(0.0, contact.depth - moved.radius), moved.tools[1])
     if piece.mesh is None:
         return _touches(contact, moved, weights, (piece.corners, piece.disc, piece.ball), contact.clearance)
     if piece.mesh.contains((weights @ moved.hulls[1])[0]):
