@@ -111,6 +111,21 @@ def _of_ball(center: Array, r: float, n: Array, height: float, tool: Array) -> f
 
 
 @compiled
+def _face_gap(A: Array, B: Array, n: Array) -> float:
+    """Distance of a hull from the plane of a triangle, whose normal on that side is written to n; 0 if cut."""
+    n[:] = np.cross(B[1] - B[0], B[2] - B[0])
+    n /= max(_length(n), 1e-300)
+    low, high = np.inf, -np.inf
+    for p in A:
+        along = n[0] * (p[0] - B[0, 0]) + n[1] * (p[1] - B[0, 1]) + n[2] * (p[2] - B[0, 2])
+        low, high = min(low, along), max(high, along)
+    if low + high < 0.0:
+        n *= -1.0
+        low = -high
+    return max(0.0, low)
+
+
+@compiled
 def touches(
     arm: SerialArm,
     mount: Array,
@@ -136,7 +151,10 @@ def touches(
     put(frames[link], A, placed)
     n, spot, V, W = np.zeros(3), np.empty(3), np.empty(3), np.empty(3)
     ball = hulls.ball[m] - exempt.clearance
-    gap = hull_gap(core, B, hulls.disc[m], n, spot)[0]
+    gap = _face_gap(core, B, n) if len(B) == 3 else 0.0
+    if gap <= movers.core_radius[k] + ball:
+        n[:] = 0.0
+        gap = hull_gap(core, B, hulls.disc[m], n, spot)[0]
     free = gap - movers.core_radius[k] - ball - ROUNDING
     least, height = np.inf, np.inf
     for i in range(len(A)):
@@ -146,8 +164,6 @@ def touches(
     if free < 0.0 or sunk < 0.0:
         return 0.0
     height += exempt.clearance + SLACK
-    if len(B) == 3:  # a triangle: what is deep behind it is not near to any
-        height += max(0.0, exempt.depth - exempt.clearance)
     tool = arm.tool[:3, 3].copy().reshape(1, 3)
     speed, acceleration = pace(arm, mount, hop, link, WORLD, A)
     drift = speed + pace(arm, mount, hop, len(arm.axis) - 1, WORLD, tool)[0]

@@ -16,7 +16,7 @@ import shapely
 from regionik.plan import Violation
 from regionik.planners.geometry.collision import Obstacles, hull_separation, obstacles_from
 from regionik.planners.geometry.pieces import Piece, Separation
-from regionik.proofs.contact import SIGNS, TOUCH, Contact, Moved, contact_of, touches
+from regionik.proofs.contact import SIGNS, TOUCH, Contact, Moved, contact_of, depth_of, touches
 from regionik.proofs.findings import Finding, Words, finding
 from regionik.proofs.journey import Indices, Journey, Mask, Parts, Verdicts, prove, sag
 from regionik.worlds.arrays import Array
@@ -151,7 +151,7 @@ class _Arm:
         gap = self._gaps(hulls[still.row, still.link], still)
         bulge = np.zeros(len(gap))
         exempt = self._exempt(still, tools[still.row][:, None], bulge)[1]
-        fits = self._fits(still, hulls[still.row, still.link], tools[still.row], exempt & (gap < self.limit))
+        gap, fits = self._touching(still, hulls[still.row, still.link], tools[still.row], gap, exempt)
         violations = self._violations(still, gap, exempt, fits)
         hops = self._close(
             np.concatenate([hulls[:-1], hulls[1:]], axis=2), sag(self.links.acceleration.T, np.ones(1))
@@ -203,18 +203,27 @@ class _Arm:
         owner = np.where(last, self.obstacles.owner[pairs.piece], -1)
         return self.contact.allows(owner, tools, bulge)
 
-    def _fits(self, pairs: _Pairs, hulls: Array, tools: Array, which: Mask) -> Mask:
-        """Which pairs touch as the rules let the tool touch, corners (m, k, 3) and tools (m, 3) at rest."""
-        found = np.zeros(len(which), dtype=bool)
-        for m in np.flatnonzero(which).tolist():
-            found[m] = self._touches(pairs.take(np.array([m])), hulls[m, None], tools[m, None], 0.0, 0.0)
-        return found
+    def _touching(
+        self, pairs: _Pairs, hulls: Array, tools: Array, gap: Array, exempt: Mask
+    ) -> tuple[Array, Mask]:
+        """Gaps of pairs at rest, those in meshes as deep as contacts are, and which touch as the rules let them.
 
-    def _touches(self, pair: _Pairs, hulls: Array, tools: Array, bulge: float, tool_bulge: float) -> bool:
-        link, piece = int(pair.link[0]), self.obstacles.pieces[pair.piece[0]]
+        Corners (m, k, 3), tools (m, 3), gaps (m,), and where the tool may touch (m,).
+        """
+        gap, fits = gap.copy(), np.zeros(len(gap), dtype=bool)
+        for m in np.flatnonzero(exempt & (gap < self.limit)).tolist():
+            piece = self.obstacles.pieces[pairs.piece[m]]
+            still = self._moved(int(pairs.link[m]), hulls[m, None], tools[m, None])
+            fits[m] = touches(self.contact, still, piece)
+            if gap[m] < 0 and piece.mesh is not None:
+                gap[m] = -depth_of(self.contact, still, piece)
+        return gap, fits
+
+    def _moved(
+        self, link: int, hulls: Array, tools: Array, bulge: float = 0.0, tool_bulge: float = 0.0
+    ) -> Moved:
         own = np.broadcast_to(hulls, (3, *hulls.shape[1:]))[:, : len(self.links.corners[link])]
-        moved = Moved(own, float(self.links.radii[link]), np.broadcast_to(tools, (3, 3)), bulge, tool_bulge)
-        return touches(self.contact, moved, piece)
+        return Moved(own, float(self.links.radii[link]), np.broadcast_to(tools, (3, 3)), bulge, tool_bulge)
 
     def _look(self, hops: _Pairs, parts: Parts) -> Verdicts:
         item = parts.item
@@ -234,13 +243,14 @@ class _Arm:
             beyond = float((hulls[m] @ found.normal).min() - piece.support(found.normal))
             if piece.mesh is not None:  # a plane goes round the hull of a mesh; there may be room within
                 beyond = max(beyond, found.distance - moved[m])
-            one = pairs.take(np.array([m]))
-            proven[m] = beyond >= need[m] or (
-                whole[m] and self._touches(one, hulls[m], tools[m], bulge[m], tool_bulge[m])
-            )
-            failed[m] = found.distance < need[m] - bulge[m] and not (
-                middle[m] and self._touches(one, hulls[m, 1:2], tools[m, 1:2], 0.0, 0.0)
-            )
+            proven[m] = beyond >= need[m]
+            if whole[m] and not proven[m]:
+                part = self._moved(int(pairs.link[m]), hulls[m], tools[m], bulge[m], tool_bulge[m])
+                proven[m] = touches(self.contact, part, piece)
+            failed[m] = found.distance < need[m] - bulge[m]
+            if middle[m] and failed[m]:
+                still = self._moved(int(pairs.link[m]), hulls[m, 1:2], tools[m, 1:2])
+                failed[m] = not touches(self.contact, still, piece)
         return Verdicts(proven, failed, moved + 100 * bulge < SHORTEST)
 
     def _samples(self, pairs: _Pairs, parts: Parts) -> tuple[Array, Array]:
@@ -276,10 +286,11 @@ class _Arm:
             one = _Pairs(*(column[item : item + 1] for column in (hops.row, hops.link, hops.piece)))
             here = self.journey.base(one.row, np.array([s])), self.journey.joints(one.row, np.array([s]))
             hulls, tools = self.links.place(*here)
-            gap = float(self._gaps(hulls[:, one.link[0]], one)[0])
-            near = bool(self._exempt(one, tools[:, None], np.zeros(1))[1][0])
+            own = hulls[:, one.link[0]]
+            near = self._exempt(one, tools[:, None], np.zeros(1))[1]
+            gap = float(self._touching(one, own, tools, self._gaps(own, one), near)[0][0])
             key = int(one.row[0]), int(one.link[0]), int(self.obstacles.owner[one.piece[0]])
-            worst[key] = min(worst.get(key, _NONE), (gap, near))
+            worst[key] = min(worst.get(key, _NONE), (gap, bool(near[0])))
         return [self._tell(key, self.words.hop(key[0]), *found) for key, found in worst.items()]
 
     def _tell(self, key: _Key, where: str, gap: float, near: bool) -> Violation:

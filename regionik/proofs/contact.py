@@ -6,7 +6,7 @@ link that comes within the clearance of the plane lies within ``tool_contact`` o
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -14,13 +14,15 @@ from scipy.spatial import cKDTree
 
 from regionik.planners.geometry.collision import Obstacles, box_gaps
 from regionik.planners.geometry.hulls import hull_gap
-from regionik.planners.geometry.pieces import Piece
+from regionik.planners.geometry.pieces import NONE, Piece
 from regionik.proofs.journey import Indices, Mask
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import World
 
 TOUCH = 1e-6  # [m]
 FLAT = 1e-12  # length that counts as none [m]
+SHALLOW = 1e-6  # to which depths in meshes are found [m]
+DEEPEST = 1.0  # that they are told [m]
 BALLS = 33  # that stand for a capsule
 SIGNS = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])  # as of LinkBox
 
@@ -90,6 +92,16 @@ def core_weights(corners: Array, off: float, tool: Array) -> Array:
     return weights
 
 
+def depth_of(contact: Contact, moved: Moved, piece: Piece) -> float:
+    """Depth to which a solid has sunk into a mesh, all of it being allowed to touch [m]."""
+    low, high = 0.0, DEEPEST
+    while high - low > SHALLOW:
+        depth = (low + high) / 2
+        fits = touches(replace(contact, reach=np.inf, clearance=0.0, depth=depth), moved, piece)
+        low, high = (low, depth) if fits else (depth, high)
+    return high
+
+
 class Moved(NamedTuple):
     """A link's solid and the tool over a part of a hop: at its beginning, middle and end.
 
@@ -106,36 +118,40 @@ class Moved(NamedTuple):
 def touches(contact: Contact, moved: Moved, piece: Piece) -> bool:
     """Whether a solid is proven to touch a piece no deeper than it may, and with no more than its tip."""
     weights = core_weights(moved.hulls[1], max(0.0, contact.depth - moved.radius), moved.tools[1])
-    if piece.mesh is None:
-        return _touches(contact, moved, weights, (piece.corners, piece.disc, piece.ball), contact.clearance)
-    if piece.mesh.contains((weights @ moved.hulls[1])[0]):
+    cores = weights @ moved.hulls
+    if _behind(contact, moved, cores, piece):
+        return True
+    if piece.mesh is None or piece.mesh.contains(cores[1, 0]):
         return False
-    level = max(contact.clearance, contact.depth)  # what is deep behind a triangle is not near to any
-    around = moved.radius + moved.bulge + level
+    # The way from what is left, outside the mesh, to what lies inside goes down through a triangle's plane.
+    around = moved.radius + moved.bulge + contact.clearance
     triangles = piece.mesh.vertices[piece.mesh.faces]
     low, high = moved.hulls.min((0, 1)) - around, moved.hulls.max((0, 1)) + around
     near = ((triangles.min(1) <= high) & (triangles.max(1) >= low)).all(1)
-    return all(_touches(contact, moved, weights, (one, 0.0, 0.0), level) for one in triangles[near])
+    return all(_behind(contact, moved, cores, Piece(one, NONE)) for one in triangles[near])
 
 
-def _touches(
-    contact: Contact, moved: Moved, weights: Array, still: tuple[Array, float, float], level: float
-) -> bool:
-    """As `touches`, for corners of a convex hull with a disc and a ball round them."""
-    corners, disc, ball = still
-    cores, normal = weights @ moved.hulls, np.zeros(3)
-    if hull_gap(cores[1], np.ascontiguousarray(corners), disc, normal, np.empty(3))[0] <= ball:
-        return False
-    height = float((corners @ normal).max()) + disc * float(np.hypot(*normal[:2])) + ball
-    least = height + moved.bulge - TOUCH
-    if (cores @ normal).min() < least + max(0.0, moved.radius - contact.depth):
-        return False
-    if (moved.hulls @ normal).min() < least + moved.radius - contact.depth:
-        return False
+def _behind(contact: Contact, moved: Moved, cores: Array, piece: Piece) -> bool:
+    """Whether a plane shows that a solid touches the hull of a piece as it may; ``cores`` is what is left."""
+    normal = np.zeros(3)
+    apart = hull_gap(cores[1], np.ascontiguousarray(piece.corners), piece.disc, normal, np.empty(3))[0] > piece.ball
+    normals = [normal] if apart else []
+    if len(piece.corners) == 3:
+        square = np.cross(piece.corners[1] - piece.corners[0], piece.corners[2] - piece.corners[0])
+        square /= max(float(np.linalg.norm(square)), FLAT**2)
+        normals += [square, -square]
     way = float(np.linalg.norm(moved.hulls - moved.hulls[1], axis=-1).max()) + moved.bulge
     drift = way + float(np.linalg.norm(moved.tools - moved.tools[1], axis=-1).max()) + moved.tool_bulge
-    plane = normal, height + level + way
-    return farthest(moved.hulls[1], moved.radius, plane, moved.tools[1]) <= contact.reach + TOUCH - drift
+    for n in normals:
+        height = float(piece.support(n))
+        left = (cores @ n).min() - max(0.0, moved.radius - contact.depth)
+        sunk = (moved.hulls @ n).min() - moved.radius + contact.depth
+        if min(left, sunk) < height + moved.bulge - TOUCH:
+            continue
+        plane = n, height + contact.clearance + way
+        if farthest(moved.hulls[1], moved.radius, plane, moved.tools[1]) <= contact.reach + TOUCH - drift:
+            return True
+    return False
 
 
 def farthest(corners: Array, radius: float, plane: tuple[Array, float], tool: Array) -> float:
