@@ -95,6 +95,27 @@ FAULTS = (
         ("tests/test_single_states.py",),
     ),
     Fault(
+        "verify: a tool may sink into what it touches as deep as it likes",
+        "regionik/proofs/contact.py",
+        "        if min(left, sunk) < height + moved.bulge - TOUCH:\n            continue\n",
+        "",
+        ("tests/test_contact.py",),
+    ),
+    Fault(
+        "verify: the whole last link may touch, not only its tip",
+        "regionik/proofs/contact.py",
+        "<= contact.reach + TOUCH - drift",
+        "<= np.inf",
+        ("tests/test_contact.py",),
+    ),
+    Fault(
+        "planner: a tool may sink into what it touches as deep as it likes",
+        "planners/clearance/contacts.py",
+        "if free < 0.0 or sunk < 0.0:",
+        "if free < -9.0 and sunk < -9.0:",
+        ("tests/test_touching.py",),
+    ),
+    Fault(
         "verify: links may overlap by 5 cm",
         "regionik/proofs/own_body.py",
         "if g < -TOUCH}",

@@ -10,11 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from regionik.plan import Report
+from regionik.planners.clearance.contacts import farthest as compiled_farthest
 from regionik.planners.clearance.prepared import core_of
-from regionik.planners.clearance.sweeping import farthest as compiled_farthest
-from regionik.planners.clearance.touching import motion_clear
 from regionik.planners.geometry.collision import obstacles_from
 from regionik.postures.guard import guard_of
+from regionik.postures.poses import Pose
 from regionik.proofs.contact import Contact, Moved, core_weights, farthest, touches
 from regionik.reasons.explain_arm import buried
 from regionik.verify import verify
@@ -57,7 +57,7 @@ def held(robot: Robot, *solids: Solid, back: float = 0.0, **rules: float) -> Rep
     if back:
         rows.append((np.array([*(-back * TIP[:2, 2]), 0.0]), Q, "transit", -1))
     motion = motion_of(rows)
-    world = world_of(motion, *solids, robot=robot, rules=replace(RULES, clearance=0.0, **rules))
+    world = world_of(motion, *solids, robot=robot, rules=replace(RULES, clearance=0.0, **rules))  # type: ignore[arg-type]
     return verify(plan_of(world, motion, int(back > 0)))
 
 
@@ -73,7 +73,9 @@ def test_a_gripper_that_merely_touches_says_how_deep_it_may_go() -> None:
     report = held(gripper(0.0), facing())
     assert report.ok
     assert report.margins["contact"] == pytest.approx(0.001, abs=1e-5)
-    assert held(gripper(0.0), facing(), contact_depth=0.02).margins["contact"] == pytest.approx(0.021, abs=1e-5)
+    assert held(gripper(0.0), facing(), contact_depth=0.02).margins["contact"] == pytest.approx(
+        0.021, abs=1e-5
+    )
 
 
 @pytest.mark.parametrize(("deep", "holds"), [(0.0, True), (0.0009, True), (0.0011, False), (0.02, False)])
@@ -86,7 +88,9 @@ def test_contact_is_as_deep_as_the_tolerance_at_the_most(deep: float, holds: boo
 @pytest.mark.parametrize(("wide", "clearance", "holds"), [
     (0.04, 0.0, True), (0.04, 0.03, True), (0.08, 0.001, False), (0.08, 0.03, False),
 ])  # fmt: skip
-def test_what_is_far_from_the_tool_point_keeps_its_clearance(wide: float, clearance: float, holds: bool) -> None:
+def test_what_is_far_from_the_tool_point_keeps_its_clearance(
+    wide: float, clearance: float, holds: bool
+) -> None:
     report = held(gripper(0.0, wide), facing(), arm_clearance=clearance, tool_contact=0.05)
     assert report.ok == holds
     if not holds:
@@ -151,9 +155,11 @@ def test_what_is_left_of_a_solid_is_within_the_depth_of_all_of_it(seed: int, dep
     solid = shapes(rng)
     tool = solid.corners[0] + rng.normal(size=3) * 0.05
     corners, radius = core_of(solid, depth, tool)
-    assert core_weights(solid.corners, max(0.0, depth - solid.radius), tool) @ solid.corners == pytest.approx(corners)
+    assert core_weights(solid.corners, max(0.0, depth - solid.radius), tool) @ solid.corners == pytest.approx(
+        corners
+    )
     if isinstance(solid, LinkCapsule):
-        left = LinkCapsule(0, "left", *corners, max(radius, 1e-9))
+        left = LinkCapsule(0, "left", corners[0], corners[1], max(radius, 1e-9))
         assert min(left.depth(p) for p in points_of(solid, rng, 200)) >= -depth - 2e-9
     else:
         axes = solid.T_link_box[:3, :3]
@@ -207,15 +213,11 @@ def test_the_planner_keeps_to_what_the_proof_asks() -> None:
         ])  # fmt: skip
         world = world_of(motion, facing(), robot=robot, rules=rules)
         guard = guard_of(world)
-        free = motion_clear(guard.bodies, *_ends(motion), 2e-4, contact=guard.contact) is None
+        free = guard.stop([Pose(*state) for state in zip(motion.base, motion.joints, strict=True)]) is None
         holds = not of_kinds(verify(plan_of(world, motion, 1)), "arm", "contact")
         assert holds or not free
         agreed.append(free == holds)
     assert sum(agreed) > 30
-
-
-def _ends(motion) -> tuple[Array, ...]:  # type: ignore[no-untyped-def]
-    return motion.base[0], motion.joints[0], motion.base[1], motion.joints[1]
 
 
 def of_kinds(report: Report, *kinds: str) -> list[str]:

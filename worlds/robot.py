@@ -96,7 +96,7 @@ class LinkBox:
         return corners
 
     def depth(self, point: Array) -> float:
-        """How deep a point (3,) of the link's frame lies in the box; below 0, no more than the way there [m]."""
+        """How deep a point (3,) of the link's frame lies in the box, below 0 outside [m]."""
         seen = (point - self.T_link_box[:3, 3]) @ self.T_link_box[:3, :3]
         return float((self.size / 2 - np.abs(seen)).min())
 

@@ -123,7 +123,7 @@ class Rules:
 
     @property
     def deepest_contact(self) -> float:
-        """Depth to which the last link may sink into what it touches: a tool may miss its target by so much."""
+        """Depth to which the last link may sink into what it touches, the tool's tolerance included."""
         return self.contact_depth + self.tolerance
 
 

@@ -205,8 +205,8 @@ def _tip_notes(robot: Robot) -> list[str]:
     if depth < DEEP_TIP:
         return []
     return [
-        f"the tool point lies {depth:.4f} m inside {name}: it sinks that deep into what the tool touches, which "
-        "rules.contact_depth must allow; or give a tip at the end of the tool"
+        f"the tool point lies {depth:.4f} m inside {name}: it sinks that deep into what the tool touches, "
+        "which rules.contact_depth must allow; or give a tip at the end of the tool"
     ]
 
 

@@ -12,8 +12,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from regionik.planners.clearance.contacts import touches
 from regionik.planners.clearance.moving import WORLD, Exempt, Hop, Hulls, Movers, place, put
-from regionik.planners.clearance.sweeping import box_gap, touches
+from regionik.planners.clearance.sweeping import box_gap
 from regionik.planners.geometry.flat import Index, compiled
 from regionik.planners.geometry.hulls import hull_gap
 from regionik.planners.reach.ringfloor import MOST_CUTS, Parts, distances, meets, on_circle

@@ -96,9 +96,7 @@ class _Row(NamedTuple):
     skips: int = 0  # rows of triangles that follow
 
 
-def bodies_from(
-    robot: Robot, solids: Sequence[Solid], clearance: float = 0.0, depth: float = 0.0
-) -> Bodies:
+def bodies_from(robot: Robot, solids: Sequence[Solid], clearance: float = 0.0, depth: float = 0.0) -> Bodies:
     """Prepare a robot and obstacles for distance queries.
 
     Parameters

@@ -11,11 +11,10 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from regionik.planners.clearance.contacts import ROUNDING, exempt_for
 from regionik.planners.clearance.moving import WORLD, Exempt, Hop, Hulls, hop_between, pace, place, stand
 from regionik.planners.clearance.prepared import Bodies, Contact, bodies_from
 from regionik.planners.clearance.sweeping import (
-    ROUNDING,
-    exempt_for,
     first_stop_on_way,
     lower_bounds,
     swept,

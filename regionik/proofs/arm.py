@@ -206,7 +206,7 @@ class _Arm:
     def _touching(
         self, pairs: _Pairs, hulls: Array, tools: Array, gap: Array, exempt: Mask
     ) -> tuple[Array, Mask]:
-        """Gaps of pairs at rest, those in meshes as deep as contacts are, and which touch as the rules let them.
+        """Gaps of pairs at rest, and which of them touch as the rules let them.
 
         Corners (m, k, 3), tools (m, 3), gaps (m,), and where the tool may touch (m,).
         """
@@ -272,7 +272,7 @@ class _Arm:
         return apart
 
     def _violations(self, pairs: _Pairs, gap: Array, exempt: Mask, fits: Mask) -> dict[_Key, _Close]:
-        """Least gap of each state, link and solid that are too close, and whether the tool may touch there."""
+        """Least gap of each state, link and solid too close, and whether the tool may touch there."""
         worst: dict[_Key, _Close] = {}
         for m in np.flatnonzero((gap < self.limit - TOUCH) & ~fits).tolist():
             key = int(pairs.row[m]), int(pairs.link[m]), int(self.obstacles.owner[pairs.piece[m]])

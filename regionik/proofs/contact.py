@@ -74,7 +74,12 @@ def contact_of(world: World, obstacles: Obstacles) -> Contact:
         distances = [(obstacles.solids[k].distance(target.position), int(k)) for k in near.tolist()]
         if distances and reach > 0 and min(distances)[0] <= reach:
             owners.setdefault(min(distances)[1], []).append(target.position)
-    return Contact({k: cKDTree(np.array(spots)) for k, spots in sorted(owners.items())}, reach, rules.arm_clearance, rules.deepest_contact)
+    return Contact(
+        {k: cKDTree(np.array(spots)) for k, spots in sorted(owners.items())},
+        reach,
+        rules.arm_clearance,
+        rules.deepest_contact,
+    )
 
 
 def core_weights(corners: Array, off: float, tool: Array) -> Array:
@@ -134,7 +139,10 @@ def touches(contact: Contact, moved: Moved, piece: Piece) -> bool:
 def _behind(contact: Contact, moved: Moved, cores: Array, piece: Piece) -> bool:
     """Whether a plane shows that a solid touches the hull of a piece as it may; ``cores`` is what is left."""
     normal = np.zeros(3)
-    apart = hull_gap(cores[1], np.ascontiguousarray(piece.corners), piece.disc, normal, np.empty(3))[0] > piece.ball
+    apart = (
+        hull_gap(cores[1], np.ascontiguousarray(piece.corners), piece.disc, normal, np.empty(3))[0]
+        > piece.ball
+    )
     normals = [normal] if apart else []
     if len(piece.corners) == 3:
         square = np.cross(piece.corners[1] - piece.corners[0], piece.corners[2] - piece.corners[0])
@@ -155,7 +163,7 @@ def _behind(contact: Contact, moved: Moved, cores: Array, piece: Piece) -> bool:
 
 
 def farthest(corners: Array, radius: float, plane: tuple[Array, float], tool: Array) -> float:
-    """Distance from the tool of what of a solid lies below a plane (n, n . p), or a little more; 0 for nothing.
+    """Distance from the tool of what of a solid lies below a plane (n, n . p), or a little more.
 
     A box is cut by the plane; balls along its axis hold a capsule.
     """
