@@ -53,7 +53,7 @@ class LinkCapsule:
     def depth(self, point: Array) -> float:
         """How deep a point (3,) of the link's frame lies in the solid, below 0 outside [m]."""
         along = self.end - self.start
-        share = np.clip((point - self.start) @ along / max(along @ along, 1e-300), 0.0, 1.0)
+        share = np.clip((point - self.start) @ along / max(float(along @ along), 1e-300), 0.0, 1.0)
         return float(self.radius - np.linalg.norm(point - self.start - share * along))
 
 
