@@ -90,9 +90,30 @@ FAULTS = (
     Fault(
         "verify: clearance of the arm halved",
         "regionik/verification/arm_clearance.py",
-        "np.flatnonzero((gap < self.limit - TOUCH) & ~exempt)",
-        "np.flatnonzero((gap < self.limit / 2 - TOUCH) & ~exempt)",
+        "np.flatnonzero((gap < self.limit - TOUCH) & ~fits)",
+        "np.flatnonzero((gap < self.limit / 2 - TOUCH) & ~fits)",
         ("tests/test_single_states.py",),
+    ),
+    Fault(
+        "verify: a tool may sink into what it touches as deep as it likes",
+        "regionik/verification/contact.py",
+        "        if min(left, sunk) < height + moved.bulge - TOUCH:\n            continue\n",
+        "",
+        ("tests/test_contact.py",),
+    ),
+    Fault(
+        "verify: the whole last link may touch, not only its tip",
+        "regionik/verification/contact.py",
+        "<= contact.reach + TOUCH - drift",
+        "<= np.inf",
+        ("tests/test_contact.py",),
+    ),
+    Fault(
+        "planner: a tool may sink into what it touches as deep as it likes",
+        "planners/clearance/contacts.py",
+        "if free < 0.0 or sunk < 0.0:",
+        "if free < -9.0 and sunk < -9.0:",
+        ("tests/test_touching.py",),
     ),
     Fault(
         "verify: links may overlap by 5 cm",

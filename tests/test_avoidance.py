@@ -153,18 +153,21 @@ def test_one_link_is_judged_as_sampling_judges_it() -> None:
 
 def test_what_the_tool_works_on_may_be_touched() -> None:
     ball = Sphere("ball", 0.1, np.array([0.4, 0.0, 0.3]))
-    bodies = bodies_from(robot_named("youbot"), [ball])
+    bodies = bodies_from(robot_named("youbot"), [ball], 0.0, 0.2)
     contact = Contact(ball.center[None], np.array([0]), 0.05)
-    there = translation(0.4, 0, 0.3)
+    there, below = translation(0.4, 0, 0.3), translation(0.4, 0, 0.3 - 0.2175)  # its tool in the middle
     assert touchable(contact, ball.center + [0.04, 0, 0]) == [0]
     assert touchable(contact, ball.center + [0.06, 0, 0]) == []
     assert touchable(contact, ball.center + [0.06, 0, 0], 0.02) == [0]
     assert touchable(None, ball.center) == []
-    assert not links_clear(bodies, HERE, ball.center, 0.0)(4, there)
+    assert not links_clear(bodies, HERE, ball.center, 0.0)(4, below)
     near = links_clear(bodies, HERE, ball.center, 0.0, contact)
-    assert near(4, there)
+    assert near(4, below)
+    assert not near(4, there)
+    shallow = bodies_from(robot_named("youbot"), [ball], 0.0, 0.03)
+    assert not links_clear(shallow, HERE, ball.center, 0.0, contact)(4, below)
     assert not near(2, there)
-    assert not links_clear(bodies, HERE, ball.center + [0.06, 0, 0], 0.0, contact)(4, there)
+    assert not links_clear(bodies, HERE, ball.center + [0.06, 0, 0], 0.0, contact)(4, below)
 
 
 def test_margin_and_clearance_are_kept_from_obstacles() -> None:

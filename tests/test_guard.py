@@ -109,11 +109,13 @@ def on_target(world: World, spot: Array, rng: np.random.Generator) -> Pose:
 def test_the_last_link_may_touch_what_the_tool_works_on() -> None:
     rng, spot = np.random.default_rng(3), np.array([0.3, 0.0, 0.41])
     world = cluttered(0.0, (Target(spot),))
+    world = replace(world, rules=replace(world.rules, tool_contact=0.26, contact_depth=0.3))
     at = on_target(world, spot, rng)
     assert guard_of(world).clear(at)
+    assert not guard_of(replace(world, rules=replace(world.rules, contact_depth=0.0))).clear(at)
     assert not guard_of(replace(world, rules=replace(world.rules, tool_contact=0.0))).clear(at)
     assert not guard_of(replace(world, task=())).clear(at)
-    lifted = Pose(at.base + [0.0, 0.07, 0.0], at.joints)  # farther off than tool_contact
+    lifted = Pose(at.base + [0.0, 0.3, 0.0], at.joints)  # farther off than tool_contact
     assert guard_of(world).clear(lifted) == guard_of(replace(world, task=())).clear(lifted)
 
 

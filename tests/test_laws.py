@@ -146,6 +146,7 @@ LENGTHS: tuple[str, ...] = (
     "tolerance",
     "path_tolerance",
     "tool_contact",
+    "contact_depth",
 )
 LENGTHS += ("reach_margin", "stop_tolerance")
 

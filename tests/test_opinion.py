@@ -28,7 +28,7 @@ from regionik.worlds.documents.world_file import load_world, world_to_document
 from regionik.worlds.scene import Target
 from regionik.worlds.speeds import Speeds
 from tests.opinion.course import Course, halfway
-from tests.opinion.judge import objections
+from tests.opinion.judge import objections, posture_objections
 from tests.opinion.machine import Machine
 from tests.opinion.search import find_clear, stand_at
 from tests.opinion.shortest import Ground
@@ -148,6 +148,22 @@ def test_a_spoiled_plan_is_objected_to(how: str) -> None:
     spoiled(document, how)
     told = objections(document, robot_to_urdf(world.robot, world.floor.polygon), facts_of(world.robot))
     assert any(text.startswith(how) for text in told), told
+
+
+@pytest.mark.parametrize(("depth", "reach", "told"), [
+    (0.0, 0.3, "deep in new"), (0.1, 0.02, "away from the tool"), (0.1, 0.3, ""),
+])  # fmt: skip
+def test_a_tool_that_sinks_into_its_work_is_objected_to(depth: float, reach: float, told: str) -> None:
+    """A block stands where the tool is at a set-point, round which its link is 35 mm thick."""
+    robot, floor = sound_plan().world.robot, sound_plan().world.floor
+    document = json.loads(json.dumps(plan_to_document(sound_plan())))
+    state = [one for one in document["states"] if one["kind"] == "setpoint"][5]
+    document["states"] = [state]
+    block = {"size": [0.05, 0.05, 0.05], "center": state["tool"]}
+    document["world"]["obstacles"].append({"name": "new", "box": block})
+    document["world"]["rules"] |= {"contact_depth": depth, "tool_contact": reach}
+    found = posture_objections(document, robot_to_urdf(robot, floor.polygon), facts_of(robot))
+    assert [one for one in found if "new" in one and told in one] if told else not found, found
 
 
 def boxed(obstacles: list[dict[str, Any]], footprint: ArrayLike, clearance: float) -> Ground:

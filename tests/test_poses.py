@@ -75,7 +75,8 @@ def test_a_wall_is_sprayed_with_the_tool_turned_as_asked(name: str) -> None:
     robot, height = (robot_named("youbot"), 0.3) if name == "youbot" else (six_axes(), 0.8)
     task = tuple(Target(spot, cone=0.2, orientation=AT_WALL) for spot in wave(9, height, 0.5))
     start = Start(np.array([0.3, 1.2, 0.0]), robot.carry)
-    found = plan(World("spray", robot, FLOOR, (WALL,), task, Rules(clearance=0.05, tool_contact=0.1), start))
+    rules = Rules(clearance=0.05, tool_contact=0.1, contact_depth=0.04)  # as thick as the last links are
+    found = plan(World("spray", robot, FLOOR, (WALL,), task, rules, start))
     report = verify(found)
     assert report.ok
     assert found.lift_offs == 0

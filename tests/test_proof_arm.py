@@ -25,7 +25,7 @@ TETRAHEDRON = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
 def check(robot: Robot, motion: Motion, *solids: Solid, clearance: float = 0.0) -> Finding:
     rules = Rules(arm_clearance=clearance, tool_contact=0.001)
     world = World("by hand", robot, Floor(box(-9, -9, 9, 9)), solids, (FAR,), rules)
-    return arm(world, Journey(robot, motion), Words(motion, 1))
+    return arm(world, Journey(robot, motion), Words(motion, 1))[0]
 
 
 def crane(*solids: LinkSolid) -> Robot:

@@ -272,8 +272,11 @@ def test_an_arm_that_is_clear_in_no_posture_is_told() -> None:
     world = replace(wave(0), start=None)
     spot = world.task[5]
     balls = tuple(Sphere(name, 0.2, spot.position) for name in ("ball", "other ball"))  # one may be touched
-    with pytest.raises(NoPlanFound, match="deep in other ball: no posture keeps the last link"):
+    with pytest.raises(NoPlanFound, match=r"cannot be touched: the last link.*would sink .* into ball"):
         plan(replace(world, task=(spot,), obstacles=balls))
+    rules = replace(world.rules, contact_depth=0.3)
+    with pytest.raises(NoPlanFound, match="deep in other ball: no posture keeps the last link"):
+        plan(replace(world, task=(spot,), obstacles=balls, rules=rules))
 
 
 def test_what_cannot_be_done_standing_is_refused() -> None:

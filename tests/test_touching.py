@@ -428,7 +428,7 @@ def test_how_the_base_moves_does_not_matter_to_the_robot_itself() -> None:
 def push(depth: float, mesh: bool = False) -> tuple[Bodies, Contact, float]:
     """A wall before the arm, what may touch it, and the base x from which the tool is that deep in it."""
     solid = box_mesh([1.0, -2, -2], [2.0, 2, 2]) if mesh else wall(1.0, 1.0)
-    bodies = bodies_from(robot_named("youbot"), [Sphere("far", 0.1, np.array([0.0, 5, 0])), solid])
+    bodies = bodies_from(robot_named("youbot"), [Sphere("far", 0.1, np.array([0.0, 5, 0])), solid], 0.0, 0.04)
     z = float(bodies.robot.tool([0, 0, 0], AHEAD)[2, 3])
     contact = Contact(np.array([[1.0, 0.0, z]]), np.array([1]), 0.05)
     return bodies, contact, 1.0 + depth - (ahead() - 0.035)
@@ -463,6 +463,25 @@ def test_not_beyond_the_reach_of_the_spot(mesh: bool) -> None:
     assert motion_clear(bodies, [x - 0.3, 0, 0], AHEAD, [x, 0, 0], AHEAD, MARGIN, contact=other) is not None
 
 
+@pytest.mark.parametrize("mesh", [False, True])
+@pytest.mark.parametrize(("depth", "free"), [(0.0, True), (0.004, True), (0.006, False), (0.094, False)])
+def test_the_tool_sinks_in_no_deeper_than_it_may(depth: float, free: bool, mesh: bool) -> None:
+    """Its link ends round in it, 0.035 m deep where it lies on the wall."""
+    bodies, contact, x = push(depth, mesh)
+    found = motion_clear(bodies, [x - 0.3, 0, 0], AHEAD, [x, 0, 0], AHEAD, MARGIN, contact=contact)
+    assert (found is None) == free
+    assert (nearest(bodies, [x, 0, 0], AHEAD, contact=contact).kind == "self") == free
+
+
+def test_a_link_that_lies_along_the_wall_does_not_touch_with_its_tip_alone() -> None:
+    bodies, contact, _ = push(0.0)
+    along = np.array([np.pi / 2, *AHEAD[1:]])  # a link 0.218 m long, 0.03 m from the wall
+    beside = [1.0 - 0.03, 0, 0]
+    spot = bodies.robot.tool(beside, along)[:3, 3] + [0.03, 0, 0]
+    touch = nearest(bodies, beside, along, contact=replace(contact, spots=spot[None]))
+    assert touch.kind == "obstacle"
+
+
 def test_spots_along_a_path_join_up() -> None:
     bodies, contact, x = push(0.0)
     spots = contact.spots + np.linspace(0, 1, 16)[:, None] * [0, 1.0, 0]
@@ -493,8 +512,8 @@ def test_inside_a_mesh_without_touching_it() -> None:
     assert touch.distance < -4
     spot = Contact(robot.tool([0, 0, 0], UP)[None, :3, 3], np.array([0]), 0.05)
     last = replace(robot, solids=robot.solids[-1:])
-    swallowed = bodies_from(last, bodies.obstacles)
-    assert motion_clear(swallowed, [0, 0, 0], UP, [0.04, 0, 0], UP, MARGIN, contact=spot) is None
+    swallowed = bodies_from(last, bodies.obstacles, 0.0, 0.1)
+    assert motion_clear(swallowed, [0, 0, 0], UP, [0.04, 0, 0], UP, MARGIN, contact=spot) is not None
     assert motion_clear(swallowed, [0, 0, 0], UP, [0.08, 0, 0], UP, MARGIN, contact=spot) is not None
     assert motion_clear(swallowed, [-0.1, 0, 0], UP, [0, 0, 0], UP, MARGIN, contact=spot) is not None
 

@@ -557,7 +557,7 @@ def touching(*solids: Solid, out: float = 0.0, contact: float = 0.05) -> Report:
     if out:
         rows.append((np.array([0.0, out, 0.0]), Q, "transit", -1))
     motion = motion_of(rows)
-    rules = replace(RULES, tool_contact=contact, clearance=0.0)
+    rules = replace(RULES, tool_contact=contact, contact_depth=0.035, clearance=0.0)
     return verify(plan_of(world_of(motion, *solids, robot=robot, rules=rules), motion, int(out > 0)))
 
 
@@ -588,14 +588,14 @@ def test_the_last_link_may_touch_only_near_the_setpoint() -> None:
 def test_contact_ends_between_states() -> None:
     """The tool leaves the set-point's surroundings along the block, and is back before the next state."""
     motion = motion_of([(np.zeros(3), Q, "setpoint", 0), (np.array([0.0, 0.2, 0.0]), Q, "transit", -1)])
-    rules = replace(RULES, step=1.0, clearance=0.0)
+    rules = replace(RULES, step=1.0, clearance=0.0, contact_depth=0.035)
     short = replace(block("work"), size=np.array([0.2, 0.2, 0.1]))
     found = only(verify(plan_of(world_of(motion, short, rules=rules), motion, 1)), "arm")
     assert "between states 1 and 2" in found.text
 
 
 def test_the_tool_leaves_its_work_and_its_surroundings_in_one_hop() -> None:
-    rules = replace(RULES, clearance=0.0)
+    rules = replace(RULES, clearance=0.0, contact_depth=0.035)
     motion = drive([0.0, 0.0, 0.0], [-0.06, 0.0, 0.0])
     assert verify(plan_of(world_of(motion, block("work"), rules=rules), motion, 1)).ok
 

@@ -125,7 +125,8 @@ def test_what_is_found_passes_and_what_is_none_withstands_random_postures() -> N
 def test_a_ball_round_the_target_swallows_the_wrist_or_not(radius: float, verdict: str) -> None:
     """The last link may touch what the tool works on; the one before it begins 0.2175 m from the tool."""
     ball = Sphere("ball", radius, np.array([0.0, 0.0, 0.3]))
-    world = World("ball", robot_named("youbot"), HALL, (ball,), rules=Rules(clearance=0.05, tool_contact=0.3))
+    rules = Rules(clearance=0.05, tool_contact=0.3, contact_depth=0.3)
+    world = World("ball", robot_named("youbot"), HALL, (ball,), rules=rules)
     answer = reach(world, [[0.0, 0.0, 0.3]])
     assert answer.verdict.tolist() == [verdict]
     if verdict == "unreachable":

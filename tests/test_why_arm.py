@@ -22,7 +22,7 @@ SPOT = np.array([0.0, 0.0, 0.3])
 
 def in_a_ball(radius: float, arm_clearance: float = 0.0) -> World:
     """A target that the last link may reach into, and no other; see `tests.test_wherever`."""
-    rules = Rules(clearance=0.05, tool_contact=0.3, arm_clearance=arm_clearance)
+    rules = Rules(clearance=0.05, tool_contact=0.3, contact_depth=0.3, arm_clearance=arm_clearance)
     ball = Sphere("ball", radius, SPOT)
     return World("ball", robot_named("youbot"), HALL, (ball,), (Target(SPOT),), rules)
 

@@ -81,6 +81,12 @@ class LinkCapsule:
         """Ends of the segment (2, 3): the solid is all points within ``radius`` of their hull [m]."""
         return np.stack([self.start, self.end])
 
+    def depth(self, point: Array) -> float:
+        """How deep a point (3,) of the link's frame lies in the solid, below 0 outside [m]."""
+        along = self.end - self.start
+        share = np.clip((point - self.start) @ along / max(float(along @ along), 1e-300), 0.0, 1.0)
+        return float(self.radius - np.linalg.norm(point - self.start - share * along))
+
 
 @dataclass(frozen=True, eq=False)
 class LinkBox:
@@ -120,6 +126,11 @@ class LinkBox:
         signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
         corners: Array = (signs * self.size / 2) @ self.T_link_box[:3, :3].T + self.T_link_box[:3, 3]
         return corners
+
+    def depth(self, point: Array) -> float:
+        """How deep a point (3,) of the link's frame lies in the box, below 0 outside [m]."""
+        seen = (point - self.T_link_box[:3, 3]) @ self.T_link_box[:3, :3]
+        return float((self.size / 2 - np.abs(seen)).min())
 
 
 LinkSolid = LinkCapsule | LinkBox
@@ -245,6 +256,13 @@ class Robot:
         """Return the tool frame in the world, (..., 4, 4)."""
         frame: Array = self.frames(base, joints)[..., -1, :, :]
         return frame
+
+    @property
+    def tip_depth(self) -> tuple[float, str]:
+        """How deep the tool point lies in a solid of its own link [m], and the solid's name; 0 in none."""
+        tool = self.chain.T_last_tool[:3, 3]
+        own = [solid for solid in self.solids if solid.link == self.chain.dof - 1]
+        return max([(0.0, ""), *((solid.depth(tool), solid.name) for solid in own)])
 
     def T_world_arm(self, base: Array) -> Array:
         """Return the arm base frame in the world, (..., 4, 4), for base poses (..., 3)."""

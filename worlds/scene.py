@@ -80,7 +80,10 @@ class Rules:
     path_tolerance : float
         Largest distance of the tool from the segment between set-points while it is on its way.
     tool_contact : float
-        Distance from a set-point within which the last link may touch what the tool works on.
+        Distance from a set-point within which the tool may touch the solid that the set-point lies on; what
+        of the last link is farther than this from the tool point keeps its clearance from that solid too.
+    contact_depth : float
+        How deep the last link may sink into what it touches, beyond the tolerance; 0 lets it touch only.
     reach_margin : float
         Kept from both ends of the reach, where the arm is stretched or folded.
     max_lift_offs : int or None
@@ -115,6 +118,7 @@ class Rules:
     tolerance: float = 0.001
     path_tolerance: float = 0.01
     tool_contact: float = 0.05
+    contact_depth: float = 0.0
     reach_margin: float = 0.005
     max_lift_offs: int | None = None
     avoidance: bool = True
@@ -142,6 +146,11 @@ class Rules:
             raise InputError(f"heading: {text}: free, fixed")
 
     __repr__ = one_line
+
+    @property
+    def deepest_contact(self) -> float:
+        """Depth to which the last link may sink into what it touches, the tool's tolerance included."""
+        return self.contact_depth + self.tolerance
 
 
 _ABOVE_ZERO = ("step", "tolerance", "path_tolerance")

@@ -6,7 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from regionik.planners.clearance.moving import WORLD, Hop, Hulls, Movers, place, put
+from regionik.planners.clearance.contacts import touches
+from regionik.planners.clearance.moving import WORLD, Exempt, Hop, Hulls, Movers, place, put
 from regionik.planners.clearance.sweeping import box_gap
 from regionik.planners.geometry.flat import compiled
 from regionik.planners.geometry.hulls import hull_gap
@@ -73,6 +74,8 @@ class Keep(NamedTuple):
         Distance that is kept [m].
     on : bool
         Whether it keeps off at all.
+    exempt : Exempt
+        How the last link may touch what the tool works on; its spots are not looked at.
     """
 
     arm: SerialArm
@@ -81,6 +84,7 @@ class Keep(NamedTuple):
     hulls: Hulls
     within: float
     on: bool
+    exempt: Exempt
 
 
 @compiled
@@ -95,7 +99,7 @@ def _gap(movers: Movers, hulls: Hulls, placed: Array, k: int, m: int) -> float:
 @compiled
 def _clear_of_itself(keep: Keep, hop: Hop, frames: Array, placed: Array) -> bool:
     """True where solids keep their distance from one another and the base; both arrays are overwritten."""
-    arm, mount, movers, hulls, within, _ = keep
+    arm, mount, movers, hulls, within, _, _ = keep
     for m in range(hulls.world, len(hulls.frame)):
         seen = False
         for k in range(len(movers.link)):
@@ -116,7 +120,7 @@ def is_clear(keep: Keep, base: Array, q: Array, tool_on: int) -> bool:
 
     Lower bounds decide, and meshes count as their hulls: what is clear by a hair may be refused.
     """
-    arm, mount, movers, hulls, within, _ = keep
+    arm, mount, movers, hulls, within, _, exempt = keep
     hop = Hop(base, np.zeros(3), 0.0, q, np.zeros(len(q)))
     frames, placed = np.empty((len(arm.axis) + 2, 4, 4)), np.empty_like(movers.corners)
     boxes, whole = np.empty((len(movers.link), 2, 3)), np.empty((2, 3))
@@ -135,9 +139,11 @@ def is_clear(keep: Keep, base: Array, q: Array, tool_on: int) -> bool:
     while m < hulls.world:
         if box_gap(whole, hulls.boxes[m]) <= within:
             for k in range(len(movers.link)):
-                exempt = movers.outermost[k] and hulls.owner[m] == tool_on
-                near = not exempt and box_gap(boxes[k], hulls.boxes[m]) <= within
+                near = box_gap(boxes[k], hulls.boxes[m]) <= within
                 if near and _gap(movers, hulls, placed, k, m) < within:
-                    return False
+                    if not movers.outermost[k] or hulls.owner[m] != tool_on:
+                        return False
+                    if touches(arm, mount, movers, hulls, hop, exempt, k, m, 0.0, frames, 1.0) < 1.0:
+                        return False
         m = hulls.next[m]
     return _clear_of_itself(keep, hop, frames, placed)

@@ -57,10 +57,16 @@ def links_clear(
     links: list[list[_Near]] = [[] for _ in range(robot.chain.dof)]
     for k, solid in enumerate(robot.solids):
         free = touchable(contact, tool) if bodies.movers.outermost[k] else []
-        rows = around[~np.isin(bodies.hulls.owner[around], free)]
-        links[solid.link].append(_near(bodies, k, rows, T_world_arm, margin + bodies.clearance))
-        own = bodies.movers.meets[k] & (bodies.hulls.frame[world:] == BASE)
-        links[solid.link].append(_near(bodies, k, world + np.flatnonzero(own), bodies.mount, margin))
+        work = np.isin(bodies.hulls.owner[around], free)
+        own = world + np.flatnonzero(bodies.movers.meets[k] & (bodies.hulls.frame[world:] == BASE))
+        corners, apart = solid.corners, solid.radius + margin
+        core = bodies.movers.core[slice(*bodies.movers.first[k : k + 2])]
+        least = float(bodies.movers.core_radius[k])
+        links[solid.link] += [
+            _near(bodies, corners, around[~work], T_world_arm, apart + bodies.clearance),
+            _near(bodies, core, around[work], T_world_arm, least),
+            _near(bodies, corners, own, bodies.mount, apart),
+        ]
     return lambda link, T_arm_link: all(_clear(near, T_arm_link) for near in links[link])
 
 
@@ -82,14 +88,12 @@ def touchable(contact: Contact | None, tool: Array, off: float = 0.0) -> list[in
     return owners
 
 
-def _near(bodies: Bodies, k: int, rows: Index, T: Array, margin: float) -> _Near:
-    solid = bodies.robot.solids[k]
+def _near(bodies: Bodies, corners: Array, rows: Index, T: Array, apart: float) -> _Near:
     pieces = tuple(bodies.pieces[m] for m in rows)
     axes = np.eye(3)
     high = np.array([piece.support(axes) for piece in pieces]).reshape(-1, 3)
     low = -np.array([piece.support(-axes) for piece in pieces]).reshape(-1, 3)
-    apart = solid.radius + margin
-    return _Near(solid.corners, apart, T, pieces, low - apart, high + apart)
+    return _Near(corners, apart, T, pieces, low - apart, high + apart)
 
 
 def _clear(near: _Near, T_arm_link: Array) -> bool:

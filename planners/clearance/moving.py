@@ -30,6 +30,11 @@ class Movers(NamedTuple):
         [m]
     link : (n,) array of int
         ``BASE`` for what is fixed to the base.
+    core : (c, 3) array
+        Corners of what is left of each solid taken off to the depth that a contact may have: all points
+        within ``core_radius`` of their hull [m].
+    core_radius : (n,) array
+        [m]
     outermost : (n,) array of bool
         Of the last link that has a solid.
     meets : (n, o) array of bool
@@ -40,6 +45,8 @@ class Movers(NamedTuple):
     first: Index
     radius: Array
     link: Index
+    core: Array
+    core_radius: Array
     outermost: NDArray[np.bool_]
     meets: NDArray[np.bool_]
 
@@ -90,11 +97,16 @@ class Hop(NamedTuple):
 
 
 class Exempt(NamedTuple):
-    """Where the outermost solids may touch an obstacle: the tool within ``reach`` of a spot it owns."""
+    """Where the outermost solids may touch an obstacle: the tool within ``reach`` of a spot it owns.
+
+    What of them is farther than ``reach`` from the tool keeps the clearance, which balls of hulls include.
+    """
 
     spots: Array  # (n, 3) [m]
     owner: Index  # (n,)
     reach: float  # [m]
+    clearance: float  # [m]
+    depth: float  # of a contact, at the most [m]
 
 
 @compiled

@@ -66,6 +66,8 @@ class Bodies:
         One for each row of ``hulls``, in its frame; triangles name their mesh.
     clearance : float
         What links keep from obstacles beyond what they keep from each other and the base [m].
+    depth : float
+        How deep the tool may sink into what it touches [m].
     """
 
     robot: Robot
@@ -76,6 +78,7 @@ class Bodies:
     hulls: Hulls
     pieces: tuple[Piece, ...]
     clearance: float
+    depth: float
 
     @cached_property
     def meshed(self) -> bool:
@@ -93,7 +96,7 @@ class _Row(NamedTuple):
     skips: int = 0  # rows of triangles that follow
 
 
-def bodies_from(robot: Robot, solids: Sequence[Solid], clearance: float = 0.0) -> Bodies:
+def bodies_from(robot: Robot, solids: Sequence[Solid], clearance: float = 0.0, depth: float = 0.0) -> Bodies:
     """Prepare a robot and obstacles for distance queries.
 
     Parameters
@@ -102,6 +105,8 @@ def bodies_from(robot: Robot, solids: Sequence[Solid], clearance: float = 0.0) -
     solids : sequence of Solid
     clearance : float
         Every margin asked for later is kept beyond this from obstacles [m].
+    depth : float
+        How deep the tool may sink into what it touches [m].
 
     Returns
     -------
@@ -131,10 +136,11 @@ def bodies_from(robot: Robot, solids: Sequence[Solid], clearance: float = 0.0) -
         tuple(solids),
         serial_arm(robot.chain),
         np.array(robot.T_base_arm),
-        _movers(robot.all_solids, meets),
+        _movers(robot.all_solids, _cores(robot, depth), meets),
         _hulls(rows, world, clearance),
         tuple(row.piece for row in rows),
         clearance,
+        depth,
     )
 
 
@@ -146,7 +152,9 @@ def _rows(piece: Piece, frame: int, owner: int) -> list[_Row]:
     return [_Row(piece.corners, piece, frame, owner, len(parts)), *parts]
 
 
-def _movers(solids: Sequence[LinkSolid], meets: NDArray[np.bool_]) -> Movers:
+def _movers(
+    solids: Sequence[LinkSolid], cores: Sequence[tuple[Array, float]], meets: NDArray[np.bool_]
+) -> Movers:
     links = np.array([solid.link for solid in solids], dtype=np.int64)
     corners = [solid.corners for solid in solids]
     return Movers(
@@ -154,9 +162,32 @@ def _movers(solids: Sequence[LinkSolid], meets: NDArray[np.bool_]) -> Movers:
         np.cumsum([0, *(len(c) for c in corners)]),
         np.array([solid.radius for solid in solids], dtype=np.float64),
         links,
+        np.concatenate([np.zeros((0, 3)), *(core for core, _ in cores)]),
+        np.array([radius for _, radius in cores], dtype=np.float64),
         links == links.max(initial=-1),
         meets,
     )
+
+
+def core_of(solid: LinkSolid, depth: float, tool: Array) -> tuple[Array, float]:
+    """Corners (k, 3) and radius of what is left of a solid that is taken off to a depth on all sides [m].
+
+    Where nothing would be left, it is a point as far from the tool, (3,) in the link's frame, as it may be.
+    """
+    corners, middle = solid.corners, solid.corners.mean(0)
+    sides = corners[[4, 2, 1] if len(corners) == 8 else [1]] - corners[0]
+    half = np.maximum(np.linalg.norm(sides, axis=1) / 2, 1e-12)
+    axes = sides / (2 * half[:, None])
+    off = max(0.0, depth - solid.radius)
+    left = np.maximum(0.0, 1.0 - off / half)
+    aside = np.clip(-np.clip((tool - middle) @ axes.T / half, -1, 1) * np.maximum(off - half, 0), -half, half)
+    return middle + ((corners - middle) @ axes.T * left + aside) @ axes, max(0.0, solid.radius - depth)
+
+
+def _cores(robot: Robot, depth: float) -> list[tuple[Array, float]]:
+    frames = robot.chain.frames(np.zeros(robot.chain.dof))
+    tools = [np.linalg.solve(T, frames[-1])[:3, 3] for T in frames]
+    return [core_of(solid, depth, tools[solid.link]) for solid in robot.all_solids]
 
 
 def _hulls(rows: Sequence[_Row], world: int, clearance: float) -> Hulls:

@@ -13,6 +13,7 @@ import math
 
 import numpy as np
 
+from regionik.planners.clearance.contacts import ROUNDING, SHORTEST, exempt_for, touches, until_plane
 from regionik.planners.clearance.moving import (
     BASE,
     WORLD,
@@ -32,41 +33,8 @@ from regionik.planners.solvers.serial import SerialArm
 from regionik.worlds.arrays import Array
 
 MOST_STEPS = 1000
-SHORTEST = 1e-5  # part of a hop; shorter steps mean that the gap is used up
-ROUNDING = 1e-9  # [m]
 CHORDS = 8  # most parts of a hop whose boxes bound where the links pass
 CHORD = 0.2  # largest turn of base or joint in one of them, while they are fewer [rad]
-
-
-@compiled
-def until_plane(points: Array, n: Array, free: float, V: Array, W: Array, acceleration: float) -> float:
-    """Part of a hop before a point can cross a plane that the nearest one is ``free`` [m] from."""
-    low = np.inf
-    for p in points:
-        low = min(low, n[0] * p[0] + n[1] * p[1] + n[2] * p[2])
-    base = n[0] * V[0] + n[1] * V[1] + n[2] * V[2]
-    x, y, z = W[1] * n[2] - W[2] * n[1], W[2] * n[0] - W[0] * n[2], W[0] * n[1] - W[1] * n[0]
-    part = np.inf
-    for p in points:
-        gap = free + n[0] * p[0] + n[1] * p[1] + n[2] * p[2] - low
-        drift = base - (x * p[0] + y * p[1] + z * p[2])  # n . (W x p) = -(W x n) . p
-        root = math.sqrt(drift * drift + 2 * acceleration * gap)
-        if acceleration > 0.0 and drift > 0.0:
-            part = min(part, (drift + root) / acceleration)
-        elif root > drift:
-            part = min(part, 2 * gap / (root - drift))
-    return part
-
-
-@compiled
-def exempt_for(exempt: Exempt, owner: int, tool: Array) -> float:
-    """How far the tool is within the reach of a spot of an owner; negative beyond it [m]."""
-    best = np.inf
-    for k in range(len(exempt.owner)):
-        if exempt.owner[k] == owner:
-            x, y, z = tool[0] - exempt.spots[k, 0], tool[1] - exempt.spots[k, 1], tool[2] - exempt.spots[k, 2]
-            best = min(best, x * x + y * y + z * z)
-    return exempt.reach - math.sqrt(best)
 
 
 @compiled
@@ -105,7 +73,8 @@ def advance(
         if may_touch:
             left = exempt_for(exempt, hulls.owner[m], frames[-2, :3, 3])
             if left >= 0.0:
-                step = max(step, left / pace_of_tool if pace_of_tool > 0.0 else np.inf)
+                rest = min(1.0 - s, left / pace_of_tool if pace_of_tool > 0.0 else np.inf)
+                step = max(step, touches(arm, mount, movers, hulls, hop, exempt, k, m, s, frames, rest))
         if s + step >= 1.0 or step < SHORTEST:
             return s + step if s + step >= 1.0 else s
         s += step
@@ -216,6 +185,24 @@ def first_stop_on_way(
 
 
 @compiled
+def _may_touch(
+    arm: SerialArm,
+    mount: Array,
+    movers: Movers,
+    hulls: Hulls,
+    still: Hop,
+    exempt: Exempt,
+    k: int,
+    m: int,
+    frames: Array,
+) -> bool:
+    """Whether solid k may touch hull m, and does so as it may, in a hop that goes nowhere."""
+    if not movers.outermost[k] or exempt_for(exempt, hulls.owner[m], frames[-2, :3, 3]) < 0.0:
+        return False
+    return touches(arm, mount, movers, hulls, still, exempt, k, m, 0.0, frames, 1.0) >= 1.0
+
+
+@compiled
 def lower_bounds(
     arm: SerialArm,
     mount: Array,
@@ -244,7 +231,7 @@ def lower_bounds(
         while m < len(hulls.frame):
             if m >= hulls.world:
                 lower[k, m] = -np.inf if movers.meets[k, m - hulls.world] else np.inf
-            elif not movers.outermost[k] or exempt_for(exempt, hulls.owner[m], frames[-2, :3, 3]) < 0.0:
+            elif not _may_touch(arm, mount, movers, hulls, still, exempt, k, m, frames):
                 lower[k, m] = box_gap(boxes[k], hulls.boxes[m]) - movers.radius[k]
                 if lower[k, m] < nearest:
                     first_k, first_m, nearest = k, m, lower[k, m]

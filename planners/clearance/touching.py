@@ -11,11 +11,10 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from regionik.planners.clearance.contacts import ROUNDING, exempt_for
 from regionik.planners.clearance.moving import WORLD, Exempt, Hop, Hulls, hop_between, pace, place, stand
 from regionik.planners.clearance.prepared import Bodies, Contact, bodies_from
 from regionik.planners.clearance.sweeping import (
-    ROUNDING,
-    exempt_for,
     first_stop_on_way,
     lower_bounds,
     swept,
@@ -32,6 +31,7 @@ __all__ = [
     "Contact",
     "Touch",
     "bodies_from",
+    "exempt_of",
     "motion_clear",
     "nearest",
     "other",
@@ -190,7 +190,7 @@ def _first_stop(
     bodies: Bodies, bases: Array, joints: Array, margin: float, contact: Contact | None
 ) -> tuple[int, int, int, float]:
     """Hop, solid, row and part of the hop where the proof of a way ends; a solid of -1 where it does not."""
-    exempt, rolls = _exempt(contact), bodies.robot.drive.rolls
+    exempt, rolls = exempt_of(bodies, contact), bodies.robot.drive.rolls
     known = bodies.arm, bodies.mount, bodies.movers, bodies.hulls
     i, k, m, s = first_stop_on_way(*known, bases, joints, rolls, exempt, float(margin))
     for n in range(i if bodies.meshed else 0):
@@ -226,7 +226,7 @@ def other(bodies: Bodies, touch: Touch) -> str:
 
 def _nearest(bodies: Bodies, hop: Hop, which: Index, contact: Contact | None, within: float) -> Touch:
     lower = np.empty((len(bodies.robot.all_solids), len(bodies.pieces)))
-    exempt = _exempt(contact)
+    exempt = exempt_of(bodies, contact)
     bound = lower_bounds(
         bodies.arm, bodies.mount, bodies.movers, bodies.hulls, hop, exempt, which, within, lower
     )
@@ -287,15 +287,15 @@ def _swallowed(bodies: Bodies, hop: Hop, exempt: Exempt) -> tuple[int, int, floa
     swept(bodies.arm, bodies.mount, bodies.movers, hop, boxes)
     tool = bodies.arm.tool[:3, 3].copy().reshape(1, 3)
     speed = pace(bodies.arm, bodies.mount, hop, bodies.robot.chain.dof - 1, WORLD, tool)[0]
-    for k, solid in enumerate(bodies.robot.all_solids):
+    for k, link in enumerate(bodies.movers.link.tolist()):
         for m in np.flatnonzero(_meet(bodies.hulls, boxes[k])).tolist():
             mesh, s = bodies.pieces[m].mesh, 0.0
             while mesh is not None and s <= 1.0:
                 frames = _frames(bodies, _at(hop, s), WORLD)
                 left = exempt_for(exempt, bodies.hulls.owner[m], frames[-2, :3, 3])
                 left = left if bodies.movers.outermost[k] else -np.inf
-                T = frames[solid.link]
-                if left < 0 and mesh.contains(T[:3, :3] @ solid.corners[0] + T[:3, 3]):
+                T, within = frames[link], bodies.movers.corners if left < 0 else bodies.movers.core
+                if mesh.contains(T[:3, :3] @ within[bodies.movers.first[k]] + T[:3, 3]):
                     return k, m, s
                 s += max(abs(left) / speed if speed > 0 else np.inf, LOOK)
     return -1, -1, 1.0
@@ -308,9 +308,10 @@ def _meet(hulls: Hulls, box: Array) -> NDArray[np.bool_]:
     return meshes & meet
 
 
-def _exempt(contact: Contact | None) -> Exempt:
+def exempt_of(bodies: Bodies, contact: Contact | None) -> Exempt:
+    """What may be touched, and how, as kernels take it."""
     one = _NO_CONTACT if contact is None else contact
-    return Exempt(one.spots, one.owner, one.reach)
+    return Exempt(one.spots, one.owner, one.reach, bodies.clearance, bodies.depth)
 
 
 def _still(base: Array, joints: Array) -> Hop:

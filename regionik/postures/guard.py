@@ -31,6 +31,7 @@ from regionik.worlds.errors import Cause
 from regionik.worlds.scene import Target, World
 
 SPARE = 5e-4  # kept beyond what the rules want, so that what is planned can be proven [m]
+SHARE = 0.2  # of the deepest contact that is kept for that at the most
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +109,9 @@ class Guard:
 @lru_cache(maxsize=8)
 def guard_of(world: World) -> Guard:
     """The guard of a world; kept for the last few worlds."""
-    bodies = bodies_from(world.robot, world.solids, world.rules.arm_clearance)
+    rules = world.rules
+    depth = rules.deepest_contact - min(SPARE, SHARE * rules.deepest_contact)
+    bodies = bodies_from(world.robot, world.solids, rules.arm_clearance, depth)
     return Guard(world, bodies, contact_for(world, world.task))
 
 

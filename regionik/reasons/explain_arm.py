@@ -2,25 +2,22 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from regionik.planners.driving.drive import NoPathError
 from regionik.planners.driving.shape import TightSpotError
 from regionik.planners.geometry.collision import obstacles_from, solids_within
 from regionik.reasons.explain import setpoint, spot
 from regionik.worlds.errors import Cause, Explanation, Repair
-from regionik.worlds.robot import LinkCapsule
 from regionik.worlds.scene import World
 
 
 def buried(world: World) -> Explanation | None:
     """Why the tool cannot be at some set-point at all, for what stands round it; None where nothing does.
 
-    Where a link ends round in the tool, its radius and the arm's clearance must fit beside every solid but
-    the one that the tool may touch.
+    Where the tool lies inside its link, what is round about it must fit beside every solid with the arm's
+    clearance; into the one that the tool may touch it sinks no deeper than the rules allow.
     """
-    tip = _tip_radius(world)
-    if tip is None:
+    tip, _ = world.robot.tip_depth
+    if not tip:
         return None
     rules = world.rules
     need = tip + rules.arm_clearance - rules.tolerance
@@ -28,6 +25,9 @@ def buried(world: World) -> Explanation | None:
     for i, target in enumerate(world.task):
         gaps = solids_within(obstacles, target.position, look)
         if gaps and rules.tool_contact > 0 and gaps[0][0] <= rules.tool_contact:
+            gap, touched = gaps[0][0], world.solids[gaps[0][1]].name
+            if tip - gap > rules.deepest_contact + rules.tolerance:
+                return _too_deep(world, i, touched, tip, tip - gap - rules.tolerance)
             gaps = gaps[1:]
         if not gaps or gaps[0][0] >= need:
             continue
@@ -44,18 +44,16 @@ def buried(world: World) -> Explanation | None:
     return None
 
 
-def _tip_radius(world: World) -> float | None:
-    """Radius of the link that ends round in the tool, if there is one [m]."""
-    chain = world.robot.chain
-    tool = chain.T_last_tool[:3, 3]
-    radii = [
-        solid.radius
-        for solid in world.robot.solids
-        if solid.link == chain.dof - 1
-        and isinstance(solid, LinkCapsule)
-        and np.linalg.norm(solid.corners - tool, axis=1).min() < 1e-9
-    ]
-    return max(radii, default=None)
+def _too_deep(world: World, i: int, name: str, tip: float, need: float) -> Explanation:
+    """Why the tool cannot touch a solid: what of its link is round about it would sink in too deep."""
+    missing, rules = need - world.rules.contact_depth, world.rules
+    reason = (
+        f"{setpoint(i, len(world.task))} at {spot(world.task[i].position)} cannot be touched: the last link, "
+        f"{tip:g} m round about the tool, would sink at least {need:.4f} m into {name}, and the rules allow "
+        f"{rules.contact_depth:g} m (contact_depth). It would have to be {missing:.4f} m more, or the link "
+        f"to end short of the tool point."
+    )
+    return Explanation("no-posture", i, reason, (Cause("obstacle", name, missing),))
 
 
 def blocked_arm(world: World, closest: str, cause: Cause) -> Explanation:

@@ -11,6 +11,7 @@ from shapely.geometry import Polygon
 from regionik.areas.ground import EVERY, Side
 from regionik.areas.reachable import planar_reach
 from regionik.planners.clearance.bulkreach import Keep, Reach, Stance
+from regionik.planners.clearance.touching import exempt_of
 from regionik.planners.reach.ringfloor import Parts, parts_of
 from regionik.planners.reach.rings import boundary_circles
 from regionik.postures.guard import SPARE, guard_of
@@ -47,7 +48,8 @@ def reach_of(world: World) -> Reach:
 def keep_of(world: World) -> Keep:
     """Solids that the arm keeps off."""
     guard, bodies = guard_of(world), guard_of(world).bodies
-    return Keep(bodies.arm, own(bodies.mount), bodies.movers, bodies.hulls, SPARE, guard.on)
+    exempt = exempt_of(bodies, guard.contact)
+    return Keep(bodies.arm, own(bodies.mount), bodies.movers, bodies.hulls, SPARE, guard.on, exempt)
 
 
 @lru_cache(maxsize=256)

@@ -16,7 +16,7 @@ import shapely
 from regionik.planners.geometry.collision import Obstacles, hull_separation, obstacles_from
 from regionik.planners.geometry.pieces import Piece, Separation
 from regionik.values import Violation
-from regionik.verification.contact import TOUCH, Contact, contact_of
+from regionik.verification.contact import SIGNS, TOUCH, Contact, Moved, contact_of, depth_of, touches
 from regionik.verification.findings import Finding, Words, finding
 from regionik.verification.motion import Indices, Journey, Mask, Parts, Verdicts, prove, sag
 from regionik.worlds.arrays import Array
@@ -25,8 +25,6 @@ from regionik.worlds.scene import World
 SHORTEST = 1e-4  # motion of a link over half a part below which its halves are not looked at [m]
 LOOK = 0.05  # how far beyond the clearance distances at states are measured for the margin [m]
 SHALLOW = 1e-8  # to which the depth of boxes in meshes is found [m]
-SIGNS = (-1.0, 1.0)
-CORNERS = np.array([[x, y, z] for x in SIGNS for y in SIGNS for z in SIGNS])  # in the order of LinkBox
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,10 +78,13 @@ class _Links:
         return np.stack(hulls, axis=1), arm[:, -1, :3, 3]
 
 
-def arm(world: World, journey: Journey, words: Words) -> Finding:
-    """Every link ``arm_clearance`` away from every solid, but for the last where it may touch its work."""
+def arm(world: World, journey: Journey, words: Words) -> list[Finding]:
+    """Every link ``arm_clearance`` away from every solid, but for the tip of the last that touches its work.
+
+    The second finding is of that contact.
+    """
     if not world.solids or not world.robot.all_solids:
-        return finding("arm", np.inf, [])
+        return [finding("arm", np.inf, [])]
     return _Arm(world, journey, words, obstacles_from(world.solids)).check()
 
 
@@ -97,7 +98,7 @@ def _depth(piece: Piece, corners: Array) -> float:
     low, high = 0.0, float(sizes.min())
     while high - low > SHALLOW:
         inset = (low + high) / 2
-        shrunk = middle + CORNERS @ (half * (1 - inset / sizes)[:, None])
+        shrunk = middle + SIGNS @ (half * (1 - inset / sizes)[:, None])
         low, high = (low, inset) if hull_separation(piece, shrunk).distance > 0 else (inset, high)
     return low
 
@@ -112,6 +113,11 @@ class _Pairs:
 
     def take(self, which: Mask) -> _Pairs:
         return _Pairs(self.row[which], self.link[which], self.piece[which])
+
+
+_Key = tuple[int, int, int]  # state or hop, solid of a link, other solid
+_Close = tuple[float, bool]  # least gap [m], and whether the tool may touch there
+_NONE = (np.inf, False)
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,14 +144,15 @@ class _Arm:
     def limit(self) -> float:
         return self.world.rules.arm_clearance
 
-    def check(self) -> Finding:
+    def check(self) -> list[Finding]:
         motion = self.journey.motion
         hulls, tools = self.links.place(motion.base, motion.joints)
         still = self._close(hulls, np.full(hulls.shape[:2], LOOK))
         gap = self._gaps(hulls[still.row, still.link], still)
         bulge = np.zeros(len(gap))
         exempt = self._exempt(still, tools[still.row][:, None], bulge)[1]
-        violations = self._violations(still, gap, exempt)
+        gap, fits = self._touching(still, hulls[still.row, still.link], tools[still.row], gap, exempt)
+        violations = self._violations(still, gap, exempt, fits)
         hops = self._close(
             np.concatenate([hulls[:-1], hulls[1:]], axis=2), sag(self.links.acceleration.T, np.ones(1))
         )
@@ -154,9 +161,14 @@ class _Arm:
         rows = zip(hops.row.tolist(), hops.link.tolist(), solid, strict=True)
         hops = hops.take(np.array([row not in hit for row in rows], dtype=bool))
         outcome = prove(len(hops.row), lambda parts: self._look(hops, parts))
-        told = [self._tell(key, self.words.state(key[0]), g) for key, g in violations.items()]
+        told = [self._tell(key, self.words.state(key[0]), *found) for key, found in violations.items()]
         told += self._untold(hops, {**outcome.stuck, **outcome.failed})
-        return finding("arm", min(LOOK, float(gap[~exempt].min(initial=np.inf)) - self.limit), told)
+        free = min(LOOK, float(gap[~exempt].min(initial=np.inf)) - self.limit)
+        deep = min(LOOK, float(gap[exempt].min(initial=np.inf)) + self.contact.depth)
+        return [
+            finding("arm", free, [v for v in told if v.kind == "arm"]),
+            finding("contact", deep if exempt.any() else np.inf, [v for v in told if v.kind == "contact"]),
+        ]
 
     def _close(self, points: Array, bulge: Array) -> _Pairs:
         """Pairs whose boxes come within the clearance; points (n, solids, k, 3), bulge (n, solids)."""
@@ -191,16 +203,39 @@ class _Arm:
         owner = np.where(last, self.obstacles.owner[pairs.piece], -1)
         return self.contact.allows(owner, tools, bulge)
 
+    def _touching(
+        self, pairs: _Pairs, hulls: Array, tools: Array, gap: Array, exempt: Mask
+    ) -> tuple[Array, Mask]:
+        """Gaps of pairs at rest, and which of them touch as the rules let them.
+
+        Corners (m, k, 3), tools (m, 3), gaps (m,), and where the tool may touch (m,).
+        """
+        gap, fits = gap.copy(), np.zeros(len(gap), dtype=bool)
+        for m in np.flatnonzero(exempt & (gap < self.limit)).tolist():
+            piece = self.obstacles.pieces[pairs.piece[m]]
+            still = self._moved(int(pairs.link[m]), hulls[m, None], tools[m, None])
+            fits[m] = touches(self.contact, still, piece)
+            if gap[m] < 0 and piece.mesh is not None:
+                gap[m] = -depth_of(self.contact, still, piece)
+        return gap, fits
+
+    def _moved(
+        self, link: int, hulls: Array, tools: Array, bulge: float = 0.0, tool_bulge: float = 0.0
+    ) -> Moved:
+        own = np.broadcast_to(hulls, (3, *hulls.shape[1:]))[:, : len(self.links.corners[link])]
+        return Moved(own, float(self.links.radii[link]), np.broadcast_to(tools, (3, 3)), bulge, tool_bulge)
+
     def _look(self, hops: _Pairs, parts: Parts) -> Verdicts:
         item = parts.item
         pairs = _Pairs(hops.row[item], hops.link[item], hops.piece[item])
         hulls, tools = self._samples(pairs, parts)  # (m, 3 samples, k corners, 3), (m, 3 samples, 3)
         length = parts.high - parts.low
         bulge = sag(self.links.acceleration[pairs.link, pairs.row], length)
-        whole, middle = self._exempt(pairs, tools, sag(self.journey.tool_acceleration[pairs.row], length))
+        tool_bulge = sag(self.journey.tool_acceleration[pairs.row], length)
+        whole, middle = self._exempt(pairs, tools, tool_bulge)
         moved = np.linalg.norm(hulls - hulls[:, 1:2], axis=-1).max((1, 2))
         need = self.links.radii[pairs.link] + self.limit + bulge - TOUCH
-        proven = whole | self._boxes_apart(hulls, pairs.piece, need)
+        proven = self._boxes_apart(hulls, pairs.piece, need)
         failed = np.zeros(len(item), dtype=bool)
         for m in np.flatnonzero(~proven).tolist():
             found = self._separation(pairs.link[m], pairs.piece[m], hulls[m, 1])
@@ -209,7 +244,13 @@ class _Arm:
             if piece.mesh is not None:  # a plane goes round the hull of a mesh; there may be room within
                 beyond = max(beyond, found.distance - moved[m])
             proven[m] = beyond >= need[m]
-            failed[m] = found.distance < need[m] - bulge[m] and not middle[m]
+            if whole[m] and not proven[m]:
+                part = self._moved(int(pairs.link[m]), hulls[m], tools[m], bulge[m], tool_bulge[m])
+                proven[m] = touches(self.contact, part, piece)
+            failed[m] = found.distance < need[m] - bulge[m]
+            if middle[m] and failed[m]:
+                still = self._moved(int(pairs.link[m]), hulls[m, 1:2], tools[m, 1:2])
+                failed[m] = not touches(self.contact, still, piece)
         return Verdicts(proven, failed, moved + 100 * bulge < SHORTEST)
 
     def _samples(self, pairs: _Pairs, parts: Parts) -> tuple[Array, Array]:
@@ -230,29 +271,33 @@ class _Arm:
         apart: Mask = (np.linalg.norm(gap, axis=1) >= need) & (gap > 0).any(1)
         return apart
 
-    def _violations(self, pairs: _Pairs, gap: Array, exempt: Mask) -> dict[tuple[int, int, int], float]:
-        """Least gap of each state, link and solid that are too close."""
-        worst: dict[tuple[int, int, int], float] = {}
-        for m in np.flatnonzero((gap < self.limit - TOUCH) & ~exempt).tolist():
+    def _violations(self, pairs: _Pairs, gap: Array, exempt: Mask, fits: Mask) -> dict[_Key, _Close]:
+        """Least gap of each state, link and solid too close, and whether the tool may touch there."""
+        worst: dict[_Key, _Close] = {}
+        for m in np.flatnonzero((gap < self.limit - TOUCH) & ~fits).tolist():
             key = int(pairs.row[m]), int(pairs.link[m]), int(self.obstacles.owner[pairs.piece[m]])
-            worst[key] = min(worst.get(key, np.inf), float(gap[m]))
+            worst[key] = min(worst.get(key, _NONE), (float(gap[m]), bool(exempt[m])))
         return worst
 
     def _untold(self, hops: _Pairs, where: dict[int, float]) -> list[Violation]:
         """Violations between states, one for each hop, link and solid."""
-        worst: dict[tuple[int, int, int], float] = {}
+        worst: dict[_Key, _Close] = {}
         for item, s in where.items():
             one = _Pairs(*(column[item : item + 1] for column in (hops.row, hops.link, hops.piece)))
             here = self.journey.base(one.row, np.array([s])), self.journey.joints(one.row, np.array([s]))
-            hulls, _ = self.links.place(*here)
-            gap = float(self._gaps(hulls[:, one.link[0]], one)[0])
+            hulls, tools = self.links.place(*here)
+            own = hulls[:, one.link[0]]
+            near = self._exempt(one, tools[:, None], np.zeros(1))[1]
+            gap = float(self._touching(one, own, tools, self._gaps(own, one), near)[0][0])
             key = int(one.row[0]), int(one.link[0]), int(self.obstacles.owner[one.piece[0]])
-            worst[key] = min(worst.get(key, np.inf), gap)
-        return [self._tell(key, self.words.hop(key[0]), gap) for key, gap in worst.items()]
+            worst[key] = min(worst.get(key, _NONE), (gap, bool(near[0])))
+        return [self._tell(key, self.words.hop(key[0]), *found) for key, found in worst.items()]
 
-    def _tell(self, key: tuple[int, int, int], where: str, gap: float) -> Violation:
+    def _tell(self, key: _Key, where: str, gap: float, near: bool) -> Violation:
         state, link, solid = key
         part, name = self.world.robot.all_solids[link].name, self.world.solids[solid].name
+        if near:
+            return self._tell_contact(state, f"{part} touches {name} {where}", gap)
         if gap < 0:
             how = f"{part} overlaps {name} by {-gap:z.4f} m {where}"
         elif gap < self.limit:
@@ -261,3 +306,13 @@ class _Arm:
             how = f"{part} is not proven clear of {name} {where}, {gap:.6f} m away"
         text = f"{how}; the arm's clearance is {self.limit:g} m"
         return Violation("arm", state, self.words.owner(state), max(0.0, self.limit - gap), text)
+
+    def _tell_contact(self, state: int, what: str, gap: float) -> Violation:
+        depth, reach = self.contact.depth, self.contact.reach
+        deeper = -gap - depth
+        if deeper > TOUCH:
+            text = f"{what}, {-gap:z.4f} m deep; it may sink in {depth:.4g} m (contact_depth and tolerance)"
+        else:
+            text = f"{what} with parts that are not proven to lie within {reach:g} m of the tool point"
+            text += f" (tool_contact), or to keep the arm's clearance of {self.limit:g} m from it"
+        return Violation("contact", state, self.words.owner(state), max(0.0, deeper), text)

@@ -40,10 +40,11 @@ def verify(plan: Plan) -> Report:
     -------
     Report
         ``margins`` has the least margin of every check that measured something: ``joints`` [rad or m],
-        ``step``, ``wheels``, ``setpoint``, ``path``, ``floor``, ``clearance``, ``arm``, ``self``, ``stops``
-        [m], ``direction``, ``orientation`` [rad], and of criteria that the rules ask ``manipulability`` [m3],
-        ``joint_margin`` (a share of the range), ``effort`` [N m] or [N]. Those of ``arm`` and ``self`` are
-        told up to 0.05. Of many violations of a kind the first 20 are told, and the rest in one.
+        ``step``, ``wheels``, ``setpoint``, ``path``, ``floor``, ``clearance``, ``arm``, ``contact``,
+        ``self``, ``stops`` [m], ``direction``, ``orientation`` [rad], and of criteria that the rules ask
+        ``manipulability`` [m3], ``joint_margin`` (a share of the range), ``effort`` [N m] or [N]. Those of
+        ``arm``, ``contact`` and ``self`` are told up to 0.05; that of ``contact`` is how much deeper the tool
+        might sink in. Of many violations of a kind the first 20 are told, and the rest in one.
     """
     flaws = tuple(_malformed(plan))
     if flaws:
@@ -63,7 +64,7 @@ def verify(plan: Plan) -> Report:
             orientation(plan.world, journey, words),
             floor(plan.world, journey, words),
             clearance(plan.world, journey, words),
-            arm(plan.world, journey, words),
+            *arm(plan.world, journey, words),
             itself(journey, words),
             stops(plan, words),
             *criteria(plan.world, journey, words),

@@ -84,12 +84,29 @@ class Moment:
         apart = np.maximum(np.maximum(low[None] - spots[:, None], spots[:, None] - high[None]), 0.0)
         for p, n in np.argwhere(np.linalg.norm(apart, axis=2) < around):
             part, (i, piece) = self.machine.parts[p], self.pieces[close[n]]
-            if part.link == self.machine.last and self._works_on(i, tool):
-                continue
-            gap = distance_of(part.shape.solid, placed(frames[p]), piece.solid, piece.placed)
             thing = self.course.things[i]
+            gap = distance_of(part.shape.solid, placed(frames[p]), piece.solid, piece.placed)
+            if part.link == self.machine.last and self._works_on(i, tool):
+                if gap < least + self.berth or thing.contains(spots[p]):
+                    yield from self._contact(p, frames[p], thing, gap, tool)
+                continue
             if gap < least + self.berth or thing.contains(spots[p]):
                 yield f"arm: {part.solid} of link {part.link} is {gap:.6f} m from {thing.name}"
+
+    def _contact(self, p: int, frame: Array, thing: Thing, gap: float, tool: Array) -> Iterator[str]:
+        """Objections to how deep the tool is in what it works on, and to what else of its link is near."""
+        rules, part = self.course.rules, self.machine.parts[p]
+        depth, who = rules["contact_depth"] + rules["tolerance"], f"{part.solid} of link {part.link}"
+        if thing.surface is None and gap < -depth + self.berth:
+            yield f"arm: {who} is {-gap:.6f} m deep in {thing.name}"
+        points = part.shape.points @ frame[:3, :3].T + frame[:3, 3]
+        far = np.linalg.norm(points - tool, axis=1) > rules["tool_contact"] + ALONG
+        for point, aside in zip(points, far, strict=True):
+            off = _gap(thing, point)
+            if off < -depth * np.sqrt(3) + self.berth:  # a box is as deep as it has to shrink on all sides
+                yield f"arm: a point of {who} is {-off:.6f} m deep in {thing.name}"
+            if aside and off < rules["arm_clearance"] + self.berth:
+                yield f"arm: {who} is {off:.6f} m from {thing.name}, away from the tool"
 
     def _itself(self, frames: Array) -> Iterator[str]:
         spots = np.einsum("nij,nj->ni", frames[:, :3, :3], self.middles) + frames[:, :3, 3]

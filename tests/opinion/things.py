@@ -21,6 +21,7 @@ def _request() -> Any:
     return request
 
 
+POINTS = 300  # of a solid
 REQUEST, RESULT = _request(), coal.DistanceResult()
 
 
@@ -43,6 +44,24 @@ class Shape:
         self.solid.computeLocalAABB()
         low, high = (np.array(corner) for corner in (self.solid.aabb_local.min_, self.solid.aabb_local.max_))
         return (low + high) / 2, (high - low) / 2
+
+    @cached_property
+    def points(self) -> Array:
+        """Some points of its surface and inside, in its own frame, (n, 3); of what robots are made of."""
+        rng = np.random.default_rng(0)
+        ways = rng.normal(size=(POINTS, 3))
+        ways /= np.linalg.norm(ways, axis=1, keepdims=True)
+        match self.solid:
+            case coal.Sphere():
+                found: Array = self.solid.radius * ways
+            case coal.Cylinder():
+                level = self.solid.radius * ways[:, :2] / np.linalg.norm(ways[:, :2], axis=1, keepdims=True)
+                found = np.column_stack([level, self.solid.halfLength * rng.uniform(-1, 1, POINTS)])
+            case coal.Box():
+                found = self.solid.halfSide * ways / np.abs(ways).max(1, keepdims=True)
+            case _:
+                raise TypeError(f"no points of a {type(self.solid).__name__}")
+        return found
 
     @cached_property
     def placed(self) -> Any:

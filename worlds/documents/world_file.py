@@ -69,6 +69,11 @@ class RulesPart(Strict):
     tolerance: Positive = Rules.tolerance
     path_tolerance: Positive = Rules.path_tolerance
     tool_contact: NotNegative = Rules.tool_contact
+    contact_depth: NotNegative = Field(
+        default=Rules.contact_depth,
+        description="how deep the last link may sink into what the tool touches, beyond the tolerance; "
+        "0 lets it touch only [m]",
+    )
     reach_margin: NotNegative = Rules.reach_margin
     max_lift_offs: Annotated[int, Field(ge=0)] | None = Rules.max_lift_offs
     avoidance: bool = Rules.avoidance

@@ -29,6 +29,7 @@ from regionik.worlds.urdf.kinematic_tree import (
 )
 
 _UPRIGHT = 1e-9
+DEEP_TIP = 1e-3  # of the tool point in its own link, from which on it is told [m]
 
 
 def load_robot(
@@ -163,7 +164,7 @@ def _from_urdf(
         masses=link_masses(model, placement),
     )
     unchecked, touching = disabled_pairs(robot, [part.points for part in (*body.parts, *body.base.parts)])
-    for note in (*body.notes, *_notes(placement, measured), *touching):
+    for note in (*body.notes, *_notes(placement, measured), *_tip_notes(robot), *touching):
         warnings.warn(f"{model.where}: {note}", stacklevel=3)
     return replace(robot, unchecked=tuple(unchecked))
 
@@ -202,6 +203,16 @@ def _notes(placement: LinkPlacement, measured: bool) -> list[str]:
         names = join_names(placement.copies, 8)
         notes.append(f"joints that mimic the arm's ({names}) are taken to stand still")
     return notes
+
+
+def _tip_notes(robot: Robot) -> list[str]:
+    depth, name = robot.tip_depth
+    if depth < DEEP_TIP:
+        return []
+    return [
+        f"the tool point lies {depth:.4f} m inside {name}: it sinks that deep into what the tool touches, "
+        "which rules.contact_depth must allow; or give a tip at the end of the tool"
+    ]
 
 
 def _is_file(name_or_path: str | Path) -> bool:
