@@ -28,7 +28,7 @@ from regionik.regions import PathAreas, path_areas, ways_to_stand
 from regionik.repairs.arm import no_clear_posture, why_arm
 from regionik.repairs.path import why_path
 from regionik.repairs.target import why_target
-from regionik.seeking.wherever import can_look
+from regionik.seeking.any_base import can_search
 from regionik.timing.retime import retime
 from regionik.verify import verify
 from regionik.worlds.arrays import Array
@@ -88,7 +88,7 @@ def explained(world: World, quick: Explanation, seed: int = 0) -> Explanation:
         return quick
     if quick.verdict == "unreachable" and quick.setpoint is not None:
         return why_target(world, quick.setpoint, quick)
-    if quick.verdict == "no-posture" and quick.setpoint is not None and can_look(world):
+    if quick.verdict == "no-posture" and quick.setpoint is not None and can_search(world):
         asked = replace(world, task=(world.task[quick.setpoint],))
         return why_arm(world, quick.setpoint, quick) if no_clear_posture(asked) else quick
     if quick.verdict == "ladder-broken" and not spans(world):

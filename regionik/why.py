@@ -12,7 +12,7 @@ from regionik.reasons import explain
 from regionik.reasons.causes import no_inner
 from regionik.repairs.arm import why_arm
 from regionik.repairs.target import why_target
-from regionik.seeking.wherever import can_look
+from regionik.seeking.any_base import can_search
 from regionik.worlds.arrays import frozen
 from regionik.worlds.errors import Explanation, NoPlanFound
 from regionik.worlds.scene import Target, World
@@ -62,7 +62,7 @@ def why(world: World, target: Target | ArrayLike | None = None) -> Explanation |
         return None
     if no_inner(asked):
         return why_target(asked, 0, explain.unreachable(asked, 0))
-    if answer.verdict[0] == "unreachable" and can_look(asked):
+    if answer.verdict[0] == "unreachable" and can_search(asked):
         return why_arm(asked, 0, Explanation("unreachable", 0, f"{answer.reason[0]}."))
     return explain.no_posture(asked, 0)
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from regionik.plan import Motion
-from regionik.planners.reach.sway import longest_levers
+from regionik.planners.search.motion_bounds import longest_levers
 from regionik.worlds.arrays import Array
 from regionik.worlds.robot import Robot
 from regionik.worlds.speeds import Speeds
