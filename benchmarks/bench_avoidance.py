@@ -18,11 +18,12 @@ import time
 import numpy as np
 
 from regionik.planners.clearance.avoidance import avoid
-from regionik.planners.clearance.exhaustive import search
 from regionik.planners.clearance.linkwise import links_clear
 from regionik.planners.clearance.posture import clear_posture
 from regionik.planners.clearance.prepared import Bodies, bodies_from
 from regionik.planners.geometry.collision import Obstacles, obstacles_from
+from regionik.planners.search.box_search import Verdict
+from regionik.planners.search.fixed_base import WORDS, search_fixed_base
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, Joint, translation
 from regionik.worlds.obstacles import Cylinder
@@ -160,9 +161,9 @@ def with_search(number: int, scenes: int, feasible: list[bool]) -> int:
             seed=seed,
             most_boxes=MOST_BOXES,
         )
-        kinds.append(answer.kind)
+        kinds.append(WORDS[answer.verdict])
         stages.append(answer.steps[-1])
-        right = answer.kind == ("found" if feasible[seed] else "none")
+        right = WORDS[answer.verdict] == ("found" if feasible[seed] else "none")
         if answer.joints is not None:
             right &= free(answer.joints, target, middles, radii)
         if not right:
@@ -177,26 +178,26 @@ def with_search(number: int, scenes: int, feasible: list[bool]) -> int:
 def main(scenes: int) -> int:
     chain, solids = planar_arm()
     wrong = 0
-    search(chain, solids, posts(*circles(TESTS[0][1], 0)), [2.8, 2.8, 0.0], TOLERANCE)  # compiles
+    search_fixed_base(chain, solids, posts(*circles(TESTS[0][1], 0)), [2.8, 2.8, 0.0], TOLERANCE)  # compiles
     for number, (target, corner) in enumerate(TESTS, 1):
         kinds, boxes, seconds, nearest = [], [], [], -np.inf
         for seed in range(scenes):
             middles, radii = circles(corner, seed)
             obstacles = posts(middles, radii)
             start = time.perf_counter()
-            verdict = search(chain, solids, obstacles, [target, target, 0.0], TOLERANCE)
+            searched = search_fixed_base(chain, solids, obstacles, [target, target, 0.0], TOLERANCE)
             seconds.append(time.perf_counter() - start)
-            kinds.append(verdict.kind)
-            boxes.append(verdict.boxes)
-            if verdict.joints is not None:
-                right = free(verdict.joints, target, middles, radii)
+            kinds.append(WORDS[searched.verdict])
+            boxes.append(searched.boxes)
+            if searched.joints is not None:
+                right = free(searched.joints, target, middles, radii)
             else:
                 room = swept(target, middles, radii)
                 nearest = max(nearest, room)
-                right = verdict.kind == "none" and room < THIN
+                right = searched.verdict == Verdict.RULED_OUT and room < THIN
             if not right:
                 wrong += 1
-                print(f"  scene {seed}: {verdict.note}: not confirmed")
+                print(f"  scene {seed}: {searched.note}: not confirmed")
         counts = ", ".join(f"{kind} {kinds.count(kind)}" for kind in ("found", "none", "undecided"))
         print(
             f"test {number}: {counts}; boxes median {statistics.median(boxes):.0f}, most {max(boxes)}; "

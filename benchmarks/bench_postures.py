@@ -19,6 +19,8 @@ from sweeps import SWEEPS
 
 from regionik.planners.clearance.posture import ClearPosture, clear_posture
 from regionik.planners.clearance.prepared import bodies_from
+from regionik.planners.search.box_search import Verdict
+from regionik.planners.search.fixed_base import WORDS
 
 TOLERANCE = 1e-3
 EVERY = 100  # scenes between two lines of progress
@@ -39,15 +41,15 @@ def main(scenes: int, sample: int, first: int) -> int:
     for done, number in enumerate(range(first, first + scenes), 1):
         one, began = scene(number), time.perf_counter()
         answer = solved(number)
-        spent[f"{answer.kind} by {answer.steps[-1]}"] += time.perf_counter() - began
-        kinds[one.arm, answer.kind] += 1
-        stages[answer.kind, answer.steps[-1]] += 1
+        spent[f"{WORDS[answer.verdict]} by {answer.steps[-1]}"] += time.perf_counter() - began
+        kinds[one.arm, WORDS[answer.verdict]] += 1
+        stages[WORDS[answer.verdict], answer.steps[-1]] += 1
         if answer.joints is not None:
             refuted = faults(one, answer.joints, TOLERANCE)
             wrong += bool(refuted)
             if refuted:
                 print(f"  scene {number} ({one.arm}): refuted: {', '.join(refuted)}")
-        elif answer.kind == "none" and one.arm in SWEEPS:
+        elif answer.verdict == Verdict.RULED_OUT and one.arm in SWEEPS:
             none.append(number)
         if done % EVERY == 0:
             print(

@@ -29,7 +29,7 @@ from regionik.regions import PathAreas, path_areas, ways_to_stand
 from regionik.repairs.arm import no_clear_posture, why_arm
 from regionik.repairs.path import why_path
 from regionik.repairs.target import why_target
-from regionik.seeking.wherever import can_look
+from regionik.seeking.any_base import can_search
 from regionik.timing.retime import retime
 from regionik.values import Plan, PlannedArea
 from regionik.verification.verifier import verify
@@ -94,7 +94,7 @@ def explained(world: World, quick: Explanation, seed: int = 0) -> Explanation:
     asked = replace(world, task=(world.task[quick.setpoint],))
     if quick.verdict in ("unreachable", "undecided") and no_inner(asked):  # else there is no room to park
         return why_target(world, quick.setpoint, quick)
-    if quick.verdict == "no-posture" and can_look(world) and no_clear_posture(asked):
+    if quick.verdict == "no-posture" and can_search(world) and no_clear_posture(asked):
         return why_arm(world, quick.setpoint, quick)
     return quick
 

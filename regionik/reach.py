@@ -15,12 +15,13 @@ from shapely.geometry import Point
 from regionik.areas.standing import anywhere
 from regionik.bulk import Pool, handed_out
 from regionik.mfabrik import axis_of, pose_of, solver_for
-from regionik.planners.clearance.provable import smothered
+from regionik.planners.clearance.posture_proof import solid_at_target
+from regionik.planners.search.box_search import Verdict
 from regionik.postures.poses import Pose
 from regionik.reasons import explain
 from regionik.regions import PathAreas, outer_areas, path_areas
-from regionik.seeking.refine import diameter, refine
-from regionik.seeking.wherever import can_look, look_everywhere
+from regionik.seeking.any_base import can_search, search_any_base
+from regionik.seeking.refinement import diameter, refine
 from regionik.seeking.witness import Quest
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.errors import InputError
@@ -196,7 +197,7 @@ def _closely(world: World, target: Target) -> _Result:
     quest = Quest(world, target)
     if quest.guard.on:
         bodies, contact = quest.guard.bodies, quest.guard.contact
-        name = smothered(bodies, target.position, world.rules.tolerance, 0.0, contact)
+        name = solid_at_target(bodies, target.position, world.rules.tolerance, 0.0, contact)
         if name:
             return _Result("unreachable", None, 0.0, f"{_who(target)} cannot be reached: {_IN.format(name)}")
     seen = _everywhere(quest)
@@ -215,10 +216,10 @@ def _closely(world: World, target: Target) -> _Result:
 def _everywhere(quest: Quest) -> _Result:
     """Result of a look at all postures from all places, for arms that are led round things."""
     world, target = quest.world, quest.target
-    if not can_look(world):
+    if not can_search(world):
         return _Result("undecided", None, np.inf, "")
-    seen = look_everywhere(world, target, CELLS)
-    if seen.verdict == "none":
+    seen = search_any_base(world, target, CELLS)
+    if seen.verdict == Verdict.RULED_OUT:
         around = f"{', '.join(seen.around)} and itself" if seen.around else "itself and its base"
         return _Result(
             "unreachable", None, 0.0, f"{_who(target)} cannot be reached: {_NO_WAY.format(around)}"

@@ -12,7 +12,7 @@ from regionik.reasons import explain
 from regionik.reasons.causes import no_inner
 from regionik.repairs.arm import no_clear_posture, why_arm
 from regionik.repairs.target import why_target
-from regionik.seeking.wherever import can_look
+from regionik.seeking.any_base import can_search
 from regionik.worlds.arrays import frozen
 from regionik.worlds.errors import Cause, Explanation, NoPlanFound
 from regionik.worlds.scene import Target, World
@@ -66,7 +66,7 @@ def why(world: World, target: Target | ArrayLike | None = None) -> Explanation |
     if answer.verdict[0] == "undecided":
         return Explanation("undecided", 0, reason, (Cause("limits", world.robot.name),))
     told = Explanation("unreachable", 0, reason, (Cause("limits", world.robot.name),))
-    return why_arm(asked, 0, told) if can_look(asked) and no_clear_posture(asked) else told
+    return why_arm(asked, 0, told) if can_search(asked) and no_clear_posture(asked) else told
 
 
 def _path(world: World) -> Explanation | None:

@@ -8,12 +8,18 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from benchmarks.pivoted import EXACT, KINDS, case, points_in, searched, solved
-from regionik.planners.reach.boxreach import box_for, shrink, spanned, weigh
 from regionik.planners.reach.levelreach import finite_limits, inner_reach, merged, outer_reach, posture_at
 from regionik.planners.reach.levelwalk import hop_holds, to_level, weights
 from regionik.planners.reach.meridian import Meridian, look, meridian_of, tool_for
+from regionik.planners.reach.outer_bounds import (
+    bound,
+    bounds_for,
+    contract_to,
+    in_question,
+    spanned,
+    sticks_out,
+)
 from regionik.planners.reach.rings import reach_intervals
-from regionik.planners.reach.ruledout import in_question, sticks_out
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain, Joint, rot_x, translation
@@ -123,8 +129,8 @@ def test_a_box_bounds_all_of_its_postures(seed: int, width: float) -> None:
     low, high = finite_limits(one)
     centre, half = posture(one, rng), width * rng.uniform(0, 1, len(low))
     low, high = np.maximum(low, centre - half), np.minimum(high, centre + half)
-    box, tool = box_for(one), tool_for(one)
-    weigh(one, low, high, box)
+    box, tool = bounds_for(one), tool_for(one)
+    bound(one, low, high, box)
     for _ in range(20):
         joints = rng.uniform(low, high)
         look(one, joints, tool)
@@ -134,7 +140,7 @@ def test_a_box_bounds_all_of_its_postures(seed: int, width: float) -> None:
         away = np.linalg.norm(tool.frames[-1, :3, 3] - box.hub, axis=1)
         assert (box.keeps[:, 0] - 1e-9 <= away).all()
         assert (away <= box.keeps[:, 1] + 1e-9).all()
-        assert shrink(box, z, max(0.0, r - 1e-4), r + 1e-4)
+        assert contract_to(box, z, max(0.0, r - 1e-4), r + 1e-4)
         assert (box.q + box.shift[0] - 1e-9 <= joints).all()
         assert (joints <= box.q + box.shift[1] + 1e-9).all()
 

@@ -12,13 +12,14 @@ from shapely.geometry import Point
 
 from benchmarks.clutter import CERTAIN, ROBOTS, Scene, faults, free_posture, scene
 from benchmarks.sweeps import SWEEPS
-from regionik.planners.clearance.exhaustive import search
-from regionik.planners.clearance.ownbody import between
 from regionik.planners.clearance.posture import ClearPosture, clear_posture, go_round
+from regionik.planners.clearance.posture_proof import has_stops, spare_joints
 from regionik.planners.clearance.prepared import Contact, bodies_from
-from regionik.planners.clearance.provable import is_bounded, spare_joints
 from regionik.planners.clearance.touching import nearest
 from regionik.planners.geometry.collision import obstacles_from
+from regionik.planners.search.box_search import Verdict
+from regionik.planners.search.fixed_base import search_fixed_base
+from regionik.planners.search.self_clearance import segment_distance
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain, Joint, planar_pose
@@ -57,7 +58,7 @@ def test_no_answer_collides() -> None:
     found = [(one, answer) for one, answer in answers() if answer.joints is not None]
     assert len(found) > 100
     for one, answer in found:
-        assert answer.kind == "found"
+        assert answer.verdict == Verdict.PROVEN
         assert answer.joints is not None
         assert not faults(one, answer.joints, TOLERANCE)
         error = float(np.linalg.norm(one.robot.tool(one.base, answer.joints)[:3, 3] - one.target))
@@ -67,22 +68,22 @@ def test_no_answer_collides() -> None:
 
 
 def test_every_stage_and_every_kind_has_its_part() -> None:
-    told = Counter((answer.kind, answer.steps[-1]) for _, answer in answers())
-    assert all(told["found", stage] >= 2 for stage in ("passes", "avoidance", "search"))
-    assert told["none", "search"] >= 15
-    undecided = sum(count for (kind, _), count in told.items() if kind == "undecided")
+    told = Counter((answer.verdict, answer.steps[-1]) for _, answer in answers())
+    assert all(told[Verdict.PROVEN, stage] >= 2 for stage in ("passes", "avoidance", "search"))
+    assert told[Verdict.RULED_OUT, "search"] >= 15
+    undecided = sum(count for (verdict, _), count in told.items() if verdict == Verdict.OPEN)
     assert undecided <= 0.15 * SCENES
 
 
 def test_no_sweep_finds_what_is_said_not_to_be() -> None:
-    none = [one for one, answer in answers() if answer.kind == "none" and one.arm in PLANAR]
+    none = [one for one, answer in answers() if answer.verdict == Verdict.RULED_OUT and one.arm in PLANAR]
     assert len(none) >= PROOFS
     for one in none[:PROOFS]:
         assert free_posture(one, TOLERANCE, SWEEPS[one.arm]) is None
 
 
 def test_sweeps_find_what_is_there() -> None:
-    free = [one for one, answer in answers() if answer.kind == "found" and one.arm in PLANAR]
+    free = [one for one, answer in answers() if answer.verdict == Verdict.PROVEN and one.arm in PLANAR]
     assert sum(free_posture(one, TOLERANCE, SWEEPS[one.arm]) is not None for one in free[:5]) >= 4
 
 
@@ -99,10 +100,10 @@ def test_sweeps_put_the_tool_on_the_target(arm: str) -> None:
 
 def test_no_posture_comes_with_evidence() -> None:
     for one, answer in answers():
-        if answer.kind == "found":
+        if answer.verdict == Verdict.PROVEN:
             continue
         assert answer.joints is None
-        assert answer.note.startswith(f"{answer.kind}: ")
+        assert answer.note.startswith("none: " if answer.verdict == Verdict.RULED_OUT else "undecided: ")
         if answer.touch is None:
             assert answer.distance == -np.inf
             assert "no posture on the target was met" in answer.note
@@ -128,13 +129,13 @@ def test_a_target_inside_an_obstacle_is_none_for_any_arm() -> None:
         target = robot.chain.forward(np.full(robot.chain.dof, 0.7))[:3, 3]
         bodies = bodies_from(robot, [Sphere("ball", 0.05, target)])
         answer = clear_posture(bodies, HERE, target, robot.carry)
-        assert (answer.kind, answer.steps) == ("none", ("passes",))
+        assert (answer.verdict, answer.steps) == (Verdict.RULED_OUT, ("passes",))
         assert "in ball" in answer.note
 
 
 def test_a_target_out_of_reach_is_none() -> None:
     answer = clear_posture(bodies_from(YOUBOT, []), HERE, [1.5, 0, 0.3], YOUBOT.carry)
-    assert answer.kind == "none"
+    assert answer.verdict == Verdict.RULED_OUT
     assert "the arm reaches" in answer.note
     assert answer.distance == -np.inf
 
@@ -143,23 +144,25 @@ def test_contact_lets_the_tool_in() -> None:
     ball = Sphere("ball", 0.05, np.array([0.45, 0.0, 0.2]))
     bodies = bodies_from(YOUBOT, [ball])
     contact = Contact(ball.center[None], np.array([0]), 0.05)
-    assert clear_posture(bodies, HERE, ball.center, YOUBOT.carry).kind == "none"
-    assert clear_posture(bodies, HERE, ball.center, YOUBOT.carry, contact=contact).kind == "found"
+    assert clear_posture(bodies, HERE, ball.center, YOUBOT.carry).verdict == Verdict.RULED_OUT
+    assert clear_posture(bodies, HERE, ball.center, YOUBOT.carry, contact=contact).verdict == Verdict.PROVEN
 
 
 def test_margin_is_kept() -> None:
     wall = Box("wall", np.array([0.05, 2.0, 2.0]), np.array([0.545, 0.0, 0.0]))
     bodies = bodies_from(YOUBOT, [wall], 0.01)
     answer = clear_posture(bodies, HERE, [0.46, 0, 0.3], YOUBOT.carry, margin=0.005)
-    assert answer.kind == "found"
+    assert answer.verdict == Verdict.PROVEN
     assert answer.distance >= 0.005
-    assert clear_posture(bodies, HERE, [0.48, 0, 0.3], YOUBOT.carry, margin=0.005).kind == "none"
+    assert (
+        clear_posture(bodies, HERE, [0.48, 0, 0.3], YOUBOT.carry, margin=0.005).verdict == Verdict.RULED_OUT
+    )
 
 
 def test_an_arm_that_must_run_into_its_base_is_told() -> None:
     robot = robot_named("youbot-real")
     answer = clear_posture(bodies_from(robot, []), HERE, [-0.05, 0.0, 0.1], robot.carry)
-    assert answer.kind == "none"
+    assert answer.verdict == Verdict.RULED_OUT
     assert "the base" in answer.note
 
 
@@ -169,7 +172,7 @@ def test_wherever_the_robot_stands_the_answer_is_the_same() -> None:
         solids = [solid.transformed(T) for solid in one.solids]
         base = np.array([*(T @ [*one.base[:2], 0, 1])[:2], one.base[2] + 2.0])
         moved = replace_scene(one, solids, base, (T @ [*one.target, 1])[:3])
-        assert solved(moved, number).kind == answers()[number][1].kind
+        assert solved(moved, number).verdict == answers()[number][1].verdict
 
 
 def replace_scene(one: Scene, solids: list, base: Array, target: Array) -> Scene:  # type: ignore[type-arg]
@@ -181,10 +184,10 @@ def test_going_round_alone_is_quick_and_says_so() -> None:
         bodies = bodies_from(one.robot, one.solids)
         quick = go_round(bodies, one.base, one.target, one.joints, attempts=3)
         assert "search" not in quick.steps
-        if answer.steps[-1] == "passes" and answer.kind == "found":
-            assert quick.kind == "found"
+        if answer.steps[-1] == "passes" and answer.verdict == Verdict.PROVEN:
+            assert quick.verdict == Verdict.PROVEN
         if quick.joints is None:
-            assert quick.kind == "undecided"
+            assert quick.verdict == Verdict.OPEN
             assert "no search was made" in quick.note
         else:
             assert not faults(one, quick.joints, TOLERANCE)
@@ -195,12 +198,12 @@ def test_a_slide_without_limits_is_undecided() -> None:
     slide = Joint("rail", "prismatic", -np.inf, np.inf, np.eye(4))
     chain = Chain((slide, *robot.chain.joints[1:]), robot.chain.T_last_tool)
     robot = replace(robot, chain=chain)
-    assert not is_bounded(chain)
+    assert not has_stops(chain)
     ring = Point(1.0, 0.0).buffer(0.4) - Point(1.0, 0.0).buffer(0.2)
     answer = clear_posture(
         bodies_from(robot, [Prism("ring", ring, -9.0, 9.0)]), HERE, [1.0, 0.0, 0.2], robot.carry
     )
-    assert answer.kind == "undecided"
+    assert answer.verdict == Verdict.OPEN
     assert "sliding joint" in answer.note
 
 
@@ -219,14 +222,16 @@ def test_spare_joints_in_the_plane() -> None:
 
 def test_search_refuses_what_it_is_told_to() -> None:
     chain, nothing, goal = flat_robot(2).chain, obstacles_from([]), [1.2, 0.9, 0.0]
-    q = search(chain, [], nothing, goal, TOLERANCE).joints
+    q = search_fixed_base(chain, [], nothing, goal, TOLERANCE).joints
     assert q is not None
     side = float(np.sign(q[1]))
-    other = search(chain, [], nothing, goal, TOLERANCE, accept=lambda p: bool(side * p[1] < 0)).joints
+    other = search_fixed_base(
+        chain, [], nothing, goal, TOLERANCE, accept=lambda p: bool(side * p[1] < 0)
+    ).joints
     assert other is not None
     assert side * other[1] < 0
-    refused = search(chain, [], nothing, goal, TOLERANCE, most=500, accept=lambda p: False)
-    assert refused.kind == "undecided"
+    refused = search_fixed_base(chain, [], nothing, goal, TOLERANCE, most=500, accept=lambda p: False)
+    assert refused.verdict == Verdict.OPEN
 
 
 def test_segments_apart_as_dense_points_say() -> None:
@@ -235,7 +240,7 @@ def test_segments_apart_as_dense_points_say() -> None:
         a, b, c, d = rng.uniform(-1, 1, (4, 3))
         one, two = a + t[:, None] * (b - a), c + t[:, None] * (d - c)
         dense = float(np.linalg.norm(one[:, None] - two, axis=2).min())
-        assert dense - 0.01 <= between(a, b, c, d) <= dense + 1e-12
+        assert dense - 0.01 <= segment_distance(a, b, c, d) <= dense + 1e-12
 
 
 @pytest.mark.parametrize(

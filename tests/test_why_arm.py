@@ -14,15 +14,15 @@ from regionik.worlds.bundled import robot_named
 from regionik.worlds.errors import Explanation, NoPlanFound
 from regionik.worlds.obstacles import Sphere
 from regionik.worlds.scene import Rules, Target, World
-from tests.test_wherever import HALL, kept_heading, level
+from tests.test_any_base import HALL, kept_heading, level
 from tests.why_cases import smaller
 
 SPOT = np.array([0.0, 0.0, 0.3])
 
 
 def in_a_ball(radius: float, arm_clearance: float = 0.0) -> World:
-    """A target that the last link may reach into, and no other; see `tests.test_wherever`."""
-    rules = Rules(clearance=0.05, tool_contact=0.3, contact_depth=0.3, arm_clearance=arm_clearance)
+    """A target that the last link may reach into, and no other; see `tests.test_any_base`."""
+    rules = Rules(clearance=0.05, tool_contact=0.3, arm_clearance=arm_clearance)
     ball = Sphere("ball", radius, SPOT)
     return World("ball", robot_named("youbot"), HALL, (ball,), (Target(SPOT),), rules)
 

@@ -26,8 +26,8 @@ from benchmarks.bench_avoidance import (
 from benchmarks.tables.clock import seconds
 from benchmarks.tables.table import Table
 from regionik.planners.clearance.avoidance import MOST, Avoided, avoid
-from regionik.planners.clearance.exhaustive import search
 from regionik.planners.clearance.linkwise import links_clear
+from regionik.planners.search.fixed_base import WORDS, search_fixed_base
 
 SCENES = 200
 NOTHING = np.zeros((0, 2)), np.zeros(0)  # no circles
@@ -101,7 +101,10 @@ def proven(test: int, seeds: Sequence[int]) -> list[str]:
     """What a branch and bound over all postures says of scenes: "found", "none" or "undecided"."""
     (chain, solids), (target, corner) = planar_arm(), TESTS[test - 1]
     goal = [target, target, 0.0]
-    return [search(chain, solids, posts(*circles(corner, seed)), goal, TOLERANCE).kind for seed in seeds]
+    found = (
+        search_fixed_base(chain, solids, posts(*circles(corner, seed)), goal, TOLERANCE) for seed in seeds
+    )
+    return [WORDS[one.verdict] for one in found]
 
 
 def tables() -> list[Table]:

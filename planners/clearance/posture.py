@@ -10,10 +10,10 @@ forward kinematics and by `touching.nearest`.
 >>> from regionik.worlds.obstacles import Sphere
 >>> robot = robot_named("youbot")
 >>> bodies = bodies_from(robot, [Sphere("ball", 0.1, np.array([0.3, 0.0, 0.45]))])
->>> clear_posture(bodies, [0, 0, 0], [0.45, 0.0, 0.3], robot.carry).kind
-'found'
->>> clear_posture(bodies, [0, 0, 0], [0.3, 0.0, 0.45], robot.carry).kind
-'none'
+>>> clear_posture(bodies, [0, 0, 0], [0.45, 0.0, 0.3], robot.carry).verdict.name
+'PROVEN'
+>>> clear_posture(bodies, [0, 0, 0], [0.3, 0.0, 0.45], robot.carry).verdict.name
+'RULED_OUT'
 """
 
 from __future__ import annotations
@@ -21,16 +21,23 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from regionik.planners.clearance.avoidance import avoid
 from regionik.planners.clearance.linkwise import links_clear
+from regionik.planners.clearance.posture_proof import (
+    MOST_SPARE,
+    has_stops,
+    search_postures,
+    solid_at_target,
+    spare_joints,
+)
 from regionik.planners.clearance.prepared import Bodies, Contact
-from regionik.planners.clearance.provable import MOST_SPARE, ask, is_bounded, smothered, spare_joints
 from regionik.planners.clearance.touching import Touch, nearest, words
+from regionik.planners.search.box_search import Verdict
+from regionik.planners.search.fixed_base import WORDS, FixedBaseResult
 from regionik.planners.solvers.inverse import ArmSolver, Goal, spread_postures
 from regionik.planners.solvers.polish import POSITION, Aim, polish
 from regionik.planners.solvers.reaching import solve
@@ -44,8 +51,6 @@ MOST_BOXES = 200_000
 STEPS = 60  # of damped least squares that take a posture back to the target
 FARTHEST = 1.0  # change of a joint when the best posture so far is varied [rad] or [m]
 
-Kind = Literal["found", "none", "undecided"]
-
 
 @dataclass(frozen=True, eq=False)
 class ClearPosture:
@@ -53,8 +58,8 @@ class ClearPosture:
 
     Attributes
     ----------
-    kind : {"found", "none", "undecided"}
-        A posture; a proof that there is none; or neither, within the effort made.
+    verdict : Verdict
+        PROVEN by a posture; RULED_OUT by a proof that there is none; or OPEN, within the effort made.
     joints : (dof,) array or None
         The posture, within limits [rad] or [m].
     error : float
@@ -73,7 +78,7 @@ class ClearPosture:
         The evidence in one line.
     """
 
-    kind: Kind
+    verdict: Verdict
     joints: Array | None
     error: float
     iterations: int
@@ -159,7 +164,7 @@ def go_round(
     quest = _Quest(bodies, base, target, joints, contact, tolerance, margin, seed)
     _at_least_one("attempts", attempts)
     return (
-        quest.by_passes() or quest.by_avoidance(attempts) or quest.answer("undecided", "no search was made")
+        quest.by_passes() or quest.by_avoidance(attempts) or quest.answer(Verdict.OPEN, "no search was made")
     )
 
 
@@ -204,18 +209,18 @@ class _Quest:
 
     def by_proof(self, most: int) -> ClearPosture | None:
         """A proof that lies at hand, or a short search for one; what it finds on the way is left."""
-        name = smothered(self.bodies, self.target, self.tolerance, self.margin, self.contact)
+        name = solid_at_target(self.bodies, self.target, self.tolerance, self.margin, self.contact)
         if name:
             return self.answer(
-                "none", f"at the target the end of the last link is in {name}, or too near to it"
+                Verdict.RULED_OUT, f"at the target the end of the last link is in {name}, or too near to it"
             )
-        if not is_bounded(self.chain):
+        if not has_stops(self.chain):
             return None
-        verdict = self._ask(lambda q: False, most)
-        if not verdict.startswith("none"):
+        searched = self._searched(lambda q: False, most)
+        if searched.verdict != Verdict.RULED_OUT:
             return None
         self.steps.append("search")
-        return self.answer("none", verdict)
+        return self.answer(Verdict.RULED_OUT, searched.note)
 
     def by_avoidance(self, attempts: int) -> ClearPosture | None:
         """Tao's two steps, with other random turns each time."""
@@ -252,25 +257,26 @@ class _Quest:
 
     def by_search(self, most: int) -> ClearPosture:
         """All postures at once, where the arm is not too mobile for that."""
-        if not is_bounded(self.chain):
-            return self.answer("undecided", "a sliding joint without limits cannot be searched through")
+        if not has_stops(self.chain):
+            return self.answer(Verdict.OPEN, "a sliding joint without limits cannot be searched through")
         spare = spare_joints(self.chain, self.bodies.robot.solids)
         if spare > MOST_SPARE:
-            return self.answer("undecided", f"{spare} spare joints are too many to search through")
-        verdict = self._ask(self._offer, most)
-        if verdict.startswith("found"):
+            return self.answer(Verdict.OPEN, f"{spare} spare joints are too many to search through")
+        searched = self._searched(self._offer, most)
+        if searched.verdict == Verdict.PROVEN:
             return self._found()
-        return self.answer("none" if verdict.startswith("none") else "undecided", verdict)
+        return self.answer(searched.verdict, searched.note)
 
-    def answer(self, kind: Kind, why: str) -> ClearPosture:
-        """No posture, and why."""
+    def answer(self, verdict: Verdict, why: str) -> ClearPosture:
+        """Return no posture, and why."""
         _, error, touch = self.best or (None, np.inf, None)
         seen = "no posture on the target was met"
         if touch is not None:
             seen = f"in the best of {self.met} postures on the target, {words(self.bodies, touch)}"
-        note = f"{kind}: {why.removeprefix(f'{kind}: ')}; {seen}"
+        word = WORDS[verdict]
+        note = f"{word}: {why.removeprefix(f'{word}: ')}; {seen}"
         distance = -np.inf if touch is None else self._room(touch)
-        return ClearPosture(kind, None, error, self.passes, tuple(self.steps), distance, touch, note)
+        return ClearPosture(verdict, None, error, self.passes, tuple(self.steps), distance, touch, note)
 
     @property
     def _solver(self) -> ArmSolver:
@@ -282,7 +288,7 @@ class _Quest:
         joints.flags.writeable = False
         note = f"found by {self.steps[-1]}: {words(self.bodies, touch)}"
         room, steps = self._room(touch), tuple(self.steps)
-        return ClearPosture("found", joints, error, self.passes, steps, room, touch, note)
+        return ClearPosture(Verdict.PROVEN, joints, error, self.passes, steps, room, touch, note)
 
     def _offer(self, joints: Array) -> bool:
         """Whether a posture is an answer: within limits, on the target, and clear."""
@@ -300,10 +306,10 @@ class _Quest:
         """Distance at a touch; from obstacles, beyond the bodies' clearance [m]."""
         return touch.distance - (self.bodies.clearance if touch.kind == "obstacle" else 0.0)
 
-    def _ask(self, accept: Callable[[Array], bool], most: int) -> str:
-        return ask(
+    def _searched(self, accept: Callable[[Array], bool], most: int) -> FixedBaseResult:
+        return search_postures(
             self.bodies, self.base, self.target, self.tolerance, self.margin, self.contact, accept, most
-        ).note
+        )
 
 
 @lru_cache(maxsize=32)

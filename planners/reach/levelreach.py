@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from regionik.planners.reach.levelwalk import posture_on, walks
 from regionik.planners.reach.meridian import Meridian, meridian_of, tool_for
-from regionik.planners.reach.ruledout import bounded
+from regionik.planners.reach.outer_bounds import outer_distances
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
 from regionik.worlds.pivoted_arm import pivot_index, reach_bound
@@ -76,7 +76,7 @@ def inner_reach(chain: Chain, rise: float) -> Intervals:
 def outer_reach(chain: Chain, rise: float) -> Intervals:
     """Distances between pivot axis and target that are not proven to be out of reach; see `inner_reach`.
 
-    No posture within the limits has any other distance. A budget of boxes (`planners.ruledout`) bounds the
+    No posture within the limits has any other distance. A budget of boxes (`outer_bounds`) bounds the
     work: with it spent, what is undecided stays in.
     """
     meridian, span = _meridian(chain), reach_bound(chain)
@@ -88,7 +88,7 @@ def outer_reach(chain: Chain, rise: float) -> Intervals:
     if meridian is None:
         return ((0.0, cap),)
     low, high = finite_limits(meridian)
-    left = bounded(meridian, rise, low, high, known, cap, ENOUGH, MOST_BOXES)
+    left = outer_distances(meridian, rise, low, high, known, cap, ENOUGH, MOST_BOXES)
     return merged([*known.tolist(), *left.tolist()])
 
 

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from regionik.planners.geometry.flat import Index, compiled
-from regionik.planners.reach.sway import longest_levers
+from regionik.planners.search.motion_bounds import longest_levers
 from regionik.planners.solvers.serial import SerialArm, chain_frames, chain_jacobian, serial_arm
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, Joint

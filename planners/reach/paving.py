@@ -1,26 +1,65 @@
-"""Where an arm in one plane reaches with postures that meet thresholds: proven to, and not ruled out.
+"""Distances at which an arm in one plane meets thresholds: proven to, and not ruled out.
 
 At a height a posture is told by how far out the tool is, the pitch of the last link and the side of the
 elbow. Bounds of everything that is asked over boxes of distance and pitch settle these: a box all of whose
 postures meet it proves its distances, and distances are ruled out with the last box of their pitches. What
-neither settles is halved until it is `FINEST` wide.
+neither settles is bisected until it is `FINEST` wide.
 """
 
 from __future__ import annotations
 
+import sys
+from typing import NamedTuple
+
 import numpy as np
 
 from regionik.planners.geometry.flat import compiled
-from regionik.planners.geometry.spans import cosine, direction, held, opening, product, sine, square
+from regionik.planners.search.box_search import (
+    WHOLE,
+    Boxes,
+    Verdict,
+    begin,
+    explore,
+    left_open,
+    proven,
+    together,
+    verdict_of,
+)
+from regionik.planners.search.intervals import (
+    cosine,
+    direction,
+    opening,
+    product,
+    sine,
+    square,
+    within_limits,
+)
 from regionik.planners.solvers.kernels import LIMIT_SLACK, PlaneArm
 from regionik.planners.solvers.qualities import Asked
 from regionik.worlds.arrays import Array
 
 FINEST = 2.5e-4  # of distances that are left undecided [m]
 RELATIVE = 0.3  # what a box of pitches may move the tool, against the width of its distances
-DEEP = 64  # halvings of pitches that may wait
 ROUNDING = 1e-12
-RULED_OUT, UNDECIDED, PROVEN = -1, 0, 1
+EVERY = sys.maxsize  # boxes: the search ends of itself
+
+
+class Thresholds(NamedTuple):
+    """What is asked of the postures at a height."""
+
+    arm: PlaneArm
+    asked: Asked
+    z: float  # height of the tool over the floor [m]
+    low: float  # pitches of the last link [rad]
+    high: float
+
+
+class Distances(NamedTuple):
+    """The distances from near to far, to be served by one pitch [m]."""
+
+    thresholds: Thresholds
+    near: float
+    far: float
 
 
 def paved(
@@ -45,80 +84,54 @@ def paved(
         Intervals, each of whose distances has such a posture; and all outside of which no distance has one.
     """
     low, high = pitches if np.isfinite(pitches).all() else (-np.pi, np.pi)
-    ends = [_pave(arm, asked, low, high, z, a, b, FINEST) for a, b in known.tolist()]
-    inner, outer = ([one[side] for one in ends] for side in (0, 1))
-    none = np.empty((0, 2))
-    return np.concatenate([none, *inner]), np.concatenate([none, *outer])
+    boxes = _pave(Thresholds(arm, asked, z, low, high), known[:, :1].copy(), known[:, 1:].copy())
+    inner = proven(boxes)
+    rows = np.column_stack([boxes.low, boxes.high])
+    return _joined(rows[inner]), _joined(rows[np.concatenate([inner, left_open(boxes)])])
+
+
+def _joined(rows: Array) -> Array:
+    """Intervals (k, 2) in ascending order, joined where one ends as the next begins."""
+    rows = rows[np.argsort(rows[:, 0])]
+    apart = np.flatnonzero(rows[1:, 0] > rows[:-1, 1]) + 1
+    return np.array([[part[0, 0], part[-1, 1]] for part in np.split(rows, apart) if len(part)]).reshape(-1, 2)
 
 
 @compiled
-def _pave(
-    arm: PlaneArm, asked: Asked, low: float, high: float, z: float, a: float, b: float, finest: float
-) -> tuple[Array, Array]:
-    """The inner and outer intervals in (a, b), distances in ascending order."""
-    waiting = np.empty((DEEP, 2))
-    waiting[0, 0], waiting[0, 1] = a, b
-    n, count_in, count_out = 1, 0, 0
-    most = 2 + int((b - a) / finest) * 2
-    inner, outer = np.empty((most, 2)), np.empty((most, 2))
-    while n > 0:
-        n -= 1
-        near, far = waiting[n]
-        verdict = _settle(arm, asked, low, high, z, near, far)
-        if verdict == UNDECIDED and far - near > finest and n + 2 <= DEEP:
-            middle = 0.5 * (near + far)
-            waiting[n, 0], waiting[n, 1] = middle, far
-            waiting[n + 1, 0], waiting[n + 1, 1] = near, middle
-            n += 2
-            continue
-        if verdict == PROVEN:
-            count_in = _append(inner, count_in, near, far)
-        if verdict != RULED_OUT:
-            count_out = _append(outer, count_out, near, far)
-    return inner[:count_in].copy(), outer[:count_out].copy()
+def _pave(thresholds: Thresholds, near: Array, far: Array) -> Boxes:
+    boxes = begin(judge_distances, thresholds, near, far)
+    return explore(judge_distances, thresholds, boxes, EVERY, EVERY)
 
 
 @compiled
-def _append(rows: Array, count: int, near: float, far: float) -> int:
-    if count > 0 and rows[count - 1, 1] == near:
-        rows[count - 1, 1] = far
-        return count
-    rows[count, 0], rows[count, 1] = near, far
-    return count + 1
+def judge_distances(thresholds: Thresholds, near: Array, far: Array) -> tuple[Verdict, float, int]:
+    """Judge distances (1,): proven by one pitch that serves all of them, ruled out where none serves any."""
+    distances = Distances(thresholds, near[0], far[0])
+    low = np.array([[thresholds.low, -1.0], [thresholds.low, 1.0]])  # of pitch and elbow
+    high = np.array([[thresholds.high, -1.0], [thresholds.high, 1.0]])
+    boxes = begin(judge_pitches, distances, low, high)
+    boxes = explore(judge_pitches, distances, boxes, EVERY, 1)
+    return verdict_of(boxes), 0.0, 0 if far[0] - near[0] > FINEST else WHOLE
 
 
 @compiled
-def _settle(arm: PlaneArm, asked: Asked, low: float, high: float, z: float, near: float, far: float) -> int:
-    """One pitch that serves all distances from near to far, or the proof that none serves any of them."""
-    waiting = np.empty((DEEP, 3))
-    n = 0
-    for elbow in (-1.0, 1.0):
-        waiting[n, 0], waiting[n, 1], waiting[n, 2] = low, high, elbow
-        n += 1
-    left = False
-    while n > 0:
-        n -= 1
-        a, b, elbow = waiting[n]
-        verdict = weigh(arm, asked, z, near, far, a, b, elbow)
-        if verdict == RULED_OUT:
-            continue
-        middle = 0.5 * (a + b)
-        if verdict == PROVEN or weigh(arm, asked, z, near, far, middle, middle, elbow) == PROVEN:
-            return PROVEN
-        if arm.lengths[2] * (b - a) <= RELATIVE * (far - near) or n + 2 > DEEP:
-            left = True
-            continue
-        waiting[n, 0], waiting[n, 1], waiting[n, 2] = a, middle, elbow
-        waiting[n + 1, 0], waiting[n + 1, 1], waiting[n + 1, 2] = middle, b, elbow
-        n += 2
-    return UNDECIDED if left else RULED_OUT
+def judge_pitches(distances: Distances, low: Array, high: Array) -> tuple[Verdict, float, int]:
+    """Judge a box of pitches, and an elbow, over all distances; narrow ones come first."""
+    width = high[0] - low[0]
+    verdict = judge_pitch_box(distances, low[0], high[0], low[1])
+    if verdict == Verdict.OPEN:
+        middle = 0.5 * (low[0] + high[0])
+        if judge_pitch_box(distances, middle, middle, low[1]) == Verdict.PROVEN:
+            verdict = Verdict.PROVEN
+    wide = distances.thresholds.arm.lengths[2] * width > RELATIVE * (distances.far - distances.near)
+    return verdict, -width, 0 if wide else WHOLE
 
 
 @compiled
-def weigh(
-    arm: PlaneArm, asked: Asked, z: float, near: float, far: float, low: float, high: float, elbow: float
-) -> int:
-    """Whether the postures of a box of distances and pitches all meet what is asked, or none does."""
+def judge_pitch_box(distances: Distances, low: float, high: float, elbow: float) -> Verdict:
+    """Tell whether the postures of a box of distances and pitches all meet what is asked, or none does."""
+    arm, asked, z = distances.thresholds.arm, distances.thresholds.asked, distances.thresholds.z
+    near, far = distances.near, distances.far
     a, b, c = arm.lengths[0], arm.lengths[1], arm.lengths[2]
     cos0, cos1 = cosine(low, high)
     sin0, sin1 = sine(low, high)
@@ -129,7 +142,7 @@ def weigh(
     sy0, sy1 = square(wy0, wy1)
     d0, d1 = np.sqrt(sx0 + sy0), np.sqrt(sx1 + sy1)
     if d0 > a + b + ROUNDING or d1 < abs(a - b) - ROUNDING:
-        return RULED_OUT
+        return Verdict.RULED_OUT
     sure = d0 >= abs(a - b) + ROUNDING and d1 <= a + b - ROUNDING
     d0 = min(max(d0, abs(a - b), ROUNDING), a + b)
     d1 = max(min(d1, a + b), d0)
@@ -143,18 +156,21 @@ def weigh(
     # The bend at the elbow is the third side's alone: pi less the angle across from it.
     across0, across1 = _across(a, b, d0, d1)
     bend0, bend1 = (-across1, -across0) if elbow > 0.0 else (across0, across1)
-    verdict = min(
-        held(first0, first1, arm.lower[0], arm.upper[0], LIMIT_SLACK),
-        held(bend0, bend1, arm.lower[1], arm.upper[1], LIMIT_SLACK),
-        held(low - second1, high - second0, arm.lower[2], arm.upper[2], LIMIT_SLACK),
+    verdict = together(
+        Verdict.PROVEN if sure else Verdict.OPEN,
+        within_limits(first0, first1, arm.lower[0], arm.upper[0], LIMIT_SLACK),
     )
-    if verdict == RULED_OUT:
-        return RULED_OUT
-    verdict = min(verdict, 1 if sure else 0)
-    verdict = min(verdict, _bends_well(arm, asked, x0, x1, y, first0, first1, second0, second1, low, high))
-    if verdict == RULED_OUT:
-        return RULED_OUT
-    return min(verdict, _lifts(asked, first0, first1, second0, second1, low, high))
+    verdict = together(verdict, within_limits(bend0, bend1, arm.lower[1], arm.upper[1], LIMIT_SLACK))
+    verdict = together(
+        verdict, within_limits(low - second1, high - second0, arm.lower[2], arm.upper[2], LIMIT_SLACK)
+    )
+    if verdict == Verdict.RULED_OUT:
+        return Verdict.RULED_OUT
+    bends = _bends_well(arm, asked, x0, x1, y, first0, first1, second0, second1, low, high)
+    verdict = together(verdict, bends)
+    if verdict == Verdict.RULED_OUT:
+        return Verdict.RULED_OUT
+    return together(verdict, _lifts(asked, first0, first1, second0, second1, low, high))
 
 
 @compiled
@@ -169,10 +185,10 @@ def _across(a: float, b: float, d0: float, d1: float) -> tuple[float, float]:
 def _bends_well(
     arm: PlaneArm, asked: Asked, x0: float, x1: float, y: float,
     first0: float, first1: float, second0: float, second1: float, low: float, high: float,
-) -> int:  # fmt: skip
-    """Manipulability of a box against its threshold."""
+) -> Verdict:  # fmt: skip
+    """Judge the manipulability of a box against its threshold."""
     if asked.least <= 0.0:
-        return PROVEN
+        return Verdict.PROVEN
     a, b, c = arm.lengths[0], arm.lengths[1], arm.lengths[2]
     p0, p1 = cosine(first0, first1)
     q0, q1 = product(*sine(first0, first1), x0, x1)
@@ -185,16 +201,16 @@ def _bends_well(
     r0, r1 = square(x0 + arm.shoulder_r, x1 + arm.shoulder_r)
     wanted = asked.least * asked.least
     if r1 * (u1 + v1 + w1) < wanted * (1.0 - ROUNDING):
-        return RULED_OUT
-    return PROVEN if r0 * (u0 + v0 + w0) > wanted * (1.0 + ROUNDING) else UNDECIDED
+        return Verdict.RULED_OUT
+    return Verdict.PROVEN if r0 * (u0 + v0 + w0) > wanted * (1.0 + ROUNDING) else Verdict.OPEN
 
 
 @compiled
 def _lifts(
     asked: Asked, first0: float, first1: float, second0: float, second1: float, low: float, high: float
-) -> int:
-    """Torques of a box against their limits."""
-    verdict, least, most = PROVEN, 0.0, 0.0
+) -> Verdict:
+    """Judge the torques of a box against their limits."""
+    verdict, least, most = Verdict.PROVEN, 0.0, 0.0
     for k in range(2, -1, -1):
         from_ = first0 if k == 0 else (second0 if k == 1 else low)
         to = first1 if k == 0 else (second1 if k == 1 else high)
@@ -204,7 +220,7 @@ def _lifts(
         limit = asked.most[k]
         if limit < np.inf:
             if least > limit + ROUNDING or most < -limit - ROUNDING:
-                return RULED_OUT
+                return Verdict.RULED_OUT
             if most > limit - ROUNDING or least < -limit + ROUNDING:
-                verdict = UNDECIDED
+                verdict = Verdict.OPEN
     return verdict

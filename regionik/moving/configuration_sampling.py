@@ -25,6 +25,7 @@ from regionik.moving.rolling_goals import RollingGoals
 from regionik.planners.clearance.clearpose import look_round
 from regionik.planners.clearance.posture import ClearPosture, clear_posture, go_round
 from regionik.planners.clearance.touching import Touch
+from regionik.planners.search.box_search import Verdict
 from regionik.postures.guard import SPARE, Guard
 from regionik.postures.poses import Pose, pose
 from regionik.postures.serialarm import serial_solver
@@ -275,7 +276,7 @@ class ConfigurationSampler:
             margin=SPARE,
             seed=self.seed,
         )
-        self.evidence.setdefault(i, Evidence()).proven += found.kind == "none"
+        self.evidence.setdefault(i, Evidence()).proven += found.verdict == Verdict.RULED_OUT
         if found.joints is not None:
             yield from self._faced(i, candidate, found.joints, found.error)
 

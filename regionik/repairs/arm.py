@@ -18,13 +18,14 @@ from regionik.areas.relaxations import (
     with_obstacle_moved,
     with_target_moved,
 )
+from regionik.planners.search.box_search import Verdict
 from regionik.reasons.causes import irreducible, no_outer
 from regionik.repairs.least import FINE, circle, confirmed, first_that, sphere
 from regionik.repairs.moves import obstacle_repair, on_grid, target_repair
 from regionik.repairs.smallest import cone_repair, raise_repair, smallest_first
 from regionik.repairs.target import arm_too_short, cause_of, mended, together
 from regionik.repairs.trials import Change, enters, holds
-from regionik.seeking.wherever import look_everywhere
+from regionik.seeking.any_base import search_any_base
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Explanation, Repair
 from regionik.worlds.pivoted_arm import reach_bound
@@ -37,7 +38,7 @@ DIRECTIONS = 12  # of moves: in space, and on the floor
 
 def no_clear_posture(world: World) -> bool:
     """Whether the first set-point is proven to have no clear posture from any place."""
-    return no_outer(world) or look_everywhere(world, world.task[0], PROOF).verdict == "none"
+    return no_outer(world) or search_any_base(world, world.task[0], PROOF).verdict == Verdict.RULED_OUT
 
 
 def why_arm(world: World, i: int, quick: Explanation) -> Explanation:
@@ -46,7 +47,7 @@ def why_arm(world: World, i: int, quick: Explanation) -> Explanation:
     Parameters
     ----------
     world : World
-        One that `wherever.can_look`.
+        One that `any_base.can_search`.
     i : int
         Counts from 0; `no_clear_posture` holds for it.
     quick : Explanation
@@ -108,7 +109,7 @@ def _seen(world: World, changed: World) -> bool:
     """Whether a clear posture is found in a changed world, and the target is not newly in a solid."""
     if changed.task[0].position[2] < 0 or enters(world, changed):
         return False
-    return look_everywhere(changed, changed.task[0], SEARCH).verdict == "found"
+    return search_any_base(changed, changed.task[0], SEARCH).verdict == Verdict.PROVEN
 
 
 def _least(world: World, change: Change, most: float) -> float | None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from regionik.planners.reach.sway import longest_levers
+from regionik.planners.search.motion_bounds import longest_levers
 from regionik.values import Motion
 from regionik.worlds.arrays import Array
 from regionik.worlds.robot import Robot

@@ -7,7 +7,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from regionik.planners.geometry.spans import cosine, direction, held, opening, product, sine, square
+from regionik.planners.search.box_search import Verdict
+from regionik.planners.search.intervals import (
+    cosine,
+    direction,
+    opening,
+    product,
+    sine,
+    square,
+    within_limits,
+)
 
 ANGLE = st.floats(-9, 9)
 WIDTH = st.floats(0, 7)
@@ -71,9 +80,9 @@ def test_limits_are_kept_by_all_by_none_or_by_some(
 ) -> None:
     angles = np.add.outer(low + width * SHARES, 2 * np.pi * np.arange(-4, 5))
     keep = ((angles >= lower - ROUNDING) & (angles <= upper + ROUNDING)).any(axis=1)
-    verdict = held(low, low + width, lower, upper, 1e-10)
-    if verdict == 1:
+    verdict = within_limits(low, low + width, lower, upper, 1e-10)
+    if verdict == Verdict.PROVEN:
         assert keep.all()
-    if verdict == -1:
+    if verdict == Verdict.RULED_OUT:
         assert not keep.any()
-    assert held(low, low + width, -np.inf, np.inf, 0.0) == 1
+    assert within_limits(low, low + width, -np.inf, np.inf, 0.0) == Verdict.PROVEN

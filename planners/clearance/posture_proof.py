@@ -1,4 +1,4 @@
-"""The exhaustive search asked of an arm on a base among obstacles: what it needs, and whether it can end."""
+"""Proof that an arm on a base among obstacles has no free posture: its search, and one that needs none."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ from collections.abc import Callable
 
 import numpy as np
 
-from regionik.planners.clearance.exhaustive import Verdict, search
 from regionik.planners.clearance.linkwise import touchable
-from regionik.planners.clearance.ownbody import Own
 from regionik.planners.clearance.prepared import Bodies, Contact
 from regionik.planners.geometry.collision import obstacles_from
 from regionik.planners.geometry.upright import uprights_from
-from regionik.planners.reach.sway import longest_levers
+from regionik.planners.search.fixed_base import FixedBaseResult, search_fixed_base
+from regionik.planners.search.motion_bounds import longest_levers
+from regionik.planners.search.self_clearance import SelfClearance
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
 from regionik.worlds.obstacles import Mesh
@@ -24,7 +24,7 @@ LEVER = 1e-9  # a joint that moves no point farther than this plays no part [m]
 WITHIN = 0.999  # of half a box's least side: radius of the capsule inside it, which keeps some length
 
 
-def ask(
+def search_postures(
     bodies: Bodies,
     base: Array,
     target: Array,
@@ -33,17 +33,16 @@ def ask(
     contact: Contact | None,
     accept: Callable[[Array], bool],
     most: int,
-) -> Verdict:
+) -> FixedBaseResult:
     """Search all postures of the arm on a base that stands still.
 
-    Boxes of links count as the capsules inside them, meshes and what is fixed to the base as nothing, and
-    what the tool may touch at the target as nothing too: all of that leaves "none" a proof, and ``accept``
-    judges what is found.
+    Boxes of links count as the capsules inside them; meshes, what is fixed to the base, and what the tool may
+    touch at the target count as nothing. So RULED_OUT stays a proof, and ``accept`` judges what is found.
 
     Parameters
     ----------
     bodies : Bodies
-        Of an arm that `is_bounded`.
+        Of an arm that `has_stops`.
     base : (3,) array
         x, y [m], yaw [rad].
     target : (3,) array
@@ -58,7 +57,7 @@ def ask(
 
     Returns
     -------
-    Verdict
+    FixedBaseResult
     """
     robot = bodies.robot
     T = _inverse(robot.T_world_arm(base))
@@ -71,12 +70,16 @@ def ask(
     inner = [inner_capsule(solid) for solid in robot.solids]
     goal = T[:3, :3] @ target + T[:3, 3]
     room = margin + bodies.clearance
-    own = _own(bodies, margin)
-    return search(robot.chain, inner, obstacles_from(solids), goal, tolerance, room, most, own, accept)
+    own = _self_clearance(bodies, margin)
+    return search_fixed_base(
+        robot.chain, inner, obstacles_from(solids), goal, tolerance, room, most, own, accept
+    )
 
 
-def smothered(bodies: Bodies, target: Array, tolerance: float, margin: float, contact: Contact | None) -> str:
-    """What the end of the last link is in, or too near to, in any posture; empty where it is in nothing."""
+def solid_at_target(
+    bodies: Bodies, target: Array, tolerance: float, margin: float, contact: Contact | None
+) -> str:
+    """Name the solid that the end of the last link is in, or too near to, in every posture; or empty."""
     chain, free = bodies.robot.chain, touchable(contact, target, tolerance)
     near = -np.inf  # how far the target must be from obstacles at least
     for solid in map(inner_capsule, bodies.robot.solids):
@@ -89,8 +92,8 @@ def smothered(bodies: Bodies, target: Array, tolerance: float, margin: float, co
     return ""
 
 
-def _own(bodies: Bodies, margin: float) -> Own:
-    """What the arm keeps from itself and its base, in the arm's base frame."""
+def _self_clearance(bodies: Bodies, margin: float) -> SelfClearance:
+    """The clearance of the arm from itself and its base, in the arm's base frame."""
     robot = bodies.robot
     count = len(robot.solids)
     links_only = [pair for pair in self_collision_pairs(robot) if pair[0] >= 0 and pair[1] < count]
@@ -100,17 +103,19 @@ def _own(bodies: Bodies, margin: float) -> Own:
     heeds = np.array([k for i, k in self_collision_pairs(robot) if i < 0], dtype=np.int64)
     body, T = base_body(robot), _inverse(robot.T_base_arm)
     pieces = obstacles_from([] if body is None else [body.transformed(T)]).pieces
-    return Own(np.where(outwards[:, None], pairs, pairs[:, ::-1]), uprights_from(pieces), heeds, margin)
+    return SelfClearance(
+        np.where(outwards[:, None], pairs, pairs[:, ::-1]), uprights_from(pieces), heeds, margin
+    )
 
 
-def is_bounded(chain: Chain) -> bool:
-    """Whether all sliding joints have limits, as the search needs."""
+def has_stops(chain: Chain) -> bool:
+    """Tell whether all sliding joints have limits, as the search needs."""
     slides = [joint for joint in chain.joints if joint.kind == "prismatic"]
     return bool(np.isfinite([(joint.lower, joint.upper) for joint in slides]).all())
 
 
 def spare_joints(chain: Chain, solids: tuple[LinkSolid, ...]) -> int:
-    """Joints that move tool or solids, less the directions in which they can move the tool."""
+    """Count joints that move tool or solids, less the directions in which they can move the tool."""
     points = [(chain.dof - 1, chain.T_last_tool[:3, 3])]
     points += [(solid.link, end) for solid in solids for end in inner_capsule(solid).corners]
     levers = np.array([longest_levers(chain, link, point)[0] for link, point in points]).max(0)
@@ -123,7 +128,7 @@ def spare_joints(chain: Chain, solids: tuple[LinkSolid, ...]) -> int:
 
 
 def inner_capsule(solid: LinkSolid) -> LinkCapsule:
-    """A capsule itself, or the one along the middle of a box."""
+    """Return a capsule as it is, and of a box the capsule along its middle."""
     if isinstance(solid, LinkCapsule):
         return solid
     return _along(solid)

@@ -12,18 +12,19 @@ from shapely.geometry import Point, Polygon
 
 from regionik.areas.ground import EVERY
 from regionik.areas.standing import room_for
-from regionik.planners.clearance.anyplace import weigh
-from regionik.planners.clearance.planecell import AWAY, GONE, PITCH, TURN, YAW, Look
+from regionik.planners.clearance.any_base import bound_cell
+from regionik.planners.clearance.planar_cells import AWAY, PITCH, TURN, YAW
 from regionik.planners.clearance.touching import nearest
 from regionik.planners.driving.room import fits, room_of, surely_out
 from regionik.planners.geometry.collision import obstacles_from
 from regionik.planners.geometry.pieces import Piece
 from regionik.planners.geometry.upright import depths, signed_distance, uprights_from
+from regionik.planners.search.box_search import Verdict
 from regionik.planners.solvers.kernels import triangle
 from regionik.postures.guard import contact_for, guard_of
 from regionik.reach import reach
+from regionik.seeking.any_base import any_base_of, prepared, search_any_base
 from regionik.seeking.flatworld import own, stance_of
-from regionik.seeking.wherever import around_of, asked_of, look_everywhere, prepared
 from regionik.verification.answers import verify_answers
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
@@ -75,50 +76,46 @@ def test_a_cell_that_is_ruled_out_holds_no_answer(robot: str) -> None:
     rng, seen = np.random.default_rng(len(robot)), Counter[str]()
     for seed in range(30):
         world = replace(random_world(seed), robot=robot_named(robot))
-        arm, frame = prepared(world), prepared(world).frame
+        mount = prepared(world).mount
         for _ in range(60):
             spot = rng.uniform([-0.5, -1.5, 0.02], [4, 1.5, 0.6])
             target = Target(spot, world.task[0].direction, world.task[0].cone)
-            asked, around = asked_of(world, target), around_of(world, target)
-            solids = len(arm.cores.rank)
-            look = Look(np.empty(3), np.empty((solids, 2, 3)), np.empty((solids, 2, 2)), np.empty(4))
-            mid = rng.uniform([-np.pi, -np.pi, -0.5, frame.low], [np.pi, np.pi, 0.6, frame.high])
+            mid = rng.uniform([-np.pi, -np.pi, -0.5, mount.low], [np.pi, np.pi, 0.6, mount.high])
             half = 10 ** rng.uniform(-3, -0.3) * rng.uniform([0.2, 0.2, 0.05, 0.2], [1, 1, 0.5, 1])
-            half[TURN] = min(half[TURN], frame.high - mid[TURN], mid[TURN] - frame.low)
+            half[TURN] = min(half[TURN], mount.high - mid[TURN], mid[TURN] - mount.low)
             elbow = float(rng.choice([-1.0, 1.0]))
-            verdict = weigh(
-                arm.cores, frame, around, arm.floors, asked, elbow, mid.copy(), half.copy(), look, np.empty(3)
-            )
+            low, high = np.append(mid - half, elbow), np.append(mid + half, elbow)
+            verdict = bound_cell(any_base_of(world, target), low, high)
             for share in rng.uniform(-1, 1, (20, 4)):
                 found = posture(world, target, mid + share * half, elbow)
                 if found is not None and is_answer(world, target, *found):
-                    assert verdict != GONE, (seed, spot, mid, half, elbow)
+                    assert verdict != Verdict.RULED_OUT, (seed, spot, mid, half, elbow)
                     seen["answers"] += 1
-            seen["gone"] += verdict == GONE
-    assert seen["gone"] > 500
+            seen["ruled out"] += verdict == Verdict.RULED_OUT
+    assert seen["ruled out"] > 500
     assert seen["answers"] > 50
 
 
 def test_what_is_found_passes_and_what_is_none_withstands_random_postures() -> None:
-    rng, told = np.random.default_rng(3), Counter[str]()
+    rng, told = np.random.default_rng(3), Counter[Verdict]()
     for seed in range(12):
         world = random_world(seed)
         for spot in rng.uniform([0, -1, 0.02], [3, 1, 0.4], (6, 3)):
             target = Target(spot, world.task[0].direction, world.task[0].cone)
-            looked = look_everywhere(world, target, 4000)
+            looked = search_any_base(world, target, 4000)
             told[looked.verdict] += 1
             if looked.pose is not None:
                 assert is_answer(world, target, looked.pose.base, looked.pose.joints)
-            if looked.verdict == "none":
-                frame = prepared(world).frame
+            if looked.verdict == Verdict.RULED_OUT:
+                mount = prepared(world).mount
                 for mid in rng.uniform(
-                    [-np.pi, -np.pi, -0.6, frame.low], [np.pi, np.pi, 0.6, frame.high], (200, 4)
+                    [-np.pi, -np.pi, -0.6, mount.low], [np.pi, np.pi, 0.6, mount.high], (200, 4)
                 ):
                     for elbow in (-1.0, 1.0):
                         found = posture(world, target, mid, elbow)
                         assert found is None or not is_answer(world, target, *found)
-    assert told["found"] > 20
-    assert told["none"] > 5
+    assert told[Verdict.PROVEN] > 20
+    assert told[Verdict.RULED_OUT] > 5
 
 
 @pytest.mark.parametrize(("radius", "verdict"), [(0.245, "unreachable"), (0.155, "reachable")])
@@ -151,8 +148,8 @@ def test_an_arm_that_looks_back_has_its_base_in_the_way(height: float, angle: fl
 
 
 def test_a_budget_that_is_spent_leaves_places_open() -> None:
-    looked = look_everywhere(kept_heading(), level(0.05, 0.7), 50)
-    assert looked.verdict == "open"
+    looked = search_any_base(kept_heading(), level(0.05, 0.7), 50)
+    assert looked.verdict == Verdict.OPEN
     assert 0 < looked.gap < 4
 
 
@@ -206,6 +203,6 @@ def test_a_footprint_that_is_surely_out_fits_at_no_pose_nearby(seed: int) -> Non
 
 def test_stances_are_those_of_the_world() -> None:
     world = World("own", robot_named("youbot-real"), HALL)
-    stance, frame = stance_of(world, EVERY), prepared(world).frame
-    assert own(frame.mount).tolist() == stance.mount.tolist()
-    assert np.isnan(frame.yaw)
+    stance, mount = stance_of(world, EVERY), prepared(world).mount
+    assert own(mount.mount).tolist() == stance.mount.tolist()
+    assert np.isnan(mount.yaw)

@@ -1,9 +1,9 @@
-"""Whether an arm in one plane has a clear posture for a target from any place of the floor at all."""
+"""A clear posture of an arm in one plane for a target, from any place of the floor: found, or proven none."""
 
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -12,24 +12,14 @@ from shapely.geometry import Point, Polygon
 from regionik.areas.ground import EVERY, GUARD, ground_of
 from regionik.areas.reachable import model_of, planar_reach, reach_model
 from regionik.areas.standing import room_for
-from regionik.planners.clearance.anyplace import (
-    FIRST_CELLS,
-    FOUND,
-    NONE,
-    Asked,
-    Cells,
-    Floors,
-    decide,
-    first_cells,
-    near_solids,
-)
+from regionik.planners.clearance.any_base import AnyBase, BaseFloor, ToolDemand, near_solids, search_cells
 from regionik.planners.clearance.bulkreach import MOST_RINGS
-from regionik.planners.clearance.planecell import Frame, Look
-from regionik.planners.clearance.planecores import cores_of
-from regionik.planners.clearance.planehits import Around, Cores
+from regionik.planners.clearance.planar_capsules import NearObstacles, PlaneCapsules, plane_capsules
+from regionik.planners.clearance.planar_cells import ArmMount, cell_for
 from regionik.planners.geometry.collision import obstacles_from
 from regionik.planners.geometry.flat import Index
 from regionik.planners.geometry.upright import Uprights, depths, uprights_from
+from regionik.planners.search.box_search import Verdict
 from regionik.planners.solvers.kernels import reach_intervals
 from regionik.postures.guard import contact_for
 from regionik.postures.poses import Pose
@@ -37,14 +27,16 @@ from regionik.seeking.flatworld import floor_of, keep_of, own, reach_of, stance_
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import Target, World
 
+FEWEST = 64  # cells that a search has at least: those that it may begin with
 
-class Looked(NamedTuple):
-    """What a look at all postures from all places came to.
+
+class AnyBaseResult(NamedTuple):
+    """What a search of all postures from all places came to.
 
     Attributes
     ----------
-    verdict : {"found", "none", "open"}
-        "none" is a proof.
+    verdict : Verdict
+        PROVEN by a posture.
     pose : Pose or None
         The posture found; it is clear, the base is on the floor.
     gap : float
@@ -53,54 +45,57 @@ class Looked(NamedTuple):
         Names of the obstacles that an arm at the target might touch.
     """
 
-    verdict: Literal["found", "none", "open"]
+    verdict: Verdict
     pose: Pose | None
     gap: float
     around: tuple[str, ...]
 
 
-def can_look(world: World) -> bool:
-    """Whether `look_everywhere` can be asked: an arm in one plane that is led round things."""
+def can_search(world: World) -> bool:
+    """Tell whether `search_any_base` can be asked: of an arm in one plane that is led round things."""
     return world.rules.avoidance and reach_model(world.robot, "point").exhaustible
 
 
-def look_everywhere(world: World, target: Target, most: int) -> Looked:
-    """Look for a clear posture of an arm in one plane, from every place of the floor and at every heading.
+def search_any_base(world: World, target: Target, most: int) -> AnyBaseResult:
+    """Search for a clear posture of an arm in one plane, from every place of the floor at every heading.
 
     Parameters
     ----------
     world : World
-        One that `can_look`.
+        One of which `can_search` holds.
     target : Target
     most : int
-        Cells of postures that are looked at.
+        Budget of cells of postures.
     """
-    arm, asked, around = prepared(world), asked_of(world, target), around_of(world, target)
-    reach, stance = reach_of(world), stance_of(world, EVERY)
+    task = any_base_of(world, target)
+    reach, plane = reach_of(world), task.mount.plane
     rings = np.empty((MOST_RINGS, 2))
     found = reach_intervals(
-        stance.plane, -np.inf, np.inf, reach.centers, reach.radii, asked.target[2], True, True, rings
+        plane, -np.inf, np.inf, reach.centers, reach.radii, target.position[2], True, True, rings
     )
-    solids, room = len(arm.cores.rank), max(most, FIRST_CELLS * MOST_RINGS)
-    cells = Cells(np.empty((room, 4)), np.empty((room, 4)), np.empty(room))
-    look = Look(np.empty(3), np.empty((solids, 2, 3)), np.empty((solids, 2, 2)), np.empty(4))
-    base, joints = np.empty(3), own(world.robot.carry)
-    verdict, gap = decide(
-        arm.cores, arm.frame, around, arm.floors, asked, keep_of(world), stance.sign, stance.offset,
-        first_cells(arm.frame, asked, rings[:found], cells), cells, look, base, joints,
+    verdict, gap = search_cells(task, rings[:found], max(most, FEWEST))
+    if verdict == Verdict.PROVEN:
+        return AnyBaseResult(verdict, Pose(task.base, task.joints), 0.0, ())
+    near = np.unique(task.around.owner[task.around.near]).tolist()
+    return AnyBaseResult(verdict, None, gap, tuple(world.solids[k].name for k in near))
+
+
+def any_base_of(world: World, target: Target) -> AnyBase:
+    """A target in a world as the search takes it."""
+    arm, stance, capsules = prepared(world), stance_of(world, EVERY), prepared(world).capsules
+    return AnyBase(
+        capsules, arm.mount, stance.sign, stance.offset, arm.floor, _around(world, target),
+        _demand(world, target), keep_of(world), cell_for(len(capsules.rank)),
+        np.empty(3), own(world.robot.carry), np.zeros(2, dtype=np.int64),
     )  # fmt: skip
-    if verdict == FOUND:
-        return Looked("found", Pose(base, joints), 0.0, ())
-    names = tuple(world.solids[k].name for k in np.unique(arm.owner[around.near]).tolist())
-    return Looked("none" if verdict == NONE else "open", None, gap, names)
 
 
-class Prepared(NamedTuple):
-    """What is the same for all targets of a world."""
+class PreparedWorld(NamedTuple):
+    """Parts of a search that are the same for all targets of a world."""
 
-    cores: Cores
-    frame: Frame
-    floors: Floors
+    capsules: PlaneCapsules
+    mount: ArmMount
+    floor: BaseFloor
     solids: Uprights
     deep: Array
     owner: Index
@@ -108,22 +103,22 @@ class Prepared(NamedTuple):
 
 
 @lru_cache(maxsize=8)
-def prepared(world: World) -> Prepared:
-    """What is the same for all targets of a world."""
-    stance, cores = stance_of(world, EVERY), cores_of(world.robot, planar_reach(world.robot).arm)
+def prepared(world: World) -> PreparedWorld:
+    """Parts of a search that are the same for all targets of a world."""
+    stance, capsules = stance_of(world, EVERY), plane_capsules(world.robot, planar_reach(world.robot).arm)
     fixed = world.rules.heading == "fixed"
-    frame = Frame(
+    mount = ArmMount(
         stance.plane, stance.mount, stance.zero, stance.low, stance.high, stance.yaw if fixed else np.nan
     )
     obstacles = obstacles_from(world.solids)
     whole = [k for k, piece in enumerate(obstacles.pieces) if piece.mesh is None]
     solids = uprights_from([obstacles.pieces[k] for k in whole])
-    levers = np.linalg.norm(cores.ends, axis=2).max(initial=0.0) + cores.radius.max(initial=0.0)
+    levers = np.linalg.norm(capsules.ends, axis=2).max(initial=0.0) + capsules.radius.max(initial=0.0)
     far = stance.plane.lengths.sum() + abs(stance.plane.shoulder_r) + levers + world.rules.arm_clearance
-    return Prepared(
-        cores,
-        frame,
-        _floors(world),
+    return PreparedWorld(
+        capsules,
+        mount,
+        _floor(world),
         solids,
         depths(solids),
         np.array(obstacles.owner, dtype=np.int64)[whole],
@@ -131,16 +126,16 @@ def prepared(world: World) -> Prepared:
     )
 
 
-def around_of(world: World, target: Target) -> Around:
+def _around(world: World, target: Target) -> NearObstacles:
     """The obstacles that an arm at a target might touch."""
     arm, contact, rules = prepared(world), contact_for(world, [target]), world.rules
     near = np.empty(len(arm.owner), dtype=np.int64)
     near = near[: near_solids(arm.solids, own(target.position), arm.far, near)]
     tool_on = int(contact.owner[0]) if len(contact.owner) else -1
-    return Around(arm.solids, arm.deep, near, arm.owner, tool_on, rules.arm_clearance, rules.tolerance)
+    return NearObstacles(arm.solids, arm.deep, near, arm.owner, tool_on, rules.arm_clearance, rules.tolerance)
 
 
-def _floors(world: World) -> Floors:
+def _floor(world: World) -> BaseFloor:
     ground, room = ground_of(world), room_for(world)
     heart, radius = np.zeros(2), 0.0
     if len(room.corners) > 2:
@@ -148,15 +143,14 @@ def _floors(world: World) -> Floors:
         middle = shapely.maximum_inscribed_circle(outline).coords[0]
         heart, radius = own(np.array(middle)), outline.exterior.distance(Point(middle))
     inner, outer = floor_of(ground.inner), floor_of(ground.outer)
-    return Floors(inner, outer, room, heart, radius, ground.far, GUARD)
+    return BaseFloor(inner, outer, room, heart, radius, ground.far, GUARD)
 
 
-def asked_of(world: World, target: Target) -> Asked:
-    """A target as the search takes it."""
+def _demand(world: World, target: Target) -> ToolDemand:
     position, free = own(target.position), np.array([0.0, 0.0, 1.0])
     seek = world.rules.criteria is None and target.orientation is None
     if target.direction is None:
-        return Asked(position, free, np.pi, seek)
+        return ToolDemand(position, free, np.pi, seek)
     if not model_of(world, target).exact:
-        return Asked(position, free, np.pi, False)
-    return Asked(position, own(target.direction), float(target.cone), seek)
+        return ToolDemand(position, free, np.pi, False)
+    return ToolDemand(position, own(target.direction), float(target.cone), seek)

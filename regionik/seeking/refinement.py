@@ -1,14 +1,13 @@
-"""One target looked at as closely as it takes: headings and pitches halved until there is an answer.
+"""One target by ever finer areas: headings of the base and pitches of the tool are bisected.
 
-A cell is a range of headings of the base and of pitches of the tool. Outside its outer area no place works at
-any of them; every place of its inner area works at some. The largest undecided cell is halved first.
+A cell is a range of headings and of pitches. Outside its outer area no place works at any of them; every
+place of its inner area works at some. The cell with the largest outer area is bisected first.
 """
 
 from __future__ import annotations
 
-import heapq
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -22,6 +21,7 @@ from regionik.areas.reach_model import ReachModel
 from regionik.areas.reachable import fine_reach, reach_model
 from regionik.areas.standing import span_of_rules
 from regionik.planners.driving.footprint import slab_free
+from regionik.planners.search.box_search import WHOLE, Verdict, begin, explore, left_open
 from regionik.postures.families import BACK, FRONT, Family
 from regionik.postures.poses import Pose
 from regionik.postures.tool_goal import goal_of
@@ -33,17 +33,17 @@ from regionik.worlds.scene import Target, World
 ARCS = 768  # vertices of a full circle
 SIDES, MOST_SIDES = 48, 384  # of the polygons that stand for discs, in wide cells and in narrow ones
 NARROW = 0.02  # [rad]
-ENOUGH = 1e-4  # widest disc of undecided places below which a cell is halved no more [m]
-NARROWEST = 1e-4  # cells that are halved no more [rad]
-MOST_CELLS = 300
+ENOUGH = 1e-4  # widest disc of open places below which a cell is not bisected [m]
+NARROWEST = 1e-4  # cells that are not bisected [rad]
+MOST_CELLS = 600
 MOST_TRIES = 16  # inner areas in which a configuration is looked for
 
 Span = tuple[float, float]
 Attempt = Callable[[BaseGeometry, Family, Span], Pose | None]
 
 
-class Refined(NamedTuple):
-    """What looking closely came to.
+class Refinement(NamedTuple):
+    """What the finer areas of a target came to.
 
     Attributes
     ----------
@@ -59,15 +59,15 @@ class Refined(NamedTuple):
     tried: int
 
 
-class Cell(NamedTuple):
+class HeadingCell(NamedTuple):
     """Headings of the base, and pitches of the tool where a direction is asked; no pitches where free."""
 
     heading: Span
     pitch: Span | None
 
 
-def refine(world: World, target: Target, attempt: Attempt) -> Refined:
-    """Halve cells until a configuration is found, or none can be, or too little is left to matter.
+def refine(world: World, target: Target, attempt: Attempt) -> Refinement:
+    """Bisect cells until a configuration is found, or none can be, or too little is left to matter.
 
     Parameters
     ----------
@@ -76,30 +76,27 @@ def refine(world: World, target: Target, attempt: Attempt) -> Refined:
     attempt : callable
         Looks for a configuration in an inner area, given its family and its headings.
     """
-    close = _Close(world, target)
-    cells = [(-np.inf, 0, close.whole)]
-    left: list[BaseGeometry] = []
-    tried = count = 0
-    for _ in range(MOST_CELLS):
-        if not cells:
-            break
-        cell = heapq.heappop(cells)[2]
-        outer = close.outer(cell)
-        if outer.is_empty:
-            continue
-        for family, area in close.inner(cell) if tried < MOST_TRIES else ():
-            tried += 1
-            found = attempt(area, family, cell.heading)
-            if found is not None:
-                return Refined(found, Polygon(), tried)
-        parts = close.halves(cell) if tried < MOST_TRIES and diameter(outer) > ENOUGH else []
-        if not parts:
-            left.append(outer)
-        for part in parts:
-            count += 1
-            heapq.heappush(cells, (-outer.area, count, part))
-    left += [close.outer(cell) for _, _, cell in cells]
-    return Refined(None, shapely.union_all(left) if left else Polygon(), tried)
+    close = _CloseAreas(world, target, attempt)
+    low, high = np.array(close.whole).T
+    boxes = begin(_judge, close, low[None], high[None])
+    boxes = explore(_judge, close, boxes, MOST_CELLS, 1)
+    if close.found is not None:
+        return Refinement(close.found, Polygon(), close.tried)
+    cells = [close.cell(boxes.low[slot], boxes.high[slot]) for slot in left_open(boxes).tolist()]
+    left = [close.outer(cell) for cell in cells]
+    return Refinement(None, shapely.union_all(left) if left else Polygon(), close.tried)
+
+
+def _judge(close: _CloseAreas, low: Array, high: Array) -> tuple[Verdict, float, int]:
+    """Judge a cell of headings and pitches; its key is the area that is open."""
+    cell = close.cell(low, high)
+    outer = close.outer(cell)
+    if outer.is_empty:
+        return Verdict.RULED_OUT, 0.0, WHOLE
+    if close.attempts(cell):
+        return Verdict.PROVEN, outer.area, WHOLE
+    settled = close.tried >= MOST_TRIES or diameter(outer) <= ENOUGH
+    return Verdict.OPEN, outer.area, WHOLE if settled else close.widest_side(cell)
 
 
 def diameter(area: BaseGeometry) -> float:
@@ -114,33 +111,63 @@ def diameter(area: BaseGeometry) -> float:
     return max((2 * float(shapely.maximum_inscribed_circle(part).length) for part in parts), default=0.0)
 
 
-@dataclass(frozen=True, eq=False)
-class _Close:
-    """A target's surroundings, and the areas of its cells."""
+@dataclass(eq=False)
+class _CloseAreas:
+    """The areas of a target's cells, and what came of the attempts in the inner ones."""
 
     world: World
     target: Target
+    attempt: Attempt
+    found: Pose | None = None
+    tried: int = 0
+    _outer: dict[HeadingCell, BaseGeometry] = field(default_factory=dict)
+    _known: dict[Span, tuple[BaseGeometry, BaseGeometry]] = field(default_factory=dict)
 
     @property
-    def whole(self) -> Cell:
+    def whole(self) -> tuple[Span, Span]:
+        """All headings and pitches."""
         heading = span_of_rules(self.world)
         if heading == EVERY and not self._turnless:
             heading = (-np.pi, np.pi)
-        if self.target.direction is None or not self._model.exact:
-            return Cell(heading, None)
+        if not self._tilts or self.target.direction is None:
+            return heading, (0.0, 0.0)
         pitch = _pitch_of(self.target.direction)
         low, high = pitch - self.target.cone, pitch + self.target.cone
-        return Cell(heading, (max(low, -np.pi / 2), min(high, np.pi / 2)))
+        return heading, (max(low, -np.pi / 2), min(high, np.pi / 2))
 
-    def outer(self, cell: Cell) -> BaseGeometry:
+    @cached_property
+    def _tilts(self) -> bool:
+        """Whether the areas know of the tool's pitch."""
+        return self.target.direction is not None and self._model.exact
+
+    def cell(self, low: Array, high: Array) -> HeadingCell:
+        """The cell that a box (2,), (2,) stands for."""
+        heading, pitch = zip(low.tolist(), high.tolist(), strict=True)
+        return HeadingCell(heading, pitch if self._tilts else None)
+
+    def attempts(self, cell: HeadingCell) -> bool:
+        """Look for a configuration in the inner areas of a cell, the largest first; True if found."""
+        for family, area in self.inner(cell) if self.found is None and self.tried < MOST_TRIES else ():
+            self.tried += 1
+            self.found = self.attempt(area, family, cell.heading)
+            if self.found is not None:
+                return True
+        return False
+
+    def outer(self, cell: HeadingCell) -> BaseGeometry:
         """No place outside it works at any heading and pitch of the cell."""
+        if cell not in self._outer:
+            self._outer[cell] = self._outer_of(cell)
+        return self._outer[cell]
+
+    def _outer_of(self, cell: HeadingCell) -> BaseGeometry:
         kinds = self._kinds(cell, inner=False)
         _, shapes = fine_reach(self.world, self.target, kinds, cell.heading, ARCS, inner=False)
         if not len(shapes):
             return Polygon()
         return shapely.intersection(shapely.union_all(shapes), self._free(cell.heading)[1])
 
-    def inner(self, cell: Cell) -> Iterator[tuple[Family, BaseGeometry]]:
+    def inner(self, cell: HeadingCell) -> Iterator[tuple[Family, BaseGeometry]]:
         """Areas of which every place works at all headings of the cell, the largest first."""
         free = self._free(cell.heading)[0]
         if free.is_empty:
@@ -152,19 +179,17 @@ class _Close:
             if areas[k].area > 0:
                 yield families[k], areas[k]
 
-    def halves(self, cell: Cell) -> list[Cell]:
-        """The cell cut across its wider side; nothing where neither side can be cut."""
+    def widest_side(self, cell: HeadingCell) -> int:
+        """The side to bisect: headings 0, pitches 1, or `WHOLE` where both are narrow."""
         turn = 0.0 if cell.heading == EVERY else cell.heading[1] - cell.heading[0]
         tilt = 0.0
         if cell.pitch is not None and self.target.orientation is None:
             tilt = cell.pitch[1] - cell.pitch[0]
         if max(turn, tilt) < NARROWEST:
-            return []
-        if cell.pitch is not None and tilt > turn:
-            return [Cell(cell.heading, half) for half in _halved(cell.pitch)]
-        return [Cell(half, cell.pitch) for half in _halved(cell.heading)]
+            return WHOLE
+        return 1 if tilt > turn else 0
 
-    def _kinds(self, cell: Cell, *, inner: bool) -> tuple[Family, ...]:
+    def _kinds(self, cell: HeadingCell, *, inner: bool) -> tuple[Family, ...]:
         target = self.target
         if cell.pitch is None or target.direction is None:
             return Family(FRONT), Family(BACK)
@@ -219,15 +244,6 @@ class _Close:
                 inner = shapely.buffer(slab.inner, -2 * GUARD, join_style="mitre")
                 self._known[heading] = inner, slab.outer
         return self._known[heading]
-
-    @cached_property
-    def _known(self) -> dict[Span, tuple[BaseGeometry, BaseGeometry]]:
-        return {}
-
-
-def _halved(span: Span) -> tuple[Span, Span]:
-    middle = (span[0] + span[1]) / 2
-    return (span[0], middle), (middle, span[1])
 
 
 def _pitch_of(direction: Array) -> float:

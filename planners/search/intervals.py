@@ -1,12 +1,19 @@
-"""Intervals of floats for kernels: (low, high) in, (low, high) out, each holding all values there are."""
+"""Interval arithmetic for kernels: (low, high) in, (low, high) out, each holding all values there are.
+
+Source: Jaulin, Kieffer, Didrit and Walter, Applied Interval Analysis, 2001: inclusion functions (2.4) and
+contractors (4.2).
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
 from regionik.planners.geometry.flat import compiled
+from regionik.planners.search.box_search import Verdict
+from regionik.worlds.arrays import Array
 
 TWO_PI = 2.0 * np.pi
+WORTH = 0.9  # another contraction follows one that left less than this of some side
 
 
 @compiled
@@ -70,10 +77,10 @@ def direction(x0: float, x1: float, y0: float, y1: float) -> tuple[float, float]
 
 
 @compiled
-def held(low: float, high: float, lower: float, upper: float, rounding: float) -> int:
-    """Angles against limits, whole turns aside: 1 where all keep them, -1 where none does, else 0."""
+def within_limits(low: float, high: float, lower: float, upper: float, rounding: float) -> Verdict:
+    """Judge an interval of angles against limits, whole turns aside [rad]."""
     if lower == -np.inf and upper == np.inf:
-        return 1
+        return Verdict.PROVEN
     lower = lower if lower > -np.inf else -np.pi  # as `kernels.fit` takes what has one end
     upper = upper if upper < np.inf else np.pi
     turn = np.round((0.5 * (low + high) - 0.5 * (lower + upper)) / TWO_PI)
@@ -81,6 +88,43 @@ def held(low: float, high: float, lower: float, upper: float, rounding: float) -
     for n in (turn - 1.0, turn, turn + 1.0):
         a, b = low - TWO_PI * n, high - TWO_PI * n
         if lower <= a and b <= upper:
-            return 1
+            return Verdict.PROVEN
         touches = touches or (a <= upper + rounding and b >= lower - rounding)
-    return 0 if touches else -1
+    return Verdict.OPEN if touches else Verdict.RULED_OUT
+
+
+@compiled
+def contract(shift: Array, row: Array, low: float, high: float) -> bool:
+    """Contract a box (2, n) of x to low <= row . x <= high, side by side; False where nothing is left."""
+    least = most = 0.0
+    for k in range(len(row)):
+        a, b = row[k] * shift[0, k], row[k] * shift[1, k]
+        least += min(a, b)
+        most += max(a, b)
+    if least > high or most < low:
+        return False
+    for k in range(len(row)):
+        c = row[k]
+        if abs(c) < 1e-9:
+            continue
+        a, b = c * shift[0, k], c * shift[1, k]
+        others_least, others_most = least - min(a, b), most - max(a, b)
+        u, v = (low - others_most) / c, (high - others_least) / c
+        shift[0, k] = max(shift[0, k], min(u, v))
+        shift[1, k] = min(shift[1, k], max(u, v))
+        if shift[0, k] > shift[1, k]:
+            return False
+        a, b = c * shift[0, k], c * shift[1, k]
+        least, most = others_least + min(a, b), others_most + max(a, b)
+    return True
+
+
+@compiled
+def cut_to(low: Array, high: Array, centre: Array, shift: Array) -> bool:
+    """Cut a box down to what `contract` left of it, seen from its centre; tells whether that was much."""
+    much = False
+    for k in range(len(centre)):
+        much = much or shift[1, k] - shift[0, k] < WORTH * (high[k] - low[k])
+        low[k] = max(low[k], centre[k] + shift[0, k])
+        high[k] = min(high[k], centre[k] + shift[1, k])
+    return much

@@ -8,12 +8,20 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from shapely.geometry import Polygon
 
-from regionik.planners.clearance.branching import weigh
-from regionik.planners.clearance.exhaustive import Verdict, search
-from regionik.planners.clearance.postures import Task, pose, scratch_for
 from regionik.planners.geometry.collision import Obstacles, capsule_distance, obstacles_from
 from regionik.planners.geometry.upright import least_along, signed_distance, uprights_from
-from regionik.planners.reach.sway import bones_from, chords, longest_levers, sway, sway_from_tool, tool_sway
+from regionik.planners.search.box_search import Verdict
+from regionik.planners.search.fixed_base import FixedBaseResult, search_fixed_base
+from regionik.planners.search.motion_bounds import (
+    chords,
+    displacement,
+    displacement_from_tool,
+    link_capsules,
+    longest_levers,
+    tool_displacement,
+)
+from regionik.planners.search.posture_boxes import FixedBase, fixed_base_for, may_hold, pose
+from regionik.planners.search.self_clearance import NO_SELF_CLEARANCE
 from regionik.planners.solvers.serial import chain_jacobian, serial_arm
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
@@ -50,9 +58,9 @@ def lifted() -> Chain:
         translation(0.3, 0, 0),
     ]
     axes = [[0, 0, 1.0], [0, 0, 1.0], [1.0, 2.0, -1.0], [0, 1.0, 0]]
-    kinds = ["prismatic", "revolute", "revolute", "prismatic"]
+    verdicts = ["prismatic", "revolute", "revolute", "prismatic"]
     joints = [
-        Joint(f"j{k}", kinds[k], -1.0, 1.0, T, np.array(axis))  # type: ignore[arg-type]
+        Joint(f"j{k}", verdicts[k], -1.0, 1.0, T, np.array(axis))  # type: ignore[arg-type]
         for k, (T, axis) in enumerate(zip(frames, axes, strict=True))
     ]
     return Chain(
@@ -73,9 +81,9 @@ def box_round(chain: Chain, rng: np.random.Generator) -> tuple[Array, Array, Arr
     return centre - half, centre + half, centre + at * half
 
 
-def task_of(chain: Chain, obstacles: Obstacles, target: Array, tolerance: float = 1e-3) -> Task:
-    bones = bones_from(chain, capsules_along(chain, 0.03))
-    return Task(serial_arm(chain), bones, uprights_from(obstacles.pieces), target, tolerance, 0.0)
+def task_of(chain: Chain, obstacles: Obstacles, target: Array, tolerance: float = 1e-3) -> FixedBase:
+    capsules, solids = link_capsules(chain, capsules_along(chain, 0.03)), uprights_from(obstacles.pieces)
+    return fixed_base_for(serial_arm(chain), capsules, solids, target, tolerance, 0.0, NO_SELF_CLEARANCE)
 
 
 def room_of(chain: Chain, solids: list[LinkCapsule], obstacles: Obstacles, q: Array) -> float:
@@ -115,27 +123,30 @@ def test_no_point_moves_farther_than_told(seed: int, name: str) -> None:
     chain, rng = CHAINS[name], np.random.default_rng(seed)
     low, high, q = box_round(chain, rng)
     task = task_of(chain, NOTHING, np.zeros(3))
-    arm, bones, n = task.arm, task.bones, chain.dof
-    work = scratch_for(arm, bones)
+    arm, capsules, n = task.arm, task.capsules, chain.dof
+    work = task.posed
     work.q[:], work.half[:] = (low + high) / 2, (high - low) / 2
-    pose(task, work)
+    pose(task)
     chords(arm, work.half, work.chord)
     J = np.zeros((6, n))
     chain_jacobian(arm, work.frames, J)
     before, after = chain.frames(work.q), chain.frames(q)
     shift = after[n, :3, 3] - before[n, :3, 3]
-    moved, bent = tool_sway(arm, work.frames, work.axes, work.chord, work.half, bones.levers[0])
+    moved, bent = tool_displacement(arm, work.frames, work.axes, work.chord, work.half, capsules.levers[0])
     assert np.linalg.norm(shift) <= moved + 1e-12
     assert np.linalg.norm(shift - J[:3] @ (q - work.q)) <= bent + 1e-12
-    for s, link in enumerate(bones.link):
+    for s, link in enumerate(capsules.link):
         for end in range(2):
-            there = after[link, :3, :3] @ bones.ends[s, end] + after[link, :3, 3]
-            here, levers = work.ends[s, end], bones.levers[1 + 2 * s + end]
-            most = sway(arm, work.frames, work.axes, work.chord, levers, link, 0, here)
+            there = after[link, :3, :3] @ capsules.ends[s, end] + after[link, :3, 3]
+            here, levers = work.ends[s, end], capsules.levers[1 + 2 * s + end]
+            most = displacement(arm, work.frames, work.axes, work.chord, levers, link, 0, here)
             assert np.linalg.norm(there - here) <= most + 1e-12
             beside = np.linalg.norm(there - here - shift)
-            tool = bones.levers[0]
-            assert beside <= sway_from_tool(arm, work.frames, work.axes, work.chord, tool, link, here) + 1e-12
+            tool = capsules.levers[0]
+            assert (
+                beside
+                <= displacement_from_tool(arm, work.frames, work.axes, work.chord, tool, link, here) + 1e-12
+            )
 
 
 @settings(max_examples=100, deadline=None)
@@ -176,22 +187,24 @@ def test_no_free_posture_is_ever_thrown_away(seed: int, name: str) -> None:
     target = knots[-1] + 0.999e-3 * off / np.linalg.norm(off)
     task = task_of(chain, obstacles_from(free), target)
     kept_low, kept_high = low.copy(), high.copy()
-    assert weigh(task, scratch_for(task.arm, task.bones), kept_low, kept_high)
+    assert may_hold(task, kept_low, kept_high)
     assert (kept_low <= q + 1e-12).all()
     assert (q <= kept_high + 1e-12).all()
     assert (low <= kept_low).all()
     assert (kept_high <= high).all()
 
 
-def circle_scene(test: int, seed: int) -> tuple[Verdict, Array, Array, float]:
+def circle_scene(test: int, seed: int) -> tuple[FixedBaseResult, Array, Array, float]:
     """Four links among five circles, after Tao et al."""
     target, corner = ((2.8, 2.5), (2.4, 2.1), (2.0, 1.7))[test]
     rng = np.random.default_rng(seed)
     middles, radii = rng.uniform(0.3, corner, (5, 2)), rng.uniform(0.1, 0.3, 5)
     posts = [Cylinder(f"c{k}", radii[k], 4.0, np.array([*middles[k], 0.0])) for k in range(5)]
     arm = planar()
-    verdict = search(arm, capsules_along(arm, 1e-6), obstacles_from(posts), [target, target, 0], 1e-3)
-    return verdict, middles, radii, target
+    result = search_fixed_base(
+        arm, capsules_along(arm, 1e-6), obstacles_from(posts), [target, target, 0], 1e-3
+    )
+    return result, middles, radii, target
 
 
 def links_clear(knots: Array, middles: Array, radii: Array) -> Array:
@@ -220,22 +233,22 @@ def swept(target: float, middles: Array, radii: Array) -> float:
 
 @pytest.mark.parametrize("test", range(3))
 def test_circles_are_decided_and_confirmed(test: int) -> None:
-    kinds = []
+    verdicts = []
     for seed in (*range(13), 19, 20, 21) if test == 0 else range(12):
-        verdict, middles, radii, target = circle_scene(test, seed)
-        kinds.append(verdict.kind)
-        if verdict.joints is None:
-            assert verdict.kind == "none"
-            assert verdict.clearance < 0
+        result, middles, radii, target = circle_scene(test, seed)
+        verdicts.append(result.verdict)
+        if result.joints is None:
+            assert result.verdict == Verdict.RULED_OUT
+            assert result.clearance < 0
             assert swept(target, middles, radii) < 0
             continue
-        turned = np.cumsum(verdict.joints)
+        turned = np.cumsum(result.joints)
         knots = np.vstack([np.zeros(2), np.cumsum(np.column_stack([np.cos(turned), np.sin(turned)]), 0)])
         assert np.linalg.norm(knots[-1] - target) <= 1e-3
-        assert float(links_clear(knots, middles, radii)) == pytest.approx(verdict.clearance + 1e-6, abs=1e-9)
-        assert verdict.clearance >= 0
-    assert ("none" in kinds) == (test == 0)
-    assert "found" in kinds
+        assert float(links_clear(knots, middles, radii)) == pytest.approx(result.clearance + 1e-6, abs=1e-9)
+        assert result.clearance >= 0
+    assert (Verdict.RULED_OUT in verdicts) == (test == 0)
+    assert Verdict.PROVEN in verdicts
 
 
 def box_scene(seed: int) -> tuple[list[Box], Array]:
@@ -301,62 +314,64 @@ def test_youbot_among_boxes_agrees_with_a_sweep_of_pitches() -> None:
     robot = robot_named("youbot")
     chain = robot.chain
     solids = [solid for solid in robot.solids if isinstance(solid, LinkCapsule)]
-    kinds = []
+    verdicts = []
     for seed in range(30):
         boxes, target = box_scene(seed)
-        verdict = search(chain, solids, obstacles_from(boxes), target, 1e-3)
-        kinds.append(verdict.kind)
+        result = search_fixed_base(chain, solids, obstacles_from(boxes), target, 1e-3)
+        verdicts.append(result.verdict)
         q = pitch_sweep(chain, target)
         best = float(sampled_room(solids, chain, boxes, q).max()) if len(q) else -np.inf
-        if verdict.joints is None:
-            assert verdict.kind == "none", verdict.note
+        if result.joints is None:
+            assert result.verdict == Verdict.RULED_OUT, result.note
             assert best < 1e-4  # of half the spacing, squared, over the radius
         else:
-            room = float(sampled_room(solids, chain, boxes, verdict.joints[None])[0])
-            assert -1e-9 <= verdict.clearance <= room + 1e-9
-            assert (chain.lower <= verdict.joints).all()
-            assert (verdict.joints <= chain.upper).all()
-            assert np.linalg.norm(chain.forward(verdict.joints)[:3, 3] - target) <= 1e-3
+            room = float(sampled_room(solids, chain, boxes, result.joints[None])[0])
+            assert -1e-9 <= result.clearance <= room + 1e-9
+            assert (chain.lower <= result.joints).all()
+            assert (result.joints <= chain.upper).all()
+            assert np.linalg.norm(chain.forward(result.joints)[:3, 3] - target) <= 1e-3
             assert best > -5e-3  # half a degree and the tolerance move the links a few millimetres
-    assert min(kinds.count("found"), kinds.count("none")) >= 5
+    assert min(verdicts.count(Verdict.PROVEN), verdicts.count(Verdict.RULED_OUT)) >= 5
 
 
 def test_target_out_of_reach_takes_no_box() -> None:
-    verdict = search(planar(), [], NOTHING, [2.9, 2.9, 0], 1e-3)
-    assert (verdict.kind, verdict.boxes, verdict.joints) == ("none", 0, None)
-    assert "4.101 m" in verdict.note
-    verdict = search(planar(), [], NOTHING, [0.5, 0.1, 0.01], 1e-3)
-    assert (verdict.kind, verdict.boxes) == ("none", 0)
-    assert "0.01 m off the plane" in verdict.note
+    result = search_fixed_base(planar(), [], NOTHING, [2.9, 2.9, 0], 1e-3)
+    assert (result.verdict, result.boxes, result.joints) == (Verdict.RULED_OUT, 0, None)
+    assert "4.101 m" in result.note
+    result = search_fixed_base(planar(), [], NOTHING, [0.5, 0.1, 0.01], 1e-3)
+    assert (result.verdict, result.boxes) == (Verdict.RULED_OUT, 0)
+    assert "0.01 m off the plane" in result.note
 
 
-@pytest.mark.parametrize(("target", "kind"), [([1.9995, 0, 0], "found"), ([0.9, 0, 0], "none")])
-def test_reach_alone(target: list[float], kind: str) -> None:
+@pytest.mark.parametrize(
+    ("target", "verdict"), [([1.9995, 0, 0], Verdict.PROVEN), ([0.9, 0, 0], Verdict.RULED_OUT)]
+)
+def test_reach_alone(target: list[float], verdict: Verdict) -> None:
     rows = [(0, 0, 1, 0, -3, 3), (0, 0, 1, 0, -2, 2)]  # the elbow stops before the tool comes that near
     arm = Chain.from_dh(rows)
-    assert search(arm, capsules_along(arm, 0.01), NOTHING, target, 1e-3).kind == kind
+    assert search_fixed_base(arm, capsules_along(arm, 0.01), NOTHING, target, 1e-3).verdict == verdict
 
 
 def test_no_solids_and_no_obstacles_leave_nothing_to_hit() -> None:
     post = obstacles_from([Cylinder("post", 5.0, 1.0, np.zeros(3))])
     for solids, about in (((), post), (capsules_along(planar(), 0.01), NOTHING)):
-        verdict = search(planar(), solids, about, [1.0, 2.0, 0], 1e-3)
-        assert (verdict.kind, verdict.clearance) == ("found", np.inf)
+        result = search_fixed_base(planar(), solids, about, [1.0, 2.0, 0], 1e-3)
+        assert (result.verdict, result.clearance) == (Verdict.PROVEN, np.inf)
 
 
 @pytest.mark.parametrize(
-    ("target", "at", "kind"),
+    ("target", "at", "verdict"),
     [
-        ([0.0, 1.0, 0.0], 3.0, "found"),
-        ([0.0, 1.1, 0.0], 3.0, "none"),  # not on the circle
-        ([-1.0, 0.0, 0.0], 3.0, "none"),  # beyond the limit
-        ([0.0, 1.0, 0.0], 0.5, "none"),  # a ball on the link
+        ([0.0, 1.0, 0.0], 3.0, Verdict.PROVEN),
+        ([0.0, 1.1, 0.0], 3.0, Verdict.RULED_OUT),  # not on the circle
+        ([-1.0, 0.0, 0.0], 3.0, Verdict.RULED_OUT),  # beyond the limit
+        ([0.0, 1.0, 0.0], 0.5, Verdict.RULED_OUT),  # a ball on the link
     ],
 )
-def test_one_joint(target: list[float], at: float, kind: str) -> None:
+def test_one_joint(target: list[float], at: float, verdict: Verdict) -> None:
     arm = Chain.from_dh([(0, 0, 1, 0, -2, 2)])
     ball = obstacles_from([Sphere("ball", 0.1, np.array([0.0, at, 0.0]))])
-    assert search(arm, capsules_along(arm, 0.01), ball, target, 1e-3).kind == kind
+    assert search_fixed_base(arm, capsules_along(arm, 0.01), ball, target, 1e-3).verdict == verdict
 
 
 def test_a_fixed_joint_and_a_slide() -> None:
@@ -364,16 +379,19 @@ def test_a_fixed_joint_and_a_slide() -> None:
     held = Joint("held", "revolute", 0.5, 0.5, np.eye(4))
     arm = Chain((lift, held), translation(1, 0, 0))
     target = np.array([np.cos(0.5), np.sin(0.5), 0.3])
-    assert search(arm, capsules_along(arm, 0.01), NOTHING, target, 1e-3).kind == "found"
-    assert search(arm, capsules_along(arm, 0.01), NOTHING, target + [0, 0, 0.8], 1e-3).kind == "none"
+    assert search_fixed_base(arm, capsules_along(arm, 0.01), NOTHING, target, 1e-3).verdict == Verdict.PROVEN
+    assert (
+        search_fixed_base(arm, capsules_along(arm, 0.01), NOTHING, target + [0, 0, 0.8], 1e-3).verdict
+        == Verdict.RULED_OUT
+    )
 
 
 def test_clearance_decides() -> None:
     arm = Chain.from_dh([(0, 0, 1, 0, -2, 2)])
     ball = obstacles_from([Sphere("ball", 0.1, np.array([0.5, 0.3, 0.0]))])
     links = capsules_along(arm, 0.05)  # the gap is 0.15
-    assert search(arm, links, ball, [1, 0, 0], 1e-6, clearance=0.1499).kind == "found"
-    assert search(arm, links, ball, [1, 0, 0], 1e-6, clearance=0.1501).kind == "none"
+    assert search_fixed_base(arm, links, ball, [1, 0, 0], 1e-6, clearance=0.1499).verdict == Verdict.PROVEN
+    assert search_fixed_base(arm, links, ball, [1, 0, 0], 1e-6, clearance=0.1501).verdict == Verdict.RULED_OUT
 
 
 def test_budget_spent_is_told_and_the_same_question_has_the_same_answer() -> None:
@@ -381,12 +399,17 @@ def test_budget_spent_is_told_and_the_same_question_has_the_same_answer() -> Non
     posts += [Sphere("s", 0.3, np.array([2.0, 2.3, 0.0]))]
     arm = planar()
     links, about = capsules_along(arm, 1e-6), obstacles_from(posts)
-    short = search(arm, links, about, [2.8, 2.8, 0], 1e-3, most=5)
-    assert short.kind == "undecided"
+    short = search_fixed_base(arm, links, about, [2.8, 2.8, 0], 1e-3, most=5)
+    assert short.verdict == Verdict.OPEN
     assert short.boxes <= 6
     assert "are left after" in short.note
-    one, two = (search(arm, links, about, [2.8, 2.8, 0], 1e-3) for _ in range(2))
-    assert (one.kind, one.boxes, one.clearance, one.note) == (two.kind, two.boxes, two.clearance, two.note)
+    one, two = (search_fixed_base(arm, links, about, [2.8, 2.8, 0], 1e-3) for _ in range(2))
+    assert (one.verdict, one.boxes, one.clearance, one.note) == (
+        two.verdict,
+        two.boxes,
+        two.clearance,
+        two.note,
+    )
 
 
 def test_meshes_refuse_postures_but_prove_nothing() -> None:
@@ -395,11 +418,11 @@ def test_meshes_refuse_postures_but_prove_nothing() -> None:
     links = capsules_along(arm, 0.01)
     on_link = obstacles_from([Mesh("mesh", corners + [0.5, 0, 0], CUBE)])
     aside = obstacles_from([Mesh("mesh", corners + [0.5, 0.6, 0], CUBE)])
-    verdict = search(arm, links, on_link, [1, 0, 0], 1e-3, most=500)
-    assert verdict.kind == "undecided"
-    assert verdict.clearance < 0
-    assert "failed the exact check" in verdict.note
-    assert search(arm, links, aside, [1, 0, 0], 1e-3).clearance == pytest.approx(0.39, abs=0.002)
+    result = search_fixed_base(arm, links, on_link, [1, 0, 0], 1e-3, most=500)
+    assert result.verdict == Verdict.OPEN
+    assert result.clearance < 0
+    assert "failed the exact check" in result.note
+    assert search_fixed_base(arm, links, aside, [1, 0, 0], 1e-3).clearance == pytest.approx(0.39, abs=0.002)
 
 
 LIFT = Chain((Joint("lift", "prismatic", 0.0, np.inf, np.eye(4)),), translation(1, 0, 0))
@@ -423,4 +446,4 @@ BOX = LinkBox(0, "body", np.eye(4), np.ones(3))
 )
 def test_bad_input_is_one_line(chain, solids, target, options, words) -> None:  # type: ignore[no-untyped-def]
     with pytest.raises(InputError, match=words):
-        search(chain, solids, NOTHING, target, **{"tolerance": 1e-3, **options})
+        search_fixed_base(chain, solids, NOTHING, target, **{"tolerance": 1e-3, **options})

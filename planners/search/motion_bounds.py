@@ -1,8 +1,8 @@
-"""How far the points of a serial arm move while its joints stay within a box: bounds that always hold.
+"""Bounds of the motion of an arm's points while its joints stay within a box.
 
 The joints are moved one after the other, from the last to the first. When joint k moves, the joints before
-it still stand at the box's centre, so its axis is where the centre posture has it, and the point is off that
-axis by what it was plus what the joints behind have moved it. A turn by an angle moves a point by the chord.
+it still stand at the box's centre: its axis is where the centre posture has it, and the point is off that
+axis by what it was, plus what the joints behind have moved it. A turn by an angle moves a point by the chord.
 """
 
 from __future__ import annotations
@@ -21,33 +21,24 @@ from regionik.worlds.robot import LinkCapsule
 PARALLEL = 1e-12  # sine of the angle between axes that count as parallel
 
 
-class Bones(NamedTuple):
-    """The solids of an arm for kernels, and the longest levers of its points.
+class LinkCapsules(NamedTuple):
+    """The capsules of an arm's links for kernels, and the longest levers of their points in any posture.
 
-    Attributes
-    ----------
-    link : (s,) array of int
-    ends : (s, 2, 3) array
-        In the frame of the link [m].
-    radius : (s,) array
-        [m]
-    levers : (1 + 2 s, n) array
-        Largest distance from each joint's axis in any posture, of the tool and of the ends [m]; 1 for
-        sliding joints, 0 for joints behind the point.
+    A lever is 1 for sliding joints, and 0 for joints behind the point.
     """
 
-    link: Index
-    ends: Array
-    radius: Array
-    levers: Array
+    link: Index  # (s,)
+    ends: Array  # (s, 2, 3) in the frame of the link [m]
+    radius: Array  # (s,) [m]
+    levers: Array  # (1 + 2 s, n) distance of the tool and of the ends from each joint's axis, at most [m]
 
 
-def bones_from(chain: Chain, solids: Sequence[LinkCapsule]) -> Bones:
-    """Flatten the solids of an arm; the limits of sliding joints must be finite."""
+def link_capsules(chain: Chain, solids: Sequence[LinkCapsule]) -> LinkCapsules:
+    """Flatten the capsules of an arm; the limits of sliding joints must be finite."""
     ends = np.array([solid.corners for solid in solids]).reshape(-1, 2, 3)
     points = [(chain.dof - 1, chain.T_last_tool[:3, 3])]
     points += [(solid.link, end) for solid, pair in zip(solids, ends, strict=True) for end in pair]
-    return Bones(
+    return LinkCapsules(
         np.array([solid.link for solid in solids], dtype=np.int64),
         ends,
         np.array([solid.radius for solid in solids], dtype=np.float64),
@@ -100,7 +91,7 @@ def chords(arm: SerialArm, half: Array, chord: Array) -> None:
 
 
 @compiled
-def sway(
+def displacement(
     arm: SerialArm,
     frames: Array,
     axes: Array,
@@ -121,7 +112,7 @@ def sway(
 
 
 @compiled
-def sway_from_tool(
+def displacement_from_tool(
     arm: SerialArm,
     frames: Array,
     axes: Array,
@@ -133,7 +124,7 @@ def sway_from_tool(
     """Most that a point of a link moves against the tool; ``levers`` are those of the tool [m]."""
     n = len(axes)
     tool = frames[n, :3, 3]
-    moved = sway(arm, frames, axes, chord, levers, n - 1, link + 1, tool)
+    moved = displacement(arm, frames, axes, chord, levers, n - 1, link + 1, tool)
     x, y, z = point[0] - tool[0], point[1] - tool[1], point[2] - tool[2]
     for k in range(link, -1, -1):
         if arm.revolute[k]:  # turns tool and point together
@@ -142,10 +133,10 @@ def sway_from_tool(
 
 
 @compiled
-def tool_sway(
+def tool_displacement(
     arm: SerialArm, frames: Array, axes: Array, chord: Array, half: Array, levers: Array
 ) -> tuple[float, float]:
-    """Most that the tool moves, and most that this differs from the Jacobian's word [m]."""
+    """Most that the tool moves, and most that this differs from what the Jacobian says [m]."""
     n = len(half)
     tool = frames[n, :3, 3]
     moved = bent = 0.0

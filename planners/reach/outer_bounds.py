@@ -1,0 +1,310 @@
+"""Outer reach of an arm at a height: distances that no posture has, by branch and bound over joint values.
+
+A box of joint values, and of the distances they may give, is ruled out when no posture of it has its tool at
+the height and at a distance that is still in question. What is left is contracted by both conditions. The box
+whose distances stick out farthest is bisected first, so that the bound is as good as the work spent on it.
+
+Two kinds of bound go together. Near the centre of a box the tool moves as its speeds say, but for a bound of
+what they change by. And it keeps its distance from a point on each joint's axis, a hub, however the joints
+before that point turn: boxes that leave those joints free are bounded by it.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from regionik.planners.geometry.flat import compiled
+from regionik.planners.reach.meridian import Meridian, Tool, look, tool_for
+from regionik.planners.search.box_search import WHOLE, Boxes, Verdict, begin, explore, left_open
+from regionik.planners.search.intervals import contract, cut_to
+from regionik.planners.search.motion_bounds import chords, displacement, from_axis
+from regionik.worlds.arrays import Array
+
+PASSES = 3  # times that one box is bounded, and contracted but for the last time, before it is bisected
+SLACK = 1e-10  # rounding that no proof may rest on [m]
+EVEN = 0.1  # weight of a joint's own lever when a joint to bisect is chosen
+
+
+class ToolBounds(NamedTuple):
+    """A box of m joints and bounds of the tool in all its postures; scratch space that `bound` fills."""
+
+    tool: Tool
+    q: Array  # (m,) its centre
+    half: Array  # (m,) half widths
+    chord: Array  # (m,)
+    moved: Array  # (m + 1,) most that joints k and after move the tool [m]
+    bent: Array  # (m + 1,) most that this differs from what the speeds say [m]
+    hub: Array  # (m, 3) point on each axis, in the arm's base frame [m]
+    loose: Array  # (m,) most that the joints move it [m]
+    keeps: Array  # (m, 2) least and largest distance of the tool from where the hub is at the centre [m]
+    along: Array  # (m, m) speed of the tool away from each hub for each joint's unit speed
+    row: Array  # (m,) coefficients of one condition
+    shift: Array  # (2, m) a box contracted, against its centre
+    endless: Array  # (m,) levers without bound
+
+
+class OuterReach(NamedTuple):
+    """Distances in question at a height."""
+
+    meridian: Meridian
+    z: float  # height of the tool over the arm's base frame [m]
+    known: Array  # (k, 2) distances known to be in reach, as ascending intervals [m]
+    enough: float  # boxes that stick out by no more than this are not bisected [m]
+    bounds: ToolBounds  # overwritten
+
+
+def outer_distances(
+    meridian: Meridian, z: float, low: Array, high: Array, known: Array, cap: float, enough: float, most: int
+) -> Array:
+    """Distances left in question, as intervals (k, 2); outside them and the known ones there are none.
+
+    Parameters
+    ----------
+    meridian : Meridian
+    z : float
+        Height of the tool over the arm's base frame [m].
+    low, high : (m,) array
+        The box of all postures.
+    known : (k, 2) array
+        Distances known to be in reach, as ascending intervals [m].
+    cap : float
+        No posture is farther out [m].
+    enough : float
+        How far from the known ones what is left may be for the search to end [m].
+    most : int
+        Budget of boxes.
+    """
+    asked = OuterReach(meridian, z, known, enough, bounds_for(meridian))
+    boxes = begin(judge_reach, asked, np.array([[*low, 0.0]]), np.array([[*high, cap]]))
+    boxes = _explore(asked, boxes, most)
+    slots = left_open(boxes)
+    return np.column_stack([boxes.low[slots, -1], boxes.high[slots, -1]])
+
+
+@compiled
+def _explore(asked: OuterReach, boxes: Boxes, budget: int) -> Boxes:
+    return explore(judge_reach, asked, boxes, budget, 1)  # none is ever proven
+
+
+@compiled
+def judge_reach(asked: OuterReach, low: Array, high: Array) -> tuple[Verdict, float, int]:
+    """Contract a box of m joint values and, last, of distances; its key is how far these stick out."""
+    m, z, known, box = len(low) - 1, asked.z, asked.known, asked.bounds
+    tells_low = tells_high = -1
+    for i in range(PASSES):
+        bound(asked.meridian, low[:m], high[:m], box)
+        near, far, tells_low, tells_high = spanned(box, z)
+        low[m], high[m] = in_question(known, max(near, low[m]), min(far, high[m]))
+        if low[m] > high[m]:
+            return Verdict.RULED_OUT, 0.0, WHOLE
+        if i == PASSES - 1:
+            break
+        if not contract_to(box, z, low[m], high[m]):
+            return Verdict.RULED_OUT, 0.0, WHOLE
+        if not cut_to(low, high, box.q, box.shift):
+            break
+    sticks = sticks_out(known, low[m], high[m])
+    if sticks <= asked.enough:
+        return Verdict.OPEN, sticks, WHOLE
+    outwards = len(known) == 0 or high[m] > known[0, 0]
+    return Verdict.OPEN, sticks, to_bisect(asked.meridian, box, tells_high if outwards else tells_low)
+
+
+def bounds_for(meridian: Meridian) -> ToolBounds:
+    """Scratch space for `bound`."""
+    m = len(meridian.levers)
+    return ToolBounds(
+        tool_for(meridian), np.zeros(m), np.zeros(m), np.zeros(m), np.zeros(m + 1), np.zeros(m + 1),
+        np.zeros((m, 3)), np.zeros(m), np.zeros((m, 2)), np.zeros((m, m)), np.zeros(m), np.zeros((2, m)),
+        np.full(m, np.inf),
+    )  # fmt: skip
+
+
+@compiled
+def bound(meridian: Meridian, low: Array, high: Array, box: ToolBounds) -> None:
+    """Bound the tool over a box of joint values."""
+    m, tool, arm = len(low), box.tool, meridian.arm
+    for k in range(m):
+        box.q[k], box.half[k] = 0.5 * (low[k] + high[k]), 0.5 * (high[k] - low[k])
+    look(meridian, box.q, tool)
+    chords(arm, box.half, box.chord)
+    p = tool.frames[m, :3, 3]
+    for k in range(m - 1, -1, -1):  # as `tool_displacement`, kept for each joint
+        moved, bent, half = box.moved[k + 1], box.bent[k + 1], box.half[k]
+        off = 1.0
+        if arm.revolute[k]:
+            off = min(from_axis(tool.frames[k], tool.axes[k], p) + moved, meridian.levers[k])
+            bent += 0.5 * half * half * off + half * moved
+        box.moved[k] = moved + box.chord[k] * off
+        box.bent[k] = min(bent, 2.0 * box.moved[k])
+        for i in range(3):
+            box.hub[k, i] = tool.frames[k, i, 3] + meridian.hub[k] * tool.axes[k, i]
+        box.loose[k] = displacement(arm, tool.frames, tool.axes, box.chord, box.endless, k, 0, box.hub[k])
+        _keep(box, k, p)
+
+
+@compiled
+def _keep(box: ToolBounds, k: int, p: Array) -> None:
+    """Bound the tool's distance from a hub."""
+    m, J = len(box.q), box.tool.J
+    x, y, z = p[0] - box.hub[k, 0], p[1] - box.hub[k, 1], p[2] - box.hub[k, 2]
+    length = np.sqrt(x * x + y * y + z * z)
+    if length > 1e-9:
+        x, y, z = x / length, y / length, z / length
+    out = box.bent[k + 1]
+    for j in range(m):
+        box.along[k, j] = x * J[0, j] + y * J[1, j] + z * J[2, j] if j > k else 0.0
+        out += box.half[j] * abs(box.along[k, j])
+    moved = box.moved[k + 1]
+    out = min(out, moved)
+    box.keeps[k, 0] = max(0.0, length - out - box.loose[k])
+    box.keeps[k, 1] = min(np.sqrt((length + out) ** 2 + moved * moved), length + moved) + box.loose[k]
+
+
+@compiled
+def aside(box: ToolBounds) -> float:
+    """Most that the tool leaves the plane in which it stands at the centre [m]."""
+    total = box.bent[0]
+    for k in range(len(box.q)):
+        total += box.half[k] * abs(box.tool.aside[k])
+    return float(min(total, box.moved[0]))
+
+
+@compiled
+def spanned(box: ToolBounds, z: float) -> tuple[float, float, int, int]:
+    """Distances that the tool may have at a height, and the hubs that tell: low > high where there are none.
+
+    Outwards the tool moves by out . d, upwards by up . d, and upwards by just what the height asks. For any
+    share s, out - s up bounds how far outwards it may go; one s for each joint is tried, as the least bound
+    is at one of them. Where these tell, the hub is -1.
+    """
+    m, tool = len(box.q), box.tool
+    c, bent = z - tool.at[1], box.bent[0]
+    least = most = box.moved[0]
+    rise = bent
+    for i in range(m + 1):
+        s = 0.0
+        if i < m:
+            rise += box.half[i] * abs(tool.up[i])
+            if abs(tool.up[i]) < 1e-9:
+                continue
+            s = tool.out[i] / tool.up[i]
+        total = bent * np.sqrt(1.0 + s * s)
+        for k in range(m):
+            total += box.half[k] * abs(tool.out[k] - s * tool.up[k])
+        most, least = min(most, total + s * c), min(least, total - s * c)
+    if abs(c) > rise + SLACK or most + least < -SLACK:
+        return 1.0, 0.0, -1, -1
+    # Past the pivot axis the tool is on the other side, as far away as it went beyond.
+    low = max(0.0, tool.at[0] - least)
+    high = np.hypot(max(0.0, tool.at[0] + most, least - tool.at[0]), aside(box))
+    tells_low = tells_high = -1
+    for k in range(m):
+        r, rise = np.hypot(box.hub[k, 0], box.hub[k, 1]), z - box.hub[k, 2]
+        square = box.keeps[k, 1] ** 2 - rise * rise
+        if square < -SLACK:
+            return 1.0, 0.0, -1, -1
+        wide = np.sqrt(max(0.0, square))
+        narrow = np.sqrt(max(0.0, box.keeps[k, 0] ** 2 - rise * rise))
+        if r + wide < high:
+            high, tells_high = r + wide, k
+        if max(narrow - r, r - wide) > low:
+            low, tells_low = max(narrow - r, r - wide), k
+    return low - SLACK, high + SLACK, tells_low, tells_high
+
+
+@compiled
+def to_bisect(meridian: Meridian, box: ToolBounds, hub: int) -> int:
+    """The joint to bisect so that the bound which a hub tells (-1: the speeds) gains most."""
+    best, weight = 0, -1.0
+    for j in range(len(box.q)):
+        size = meridian.levers[j] * box.half[j]
+        if hub >= 0:
+            size *= EVEN
+            if j > hub:
+                size += box.moved[j] - box.moved[j + 1]
+            else:
+                frame, axis = box.tool.frames[j], box.tool.axes[j]
+                size += box.chord[j] * (
+                    from_axis(frame, axis, box.hub[hub]) if meridian.arm.revolute[j] else 1.0
+                )
+        if size > weight:
+            best, weight = j, size
+    return best
+
+
+@compiled
+def contract_to(box: ToolBounds, z: float, low: float, high: float) -> bool:
+    """Contract ``box.shift`` to a height and distances in (low, high); False where nothing is left."""
+    m, tool, row = len(box.q), box.tool, box.row
+    c, bent, moved = z - tool.at[1], box.bent[0] + SLACK, box.moved[0]
+    for k in range(m):
+        box.shift[0, k], box.shift[1, k] = -box.half[k], box.half[k]
+        row[k] = tool.up[k]
+    if not contract(box.shift, box.row, c - bent, c + bent):
+        return False
+    from_, to, wide = -moved, min(moved, high - tool.at[0]), aside(box)
+    if tool.at[0] > moved and low > wide:
+        from_ = max(from_, np.sqrt(low * low - wide * wide) - tool.at[0])
+    for i in range(m + 1):
+        s = 0.0
+        if i < m:
+            if abs(tool.out[i]) > 1e3 * abs(tool.up[i]) or abs(tool.up[i]) < 1e-9:
+                continue
+            s = tool.out[i] / tool.up[i]
+        for k in range(m):
+            row[k] = tool.out[k] - s * tool.up[k]
+        slack = bent * np.sqrt(1.0 + s * s)
+        if not contract(box.shift, box.row, from_ - s * c - slack, to - s * c + slack):
+            return False
+    return _contract_by_hubs(box, z, low, high)
+
+
+@compiled
+def _contract_by_hubs(box: ToolBounds, z: float, low: float, high: float) -> bool:
+    """Contract by how near to each hub the tool may come, and how far from it."""
+    m = len(box.q)
+    p = box.tool.frames[m, :3, 3]
+    for k in range(m - 1):
+        r, rise = np.hypot(box.hub[k, 0], box.hub[k, 1]), z - box.hub[k, 2]
+        length = np.sqrt(((p - box.hub[k]) ** 2).sum())
+        moved, slack = box.moved[k + 1], box.bent[k + 1] + box.loose[k] + SLACK
+        if slack > length or moved > length:
+            continue
+        most = np.hypot(high + r, rise)
+        least = np.hypot(max(0.0, max(low - r, r - high)), rise) - box.loose[k]
+        least = np.sqrt(max(0.0, least * least - moved * moved)) if least > 0.0 else 0.0
+        box.row[:] = box.along[k]
+        if not contract(box.shift, box.row, least - length - box.bent[k + 1] - SLACK, most - length + slack):
+            return False
+    return True
+
+
+@compiled
+def in_question(known: Array, low: float, high: float) -> tuple[float, float]:
+    """An interval less what known intervals (k, 2), ascending, cover at its ends; low > high for nothing."""
+    for k in range(len(known)):
+        if known[k, 0] <= low <= known[k, 1]:
+            low = known[k, 1]
+            break
+    for k in range(len(known)):
+        if known[k, 0] <= high <= known[k, 1]:
+            high = known[k, 0]
+            break
+    return low, high
+
+
+@compiled
+def sticks_out(known: Array, low: float, high: float) -> float:
+    """Most that a distance of an interval is off all known ones; infinite where none is known [m]."""
+    if len(known) == 0:
+        return np.inf
+    most = max(known[0, 0] - low, high - known[-1, 1])
+    for k in range(len(known) - 1):
+        a, b = max(low, known[k, 1]), min(high, known[k + 1, 0])
+        if a < b:
+            near = max(a, min(b, 0.5 * (known[k, 1] + known[k + 1, 0])))
+            most = max(most, min(near - known[k, 1], known[k + 1, 0] - near))
+    return float(most)

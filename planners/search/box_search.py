@@ -1,0 +1,271 @@
+"""Branch and bound over boxes: a queue, bisection, a budget, and what is known of a box.
+
+A *judge* looks at one box, n intervals, and says whether it is proven, ruled out or open. It may contract the
+box in place to what is not ruled out. Open boxes wait in a queue; the one with the largest key is bisected,
+across the side that its judge named, and both halves are judged. The intervals may be of joint values,
+distances, headings, or of whatever else a judge can bound.
+
+`begin` and `explore` take the judge as a function. Called from Python they run as they stand, with any judge;
+called from a kernel, with a compiled judge, they become part of it::
+
+    @compiled
+    def explore_disc(disc: Disc, boxes: Boxes, budget: int, wanted: int) -> Boxes:
+        return explore(judge_disc, disc, boxes, budget, wanted)
+
+Source: set inversion by interval analysis (Jaulin and Walter, Automatica 29(4), 1993), best box first.
+
+>>> import numpy as np
+>>> def judge(least, low, high):  # where is x^2 at least so much?
+...     if min(low[0] ** 2, high[0] ** 2) >= least:
+...         return Verdict.PROVEN, 0.0, WHOLE
+...     open_ = max(low[0] ** 2, high[0] ** 2) >= least
+...     return Verdict.OPEN if open_ else Verdict.RULED_OUT, high[0] - low[0], 0
+>>> boxes = begin(judge, 2.0, np.array([[0.0]]), np.array([[2.0]]))
+>>> boxes = explore(judge, 2.0, boxes, budget=10, wanted=10)
+>>> verdict_of(boxes).name, [boxes.low[slot].tolist() for slot in proven(boxes)]
+('PROVEN', [[1.5], [1.4375]])
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from enum import IntEnum
+from typing import Any, NamedTuple, TypeVar
+
+import numpy as np
+from numba.extending import register_jitable
+
+from regionik.planners.geometry.flat import Index
+from regionik.worlds.arrays import Array
+
+FIRST_SLOTS = 64  # for boxes; doubled when they are full
+WHOLE = -1  # in place of a side: the box is not to be bisected
+QUEUED, CLOSED, JUDGED, PROVEN = range(4)  # what is counted
+
+
+class Verdict(IntEnum):
+    """What is known of a box, or of all that a search was asked about.
+
+    RULED_OUT is a proof that there is nothing, PROVEN one that there is something; OPEN is neither.
+    """
+
+    RULED_OUT = -1
+    OPEN = 0
+    PROVEN = 1
+
+
+Problem = TypeVar("Problem")
+Judge = Callable[[Problem, Array, Array], tuple[Verdict, float, int]]
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+
+class Boxes(NamedTuple):
+    """The boxes of a search that are not ruled out, in c slots."""
+
+    low: Array  # (c, n)
+    high: Array  # (c, n)
+    key: Array  # (c,) the largest is bisected first
+    side: Index  # (c,) which one to bisect, or `WHOLE`
+    verdict: Index  # (c,)
+    order: Index  # (c,) slots: those queued, as a heap; free ones; from the end on those closed, in turn
+    tally: Index  # (4,) boxes `QUEUED` and `CLOSED` now, `JUDGED` so far, and `PROVEN` among those closed
+
+
+def _shared(inline: str) -> Callable[[Function], Function]:
+    """Let a function run in Python as it stands and be called from kernels too."""
+
+    def shared(function: Function) -> Function:
+        options = {"inline": inline, "error_model": "python", "fastmath": False, "nogil": True}
+        wrapped: Function = register_jitable(**options)(function)
+        return wrapped
+
+    return shared
+
+
+# A function that calls the judge is inlined, so that kernels are kept on disk: numba keeps none that was
+# compiled for the address of another.
+_called, _inlined = _shared("never"), _shared("always")
+
+
+@_inlined
+def begin(judge: Judge[Problem], problem: Problem, low: Array, high: Array) -> Boxes:
+    """Judge the boxes (k, n) that a search starts from."""
+    boxes = _empty(low.shape[1])
+    for k in range(len(low)):
+        boxes = _with_room(boxes)
+        lower, upper = low[k].copy(), high[k].copy()
+        verdict, key, side = judge(problem, lower, upper)
+        _record(boxes, lower, upper, verdict, key, side)
+    return boxes
+
+
+@_inlined
+def explore(judge: Judge[Problem], problem: Problem, boxes: Boxes, budget: int, wanted: int) -> Boxes:
+    """Bisect the box with the largest key and judge both halves, until nothing is left to be done.
+
+    Parameters
+    ----------
+    judge : callable
+        Of a problem and a box, given as (n,), (n,) arrays that it may contract; returns verdict, key and the
+        side to bisect.
+    problem : anything
+        What the judge has to know.
+    boxes : Boxes
+        From `begin`, or from an earlier call; overwritten.
+    budget : int
+        Boxes judged, after which none is bisected.
+    wanted : int
+        Boxes proven, after which none is bisected.
+
+    Returns
+    -------
+    Boxes
+        With more slots where these were needed.
+    """
+    tally = boxes.tally
+    while tally[QUEUED] > 0 and tally[JUDGED] < budget and tally[PROVEN] < wanted:
+        boxes = _with_room(boxes)
+        slot = _pop(boxes)
+        side = boxes.side[slot]
+        low, high = boxes.low[slot].copy(), boxes.high[slot].copy()
+        middle = 0.5 * (low[side] + high[side])
+        if not low[side] < middle < high[side]:
+            _close(boxes)
+            continue
+        for half in range(2):
+            lower, upper = low.copy(), high.copy()
+            if half == 0:
+                upper[side] = middle
+            else:
+                lower[side] = middle
+            verdict, key, cut = judge(problem, lower, upper)
+            _record(boxes, lower, upper, verdict, key, cut)
+    return boxes
+
+
+@_called
+def verdict_of(boxes: Boxes) -> Verdict:
+    """What the boxes of a search say together."""
+    if boxes.tally[PROVEN] > 0:
+        return Verdict.PROVEN
+    return Verdict.OPEN if boxes.tally[QUEUED] + boxes.tally[CLOSED] > 0 else Verdict.RULED_OUT
+
+
+@_called
+def together(a: Verdict, b: Verdict) -> Verdict:
+    """The verdict on two demands: ruled out where either is, proven where both are."""
+    return a if a < b else b
+
+
+def proven(boxes: Boxes) -> Index:
+    """Slots of the boxes proven, in the order in which they were."""
+    closed = boxes.order[::-1][: boxes.tally[CLOSED]]
+    slots: Index = closed[boxes.verdict[closed] == Verdict.PROVEN]
+    return slots
+
+
+def left_open(boxes: Boxes) -> Index:
+    """Slots of the boxes that are neither proven nor ruled out."""
+    closed = boxes.order[::-1][: boxes.tally[CLOSED]]
+    waiting = boxes.order[: boxes.tally[QUEUED]]
+    return np.concatenate([closed[boxes.verdict[closed] == Verdict.OPEN], waiting])
+
+
+def reopen(boxes: Boxes, slot: int) -> None:
+    """Queue a box that was taken to be proven, as it turned out that this does not do."""
+    order, tally = boxes.order, boxes.tally
+    last = len(order) - tally[CLOSED]
+    where = last + int(np.flatnonzero(order[last:] == slot)[0])
+    order[last : where + 1] = np.roll(order[last : where + 1], 1)  # closed ones keep their order
+    tally[CLOSED] -= 1
+    tally[PROVEN] -= 1
+    free = tally[QUEUED]
+    order[free], order[last] = order[last], order[free]
+    boxes.verdict[slot] = Verdict.OPEN
+    if boxes.side[slot] == WHOLE:
+        _close(boxes)
+    else:
+        _push(boxes)
+
+
+@_called
+def _empty(sides: int) -> Boxes:
+    n = FIRST_SLOTS
+    low, high = np.zeros((n, sides)), np.zeros((n, sides))
+    side, verdict = np.zeros(n, np.int64), np.zeros(n, np.int64)
+    return Boxes(low, high, np.zeros(n), side, verdict, np.arange(n), np.zeros(4, np.int64))
+
+
+@_called
+def _with_room(boxes: Boxes) -> Boxes:
+    """The same boxes with two free slots at least."""
+    n, closed = len(boxes.order), boxes.tally[CLOSED]
+    if boxes.tally[QUEUED] + closed + 2 <= n:
+        return boxes
+    kept = n - closed
+    return Boxes(
+        np.concatenate((boxes.low, np.zeros_like(boxes.low))),
+        np.concatenate((boxes.high, np.zeros_like(boxes.high))),
+        np.concatenate((boxes.key, np.zeros_like(boxes.key))),
+        np.concatenate((boxes.side, np.zeros_like(boxes.side))),
+        np.concatenate((boxes.verdict, np.zeros_like(boxes.verdict))),
+        np.concatenate((boxes.order[:kept], np.arange(n, 2 * n), boxes.order[kept:])),
+        boxes.tally,
+    )
+
+
+@_called
+def _record(boxes: Boxes, low: Array, high: Array, verdict: Verdict, key: float, side: int) -> None:
+    """Keep a box that was judged in the first free slot, unless it is ruled out."""
+    boxes.tally[JUDGED] += 1
+    if verdict == Verdict.RULED_OUT:
+        return
+    slot = boxes.order[boxes.tally[QUEUED]]
+    boxes.low[slot], boxes.high[slot] = low, high
+    boxes.key[slot], boxes.side[slot], boxes.verdict[slot] = key, side, verdict
+    if verdict == Verdict.PROVEN or side == WHOLE:
+        _close(boxes)
+    else:
+        _push(boxes)
+
+
+@_called
+def _close(boxes: Boxes) -> None:
+    """Set the box in the first free slot aside."""
+    order, tally = boxes.order, boxes.tally
+    first, last = tally[QUEUED], len(order) - 1 - tally[CLOSED]
+    if boxes.verdict[order[first]] == Verdict.PROVEN:
+        tally[PROVEN] += 1
+    order[first], order[last] = order[last], order[first]
+    tally[CLOSED] += 1
+
+
+@_called
+def _push(boxes: Boxes) -> None:
+    """Queue the box in the first free slot."""
+    heap, key, k = boxes.order, boxes.key, boxes.tally[QUEUED]
+    boxes.tally[QUEUED] += 1
+    while k > 0:
+        above = (k - 1) // 2
+        if not key[heap[k]] > key[heap[above]]:
+            break
+        heap[k], heap[above] = heap[above], heap[k]
+        k = above
+
+
+@_called
+def _pop(boxes: Boxes) -> int:
+    """Take the box with the largest key from the queue; its slot is the first free one."""
+    heap, key = boxes.order, boxes.key
+    last = boxes.tally[QUEUED] - 1
+    boxes.tally[QUEUED] = last
+    heap[0], heap[last] = heap[last], heap[0]
+    k = 0
+    while True:
+        below = 2 * k + 1
+        if below + 1 < last and key[heap[below + 1]] > key[heap[below]]:
+            below += 1
+        if below >= last or not key[heap[below]] > key[heap[k]]:
+            return int(heap[last])
+        heap[k], heap[below] = heap[below], heap[k]
+        k = below

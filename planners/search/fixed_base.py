@@ -1,0 +1,226 @@
+"""A free posture of an arm on a fixed base for a target: found, ruled out, or open.
+
+Branch and bound over boxes of joint values (`posture_boxes`), those first whose centre is farthest from the
+obstacles. Ruled out is a proof, but for rounding far below a nanometre. What is found is checked by the
+collision code that the rest of the house trusts. A budget of boxes bounds the work, so the same question
+always has the same answer.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from regionik.planners.geometry.collision import Obstacles, capsule_distance
+from regionik.planners.geometry.upright import uprights_from
+from regionik.planners.search.box_search import (
+    CLOSED,
+    JUDGED,
+    QUEUED,
+    Boxes,
+    Verdict,
+    begin,
+    proven,
+    reopen,
+    verdict_of,
+)
+from regionik.planners.search.motion_bounds import PARALLEL, link_capsules, longest_levers
+from regionik.planners.search.posture_boxes import (
+    FixedBase,
+    explore_postures,
+    fixed_base_for,
+    judge_postures,
+    posture_in,
+)
+from regionik.planners.search.self_clearance import NO_SELF_CLEARANCE, SelfClearance
+from regionik.planners.solvers.serial import SerialArm, serial_arm
+from regionik.worlds.arrays import Array, frozen
+from regionik.worlds.chain import Chain
+from regionik.worlds.errors import InputError
+from regionik.worlds.robot import LinkCapsule
+
+WORDS = {Verdict.PROVEN: "found", Verdict.RULED_OUT: "none", Verdict.OPEN: "undecided"}  # of a posture
+ROUNDING = 1e-9  # [m]
+PER_REFUSAL = 100  # boxes of the budget for each posture that the exact check refused: it is that much slower
+
+
+@dataclass(frozen=True, eq=False)
+class FixedBaseResult:
+    """What a search for a free posture came to.
+
+    Attributes
+    ----------
+    verdict : Verdict
+        PROVEN by a free posture, RULED_OUT, or OPEN where the budget is spent.
+    joints : (n,) array or None
+        The posture found [rad] or [m].
+    boxes : int
+        Boxes of joint values judged.
+    clearance : float
+        The posture's least distance from the obstacles; where none was found, the largest one among the
+        postures met that reach the target (meshes left aside), -inf where no posture was met [m].
+    note : str
+        One line in words.
+    """
+
+    verdict: Verdict
+    joints: Array | None
+    boxes: int
+    clearance: float
+    note: str
+
+
+def search_fixed_base(
+    chain: Chain,
+    solids: Sequence[LinkCapsule],
+    obstacles: Obstacles,
+    target: ArrayLike,
+    tolerance: float,
+    clearance: float = 0.0,
+    most: int = 2_000_000,
+    own: SelfClearance = NO_SELF_CLEARANCE,
+    accept: Callable[[Array], bool] | None = None,
+) -> FixedBaseResult:
+    """Search for a posture that brings the tool to a target with every link clear.
+
+    Parameters
+    ----------
+    chain : Chain
+        Turning joints without a limit may turn all round; sliding joints need both limits.
+    solids : sequence of LinkCapsule
+        Solids of the links.
+    obstacles : Obstacles
+        In the arm's base frame. Meshes keep postures from being found, but rule no box out.
+    target : (3,) array_like
+        In the arm's base frame [m].
+    tolerance : float
+        How far from the target the tool may be [m].
+    clearance : float
+        Least distance of the links from the obstacles [m].
+    most : int
+        Budget of boxes.
+    own : SelfClearance
+        What the solids keep from each other and from a base; nothing by default.
+    accept : callable, optional
+        What else a posture (n,) must pass to be found; what it refuses is not ruled out by that.
+
+    Returns
+    -------
+    FixedBaseResult
+
+    Raises
+    ------
+    InputError
+        When a number is out of its range, a solid is no capsule, or a sliding joint has no limit.
+
+    Examples
+    --------
+    >>> from regionik.planners.geometry.collision import obstacles_from
+    >>> from regionik.worlds.chain import Chain
+    >>> arm = Chain.from_dh([(0, 0, 1, 0, -3, 3), (0, 0, 1, 0, -3, 3)])
+    >>> search_fixed_base(arm, [], obstacles_from([]), [1.2, 0.9, 0.0], 1e-3).verdict.name
+    'PROVEN'
+    >>> search_fixed_base(arm, [], obstacles_from([]), [2.2, 0.9, 0.0], 1e-3).note
+    'none: the target is 2.377 m from the first joint and the arm reaches 2.000 m'
+    """
+    goal = frozen(target, (3,), "target")
+    _check(chain, solids, tolerance, clearance, most)
+    why = _out_of_reach(chain, goal, tolerance + ROUNDING)
+    if why:
+        return FixedBaseResult(Verdict.RULED_OUT, None, 0, -np.inf, f"none: {why}")
+    whole = uprights_from([piece for piece in obstacles.pieces if piece.mesh is None])
+    task = fixed_base_for(
+        _bounded(chain), link_capsules(chain, solids), whole, goal, tolerance, clearance, own
+    )
+    boxes = begin(judge_postures, task, task.arm.lower[None], task.arm.upper[None])
+    best, refused = -np.inf, 0
+    while True:
+        for slot in proven(boxes)[::-1].tolist():
+            q = frozen(posture_in(task, boxes.low[slot], boxes.high[slot]), (chain.dof,), "joints")
+            room, off = _clearance(chain, solids, obstacles, q), _off(chain, goal, q)
+            if room >= clearance and off <= tolerance and (accept is None or accept(q)):
+                note = f"found: a posture with a clearance of {room:.6g} m, after {boxes.tally[JUDGED]} boxes"
+                return FixedBaseResult(Verdict.PROVEN, q, int(boxes.tally[JUDGED]), room, note)
+            refused, best = refused + 1, max(best, room if off <= tolerance else -np.inf)
+            reopen(boxes, slot)
+        boxes = explore_postures(task, boxes, most - PER_REFUSAL * refused)
+        if verdict_of(boxes) != Verdict.PROVEN:
+            return _nothing_found(task, boxes, best, refused)
+
+
+def _clearance(chain: Chain, solids: Sequence[LinkCapsule], obstacles: Obstacles, q: Array) -> float:
+    """Least distance of all solids, meshes included, by the code that the rest of the house trusts."""
+    least, frames = np.inf, chain.frames(q)
+    for solid in solids:
+        frame = frames[solid.link]
+        start, end = solid.corners @ frame[:3, :3].T + frame[:3, 3]
+        least = min(least, capsule_distance(obstacles, start, end, solid.radius).distance)
+    return least
+
+
+def _off(chain: Chain, goal: Array, q: Array) -> float:
+    return float(np.linalg.norm(chain.forward(q)[:3, 3] - goal))
+
+
+def _nothing_found(task: FixedBase, boxes: Boxes, best: float, refused: int) -> FixedBaseResult:
+    judged, room = int(boxes.tally[JUDGED]), max(best, float(task.best[0]))
+    met = "no posture met reaches the target"
+    if np.isfinite(room):
+        met = f"the best posture met has a clearance of {room:.6g} m"
+    verdict = verdict_of(boxes)
+    if verdict == Verdict.RULED_OUT:
+        note = f"{WORDS[verdict]}: {judged} boxes of joint values hold no free posture; {met}"
+    else:
+        left = boxes.tally[QUEUED] + boxes.tally[CLOSED]
+        note = f"{WORDS[verdict]}: {left} boxes are left after {judged}; {met}"
+        if refused:
+            note += f"; {refused} postures failed the exact check"
+    return FixedBaseResult(verdict, None, judged, room, note)
+
+
+def _check(
+    chain: Chain, solids: Sequence[LinkCapsule], tolerance: float, clearance: float, most: int
+) -> None:
+    if not 0 < tolerance < np.inf:
+        raise InputError(f"tolerance: expected a length above 0, got {tolerance}")
+    if not 0 <= clearance < np.inf:
+        raise InputError(f"clearance: expected a length of 0 or more, got {clearance}")
+    if most < 1:
+        raise InputError(f"most: expected at least one box, got {most}")
+    for joint in chain.joints:
+        if joint.kind == "prismatic" and not np.isfinite([joint.lower, joint.upper]).all():
+            raise InputError(f"joint {joint.name}: a sliding joint needs both limits to be searched")
+    for solid in solids:
+        if len(solid.corners) != 2:
+            raise InputError(
+                f"{solid.name}: expected a capsule, got a solid with {len(solid.corners)} corners"
+            )
+        if not 0 <= solid.link < chain.dof:
+            raise InputError(f"{solid.name}: link must be 0 to {chain.dof - 1}, got {solid.link}")
+
+
+def _out_of_reach(chain: Chain, target: Array, tolerance: float) -> str:
+    """Say why no posture at all reaches the target, where lengths alone tell; otherwise empty."""
+    reach = longest_levers(chain, chain.dof - 1, chain.T_last_tool[:3, 3])[1]
+    far = float(np.linalg.norm(target - chain.joints[0].T_parent_joint[:3, 3]))
+    if far > reach + tolerance:
+        return f"the target is {far:.3f} m from the first joint and the arm reaches {reach:.3f} m"
+    frames = chain.frames(np.zeros(chain.dof))
+    axes = np.array([frame[:3, :3] @ joint.axis for frame, joint in zip(frames, chain.joints, strict=False)])
+    flat = np.linalg.norm(np.cross(axes, axes[0]), axis=1).max() < PARALLEL
+    gap = abs(float(axes[0] @ (target - frames[-1, :3, 3])))
+    if flat and gap > tolerance and all(joint.kind == "revolute" for joint in chain.joints):
+        return f"the target is {gap:.3g} m off the plane in which the tool moves"
+    return ""
+
+
+def _bounded(chain: Chain) -> SerialArm:
+    """The chain with one turn at most for each turning joint."""
+    arm = serial_arm(chain)
+    first = np.where(np.isfinite(arm.upper), arm.upper - 2 * np.pi, -np.pi)
+    lower = np.where(np.isfinite(arm.lower), arm.lower, first)
+    upper = np.where(arm.revolute, np.minimum(arm.upper, lower + 2 * np.pi), arm.upper)
+    return arm._replace(lower=lower, upper=upper)

@@ -1,0 +1,301 @@
+"""Boxes of joint values of an arm on a fixed base, judged: is there a free posture with the tool on target?
+
+A box is ruled out when the tool cannot reach the target anywhere in it, or when one capsule of the arm hits
+one obstacle, another capsule or the base everywhere in it. What is left is contracted by the reach condition
+and tried for a posture from its centre.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from regionik.planners.geometry.flat import compiled
+from regionik.planners.geometry.upright import Uprights, distance_along, least_along
+from regionik.planners.search.box_search import WHOLE, Boxes, Verdict, explore
+from regionik.planners.search.intervals import contract, cut_to
+from regionik.planners.search.motion_bounds import (
+    LinkCapsules,
+    chords,
+    displacement,
+    displacement_from_tool,
+    tool_displacement,
+)
+from regionik.planners.search.self_clearance import SelfClearance, hits_itself, self_clearance
+from regionik.planners.solvers.serial import SerialArm, chain_frames, chain_jacobian
+from regionik.worlds.arrays import Array
+
+SLACK = 1e-10  # rounding that no proof may rest on [m]
+PASSES = 4  # contractions of one box before it is bisected
+SECTIONS = 10  # golden sections along a link where a proof is sought
+FINE = 30  # golden sections along a link where its clearance is measured
+STEPS = 4  # Newton steps to a posture
+DAMPING = 1e-6  # of those steps, in squares of the arm's lever
+
+
+class PosedArm(NamedTuple):
+    """A box of joint values and the arm at its centre, n joints and s capsules; scratch space."""
+
+    q: Array  # (n,) the centre, then a posture reached from it
+    half: Array  # (n,) half widths
+    chord: Array  # (n,) see `motion_bounds.chords`
+    shift: Array  # (2, n) the box contracted, against its centre
+    frames: Array  # (n + 1, 4, 4)
+    axes: Array  # (n, 3) joint axes in the arm's base frame
+    J: Array  # (6, n)
+    row: Array  # (n,) coefficients of one condition
+    ends: Array  # (s, 2, 3) of the capsules' axes, in the arm's base frame [m]
+
+
+class FixedBase(NamedTuple):
+    """A target for an arm on a base that stands still."""
+
+    arm: SerialArm
+    capsules: LinkCapsules
+    solids: Uprights  # what stands about
+    target: Array  # (3,) in the arm's base frame [m]
+    tolerance: float  # how far from the target the tool may be [m]
+    clearance: float  # least distance from the solids [m]
+    own: SelfClearance
+    longest: Array  # (n,) longest lever of each joint, which chooses the joint to bisect [m]
+    best: Array  # (1,) largest clearance met below the wanted one with the tool on target, overwritten [m]
+    posed: PosedArm  # overwritten
+
+
+def fixed_base_for(
+    arm: SerialArm,
+    capsules: LinkCapsules,
+    solids: Uprights,
+    target: Array,
+    tolerance: float,
+    clearance: float,
+    own: SelfClearance,
+) -> FixedBase:
+    """Put a target to an arm, with scratch space."""
+    n, s = len(arm.axis), len(capsules.link)
+    posed = PosedArm(
+        np.zeros(n), np.zeros(n), np.zeros(n), np.zeros((2, n)), np.zeros((n + 1, 4, 4)), np.zeros((n, 3)),
+        np.zeros((6, n)), np.zeros(n), np.zeros((s, 2, 3)),
+    )  # fmt: skip
+    longest, best = capsules.levers.max(0), np.full(1, -np.inf)
+    return FixedBase(arm, capsules, solids, target, tolerance, clearance, own, longest, best, posed)
+
+
+@compiled
+def explore_postures(task: FixedBase, boxes: Boxes, budget: int) -> Boxes:
+    """Bisect the box whose centre is farthest from the obstacles, until a posture is found."""
+    return explore(judge_postures, task, boxes, budget, 1)
+
+
+@compiled
+def judge_postures(task: FixedBase, low: Array, high: Array) -> tuple[Verdict, float, int]:
+    """Contract a box and try it for a posture; its key is the clearance of what was tried."""
+    if not may_hold(task, low, high):
+        return Verdict.RULED_OUT, 0.0, WHOLE
+    reaches = to_target(task) <= task.tolerance
+    own = self_clearance(task.capsules, task.own, task.posed.ends) + task.clearance
+    clear = min(clearance_of(task), own)
+    if reaches and clear >= task.clearance:
+        return Verdict.PROVEN, clear, _to_bisect(task.longest, low, high)
+    if reaches:
+        task.best[0] = max(task.best[0], clear)
+    return Verdict.OPEN, clear, _to_bisect(task.longest, low, high)
+
+
+@compiled
+def posture_in(task: FixedBase, low: Array, high: Array) -> Array:
+    """The posture (n,) that `judge_postures` tried in a box that it has contracted."""
+    _centre(task.posed, low, high)
+    to_target(task)
+    return task.posed.q.copy()
+
+
+@compiled
+def may_hold(task: FixedBase, low: Array, high: Array) -> bool:
+    """Contract a box in place; False where it holds no free posture."""
+    posed, levers = task.posed, task.capsules.levers[0]
+    for _ in range(PASSES):
+        _centre(posed, low, high)
+        off = pose(task)
+        chords(task.arm, posed.half, posed.chord)
+        moved, bent = tool_displacement(task.arm, posed.frames, posed.axes, posed.chord, posed.half, levers)
+        if off > task.tolerance + moved + SLACK or not _contract_to_target(task, bent):
+            return False
+        if not cut_to(low, high, posed.q, posed.shift):
+            break
+    _centre(posed, low, high)
+    off = pose(task)
+    chords(task.arm, posed.half, posed.chord)
+    return not (
+        _hits_obstacle(task, off)
+        or hits_itself(
+            task.arm, task.capsules, task.own, posed.frames, posed.axes, posed.chord, posed.ends, SLACK
+        )
+    )
+
+
+@compiled
+def _centre(posed: PosedArm, low: Array, high: Array) -> None:
+    for k in range(len(low)):
+        posed.q[k] = 0.5 * (low[k] + high[k])
+        posed.half[k] = 0.5 * (high[k] - low[k])
+
+
+@compiled
+def _to_bisect(longest: Array, low: Array, high: Array) -> int:
+    """Joint that moves the arm most, `WHOLE` where none moves it."""
+    side, most = WHOLE, SLACK
+    for k in range(len(low)):
+        if longest[k] * (high[k] - low[k]) > most:
+            side, most = k, longest[k] * (high[k] - low[k])
+    return side
+
+
+@compiled
+def _contract_to_target(task: FixedBase, bent: float) -> bool:
+    """Contract ``posed.shift`` by the reach condition; False where nothing is left.
+
+    Along a unit direction u the condition reads |u . (tool - target) + sum u . J_k d_k| <= tolerance + bent.
+    Directions square to two columns of the Jacobian, or to one column and its axis, leave few joints in it.
+    """
+    posed, n = task.posed, len(task.posed.q)
+    chain_jacobian(task.arm, posed.frames, posed.J)
+    for k in range(n):
+        posed.shift[0, k], posed.shift[1, k] = -posed.half[k], posed.half[k]
+    u = np.empty(3)
+    for i in range(n):
+        for j in range(i, n):
+            b = posed.axes[i] if i == j else posed.J[:3, j]
+            a = posed.J[:3, i]
+            u[0], u[1], u[2] = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+            size = np.sqrt(u[0] * u[0] + u[1] * u[1] + u[2] * u[2])
+            if size > 1e-9:
+                u /= size
+                if not _contract_along(task, u, bent):
+                    return False
+    return True
+
+
+@compiled
+def _contract_along(task: FixedBase, u: Array, bent: float) -> bool:
+    """Contract by the reach condition along one direction."""
+    posed, n = task.posed, len(task.posed.q)
+    room, off = task.tolerance + bent + SLACK, 0.0
+    for i in range(3):
+        off += u[i] * (posed.frames[n, i, 3] - task.target[i])
+    for k in range(n):
+        posed.row[k] = u[0] * posed.J[0, k] + u[1] * posed.J[1, k] + u[2] * posed.J[2, k]
+    return contract(posed.shift, posed.row, -room - off, room - off)
+
+
+@compiled
+def _hits_obstacle(task: FixedBase, off: float) -> bool:
+    """Tell whether a capsule is too near to an obstacle wherever in the box the tool reaches the target."""
+    arm, posed, capsules = task.arm, task.posed, task.capsules
+    for s in range(len(capsules.link)):
+        link = capsules.link[s]
+        a, b = posed.ends[s, 0], posed.ends[s, 1]
+        reach = capsules.radius[s] + task.clearance - SLACK
+        length = np.sqrt((b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2 + (b[2] - a[2]) ** 2)
+        known = False
+        base_a = base_b = tool_a = tool_b = 0.0
+        for k in range(len(task.solids.disc)):
+            if distance_along(task.solids, k, a, b, 0.5) - 0.5 * length >= reach:
+                continue
+            if not known:  # as points of the arm, and as points near a tool that is at the target
+                known = True
+                frames, axes, chord, levers = posed.frames, posed.axes, posed.chord, capsules.levers
+                base_a = displacement(arm, frames, axes, chord, levers[1 + 2 * s], link, 0, a)
+                base_b = displacement(arm, frames, axes, chord, levers[2 + 2 * s], link, 0, b)
+                near = off + task.tolerance
+                tool_a = near + displacement_from_tool(arm, frames, axes, chord, levers[0], link, a)
+                tool_b = near + displacement_from_tool(arm, frames, axes, chord, levers[0], link, b)
+            if (base_a < tool_a or base_b < tool_b) and (
+                least_along(task.solids, k, a, b, base_a, base_b, reach, reach, SECTIONS) < reach
+            ):
+                return True
+            if (tool_a < base_a or tool_b < base_b) and (
+                least_along(task.solids, k, a, b, tool_a, tool_b, reach, reach, SECTIONS) < reach
+            ):
+                return True
+    return False
+
+
+@compiled
+def pose(task: FixedBase) -> float:
+    """Place the arm at ``posed.q``; returns the tool's distance from the target [m]."""
+    arm, capsules, posed = task.arm, task.capsules, task.posed
+    chain_frames(arm, posed.q, posed.frames)
+    n = len(posed.q)
+    for k in range(n):
+        for i in range(3):
+            posed.axes[k, i] = (
+                posed.frames[k, i, 0] * arm.axis[k, 0]
+                + posed.frames[k, i, 1] * arm.axis[k, 1]
+                + posed.frames[k, i, 2] * arm.axis[k, 2]
+            )
+    for s in range(len(capsules.link)):
+        frame = posed.frames[capsules.link[s]]
+        for end in range(2):
+            x, y, z = capsules.ends[s, end]
+            for i in range(3):
+                posed.ends[s, end, i] = frame[i, 0] * x + frame[i, 1] * y + frame[i, 2] * z + frame[i, 3]
+    square = 0.0
+    for i in range(3):
+        square += (posed.frames[n, i, 3] - task.target[i]) ** 2
+    return float(np.sqrt(square))
+
+
+@compiled
+def clearance_of(task: FixedBase) -> float:
+    """Least distance of the capsules from the obstacles in the posture that `pose` was called with [m]."""
+    least = np.inf
+    for s in range(len(task.capsules.link)):
+        a, b, radius = task.posed.ends[s, 0], task.posed.ends[s, 1], task.capsules.radius[s]
+        length = np.sqrt((b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2 + (b[2] - a[2]) ** 2)
+        for k in range(len(task.solids.disc)):
+            if distance_along(task.solids, k, a, b, 0.5) - 0.5 * length - radius < least:
+                least = min(
+                    least, least_along(task.solids, k, a, b, 0.0, 0.0, -np.inf, least + radius, FINE) - radius
+                )
+    return least
+
+
+@compiled
+def to_target(task: FixedBase) -> float:
+    """Damped least squares from ``posed.q`` towards the target, within limits; the distance left [m]."""
+    posed, n = task.posed, len(task.posed.q)
+    off = pose(task)
+    damping = DAMPING * np.max(task.capsules.levers[0]) ** 2 + 1e-300
+    A, e = np.empty((3, 3)), np.empty(3)
+    for _ in range(STEPS):
+        if off <= task.tolerance:
+            break
+        chain_jacobian(task.arm, posed.frames, posed.J)
+        for i in range(3):
+            # as far as the near side of what the tolerance allows: the postures differ on all sides of it
+            e[i] = (task.target[i] - posed.frames[n, i, 3]) * (1.0 - 0.9 * task.tolerance / off)
+            for j in range(i, 3):
+                A[i, j] = damping if i == j else 0.0
+                for k in range(n):
+                    A[i, j] += posed.J[i, k] * posed.J[j, k]
+        _solve_symmetric(A, e)
+        for k in range(n):
+            step = posed.J[0, k] * e[0] + posed.J[1, k] * e[1] + posed.J[2, k] * e[2]
+            posed.q[k] = min(task.arm.upper[k], max(task.arm.lower[k], posed.q[k] + step))
+        off = pose(task)
+    return off
+
+
+@compiled
+def _solve_symmetric(A: Array, b: Array) -> None:
+    """Solve A x = b for a positive definite A (3, 3), given by its upper half; x replaces b."""
+    p, q, r = A[0, 0], A[0, 1], A[0, 2]
+    s, t, u = A[1, 1], A[1, 2], A[2, 2]
+    a, d, g = s * u - t * t, r * t - q * u, q * t - r * s
+    scale = 1.0 / (p * a + q * d + r * g)
+    x = scale * (a * b[0] + d * b[1] + g * b[2])
+    y = scale * (d * b[0] + (p * u - r * r) * b[1] + (q * r - p * t) * b[2])
+    b[2] = scale * (g * b[0] + (q * r - p * t) * b[1] + (p * s - q * q) * b[2])
+    b[0], b[1] = x, y
