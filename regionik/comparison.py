@@ -23,8 +23,8 @@ from regionik.planners.rivals.genetic import Genetic
 from regionik.planners.rivals.iterative import CyclicDescent, DampedLeastSquares, PseudoInverse, Transpose
 from regionik.planners.rivals.method import ArmMethod, Fabrik, FabrikPolished, SearchResult
 from regionik.planners.rivals.network import Network
-from regionik.planners.solvers.mobile import seen
-from regionik.planners.solvers.polish import Aim
+from regionik.planners.solvers.damped_least_squares import Aim
+from regionik.planners.solvers.mfabrik_serial import in_arm_frame
 from regionik.postures.guard import guard_of
 from regionik.postures.poses import pose
 from regionik.postures.tool_goal import aim_of, misses
@@ -78,7 +78,7 @@ class DrivenBase:
 
 def _aim(robot: Robot, base: Array, target: Target) -> Aim:
     """A target in the frame of the arm."""
-    return seen(axis_of(robot, base), _yaw(robot, base), float(robot.mount[2]), aim_of(target))
+    return in_arm_frame(axis_of(robot, base), _yaw(robot, base), float(robot.mount[2]), aim_of(target))
 
 
 def _shifted(

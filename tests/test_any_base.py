@@ -20,7 +20,7 @@ from regionik.planners.geometry.collision import obstacles_from
 from regionik.planners.geometry.pieces import Piece
 from regionik.planners.geometry.upright import depths, signed_distance, uprights_from
 from regionik.planners.search.box_search import Verdict
-from regionik.planners.solvers.kernels import triangle
+from regionik.planners.solvers.planar_arm import triangle
 from regionik.postures.guard import contact_for, guard_of
 from regionik.reach import reach
 from regionik.seeking.any_base import any_base_of, prepared, search_any_base

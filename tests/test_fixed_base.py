@@ -22,7 +22,7 @@ from regionik.planners.search.motion_bounds import (
 )
 from regionik.planners.search.posture_boxes import FixedBase, fixed_base_for, may_hold, pose
 from regionik.planners.search.self_clearance import NO_SELF_CLEARANCE
-from regionik.planners.solvers.serial import chain_jacobian, serial_arm
+from regionik.planners.solvers.serial_chain import chain_jacobian, serial_arm
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain, Joint, rot_x, rot_y, translation

@@ -14,7 +14,7 @@ import shapely
 
 from regionik.moving import whole_body
 from regionik.pipeline import plan
-from regionik.planners.solvers.kernels import wrap
+from regionik.planners.geometry.angles import wrap
 from regionik.postures.poses import LARGEST_BEND
 from regionik.storage.plan_document import plan_to_text
 from regionik.values import Plan

@@ -18,7 +18,7 @@ from regionik.moving.path_following import PathFollower, PathSegment, SegmentPoi
 from regionik.pipeline import whole_path
 from regionik.planners.clearance.legs import between as between_knots
 from regionik.planners.clearance.legs import leg_lengths
-from regionik.planners.solvers.kernels import wrap
+from regionik.planners.geometry.angles import wrap
 from regionik.postures.families import FRONT, Family
 from regionik.postures.guard import guard_of
 from regionik.postures.poses import LARGEST_BEND, Pose, Row, between

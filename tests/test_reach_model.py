@@ -11,7 +11,7 @@ from regionik.areas.planar_reach import PlanarReach
 from regionik.areas.reach_model import ReachModel
 from regionik.areas.reachable import heeds_headings, model_of, reach_model, reach_rows
 from regionik.pipeline import plan
-from regionik.planners.solvers.polish import DIRECTION
+from regionik.planners.solvers.damped_least_squares import DIRECTION
 from regionik.postures.arms import PlaneSolver
 from regionik.postures.families import BACK, FRONT, Family
 from regionik.postures.serialarm import SerialSolver

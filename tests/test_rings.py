@@ -10,7 +10,7 @@ from regionik.planners.reach.rings import (
     reach_spans,
     turning_heights,
 )
-from regionik.planners.solvers import kernels
+from regionik.planners.solvers import planar_arm as kernels
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.planar_arm import planar_arm
 

@@ -11,8 +11,8 @@ from regionik.planners.clearance.moving import WORLD, Exempt, Hop, Hulls, Movers
 from regionik.planners.clearance.sweeping import box_gap
 from regionik.planners.geometry.flat import compiled
 from regionik.planners.geometry.hulls import hull_gap
-from regionik.planners.solvers.kernels import PlaneArm
-from regionik.planners.solvers.serial import SerialArm
+from regionik.planners.solvers.planar_arm import PlaneArm
+from regionik.planners.solvers.serial_chain import SerialArm
 from regionik.worlds.arrays import Array
 
 MOST_RINGS = 16  # intervals of reach at one height

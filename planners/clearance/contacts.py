@@ -13,7 +13,7 @@ import numpy as np
 from regionik.planners.clearance.moving import WORLD, Exempt, Hop, Hulls, Movers, pace, put, twist
 from regionik.planners.geometry.flat import compiled
 from regionik.planners.geometry.hulls import hull_gap
-from regionik.planners.solvers.serial import SerialArm
+from regionik.planners.solvers.serial_chain import SerialArm
 from regionik.worlds.arrays import Array
 
 SHORTEST = 1e-5  # part of a hop; shorter steps mean that the gap is used up

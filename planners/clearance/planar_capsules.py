@@ -29,7 +29,7 @@ from regionik.planners.geometry.flat import Index, compiled
 from regionik.planners.geometry.upright import Uprights, depths, distance_along, least_along, uprights_from
 from regionik.planners.search.box_search import Verdict, together
 from regionik.planners.search.self_clearance import segment_distance
-from regionik.planners.solvers.kernels import PlaneArm
+from regionik.planners.solvers.planar_arm import PlaneArm
 from regionik.worlds.arrays import Array
 from regionik.worlds.planar_arm import PlanarArm
 from regionik.worlds.robot import Robot

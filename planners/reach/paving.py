@@ -34,8 +34,8 @@ from regionik.planners.search.intervals import (
     square,
     within_limits,
 )
-from regionik.planners.solvers.kernels import LIMIT_SLACK, PlaneArm
-from regionik.planners.solvers.qualities import Asked
+from regionik.planners.solvers.planar_arm import LIMIT_SLACK, PlaneArm
+from regionik.planners.solvers.posture_criteria import Thresholds
 from regionik.worlds.arrays import Array
 
 FINEST = 2.5e-4  # of distances that are left undecided [m]
@@ -48,7 +48,7 @@ class Thresholds(NamedTuple):
     """What is asked of the postures at a height."""
 
     arm: PlaneArm
-    asked: Asked
+    asked: Thresholds
     z: float  # height of the tool over the floor [m]
     low: float  # pitches of the last link [rad]
     high: float
@@ -63,14 +63,14 @@ class Distances(NamedTuple):
 
 
 def paved(
-    arm: PlaneArm, asked: Asked, pitches: tuple[float, float], z: float, known: Array
+    arm: PlaneArm, asked: Thresholds, pitches: tuple[float, float], z: float, known: Array
 ) -> tuple[Array, Array]:
     """Signed distances at a height whose postures meet all that is asked.
 
     Parameters
     ----------
     arm : PlaneArm
-    asked : Asked
+    asked : Thresholds
     pitches : (low, high)
         Angles that the last link may take in the plane, infinite for any [rad].
     z : float
@@ -183,7 +183,7 @@ def _across(a: float, b: float, d0: float, d1: float) -> tuple[float, float]:
 
 @compiled
 def _bends_well(
-    arm: PlaneArm, asked: Asked, x0: float, x1: float, y: float,
+    arm: PlaneArm, asked: Thresholds, x0: float, x1: float, y: float,
     first0: float, first1: float, second0: float, second1: float, low: float, high: float,
 ) -> Verdict:  # fmt: skip
     """Judge the manipulability of a box against its threshold."""
@@ -207,7 +207,7 @@ def _bends_well(
 
 @compiled
 def _lifts(
-    asked: Asked, first0: float, first1: float, second0: float, second1: float, low: float, high: float
+    asked: Thresholds, first0: float, first1: float, second0: float, second1: float, low: float, high: float
 ) -> Verdict:
     """Judge the torques of a box against their limits."""
     verdict, least, most = Verdict.PROVEN, 0.0, 0.0

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from regionik.planners.solvers.kernels import TWO_PI, wrap
+from regionik.planners.geometry.angles import wrap
+from regionik.planners.solvers.planar_arm import TWO_PI
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import rot_y, rot_z
 from regionik.worlds.planar_arm import PlanarArm

@@ -1,7 +1,7 @@
 """Iterative methods with compiled kernels: pseudo-inverse, transpose, damped least squares, CCD.
 
 Each keeps the joint limits, and restarts from the same postures as FABRIK. None knows of obstacles or areas.
-The kernel of damped least squares is `regionik.planners.solvers.polish`.
+The kernel of damped least squares is `regionik.planners.solvers.damped_least_squares`.
 
 Sources: Wolovich and Elliott (1984) for the transpose, Wang and Chen (1991) for CCD.
 """
@@ -16,8 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from regionik.planners.geometry.flat import compiled
 from regionik.planners.geometry.vectors import Vector, cross, dot, minus, plus, rotated, turned
 from regionik.planners.rivals.method import RESTARTS, ArmMethod, SearchResult, arm_length
-from regionik.planners.solvers.inverse import ArmPostures, rows_of, spread_postures
-from regionik.planners.solvers.polish import (
+from regionik.planners.solvers.damped_least_squares import (
     DIRECTION,
     POSITION,
     Aim,
@@ -26,8 +25,9 @@ from regionik.planners.solvers.polish import (
     tool_misses,
     weigh,
 )
-from regionik.planners.solvers.serial import SerialArm, chain_frames, chain_jacobian, serial_arm
-from regionik.planners.solvers.turns import held
+from regionik.planners.solvers.inverse_kinematics import ArmPostures, rows_of, spread_postures
+from regionik.planners.solvers.joint_turns import held
+from regionik.planners.solvers.serial_chain import SerialArm, chain_frames, chain_jacobian, serial_arm
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
 

@@ -36,7 +36,7 @@ from regionik.planners.search.posture_boxes import (
     posture_in,
 )
 from regionik.planners.search.self_clearance import NO_SELF_CLEARANCE, SelfClearance
-from regionik.planners.solvers.serial import SerialArm, serial_arm
+from regionik.planners.solvers.serial_chain import SerialArm, serial_arm
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.chain import Chain
 from regionik.worlds.errors import InputError

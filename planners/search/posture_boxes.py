@@ -23,7 +23,7 @@ from regionik.planners.search.motion_bounds import (
     tool_displacement,
 )
 from regionik.planners.search.self_clearance import SelfClearance, hits_itself, self_clearance
-from regionik.planners.solvers.serial import SerialArm, chain_frames, chain_jacobian
+from regionik.planners.solvers.serial_chain import SerialArm, chain_frames, chain_jacobian
 from regionik.worlds.arrays import Array
 
 SLACK = 1e-10  # rounding that no proof may rest on [m]

@@ -12,9 +12,9 @@ import numpy as np
 from regionik.planners.geometry.edgetree import EdgeTree, tree_of
 from regionik.planners.geometry.flat import FlatPolygon, compiled
 from regionik.planners.geometry.trigonometry import woven
-from regionik.planners.solvers.kernels import PlaneArm
 from regionik.planners.solvers.lanes import Effort
 from regionik.planners.solvers.passes import Links, Pair, Triple, holds_at
+from regionik.planners.solvers.planar_arm import PlaneArm
 from regionik.worlds.arrays import Array
 
 EVERYWHERE = EdgeTree(np.empty((0, 4)), np.tile([np.inf, np.inf, -np.inf, -np.inf], (2, 1)))  # no area

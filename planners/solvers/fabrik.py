@@ -7,7 +7,6 @@ import numpy as np
 from regionik.planners.geometry.edgetree import EdgeTree, clamp, likely
 from regionik.planners.geometry.flat import compiled
 from regionik.planners.geometry.trigonometry import direction, turned, woven
-from regionik.planners.solvers.kernels import PlaneArm, fit, place, widest_posture, wrap
 from regionik.planners.solvers.passes import (
     Knots,
     Links,
@@ -20,6 +19,7 @@ from regionik.planners.solvers.passes import (
     placed,
     sight,
 )
+from regionik.planners.solvers.planar_arm import PlaneArm, fit, place, widest_posture, wrap
 from regionik.worlds.arrays import Array
 
 PATIENCE, STALLED = 10, 0.9  # passes in which the error must come down to this share, for a start to go on

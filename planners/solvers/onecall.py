@@ -32,8 +32,8 @@ from regionik.planners.solvers.callsheet import (
 )
 from regionik.planners.solvers.fabrik import PATIENCE, bends_between, mfabrik, restarted
 from regionik.planners.solvers.handed import HANDED, address, alike, layout_is_known, row_at
-from regionik.planners.solvers.kernels import fit, wrap
 from regionik.planners.solvers.passes import Pair, fast, pasted
+from regionik.planners.solvers.planar_arm import fit, wrap
 from regionik.worlds.arrays import Array
 
 ROUNDING = 1e-9  # by which a heading may be outside its span [rad]

@@ -15,8 +15,8 @@ from regionik.planners.solvers.callsheet import (
     seat_in,
     span_in,
 )
-from regionik.planners.solvers.kernels import nearest_posture
 from regionik.planners.solvers.onecall import alone, away, axis_at, joint_of, shared_turn
+from regionik.planners.solvers.planar_arm import nearest_posture
 from regionik.worlds.arrays import Array
 
 PITCHES = 180  # of the last link, tried to either side for the posture of least change

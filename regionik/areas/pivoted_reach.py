@@ -16,7 +16,7 @@ from regionik.areas.reach_model import FineRows, ReachModel, ReachQuery, Rows
 from regionik.areas.sectors import ring_sectors, wide_enough
 from regionik.planners.reach.levelreach import inner_reach, outer_reach
 from regionik.planners.reach.posereach import pose_reach
-from regionik.planners.solvers.qualities import Asked
+from regionik.planners.solvers.posture_criteria import Thresholds
 from regionik.postures.arms import Arm
 from regionik.postures.families import FRONT, Family
 from regionik.postures.serialarm import serial_solver
@@ -76,7 +76,7 @@ class PivotedReach(ReachModel):
         self.thresholds(criteria)
         return serial_solver(self.robot.chain, self.height, tolerance, turns=turns)
 
-    def thresholds(self, criteria: Criteria | None) -> tuple[Asked, Asked] | None:
+    def thresholds(self, criteria: Criteria | None) -> tuple[Thresholds, Thresholds] | None:
         """None, as nothing but limits can be asked; see `ReachModel`."""
         if criteria is not None and criteria.beyond_limits:
             criteria.check(self.robot)

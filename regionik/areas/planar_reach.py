@@ -20,8 +20,8 @@ from regionik.areas.sectors import ring_sectors, wide_enough
 from regionik.planners.geometry.ringarcs import Sectors
 from regionik.planners.reach.paving import paved
 from regionik.planners.reach.rings import FREE, reach_intervals, reach_spans
-from regionik.planners.solvers.kernels import PlaneArm
-from regionik.planners.solvers.qualities import Asked, asked_of, posture_spare
+from regionik.planners.solvers.planar_arm import PlaneArm
+from regionik.planners.solvers.posture_criteria import Thresholds, posture_spare, thresholds_of
 from regionik.postures.arms import Arm, PlaneSolver
 from regionik.postures.families import BACK, FRONT, Family, families_of
 from regionik.worlds.arrays import Array
@@ -180,12 +180,12 @@ class PlanarReach(ReachModel):
         asked = self.thresholds(criteria)
         return PlaneSolver(self.arm, self.height, family, tolerance, asked and asked[0])
 
-    def thresholds(self, criteria: Criteria | None) -> tuple[Asked, Asked] | None:
+    def thresholds(self, criteria: Criteria | None) -> tuple[Thresholds, Thresholds] | None:
         """Those of manipulability and effort; see `ReachModel`."""
         if criteria is None or not criteria.beyond_limits:
             return None
         criteria.check(self.robot)
-        return asked_of(self.arm, self.robot, criteria)
+        return thresholds_of(self.arm, self.robot, criteria)
 
     def meets(self, criteria: Criteria | None, joints: Array) -> bool:
         """See `ReachModel`."""
@@ -226,7 +226,7 @@ def _paved(
     z: float,
     known: tuple[tuple[float, float], ...],
 ) -> tuple[Array, Array]:
-    asked = asked_of(model.arm, model.robot, criteria)[side]
+    asked = thresholds_of(model.arm, model.robot, criteria)[side]
     return paved(model.plane, asked, pitches, z, np.array(known).reshape(-1, 2))
 
 

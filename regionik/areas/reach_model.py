@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from regionik.areas.ground import GUARD, Geometries
 from regionik.areas.sectors import ARC_POINTS
-from regionik.planners.solvers.kernels import LIMIT_SLACK
-from regionik.planners.solvers.qualities import Asked
+from regionik.planners.solvers.planar_arm import LIMIT_SLACK
+from regionik.planners.solvers.posture_criteria import Thresholds
 from regionik.postures.arms import Arm
 from regionik.postures.families import BACK, FRONT, Family
 from regionik.worlds.arrays import Array
@@ -128,7 +128,7 @@ class ReachModel(ABC):
         """
 
     @abstractmethod
-    def thresholds(self, criteria: Criteria | None) -> tuple[Asked, Asked] | None:
+    def thresholds(self, criteria: Criteria | None) -> tuple[Thresholds, Thresholds] | None:
         """Thresholds that criteria set besides limits, for inner and for outer areas; None for none.
 
         Raises

@@ -19,7 +19,7 @@ from regionik.planners.clearance.legs import between, laid_out
 from regionik.planners.clearance.touching import Touch
 from regionik.planners.driving.drive import NoPathError
 from regionik.planners.geometry.flat import Index
-from regionik.planners.solvers import kernels
+from regionik.planners.solvers import planar_arm
 from regionik.postures.families import Family
 from regionik.postures.guard import Guard
 from regionik.postures.poses import LARGEST_BEND, Pose, Row, arrays, pose
@@ -117,7 +117,7 @@ class PathSegment:
     def pitch(self, at: SegmentPoint) -> float:
         """Of the last link."""
         first, last = (family.pitch for family in self.families(at))
-        return first + at.share * kernels.wrap(last - first)
+        return first + at.share * planar_arm.wrap(last - first)
 
     def _tool(self, at: SegmentPoint) -> list[float]:
         tool: list[float] = self.base.tool[at.leg : at.leg + 2].tolist()

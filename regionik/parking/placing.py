@@ -16,7 +16,7 @@ from regionik.mfabrik import Solver, axis_of, pose_of, solver_for
 from regionik.moving.configuration_sampling import spread
 from regionik.parking.fewest import Group, ParkingAreas, depth
 from regionik.planners.places.tour import through
-from regionik.planners.solvers.serial import chain_frames, chain_jacobian, serial_arm
+from regionik.planners.solvers.serial_chain import chain_frames, chain_jacobian, serial_arm
 from regionik.postures.families import Family
 from regionik.values import Configuration, Stop
 from regionik.worlds.arrays import Array

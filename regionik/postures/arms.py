@@ -15,10 +15,10 @@ import numpy as np
 from regionik.planners.geometry.edgetree import tree_of
 from regionik.planners.geometry.flat import FlatPolygon
 from regionik.planners.reach.rolls import roll_for, tool_turn, within_limits
-from regionik.planners.solvers import fabrik, kernels
+from regionik.planners.solvers import fabrik, planar_arm
 from regionik.planners.solvers.callsheet import Joined, Turning, packed
 from regionik.planners.solvers.passes import holds_of
-from regionik.planners.solvers.qualities import COMFORT, Asked, meeting_posture, posture_spare
+from regionik.planners.solvers.posture_criteria import COMFORT, Thresholds, meeting_posture, posture_spare
 from regionik.planners.solvers.ways import PITCHES, TILT
 from regionik.postures.families import Family, families_of
 from regionik.postures.serialarm import MOST_PASSES, Reached
@@ -61,15 +61,15 @@ class PlaneSolver:
     height: float
     family: Family
     tolerance: float
-    asked: Asked | None = None
+    asked: Thresholds | None = None
 
     @cached_property
-    def plane(self) -> kernels.PlaneArm:
+    def plane(self) -> planar_arm.PlaneArm:
         """The arm for kernels; its arrays may be written to, so that numba knows one type of them."""
         arm = self.arm
         shoulder = float(arm.shoulder[0]), float(arm.shoulder[1] + self.height)
         lengths, lower, upper = (np.array(part, order="C") for part in (arm.lengths, arm.lower, arm.upper))
-        return kernels.PlaneArm(*shoulder, lengths, lower, upper)
+        return planar_arm.PlaneArm(*shoulder, lengths, lower, upper)
 
     @cached_property
     def holds(self) -> Array:
@@ -156,7 +156,7 @@ class PlaneSolver:
         best, least = None, np.inf
         for kind in self._kinds(target):
             bends = np.empty(3)
-            change = kernels.nearest_posture(self.plane, kind.pitch, r, z, near, bends, PITCHES, TILT)
+            change = planar_arm.nearest_posture(self.plane, kind.pitch, r, z, near, bends, PITCHES, TILT)
             if change < least:
                 q, angle = self._turned(target, bends, plane_yaw, yaw, joints)
                 best, least = Reached(axis, q, 0.0, 0, angle), change
@@ -170,7 +170,7 @@ class PlaneSolver:
         found: list[Reached] = []
         for kind in self._kinds(target):
             bends = np.empty((2 * tries, 3))
-            count = kernels.self_motion(self.plane, kind.pitch, r, target.position[2], tries, bends)
+            count = planar_arm.self_motion(self.plane, kind.pitch, r, target.position[2], tries, bends)
             for one in bends[:count]:
                 q, angle = self._turned(target, one, plane_yaw, yaw, joints)
                 found.append(Reached(axis, q, 0.0, 0, angle))
@@ -218,7 +218,7 @@ def _swung(kind: Family, target: Array, axis: Array) -> Array:
         float(np.arctan2(kind.facing * dy, kind.facing * dx)),
         kind.facing * float(np.hypot(dx, dy)),
     )
-    swing = float(kernels.wrap(azimuth - kind.azimuth))
+    swing = float(planar_arm.wrap(azimuth - kind.azimuth))
     if abs(swing) <= kind.half:
         return axis
     azimuth = kind.azimuth + float(np.clip(swing, -kind.half, kind.half))

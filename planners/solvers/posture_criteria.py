@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from regionik.planners.geometry.flat import compiled
-from regionik.planners.solvers.kernels import TWO_PI, PlaneArm, fit, slack, triangle
+from regionik.planners.solvers.planar_arm import TWO_PI, PlaneArm, fit, slack, triangle
 from regionik.worlds.arrays import Array
 from regionik.worlds.criteria import Criteria
 from regionik.worlds.planar_arm import PlanarArm
