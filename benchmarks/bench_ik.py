@@ -25,8 +25,8 @@ from ik_peers import Ask, bounds, pink, toolbox, trac_ik
 from scipy.spatial.transform import Rotation
 
 import regionik as rik
-from regionik.planners.solvers.inverse import ArmSolver, Goal, aim_of, spread_postures
-from regionik.planners.solvers.reaching import solve
+from regionik.planners.solvers.inverse_kinematics import ArmSolver, Goal, aim_of, spread_postures
+from regionik.planners.solvers.multistart_ik import solve
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
 

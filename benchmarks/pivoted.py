@@ -9,8 +9,8 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from regionik import mfabrik
-from regionik.planners.solvers.polish import DIRECTION, POSITION, Aim, polish
-from regionik.planners.solvers.serial import serial_arm
+from regionik.planners.solvers.damped_least_squares import DIRECTION, POSITION, Aim, polish
+from regionik.planners.solvers.serial_chain import serial_arm
 from regionik.regions import Area, PathAreas, admissible_area, path_areas
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, Joint, rot_x, rot_y, rot_z, translation

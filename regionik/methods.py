@@ -21,7 +21,7 @@ from regionik.planners.rivals.genetic import Genetic
 from regionik.planners.rivals.iterative import CyclicDescent, DampedLeastSquares, PseudoInverse, Transpose
 from regionik.planners.rivals.method import ArmMethod, Fabrik, FabrikPolished, Found
 from regionik.planners.rivals.network import Network
-from regionik.planners.solvers.mobile import seen
+from regionik.planners.solvers.mfabrik_serial import seen
 from regionik.pruning import choose_chain
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, Joint

@@ -166,7 +166,7 @@ FAULTS = (
     ),
     Fault(
         "passes: an upper limit of a bend ignored",
-        "planners/solvers/kernels.py",
+        "planners/geometry/angles.py",
         "return upper, near - upper",
         "return near, 0.0",
         ("tests/test_mfabrik.py",),

@@ -8,8 +8,8 @@ import shapely
 
 from regionik.areas.reachable import FRONT, Family
 from regionik.mfabrik import Solver, axis_of, pose_of
+from regionik.planners.geometry.angles import wrap
 from regionik.planners.reach.levelreach import inner_reach, outer_reach
-from regionik.planners.solvers.kernels import wrap
 from regionik.postures.arms import PlaneSolver, arm_solver
 from regionik.postures.serialarm import SerialSolver
 from regionik.worlds.arrays import Array

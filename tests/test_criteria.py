@@ -15,7 +15,7 @@ from regionik.mfabrik import Solver
 from regionik.pipeline import plan
 from regionik.planners.reach.paving import paved
 from regionik.planners.reach.rings import FREE, reach_spans
-from regionik.planners.solvers.qualities import Asked, asked_of, posture_spare
+from regionik.planners.solvers.posture_criteria import Asked, asked_of, posture_spare
 from regionik.proofs.criteria import efforts, joint_margins, manipulability
 from regionik.regions import admissible_area
 from regionik.verify import verify

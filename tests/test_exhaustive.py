@@ -14,7 +14,7 @@ from regionik.planners.clearance.postures import Task, pose, scratch_for
 from regionik.planners.geometry.collision import Obstacles, capsule_distance, obstacles_from
 from regionik.planners.geometry.upright import least_along, signed_distance, uprights_from
 from regionik.planners.reach.sway import bones_from, chords, longest_levers, sway, sway_from_tool, tool_sway
-from regionik.planners.solvers.serial import chain_jacobian, serial_arm
+from regionik.planners.solvers.serial_chain import chain_jacobian, serial_arm
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain, Joint, chain_from_dh, rot_x, rot_y, translation

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from regionik.planners.solvers.bodies import bodies_of, pointing_bodies, posing_bodies
 from regionik.planners.solvers.fabrikr import (
     backward_choice,
     backward_pass,
@@ -19,9 +18,10 @@ from regionik.planners.solvers.fabrikr import (
     forward_start,
     posture_of,
 )
-from regionik.planners.solvers.inverse import ArmSolver, Goal
-from regionik.planners.solvers.serial import serial_arm
-from regionik.planners.solvers.turns import held
+from regionik.planners.solvers.inverse_kinematics import ArmSolver, Goal
+from regionik.planners.solvers.joint_turns import held
+from regionik.planners.solvers.rigid_bodies import bodies_of, pointing_bodies, posing_bodies
+from regionik.planners.solvers.serial_chain import serial_arm
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain, Joint, chain_from_dh, motion, rot_x, rot_y, rot_z, translation

@@ -10,10 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import ArrayLike
 
-from regionik.planners.solvers.inverse import ArmPosture, ArmSolver, Goal, aim_of
-from regionik.planners.solvers.polish import polish
-from regionik.planners.solvers.reaching import solve
-from regionik.planners.solvers.serial import serial_arm
+from regionik.planners.solvers.damped_least_squares import polish
+from regionik.planners.solvers.inverse_kinematics import ArmPosture, ArmSolver, Goal, aim_of
+from regionik.planners.solvers.multistart_ik import solve
+from regionik.planners.solvers.serial_chain import serial_arm
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain, Joint, chain_from_dh, rot_z, translation

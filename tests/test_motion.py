@@ -15,7 +15,7 @@ import shapely
 from regionik.moving import wholebody
 from regionik.pipeline import plan
 from regionik.plan import Plan
-from regionik.planners.solvers.kernels import wrap
+from regionik.planners.geometry.angles import wrap
 from regionik.postures.poses import LARGEST_BEND
 from regionik.storage.plandocument import plan_to_text
 from regionik.verify import verify

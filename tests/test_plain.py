@@ -14,7 +14,7 @@ import shapely
 import regionik as rik
 from regionik.mfabrik import Solver
 from regionik.planners.geometry import flat
-from regionik.planners.solvers.inverse import ArmSolver, Goal
+from regionik.planners.solvers.inverse_kinematics import ArmSolver, Goal
 from regionik.worlds.library import robot_named
 from tests.twice import kernels_called_twice
 

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from regionik.planners.rivals.planar3r import Planar3R
-from regionik.planners.solvers.inverse import Goal
+from regionik.planners.solvers.inverse_kinematics import Goal
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain, chain_from_dh
 from regionik.worlds.errors import InputError

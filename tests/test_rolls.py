@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from regionik.planners.geometry.angles import wrap
 from regionik.planners.reach.rolls import out_of_roll, roll_for, swings, tool_turn, within_limits
-from regionik.planners.solvers.kernels import wrap
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
 from regionik.worlds.library import robot_named

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from regionik.planners.solvers.serial import chain_frames, chain_jacobian, serial_arm
+from regionik.planners.solvers.serial_chain import chain_frames, chain_jacobian, serial_arm
 from regionik.worlds.chain import Chain, Joint, chain_from_dh, rot_x, rot_y, translation
 
 

@@ -19,7 +19,7 @@ from regionik.moving.stretch import Place, Stretcher, Way, _solve
 from regionik.pipeline import whole_path
 from regionik.planners.clearance.legs import between as between_knots
 from regionik.planners.clearance.legs import leg_lengths
-from regionik.planners.solvers.kernels import wrap
+from regionik.planners.geometry.angles import wrap
 from regionik.postures.guard import guard_of
 from regionik.postures.poses import LARGEST_BEND, Pose, Row, between
 from regionik.rolling import on_way

@@ -7,7 +7,7 @@ import pytest
 
 from benchmarks.tables import fabrikr
 from benchmarks.tables import fabrikr_printed as printed
-from regionik.planners.solvers.inverse import ArmSolver
+from regionik.planners.solvers.inverse_kinematics import ArmSolver
 from regionik.worlds.bundled import robot_named
 
 

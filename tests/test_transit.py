@@ -17,7 +17,7 @@ from regionik.moving import wholebody
 from regionik.moving.driving import driver_for
 from regionik.moving.hops import TURN_STRIDE, Hops
 from regionik.moving.transit import Carrier
-from regionik.planners.solvers.kernels import wrap
+from regionik.planners.geometry.angles import wrap
 from regionik.postures.guard import guard_of
 from regionik.postures.poses import LARGEST_BEND, Pose, between
 from regionik.worlds.library import robot_named

@@ -19,7 +19,7 @@ from regionik.planners.driving.room import fits, room_of, surely_out
 from regionik.planners.geometry.collision import obstacles_from
 from regionik.planners.geometry.pieces import Piece
 from regionik.planners.geometry.upright import depths, signed_distance, uprights_from
-from regionik.planners.solvers.kernels import triangle
+from regionik.planners.solvers.planar_arm import triangle
 from regionik.postures.guard import contact_for, guard_of
 from regionik.reach import reach
 from regionik.seeking.flatworld import own, stance_of

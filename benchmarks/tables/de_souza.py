@@ -15,7 +15,7 @@ from regionik.planners.rivals.iterative import DampedLeastSquares
 from regionik.planners.rivals.method import ArmMethod
 from regionik.planners.rivals.network import Network
 from regionik.planners.rivals.planar3r import Planar3R
-from regionik.planners.solvers.polish import POSITION, Aim
+from regionik.planners.solvers.damped_least_squares import POSITION, Aim
 from regionik.planners.timing.polynomial import polynomial
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, chain_from_dh

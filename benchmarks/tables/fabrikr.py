@@ -16,7 +16,7 @@ from benchmarks.tables import fabrikr_printed as printed
 from benchmarks.tables.clock import seconds
 from benchmarks.tables.table import Table, ahead
 from regionik.planners.rivals.iterative import CyclicDescent, DampedLeastSquares, Transpose
-from regionik.planners.solvers.inverse import ArmPostures, ArmSolver
+from regionik.planners.solvers.inverse_kinematics import ArmPostures, ArmSolver
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain, chain_from_dh
@@ -36,7 +36,7 @@ UPRIGHT = 150  # of a servo [deg]
 
 
 class Method(Protocol):
-    """What the tables ask: `regionik.planners.solvers.inverse.ArmSolver` called for many goals."""
+    """What the tables ask: `regionik.planners.solvers.inverse_kinematics.ArmSolver` called for many goals."""
 
     def batch(self, positions: ArrayLike, joints: ArrayLike, /) -> ArmPostures: ...
 

@@ -15,7 +15,7 @@ from benchmarks.tables.table import Table
 from regionik.moving.tracks import arm_of
 from regionik.planners.driving.pitch import PitchArm, heights
 from regionik.planners.driving.tracking import chord_heading, track
-from regionik.planners.solvers.kernels import wrap
+from regionik.planners.geometry.angles import wrap
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain, planar_pose

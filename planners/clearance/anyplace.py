@@ -30,10 +30,10 @@ from regionik.planners.clearance.planecell import (
 )
 from regionik.planners.clearance.planehits import Around, Cores, keeps_off, keeps_to_itself, lay
 from regionik.planners.driving.room import Room, fits, surely_out
+from regionik.planners.geometry.angles import fit, wrap
 from regionik.planners.geometry.flat import Index, compiled
 from regionik.planners.geometry.upright import Uprights, signed_distance
 from regionik.planners.reach.ringfloor import Parts, inside, is_near
-from regionik.planners.solvers.kernels import fit, wrap
 from regionik.worlds.arrays import Array
 
 FOUND, NONE, OPEN = range(3)

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from regionik.planners.solvers.bodies import Bodies, pointing_bodies
+from regionik.planners.geometry.angles import wrap
 from regionik.planners.solvers.fabrikr import (
     Posture,
     backward_choice,
@@ -24,9 +24,9 @@ from regionik.planners.solvers.fabrikr import (
     place_behind,
     posture_of,
 )
-from regionik.planners.solvers.kernels import wrap
-from regionik.planners.solvers.serial import rotate_about
-from regionik.planners.solvers.turns import held
+from regionik.planners.solvers.joint_turns import held
+from regionik.planners.solvers.rigid_bodies import Bodies, pointing_bodies
+from regionik.planners.solvers.serial_chain import rotate_about
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
 

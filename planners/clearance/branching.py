@@ -16,7 +16,7 @@ from regionik.planners.clearance.postures import Scratch, Task, clearance_of, po
 from regionik.planners.geometry.flat import Index, compiled
 from regionik.planners.geometry.upright import distance_along, least_along
 from regionik.planners.reach.sway import chords, sway, sway_from_tool, tool_sway
-from regionik.planners.solvers.serial import chain_jacobian
+from regionik.planners.solvers.serial_chain import chain_jacobian
 from regionik.worlds.arrays import Array
 
 SLACK = 1e-10  # rounding that no proof may rest on [m]

@@ -14,11 +14,12 @@ from numpy.typing import NDArray
 
 from regionik.planners.clearance.moving import WORLD, Hop, Hulls, Movers, place, put
 from regionik.planners.clearance.sweeping import box_gap
+from regionik.planners.geometry.angles import wrap
 from regionik.planners.geometry.flat import Index, compiled
 from regionik.planners.geometry.hulls import hull_gap
 from regionik.planners.reach.ringfloor import MOST_CUTS, Parts, distances, meets, on_circle
-from regionik.planners.solvers.kernels import PlaneArm, reach_intervals, self_motion, widest_posture, wrap
-from regionik.planners.solvers.serial import SerialArm
+from regionik.planners.solvers.planar_arm import PlaneArm, reach_intervals, self_motion, widest_posture
+from regionik.planners.solvers.serial_chain import SerialArm
 from regionik.worlds.arrays import Array
 
 MOST_RINGS = 16

@@ -6,11 +6,11 @@ import numpy as np
 
 from regionik.planners.clearance.prepared import Bodies, Contact
 from regionik.planners.clearance.touching import Touch, nearest
-from regionik.planners.solvers.bodies import posing_bodies
-from regionik.planners.solvers.inverse import spread_postures
-from regionik.planners.solvers.mobile import seen
-from regionik.planners.solvers.polish import Aim, polish
-from regionik.planners.solvers.reaching import Effort
+from regionik.planners.solvers.damped_least_squares import Aim, polish
+from regionik.planners.solvers.inverse_kinematics import spread_postures
+from regionik.planners.solvers.mfabrik_serial import seen
+from regionik.planners.solvers.multistart_ik import Effort
+from regionik.planners.solvers.rigid_bodies import posing_bodies
 from regionik.worlds.arrays import Array
 
 LOOKS = 60  # postures, every other one drawn at random

@@ -21,7 +21,7 @@ from regionik.planners.clearance.postures import Task, scratch_for
 from regionik.planners.geometry.collision import Obstacles, capsule_distance
 from regionik.planners.geometry.upright import uprights_from
 from regionik.planners.reach.sway import PARALLEL, bones_from, longest_levers
-from regionik.planners.solvers.serial import SerialArm, serial_arm
+from regionik.planners.solvers.serial_chain import SerialArm, serial_arm
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.chain import Chain
 from regionik.worlds.errors import InputError

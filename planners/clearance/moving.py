@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from regionik.planners.driving.arcs import moved, rolling
 from regionik.planners.geometry.flat import Index, compiled
-from regionik.planners.solvers.serial import SerialArm, chain_frames, chain_on
+from regionik.planners.solvers.serial_chain import SerialArm, chain_frames, chain_on
 from regionik.worlds.arrays import Array
 
 WORLD, BASE = -2, -1  # frames of hulls that no link carries

@@ -13,7 +13,7 @@ import numpy as np
 from regionik.planners.geometry.flat import Index, compiled
 from regionik.planners.geometry.upright import Uprights, least_along, uprights_from
 from regionik.planners.reach.sway import Bones, sway
-from regionik.planners.solvers.serial import SerialArm
+from regionik.planners.solvers.serial_chain import SerialArm
 from regionik.worlds.arrays import Array
 
 FINE = 20  # golden sections along a link where its distance from the base is measured

@@ -13,8 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from regionik.planners.geometry.angles import fit, wrap
 from regionik.planners.geometry.flat import compiled
-from regionik.planners.solvers.kernels import LIMIT_SLACK, PlaneArm, fit, wrap
+from regionik.planners.solvers.planar_arm import LIMIT_SLACK, PlaneArm
 from regionik.worlds.arrays import Array
 
 SLACK = 1e-10  # rounding that no proof may rest on [m] or [rad]

@@ -31,9 +31,9 @@ from regionik.planners.clearance.linkwise import links_clear
 from regionik.planners.clearance.prepared import Bodies, Contact
 from regionik.planners.clearance.provable import MOST_SPARE, ask, is_bounded, smothered, spare_joints
 from regionik.planners.clearance.touching import Touch, nearest, words
-from regionik.planners.solvers.inverse import ArmSolver, Goal, spread_postures
-from regionik.planners.solvers.polish import POSITION, Aim, polish
-from regionik.planners.solvers.reaching import solve
+from regionik.planners.solvers.damped_least_squares import POSITION, Aim, polish
+from regionik.planners.solvers.inverse_kinematics import ArmSolver, Goal, spread_postures
+from regionik.planners.solvers.multistart_ik import solve
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.chain import Chain
 from regionik.worlds.errors import InputError

@@ -10,7 +10,7 @@ from regionik.planners.clearance.ownbody import NO_OWN, Own
 from regionik.planners.geometry.flat import compiled
 from regionik.planners.geometry.upright import Uprights, distance_along, least_along
 from regionik.planners.reach.sway import Bones
-from regionik.planners.solvers.serial import SerialArm, chain_frames, chain_jacobian
+from regionik.planners.solvers.serial_chain import SerialArm, chain_frames, chain_jacobian
 from regionik.worlds.arrays import Array
 
 FINE = 30  # golden sections along a link where its clearance is measured

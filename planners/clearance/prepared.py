@@ -14,7 +14,7 @@ from regionik.planners.clearance.moving import BASE, WORLD, Hulls, Movers
 from regionik.planners.geometry.collision import link_piece, obstacles_from
 from regionik.planners.geometry.flat import Index
 from regionik.planners.geometry.pieces import Piece
-from regionik.planners.solvers.serial import SerialArm, serial_arm
+from regionik.planners.solvers.serial_chain import SerialArm, serial_arm
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.errors import InputError
 from regionik.worlds.obstacles import Solid

@@ -28,7 +28,7 @@ from regionik.planners.clearance.moving import (
 )
 from regionik.planners.geometry.flat import Index, compiled
 from regionik.planners.geometry.hulls import hull_gap
-from regionik.planners.solvers.serial import SerialArm
+from regionik.planners.solvers.serial_chain import SerialArm
 from regionik.worlds.arrays import Array
 
 MOST_STEPS = 1000

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from regionik.planners.solvers.kernels import wrap
+from regionik.planners.geometry.angles import wrap
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, chain_from_dh
 from regionik.worlds.errors import RegionikError

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from shapely.geometry import MultiPolygon, Polygon
 
+from regionik.planners.geometry.angles import wrap
 from regionik.planners.geometry.flat import (
     FlatPolygon,
     Index,
@@ -20,7 +21,6 @@ from regionik.planners.geometry.flat import (
     nearest_on_segment,
     segment_inside,
 )
-from regionik.planners.solvers.kernels import wrap
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.errors import InputError
 

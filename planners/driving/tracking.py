@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from regionik.planners.driving.pitch import PitchArm, PoseError, Share, arm_share
-from regionik.planners.solvers.kernels import wrap
+from regionik.planners.geometry.angles import wrap
 from regionik.worlds.arrays import Array
 
 SLACK = 1e-9  # beyond a joint's limit, for rounding [rad]

@@ -74,7 +74,7 @@ def held(low: float, high: float, lower: float, upper: float, rounding: float) -
     """Angles against limits, whole turns aside: 1 where all keep them, -1 where none does, else 0."""
     if lower == -np.inf and upper == np.inf:
         return 1
-    lower = lower if lower > -np.inf else -np.pi  # as `kernels.fit` takes what has one end
+    lower = lower if lower > -np.inf else -np.pi  # as `angles.fit` takes what has one end
     upper = upper if upper < np.inf else np.pi
     turn = np.round((0.5 * (low + high) - 0.5 * (lower + upper)) / TWO_PI)
     touches = False

@@ -15,7 +15,7 @@ import numpy as np
 
 from regionik.planners.geometry.flat import Index, compiled
 from regionik.planners.reach.sway import longest_levers
-from regionik.planners.solvers.serial import SerialArm, chain_frames, chain_jacobian, serial_arm
+from regionik.planners.solvers.serial_chain import SerialArm, chain_frames, chain_jacobian, serial_arm
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, Joint, motion
 from regionik.worlds.pivot import pivot_of

@@ -12,8 +12,8 @@ import numpy as np
 
 from regionik.planners.geometry.flat import compiled
 from regionik.planners.geometry.spans import cosine, direction, held, opening, product, sine, square
-from regionik.planners.solvers.kernels import LIMIT_SLACK, PlaneArm
-from regionik.planners.solvers.qualities import Asked
+from regionik.planners.solvers.planar_arm import LIMIT_SLACK, PlaneArm
+from regionik.planners.solvers.posture_criteria import Asked
 from regionik.worlds.arrays import Array
 
 FINEST = 2.5e-4  # of distances that are left undecided [m]

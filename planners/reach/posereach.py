@@ -17,10 +17,10 @@ from shapely.geometry.base import BaseGeometry
 
 from regionik.planners.geometry.flat import compiled
 from regionik.planners.reach.levelreach import outer_reach
-from regionik.planners.solvers.bodies import Bodies, posing_bodies, span
-from regionik.planners.solvers.inverse import spread_postures
-from regionik.planners.solvers.polish import DIRECTION, Aim, polish
-from regionik.planners.solvers.reaching import Effort, solve
+from regionik.planners.solvers.damped_least_squares import DIRECTION, Aim, polish
+from regionik.planners.solvers.inverse_kinematics import spread_postures
+from regionik.planners.solvers.multistart_ik import Effort, solve
+from regionik.planners.solvers.rigid_bodies import Bodies, posing_bodies, span
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
 from regionik.worlds.pivot import pivot_of

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from regionik.planners.geometry.flat import compiled
-from regionik.planners.solvers import kernels
+from regionik.planners.solvers import planar_arm
 from regionik.worlds.arrays import Array
 from regionik.worlds.planar import PlanarArm
 
@@ -120,7 +120,7 @@ def reach_spans(
     """As `reach_intervals`, in one table: the height of each interval, ascending, (m,), and (m, 2)."""
     circles = boundary_circles(arm, shoulder_z, pitches)
     centers, radii = np.ascontiguousarray(circles[:, :2]), np.ascontiguousarray(circles[:, 2])
-    plane = kernels.PlaneArm(float(arm.shoulder[0]), shoulder_z, arm.lengths, arm.lower, arm.upper)
+    plane = planar_arm.PlaneArm(float(arm.shoulder[0]), shoulder_z, arm.lengths, arm.lower, arm.upper)
     out, counts = np.empty((len(heights), _MOST_INTERVALS, 2)), np.empty(len(heights), dtype=np.int64)
     order, turns = np.argsort(heights, kind="stable"), turning_heights(circles)
     _spans(plane, *pitches, centers, radii, np.asarray(heights), order, turns, front, back, out, counts)
@@ -150,7 +150,7 @@ def turning_heights(circles: Array) -> Array:
 
 @compiled
 def _spans(
-    arm: kernels.PlaneArm,
+    arm: planar_arm.PlaneArm,
     pitch_low: float,
     pitch_high: float,
     centers: Array,
@@ -180,7 +180,7 @@ def _spans(
                 out[i, k, 0] = _end(centers, radii, ends[k, 0], z)
                 out[i, k, 1] = _end(centers, radii, ends[k, 1], z)
         else:
-            counts[i] = kernels.reach_intervals(
+            counts[i] = planar_arm.reach_intervals(
                 arm, pitch_low, pitch_high, centers, radii, z, front, back, out[i]
             )
             known, between = not near and _apart(centers, radii, z), turn

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from regionik.planners.solvers.kernels import TWO_PI, wrap
+from regionik.planners.geometry.angles import TWO_PI, wrap
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import rot_y, rot_z
 from regionik.worlds.planar import PlanarArm

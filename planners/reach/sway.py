@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from regionik.planners.geometry.flat import Index, compiled
-from regionik.planners.solvers.serial import SerialArm
+from regionik.planners.solvers.serial_chain import SerialArm
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
 from regionik.worlds.robot import LinkCapsule

@@ -1,7 +1,7 @@
 """Kernels of FABRIK's iterative rivals, compiled as it is: pseudo-inverse, transpose, CCD.
 
-Damped least squares is `regionik.planners.solvers.polish`. Each keeps the joint limits, and each step is
-taken only as far as it brings the tool nearer.
+Damped least squares is `regionik.planners.solvers.damped_least_squares`. Each keeps the joint limits, and
+each step is taken only as far as it brings the tool nearer.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from regionik.planners.geometry.flat import compiled
 from regionik.planners.geometry.vectors import Vector, cross, dot, minus, plus, rotated, turned
-from regionik.planners.solvers.polish import (
+from regionik.planners.solvers.damped_least_squares import (
     DIRECTION,
     POSITION,
     Aim,
@@ -22,8 +22,8 @@ from regionik.planners.solvers.polish import (
     tool_misses,
     weigh,
 )
-from regionik.planners.solvers.serial import SerialArm, chain_frames, chain_jacobian
-from regionik.planners.solvers.turns import held
+from regionik.planners.solvers.joint_turns import held
+from regionik.planners.solvers.serial_chain import SerialArm, chain_frames, chain_jacobian
 from regionik.worlds.arrays import Array
 
 TRACE = 1e-12  # of the squared reach; in the place of a decision on the rank of the pseudo-inverse
@@ -57,7 +57,7 @@ class Tried(NamedTuple):
 def pseudo_inverse(
     arm: SerialArm, aim: Aim, joints: Array, reach: float, tolerance: float, angle_tolerance: float, most: int
 ) -> tuple[float, float, int]:
-    """Full Newton steps by J^T (J J^T)^-1, halved until they help; see `regionik.planners.solvers.polish`."""
+    """Full Newton steps by J^T (J J^T)^-1, halved until they help; see `damped_least_squares.polish`."""
     return _descend(arm, aim, joints, reach, tolerance, angle_tolerance, most, True)
 
 
@@ -67,7 +67,7 @@ def transpose(
 ) -> tuple[float, float, int]:
     """Steps along J^T e, as long as the linear model likes (Wolovich and Elliott), halved until they help.
 
-    Arguments and answer are those of `regionik.planners.solvers.polish.polish`.
+    Arguments and answer are those of `regionik.planners.solvers.damped_least_squares.polish`.
     """
     return _descend(arm, aim, joints, reach, tolerance, angle_tolerance, most, False)
 
@@ -141,7 +141,7 @@ def cyclic_descent(
 ) -> tuple[float, float, int]:
     """CCD (Wang and Chen): from the tool to the base, every joint takes what is best for it alone.
 
-    Arguments and answer are those of `regionik.planners.solvers.polish`; a step is a sweep over all joints.
+    Arguments and answer are those of `damped_least_squares.polish`; a step is a sweep over all joints.
     """
     n, weight = len(joints), 0.5 * reach
     frames, miss = np.empty((n + 1, 4, 4)), np.empty(6)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from regionik.planners.rivals.method import ArmMethod, Found, reach_of, spatial_error
-from regionik.planners.solvers.polish import DIRECTION, POSITION, Aim
+from regionik.planners.solvers.damped_least_squares import DIRECTION, POSITION, Aim
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
 from regionik.worlds.errors import InputError

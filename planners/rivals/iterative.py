@@ -20,9 +20,9 @@ from regionik.planners.rivals.descent import (
     search_each,
 )
 from regionik.planners.rivals.method import RESTARTS, ArmMethod, Found, reach_of
-from regionik.planners.solvers.inverse import ArmPostures, rows_of, spread_postures
-from regionik.planners.solvers.polish import Aim
-from regionik.planners.solvers.serial import serial_arm
+from regionik.planners.solvers.damped_least_squares import Aim
+from regionik.planners.solvers.inverse_kinematics import ArmPostures, rows_of, spread_postures
+from regionik.planners.solvers.serial_chain import serial_arm
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
 

@@ -11,11 +11,11 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from regionik.planners.solvers.bodies import pointing_bodies, posing_bodies, span
-from regionik.planners.solvers.inverse import ArmPosture, Goal, aim_of, confirm, spread_postures
-from regionik.planners.solvers.polish import POSITION, Aim
-from regionik.planners.solvers.reaching import Effort, solve
-from regionik.planners.solvers.serial import serial_arm
+from regionik.planners.solvers.damped_least_squares import POSITION, Aim
+from regionik.planners.solvers.inverse_kinematics import ArmPosture, Goal, aim_of, confirm, spread_postures
+from regionik.planners.solvers.multistart_ik import Effort, solve
+from regionik.planners.solvers.rigid_bodies import pointing_bodies, posing_bodies, span
+from regionik.planners.solvers.serial_chain import serial_arm
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.chain import Chain
 from regionik.worlds.errors import InputError
@@ -106,7 +106,7 @@ class Fabrik(ArmMethod):
 
 
 class FabrikPolished(Fabrik):
-    """FABRIK-R whose ends are polished by damped least squares, as in `regionik.planners.solvers.inverse`."""
+    """FABRIK-R whose ends are polished by damped least squares, as in `inverse_kinematics`."""
 
     name = "fabrik+dls"
     polishing = True

@@ -8,9 +8,9 @@ import numpy as np
 
 from regionik.planners.rivals.iterative import DampedLeastSquares
 from regionik.planners.rivals.method import ArmMethod, Found, reach_of, spatial_error
-from regionik.planners.solvers.inverse import spread_postures
-from regionik.planners.solvers.polish import POSITION, Aim
-from regionik.planners.solvers.turns import held
+from regionik.planners.solvers.damped_least_squares import POSITION, Aim
+from regionik.planners.solvers.inverse_kinematics import spread_postures
+from regionik.planners.solvers.joint_turns import held
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
 from regionik.worlds.errors import InputError

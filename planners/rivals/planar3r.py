@@ -14,7 +14,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from regionik.planners.rivals.method import ArmMethod, Found, reach_of, spatial_error
-from regionik.planners.solvers.polish import POSITION, Aim
+from regionik.planners.solvers.damped_least_squares import POSITION, Aim
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
 from regionik.worlds.errors import InputError

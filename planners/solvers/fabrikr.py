@@ -25,9 +25,7 @@ from regionik.planners.geometry.vectors import (
     turned,
     turned_back,
 )
-from regionik.planners.solvers.bodies import Bodies
-from regionik.planners.solvers.serial import rotate_about
-from regionik.planners.solvers.turns import (
+from regionik.planners.solvers.joint_turns import (
     NOTHING,
     held,
     planar_turn,
@@ -36,6 +34,8 @@ from regionik.planners.solvers.turns import (
     product_back,
     turn_frame,
 )
+from regionik.planners.solvers.rigid_bodies import Bodies
+from regionik.planners.solvers.serial_chain import rotate_about
 from regionik.worlds.arrays import Array
 
 

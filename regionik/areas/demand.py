@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from regionik.planners.solvers.polish import DIRECTION, ORIENTATION, POSITION, Aim
+from regionik.planners.solvers.damped_least_squares import DIRECTION, ORIENTATION, POSITION, Aim
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
 from regionik.worlds.pivot import is_planar

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from regionik.areas.demand import in_plane
 from regionik.planners.reach.paving import paved
-from regionik.planners.solvers.kernels import LIMIT_SLACK, PlaneArm
-from regionik.planners.solvers.qualities import Asked, asked_of, posture_spare
+from regionik.planners.solvers.planar_arm import LIMIT_SLACK, PlaneArm
+from regionik.planners.solvers.posture_criteria import Asked, asked_of, posture_spare
 from regionik.worlds.arrays import Array
 from regionik.worlds.criteria import Criteria, kept
 from regionik.worlds.errors import InputError

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from regionik.areas.demand import aim_of, in_plane
 from regionik.areas.ground import EVERY, GUARD, Geometries
 from regionik.areas.meeting import distances, narrowed, refuse
-from regionik.areas.sectors import ring_sectors
-from regionik.planners.geometry.ringarcs import Sectors
+from regionik.areas.sectors import Sectors, ring_sectors
 from regionik.planners.reach.levelreach import inner_reach, outer_reach
 from regionik.planners.reach.posereach import pose_reach
 from regionik.planners.reach.rings import FREE, reach_intervals, reach_spans

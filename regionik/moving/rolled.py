@@ -12,7 +12,7 @@ from regionik.areas.standing import Mask, Standing, away, room_for
 from regionik.mfabrik import axis_of
 from regionik.plan import Configuration
 from regionik.planners.driving.room import fits
-from regionik.planners.solvers.kernels import wrap
+from regionik.planners.geometry.angles import wrap
 from regionik.pruning import Ladder
 from regionik.worlds.arrays import Array
 from regionik.worlds.robot import Robot

@@ -22,8 +22,8 @@ from regionik.plan import Configuration
 from regionik.planners.clearance.legs import between, laid_out
 from regionik.planners.clearance.touching import Touch
 from regionik.planners.driving.drive import NoPathError
+from regionik.planners.geometry.angles import wrap
 from regionik.planners.geometry.flat import Index
-from regionik.planners.solvers import kernels
 from regionik.postures.guard import Guard
 from regionik.postures.poses import LARGEST_BEND, Pose, Row, arrays, pose
 from regionik.pruning import Ladder
@@ -117,7 +117,7 @@ class Way:
     def pitch(self, at: Place) -> float:
         """Of the last link."""
         first, last = (family.pitch for family in self.families(at))
-        return first + at.share * kernels.wrap(last - first)
+        return first + at.share * wrap(last - first)
 
     def _tool(self, at: Place) -> list[float]:
         tool: list[float] = self.base.tool[at.leg : at.leg + 2].tolist()
@@ -230,7 +230,7 @@ def _turned(p: Target, q: Target, tools: Array) -> bool:
 
 
 def _solve(solver: Solver, way: Way, at: Place, near: Pose) -> Pose | None:
-    """Pose at one place, as near as may be to the wished posture; see `ways.answer_way`."""
+    """Pose at one place, as near as may be to the wished posture; see `mfabrik_planar.solve_along`."""
     leg, share = _columns([at])
     place, wished = way.base.places(leg, share)[0], between(way.wished, leg, share)[0]
     tool, pitch, bound = way.target(at), way.pitch(at), not np.isnan(place[2])

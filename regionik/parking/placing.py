@@ -18,7 +18,7 @@ from regionik.moving.avoid import spread
 from regionik.parking.fewest import Floors, Group, depth
 from regionik.plan import Configuration, Stop
 from regionik.planners.places.tour import through
-from regionik.planners.solvers.serial import chain_frames, chain_jacobian, serial_arm
+from regionik.planners.solvers.serial_chain import chain_frames, chain_jacobian, serial_arm
 from regionik.worlds.arrays import Array
 from regionik.worlds.pivot import pivot_of, pivoted
 from regionik.worlds.scene import World

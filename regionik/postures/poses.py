@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from regionik.plan import Configuration, Motion
-from regionik.planners.solvers import kernels
+from regionik.planners.geometry.angles import wrap
 from regionik.rolling import on_way, travel
 from regionik.worlds.arrays import Array
 from regionik.worlds.robot import BaseKind
@@ -42,7 +42,7 @@ def pose(configuration: Configuration) -> Pose:
 def turn_to(here: Array, there: Array) -> Array:
     """From one base pose (3,) to another, yaw the shorter way."""
     step = there - here
-    return np.array([step[0], step[1], kernels.wrap(step[2])])
+    return np.array([step[0], step[1], wrap(step[2])])
 
 
 def between(here: Pose, there: Pose, share: float, kind: BaseKind = "omni") -> Pose:

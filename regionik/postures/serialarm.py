@@ -11,11 +11,11 @@ from regionik.areas.demand import HELD, aim_of
 from regionik.planners.geometry.flat import FlatPolygon, clamp, contains
 from regionik.planners.reach.levelreach import posture_at
 from regionik.planners.reach.posereach import ANGLE_SHARE, pose_reach
-from regionik.planners.solvers.bodies import Bodies, pointing_bodies, posing_bodies, span
-from regionik.planners.solvers.inverse import spread_postures
-from regionik.planners.solvers.mobile import roam, seen
-from regionik.planners.solvers.polish import Aim, polish
-from regionik.planners.solvers.reaching import Effort, solve
+from regionik.planners.solvers.damped_least_squares import Aim, polish
+from regionik.planners.solvers.inverse_kinematics import spread_postures
+from regionik.planners.solvers.mfabrik_serial import roam, seen
+from regionik.planners.solvers.multistart_ik import Effort, solve
+from regionik.planners.solvers.rigid_bodies import Bodies, pointing_bodies, posing_bodies, span
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
 from regionik.worlds.pivot import pivot_of, pivoted, span_of

@@ -12,7 +12,7 @@ from regionik.areas.ground import EVERY, Side
 from regionik.planners.clearance.bulkreach import Keep, Reach, Stance
 from regionik.planners.reach.ringfloor import Parts, parts_of
 from regionik.planners.reach.rings import boundary_circles
-from regionik.planners.solvers.kernels import PlaneArm
+from regionik.planners.solvers.planar_arm import PlaneArm
 from regionik.postures.guard import SPARE, guard_of
 from regionik.worlds.arrays import Array
 from regionik.worlds.planar import planar_arm

@@ -29,7 +29,7 @@ from regionik.planners.clearance.planehits import Around, Cores
 from regionik.planners.geometry.collision import obstacles_from
 from regionik.planners.geometry.flat import Index
 from regionik.planners.geometry.upright import Uprights, depths, uprights_from
-from regionik.planners.solvers.kernels import reach_intervals
+from regionik.planners.solvers.planar_arm import reach_intervals
 from regionik.postures.guard import contact_for
 from regionik.postures.poses import Pose
 from regionik.seeking.flatworld import floor_of, keep_of, own, reach_of, stance_of

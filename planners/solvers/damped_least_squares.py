@@ -12,7 +12,7 @@ import numpy as np
 
 from regionik.planners.geometry.flat import compiled
 from regionik.planners.geometry.vectors import Vector, cross, dot, norm, scaled
-from regionik.planners.solvers.serial import SerialArm, chain_frames, chain_jacobian
+from regionik.planners.solvers.serial_chain import SerialArm, chain_frames, chain_jacobian
 from regionik.worlds.arrays import Array
 
 POSITION, DIRECTION, ORIENTATION = 0, 1, 2

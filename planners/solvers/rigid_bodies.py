@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from regionik.planners.solvers.serial import SerialArm, serial_arm
+from regionik.planners.solvers.serial_chain import SerialArm, serial_arm
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
 

@@ -7,8 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from regionik.planners.geometry.angles import wrap
 from regionik.planners.geometry.flat import compiled
-from regionik.planners.solvers.bodies import Bodies
+from regionik.planners.solvers.damped_least_squares import DIRECTION, POSITION, Aim, misses, polish
 from regionik.planners.solvers.fabrikr import (
     Posture,
     backward_pass,
@@ -17,9 +18,8 @@ from regionik.planners.solvers.fabrikr import (
     forward_step,
     posture_of,
 )
-from regionik.planners.solvers.kernels import wrap
-from regionik.planners.solvers.polish import DIRECTION, POSITION, Aim, misses, polish
-from regionik.planners.solvers.serial import rotate_about
+from regionik.planners.solvers.rigid_bodies import Bodies
+from regionik.planners.solvers.serial_chain import rotate_about
 from regionik.worlds.arrays import Array
 
 WINDOW = 5  # passes over which progress is judged

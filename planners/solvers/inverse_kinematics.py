@@ -15,10 +15,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from regionik.planners.solvers.bodies import Bodies, pointing_bodies, posing_bodies, span
-from regionik.planners.solvers.polish import DIRECTION, ORIENTATION, POSITION, Aim
-from regionik.planners.solvers.reaching import Effort, solve, solve_batch
-from regionik.planners.solvers.unreached import why_not
+from regionik.planners.solvers.damped_least_squares import DIRECTION, ORIENTATION, POSITION, Aim
+from regionik.planners.solvers.ik_diagnosis import why_not
+from regionik.planners.solvers.multistart_ik import Effort, solve, solve_batch
+from regionik.planners.solvers.rigid_bodies import Bodies, pointing_bodies, posing_bodies, span
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.chain import Chain
 from regionik.worlds.errors import InputError

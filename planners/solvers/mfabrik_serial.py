@@ -9,10 +9,10 @@ from __future__ import annotations
 import numpy as np
 
 from regionik.planners.geometry.flat import Index, clamp, compiled, contains
-from regionik.planners.solvers.bodies import Bodies
+from regionik.planners.solvers.damped_least_squares import Aim
 from regionik.planners.solvers.fabrikr import Posture, backward_pass, posture_of
-from regionik.planners.solvers.polish import Aim
-from regionik.planners.solvers.reaching import Effort, inward_pass, share_of, solve, tool_misses
+from regionik.planners.solvers.multistart_ik import Effort, inward_pass, share_of, solve, tool_misses
+from regionik.planners.solvers.rigid_bodies import Bodies
 from regionik.worlds.arrays import Array
 
 

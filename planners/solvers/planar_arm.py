@@ -10,11 +10,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from regionik.planners.geometry.angles import TWO_PI, fit
 from regionik.planners.geometry.flat import compiled
 from regionik.worlds.arrays import Array
 
-TWO_PI = 2.0 * np.pi
-_PER_TURN = 1.0 / TWO_PI
 LIMIT_SLACK = 1e-10  # rounding allowed when a bend is held against its limit [rad]
 
 
@@ -26,27 +25,6 @@ class PlaneArm(NamedTuple):
     lengths: Array
     lower: Array
     upper: Array
-
-
-@compiled
-def wrap(angle: float) -> float:
-    """Angle taken to (-pi, pi]."""
-    turned: float = angle - TWO_PI * np.ceil((angle - np.pi) * _PER_TURN)
-    return turned
-
-
-@compiled
-def fit(bend: float, lower: float, upper: float) -> tuple[float, float]:
-    """The turn of ``bend`` that lies within its limits, or else the nearer limit, and how far that is."""
-    middle = 0.0
-    if np.isfinite(lower) and np.isfinite(upper):
-        middle = 0.5 * (lower + upper)
-    near = middle + wrap(bend - middle)
-    if near < lower:
-        return lower, lower - near
-    if near > upper:
-        return upper, near - upper
-    return near, 0.0
 
 
 @compiled

@@ -11,8 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from regionik.planners.geometry.angles import TWO_PI, fit
 from regionik.planners.geometry.flat import compiled
-from regionik.planners.solvers.kernels import TWO_PI, PlaneArm, fit, slack, triangle
+from regionik.planners.solvers.planar_arm import PlaneArm, slack, triangle
 from regionik.worlds.arrays import Array
 from regionik.worlds.criteria import Criteria
 from regionik.worlds.masses import GRAVITY, LinkMass

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from regionik.planners.solvers.bodies import Bodies, pointing_bodies, posing_bodies
-from regionik.planners.solvers.polish import POSITION, Aim
-from regionik.planners.solvers.reaching import Effort, solve
+from regionik.planners.solvers.damped_least_squares import POSITION, Aim
+from regionik.planners.solvers.multistart_ik import Effort, solve
+from regionik.planners.solvers.rigid_bodies import Bodies, pointing_bodies, posing_bodies
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
 
