@@ -21,7 +21,7 @@ from regionik.planners.rivals.genetic import Genetic
 from regionik.planners.rivals.iterative import CyclicDescent, DampedLeastSquares, PseudoInverse, Transpose
 from regionik.planners.rivals.method import ArmMethod, Fabrik, FabrikPolished, Found
 from regionik.planners.rivals.network import Network
-from regionik.planners.solvers.mfabrik_serial import seen
+from regionik.planners.solvers.mfabrik_serial import in_arm_frame
 from regionik.pruning import choose_chain
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, Joint
@@ -48,7 +48,9 @@ class Sliding:
     method: ArmMethod
 
     def __call__(self, target: Target, base: Array, joints: Array) -> Configuration:
-        aim = seen(axis_of(self.robot, base), _yaw(self.robot, base), _height(self.robot), aim_of(target))
+        aim = in_arm_frame(
+            axis_of(self.robot, base), _yaw(self.robot, base), _height(self.robot), aim_of(target)
+        )
         found = self.method.search(aim, np.concatenate([np.zeros(SLIDES), joints]))
         return _moved(self.robot, base, found.joints[:SLIDES], found.joints[SLIDES:], found, self.method)
 
@@ -62,7 +64,7 @@ class Driven:
 
     def __call__(self, target: Target, base: Array, joints: Array) -> Configuration:
         axis, yaw = axis_of(self.robot, base), _yaw(self.robot, base)
-        aim = seen(axis, yaw, _height(self.robot), aim_of(target))
+        aim = in_arm_frame(axis, yaw, _height(self.robot), aim_of(target))
         shift = (aim.position - self.method.nearest_place(aim.position))[:SLIDES]
         aim.position[:SLIDES] -= shift
         found = self.method.search(aim, joints)

@@ -23,7 +23,8 @@ from regionik.areas.standing import Standing
 from regionik.plan import Configuration
 from regionik.planners.geometry.flat import FlatPolygon
 from regionik.planners.solvers.base_placement import FACE_TARGET, FIXED, FREE, Turning, share_turn
-from regionik.planners.solvers.mfabrik_planar import Record, solve, solve_along, solve_many
+from regionik.planners.solvers.mfabrik_planar import solve, solve_along, solve_many
+from regionik.planners.solvers.planar_setup import Record
 from regionik.postures.arms import ANGLE_SLACK, Arm, PlaneSolver, arm_solver
 from regionik.postures.serialarm import Reached, serial_solver
 from regionik.pruning import Ladder
@@ -116,10 +117,11 @@ class Solver:
         self, target: Target | ArrayLike, base: ArrayLike, joints: ArrayLike, *, mobile: bool
     ) -> Configuration:
         here, now = _numbers(base, 3, "base"), _numbers(joints, self.robot.chain.dof, "joints")
-        asked = target if isinstance(target, Target) else None
-        if self._setup is None or (asked is not None and asked.direction is not None):
+        directed = isinstance(target, Target) and target.direction is not None
+        if self._setup is None or directed:
             return self._general(_asked(target), here, now, mobile=mobile)
-        point = _numbers(target if asked is None else asked.position, 3, "target: position")  # type: ignore[arg-type]
+        point = target.position if isinstance(target, Target) else target
+        point = _numbers(point, 3, "target: position")
         area = self._flat
         error, passes, met = solve(self._setup, area.vertices, area.starts, mobile, point, here, now)
         return Configuration(here, now, error, passes, met)
@@ -181,9 +183,13 @@ class Solver:
         here = frozen(bases, (len(points), 3), "bases")
         now = frozen(joints, (len(points), self.robot.chain.dof), "joints")
         if self._setup is not None:
-            area, new_bases, new_joints = self._flat, here.copy(), now.copy()
+            area, new_bases, new_joints = (
+                self._flat,
+                here.copy(),
+                now.copy(),
+            )  # writable, as kernels take them
             errors, passes, met = solve_many(
-                self._setup, area.vertices, area.starts, points, new_bases, new_joints
+                self._setup, area.vertices, area.starts, points.copy(), new_bases, new_joints
             )
             return Batch(new_bases, new_joints, errors, passes, met)
         axes, yaws = axis_of(self.robot, here), np.array([self._yaw(row) for row in here])

@@ -216,7 +216,11 @@ def test_bad_input_is_refused() -> None:
             with pytest.raises(InputError, match=said) as raised:
                 Solver(YOUBOT)(**good | {name: kind(wrong)})
             assert "\n" not in str(raised.value)
-    for none, said in ((None, "expected 3 numbers"), (3, "expected 3 numbers"), (np.ndarray, "expected numbers")):
+    for none, said in (
+        (None, "expected 3 numbers"),
+        (3, "expected 3 numbers"),
+        (np.ndarray, "expected numbers"),
+    ):
         with pytest.raises(InputError, match=said):
             Solver(YOUBOT)(**good | {"base": none})
 

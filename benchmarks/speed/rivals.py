@@ -14,11 +14,11 @@ from regionik.planners.solvers.fabrik import (
     Knots,
     PlanarLinks,
     backward_reaching,
-    bend_limits,
     forward_reaching,
     knots_at,
 )
-from regionik.planners.solvers.mfabrik_planar import PATIENCE, STALLED, Record
+from regionik.planners.solvers.mfabrik_planar import PATIENCE, STALLED
+from regionik.planners.solvers.planar_setup import Record, links_of
 from regionik.postures.serialarm import MOST_PASSES
 from regionik.worlds.arrays import Array
 
@@ -88,10 +88,7 @@ def damped_steps(
 def begun(setup: Record, joints: Array) -> tuple[PlanarLinks, Knots]:
     """Links, and knots of a start."""
     arm = setup[0]
-    limits = bend_limits(arm.limits[0]), bend_limits(arm.limits[1]), bend_limits(arm.limits[2])
-    links = PlanarLinks(
-        (arm.shoulder[0], arm.shoulder[1]), (arm.lengths[0], arm.lengths[1], arm.lengths[2]), limits
-    )
+    links = links_of(arm)
     a = arm.sign[0] * joints[1] + arm.offset[0]
     b = arm.sign[1] * joints[2] + arm.offset[1]
     return links, knots_at(links, (a, b, arm.sign[2] * joints[3] + arm.offset[2]))

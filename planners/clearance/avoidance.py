@@ -25,7 +25,7 @@ from regionik.planners.solvers.fabrikr import (
     posture_of,
 )
 from regionik.planners.solvers.joint_turns import held
-from regionik.planners.solvers.rigid_bodies import Bodies, pointing_bodies
+from regionik.planners.solvers.rigid_bodies import RigidBodies, pointing_bodies
 from regionik.planners.solvers.serial_chain import rotate_about
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
@@ -110,7 +110,7 @@ class _Links:
         rng: np.random.Generator,
         turns: int,
     ) -> None:
-        self.bodies: Bodies = pointing_bodies(chain)
+        self.bodies: RigidBodies = pointing_bodies(chain)
         self.posture: Posture = posture_of(self.bodies, np.asarray(joints, dtype=np.float64))
         self.target = np.asarray(target, dtype=np.float64)
         self.count = len(self.bodies.slide)

@@ -8,7 +8,7 @@ from regionik.planners.clearance.prepared import Bodies, Contact
 from regionik.planners.clearance.touching import Touch, nearest
 from regionik.planners.solvers.damped_least_squares import Aim, polish
 from regionik.planners.solvers.inverse_kinematics import spread_postures
-from regionik.planners.solvers.mfabrik_serial import seen
+from regionik.planners.solvers.mfabrik_serial import in_arm_frame
 from regionik.planners.solvers.multistart_ik import Effort
 from regionik.planners.solvers.rigid_bodies import posing_bodies
 from regionik.worlds.arrays import Array
@@ -55,7 +55,7 @@ def look_round(
     """
     chain, T = bodies.robot.chain, bodies.robot.T_world_arm(base)
     arm, rng = posing_bodies(chain).arm, np.random.default_rng([seed, 2])
-    here = seen(T[:2, 3], float(np.arctan2(T[1, 0], T[0, 0])), float(T[2, 3]), aim)
+    here = in_arm_frame(T[:2, 3], float(np.arctan2(T[1, 0], T[0, 0])), float(T[2, 3]), aim)
     best, most = np.clip(joints, chain.lower, chain.upper), -np.inf
     for k, fresh in enumerate(spread_postures(chain, effort.reach, LOOKS, seed)):
         q = fresh

@@ -13,7 +13,7 @@ import numpy as np
 from regionik.planners.geometry.flat import compiled
 from regionik.planners.geometry.spans import cosine, direction, held, opening, product, sine, square
 from regionik.planners.solvers.planar_arm import LIMIT_SLACK, PlaneArm
-from regionik.planners.solvers.posture_criteria import Asked
+from regionik.planners.solvers.posture_criteria import Thresholds
 from regionik.worlds.arrays import Array
 
 FINEST = 2.5e-4  # of distances that are left undecided [m]
@@ -24,14 +24,14 @@ RULED_OUT, UNDECIDED, PROVEN = -1, 0, 1
 
 
 def paved(
-    arm: PlaneArm, asked: Asked, pitches: tuple[float, float], z: float, known: Array
+    arm: PlaneArm, asked: Thresholds, pitches: tuple[float, float], z: float, known: Array
 ) -> tuple[Array, Array]:
     """Signed distances at a height whose postures meet all that is asked.
 
     Parameters
     ----------
     arm : PlaneArm
-    asked : Asked
+    asked : Thresholds
     pitches : (low, high)
         Angles that the last link may take in the plane, infinite for any [rad].
     z : float
@@ -53,7 +53,7 @@ def paved(
 
 @compiled
 def _pave(
-    arm: PlaneArm, asked: Asked, low: float, high: float, z: float, a: float, b: float, finest: float
+    arm: PlaneArm, asked: Thresholds, low: float, high: float, z: float, a: float, b: float, finest: float
 ) -> tuple[Array, Array]:
     """The inner and outer intervals in (a, b), distances in ascending order."""
     waiting = np.empty((DEEP, 2))
@@ -88,7 +88,9 @@ def _append(rows: Array, count: int, near: float, far: float) -> int:
 
 
 @compiled
-def _settle(arm: PlaneArm, asked: Asked, low: float, high: float, z: float, near: float, far: float) -> int:
+def _settle(
+    arm: PlaneArm, asked: Thresholds, low: float, high: float, z: float, near: float, far: float
+) -> int:
     """One pitch that serves all distances from near to far, or the proof that none serves any of them."""
     waiting = np.empty((DEEP, 3))
     n = 0
@@ -116,7 +118,7 @@ def _settle(arm: PlaneArm, asked: Asked, low: float, high: float, z: float, near
 
 @compiled
 def weigh(
-    arm: PlaneArm, asked: Asked, z: float, near: float, far: float, low: float, high: float, elbow: float
+    arm: PlaneArm, asked: Thresholds, z: float, near: float, far: float, low: float, high: float, elbow: float
 ) -> int:
     """Whether the postures of a box of distances and pitches all meet what is asked, or none does."""
     a, b, c = arm.lengths[0], arm.lengths[1], arm.lengths[2]
@@ -167,7 +169,7 @@ def _across(a: float, b: float, d0: float, d1: float) -> tuple[float, float]:
 
 @compiled
 def _bends_well(
-    arm: PlaneArm, asked: Asked, x0: float, x1: float, y: float,
+    arm: PlaneArm, asked: Thresholds, x0: float, x1: float, y: float,
     first0: float, first1: float, second0: float, second1: float, low: float, high: float,
 ) -> int:  # fmt: skip
     """Manipulability of a box against its threshold."""
@@ -191,7 +193,7 @@ def _bends_well(
 
 @compiled
 def _lifts(
-    asked: Asked, first0: float, first1: float, second0: float, second1: float, low: float, high: float
+    asked: Thresholds, first0: float, first1: float, second0: float, second1: float, low: float, high: float
 ) -> int:
     """Torques of a box against their limits."""
     verdict, least, most = PROVEN, 0.0, 0.0

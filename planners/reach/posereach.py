@@ -20,7 +20,7 @@ from regionik.planners.reach.levelreach import outer_reach
 from regionik.planners.solvers.damped_least_squares import DIRECTION, Aim, polish
 from regionik.planners.solvers.inverse_kinematics import spread_postures
 from regionik.planners.solvers.multistart_ik import Effort, solve
-from regionik.planners.solvers.rigid_bodies import Bodies, posing_bodies, span
+from regionik.planners.solvers.rigid_bodies import RigidBodies, posing_bodies, span
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
 from regionik.worlds.pivot import pivot_of
@@ -120,7 +120,7 @@ def _grid(chain: Chain, rise: float, kind: int, key: tuple[float, ...], cone: fl
 class _Quest:
     """What is looked for: an aim at a height over the arm's base frame, its axis at azimuth zero."""
 
-    bodies: Bodies
+    bodies: RigidBodies
     starts: Array
     effort: Effort
     rise: float
@@ -157,7 +157,7 @@ def _sampled(quest: _Quest, far: float, finer: int, known: _Grid | None) -> _Gri
 
 
 @lru_cache(maxsize=32)
-def _prepared(chain: Chain, angle_tolerance: float) -> tuple[Bodies, Array, Effort]:
+def _prepared(chain: Chain, angle_tolerance: float) -> tuple[RigidBodies, Array, Effort]:
     joints, pivot = list(chain.joints), pivot_of(chain)
     joints[pivot] = replace(joints[pivot], lower=-np.inf, upper=np.inf)
     endless = Chain(tuple(joints), chain.T_last_tool)
@@ -168,7 +168,7 @@ def _prepared(chain: Chain, angle_tolerance: float) -> tuple[Bodies, Array, Effo
 
 @compiled
 def _look(
-    bodies: Bodies,
+    bodies: RigidBodies,
     starts: Array,
     effort: Effort,
     distances: Array,
@@ -207,7 +207,7 @@ def _look(
 
 @compiled
 def _spread(
-    bodies: Bodies,
+    bodies: RigidBodies,
     effort: Effort,
     distances: Array,
     rise: float,
@@ -238,7 +238,7 @@ def _spread(
 
 @compiled
 def _look_between(
-    bodies: Bodies,
+    bodies: RigidBodies,
     effort: Effort,
     distances: Array,
     rise: float,
@@ -265,7 +265,7 @@ def _look_between(
 
 
 @compiled
-def _polished(bodies: Bodies, aim: Aim, effort: Effort, joints: Array) -> bool:
+def _polished(bodies: RigidBodies, aim: Aim, effort: Effort, joints: Array) -> bool:
     error, angle, _ = polish(
         bodies.arm, aim, joints, effort.reach, effort.tolerance, effort.angle_tolerance, STEPS
     )

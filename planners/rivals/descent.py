@@ -35,7 +35,7 @@ PSEUDO_INVERSE, DAMPED, TRANSPOSE, CYCLIC = range(4)  # which method a kernel sh
 Counts = NDArray[np.int64]
 
 
-class Effort(NamedTuple):
+class DescentEffort(NamedTuple):
     """When to be content [m], [rad], most steps from each start, and the length of the arm [m]."""
 
     tolerance: float
@@ -203,7 +203,9 @@ def _swing(axis: Vector, own: Vector, wanted: Vector) -> tuple[float, float]:
 
 
 @compiled
-def search(which: int, arm: SerialArm, aim: Aim, starts: Array, effort: Effort, joints: Array) -> Tried:
+def search(
+    which: int, arm: SerialArm, aim: Aim, starts: Array, effort: DescentEffort, joints: Array
+) -> Tried:
     """A method from ``joints``, then from each of ``starts`` (r, dof), until the aim is met.
 
     ``joints`` (dof,) becomes the answer, or the nearest end.
@@ -226,7 +228,7 @@ def search(which: int, arm: SerialArm, aim: Aim, starts: Array, effort: Effort, 
 
 @compiled
 def _descend_by(
-    which: int, arm: SerialArm, aim: Aim, joints: Array, effort: Effort
+    which: int, arm: SerialArm, aim: Aim, joints: Array, effort: DescentEffort
 ) -> tuple[float, float, int]:
     reach, most = effort.reach, effort.most
     if which == PSEUDO_INVERSE:
@@ -244,7 +246,7 @@ def search_each(
     arm: SerialArm,
     positions: Array,
     starts: Array,
-    effort: Effort,
+    effort: DescentEffort,
     joints: Array,
     errors: Array,
     counts: Counts,

@@ -15,7 +15,7 @@ from regionik.planners.rivals.descent import (
     DAMPED,
     PSEUDO_INVERSE,
     TRANSPOSE,
-    Effort,
+    DescentEffort,
     search,
     search_each,
 )
@@ -55,7 +55,7 @@ class Rival(ArmMethod):
     ) -> None:
         super().__init__(chain, tolerance, angle_tolerance)
         self._arm, reach = serial_arm(chain), reach_of(chain)
-        self._effort = Effort(self.tolerance, self.angle_tolerance, int(most), reach)
+        self._effort = DescentEffort(self.tolerance, self.angle_tolerance, int(most), reach)
         self._starts = spread_postures(chain, reach, restarts, 0)
 
     def search(self, aim: Aim, joints: Array) -> Found:

@@ -7,14 +7,14 @@ restarts where they stall the passes.
 from __future__ import annotations
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from regionik.planners.geometry.angles import fit, wrap
+from regionik.planners.geometry.angles import wrap
 from regionik.planners.geometry.flat import Index, compiled
-from regionik.planners.solvers.base_placement import BaseArea, Turning, move_to_area, share_turn
+from regionik.planners.solvers.base_placement import BaseArea, Turning, move_to_area
 from regionik.planners.solvers.fabrik import (
     ANY,
     Knots,
@@ -22,13 +22,28 @@ from regionik.planners.solvers.fabrik import (
     PlanarLinks,
     Triple,
     backward_reaching,
-    bend_limits,
     bends_of,
     direction,
     forward_reaching,
     knots_at,
 )
-from regionik.planners.solvers.planar_arm import PlaneArm, nearest_posture, place, widest_posture
+from regionik.planners.solvers.planar_arm import (
+    PlaneArm,
+    fitted_bends,
+    nearest_posture,
+    widest_posture,
+)
+from regionik.planners.solvers.planar_setup import (
+    PlanarSetup,
+    PlanarState,
+    Record,
+    links_of,
+    plane_arm,
+    stand,
+    state_of,
+    to_axis,
+    turning_of,
+)
 from regionik.worlds.arrays import Array
 
 PATIENCE, STALLED = 10, 0.9  # passes in which the error must come down to this share, for a start to go on
@@ -37,70 +52,7 @@ PITCH_SLACK = 1e-9  # rounding allowed where the pitch of the last link is fixed
 PITCHES = 180  # of the last link, tried to either side for the posture of least change
 TILT = 0.5  # how far to either side [rad]
 
-Record = NDArray[Any]
-
-
-class PlanarSetup(NamedTuple):
-    """A planar arm on its base and what is asked of both.
-
-    Kernels take it as the one row of `record_of`, in which every field stands under its name.
-
-    Attributes
-    ----------
-    shoulder : (2,) array
-        r, z of the first hinge, heights counted from the floor [m].
-    lengths : (3,) array
-        [m]
-    lower, upper : (3,) array
-        Limits of the bends [rad].
-    limits : (3, 7) array
-        The same as `fabrik.limit_vectors` has them.
-    sign, offset : (3,) array
-        ``bend = sign * joint + offset`` [rad].
-    restarts : (k, 3) array
-        Bends to start again from [rad].
-    mount : (2,) array
-        The arm axis in the base frame [m].
-    plane_zero : float
-        Direction of the arm's plane, seen from the base, with the pivot at zero [rad].
-    turning : five floats
-        As `Turning` has them.
-    facing : int
-        1, or -1 to reach over the arm's back: the target then lies at negative r.
-    pitch : float
-        Of the last link in the plane, NaN where it is free [rad].
-    tolerance : float
-        [m]
-    max_passes : int
-        From each start.
-    """
-
-    shoulder: Array
-    lengths: Array
-    lower: Array
-    upper: Array
-    limits: Array
-    sign: Array
-    offset: Array
-    restarts: Array
-    mount: Array
-    plane_zero: float
-    turning: Turning
-    facing: int
-    pitch: float
-    tolerance: float
-    max_passes: int
-
-
-def record_of(setup: PlanarSetup) -> Record:
-    """The setup as an array of one record: numba takes that several times as fast as a tuple of many."""
-    fields = {name: np.asarray(value) for name, value in setup._asdict().items()}
-    kind = np.dtype((np.record, [(name, value.dtype, value.shape) for name, value in fields.items()]))
-    record = np.empty(1, kind)
-    for name, value in fields.items():
-        record[name] = value
-    record.flags.writeable = False
-    return record
+NO_VERTICES, NO_RINGS = np.empty((0, 2)), np.zeros(1, np.int64)  # of an area that is not asked
 
 
 class PlanarGoal(NamedTuple):
@@ -110,15 +62,6 @@ class PlanarGoal(NamedTuple):
     facing: int
     pitch: float
     tolerance: float
-
-
-class PlanarState(NamedTuple):
-    """Arm axis on the floor [m], direction of the arm's plane [rad], bends of the links [rad]."""
-
-    x: float
-    y: float
-    yaw: float
-    bends: Triple
 
 
 @compiled
@@ -223,27 +166,20 @@ def follow_with_restarts(
         error, passes, found = follow(links, area, goal, begun, most, patience)
         total += passes
         if error <= goal.tolerance:
-            if total > 0:
-                found = PlanarState(found.x, found.y, found.yaw, _within_limits(arm, found.bends))
+            if total > 0:  # to the last digit within the limits
+                a, b, c = found.bends
+                found = PlanarState(found.x, found.y, found.yaw, fitted_bends(arm, a, a + b, a + b + c))
             return error, total, found
-    widest, found = _widest(arm, area, goal, start)
+    widest, found = _widest(arm, links, area, goal, start)
     if np.isfinite(widest):
         return widest, total + 1, found
     return error, total, start
 
 
 @compiled
-def _within_limits(arm: PlaneArm, bends: Triple) -> Triple:
-    """Bends to the last digit within their limits [rad]."""
-    return (
-        fit(bends[0], arm.lower[0], arm.upper[0])[0],
-        fit(bends[1], arm.lower[1], arm.upper[1])[0],
-        fit(bends[2], arm.lower[2], arm.upper[2])[0],
-    )
-
-
-@compiled
-def _widest(arm: PlaneArm, area: BaseArea, goal: PlanarGoal, start: PlanarState) -> tuple[float, PlanarState]:
+def _widest(
+    arm: PlaneArm, links: PlanarLinks, area: BaseArea, goal: PlanarGoal, start: PlanarState
+) -> tuple[float, PlanarState]:
     """The widest posture from the base, or where the floor is free from any distance.
 
     Returns the error [m], infinite where there is none, and the posture.
@@ -256,16 +192,16 @@ def _widest(arm: PlaneArm, area: BaseArea, goal: PlanarGoal, start: PlanarState)
     rho = math.sqrt(dx * dx + dy * dy)
     yaw = math.atan2(facing * dy, facing * dx) if rho > STRAIGHT else start.yaw
     far = arm.lengths[0] + arm.lengths[1] + arm.lengths[2] + abs(arm.shoulder_r)
-    bends, points = np.empty(3), np.empty((4, 2))
+    bends = np.empty(3)
     for k in range(201 if unbounded else 1):
         if k > 0:
             rho = (k - 0.5) / 200.0 * far
             x = goal.target[0] - facing * rho * math.cos(yaw)
             y = goal.target[1] - facing * rho * math.sin(yaw)
         if widest_posture(arm, goal.pitch, facing * rho, z, bends, 1440 if k == 0 else 360):
-            place(arm, bends, points)
-            error = math.hypot(points[3, 0] - facing * rho, points[3, 1] - z)
-            return error, PlanarState(x, y, yaw, (bends[0], bends[1], bends[2]))
+            found = PlanarState(x, y, yaw, (bends[0], bends[1], bends[2]))
+            knots = knots_at(links, found.bends)
+            return math.hypot(knots[4] - facing * rho, knots[5] - z), found
     return np.inf, start
 
 
@@ -289,7 +225,7 @@ def solve(
     error [m], passes, whether the target is met at a heading within its span
     """
     one = setup[0]
-    return _solve(one, _turning(one), BaseArea(vertices, rings, mobile), target, base, joints)
+    return _solve(one, turning_of(one), BaseArea(vertices, rings, mobile), target, base, joints)
 
 
 @compiled
@@ -297,72 +233,14 @@ def _solve(
     setup: PlanarSetup, turning: Turning, area: BaseArea, target: Array, base: Array, joints: Array
 ) -> tuple[float, int, bool]:
     """`solve` with a turning of its own."""
-    arm, links = _arm(setup), _links(setup)
+    arm, links = plane_arm(setup), links_of(setup)
     goal = PlanarGoal((target[0], target[1], target[2]), setup.facing, setup.pitch, setup.tolerance)
-    start = _state(setup, base, joints)
+    start = state_of(setup, base, joints)
     error, passes, found = follow_with_restarts(
         arm, links, setup.restarts, area, goal, start, setup.max_passes
     )
-    fits = _stand(setup, turning, found, start.bends, base, joints)
+    fits = stand(setup, turning, found, start.bends, base, joints)
     return error, passes, fits and error <= goal.tolerance
-
-
-@compiled
-def _stand(
-    setup: PlanarSetup, turning: Turning, found: PlanarState, near: Triple, base: Array, joints: Array
-) -> bool:
-    """Write a state into base and joints, which hold those before; whether the heading is within its span.
-
-    Bends of joints without limits are taken to the turn nearest to ``near``.
-    """
-    for i in range(3):
-        middle = 0.5 * (setup.lower[i] + setup.upper[i])
-        if not np.isfinite(middle):
-            middle = near[i]
-        bend = middle + wrap(found.bends[i] - middle)
-        joints[1 + i] = setup.sign[i] * (bend - setup.offset[i])
-    joints[0], base[2], fits = share_turn(found.yaw - setup.plane_zero, base[2], joints[0], turning)
-    dx, dy = _to_axis(setup, base[2])
-    base[0], base[1] = found.x - dx, found.y - dy
-    return fits
-
-
-@compiled
-def _state(setup: PlanarSetup, base: Array, joints: Array) -> PlanarState:
-    """Arm axis, plane and bends of a base and joints."""
-    dx, dy = _to_axis(setup, base[2])
-    bends = (
-        setup.sign[0] * joints[1] + setup.offset[0],
-        setup.sign[1] * joints[2] + setup.offset[1],
-        setup.sign[2] * joints[3] + setup.offset[2],
-    )
-    return PlanarState(base[0] + dx, base[1] + dy, base[2] + setup.plane_zero + joints[0], bends)
-
-
-@compiled
-def _to_axis(setup: PlanarSetup, yaw: float) -> Pair:
-    """From the base to the arm axis [m]."""
-    c, s = direction(yaw)
-    return c * setup.mount[0] - s * setup.mount[1], s * setup.mount[0] + c * setup.mount[1]
-
-
-@compiled
-def _arm(setup: PlanarSetup) -> PlaneArm:
-    return PlaneArm(setup.shoulder[0], setup.shoulder[1], setup.lengths, setup.lower, setup.upper)
-
-
-@compiled
-def _links(setup: PlanarSetup) -> PlanarLinks:
-    limits = bend_limits(setup.limits[0]), bend_limits(setup.limits[1]), bend_limits(setup.limits[2])
-    lengths = setup.lengths[0], setup.lengths[1], setup.lengths[2]
-    return PlanarLinks((setup.shoulder[0], setup.shoulder[1]), lengths, limits)
-
-
-@compiled
-def _turning(setup: PlanarSetup) -> Turning:
-    return Turning(
-        setup.turning[0], setup.turning[1], int(setup.turning[2]), setup.turning[3], setup.turning[4]
-    )
 
 
 @compiled
@@ -372,7 +250,7 @@ def least_change(setup: Record, target: Array, base: Array, joints: Array) -> tu
     Returns the largest change of a bend, infinite where there is no such posture [rad], and whether the
     heading is within its span.
     """
-    return _least_change(setup[0], _turning(setup[0]), target, base, joints)
+    return _least_change(setup[0], turning_of(setup[0]), target, base, joints)
 
 
 @compiled
@@ -380,15 +258,15 @@ def _least_change(
     setup: PlanarSetup, turning: Turning, target: Array, base: Array, joints: Array
 ) -> tuple[float, bool]:
     """`least_change` with a turning of its own."""
-    start, bends, near = _state(setup, base, joints), np.empty(3), np.empty(3)
+    start, bends, near = state_of(setup, base, joints), np.empty(3), np.empty(3)
     near[0], near[1], near[2] = start.bends
     dx, dy = target[0] - start.x, target[1] - start.y
     r, yaw = setup.facing * math.hypot(dx, dy), math.atan2(setup.facing * dy, setup.facing * dx)
-    change = nearest_posture(_arm(setup), setup.pitch, r, target[2], near, bends, PITCHES, TILT)
+    change = nearest_posture(plane_arm(setup), setup.pitch, r, target[2], near, bends, PITCHES, TILT)
     if not np.isfinite(change):
         return change, False
     found = PlanarState(start.x, start.y, yaw, (bends[0], bends[1], bends[2]))
-    return change, _stand(setup, turning, found, start.bends, base, joints)
+    return change, stand(setup, turning, found, start.bends, base, joints)
 
 
 @compiled
@@ -430,15 +308,15 @@ def solve_along(
     base, joints : (3,), (dof,) arrays
         The state before the first.
     """
-    one, free = setup[0], _turning(setup[0])
-    held = BaseArea(np.empty((0, 2)), np.zeros(1, np.int64), False)
+    one, free = setup[0], turning_of(setup[0])
+    held = BaseArea(NO_VERTICES, NO_RINGS, False)
     bases, postures = places.copy(), wished.copy()
     yaw, pivot = base[2], joints[0]
     for i in range(len(targets)):
         turning, near = free, wished[i].copy()
         near[0] = pivot
         if np.isnan(places[i, 2]):
-            dx, dy = _to_axis(one, yaw)
+            dx, dy = to_axis(one, yaw)
             bases[i, 0], bases[i, 1], bases[i, 2] = places[i, 0] - dx, places[i, 1] - dy, yaw
         else:
             turning = Turning(free.lower, free.upper, free.heading, places[i, 2], places[i, 2])

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from regionik.areas.demand import in_plane
 from regionik.planners.reach.paving import paved
 from regionik.planners.solvers.planar_arm import LIMIT_SLACK, PlaneArm
-from regionik.planners.solvers.posture_criteria import Asked, asked_of, posture_spare
+from regionik.planners.solvers.posture_criteria import Thresholds, posture_spare, thresholds_of
 from regionik.worlds.arrays import Array
 from regionik.worlds.criteria import Criteria, kept
 from regionik.worlds.errors import InputError
@@ -30,8 +30,8 @@ def narrowed(world: World) -> World:
     return world if robot is world.robot else replace(world, robot=robot)
 
 
-def asked_in(robot: Robot, criteria: Criteria | None) -> tuple[Asked, Asked] | None:
-    """What criteria ask of an arm besides its limits, `asked_of` it; None where that is nothing.
+def asked_in(robot: Robot, criteria: Criteria | None) -> tuple[Thresholds, Thresholds] | None:
+    """What criteria ask of an arm besides its limits, `thresholds_of` it; None where that is nothing.
 
     Raises
     ------
@@ -46,7 +46,7 @@ def asked_in(robot: Robot, criteria: Criteria | None) -> tuple[Asked, Asked] | N
             f"criteria: {robot.name} does not work in one vertical plane: manipulability and effort are "
             "known for such arms only, valid choices: joint_margin"
         )
-    return asked_of(robot, criteria)
+    return thresholds_of(robot, criteria)
 
 
 def distances(
@@ -91,7 +91,7 @@ def distances(
 def _cut(
     robot: Robot, criteria: Criteria, side: int, pitches: tuple[float, float], z: float, known: Rows
 ) -> tuple[Array, Array]:
-    asked = asked_of(robot, criteria)[side]
+    asked = thresholds_of(robot, criteria)[side]
     return paved(plane_of(robot), asked, pitches, z, np.array(known).reshape(-1, 2))
 
 

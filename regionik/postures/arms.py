@@ -19,9 +19,10 @@ from regionik.planners.geometry.flat import FlatPolygon
 from regionik.planners.reach.rolls import roll_for, tool_turn, within_limits
 from regionik.planners.solvers.base_placement import FIXED, Turning
 from regionik.planners.solvers.fabrik import limit_vectors
-from regionik.planners.solvers.mfabrik_planar import PlanarSetup, Record, least_change, record_of, solve
+from regionik.planners.solvers.mfabrik_planar import least_change, solve
 from regionik.planners.solvers.planar_arm import PlaneArm, self_motion
-from regionik.planners.solvers.posture_criteria import COMFORT, Asked, meeting_posture, posture_spare
+from regionik.planners.solvers.planar_setup import PlanarSetup, Record, record_of
+from regionik.planners.solvers.posture_criteria import COMFORT, Thresholds, meeting_posture, posture_spare
 from regionik.postures.serialarm import MOST_PASSES, Reached, serial_solver
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
@@ -62,7 +63,7 @@ def arm_solver(
     tolerance: float,
     *,
     turns: bool = True,
-    asked: Asked | None = None,
+    asked: Thresholds | None = None,
 ) -> Arm:
     """The solver that suits a chain.
 
@@ -77,7 +78,7 @@ def arm_solver(
         [m]
     turns : bool
         Whether the base turns for the arm.
-    asked : Asked, optional
+    asked : Thresholds, optional
         What postures of an arm in one plane must meet.
     """
     if is_planar(chain):
@@ -93,7 +94,7 @@ class PlaneSolver:
     height: float
     family: Family
     tolerance: float
-    asked: Asked | None = None
+    asked: Thresholds | None = None
 
     @cached_property
     def plane(self) -> PlaneArm:

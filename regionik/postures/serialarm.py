@@ -11,11 +11,12 @@ from regionik.areas.demand import HELD, aim_of
 from regionik.planners.geometry.flat import FlatPolygon, clamp, contains
 from regionik.planners.reach.levelreach import posture_at
 from regionik.planners.reach.posereach import ANGLE_SHARE, pose_reach
+from regionik.planners.solvers.base_placement import BaseArea
 from regionik.planners.solvers.damped_least_squares import Aim, polish
 from regionik.planners.solvers.inverse_kinematics import spread_postures
-from regionik.planners.solvers.mfabrik_serial import roam, seen
+from regionik.planners.solvers.mfabrik_serial import ArmStand, follow_with_restarts, in_arm_frame
 from regionik.planners.solvers.multistart_ik import Effort, solve
-from regionik.planners.solvers.rigid_bodies import Bodies, pointing_bodies, posing_bodies, span
+from regionik.planners.solvers.rigid_bodies import RigidBodies, pointing_bodies, posing_bodies, span
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
 from regionik.worlds.pivot import pivot_of, pivoted, span_of
@@ -48,7 +49,7 @@ class SerialSolver:
     ----------
     chain, endless : Chain
         As it is `pivoted`, and with a pivot that turns without end, where the base turns.
-    pointing, posing : Bodies
+    pointing, posing : RigidBodies
         Of the latter, for positions, and for more.
     starts : (r, dof) array
         Postures to start again from.
@@ -59,8 +60,8 @@ class SerialSolver:
 
     chain: Chain
     endless: Chain
-    pointing: Bodies
-    posing: Bodies
+    pointing: RigidBodies
+    posing: RigidBodies
     starts: Array
     effort: Effort
     height: float
@@ -103,22 +104,23 @@ class SerialSolver:
     ) -> Reached:
         """M-FABRIK: passes with the base after the root, then restarts."""
         q, place = np.array(joints), np.array(axis)
-        error, angle, passes = roam(
-            quest.bodies, pivot_of(self.chain), starts, area.vertices, area.starts, place, yaw,
-            self.height, quest.aim, quest.effort, q,
-        )  # fmt: skip
+        stand = ArmStand(pivot_of(self.chain), yaw, self.height)
+        free = BaseArea(area.vertices, area.starts, True)
+        error, angle, passes = follow_with_restarts(
+            quest.bodies, stand, starts, free, place, quest.aim, quest.effort, q
+        )
         return quest.reached(place, q, error, angle, passes)
 
     def _walked(self, target: Target, missed: Reached, yaw: float) -> Reached:
         """By a walk at the target's height, where that comes nearer."""
-        point = seen(missed.axis, yaw, self.height, aim_of(target)).position
+        point = in_arm_frame(missed.axis, yaw, self.height, aim_of(target)).position
         joints = posture_at(self.endless, point, missed.joints)
         off = float(np.linalg.norm(self.chain.forward(joints)[:3, 3] - point))
         return replace(missed, joints=joints, error=off) if off < missed.error else missed
 
     def _held(self, quest: Quest, axis: Array, yaw: float, joints: Array) -> Reached:
         """FABRIK-R with the base held."""
-        q, aim = np.array(joints), seen(axis, yaw, self.height, quest.aim)
+        q, aim = np.array(joints), in_arm_frame(axis, yaw, self.height, quest.aim)
         error, angle, passes, _, _ = solve(quest.bodies, aim, quest.starts, quest.effort, q)
         return quest.reached(axis, q, error, angle, passes)
 
@@ -163,7 +165,7 @@ class SerialSolver:
         if target.direction is not None:
             return self._polished(quest, axis, yaw, start)
         none = np.empty((0, len(quest.bodies.slide)))
-        aim = seen(axis, yaw, self.height, quest.aim)
+        aim = in_arm_frame(axis, yaw, self.height, quest.aim)
         error, angle, passes, _, _ = solve(quest.bodies, aim, none, quest.effort, start)
         found = quest.reached(axis, start, error, angle, passes)
         return found if quest.met(found) else None
@@ -190,7 +192,7 @@ class SerialSolver:
     def _polished(self, quest: Quest, place: Array, yaw: float, joints: Array) -> Reached | None:
         """Damped least squares from a posture, the base held."""
         n, effort = len(quest.bodies.slide), quest.effort
-        q, aim = np.array(joints[:n]), seen(place, yaw, self.height, quest.aim)
+        q, aim = np.array(joints[:n]), in_arm_frame(place, yaw, self.height, quest.aim)
         error, angle, _ = polish(
             quest.bodies.arm, aim, q, effort.reach, effort.tolerance, effort.angle_tolerance, MOST_STEPS
         )
@@ -210,7 +212,7 @@ class SerialSolver:
 class Quest:
     """A target as the kernels take it, and what is left of its cone beyond the aim's [rad]."""
 
-    bodies: Bodies
+    bodies: RigidBodies
     starts: Array
     effort: Effort
     aim: Aim
