@@ -39,10 +39,10 @@ from regionik.planners.solvers.planar_setup import (
     Record,
     links_of,
     plane_arm,
-    stand,
     state_of,
     to_axis,
     turning_of,
+    write_state,
 )
 from regionik.worlds.arrays import Array
 
@@ -239,7 +239,7 @@ def _solve(
     error, passes, found = follow_with_restarts(
         arm, links, setup.restarts, area, goal, start, setup.max_passes
     )
-    fits = stand(setup, turning, found, start.bends, base, joints)
+    fits = write_state(setup, turning, found, start.bends, base, joints)
     return error, passes, fits and error <= goal.tolerance
 
 
@@ -266,7 +266,7 @@ def _least_change(
     if not np.isfinite(change):
         return change, False
     found = PlanarState(start.x, start.y, yaw, (bends[0], bends[1], bends[2]))
-    return change, stand(setup, turning, found, start.bends, base, joints)
+    return change, write_state(setup, turning, found, start.bends, base, joints)
 
 
 @compiled

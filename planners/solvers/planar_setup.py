@@ -90,7 +90,7 @@ class PlanarState(NamedTuple):
 
 
 @compiled
-def stand(
+def write_state(
     setup: PlanarSetup, turning: Turning, found: PlanarState, near: Triple, base: Array, joints: Array
 ) -> bool:
     """Write a state into base and joints, which hold those before; whether the heading is within its span.
