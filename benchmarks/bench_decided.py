@@ -23,9 +23,9 @@ from regionik.areas.standing import room_for
 from regionik.planners.clearance.bulkreach import Keep, Stance, is_clear
 from regionik.planners.clearance.touching import nearest
 from regionik.planners.driving.room import Room, fits
-from regionik.planners.geometry.angles import wrap
+from regionik.planners.geometry.angles import fit, wrap
 from regionik.planners.geometry.flat import compiled
-from regionik.planners.solvers.planar_arm import fit, triangle
+from regionik.planners.solvers.planar_arm import triangle
 from regionik.postures.guard import contact_for, guard_of
 from regionik.reach import reach
 from regionik.seeking.flatworld import keep_of, own, stance_of

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from copy import copy
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
-from typing import Any
+from math import isfinite
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,16 +20,15 @@ from regionik.areas.reach_model import ReachModel
 from regionik.areas.reachable import reach_model
 from regionik.areas.standing import Standing
 from regionik.planners.geometry.flat import FlatPolygon
-from regionik.planners.solvers.batches import answer_all
-from regionik.planners.solvers.callsheet import FACE_TARGET, FIXED, FREE, Turning, held
-from regionik.planners.solvers.onecall import OneCall, one_call, share_turn
-from regionik.planners.solvers.ways import answer_way
+from regionik.planners.solvers.base_placement import FACE_TARGET, FIXED, FREE, Turning, share_turn
+from regionik.planners.solvers.mfabrik_planar import solve, solve_along, solve_many
+from regionik.planners.solvers.planar_setup import Record
 from regionik.postures.arms import ANGLE_SLACK, Arm, PlaneSolver
 from regionik.postures.families import FRONT, Family
 from regionik.postures.serialarm import Reached
 from regionik.postures.tool_goal import goal_of
 from regionik.pruning import Ladder
-from regionik.values import Configuration, OpenConfiguration
+from regionik.values import Configuration
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.criteria import Criteria, with_joint_margin
 from regionik.worlds.errors import InputError
@@ -37,7 +36,6 @@ from regionik.worlds.pivoted_arm import pivot_index, pivot_joints, with_pivot
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Heading, Target, World
 
-_room = np.empty  # looked up once, for a call takes little longer
 NOWHERE = FlatPolygon(np.empty((0, 2)), np.zeros(1, dtype=np.int64))
 HEADINGS: dict[Heading, int] = {"free": FREE, "face_target": FACE_TARGET, "fixed": FIXED}
 
@@ -80,7 +78,6 @@ class Solver:
     _model: ReachModel = field(init=False, repr=False)
     _arm: Arm = field(init=False, repr=False)
     _flat: FlatPolygon = field(init=False, repr=False)
-    _mobile: bool = field(init=False, repr=False, default=True)
 
     def __post_init__(self) -> None:
         if not 0 < self.tolerance < np.inf:
@@ -110,38 +107,24 @@ class Solver:
         InputError
             For shapes that do not fit or numbers that are not finite.
         """
-        prepared = self._call
-        if prepared is not None:
-            call, dof, known = prepared
-            new_base, new_joints = _room(3), _room(dof)
-            error, passes, met = call(known, target, base, joints, new_base, new_joints)
-            if passes >= 0:
-                found: Any = OpenConfiguration()
-                found.base, found.joints, found.error = new_base, new_joints, error
-                found.iterations, found.converged = passes, met
-                found.__class__ = Configuration
-                return found  # type: ignore[no-any-return]
-        return self._looked_at(target, base, joints)
-
-    def _looked_at(self, target: Target | ArrayLike, base: ArrayLike, joints: ArrayLike) -> Configuration:
-        """As a call, for what no compiled call takes as it is given."""
-        asked, here = _asked(target), frozen(base, (3,), "base")
-        now = frozen(joints, (self.robot.chain.dof,), "joints")
-        if self._call is not None and asked.direction is None:
-            return self(*map(_copied, (asked.position, here, now)))
-        return self._solve(asked, here, now, mobile=self._mobile)
+        return self._solve(target, base, joints, mobile=True)
 
     def hold(self, target: Target | ArrayLike, base: ArrayLike, joints: ArrayLike) -> Configuration:
         """As a call, but the arm axis stays where it is: only the arm and the heading move."""
-        return self._holding(target, base, joints)
+        return self._solve(target, base, joints, mobile=False)
 
-    @cached_property
-    def _holding(self) -> Solver:
-        """The same solver for a base that stays."""
-        twin = copy(self)
-        vars(twin).pop("_call", None)
-        object.__setattr__(twin, "_mobile", False)
-        return twin
+    def _solve(
+        self, target: Target | ArrayLike, base: ArrayLike, joints: ArrayLike, *, mobile: bool
+    ) -> Configuration:
+        here, now = _numbers(base, 3, "base"), _numbers(joints, self.robot.chain.dof, "joints")
+        directed = isinstance(target, Target) and target.direction is not None
+        if self._setup is None or directed:
+            return self._general(_asked(target), here, now, mobile=mobile)
+        point = target.position if isinstance(target, Target) else target
+        point = _numbers(point, 3, "target: position")
+        area = self._flat
+        error, passes, met = solve(self._setup, area.vertices, area.starts, mobile, point, here, now)
+        return Configuration(here, now, error, passes, met)
 
     def least_change(self, target: Target | ArrayLike, base: Array, joints: Array) -> Configuration | None:
         """With the arm axis held, the posture on target that changes least, if there is one."""
@@ -156,25 +139,22 @@ class Solver:
         other = copy(self)
         for name, value in (("area", area), ("_flat", _flat(area))):
             object.__setattr__(other, name, value)
-        for name in ("_call", "_holding"):
-            vars(other).pop(name, None)
         return other
 
     @property
     def compiled(self) -> bool:
         """Whether one compiled call solves for bare points."""
-        return self._call is not None
+        return self._setup is not None
 
     def along(
         self, points: Array, places: Array, wished: Array, bend: float, base: Array, joints: Array
     ) -> tuple[Array, Array]:
-        """Bases and joints on a way, as many as are found; see `ways.answer_way`. Of a compiled solver."""
-        held_call = self._holding._call
-        assert held_call is not None
-        bases, postures = np.empty((len(points), 3)), np.empty((len(points), self.robot.chain.dof))
-        before = np.array(base), np.array(joints)
-        count = answer_way(held_call[2], points, places, wished, bend, *before, bases, postures)
-        return bases[:count], postures[:count]
+        """Bases and joints on a way, as many as are found; see `solve_along`. Of a compiled solver."""
+        assert self._setup is not None
+        found: tuple[Array, Array] = solve_along(
+            self._setup, points, places, wished, bend, np.array(base), np.array(joints)
+        )
+        return found
 
     def self_motion(
         self, target: Target | ArrayLike, base: Array, joints: Array, tries: int
@@ -202,29 +182,28 @@ class Solver:
         points = frozen(np.asarray(targets), (None, 3), "targets")
         here = frozen(bases, (len(points), 3), "bases")
         now = frozen(joints, (len(points), self.robot.chain.dof), "joints")
-        if self._call is not None:
-            found = Batch.empty(len(points), self.robot.chain.dof)
-            columns = found.base, found.joints, found.error, found.iterations, found.converged
-            answer_all(self._call[2], points, here, now, *columns)
-            return found
+        if self._setup is not None:
+            area, new_bases, new_joints = (
+                self._flat,
+                here.copy(),
+                now.copy(),
+            )  # writable, as kernels take them
+            errors, passes, met = solve_many(
+                self._setup, area.vertices, area.starts, points.copy(), new_bases, new_joints
+            )
+            return Batch(new_bases, new_joints, errors, passes, met)
         axes, yaws = axis_of(self.robot, here), np.array([self._yaw(row) for row in here])
         reached = self._arm.reach_many(points, axes, yaws, self._behind(now), self._flat)
         rows = [self._headed(*row) for row in zip(reached, here, now, strict=True)]
         return _batch(rows, self.robot.chain.dof)
 
     @cached_property
-    def _call(self) -> tuple[OneCall, int, Array] | None:
-        """The compiled call, the number of joints, and what the call needs to know.
-
-        None where more is asked than one call does.
-        """
-        if not isinstance(self._arm, PlaneSolver) or self._kept.chain is not self.robot.chain:
+    def _setup(self) -> Record | None:
+        """What the compiled solver takes; None where the arm or what is asked of it is beyond that."""
+        arm = self._arm
+        if not isinstance(arm, PlaneSolver) or arm.asked or self._kept.chain is not self.robot.chain:
             return None
-        dof = self.robot.chain.dof
-        known = self._arm.packed(self.robot.mount, self._turning, dof, self._flat)
-        if known is None:
-            return None
-        return one_call(), dof, known if self._mobile else held(known)
+        return arm.setup(self.robot.mount, self._turning)
 
     @cached_property
     def _turning(self) -> Turning:
@@ -233,7 +212,8 @@ class Solver:
         low, high = (float(end) for end in self.span)
         return Turning(float(pivot.lower), float(pivot.upper), HEADINGS[self.heading], low, high)
 
-    def _solve(self, target: Target, base: Array, joints: Array, *, mobile: bool) -> Configuration:
+    def _general(self, target: Target, base: Array, joints: Array, *, mobile: bool) -> Configuration:
+        """By the arm's own solver, for any arm and target."""
         axis = axis_of(self.robot, base)
         arm = self._arm_for(target)
         q = self._behind(joints)
@@ -293,12 +273,6 @@ class Batch:
     iterations: NDArray[np.int64]
     converged: NDArray[np.bool_]
 
-    @classmethod
-    def empty(cls, count: int, dof: int) -> Batch:
-        """Room for so many."""
-        numbers = np.empty((count, 3)), np.empty((count, dof)), np.empty(count)
-        return cls(*numbers, np.empty(count, dtype=np.int64), np.empty(count, dtype=np.bool_))
-
 
 def _batch(rows: Sequence[Configuration], dof: int) -> Batch:
     return Batch(
@@ -320,11 +294,15 @@ def _asked(target: Target | ArrayLike) -> Target:
     return target if isinstance(target, Target) else Target(np.asarray(target, dtype=np.float64))
 
 
-def _copied(row: Array) -> Array:
-    """The same numbers in an array as numpy makes them: one that was unpickled has a dtype of its own."""
-    plain = np.empty(len(row))
-    plain[:] = row
-    return plain
+def _numbers(values: ArrayLike, count: int, what: str) -> Array:
+    """Copy a few finite numbers, sooner than `frozen` does, which says what is wrong with others."""
+    try:
+        row = np.array(values, dtype=np.float64)
+        if row.shape == (count,) and isfinite(sum(row.tolist())):
+            return row
+    except (TypeError, ValueError):
+        pass
+    return np.array(frozen(values, (count,), what))
 
 
 def axis_of(robot: Robot, base: Array) -> Array:

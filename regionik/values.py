@@ -47,20 +47,6 @@ class Configuration:
         return f"Configuration({_pose_text(self.base)}, {state}, error {self.error:.3g} m)"
 
 
-@dataclass(eq=False, init=False, slots=True)
-class OpenConfiguration:
-    """A configuration while a solver fills it in; `Configuration` as its class freezes it.
-
-    Frozen fields would take a third of a solver's time.
-    """
-
-    base: Array
-    joints: Array
-    error: float
-    iterations: int
-    converged: bool
-
-
 @dataclass(frozen=True, eq=False)
 class State:
     """One moment of the motion."""

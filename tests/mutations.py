@@ -187,7 +187,7 @@ FAULTS = (
     ),
     Fault(
         "passes: an upper limit of a bend ignored",
-        "planners/solvers/planar_arm.py",
+        "planners/geometry/angles.py",
         "return upper, near - upper",
         "return near, 0.0",
         ("tests/test_mfabrik.py",),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import shapely
+from numba import njit
 from shapely import box
 from shapely.geometry import LineString, MultiPolygon, Point, Polygon
 
@@ -18,7 +19,6 @@ from regionik.planners.geometry.flat import (
     segment_in_either,
     segment_inside,
 )
-from regionik.planners.solvers.passes import fast
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError
 
@@ -195,7 +195,7 @@ def _sum_of_product(x: float, y: float, z: float) -> float:
     return x * y + z
 
 
-@fast
+@njit(fastmath={"contract"})
 def _asked_for_it(x: float, y: float, z: float) -> float:
     return _sum_of_product(x, y, z)
 

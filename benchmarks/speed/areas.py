@@ -18,7 +18,6 @@ from shapely.geometry import Polygon
 from benchmarks.bench_areas import crowded, loop
 from benchmarks.bench_drive import MAPS, STEP, clutter, length, shortest
 from benchmarks.speed.harness import Row, Rows, Size, Spread, Wanted, Work, against, counted, timed
-from regionik.exactareas import exact_areas
 from regionik.mfabrik import configurations
 from regionik.motion import connect
 from regionik.moving.drivers import driver_for
@@ -27,7 +26,6 @@ from regionik.moving.transit import TransitPlanner
 from regionik.moving.whole_body import WholeBodyPlanner
 from regionik.pipeline import search, start_place, start_pose, whole_path
 from regionik.planners.driving.drive import drive
-from regionik.planners.geometry.ringarcs import measures, outlines
 from regionik.postures.families import FRONT
 from regionik.postures.guard import guard_of
 from regionik.postures.poses import Pose
@@ -62,7 +60,7 @@ def rows(size: Size) -> Iterator[Row]:
 
 
 def _areas(size: Size) -> Iterator[Row]:
-    """Areas of a long path, as polygons and bounded by arcs, and a loop over its set-points."""
+    """Areas of a long path, against a loop over its set-points."""
     world = crowded(size.count(10_000), size.count(1000))
     what = f"areas of {len(world.task):,} set-points among {len(world.obstacles):,} obstacles"
     rival = "shapely, one set-point after the other, STRtree"
@@ -74,31 +72,7 @@ def _areas(size: Size) -> Iterator[Row]:
     def bulk() -> object:
         return path_areas(world, facings=(FRONT,))
 
-    def arcs() -> object:
-        return exact_areas(world, facings=(FRONT,)).outline
-
     yield against(f"{what}, polygons", rival, bulk, plain, Wanted(2.0), size, pieces=(count, count))
-    known = exact_areas(world, facings=(FRONT,))
-    shares = _share(lambda: outlines(known.floor, known.rings), arcs)
-    note = f"{shares:.0%} of the time cuts rings, the rest is the reach of the arm at {count:,} heights"
-    yield against(f"{what}, arcs", rival, arcs, plain, Wanted(20.0), size, pieces=(count, count), note=note)
-    gap = measures(known.outline, known.rings.center) - shapely.area(
-        path_areas(world, facings=(FRONT,)).inner
-    )
-    yield counted(
-        "arcs hold their polygons: what is more of an area, m²", "polygons of 48 chords", gap.tolist(), None
-    )
-
-
-def _share(part: Work, whole: Work) -> float:
-    """Of the time of a work, how much a part of it takes."""
-    spent = []
-    for work in (part, whole):
-        work()
-        begun = time.perf_counter()
-        work()
-        spent.append(time.perf_counter() - begun)
-    return spent[0] / spent[1]
 
 
 def _path(size: Size) -> Iterator[Row]:

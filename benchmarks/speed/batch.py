@@ -8,13 +8,10 @@ from dataclasses import replace
 import numpy as np
 import shapely
 
-from benchmarks.speed.harness import Row, Size, Wanted, Work, against, timed
+from benchmarks.speed.harness import Row, Size, Wanted, against, timed
 from benchmarks.speed.mobile import TOLERANCE, Task, mobile_chain, task
 from benchmarks.speed.rivals import damped_steps, passes_with_shapely
-from regionik.mfabrik import Batch, Solver
-from regionik.planners.solvers.batches import answer_all, begun
-from regionik.planners.solvers.callsheet import effort_in, links_in
-from regionik.planners.solvers.lanes import BLOCK, SIZE, abreast
+from regionik.mfabrik import Solver
 from regionik.regions import admissible_area
 from regionik.worlds.arrays import Array
 from regionik.worlds.obstacles import Cylinder
@@ -46,7 +43,7 @@ def batches(size: Size) -> Iterator[Row]:
         own = 100 * solver.batch(*some[1:]).converged.mean()
         note = (
             f"DLS solves {met:.4g} %, {100 * within.mean():.4g} % within limits; ours {own:.4g} %, all "
-            f"within limits; {profile(some, solver)}"
+            f"within limits"
         )
         yield against(
             f"one of a batch of {count:,}, joints to joints",
@@ -60,38 +57,6 @@ def batches(size: Size) -> Iterator[Row]:
         )
 
 
-def profile(some: Task, solver: Solver) -> str:
-    """Where the time of a batch goes."""
-    assert solver._call is not None
-    call = solver._call[2]
-    count, few, block = len(some.targets), Size(rounds=5), np.empty(SIZE)
-    found = Batch.empty(count, some.robot.chain.dof)
-    links, effort, first = links_in(call), effort_in(call), some.first(BLOCK)
-
-    def spent(work: Work, count: int) -> float:
-        row = timed("", "", work, None, few)
-        return 1e9 * row.figure.median / count if row.figure else np.nan
-
-    def inside() -> None:
-        columns = found.base, found.joints, found.error, found.iterations, found.converged
-        answer_all(call, some.targets, some.bases, some.joints, *columns)
-
-    def before() -> None:
-        begun(call, first.targets, first.bases, first.joints, block)
-
-    def lanes() -> None:
-        before()
-        abreast(links, effort, len(first.targets), block, found.error, found.iterations)
-
-    whole, all_inside = spent(lambda: solver.batch(*some[1:]), count), spent(inside, count)
-    alone = spent(before, len(first.targets))
-    passes = spent(lanes, len(first.targets)) - alone
-    return (
-        f"of ours {whole:.0f} ns: {passes:.0f} in passes abreast, {all_inside - passes:.0f} in turning "
-        f"angles to knots and back and in what lanes leave, {whole - all_inside:.0f} in checking and copying"
-    )
-
-
 def limits_of(some: Task) -> Array:
     """Limits of base and arm (3 + dof, 2)."""
     chain = mobile_chain(some.robot)
@@ -100,9 +65,9 @@ def limits_of(some: Task) -> Array:
 
 def damped(some: Task, solver: Solver, bounds: Array) -> tuple[Array, Array]:
     """Errors [m] of damped least squares, and whether its joints are within limits."""
-    assert solver._call is not None
+    assert solver._setup is not None
     bases, joints, errors = some.bases.copy(), some.joints.copy(), np.empty(len(some.targets))
-    damped_steps(solver._call[2], bounds, some.targets, bases, joints, TOLERANCE, errors)
+    damped_steps(solver._setup, bounds, some.targets, bases, joints, TOLERANCE, errors)
     lower, upper = limits_of(some)[3:].T
     return errors, ((joints >= lower) & (joints <= upper)).all(axis=1)
 
@@ -127,9 +92,9 @@ def clamped(size: Size) -> Row:
         if area.is_empty:
             continue
         solver, edge = Solver(some.robot, area, TOLERANCE), area.boundary
-        assert solver._call is not None
+        assert solver._setup is not None
         shapely.prepare([area, edge])
-        theirs = (solver._call[2], area, edge, *case, TOLERANCE)
+        theirs = (solver._setup, area, edge, *case, TOLERANCE)
         found, (error, used, x, y) = solver(*case), passes_with_shapely(*theirs)
         if found.converged and error <= TOLERANCE and found.iterations == used:
             assert np.hypot(*(found.base[:2] - [x, y])) < 1e-9, "both must do the same"

@@ -9,39 +9,46 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from regionik.planners.geometry.flat import compiled
-from regionik.planners.geometry.trigonometry import turned
-from regionik.planners.solvers.callsheet import bends_at, links_in
-from regionik.planners.solvers.fabrik import PATIENCE, STALLED
-from regionik.planners.solvers.onecall import axis_at
-from regionik.planners.solvers.passes import Inner, Knots, Pair, fast, inwards, outwards, placed, sight
+from regionik.planners.solvers.fabrik import (
+    ANY,
+    Knots,
+    PlanarLinks,
+    backward_reaching,
+    forward_reaching,
+    knots_at,
+)
+from regionik.planners.solvers.mfabrik_planar import PATIENCE, STALLED
+from regionik.planners.solvers.planar_setup import Record, links_of
 from regionik.postures.serialarm import MOST_PASSES
 from regionik.worlds.arrays import Array
 
 DAMPING = 1e-6  # the best of 1e-2, 1e-4 and 1e-6
 STEPS = 100  # before a target is given up
-FREE = (0.0, 0.0)  # a last link that may point anywhere
 
 
-@fast
+@compiled
 def damped_steps(
-    call: Array, bounds: Array, targets: Array, bases: Array, joints: Array, tolerance: float, errors: Array
+    setup: Record, bounds: Array, targets: Array, bases: Array, joints: Array, tolerance: float, errors: Array
 ) -> None:
     """Full steps of damped least squares over base and arm, joints to joints; overwrites the last three.
 
-    ``call`` is a solver's prepared array, and ``bounds`` (8, 2) the limits to which every step is clipped,
+    ``setup`` is a solver's, and ``bounds`` (8, 2) the limits to which every step is clipped,
     base first. The arm must stand on the axis about which the base turns.
     """
-    J = np.zeros((3, 8))
+    J, arm = np.zeros((3, 8)), setup[0]
+    l0, l1, l2 = arm.lengths
     for k in range(len(targets)):
         base, q, target = bases[k], joints[k], targets[k]
         errors[k] = np.inf
         for _ in range(STEPS):
-            x, y, plane = axis_at(call, base, q)
+            x, y, plane = base[0], base[1], base[2] + arm.plane_zero + q[0]
             u, v = np.cos(plane), np.sin(plane)
-            a, b, c = bends_at(call, q)
-            r0, r1, r2 = call[2] * np.cos(a), call[3] * np.cos(a + b), call[4] * np.cos(a + b + c)
-            z0, z1, z2 = call[2] * np.sin(a), call[3] * np.sin(a + b), call[4] * np.sin(a + b + c)
-            r, z = call[0] + r0 + r1 + r2, call[1] + z0 + z1 + z2
+            a = arm.sign[0] * q[1] + arm.offset[0]
+            b = a + arm.sign[1] * q[2] + arm.offset[1]
+            c = b + arm.sign[2] * q[3] + arm.offset[2]
+            r0, r1, r2 = l0 * np.cos(a), l1 * np.cos(b), l2 * np.cos(c)
+            z0, z1, z2 = l0 * np.sin(a), l1 * np.sin(b), l2 * np.sin(c)
+            r, z = arm.shoulder[0] + r0 + r1 + r2, arm.shoulder[1] + z0 + z1 + z2
             e0, e1, e2 = target[0] - x - r * u, target[1] - y - r * v, target[2] - z
             errors[k] = np.sqrt(e0 * e0 + e1 * e1 + e2 * e2)
             if errors[k] <= tolerance:
@@ -52,7 +59,7 @@ def damped_steps(
             for i in range(3):
                 up = r0 + r1 + r2 if i == 0 else (r1 + r2 if i == 1 else r2)
                 out = -(z0 + z1 + z2) if i == 0 else (-(z1 + z2) if i == 1 else -z2)
-                sign = call[32 + i]
+                sign = arm.sign[i]
                 J[0, 4 + i], J[1, 4 + i], J[2, 4 + i] = sign * out * u, sign * out * v, sign * up
             p00 = p11 = p22 = DAMPING
             p01 = p02 = p12 = 0.0
@@ -78,37 +85,17 @@ def damped_steps(
 
 
 @compiled
-def begun(call: Array, base: Array, joints: Array) -> tuple[float, float, float, Knots]:
-    """Arm axis, direction of the plane and knots of a start."""
-    links = links_in(call)
-    x, y, plane = axis_at(call, base, joints)
-    a, b, c = bends_at(call, joints)
-    knots = placed(links.shoulder, links.lengths, turned(a), turned(a + b), turned(a + b + c))
-    return x, y, plane, knots
-
-
-@compiled
-def seen_first(r: float, z: float, knots: Knots) -> Pair:
-    """Direction of the last link before the first pass."""
-    return sight(FREE, (r, z), knots)
-
-
-@compiled
-def in_pass(call: Array, r: float, z: float, seen: Pair, knots: Knots) -> Inner:
-    """Forward reaching."""
-    links = links_in(call)
-    return inwards(links.shoulder, links.lengths, links.holds[1], links.holds[2], seen, (r, z), knots)
-
-
-@compiled
-def out_pass(call: Array, r: float, z: float, inner: Inner, by: float) -> tuple[Knots, Pair]:
-    """Backward reaching."""
-    links = links_in(call)
-    return outwards(links.shoulder, links.lengths, links.holds, FREE, (r, z), inner, by)
+def begun(setup: Record, joints: Array) -> tuple[PlanarLinks, Knots]:
+    """Links, and knots of a start."""
+    arm = setup[0]
+    links = links_of(arm)
+    a = arm.sign[0] * joints[1] + arm.offset[0]
+    b = arm.sign[1] * joints[2] + arm.offset[1]
+    return links, knots_at(links, (a, b, arm.sign[2] * joints[3] + arm.offset[2]))
 
 
 def passes_with_shapely(
-    call: Array,
+    setup: Record,
     area: BaseGeometry,
     edge: BaseGeometry,
     target: Array,
@@ -118,16 +105,16 @@ def passes_with_shapely(
 ) -> tuple[float, int, float, float]:
     """The loop of M-FABRIK, its passes compiled, the axis held in a prepared area by calls of shapely.
 
-    ``edge`` is the area's prepared boundary. Returns error [m], passes and the arm axis [m], of the first
-    start alone.
+    ``edge`` is the area's prepared boundary. The arm must stand on the axis about which the base turns.
+    Returns error [m], passes and the arm axis [m], of the first start alone.
     """
-    x, y, plane, knots = begun(call, base, joints)
-    tx, ty, tz = target.tolist()
-    ux, uy = math.cos(plane), math.sin(plane)
-    miss = x + knots[4] * ux - tx, y + knots[4] * uy - ty, knots[5] - tz
+    links, knots = begun(setup, joints)
+    (x, y, yaw), (tx, ty, tz) = base.tolist(), target.tolist()
+    plane = yaw + setup[0]["plane_zero"] + joints[0]
+    miss = x + knots[4] * math.cos(plane) - tx, y + knots[4] * math.sin(plane) - ty, knots[5] - tz
     error, passes = math.hypot(*miss), 0
     settled = shapely.intersects_xy(area, x, y)
-    mark, seen = math.inf, FREE
+    mark = math.inf
     while (error > tolerance or not settled) and passes < MOST_PASSES:
         if passes % PATIENCE == PATIENCE - 1:
             if error > STALLED * mark:
@@ -136,13 +123,14 @@ def passes_with_shapely(
         passes += 1
         before = math.hypot(tx - x, ty - y)
         ux, uy = (tx - x) / before, (ty - y) / before
-        seen = seen if passes > 1 else seen_first(before, tz, knots)
-        inner = in_pass(call, before, tz, seen, knots)
-        shift = inner.root - call[0]
+        root, knots = forward_reaching(links, ANY, (before, tz), knots)
+        shift = root - links.shoulder[0]
         x, y = x + shift * ux, y + shift * uy
         if not shapely.intersects_xy(area, x, y):
             x, y = shapely.get_coordinates(shapely.shortest_line(edge, shapely.Point(x, y)))[0].tolist()
         r = math.hypot(tx - x, ty - y)
-        knots, seen = out_pass(call, r, tz, inner, r - before)
+        by = r - before
+        moved = knots[0] + by, knots[1], knots[2] + by, knots[3], knots[4] + by, knots[5]
+        knots = backward_reaching(links, ANY, (r, tz), moved)
         error, settled = math.hypot(knots[4] - r, knots[5] - tz), True
     return error, passes, x, y

@@ -8,13 +8,12 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import replace
 
 import numpy as np
 
 from benchmarks.ik_peers import bounds
 from benchmarks.speed import peers
-from benchmarks.speed.harness import Row, Size, Wanted, Work, absent, against, timed
+from benchmarks.speed.harness import Row, Size, Wanted, Work, absent, against
 from benchmarks.speed.mobile import TOLERANCE, Task, mobile_chain, task
 from regionik.mfabrik import Solver
 from regionik.worlds.arrays import Array
@@ -46,32 +45,9 @@ def rows(size: Size) -> Iterator[Row]:
         ours, own = asked_of_ours(some)
         note = f"setting {setting}; solves {100 * share:.3g} % of {len(some.targets)}, ours {100 * own:.3g} %"
         work, pieces = asked_of(ask, some), (len(some.targets),) * 2
-        row = against(WHAT, name, ours, work, wanted, size, pieces=pieces, note=note)
-        yield row if row.met else replace(row, note=f"{note}; {profile(some)}")
+        yield against(WHAT, name, ours, work, wanted, size, pieces=pieces, note=note)
     why = "its Python door takes whole poses only, so it cannot be asked for a position"
     yield absent(WHAT, "pytracik", None, why)
-
-
-def profile(some: Task) -> str:
-    """Where the time of a solve goes: a line for rows that are missed."""
-    solver = Solver(some.robot, tolerance=TOLERANCE)
-    assert solver._call is not None
-    kernel, dof, call = solver._call
-    cases = list(zip(some.targets, some.bases, some.joints, strict=True))
-    base, joints, lost = np.empty(3), np.empty(dof), np.full(3, np.nan)
-    few = Size(rounds=5)
-
-    def spent(work: Callable[[Array, Array, Array], object]) -> float:
-        row = timed("", "", lambda: [work(*case) for case in cases], None, few)
-        return 1e9 * row.figure.median / len(cases) if row.figure else np.nan
-
-    whole = spent(solver)
-    inside = spent(lambda t, b, q: kernel(call, t, b, q, base, joints))
-    refused = spent(lambda t, b, q: kernel(call, lost, b, q, base, joints))
-    return (
-        f"of ours {whole:.0f} ns: {inside - refused:.0f} in the compiled passes, {refused:.0f} in handing "
-        f"arrays to them, {whole - inside:.0f} in room for the answer and its object"
-    )
 
 
 def asked_of(ask: peers.Ask, some: Task) -> Work:

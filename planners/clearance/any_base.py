@@ -33,7 +33,7 @@ from regionik.planners.clearance.planar_cells import (
     turn_pivot,
 )
 from regionik.planners.driving.room import Room, fits, surely_out
-from regionik.planners.geometry.angles import wrap
+from regionik.planners.geometry.angles import fit, wrap
 from regionik.planners.geometry.flat import Index, compiled
 from regionik.planners.geometry.upright import Uprights, signed_distance
 from regionik.planners.reach.ringfloor import Parts, inside, is_near
@@ -48,7 +48,6 @@ from regionik.planners.search.box_search import (
     together,
     verdict_of,
 )
-from regionik.planners.solvers.planar_arm import fit
 from regionik.worlds.arrays import Array
 
 MOST_REFUSED = 200  # postures that the other check turned down

@@ -15,10 +15,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from regionik.planners.geometry.angles import wrap
+from regionik.planners.geometry.angles import fit, wrap
 from regionik.planners.geometry.flat import compiled
 from regionik.planners.search.box_search import Verdict
-from regionik.planners.solvers.planar_arm import LIMIT_SLACK, PlaneArm, fit
+from regionik.planners.solvers.planar_arm import LIMIT_SLACK, PlaneArm
 from regionik.worlds.arrays import Array
 
 SLACK = 1e-10  # rounding that no proof may rest on [m] or [rad]

@@ -1,6 +1,7 @@
 """Triangles in a tree of boxes: which of them are nearer to a hull than another has said, if any.
 
-The tree is kept as that of `edgetree`. Triangles that share a leaf lie beside each other.
+The tree is a full binary one kept as an array: node i has the children 2 i and 2 i + 1, and the last half of
+the nodes are leaves of a few triangles each. Triangles that share a leaf lie beside each other.
 """
 
 from __future__ import annotations
@@ -10,7 +11,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from regionik.planners.geometry.edgetree import beyond
 from regionik.planners.geometry.flat import compiled
 from regionik.planners.geometry.hulls import extremes, hull_gap
 from regionik.worlds.arrays import Array
@@ -62,6 +62,14 @@ def _by_leaf(middles: Array, which: NDArray[np.int64], leaves: int) -> NDArray[n
 
 
 @compiled
+def _beyond(i: int) -> int:
+    """The next node that is not below this one; 0 behind the last."""
+    while i & 1:
+        i >>= 1
+    return i + 1 if i > 0 else 0
+
+
+@compiled
 def nearest_face(tree: FaceTree, A: Array, most: float, way: Array, spot: Array) -> float:
     """Distance of the hull of A from the triangles, where it is less than ``most``, else that [m].
 
@@ -90,7 +98,7 @@ def nearest_face(tree: FaceTree, A: Array, most: float, way: Array, spot: Array)
             aside = max(boxes[i, d] - high[d], low[d] - boxes[i, 3 + d], 0.0)
             square += aside * aside
         if square >= least * least:
-            i = beyond(i)
+            i = _beyond(i)
         elif i < leaves:
             i *= 2
         else:
@@ -104,5 +112,5 @@ def nearest_face(tree: FaceTree, A: Array, most: float, way: Array, spot: Array)
                     least = gap
                     way[:] = along
                     spot[:] = place
-            i = beyond(i)
+            i = _beyond(i)
     return least

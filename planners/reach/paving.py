@@ -44,8 +44,8 @@ ROUNDING = 1e-12
 EVERY = sys.maxsize  # boxes: the search ends of itself
 
 
-class Thresholds(NamedTuple):
-    """What is asked of the postures at a height."""
+class HeightThresholds(NamedTuple):
+    """Thresholds of the postures at a height."""
 
     arm: PlaneArm
     asked: Thresholds
@@ -57,7 +57,7 @@ class Thresholds(NamedTuple):
 class Distances(NamedTuple):
     """The distances from near to far, to be served by one pitch [m]."""
 
-    thresholds: Thresholds
+    thresholds: HeightThresholds
     near: float
     far: float
 
@@ -84,7 +84,7 @@ def paved(
         Intervals, each of whose distances has such a posture; and all outside of which no distance has one.
     """
     low, high = pitches if np.isfinite(pitches).all() else (-np.pi, np.pi)
-    boxes = _pave(Thresholds(arm, asked, z, low, high), known[:, :1].copy(), known[:, 1:].copy())
+    boxes = _pave(HeightThresholds(arm, asked, z, low, high), known[:, :1].copy(), known[:, 1:].copy())
     inner = proven(boxes)
     rows = np.column_stack([boxes.low, boxes.high])
     return _joined(rows[inner]), _joined(rows[np.concatenate([inner, left_open(boxes)])])
@@ -98,13 +98,13 @@ def _joined(rows: Array) -> Array:
 
 
 @compiled
-def _pave(thresholds: Thresholds, near: Array, far: Array) -> Boxes:
+def _pave(thresholds: HeightThresholds, near: Array, far: Array) -> Boxes:
     boxes = begin(judge_distances, thresholds, near, far)
     return explore(judge_distances, thresholds, boxes, EVERY, EVERY)
 
 
 @compiled
-def judge_distances(thresholds: Thresholds, near: Array, far: Array) -> tuple[Verdict, float, int]:
+def judge_distances(thresholds: HeightThresholds, near: Array, far: Array) -> tuple[Verdict, float, int]:
     """Judge distances (1,): proven by one pitch that serves all of them, ruled out where none serves any."""
     distances = Distances(thresholds, near[0], far[0])
     low = np.array([[thresholds.low, -1.0], [thresholds.low, 1.0]])  # of pitch and elbow

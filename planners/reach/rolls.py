@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from regionik.planners.geometry.angles import wrap
-from regionik.planners.solvers.planar_arm import TWO_PI
+from regionik.planners.geometry.angles import TWO_PI, wrap
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import rot_y, rot_z
 from regionik.worlds.planar_arm import PlanarArm

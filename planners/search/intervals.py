@@ -81,7 +81,7 @@ def within_limits(low: float, high: float, lower: float, upper: float, rounding:
     """Judge an interval of angles against limits, whole turns aside [rad]."""
     if lower == -np.inf and upper == np.inf:
         return Verdict.PROVEN
-    lower = lower if lower > -np.inf else -np.pi  # as `kernels.fit` takes what has one end
+    lower = lower if lower > -np.inf else -np.pi  # as `angles.fit` takes what has one end
     upper = upper if upper < np.inf else np.pi
     turn = np.round((0.5 * (low + high) - 0.5 * (lower + upper)) / TWO_PI)
     touches = False

@@ -34,7 +34,7 @@ from regionik.planners.solvers.joint_turns import (
     product_back,
     turn_frame,
 )
-from regionik.planners.solvers.rigid_bodies import Bodies
+from regionik.planners.solvers.rigid_bodies import RigidBodies
 from regionik.planners.solvers.serial_chain import rotate_about
 from regionik.worlds.arrays import Array
 
@@ -58,7 +58,7 @@ class Posture(NamedTuple):
 
 
 @compiled
-def posture_of(bodies: Bodies, joints: Array) -> Posture:
+def posture_of(bodies: RigidBodies, joints: Array) -> Posture:
     """Posture with the joints at ``joints``, which are copied."""
     n = len(bodies.slide)
     posture = Posture(joints[:n].copy(), np.empty((n, 3, 3)), np.empty((n + 1, 3)), np.empty((n + 1, 3)))
@@ -67,21 +67,21 @@ def posture_of(bodies: Bodies, joints: Array) -> Posture:
 
 
 @compiled
-def settle(bodies: Bodies, posture: Posture) -> None:
+def settle(bodies: RigidBodies, posture: Posture) -> None:
     """Place every body from the joints: forward kinematics."""
     for k in range(len(posture.joints)):
         backward_place(bodies, k, posture.joints[k], posture)
 
 
 @compiled
-def backward_pass(bodies: Bodies, posture: Posture) -> None:
+def backward_pass(bodies: RigidBodies, posture: Posture) -> None:
     """From the root out to the tool."""
     for k in range(len(posture.joints)):
         backward_step(bodies, k, posture)
 
 
 @compiled
-def forward_pass(bodies: Bodies, target: Array, posture: Posture) -> None:
+def forward_pass(bodies: RigidBodies, target: Array, posture: Posture) -> None:
     """From the target in to the root, the last body free to turn."""
     forward_start(bodies, target, posture)
     for k in range(len(posture.joints) - 1, 0, -1):
@@ -89,7 +89,7 @@ def forward_pass(bodies: Bodies, target: Array, posture: Posture) -> None:
 
 
 @compiled
-def backward_step(bodies: Bodies, k: int, posture: Posture) -> float:
+def backward_step(bodies: RigidBodies, k: int, posture: Posture) -> float:
     """Choose joint k and place body k; returns the joint's value."""
     value = backward_choice(bodies, k, posture)
     backward_place(bodies, k, value, posture)
@@ -97,7 +97,7 @@ def backward_step(bodies: Bodies, k: int, posture: Posture) -> float:
 
 
 @compiled
-def forward_step(bodies: Bodies, k: int, posture: Posture) -> float:
+def forward_step(bodies: RigidBodies, k: int, posture: Posture) -> float:
     """Choose joint k from the far side and place body k - 1 (k > 0); returns the joint's value."""
     value = forward_choice(bodies, k, posture)
     forward_place(bodies, k, value, posture)
@@ -105,7 +105,7 @@ def forward_step(bodies: Bodies, k: int, posture: Posture) -> float:
 
 
 @compiled
-def backward_choice(bodies: Bodies, k: int, posture: Posture) -> float:
+def backward_choice(bodies: RigidBodies, k: int, posture: Posture) -> float:
     """Value of joint k, within its limits, that the old points ahead ask for."""
     arm, base = bodies.arm, np.empty((3, 3))
     _joint_turn(bodies, k, posture, base)
@@ -131,7 +131,7 @@ def backward_choice(bodies: Bodies, k: int, posture: Posture) -> float:
 
 
 @compiled
-def backward_place(bodies: Bodies, k: int, value: float, posture: Posture) -> None:
+def backward_place(bodies: RigidBodies, k: int, value: float, posture: Posture) -> None:
     """Put joint k at ``value`` and place body k after body k - 1."""
     arm, turn, base = bodies.arm, posture.turns[k], np.empty((3, 3))
     posture.joints[k] = value
@@ -154,7 +154,7 @@ def backward_place(bodies: Bodies, k: int, value: float, posture: Posture) -> No
 
 
 @compiled
-def forward_start(bodies: Bodies, target: Array, posture: Posture) -> None:
+def forward_start(bodies: RigidBodies, target: Array, posture: Posture) -> None:
     """Put the tool on the target and turn the last body into the plane of the point that it follows.
 
     The last axis keeps its old direction less the part along the line to that point, and the axis' own point
@@ -179,7 +179,7 @@ def forward_start(bodies: Bodies, target: Array, posture: Posture) -> None:
 
 
 @compiled
-def forward_start_posed(bodies: Bodies, target: Array, turn: Array, posture: Posture) -> None:
+def forward_start_posed(bodies: RigidBodies, target: Array, turn: Array, posture: Posture) -> None:
     """Put the tool on the target with the last link turned as ``turn`` (3, 3) says."""
     n = len(posture.joints)
     posture.turns[n - 1] = turn
@@ -188,7 +188,7 @@ def forward_start_posed(bodies: Bodies, target: Array, turn: Array, posture: Pos
 
 
 @compiled
-def forward_choice(bodies: Bodies, k: int, posture: Posture) -> float:
+def forward_choice(bodies: RigidBodies, k: int, posture: Posture) -> float:
     """Value of joint k > 0, within its limits, that the old points behind ask for; body k stands."""
     arm, now = bodies.arm, posture.joints[k]
     axis, here = turned(posture.turns[k], row(arm.axis, k)), row(posture.inner, k)
@@ -210,7 +210,7 @@ def forward_choice(bodies: Bodies, k: int, posture: Posture) -> float:
 
 
 @compiled
-def forward_place(bodies: Bodies, k: int, value: float, posture: Posture) -> None:
+def forward_place(bodies: RigidBodies, k: int, value: float, posture: Posture) -> None:
     """Put joint k > 0 at ``value`` and place body k - 1 before body k."""
     arm, turn = bodies.arm, posture.turns[k]
     back = np.empty((3, 3))
@@ -230,7 +230,7 @@ def forward_place(bodies: Bodies, k: int, value: float, posture: Posture) -> Non
 
 
 @compiled
-def _joint_turn(bodies: Bodies, k: int, posture: Posture, out: Array) -> None:
+def _joint_turn(bodies: RigidBodies, k: int, posture: Posture, out: Array) -> None:
     """Orientation of link k at joint value 0, from that of link k - 1."""
     if k == 0:
         out[:] = bodies.arm.fixed[0, :3, :3]
@@ -239,7 +239,7 @@ def _joint_turn(bodies: Bodies, k: int, posture: Posture, out: Array) -> None:
 
 
 @compiled
-def place_behind(bodies: Bodies, k: int, posture: Posture) -> None:
+def place_behind(bodies: RigidBodies, k: int, posture: Posture) -> None:
     """Points of axis k from the orientation of link k and the inner point ahead of it."""
     turn, link, axis = posture.turns[k], row(bodies.inner, k), row(bodies.arm.axis, k)
     if not bodies.arm.revolute[k]:
@@ -250,7 +250,7 @@ def place_behind(bodies: Bodies, k: int, posture: Posture) -> None:
 
 
 @compiled
-def _span_out(bodies: Bodies, k: int, ahead: int, joints: Array) -> Vector:
+def _span_out(bodies: RigidBodies, k: int, ahead: int, joints: Array) -> Vector:
     """From the outer point of axis k to that of axis ``ahead``, over slides, in the frame of link k."""
     v = row(bodies.outer, ahead - 1)
     for i in range(ahead - 1, k, -1):
@@ -260,7 +260,7 @@ def _span_out(bodies: Bodies, k: int, ahead: int, joints: Array) -> Vector:
 
 
 @compiled
-def _span_in(bodies: Bodies, k: int, behind: int, joints: Array) -> Vector:
+def _span_in(bodies: RigidBodies, k: int, behind: int, joints: Array) -> Vector:
     """Inner point of axis k to that of axis ``behind``, over slides, with link k at joint value 0."""
     arm = bodies.arm
     v = (0.0, 0.0, 0.0)
@@ -273,7 +273,7 @@ def _span_in(bodies: Bodies, k: int, behind: int, joints: Array) -> Vector:
 
 
 @compiled
-def _axis_out(bodies: Bodies, k: int, ahead: int) -> Vector:
+def _axis_out(bodies: RigidBodies, k: int, ahead: int) -> Vector:
     """Axis ``ahead`` in the frame of link k, over slides."""
     v = row(bodies.next_axis, ahead - 1)
     for i in range(ahead - 1, k, -1):
@@ -282,7 +282,7 @@ def _axis_out(bodies: Bodies, k: int, ahead: int) -> Vector:
 
 
 @compiled
-def _axis_in(bodies: Bodies, k: int, behind: int) -> Vector:
+def _axis_in(bodies: RigidBodies, k: int, behind: int) -> Vector:
     """Axis ``behind`` in link k's frame at joint value 0, over slides."""
     v = row(bodies.arm.axis, behind)
     for i in range(behind, k):

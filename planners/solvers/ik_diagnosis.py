@@ -6,7 +6,7 @@ import numpy as np
 
 from regionik.planners.solvers.damped_least_squares import POSITION, Aim
 from regionik.planners.solvers.multistart_ik import Effort, solve
-from regionik.planners.solvers.rigid_bodies import Bodies, pointing_bodies, posing_bodies
+from regionik.planners.solvers.rigid_bodies import RigidBodies, pointing_bodies, posing_bodies
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
 
@@ -44,7 +44,7 @@ def why_not(
     return f"passes stalled {missing} from the goal after {passes} passes from {len(starts) + 1} postures"
 
 
-def reach_bounds(bodies: Bodies) -> tuple[float, float]:
+def reach_bounds(bodies: RigidBodies) -> tuple[float, float]:
     """Least and greatest distance of the tool from the root point that the bodies' lengths allow [m]."""
     longest = np.linalg.norm(bodies.outer, axis=1)
     shortest = longest.copy()
@@ -60,7 +60,7 @@ def reach_bounds(bodies: Bodies) -> tuple[float, float]:
     return float(max(0.0, (shortest - rest).max())), float(longest.sum())
 
 
-def _without_limits(bodies: Bodies, aim: Aim, starts: Array, effort: Effort, joints: Array) -> str:
+def _without_limits(bodies: RigidBodies, aim: Aim, starts: Array, effort: Effort, joints: Array) -> str:
     """Which joints leave their limits once they may; empty where that does not help either."""
     arm = bodies.arm
     if np.isinf(arm.lower).all() and np.isinf(arm.upper).all():
@@ -85,7 +85,7 @@ def _without_limits(bodies: Bodies, aim: Aim, starts: Array, effort: Effort, joi
     return f"the goal is met, joint {k + 1} being {excess[k]:.4g} {unit} past its limit"
 
 
-def _position_alone(bodies: Bodies, aim: Aim, starts: Array, effort: Effort, joints: Array) -> bool:
+def _position_alone(bodies: RigidBodies, aim: Aim, starts: Array, effort: Effort, joints: Array) -> bool:
     n, q = len(bodies.slide), joints.copy()
     at = Aim(aim.position, POSITION, np.eye(3))
     error, *_ = solve(bodies, at, np.ascontiguousarray(starts[:, :n]), effort._replace(polishing=True), q)

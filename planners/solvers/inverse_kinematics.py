@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from regionik.planners.solvers.damped_least_squares import DIRECTION, ORIENTATION, POSITION, Aim
 from regionik.planners.solvers.ik_diagnosis import why_not
 from regionik.planners.solvers.multistart_ik import Effort, solve, solve_batch
-from regionik.planners.solvers.rigid_bodies import Bodies, pointing_bodies, posing_bodies, span
+from regionik.planners.solvers.rigid_bodies import RigidBodies, pointing_bodies, posing_bodies, span
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.chain import Chain
 from regionik.worlds.errors import InputError
@@ -156,11 +156,11 @@ class ArmSolver:
             q, errors, counts[:, 0], counts[:, 1], counts[:, 2] > 0, errors <= self.effort.tolerance
         )
 
-    def bodies(self, kind: int) -> Bodies:
+    def bodies(self, kind: int) -> RigidBodies:
         """The bodies that the kernel `solve` needs for a kind of aim."""
         return self.pointing if kind == POSITION else self.posing
 
-    def _starts(self, bodies: Bodies) -> Array:
+    def _starts(self, bodies: RigidBodies) -> Array:
         return np.ascontiguousarray(self.starts[:, : len(bodies.slide)])
 
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from regionik.planners.geometry.angles import TWO_PI, wrap
 from regionik.planners.geometry.flat import compiled
 from regionik.planners.geometry.vectors import Vector, across, cross, dot, minus, norm, rotated, scaled
-from regionik.planners.solvers.planar_arm import TWO_PI, wrap
 from regionik.worlds.arrays import Array
 
 NOTHING = 1e-13  # lengths, and products of lengths, that are rounding and give no direction [m, m^2]

@@ -6,26 +6,42 @@ FABRIK-R (paper 001).
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
-from regionik.planners.geometry.flat import Index, clamp, compiled, contains
+from regionik.planners.geometry.flat import compiled
+from regionik.planners.solvers.base_placement import BaseArea, move_to_area
 from regionik.planners.solvers.damped_least_squares import Aim
 from regionik.planners.solvers.fabrikr import Posture, backward_pass, posture_of
-from regionik.planners.solvers.multistart_ik import Effort, inward_pass, share_of, solve, tool_misses
-from regionik.planners.solvers.rigid_bodies import Bodies
+from regionik.planners.solvers.multistart_ik import Effort, inward_pass, posture_misses, share_of, solve
+from regionik.planners.solvers.rigid_bodies import RigidBodies
 from regionik.worlds.arrays import Array
 
 
+class ArmStand(NamedTuple):
+    """How an arm stands on its base.
+
+    Attributes
+    ----------
+    pivot : int
+        The joint that turns about the vertical through the arm's base frame; what comes before lifts it.
+    yaw, rise : float
+        Heading and height of the arm's base frame [rad], [m].
+    """
+
+    pivot: int
+    yaw: float
+    rise: float
+
+
 @compiled
-def roam(
-    bodies: Bodies,
-    pivot: int,
+def follow_with_restarts(
+    bodies: RigidBodies,
+    stand: ArmStand,
     starts: Array,
-    vertices: Array,
-    rings: Index,
+    area: BaseArea,
     place: Array,
-    yaw: float,
-    rise: float,
     aim: Aim,
     effort: Effort,
     joints: Array,
@@ -34,20 +50,17 @@ def roam(
 
     Parameters
     ----------
-    bodies : Bodies
+    bodies : RigidBodies
         Pointing ones for a position, posing ones for more.
-    pivot : int
-        The joint that turns about the vertical through the arm's base frame; what comes before lifts it.
+    stand : ArmStand
     starts : (r, n) array
         Postures to start again from.
-    vertices, rings : arrays
-        Admissible area as flat rings; no rings leave the whole floor free.
+    area : BaseArea
     place : (2,) array
         Arm axis on the floor; overwritten with the answer [m].
-    yaw, rise : float
-        Heading and height of the arm's base frame [rad], [m].
     aim : Aim
         In the world.
+    effort : Effort
     joints : (dof,) array
         Overwritten with the answer.
 
@@ -61,7 +74,7 @@ def roam(
         place[:] = first
         trial[:] = joints[:n] if attempt == 0 else starts[attempt - 1]
         posture = posture_of(bodies, trial)
-        error, angle, used = follow(bodies, pivot, vertices, rings, place, yaw, rise, aim, effort, posture)
+        error, angle, used = follow(bodies, stand, area, place, aim, effort, posture)
         passes += used
         share = share_of(error, angle, effort)
         if share <= 1.0:
@@ -72,57 +85,63 @@ def roam(
             best = share
             nearest[:] = place
     place[:] = nearest  # inside the area: the last pass took it there
-    error, angle, used, _, _ = solve(bodies, seen(place, yaw, rise, aim), starts, effort, joints)
+    seen = in_arm_frame(place, stand.yaw, stand.rise, aim)
+    error, angle, used, _, _ = solve(bodies, seen, starts, effort, joints)
     return error, angle, passes + used
 
 
 @compiled
 def follow(
-    bodies: Bodies,
-    pivot: int,
-    vertices: Array,
-    rings: Index,
+    bodies: RigidBodies,
+    stand: ArmStand,
+    area: BaseArea,
     place: Array,
-    yaw: float,
-    rise: float,
     aim: Aim,
     effort: Effort,
     posture: Posture,
 ) -> tuple[float, float, int]:
-    """Passes from one posture, the base after the root; ``place`` and ``posture`` are overwritten."""
-    n, c, s = len(bodies.slide), np.cos(yaw), np.sin(yaw)
-    bounded = len(rings) > 1
+    """M-FABRIK, Algorithm 1, from one posture: misses [m], [rad] and passes; overwrites place and posture."""
+    c, s, passes = np.cos(stand.yaw), np.sin(stand.yaw), 0
+    goal, miss = in_arm_frame(place, stand.yaw, stand.rise, aim), np.empty(6)
+    error, angle = posture_misses(bodies, goal, posture, miss)  # M-FABRIK, Alg. 1 l. 8
     # A base that has become inadmissible must move even where the tool is in place already.
-    settled = not bounded or contains(vertices, rings, place[0], place[1])
-    goal, miss = seen(place, yaw, rise, aim), np.empty(6)
-    for used in range(effort.most_passes + 1):
-        error, angle = tool_misses(bodies, goal, posture, miss)
-        if (share_of(error, angle, effort) <= 1.0 and settled) or used == effort.most_passes:
-            break
-        inward_pass(bodies, goal, posture)
-        dx, dy = posture.outer[pivot, 0], posture.outer[pivot, 1]
-        if pivot == 0:
+    if share_of(error, angle, effort) <= 1.0 and move_to_area(area, place[0], place[1]) == (
+        place[0],
+        place[1],
+    ):
+        return error, angle, 0
+    while passes < effort.most_passes:  # l. 9
+        passes += 1
+        inward_pass(bodies, goal, posture)  # l. 11
+        dx, dy = posture.outer[stand.pivot, 0], posture.outer[stand.pivot, 1]  # l. 13: ProjectPoint
+        if stand.pivot == 0:
             dx, dy = dx - bodies.root[0], dy - bodies.root[1]
-        x, y = place[0] + c * dx - s * dy, place[1] + s * dx + c * dy
-        if bounded:
-            x, y = clamp(vertices, rings, x, y)
-        moved_x, moved_y = c * (x - place[0]) + s * (y - place[1]), c * (y - place[1]) - s * (x - place[0])
+        x, y = move_to_area(area, place[0] + c * dx - s * dy, place[1] + s * dx + c * dy)  # l. 15-19
+        by_x, by_y = c * (x - place[0]) + s * (y - place[1]), c * (y - place[1]) - s * (x - place[0])
         place[0], place[1] = x, y
-        for k in range(n + 1):  # the chain comes along with the target
-            posture.outer[k, 0] -= moved_x
-            posture.outer[k, 1] -= moved_y
-            posture.inner[k, 0] -= moved_x
-            posture.inner[k, 1] -= moved_y
-        goal.position[0] -= moved_x
-        goal.position[1] -= moved_y
-        backward_pass(bodies, posture)
-        settled = True
-    return error, angle, used
+        _shift(posture, goal, by_x, by_y)
+        backward_pass(bodies, posture)  # l. 21
+        error, angle = posture_misses(bodies, goal, posture, miss)  # l. 23
+        if share_of(error, angle, effort) <= 1.0:
+            break
+    return error, angle, passes
 
 
 @compiled
-def seen(place: Array, yaw: float, rise: float, aim: Aim) -> Aim:
-    """An aim in the frame of an arm whose axis stands at a place."""
+def _shift(posture: Posture, goal: Aim, x: float, y: float) -> None:
+    """Take chain and target back by what the arm's base frame has moved."""
+    for k in range(len(posture.outer)):
+        posture.outer[k, 0] -= x
+        posture.outer[k, 1] -= y
+        posture.inner[k, 0] -= x
+        posture.inner[k, 1] -= y
+    goal.position[0] -= x
+    goal.position[1] -= y
+
+
+@compiled
+def in_arm_frame(place: Array, yaw: float, rise: float, aim: Aim) -> Aim:
+    """An aim in the base frame of an arm whose axis stands at a place."""
     c, s = np.cos(yaw), np.sin(yaw)
     dx, dy = aim.position[0] - place[0], aim.position[1] - place[1]
     position = np.array([c * dx + s * dy, c * dy - s * dx, aim.position[2] - rise])

@@ -1,4 +1,4 @@
-"""The loop over FABRIK-R passes: give up what stalls, polish it, start again elsewhere; compiled."""
+"""FABRIK-R from many starts: a start that stalls is polished, then the next one is taken; compiled."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from regionik.planners.geometry.angles import wrap
 from regionik.planners.geometry.flat import compiled
 from regionik.planners.solvers.damped_least_squares import DIRECTION, POSITION, Aim, misses, polish
 from regionik.planners.solvers.fabrikr import (
@@ -17,8 +18,8 @@ from regionik.planners.solvers.fabrikr import (
     forward_step,
     posture_of,
 )
-from regionik.planners.solvers.planar_arm import wrap
-from regionik.planners.solvers.rigid_bodies import Bodies
+from regionik.planners.solvers.joint_turns import product, product_back
+from regionik.planners.solvers.rigid_bodies import RigidBodies
 from regionik.planners.solvers.serial_chain import rotate_about
 from regionik.worlds.arrays import Array
 
@@ -50,7 +51,7 @@ class Effort(NamedTuple):
 
 @compiled
 def solve(
-    bodies: Bodies, aim: Aim, starts: Array, effort: Effort, joints: Array
+    bodies: RigidBodies, aim: Aim, starts: Array, effort: Effort, joints: Array
 ) -> tuple[float, float, int, int, bool]:
     """Bring the tool to its aim: passes from ``joints``, then from each of ``starts``, each end polished.
 
@@ -59,7 +60,7 @@ def solve(
 
     Parameters
     ----------
-    bodies : Bodies
+    bodies : RigidBodies
         Pointing ones for a position, posing ones for more.
     starts : (r, n) array
         Postures to start again from.
@@ -79,7 +80,7 @@ def solve(
     for i in range(2 * count - 1 if effort.polishing else count):
         drawn = i - 1 if i < count else i - count
         end[:] = joints[:n] if i == 0 else starts[drawn]
-        error, angle, used = reach(bodies, aim, effort if i < count else still, end, i == count - 1)
+        error, angle, used = follow_passes(bodies, aim, effort if i < count else still, end, i == count - 1)
         passes += used
         polished = effort.polishing and share_of(error, angle, effort) > 1.0
         if polished:
@@ -98,8 +99,8 @@ def solve(
 
 
 @compiled
-def reach(
-    bodies: Bodies, aim: Aim, effort: Effort, joints: Array, to_the_end: bool
+def follow_passes(
+    bodies: RigidBodies, aim: Aim, effort: Effort, joints: Array, to_the_end: bool
 ) -> tuple[float, float, int]:
     """Passes from one start; ``joints`` (n,) becomes the best posture met.
 
@@ -111,7 +112,7 @@ def reach(
     trail = np.empty(effort.most_passes + 1)
     best, best_error, best_angle, used = np.inf, np.inf, np.inf, 0
     for used in range(effort.most_passes + 1):
-        error, angle = tool_misses(bodies, aim, posture, miss)
+        error, angle = posture_misses(bodies, aim, posture, miss)
         share = share_of(error, angle, effort)
         if share < best:
             best, best_error, best_angle = share, error, angle
@@ -130,7 +131,7 @@ def reach(
 
 
 @compiled
-def inward_pass(bodies: Bodies, aim: Aim, posture: Posture) -> None:
+def inward_pass(bodies: RigidBodies, aim: Aim, posture: Posture) -> None:
     """From the target in to the root, the last body turned as the aim asks."""
     if aim.kind == POSITION:
         forward_pass(bodies, aim.position, posture)
@@ -143,41 +144,30 @@ def inward_pass(bodies: Bodies, aim: Aim, posture: Posture) -> None:
 
 
 @compiled
-def _wanted_last(bodies: Bodies, aim: Aim, posture: Posture, turn: Array) -> None:
+def _wanted_last(bodies: RigidBodies, aim: Aim, posture: Posture, turn: Array) -> None:
     """Orientation of the last link that the aim asks for; of many, the one nearest to the present."""
-    tool = bodies.arm.tool[:3, :3]
-    last, wanted = posture.turns[len(posture.joints) - 1], aim.turn
+    last, wanted = posture.turns[len(posture.joints) - 1], aim.turn.copy()
     if aim.kind == DIRECTION or aim.cone > 0.0:
-        now, miss, spin = _times(last, tool), np.empty(6), np.empty((3, 3))
+        now, miss, spin = np.empty((3, 3)), np.empty(6), np.empty((3, 3))
+        product(last, bodies.arm.tool, now)
         misses((0.0, 0.0, 0.0), now, aim, miss)
         angle = np.sqrt(miss[3] ** 2 + miss[4] ** 2 + miss[5] ** 2)
-        wanted = now
+        wanted[:] = now
         if angle > 0.0:
             rotate_about(miss[3:] / angle, angle, spin)
-            wanted = _times(spin, now)
-    turn[:] = _times(wanted, tool.T)
+            product(spin, now, wanted)
+    product_back(wanted, bodies.arm.tool, turn)
 
 
 @compiled
-def tool_misses(bodies: Bodies, aim: Aim, posture: Posture, miss: Array) -> tuple[float, float]:
+def posture_misses(bodies: RigidBodies, aim: Aim, posture: Posture, miss: Array) -> tuple[float, float]:
     """What the tool misses [m], [rad]; ``miss`` (6,) becomes the way there."""
     n = len(posture.joints)
     position = (posture.outer[n, 0], posture.outer[n, 1], posture.outer[n, 2])
-    turn = posture.turns[n - 1]
+    turn = posture.turns[n - 1].copy()
     if aim.kind != POSITION:
-        turn = _times(turn, bodies.arm.tool[:3, :3])
+        product(posture.turns[n - 1], bodies.arm.tool, turn)
     return misses(position, turn, aim, miss)
-
-
-@compiled
-def _times(A: Array, B: Array) -> Array:
-    """A B, (3, 3)."""
-    out = np.zeros((3, 3))
-    for i in range(3):
-        for j in range(3):
-            for k in range(3):
-                out[i, j] += A[i, k] * B[k, j]
-    return out
 
 
 @compiled
@@ -187,7 +177,7 @@ def share_of(error: float, angle: float, effort: Effort) -> float:
 
 
 @compiled
-def _unwind(bodies: Bodies, answer: Array, joints: Array) -> None:
+def _unwind(bodies: RigidBodies, answer: Array, joints: Array) -> None:
     """Write the answer; joints without limits by the turn nearest to where they were."""
     for k in range(len(answer)):
         value = answer[k]
@@ -198,7 +188,7 @@ def _unwind(bodies: Bodies, answer: Array, joints: Array) -> None:
 
 @compiled
 def solve_batch(
-    bodies: Bodies,
+    bodies: RigidBodies,
     positions: Array,
     starts: Array,
     effort: Effort,

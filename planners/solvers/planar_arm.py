@@ -1,4 +1,4 @@
-"""Compiled inner loops for arms that work in one vertical plane: three links, floats and arrays only.
+"""Closed-form kinematics of an arm that works in one vertical plane, of three links; compiled.
 
 Conventions: r points away from the pivot axis, z up; ``lower`` and ``upper`` bound the bend of each link
 against the one before it (the first against the r axis), counter-clockwise from r to z [rad].
@@ -10,11 +10,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from regionik.planners.geometry.angles import TWO_PI, fit
 from regionik.planners.geometry.flat import compiled
 from regionik.worlds.arrays import Array
 
-TWO_PI = 2.0 * np.pi
-_PER_TURN = 1.0 / TWO_PI
 LIMIT_SLACK = 1e-10  # rounding allowed when a bend is held against its limit [rad]
 
 
@@ -26,39 +25,6 @@ class PlaneArm(NamedTuple):
     lengths: Array
     lower: Array
     upper: Array
-
-
-@compiled
-def wrap(angle: float) -> float:
-    """Angle taken to (-pi, pi]."""
-    turned: float = angle - TWO_PI * np.ceil((angle - np.pi) * _PER_TURN)
-    return turned
-
-
-@compiled
-def fit(bend: float, lower: float, upper: float) -> tuple[float, float]:
-    """The turn of ``bend`` that lies within its limits, or else the nearer limit, and how far that is."""
-    middle = 0.0
-    if np.isfinite(lower) and np.isfinite(upper):
-        middle = 0.5 * (lower + upper)
-    near = middle + wrap(bend - middle)
-    if near < lower:
-        return lower, lower - near
-    if near > upper:
-        return upper, near - upper
-    return near, 0.0
-
-
-@compiled
-def place(arm: PlaneArm, bends: Array, points: Array) -> None:
-    """Forward kinematics in the plane: knots (4, 2) from bends (3,)."""
-    shoulder_r, shoulder_z, lengths, _, _ = arm
-    points[0, 0], points[0, 1] = shoulder_r, shoulder_z
-    angle = 0.0
-    for i in range(3):
-        angle += bends[i]
-        points[i + 1, 0] = points[i, 0] + lengths[i] * np.cos(angle)
-        points[i + 1, 1] = points[i, 1] + lengths[i] * np.sin(angle)
 
 
 @compiled
@@ -75,6 +41,24 @@ def triangle(length_a: float, length_b: float, x: float, z: float) -> tuple[floa
     tip = (d2 + length_b * length_b - length_a * length_a) / (2.0 * d * length_b)
     root, tip = min(1.0, max(-1.0, root)), min(1.0, max(-1.0, tip))
     return np.arctan2(z, x), np.arccos(root), np.arccos(tip), True
+
+
+@compiled
+def wrist_triangle(arm: PlaneArm, r: float, z: float, pitch: float) -> tuple[float, float, float, bool]:
+    """`triangle` of the first two links, the tool at (r, z) and the last link at a pitch."""
+    x, y = r - arm.shoulder_r, z - arm.shoulder_z
+    a, b, c = arm.lengths[0], arm.lengths[1], arm.lengths[2]
+    return triangle(a, b, x - c * np.cos(pitch), y - c * np.sin(pitch))
+
+
+@compiled
+def fitted_bends(arm: PlaneArm, a: float, b: float, c: float) -> tuple[float, float, float]:
+    """Bends of absolute link angles, each taken to the turn within its limits [rad]."""
+    return (
+        fit(a, arm.lower[0], arm.upper[0])[0],
+        fit(b - a, arm.lower[1], arm.upper[1])[0],
+        fit(c - b, arm.lower[2], arm.upper[2])[0],
+    )
 
 
 @compiled
@@ -111,7 +95,7 @@ def critical_posture(
     r: float,
     z: float,
 ) -> tuple[bool, float, float, float]:
-    """Whether the tool can be put at (r, z) within limits and two pitches, and the links' angles if so.
+    """Put the tool at (r, z) within limits and two pitches: whether that is possible, and the links' angles.
 
     Every connected piece of the arm's self-motion holds a posture with a bend or the pitch at its limit,
     with the elbow straight or folded, or else every pitch; so it is enough to try those.
@@ -185,32 +169,24 @@ def widest_posture(
     tries: int,
 ) -> bool:
     """Among postures that reach (r, z), the one farthest from its limits; False where there is none."""
-    shoulder_r, shoulder_z, lengths, lower, upper = arm
-    x, y = r - shoulder_r, z - shoulder_z
     best = -LIMIT_SLACK
     found = False
     count = 1 if np.isfinite(pitch) else tries
     for k in range(count):
         tool = pitch if np.isfinite(pitch) else TWO_PI * k / tries
-        lead, root, tip, ok = triangle(
-            lengths[0], lengths[1], x - lengths[2] * np.cos(tool), y - lengths[2] * np.sin(tool)
-        )
+        lead, root, tip, ok = wrist_triangle(arm, r, z, tool)
         for elbow in (-1.0, 1.0):
             first, second = lead + elbow * root, lead - elbow * tip
             if ok:
-                room = min(slack(lower, upper, first, second, tool), np.pi)
+                room = min(slack(arm.lower, arm.upper, first, second, tool), np.pi)
                 if room > best:
                     best, found = room, True
-                    bends[0], _ = fit(first, lower[0], upper[0])
-                    bends[1], _ = fit(second - first, lower[1], upper[1])
-                    bends[2], _ = fit(tool - second, lower[2], upper[2])
+                    bends[0], bends[1], bends[2] = fitted_bends(arm, first, second, tool)
     if not found:  # it hides between two pitches
         pitch_low, pitch_high = (pitch, pitch) if np.isfinite(pitch) else (-np.inf, np.inf)
         found, first, second, tool = critical_posture(arm, pitch_low, pitch_high, r, z)
         if found:
-            bends[0], _ = fit(first, lower[0], upper[0])
-            bends[1], _ = fit(second - first, lower[1], upper[1])
-            bends[2], _ = fit(tool - second, lower[2], upper[2])
+            bends[0], bends[1], bends[2] = fitted_bends(arm, first, second, tool)
     return found
 
 
@@ -277,22 +253,16 @@ def nearest_posture(
 
     Pitches within ``reach`` of the present one are tried, ``tries`` a side; returns the change, inf for none.
     """
-    shoulder_r, shoulder_z, lengths, lower, upper = arm
-    x, y = r - shoulder_r, z - shoulder_z
     best = np.inf
     old_a, old_b, old_c = near[0], near[1], near[2]
     count = 1 if np.isfinite(pitch) else 2 * tries + 1
     for k in range(count):
         tool = pitch if np.isfinite(pitch) else old_a + old_b + old_c + reach * (k - tries) / tries
-        lead, root, tip, ok = triangle(
-            lengths[0], lengths[1], x - lengths[2] * np.cos(tool), y - lengths[2] * np.sin(tool)
-        )
+        lead, root, tip, ok = wrist_triangle(arm, r, z, tool)
         for elbow in (-1.0, 1.0):
             first, second = lead + elbow * root, lead - elbow * tip
-            if ok and slack(lower, upper, first, second, tool) >= 0.0:
-                a, _ = fit(first, lower[0], upper[0])
-                b, _ = fit(second - first, lower[1], upper[1])
-                c, _ = fit(tool - second, lower[2], upper[2])
+            if ok and slack(arm.lower, arm.upper, first, second, tool) >= 0.0:
+                a, b, c = fitted_bends(arm, first, second, tool)
                 change = max(abs(a - old_a), abs(b - old_b), abs(c - old_c))
                 if change < best:
                     best = change
@@ -306,19 +276,13 @@ def self_motion(arm: PlaneArm, pitch: float, r: float, z: float, tries: int, out
 
     Returns their number; fills bends into ``out`` (2 tries, 3).
     """
-    shoulder_r, shoulder_z, lengths, lower, upper = arm
-    x, y = r - shoulder_r, z - shoulder_z
     count = 0
     for k in range(1 if np.isfinite(pitch) else tries):
         tool = pitch if np.isfinite(pitch) else TWO_PI * k / tries
-        lead, root, tip, ok = triangle(
-            lengths[0], lengths[1], x - lengths[2] * np.cos(tool), y - lengths[2] * np.sin(tool)
-        )
+        lead, root, tip, ok = wrist_triangle(arm, r, z, tool)
         for elbow in (-1.0, 1.0):
             first, second = lead + elbow * root, lead - elbow * tip
-            if ok and slack(lower, upper, first, second, tool) >= 0.0:
-                out[count, 0], _ = fit(first, lower[0], upper[0])
-                out[count, 1], _ = fit(second - first, lower[1], upper[1])
-                out[count, 2], _ = fit(tool - second, lower[2], upper[2])
+            if ok and slack(arm.lower, arm.upper, first, second, tool) >= 0.0:
+                out[count, 0], out[count, 1], out[count, 2] = fitted_bends(arm, first, second, tool)
                 count += 1
     return count

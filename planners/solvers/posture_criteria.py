@@ -1,7 +1,7 @@
-"""What a posture of an arm in one plane is good for: its manipulability, and what gravity asks of its hinges.
+"""Manipulability of a planar arm, gravity's torques in its hinges, and postures that meet thresholds of both.
 
 Neither depends on where the pivot is turned. With the last link at a pitch, its end in place and the elbow on
-one side there is one posture, so that postures on a target are two curves over the pitch.
+one side there is one posture, so that the postures on a target are two curves over the pitch.
 """
 
 from __future__ import annotations
@@ -11,20 +11,21 @@ from typing import NamedTuple
 
 import numpy as np
 
+from regionik.planners.geometry.angles import TWO_PI
 from regionik.planners.geometry.flat import compiled
-from regionik.planners.solvers.planar_arm import TWO_PI, PlaneArm, fit, slack, triangle
+from regionik.planners.solvers.planar_arm import PlaneArm, fitted_bends, slack, wrist_triangle
 from regionik.worlds.arrays import Array
 from regionik.worlds.criteria import Criteria
 from regionik.worlds.planar_arm import PlanarArm
 from regionik.worlds.robot import GRAVITY, LinkMass, Robot
 
-REFINEMENTS = 30  # of the pitch, where no sampled one meets what is asked
-SPARE = 1e-9  # of what is asked, beyond rounding
-COMFORT = 0.01  # of what is asked, so that a tool moved within its tolerance still meets it
+REFINEMENTS = 30  # of the pitch, where no sampled one meets the thresholds
+SPARE = 1e-9  # share of a threshold, beyond rounding
+COMFORT = 0.01  # share of a threshold, so that a tool moved within its tolerance still meets it
 
 
-class Asked(NamedTuple):
-    """Thresholds as kernels take them.
+class Thresholds(NamedTuple):
+    """Thresholds of a planar arm, for kernels.
 
     Attributes
     ----------
@@ -43,7 +44,7 @@ class Asked(NamedTuple):
 
 
 @lru_cache(maxsize=256)
-def asked_of(arm: PlanarArm, robot: Robot, criteria: Criteria) -> tuple[Asked, Asked]:
+def thresholds_of(arm: PlanarArm, robot: Robot, criteria: Criteria) -> tuple[Thresholds, Thresholds]:
     """What criteria ask of an arm in one plane besides its limits: thresholds for inner reach, and for outer.
 
     Masses off the axis of the roll joint pull as the roll turns them. Inner thresholds hold at any roll,
@@ -54,11 +55,11 @@ def asked_of(arm: PlanarArm, robot: Robot, criteria: Criteria) -> tuple[Asked, A
     limits = criteria.efforts(robot.chain.dof)
     hinges = np.array(limits[1 : 1 + arm.hinges])
     if loose == 0.0:
-        both = Asked(least, pull, hinges)
+        both = Thresholds(least, pull, hinges)
         return both, both
     rolls = arm.roll is None or loose <= limits[arm.roll]
     inner = hinges - loose if rolls else np.full(arm.hinges, -np.inf)
-    return Asked(least, pull, inner), Asked(least, pull, hinges + loose)
+    return Thresholds(least, pull, inner), Thresholds(least, pull, hinges + loose)
 
 
 def _pull(robot: Robot, arm: PlanarArm) -> tuple[Array, float]:
@@ -91,7 +92,7 @@ def _placed(load: LinkMass, frames: Array) -> Array:
 
 
 @compiled
-def spare(arm: PlaneArm, asked: Asked, r: float, z: float, a: float, b: float, c: float) -> float:
+def spare(arm: PlaneArm, thresholds: Thresholds, r: float, z: float, a: float, b: float, c: float) -> float:
     """Least margin of a posture to the thresholds, as a share of them; negative where one is not met.
 
     Parameters
@@ -102,26 +103,27 @@ def spare(arm: PlaneArm, asked: Asked, r: float, z: float, a: float, b: float, c
         Angles of its links in the plane [rad].
     """
     least = np.inf
-    if asked.least > 0.0:
+    if thresholds.least > 0.0:
         x, y = r - arm.shoulder_r, z - arm.shoulder_z
+        # Manipulability, w = sqrt(det(J J^T)): Yoshikawa, Int. J. Robotics Research 4 (1985).
         first = arm.lengths[0] * (np.cos(a) * y - np.sin(a) * x)
         last = arm.lengths[2] * (x * np.sin(c) - y * np.cos(c))
         bent = arm.lengths[1] * arm.lengths[2] * np.sin(c - b)
         # Cauchy-Binet: the sum of the squares of all minors of the hinges' columns; the pivot's is r.
-        least = abs(r) * np.sqrt(first * first + last * last + bent * bent) / asked.least - 1.0
+        least = abs(r) * np.sqrt(first * first + last * last + bent * bent) / thresholds.least - 1.0
     torque = 0.0
     for k in range(2, -1, -1):
         angle = a if k == 0 else (b if k == 1 else c)
-        torque += asked.pull[k, 0] * np.cos(asked.pull[k, 1] + angle)
-        if not asked.most[k] > 0.0:
+        torque += thresholds.pull[k, 0] * np.cos(thresholds.pull[k, 1] + angle)
+        if not thresholds.most[k] > 0.0:
             return -np.inf
-        if asked.most[k] < np.inf:
-            least = min(least, (asked.most[k] - abs(torque)) / asked.most[k])
+        if thresholds.most[k] < np.inf:
+            least = min(least, (thresholds.most[k] - abs(torque)) / thresholds.most[k])
     return least
 
 
 @compiled
-def posture_spare(arm: PlaneArm, asked: Asked, bends: Array) -> float:
+def posture_spare(arm: PlaneArm, thresholds: Thresholds, bends: Array) -> float:
     """As `spare`, of bends (3,)."""
     r, z, angle = arm.shoulder_r, arm.shoulder_z, 0.0
     for k in range(3):
@@ -129,28 +131,32 @@ def posture_spare(arm: PlaneArm, asked: Asked, bends: Array) -> float:
         r += arm.lengths[k] * np.cos(angle)
         z += arm.lengths[k] * np.sin(angle)
     a, b = bends[0], bends[0] + bends[1]
-    return spare(arm, asked, r, z, a, b, angle)
+    return spare(arm, thresholds, r, z, a, b, angle)
 
 
 @compiled
-def _at(arm: PlaneArm, asked: Asked, r: float, z: float, pitch: float, elbow: float, bends: Array) -> float:
+def _at(
+    arm: PlaneArm, thresholds: Thresholds, r: float, z: float, pitch: float, elbow: float, bends: Array
+) -> float:
     """`spare` of the one posture with a pitch and elbow, its bends filled in; -inf where there is none."""
-    x, y, lengths = r - arm.shoulder_r, z - arm.shoulder_z, arm.lengths
-    lead, root, tip, ok = triangle(
-        lengths[0], lengths[1], x - lengths[2] * np.cos(pitch), y - lengths[2] * np.sin(pitch)
-    )
+    lead, root, tip, ok = wrist_triangle(arm, r, z, pitch)
     first, second = lead + elbow * root, lead - elbow * tip
     if not ok or slack(arm.lower, arm.upper, first, second, pitch) < 0.0:
         return -np.inf
-    bends[0], _ = fit(first, arm.lower[0], arm.upper[0])
-    bends[1], _ = fit(second - first, arm.lower[1], arm.upper[1])
-    bends[2], _ = fit(pitch - second, arm.lower[2], arm.upper[2])
-    return spare(arm, asked, r, z, first, second, pitch)
+    bends[0], bends[1], bends[2] = fitted_bends(arm, first, second, pitch)
+    return spare(arm, thresholds, r, z, first, second, pitch)
 
 
 @compiled
 def meeting_posture(
-    arm: PlaneArm, asked: Asked, pitch: float, r: float, z: float, near: Array, bends: Array, tries: int
+    arm: PlaneArm,
+    thresholds: Thresholds,
+    pitch: float,
+    r: float,
+    z: float,
+    near: Array,
+    bends: Array,
+    tries: int,
 ) -> bool:
     """Among ``tries`` pitches, or the one given, the posture on (r, z) nearest to ``near`` that meets all.
 
@@ -163,7 +169,7 @@ def meeting_posture(
     for k in range(count):
         tool = pitch if np.isfinite(pitch) else TWO_PI * k / tries
         for elbow in (-1.0, 1.0):
-            room = _at(arm, asked, r, z, tool, elbow, tried)
+            room = _at(arm, thresholds, r, z, tool, elbow, tried)
             if room > most:
                 most, best[0], best[1] = room, tool, elbow
             moved = np.abs(tried - near).max()
@@ -175,8 +181,8 @@ def meeting_posture(
     width = 0.0 if np.isfinite(pitch) else TWO_PI / tries
     for _ in range(REFINEMENTS):
         for side in (-0.5, 0.5):
-            room = _at(arm, asked, r, z, best[0] + side * width, best[1], tried)
+            room = _at(arm, thresholds, r, z, best[0] + side * width, best[1], tried)
             if room > most:
                 most, best[0] = room, best[0] + side * width
         width *= 0.7
-    return _at(arm, asked, r, z, best[0], best[1], bends) > SPARE
+    return _at(arm, thresholds, r, z, best[0], best[1], bends) > SPARE

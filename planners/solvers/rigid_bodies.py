@@ -22,7 +22,7 @@ PARALLEL = 1e-3  # axes that differ by less than this angle count as parallel [r
 MEETING = 1e-5  # lengths below this part of the arm's reach count as none
 
 
-class Bodies(NamedTuple):
+class RigidBodies(NamedTuple):
     """Rigid bodies for kernels; every array has one row a joint.
 
     Attributes
@@ -65,7 +65,7 @@ class Bodies(NamedTuple):
 
 
 @lru_cache(maxsize=64)
-def pointing_bodies(chain: Chain) -> Bodies:
+def pointing_bodies(chain: Chain) -> RigidBodies:
     """Bodies up to the last joint that moves the tool's point: all that a position needs."""
     arm = serial_arm(chain)
     count, tool = chain.dof, arm.tool
@@ -82,12 +82,12 @@ def pointing_bodies(chain: Chain) -> Bodies:
 
 
 @lru_cache(maxsize=64)
-def posing_bodies(chain: Chain) -> Bodies:
+def posing_bodies(chain: Chain) -> RigidBodies:
     """All bodies: what a tool direction or orientation needs."""
     return bodies_of(serial_arm(chain))
 
 
-def bodies_of(arm: SerialArm) -> Bodies:
+def bodies_of(arm: SerialArm) -> RigidBodies:
     """Slide the joint points and decide each joint's rule (paper 001, Algorithms 1 and 2)."""
     n = len(arm.axis)
     after = [arm.fixed[k + 1] if k + 1 < n else arm.tool for k in range(n)]
@@ -106,7 +106,7 @@ def bodies_of(arm: SerialArm) -> Bodies:
     planar = all(_parallel(arm, next_axis, k) for k in turns) and len(turns) == last
     first = -1 if planar else goal
     aims = [np.ascontiguousarray(column) for column in (*outward.T, *inward.T)]
-    return Bodies(
+    return RigidBodies(
         arm=arm,
         root=root,
         outer=outer,

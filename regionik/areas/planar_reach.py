@@ -16,8 +16,7 @@ import numpy as np
 
 from regionik.areas.ground import EVERY
 from regionik.areas.reach_model import FineRows, Index, ReachModel, ReachQuery, Rows
-from regionik.areas.sectors import ring_sectors, wide_enough
-from regionik.planners.geometry.ringarcs import Sectors
+from regionik.areas.sectors import Sectors, ring_sectors, wide_enough
 from regionik.planners.reach.paving import paved
 from regionik.planners.reach.rings import FREE, reach_intervals, reach_spans
 from regionik.planners.solvers.planar_arm import PlaneArm

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 import shapely
 from numpy.typing import NDArray
@@ -10,6 +12,25 @@ from regionik.areas.ground import GUARD, Geometries
 from regionik.worlds.arrays import Array
 
 ARC_POINTS = 48  # vertices of a full circle
+
+
+class Sectors(NamedTuple):
+    """Rings and ring sectors.
+
+    Attributes
+    ----------
+    center : (n, 2) array
+    low, high : (n,) array
+        Radii, 0 <= low < high [m].
+    azimuth, half : (n,) array
+        Middle and half of each sector; whole rings where half a turn or more [rad].
+    """
+
+    center: Array
+    low: Array
+    high: Array
+    azimuth: Array
+    half: Array
 
 
 def ring_sectors(

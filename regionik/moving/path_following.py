@@ -18,8 +18,8 @@ from regionik.moving.configuration_sampling import Candidate
 from regionik.planners.clearance.legs import between, laid_out
 from regionik.planners.clearance.touching import Touch
 from regionik.planners.driving.drive import NoPathError
+from regionik.planners.geometry.angles import wrap
 from regionik.planners.geometry.flat import Index
-from regionik.planners.solvers import planar_arm
 from regionik.postures.families import Family
 from regionik.postures.guard import Guard
 from regionik.postures.poses import LARGEST_BEND, Pose, Row, arrays, pose
@@ -117,7 +117,7 @@ class PathSegment:
     def pitch(self, at: SegmentPoint) -> float:
         """Of the last link."""
         first, last = (family.pitch for family in self.families(at))
-        return first + at.share * planar_arm.wrap(last - first)
+        return first + at.share * wrap(last - first)
 
     def _tool(self, at: SegmentPoint) -> list[float]:
         tool: list[float] = self.base.tool[at.leg : at.leg + 2].tolist()
@@ -234,7 +234,7 @@ def _turned(p: Target, q: Target, tools: Array) -> bool:
 
 
 def _solve(solver: Solver, segment: PathSegment, at: SegmentPoint, near: Pose) -> Pose | None:
-    """Pose at one place, as near as may be to the wished posture; see `ways.answer_way`."""
+    """Pose at one place, as near as may be to the wished posture; see `mfabrik_planar.solve_along`."""
     leg, share = _columns([at])
     place, wished = segment.base.places(leg, share)[0], between(segment.wished, leg, share)[0]
     tool, pitch, bound = segment.target(at), segment.pitch(at), not np.isnan(place[2])

@@ -12,14 +12,15 @@ from typing import Protocol
 
 import numpy as np
 
-from regionik.planners.geometry.edgetree import tree_of
+from regionik.planners.geometry.angles import wrap
 from regionik.planners.geometry.flat import FlatPolygon
 from regionik.planners.reach.rolls import roll_for, tool_turn, within_limits
-from regionik.planners.solvers import fabrik, planar_arm
-from regionik.planners.solvers.callsheet import Joined, Turning, packed
-from regionik.planners.solvers.passes import holds_of
+from regionik.planners.solvers.base_placement import FIXED, Turning
+from regionik.planners.solvers.fabrik import limit_vectors
+from regionik.planners.solvers.mfabrik_planar import least_change, solve
+from regionik.planners.solvers.planar_arm import PlaneArm, self_motion
+from regionik.planners.solvers.planar_setup import PlanarSetup, Record, record_of
 from regionik.planners.solvers.posture_criteria import COMFORT, Thresholds, meeting_posture, posture_spare
-from regionik.planners.solvers.ways import PITCHES, TILT
 from regionik.postures.families import Family, families_of
 from regionik.postures.serialarm import MOST_PASSES, Reached
 from regionik.postures.tool_goal import deviation
@@ -64,56 +65,65 @@ class PlaneSolver:
     asked: Thresholds | None = None
 
     @cached_property
-    def plane(self) -> planar_arm.PlaneArm:
+    def plane(self) -> PlaneArm:
         """The arm for kernels; its arrays may be written to, so that numba knows one type of them."""
         arm = self.arm
         shoulder = float(arm.shoulder[0]), float(arm.shoulder[1] + self.height)
         lengths, lower, upper = (np.array(part, order="C") for part in (arm.lengths, arm.lower, arm.upper))
-        return planar_arm.PlaneArm(*shoulder, lengths, lower, upper)
+        return PlaneArm(*shoulder, lengths, lower, upper)
 
     @cached_property
-    def holds(self) -> Array:
-        """Limits of the bends as the passes take them."""
-        return holds_of(self.arm.lower, self.arm.upper)
-
-    @cached_property
-    def postures(self) -> Array:
+    def _restarts(self) -> Array:
         """Ten postures to restart from, spread over the limits: elbow up and down, folded, stretched."""
         lower = np.where(np.isfinite(self.arm.lower), self.arm.lower, -np.pi)
         upper = np.where(np.isfinite(self.arm.upper), self.arm.upper, np.pi)
         spread: Array = lower + _SPREAD * (upper - lower)
         return spread
 
-    def packed(self, mount: Array, turning: Turning, dof: int, area: FlatPolygon) -> Array | None:
-        """What a compiled call needs to know; None where postures must meet more than a target."""
-        if self.asked is not None:
-            return None
-        arm, family = self.arm, self.family
-        joined = Joined(
-            arm.sign, arm.offset, arm.pivot_zero, mount, family.facing, family.pitch, self.tolerance,
-            MOST_PASSES, dof,
+    def setup(self, mount: Array, turning: Turning) -> Record:
+        """The arm on a base as kernels take it; what postures must meet besides their target is left out.
+
+        Parameters
+        ----------
+        mount : (4,) array
+            Arm base in the base frame: x, y, z [m], yaw [rad].
+        turning : Turning
+        """
+        arm, plane, family = self.arm, self.plane, self.family
+        zero = float(arm.pivot_zero + mount[3])
+        return record_of(
+            PlanarSetup(
+                np.array([plane.shoulder_r, plane.shoulder_z]), plane.lengths, plane.lower, plane.upper,
+                limit_vectors(plane.lower, plane.upper), arm.sign, arm.offset, self._restarts, mount[:2],
+                zero, turning, family.facing, family.pitch, self.tolerance, MOST_PASSES,
+            )
         )  # fmt: skip
-        return packed(self.plane, self.holds, self.postures, joined, turning, area)
+
+    @cached_property
+    def _alone(self) -> Record:
+        """The arm on its own base frame, which keeps its heading: the pivot is endless."""
+        return self.setup(np.zeros(4), Turning(-np.inf, np.inf, FIXED, 0.0, 0.0))
+
+    def _at_pitch(self, pitch: float) -> Record:
+        """The same with the last link at another pitch."""
+        setup = self._alone.copy()
+        setup["pitch"] = pitch
+        setup.flags.writeable = False
+        return setup
 
     def reach(
         self, target: Target, axis: Array, yaw: float, joints: Array, area: FlatPolygon, mobile: bool
     ) -> Reached:
         """Bring the tool to a target; see `Arm`. Of the kinds of posture the first that meets it."""
         best: Reached | None = None
-        tree = tree_of(area.vertices, area.starts)
         for kind in self._kinds(target):
-            bends, place = self.arm.bends(joints), np.array(axis)
+            base, q = np.array([*axis, yaw]), np.array(joints)
             if mobile and target.direction is not None and len(area.starts) <= 1:
-                place = _swung(kind, target.position, place)
-            error, iterations, _, plane_yaw = fabrik.solve(
-                self.plane, self.holds, self.postures, tree, mobile, place,
-                yaw + self.arm.pivot_zero + joints[0], bends, target.position,
-                self.family.facing, kind.pitch, self.tolerance, MOST_PASSES,
-            )  # fmt: skip
-            q, angle = self._turned(target, bends, plane_yaw, yaw, joints)
-            found = self._meeting(
-                kind, target, Reached(place, q, float(error), int(iterations), angle), yaw, joints
-            )
+                base[:2] = _swung(kind, target.position, axis)
+            setup, position = self._at_pitch(kind.pitch), np.array(target.position)
+            error, passes, _ = solve(setup, area.vertices, area.starts, mobile, position, base, q)
+            angle = self._rolled(target, yaw, q, joints)
+            found = self._meeting(kind, target, Reached(base[:2], q, error, passes, angle), yaw, joints)
             if self._worth(found) <= (False, False, self.tolerance):
                 return found
             if best is None or self._worth(found) < self._worth(best):
@@ -151,15 +161,12 @@ class PlaneSolver:
 
     def least_change(self, target: Target, axis: Array, yaw: float, joints: Array) -> Reached | None:
         """The posture on target whose bends change least; see `Arm`."""
-        r, plane_yaw = self._seen(target.position, axis)
-        near, z = self.arm.bends(joints), float(target.position[2])
         best, least = None, np.inf
         for kind in self._kinds(target):
-            bends = np.empty(3)
-            change = planar_arm.nearest_posture(self.plane, kind.pitch, r, z, near, bends, PITCHES, TILT)
+            base, q = np.array([*axis, yaw]), np.array(joints)
+            change, _ = least_change(self._at_pitch(kind.pitch), np.array(target.position), base, q)
             if change < least:
-                q, angle = self._turned(target, bends, plane_yaw, yaw, joints)
-                best, least = Reached(axis, q, 0.0, 0, angle), change
+                best, least = Reached(axis, q, 0.0, 0, self._rolled(target, yaw, q, joints)), change
         return best if best is None or self._meets(best, 0.0) else None
 
     def self_motion(
@@ -170,7 +177,7 @@ class PlaneSolver:
         found: list[Reached] = []
         for kind in self._kinds(target):
             bends = np.empty((2 * tries, 3))
-            count = planar_arm.self_motion(self.plane, kind.pitch, r, target.position[2], tries, bends)
+            count = self_motion(self.plane, kind.pitch, r, target.position[2], tries, bends)
             for one in bends[:count]:
                 q, angle = self._turned(target, one, plane_yaw, yaw, joints)
                 found.append(Reached(axis, q, 0.0, 0, angle))
@@ -186,29 +193,30 @@ class PlaneSolver:
         self, target: Target, bends: Array, plane_yaw: float, yaw: float, near: Array
     ) -> tuple[Array, float]:
         """Joints of a posture, the tool rolled as asked, and the angle by which it leaves its cone."""
-        q, arm = self._joints(bends, plane_yaw - yaw, near), self.arm
+        q = np.array(near)
+        q[0] = plane_yaw - yaw - self.arm.pivot_zero
+        q[1:4] = self.arm.hinge_joints(bends, near)
+        return q, self._rolled(target, yaw, q, near)
+
+    def _rolled(self, target: Target, yaw: float, q: Array, near: Array) -> float:
+        """Roll the tool as asked, in ``q``; the angle by which it leaves its cone."""
         if target.direction is None:
-            return q, 0.0
-        pitch, roll = float(bends.sum()), 0.0
+            return 0.0
+        arm, plane_yaw = self.arm, yaw + self.arm.pivot_zero + float(q[0])
+        pitch, roll = float(arm.bends(q).sum()), 0.0
         if arm.roll is not None:
             if target.orientation is not None:
                 wanted = roll_for(arm, plane_yaw, pitch, target.orientation)
                 q[arm.roll] = within_limits(arm, wanted, float(near[arm.roll]))
             roll = float(q[arm.roll])
         off = deviation(target, tool_turn(arm, plane_yaw, pitch, roll))
-        return q, max(0.0, off - target.cone)
+        return max(0.0, off - target.cone)
 
     def _seen(self, target: Array, axis: Array) -> tuple[float, float]:
         """Target in the plane, and the plane's direction."""
         dx, dy = target[:2] - axis
         facing = self.family.facing
         return facing * float(np.hypot(dx, dy)), float(np.arctan2(facing * dy, facing * dx))
-
-    def _joints(self, bends: Array, turn: float, near: Array) -> Array:
-        q = np.array(near)
-        q[0] = turn - self.arm.pivot_zero
-        q[1:4] = self.arm.hinge_joints(bends, near)
-        return q
 
 
 def _swung(kind: Family, target: Array, axis: Array) -> Array:
@@ -218,7 +226,7 @@ def _swung(kind: Family, target: Array, axis: Array) -> Array:
         float(np.arctan2(kind.facing * dy, kind.facing * dx)),
         kind.facing * float(np.hypot(dx, dy)),
     )
-    swing = float(planar_arm.wrap(azimuth - kind.azimuth))
+    swing = float(wrap(azimuth - kind.azimuth))
     if abs(swing) <= kind.half:
         return axis
     azimuth = kind.azimuth + float(np.clip(swing, -kind.half, kind.half))

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from regionik.planners.solvers import planar_arm
+from regionik.planners.geometry.angles import wrap
 from regionik.values import Configuration, Motion
 from regionik.worlds.arrays import Array
 from regionik.worlds.drives import BaseDrive
@@ -41,7 +41,7 @@ def pose(configuration: Configuration) -> Pose:
 def turn_to(here: Array, there: Array) -> Array:
     """From one base pose (3,) to another, yaw the shorter way."""
     step = there - here
-    return np.array([step[0], step[1], planar_arm.wrap(step[2])])
+    return np.array([step[0], step[1], wrap(step[2])])
 
 
 def between(here: Pose, there: Pose, share: float, drive: BaseDrive) -> Pose:

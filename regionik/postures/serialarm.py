@@ -10,9 +10,10 @@ import numpy as np
 from regionik.planners.geometry.flat import FlatPolygon, clamp, contains
 from regionik.planners.reach.levelreach import posture_at
 from regionik.planners.reach.posereach import ANGLE_SHARE, pose_reach
+from regionik.planners.solvers.base_placement import BaseArea
 from regionik.planners.solvers.damped_least_squares import Aim, polish
 from regionik.planners.solvers.inverse_kinematics import spread_postures
-from regionik.planners.solvers.mfabrik_serial import in_arm_frame, roam
+from regionik.planners.solvers.mfabrik_serial import ArmStand, follow_with_restarts, in_arm_frame
 from regionik.planners.solvers.multistart_ik import Effort, solve
 from regionik.planners.solvers.rigid_bodies import RigidBodies, pointing_bodies, posing_bodies, span
 from regionik.postures.tool_goal import HELD, aim_of
@@ -103,10 +104,11 @@ class SerialSolver:
     ) -> Reached:
         """M-FABRIK: passes with the base after the root, then restarts."""
         q, place = np.array(joints), np.array(axis)
-        error, angle, passes = roam(
-            quest.bodies, pivot_index(self.chain), starts, area.vertices, area.starts, place, yaw,
-            self.height, quest.aim, quest.effort, q,
-        )  # fmt: skip
+        stand = ArmStand(pivot_index(self.chain), yaw, self.height)
+        free = BaseArea(area.vertices, area.starts, True)
+        error, angle, passes = follow_with_restarts(
+            quest.bodies, stand, starts, free, place, quest.aim, quest.effort, q
+        )
         return quest.reached(place, q, error, angle, passes)
 
     def _walked(self, target: Target, missed: Reached, yaw: float) -> Reached:

@@ -1,0 +1,31 @@
+"""Angles taken to a turn and to limits, compiled."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from regionik.planners.geometry.flat import compiled
+
+TWO_PI = 2.0 * np.pi
+_PER_TURN = 1.0 / TWO_PI
+
+
+@compiled
+def wrap(angle: float) -> float:
+    """Angle taken to (-pi, pi]."""
+    turned: float = angle - TWO_PI * np.ceil((angle - np.pi) * _PER_TURN)
+    return turned
+
+
+@compiled
+def fit(angle: float, lower: float, upper: float) -> tuple[float, float]:
+    """The turn of ``angle`` that lies within its limits, or else the nearer limit, and how far that is."""
+    middle = 0.0
+    if np.isfinite(lower) and np.isfinite(upper):
+        middle = 0.5 * (lower + upper)
+    near = middle + wrap(angle - middle)
+    if near < lower:
+        return lower, lower - near
+    if near > upper:
+        return upper, near - upper
+    return near, 0.0

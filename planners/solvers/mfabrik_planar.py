@@ -1,0 +1,334 @@
+"""M-FABRIK for an arm that works in one vertical plane, on a base that drives every way, compiled.
+
+Source: M-FABRIK (Santos et al., IEEE Access 2020), Algorithm 1, with joint limits held in both passes and
+restarts where they stall the passes.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from regionik.planners.geometry.angles import wrap
+from regionik.planners.geometry.flat import Index, compiled
+from regionik.planners.solvers.base_placement import BaseArea, Turning, move_to_area
+from regionik.planners.solvers.fabrik import (
+    ANY,
+    Knots,
+    Pair,
+    PlanarLinks,
+    Triple,
+    backward_reaching,
+    bends_of,
+    direction,
+    forward_reaching,
+    knots_at,
+)
+from regionik.planners.solvers.planar_arm import (
+    PlaneArm,
+    fitted_bends,
+    nearest_posture,
+    widest_posture,
+)
+from regionik.planners.solvers.planar_setup import (
+    PlanarSetup,
+    PlanarState,
+    Record,
+    links_of,
+    plane_arm,
+    state_of,
+    to_axis,
+    turning_of,
+    write_state,
+)
+from regionik.worlds.arrays import Array
+
+PATIENCE, STALLED = 10, 0.9  # passes in which the error must come down to this share, for a start to go on
+STRAIGHT = 1e-12  # a target so near to the axis, seen from above, does not turn the plane [m]
+PITCH_SLACK = 1e-9  # rounding allowed where the pitch of the last link is fixed [rad]
+PITCHES = 180  # of the last link, tried to either side for the posture of least change
+TILT = 0.5  # how far to either side [rad]
+
+NO_VERTICES, NO_RINGS = np.empty((0, 2)), np.zeros(1, np.int64)  # of an area that is not asked
+
+
+class PlanarGoal(NamedTuple):
+    """Where the tool shall be [m]; facing, pitch and tolerance as in `PlanarSetup`."""
+
+    target: Triple
+    facing: int
+    pitch: float
+    tolerance: float
+
+
+@compiled
+def follow(
+    links: PlanarLinks, area: BaseArea, goal: PlanarGoal, start: PlanarState, most: int, patience: int
+) -> tuple[float, int, PlanarState]:
+    """M-FABRIK, Algorithm 1, from one start: error [m], passes and where they lead.
+
+    It gives up after ``most`` passes, and where the error has not come down in ``patience`` of them.
+    """
+    x, y, z = start.x, start.y, goal.target[2]
+    u, v = direction(start.yaw)
+    tool = direction(goal.pitch) if np.isfinite(goal.pitch) else ANY
+    knots = knots_at(links, start.bends)
+    ex, ey, ez = x + knots[4] * u - goal.target[0], y + knots[4] * v - goal.target[1], knots[5] - z
+    error = math.sqrt(ex * ex + ey * ey + ez * ez)  # M-FABRIK, Alg. 1 l. 8
+    if error <= goal.tolerance and _may_stay(area, goal, start):
+        return error, 0, start
+    passes, mark = 0, np.inf
+    u, v, r = _aim(goal, x, y, u, v)
+    while passes < most:  # l. 9
+        passes += 1
+        root, knots = forward_reaching(links, tool, (r, z), knots)  # l. 11
+        if area.mobile:
+            shift, before = root - links.shoulder[0], r
+            x, y = move_to_area(area, x + shift * u, y + shift * v)  # l. 13: ProjectPoint, l. 15-19
+            u, v, r = _aim(goal, x, y, u, v)
+            knots = _shifted(knots, r - before)
+        knots = backward_reaching(links, tool, (r, z), knots)  # l. 21
+        error = _miss(links, goal, tool, r, knots)  # l. 23
+        if error <= goal.tolerance:
+            break
+        if passes % patience == patience - 1:
+            if error > STALLED * mark:
+                break
+            mark = error
+    return error, passes, PlanarState(x, y, math.atan2(v, u), bends_of(links, knots))
+
+
+@compiled
+def _may_stay(area: BaseArea, goal: PlanarGoal, start: PlanarState) -> bool:
+    """Whether a start that is on target is an answer: its base in the area, its last link at the pitch.
+
+    A base that has become inadmissible must move even where the tool is in place already.
+    """
+    if area.mobile and move_to_area(area, start.x, start.y) != (start.x, start.y):
+        return False
+    a, b, c = start.bends
+    return not np.isfinite(goal.pitch) or abs(wrap(a + b + c - goal.pitch)) <= PITCH_SLACK
+
+
+@compiled
+def _aim(goal: PlanarGoal, x: float, y: float, u: float, v: float) -> Triple:
+    """The plane's direction towards the target, the old one where that is straight above; the target's r."""
+    dx, dy = goal.target[0] - x, goal.target[1] - y
+    rho = math.sqrt(dx * dx + dy * dy)
+    if rho > STRAIGHT:
+        u, v = goal.facing * dx / rho, goal.facing * dy / rho
+    return u, v, goal.facing * rho
+
+
+@compiled
+def _shifted(knots: Knots, by: float) -> Knots:
+    """Knots moved along r."""
+    return knots[0] + by, knots[1], knots[2] + by, knots[3], knots[4] + by, knots[5]
+
+
+@compiled
+def _miss(links: PlanarLinks, goal: PlanarGoal, tool: Pair, r: float, knots: Knots) -> float:
+    """Distance of the tool from the target [m], larger than the tolerance where a fixed pitch is not met."""
+    er, ez = knots[4] - r, knots[5] - goal.target[2]
+    error = math.sqrt(er * er + ez * ez)
+    if tool != ANY:
+        link_r, link_z = knots[4] - knots[2], knots[5] - knots[3]
+        along, across = link_r * tool[0] + link_z * tool[1], link_r * tool[1] - link_z * tool[0]
+        off = abs(math.atan2(across, along))
+        if off > PITCH_SLACK:
+            error += goal.tolerance + off * links.lengths[2]
+    return error
+
+
+@compiled
+def follow_with_restarts(
+    arm: PlaneArm, links: PlanarLinks, restarts: Array, area: BaseArea, goal: PlanarGoal,
+    start: PlanarState, most: int,
+) -> tuple[float, int, PlanarState]:  # fmt: skip
+    """M-FABRIK with restarts: the given posture, then ``restarts`` (k, 3), then the widest one at the base.
+
+    Limits can stall the passes, and a start that stalls is left for the next one; where none gets there, all
+    are followed to the end. The last resort looks through the arm's self-motion, so that a base in the
+    admissible area is never given up.
+
+    Returns
+    -------
+    error [m], passes (all starts together), the answer, or the start where there is none
+    """
+    total, error, count = 0, np.inf, len(restarts) + 1
+    for attempt in range(2 * count):  # once over the starts in a hurry, once to the end
+        k, patience = attempt % count, PATIENCE if attempt < count else most + 1
+        bends = start.bends if k == 0 else (restarts[k - 1, 0], restarts[k - 1, 1], restarts[k - 1, 2])
+        begun = PlanarState(start.x, start.y, start.yaw, bends)
+        error, passes, found = follow(links, area, goal, begun, most, patience)
+        total += passes
+        if error <= goal.tolerance:
+            if total > 0:  # to the last digit within the limits
+                a, b, c = found.bends
+                found = PlanarState(found.x, found.y, found.yaw, fitted_bends(arm, a, a + b, a + b + c))
+            return error, total, found
+    widest, found = _widest(arm, links, area, goal, start)
+    if np.isfinite(widest):
+        return widest, total + 1, found
+    return error, total, start
+
+
+@compiled
+def _widest(
+    arm: PlaneArm, links: PlanarLinks, area: BaseArea, goal: PlanarGoal, start: PlanarState
+) -> tuple[float, PlanarState]:
+    """The widest posture from the base, or where the floor is free from any distance.
+
+    Returns the error [m], infinite where there is none, and the posture.
+    """
+    x, y, z, facing = start.x, start.y, goal.target[2], goal.facing
+    unbounded = area.mobile and len(area.rings) <= 1
+    if area.mobile:
+        x, y = move_to_area(area, x, y)
+    dx, dy = goal.target[0] - x, goal.target[1] - y
+    rho = math.sqrt(dx * dx + dy * dy)
+    yaw = math.atan2(facing * dy, facing * dx) if rho > STRAIGHT else start.yaw
+    far = arm.lengths[0] + arm.lengths[1] + arm.lengths[2] + abs(arm.shoulder_r)
+    bends = np.empty(3)
+    for k in range(201 if unbounded else 1):
+        if k > 0:
+            rho = (k - 0.5) / 200.0 * far
+            x = goal.target[0] - facing * rho * math.cos(yaw)
+            y = goal.target[1] - facing * rho * math.sin(yaw)
+        if widest_posture(arm, goal.pitch, facing * rho, z, bends, 1440 if k == 0 else 360):
+            found = PlanarState(x, y, yaw, (bends[0], bends[1], bends[2]))
+            knots = knots_at(links, found.bends)
+            return math.hypot(knots[4] - facing * rho, knots[5] - z), found
+    return np.inf, start
+
+
+@compiled
+def solve(
+    setup: Record, vertices: Array, rings: Index, mobile: bool, target: Array, base: Array, joints: Array
+) -> tuple[float, int, bool]:
+    """Move base (3,) and joints (dof,), which are overwritten, so that the tool reaches a target (3,).
+
+    Parameters
+    ----------
+    setup : (1,) array
+        Of `record_of`.
+    vertices, rings, mobile
+        As in `BaseArea`.
+    target, base, joints : arrays
+        Finite.
+
+    Returns
+    -------
+    error [m], passes, whether the target is met at a heading within its span
+    """
+    one = setup[0]
+    return _solve(one, turning_of(one), BaseArea(vertices, rings, mobile), target, base, joints)
+
+
+@compiled
+def _solve(
+    setup: PlanarSetup, turning: Turning, area: BaseArea, target: Array, base: Array, joints: Array
+) -> tuple[float, int, bool]:
+    """`solve` with a turning of its own."""
+    arm, links = plane_arm(setup), links_of(setup)
+    goal = PlanarGoal((target[0], target[1], target[2]), setup.facing, setup.pitch, setup.tolerance)
+    start = state_of(setup, base, joints)
+    error, passes, found = follow_with_restarts(
+        arm, links, setup.restarts, area, goal, start, setup.max_passes
+    )
+    fits = write_state(setup, turning, found, start.bends, base, joints)
+    return error, passes, fits and error <= goal.tolerance
+
+
+@compiled
+def least_change(setup: Record, target: Array, base: Array, joints: Array) -> tuple[float, bool]:
+    """The posture on a target whose bends change least, the arm axis held; overwrites base and joints.
+
+    Returns the largest change of a bend, infinite where there is no such posture [rad], and whether the
+    heading is within its span.
+    """
+    return _least_change(setup[0], turning_of(setup[0]), target, base, joints)
+
+
+@compiled
+def _least_change(
+    setup: PlanarSetup, turning: Turning, target: Array, base: Array, joints: Array
+) -> tuple[float, bool]:
+    """`least_change` with a turning of its own."""
+    start, bends, near = state_of(setup, base, joints), np.empty(3), np.empty(3)
+    near[0], near[1], near[2] = start.bends
+    dx, dy = target[0] - start.x, target[1] - start.y
+    r, yaw = setup.facing * math.hypot(dx, dy), math.atan2(setup.facing * dy, setup.facing * dx)
+    change = nearest_posture(plane_arm(setup), setup.pitch, r, target[2], near, bends, PITCHES, TILT)
+    if not np.isfinite(change):
+        return change, False
+    found = PlanarState(start.x, start.y, yaw, (bends[0], bends[1], bends[2]))
+    return change, write_state(setup, turning, found, start.bends, base, joints)
+
+
+@compiled
+def solve_many(
+    setup: Record, vertices: Array, rings: Index, targets: Array, bases: Array, joints: Array
+) -> tuple[Array, Index, NDArray[np.bool_]]:
+    """`solve` for rows of targets (n, 3), bases (n, 3) and joints (n, dof), the last two overwritten.
+
+    Returns
+    -------
+    errors [m], passes and whether the target is met, each (n,)
+    """
+    n = len(targets)
+    errors, passes, met = np.empty(n), np.empty(n, np.int64), np.empty(n, np.bool_)
+    for k in range(n):
+        errors[k], passes[k], met[k] = solve(setup, vertices, rings, True, targets[k], bases[k], joints[k])
+    return errors, passes, met
+
+
+@compiled
+def solve_along(
+    setup: Record, targets: Array, places: Array, wished: Array, bend: float, base: Array, joints: Array
+) -> tuple[Array, Array]:
+    """Base poses (k, 3) and joints (k, dof) on a way, each from the one before, up to the first without any.
+
+    The arm axis is held at each place. FABRIK from the wished posture comes first; where its passes stall or
+    jump, the posture of least change.
+
+    Parameters
+    ----------
+    targets : (n, 3) array
+        [m]
+    places : (n, 3) array
+        Base poses; where the heading is free it is NaN, and the place is that of the arm axis [m], [rad].
+    wished : (n, dof) array
+        The pivot's value does not matter: the heading decides on it.
+    bend : float
+        Change of a joint against the wished posture that counts as a jump [rad].
+    base, joints : (3,), (dof,) arrays
+        The state before the first.
+    """
+    one, free = setup[0], turning_of(setup[0])
+    held = BaseArea(NO_VERTICES, NO_RINGS, False)
+    bases, postures = places.copy(), wished.copy()
+    yaw, pivot = base[2], joints[0]
+    for i in range(len(targets)):
+        turning, near = free, wished[i].copy()
+        near[0] = pivot
+        if np.isnan(places[i, 2]):
+            dx, dy = to_axis(one, yaw)
+            bases[i, 0], bases[i, 1], bases[i, 2] = places[i, 0] - dx, places[i, 1] - dy, yaw
+        else:
+            turning = Turning(free.lower, free.upper, free.heading, places[i, 2], places[i, 2])
+        start = bases[i].copy()
+        postures[i] = near
+        _, _, met = _solve(one, turning, held, targets[i], bases[i], postures[i])
+        if not met or np.abs(postures[i, 1:] - near[1:]).max() > bend:
+            bases[i], postures[i] = start, near
+            _, met = _least_change(one, turning, targets[i], bases[i], postures[i])
+            if not met:
+                return bases[:i], postures[:i]
+        if not np.isnan(places[i, 2]):
+            bases[i] = places[i]
+        yaw, pivot = bases[i, 2], postures[i, 0]
+    return bases, postures
