@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from regionik.output.field_file import write_field
     from regionik.output.plan_file import load_plan
     from regionik.parking.stops import stops
-    from regionik.pipeline import plan
+    from regionik.pipeline import plan, why
     from regionik.reach import reach
     from regionik.regions import admissible_area
     from regionik.timing.point_to_point import point_to_point
@@ -34,7 +34,6 @@ if TYPE_CHECKING:
     from regionik.verification.verifier import verify
     from regionik.view.figures import plot
     from regionik.view.viewer import show, to_html
-    from regionik.why import why
     from regionik.worlds.criteria import Criteria
     from regionik.worlds.errors import InputError, NoPlanFound, RegionikError
     from regionik.worlds.library import load_robot, load_world
@@ -104,7 +103,7 @@ _HOME = {
     "verify": "regionik.verification.verifier",
     "verify_answers": "regionik.verification.answers",
     "write_field": "regionik.output.field_file",
-    "why": "regionik.why",
+    "why": "regionik.pipeline",
 }
 
 

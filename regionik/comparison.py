@@ -17,7 +17,6 @@ import numpy as np
 from regionik.areas.demand import aim_of, misses
 from regionik.areas.standing import room_for
 from regionik.mfabrik import Solver, axis_of, pose_of, solver_for
-from regionik.pipeline import start_place, whole_path
 from regionik.planners.driving.room import fits
 from regionik.planners.rivals.genetic import Genetic
 from regionik.planners.rivals.iterative import CyclicDescent, DampedLeastSquares, PseudoInverse, Transpose
@@ -26,7 +25,7 @@ from regionik.planners.rivals.network import Network
 from regionik.planners.solvers.mobile import seen
 from regionik.postures.guard import guard_of
 from regionik.postures.poses import pose
-from regionik.pruning import choose_chain
+from regionik.pruning import choose_chain, start_place, whole_path
 from regionik.values import Configuration
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, Joint, planar_pose

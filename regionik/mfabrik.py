@@ -20,6 +20,7 @@ from regionik.areas.ground import EVERY
 from regionik.areas.meeting import asked_in
 from regionik.areas.reachable import FRONT, Family
 from regionik.areas.standing import Standing
+from regionik.ladder import Ladder
 from regionik.planners.geometry.flat import FlatPolygon
 from regionik.planners.solvers.batches import answer_all
 from regionik.planners.solvers.callsheet import FACE_TARGET, FIXED, FREE, Turning, held
@@ -27,7 +28,6 @@ from regionik.planners.solvers.onecall import OneCall, one_call, share_turn
 from regionik.planners.solvers.ways import answer_way
 from regionik.postures.arms import ANGLE_SLACK, Arm, PlaneSolver, arm_solver
 from regionik.postures.serialarm import Reached, serial_solver
-from regionik.pruning import Ladder
 from regionik.values import Configuration, OpenConfiguration
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.criteria import Criteria, kept

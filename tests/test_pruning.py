@@ -8,10 +8,11 @@ import shapely
 from regionik.areas.ground import Side
 from regionik.areas.reachable import FRONT, Family
 from regionik.areas.standing import Standing, anywhere
+from regionik.ladder import Ladder, build_ladder
 from regionik.mfabrik import configurations
 from regionik.motion import connect
-from regionik.pipeline import finish, start_place, whole_path
-from regionik.pruning import Ladder, build_ladder, choose_chain, prune
+from regionik.pipeline import finish
+from regionik.pruning import choose_chain, prune, start_place, whole_path
 from regionik.regions import path_areas
 from regionik.worlds.documents.world_file import load_world
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 import shapely
 
-from regionik.pipeline import plan, spans
+from regionik.explain.changes import repaired
+from regionik.pipeline import plan, why
+from regionik.pruning import spans
 from regionik.reach import reach
-from regionik.repairs.trials import repaired
-from regionik.why import why
 from regionik.worlds.errors import Explanation, Repair
 from regionik.worlds.library import load_world, robot_named
 from regionik.worlds.obstacles import Box

@@ -10,7 +10,7 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from regionik.pipeline import whole_path
+from regionik.pruning import whole_path
 from regionik.view.live_areas import Look, alike, look
 from regionik.view.live_picture import look_bodies, verdict
 from regionik.worlds.errors import NoPlanFound

@@ -26,12 +26,12 @@ from regionik.moving.drivers import driver_for
 from regionik.moving.interpolation import Interpolator
 from regionik.moving.transit import TransitPlanner
 from regionik.moving.whole_body import WholeBodyPlanner
-from regionik.pipeline import search, start_place, start_pose, whole_path
+from regionik.pipeline import search
 from regionik.planners.driving.drive import drive
 from regionik.planners.geometry.ringarcs import measures, outlines
 from regionik.postures.guard import guard_of
 from regionik.postures.poses import Pose
-from regionik.pruning import choose_chain
+from regionik.pruning import choose_chain, start_place, start_pose, whole_path
 from regionik.regions import path_areas
 from regionik.worlds.library import load_world
 from regionik.worlds.obstacles import Box

@@ -35,7 +35,7 @@ def why(
             raise InputError(f"--target: expected one target, got {len(target or [])}")
         progress("load", 0, 1)
         from regionik.output.answers import targets_asked
-        from regionik.why import why as ask
+        from regionik.pipeline import why as ask
         from regionik.worlds.library import load_world
 
         scene = load_world(world)

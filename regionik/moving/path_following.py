@@ -15,6 +15,7 @@ import numpy as np
 from regionik.areas.demand import between as asked_between
 from regionik.areas.demand import deviation
 from regionik.areas.reachable import Family
+from regionik.ladder import Ladder
 from regionik.mfabrik import Solver, pose_of, solver_between
 from regionik.moving.base_motion import BasePath, BasePaths
 from regionik.moving.configuration_sampling import Candidate
@@ -25,7 +26,6 @@ from regionik.planners.geometry.flat import Index
 from regionik.planners.solvers import kernels
 from regionik.postures.guard import Guard
 from regionik.postures.poses import LARGEST_BEND, Pose, Row, arrays, pose
-from regionik.pruning import Ladder
 from regionik.values import Configuration
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import RegionikError

@@ -15,13 +15,13 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
+from regionik.explain.sentences import setpoint
 from regionik.moving.configuration_sampling import PITCHES, Candidate
 from regionik.moving.path_search import HARD_TRIES, JoinedMotion, PathSearch, path_search
 from regionik.parking.fewest import Group
 from regionik.parking.placing import Bay, Placing
 from regionik.parking.stops import StopSequence
 from regionik.postures.poses import Pose, Row
-from regionik.reasons import explain
 from regionik.values import Stop
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Cause, Explanation, NoPlanFound, Repair
@@ -206,7 +206,7 @@ class _StopConnection:
         """One stop more than the rules let the tool be lifted."""
         i, most = group.setpoints[0], self.world.rules.max_lift_offs
         reason = (
-            f"{explain.setpoint(i, len(self.world.task))} needs one stop more: the base has done "
+            f"{setpoint(i, len(self.world.task))} needs one stop more: the base has done "
             f"all before it from {(most or 0) + 1}, each going on for as long as the areas let it, and the "
             f"tool is lifted between two stops; the rules allow {most} lift-offs."
         )

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from regionik.explain.changes import repaired
 from regionik.regions import admissible_area, reach_of
-from regionik.repairs.trials import repaired
 from regionik.view import triangle_meshes
 from regionik.view.camera import camera_for
 from regionik.view.picture import (

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
 
 from regionik.areas.reachable import BACK, FRONT
-from regionik.areas.relaxations import Constraint
-from regionik.areas.standing import Standing, anywhere, by_heading, turns_matter
+from regionik.areas.standing import LEAST_AREA, Standing, anywhere, by_heading, turns_matter
+from regionik.explain.relaxations import Constraint
 from regionik.regions import outer_areas, path_areas
-from regionik.worlds.scene import World
+from regionik.worlds.errors import Cause, Explanation
+from regionik.worlds.scene import Target, World
 
 Closed = Callable[[World], bool]
 
@@ -55,6 +60,21 @@ def relaxed(world: World, constraints: Iterable[Constraint], kept: Iterable[Cons
     return world
 
 
+def cause_of(one: Constraint, quick: Explanation) -> Cause:
+    """A constraint as a cause, with what is known to be missing [m]."""
+    margins = {cause.name: cause.margin for cause in quick.causes}
+    kinds = {cause.kind: cause.margin for cause in quick.causes if cause.kind in ("floor", "obstacle")}
+    if one.kind == "clearance":
+        return Cause(one.kind, one.name, kinds.get("obstacle"))
+    return Cause(one.kind, one.name, kinds.get("floor") if one.kind == "floor" else margins.get(one.name))
+
+
+def arm_too_short(world: World, quick: Explanation) -> Cause:
+    """The cause where nothing that can be taken away is one."""
+    margin = next((cause.margin for cause in quick.causes if cause.kind == "reach"), None)
+    return Cause("reach", world.robot.name, margin)
+
+
 def no_outer(world: World) -> bool:
     """Whether the first set-point of a world is proven to be out of reach: its outer area is empty."""
     return bool(outer_areas(world, world.task[:1])[0].is_empty)
@@ -71,3 +91,11 @@ def _standings(world: World) -> list[Callable[[World], Standing]]:
 
 def _nothing(world: World, standing: Standing) -> bool:
     return not any(area.area > 0 for area in path_areas(world, world.task[:1], (FRONT, BACK), standing).inner)
+
+
+def opened(world: World, targets: Sequence[Target]) -> NDArray[np.bool_]:
+    """Whether each target has an inner area that holds at every heading, or at the one the rules fix."""
+    areas = path_areas(world, targets)
+    found = np.zeros(len(targets), dtype=bool)
+    found[areas.target[shapely.area(areas.inner) > LEAST_AREA]] = True
+    return found

@@ -1,4 +1,4 @@
-"""The reason why not: which set-point, which obstacle, what is missing and what would mend it."""
+"""Explanations of what areas, floor and start do not allow: which set-point and obstacle, what is missing."""
 
 from __future__ import annotations
 
@@ -11,8 +11,9 @@ from shapely.geometry.base import BaseGeometry
 
 from regionik.areas.demand import in_plane
 from regionik.areas.ground import ground_of, grow
-from regionik.areas.relaxations import without_criteria
 from regionik.areas.standing import by_heading, outer_by_heading, turns_matter
+from regionik.explain.relaxations import with_rules
+from regionik.explain.sentences import join, no_way_to, setpoint, spot
 from regionik.planners.driving.footprint import width_of
 from regionik.planners.driving.shape import narrowest
 from regionik.regions import (
@@ -23,7 +24,6 @@ from regionik.regions import (
     what_took_away,
 )
 from regionik.values import Violation
-from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Cause, CauseKind, Explanation, Repair
 from regionik.worlds.pivoted_arm import span_of
 from regionik.worlds.scene import Target, World
@@ -55,7 +55,9 @@ def no_place(world: World, i: int, targets: Sequence[Target] | None = None, othe
     else:
         taken = what_took_away(world, target)
         reason, causes, repairs = _crowded_out(world, lead, taken, open_clearance, proven)
-    bare = None if world.rules.criteria is None else largest_clearance(without_criteria(world), target)
+    bare = (
+        None if world.rules.criteria is None else largest_clearance(with_rules(world, criteria=None), target)
+    )
     if bare is not None and bare >= world.rules.clearance:
         reason += " Without the criteria of the rules it could be reached."
         causes = (Cause("criteria", "rules.criteria"), *causes)
@@ -65,11 +67,6 @@ def no_place(world: World, i: int, targets: Sequence[Target] | None = None, othe
         have = "set-points have" if others > 1 else "set-point has"
         reason += f" {others} more {have} no known place for the base either."
     return Explanation("unreachable" if proven else "undecided", i, reason, causes, repairs)
-
-
-def no_way_to(who: str) -> str:
-    """The start of a sentence on what is neither shown to be in reach nor ruled out."""
-    return f"No way was found to reach {who[0].lower()}{who[1:]}"
 
 
 def _left_open(world: World, target: Target) -> str:
@@ -298,20 +295,3 @@ def _crossed(world: World, bridge: BaseGeometry) -> list[str]:
 
 def _depth(core: BaseGeometry, outline: BaseGeometry) -> float:
     return float(core.boundary.distance(outline)) if core.covers(outline) else 0.0
-
-
-def setpoint(i: int, count: int) -> str:
-    """A set-point as people count."""
-    return f"Set-point {i + 1} of {count}"
-
-
-def spot(position: Array) -> str:
-    """A position in words."""
-    return f"({', '.join(f'{value:z.3f}' for value in position)})"
-
-
-def join(names: Sequence[str]) -> str:
-    """Names in one line."""
-    if not names:
-        return "nothing"
-    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"

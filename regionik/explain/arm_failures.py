@@ -1,13 +1,13 @@
-"""The reason why not, where the arm is in its own way or something is in the arm's."""
+"""Explanations of where the arm is in its own way, or something is in the arm's."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from regionik.explain.sentences import setpoint, spot
 from regionik.planners.driving.drive import NoPathError
 from regionik.planners.driving.shape import TightSpotError
 from regionik.planners.geometry.collision import obstacles_from, solids_within
-from regionik.reasons.explain import setpoint, spot
 from regionik.worlds.errors import Cause, Explanation, Repair
 from regionik.worlds.robot import LinkCapsule
 from regionik.worlds.scene import World
