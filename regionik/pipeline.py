@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -27,7 +26,7 @@ from regionik.parking.stop_motion import connect_stops
 from regionik.parking.stops import check as check_stops
 from regionik.parking.stops import in_turn
 from regionik.postures.poses import figures, lift_offs
-from regionik.pruning import Pruned, choose_chain, spans, start_place, start_pose, whole_path
+from regionik.pruning import choose_chain, spans, start_place, start_pose, whole_path
 from regionik.reach import reach
 from regionik.regions import PathAreas
 from regionik.seeking.wherever import can_look, look_everywhere
@@ -214,7 +213,8 @@ def _plan_path(world: World, seed: int, tell: Progress) -> Plan:
     goals = configurations(world, pruned.ladder, standing, chain, start_pose(world, pruned, chain))
     _refuse(_not_converged(world, goals))
     joined = connect(world, pruned, chain, goals, standing, seed, tell)
-    return _verified(finish(world, seed, areas, pruned, joined), tell)
+    shown = _planned_areas(world, areas, pruned.area)
+    return _verified(_finished(world, seed, joined, shown), tell)
 
 
 def _plan_stops(world: World, seed: int, tell: Progress) -> Plan:
@@ -225,12 +225,11 @@ def _plan_stops(world: World, seed: int, tell: Progress) -> Plan:
     work = in_turn(world, parking)
     done = connect_stops(work, seed, tell)
     shown = _planned_areas(work.world, work.floors.areas, lambda i: done.places[i])
-    stats: dict[str, Any] = {
-        "stops": {**parking.stats, "count": len(done.stops), "split_before": list(done.split)}
-    }
+    stops = {**parking.stats, "count": len(done.stops), "split_before": list(done.split)}
+    stats: dict[str, Any] = {"stops": stops}
     if world.rules.order == "any":
         stats["order"] = list(work.order)
-    return _verified(_assembled(work.world, seed, done.joined, shown, done.stops, stats), tell)
+    return _verified(_finished(work.world, seed, done.joined, shown, done.stops, stats), tell)
 
 
 def _not_converged(world: World, goals: tuple[Configuration, ...]) -> Explanation | None:
@@ -287,20 +286,16 @@ def _check_areas(world: World) -> None:
         )
 
 
-def finish(world: World, seed: int, areas: PathAreas, pruned: Pruned, joined: JoinedMotion) -> Plan:
-    """Put the results of the stages together."""
-    return _assembled(world, seed, joined, _planned_areas(world, areas, pruned.area))
-
-
-def _assembled(
+def _finished(
     world: World,
     seed: int,
     joined: JoinedMotion,
     areas: tuple[PlannedArea, ...],
     stops: tuple[Stop, ...] = (),
-    more: Mapping[str, Any] = MappingProxyType({}),
+    more: Mapping[str, Any] | None = None,
 ) -> Plan:
-    stats = {**figures(world.robot.drive, joined.setpoints, joined.motion, joined.methods), **more}
+    """The results of the stages put together."""
+    stats = {**figures(world.robot.drive, joined.setpoints, joined.motion, joined.methods), **(more or {})}
     return Plan(world, seed, joined.setpoints, joined.motion, areas, lift_offs(joined.motion), stops, stats)
 
 

@@ -17,7 +17,7 @@ from shapely.geometry.base import BaseGeometry
 
 from regionik.areas.ground import ground_of
 from regionik.explain.failures import invalid_plan
-from regionik.explain.sentences import no_way_to, setpoint, spot
+from regionik.explain.sentences import no_way_to, setpoint_at
 from regionik.mfabrik import axis_of
 from regionik.moving.tracker_paths import SAME, TrackedPath, arm_of, same, tracked_paths
 from regionik.planners.driving.drive import NoPathError
@@ -173,13 +173,13 @@ def _area(world: World, arm: PitchArm, target: Target, free: BaseGeometry, axis:
 
 
 def _out_of_reach(world: World, error: HeightError) -> Explanation:
-    i, target = error.index, world.task[error.index]
+    i = error.index
     nearest = error.low if error.height < error.low else error.high
     off, which = abs(nearest - error.height), "low" if error.height < error.low else "high"
     low, high, asked, missing = (
         f"{1000 * value:.2f}" for value in (error.low, error.high, error.height, off)
     )
-    who = f"{setpoint(i, len(world.task))} at {spot(target.position)}"
+    who = setpoint_at(world.task, i)
     reason = (
         f"{no_way_to(who)}: with this very tool direction and its last joint at zero, as the tracker "
         f"keeps it, the arm attains heights of {low} to {high} mm, wherever the base stands; {asked} mm is "

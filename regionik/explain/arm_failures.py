@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from regionik.explain.sentences import setpoint, spot
+from regionik.explain.changes import one_lift_off
+from regionik.explain.sentences import setpoint_at
 from regionik.planners.driving.drive import NoPathError
 from regionik.planners.driving.shape import TightSpotError
 from regionik.planners.geometry.collision import obstacles_from, solids_within
@@ -35,7 +36,7 @@ def buried(world: World) -> Explanation | None:
         missing = need + rules.tolerance - gap
         place = f"{gap:z.4f} m from {name}" if gap >= 0 else f"{-gap:z.4f} m deep in {name}"
         reason = (
-            f"{setpoint(i, len(world.task))} at {spot(target.position)} lies {place}: no posture keeps the "
+            f"{setpoint_at(world.task, i)} lies {place}: no posture keeps the "
             f"last link, {tip:g} m round about the tool, at the arm's clearance of {rules.arm_clearance:g} m "
             f"from it. The set-point would have to lie {missing:.4f} m farther away."
         )
@@ -72,15 +73,16 @@ def arm_must_lift(world: World, i: int, obstruction: str, cause: Cause | None) -
         f"both, but no way on was found for the arm: {obstruction}; the tool would have to be lifted here, "
         f"and the rules allow {world.rules.max_lift_offs} lift-offs."
     )
-    repair = Repair("lift-off", f"set-point {i + 1}", 1.0, f"allow a lift-off before set-point {i + 1}", "1")
-    return Explanation("ladder-broken", i, reason, (cause or Cause("limits", world.robot.name),), (repair,))
+    return Explanation(
+        "ladder-broken", i, reason, (cause or Cause("limits", world.robot.name),), (one_lift_off(world, i),)
+    )
 
 
 def no_drive(world: World, i: int, refusal: NoPathError) -> Explanation:
     """Why the base does not get to any place that was looked at for set-point i."""
     kind = world.robot.drive.words
     reason = (
-        f"{setpoint(i, len(world.task))} at {spot(world.task[i].position)} has admissible places for the "
+        f"{setpoint_at(world.task, i)} has admissible places for the "
         f"base, but {kind} was not found a way to the places that were looked at: {refusal}."
     )
     missing = refusal.across - refusal.passage if isinstance(refusal, TightSpotError) else None
@@ -104,7 +106,7 @@ def no_clear_posture(
     cut_off : bool
         Clear postures exist, but no way to them was found.
     """
-    who = f"{setpoint(i, len(world.task))} at {spot(world.task[i].position)}"
+    who = setpoint_at(world.task, i)
     rule = f"the arm's clearance is {world.rules.arm_clearance:g} m"
     if cut_off:
         reason = (

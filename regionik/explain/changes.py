@@ -186,6 +186,11 @@ def allow_lift_offs(world: World, i: int) -> Change | None:
     )
 
 
+def one_lift_off(world: World, i: int) -> Repair:
+    """One more lift-off, before set-point i."""
+    return _repair(world, "lift-off", f"set-point {i + 1}", 1.0)
+
+
 def move_target(world: World, who: str) -> Move:
     """The world's one target elsewhere in space."""
     return Move(world, "move-target", who)

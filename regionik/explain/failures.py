@@ -12,8 +12,9 @@ from shapely.geometry.base import BaseGeometry
 from regionik.areas.demand import in_plane
 from regionik.areas.ground import ground_of, grow
 from regionik.areas.standing import by_heading, outer_by_heading, turns_matter
+from regionik.explain.changes import one_lift_off
 from regionik.explain.relaxations import with_rules
-from regionik.explain.sentences import join, no_way_to, setpoint, spot
+from regionik.explain.sentences import join, no_way_to, setpoint_at, spot
 from regionik.planners.driving.footprint import width_of
 from regionik.planners.driving.shape import narrowest
 from regionik.regions import (
@@ -46,7 +47,7 @@ def no_place(world: World, i: int, targets: Sequence[Target] | None = None, othe
     """
     every = world.task if targets is None else targets
     target = every[i]
-    who = f"{setpoint(i, len(every))} at {spot(target.position)}"
+    who = setpoint_at(every, i)
     proven = outer_areas(world, [target])[0].is_empty
     lead = f"{who} cannot be reached" if proven else no_way_to(who)
     open_clearance = largest_clearance(world, target)
@@ -55,9 +56,8 @@ def no_place(world: World, i: int, targets: Sequence[Target] | None = None, othe
     else:
         taken = what_took_away(world, target)
         reason, causes, repairs = _crowded_out(world, lead, taken, open_clearance, proven)
-    bare = (
-        None if world.rules.criteria is None else largest_clearance(with_rules(world, criteria=None), target)
-    )
+    asks_more = world.rules.criteria is not None
+    bare = largest_clearance(with_rules(world, criteria=None), target) if asks_more else None
     if bare is not None and bare >= world.rules.clearance:
         reason += " Without the criteria of the rules it could be reached."
         causes = (Cause("criteria", "rules.criteria"), *causes)
@@ -220,8 +220,9 @@ def too_many_lifts(world: World, breaks: Sequence[int], bridges: Sequence[BaseGe
         f"{allowed}."
     )
     causes = tuple(Cause("obstacle", name, float(bridge.length)) for name in blockers)
-    repair = Repair("lift-off", f"set-point {i + 1}", 1.0, f"allow a lift-off before set-point {i + 1}", "1")
-    return Explanation("ladder-broken", i, reason, causes or (Cause("reach", names, None),), (repair,))
+    return Explanation(
+        "ladder-broken", i, reason, causes or (Cause("reach", names, None),), (one_lift_off(world, i),)
+    )
 
 
 def blocked_start(world: World) -> Explanation | None:
@@ -275,7 +276,7 @@ def invalid_plan(world: World, violations: Sequence[Violation]) -> Explanation:
 def no_posture(world: World, i: int) -> Explanation:
     """M-FABRIK found no posture although the area is not empty."""
     reason = (
-        f"{setpoint(i, len(world.task))} at {spot(world.task[i].position)} has admissible places for the "
+        f"{setpoint_at(world.task, i)} has admissible places for the "
         f"base, but no posture within the joint limits was found at heading policy '{world.rules.heading}'."
     )
     return Explanation("no-posture", i, reason, (Cause("limits", world.robot.name, None),))

@@ -6,10 +6,10 @@ what decides whether one does. What decides lies above this folder, and is hande
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,34 +66,6 @@ HALVED = Scan(1, 1e-5, 0.0)
 COARSE = Scan(12, FINE, 0.01)  # for what is dear to ask
 
 
-class Question(Protocol):
-    """What is asked of a world, and of the world with constraints taken away or changes made."""
-
-    @property
-    def world(self) -> World:
-        """The world of which the answer is no."""
-
-    @property
-    def constraints(self) -> tuple[Constraint, ...]:
-        """What may be causes."""
-
-    @property
-    def proof(self) -> str:
-        """A sentence on why causes are proven; empty where they are not."""
-
-    def closed(self, world: World) -> bool:
-        """Whether a world's answer is no."""
-
-    def changes(self, causes: Sequence[Constraint]) -> Iterable[Change | Move | None]:
-        """What may mend it; an obstacle that is no cause does not help by moving."""
-
-    def least(self, change: Change) -> Repair | None:
-        """The least amount of a change that was found to help."""
-
-    def shortest(self, move: Move) -> Repair | None:
-        """The shortest step that was found to help."""
-
-
 @dataclass(frozen=True)
 class Oracles:
     """What decides about the one target of a world.
@@ -115,22 +87,13 @@ class Oracles:
 
 
 def _obstacles(world: World, causes: Sequence[Constraint]) -> Iterator[Move | None]:
+    """An obstacle that is no cause does not help by moving."""
     return (move_obstacle(world, one.name) for one in causes if one.kind == "obstacle")
 
 
-def enters(before: World, after: World) -> bool:
-    """Whether the target is in a solid that it was not in."""
-    solids = zip(before.solids, after.solids, strict=True)
-    old, new = before.task[0].position, after.task[0].position
-    return any(a.distance(old) >= 0 and b.distance(new) < 0 for a, b in solids)
-
-
-# A target ----------------------------------------------------------------------------------------------
-
-
 @dataclass(frozen=True)
-class TargetQuestion:
-    """Whether the one target of a world is within reach of the base: by areas, then by asking again.
+class _OneTarget:
+    """A question of the one target of a world.
 
     Attributes
     ----------
@@ -143,6 +106,27 @@ class TargetQuestion:
     world: World
     who: str
     oracles: Oracles
+
+    def enters(self, after: World) -> bool:
+        """Whether the target is in a solid that it was not in."""
+        old, new = self.world.task[0].position, after.task[0].position
+        solids = zip(self.world.solids, after.solids, strict=True)
+        return any(a.distance(old) >= 0 and b.distance(new) < 0 for a, b in solids)
+
+    def holds(self, after: World) -> bool:
+        """Whether the target is reachable in a changed world, and not inside anything that it was not in."""
+        if self.enters(after):
+            return False
+        if not opened(after, after.task)[0] and no_inner(after):  # sooner known than asked
+            return False
+        return bool(self.oracles.reach(after).reachable.all())
+
+
+# A target ----------------------------------------------------------------------------------------------
+
+
+class TargetQuestion(_OneTarget):
+    """Whether the target is within reach of the base: by areas, then by asking again."""
 
     @cached_property
     def proof(self) -> str:
@@ -184,7 +168,7 @@ class TargetQuestion:
     def _confirmed(self, change: Change, amount: float) -> Repair | None:
         """The repair by an amount found by areas, confirmed by asking whether the target is reachable."""
         found = confirmed(
-            lambda one: holds(self.world, change.at(one), self.oracles),
+            lambda one: self.holds(change.at(one)),
             amount,
             change.most,
             lambda one: self._seen(change.at(one)),
@@ -192,7 +176,7 @@ class TargetQuestion:
         return None if found is None else change.repair(found)
 
     def _seen(self, after: World) -> bool:
-        return not enters(self.world, after) and self.oracles.seen(after)
+        return not self.enters(after) and self.oracles.seen(after)
 
     def shortest(self, move: Move) -> Repair | None:
         """The shortest step found by areas, confirmed.
@@ -214,33 +198,12 @@ class TargetQuestion:
         return second or first
 
 
-def holds(before: World, after: World, oracles: Oracles) -> bool:
-    """Whether the target is reachable in a changed world, and not inside anything that it was not in."""
-    if enters(before, after):
-        return False
-    if not opened(after, after.task)[0] and no_inner(after):  # sooner known than asked
-        return False
-    return bool(oracles.reach(after).reachable.all())
-
-
 # The arm -----------------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class ArmQuestion:
-    """Whether the arm touches something from every place that serves the one target of a world.
+class ArmQuestion(_OneTarget):
+    """Whether the arm touches something from every place; where all postures can be looked at."""
 
-    Attributes
-    ----------
-    world : World
-        One of which a look at all postures can be asked.
-    who : str
-    oracles : Oracles
-    """
-
-    world: World
-    who: str
-    oracles: Oracles
     proof = "This is a proof: with these no posture from any place is clear."
 
     @property
@@ -260,7 +223,7 @@ class ArmQuestion:
 
     def _seen(self, after: World) -> bool:
         """Whether a clear posture is found in a changed world, and the target is not newly in a solid."""
-        if after.task[0].position[2] < 0 or enters(self.world, after):
+        if after.task[0].position[2] < 0 or self.enters(after):
             return False
         return self.oracles.look(after, SEARCH) == "found"
 
@@ -268,7 +231,7 @@ class ArmQuestion:
         most = change.most
         amount = GRID.first(lambda one: self._seen(change.at(one)), most) if most >= FINE else None
         if amount is not None:
-            amount = confirmed(lambda one: holds(self.world, change.at(one), self.oracles), amount, most)
+            amount = confirmed(lambda one: self.holds(change.at(one)), amount, most)
         return None if amount is None else change.repair(amount)
 
     def shortest(self, move: Move) -> Repair | None:
@@ -355,3 +318,6 @@ class PathQuestion:
             if found is not None and (first is None or found < best):
                 best, first = found, change
         return None if first is None else self._planned(first, best)
+
+
+Question = TargetQuestion | ArmQuestion | PathQuestion

@@ -15,12 +15,17 @@ from regionik.explain.relaxations import (
 )
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Repair
-from regionik.worlds.scene import World
+from regionik.worlds.scene import Target, World
 
 
 def setpoint(i: int, count: int) -> str:
     """A set-point as people count."""
     return f"Set-point {i + 1} of {count}"
+
+
+def setpoint_at(task: Sequence[Target], i: int) -> str:
+    """A set-point as people count, and where it is."""
+    return f"{setpoint(i, len(task))} at {spot(task[i].position)}"
 
 
 def spot(position: Array) -> str:

@@ -20,7 +20,7 @@ from shapely.geometry.base import BaseGeometry
 from regionik.areas.ground import Geometries
 from regionik.areas.standing import Index, Standing
 from regionik.explain.failures import cut_off, no_place
-from regionik.explain.sentences import no_way_to, setpoint, spot
+from regionik.explain.sentences import no_way_to, setpoint_at
 from regionik.ladder import Ladder, Mask, build_ladder
 from regionik.mfabrik import axis_of
 from regionik.planners.geometry.offsets import shrunk
@@ -321,7 +321,7 @@ def no_room(world: World, i: int, floors: ParkingAreas) -> Explanation:
         return cut_off(world, i, shapely.union_all(floors.standing.whole(piece[0])), shapely.union_all(every))
     widest = max(radius(area) for area in every[floors.usable[span]])
     wanted = world.rules.stop_tolerance
-    who = f"{setpoint(i, len(world.task))} at {spot(world.task[i].position)}"
+    who = setpoint_at(world.task, i)
     circle = f"circle of radius {wanted:.4f} m to park in"
     proven = shrunk(outer_areas(world, [world.task[i]])[0], wanted, outside=True).is_empty
     if proven:
