@@ -91,7 +91,8 @@ class Scan:
         >>> round(Scan(24, 1e-3, 0.0).first(lambda amount: amount > 0.3, 2.0), 2)
         0.3
         """
-        tried = [most * k / self.steps for k in range(self.steps + 1)]
+        step = most / self.steps
+        tried = [k * step for k in range(self.steps + 1)]
         k = next((k for k in range(1, self.steps + 1) if helps(self.snap(tried[k]))), None)
         return None if k is None else self.narrowed(helps, tried[k - 1], self.snap(tried[k]))
 
