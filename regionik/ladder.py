@@ -178,7 +178,7 @@ def _overlaps(
 
 
 def _shared(one: Geometries, other: Geometries, spots: Geometries) -> Mask:
-    """Which pairs of prepared parts share an area; mostly a spot of the first lies well inside both."""
+    """Mask of pairs of prepared parts that share an area: mostly a spot of the first is well inside both."""
     x, y = shapely.get_x(spots), shapely.get_y(spots)
     squares = shapely.box(x - SURE, y - SURE, x + SURE, y + SURE)
     shared: Mask = shapely.contains_properly(one, squares) & shapely.contains_properly(other, squares)

@@ -163,7 +163,7 @@ def _explained(world: World, quick: Explanation, seed: int = 0) -> Explanation:
 
 
 def _explained_arm(world: World, i: int, quick: Explanation) -> Explanation:
-    """The same where the arm is proven to touch something from everywhere."""
+    """The quick words, with causes and repairs where the arm is proven to touch something from everywhere."""
     question = ArmQuestion(replace(world, task=(world.task[i],)), target_name(world, i), ORACLES)
     return explained(question, quick) if can_look(world) and question.closed(question.world) else quick
 

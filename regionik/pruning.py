@@ -46,7 +46,7 @@ class Pruned:
     breaks: tuple[int, ...]
 
     def area(self, i: int) -> BaseGeometry:
-        """What is left of the area of set-point i."""
+        """Part of the area of set-point i that is left."""
         rungs = self.ladder.rungs
         span = slice(rungs[i], rungs[i + 1])
         return united(self.ladder.component[span][self.keep[span]])
@@ -60,7 +60,7 @@ class Pruned:
 
 
 def whole_path(world: World) -> tuple[Standing, PathAreas, Pruned]:
-    """Where the base may stand, the areas of the whole path, and their pruned ladder.
+    """Return the standing of the base, the areas of the whole path, and their pruned ladder.
 
     The arm faces its targets and the base turns freely, where that does; postures over the arm's back, and
     places where the base must keep to some headings, come in where they save a lift-off or a target.
@@ -86,7 +86,7 @@ def whole_path(world: World) -> tuple[Standing, PathAreas, Pruned]:
 
 
 def spans(world: World) -> bool:
-    """Whether `whole_path` finds areas for the whole path, without a word on why not."""
+    """Return True where `whole_path` finds areas for the whole path; no words are made on why not."""
     return any(_spans(world, standing(world), facings) for standing, facings in ways_to_stand(world))
 
 
@@ -137,7 +137,7 @@ def _lifts_too_often(world: World, pruned: Pruned) -> bool:
 
 
 def _cut_off(world: World, standing: Standing, pruned: Pruned, gap: int) -> Explanation:
-    """Why the base gets to no component of a set-point."""
+    """Explain why the base gets to no component of a set-point."""
     ladder = pruned.ladder
     kept = ladder.floor[pruned.keep]
     piece = int(kept[0] if len(kept) else _start_pieces(world, standing, ladder)[0])
@@ -189,7 +189,7 @@ def _followed(keep: Mask, neighbours: list[list[int]]) -> Mask:
 
 
 def start_place(world: World) -> Array | None:
-    """Where the arm axis stands at first, and the base's heading, (3,)."""
+    """First place of the arm axis and heading of the base, (3,); None where the world leaves it open."""
     if world.start is None:
         return None
     return np.array([*axis_of(world.robot, world.start.base), world.start.base[2]])
@@ -241,7 +241,7 @@ def choose_chain(pruned: Pruned, standing: Standing, start: Array | None) -> lis
 
 
 class _Trip(NamedTuple):
-    """What it cost the base to come to a spot, and its heading there."""
+    """Cost of the base's way to a spot, and its heading there."""
 
     cost: float
     spot: tuple[float, float]

@@ -15,7 +15,7 @@ from regionik.worlds.scene import World
 
 
 def buried(world: World) -> Explanation | None:
-    """Why the tool cannot be at some set-point at all, for what stands round it; None where nothing does.
+    """Explain which set-point is too near to a solid for any posture; None where none is.
 
     Where a link ends round in the tool, its radius and the arm's clearance must fit beside every solid but
     the one that the tool may touch.
@@ -60,13 +60,13 @@ def _tip_radius(world: World) -> float | None:
 
 
 def blocked_arm(world: World, closest: str, cause: Cause) -> Explanation:
-    """Why the arm cannot start in the posture that the world gives."""
+    """Explain why the arm cannot start in the posture that the world gives."""
     reason = f"The start is blocked: {closest}, and the arm's clearance is {world.rules.arm_clearance:g} m."
     return Explanation("start-blocked", None, reason, (cause,))
 
 
 def arm_must_lift(world: World, i: int, obstruction: str, cause: Cause | None) -> Explanation:
-    """Why the arm cannot go on to set-point i with as few lift-offs as the rules allow."""
+    """Explain why the arm cannot go on to set-point i with as few lift-offs as the rules allow."""
     count = len(world.task)
     reason = (
         f"The path breaks between set-points {i} and {i + 1} of {count}: the base has places that serve "
@@ -79,7 +79,7 @@ def arm_must_lift(world: World, i: int, obstruction: str, cause: Cause | None) -
 
 
 def no_drive(world: World, i: int, refusal: NoPathError) -> Explanation:
-    """Why the base does not get to any place that was looked at for set-point i."""
+    """Explain why the base does not get to any place that was looked at for set-point i."""
     kind = world.robot.drive.words
     reason = (
         f"{setpoint_at(world.task, i)} has admissible places for the "
@@ -92,7 +92,7 @@ def no_drive(world: World, i: int, refusal: NoPathError) -> Explanation:
 def no_clear_posture(
     world: World, i: int, looked: tuple[int, int, int], closest: str, cause: Cause, *, cut_off: bool
 ) -> Explanation:
-    """Why the arm cannot be at set-point i, or cannot get there, without touching something.
+    """Explain why the arm cannot be at set-point i, or cannot get there, without touching something.
 
     Parameters
     ----------

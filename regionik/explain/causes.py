@@ -9,7 +9,7 @@ import shapely
 from numpy.typing import NDArray
 
 from regionik.areas.reachable import BACK, FRONT
-from regionik.areas.standing import LEAST_AREA, Standing, anywhere, by_heading, turns_matter
+from regionik.areas.standing import LEAST_AREA, anywhere, by_heading, turns_matter
 from regionik.explain.relaxations import Constraint
 from regionik.regions import outer_areas, path_areas
 from regionik.worlds.errors import Cause, Explanation
@@ -76,25 +76,19 @@ def arm_too_short(world: World, quick: Explanation) -> Cause:
 
 
 def no_outer(world: World) -> bool:
-    """Whether the first set-point of a world is proven to be out of reach: its outer area is empty."""
+    """Return True where the first set-point is proven to be out of reach: its outer area is empty."""
     return bool(outer_areas(world, world.task[:1])[0].is_empty)
 
 
 def no_inner(world: World) -> bool:
-    """Whether no place of the base is known to serve the first set-point: no proof that there is none."""
-    return all(_nothing(world, standing(world)) for standing in _standings(world))
-
-
-def _standings(world: World) -> list[Callable[[World], Standing]]:
-    return [anywhere, by_heading] if turns_matter(world) else [anywhere]
-
-
-def _nothing(world: World, standing: Standing) -> bool:
-    return not any(area.area > 0 for area in path_areas(world, world.task[:1], (FRONT, BACK), standing).inner)
+    """Return True where no place for the base is known for the first set-point, which proves nothing."""
+    ways = [anywhere, by_heading] if turns_matter(world) else [anywhere]
+    every = (path_areas(world, world.task[:1], (FRONT, BACK), standing(world)) for standing in ways)
+    return not any(area.area > 0 for areas in every for area in areas.inner)
 
 
 def opened(world: World, targets: Sequence[Target]) -> NDArray[np.bool_]:
-    """Whether each target has an inner area that holds at every heading, or at the one the rules fix."""
+    """Return for each target if it has an inner area at every heading, or at the one the rules fix."""
     areas = path_areas(world, targets)
     found = np.zeros(len(targets), dtype=bool)
     found[areas.target[shapely.area(areas.inner) > LEAST_AREA]] = True

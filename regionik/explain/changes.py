@@ -1,4 +1,4 @@
-"""Table of the changes that may mend a no: the world with one made, how small it is, and how it is told."""
+"""Table of the changes that may help: the world with one made, its size, and the words for it."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ class ChangeKind:
     made : callable
         Of a world, a repair and the set-point that a moved target is: the world with the repair made.
     share : callable
-        Of a world and a repair: how small it is in its own terms.
+        Of a world and a repair: its size in its own terms.
     text : callable
-        The same, as a sentence tells it.
+        The same: the words for it.
     """
 
     made: Callable[[World, Repair, int], World]
@@ -52,7 +52,7 @@ def repaired(world: World, repair: Repair, i: int = 0) -> World:
 
 
 def share(world: World, repair: Repair) -> float:
-    """How small a repair is in its own terms.
+    """Size of a repair in its own terms.
 
     A length counts as a part of the arm's length, a clearance by what it loses, a cone by what it gains as a
     part of a half turn, a lift-off as one.

@@ -31,7 +31,7 @@ from regionik.worlds.scene import Target, World
 
 
 def no_place(world: World, i: int, targets: Sequence[Target] | None = None, others: int = 0) -> Explanation:
-    """Why no place of the base is known for set-point i: "unreachable" where its outer area is empty, too.
+    """Explain why set-point i has no known place for the base: "unreachable" where its outer area is empty.
 
     Else the verdict is "undecided": an empty inner area is no proof.
 
@@ -70,7 +70,7 @@ def no_place(world: World, i: int, targets: Sequence[Target] | None = None, othe
 
 
 def _left_open(world: World, target: Target) -> str:
-    """What keeps inner areas smaller than outer ones."""
+    """Reasons for which inner areas are smaller than outer ones."""
     robot, ground = world.robot, ground_of(world)
     why = [f"inner areas keep {world.rules.reach_margin:g} m off the edge of reach"]
     if target.direction is not None and not in_plane(robot.chain, target):
@@ -129,7 +129,7 @@ def _out_of_reach(
 
 
 def _wanted(world: World, target: Target) -> str:
-    """What the postures of an arm lack for a target that is in reach of its floor and height."""
+    """Words for the postures that an arm lacks for a target in reach of its floor and height."""
     if target.direction is None:
         return "within limits"
     bare, pointed = Target(target.position), Target(target.position, target.direction, target.cone)
@@ -162,7 +162,7 @@ def _crowded_out(
 
 
 def cut_off(world: World, i: int, here: BaseGeometry, areas: BaseGeometry) -> Explanation:
-    """Why the base cannot get from the floor it stands on to any place of set-point i.
+    """Explain why the base cannot get from the floor it stands on to any place of set-point i.
 
     Parameters
     ----------
@@ -208,7 +208,7 @@ def tight(world: World, here: BaseGeometry, there: BaseGeometry) -> str:
 
 
 def too_many_lifts(world: World, breaks: Sequence[int], bridges: Sequence[BaseGeometry]) -> Explanation:
-    """Why the path cannot be done with as few lift-offs as the rules allow."""
+    """Explain why the path cannot be done with as few lift-offs as the rules allow."""
     allowed = world.rules.max_lift_offs or 0
     i, bridge = breaks[allowed], bridges[allowed]
     blockers = _crossed(world, bridge)
@@ -226,7 +226,7 @@ def too_many_lifts(world: World, breaks: Sequence[int], bridges: Sequence[BaseGe
 
 
 def blocked_start(world: World) -> Explanation | None:
-    """Why the base cannot stand where it starts; None where it can."""
+    """Explain why the base cannot stand where it starts; None where it can."""
     if world.start is None:
         return None
     robot, ground = world.robot, ground_of(world)

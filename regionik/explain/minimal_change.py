@@ -215,7 +215,7 @@ def first_seen(
 
 
 def _coarse(opens: Opens, directions: Array, low: float, high: float) -> NDArray[np.intp]:
-    """Which of even steps along each direction is the first to help; `_COARSE` where none is."""
+    """First of even steps along each direction that helps; `_COARSE` where none does."""
     lengths = np.linspace(low, high, _COARSE + 1)[1:]
     steps = lengths[None, :, None] * directions[:, None, :]
     table = opens(steps.reshape(-1, directions.shape[1])).reshape(len(directions), _COARSE)

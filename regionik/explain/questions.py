@@ -68,17 +68,17 @@ COARSE = Scan(12, FINE, 0.01)  # for what is dear to ask
 
 @dataclass(frozen=True)
 class Oracles:
-    """What decides about the one target of a world.
+    """Stages that decide about the one target of a world.
 
     Attributes
     ----------
     reach : callable
-        Whether and from where it is reached.
+        The answer of `regionik.reach`.
     seen : callable
-        Whether a configuration is found in the areas that hold at every heading: sooner known than ``reach``,
-        and stricter.
+        True where a configuration is found in the areas that hold at every heading: sooner known than
+        ``reach``, and stricter.
     look : callable
-        What a look at so many cells of all postures comes to: "found", "none", which is a proof, or "open".
+        Verdict of a look at so many cells of all postures: "found", "none", which is a proof, or "open".
     """
 
     reach: Callable[[World], Answer]
@@ -108,13 +108,13 @@ class _OneTarget:
     oracles: Oracles
 
     def enters(self, after: World) -> bool:
-        """Whether the target is in a solid that it was not in."""
+        """Return True where the target is in a solid that it was not in."""
         old, new = self.world.task[0].position, after.task[0].position
         solids = zip(self.world.solids, after.solids, strict=True)
         return any(a.distance(old) >= 0 and b.distance(new) < 0 for a, b in solids)
 
     def holds(self, after: World) -> bool:
-        """Whether the target is reachable in a changed world, and not inside anything that it was not in."""
+        """Return True where the target of a changed world is reachable, and newly inside of nothing."""
         if self.enters(after):
             return False
         if not opened(after, after.task)[0] and no_inner(after):  # sooner known than asked
@@ -126,7 +126,7 @@ class _OneTarget:
 
 
 class TargetQuestion(_OneTarget):
-    """Whether the target is within reach of the base: by areas, then by asking again."""
+    """Is the target within reach of the base? Asked of areas, then of `Oracles.reach`."""
 
     @cached_property
     def proof(self) -> str:
@@ -202,7 +202,7 @@ class TargetQuestion(_OneTarget):
 
 
 class ArmQuestion(_OneTarget):
-    """Whether the arm touches something from every place; where all postures can be looked at."""
+    """Is the arm clear of everything at the target, from some place? Asked where all postures can be seen."""
 
     proof = "This is a proof: with these no posture from any place is clear."
 
@@ -211,7 +211,7 @@ class ArmQuestion(_OneTarget):
         return arm_constraints_of(self.world)
 
     def closed(self, world: World) -> bool:
-        """Whether the target is proven to have no clear posture from any place."""
+        """Return True where the target is proven to have no clear posture from any place."""
         return no_outer(world) or self.oracles.look(world, PROOF) == "none"
 
     def changes(self, causes: Sequence[Constraint]) -> Iterator[Change | Move | None]:
@@ -222,7 +222,7 @@ class ArmQuestion(_OneTarget):
         yield from _obstacles(self.world, causes)
 
     def _seen(self, after: World) -> bool:
-        """Whether a clear posture is found in a changed world, and the target is not newly in a solid."""
+        """Return True where a clear posture is found in a changed world, the target newly in no solid."""
         if after.task[0].position[2] < 0 or self.enters(after):
             return False
         return self.oracles.look(after, SEARCH) == "found"
@@ -251,7 +251,7 @@ class ArmQuestion(_OneTarget):
 
 @dataclass(frozen=True)
 class PathQuestion:
-    """Whether the ladder of areas spans a world's path.
+    """Does the ladder of areas span a world's path, and can it be planned?
 
     Attributes
     ----------
@@ -259,7 +259,7 @@ class PathQuestion:
     setpoint : int
         Before which the ladder breaks.
     spans, plans : callable
-        Whether the areas of a world span its path, and whether it can be planned.
+        True where the areas of a world span its path, and where it can be planned.
     """
 
     world: World

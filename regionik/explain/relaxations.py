@@ -77,7 +77,7 @@ def constraints_of(world: World) -> tuple[Constraint, ...]:
 
 
 def arm_constraints_of(world: World) -> tuple[Constraint, ...]:
-    """The same, and what keeps the arm off things: its clearance, and that its links and base keep apart."""
+    """`constraints_of`, with the arm's clearance, and its links and base being kept apart."""
     found = [Constraint("self", OWN_BODY, without_own_body)]
     if world.rules.arm_clearance > 0 and world.solids:
         found.append(Constraint("clearance", ARM_CLEARANCE, partial(with_rules, arm_clearance=0.0)))
@@ -85,7 +85,7 @@ def arm_constraints_of(world: World) -> tuple[Constraint, ...]:
 
 
 def path_constraints_of(world: World) -> tuple[Constraint, ...]:
-    """The same for a whole path: first the lift-offs that are allowed and the place where the base starts.
+    """`constraints_of` a whole path, after the lift-offs that are allowed and the start of the base.
 
     A fixed heading is so by the start, which then stays.
     """
@@ -98,7 +98,7 @@ def path_constraints_of(world: World) -> tuple[Constraint, ...]:
 
 
 def direction_name(world: World) -> str:
-    """What the task asks of the tool beyond its position."""
+    """Name of the demand on the tool beyond its position."""
     turned = any(target.orientation is not None for target in world.task)
     return "tool orientation" if turned else "tool direction"
 

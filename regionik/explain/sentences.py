@@ -10,6 +10,7 @@ from regionik.explain.relaxations import (
     CLEARANCE,
     FOOTPRINT,
     HEADING,
+    JOINT_LIMITS,
     OWN_BODY,
     Constraint,
 )
@@ -54,9 +55,8 @@ def together(world: World, kept: Sequence[Constraint], *, proven: bool) -> str:
     """A sentence on what belongs together; where it rests on inner areas alone it says so first."""
     if not kept and proven:
         return f"The arm of {world.robot.name} on its mount is too short, whatever else is taken away."
-    what = (
-        "What rules it out" if proven else "By inner areas alone, which prove nothing, what stands in the way"
-    )
+    unproven = "By inner areas alone, which prove nothing, what stands in the way"
+    what = "What rules it out" if proven else unproven
     if not kept:
         return f"{what} is the arm of {world.robot.name} on its mount, whatever else is taken away."
     names = [_name(world, one) for one in kept]
@@ -66,21 +66,18 @@ def together(world: World, kept: Sequence[Constraint], *, proven: bool) -> str:
 
 
 def _name(world: World, one: Constraint) -> str:
-    match one.name:
-        case name if name == CLEARANCE:
-            return f"the clearance of {world.rules.clearance:g} m"
-        case name if name == ARM_CLEARANCE:
-            return f"the arm's clearance of {world.rules.arm_clearance:g} m"
-        case name if name == OWN_BODY:
-            return f"that the {name} keep apart"
-        case name if name == HEADING:
-            return f"the heading policy '{world.rules.heading}'"
-        case name if name in (FOOTPRINT, CELLS) or one.kind in ("floor", "direction"):
-            return f"the {name}"
-        case name if one.kind == "limits":
-            return f"the {name} of {world.robot.name}"
-        case name:
-            return name
+    """A constraint as it stands in a sentence."""
+    words = {
+        CLEARANCE: f"the clearance of {world.rules.clearance:g} m",
+        ARM_CLEARANCE: f"the arm's clearance of {world.rules.arm_clearance:g} m",
+        OWN_BODY: f"that the {OWN_BODY} keep apart",
+        HEADING: f"the heading policy '{world.rules.heading}'",
+        FOOTPRINT: f"the {FOOTPRINT}",
+        CELLS: f"the {CELLS}",
+        JOINT_LIMITS: f"the {JOINT_LIMITS} of {world.robot.name}",
+    }
+    plain = f"the {one.name}" if one.kind in ("floor", "direction") else one.name
+    return words.get(one.name, plain)
 
 
 def mended(repairs: Sequence[Repair]) -> str:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def explained(question: Question, quick: Explanation) -> Explanation:
-    """The quick words on a no with its causes and repairs.
+    """Return the quick words on a no with its causes and repairs.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ def explained(question: Question, quick: Explanation) -> Explanation:
 
 
 def explained_target(world: World, i: int, quick: Explanation, oracles: Oracles) -> Explanation:
-    """The same for a set-point whose inner area is empty; where that is undecided it is asked by itself."""
+    """`explained` for a set-point whose inner area is empty; what is undecided is asked by itself."""
     asked = replace(world, task=(world.task[i],))
     if quick.verdict == "undecided":
         quick = _by_itself(quick, oracles.reach(asked), setpoint(i, len(world.task)))
