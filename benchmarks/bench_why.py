@@ -19,9 +19,9 @@ from itertools import count
 
 import numpy as np
 
+from regionik.explain.changes import repaired
+from regionik.pipeline import why
 from regionik.reach import reach
-from regionik.repairs.trials import repaired
-from regionik.why import why
 from tests.why_cases import as_small_as_brute_force, cases, proven_irreducible
 
 

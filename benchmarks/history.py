@@ -14,7 +14,8 @@ import pytest
 from benchmarks.speed.areas import meander
 from benchmarks.speed.mobile import TOLERANCE, task
 from regionik.mfabrik import Solver
-from regionik.pipeline import search, whole_path
+from regionik.pipeline import search
+from regionik.pruning import whole_path
 from regionik.reach import reach
 from regionik.verification.verifier import verify
 from regionik.worlds.documents.world_file import load_world

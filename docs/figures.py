@@ -19,9 +19,8 @@ from matplotlib.path import Path as Outline
 import regionik as rik
 from regionik.areas.reachable import reach_rows
 from regionik.areas.standing import anywhere
-from regionik.pipeline import whole_path
 from regionik.postures.families import BACK, FRONT
-from regionik.pruning import Pruned
+from regionik.pruning import Pruned, whole_path
 
 REACH, KEPT, CUT, SOLID, GROWN, UNDECIDED = "#cfd8dc", "#2e7d32", "#a5d6a7", "#546e7a", "#ffab91", "#c62828"
 SHOWN = 16  # the set-point of l_shape whose components are shown on the floor, counted from 0

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from regionik.output.field_file import write_field
     from regionik.output.plan_file import load_plan
     from regionik.parking.stops import stops
-    from regionik.pipeline import plan
+    from regionik.pipeline import plan, why
     from regionik.reach import reach
     from regionik.regions import admissible_area
     from regionik.timing.point_to_point import point_to_point
@@ -35,7 +35,6 @@ if TYPE_CHECKING:
     from regionik.view.figures import plot
     from regionik.view.html_page import to_html
     from regionik.view.viewer import show
-    from regionik.why import why
     from regionik.worlds.chain import Chain, Joint
     from regionik.worlds.criteria import Criteria
     from regionik.worlds.documents.world_file import load_world
@@ -136,7 +135,7 @@ _HOME = {
     "trajectory": "regionik.timing.trajectory",
     "verify": "regionik.verification.verifier",
     "verify_answers": "regionik.verification.answers",
-    "why": "regionik.why",
+    "why": "regionik.pipeline",
     "write_field": "regionik.output.field_file",
 }
 

@@ -17,7 +17,6 @@ import numpy as np
 
 from regionik.areas.standing import room_for
 from regionik.mfabrik import Solver, axis_of, pose_of, solver_for
-from regionik.pipeline import start_place, whole_path
 from regionik.planners.driving.room import fits
 from regionik.planners.rivals.genetic import Genetic
 from regionik.planners.rivals.iterative import CyclicDescent, DampedLeastSquares, PseudoInverse, Transpose
@@ -28,7 +27,7 @@ from regionik.planners.solvers.mfabrik_serial import in_arm_frame
 from regionik.postures.guard import guard_of
 from regionik.postures.poses import pose
 from regionik.postures.tool_goal import aim_of, misses
-from regionik.pruning import choose_chain
+from regionik.pruning import choose_chain, start_place, whole_path
 from regionik.values import Configuration
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, Joint

@@ -19,6 +19,7 @@ from regionik.areas.ground import EVERY
 from regionik.areas.reach_model import ReachModel
 from regionik.areas.reachable import reach_model
 from regionik.areas.standing import Standing
+from regionik.ladder import Ladder
 from regionik.planners.geometry.flat import FlatPolygon
 from regionik.planners.solvers.base_placement import FACE_TARGET, FIXED, FREE, Turning, share_turn
 from regionik.planners.solvers.mfabrik_planar import solve, solve_along, solve_many
@@ -27,7 +28,6 @@ from regionik.postures.arms import ANGLE_SLACK, Arm, PlaneSolver
 from regionik.postures.families import FRONT, Family
 from regionik.postures.serialarm import Reached
 from regionik.postures.tool_goal import goal_of
-from regionik.pruning import Ladder
 from regionik.values import Configuration
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.criteria import Criteria, with_joint_margin

@@ -1,20 +1,24 @@
-"""`plan(world)`: one line a stage."""
+"""`plan(world)`, one line a stage, and `why(world)` where there is no plan."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
-import shapely
+from numpy.typing import ArrayLike
 from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from regionik import tracked
 from regionik.areas.ground import united
 from regionik.areas.reachable import heeds_headings
-from regionik.areas.standing import Standing
-from regionik.mfabrik import axis_of, configurations
+from regionik.explain import arm_failures, failures
+from regionik.explain.causes import no_inner
+from regionik.explain.questions import ArmQuestion, Oracles, PathQuestion
+from regionik.explain.why import explained, explained_target, target_name
+from regionik.mfabrik import configurations
 from regionik.motion import connect
 from regionik.moving.path_search import JoinedMotion
 from regionik.parking.fewest import park
@@ -22,23 +26,26 @@ from regionik.parking.stop_motion import connect_stops
 from regionik.parking.stops import check as check_stops
 from regionik.parking.stops import in_turn
 from regionik.postures.poses import figures, lift_offs
-from regionik.pruning import Ladder, Pruned, build_ladder, choose_chain, prune
-from regionik.reasons import explain, explain_arm
-from regionik.reasons.causes import no_inner
-from regionik.regions import PathAreas, path_areas, ways_to_stand
-from regionik.repairs.arm import no_clear_posture, why_arm
-from regionik.repairs.path import why_path
-from regionik.repairs.target import why_target
-from regionik.seeking.any_base import can_search
+from regionik.pruning import choose_chain, spans, start_place, start_pose, whole_path
+from regionik.reach import reach
+from regionik.regions import PathAreas
+from regionik.seeking.any_base import can_search, search_any_base
+from regionik.seeking.witness import Quest
 from regionik.timing.retime import retime
-from regionik.values import Plan, PlannedArea
+from regionik.values import Configuration, Plan, PlannedArea, Stop
 from regionik.verification.verifier import verify
-from regionik.worlds.arrays import Array
-from regionik.worlds.errors import Explanation, InputError, NoPlanFound
+from regionik.worlds.arrays import frozen
+from regionik.worlds.errors import Cause, Explanation, InputError, NoPlanFound
 from regionik.worlds.pivoted_arm import reach_bound
-from regionik.worlds.scene import World
+from regionik.worlds.scene import Target, World
 
 Progress = Callable[[str, int, int], None]
+
+ORACLES = Oracles(
+    reach=lambda world: reach(world, world.task),
+    seen=lambda world: Quest(world, world.task[0]).in_areas() is not None,
+    look=lambda world, cells: search_any_base(world, world.task[0], cells).verdict,
+)
 
 
 def plan(world: World, *, seed: int = 0, progress: Progress | None = None) -> Plan:
@@ -76,27 +83,88 @@ def plan(world: World, *, seed: int = 0, progress: Progress | None = None) -> Pl
         found = search(world, seed, tell)
     except NoPlanFound as no:
         tell("why", 0, 1)
-        raise NoPlanFound(explained(world, no.explanation, seed)) from None
+        raise NoPlanFound(_explained(world, no.explanation, seed)) from None
     if world.speeds is None and not world.robot.chain.has_velocity_limits:
         return found
     tell("timing", 0, 1)
     return retime(found)
 
 
-def explained(world: World, quick: Explanation, seed: int = 0) -> Explanation:
+def why(world: World, target: Target | ArrayLike | None = None) -> Explanation | None:
+    """Explain why a target or a whole path is out of reach, and which smallest changes would mend it.
+
+    Causes are irreducible: together they rule it out, and without any one of them the rest does not. For a
+    target they rest on its outer area, which is a proof, or on the inner one where the outer is not empty;
+    for a path on the ladder of inner areas. Each repair is made, and the target asked for or the path
+    planned again, before it is told; the smallest comes first, lengths counted as parts of the arm's length,
+    a cone's opening as a part of a half turn and a lift-off as one.
+
+    Parameters
+    ----------
+    world : World
+    target : Target or (3,) array_like, optional
+        A bare point leaves the tool direction free [m]. By default the world's whole path is asked for: its
+        start, the first set-point with an empty area, floor cut off, or more lift-offs than are allowed.
+        Motion is not: what only the arm's obstacles or the base's wheels forbid is for `plan` to say.
+
+    Returns
+    -------
+    Explanation or None
+        None where nothing stands in the way.
+
+    Raises
+    ------
+    InputError
+        For a target that is not three finite numbers, or a world that cannot be planned for.
+
+    Examples
+    --------
+    >>> from regionik.worlds.documents.world_file import load_world
+    >>> found = why(load_world("pillar"), [0.5, 0.0, 0.7])
+    >>> [(cause.kind, repair.kind) for cause, repair in zip(found.causes, found.repairs)]
+    [('reach', 'move-target')]
+    """
+    if target is None:
+        return _why_path(world)
+    if not isinstance(target, Target):
+        target = Target(frozen(target, (3,), "target"))
+    asked = replace(world, task=(target,))
+    answer = reach(asked, asked.task)
+    if answer.reachable[0]:
+        return None
+    if no_inner(asked):
+        return explained_target(asked, 0, failures.no_place(asked, 0), ORACLES)
+    reason, causes = f"{answer.reason[0].rstrip('.')}.", (Cause("limits", world.robot.name),)
+    if answer.verdict[0] == "undecided":
+        return Explanation("undecided", 0, reason, causes)
+    return _explained_arm(asked, 0, Explanation("unreachable", 0, reason, causes))
+
+
+def _why_path(world: World) -> Explanation | None:
+    try:
+        check(world)
+        whole_path(world)
+    except NoPlanFound as no:
+        return _explained(world, no.explanation)
+    return None
+
+
+def _explained(world: World, quick: Explanation, seed: int = 0) -> Explanation:
     """The quick words on why areas allow no plan, with irreducible causes and repairs; others as they are."""
-    if tracked.follows(world):
+    i = quick.setpoint
+    if i is None or tracked.follows(world):
         return quick
     if quick.verdict == "ladder-broken" and not spans(world):
-        return why_path(world, quick, spans, lambda changed: _can_be_planned(changed, seed))
-    if quick.setpoint is None:
-        return quick
-    asked = replace(world, task=(world.task[quick.setpoint],))
-    if quick.verdict in ("unreachable", "undecided") and no_inner(asked):  # else there is no room to park
-        return why_target(world, quick.setpoint, quick)
-    if quick.verdict == "no-posture" and can_search(world) and no_clear_posture(asked):
-        return why_arm(world, quick.setpoint, quick)
-    return quick
+        return explained(PathQuestion(world, i, spans, lambda changed: _can_be_planned(changed, seed)), quick)
+    if quick.verdict in ("unreachable", "undecided") and no_inner(replace(world, task=(world.task[i],))):
+        return explained_target(world, i, quick, ORACLES)  # else there is no room to park
+    return _explained_arm(world, i, quick) if quick.verdict == "no-posture" else quick
+
+
+def _explained_arm(world: World, i: int, quick: Explanation) -> Explanation:
+    """The quick words, with causes and repairs where the arm is proven to touch something from everywhere."""
+    question = ArmQuestion(replace(world, task=(world.task[i],)), target_name(world, i), ORACLES)
+    return explained(question, quick) if can_search(world) and question.closed(question.world) else quick
 
 
 def _can_be_planned(world: World, seed: int) -> bool:
@@ -114,24 +182,60 @@ def _untold(stage: str, done: int, total: int) -> None:
 def search(world: World, seed: int = 0, tell: Progress = _untold) -> Plan:
     """A plan that is verified, not timed; where there is none, `NoPlanFound` with the quick words on why."""
     check(world)
-    sunk = explain_arm.buried(world)
-    if sunk is not None:
-        raise NoPlanFound(sunk)
+    _refuse(arm_failures.buried(world))
+    return strategy_of(world).plan(world, seed, tell)
+
+
+@dataclass(frozen=True)
+class Strategy:
+    """A way to do a world's task: what it refuses, and its stages up to a verified plan."""
+
+    check: Callable[[World], None]
+    plan: Callable[[World, int, Progress], Plan]
+
+
+def strategy_of(world: World) -> Strategy:
+    """Stops where the rules ask for them, Xu's tracker where it `follows`, else the path without a stop."""
     if world.rules.mode == "stops":
-        return _verified(_stopping(world, seed, tell), tell)
+        return Strategy(_check_stops, _plan_stops)
     if tracked.follows(world):
-        return tracked.follow(world, seed, tell)
+        return Strategy(lambda _: None, tracked.follow)
+    return Strategy(_check_areas, _plan_path)
+
+
+def _plan_path(world: World, seed: int, tell: Progress) -> Plan:
+    """A plan on which the tool stays on its path wherever the base can go on with it."""
     tell("areas", 0, len(world.task))
     standing, areas, pruned = whole_path(world)
     chain = choose_chain(pruned, standing, start_place(world))
     tell("configurations", 0, len(world.task))
-    start = start_pose(world, pruned, chain)
-    goals = configurations(world, pruned.ladder, standing, chain, start)
-    for i, goal in enumerate(goals):
-        if not goal.converged and not world.rules.avoidance:
-            raise NoPlanFound(explain.no_posture(world, i))
+    goals = configurations(world, pruned.ladder, standing, chain, start_pose(world, pruned, chain))
+    _refuse(_not_converged(world, goals))
     joined = connect(world, pruned, chain, goals, standing, seed, tell)
-    return _verified(finish(world, seed, areas, pruned, joined), tell)
+    shown = _planned_areas(world, areas, pruned.area)
+    return _verified(_finished(world, seed, joined, shown), tell)
+
+
+def _plan_stops(world: World, seed: int, tell: Progress) -> Plan:
+    """A plan whose base stands still at the fewest stops."""
+    tell("areas", 0, len(world.task))
+    parking = park(world)
+    tell("stops", 0, len(parking.groups))
+    work = in_turn(world, parking)
+    done = connect_stops(work, seed, tell)
+    shown = _planned_areas(work.world, work.floors.areas, lambda i: done.places[i])
+    stops = {**parking.stats, "count": len(done.stops), "split_before": list(done.split)}
+    stats: dict[str, Any] = {"stops": stops}
+    if world.rules.order == "any":
+        stats["order"] = list(work.order)
+    return _verified(_finished(work.world, seed, done.joined, shown, done.stops, stats), tell)
+
+
+def _not_converged(world: World, goals: tuple[Configuration, ...]) -> Explanation | None:
+    """The first set-point that M-FABRIK found no posture for, where no others are to be looked for."""
+    if world.rules.avoidance:
+        return None
+    return next((failures.no_posture(world, i) for i, goal in enumerate(goals) if not goal.converged), None)
 
 
 def _verified(found: Plan, tell: Progress) -> Plan:
@@ -139,25 +243,13 @@ def _verified(found: Plan, tell: Progress) -> Plan:
     tell("verify", 0, 1)
     report = verify(found)
     if not report.ok:
-        raise NoPlanFound(explain.invalid_plan(found.world, report.violations))
+        raise NoPlanFound(failures.invalid_plan(found.world, report.violations))
     return replace(found, stats={**found.stats, "margins": report.margins})
 
 
-def _stopping(world: World, seed: int, tell: Progress) -> Plan:
-    """A plan whose base stands still at the fewest stops, not yet verified."""
-    tell("areas", 0, len(world.task))
-    parking = park(world)
-    tell("stops", 0, len(parking.groups))
-    work = in_turn(world, parking)
-    done = connect_stops(work, seed, tell)
-    joined = done.joined
-    stats = figures(world.robot.drive, joined.setpoints, joined.motion, joined.methods)
-    stats["stops"] = {**parking.stats, "count": len(done.stops), "split_before": list(done.split)}
-    if world.rules.order == "any":
-        stats["order"] = list(work.order)
-    shown = _planned_areas(work.world, work.floors.areas, lambda i: done.places[i])
-    lifts = lift_offs(joined.motion)
-    return Plan(work.world, seed, joined.setpoints, joined.motion, shown, lifts, done.stops, stats)
+def _refuse(failure: Explanation | None) -> None:
+    if failure is not None:
+        raise NoPlanFound(failure)
 
 
 def check(world: World) -> None:
@@ -171,13 +263,13 @@ def check(world: World) -> None:
         )
     if world.rules.order == "any" and world.rules.mode != "stops":
         raise InputError(f"{world.name}: rules.order: any goes with rules.mode: stops, expected given")
-    if world.rules.mode == "stops":
-        check_stops(world)
-    if world.rules.mode == "stops" or not tracked.follows(world):
-        _check_areas(world)
-    blocked = explain.blocked_start(world)
-    if blocked is not None:
-        raise NoPlanFound(blocked)
+    strategy_of(world).check(world)
+    _refuse(failures.blocked_start(world))
+
+
+def _check_stops(world: World) -> None:
+    check_stops(world)
+    _check_areas(world)
 
 
 def _check_areas(world: World) -> None:
@@ -191,119 +283,17 @@ def _check_areas(world: World) -> None:
         )
 
 
-def whole_path(world: World) -> tuple[Standing, PathAreas, Pruned]:
-    """Where the base may stand, the areas of the whole path, and their pruned ladder.
-
-    The arm faces its targets and the base turns freely, where that does; postures over the arm's back, and
-    places where the base must keep to some headings, come in where they save a lift-off or a target.
-    """
-    found: list[tuple[Standing, PathAreas, Pruned]] = []
-    refused = None
-    for standing, facings in ways_to_stand(world):
-        try:
-            found.append((standing(world), *prune_path(world, standing(world), facings)))
-        except NoPlanFound as failure:
-            refused = failure
-        else:
-            if not found[-1][2].breaks:
-                break
-    if not found and refused is not None:
-        raise refused
-    return min(found, key=lambda one: len(one[2].breaks))
-
-
-def prune_path(world: World, standing: Standing, facings: tuple[int, ...]) -> tuple[PathAreas, Pruned]:
-    """Areas with some facings, cut to whole traversals from the floor the base stands on."""
-    areas = path_areas(world, facings=facings, standing=standing)
-    return areas, cut_path(world, standing, areas)
-
-
-def cut_path(world: World, standing: Standing, areas: PathAreas) -> Pruned:
-    """Areas of all set-points, cut to whole traversals from the floor the base stands on.
-
-    Raises
-    ------
-    NoPlanFound
-        When a set-point has no area, or none that the base can get to.
-    """
-    ladder = build_ladder(areas, len(world.task), standing)
-    rungs = ladder.rungs
-    empty = np.flatnonzero(np.diff(rungs) == 0)
-    if len(empty):
-        raise NoPlanFound(explain.no_place(world, int(empty[0]), others=len(empty) - 1))
-    pruned = _best_pruned(world, standing, ladder)
-    gap = _first_gap(pruned)
-    if gap is not None:
-        pieces = ladder.floor[pruned.keep] if pruned.keep.any() else _start_pieces(world, standing, ladder)
-        piece = pieces[0]
-        here = shapely.union_all(standing.whole(int(piece)))
-        there = shapely.union_all(ladder.component[rungs[gap] : rungs[gap + 1]])
-        raise NoPlanFound(explain.cut_off(world, gap, here, there))
-    allowed = world.rules.max_lift_offs
-    if allowed is not None and len(pruned.breaks) > allowed:
-        bridges = [shapely.shortest_line(pruned.area(i - 1), pruned.area(i)) for i in pruned.breaks]
-        raise NoPlanFound(explain.too_many_lifts(world, pruned.breaks, bridges))
-    return pruned
-
-
-def spans(world: World) -> bool:
-    """Whether `whole_path` finds areas for the whole path, without a word on why not."""
-    return any(_spanned(world, standing(world), facings) for standing, facings in ways_to_stand(world))
-
-
-def _spanned(world: World, standing: Standing, facings: tuple[int, ...]) -> bool:
-    ladder = build_ladder(path_areas(world, facings=facings, standing=standing), len(world.task), standing)
-    if (np.diff(ladder.rungs) == 0).any():
-        return False
-    pruned, allowed = _best_pruned(world, standing, ladder), world.rules.max_lift_offs
-    return _first_gap(pruned) is None and (allowed is None or len(pruned.breaks) <= allowed)
-
-
-def _best_pruned(world: World, standing: Standing, ladder: Ladder) -> Pruned:
-    """The ladder cut to the piece of floor on which most can be done."""
-    return min(
-        (prune(ladder, ladder.floor == piece) for piece in _start_pieces(world, standing, ladder)),
-        key=lambda found: (_first_gap(found) is not None, len(found.breaks)),
-    )
-
-
-def _start_pieces(world: World, standing: Standing, ladder: Ladder) -> list[int]:
-    """Pieces of free floor on which the base may work: the one it starts on, or any of the first rung."""
-    start = start_place(world)
-    if start is None:
-        rungs = ladder.rungs
-        return sorted({int(piece) for piece in ladder.floor[rungs[0] : rungs[1]]})
-    piece = standing.piece_at(start[:2], float(start[2]))
-    return [] if piece is None else [piece]
-
-
-def _first_gap(pruned: Pruned) -> int | None:
-    """First set-point of which nothing is left."""
-    rungs = pruned.ladder.rungs
-    left = [bool(pruned.keep[a:b].any()) for a, b in zip(rungs[:-1], rungs[1:], strict=True)]
-    return None if all(left) else left.index(False)
-
-
-def start_place(world: World) -> Array | None:
-    """Where the arm axis stands at first, and the base's heading, (3,)."""
-    if world.start is None:
-        return None
-    return np.array([*axis_of(world.robot, world.start.base), world.start.base[2]])
-
-
-def start_pose(world: World, pruned: Pruned, chain: list[int]) -> tuple[Array, Array]:
-    """Base and joints that M-FABRIK starts from: the world's start, or the middle of the first area."""
-    if world.start is not None:
-        return world.start.base, world.start.joints
-    spot = pruned.ladder.component[chain[0]].representative_point()
-    return np.array([spot.x, spot.y, 0.0]), world.robot.carry
-
-
-def finish(world: World, seed: int, areas: PathAreas, pruned: Pruned, joined: JoinedMotion) -> Plan:
-    """Put the results of the stages together."""
-    stats = figures(world.robot.drive, joined.setpoints, joined.motion, joined.methods)
-    shown = _planned_areas(world, areas, pruned.area)
-    return Plan(world, seed, joined.setpoints, joined.motion, shown, lift_offs(joined.motion), (), stats)
+def _finished(
+    world: World,
+    seed: int,
+    joined: JoinedMotion,
+    areas: tuple[PlannedArea, ...],
+    stops: tuple[Stop, ...] = (),
+    more: Mapping[str, Any] | None = None,
+) -> Plan:
+    """The results of the stages put together."""
+    stats = {**figures(world.robot.drive, joined.setpoints, joined.motion, joined.methods), **(more or {})}
+    return Plan(world, seed, joined.setpoints, joined.motion, areas, lift_offs(joined.motion), stops, stats)
 
 
 def _planned_areas(

@@ -1,108 +1,31 @@
-"""Whole-path areas: the ladder of components, cut to what a full traversal uses.
+"""Pruning of the ladder: every component that no full traversal of its run uses is cut, forward and backward.
 
-While the tool rests at set-point i the base may go anywhere within one component of its area; the tool goes
-on to i + 1 while the base stands in a component of both. So a path without lift-offs is a chain of components
-with non-empty intersections. Source: M-FABRIK, experiment 4 (areas made for the whole path in advance).
+The paths that are left have the fewest lift-offs, and whatever chain is chosen among them can be gone to its
+end. Source: M-FABRIK, experiment 4 (areas made for the whole path in advance).
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, field
-from functools import cached_property
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-from regionik.areas.ground import Geometries, united
-from regionik.areas.standing import LEAST_AREA, Standing, groups, into_span
-from regionik.planners.geometry.flat import FlatPolygon, clamp, flats_of
-from regionik.postures.families import Family
-from regionik.regions import PathAreas
+from regionik.areas.ground import united
+from regionik.areas.standing import Standing, into_span
+from regionik.explain.failures import cut_off, no_place, too_many_lifts
+from regionik.ladder import Ladder, Mask, build_ladder
+from regionik.mfabrik import axis_of
+from regionik.planners.geometry.flat import FlatPolygon, clamp
+from regionik.regions import PathAreas, path_areas, ways_to_stand
 from regionik.worlds.arrays import Array
+from regionik.worlds.errors import Explanation, NoPlanFound
+from regionik.worlds.scene import World
 
-BLOCK, BLOCKS = 64, 8  # components that are flattened together, and how many such blocks are kept
-SURE = 1e-4  # half the side of a square that two areas share beyond doubt [m]
 TURN_WEIGHT = 0.1  # what a turn of the base counts against driving [m/rad]
-
-Mask = NDArray[np.bool_]
-Index = NDArray[np.intp]
-
-
-@dataclass(frozen=True, eq=False)
-class Ladder:
-    """Components of successive areas, and which of them the base can go between with the tool on the path.
-
-    Attributes
-    ----------
-    count : int
-        Number of set-points.
-    component : (m,) array of Polygon
-    target : (m,) array of int
-        Set-point of each component, ascending.
-    family : tuple of Family
-    side : (m,) array of int
-        Side of the standing, and with it the slab of headings, of each component.
-    floor : (m,) array of int
-        Connected piece of the free floor that holds the component.
-    edges : (e, 2) array of int
-        Pairs of components of neighbouring set-points that overlap.
-    group : (m,) array of int
-        Components of one set-point with the same number are joined by turning the base.
-    """
-
-    count: int
-    component: Geometries
-    target: Index
-    family: tuple[Family, ...]
-    side: Index
-    floor: Index
-    edges: Index
-    group: Index
-    _flats: dict[int, list[FlatPolygon]] = field(init=False, default_factory=dict)
-
-    @cached_property
-    def rungs(self) -> Index:
-        """First component of every set-point, and the end: ``rungs[i]:rungs[i + 1]`` are those of i."""
-        return np.searchsorted(self.target, np.arange(self.count + 1))
-
-    @cached_property
-    def members(self) -> list[list[int]]:
-        """For each component, those of its group, itself among them."""
-        table: list[list[int]] = [[] for _ in range(int(self.group.max(initial=-1)) + 1)]
-        for k, group in enumerate(self.group.tolist()):
-            table[group].append(k)
-        return [table[group] for group in self.group.tolist()]
-
-    def flat(self, k: int) -> FlatPolygon:
-        """A component for kernels; flattened with its neighbours, the last of which are kept."""
-        block = k // BLOCK
-        if block not in self._flats:
-            if len(self._flats) >= BLOCKS:
-                self._flats.clear()
-            self._flats[block] = flats_of(self.component[block * BLOCK : (block + 1) * BLOCK])
-        return self._flats[block][k % BLOCK]
-
-    @cached_property
-    def ahead(self) -> list[list[int]]:
-        """For each component, those of the next set-point that overlap it or one of its group."""
-        return self._neighbours(self.edges)
-
-    @cached_property
-    def back(self) -> list[list[int]]:
-        """For each component, those of the set-point before that overlap it or one of its group."""
-        return self._neighbours(self.edges[:, ::-1])
-
-    def _neighbours(self, pairs: Index) -> list[list[int]]:
-        table: list[list[int]] = [[] for _ in range(int(self.group.max(initial=-1)) + 1)]
-        joined = np.column_stack([self.group[pairs[:, 0]], pairs[:, 1]])
-        for group, other in np.unique(joined, axis=0).tolist():
-            table[group].append(other)
-        return [table[group] for group in self.group.tolist()]
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,93 +46,112 @@ class Pruned:
     breaks: tuple[int, ...]
 
     def area(self, i: int) -> BaseGeometry:
-        """What is left of the area of set-point i."""
+        """Part of the area of set-point i that is left."""
         rungs = self.ladder.rungs
         span = slice(rungs[i], rungs[i + 1])
         return united(self.ladder.component[span][self.keep[span]])
 
+    @property
+    def gap(self) -> int | None:
+        """First set-point of which nothing is left."""
+        rungs = self.ladder.rungs
+        left = [bool(self.keep[a:b].any()) for a, b in zip(rungs[:-1], rungs[1:], strict=True)]
+        return None if all(left) else left.index(False)
 
-def build_ladder(areas: PathAreas, count: int, standing: Standing) -> Ladder:
-    """Split areas into components and join those of neighbouring set-points that overlap.
 
-    Parameters
-    ----------
-    areas : PathAreas
-    count : int
-        Number of set-points.
-    standing : Standing
-        The ground the areas lie on.
+def whole_path(world: World) -> tuple[Standing, PathAreas, Pruned]:
+    """Return the standing of the base, the areas of the whole path, and their pruned ladder.
+
+    The arm faces its targets and the base turns freely, where that does; postures over the arm's back, and
+    places where the base must keep to some headings, come in where they save a lift-off or a target.
+
+    Raises
+    ------
+    NoPlanFound
+        Where no way to stand and to face spans the path.
     """
-    parts, row = shapely.get_parts(areas.inner, return_index=True)
-    whole = shapely.get_type_id(areas.inner)[row] == shapely.GeometryType.POLYGON
-    parts[whole] = areas.inner[row[whole]]  # not its copy: of very long paths, memory is mostly areas
-    real = (shapely.get_type_id(parts) == 3) & (shapely.area(parts) > LEAST_AREA)
-    parts, row = parts[real], row[real]
-    target = areas.target[row]
-    order = np.argsort(target, kind="stable")
-    parts, row, target = parts[order], row[order], target[order]
-    shapely.prepare(parts)
-    kinds, side = tuple(areas.family[k] for k in row), areas.side[row]
-    spots = shapely.point_on_surface(parts)
-    forward = _overlaps(standing, parts, spots, target, side, kinds, count, ahead=1)
-    turns = _overlaps(standing, parts, spots, target, side, kinds, count, ahead=0)
-    floor = _pieces(spots, side, standing)
-    shapely.destroy_prepared(parts)  # as much memory again as the components themselves
-    return Ladder(count, parts, target, kinds, side, floor, forward, groups(len(parts), turns))
+    found: list[tuple[Standing, PathAreas, Pruned]] = []
+    refused = None
+    for standing, facings in ways_to_stand(world):
+        try:
+            found.append((standing(world), *prune_path(world, standing(world), facings)))
+        except NoPlanFound as failure:
+            refused = failure
+        else:
+            if not found[-1][2].breaks:
+                break
+    if not found and refused is not None:
+        raise refused
+    return min(found, key=lambda one: len(one[2].breaks))
 
 
-def _pieces(spots: Geometries, side: Index, standing: Standing) -> Index:
-    """Label of the piece of free floor that holds each spot (-1 for none)."""
-    piece = np.full(len(spots), -1, dtype=np.intp)
-    polygons, sides, label = standing.pieces
-    which, found = shapely.STRtree(polygons).query(spots, predicate="intersects")
-    own = side[which] == sides[found]
-    piece[which[own]] = label[found[own]]
-    return piece
+def spans(world: World) -> bool:
+    """Return True where `whole_path` finds areas for the whole path; no words are made on why not."""
+    return any(_spans(world, standing(world), facings) for standing, facings in ways_to_stand(world))
 
 
-def _overlaps(
-    standing: Standing,
-    parts: Geometries,
-    spots: Geometries,
-    target: Index,
-    side: Index,
-    kinds: Sequence[Family],
-    count: int,
-    ahead: int,
-) -> Index:
-    """Pairs of components of like posture, so many set-points apart, that share an area."""
-    if len(standing.sides) == 1 and not ahead:  # components of one area are apart
-        return np.empty((0, 2), dtype=np.intp)
-    rungs = np.searchsorted(target, np.arange(count + 1))
-    facing = np.array([kind.facing for kind in kinds])
-    pitch = np.array([kind.pitch for kind in kinds])
-    first = second = np.empty(0, dtype=np.intp)
-    sizes = np.diff(rungs)
-    if count > ahead and len(parts):
-        inner = target < count - ahead
-        repeat = np.where(inner, sizes[np.minimum(target + ahead, count - 1)], 0)
-        here = np.repeat(np.arange(len(parts)), repeat)
-        offset = np.arange(len(here)) - np.repeat(np.cumsum(repeat) - repeat, repeat)
-        there = rungs[np.minimum(target[here] + ahead, count)] + offset
-        turn = np.abs(np.nan_to_num(pitch[here] - pitch[there], nan=0.0))
-        alike = (facing[here] == facing[there]) & (np.isnan(pitch[here]) == np.isnan(pitch[there]))
-        alike &= (turn < np.pi / 2) & standing.beside(side[here], side[there])
-        here, there = here[alike], there[alike]
-        shared = _shared(parts[here], parts[there], spots[here])
-        first, second = here[shared], there[shared]
-    return np.column_stack([first, second]).astype(np.intp).reshape(-1, 2)
+def _spans(world: World, standing: Standing, facings: tuple[int, ...]) -> bool:
+    ladder = build_ladder(path_areas(world, facings=facings, standing=standing), len(world.task), standing)
+    if ladder.empty:
+        return False
+    pruned = _best_pruned(world, standing, ladder)
+    return pruned.gap is None and not _lifts_too_often(world, pruned)
 
 
-def _shared(one: Geometries, other: Geometries, spots: Geometries) -> Mask:
-    """Which pairs of prepared parts share an area; mostly a spot of the first lies well inside both."""
-    x, y = shapely.get_x(spots), shapely.get_y(spots)
-    squares = shapely.box(x - SURE, y - SURE, x + SURE, y + SURE)
-    shared: Mask = shapely.contains_properly(one, squares) & shapely.contains_properly(other, squares)
-    rest = np.flatnonzero(~shared)
-    rest = rest[shapely.intersects(one[rest], other[rest])]
-    shared[rest] = shapely.area(shapely.intersection(one[rest], other[rest])) > LEAST_AREA
-    return shared
+def prune_path(world: World, standing: Standing, facings: tuple[int, ...]) -> tuple[PathAreas, Pruned]:
+    """Areas with some facings, cut to whole traversals from the floor the base stands on."""
+    areas = path_areas(world, facings=facings, standing=standing)
+    return areas, cut_path(world, standing, areas)
+
+
+def cut_path(world: World, standing: Standing, areas: PathAreas) -> Pruned:
+    """Areas of all set-points, cut to whole traversals from the floor the base stands on.
+
+    Raises
+    ------
+    NoPlanFound
+        When a set-point has no area, or none that the base can get to, or the tool would be lifted too often.
+    """
+    ladder = build_ladder(areas, len(world.task), standing)
+    if ladder.empty:
+        raise NoPlanFound(no_place(world, ladder.empty[0], others=len(ladder.empty) - 1))
+    pruned = _best_pruned(world, standing, ladder)
+    if pruned.gap is not None:
+        raise NoPlanFound(_cut_off(world, standing, pruned, pruned.gap))
+    if _lifts_too_often(world, pruned):
+        bridges = [shapely.shortest_line(pruned.area(i - 1), pruned.area(i)) for i in pruned.breaks]
+        raise NoPlanFound(too_many_lifts(world, pruned.breaks, bridges))
+    return pruned
+
+
+def _best_pruned(world: World, standing: Standing, ladder: Ladder) -> Pruned:
+    """The ladder cut to the piece of floor on which most can be done."""
+    pieces = _start_pieces(world, standing, ladder)
+    every = (prune(ladder, ladder.floor == piece) for piece in pieces)
+    return min(every, key=lambda found: (found.gap is not None, len(found.breaks)))
+
+
+def _lifts_too_often(world: World, pruned: Pruned) -> bool:
+    allowed = world.rules.max_lift_offs
+    return allowed is not None and len(pruned.breaks) > allowed
+
+
+def _cut_off(world: World, standing: Standing, pruned: Pruned, gap: int) -> Explanation:
+    """Explain why the base gets to no component of a set-point."""
+    ladder = pruned.ladder
+    kept = ladder.floor[pruned.keep]
+    piece = int(kept[0] if len(kept) else _start_pieces(world, standing, ladder)[0])
+    there = shapely.union_all(ladder.component[ladder.rungs[gap] : ladder.rungs[gap + 1]])
+    return cut_off(world, gap, shapely.union_all(standing.whole(piece)), there)
+
+
+def _start_pieces(world: World, standing: Standing, ladder: Ladder) -> list[int]:
+    """Pieces of free floor on which the base may work: the one it starts on, or any of the first rung."""
+    start = start_place(world)
+    if start is None:
+        return sorted(set(ladder.floor[: ladder.rungs[1]].tolist()))
+    piece = standing.piece_at(start[:2], float(start[2]))
+    return [] if piece is None else [piece]
 
 
 def prune(ladder: Ladder, usable: Mask) -> Pruned:
@@ -226,29 +168,39 @@ def prune(ladder: Ladder, usable: Mask) -> Pruned:
     """
     rungs = ladder.rungs
     keep = np.zeros(len(ladder.component), dtype=bool)
-    breaks: list[int] = []
-    alive = usable[rungs[0] : rungs[1]].copy()
-    keep[rungs[0] : rungs[1]] = alive
-    start = 0
+    keep[: rungs[1]] = usable[: rungs[1]]
+    starts = [0]
     for i in range(1, ladder.count):
-        # Forward cut: reachable from a component kept one rung before.
-        span = np.arange(rungs[i], rungs[i + 1])
-        reached = np.array([any(keep[j] for j in ladder.back[k]) for k in span], dtype=bool) & usable[span]
-        if not reached.any():
-            _cut_back(keep, ladder.ahead, rungs, start, i)
-            breaks.append(i)
-            start = i
-            reached = usable[span].copy()
-        keep[span] = reached
-    _cut_back(keep, ladder.ahead, rungs, start, ladder.count)
-    return Pruned(ladder, keep, tuple(breaks))
+        rung = slice(rungs[i], rungs[i + 1])
+        keep[rung] = usable[rung] & _followed(keep, ladder.back[rung])  # forward cut
+        if not keep[rung].any():
+            keep[rung] = usable[rung]
+            starts.append(i)
+    for start, stop in zip(starts, [*starts[1:], ladder.count], strict=True):
+        for i in range(stop - 2, start - 1, -1):
+            rung = slice(rungs[i], rungs[i + 1])
+            keep[rung] &= _followed(keep, ladder.ahead[rung])  # backward cut
+    return Pruned(ladder, keep, tuple(starts[1:]))
 
 
-def _cut_back(keep: Mask, ahead: list[list[int]], rungs: Index, start: int, stop: int) -> None:
-    """Backward cut of one run: a component stays where one kept component follows it."""
-    for i in range(stop - 2, start - 1, -1):
-        for k in range(rungs[i], rungs[i + 1]):
-            keep[k] = keep[k] and any(keep[j] for j in ahead[k])
+def _followed(keep: Mask, neighbours: list[list[int]]) -> Mask:
+    """For each component, whether one of its neighbours is kept."""
+    return np.array([any(keep[j] for j in row) for row in neighbours], dtype=bool)
+
+
+def start_place(world: World) -> Array | None:
+    """First place of the arm axis and heading of the base, (3,); None where the world leaves it open."""
+    if world.start is None:
+        return None
+    return np.array([*axis_of(world.robot, world.start.base), world.start.base[2]])
+
+
+def start_pose(world: World, pruned: Pruned, chain: list[int]) -> tuple[Array, Array]:
+    """Base and joints that M-FABRIK starts from: the world's start, or the middle of the first area."""
+    if world.start is not None:
+        return world.start.base, world.start.joints
+    spot = pruned.ladder.component[chain[0]].representative_point()
+    return np.array([spot.x, spot.y, 0.0]), world.robot.carry
 
 
 def choose_chain(pruned: Pruned, standing: Standing, start: Array | None) -> list[int]:
@@ -289,7 +241,7 @@ def choose_chain(pruned: Pruned, standing: Standing, start: Array | None) -> lis
 
 
 class _Trip(NamedTuple):
-    """What it cost the base to come to a spot, and its heading there."""
+    """Cost of the base's way to a spot, and its heading there."""
 
     cost: float
     spot: tuple[float, float]

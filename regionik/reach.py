@@ -14,11 +14,12 @@ from shapely.geometry import Point
 
 from regionik.areas.standing import anywhere
 from regionik.bulk import Pool, handed_out
+from regionik.explain.failures import no_place
+from regionik.explain.sentences import no_way_to, places_open, spot
 from regionik.mfabrik import axis_of, pose_of, solver_for
 from regionik.planners.clearance.posture_proof import solid_at_target
 from regionik.planners.search.box_search import Verdict
 from regionik.postures.poses import Pose
-from regionik.reasons import explain
 from regionik.regions import PathAreas, outer_areas, path_areas
 from regionik.seeking.any_base import can_search, search_any_base
 from regionik.seeking.refinement import diameter, refine
@@ -236,12 +237,12 @@ _IN = "whatever the posture, the end of the arm is in {} there, or too near to i
 
 
 def _ruled_out(world: World, target: Target) -> _Result:
-    return _Result("unreachable", None, 0.0, explain.no_place(world, 0, [target]).reason)
+    return _Result("unreachable", None, 0.0, no_place(world, 0, [target]).reason)
 
 
 def _doubt(quest: Quest, gap: float, tried: int) -> str:
     """Why a target stays undecided."""
-    lead, touch = explain.no_way_to(_who(quest.target)), quest.touch
+    lead, touch = no_way_to(_who(quest.target)), quest.touch
     left = places_open(gap)
     if touch is not None:
         return (
@@ -252,13 +253,8 @@ def _doubt(quest: Quest, gap: float, tried: int) -> str:
     return f"{lead}: {looked}. {left}: a posture from one of them would decide it."
 
 
-def places_open(gap: float) -> str:
-    """The start of a sentence on what is left undecided, up to so wide [m]."""
-    return f"Places for the base up to {gap:.4f} m across are not ruled out"
-
-
 def _who(target: Target) -> str:
-    return f"The target at {explain.spot(target.position)}"
+    return f"The target at {spot(target.position)}"
 
 
 def _nearest_rows(world: World, areas: PathAreas, n: int) -> dict[int, int]:

@@ -18,7 +18,6 @@ from shapely.geometry.base import BaseGeometry
 
 from regionik.areas.ground import GUARD, Geometries, Side, ground_of, grow
 from regionik.areas.reachable import reach_rows
-from regionik.areas.relaxations import without_criteria
 from regionik.areas.standing import (
     Standing,
     anywhere,
@@ -222,8 +221,8 @@ def what_took_away(world: World, target: Target) -> tuple[TakenAway, ...]:
         return (TakenAway("reach", "height of the target", Polygon()),)
     disc = shapely.Point(target.position[:2]).buffer(span.radius + np.sqrt(stretched))
     reach = reach_of(world, target)
-    bare = without_criteria(world)
-    wide = reach if bare is world else reach_of(bare, target)
+    rules = replace(world.rules, criteria=None)
+    wide = reach if world.rules.criteria is None else reach_of(replace(world, rules=rules), target)
     kind: CauseKind = "limits" if target.direction is None else "direction"
     name = "tool direction" if target.orientation is None else "tool orientation"
     taken = [TakenAway(kind, "joint limits" if kind == "limits" else name, disc - wide)]

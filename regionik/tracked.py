@@ -16,6 +16,8 @@ from shapely.geometry import Point
 from shapely.geometry.base import BaseGeometry
 
 from regionik.areas.ground import ground_of
+from regionik.explain.failures import invalid_plan
+from regionik.explain.sentences import no_way_to, setpoint_at
 from regionik.mfabrik import axis_of
 from regionik.moving.tracker_paths import SAME, TrackedPath, arm_of, same, tracked_paths
 from regionik.planners.driving.drive import NoPathError
@@ -23,7 +25,6 @@ from regionik.planners.driving.pitch import HeightError, PitchArm, arm_share
 from regionik.planners.driving.room import Room, room_of
 from regionik.planners.driving.wheels import drive_differential
 from regionik.postures.poses import LARGEST_BEND, Pose, Row, columns, figures, lift_offs
-from regionik.reasons import explain
 from regionik.values import Configuration, Motion, Plan, PlannedArea, Report
 from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array
@@ -172,15 +173,15 @@ def _area(world: World, arm: PitchArm, target: Target, free: BaseGeometry, axis:
 
 
 def _out_of_reach(world: World, error: HeightError) -> Explanation:
-    i, target = error.index, world.task[error.index]
+    i = error.index
     nearest = error.low if error.height < error.low else error.high
     off, which = abs(nearest - error.height), "low" if error.height < error.low else "high"
     low, high, asked, missing = (
         f"{1000 * value:.2f}" for value in (error.low, error.high, error.height, off)
     )
-    who = f"{explain.setpoint(i, len(world.task))} at {explain.spot(target.position)}"
+    who = setpoint_at(world.task, i)
     reason = (
-        f"{explain.no_way_to(who)}: with this very tool direction and its last joint at zero, as the tracker "
+        f"{no_way_to(who)}: with this very tool direction and its last joint at zero, as the tracker "
         f"keeps it, the arm attains heights of {low} to {high} mm, wherever the base stands; {asked} mm is "
         f"asked for, {missing} mm too {which}. Other postures are not ruled out."
     )
@@ -204,7 +205,7 @@ class _Refused:
         if self.reports:
             first = [min(report.violations, key=lambda v: v.state or 0) for report in self.reports]
             farthest = max(first, key=lambda violation: violation.state or 0)
-            told = explain.invalid_plan(self.world, [farthest])
+            told = invalid_plan(self.world, [farthest])
             return replace(told, reason=f"{many}. Of the one that goes farthest: {farthest.text}.")
         if self.no_way:
             return Explanation("ladder-broken", 0, f"{many}. {self.no_way[0]}.", (Cause("floor", "floor"),))

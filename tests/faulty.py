@@ -31,8 +31,8 @@ class Case(NamedTuple):
 PLAN = "plan {world} -o plan.json --html plan.html"
 CASES = {
     "load": Case(PLAN, "regionik.worlds.documents.world_file.load_world", "interrupted"),
-    "areas": Case(PLAN, "regionik.pipeline.path_areas", "interrupted"),
-    "pruning": Case(PLAN, "regionik.pipeline.prune", "interrupted"),
+    "areas": Case(PLAN, "regionik.pruning.path_areas", "interrupted"),
+    "pruning": Case(PLAN, "regionik.pruning.prune", "interrupted"),
     "configurations": Case(PLAN, "regionik.pipeline.configurations", "interrupted"),
     "motion": Case(PLAN, "regionik.pipeline.connect", "interrupted"),
     "verification": Case(PLAN, "regionik.pipeline.verify", "interrupted"),
@@ -40,15 +40,15 @@ CASES = {
     "writing": Case("plan {world} -o plan.json", "os.fsync", "interrupted"),
     "terminated": Case(PLAN, "regionik.pipeline.connect", "terminated"),
     "terminated while it writes": Case("plan {world} -o plan.json", "os.fsync", "terminated"),
-    "a kernel that does not end": Case(PLAN, "regionik.pipeline.prune", "compiled"),
+    "a kernel that does not end": Case(PLAN, "regionik.pruning.prune", "compiled"),
     "an engine that is imported": Case(PLAN, "regionik.pipeline.connect", "imported"),
     "a tree that never connects": Case(PLAN, "regionik.pipeline.connect", "grown"),
-    "a program without an end": Case(PLAN, "regionik.pipeline.prune", "solved"),
-    "a library that swallows it": Case(PLAN, "regionik.pipeline.prune", "swallowed"),
+    "a program without an end": Case(PLAN, "regionik.pruning.prune", "solved"),
+    "a library that swallows it": Case(PLAN, "regionik.pruning.prune", "swallowed"),
     "reach": Case(
         "reach {world} --csv {table} -o answers.csv", "regionik.output.answers.reach", "interrupted"
     ),
-    "why": Case("why {world} --target 9 9 0.2 --html why.html", "regionik.why.why", "interrupted"),
+    "why": Case("why {world} --target 9 9 0.2 --html why.html", "regionik.pipeline.why", "interrupted"),
     "stops": Case("stops l_shape -o stops.geojson", "regionik.parking.stops.find", "interrupted"),
     "field": Case("field {world} -o field.npz", "regionik.field.reach_field", "interrupted"),
     "no room": Case("plan {world} -o plan.json", "regionik.pipeline.verify", "cramped"),

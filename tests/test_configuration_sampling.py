@@ -20,11 +20,10 @@ from regionik.moving.configuration_sampling import (
     Evidence,
     spread,
 )
-from regionik.pipeline import start_place, start_pose, whole_path
 from regionik.planners.clearance.touching import Touch
 from regionik.postures.guard import guard_of
 from regionik.postures.poses import Pose
-from regionik.pruning import Pruned, choose_chain
+from regionik.pruning import Pruned, choose_chain, start_place, start_pose, whole_path
 from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.scene import World
 

@@ -9,12 +9,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from regionik.explain.arm_failures import buried
 from regionik.planners.clearance.contacts import farthest as compiled_farthest
 from regionik.planners.clearance.prepared import core_of
 from regionik.planners.geometry.collision import obstacles_from
 from regionik.postures.guard import guard_of
 from regionik.postures.poses import Pose
-from regionik.reasons.explain_arm import buried
 from regionik.values import Report
 from regionik.verification.contact import Contact, Moved, core_weights, farthest, touches
 from regionik.verification.verifier import verify

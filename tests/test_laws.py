@@ -13,7 +13,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from shapely.affinity import affine_transform, scale
 
-from regionik.pipeline import search, whole_path
+from regionik.pipeline import search
+from regionik.pruning import whole_path
 from regionik.reach import reach
 from regionik.regions import admissible_area, path_areas
 from regionik.storage.plan_document import plan_to_document, plan_to_text

@@ -15,13 +15,13 @@ from regionik.moving.configuration_sampling import Candidate
 from regionik.moving.drivers import driver_for
 from regionik.moving.interpolation import Interpolator
 from regionik.moving.path_following import PathFollower, PathSegment, SegmentPoint, _solve
-from regionik.pipeline import whole_path
 from regionik.planners.clearance.legs import between as between_knots
 from regionik.planners.clearance.legs import leg_lengths
 from regionik.planners.geometry.angles import wrap
 from regionik.postures.families import FRONT, Family
 from regionik.postures.guard import guard_of
 from regionik.postures.poses import LARGEST_BEND, Pose, Row, between
+from regionik.pruning import whole_path
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.drives import BaseKind, drive_of
 from regionik.worlds.errors import NoPlanFound

@@ -7,11 +7,12 @@ import shapely
 
 from regionik.areas.ground import Side
 from regionik.areas.standing import Standing, anywhere
+from regionik.ladder import Ladder, build_ladder
 from regionik.mfabrik import configurations
 from regionik.motion import connect
-from regionik.pipeline import finish, start_place, whole_path
 from regionik.postures.families import FRONT, Family
-from regionik.pruning import Ladder, build_ladder, choose_chain, prune
+from regionik.postures.poses import lift_offs
+from regionik.pruning import choose_chain, prune, start_place, whole_path
 from regionik.regions import path_areas
 from regionik.worlds.documents.world_file import load_world
 
@@ -117,7 +118,7 @@ def test_l_shape_without_pruning_lifts_off() -> None:
     goals = configurations(world, ladder, standing, chain, (world.start.base, world.start.joints))
     everything = prune(ladder, np.ones(len(ladder.component), dtype=bool))
     joined = connect(world, replace(everything, breaks=breaks), chain, goals, standing, 0)
-    assert finish(world, 0, areas, everything, joined).lift_offs >= 1
+    assert lift_offs(joined.motion) >= 1
 
 
 def test_overlaps_agree_with_every_pair() -> None:

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 import shapely
 
-from regionik.pipeline import plan, spans
+from regionik.explain.changes import repaired
+from regionik.pipeline import plan, why
+from regionik.pruning import spans
 from regionik.reach import reach
-from regionik.repairs.trials import repaired
-from regionik.why import why
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import Explanation, Repair

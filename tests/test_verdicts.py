@@ -11,9 +11,8 @@ import pytest
 import shapely
 
 from regionik.cli import app
-from regionik.pipeline import plan
+from regionik.pipeline import plan, why
 from regionik.reach import reach
-from regionik.why import why
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain
 from regionik.worlds.documents.world_file import world_to_document

@@ -10,7 +10,7 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from regionik.pipeline import whole_path
+from regionik.pruning import whole_path
 from regionik.view.live import live_meshes, verdict
 from regionik.view.live_areas import LiveAreas, is_equal, live_areas
 from regionik.worlds.bundled import robot_named, world_names

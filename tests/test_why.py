@@ -10,17 +10,23 @@ import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from regionik.areas.relaxations import Constraint, constraints_of, with_obstacle_moved
 from regionik.cli.app import run
-from regionik.pipeline import plan
+from regionik.explain.causes import irreducible
+from regionik.explain.changes import move_obstacle, repaired, share
+from regionik.explain.minimal_change import (
+    FINE,
+    circle,
+    confirmed,
+    first_seen,
+    least_open,
+    shortest_step,
+    sphere,
+)
+from regionik.explain.relaxations import Constraint, constraints_of
+from regionik.pipeline import plan, why
 from regionik.reach import reach
-from regionik.reasons.causes import irreducible
-from regionik.repairs.least import FINE, circle, confirmed, first_seen, least_open, shortest_step, sphere
-from regionik.repairs.smallest import share
-from regionik.repairs.trials import repaired
 from regionik.view.explanation_picture import picture_of_explanation
 from regionik.view.picture import Color
-from regionik.why import why
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import Explanation, InputError, NoPlanFound, Repair
@@ -288,6 +294,8 @@ def test_every_constraint_is_taken_away_by_itself() -> None:
     ids=["box", "prism", "mesh"],
 )
 def test_solids_move_as_they_are(solid: Box | Prism | Mesh) -> None:
-    moved = with_obstacle_moved(hall(obstacles=(solid,)), "it", np.array([0.5, -0.25])).obstacles[0]
+    move = move_obstacle(hall(obstacles=(solid,)), "it")
+    assert move is not None
+    moved = move.at(np.array([0.5, -0.25])).obstacles[0]
     spot = np.array([0.9, 0.1, 0.3])
     assert moved.distance(spot + [0.5, -0.25, 0.0]) == pytest.approx(solid.distance(spot))

@@ -5,11 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from regionik.areas.relaxations import ARM_CLEARANCE, arm_constraints_of
-from regionik.pipeline import plan
+from regionik.explain.changes import repaired
+from regionik.explain.relaxations import ARM_CLEARANCE, arm_constraints_of
+from regionik.pipeline import plan, why
 from regionik.reach import reach
-from regionik.repairs.trials import repaired
-from regionik.why import why
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.errors import Explanation, NoPlanFound
 from regionik.worlds.obstacles import Sphere

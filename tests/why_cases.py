@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 import shapely
 
-from regionik.areas.relaxations import constraints_of
+from regionik.explain.causes import no_inner
+from regionik.explain.changes import repaired
+from regionik.explain.relaxations import constraints_of
 from regionik.reach import reach
-from regionik.reasons.causes import no_inner
 from regionik.regions import admissible_area, path_areas
-from regionik.repairs.trials import repaired
 from regionik.worlds.errors import Explanation, Repair
 from regionik.worlds.scene import World
 from tests.test_random_worlds import random_world

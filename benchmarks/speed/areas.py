@@ -24,12 +24,12 @@ from regionik.moving.drivers import driver_for
 from regionik.moving.interpolation import Interpolator
 from regionik.moving.transit import TransitPlanner
 from regionik.moving.whole_body import WholeBodyPlanner
-from regionik.pipeline import search, start_place, start_pose, whole_path
+from regionik.pipeline import search
 from regionik.planners.driving.drive import drive
 from regionik.postures.families import FRONT
 from regionik.postures.guard import guard_of
 from regionik.postures.poses import Pose
-from regionik.pruning import choose_chain
+from regionik.pruning import choose_chain, start_place, start_pose, whole_path
 from regionik.regions import path_areas
 from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.obstacles import Box

@@ -17,10 +17,9 @@ from numpy.typing import ArrayLike
 from benchmarks.tables.clock import REPEATS, seconds
 from benchmarks.tables.sliding import SlidingRival
 from regionik.mfabrik import Batch, Solver, axis_of, configurations, solver_for
-from regionik.pipeline import start_place, start_pose, whole_path
 from regionik.planners.driving.stepping import step_through
 from regionik.planners.rivals.iterative import DampedLeastSquares, PseudoInverse
-from regionik.pruning import choose_chain
+from regionik.pruning import choose_chain, start_place, start_pose, whole_path
 from regionik.values import Configuration
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named

@@ -255,7 +255,7 @@ def why(
         scene = read_world(world, progress)
         progress("why", 0, 0)
         from regionik.output.answers import parse_targets
-        from regionik.why import why as explain
+        from regionik.pipeline import why as explain
 
         chosen = parse_targets(scene, target, None)[0] if target else None
         found = explain(scene, chosen)

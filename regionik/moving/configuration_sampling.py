@@ -20,6 +20,7 @@ from shapely.geometry.base import BaseGeometry
 
 from regionik.areas.reachable import model_of, reach_model
 from regionik.areas.standing import Standing, away, into_span
+from regionik.ladder import Ladder
 from regionik.mfabrik import Solver, axis_of, pose_of, solver_for
 from regionik.moving.rolling_goals import RollingGoals
 from regionik.planners.clearance.clearpose import look_round
@@ -29,7 +30,6 @@ from regionik.planners.search.box_search import Verdict
 from regionik.postures.guard import SPARE, Guard
 from regionik.postures.poses import Pose, pose
 from regionik.postures.serialarm import serial_solver
-from regionik.pruning import Ladder
 from regionik.values import Configuration
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain

@@ -20,6 +20,7 @@ from shapely.geometry.base import BaseGeometry
 
 from regionik.areas.ground import GUARD, Geometries, ground_of
 from regionik.areas.standing import Index, Standing, into_span, room_for
+from regionik.ladder import Ladder
 from regionik.mfabrik import axis_of, pose_of
 from regionik.moving.base_motion import BasePath, ShapedDriver, halting, together
 from regionik.moving.interpolation import Interpolator
@@ -30,7 +31,6 @@ from regionik.planners.driving.shape import drive_shape
 from regionik.planners.driving.slabgraph import through
 from regionik.planners.geometry.flat import FlatPolygon, segment_in_either
 from regionik.postures.poses import Pose
-from regionik.pruning import Ladder
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import World
 

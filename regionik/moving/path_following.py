@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from regionik.ladder import Ladder
 from regionik.mfabrik import Solver, pose_of, solver_between
 from regionik.moving.base_motion import BasePath, BasePaths
 from regionik.moving.configuration_sampling import Candidate
@@ -25,7 +26,6 @@ from regionik.postures.guard import Guard
 from regionik.postures.poses import LARGEST_BEND, Pose, Row, arrays, pose
 from regionik.postures.tool_goal import between as asked_between
 from regionik.postures.tool_goal import deviation
-from regionik.pruning import Ladder
 from regionik.values import Configuration
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import RegionikError

@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from regionik.ladder import Ladder
 from regionik.moving.base_motion import BasePath, ShapedDriver, halting, together
 from regionik.planners.driving.room import Room, rolls
 from regionik.planners.driving.wheels import Way, drive_car, drive_differential
 from regionik.postures.poses import Pose
-from regionik.pruning import Ladder
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import World
 

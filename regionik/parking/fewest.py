@@ -19,12 +19,13 @@ from shapely.geometry.base import BaseGeometry
 
 from regionik.areas.ground import Geometries
 from regionik.areas.standing import Index, Standing
+from regionik.explain.failures import cut_off, no_place
+from regionik.explain.sentences import no_way_to, setpoint_at
+from regionik.ladder import Ladder, Mask, build_ladder
 from regionik.mfabrik import axis_of
 from regionik.planners.geometry.offsets import shrunk
 from regionik.planners.places.cover import Cover, Faces, faces_of, least_cover
 from regionik.planners.places.runs import fewest_runs
-from regionik.pruning import Ladder, Mask, build_ladder
-from regionik.reasons import explain
 from regionik.regions import PathAreas, outer_areas, path_areas, ways_to_stand
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Cause, Explanation, NoPlanFound
@@ -172,7 +173,7 @@ def park_in_order(world: World) -> Parking:
         if best is not None and len(best.groups) <= lower:
             break
     if best is None:
-        raise refused or NoPlanFound(explain.no_place(world, 0))
+        raise refused or NoPlanFound(no_place(world, 0))
     stats: dict[str, int | bool | str] = {
         "count": len(best.groups),
         "lower_bound": lower,
@@ -197,7 +198,7 @@ def park_in_any_order(world: World) -> Parking:
                 found.append(_covered(world, floors))
         if found:
             return min(found, key=lambda one: len(one.groups))
-    raise refused or NoPlanFound(explain.no_place(world, 0))
+    raise refused or NoPlanFound(no_place(world, 0))
 
 
 def _solid_rungs(floors: ParkingAreas) -> Index:
@@ -245,11 +246,11 @@ def _given_out(
     far = np.where(faces.inside[chosen], shapely.distance(spots[:, None], positions[None]), np.inf)
     owner = np.argmin(far, axis=0)
     groups = []
-    for n, (face, spot) in enumerate(zip(chosen, spots, strict=True)):
+    for n, (face, inside) in enumerate(zip(chosen, spots, strict=True)):
         members = tuple(np.flatnonzero(owner == n).tolist())
         if members:
             s = int(side[face])
-            groups.append(Group(members, {s: floors.shared(members, s, spot.coords[0])}))
+            groups.append(Group(members, {s: floors.shared(members, s, inside.coords[0])}))
     return groups
 
 
@@ -314,22 +315,20 @@ def no_room(world: World, i: int, floors: ParkingAreas) -> Explanation:
     span = slice(int(rungs[i]), int(rungs[i + 1]))
     every = floors.ladder.component[span]
     if not len(every):
-        return explain.no_place(world, i)
+        return no_place(world, i)
     if not floors.usable[span].any():
         piece = floors.ladder.floor[floors.usable][:1].tolist() or [int(floors.ladder.floor[span][0])]
-        return explain.cut_off(
-            world, i, shapely.union_all(floors.standing.whole(piece[0])), shapely.union_all(every)
-        )
+        return cut_off(world, i, shapely.union_all(floors.standing.whole(piece[0])), shapely.union_all(every))
     widest = max(radius(area) for area in every[floors.usable[span]])
     wanted = world.rules.stop_tolerance
-    who = f"{explain.setpoint(i, len(world.task))} at {explain.spot(world.task[i].position)}"
+    who = setpoint_at(world.task, i)
     circle = f"circle of radius {wanted:.4f} m to park in"
     proven = shrunk(outer_areas(world, [world.task[i]])[0], wanted, outside=True).is_empty
     if proven:
         reason = f"{who} can be reached, but the base has no {circle}; the largest has {widest:.4f} m."
     else:
         reason = (
-            f"{explain.no_way_to(who)} from a {circle}; the largest known has {widest:.4f} m, and outer "
+            f"{no_way_to(who)} from a {circle}; the largest known has {widest:.4f} m, and outer "
             "areas leave room for one."
         )
     reason += f" A stop_tolerance of at most {widest:.4f} m would do."

@@ -15,16 +15,17 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
+from regionik.explain.changes import one_lift_off
+from regionik.explain.sentences import setpoint
 from regionik.moving.configuration_sampling import PITCHES, Candidate
 from regionik.moving.path_search import HARD_TRIES, JoinedMotion, PathSearch, path_search
 from regionik.parking.fewest import Group
 from regionik.parking.placing import Bay, Placing
 from regionik.parking.stops import StopSequence
 from regionik.postures.poses import Pose, Row
-from regionik.reasons import explain
 from regionik.values import Stop
 from regionik.worlds.arrays import Array
-from regionik.worlds.errors import Cause, Explanation, NoPlanFound, Repair
+from regionik.worlds.errors import Cause, Explanation, NoPlanFound
 from regionik.worlds.pivoted_arm import pivot_index
 from regionik.worlds.scene import World
 
@@ -206,9 +207,9 @@ class _StopConnection:
         """One stop more than the rules let the tool be lifted."""
         i, most = group.setpoints[0], self.world.rules.max_lift_offs
         reason = (
-            f"{explain.setpoint(i, len(self.world.task))} needs one stop more: the base has done "
+            f"{setpoint(i, len(self.world.task))} needs one stop more: the base has done "
             f"all before it from {(most or 0) + 1}, each going on for as long as the areas let it, and the "
             f"tool is lifted between two stops; the rules allow {most} lift-offs."
         )
-        repair = Repair("lift-off", f"set-point {i + 1}", 1.0, f"allow a lift-off before set-point {i + 1}")
-        return Explanation("ladder-broken", i, reason, (Cause("reach", "room to park", None),), (repair,))
+        causes, repairs = (Cause("reach", "room to park", None),), (one_lift_off(self.world, i),)
+        return Explanation("ladder-broken", i, reason, causes, repairs)

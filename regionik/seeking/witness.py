@@ -9,7 +9,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from regionik.areas.reachable import model_of, reach_model
-from regionik.areas.standing import into_span, room_for
+from regionik.areas.standing import LEAST_AREA, anywhere, into_span, room_for
 from regionik.mfabrik import Solver, pose_of, solver_for
 from regionik.moving.configuration_sampling import spread
 from regionik.planners.clearance.posture import clear_posture
@@ -19,6 +19,7 @@ from regionik.postures.families import Family
 from regionik.postures.guard import SPARE, Guard, contact_for, guard_of
 from regionik.postures.poses import Pose
 from regionik.postures.tool_goal import misses
+from regionik.regions import path_areas
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import Target, World
 
@@ -67,6 +68,15 @@ class Quest:
                 if rooms[best] == np.inf:
                     return standing[best]
                 self.nearly.append((rooms[best], standing[best]))
+        return None
+
+    def in_areas(self) -> Pose | None:
+        """A confirmed configuration in the areas that hold at every heading, if one is found."""
+        areas, sides = path_areas(self.world, [self.target]), anywhere(self.world).sides
+        for k in np.flatnonzero(shapely.area(areas.inner) > LEAST_AREA).tolist():
+            pose = self.within(areas.inner[k], areas.family[k], sides[areas.side[k]].span)
+            if pose is not None:
+                return pose
         return None
 
     def search(self) -> Pose | None:

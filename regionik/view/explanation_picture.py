@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from regionik.explain.changes import repaired
 from regionik.regions import admissible_area, reach_of
-from regionik.repairs.trials import repaired
 from regionik.view.picture import Color, Picture, SceneMesh
 from regionik.view.triangle_meshes import arrow, obstacle_mesh, outline, spheres
 from regionik.view.world_picture import DETAIL, MARK_RADIUS, floor_layer, picture_of_world

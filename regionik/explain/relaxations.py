@@ -1,7 +1,4 @@
-"""Worlds with one thing taken away, or changed by an amount: pure functions from world to world.
-
-What is taken away is always a constraint, so that nothing which was possible becomes impossible.
-"""
+"""Worlds with one constraint taken away: nothing that was possible becomes impossible."""
 
 from __future__ import annotations
 
@@ -15,8 +12,7 @@ import shapely
 from shapely.geometry import Point
 from shapely.ops import nearest_points
 
-from regionik.worlds.arrays import Array
-from regionik.worlds.chain import Chain, translation
+from regionik.worlds.chain import Chain
 from regionik.worlds.errors import CauseKind
 from regionik.worlds.obstacles import Solid
 from regionik.worlds.pivoted_arm import reach_bound
@@ -35,8 +31,6 @@ CRITERIA = "rules.criteria"
 START = "start of the base"
 LIFT_OFFS = "rules.max_lift_offs"
 
-Relaxation = Callable[[World], World]
-
 
 @dataclass(frozen=True)
 class Constraint:
@@ -54,7 +48,7 @@ class Constraint:
 
     kind: CauseKind
     name: str
-    relax: Relaxation
+    relax: Callable[[World], World]
 
 
 def constraints_of(world: World) -> tuple[Constraint, ...]:
@@ -69,29 +63,42 @@ def constraints_of(world: World) -> tuple[Constraint, ...]:
         found.append(Constraint("obstacle", CELLS, without_cells))
     found.append(Constraint("floor", EDGE, without_edge))
     if world.rules.clearance > 0 and world.solids:
-        found.append(Constraint("clearance", CLEARANCE, without_clearance))
+        found.append(Constraint("clearance", CLEARANCE, partial(with_rules, clearance=0.0)))
     if len(world.robot.footprint) > 1:
         found.append(Constraint("base", FOOTPRINT, without_footprint))
     if world.rules.heading != "free":
-        found.append(Constraint("base", HEADING, without_heading))
+        found.append(Constraint("base", HEADING, partial(with_rules, heading="free")))
     if any(target.direction is not None for target in world.task):
         found.append(Constraint("direction", direction_name(world), without_direction))
     if world.rules.criteria is not None:
-        found.append(Constraint("criteria", CRITERIA, without_criteria))
+        found.append(Constraint("criteria", CRITERIA, partial(with_rules, criteria=None)))
     found.append(Constraint("limits", JOINT_LIMITS, without_limits))
     return tuple(found)
 
 
 def arm_constraints_of(world: World) -> tuple[Constraint, ...]:
-    """The same, and what keeps the arm off things: its clearance, and that its links and base keep apart."""
+    """`constraints_of`, with the arm's clearance, and its links and base being kept apart."""
     found = [Constraint("self", OWN_BODY, without_own_body)]
     if world.rules.arm_clearance > 0 and world.solids:
-        found.append(Constraint("clearance", ARM_CLEARANCE, partial(with_arm_clearance, clearance=0.0)))
+        found.append(Constraint("clearance", ARM_CLEARANCE, partial(with_rules, arm_clearance=0.0)))
     return (*constraints_of(world)[:-1], *found, *constraints_of(world)[-1:])
 
 
+def path_constraints_of(world: World) -> tuple[Constraint, ...]:
+    """`constraints_of` a whole path, after the lift-offs that are allowed and the start of the base.
+
+    A fixed heading is so by the start, which then stays.
+    """
+    found = []
+    if world.rules.max_lift_offs is not None:
+        found.append(Constraint("path", LIFT_OFFS, partial(with_rules, max_lift_offs=None)))
+    if world.start is not None and world.rules.heading != "fixed":
+        found.append(Constraint("floor", START, partial(replace, start=None)))
+    return (*found, *constraints_of(world))
+
+
 def direction_name(world: World) -> str:
-    """Name of what the task asks of the tool beyond its position."""
+    """Name of the demand on the tool beyond its position."""
     turned = any(target.orientation is not None for target in world.task)
     return "tool orientation" if turned else "tool direction"
 
@@ -99,6 +106,11 @@ def direction_name(world: World) -> str:
 def _gap(solid: Solid, world: World) -> float:
     """Least distance between a solid and the set-points [m]."""
     return min(float(solid.distance(target.position)) for target in world.task)
+
+
+def with_rules(world: World, **changes: object) -> World:
+    """A world of other rules."""
+    return replace(world, rules=replace(world.rules, **changes))  # type: ignore[arg-type]
 
 
 def without_obstacle(world: World, name: str) -> World:
@@ -121,16 +133,6 @@ def without_edge(world: World) -> World:
     return replace(world, floor=replace(world.floor, polygon=wide))
 
 
-def without_clearance(world: World) -> World:
-    """The base may come as near to solids as it likes."""
-    return with_clearance(world, 0.0)
-
-
-def with_arm_clearance(world: World, clearance: float) -> World:
-    """Another clearance of the arm [m]."""
-    return replace(world, rules=replace(world.rules, arm_clearance=clearance))
-
-
 def without_own_body(world: World) -> World:
     """Links that may pass through one another and through the base."""
     robot = world.robot
@@ -147,20 +149,10 @@ def without_footprint(world: World) -> World:
     return replace(world, robot=replace(world.robot, footprint=point))
 
 
-def without_heading(world: World) -> World:
-    """The base may stand at any heading."""
-    return replace(world, rules=replace(world.rules, heading="free"))
-
-
 def without_direction(world: World) -> World:
     """Set-points that ask for a position and no more."""
     bare = tuple(replace(target, direction=None, orientation=None) for target in world.task)
     return replace(world, task=bare)
-
-
-def without_criteria(world: World) -> World:
-    """Postures that need be good for nothing but the set-points."""
-    return replace(world, rules=replace(world.rules, criteria=None))
 
 
 def without_limits(world: World) -> World:
@@ -176,42 +168,3 @@ def _endless(chain: Chain) -> Chain:
         for joint in chain.joints
     )
     return replace(chain, joints=joints)
-
-
-def without_start(world: World) -> World:
-    """A base that may begin anywhere; where the heading is fixed it is so by the start, which then stays."""
-    return world if world.rules.heading == "fixed" else replace(world, start=None)
-
-
-def with_lift_offs(world: World, count: int | None) -> World:
-    """As many lift-offs allowed; None is no bound."""
-    return replace(world, rules=replace(world.rules, max_lift_offs=count))
-
-
-def with_clearance(world: World, clearance: float) -> World:
-    """Another clearance of the base [m]."""
-    return replace(world, rules=replace(world.rules, clearance=clearance))
-
-
-def with_cone(world: World, cone: float) -> World:
-    """Another cone about the directions of all set-points [rad]."""
-    return replace(world, task=tuple(replace(target, cone=cone) for target in world.task))
-
-
-def with_mast(world: World, rise: float) -> World:
-    """The arm and all that is fixed to its links mounted higher by ``rise`` [m]."""
-    mount = world.robot.mount + np.array([0.0, 0.0, rise, 0.0])
-    return replace(world, robot=replace(world.robot, mount=mount))
-
-
-def with_target_moved(world: World, i: int, by: Array) -> World:
-    """Set-point i moved by (3,) [m]."""
-    moved = replace(world.task[i], position=world.task[i].position + by)
-    return replace(world, task=(*world.task[:i], moved, *world.task[i + 1 :]))
-
-
-def with_obstacle_moved(world: World, name: str, by: Array) -> World:
-    """The obstacle of that name moved over the floor by (2,) [m]."""
-    T = translation(by[0], by[1], 0.0)
-    moved = tuple(solid.transformed(T) if solid.name == name else solid for solid in world.obstacles)
-    return replace(world, obstacles=moved)

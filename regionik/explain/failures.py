@@ -1,4 +1,4 @@
-"""The reason why not: which set-point, which obstacle, what is missing and what would mend it."""
+"""Explanations of what areas, floor and start do not allow: which set-point and obstacle, what is missing."""
 
 from __future__ import annotations
 
@@ -11,8 +11,10 @@ from shapely.geometry.base import BaseGeometry
 
 from regionik.areas.ground import ground_of, grow
 from regionik.areas.reachable import model_of
-from regionik.areas.relaxations import without_criteria
 from regionik.areas.standing import by_heading, outer_by_heading, turns_matter
+from regionik.explain.changes import one_lift_off
+from regionik.explain.relaxations import with_rules
+from regionik.explain.sentences import join, no_way_to, setpoint_at, spot
 from regionik.planners.driving.footprint import width_of
 from regionik.planners.driving.shape import narrowest
 from regionik.regions import (
@@ -23,14 +25,13 @@ from regionik.regions import (
     what_took_away,
 )
 from regionik.values import Violation
-from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Cause, CauseKind, Explanation, Repair
 from regionik.worlds.pivoted_arm import reach_bound
 from regionik.worlds.scene import Target, World
 
 
 def no_place(world: World, i: int, targets: Sequence[Target] | None = None, others: int = 0) -> Explanation:
-    """Why no place of the base is known for set-point i: "unreachable" where its outer area is empty, too.
+    """Explain why set-point i has no known place for the base: "unreachable" where its outer area is empty.
 
     Else the verdict is "undecided": an empty inner area is no proof.
 
@@ -46,7 +47,7 @@ def no_place(world: World, i: int, targets: Sequence[Target] | None = None, othe
     """
     every = world.task if targets is None else targets
     target = every[i]
-    who = f"{setpoint(i, len(every))} at {spot(target.position)}"
+    who = setpoint_at(every, i)
     proven = outer_areas(world, [target])[0].is_empty
     lead = f"{who} cannot be reached" if proven else no_way_to(who)
     open_clearance = largest_clearance(world, target)
@@ -55,7 +56,8 @@ def no_place(world: World, i: int, targets: Sequence[Target] | None = None, othe
     else:
         taken = what_took_away(world, target)
         reason, causes, repairs = _crowded_out(world, lead, taken, open_clearance, proven)
-    bare = None if world.rules.criteria is None else largest_clearance(without_criteria(world), target)
+    asks_more = world.rules.criteria is not None
+    bare = largest_clearance(with_rules(world, criteria=None), target) if asks_more else None
     if bare is not None and bare >= world.rules.clearance:
         reason += " Without the criteria of the rules it could be reached."
         causes = (Cause("criteria", "rules.criteria"), *causes)
@@ -67,13 +69,8 @@ def no_place(world: World, i: int, targets: Sequence[Target] | None = None, othe
     return Explanation("unreachable" if proven else "undecided", i, reason, causes, repairs)
 
 
-def no_way_to(who: str) -> str:
-    """The start of a sentence on what is neither shown to be in reach nor ruled out."""
-    return f"No way was found to reach {who[0].lower()}{who[1:]}"
-
-
 def _left_open(world: World, target: Target) -> str:
-    """What keeps inner areas smaller than outer ones."""
+    """Reasons for which inner areas are smaller than outer ones."""
     ground = ground_of(world)
     why = [f"inner areas keep {world.rules.reach_margin:g} m off the edge of reach"]
     if not model_of(world, target).proven:
@@ -132,7 +129,7 @@ def _out_of_reach(
 
 
 def _wanted(world: World, target: Target) -> str:
-    """What the postures of an arm lack for a target that is in reach of its floor and height."""
+    """Words for the postures that an arm lacks for a target in reach of its floor and height."""
     if target.direction is None:
         return "within limits"
     bare, pointed = Target(target.position), Target(target.position, target.direction, target.cone)
@@ -165,7 +162,7 @@ def _crowded_out(
 
 
 def cut_off(world: World, i: int, here: BaseGeometry, areas: BaseGeometry) -> Explanation:
-    """Why the base cannot get from the floor it stands on to any place of set-point i.
+    """Explain why the base cannot get from the floor it stands on to any place of set-point i.
 
     Parameters
     ----------
@@ -211,7 +208,7 @@ def tight(world: World, here: BaseGeometry, there: BaseGeometry) -> str:
 
 
 def too_many_lifts(world: World, breaks: Sequence[int], bridges: Sequence[BaseGeometry]) -> Explanation:
-    """Why the path cannot be done with as few lift-offs as the rules allow."""
+    """Explain why the path cannot be done with as few lift-offs as the rules allow."""
     allowed = world.rules.max_lift_offs or 0
     i, bridge = breaks[allowed], bridges[allowed]
     blockers = _crossed(world, bridge)
@@ -223,12 +220,13 @@ def too_many_lifts(world: World, breaks: Sequence[int], bridges: Sequence[BaseGe
         f"{allowed}."
     )
     causes = tuple(Cause("obstacle", name, float(bridge.length)) for name in blockers)
-    repair = Repair("lift-off", f"set-point {i + 1}", 1.0, f"allow a lift-off before set-point {i + 1}", "1")
-    return Explanation("ladder-broken", i, reason, causes or (Cause("reach", names, None),), (repair,))
+    return Explanation(
+        "ladder-broken", i, reason, causes or (Cause("reach", names, None),), (one_lift_off(world, i),)
+    )
 
 
 def blocked_start(world: World) -> Explanation | None:
-    """Why the base cannot stand where it starts; None where it can."""
+    """Explain why the base cannot stand where it starts; None where it can."""
     if world.start is None:
         return None
     robot, ground = world.robot, ground_of(world)
@@ -278,7 +276,7 @@ def invalid_plan(world: World, violations: Sequence[Violation]) -> Explanation:
 def no_posture(world: World, i: int) -> Explanation:
     """M-FABRIK found no posture although the area is not empty."""
     reason = (
-        f"{setpoint(i, len(world.task))} at {spot(world.task[i].position)} has admissible places for the "
+        f"{setpoint_at(world.task, i)} has admissible places for the "
         f"base, but no posture within the joint limits was found at heading policy '{world.rules.heading}'."
     )
     return Explanation("no-posture", i, reason, (Cause("limits", world.robot.name, None),))
@@ -298,20 +296,3 @@ def _crossed(world: World, bridge: BaseGeometry) -> list[str]:
 
 def _depth(core: BaseGeometry, outline: BaseGeometry) -> float:
     return float(core.boundary.distance(outline)) if core.covers(outline) else 0.0
-
-
-def setpoint(i: int, count: int) -> str:
-    """A set-point as people count."""
-    return f"Set-point {i + 1} of {count}"
-
-
-def spot(position: Array) -> str:
-    """A position in words."""
-    return f"({', '.join(f'{value:z.3f}' for value in position)})"
-
-
-def join(names: Sequence[str]) -> str:
-    """Names in one line."""
-    if not names:
-        return "nothing"
-    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"

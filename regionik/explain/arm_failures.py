@@ -1,17 +1,18 @@
-"""The reason why not, where the arm is in its own way or something is in the arm's."""
+"""Explanations of where the arm is in its own way, or something is in the arm's."""
 
 from __future__ import annotations
 
+from regionik.explain.changes import one_lift_off
+from regionik.explain.sentences import setpoint_at
 from regionik.planners.driving.drive import NoPathError
 from regionik.planners.driving.shape import TightSpotError
 from regionik.planners.geometry.collision import obstacles_from, solids_within
-from regionik.reasons.explain import setpoint, spot
 from regionik.worlds.errors import Cause, Explanation, Repair
 from regionik.worlds.scene import World
 
 
 def buried(world: World) -> Explanation | None:
-    """Why the tool cannot be at some set-point at all, for what stands round it; None where nothing does.
+    """Explain which set-point is too near to a solid for any posture; None where none is.
 
     Where the tool lies inside its link, what is round about it must fit beside every solid with the arm's
     clearance; into the one that the tool may touch it sinks no deeper than the rules allow.
@@ -35,7 +36,7 @@ def buried(world: World) -> Explanation | None:
         missing = need + rules.tolerance - gap
         place = f"{gap:z.4f} m from {name}" if gap >= 0 else f"{-gap:z.4f} m deep in {name}"
         reason = (
-            f"{setpoint(i, len(world.task))} at {spot(target.position)} lies {place}: no posture keeps the "
+            f"{setpoint_at(world.task, i)} lies {place}: no posture keeps the "
             f"last link, {tip:g} m round about the tool, at the arm's clearance of {rules.arm_clearance:g} m "
             f"from it. The set-point would have to lie {missing:.4f} m farther away."
         )
@@ -48,7 +49,7 @@ def _too_deep(world: World, i: int, name: str, tip: float, need: float) -> Expla
     """Why the tool cannot touch a solid: what of its link is round about it would sink in too deep."""
     missing, rules = need - world.rules.contact_depth, world.rules
     reason = (
-        f"{setpoint(i, len(world.task))} at {spot(world.task[i].position)} cannot be touched: the last link, "
+        f"{setpoint_at(world.task, i)} cannot be touched: the last link, "
         f"{tip:g} m round about the tool, would sink at least {need:.4f} m into {name}, and the rules allow "
         f"{rules.contact_depth:g} m (contact_depth). It would have to be {missing:.4f} m more, or the link "
         f"to end short of the tool point."
@@ -57,28 +58,29 @@ def _too_deep(world: World, i: int, name: str, tip: float, need: float) -> Expla
 
 
 def blocked_arm(world: World, closest: str, cause: Cause) -> Explanation:
-    """Why the arm cannot start in the posture that the world gives."""
+    """Explain why the arm cannot start in the posture that the world gives."""
     reason = f"The start is blocked: {closest}, and the arm's clearance is {world.rules.arm_clearance:g} m."
     return Explanation("start-blocked", None, reason, (cause,))
 
 
 def arm_must_lift(world: World, i: int, obstruction: str, cause: Cause | None) -> Explanation:
-    """Why the arm cannot go on to set-point i with as few lift-offs as the rules allow."""
+    """Explain why the arm cannot go on to set-point i with as few lift-offs as the rules allow."""
     count = len(world.task)
     reason = (
         f"The path breaks between set-points {i} and {i + 1} of {count}: the base has places that serve "
         f"both, but no way on was found for the arm: {obstruction}; the tool would have to be lifted here, "
         f"and the rules allow {world.rules.max_lift_offs} lift-offs."
     )
-    repair = Repair("lift-off", f"set-point {i + 1}", 1.0, f"allow a lift-off before set-point {i + 1}", "1")
-    return Explanation("ladder-broken", i, reason, (cause or Cause("limits", world.robot.name),), (repair,))
+    return Explanation(
+        "ladder-broken", i, reason, (cause or Cause("limits", world.robot.name),), (one_lift_off(world, i),)
+    )
 
 
 def no_drive(world: World, i: int, refusal: NoPathError) -> Explanation:
-    """Why the base does not get to any place that was looked at for set-point i."""
+    """Explain why the base does not get to any place that was looked at for set-point i."""
     kind = world.robot.drive.words
     reason = (
-        f"{setpoint(i, len(world.task))} at {spot(world.task[i].position)} has admissible places for the "
+        f"{setpoint_at(world.task, i)} has admissible places for the "
         f"base, but {kind} was not found a way to the places that were looked at: {refusal}."
     )
     missing = refusal.across - refusal.passage if isinstance(refusal, TightSpotError) else None
@@ -88,7 +90,7 @@ def no_drive(world: World, i: int, refusal: NoPathError) -> Explanation:
 def no_clear_posture(
     world: World, i: int, looked: tuple[int, int, int], closest: str, cause: Cause, *, cut_off: bool
 ) -> Explanation:
-    """Why the arm cannot be at set-point i, or cannot get there, without touching something.
+    """Explain why the arm cannot be at set-point i, or cannot get there, without touching something.
 
     Parameters
     ----------
@@ -102,7 +104,7 @@ def no_clear_posture(
     cut_off : bool
         Clear postures exist, but no way to them was found.
     """
-    who = f"{setpoint(i, len(world.task))} at {spot(world.task[i].position)}"
+    who = setpoint_at(world.task, i)
     rule = f"the arm's clearance is {world.rules.arm_clearance:g} m"
     if cut_off:
         reason = (

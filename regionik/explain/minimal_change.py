@@ -1,8 +1,9 @@
-"""The least amount of a change that helps: a scan, a bisection, and a check by what decides in the end."""
+"""Least amount of a change that helps: a scan, a bisection, and a check by what decides in the end."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,17 +58,53 @@ def _first(opens: Opens, low: float, high: float, steps: int) -> tuple[float, fl
     return float(amounts[k]), float(amounts[k + 1])
 
 
-def first_that(sees: Holds, most: float) -> float | None:
-    """The least amount that is seen to help, of even ones and then by bisection; None where none of them is.
+def grid_above(amount: float) -> float:
+    """The next amount on the grid of `FINE`."""
+    return round(float(np.ceil(amount / FINE - 1e-6)) * FINE, 6)
 
-    Examples
-    --------
-    >>> round(first_that(lambda amount: amount > 0.3, 2.0), 2)
-    0.3
+
+@dataclass(frozen=True)
+class Scan:
+    """Even amounts that are asked one by one until one helps, and a bisection down from there.
+
+    Attributes
+    ----------
+    steps : int
+    fine : float
+        How far apart the bisection leaves the amount that helps and one that does not.
+    close : float
+        The same as a part of the amount, where that is more.
+    snap : callable
+        The amount that is asked in place of another, such as the next on a grid.
     """
-    tried = [most * k / _COARSE for k in range(1, _COARSE + 1)]
-    k = next((k for k, one in enumerate(tried) if sees(_up(one))), None)
-    return None if k is None else _narrowed(sees, tried[k - 1] if k else 0.0, _up(tried[k]))
+
+    steps: int
+    fine: float
+    close: float
+    snap: Callable[[float], float] = float
+
+    def first(self, helps: Holds, most: float) -> float | None:
+        """The least amount up to ``most`` that is seen to help; None where none of the even ones does.
+
+        Examples
+        --------
+        >>> round(Scan(24, 1e-3, 0.0).first(lambda amount: amount > 0.3, 2.0), 2)
+        0.3
+        """
+        step = most / self.steps
+        tried = [k * step for k in range(self.steps + 1)]
+        k = next((k for k in range(1, self.steps + 1) if helps(self.snap(tried[k]))), None)
+        return None if k is None else self.narrowed(helps, tried[k - 1], self.snap(tried[k]))
+
+    def narrowed(self, helps: Holds, low: float, high: float) -> float:
+        """The least amount by bisection between one that does not help and one that does."""
+        while high - low > max(self.fine, self.close * high):
+            middle = self.snap((low + high) / 2)
+            low, high = (low, middle) if helps(middle) else (middle, high)
+        return high
+
+
+GRID = Scan(_COARSE, 1.5 * FINE, _CLOSE, grid_above)
 
 
 def confirmed(holds: Holds, amount: float, most: float, seen: Holds | None = None) -> float | None:
@@ -90,18 +127,18 @@ def confirmed(holds: Holds, amount: float, most: float, seen: Holds | None = Non
         On the grid of `FINE`, but for ``most`` itself. A few hundredths less do not hold. None where up to
         twice the amount nothing does.
     """
-    tried = sorted({min(_up(amount * factor), most) for factor in _GROWTH})
+    tried = sorted({min(grid_above(amount * factor), most) for factor in _GROWTH})
     if seen is not None:
         tried = _led(seen, tried)
     k = next((k for k, one in enumerate(tried) if holds(one)), len(tried))
     if k == len(tried):
         return None
     if k:
-        return _narrowed(holds, tried[k - 1], tried[k])
-    below = _up(_ASKED_BELOW * tried[0] - FINE)
+        return GRID.narrowed(holds, tried[k - 1], tried[k])
+    below = grid_above(_ASKED_BELOW * tried[0] - FINE)
     if below <= 0 or below >= tried[0] or not holds(below):
         return tried[0]
-    return _narrowed(holds, 0.0, below)
+    return GRID.narrowed(holds, 0.0, below)
 
 
 def _led(seen: Holds, tried: list[float]) -> list[float]:
@@ -109,20 +146,7 @@ def _led(seen: Holds, tried: list[float]) -> list[float]:
     k = next((k for k, one in enumerate(tried) if seen(one)), None)
     if k is None:
         return tried[-1:]
-    return [_narrowed(seen, tried[k - 1] if k else 0.0, tried[k]), *tried[k + 1 :]]
-
-
-def _narrowed(holds: Holds, low: float, high: float) -> float:
-    """By bisection the least between what does not hold and what does."""
-    while high - low > max(1.5 * FINE, _CLOSE * high):
-        middle = _up((low + high) / 2)
-        low, high = (low, middle) if holds(middle) else (middle, high)
-    return high
-
-
-def _up(amount: float) -> float:
-    """The next amount on the grid."""
-    return round(float(np.ceil(amount / FINE - 1e-6)) * FINE, 6)
+    return [GRID.narrowed(seen, tried[k - 1] if k else 0.0, tried[k]), *tried[k + 1 :]]
 
 
 def shortest_step(opens: Opens, directions: Array, most: float) -> tuple[float, Array] | None:
@@ -191,7 +215,7 @@ def first_seen(
 
 
 def _coarse(opens: Opens, directions: Array, low: float, high: float) -> NDArray[np.intp]:
-    """Which of even steps along each direction is the first to help; `_COARSE` where none is."""
+    """First of even steps along each direction that helps; `_COARSE` where none does."""
     lengths = np.linspace(low, high, _COARSE + 1)[1:]
     steps = lengths[None, :, None] * directions[:, None, :]
     table = opens(steps.reshape(-1, directions.shape[1])).reshape(len(directions), _COARSE)

@@ -1,0 +1,306 @@
+"""Table of the changes that may help: the world with one made, its size, and the words for it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from shapely.affinity import translate
+
+from regionik.areas.reachable import model_of
+from regionik.explain.minimal_change import FINE, grid_above
+from regionik.explain.relaxations import ARM_CLEARANCE, CLEARANCE, with_rules
+from regionik.worlds.arrays import Array
+from regionik.worlds.errors import Repair, RepairKind, Unit
+from regionik.worlds.obstacles import Mesh, Prism, Solid
+from regionik.worlds.pivoted_arm import reach_bound
+from regionik.worlds.scene import Target, World
+
+
+@dataclass(frozen=True)
+class ChangeKind:
+    """One row of the table.
+
+    Attributes
+    ----------
+    made : callable
+        Of a world, a repair and the set-point that a moved target is: the world with the repair made.
+    share : callable
+        Of a world and a repair: its size in its own terms.
+    text : callable
+        The same: the words for it.
+    """
+
+    made: Callable[[World, Repair, int], World]
+    share: Callable[[World, Repair], float]
+    text: Callable[[World, Repair], str]
+    unit: Unit = "m"
+
+
+def repaired(world: World, repair: Repair, i: int = 0) -> World:
+    """The world with a repair made.
+
+    Parameters
+    ----------
+    world : World
+    repair : Repair
+    i : int
+        Which set-point a moved target is.
+    """
+    return _row(repair.kind, repair.name).made(world, repair, i)
+
+
+def share(world: World, repair: Repair) -> float:
+    """Size of a repair in its own terms.
+
+    A length counts as a part of the arm's length, a clearance by what it loses, a cone by what it gains as a
+    part of a half turn, a lift-off as one.
+    """
+    return _row(repair.kind, repair.name).share(world, repair)
+
+
+def smallest_first(world: World, repairs: Iterable[Repair]) -> tuple[Repair, ...]:
+    """Repairs in the order of `share`."""
+    return tuple(sorted(repairs, key=lambda repair: (share(world, repair), repair.kind, repair.name)))
+
+
+def _repair(world: World, kind: RepairKind, name: str, amount: float, by: Iterable[float] = ()) -> Repair:
+    """A repair with its sentence."""
+    row = _row(kind, name)
+    silent = Repair(kind, name, amount, "", row.unit, tuple(by))
+    return replace(silent, text=row.text(world, silent))
+
+
+# What can be changed -----------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class Change:
+    """A change of one world by any amount.
+
+    Attributes
+    ----------
+    world : World
+    most : float
+        Largest amount that is tried.
+    repair : callable
+        Of an amount: the repair, on the grid on which it is told.
+    as_target : callable, optional
+        Of an amount: the target that in the unchanged world has the areas of the changed one.
+    monotone : bool
+        More of it never takes room away, so that halving alone finds the least.
+    counted : bool
+        Amounts are whole numbers.
+    """
+
+    world: World
+    most: float
+    repair: Callable[[float], Repair]
+    as_target: Callable[[float], Target] | None = None
+    monotone: bool = False
+    counted: bool = False
+
+    def at(self, amount: float) -> World:
+        """The world changed so much."""
+        return repaired(self.world, self.repair(amount))
+
+
+@dataclass(frozen=True, eq=False)
+class Move:
+    """A change of one world by a step of (2,) or (3,) in some direction [m]."""
+
+    world: World
+    kind: RepairKind
+    name: str
+
+    def repair(self, step: Array) -> Repair:
+        """The step as it is told, on the grid."""
+        by = on_grid(step)
+        return _repair(self.world, self.kind, self.name, float(np.linalg.norm(by)), by.tolist())
+
+    def at(self, step: Array) -> World:
+        """The world with the step made."""
+        return repaired(self.world, self.repair(step))
+
+    def along(self, way: Array, most: float) -> Change:
+        """Steps along one direction of length 1."""
+        return Change(self.world, most, lambda amount: self.repair(amount * way))
+
+
+def on_grid(step: Array) -> Array:
+    """A step on the grid of `FINE`; adding zero makes no zero negative."""
+    rounded: Array = np.round(np.round(step / FINE) * FINE, 6) + 0.0
+    return rounded
+
+
+def lower_clearance(world: World, name: str = CLEARANCE) -> Change | None:
+    """Less clearance of the base, or of the arm."""
+    most = _clearance(world, name)
+    if most == 0:
+        return None
+
+    def repair(cut: float) -> Repair:
+        left = float(np.floor((most - cut) / FINE + 1e-6)) * FINE
+        return _repair(world, "clearance", name, max(0.0, round(left, 6)))
+
+    return Change(world, most, repair, monotone=name == CLEARANCE)
+
+
+def open_cone(world: World, who: str) -> Change | None:
+    """A wider cone about the direction of a world's one target; not for tools that areas are sampled for."""
+    target = world.task[0]
+    if target.direction is None or target.cone >= np.pi or not model_of(world, target).exact:
+        return None
+
+    def cone(more: float) -> float:
+        return min(np.pi, grid_above(target.cone + more))
+
+    return Change(
+        world,
+        np.pi - target.cone,
+        lambda more: _repair(world, "cone", who, cone(more)),
+        lambda more: replace(target, cone=cone(more)),
+    )
+
+
+def raise_arm(world: World, most: float) -> Change:
+    """A higher mount: to the arm that is a lower target, and the base sees neither."""
+    target = world.task[0]
+    return Change(
+        world,
+        most,
+        lambda rise: _repair(world, "raise", world.robot.name, float(on_grid(np.array(rise)))),
+        lambda rise: replace(target, position=target.position - [0.0, 0.0, rise]),
+    )
+
+
+def allow_lift_offs(world: World, i: int) -> Change | None:
+    """More lift-offs, the first before set-point i."""
+    allowed, name = world.rules.max_lift_offs, f"set-point {i + 1}"
+    most = 0 if allowed is None else len(world.task) - 1 - allowed
+    if most < 1:
+        return None
+    return Change(
+        world, most, lambda more: _repair(world, "lift-off", name, float(round(more))), counted=True
+    )
+
+
+def one_lift_off(world: World, i: int) -> Repair:
+    """One more lift-off, before set-point i."""
+    return _repair(world, "lift-off", f"set-point {i + 1}", 1.0)
+
+
+def move_target(world: World, who: str) -> Move:
+    """The world's one target elsewhere in space."""
+    return Move(world, "move-target", who)
+
+
+def move_obstacle(world: World, name: str) -> Move | None:
+    """An obstacle elsewhere on the floor; None for the cells of a map, which are nobody's to move."""
+    known = any(solid.name == name for solid in world.obstacles)
+    return Move(world, "move-obstacle", name) if known else None
+
+
+# The table ---------------------------------------------------------------------------------------------
+
+
+def _clearance(world: World, name: str) -> float:
+    return world.rules.arm_clearance if name == ARM_CLEARANCE else world.rules.clearance
+
+
+def _arm_length(world: World) -> float:
+    span = reach_bound(world.robot.chain)
+    return span.radius + span.length
+
+
+def _raised(world: World, repair: Repair, _: int) -> World:
+    """The arm and all that is fixed to its links mounted higher."""
+    mount = world.robot.mount + np.array([0.0, 0.0, repair.amount, 0.0])
+    return replace(world, robot=replace(world.robot, mount=mount))
+
+
+def _with_cone(world: World, repair: Repair, _: int) -> World:
+    return replace(world, task=tuple(replace(target, cone=repair.amount) for target in world.task))
+
+
+def _with_target_moved(world: World, repair: Repair, i: int) -> World:
+    moved = replace(world.task[i], position=world.task[i].position + np.array(repair.vector))
+    return replace(world, task=(*world.task[:i], moved, *world.task[i + 1 :]))
+
+
+def _with_obstacle_moved(world: World, repair: Repair, _: int) -> World:
+    by = np.array(repair.vector)
+    moved = tuple(_moved(solid, by) if solid.name == repair.name else solid for solid in world.obstacles)
+    return replace(world, obstacles=moved)
+
+
+def _moved(solid: Solid, by: Array) -> Solid:
+    step = np.array([by[0], by[1], 0.0])
+    if isinstance(solid, Prism):
+        return replace(solid, polygon=translate(solid.polygon, float(by[0]), float(by[1])))
+    if isinstance(solid, Mesh):
+        return replace(solid, vertices=solid.vertices + step)
+    return replace(solid, center=solid.center + step)
+
+
+def _with_lift_offs(world: World, repair: Repair, _: int) -> World:
+    return with_rules(world, max_lift_offs=(world.rules.max_lift_offs or 0) + round(repair.amount))
+
+
+def _part_of_arm(world: World, repair: Repair) -> float:
+    return repair.amount / _arm_length(world)
+
+
+def _clearance_text(world: World, repair: Repair) -> str:
+    whose = "arm's clearance" if repair.name == ARM_CLEARANCE else "clearance"
+    return f"lower the {whose} of {_clearance(world, repair.name):.4f} m to {repair.amount:.4f} m"
+
+
+def _move_text(_: World, repair: Repair) -> str:
+    by = ", ".join(f"{part:z.4f}" for part in repair.vector)
+    return f"move {repair.name} by ({by}) m, {repair.amount:z.4f} m in all"
+
+
+def _lift_off_text(_: World, repair: Repair) -> str:
+    if repair.amount == 1:
+        return f"allow a lift-off before {repair.name}"
+    return f"allow {round(repair.amount)} more, the first before {repair.name}"
+
+
+_TABLE: dict[str, ChangeKind] = {
+    CLEARANCE: ChangeKind(
+        lambda world, repair, _: with_rules(world, clearance=repair.amount),
+        lambda world, repair: (world.rules.clearance - repair.amount) / _arm_length(world),
+        _clearance_text,
+    ),
+    ARM_CLEARANCE: ChangeKind(
+        lambda world, repair, _: with_rules(world, arm_clearance=repair.amount),
+        lambda world, repair: (world.rules.arm_clearance - repair.amount) / _arm_length(world),
+        _clearance_text,
+    ),
+    "cone": ChangeKind(
+        _with_cone,
+        lambda world, repair: (repair.amount - min(target.cone for target in world.task)) / np.pi,
+        lambda world, repair: (
+            f"open the cone of {world.task[0].cone:.4f} rad about the direction of {repair.name} to "
+            f"{repair.amount:.4f} rad"
+        ),
+        "rad",
+    ),
+    "raise": ChangeKind(
+        _raised,
+        _part_of_arm,
+        lambda _, repair: f"mount the arm of {repair.name} {repair.amount:.4f} m higher",
+    ),
+    "move-target": ChangeKind(_with_target_moved, _part_of_arm, _move_text),
+    "move-obstacle": ChangeKind(_with_obstacle_moved, _part_of_arm, _move_text),
+    "lift-off": ChangeKind(_with_lift_offs, lambda _, repair: repair.amount, _lift_off_text, "1"),
+}
+
+
+def _row(kind: RepairKind, name: str) -> ChangeKind:
+    """The row of a repair; clearances are told apart by the rule that is changed."""
+    if kind == "clearance":
+        return _TABLE[ARM_CLEARANCE if name == ARM_CLEARANCE else CLEARANCE]
+    return _TABLE[kind]

@@ -1,0 +1,324 @@
+"""Questions that an explanation asks of changed worlds: of a target, of the arm in its way, of a whole path.
+
+Each knows the constraints that may be its causes, what rules a world out, the changes that may mend it, and
+what decides whether one does. What decides lies above this folder, and is handed down.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from regionik.areas.reachable import model_of
+from regionik.areas.standing import turns_matter
+from regionik.explain.causes import no_inner, no_outer, opened
+from regionik.explain.changes import (
+    Change,
+    Move,
+    allow_lift_offs,
+    lower_clearance,
+    move_obstacle,
+    move_target,
+    open_cone,
+    raise_arm,
+    repaired,
+)
+from regionik.explain.minimal_change import (
+    FINE,
+    GRID,
+    Holds,
+    Scan,
+    circle,
+    confirmed,
+    first_seen,
+    least_open,
+    shortest_step,
+    sphere,
+)
+from regionik.explain.relaxations import (
+    ARM_CLEARANCE,
+    LIFT_OFFS,
+    Constraint,
+    arm_constraints_of,
+    constraints_of,
+    path_constraints_of,
+    without_obstacle,
+)
+from regionik.explain.steps import obstacle_steps, target_steps
+from regionik.planners.search.box_search import Verdict
+from regionik.worlds.arrays import Array
+from regionik.worlds.errors import Repair
+from regionik.worlds.pivoted_arm import reach_bound
+from regionik.worlds.scene import World
+
+if TYPE_CHECKING:
+    from regionik.reach import Answer
+
+PROOF, SEARCH = 30_000, 1_500  # cells of postures looked at for a cause, and for an amount of a change
+LENGTHS = 0.01 * 3.0 ** np.arange(5)  # of moves that are tried with the arm [m]
+FARTHER = 1.05  # than areas have it, from which on other directions are looked at
+SLACK = (1.0, 1.05)  # of what areas ask for, tried in plans
+HALVED = Scan(1, 1e-5, 0.0)
+COARSE = Scan(12, FINE, 0.01)  # for what is dear to ask
+
+
+@dataclass(frozen=True)
+class Oracles:
+    """Stages that decide about the one target of a world.
+
+    Attributes
+    ----------
+    reach : callable
+        The answer of `regionik.reach`.
+    seen : callable
+        True where a configuration is found in the areas that hold at every heading: sooner known than
+        ``reach``, and stricter.
+    look : callable
+        Verdict of a search of so many cells of all postures from all places.
+    """
+
+    reach: Callable[[World], Answer]
+    seen: Callable[[World], bool]
+    look: Callable[[World, int], Verdict]
+
+
+def _obstacles(world: World, causes: Sequence[Constraint]) -> Iterator[Move | None]:
+    """An obstacle that is no cause does not help by moving."""
+    return (move_obstacle(world, one.name) for one in causes if one.kind == "obstacle")
+
+
+@dataclass(frozen=True)
+class _OneTarget:
+    """A question of the one target of a world.
+
+    Attributes
+    ----------
+    world : World
+    who : str
+        The target's name.
+    oracles : Oracles
+    """
+
+    world: World
+    who: str
+    oracles: Oracles
+
+    def enters(self, after: World) -> bool:
+        """Return True where the target is in a solid that it was not in."""
+        old, new = self.world.task[0].position, after.task[0].position
+        solids = zip(self.world.solids, after.solids, strict=True)
+        return any(a.distance(old) >= 0 and b.distance(new) < 0 for a, b in solids)
+
+    def holds(self, after: World) -> bool:
+        """Return True where the target of a changed world is reachable, and newly inside of nothing."""
+        if self.enters(after):
+            return False
+        if not opened(after, after.task)[0] and no_inner(after):  # sooner known than asked
+            return False
+        return bool(self.oracles.reach(after).reachable.all())
+
+
+# A target ----------------------------------------------------------------------------------------------
+
+
+class TargetQuestion(_OneTarget):
+    """Is the target within reach of the base? Asked of areas, then of `Oracles.reach`."""
+
+    @cached_property
+    def proof(self) -> str:
+        return "This is a proof: with these the outer area is empty." if no_outer(self.world) else ""
+
+    @property
+    def constraints(self) -> tuple[Constraint, ...]:
+        return constraints_of(self.world)
+
+    def closed(self, world: World) -> bool:
+        return no_outer(world) if self.proof else no_inner(world)
+
+    def changes(self, causes: Sequence[Constraint]) -> Iterator[Change | Move | None]:
+        world, target, span = self.world, self.world.task[0], reach_bound(self.world.robot.chain)
+        model = model_of(world, target)
+        if world.solids:
+            yield lower_clearance(world)
+        yield open_cone(world, self.who)
+        if model.exact:  # each height of another arm is looked at by itself
+            height = float(target.position[2] - world.robot.mount[2]) - span.height
+            yield raise_arm(world, max(0.0, height) + span.length)
+        if model.proven:  # what others reach is looked for pose by pose
+            yield move_target(world, self.who)
+        yield from _obstacles(world, causes)
+
+    def least(self, change: Change) -> Repair | None:
+        if change.monotone:
+            return self._confirmed(change, HALVED.first(self._opens_one(change), change.most) or change.most)
+        amount = least_open(lambda amounts: self._opens(change, amounts), change.most)
+        return None if amount is None else self._confirmed(change, amount)
+
+    def _opens_one(self, change: Change) -> Holds:
+        return lambda amount: bool(opened(change.at(amount), self.world.task)[0])
+
+    def _opens(self, change: Change, amounts: Array) -> NDArray[np.bool_]:
+        assert change.as_target is not None, "only targets are looked at many at once"
+        return opened(self.world, [change.as_target(float(amount)) for amount in amounts])
+
+    def _confirmed(self, change: Change, amount: float) -> Repair | None:
+        """The repair by an amount found by areas, confirmed by asking whether the target is reachable."""
+        found = confirmed(
+            lambda one: self.holds(change.at(one)),
+            amount,
+            change.most,
+            lambda one: self._seen(change.at(one)),
+        )
+        return None if found is None else change.repair(found)
+
+    def _seen(self, after: World) -> bool:
+        return not self.enters(after) and self.oracles.seen(after)
+
+    def shortest(self, move: Move) -> Repair | None:
+        """The shortest step found by areas, confirmed.
+
+        Where it has to be longer than areas have it, for the arm would touch something, other directions are
+        looked at with the arm.
+        """
+        steps = target_steps(move) if move.kind == "move-target" else obstacle_steps(move)
+        step = None if steps is None else shortest_step(steps.opens, steps.directions, steps.most)
+        if steps is None or step is None:
+            return None
+        length, way = step
+        first = self._confirmed(move.along(way, steps.most), length)
+        longest = 2 * length if first is None else first.amount
+        if longest <= FARTHER * length:
+            return first
+        aside = first_seen(steps.opens, lambda by: self._seen(move.at(by)), steps.directions, length, longest)
+        second = None if aside is None else self._confirmed(move.along(aside[1], longest), aside[0])
+        return second or first
+
+
+# The arm -----------------------------------------------------------------------------------------------
+
+
+class ArmQuestion(_OneTarget):
+    """Is the arm clear of everything at the target, from some place? Asked where all postures can be seen."""
+
+    proof = "This is a proof: with these no posture from any place is clear."
+
+    @property
+    def constraints(self) -> tuple[Constraint, ...]:
+        return arm_constraints_of(self.world)
+
+    def closed(self, world: World) -> bool:
+        """Return True where the target is proven to have no clear posture from any place."""
+        return no_outer(world) or self.oracles.look(world, PROOF) == Verdict.RULED_OUT
+
+    def changes(self, causes: Sequence[Constraint]) -> Iterator[Change | Move | None]:
+        yield lower_clearance(self.world, ARM_CLEARANCE)
+        yield open_cone(self.world, self.who)
+        yield raise_arm(self.world, reach_bound(self.world.robot.chain).length)
+        yield move_target(self.world, self.who)
+        yield from _obstacles(self.world, causes)
+
+    def _seen(self, after: World) -> bool:
+        """Return True where a clear posture is found in a changed world, the target newly in no solid."""
+        if after.task[0].position[2] < 0 or self.enters(after):
+            return False
+        return self.oracles.look(after, SEARCH) == Verdict.PROVEN
+
+    def least(self, change: Change) -> Repair | None:
+        most = change.most
+        amount = GRID.first(lambda one: self._seen(change.at(one)), most) if most >= FINE else None
+        if amount is not None:
+            amount = confirmed(lambda one: self.holds(change.at(one)), amount, most)
+        return None if amount is None else change.repair(amount)
+
+    def shortest(self, move: Move) -> Repair | None:
+        """A short step: of a few lengths the first at which some direction helps, then less of it."""
+        directions = sphere(12) if move.kind == "move-target" else circle(12)
+        for length in LENGTHS.tolist():
+            for way in directions:
+                if self._seen(move.at(length * way)):
+                    repair = self.least(move.along(way, length))
+                    if repair is not None:
+                        return repair
+        return None
+
+
+# A path ------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class PathQuestion:
+    """Does the ladder of areas span a world's path, and can it be planned?
+
+    Attributes
+    ----------
+    world : World
+    setpoint : int
+        Before which the ladder breaks.
+    spans, plans : callable
+        True where the areas of a world span its path, and where it can be planned.
+    """
+
+    world: World
+    setpoint: int
+    spans: Callable[[World], bool]
+    plans: Callable[[World], bool]
+    proof = ""
+
+    @property
+    def constraints(self) -> tuple[Constraint, ...]:
+        return path_constraints_of(self.world)
+
+    def closed(self, world: World) -> bool:
+        return not self.spans(world)
+
+    def changes(self, causes: Sequence[Constraint]) -> Iterator[Change | Move | None]:
+        """Single changes; where headings decide on where the base may stand obstacles and mount stay.
+
+        There a look at a path takes seconds.
+        """
+        if any(one.name == LIFT_OFFS for one in causes):
+            yield allow_lift_offs(self.world, self.setpoint)
+        if self.world.solids:
+            yield lower_clearance(self.world)
+        if not turns_matter(self.world):
+            yield from _obstacles(self.world, causes)
+            yield raise_arm(self.world, reach_bound(self.world.robot.chain).length)
+
+    def least(self, change: Change) -> Repair | None:
+        scan = COARSE
+        if change.counted:
+            scan = Scan(round(change.most), 1.0, 0.0)
+        elif change.monotone:
+            scan = replace(COARSE, steps=1)
+        return self._planned(change, scan.first(self._spans_at(change), change.most))
+
+    def _spans_at(self, change: Change) -> Holds:
+        return lambda amount: self.spans(change.at(amount))
+
+    def _planned(self, change: Change, amount: float | None) -> Repair | None:
+        """The repair by an amount, or a little more, with which the path is planned."""
+        if amount is None:
+            return None
+        tried = [change.repair(amount * slack) for slack in (SLACK if not change.counted else (1.0,))]
+        return next((one for one in tried if self.plans(repaired(self.world, one))), None)
+
+    def shortest(self, move: Move) -> Repair | None:
+        """An obstacle moved in the direction in which that helps first."""
+        if not self.spans(without_obstacle(self.world, move.name)):
+            return None
+        x0, y0, x1, y1 = self.world.floor.polygon.bounds
+        best, first = float(np.hypot(x1 - x0, y1 - y0)) / 2, None
+        for way in circle(8):
+            change = move.along(way, best)
+            found = COARSE.first(self._spans_at(change), best)
+            if found is not None and (first is None or found < best):
+                best, first = found, change
+        return None if first is None else self._planned(first, best)
+
+
+Question = TargetQuestion | ArmQuestion | PathQuestion

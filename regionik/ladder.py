@@ -1,0 +1,188 @@
+"""Ladder of a whole path: components of the areas of its set-points, joined where they overlap.
+
+While the tool rests at set-point i the base may go anywhere within one component of its area; the tool goes
+on to i + 1 while the base stands in a component of both. So a path without lift-offs is a chain of components
+with non-empty intersections. Source: M-FABRIK, experiment 4 (areas made for the whole path in advance).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from regionik.areas.ground import Geometries
+from regionik.areas.standing import LEAST_AREA, Standing, groups
+from regionik.planners.geometry.flat import FlatPolygon, flats_of
+from regionik.postures.families import Family
+from regionik.regions import PathAreas
+
+BLOCK, BLOCKS = 64, 8  # components that are flattened together, and how many such blocks are kept
+SURE = 1e-4  # half the side of a square that two areas share beyond doubt [m]
+
+Mask = NDArray[np.bool_]
+Index = NDArray[np.intp]
+
+
+@dataclass(frozen=True, eq=False)
+class Ladder:
+    """Components of successive areas, and which of them the base can go between with the tool on the path.
+
+    Attributes
+    ----------
+    count : int
+        Number of set-points.
+    component : (m,) array of Polygon
+    target : (m,) array of int
+        Set-point of each component, ascending.
+    family : tuple of Family
+    side : (m,) array of int
+        Side of the standing, and with it the slab of headings, of each component.
+    floor : (m,) array of int
+        Connected piece of the free floor that holds the component.
+    edges : (e, 2) array of int
+        Pairs of components of neighbouring set-points that overlap.
+    group : (m,) array of int
+        Components of one set-point with the same number are joined by turning the base.
+    """
+
+    count: int
+    component: Geometries
+    target: Index
+    family: tuple[Family, ...]
+    side: Index
+    floor: Index
+    edges: Index
+    group: Index
+    _flats: dict[int, list[FlatPolygon]] = field(init=False, default_factory=dict)
+
+    @cached_property
+    def rungs(self) -> Index:
+        """First component of every set-point, and the end: ``rungs[i]:rungs[i + 1]`` are those of i."""
+        return np.searchsorted(self.target, np.arange(self.count + 1))
+
+    @cached_property
+    def members(self) -> list[list[int]]:
+        """For each component, those of its group, itself among them."""
+        table: list[list[int]] = [[] for _ in range(int(self.group.max(initial=-1)) + 1)]
+        for k, group in enumerate(self.group.tolist()):
+            table[group].append(k)
+        return [table[group] for group in self.group.tolist()]
+
+    @cached_property
+    def empty(self) -> list[int]:
+        """Set-points without any component."""
+        return np.flatnonzero(np.diff(self.rungs) == 0).tolist()
+
+    def flat(self, k: int) -> FlatPolygon:
+        """A component for kernels; flattened with its neighbours, the last of which are kept."""
+        block = k // BLOCK
+        if block not in self._flats:
+            if len(self._flats) >= BLOCKS:
+                self._flats.clear()
+            self._flats[block] = flats_of(self.component[block * BLOCK : (block + 1) * BLOCK])
+        return self._flats[block][k % BLOCK]
+
+    @cached_property
+    def ahead(self) -> list[list[int]]:
+        """For each component, those of the next set-point that overlap it or one of its group."""
+        return self._neighbours(self.edges)
+
+    @cached_property
+    def back(self) -> list[list[int]]:
+        """For each component, those of the set-point before that overlap it or one of its group."""
+        return self._neighbours(self.edges[:, ::-1])
+
+    def _neighbours(self, pairs: Index) -> list[list[int]]:
+        table: list[list[int]] = [[] for _ in range(int(self.group.max(initial=-1)) + 1)]
+        joined = np.column_stack([self.group[pairs[:, 0]], pairs[:, 1]])
+        for group, other in np.unique(joined, axis=0).tolist():
+            table[group].append(other)
+        return [table[group] for group in self.group.tolist()]
+
+
+def build_ladder(areas: PathAreas, count: int, standing: Standing) -> Ladder:
+    """Split areas into components and join those of neighbouring set-points that overlap.
+
+    Parameters
+    ----------
+    areas : PathAreas
+    count : int
+        Number of set-points.
+    standing : Standing
+        The ground the areas lie on.
+    """
+    parts, row = shapely.get_parts(areas.inner, return_index=True)
+    whole = shapely.get_type_id(areas.inner)[row] == shapely.GeometryType.POLYGON
+    parts[whole] = areas.inner[row[whole]]  # not its copy: of very long paths, memory is mostly areas
+    real = (shapely.get_type_id(parts) == 3) & (shapely.area(parts) > LEAST_AREA)
+    parts, row = parts[real], row[real]
+    target = areas.target[row]
+    order = np.argsort(target, kind="stable")
+    parts, row, target = parts[order], row[order], target[order]
+    shapely.prepare(parts)
+    kinds, side = tuple(areas.family[k] for k in row), areas.side[row]
+    spots = shapely.point_on_surface(parts)
+    forward = _overlaps(standing, parts, spots, target, side, kinds, count, ahead=1)
+    turns = _overlaps(standing, parts, spots, target, side, kinds, count, ahead=0)
+    floor = _pieces(spots, side, standing)
+    shapely.destroy_prepared(parts)  # as much memory again as the components themselves
+    return Ladder(count, parts, target, kinds, side, floor, forward, groups(len(parts), turns))
+
+
+def _pieces(spots: Geometries, side: Index, standing: Standing) -> Index:
+    """Label of the piece of free floor that holds each spot (-1 for none)."""
+    piece = np.full(len(spots), -1, dtype=np.intp)
+    polygons, sides, label = standing.pieces
+    which, found = shapely.STRtree(polygons).query(spots, predicate="intersects")
+    own = side[which] == sides[found]
+    piece[which[own]] = label[found[own]]
+    return piece
+
+
+def _overlaps(
+    standing: Standing,
+    parts: Geometries,
+    spots: Geometries,
+    target: Index,
+    side: Index,
+    kinds: Sequence[Family],
+    count: int,
+    ahead: int,
+) -> Index:
+    """Pairs of components of like posture, so many set-points apart, that share an area."""
+    if len(standing.sides) == 1 and not ahead:  # components of one area are apart
+        return np.empty((0, 2), dtype=np.intp)
+    rungs = np.searchsorted(target, np.arange(count + 1))
+    facing = np.array([kind.facing for kind in kinds])
+    pitch = np.array([kind.pitch for kind in kinds])
+    first = second = np.empty(0, dtype=np.intp)
+    sizes = np.diff(rungs)
+    if count > ahead and len(parts):
+        inner = target < count - ahead
+        repeat = np.where(inner, sizes[np.minimum(target + ahead, count - 1)], 0)
+        here = np.repeat(np.arange(len(parts)), repeat)
+        offset = np.arange(len(here)) - np.repeat(np.cumsum(repeat) - repeat, repeat)
+        there = rungs[np.minimum(target[here] + ahead, count)] + offset
+        turn = np.abs(np.nan_to_num(pitch[here] - pitch[there], nan=0.0))
+        alike = (facing[here] == facing[there]) & (np.isnan(pitch[here]) == np.isnan(pitch[there]))
+        alike &= (turn < np.pi / 2) & standing.beside(side[here], side[there])
+        here, there = here[alike], there[alike]
+        shared = _shared(parts[here], parts[there], spots[here])
+        first, second = here[shared], there[shared]
+    return np.column_stack([first, second]).astype(np.intp).reshape(-1, 2)
+
+
+def _shared(one: Geometries, other: Geometries, spots: Geometries) -> Mask:
+    """Mask of pairs of prepared parts that share an area: mostly a spot of the first is well inside both."""
+    x, y = shapely.get_x(spots), shapely.get_y(spots)
+    squares = shapely.box(x - SURE, y - SURE, x + SURE, y + SURE)
+    shared: Mask = shapely.contains_properly(one, squares) & shapely.contains_properly(other, squares)
+    rest = np.flatnonzero(~shared)
+    rest = rest[shapely.intersects(one[rest], other[rest])]
+    shared[rest] = shapely.area(shapely.intersection(one[rest], other[rest])) > LEAST_AREA
+    return shared

@@ -1,1 +1,0 @@
-"""The smallest changes that make an impossible target or path possible, each checked."""
