@@ -9,6 +9,8 @@ from regionik.reasons.explain import setpoint, spot
 from regionik.worlds.errors import Cause, Explanation, Repair
 from regionik.worlds.scene import World
 
+CORNER = 3**0.5  # how much deeper than its sides the corner of a box may be in a mesh
+
 
 def buried(world: World) -> Explanation | None:
     """Why the tool cannot be at some set-point at all, for what stands round it; None where nothing does.
@@ -26,8 +28,9 @@ def buried(world: World) -> Explanation | None:
         gaps = solids_within(obstacles, target.position, look)
         if gaps and rules.tool_contact > 0 and gaps[0][0] <= rules.tool_contact:
             gap, touched = gaps[0][0], world.solids[gaps[0][1]].name
-            if tip - gap > rules.deepest_contact + rules.tolerance:
-                return _too_deep(world, i, touched, tip, tip - gap - rules.tolerance)
+            most, miss = rules.deepest_contact, rules.tolerance
+            if tip - max(0.0, gap) > most + miss or -gap > CORNER * most + miss:
+                return _too_deep(world, i, touched, tip, max(tip - max(0.0, gap), -gap) - miss)
             gaps = gaps[1:]
         if not gaps or gaps[0][0] >= need:
             continue
