@@ -56,7 +56,7 @@ def prove(robot: Robot, motion: Motion, *solids: Solid) -> tuple[Finding, Findin
     far = Target(np.array([9.0, 9.0, 9.0]))
     world = World("by hand", robot, Floor(shapely.box(-9, -9, 9, 9)), solids, (far,), Rules())
     journey, said = Journey(robot, motion), Words(motion, 1)
-    return proof_arm.arm(world, journey, said), own_body.itself(journey, said)
+    return proof_arm.arm(world, journey, said)[0], own_body.itself(journey, said)
 
 
 # --- pairs and questions
