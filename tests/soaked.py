@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -122,5 +123,7 @@ def through_urdf(robot: Robot) -> Robot:
     with TemporaryDirectory() as folder:
         path = Path(folder) / "robot.urdf"
         path.write_text(robot_to_urdf(robot, shapely.box(-2, -2, 6, 2)))
-        read = load_robot(path, base=robot.base, tip="tool", root="base")
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", message=".*the tool point lies .* inside")
+            read = load_robot(path, base=robot.base, tip="tool", root="base")
     return replace(read, carry=robot.carry)

@@ -53,8 +53,8 @@ def _too_deep(world: World, i: int, name: str, tip: float, need: float) -> Expla
     reason = (
         f"{setpoint(i, len(world.task))} at {spot(world.task[i].position)} cannot be touched: the last link, "
         f"{tip:g} m round about the tool, would sink at least {need:.4f} m into {name}, and the rules allow "
-        f"{rules.contact_depth:g} m (contact_depth). It would have to be {missing:.4f} m more, or the link "
-        f"to end short of the tool point."
+        f"{rules.contact_depth:g} m (contact_depth). That rule would have to allow {missing:.4f} m more, or "
+        f"the link to end at the tool point."
     )
     return Explanation("no-posture", i, reason, (Cause("obstacle", name, missing),))
 
