@@ -242,6 +242,7 @@ def test_documents_hold_what_stands_on_the_base() -> None:
     assert [solid.link for solid in again.solids] == [0, 1]
 
 
+@pytest.mark.filterwarnings("ignore:.*the tool point lies")
 def test_it_is_drawn_and_exported(tmp_path: Path) -> None:
     robot = boom()
 

@@ -142,10 +142,14 @@ def test_a_target_out_of_reach_is_none() -> None:
 
 def test_contact_lets_the_tool_in() -> None:
     ball = Sphere("ball", 0.05, np.array([0.45, 0.0, 0.2]))
-    bodies = bodies_from(YOUBOT, [ball])
-    contact = Contact(ball.center[None], np.array([0]), 0.05)
+    bodies = bodies_from(YOUBOT, [ball], 0.0, 0.1)
+    contact = Contact(ball.center[None], np.array([0]), 0.1)
     assert clear_posture(bodies, HERE, ball.center, YOUBOT.carry).verdict == Verdict.RULED_OUT
     assert clear_posture(bodies, HERE, ball.center, YOUBOT.carry, contact=contact).verdict == Verdict.PROVEN
+    shallow = bodies_from(YOUBOT, [ball], 0.0, 0.03)
+    assert (
+        clear_posture(shallow, HERE, ball.center, YOUBOT.carry, contact=contact).verdict == Verdict.RULED_OUT
+    )
 
 
 def test_margin_is_kept() -> None:

@@ -81,13 +81,16 @@ def solid_at_target(
 ) -> str:
     """Name the solid that the end of the last link is in, or too near to, in every posture; or empty."""
     chain, free = bodies.robot.chain, touchable(contact, target, tolerance)
-    near = -np.inf  # how far the target must be from obstacles at least
+    end = -np.inf  # how far the obstacle must be from the target at least, to touch nothing
     for solid in map(inner_capsule, bodies.robot.solids):
         if solid.link == chain.dof - 1:
             off = np.linalg.norm(solid.corners - chain.T_last_tool[:3, 3], axis=1).min()
-            near = max(near, solid.radius + margin + bodies.clearance - tolerance - float(off))
+            end = max(end, solid.radius - tolerance - float(off))
     for k, one in enumerate(bodies.obstacles):
-        if k not in free and one.distance(target) < near - LEVER:
+        gap, near = one.distance(target), end + margin + bodies.clearance
+        if k in free:
+            gap, near = max(0.0, gap), end - bodies.depth
+        if gap < near - LEVER:
             return one.name
     return ""
 

@@ -21,6 +21,8 @@ from regionik.worlds.obstacles import Solid
 from regionik.worlds.robot import LinkSolid, Robot
 from regionik.worlds.self_collision import BODY, base_body, self_collision_pairs
 
+SPARE, SHARE = 5e-4, 0.2  # that contacts keep from their depth: a length, or a share if that is less [m]
+
 
 @dataclass(frozen=True, eq=False)
 class Contact:
@@ -80,6 +82,11 @@ class Bodies:
     clearance: float
     depth: float
 
+    @property
+    def kept_depth(self) -> float:
+        """The depth of contacts that are planned, a little less, so that other code can prove them [m]."""
+        return _kept(self.depth)
+
     @cached_property
     def meshed(self) -> bool:
         """Whether some piece is a mesh, inside which a solid may lie without touching its surface."""
@@ -136,7 +143,7 @@ def bodies_from(robot: Robot, solids: Sequence[Solid], clearance: float = 0.0, d
         tuple(solids),
         serial_arm(robot.chain),
         np.array(robot.T_base_arm),
-        _movers(robot.all_solids, _cores(robot, depth), meets),
+        _movers(robot.all_solids, _cores(robot, _kept(depth)), meets),
         _hulls(rows, world, clearance),
         tuple(row.piece for row in rows),
         clearance,
@@ -167,6 +174,10 @@ def _movers(
         links == links.max(initial=-1),
         meets,
     )
+
+
+def _kept(depth: float) -> float:
+    return depth - min(SPARE, SHARE * depth)
 
 
 def core_of(solid: LinkSolid, depth: float, tool: Array) -> tuple[Array, float]:

@@ -311,7 +311,7 @@ def _meet(hulls: Hulls, box: Array) -> NDArray[np.bool_]:
 def exempt_of(bodies: Bodies, contact: Contact | None) -> Exempt:
     """What may be touched, and how, as kernels take it."""
     one = _NO_CONTACT if contact is None else contact
-    return Exempt(one.spots, one.owner, one.reach, bodies.clearance, bodies.depth)
+    return Exempt(one.spots, one.owner, one.reach, bodies.clearance, bodies.kept_depth)
 
 
 def _still(base: Array, joints: Array) -> Hop:

@@ -10,6 +10,8 @@ from regionik.planners.geometry.collision import obstacles_from, solids_within
 from regionik.worlds.errors import Cause, Explanation, Repair
 from regionik.worlds.scene import World
 
+CORNER = 3**0.5  # how much deeper than its sides the corner of a box may be in a mesh
+
 
 def buried(world: World) -> Explanation | None:
     """Explain which set-point is too near to a solid for any posture; None where none is.
@@ -27,8 +29,9 @@ def buried(world: World) -> Explanation | None:
         gaps = solids_within(obstacles, target.position, look)
         if gaps and rules.tool_contact > 0 and gaps[0][0] <= rules.tool_contact:
             gap, touched = gaps[0][0], world.solids[gaps[0][1]].name
-            if tip - gap > rules.deepest_contact + rules.tolerance:
-                return _too_deep(world, i, touched, tip, tip - gap - rules.tolerance)
+            most, miss = rules.deepest_contact, rules.tolerance
+            if tip - max(0.0, gap) > most + miss or -gap > CORNER * most + miss:
+                return _too_deep(world, i, touched, tip, max(tip - max(0.0, gap), -gap) - miss)
             gaps = gaps[1:]
         if not gaps or gaps[0][0] >= need:
             continue
@@ -51,8 +54,8 @@ def _too_deep(world: World, i: int, name: str, tip: float, need: float) -> Expla
     reason = (
         f"{setpoint_at(world.task, i)} cannot be touched: the last link, "
         f"{tip:g} m round about the tool, would sink at least {need:.4f} m into {name}, and the rules allow "
-        f"{rules.contact_depth:g} m (contact_depth). It would have to be {missing:.4f} m more, or the link "
-        f"to end short of the tool point."
+        f"{rules.contact_depth:g} m (contact_depth). That rule would have to allow {missing:.4f} m more, or "
+        f"the link to end at the tool point."
     )
     return Explanation("no-posture", i, reason, (Cause("obstacle", name, missing),))
 

@@ -31,7 +31,6 @@ from regionik.worlds.errors import Cause
 from regionik.worlds.scene import Target, World
 
 SPARE = 5e-4  # kept beyond what the rules want, so that what is planned can be proven [m]
-SHARE = 0.2  # of the deepest contact that is kept for that at the most
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,8 +109,7 @@ class Guard:
 def guard_of(world: World) -> Guard:
     """The guard of a world; kept for the last few worlds."""
     rules = world.rules
-    depth = rules.deepest_contact - min(SPARE, SHARE * rules.deepest_contact)
-    bodies = bodies_from(world.robot, world.solids, rules.arm_clearance, depth)
+    bodies = bodies_from(world.robot, world.solids, rules.arm_clearance, rules.deepest_contact)
     return Guard(world, bodies, contact_for(world, world.task))
 
 
