@@ -12,7 +12,7 @@ from shapely.geometry import LineString, MultiPolygon, Point, Polygon
 
 from regionik.planners.driving.arcs import moved, wrapped
 from regionik.planners.driving.drive import NoPathError
-from regionik.planners.driving.footprint import (
+from regionik.planners.driving.heading_slabs import (
     Room,
     fits,
     rolls,

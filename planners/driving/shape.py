@@ -14,7 +14,7 @@ from shapely.geometry.base import BaseGeometry
 
 from regionik.planners.driving.arcs import wrapped
 from regionik.planners.driving.drive import NoPathError
-from regionik.planners.driving.footprint import Slab, slab_areas, slabs_along, width_of
+from regionik.planners.driving.heading_slabs import Slab, slab_areas, slabs_along, width_of
 from regionik.planners.driving.linking import NOTHING, SLIDE, Base
 from regionik.planners.driving.room import fits, room_of
 from regionik.planners.driving.slabgraph import joined, nodes, parts, through

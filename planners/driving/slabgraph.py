@@ -13,7 +13,7 @@ from shapely.geometry.base import BaseGeometry
 
 from regionik.planners.driving.arcs import wrapped
 from regionik.planners.driving.drive import drive
-from regionik.planners.driving.footprint import Slab
+from regionik.planners.driving.heading_slabs import Slab
 from regionik.planners.driving.room import Room, slides
 from regionik.worlds.arrays import Array
 

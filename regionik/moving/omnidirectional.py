@@ -24,7 +24,7 @@ from regionik.mfabrik import axis_of, pose_of
 from regionik.moving.base_motion import BasePath, ShapedDriver, halting, together
 from regionik.moving.interpolation import Interpolator
 from regionik.planners.driving.drive import NoPathError, drive, drive_inside
-from regionik.planners.driving.footprint import Slab
+from regionik.planners.driving.heading_slabs import Slab
 from regionik.planners.driving.room import Room, room_of, slides
 from regionik.planners.driving.shape import drive_shape
 from regionik.planners.driving.slabgraph import through

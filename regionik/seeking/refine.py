@@ -21,7 +21,7 @@ from regionik.areas.demand import in_plane
 from regionik.areas.ground import EVERY, GUARD, ground_of
 from regionik.areas.reachable import BACK, FRONT, Family, families_of, fine_reach
 from regionik.areas.standing import span_of_rules
-from regionik.planners.driving.footprint import slab_free
+from regionik.planners.driving.heading_slabs import slab_free
 from regionik.postures.poses import Pose
 from regionik.worlds.arrays import Array
 from regionik.worlds.obstacles import Shadow
