@@ -22,7 +22,7 @@ from regionik.areas.ground import EVERY
 from regionik.areas.standing import room_for
 from regionik.planners.clearance.bulkreach import Keep, Stance, is_clear
 from regionik.planners.clearance.touching import nearest
-from regionik.planners.driving.room import Room, fits
+from regionik.planners.driving.footprint_scene import Room, fits
 from regionik.planners.geometry.flat import compiled
 from regionik.planners.solvers.kernels import fit, triangle, wrap
 from regionik.postures.guard import contact_for, guard_of

@@ -13,8 +13,8 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 from shapely.geometry import Polygon
 
-from regionik.planners.driving.drive import _connect, drive, resample, tighten
-from regionik.planners.driving.stepping import step_through
+from regionik.planners.driving.greedy_steps import step_through
+from regionik.planners.driving.point_planner import _connect, drive, resample, tighten
 from regionik.planners.geometry.flat import FlatPolygon, segment_inside
 from regionik.planners.geometry.pulling import route
 from regionik.planners.geometry.triangles import triangulate

@@ -13,7 +13,7 @@ import numpy as np
 import shapely
 
 from regionik.areas.reachable import BACK, FRONT
-from regionik.parking.fewest import park
+from regionik.parking.fewest_stops import park
 from regionik.parking.stops import find
 from regionik.regions import path_areas
 from regionik.view.figures import plot_stops

@@ -16,8 +16,8 @@ import time
 import numpy as np
 
 import regionik as rik
-from regionik.moving.tracker_paths import arm_of
-from regionik.planners.driving.tracking import chord_heading
+from regionik.planners.driving.pose_tracking import chord_heading
+from regionik.tracker.pose_paths import arm_of
 from regionik.worlds.arrays import Array
 from regionik.worlds.drives import wheel_travel
 

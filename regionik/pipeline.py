@@ -10,14 +10,13 @@ import shapely
 from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
-from regionik import tracked
 from regionik.areas.demand import in_plane
 from regionik.areas.ground import united
 from regionik.areas.standing import Standing
 from regionik.mfabrik import axis_of, configurations
 from regionik.motion import connect
 from regionik.moving.path_search import JoinedMotion
-from regionik.parking.fewest import park
+from regionik.parking.fewest_stops import park
 from regionik.parking.stop_motion import connect_stops
 from regionik.parking.stops import check as check_stops
 from regionik.parking.stops import in_turn
@@ -31,6 +30,7 @@ from regionik.repairs.path import why_path
 from regionik.repairs.target import why_target
 from regionik.seeking.wherever import can_look
 from regionik.timing.retime import retime
+from regionik.tracker import plans
 from regionik.values import Plan, PlannedArea
 from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array
@@ -85,7 +85,7 @@ def plan(world: World, *, seed: int = 0, progress: Progress | None = None) -> Pl
 
 def explained(world: World, quick: Explanation, seed: int = 0) -> Explanation:
     """The quick words on why areas allow no plan, with irreducible causes and repairs; others as they are."""
-    if tracked.follows(world):
+    if plans.follows(world):
         return quick
     if quick.verdict == "ladder-broken" and not spans(world):
         return why_path(world, quick, spans, lambda changed: _can_be_planned(changed, seed))
@@ -119,8 +119,8 @@ def search(world: World, seed: int = 0, tell: Progress = _untold) -> Plan:
         raise NoPlanFound(sunk)
     if world.rules.mode == "stops":
         return _verified(_stopping(world, seed, tell), tell)
-    if tracked.follows(world):
-        return tracked.follow(world, seed, tell)
+    if plans.follows(world):
+        return plans.follow(world, seed, tell)
     tell("areas", 0, len(world.task))
     standing, areas, pruned = whole_path(world)
     chain = choose_chain(pruned, standing, start_place(world))
@@ -173,7 +173,7 @@ def check(world: World) -> None:
         raise InputError(f"{world.name}: rules.order: any goes with rules.mode: stops, expected given")
     if world.rules.mode == "stops":
         check_stops(world)
-    if world.rules.mode == "stops" or not tracked.follows(world):
+    if world.rules.mode == "stops" or not plans.follows(world):
         _check_areas(world)
     blocked = explain.blocked_start(world)
     if blocked is not None:

@@ -14,7 +14,7 @@ from ompl import util
 from shapely import box
 from shapely.geometry import MultiPolygon, Polygon
 
-from regionik.planners.driving.drive import Drive, NoPathError, _connect, drive
+from regionik.planners.driving.point_planner import Drive, NoPathError, _connect, drive
 from regionik.planners.geometry.flat import FlatPolygon, segment_inside
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError, RegionikError

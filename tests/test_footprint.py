@@ -11,7 +11,8 @@ from shapely import affinity, box
 from shapely.geometry import LineString, MultiPolygon, Point, Polygon
 
 from regionik.planners.driving.arcs import moved, wrapped
-from regionik.planners.driving.drive import NoPathError
+from regionik.planners.driving.footprint import around, within
+from regionik.planners.driving.footprint_planner import ShapeDrive, TightSpotError, drive_shape, narrowest
 from regionik.planners.driving.heading_slabs import (
     Room,
     fits,
@@ -24,8 +25,7 @@ from regionik.planners.driving.heading_slabs import (
     slides,
     width_of,
 )
-from regionik.planners.driving.rotations import around, within
-from regionik.planners.driving.shape import ShapeDrive, TightSpotError, drive_shape, narrowest
+from regionik.planners.driving.point_planner import NoPathError
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError
 from regionik.worlds.obstacles import Shadow

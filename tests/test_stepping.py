@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from shapely import box
 from shapely.geometry import Point, Polygon
 
-from regionik.planners.driving.stepping import step_area, step_through
+from regionik.planners.driving.greedy_steps import step_area, step_through
 from regionik.planners.geometry.flat import FlatPolygon, clamp, nearest, segment_inside
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError

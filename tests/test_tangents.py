@@ -12,7 +12,7 @@ from scipy.sparse.csgraph import dijkstra
 from shapely import box
 from shapely.geometry import Polygon
 
-from regionik.planners.driving.drive import NoPathError, drive
+from regionik.planners.driving.point_planner import NoPathError, drive
 from regionik.planners.geometry.flat import FlatPolygon, segment_inside
 from regionik.planners.geometry.pulling import route
 from regionik.planners.geometry.tangents import shorter_path

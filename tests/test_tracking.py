@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from benchmarks.tables.xu import circle
-from regionik.planners.driving.pitch import HeightError, PitchArm, heights
-from regionik.planners.driving.tracking import TrackedRun, rolled, track
+from regionik.planners.driving.pitch_arm import HeightError, PitchArm, heights
+from regionik.planners.driving.pose_tracking import TrackedRun, rolled, track
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, planar_pose, rot_y, rot_z, translation
 

@@ -16,13 +16,12 @@ from ompl import base as ob
 from shapely import box
 from shapely.geometry import MultiPolygon, Point, Polygon
 
-from regionik.planners.driving.arcs import arc_inside, moved, wrapped
-from regionik.planners.driving.drive import NoPathError
-from regionik.planners.driving.linking import REEDS_SHEPP, Base, link
-from regionik.planners.driving.room import Room, bare_room, room_of
-from regionik.planners.driving.way import Arc, Line, Turn, Way, pose_on
-from regionik.planners.driving.wheels import drive_car, drive_differential
-from regionik.planners.driving.words import curves
+from regionik.planners.driving.arcs import Arc, Line, Turn, Way, arc_inside, moved, pose_on, wrapped
+from regionik.planners.driving.footprint_scene import Room, bare_room, room_of
+from regionik.planners.driving.point_planner import NoPathError
+from regionik.planners.driving.reeds_shepp import curves
+from regionik.planners.driving.steering import REEDS_SHEPP, Base, link
+from regionik.planners.driving.wheeled_planner import drive_car, drive_differential
 from regionik.planners.geometry.flat import FlatPolygon
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError
@@ -302,7 +301,7 @@ def test_segments_must_join() -> None:
 SCRIPT = """
 import json
 from shapely import box
-from regionik.planners.driving.wheels import drive_car
+from regionik.planners.driving.wheeled_planner import drive_car
 free = box(0, 0, 6, 3) - box(1.8, 0, 2.1, 1.9) - box(3.8, 1.2, 4.1, 3)
 drive_car(free, [0.5, 0.5, 0], [1, 2, 1], turning_radius=0.3, seed=WARM)
 way = drive_car(free, [0.8, 0.6, 0.3], [5.2, 2.2, 1.5], turning_radius=0.4, seed=3)

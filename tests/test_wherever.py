@@ -15,7 +15,7 @@ from regionik.areas.standing import room_for
 from regionik.planners.clearance.anyplace import weigh
 from regionik.planners.clearance.planecell import AWAY, GONE, PITCH, TURN, YAW, Look
 from regionik.planners.clearance.touching import nearest
-from regionik.planners.driving.room import fits, room_of, surely_out
+from regionik.planners.driving.footprint_scene import fits, room_of, surely_out
 from regionik.planners.geometry.collision import obstacles_from
 from regionik.planners.geometry.pieces import Piece
 from regionik.planners.geometry.upright import depths, signed_distance, uprights_from

@@ -27,7 +27,7 @@ from regionik.moving.interpolation import Interpolator
 from regionik.moving.transit import TransitPlanner
 from regionik.moving.whole_body import WholeBodyPlanner
 from regionik.pipeline import search, start_place, start_pose, whole_path
-from regionik.planners.driving.drive import drive
+from regionik.planners.driving.point_planner import drive
 from regionik.planners.geometry.ringarcs import measures, outlines
 from regionik.postures.guard import guard_of
 from regionik.postures.poses import Pose

@@ -18,7 +18,7 @@ from benchmarks.tables.clock import REPEATS, seconds
 from benchmarks.tables.sliding import SlidingRival
 from regionik.mfabrik import Batch, Solver, axis_of, configurations, solver_for
 from regionik.pipeline import start_place, start_pose, whole_path
-from regionik.planners.driving.stepping import step_through
+from regionik.planners.driving.greedy_steps import step_through
 from regionik.planners.rivals.iterative import DampedLeastSquares, PseudoInverse
 from regionik.pruning import choose_chain
 from regionik.values import Configuration

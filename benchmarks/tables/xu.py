@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchmarks.tables.table import Table
-from regionik.moving.tracker_paths import arm_of
-from regionik.planners.driving.pitch import PitchArm, heights
-from regionik.planners.driving.tracking import chord_heading, track
+from regionik.planners.driving.pitch_arm import PitchArm, heights
+from regionik.planners.driving.pose_tracking import chord_heading, track
 from regionik.planners.solvers.kernels import wrap
+from regionik.tracker.pose_paths import arm_of
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain, planar_pose

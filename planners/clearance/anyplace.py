@@ -29,7 +29,7 @@ from regionik.planners.clearance.planecell import (
     turned_by,
 )
 from regionik.planners.clearance.planehits import Around, Cores, keeps_off, keeps_to_itself, lay
-from regionik.planners.driving.room import Room, fits, surely_out
+from regionik.planners.driving.footprint_scene import Room, fits, surely_out
 from regionik.planners.geometry.flat import Index, compiled
 from regionik.planners.geometry.upright import Uprights, signed_distance
 from regionik.planners.reach.ringfloor import Parts, inside, is_near

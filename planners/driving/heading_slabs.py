@@ -17,8 +17,8 @@ from numpy.typing import ArrayLike, NDArray
 from shapely.geometry import MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from regionik.planners.driving.room import Room, core_edges, edges_of, fits, rolls, room_of, slides
-from regionik.planners.driving.rotations import around, width_of, within
+from regionik.planners.driving.footprint import around, width_of, within
+from regionik.planners.driving.footprint_scene import Room, core_edges, edges_of, fits, rolls, room_of, slides
 from regionik.planners.geometry.flat import FlatPolygon
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.errors import InputError

@@ -15,7 +15,7 @@ import numpy as np
 import shapely
 from shapely.geometry import Polygon
 
-from regionik.planners.driving.room import core_edges
+from regionik.planners.driving.footprint_scene import core_edges
 from regionik.planners.geometry.flat import Index, compiled, nearest_on_segment
 from regionik.worlds.arrays import Array
 

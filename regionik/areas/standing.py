@@ -20,8 +20,8 @@ from shapely.geometry import Point, Polygon
 
 from regionik.areas.demand import in_plane
 from regionik.areas.ground import EVERY, GUARD, Geometries, Side, disjoint, ground_of
+from regionik.planners.driving.footprint_scene import Room, room_of
 from regionik.planners.driving.heading_slabs import slab_areas, slab_rejections, slabs_along
-from regionik.planners.driving.room import Room, room_of
 from regionik.worlds.arrays import Array
 from regionik.worlds.criteria import with_joint_margin
 from regionik.worlds.obstacles import Shadow

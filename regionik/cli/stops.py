@@ -13,7 +13,7 @@ from regionik.cli.shared import AsJson, WorldName, explained
 from regionik.worlds.errors import InputError
 
 if TYPE_CHECKING:
-    from regionik.parking.fewest import Parking
+    from regionik.parking.fewest_stops import Parking
     from regionik.values import Stop
     from regionik.worlds.scene import StopCriterion, World
 

@@ -23,11 +23,11 @@ from regionik.areas.standing import Index, Standing, into_span, room_for
 from regionik.mfabrik import axis_of, pose_of
 from regionik.moving.base_motion import BasePath, ShapedDriver, halting, together
 from regionik.moving.interpolation import Interpolator
-from regionik.planners.driving.drive import NoPathError, drive, drive_inside
+from regionik.planners.driving.footprint_planner import drive_shape
+from regionik.planners.driving.footprint_scene import Room, room_of, slides
 from regionik.planners.driving.heading_slabs import Slab
-from regionik.planners.driving.room import Room, room_of, slides
-from regionik.planners.driving.shape import drive_shape
-from regionik.planners.driving.slabgraph import through
+from regionik.planners.driving.point_planner import NoPathError, drive, drive_inside
+from regionik.planners.driving.slab_roadmap import through
 from regionik.planners.geometry.flat import FlatPolygon, segment_in_either
 from regionik.postures.poses import Pose
 from regionik.pruning import Ladder

@@ -10,7 +10,7 @@ import shapely
 
 from regionik.areas.standing import Mask, Standing, away, room_for
 from regionik.mfabrik import axis_of
-from regionik.planners.driving.room import fits
+from regionik.planners.driving.footprint_scene import fits
 from regionik.planners.solvers.kernels import wrap
 from regionik.pruning import Ladder
 from regionik.values import Configuration

@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from regionik.moving.base_motion import BasePath, ShapedDriver, halting, together
-from regionik.planners.driving.room import Room, rolls
-from regionik.planners.driving.wheels import Way, drive_car, drive_differential
+from regionik.planners.driving.footprint_scene import Room, rolls
+from regionik.planners.driving.wheeled_planner import Way, drive_car, drive_differential
 from regionik.postures.poses import Pose
 from regionik.pruning import Ladder
 from regionik.worlds.arrays import Array

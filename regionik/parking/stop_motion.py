@@ -17,8 +17,8 @@ from shapely.geometry.base import BaseGeometry
 
 from regionik.moving.configuration_sampling import PITCHES, Candidate
 from regionik.moving.path_search import HARD_TRIES, JoinedMotion, PathSearch, path_search
-from regionik.parking.fewest import Group
-from regionik.parking.placing import Bay, Placing
+from regionik.parking.base_placement import Bay, Placing
+from regionik.parking.fewest_stops import Group
 from regionik.parking.stops import StopSequence
 from regionik.postures.poses import Pose, Row
 from regionik.reasons import explain

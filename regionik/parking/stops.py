@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from regionik.mfabrik import axis_of
-from regionik.parking.fewest import Group, Parking, ParkingAreas, park, reordered
-from regionik.parking.placing import Bay, Placing, check_arm, shortest_way
-from regionik.planners.places.tour import shortest_order
+from regionik.parking.base_placement import Bay, Placing, check_arm, shortest_way
+from regionik.parking.fewest_stops import Group, Parking, ParkingAreas, park, reordered
+from regionik.planners.coverage.tours import shortest_order
 from regionik.values import Stop
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError

@@ -13,8 +13,8 @@ from regionik.areas.demand import in_plane
 from regionik.areas.ground import ground_of, grow
 from regionik.areas.relaxations import without_criteria
 from regionik.areas.standing import by_heading, outer_by_heading, turns_matter
+from regionik.planners.driving.footprint_planner import narrowest
 from regionik.planners.driving.heading_slabs import width_of
-from regionik.planners.driving.shape import narrowest
 from regionik.regions import (
     TakenAway,
     largest_clearance,

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from regionik.planners.driving.drive import NoPathError
-from regionik.planners.driving.shape import TightSpotError
+from regionik.planners.driving.footprint_planner import TightSpotError
+from regionik.planners.driving.point_planner import NoPathError
 from regionik.planners.geometry.collision import obstacles_from, solids_within
 from regionik.reasons.explain import setpoint, spot
 from regionik.worlds.errors import Cause, Explanation, Repair

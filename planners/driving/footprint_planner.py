@@ -13,12 +13,12 @@ from shapely.geometry import MultiPolygon, Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from regionik.planners.driving.arcs import wrapped
-from regionik.planners.driving.drive import NoPathError
+from regionik.planners.driving.footprint_scene import fits, room_of
 from regionik.planners.driving.heading_slabs import Slab, slab_areas, slabs_along, width_of
-from regionik.planners.driving.linking import NOTHING, SLIDE, Base
-from regionik.planners.driving.room import fits, room_of
-from regionik.planners.driving.slabgraph import joined, nodes, parts, through
-from regionik.planners.driving.wayfinding import direct, find, shortened
+from regionik.planners.driving.point_planner import NoPathError
+from regionik.planners.driving.pose_planner import direct, find, shortened
+from regionik.planners.driving.slab_roadmap import joined, nodes, parts, through
+from regionik.planners.driving.steering import NOTHING, SLIDE, Base
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.errors import InputError
 from regionik.worlds.obstacles import Shadow

@@ -17,13 +17,13 @@ from shapely.geometry.base import BaseGeometry
 
 from regionik.areas.ground import ground_of
 from regionik.mfabrik import axis_of
-from regionik.moving.tracker_paths import SAME, TrackedPath, arm_of, same, tracked_paths
-from regionik.planners.driving.drive import NoPathError
-from regionik.planners.driving.pitch import HeightError, PitchArm, arm_share
-from regionik.planners.driving.room import Room, room_of
-from regionik.planners.driving.wheels import drive_differential
+from regionik.planners.driving.footprint_scene import Room, room_of
+from regionik.planners.driving.pitch_arm import HeightError, PitchArm, arm_share
+from regionik.planners.driving.point_planner import NoPathError
+from regionik.planners.driving.wheeled_planner import drive_differential
 from regionik.postures.poses import LARGEST_BEND, Pose, Row, columns, figures, lift_offs
 from regionik.reasons import explain
+from regionik.tracker.pose_paths import SAME, TrackedPath, arm_of, same, tracked_paths
 from regionik.values import Configuration, Motion, Plan, PlannedArea, Report
 from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array

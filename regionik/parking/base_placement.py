@@ -15,8 +15,8 @@ from regionik.areas.reachable import Family
 from regionik.areas.standing import into_span
 from regionik.mfabrik import Solver, axis_of, pose_of, solver_for
 from regionik.moving.configuration_sampling import spread
-from regionik.parking.fewest import Group, ParkingAreas, depth
-from regionik.planners.places.tour import through
+from regionik.parking.fewest_stops import Group, ParkingAreas, depth
+from regionik.planners.coverage.tours import through
 from regionik.planners.solvers.serial import chain_frames, chain_jacobian, serial_arm
 from regionik.values import Configuration, Stop
 from regionik.worlds.arrays import Array

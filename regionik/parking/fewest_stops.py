@@ -20,9 +20,9 @@ from shapely.geometry.base import BaseGeometry
 from regionik.areas.ground import Geometries
 from regionik.areas.standing import Index, Standing
 from regionik.mfabrik import axis_of
+from regionik.planners.coverage.interval_cover import fewest_runs
+from regionik.planners.coverage.set_cover import Cover, Faces, faces_of, least_cover
 from regionik.planners.geometry.offsets import shrunk
-from regionik.planners.places.cover import Cover, Faces, faces_of, least_cover
-from regionik.planners.places.runs import fewest_runs
 from regionik.pruning import Ladder, Mask, build_ladder
 from regionik.reasons import explain
 from regionik.regions import PathAreas, outer_areas, path_areas, ways_to_stand

@@ -11,8 +11,8 @@ import shapely
 from numpy.typing import ArrayLike
 from shapely.geometry import MultiPolygon, Polygon
 
+from regionik.planners.driving.greedy_steps import steps
 from regionik.planners.driving.sampling import connect
-from regionik.planners.driving.stepping import steps
 from regionik.planners.geometry.flat import (
     DEPTH,
     FlatPolygon,

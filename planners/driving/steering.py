@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from regionik.planners.driving.arcs import moved, wrapped
-from regionik.planners.driving.room import Room, rolls, slides
-from regionik.planners.driving.words import PARTS, curves
+from regionik.planners.driving.footprint_scene import Room, rolls, slides
+from regionik.planners.driving.reeds_shepp import PARTS, curves
 from regionik.planners.geometry.flat import Index, compiled
 from regionik.worlds.arrays import Array
 

@@ -8,12 +8,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 from shapely.geometry import MultiPolygon, Polygon
 
-from regionik.planners.driving.arcs import wrapped
-from regionik.planners.driving.drive import NoPathError, drive
-from regionik.planners.driving.linking import DUBINS, NOTHING, REEDS_SHEPP, SPIN, SPIN_AHEAD, Base
-from regionik.planners.driving.room import Room, bare_room, fits
-from regionik.planners.driving.way import Arc, Line, Segment, Turn, Way, way_of
-from regionik.planners.driving.wayfinding import ITERATIONS, direct, find
+from regionik.planners.driving.arcs import Arc, Line, Segment, Turn, Way, way_of, wrapped
+from regionik.planners.driving.footprint_scene import Room, bare_room, fits
+from regionik.planners.driving.point_planner import NoPathError, drive
+from regionik.planners.driving.pose_planner import ITERATIONS, direct, find
+from regionik.planners.driving.steering import DUBINS, NOTHING, REEDS_SHEPP, SPIN, SPIN_AHEAD, Base
 from regionik.planners.geometry.flat import clamp
 from regionik.planners.geometry.pulling import tighten
 from regionik.worlds.arrays import Array, frozen

@@ -12,9 +12,9 @@ from shapely.geometry import Point
 from shapely.geometry.base import BaseGeometry
 
 from regionik.planners.driving.arcs import wrapped
-from regionik.planners.driving.drive import drive
+from regionik.planners.driving.footprint_scene import Room, slides
 from regionik.planners.driving.heading_slabs import Slab
-from regionik.planners.driving.room import Room, slides
+from regionik.planners.driving.point_planner import drive
 from regionik.worlds.arrays import Array
 
 MARGIN = 1e-6  # kept from the edge of a slab's area, so that a drive in it can be proven [m]

@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from regionik.planners.driving.pitch import PitchArm, PoseError, Share, arm_share
+from regionik.planners.driving.pitch_arm import PitchArm, PoseError, Share, arm_share
 from regionik.planners.solvers.kernels import wrap
 from regionik.worlds.arrays import Array
 

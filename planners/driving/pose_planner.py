@@ -7,10 +7,10 @@ from collections.abc import Iterator
 import numpy as np
 
 from regionik.planners.driving.arcs import moved, wrapped
-from regionik.planners.driving.linking import DUBINS, NOTHING, REEDS_SHEPP, SLIDE, Base, cheapest, link
-from regionik.planners.driving.room import Room, fits
+from regionik.planners.driving.footprint_scene import Room, fits
+from regionik.planners.driving.reeds_shepp import PARTS
 from regionik.planners.driving.sampling import Curves, connect_poses
-from regionik.planners.driving.words import PARTS
+from regionik.planners.driving.steering import DUBINS, NOTHING, REEDS_SHEPP, SLIDE, Base, cheapest, link
 from regionik.worlds.arrays import Array
 
 ITERATIONS = 8000  # of RRTConnect, a try

@@ -6,7 +6,7 @@ import numpy as np
 import shapely
 from numpy.typing import ArrayLike
 
-from regionik.planners.driving.room import outline
+from regionik.planners.driving.footprint_scene import outline
 from regionik.worlds.arrays import Array
 
 GUARD = 1e-9  # by which a shape round rotations is larger, one inside them smaller, against rounding [m]

@@ -9,8 +9,8 @@ from itertools import pairwise
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from regionik.planners.driving.pitch import HeightError, PitchArm, arm_share, pitch_arm
-from regionik.planners.driving.tracking import TrackedRun, headings, track_runs
+from regionik.planners.driving.pitch_arm import HeightError, PitchArm, arm_share, pitch_arm
+from regionik.planners.driving.pose_tracking import TrackedRun, headings, track_runs
 from regionik.postures.poses import LARGEST_BEND
 from regionik.worlds.arrays import Array
 from regionik.worlds.drives import DifferentialDrive
