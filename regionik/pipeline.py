@@ -19,7 +19,7 @@ from regionik.moving.path_search import JoinedMotion
 from regionik.parking.fewest_stops import park
 from regionik.parking.stop_motion import connect_stops
 from regionik.parking.stops import check as check_stops
-from regionik.parking.stops import in_turn
+from regionik.parking.stops import in_sequence
 from regionik.postures.poses import figures, lift_offs
 from regionik.pruning import Ladder, Pruned, build_ladder, choose_chain, prune
 from regionik.reasons import explain, explain_arm
@@ -148,14 +148,14 @@ def _stopping(world: World, seed: int, tell: Progress) -> Plan:
     tell("areas", 0, len(world.task))
     parking = park(world)
     tell("stops", 0, len(parking.groups))
-    work = in_turn(world, parking)
+    work = in_sequence(world, parking)
     done = connect_stops(work, seed, tell)
     joined = done.joined
     stats = figures(world.robot.drive, joined.setpoints, joined.motion, joined.methods)
     stats["stops"] = {**parking.stats, "count": len(done.stops), "split_before": list(done.split)}
     if world.rules.order == "any":
         stats["order"] = list(work.order)
-    shown = _planned_areas(work.world, work.floors.areas, lambda i: done.places[i])
+    shown = _planned_areas(work.world, work.parking_areas.areas, lambda i: done.places[i])
     lifts = lift_offs(joined.motion)
     return Plan(work.world, seed, joined.setpoints, joined.motion, shown, lifts, done.stops, stats)
 

@@ -29,7 +29,7 @@ from regionik.planners.clearance.planecell import (
     turned_by,
 )
 from regionik.planners.clearance.planehits import Around, Cores, keeps_off, keeps_to_itself, lay
-from regionik.planners.driving.footprint_scene import Room, fits, surely_out
+from regionik.planners.driving.footprint_scene import FootprintScene, fits, fits_nowhere_near
 from regionik.planners.geometry.flat import Index, compiled
 from regionik.planners.geometry.upright import Uprights, signed_distance
 from regionik.planners.reach.ringfloor import Parts, inside, is_near
@@ -70,7 +70,7 @@ class Floors(NamedTuple):
     ----------
     inner, outer : Parts
         Where the pivot axis may be at every heading, and outside of which it may not be at any.
-    room : Room
+    room : FootprintScene
         The footprint among floor and obstacles; no corners for a base that is a point.
     heart : (2,) array
         Middle of a circle in the footprint, in the base's frame [m].
@@ -84,7 +84,7 @@ class Floors(NamedTuple):
 
     inner: Parts
     outer: Parts
-    room: Room
+    room: FootprintScene
     heart: Array
     radius: float
     far: float
@@ -176,7 +176,7 @@ def _stands(frame: Frame, floors: Floors, asked: Asked, mid: Array, half: Array,
     x -= c * frame.mount[0] - s * frame.mount[1]
     y -= s * frame.mount[0] + c * frame.mount[1]
     by += floors.far * chord(turns) + 2.0 * floors.guard
-    if surely_out(floors.room, floors.heart, floors.radius, x, y, yaw, by):
+    if fits_nowhere_near(floors.room, floors.heart, floors.radius, x, y, yaw, by):
         return GONE
     return CLEAR if fits(floors.room, x, y, yaw) else DOUBT
 

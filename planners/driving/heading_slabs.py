@@ -1,8 +1,9 @@
-"""Where a footprint may be, by slabs of heading: areas of its reference point between certain bounds.
+"""Free area of a footprint by slabs of heading: the configuration space in slices with inner and outer
+bounds.
 
 In the inner area of a slab the footprint is free at every heading of it, outside the outer area at none. Both
-come from Minkowski sums with one convex shape: round all the rotations of the slab for the inner area, inside
-all of them for the outer one. Shape and rotations differ by the square of the slab's width.
+are Minkowski sums with one convex shape (Lozano-Perez 1983): the hull of all rotations of the slab for the
+inner area, their core for the outer one. The two differ by the square of the slab's width.
 """
 
 from __future__ import annotations
@@ -17,28 +18,17 @@ from numpy.typing import ArrayLike, NDArray
 from shapely.geometry import MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from regionik.planners.driving.footprint import around, width_of, within
-from regionik.planners.driving.footprint_scene import Room, core_edges, edges_of, fits, rolls, room_of, slides
+from regionik.planners.driving.footprint import grown_by_disc, minkowski_sums, rotation_core, rotation_hull
+from regionik.planners.driving.footprint_scene import (
+    FootprintScene,
+    core_edges,
+    edges_of,
+    footprint_scene,
+)
 from regionik.planners.geometry.flat import FlatPolygon
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.errors import InputError
 from regionik.worlds.obstacles import Shadow
-
-__all__ = [
-    "Rejection",
-    "Room",
-    "Slab",
-    "fits",
-    "rolls",
-    "room_of",
-    "slab_areas",
-    "slab_free",
-    "slab_rejections",
-    "slabs",
-    "slabs_along",
-    "slides",
-    "width_of",
-]
 
 SIDES = 48  # of the polygons that stand for discs
 MOST_WALLS = 12  # directions of walls that exact headings are taken from, the longest
@@ -46,7 +36,7 @@ MOST_WALLS = 12  # directions of walls that exact headings are taken from, the l
 
 @dataclass(frozen=True, eq=False)
 class Slab:
-    """Where the reference point of a footprint may be while the heading is between two bounds.
+    """Free area of a footprint's reference point while the heading is between two bounds.
 
     Attributes
     ----------
@@ -65,11 +55,12 @@ class Slab:
 
     @property
     def middle(self) -> float:
+        """[rad]"""
         return (self.low + self.high) / 2
 
 
 def slabs(count: int) -> Array:
-    """A full turn cut in equal slabs: (count, 2) lowest and highest heading, the first about 0 [rad].
+    """Cut a full turn in equal slabs: (count, 2) lowest and highest heading, the first about 0 [rad].
 
     Examples
     --------
@@ -82,14 +73,14 @@ def slabs(count: int) -> Array:
     return np.column_stack([ends[:-1], ends[1:]])
 
 
-def slabs_along(room: Room, count: int, walls: int = MOST_WALLS) -> Array:
-    """A full turn cut in slabs, some of no width: headings at which a side of the footprint is along a wall.
+def slabs_along(scene: FootprintScene, count: int, walls: int = MOST_WALLS) -> Array:
+    """Cut a full turn in slabs, some of no width: headings at which a side of the footprint is along a wall.
 
     A footprint goes through its tightest passages with a side along the wall; a slab of no width is exact.
 
     Parameters
     ----------
-    room : Room
+    scene : FootprintScene
     count : int
         Of equal slabs.
     walls : int
@@ -100,7 +91,7 @@ def slabs_along(room: Room, count: int, walls: int = MOST_WALLS) -> Array:
     (n, 2) array
         Lowest and highest heading; each slab begins where the one before it ends [rad].
     """
-    exact = _headings_along(room, walls)
+    exact = _headings_along(scene, walls)
     even = slabs(count)
     first = even[0, 0]
     inside = first + np.unique(np.mod(exact - first, 2 * np.pi).round(9))
@@ -110,16 +101,16 @@ def slabs_along(room: Room, count: int, walls: int = MOST_WALLS) -> Array:
     return double
 
 
-def _headings_along(room: Room, most: int) -> Array:
+def _headings_along(scene: FootprintScene, most: int) -> Array:
     """Headings with a side of the footprint along one of the longest walls."""
-    along = room.edges[:, 2:] - room.edges[:, :2]
+    along = scene.edges[:, 2:] - scene.edges[:, :2]
     lengths = np.hypot(*along.T)
     angles = np.mod(np.arctan2(along[:, 1], along[:, 0]), np.pi)
     walls, which = np.unique(angles.round(6) % np.pi, return_inverse=True)
     longest = np.argsort(-np.bincount(which, lengths), kind="stable")[:most]
     # The angle itself, not the one rounded to group walls by.
     walls = np.array([angles[which == w][np.argmax(lengths[which == w])] for w in longest])
-    corners = room.corners
+    corners = scene.corners
     if len(corners) < 2:
         return np.zeros(0)
     sides = np.arctan2(*(np.roll(corners, -1, axis=0) - corners).T[::-1])
@@ -135,8 +126,8 @@ def slab_areas(
     bounds: ArrayLike,
 ) -> tuple[Slab, ...]:
     """`slab_free` for many slabs, (n, 2) lowest and highest headings [rad]."""
-    ground = _ground(footprint, floor, obstacles, clearance)
-    return tuple(_slab(ground, low, high) for low, high in frozen(bounds, (None, 2), "slabs").tolist())
+    scene = _convex_scene(footprint, floor, obstacles, clearance)
+    return tuple(_slab(scene, low, high) for low, high in frozen(bounds, (None, 2), "slabs").tolist())
 
 
 def slab_free(
@@ -148,7 +139,7 @@ def slab_free(
     high: float,
     sides: int = SIDES,
 ) -> Slab:
-    """Where a footprint may be while its heading is between two bounds.
+    """Free area of a footprint while its heading is between two bounds.
 
     Parameters
     ----------
@@ -182,73 +173,83 @@ def slab_free(
     >>> [round(area.area, 3) for area in (slab.inner, slab.outer)]
     [0.057, 0.142]
     """
-    return _slab(_ground(footprint, floor, obstacles, clearance, sides), low, high)
+    return _slab(_convex_scene(footprint, floor, obstacles, clearance, sides), low, high)
 
 
-class _Ground(NamedTuple):
-    """What is the same for all slabs."""
+class _ConvexScene(NamedTuple):
+    """Footprint and surroundings, the same for all slabs.
 
-    corners: Array  # of the footprint
+    Attributes
+    ----------
+    corners : (n, 2) array
+        Of the footprint [m].
+    floor : Polygon or MultiPolygon
+    covered : geometry
+        Obstacles that are not convex, or have no area.
+    pieces : tuple
+        By clearance [m] the corners of convex pieces that the footprint keeps it from.
+    sides : int
+        Of the polygons that stand for discs.
+    """
+
+    corners: Array
     floor: BaseGeometry
-    covered: BaseGeometry  # by obstacles that are not convex, or have no area
-    pieces: tuple[tuple[float, list[Array]], ...]  # how far to stay from convex things, and their corners
-    sides: int  # of the polygons that stand for discs
+    covered: BaseGeometry
+    pieces: tuple[tuple[float, list[Array]], ...]
+    sides: int
 
 
-def _ground(
+def _convex_scene(
     footprint: ArrayLike,
     floor: Polygon | MultiPolygon,
     obstacles: Sequence[Shadow],
     clearance: float,
     sides: int = SIDES,
-) -> _Ground:
-    room = room_of(footprint, floor, obstacles, clearance)
+) -> _ConvexScene:
+    corners = footprint_scene(footprint, floor, obstacles, clearance).corners
     edges = [(edge.reshape(2, 2), 0.0) for edge in core_edges(floor)]
     solids = [
         (core, clearance + shadow.radius) for shadow in obstacles for core in shapely.get_parts(shadow.core)
     ]
-    whole = [_is_convex(core) for core, _ in solids]
-    convex = [
-        (shapely.get_coordinates(core), keep) for (core, keep), one in zip(solids, whole, strict=True) if one
-    ]
-    rest = [(core, keep) for (core, keep), one in zip(solids, whole, strict=True) if not one]
+    convex = [(shapely.get_coordinates(core), keep) for core, keep in solids if _is_convex(core)]
+    rest = [(core, keep) for core, keep in solids if not _is_convex(core)]
     edges += [(edge.reshape(2, 2), keep) for core, keep in rest for edge in core_edges(core)]
     pieces: dict[float, list[Array]] = {}
-    for corners, keep in (*edges, *convex):
-        pieces.setdefault(keep, []).append(corners)
+    for piece, keep in (*edges, *convex):
+        pieces.setdefault(keep, []).append(piece)
     covered = shapely.union_all([core for core, _ in rest])
-    return _Ground(room.corners, floor, covered, tuple(pieces.items()), sides)
+    return _ConvexScene(corners, floor, covered, tuple(pieces.items()), sides)
 
 
 def _is_convex(core: BaseGeometry) -> bool:
-    """Whether a part of a shadow is its own hull, as a point is and a bent line is not."""
+    """True if a part of a shadow is its own hull, as a point is and a bent line is not."""
     hull = shapely.convex_hull(core)
     return bool(hull.geom_type == core.geom_type and hull.area - core.area <= 1e-12 * hull.area)
 
 
-def _slab(ground: _Ground, low: float, high: float) -> Slab:
+def _slab(scene: _ConvexScene, low: float, high: float) -> Slab:
     if not -np.inf < low <= high < np.inf:
         raise InputError(f"slab: expected two rising headings, got {low} and {high}")
-    corners = ground.corners
-    inner = _positions(ground, around(corners, low, high), inner=True)
-    shared = within(corners, low, high)
+    corners = scene.corners
+    inner = _positions(scene, rotation_hull(corners, low, high), inner=True)
+    shared = rotation_core(corners, low, high)
     if len(shared):
-        return Slab(low, high, inner, _positions(ground, shared, inner=False))
+        return Slab(low, high, inner, _positions(scene, shared, inner=False))
     # The rotations have no point in common. Those about the footprint's middle have, and it keeps to an arc.
     middle = corners.mean(axis=0)
-    about = _positions(ground, within(corners - middle, low, high), inner=False)
-    return Slab(low, high, inner, _sum(about, -around(middle[None], low, high)))
+    about = _positions(scene, rotation_core(corners - middle, low, high), inner=False)
+    return Slab(low, high, inner, _sum(about, -rotation_hull(middle[None], low, high)))
 
 
 class Rejection(NamedTuple):
-    """Where a convex shape may not be.
+    """Positions that a convex shape may not take, as floor and forbidden pieces.
 
     Attributes
     ----------
     floor : Polygon or MultiPolygon
-        Where one point of it is on the floor, and not in an obstacle that is not convex.
+        One point of the shape is on the floor, and not in an obstacle that is not convex.
     taken : array of Polygon
-        Where an edge of floor or obstacles comes too near to it.
+        An edge of floor or obstacles comes too near to it.
     """
 
     floor: BaseGeometry
@@ -262,61 +263,40 @@ def slab_rejections(
     clearance: float,
     bounds: ArrayLike,
 ) -> tuple[Rejection, ...]:
-    """What the inner areas of many slabs are made of: floor minus all that is taken; see `slab_areas`."""
-    ground = _ground(footprint, floor, obstacles, clearance)
-    shapes = [around(ground.corners, low, high) for low, high in frozen(bounds, (None, 2), "slabs").tolist()]
-    return tuple(_rejection(ground, shape, inner=True) for shape in shapes)
+    """Floor and forbidden pieces, of which each inner area is the difference; see `slab_areas`."""
+    scene = _convex_scene(footprint, floor, obstacles, clearance)
+    shapes = [
+        rotation_hull(scene.corners, low, high) for low, high in frozen(bounds, (None, 2), "slabs").tolist()
+    ]
+    return tuple(_rejection(scene, shape, inner=True) for shape in shapes)
 
 
-def _positions(ground: _Ground, shape: Array, *, inner: bool) -> BaseGeometry:
+def _positions(scene: _ConvexScene, shape: Array, *, inner: bool) -> BaseGeometry:
     """Positions at which a convex shape lies on the floor and keeps its distance from the obstacles."""
-    here, taken = _rejection(ground, shape, inner=inner)
+    here, taken = _rejection(scene, shape, inner=inner)
     parts = shapely.get_parts(shapely.difference(here, shapely.union_all(taken)))
     whole: BaseGeometry = shapely.union_all(parts[shapely.area(parts) > 0])
     return whole
 
 
-def _rejection(ground: _Ground, shape: Array, *, inner: bool) -> Rejection:
-    """A shape is free where one point of it is and no edge comes too near to it."""
+def _rejection(scene: _ConvexScene, shape: Array, *, inner: bool) -> Rejection:
+    """Floor and forbidden pieces: a shape is free where one point of it is and no edge comes too near."""
     point = shape.mean(axis=0)
-    met = [_moved_round(pieces, _grown(-shape, keep, inner, ground.sides)) for keep, pieces in ground.pieces]
+    met = [
+        minkowski_sums(pieces, grown_by_disc(-shape, keep, scene.sides, outside=inner))
+        for keep, pieces in scene.pieces
+    ]
     solid = np.concatenate(met)
-    here, covered = (shapely.transform(g, lambda p: p - point) for g in (ground.floor, ground.covered))
+    here, covered = (shapely.transform(g, lambda p: p - point) for g in (scene.floor, scene.covered))
     floor = shapely.difference(here, covered) if not covered.is_empty else here
     return Rejection(floor, solid[shapely.area(solid) > 0])
 
 
-def _grown(shape: Array, keep: float, inner: bool, sides: int) -> Array:
-    """Corners of a convex shape grown by a disc.
-
-    Corner by corner: a buffer may put less to a quarter than it is told, it rounds the count.
-    """
-    if keep == 0:
-        return shape
-    turns = 2 * np.pi * np.arange(sides) / sides
-    radius = keep / np.cos(np.pi / sides) if inner else keep
-    disc = radius * np.column_stack([np.cos(turns), np.sin(turns)])
-    hull = shapely.convex_hull(shapely.multipoints((shape[:, None] + disc).reshape(-1, 2)))
-    corners: Array = shapely.get_coordinates(hull)
-    return corners
-
-
-def _moved_round(pieces: Sequence[Array], shape: Array) -> NDArray[np.object_]:
-    """Minkowski sums of convex pieces with a convex shape."""
-    corners, owner = np.concatenate(pieces), np.repeat(np.arange(len(pieces)), [len(p) for p in pieces])
-    points = shapely.points((corners[:, None] + shape).reshape(-1, 2))
-    sums: NDArray[np.object_] = shapely.convex_hull(
-        shapely.multipoints(points, indices=np.repeat(owner, len(shape)))
-    )
-    return sums
-
-
 def _sum(area: BaseGeometry, shape: Array) -> BaseGeometry:
-    """Minkowski sum with a convex shape: the area moved by one point of it, its edges grown by all of it."""
+    """Minkowski sum of an area and a convex shape: the area moved by a corner, its edges by all of it."""
     if area.is_empty:
         return area
-    flat = FlatPolygon.from_shapely(area)
-    ends = edges_of(flat.vertices, flat.starts)
+    ends = edges_of(FlatPolygon.from_shapely(area))
     spots = np.concatenate([ends[:, None, :2] + shape, ends[:, None, 2:] + shape], axis=1)
     grown = shapely.convex_hull(shapely.multipoints(spots))
     whole: BaseGeometry = shapely.union_all([shapely.transform(area, lambda p: p + shape[0]), *grown])

@@ -11,7 +11,7 @@ import numpy as np
 from regionik.areas.standing import Index, Standing, room_for
 from regionik.moving.interpolation import Interpolator
 from regionik.planners.clearance.legs import bases_between, leg_lengths
-from regionik.planners.driving.footprint_scene import Room, fits
+from regionik.planners.driving.footprint_scene import FootprintScene, fits
 from regionik.postures.poses import Pose
 from regionik.pruning import Ladder
 from regionik.worlds.arrays import Array
@@ -133,7 +133,7 @@ class ShapedDriver:
     methods: dict[str, int] = field(default_factory=dict)
 
     @property
-    def room(self) -> Room:
+    def room(self) -> FootprintScene:
         return room_for(self.world)
 
     def onto(self, here: Pose, label: int) -> list[Pose]:

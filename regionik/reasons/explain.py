@@ -13,8 +13,8 @@ from regionik.areas.demand import in_plane
 from regionik.areas.ground import ground_of, grow
 from regionik.areas.relaxations import without_criteria
 from regionik.areas.standing import by_heading, outer_by_heading, turns_matter
-from regionik.planners.driving.footprint_planner import narrowest
-from regionik.planners.driving.heading_slabs import width_of
+from regionik.planners.driving.footprint import footprint_width
+from regionik.planners.driving.footprint_planner import passage_width
 from regionik.regions import (
     TakenAway,
     largest_clearance,
@@ -196,12 +196,12 @@ def cut_off(world: World, i: int, here: BaseGeometry, areas: BaseGeometry) -> Ex
 
 def tight(world: World, here: BaseGeometry, there: BaseGeometry) -> str:
     """A sentence on the narrowest place between two parts of the floor, where the base is too wide for it."""
-    across = width_of(world.robot.footprint)
+    across = footprint_width(world.robot.footprint)
     if across == 0:
         return ""
     ground = ground_of(world)
     taken = [grow(shadow, ground.clearance, inner=False) for shadow in ground.shadows]
-    passage = narrowest(ground.floor - shapely.union_all(taken), here, there)
+    passage = passage_width(ground.floor - shapely.union_all(taken), here, there)
     if passage >= across:
         return ""
     return (

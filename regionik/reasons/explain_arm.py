@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from regionik.planners.driving.footprint_planner import TightSpotError
+from regionik.planners.driving.footprint_planner import NarrowPassageError
 from regionik.planners.driving.point_planner import NoPathError
 from regionik.planners.geometry.collision import obstacles_from, solids_within
 from regionik.reasons.explain import setpoint, spot
@@ -83,7 +83,7 @@ def no_drive(world: World, i: int, refusal: NoPathError) -> Explanation:
         f"{setpoint(i, len(world.task))} at {spot(world.task[i].position)} has admissible places for the "
         f"base, but {kind} was not found a way to the places that were looked at: {refusal}."
     )
-    missing = refusal.across - refusal.passage if isinstance(refusal, TightSpotError) else None
+    missing = refusal.across - refusal.passage if isinstance(refusal, NarrowPassageError) else None
     return Explanation("ladder-broken", i, reason, (Cause("base", world.robot.name, missing),))
 
 
