@@ -151,9 +151,9 @@ def test_same_seed_same_path_whatever_was_planned_before() -> None:
 
 SCRIPT = """
 import json, sys
-from tests.test_drive import BLOCK, drive, raw_paths
+from tests.test_drive import BLOCK, drive_point, raw_paths
 seeds = json.loads(sys.argv[1])
-answer = drive(BLOCK, [0.887, 0.044], [1.625, 0.033], step=0.2, seed=7)
+answer = drive_point(BLOCK, [0.887, 0.044], [1.625, 0.033], step=0.2, seed=7)
 print(json.dumps([raw_paths(seeds), answer.points.tolist()]))
 """
 
