@@ -22,7 +22,7 @@ from regionik.areas.ground import EVERY
 from regionik.areas.standing import room_for
 from regionik.planners.clearance.bulkreach import Keep, Stance, is_clear
 from regionik.planners.clearance.touching import nearest
-from regionik.planners.driving.room import Room, fits
+from regionik.planners.driving.footprint_scene import FootprintScene, fits
 from regionik.planners.geometry.angles import fit, wrap
 from regionik.planners.geometry.flat import compiled
 from regionik.planners.solvers.planar_arm import triangle
@@ -82,7 +82,7 @@ def placed(stance: Stance, asked: Question, at: Array, base: Array, q: Array) ->
 
 @compiled
 def screened(
-    stance: Stance, keep: Keep, room: Room, asked: Question, samples: Array, base: Array, q: Array
+    stance: Stance, keep: Keep, room: FootprintScene, asked: Question, samples: Array, base: Array, q: Array
 ) -> tuple[int, Array]:
     """Row of a sample that is an answer, -1 for none; and how each falls short."""
     short = np.empty(len(samples))
@@ -135,7 +135,7 @@ def refuted(world: World, target: Target, starts: int, rng: np.random.Generator)
 
 
 def _climbs(
-    world: World, stance: Stance, room: Room, asked: Question, at: Array, out: tuple[Array, Array],
+    world: World, stance: Stance, room: FootprintScene, asked: Question, at: Array, out: tuple[Array, Array],
     rng: np.random.Generator,
 ) -> bool:  # fmt: skip
     """Whether small random moves turn a sample into an answer."""

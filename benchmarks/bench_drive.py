@@ -13,8 +13,8 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 from shapely.geometry import Polygon
 
-from regionik.planners.driving.drive import _connect, drive, resample, tighten
-from regionik.planners.driving.stepping import step_through
+from regionik.planners.driving.greedy_steps import step_to_goal
+from regionik.planners.driving.point_planner import _connect, drive_point, resample, tighten
 from regionik.planners.geometry.flat import FlatPolygon, segment_inside
 from regionik.planners.geometry.pulling import route
 from regionik.planners.geometry.triangles import triangulate
@@ -66,16 +66,16 @@ def timed(function, *args, **kwargs):
 def main() -> None:
     rows, methods = [], []
     start, goal = np.array([0.1, 0.1]), np.array([9.9, 9.9])
-    drive(clutter(0), start, goal, step=STEP, seed=0)  # compiles
+    drive_point(clutter(0), start, goal, step=STEP, seed=0)  # compiles
     tighten(clutter(0), [start, start])
     for seed in range(MAPS):
         free = clutter(seed)
         flat = FlatPolygon.from_shapely(free)
         triangulate.cache_clear()
-        found, ms_drive = timed(drive, free, start, goal, step=STEP, seed=seed)
+        found, ms_drive = timed(drive_point, free, start, goal, step=STEP, seed=seed)
         _, ms_mesh = timed(triangulate.__wrapped__, free)
         triangulate(free)
-        _, ms_steps = timed(step_through, free, start, goal, STEP)
+        _, ms_steps = timed(step_to_goal, free, start, goal, STEP)
         raw, ms_ompl = timed(_connect, flat, start, goal, seed)
         tight, ms_tight = timed(tighten, free, raw)
         by_triangles, ms_route = timed(route, free, start, goal)

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 import shapely
 
-from regionik.parking.fewest import park
+from regionik.parking.fewest_stops import park
 from regionik.parking.stops import find
 from regionik.postures.families import BACK, FRONT
 from regionik.regions import path_areas

@@ -16,8 +16,8 @@ import time
 import numpy as np
 
 import regionik as rik
-from regionik.moving.tracker_paths import arm_of
-from regionik.planners.driving.tracking import chord_heading
+from benchmarks.tables.xu import chord_heading_slip
+from regionik.tracker.pose_paths import arm_of
 from regionik.worlds.arrays import Array
 from regionik.worlds.drives import wheel_travel
 
@@ -47,7 +47,7 @@ def paper_slip(world: rik.World) -> Array:
         pose[:3, :3], pose[:3, 3] = target.orientation, target.position
         poses.append(pose)
     ahead, _, lift, _ = world.robot.mount
-    return np.abs(chord_heading(arm, poses, ahead=float(ahead), lift=float(lift)))
+    return np.abs(chord_heading_slip(arm, poses, ahead=float(ahead), lift=float(lift)))
 
 
 def measure(name: str) -> bool:

@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike
 from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
-from regionik import tracked
 from regionik.areas.ground import united
 from regionik.areas.reachable import heeds_headings
 from regionik.explain import arm_failures, failures
@@ -21,10 +20,10 @@ from regionik.explain.why import explained, explained_target, target_name
 from regionik.mfabrik import configurations
 from regionik.motion import connect
 from regionik.moving.path_search import JoinedMotion
-from regionik.parking.fewest import park
+from regionik.parking.fewest_stops import park
 from regionik.parking.stop_motion import connect_stops
 from regionik.parking.stops import check as check_stops
-from regionik.parking.stops import in_turn
+from regionik.parking.stops import in_sequence
 from regionik.postures.poses import figures, lift_offs
 from regionik.pruning import choose_chain, spans, start_place, start_pose, whole_path
 from regionik.reach import reach
@@ -32,6 +31,7 @@ from regionik.regions import PathAreas
 from regionik.seeking.any_base import can_search, search_any_base
 from regionik.seeking.witness import Quest
 from regionik.timing.retime import retime
+from regionik.tracker import plans
 from regionik.values import Configuration, Plan, PlannedArea, Stop
 from regionik.verification.verifier import verify
 from regionik.worlds.arrays import frozen
@@ -152,7 +152,7 @@ def _why_path(world: World) -> Explanation | None:
 def _explained(world: World, quick: Explanation, seed: int = 0) -> Explanation:
     """The quick words on why areas allow no plan, with irreducible causes and repairs; others as they are."""
     i = quick.setpoint
-    if i is None or tracked.follows(world):
+    if i is None or plans.follows(world):
         return quick
     if quick.verdict == "ladder-broken" and not spans(world):
         return explained(PathQuestion(world, i, spans, lambda changed: _can_be_planned(changed, seed)), quick)
@@ -198,8 +198,8 @@ def strategy_of(world: World) -> Strategy:
     """Stops where the rules ask for them, Xu's tracker where it `follows`, else the path without a stop."""
     if world.rules.mode == "stops":
         return Strategy(_check_stops, _plan_stops)
-    if tracked.follows(world):
-        return Strategy(lambda _: None, tracked.follow)
+    if plans.follows(world):
+        return Strategy(lambda _: None, plans.follow)
     return Strategy(_check_areas, _plan_path)
 
 
@@ -221,9 +221,9 @@ def _plan_stops(world: World, seed: int, tell: Progress) -> Plan:
     tell("areas", 0, len(world.task))
     parking = park(world)
     tell("stops", 0, len(parking.groups))
-    work = in_turn(world, parking)
+    work = in_sequence(world, parking)
     done = connect_stops(work, seed, tell)
-    shown = _planned_areas(work.world, work.floors.areas, lambda i: done.places[i])
+    shown = _planned_areas(work.world, work.parking_areas.areas, lambda i: done.places[i])
     stops = {**parking.stats, "count": len(done.stops), "split_before": list(done.split)}
     stats: dict[str, Any] = {"stops": stops}
     if world.rules.order == "any":

@@ -122,7 +122,7 @@ def imported(_: Callable[..., Any]) -> Callable[..., Any]:
 
         setattr(enum.EnumType, "__call__", asked)  # noqa: B010
         ends = np.full(2, 0.1), np.full(2, 0.9)
-        connect(np.zeros(2), np.ones(2), *ends, lambda p: True, lambda p, q: True, seed=0, most=9)
+        connect(np.zeros(2), np.ones(2), *ends, lambda p: True, lambda p, q: True, seed=0, iterations=9)
 
     return stage
 
@@ -139,7 +139,7 @@ def grown(_: Callable[..., Any]) -> Callable[..., Any]:
         while True:
             connect(
                 np.zeros(2), np.ones(2), *ends, lambda p: abs(p[0] - 0.5) > 0.1,
-                lambda p, q: (p[0] < 0.5) == (q[0] < 0.5), seed=0, most=10**9,
+                lambda p, q: (p[0] < 0.5) == (q[0] < 0.5), seed=0, iterations=10**9,
             )  # fmt: skip
 
     return stage

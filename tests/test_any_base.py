@@ -15,7 +15,7 @@ from regionik.areas.standing import room_for
 from regionik.planners.clearance.any_base import bound_cell
 from regionik.planners.clearance.planar_cells import AWAY, PITCH, TURN, YAW
 from regionik.planners.clearance.touching import nearest
-from regionik.planners.driving.room import fits, room_of, surely_out
+from regionik.planners.driving.footprint_scene import fits, fits_nowhere_near, footprint_scene
 from regionik.planners.geometry.collision import obstacles_from
 from regionik.planners.geometry.pieces import Piece
 from regionik.planners.geometry.upright import depths, signed_distance, uprights_from
@@ -188,12 +188,12 @@ def test_a_footprint_that_is_surely_out_fits_at_no_pose_nearby(seed: int) -> Non
     size, turn = np.array([*rng.uniform(0.05, 0.6, 2), 1.0]), float(rng.uniform(0, 3))
     shadow = Box("box", size, np.array([0.5, 0.4, 0.5]), turn).shadow(0.2)
     assert shadow is not None
-    room = room_of(outline, shapely.box(-1, -1, 1, 1), [shadow], float(rng.uniform(0, 0.1)))
+    room = footprint_scene(outline, shapely.box(-1, -1, 1, 1), [shadow], float(rng.uniform(0, 0.1)))
     heart = np.array(shapely.maximum_inscribed_circle(Polygon(outline)).coords[0])
     radius = Polygon(outline).exterior.distance(Point(heart))
     x, y, yaw = rng.uniform([-1.2, -1.2, -np.pi], [1.2, 1.2, np.pi])
     by = float(rng.uniform(0, 0.2))
-    if surely_out(room, heart, radius, x, y, yaw, by):
+    if fits_nowhere_near(room, heart, radius, x, y, yaw, by):
         far = np.hypot(*outline.T).max()
         for share, turn in rng.uniform(-1, 1, (100, 2)):
             angle, swing = rng.uniform(-np.pi, np.pi), turn * by / (2 * far)

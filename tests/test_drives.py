@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from regionik.planners.driving.arcs import moved, rolling
+from regionik.planners.driving.arcs import arc_end, arc_towards
 from regionik.verification import motion as proofs_journey
 from regionik.verification.motion import Journey
 from regionik.worlds.arrays import Array
@@ -47,8 +47,8 @@ def test_the_way_of_a_base_that_rolls(kind: BaseKind, start: Array, length: floa
 @settings(deadline=None)  # the first call compiles
 @given(poses, arcs, turns)
 def test_lengths_come_back_from_where_they_lead(start: Array, length: float, turn: float) -> None:
-    x, y, _ = moved(start[0], start[1], start[2], length, turn)
-    found, *missed = rolling(start[0], start[1], start[2], x, y, turn)
+    x, y, _ = arc_end(start[0], start[1], start[2], length, turn)
+    found, *missed = arc_towards(start[0], start[1], start[2], x, y, turn)
     assert found == pytest.approx(length, abs=1e-12)
     assert np.abs(missed).max() < 1e-14 * (1 + np.abs(start).max())
 

@@ -10,22 +10,28 @@ import shapely
 from shapely import affinity, box
 from shapely.geometry import LineString, MultiPolygon, Point, Polygon
 
-from regionik.planners.driving.arcs import moved, wrapped
-from regionik.planners.driving.drive import NoPathError
-from regionik.planners.driving.footprint import (
-    Room,
+from regionik.planners.driving.arcs import arc_end, wrapped
+from regionik.planners.driving.footprint import footprint_width, rotation_core, rotation_hull
+from regionik.planners.driving.footprint_planner import (
+    FootprintPath,
+    NarrowPassageError,
+    drive_footprint,
+    passage_width,
+)
+from regionik.planners.driving.footprint_scene import (
+    FootprintScene,
+    arc_is_free,
     fits,
-    rolls,
-    room_of,
+    footprint_scene,
+    slide_is_free,
+)
+from regionik.planners.driving.heading_slabs import (
     slab_areas,
     slab_free,
     slabs,
     slabs_along,
-    slides,
-    width_of,
 )
-from regionik.planners.driving.rotations import around, within
-from regionik.planners.driving.shape import ShapeDrive, TightSpotError, drive_shape, narrowest
+from regionik.planners.driving.point_planner import NoPathError
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError
 from regionik.worlds.obstacles import Shadow
@@ -71,7 +77,9 @@ def turned(pose: Sequence[float] | Array, angle: float) -> Array:
     return np.array([c * pose[0] - s * pose[1], s * pose[0] + c * pose[1], pose[2] + angle])
 
 
-def holds(answer: ShapeDrive, footprint: Array, floor: shapely.Geometry, start: Array, goal: Array) -> None:
+def holds(
+    answer: FootprintPath, footprint: Array, floor: shapely.Geometry, start: Array, goal: Array
+) -> None:
     """Ends, and by shapely every 5 mm: the footprint inside the floor."""
     np.testing.assert_allclose(answer.poses[[0, -1]], [start, goal], atol=1e-9)
     reach = float(np.hypot(*footprint.T).max())
@@ -88,7 +96,7 @@ def test_inner_in_truth_in_outer(footprint: Array, low: float, high: float) -> N
     clearance = 0.05
     slab = slab_free(footprint, FLOOR, OBSTACLES, clearance, low, high)
     assert slab.inner.difference(slab.outer.buffer(1e-8)).is_empty
-    room = room_of(footprint, FLOOR, OBSTACLES, clearance)
+    room = footprint_scene(footprint, FLOOR, OBSTACLES, clearance)
     spots = np.random.default_rng(4).uniform((-1, -1), (8, 7), (400, 2))
     # Where areas end is where errors show.
     rings = shapely.get_coordinates([slab.inner, slab.outer])
@@ -114,8 +122,8 @@ def test_the_gap_between_inner_and_outer_falls_with_the_slab(footprint: Array) -
 @pytest.mark.parametrize("footprint", [YOUBOT, OFFSET, AWAY])
 def test_shapes_round_and_inside_all_rotations(footprint: Array) -> None:
     low, high = -0.2, 0.25
-    outer = Polygon(around(footprint, low, high))
-    corners = within(footprint, low, high)
+    outer = Polygon(rotation_hull(footprint, low, high))
+    corners = rotation_core(footprint, low, high)
     inner = Polygon(corners) if len(corners) else Polygon()
     for yaw in np.linspace(low, high, 40):
         body = placed(footprint, (0, 0, yaw))
@@ -129,7 +137,7 @@ def test_shapes_round_and_inside_all_rotations(footprint: Array) -> None:
 @pytest.mark.parametrize("footprint", FOOTPRINTS)
 def test_fits_is_what_shapely_says(footprint: Array) -> None:
     rng = np.random.default_rng(1)
-    room = room_of(footprint, FLOOR, OBSTACLES, 0.05)
+    room = footprint_scene(footprint, FLOOR, OBSTACLES, 0.05)
     seen = set()
     for _ in range(600):
         pose = rng.uniform((0, 0, -7), (7, 6, 7))
@@ -141,11 +149,13 @@ def test_fits_is_what_shapely_says(footprint: Array) -> None:
 
 
 def test_a_footprint_round_a_hole_or_a_small_thing_does_not_fit() -> None:
-    assert not fits(room_of(YOUBOT, FLOOR), 5.02, 5.02, 0.3)
-    assert fits(room_of(YOUBOT, box(0, 0, 7, 6)), 5.02, 5.02, 0.3)
-    assert not fits(room_of(YOUBOT, box(0, 0, 7, 6), [Shadow(box(5, 5, 5.05, 5.05))]), 5.02, 5.02, 0.3)
-    assert not fits(room_of(YOUBOT, box(0, 0, 7, 6), [Shadow(box(1, 1, 6, 5))]), 4, 3, 0.3)
-    assert not fits(room_of(YOUBOT, box(0, 0, 7, 6), [Shadow(Point(5, 5))]), 5.02, 5.02, 0.3)
+    assert not fits(footprint_scene(YOUBOT, FLOOR), 5.02, 5.02, 0.3)
+    assert fits(footprint_scene(YOUBOT, box(0, 0, 7, 6)), 5.02, 5.02, 0.3)
+    assert not fits(
+        footprint_scene(YOUBOT, box(0, 0, 7, 6), [Shadow(box(5, 5, 5.05, 5.05))]), 5.02, 5.02, 0.3
+    )
+    assert not fits(footprint_scene(YOUBOT, box(0, 0, 7, 6), [Shadow(box(1, 1, 6, 5))]), 4, 3, 0.3)
+    assert not fits(footprint_scene(YOUBOT, box(0, 0, 7, 6), [Shadow(Point(5, 5))]), 5.02, 5.02, 0.3)
 
 
 def path_of(kind: str, rng: np.random.Generator, pose: Array) -> tuple[Array, float, float]:
@@ -161,7 +171,7 @@ def path_of(kind: str, rng: np.random.Generator, pose: Array) -> tuple[Array, fl
 def test_proven_motions_are_free(kind: str, footprint: Array) -> None:
     """By 80 poses a motion; and hardly any that has a centimetre to spare is refused."""
     rng = np.random.default_rng(7)
-    room = room_of(footprint, FLOOR, OBSTACLES, 0.05)
+    room = footprint_scene(footprint, FLOOR, OBSTACLES, 0.05)
     free = easy = missed = 0
     while easy < 120:
         start, change = rng.uniform((0, 0, -4), (7, 6, 4)), rng.normal(size=3)
@@ -169,12 +179,12 @@ def test_proven_motions_are_free(kind: str, footprint: Array) -> None:
         goal = start + change
         shares = np.linspace(0, 1, 80)
         if kind == "slide":
-            proven = slides(room, start, goal)
+            proven = slide_is_free(room, start, goal)
             poses = [start + s * np.array([*change[:2], wrapped(change[2])]) for s in shares]
         else:
-            proven = rolls(room, start, length, turn)
+            proven = arc_is_free(room, start, length, turn)
             x, y, yaw = start
-            poses = [np.array(moved(x, y, yaw, s * length, s * turn)) for s in shares]
+            poses = [np.array(arc_end(x, y, yaw, s * length, s * turn)) for s in shares]
         if not (proven or slack(footprint, poses[0], 0.05) > 0):
             continue
         least = min(slack(footprint, pose, 0.05) for pose in poses)
@@ -196,12 +206,12 @@ def test_a_hair_of_room_is_enough() -> None:
     reach = float(np.hypot(*YOUBOT[0]))
     for spare, passes in ((1e-6, True), (-1e-6, False)):
         pit = Point(0, 0).buffer((reach + spare) / np.cos(np.pi / 800), quad_segs=200)
-        room = room_of(YOUBOT, pit)
-        assert rolls(room, np.zeros(3), 0.0, 2 * np.pi) is passes
-    lane = room_of(YOUBOT, box(-1, -0.19 - 1e-7, 5, 0.19 + 1e-7))
-    assert slides(lane, np.zeros(3), np.array([4.0, 0, 0]))
-    assert rolls(lane, np.zeros(3), 4.0, 0.0)
-    assert not rolls(lane, np.zeros(3), 4.0, 1e-4)
+        room = footprint_scene(YOUBOT, pit)
+        assert arc_is_free(room, np.zeros(3), 0.0, 2 * np.pi) is passes
+    lane = footprint_scene(YOUBOT, box(-1, -0.19 - 1e-7, 5, 0.19 + 1e-7))
+    assert slide_is_free(lane, np.zeros(3), np.array([4.0, 0, 0]))
+    assert arc_is_free(lane, np.zeros(3), 4.0, 0.0)
+    assert not arc_is_free(lane, np.zeros(3), 4.0, 1e-4)
 
 
 @pytest.mark.parametrize("angle", [0.0, 0.37])
@@ -209,7 +219,7 @@ def test_a_hair_of_room_is_enough() -> None:
 def test_a_long_base_passes_a_corridor_lengthwise(width: float, angle: float) -> None:
     floor = corridor(width, angle)
     start, goal = turned((0.5, 1, 1.57), angle), turned((5.5, 1, 0), angle)
-    answer = drive_shape(YOUBOT, floor, start, goal, seed=0)
+    answer = drive_footprint(YOUBOT, floor, start, goal, seed=0)
     holds(answer, YOUBOT, floor, start, goal)
     # Its circumscribed circle would not: 0.69 m.
     assert floor.buffer(-float(np.hypot(*YOUBOT[0]))).geom_type == "MultiPolygon"
@@ -217,8 +227,8 @@ def test_a_long_base_passes_a_corridor_lengthwise(width: float, angle: float) ->
 
 @pytest.mark.parametrize("width", [0.36, 0.379])
 def test_a_corridor_that_is_too_narrow_is_refused_with_numbers(width: float) -> None:
-    with pytest.raises(TightSpotError) as refused:
-        drive_shape(YOUBOT, corridor(width), [0.5, 1, 1.57], [5.5, 1, 0], seed=0)
+    with pytest.raises(NarrowPassageError) as refused:
+        drive_footprint(YOUBOT, corridor(width), [0.5, 1, 1.57], [5.5, 1, 0], seed=0)
     assert str(refused.value) == (
         "no way from (0.500, 1.000, 1.570 rad) to (5.500, 1.000, 0.000 rad): "
         f"its narrowest place is {width:.3f} m wide, the footprint nowhere less than 0.380 m"
@@ -231,9 +241,11 @@ def test_a_corridor_that_is_too_narrow_is_refused_with_numbers(width: float) -> 
 def test_obstacles_and_clearance_narrow_a_corridor() -> None:
     hall, posts = box(0, 0, 4, 2), [Shadow(Point(2, 0.4), 0.4), Shadow(Point(2, 1.7), 0.3)]
     start, goal = np.array([0.5, 1.0, 0.0]), np.array([3.5, 1.0, 1.0])
-    assert drive_shape(YOUBOT, hall, start, goal, obstacles=posts, clearance=0.1, seed=0).poses.shape[1] == 3
-    with pytest.raises(TightSpotError, match=r"narrowest place is 0.360 m wide") as refused:
-        drive_shape(YOUBOT, hall, start, goal, obstacles=posts, clearance=0.12, seed=0)
+    assert (
+        drive_footprint(YOUBOT, hall, start, goal, obstacles=posts, clearance=0.1, seed=0).poses.shape[1] == 3
+    )
+    with pytest.raises(NarrowPassageError, match=r"narrowest place is 0.360 m wide") as refused:
+        drive_footprint(YOUBOT, hall, start, goal, obstacles=posts, clearance=0.12, seed=0)
     assert refused.value.proven
 
 
@@ -241,28 +253,28 @@ def test_a_long_base_does_not_get_round_a_tight_bend_but_a_square_one_does() -> 
     bend = box(0, 0, 0.45, 3) | box(0, 2.55, 3, 3)
     start, goal = np.array([0.225, 0.8, np.pi / 2]), np.array([2.2, 2.775, 0.0])
     long = np.array([[0.6, -0.19], [0.6, 0.19], [-0.6, 0.19], [-0.6, -0.19]])
-    with pytest.raises(TightSpotError, match="too long for the bends on the way") as refused:
-        drive_shape(long, bend, start, goal, seed=0)
+    with pytest.raises(NarrowPassageError, match="too long for the bends on the way") as refused:
+        drive_footprint(long, bend, start, goal, seed=0)
     assert refused.value.passage == pytest.approx(0.45, abs=1e-3)
     square = np.array([[0.19, -0.19], [0.19, 0.19], [-0.19, 0.19], [-0.19, -0.19]])
-    holds(drive_shape(square, bend, start, goal, seed=0), square, bend, start, goal)
+    holds(drive_footprint(square, bend, start, goal, seed=0), square, bend, start, goal)
 
 
 def test_same_seed_same_drive() -> None:
-    runs = [drive_shape(YOUBOT, corridor(0.5), [0.5, 1, 1.57], [5.5, 1, 0], seed=s) for s in (3, 4, 3)]
+    runs = [drive_footprint(YOUBOT, corridor(0.5), [0.5, 1, 1.57], [5.5, 1, 0], seed=s) for s in (3, 4, 3)]
     assert np.array_equal(runs[0].poses, runs[2].poses)
     assert not np.array_equal(runs[0].poses, runs[1].poses)
 
 
 def test_easy_drives() -> None:
     room = box(0, 0, 3, 3)
-    straight = drive_shape(YOUBOT, room, [1, 1, 0], [2, 2, 3], seed=0)
+    straight = drive_footprint(YOUBOT, room, [1, 1, 0], [2, 2, 3], seed=0)
     assert (straight.method, len(straight.poses)) == ("straight", 2)
-    assert drive_shape(YOUBOT, room, [1, 1, 0], [1, 1, 0], seed=0).poses.tolist() == [[1, 1, 0]]
+    assert drive_footprint(YOUBOT, room, [1, 1, 0], [1, 1, 0], seed=0).poses.tolist() == [[1, 1, 0]]
 
 
 def test_a_point_drives_like_a_shape() -> None:
-    answer = drive_shape([[0, 0]], corridor(0.01), [0.5, 1.8, 1.57], [5.5, 0.2, 0], seed=0)
+    answer = drive_footprint([[0, 0]], corridor(0.01), [0.5, 1.8, 1.57], [5.5, 0.2, 0], seed=0)
     for p, q in zip(answer.poses[:-1], answer.poses[1:], strict=True):
         assert corridor(0.01).covers(LineString([p[:2], q[:2]]))
 
@@ -272,7 +284,7 @@ def test_slabs_are_a_full_turn() -> None:
     assert bounds[0].mean() == 0
     np.testing.assert_allclose(bounds[1:, 0], bounds[:-1, 1])
     assert bounds[-1, 1] - bounds[0, 0] == pytest.approx(2 * np.pi)
-    exact = slabs_along(room_of(YOUBOT, corridor(0.5, 0.37)), 12)
+    exact = slabs_along(footprint_scene(YOUBOT, corridor(0.5, 0.37)), 12)
     np.testing.assert_array_equal(exact[1:, 0], exact[:-1, 1])
     assert exact[-1, 1] - exact[0, 0] == pytest.approx(2 * np.pi)
     thin = np.mod(exact[exact[:, 0] == exact[:, 1], 0], np.pi / 2)
@@ -291,11 +303,11 @@ def test_neighbouring_slabs_join_where_the_base_can_turn() -> None:
 
 def test_widths() -> None:
     triangle = [[0, 0], [1, 0], [0.5, np.sqrt(0.75)]]
-    assert width_of(triangle) == pytest.approx(np.sqrt(0.75))
-    assert width_of(YOUBOT) == pytest.approx(0.38)
-    assert width_of([[1, 1]]) == 0.0
+    assert footprint_width(triangle) == pytest.approx(np.sqrt(0.75))
+    assert footprint_width(YOUBOT) == pytest.approx(0.38)
+    assert footprint_width([[1, 1]]) == 0.0
     apart = MultiPolygon([box(0, 0, 1, 1), box(2, 0, 3, 1)])
-    assert narrowest(apart, Point(0.5, 0.5), Point(2.5, 0.5)) < 1e-6
+    assert passage_width(apart, Point(0.5, 0.5), Point(2.5, 0.5)) < 1e-6
 
 
 @pytest.mark.parametrize(
@@ -322,18 +334,21 @@ def test_bad_slabs(change: dict[str, object], words: str) -> None:
 
 def test_bad_drives() -> None:
     with pytest.raises(NoPathError, match=r"start \(0.100, 1.000, 0.000 rad\): the footprint does not fit"):
-        drive_shape(YOUBOT, box(0, 0, 3, 3), [0.1, 1, 0], [2, 2, 0], seed=0)
+        drive_footprint(YOUBOT, box(0, 0, 3, 3), [0.1, 1, 0], [2, 2, 0], seed=0)
     with pytest.raises(InputError, match="seed: expected a whole number from 0 up"):
-        drive_shape(YOUBOT, box(0, 0, 3, 3), [1, 1, 0], [2, 2, 0], seed=-1)
+        drive_footprint(YOUBOT, box(0, 0, 3, 3), [1, 1, 0], [2, 2, 0], seed=-1)
     with pytest.raises(InputError, match="goal: expected 3 numbers"):
-        drive_shape(YOUBOT, box(0, 0, 3, 3), [1, 1, 0], [2, 2], seed=0)
+        drive_footprint(YOUBOT, box(0, 0, 3, 3), [1, 1, 0], [2, 2], seed=0)
     with pytest.raises(InputError, match="slabs: expected at least 1"):
         slabs(0)
 
 
 def test_rooms_are_values_of_one_kind() -> None:
     """So that the kernels are compiled once."""
-    rooms: list[Room] = [room_of(YOUBOT, FLOOR, OBSTACLES, 0.1), room_of(POINT, box(0, 0, 1, 1))]
+    rooms: list[FootprintScene] = [
+        footprint_scene(YOUBOT, FLOOR, OBSTACLES, 0.1),
+        footprint_scene(POINT, box(0, 0, 1, 1)),
+    ]
     kinds = [
         [(part.dtype, part.ndim, part.flags.writeable, part.flags.c_contiguous) for part in r] for r in rooms
     ]

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from shapely.geometry import box
 
-from regionik.planners.driving.arcs import moved
+from regionik.planners.driving.arcs import arc_end
 from regionik.values import Motion
 from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array
@@ -30,7 +30,7 @@ def rolled(*parts: tuple[float, float], start: tuple[float, float, float] = (0.0
     """One set-point, and from there along arcs, each a length and a turn, with the tool lifted."""
     base = [start]
     for length, turn in parts:
-        base.append(moved(*base[-1], length, turn))
+        base.append(arc_end(*base[-1], length, turn))
     return drive(*base)
 
 
@@ -81,7 +81,7 @@ ARC = rolled((0.2, 2.4), start=(0.0, 0.0, np.pi / 2 - 1.2))  # swings out along 
 def farthest(footprint: tuple[tuple[float, float], ...]) -> Array:
     """The point with the most x that a corner comes to on the arc, densely sampled, (2,)."""
     c, s = np.array(footprint), np.linspace(0, 1, 20_001).tolist()
-    x, y, yaw = np.array([moved(0.0, 0.0, np.pi / 2 - 1.2, 0.2 * part, 2.4 * part) for part in s]).T[
+    x, y, yaw = np.array([arc_end(0.0, 0.0, np.pi / 2 - 1.2, 0.2 * part, 2.4 * part) for part in s]).T[
         ..., None
     ]
     corners = np.stack(

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from shapely import box
 from shapely.geometry import Point, Polygon
 
-from regionik.planners.driving.stepping import step_area, step_through
+from regionik.planners.driving.greedy_steps import step_area, step_to_goal
 from regionik.planners.geometry.flat import FlatPolygon, clamp, nearest, segment_inside
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError
@@ -39,7 +39,7 @@ def legs_inside(free: Polygon, points: Array) -> bool:
 
 
 def test_experiment_2_takes_three_intermediate_steps() -> None:
-    steps = step_through(SQUARE, (0.7896162428305282, 0.1585664255264057), (1.0723551929579735, -0.4), 0.25)
+    steps = step_to_goal(SQUARE, (0.7896162428305282, 0.1585664255264057), (1.0723551929579735, -0.4), 0.25)
     assert steps.arrived
     expected = [[0.8, -0.0645], [0.8, -0.2586], [0.916, -0.4408]]
     np.testing.assert_allclose(steps.points[1:-1], expected, atol=2e-3)
@@ -48,7 +48,7 @@ def test_experiment_2_takes_three_intermediate_steps() -> None:
 
 @pytest.mark.parametrize("rho", [0.10, 0.15, 0.20, 0.25, 0.30])
 def test_experiment_2b_stalls_before_the_opposite_face(rho: float) -> None:
-    steps = step_through(BLOCK, (0.887, 0.044), (1.625, 0.033), rho)
+    steps = step_to_goal(BLOCK, (0.887, 0.044), (1.625, 0.033), rho)
     assert not steps.arrived
     np.testing.assert_allclose(steps.points[-1], [0.975, 0.033], atol=2e-3)
     assert legs_inside(BLOCK, steps.points)
@@ -62,7 +62,7 @@ def test_steps_keep_rho_stay_inside_and_never_move_away(seed: int, rho: float, e
     free = clutter(seed)
     flat = FlatPolygon.from_shapely(free)
     start, goal = (np.array(clamp(flat.vertices, flat.starts, *p)) for p in (ends[:2], ends[2:]))
-    steps = step_through(free, start, goal, rho)
+    steps = step_to_goal(free, start, goal, rho)
     lengths = np.hypot(*np.diff(steps.points, axis=0).T)
     left = np.hypot(*(steps.points - goal).T)
     assert (lengths <= rho * (1 + 1e-12)).all()
@@ -113,18 +113,18 @@ def test_step_area_has_the_area_of_the_view(seed: int) -> None:
 
 def test_a_goal_out_of_the_pocket_stalls_in_it() -> None:
     pocket = box(0, 0, 3, 3) - (box(1, 1, 2, 2) - box(1, 1.2, 1.8, 1.8))
-    steps = step_through(pocket, (1.5, 1.5), (2.5, 1.5), 0.2)
+    steps = step_to_goal(pocket, (1.5, 1.5), (2.5, 1.5), 0.2)
     assert not steps.arrived
     assert steps.points[-1][0] == pytest.approx(1.8)
 
 
 def test_shorter_goals_take_one_step() -> None:
-    steps = step_through(box(0, 0, 1, 1), (0.2, 0.2), (0.3, 0.2), 0.5)
+    steps = step_to_goal(box(0, 0, 1, 1), (0.2, 0.2), (0.3, 0.2), 0.5)
     assert steps.points.tolist() == [[0.2, 0.2], [0.3, 0.2]]
-    assert step_through(box(0, 0, 1, 1), (0.2, 0.2), (0.2, 0.2), 0.5).arrived
+    assert step_to_goal(box(0, 0, 1, 1), (0.2, 0.2), (0.2, 0.2), 0.5).arrived
 
 
 @pytest.mark.parametrize("rho", [0.0, -1.0, np.nan, np.inf])
 def test_a_step_must_be_above_zero(rho: float) -> None:
     with pytest.raises(InputError, match="step: expected a length above 0"):
-        step_through(box(0, 0, 1, 1), (0, 0), (1, 1), rho)
+        step_to_goal(box(0, 0, 1, 1), (0, 0), (1, 1), rho)

@@ -14,7 +14,7 @@ from shapely.geometry import Point
 
 from regionik.cli.app import run
 from regionik.output.plan_file import load_plan
-from regionik.parking.fewest import park
+from regionik.parking.fewest_stops import park
 from regionik.parking.stops import stops
 from regionik.pipeline import plan
 from regionik.postures.families import BACK, FRONT

@@ -12,7 +12,7 @@ from scipy.sparse.csgraph import dijkstra
 from shapely import box
 from shapely.geometry import Polygon
 
-from regionik.planners.driving.drive import NoPathError, drive
+from regionik.planners.driving.point_planner import NoPathError, drive_point
 from regionik.planners.geometry.flat import FlatPolygon, segment_inside
 from regionik.planners.geometry.pulling import route
 from regionik.planners.geometry.tangents import shorter_path
@@ -70,7 +70,7 @@ def test_no_path_over_lines_of_sight_is_shorter(free: Polygon) -> None:
         pairs = zip(path[:-1], path[1:], strict=True)
         assert all(segment_inside(flat.vertices, flat.starts, *p, *q) for p, q in pairs)
     assert shorter_path(free, START, GOAL, best - 1e-6) is None
-    assert length(drive(free, START, GOAL, step=0.2, seed=3).points) >= best - 1e-9
+    assert length(drive_point(free, START, GOAL, step=0.2, seed=3).points) >= best - 1e-9
 
 
 @pytest.mark.parametrize("seed", range(8))
@@ -78,7 +78,7 @@ def test_drives_that_are_planned_are_the_shortest(seed: int) -> None:
     free = clutter(seed, 25)
     corners = shapely.get_coordinates(free.exterior)
     a, b = corners[np.argmin(corners.sum(axis=1))], corners[np.argmax(corners.sum(axis=1))]
-    found = drive(free, a, b, step=0.3, seed=seed)
+    found = drive_point(free, a, b, step=0.3, seed=seed)
     if found.method in ("ompl", "triangles"):
         assert length(found.points) == pytest.approx(by_sight(free, a, b), abs=1e-9)
 
@@ -101,4 +101,4 @@ def test_ends_may_stand_on_corners_and_edges() -> None:
 
 def test_parts_that_do_not_join_have_no_path() -> None:
     with pytest.raises(NoPathError):
-        drive(box(0, 0, 1, 1) | box(2, 0, 3, 1), [0.5, 0.5], [2.5, 0.5], step=0.1, seed=0)
+        drive_point(box(0, 0, 1, 1) | box(2, 0, 3, 1), [0.5, 0.5], [2.5, 0.5], step=0.1, seed=0)

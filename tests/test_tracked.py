@@ -10,11 +10,11 @@ import pytest
 from shapely.geometry import Point
 
 from regionik.mfabrik import axis_of
-from regionik.moving.tracker_paths import arm_of
 from regionik.pipeline import check, plan
-from regionik.planners.driving.pitch import arm_share
-from regionik.planners.driving.tracking import SaturationError, track, track_runs
-from regionik.tracked import DRAWN, follows
+from regionik.planners.driving.pitch_arm import arm_share
+from regionik.planners.driving.pose_tracking import SaturationError, track, track_runs
+from regionik.tracker.plans import DRAWN, follows
+from regionik.tracker.pose_paths import arm_of
 from regionik.values import Plan
 from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array

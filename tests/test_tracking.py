@@ -6,8 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from benchmarks.tables.xu import circle
-from regionik.planners.driving.pitch import HeightError, PitchArm, heights
-from regionik.planners.driving.tracking import TrackedRun, rolled, track
+from regionik.planners.driving.arcs import arc_end
+from regionik.planners.driving.pitch_arm import HeightError, PitchArm, heights
+from regionik.planners.driving.pose_tracking import TrackedRun, track
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, planar_pose, rot_y, rot_z, translation
 
@@ -70,7 +71,9 @@ def test_a_step_rolls_without_slip(bend: float, arc: float, yaw: float) -> None:
     n = 2000
     headings = yaw + bend * (np.arange(n) + 0.5) / n
     way = arc / n * np.array([np.cos(headings).sum(), np.sin(headings).sum()])
-    np.testing.assert_allclose(rolled(start, bend, arc), [*(start[:2] + way), yaw + bend], atol=1e-6)
+    np.testing.assert_allclose(
+        [*arc_end(0.3, -0.2, yaw, arc, bend)], [*(start[:2] + way), yaw + bend], atol=1e-6
+    )
 
 
 @given(st.integers(0, 10_000))
@@ -81,7 +84,8 @@ def test_tools_that_lean_are_followed_too(seed: int) -> None:
     base, q = np.array([0.0, 0.0, rng.uniform(-3, 3)]), np.array([0.0, 0.3, -0.9, rng.uniform(-1, 1), 0.0])
     yaw = float(base[2])
     for _ in range(30):
-        base = rolled(base, rng.uniform(-0.03, 0.05), rng.uniform(0.0, 0.05))
+        turn, length = rng.uniform(-0.03, 0.05), rng.uniform(0.0, 0.05)
+        base = np.array(arc_end(base[0], base[1], base[2], length, turn))
         q[:4] += rng.uniform(-0.02, 0.02, 4)
         poses.append(planar_pose(*base) @ mount @ chain.forward(q))
     found = track(PARM, poses, ahead=AHEAD, lift=LIFT, heading=yaw)

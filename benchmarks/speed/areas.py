@@ -25,7 +25,7 @@ from regionik.moving.interpolation import Interpolator
 from regionik.moving.transit import TransitPlanner
 from regionik.moving.whole_body import WholeBodyPlanner
 from regionik.pipeline import search
-from regionik.planners.driving.drive import drive
+from regionik.planners.driving.point_planner import drive_point
 from regionik.postures.families import FRONT
 from regionik.postures.guard import guard_of
 from regionik.postures.poses import Pose
@@ -177,7 +177,7 @@ def _lengths(size: Size) -> Iterator[Row]:
     for seed in range(size.count(MAPS)):
         free: Polygon = clutter(seed)
         ratios.append(
-            length(drive(free, start, goal, step=STEP, seed=seed).points) / shortest(free, start, goal)
+            length(drive_point(free, start, goal, step=STEP, seed=seed).points) / shortest(free, start, goal)
         )
     what, rival = f"length of base paths over {len(ratios)} maps", "the exact shortest path"
     yield counted(f"{what}, median", rival, ratios, Wanted(1.005, at_least=False))

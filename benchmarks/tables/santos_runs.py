@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from benchmarks.tables.clock import REPEATS, seconds
 from benchmarks.tables.sliding import SlidingRival
 from regionik.mfabrik import Batch, Solver, axis_of, configurations, solver_for
-from regionik.planners.driving.stepping import step_through
+from regionik.planners.driving.greedy_steps import step_to_goal
 from regionik.planners.rivals.iterative import DampedLeastSquares, PseudoInverse
 from regionik.pruning import choose_chain, start_place, start_pose, whole_path
 from regionik.values import Configuration
@@ -151,7 +151,7 @@ def experiment(name: str) -> list[Row]:
         here, there = axis_of(world.robot, base), axis_of(world.robot, goal.base)
         if not free.buffer(EDGE).covers(shapely.LineString([here, there])):
             arm = solver_for(world, pruned.ladder.family[chain[i]])
-            for spot in step_through(free, here, there, world.rules.step).points[1:-1]:
+            for spot in step_to_goal(free, here, there, world.rules.step).points[1:-1]:
                 held = arm.hold(world.task[i], np.array([*spot, base[2]]), joints)
                 rows.append(Row(i + 1, held.iterations if held.converged else None, held.error))
         rows.append(Row(i + 1, goal.iterations, goal.error))

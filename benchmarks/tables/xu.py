@@ -6,16 +6,16 @@ from its equations, stands beside ours.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from benchmarks.tables.table import Table
-from regionik.moving.tracker_paths import arm_of
-from regionik.planners.driving.pitch import PitchArm, heights
-from regionik.planners.driving.tracking import chord_heading, track
+from regionik.planners.driving.pitch_arm import PitchArm, arm_share, heights
+from regionik.planners.driving.pose_tracking import track
 from regionik.planners.geometry.angles import wrap
+from regionik.tracker.pose_paths import arm_of
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain, planar_pose
@@ -65,6 +65,25 @@ class Simulation:
     paper_slip: Array
 
 
+def chord_heading_slip(arm: PitchArm, poses: Sequence[Array], *, ahead: float, lift: float) -> Array:
+    """Sideways slip of each step under the paper's own rule for the heading, (n - 1,) [m].
+
+    The heading at a pose lies along the chord of the tool's path that led there, and joint 1 stands at zero;
+    no wheel can roll the part of the step across the mean of its two headings.
+    """
+    shares = [arm_share(arm, pose, lift, k) for k, pose in enumerate(poses)]
+    spots = np.array([pose[:2, 3] for pose in poses])
+    way = np.diff(spots, axis=0)
+    yaw = np.unwrap(np.arctan2(way[:, 1], way[:, 0]))
+    yaw = np.insert(yaw, 0, yaw[0] - (yaw[1] - yaw[0] if len(yaw) > 1 else 0.0))
+    out = np.array([share.out for share in shares])[:, None]
+    base = spots - (ahead + out) * np.column_stack([np.cos(yaw), np.sin(yaw)])
+    mean = (yaw[1:] + yaw[:-1]) / 2
+    moved = np.diff(base, axis=0)
+    slip: Array = moved[:, 1] * np.cos(mean) - moved[:, 0] * np.sin(mean)
+    return slip
+
+
 def circle() -> list[Array]:
     """Poses of simulation 1, equations 13 and 14."""
     poses = []
@@ -104,7 +123,7 @@ def simulation(poses: list[Array], pivot: float) -> Simulation:
         float(wheels.max()),
         float(wheels.sum() / SPEED),
         float(np.abs(sideways(found.base)).max()),
-        np.abs(chord_heading(arm(), poses, ahead=ahead, lift=lift)),
+        np.abs(chord_heading_slip(arm(), poses, ahead=ahead, lift=lift)),
     )
 
 

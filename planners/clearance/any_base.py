@@ -32,7 +32,7 @@ from regionik.planners.clearance.planar_cells import (
     judge_links,
     turn_pivot,
 )
-from regionik.planners.driving.room import Room, fits, surely_out
+from regionik.planners.driving.footprint_scene import FootprintScene, fits, fits_nowhere_near
 from regionik.planners.geometry.angles import fit, wrap
 from regionik.planners.geometry.flat import Index, compiled
 from regionik.planners.geometry.upright import Uprights, signed_distance
@@ -69,7 +69,7 @@ class BaseFloor(NamedTuple):
 
     inner: Parts  # where the pivot axis may be at every heading
     outer: Parts  # where it may be at some heading, at most
-    room: Room  # the footprint among floor and obstacles; no corners for a base that is a point
+    room: FootprintScene  # the footprint among floor and obstacles; no corners for a base that is a point
     heart: Array  # (2,) middle of a circle in the footprint, in the base's frame [m]
     radius: float  # of that circle [m]
     far: float  # of the footprint from the pivot axis [m]
@@ -254,7 +254,7 @@ def _judge_base(mount: ArmMount, floor: BaseFloor, target: Array, cell: PlanarCe
     x -= c * mount.mount[0] - s * mount.mount[1]
     y -= s * mount.mount[0] + c * mount.mount[1]
     by += floor.far * chord(turns) + 2.0 * floor.guard
-    if surely_out(floor.room, floor.heart, floor.radius, x, y, yaw, by):
+    if fits_nowhere_near(floor.room, floor.heart, floor.radius, x, y, yaw, by):
         return Verdict.RULED_OUT
     return Verdict.PROVEN if fits(floor.room, x, y, yaw) else Verdict.OPEN
 

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from regionik.planners.driving.arcs import moved, rolling
+from regionik.planners.driving.arcs import arc_end, arc_towards
 from regionik.planners.geometry.flat import Index, compiled
 from regionik.planners.solvers.serial_chain import SerialArm, chain_frames, chain_on
 from regionik.worlds.arrays import Array
@@ -116,14 +116,14 @@ def hop_between(base_a: Array, joints_a: Array, base_b: Array, joints_b: Array, 
     drive[2] = (drive[2] + math.pi) % (2 * math.pi) - math.pi
     if rolls:
         x, y, yaw = base_a[0], base_a[1], base_a[2]
-        arc, drive[0], drive[1] = rolling(x, y, yaw, x + drive[0], y + drive[1], drive[2])
+        arc, drive[0], drive[1] = arc_towards(x, y, yaw, x + drive[0], y + drive[1], drive[2])
     return Hop(base_a, drive, arc, joints_a, joints_b - joints_a)
 
 
 @compiled
 def stand(hop: Hop, s: float) -> tuple[float, float, float]:
     """Base pose at part s of a hop."""
-    x, y, yaw = moved(hop.base[0], hop.base[1], hop.base[2], s * hop.arc, s * hop.drive[2])
+    x, y, yaw = arc_end(hop.base[0], hop.base[1], hop.base[2], s * hop.arc, s * hop.drive[2])
     return x + s * hop.drive[0], y + s * hop.drive[1], yaw
 
 

@@ -1,37 +1,38 @@
-"""Motions of constant speed and turn, exactly: where they lead, and whether they stay inside a polygon.
+"""Motions of a base on wheels: lines, arcs, turns on the spot, and paths made of them.
 
-A motion goes ``length`` [m] along its own heading (below 0 in reverse) while it turns by ``turn`` [rad]: an
-arc of radius ``length / turn`` with its centre on the left, a straight line where ``turn`` is 0, a turn on
-the spot where ``length`` is 0.
+A motion keeps its speed and its rate of turn: it goes ``length`` [m] along its own heading (below 0 in
+reverse) while it turns by ``turn`` [rad]. That is an arc of radius ``length / turn`` with its centre on the
+left, a straight line where ``turn`` is 0, a turn on the spot where ``length`` is 0.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from regionik.planners.geometry.flat import (
-    DEPTH,
-    Index,
-    compiled,
-    contains,
-    insert,
-    near_boundary,
-    segment_inside,
-)
-from regionik.worlds.arrays import Array
+from regionik.planners.geometry.flat import compiled
+from regionik.worlds.arrays import Array, frozen
+from regionik.worlds.errors import InputError
 
-STRAIGHT = 1e-10  # an arc that bulges less than this is its chord [m]
+JOINED = 1e-9  # a segment begins where the one before it ends, to rounding [m], [rad]
+TURN_STEP = 0.1  # largest change of heading between two samples [rad]
 
 
 @compiled
-def moved(x: float, y: float, yaw: float, length: float, turn: float) -> tuple[float, float, float]:
+def arc_end(x: float, y: float, yaw: float, length: float, turn: float) -> tuple[float, float, float]:
     """Pose at the end of a motion; the heading is not wrapped.
+
+    The chord of an arc has length L sin(T / 2) / (T / 2) and the heading in the middle of the turn,
+    yaw + T / 2 (exact integration of the unicycle model).
 
     Examples
     --------
-    >>> [round(value, 6) for value in moved(0.0, 0.0, 0.0, 3.141592653589793, 3.141592653589793)]
+    >>> [round(value, 6) for value in arc_end(0.0, 0.0, 0.0, 3.141592653589793, 3.141592653589793)]
     [0.0, 2.0, 3.141593]
     """
     half = 0.5 * turn
@@ -41,16 +42,16 @@ def moved(x: float, y: float, yaw: float, length: float, turn: float) -> tuple[f
 
 
 @compiled
-def rolling(
+def arc_towards(
     x: float, y: float, yaw: float, to_x: float, to_y: float, turn: float
 ) -> tuple[float, float, float]:
-    """Length of the motion of a given turn that leads to a place, and what it misses it by, x and y [m].
+    """Length of the motion of a given turn that gets nearest to a point, and its miss in x and y [m].
 
-    The chord lies along the heading in the middle of the turn; what lies across it cannot be rolled.
+    The inverse of `arc_end`: no wheel rolls the part of the way that lies across the chord.
 
     Examples
     --------
-    >>> length, *missed = rolling(0.0, 0.0, 0.0, 0.0, 2.0, 3.141592653589793)
+    >>> length, *missed = arc_towards(0.0, 0.0, 0.0, 0.0, 2.0, 3.141592653589793)
     >>> round(length, 6), [abs(round(value, 6)) for value in missed]
     (3.141593, [0.0, 0.0])
     """
@@ -63,87 +64,124 @@ def rolling(
 
 @compiled
 def wrapped(angle: float) -> float:
-    """The same angle from -pi up to pi."""
+    """Angle taken to [-pi, pi)."""
     return angle - 2.0 * math.pi * math.floor(angle / (2.0 * math.pi) + 0.5)
 
 
-@compiled
-def _roots(a: float, b: float, c: float, out: Array) -> int:
-    """Real roots of a t^2 + 2 b t + c, without loss where a is small; returns how many."""
-    left = b * b - a * c
-    if left < 0.0 or (a == 0.0 and b == 0.0):
-        return 0
-    q = -(b + math.copysign(math.sqrt(left), b))
-    n = 0
-    if q != 0.0:
-        out[n] = c / q
-        n += 1
-    if a != 0.0:
-        out[n] = q / a
-        n += 1
-    return n
+@dataclass(frozen=True, eq=False)
+class Segment:
+    """Line, arc or turn on the spot.
 
-
-@compiled
-def _arc_cuts(
-    vertices: Array, starts: Index, x: float, y: float, yaw: float, bend: float, left: float, turn: float
-) -> Array:
-    """Angles along an arc, sorted, at which edges meet it, and its two ends.
-
-    Seen from the start, heading along X and curving to +Y, the circle is bend (X^2 + Y^2) = 2 Y: no centre
-    that runs off to infinity where the arc is nearly straight.
+    Attributes
+    ----------
+    start : (3,) array
+        x, y [m], yaw [rad].
+    length : float
+        Along the heading, below 0 in reverse [m].
+    turn : float
+        Change of heading, above 0 to the left [rad].
     """
-    cuts = np.empty(2 * len(vertices) + 2)
-    count = insert(cuts, insert(cuts, 0, 0.0), turn)
-    c, s = math.cos(yaw), math.sin(yaw)
-    roots = np.empty(2)
-    for r in range(len(starts) - 1):
-        dx, dy = vertices[starts[r + 1] - 1, 0] - x, vertices[starts[r + 1] - 1, 1] - y
-        px, py = c * dx + s * dy, left * (c * dy - s * dx)
-        for k in range(starts[r], starts[r + 1]):
-            dx, dy = vertices[k, 0] - x, vertices[k, 1] - y
-            qx, qy = c * dx + s * dy, left * (c * dy - s * dx)
-            ex, ey = qx - px, qy - py
-            square = ex * ex + ey * ey
-            beyond = DEPTH / math.sqrt(square) if square > 0.0 else 0.0
-            for i in range(
-                _roots(
-                    bend * square,
-                    bend * (px * ex + py * ey) - ey,
-                    bend * (px * px + py * py) - 2.0 * py,
-                    roots,
-                )
-            ):
-                t = roots[i]
-                if -beyond <= t <= 1.0 + beyond:
-                    angle = math.atan2(bend * (px + t * ex), 1.0 - bend * (py + t * ey)) % (2.0 * math.pi)
-                    if angle < turn:
-                        count = insert(cuts, count, angle)
-            px, py = qx, qy
-    return cuts[:count]
+
+    start: Array
+    length: float
+    turn: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "start", frozen(self.start, (3,), "segment: start"))
+
+    @property
+    def kind(self) -> Literal["line", "arc", "turn"]:
+        """What it looks like on the floor."""
+        if self.turn == 0:
+            return "line"
+        return "arc" if self.length != 0 else "turn"
+
+    def pose(self, share: float) -> Array:
+        """Pose (3,) at a share of the segment, 0 to 1; the heading is not wrapped.
+
+        Examples
+        --------
+        >>> Segment(np.zeros(3), np.pi, np.pi).pose(0.5).round(3).tolist()
+        [1.0, 1.0, 1.571]
+        """
+        x, y, yaw = self.start
+        return np.array(arc_end(x, y, yaw, share * self.length, share * self.turn))
 
 
-@compiled
-def arc_inside(
-    vertices: Array, starts: Index, x: float, y: float, yaw: float, length: float, turn: float
-) -> bool:
-    """Whether a whole motion stays in the closed polygon; turns of at most a full circle.
+@dataclass(frozen=True, eq=False)
+class WheeledPath:
+    """Path of a base on wheels.
 
-    Exact: the arc is cut where edges meet it, and each piece lies on one side. Touching is allowed; arcs that
-    leave the polygon by more than 1e-9 m are refused, those within 0.5e-9 m of it are taken. Gaps between
-    two edges that are less than 1e-9 m long along an arc are not seen.
+    Attributes
+    ----------
+    start : (3,) array
+        x, y [m], yaw [rad].
+    segments : tuple of Segment
+        Each begins where the one before it ends, to 1e-9; empty where the base stays.
+    method : {"still", "straight", "ompl"}
+        What found it; "straight" is one direct motion.
     """
-    if length < 0.0:  # the same arc, driven nose first by something that looks the other way
-        length, yaw = -length, yaw + math.pi
-    if 0.125 * length * abs(turn) < STRAIGHT:
-        bx, by, _ = moved(x, y, yaw, length, turn)
-        return segment_inside(vertices, starts, x, y, bx, by)
-    left = 1.0 if turn > 0.0 else -1.0
-    cuts = _arc_cuts(vertices, starts, x, y, yaw, abs(turn) / length, left, abs(turn))
-    for k in range(len(cuts) - 1):
-        if (cuts[k + 1] - cuts[k]) * length > DEPTH * abs(turn):
-            share = 0.5 * (cuts[k] + cuts[k + 1]) / abs(turn)
-            mx, my, _ = moved(x, y, yaw, share * length, share * turn)
-            if not (contains(vertices, starts, mx, my) or near_boundary(vertices, starts, mx, my, DEPTH / 2)):
-                return False
-    return True
+
+    start: Array
+    segments: tuple[Segment, ...]
+    method: str
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "start", frozen(self.start, (3,), "path: start"))
+        here = self.start
+        for k, segment in enumerate(self.segments):
+            gap = segment.start - here
+            if max(*np.abs(gap[:2]), abs(wrapped(gap[2]))) > JOINED:
+                raise InputError(f"path: segment {k} begins at {segment.start}, {k - 1} ends at {here}")
+            here = segment.pose(1.0)
+
+    @property
+    def end(self) -> Array:
+        """Last pose (3,), its heading not wrapped."""
+        return self.segments[-1].pose(1.0) if self.segments else self.start
+
+    @property
+    def length(self) -> float:
+        """Distance driven, forwards and backwards [m]."""
+        return float(sum(abs(segment.length) for segment in self.segments))
+
+    @property
+    def turning(self) -> float:
+        """Sum of all changes of heading, left and right [rad]."""
+        return float(sum(abs(segment.turn) for segment in self.segments))
+
+    @property
+    def reversals(self) -> int:
+        """Number of changes between driving forwards and backwards."""
+        signs = [segment.length > 0 for segment in self.segments if segment.length != 0]
+        return sum(a != b for a, b in zip(signs[:-1], signs[1:], strict=True))
+
+    def sample(self, step: float) -> Array:
+        """Poses along the path, (n, 3): x, y [m], yaw [rad], headings continuous.
+
+        Neighbours are at most ``step`` [m] and 0.1 rad apart; both ends of every segment are among them.
+
+        Examples
+        --------
+        >>> path_of_motions([0, 0, 0], [(0.5, 0), (0, 0.1)], "straight").sample(0.25).tolist()
+        [[0.0, 0.0, 0.0], [0.25, 0.0, 0.0], [0.5, 0.0, 0.0], [0.5, 0.0, 0.1]]
+        """
+        if not 0 < step < np.inf:
+            raise InputError(f"step: expected a length above 0, got {step}")
+        poses = [self.start]
+        for segment in self.segments:
+            most = max(abs(segment.length) / step, abs(segment.turn) / TURN_STEP)
+            count = max(1, int(np.ceil(most - 1e-9)))
+            poses += [segment.pose(k / count) for k in range(1, count + 1)]
+        return frozen(poses, (None, 3), "path")
+
+
+def path_of_motions(start: ArrayLike, motions: Iterable[ArrayLike], method: str) -> WheeledPath:
+    """Path of signed lengths [m] and turns [rad], driven one after another; pairs of zeros are left out."""
+    here = first = frozen(start, (3,), "start")
+    segments: list[Segment] = []
+    for length, turn in np.asarray(list(motions), dtype=np.float64).reshape(-1, 2).tolist():
+        if length != 0 or turn != 0:
+            segments.append(Segment(here, length, turn))
+            here = segments[-1].pose(1.0)
+    return WheeledPath(first, tuple(segments), method)

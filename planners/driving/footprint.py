@@ -1,307 +1,147 @@
-"""Where a footprint may be, by slabs of heading: areas of its reference point between certain bounds.
-
-In the inner area of a slab the footprint is free at every heading of it, outside the outer area at none. Both
-come from Minkowski sums with one convex shape: round all the rotations of the slab for the inner area, inside
-all of them for the outer one. Shape and rotations differ by the square of the slab's width.
-"""
+"""Convex footprints: outline, width, rotations through a range of headings, Minkowski sums."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 import shapely
 from numpy.typing import ArrayLike, NDArray
-from shapely.geometry import MultiPolygon, Polygon
-from shapely.geometry.base import BaseGeometry
+from shapely.geometry import Polygon
 
-from regionik.planners.driving.room import Room, core_edges, edges_of, fits, rolls, room_of, slides
-from regionik.planners.driving.rotations import around, width_of, within
-from regionik.planners.geometry.flat import FlatPolygon
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.errors import InputError
-from regionik.worlds.obstacles import Shadow
 
-__all__ = [
-    "Rejection",
-    "Room",
-    "Slab",
-    "fits",
-    "rolls",
-    "room_of",
-    "slab_areas",
-    "slab_free",
-    "slab_rejections",
-    "slabs",
-    "slabs_along",
-    "slides",
-    "width_of",
-]
-
-SIDES = 48  # of the polygons that stand for discs
-MOST_WALLS = 12  # directions of walls that exact headings are taken from, the longest
+GUARD = 1e-9  # by which a hull of rotations is larger, a core smaller, against rounding [m]
+PIECE = 0.25  # ranges of headings are cut in pieces no wider than this [rad]
 
 
-@dataclass(frozen=True, eq=False)
-class Slab:
-    """Where the reference point of a footprint may be while the heading is between two bounds.
-
-    Attributes
-    ----------
-    low, high : float
-        [rad]
-    inner : Polygon or MultiPolygon
-        The footprint is free at every point of it at every heading of the slab; may be empty.
-    outer : Polygon or MultiPolygon
-        The footprint is free at no point outside it at any heading of the slab.
-    """
-
-    low: float
-    high: float
-    inner: BaseGeometry
-    outer: BaseGeometry
-
-    @property
-    def middle(self) -> float:
-        return (self.low + self.high) / 2
-
-
-def slabs(count: int) -> Array:
-    """A full turn cut in equal slabs: (count, 2) lowest and highest heading, the first about 0 [rad].
-
-    Examples
-    --------
-    >>> np.round(slabs(4), 3).tolist()
-    [[-0.785, 0.785], [0.785, 2.356], [2.356, 3.927], [3.927, 5.498]]
-    """
-    if count < 1:
-        raise InputError(f"slabs: expected at least 1, got {count}")
-    ends = (np.arange(count + 1) - 0.5) * (2 * np.pi / count)
-    return np.column_stack([ends[:-1], ends[1:]])
-
-
-def slabs_along(room: Room, count: int, walls: int = MOST_WALLS) -> Array:
-    """A full turn cut in slabs, some of no width: headings at which a side of the footprint is along a wall.
-
-    A footprint goes through its tightest passages with a side along the wall; a slab of no width is exact.
-
-    Parameters
-    ----------
-    room : Room
-    count : int
-        Of equal slabs.
-    walls : int
-        From how many directions of walls, the longest, headings are taken.
-
-    Returns
-    -------
-    (n, 2) array
-        Lowest and highest heading; each slab begins where the one before it ends [rad].
-    """
-    exact = _headings_along(room, walls)
-    even = slabs(count)
-    first = even[0, 0]
-    inside = first + np.unique(np.mod(exact - first, 2 * np.pi).round(9))
-    cuts = np.sort(np.concatenate([even[:, 0], [first + 2 * np.pi], inside, inside]))
-    bounds = np.column_stack([cuts[:-1], cuts[1:]])
-    double: Array = bounds[np.isin(bounds[:, 0], inside) | (bounds[:, 1] > bounds[:, 0])]
-    return double
-
-
-def _headings_along(room: Room, most: int) -> Array:
-    """Headings with a side of the footprint along one of the longest walls."""
-    along = room.edges[:, 2:] - room.edges[:, :2]
-    lengths = np.hypot(*along.T)
-    angles = np.mod(np.arctan2(along[:, 1], along[:, 0]), np.pi)
-    walls, which = np.unique(angles.round(6) % np.pi, return_inverse=True)
-    longest = np.argsort(-np.bincount(which, lengths), kind="stable")[:most]
-    # The angle itself, not the one rounded to group walls by.
-    walls = np.array([angles[which == w][np.argmax(lengths[which == w])] for w in longest])
-    corners = room.corners
-    if len(corners) < 2:
-        return np.zeros(0)
-    sides = np.arctan2(*(np.roll(corners, -1, axis=0) - corners).T[::-1])
-    headings: Array = (walls[:, None, None] - sides[:, None] + [0.0, np.pi]).ravel()
-    return headings
-
-
-def slab_areas(
-    footprint: ArrayLike,
-    floor: Polygon | MultiPolygon,
-    obstacles: Sequence[Shadow],
-    clearance: float,
-    bounds: ArrayLike,
-) -> tuple[Slab, ...]:
-    """`slab_free` for many slabs, (n, 2) lowest and highest headings [rad]."""
-    ground = _ground(footprint, floor, obstacles, clearance)
-    return tuple(_slab(ground, low, high) for low, high in frozen(bounds, (None, 2), "slabs").tolist())
-
-
-def slab_free(
-    footprint: ArrayLike,
-    floor: Polygon | MultiPolygon,
-    obstacles: Sequence[Shadow],
-    clearance: float,
-    low: float,
-    high: float,
-    sides: int = SIDES,
-) -> Slab:
-    """Where a footprint may be while its heading is between two bounds.
-
-    Parameters
-    ----------
-    footprint : (n, 2) array_like
-        Corners of a convex outline in the base frame, or one point; the origin may lie anywhere [m].
-    floor : Polygon or MultiPolygon
-        The whole footprint stays inside [m].
-    obstacles : sequence of Shadow
-        The footprint keeps ``clearance`` from each of them.
-    clearance : float
-        [m]
-    low, high : float
-        Headings, the same or rising [rad].
-    sides : int
-        Of the polygons that stand for discs.
-
-    Returns
-    -------
-    Slab
+def outline(footprint: ArrayLike) -> Array:
+    """Return the corners of a convex footprint, counter-clockwise, without those on straight edges.
 
     Raises
     ------
     InputError
-        When the footprint is not convex, the clearance is negative or the headings fall.
+        When it is not convex, or has no area and is not a single point.
+    """
+    given = frozen(footprint, (None, 2), "footprint")
+    if len(given) == 1:
+        return given
+    if len(given) < 3:
+        raise InputError("footprint: expected one point or at least three corners")
+    hull = shapely.convex_hull(shapely.multipoints(given))
+    if not isinstance(hull, Polygon) or hull.area < 1e-9:
+        raise InputError("footprint: expected an outline with an area, its corners lie on one line")
+    ring = Polygon(given)
+    if not ring.is_valid or hull.area - ring.area > 1e-9 * hull.area:
+        more = 100 * (hull.area / ring.area - 1) if ring.is_valid else np.inf
+        raise InputError(f"footprint: expected a convex outline, its convex hull is {more:.3g} % larger")
+    corners = np.asarray(shapely.orient_polygons(hull).exterior.coords)[:-1]
+    return frozen(corners, (None, 2), "footprint")
+
+
+def rotation_hull(corners: Array, low: float, high: float) -> Array:
+    """Corners of a convex polygon round all rotations of a footprint; tangents close each corner's arc."""
+    middles, half = _pieces(low, high)
+    spots = [
+        _turned(corners, angle) * far
+        for m in middles
+        for angle, far in ((m - half, 1.0), (m, 1 / np.cos(half)), (m + half, 1.0))
+    ]
+    guard = GUARD * np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]])
+    points = (np.concatenate(spots)[:, None] + guard).reshape(-1, 2)
+    hull = shapely.orient_polygons(shapely.convex_hull(shapely.multipoints(points)))
+    return np.asarray(hull.exterior.coords)[:-1]
+
+
+def rotation_core(corners: Array, low: float, high: float) -> Array:
+    """Corners of a convex polygon inside all rotations of a footprint; none where they share no point.
+
+    The half-plane n x <= d turned through an angle leaves a disc of radius d between its two ends; a chord of
+    the disc keeps it a polygon. Where d is below 0 the two ends alone are the tightest.
+    """
+    if len(corners) == 1:
+        still = high == low or not corners.any()
+        return _turned(corners, low) if still else np.zeros((0, 2))
+    middles, half = _pieces(low, high)
+    normals, offsets = _sides(corners)
+    reach = float(np.hypot(*corners.T).max()) + 1.0
+    left: Array = reach * np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]])
+    for m in middles:
+        for angle, share in ((m - half, 1.0), (m, np.cos(half)), (m + half, 1.0)):
+            bounds = np.where(offsets > 0, offsets * share, offsets if share == 1.0 else np.inf)
+            for normal, bound in zip(_turned(normals, angle), bounds - GUARD, strict=True):
+                left = _clipped(left, normal, bound)
+    return left
+
+
+def footprint_width(footprint: ArrayLike) -> float:
+    """Smallest distance between two parallel lines with the footprint between them [m].
 
     Examples
     --------
-    >>> from shapely import box
-    >>> long = [[0.3, -0.1], [0.3, 0.1], [-0.3, 0.1], [-0.3, -0.1]]
-    >>> slab = slab_free(long, box(0, 0, 2, 0.3), [], 0.0, -0.1, 0.1)
-    >>> [round(area.area, 3) for area in (slab.inner, slab.outer)]
-    [0.057, 0.142]
+    >>> round(footprint_width([[0, 0], [0.58, 0], [0.58, 0.38], [0, 0.38]]), 12)
+    0.38
     """
-    return _slab(_ground(footprint, floor, obstacles, clearance, sides), low, high)
+    corners = outline(footprint)
+    if len(corners) == 1:
+        return 0.0
+    normals, offsets = _sides(corners)
+    return float((offsets[:, None] - normals @ corners.T).max(axis=1).min())
 
 
-class _Ground(NamedTuple):
-    """What is the same for all slabs."""
-
-    corners: Array  # of the footprint
-    floor: BaseGeometry
-    covered: BaseGeometry  # by obstacles that are not convex, or have no area
-    pieces: tuple[tuple[float, list[Array]], ...]  # how far to stay from convex things, and their corners
-    sides: int  # of the polygons that stand for discs
+def _turned(points: Array, angle: float) -> Array:
+    """Points turned about the origin."""
+    c, s = np.cos(angle), np.sin(angle)
+    turned: Array = points @ np.array([[c, s], [-s, c]])
+    return turned
 
 
-def _ground(
-    footprint: ArrayLike,
-    floor: Polygon | MultiPolygon,
-    obstacles: Sequence[Shadow],
-    clearance: float,
-    sides: int = SIDES,
-) -> _Ground:
-    room = room_of(footprint, floor, obstacles, clearance)
-    edges = [(edge.reshape(2, 2), 0.0) for edge in core_edges(floor)]
-    solids = [
-        (core, clearance + shadow.radius) for shadow in obstacles for core in shapely.get_parts(shadow.core)
-    ]
-    whole = [_is_convex(core) for core, _ in solids]
-    convex = [
-        (shapely.get_coordinates(core), keep) for (core, keep), one in zip(solids, whole, strict=True) if one
-    ]
-    rest = [(core, keep) for (core, keep), one in zip(solids, whole, strict=True) if not one]
-    edges += [(edge.reshape(2, 2), keep) for core, keep in rest for edge in core_edges(core)]
-    pieces: dict[float, list[Array]] = {}
-    for corners, keep in (*edges, *convex):
-        pieces.setdefault(keep, []).append(corners)
-    covered = shapely.union_all([core for core, _ in rest])
-    return _Ground(room.corners, floor, covered, tuple(pieces.items()), sides)
+def _pieces(low: float, high: float) -> tuple[Array, float]:
+    """Middles of equal pieces of a range of headings, and half their width."""
+    count = max(1, int(np.ceil((high - low) / PIECE)))
+    half = (high - low) / (2 * count)
+    return np.asarray(low + half * (2.0 * np.arange(count) + 1.0), dtype=np.float64), half
 
 
-def _is_convex(core: BaseGeometry) -> bool:
-    """Whether a part of a shadow is its own hull, as a point is and a bent line is not."""
-    hull = shapely.convex_hull(core)
-    return bool(hull.geom_type == core.geom_type and hull.area - core.area <= 1e-12 * hull.area)
+def _sides(corners: Array) -> tuple[Array, Array]:
+    """Outward normals n and offsets d of a counter-clockwise outline: it is where n x <= d for all sides."""
+    along = np.roll(corners, -1, axis=0) - corners
+    normals: Array = np.column_stack([along[:, 1], -along[:, 0]]) / np.hypot(*along.T)[:, None]
+    return normals, np.einsum("ij,ij->i", normals, corners)
 
 
-def _slab(ground: _Ground, low: float, high: float) -> Slab:
-    if not -np.inf < low <= high < np.inf:
-        raise InputError(f"slab: expected two rising headings, got {low} and {high}")
-    corners = ground.corners
-    inner = _positions(ground, around(corners, low, high), inner=True)
-    shared = within(corners, low, high)
-    if len(shared):
-        return Slab(low, high, inner, _positions(ground, shared, inner=False))
-    # The rotations have no point in common. Those about the footprint's middle have, and it keeps to an arc.
-    middle = corners.mean(axis=0)
-    about = _positions(ground, within(corners - middle, low, high), inner=False)
-    return Slab(low, high, inner, _sum(about, -around(middle[None], low, high)))
+def _clipped(ring: Array, normal: Array, bound: float) -> Array:
+    """Part of a convex ring where ``normal`` x <= ``bound`` (Sutherland and Hodgman 1974)."""
+    if not len(ring) or not np.isfinite(bound):
+        return ring
+    over = ring @ normal - bound
+    kept = []
+    for k in range(len(ring)):
+        a, b = over[k - 1], over[k]
+        if (a > 0) != (b > 0):
+            kept.append(ring[k - 1] + (ring[k] - ring[k - 1]) * (a / (a - b)))
+        if b <= 0:
+            kept.append(ring[k])
+    return np.array(kept).reshape(-1, 2)
 
 
-class Rejection(NamedTuple):
-    """Where a convex shape may not be.
+def grown_by_disc(shape: Array, radius: float, sides: int, *, outside: bool) -> Array:
+    """Corners of a convex shape grown by a polygon round a disc, or inside it.
 
-    Attributes
-    ----------
-    floor : Polygon or MultiPolygon
-        Where one point of it is on the floor, and not in an obstacle that is not convex.
-    taken : array of Polygon
-        Where an edge of floor or obstacles comes too near to it.
+    Corner by corner: shapely's buffer rounds the number of sides of a quarter.
     """
-
-    floor: BaseGeometry
-    taken: NDArray[np.object_]
-
-
-def slab_rejections(
-    footprint: ArrayLike,
-    floor: Polygon | MultiPolygon,
-    obstacles: Sequence[Shadow],
-    clearance: float,
-    bounds: ArrayLike,
-) -> tuple[Rejection, ...]:
-    """What the inner areas of many slabs are made of: floor minus all that is taken; see `slab_areas`."""
-    ground = _ground(footprint, floor, obstacles, clearance)
-    shapes = [around(ground.corners, low, high) for low, high in frozen(bounds, (None, 2), "slabs").tolist()]
-    return tuple(_rejection(ground, shape, inner=True) for shape in shapes)
-
-
-def _positions(ground: _Ground, shape: Array, *, inner: bool) -> BaseGeometry:
-    """Positions at which a convex shape lies on the floor and keeps its distance from the obstacles."""
-    here, taken = _rejection(ground, shape, inner=inner)
-    parts = shapely.get_parts(shapely.difference(here, shapely.union_all(taken)))
-    whole: BaseGeometry = shapely.union_all(parts[shapely.area(parts) > 0])
-    return whole
-
-
-def _rejection(ground: _Ground, shape: Array, *, inner: bool) -> Rejection:
-    """A shape is free where one point of it is and no edge comes too near to it."""
-    point = shape.mean(axis=0)
-    met = [_moved_round(pieces, _grown(-shape, keep, inner, ground.sides)) for keep, pieces in ground.pieces]
-    solid = np.concatenate(met)
-    here, covered = (shapely.transform(g, lambda p: p - point) for g in (ground.floor, ground.covered))
-    floor = shapely.difference(here, covered) if not covered.is_empty else here
-    return Rejection(floor, solid[shapely.area(solid) > 0])
-
-
-def _grown(shape: Array, keep: float, inner: bool, sides: int) -> Array:
-    """Corners of a convex shape grown by a disc.
-
-    Corner by corner: a buffer may put less to a quarter than it is told, it rounds the count.
-    """
-    if keep == 0:
+    if radius == 0:
         return shape
     turns = 2 * np.pi * np.arange(sides) / sides
-    radius = keep / np.cos(np.pi / sides) if inner else keep
-    disc = radius * np.column_stack([np.cos(turns), np.sin(turns)])
+    corner = radius / np.cos(np.pi / sides) if outside else radius
+    disc = corner * np.column_stack([np.cos(turns), np.sin(turns)])
     hull = shapely.convex_hull(shapely.multipoints((shape[:, None] + disc).reshape(-1, 2)))
     corners: Array = shapely.get_coordinates(hull)
     return corners
 
 
-def _moved_round(pieces: Sequence[Array], shape: Array) -> NDArray[np.object_]:
+def minkowski_sums(pieces: Sequence[Array], shape: Array) -> NDArray[np.object_]:
     """Minkowski sums of convex pieces with a convex shape."""
     corners, owner = np.concatenate(pieces), np.repeat(np.arange(len(pieces)), [len(p) for p in pieces])
     points = shapely.points((corners[:, None] + shape).reshape(-1, 2))
@@ -309,15 +149,3 @@ def _moved_round(pieces: Sequence[Array], shape: Array) -> NDArray[np.object_]:
         shapely.multipoints(points, indices=np.repeat(owner, len(shape)))
     )
     return sums
-
-
-def _sum(area: BaseGeometry, shape: Array) -> BaseGeometry:
-    """Minkowski sum with a convex shape: the area moved by one point of it, its edges grown by all of it."""
-    if area.is_empty:
-        return area
-    flat = FlatPolygon.from_shapely(area)
-    ends = edges_of(flat.vertices, flat.starts)
-    spots = np.concatenate([ends[:, None, :2] + shape, ends[:, None, 2:] + shape], axis=1)
-    grown = shapely.convex_hull(shapely.multipoints(spots))
-    whole: BaseGeometry = shapely.union_all([shapely.transform(area, lambda p: p + shape[0]), *grown])
-    return whole

@@ -1,4 +1,4 @@
-"""Ways found by OMPL's RRTConnect and RRT: between two points of a box, or two poses on a floor.
+"""Paths by OMPL's RRTConnect and RRT: between two points of a box, or two poses on a floor.
 
 The only file that imports ompl.
 """
@@ -18,7 +18,7 @@ from regionik.worlds.arrays import Array
 _OMPL = Lock()  # its seed and its log level belong to the whole process
 
 Curves = Literal["straight", "reeds-shepp", "dubins"]
-State = Any  # one of OMPL's, to be read by index and not kept
+State = Any  # of OMPL: read by index, valid during the call only
 
 
 def connect(
@@ -30,7 +30,7 @@ def connect(
     clear: Callable[[State, State], bool],
     *,
     seed: int,
-    most: int,
+    iterations: int,
     stride: float | None = None,
 ) -> Array | None:
     """Connect two points of a box by motions that are straight in its coordinates.
@@ -38,17 +38,17 @@ def connect(
     Parameters
     ----------
     lower, upper : (n,) array
-        The box; a side of no width is given some.
+        The box; a side of no width is widened by 1e-6.
     start, goal : (n,) array
         Different points of the box that are free.
     free : callable
-        Whether the robot may be at a state; coordinates are read as ``state[i]``.
+        Says if a state is free; its coordinates are ``state[i]``.
     clear : callable
-        Whether it may move straight from one state to another.
+        Says if the straight motion from one state to another is free.
     seed : int
-        Same input, same way, whatever was planned before.
-    most : int
-        Iterations after which to give up: a bound without a clock.
+        Same input, same path, whatever was planned before.
+    iterations : int
+        After which to give up: a bound without a clock.
     stride : float, optional
         Longest motion, in the box's coordinates; a fifth of the box's diagonal by default.
 
@@ -74,7 +74,7 @@ def connect(
         if stride is not None:
             planner.setRange(stride)
         setup.setPlanner(planner)
-        status = setup.solve(base.PlannerTerminationCondition(_after(most)))
+        status = setup.solve(base.PlannerTerminationCondition(_after(iterations)))
         if status != base.PlannerStatus.EXACT_SOLUTION:
             return None
         states = setup.getSolutionPath().getStates()
@@ -94,25 +94,25 @@ def connect_poses(
     curves: Curves,
     radius: float = 1.0,
     seed: int,
-    most: int,
+    iterations: int,
 ) -> Array | None:
-    """Connect two poses (x, y [m], yaw [rad]) by motions that ``clear`` knows how to make.
+    """Connect two poses (x, y [m], yaw [rad]) by motions that ``clear`` makes and checks.
 
     Parameters
     ----------
     lower, upper : (2,) array
-        Where to sample [m].
+        Box to sample in [m].
     start, goal : (3,) array
         Different poses that are free.
     free : callable
-        Whether the base may be at a pose (3,).
+        Says if a pose (3,) is free.
     clear : callable
-        Whether it may move from one pose to another.
+        Says if the motion from one pose to another is free.
     curves : {"straight", "reeds-shepp", "dubins"}
-        By which lengths neighbours are near, and along which motions are cut short.
+        Metric of the space: measures how near neighbours are and cuts motions short.
     radius : float
         Turning radius of the curves [m].
-    seed, most
+    seed, iterations
         As for `connect`.
 
     Returns
@@ -138,11 +138,11 @@ def connect_poses(
         for state in ends:
             space.enforceBounds(state)
         setup.setStartAndGoalStates(*ends)
-        # A tree from the goal would need curves that end at its states; where ways differ there and back, one
-        # tree finds them far more often.
+        # A tree from the goal would need curves that end at its states; where there and back differ, one tree
+        # succeeds far more often.
         both = space.hasSymmetricDistance()
         setup.setPlanner((geometric.RRTConnect if both else geometric.RRT)(information))
-        status = setup.solve(base.PlannerTerminationCondition(_after(most)))
+        status = setup.solve(base.PlannerTerminationCondition(_after(iterations)))
         if status != base.PlannerStatus.EXACT_SOLUTION:
             return None
         path = np.array([_read(p) for p in setup.getSolutionPath().getStates()])
@@ -151,12 +151,14 @@ def connect_poses(
 
 
 def _pose_space(base: Any, curves: Curves, radius: float) -> Any:
+    """OMPL's state space of poses with a metric."""
     if curves == "straight":
         return base.SE2StateSpace()
     return base.ReedsSheppStateSpace(radius) if curves == "reeds-shepp" else base.DubinsStateSpace(radius)
 
 
 def _read(state: State) -> Array:
+    """Pose (3,) of a state."""
     return np.array([state.getX(), state.getY(), state.getYaw()])
 
 
@@ -181,25 +183,25 @@ def _ompl(seed: int) -> Iterator[tuple[Any, Any]]:
 
 @contextmanager
 def _signals_held() -> Iterator[None]:
-    """Ctrl-C waits: raised while OMPL is imported, or where it calls back, it would abort the process."""
-    came: list[int] = []
+    """Hold signals back: Ctrl-C raised while OMPL is imported, or in a callback, would abort the process."""
+    caught: list[int] = []
     handlers = {}
     if current_thread() is main_thread():
         asking = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
         handlers = {number: to for number in asking if callable(to := signal.getsignal(number))}
     try:
         for number in handlers:
-            signal.signal(number, lambda which, _: came.append(which))
+            signal.signal(number, lambda which, _: caught.append(which))
         yield
     finally:
         for number, handler in handlers.items():
             signal.signal(number, handler)
-        for one in came:
+        for one in caught:
             handlers[signal.Signals(one)](one, None)
 
 
 def _motions(base: Any, information: Any, clear: Callable[[State, State], bool]) -> Any:
-    """A motion validator that asks once for the whole motion."""
+    """Motion validator that checks a whole motion in one call."""
 
     class Motions(base.MotionValidator):  # type: ignore[misc]
         def checkMotion(self, p: Any, q: Any) -> bool:
@@ -209,6 +211,7 @@ def _motions(base: Any, information: Any, clear: Callable[[State, State], bool])
 
 
 def _state(space: Any, point: Array) -> Any:
+    """State at a point of the box."""
     state = space.allocState()
     for i, value in enumerate(point.tolist()):
         state[i] = value
@@ -216,6 +219,6 @@ def _state(space: Any, point: Array) -> Any:
 
 
 def _after(calls: int) -> Any:
-    """A condition that turns true after so many calls."""
+    """Condition that turns true after a number of calls."""
     left = iter(range(calls))
     return lambda: next(left, None) is None

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from shapely.geometry import Polygon
 
-from regionik.planners.driving.room import core_edges
+from regionik.planners.driving.footprint_scene import core_edges
 from regionik.planners.geometry.flat import Index, compiled, nearest_on_segment
 from regionik.worlds.arrays import Array
 

@@ -20,8 +20,8 @@ from shapely.geometry import Point, Polygon
 
 from regionik.areas.ground import EVERY, GUARD, Geometries, Side, disjoint, ground_of
 from regionik.areas.reachable import heeds_headings
-from regionik.planners.driving.footprint import slab_areas, slab_rejections, slabs_along
-from regionik.planners.driving.room import Room, room_of
+from regionik.planners.driving.footprint_scene import FootprintScene, footprint_scene
+from regionik.planners.driving.heading_slabs import slab_areas, slab_rejections, slabs_along
 from regionik.worlds.arrays import Array
 from regionik.worlds.obstacles import Shadow
 from regionik.worlds.scene import World
@@ -175,10 +175,10 @@ def outer_by_heading(world: World) -> Standing:
 
 
 @lru_cache(maxsize=8)
-def room_for(world: World) -> Room:
+def room_for(world: World) -> FootprintScene:
     """The footprint in the base frame, and all it keeps away from, with a guard against rounding."""
     ground = ground_of(world)
-    return room_of(world.robot.footprint, ground.floor, ground.shadows, ground.clearance + GUARD)
+    return footprint_scene(world.robot.footprint, ground.floor, ground.shadows, ground.clearance + GUARD)
 
 
 @lru_cache(maxsize=8)
@@ -207,7 +207,7 @@ def _slab_sides(
 
 def _bounds(outline: Corners, floor: Polygon, shadows: Shadows, clearance: float) -> Array:
     """Headings of the slabs, those with a side of the footprint along a wall among them."""
-    return slabs_along(room_of(np.array(outline), floor, shadows, clearance), SLABS, WALLS)
+    return slabs_along(footprint_scene(np.array(outline), floor, shadows, clearance), SLABS, WALLS)
 
 
 def _kept_by(world: World) -> tuple[Corners, Polygon, Shadows, float]:

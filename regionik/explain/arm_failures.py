@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from regionik.explain.changes import one_lift_off
 from regionik.explain.sentences import setpoint_at
-from regionik.planners.driving.drive import NoPathError
-from regionik.planners.driving.shape import TightSpotError
+from regionik.planners.driving.footprint_planner import NarrowPassageError
+from regionik.planners.driving.point_planner import NoPathError
 from regionik.planners.geometry.collision import obstacles_from, solids_within
 from regionik.worlds.errors import Cause, Explanation, Repair
 from regionik.worlds.scene import World
@@ -86,7 +86,7 @@ def no_drive(world: World, i: int, refusal: NoPathError) -> Explanation:
         f"{setpoint_at(world.task, i)} has admissible places for the "
         f"base, but {kind} was not found a way to the places that were looked at: {refusal}."
     )
-    missing = refusal.across - refusal.passage if isinstance(refusal, TightSpotError) else None
+    missing = refusal.across - refusal.passage if isinstance(refusal, NarrowPassageError) else None
     return Explanation("ladder-broken", i, reason, (Cause("base", world.robot.name, missing),))
 
 

@@ -15,8 +15,8 @@ from regionik.areas.standing import by_heading, outer_by_heading, turns_matter
 from regionik.explain.changes import one_lift_off
 from regionik.explain.relaxations import with_rules
 from regionik.explain.sentences import join, no_way_to, setpoint_at, spot
-from regionik.planners.driving.footprint import width_of
-from regionik.planners.driving.shape import narrowest
+from regionik.planners.driving.footprint import footprint_width
+from regionik.planners.driving.footprint_planner import passage_width
 from regionik.regions import (
     TakenAway,
     largest_clearance,
@@ -193,12 +193,12 @@ def cut_off(world: World, i: int, here: BaseGeometry, areas: BaseGeometry) -> Ex
 
 def tight(world: World, here: BaseGeometry, there: BaseGeometry) -> str:
     """A sentence on the narrowest place between two parts of the floor, where the base is too wide for it."""
-    across = width_of(world.robot.footprint)
+    across = footprint_width(world.robot.footprint)
     if across == 0:
         return ""
     ground = ground_of(world)
     taken = [grow(shadow, ground.clearance, inner=False) for shadow in ground.shadows]
-    passage = narrowest(ground.floor - shapely.union_all(taken), here, there)
+    passage = passage_width(ground.floor - shapely.union_all(taken), here, there)
     if passage >= across:
         return ""
     return (

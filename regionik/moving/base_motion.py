@@ -12,7 +12,7 @@ from regionik.areas.standing import Index, Standing, room_for
 from regionik.ladder import Ladder
 from regionik.moving.interpolation import Interpolator
 from regionik.planners.clearance.legs import bases_between, leg_lengths
-from regionik.planners.driving.room import Room, fits
+from regionik.planners.driving.footprint_scene import FootprintScene, fits
 from regionik.postures.poses import Pose
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import World
@@ -133,7 +133,7 @@ class ShapedDriver:
     methods: dict[str, int] = field(default_factory=dict)
 
     @property
-    def room(self) -> Room:
+    def room(self) -> FootprintScene:
         return room_for(self.world)
 
     def onto(self, here: Pose, label: int) -> list[Pose]:

@@ -24,11 +24,11 @@ from regionik.ladder import Ladder
 from regionik.mfabrik import axis_of, pose_of
 from regionik.moving.base_motion import BasePath, ShapedDriver, halting, together
 from regionik.moving.interpolation import Interpolator
-from regionik.planners.driving.drive import NoPathError, drive, drive_inside
-from regionik.planners.driving.footprint import Slab
-from regionik.planners.driving.room import Room, room_of, slides
-from regionik.planners.driving.shape import drive_shape
-from regionik.planners.driving.slabgraph import through
+from regionik.planners.driving.footprint_planner import drive_footprint
+from regionik.planners.driving.footprint_scene import FootprintScene, footprint_scene, slide_is_free
+from regionik.planners.driving.heading_slabs import Slab
+from regionik.planners.driving.point_planner import NoPathError, drive_point, drive_point_inside
+from regionik.planners.driving.slab_roadmap import path_through_slabs
 from regionik.planners.geometry.flat import FlatPolygon, segment_in_either
 from regionik.postures.poses import Pose
 from regionik.worlds.arrays import Array
@@ -78,9 +78,9 @@ class AnyHeadingDriver:
             return np.array([a, b])
         step = self.world.rules.step
         if isinstance(free, Polygon):
-            found = drive_inside(free, flat, *spots, step=step, seed=self.seed)
+            found = drive_point_inside(free, flat, *spots, step=step, seed=self.seed)
         else:
-            found = drive(free, *spots, step=step, seed=self.seed)
+            found = drive_point(free, *spots, step=step, seed=self.seed)
         self.methods[found.method] = self.methods.get(found.method, 0) + 1
         points = np.array(found.points)
         points[0], points[-1] = a, b
@@ -129,7 +129,7 @@ class ByHeadingDriver(ShapedDriver):
     def route(self, here: Pose, there: Pose, label: int, berth: float = 0.0) -> Array:
         """Of the base, (n, 3); see `Driver`."""
         ground, robot = ground_of(self.world), self.world.robot
-        found = drive_shape(
+        found = drive_footprint(
             robot.footprint,
             ground.floor,
             here.base,
@@ -144,7 +144,7 @@ class ByHeadingDriver(ShapedDriver):
     def direct(self, here: Pose, there: Pose, label: int) -> list[Pose] | None:
         """The base goes straight and turns evenly; see `Driver`."""
         bases = np.stack([here.base, there.base])
-        return self.interpolator.over(here, there, bases) if slides(self.room, *bases) else None
+        return self.interpolator.over(here, there, bases) if slide_is_free(self.room, *bases) else None
 
     def retreats(self, at: Pose, far: float, label: int) -> Iterator[list[Pose]]:
         """Straight off in sixteen directions, away from the tool first; see `Driver`."""
@@ -205,7 +205,7 @@ class ByHeadingPaths:
 
     def between(self, k: int, j: int, here: Array, goal: Array) -> Iterator[BasePath]:
         """See `BasePaths`."""
-        if slides(room_for(self.world), here, goal):
+        if slide_is_free(room_for(self.world), here, goal):
             yield together(False, np.stack([here, goal]))
         over = self._shared(k, j, here, goal)
         if over is None:
@@ -234,15 +234,15 @@ class ByHeadingPaths:
     def _through(self, k: int, a: Array, b: Array) -> Array | None:
         """Base poses from one to another, the arm axis inside the slabs of a component's group."""
         robot, room = self.world.robot, room_for(self.world)
-        if slides(room, a, b):
+        if slide_is_free(room, a, b):
             return np.stack([a, b])
         seen = [np.array([*axis_of(robot, pose), pose[2]]) for pose in (a, b)]
-        found = through(_axis_room(self.world), self._group(k), seen[0], seen[1], self.seed)
+        found = path_through_slabs(_axis_room(self.world), self._group(k), seen[0], seen[1], self.seed)
         if found is None:
             return None
         poses = np.array([pose_of(robot, p[:2], float(p[2])) for p in _parted(found)])
         poses[0], poses[-1] = a, b
-        free = all(slides(room, p, q) for p, q in zip(poses[:-1], poses[1:], strict=True))
+        free = all(slide_is_free(room, p, q) for p, q in zip(poses[:-1], poses[1:], strict=True))
         return poses if free else None
 
     def _group(self, k: int) -> tuple[Slab, ...]:
@@ -261,9 +261,9 @@ class ByHeadingPaths:
         return part
 
 
-def _axis_room(world: World) -> Room:
+def _axis_room(world: World) -> FootprintScene:
     ground, robot = ground_of(world), world.robot
-    return room_of(robot.footprint - robot.mount[:2], ground.floor, ground.shadows, ground.clearance)
+    return footprint_scene(robot.footprint - robot.mount[:2], ground.floor, ground.shadows, ground.clearance)
 
 
 def _parted(poses: Array) -> Array:

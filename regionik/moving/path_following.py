@@ -18,7 +18,7 @@ from regionik.moving.base_motion import BasePath, BasePaths
 from regionik.moving.configuration_sampling import Candidate
 from regionik.planners.clearance.legs import between, laid_out
 from regionik.planners.clearance.touching import Touch
-from regionik.planners.driving.drive import NoPathError
+from regionik.planners.driving.point_planner import NoPathError
 from regionik.planners.geometry.angles import wrap
 from regionik.planners.geometry.flat import Index
 from regionik.postures.families import Family

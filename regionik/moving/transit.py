@@ -11,7 +11,7 @@ from regionik.moving.base_motion import Driver
 from regionik.moving.interpolation import Interpolator
 from regionik.moving.whole_body import WholeBodyPlanner
 from regionik.planners.clearance.touching import Touch
-from regionik.planners.driving.drive import NoPathError
+from regionik.planners.driving.point_planner import NoPathError
 from regionik.postures.guard import Guard
 from regionik.postures.poses import Pose
 from regionik.worlds.pivoted_arm import pivot_index, with_pivot

@@ -10,8 +10,9 @@ import numpy as np
 
 from regionik.ladder import Ladder
 from regionik.moving.base_motion import BasePath, ShapedDriver, halting, together
-from regionik.planners.driving.room import Room, rolls
-from regionik.planners.driving.wheels import Way, drive_car, drive_differential
+from regionik.planners.driving.arcs import WheeledPath
+from regionik.planners.driving.footprint_scene import FootprintScene, arc_is_free
+from regionik.planners.driving.wheeled_planner import drive_car, drive_differential
 from regionik.postures.poses import Pose
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import World
@@ -22,12 +23,12 @@ class _WheeledDriver(ShapedDriver, ABC):
     """A base that rolls along lines and arcs, or turns on the spot."""
 
     @abstractmethod
-    def way_in(self, room: Room, a: Array, b: Array) -> Way:
+    def way_in(self, room: FootprintScene, a: Array, b: Array) -> WheeledPath:
         """Way that the base rolls from one pose to another; raises NoPathError."""
 
     def route(self, here: Pose, there: Pose, label: int, berth: float = 0.0) -> Array:
         """Of the base, (n, 3), each hop a line, an arc or a turn on the spot; see `Driver`."""
-        room = self.room._replace(keep=self.room.keep + berth) if berth else self.room
+        room = self.room._replace(clearance=self.room.clearance + berth) if berth else self.room
         way = self.way_in(room, here.base, there.base)
         self.count(way.method)
         return way.sample(self.world.rules.step)
@@ -40,7 +41,7 @@ class _WheeledDriver(ShapedDriver, ABC):
     def retreats(self, at: Pose, far: float, label: int) -> Iterator[list[Pose]]:
         """Straight back and straight ahead; see `Driver`."""
         for length in (-far, far) if far else (0.0,):
-            if rolls(self.room, at.base, length, 0.0):
+            if arc_is_free(self.room, at.base, length, 0.0):
                 x, y, yaw = at.base
                 back = replace(at, base=np.array([x + length * np.cos(yaw), y + length * np.sin(yaw), yaw]))
                 yield [*self.interpolator.over(at, back, np.stack([at.base, back.base])), back]
@@ -54,7 +55,7 @@ class _WheeledDriver(ShapedDriver, ABC):
 class DifferentialDriver(_WheeledDriver):
     """Lines and turns on the spot."""
 
-    def way_in(self, room: Room, a: Array, b: Array) -> Way:
+    def way_in(self, room: FootprintScene, a: Array, b: Array) -> WheeledPath:
         """See `_WheeledDriver`."""
         return drive_differential(room, a, b, seed=self.seed)
 
@@ -63,7 +64,7 @@ class DifferentialDriver(_WheeledDriver):
 class CarDriver(_WheeledDriver):
     """Lines and arcs of the turning radius."""
 
-    def way_in(self, room: Room, a: Array, b: Array) -> Way:
+    def way_in(self, room: FootprintScene, a: Array, b: Array) -> WheeledPath:
         """See `_WheeledDriver`."""
         radius = self.world.robot.drive.turning_radius
         return drive_car(room, a, b, turning_radius=radius, seed=self.seed)

@@ -40,7 +40,9 @@ class WholeBodyPlanner:
             return self._goes(self._pose(self._read(p)), self._pose(self._read(q)))
 
         seed = self.driver.seed
-        path = connect(lower, upper, start, goal, free, clear, seed=seed, most=ITERATIONS, stride=STRIDE)
+        path = connect(
+            lower, upper, start, goal, free, clear, seed=seed, iterations=ITERATIONS, stride=STRIDE
+        )
         if path is None:
             return None
         return self._shortened([here, *(self._pose(self._read(q)) for q in path[1:-1]), there])

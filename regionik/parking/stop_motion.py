@@ -19,8 +19,8 @@ from regionik.explain.changes import one_lift_off
 from regionik.explain.sentences import setpoint
 from regionik.moving.configuration_sampling import PITCHES, Candidate
 from regionik.moving.path_search import HARD_TRIES, JoinedMotion, PathSearch, path_search
-from regionik.parking.fewest import Group
-from regionik.parking.placing import Bay, Placing
+from regionik.parking.base_placement import BasePlacement, PlacementSearch
+from regionik.parking.fewest_stops import StopGroup
 from regionik.parking.stops import StopSequence
 from regionik.postures.poses import Pose, Row
 from regionik.values import Stop
@@ -56,7 +56,7 @@ class StopMotion:
     places: tuple[BaseGeometry, ...]
 
 
-def connect_stops(work: StopSequence, seed: int, progress: Progress | None = None) -> StopMotion:
+def connect_stops(sequence: StopSequence, seed: int, progress: Progress | None = None) -> StopMotion:
     """Go from stop to stop and do their set-points.
 
     Raises
@@ -65,15 +65,15 @@ def connect_stops(work: StopSequence, seed: int, progress: Progress | None = Non
         Where the arm touches something in every posture that was looked at, the base finds no way, or
         the tool is lifted more often than the rules allow.
     """
-    search = path_search(work.world, work.floors.ladder, work.floors.standing, seed)
-    return _StopConnection(work, search).made(progress or (lambda *_: None))
+    search = path_search(sequence.world, sequence.parking_areas.ladder, sequence.parking_areas.standing, seed)
+    return _StopConnection(sequence, search).made(progress or (lambda *_: None))
 
 
 @dataclass(frozen=True, eq=False)
 class _Attempt:
     """What was done from one place: states, and a candidate for each set-point done."""
 
-    bay: Bay
+    placement: BasePlacement
     rows: list[Row]
     candidates: list[Candidate]
 
@@ -82,46 +82,50 @@ class _Attempt:
 class _StopConnection:
     """Stops one after the other, each from the place that serves most of it."""
 
-    work: StopSequence
+    sequence: StopSequence
     search: PathSearch
 
     @property
     def world(self) -> World:
-        return self.work.world
+        return self.sequence.world
 
     def made(self, tell: Progress) -> StopMotion:
         """Stop after stop until all set-points are done."""
         rows, found = self.search.start(), list[Candidate]()
-        placing, work, k = Placing(self.world, self.work.floors), self.work, 0
+        placements, sequence, k = PlacementSearch(self.world, self.sequence.parking_areas), self.sequence, 0
         stops, split, places = list[Stop](), list[int](), list[BaseGeometry]()
-        while k < len(work.groups):
-            group = work.groups[k]
+        while k < len(sequence.groups):
+            group = sequence.groups[k]
             most = self.world.rules.max_lift_offs
             if most is not None and len(stops) > most:
                 raise NoPlanFound(self._one_lift_too_many(group))
-            best = self._best(group, placing, work.spots[k], rows[-1].pose if rows else None)
+            best = self._best(group, placements, sequence.spots[k], rows[-1].pose if rows else None)
             rows += best.rows
             found += best.candidates
-            done = best.bay.setpoints[: len(best.candidates)]
-            stops.append(replace(best.bay.stop(self.world), setpoints=done))
+            done = best.placement.setpoints[: len(best.candidates)]
+            stops.append(replace(best.placement.stop(self.world), setpoints=done))
             places += [shapely.union_all(list(group.places.values()))] * len(done)
             tell("motion", len(found), len(self.world.task))
             k += 1
             if len(done) < len(group.setpoints):
                 split.append(len(found))
-                work, k = work.after(k - 1, len(found)), 0
+                sequence, k = sequence.after(k - 1, len(found)), 0
         return StopMotion(self.search.joined(rows, found), tuple(stops), tuple(split), tuple(places))
 
-    def _best(self, group: Group, placing: Placing, spot: Array | None, here: Pose | None) -> _Attempt:
+    def _best(
+        self, group: StopGroup, placements: PlacementSearch, spot: Array | None, here: Pose | None
+    ) -> _Attempt:
         """The place from which most of a stop is done; places of parts of it where none does all of it."""
         best: _Attempt | None = None
         count = len(group.setpoints)
         while count > (len(best.candidates) if best else 0):
             part = group
             if count < len(group.setpoints):
-                part = self.work.floors.group(group.setpoints[:count], self.world.rules.order)
-            for n, bay in enumerate(islice(chain([placing.best(part, spot)], placing.others(part)), PLACES)):
-                tried = self._attempt(bay, here, HARD_TRIES if n < HARD_PLACES or count == 1 else 0)
+                part = self.sequence.parking_areas.group(group.setpoints[:count], self.world.rules.order)
+            for n, placement in enumerate(
+                islice(chain([placements.best(part, spot)], placements.others(part)), PLACES)
+            ):
+                tried = self._attempt(placement, here, HARD_TRIES if n < HARD_PLACES or count == 1 else 0)
                 if best is None or len(tried.candidates) > len(best.candidates):
                     best = tried
                 if len(best.candidates) == count:
@@ -131,35 +135,37 @@ class _StopConnection:
             raise NoPlanFound(self.search.why_not(group.setpoints[0], here))
         return best
 
-    def _attempt(self, bay: Bay, here: Pose | None, hard: int) -> _Attempt:
+    def _attempt(self, placement: BasePlacement, here: Pose | None, hard: int) -> _Attempt:
         """The set-points of a stop from one place; in any order the tool may be lifted between them.
 
         So many postures are worth a search in the space of the whole robot.
         """
         rows, done = list[Row](), list[Candidate]()
-        while len(done) < len(bay.setpoints):
-            i = bay.setpoints[len(done)]
-            came = self._arrive(bay, i, here, hard)
+        while len(done) < len(placement.setpoints):
+            i = placement.setpoints[len(done)]
+            came = self._arrive(placement, i, here, hard)
             if came is None:
                 break
             rows += came[0]
-            left = len(bay.setpoints) - len(done)
-            for step in self.search.run(i, left, came[1], partial(self._ahead, bay)):
-                rows += [*step.rows, Row(step.candidate.pose, "setpoint", bay.setpoints[len(done)])]
+            left = len(placement.setpoints) - len(done)
+            for step in self.search.run(i, left, came[1], partial(self._ahead, placement)):
+                rows += [*step.rows, Row(step.candidate.pose, "setpoint", placement.setpoints[len(done)])]
                 done.append(step.candidate)
             here = rows[-1].pose
             if self.world.rules.order == "given":
                 break
-        return _Attempt(bay, rows, done)
+        return _Attempt(placement, rows, done)
 
-    def _arrive(self, bay: Bay, i: int, here: Pose | None, hard: int) -> tuple[list[Row], Candidate] | None:
+    def _arrive(
+        self, placement: BasePlacement, i: int, here: Pose | None, hard: int
+    ) -> tuple[list[Row], Candidate] | None:
         """Get to a set-point of a stop with the tool lifted; the base stays but on the way to the first."""
-        first, near = i == bay.setpoints[0], np.array(self.world.robot.carry)
-        near[pivot_index(self.world.robot.chain)] = bay.pivot[bay.setpoints.index(i)]
-        components = self._components(bay, i)
-        postures = list(islice(self._postures(i, components, bay.base, near), POSTURES))
-        if not postures and len(bay.setpoints) == 1:
-            postures = list(self._round(i, components, bay.base, near))
+        first, near = i == placement.setpoints[0], np.array(self.world.robot.carry)
+        near[pivot_index(self.world.robot.chain)] = placement.pivot[placement.setpoints.index(i)]
+        components = self._components(placement, i)
+        postures = list(islice(self._postures(i, components, placement.base, near), POSTURES))
+        if not postures and len(placement.setpoints) == 1:
+            postures = list(self._round(i, components, placement.base, near))
         plain = self.search.transits.folded if first else self._folded_still
         return self.search.arrive(i, here, postures, plain, hard if first else 0)
 
@@ -169,20 +175,24 @@ class _StopConnection:
         still = way is not None and all(np.array_equal(at.base, there.base) for at in way)
         return way if still else None
 
-    def _components(self, bay: Bay, i: int) -> list[int]:
-        """Components of a set-point that hold the place, that of the bay first."""
-        floors, own = self.work.floors, bay.chain[bay.setpoints.index(i)]
-        rungs, side = floors.ladder.rungs, floors.ladder.side
-        point = shapely.Point(bay.axis)
-        found = [k for k in range(rungs[i], rungs[i + 1]) if side[k] == side[own] and floors.usable[k]]
-        return [own, *(k for k in found if k != own and floors.ladder.component[k].covers(point))]
+    def _components(self, placement: BasePlacement, i: int) -> list[int]:
+        """Components of a set-point that hold the place, that of the placement first."""
+        parking_areas, own = self.sequence.parking_areas, placement.chain[placement.setpoints.index(i)]
+        rungs, side = parking_areas.ladder.rungs, parking_areas.ladder.side
+        point = shapely.Point(placement.axis)
+        found = [k for k in range(rungs[i], rungs[i + 1]) if side[k] == side[own] and parking_areas.usable[k]]
+        return [own, *(k for k in found if k != own and parking_areas.ladder.component[k].covers(point))]
 
-    def _ahead(self, bay: Bay, i: int, here: Candidate) -> Iterator[Candidate]:
+    def _ahead(self, placement: BasePlacement, i: int, here: Candidate) -> Iterator[Candidate]:
         """Postures at the set-point after i of a stop."""
-        if i >= bay.setpoints[-1]:
+        if i >= placement.setpoints[-1]:
             return iter(())
-        linked = [k for k in self._components(bay, i + 1) if here.component in self.work.floors.back[k]]
-        return islice(self._postures(i + 1, linked, bay.base, here.found.joints), POSTURES)
+        linked = [
+            k
+            for k in self._components(placement, i + 1)
+            if here.component in self.sequence.parking_areas.back[k]
+        ]
+        return islice(self._postures(i + 1, linked, placement.base, here.found.joints), POSTURES)
 
     def _postures(self, i: int, components: list[int], base: Array, near: Array) -> Iterator[Candidate]:
         """Clear postures on a set-point with the base where it is, the least changed first."""
@@ -203,7 +213,7 @@ class _StopConnection:
         if self.search.guard.on and found.converged:
             yield from self.search.sampler.around(i, Candidate(replace(found, base=base), components[0]))
 
-    def _one_lift_too_many(self, group: Group) -> Explanation:
+    def _one_lift_too_many(self, group: StopGroup) -> Explanation:
         """One stop more than the rules let the tool be lifted."""
         i, most = group.setpoints[0], self.world.rules.max_lift_offs
         reason = (

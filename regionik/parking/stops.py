@@ -1,4 +1,4 @@
-"""Where should I park: the fewest stops for a world's set-points, without planning any motion."""
+"""Fewest stops for a world's set-points, without planning any motion."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from regionik.mfabrik import axis_of
-from regionik.parking.fewest import Group, Parking, ParkingAreas, park, reordered
-from regionik.parking.placing import Bay, Placing, check_arm, shortest_way
-from regionik.planners.places.tour import shortest_order
+from regionik.parking.base_placement import BasePlacement, PlacementSearch, check_arm, short_tour_positions
+from regionik.parking.fewest_stops import Parking, ParkingAreas, StopGroup, park, reordered
+from regionik.planners.coverage.tours import shortest_order
 from regionik.values import Stop
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError
@@ -51,12 +51,12 @@ def stops(world: World) -> tuple[Stop, ...]:
 
 
 def find(world: World) -> tuple[tuple[Stop, ...], Parking]:
-    """The stops of `stops`, and what is known of their number."""
+    """Stops as `stops` returns them, and the bound of their number."""
     check(world)
     parking = park(world)
-    work = in_turn(world, parking)
-    found = [bay.stop(world) for bay in settled(work)]
-    named = (replace(stop, setpoints=tuple(work.order[i] for i in stop.setpoints)) for stop in found)
+    sequence = in_sequence(world, parking)
+    found = [placement.stop(world) for placement in placed(sequence)]
+    named = (replace(stop, setpoints=tuple(sequence.order[i] for i in stop.setpoints)) for stop in found)
     return tuple(named), parking
 
 
@@ -83,72 +83,74 @@ class StopSequence:
     world : World
         Its set-points in the order of the work.
     order : tuple of int
-        Which set-point of the world asked for each of them is.
-    floors : ParkingAreas
-    groups : tuple of Group
+        Index of each in the world as given.
+    parking_areas : ParkingAreas
+    groups : tuple of StopGroup
         Of set-points that follow one another.
     spots : tuple of (2,) arrays or None
-        Where the arm axis is to stand at each; None leaves it to the criterion.
+        Position of the arm axis at each; None leaves it to the criterion.
     """
 
     world: World
     order: tuple[int, ...]
-    floors: ParkingAreas
-    groups: tuple[Group, ...]
+    parking_areas: ParkingAreas
+    groups: tuple[StopGroup, ...]
     spots: tuple[Array | None, ...]
 
     def after(self, k: int, done: int) -> StopSequence:
         """What is still to do where the place of stop k serves only what comes before set-point ``done``."""
         if self.world.rules.order == "given":
-            groups = tuple(self.floors.groups(done))
+            groups = tuple(self.parking_areas.groups(done))
             return replace(self, groups=groups, spots=(None,) * len(groups))
         left = tuple(i for i in self.groups[k].setpoints if i >= done)
-        groups = (Group(left, self.groups[k].places), *self.groups[k + 1 :])
+        groups = (StopGroup(left, self.groups[k].places), *self.groups[k + 1 :])
         return replace(self, groups=groups, spots=(None, *self.spots[k + 1 :]))
 
 
-def in_turn(world: World, parking: Parking) -> StopSequence:
-    """The stops of a parking one after the other, along a short tour where set-points may be in any order.
+def in_sequence(world: World, parking: Parking) -> StopSequence:
+    """Stops in their order, along a short tour where set-points may be in any order.
 
-    Ways between stops count as straight.
+    Drives between stops count as straight.
     """
-    floors, groups, order = parking.floors, parking.groups, tuple(range(len(world.task)))
+    parking_areas, groups, order = parking.parking_areas, parking.groups, tuple(range(len(world.task)))
     if world.rules.order == "any":
-        groups = _toured(world, Placing(world, floors), groups)
+        groups = _along_tour(world, PlacementSearch(world, parking_areas), groups)
         order = tuple(i for group in groups for i in group.setpoints)
         ends = np.cumsum([0, *(len(group.setpoints) for group in groups)]).tolist()
         spans = [tuple(range(a, b)) for a, b in zip(ends[:-1], ends[1:], strict=True)]
-        groups = tuple(Group(span, group.places) for span, group in zip(spans, groups, strict=True))
+        groups = tuple(StopGroup(span, group.places) for span, group in zip(spans, groups, strict=True))
         world = replace(world, task=tuple(world.task[i] for i in order))
-        floors = reordered(world, floors)
+        parking_areas = reordered(world, parking_areas)
     spots: tuple[Array | None, ...] = (None,) * len(groups)
     if world.rules.stop_criterion == "distance":
-        spots = tuple(shortest_way(world, groups))
-    return StopSequence(world, order, floors, groups, spots)
+        spots = tuple(short_tour_positions(world, groups))
+    return StopSequence(world, order, parking_areas, groups, spots)
 
 
-def settled(work: StopSequence) -> Iterator[Bay]:
-    """The best place of every stop; a stop that no heading serves is split."""
-    placing = Placing(work.world, work.floors)
+def placed(sequence: StopSequence) -> Iterator[BasePlacement]:
+    """Yield the best placement of every stop; a stop that no heading serves is split."""
+    placements = PlacementSearch(sequence.world, sequence.parking_areas)
     k = 0
-    while k < len(work.groups):
-        bay = placing.best(work.groups[k], work.spots[k])
-        yield bay
+    while k < len(sequence.groups):
+        placement = placements.best(sequence.groups[k], sequence.spots[k])
+        yield placement
         k += 1
-        if len(bay.setpoints) < len(work.groups[k - 1].setpoints):
-            work, k = work.after(k - 1, bay.setpoints[-1] + 1), 0
+        if len(placement.setpoints) < len(sequence.groups[k - 1].setpoints):
+            sequence, k = sequence.after(k - 1, placement.setpoints[-1] + 1), 0
 
 
-def _toured(world: World, placing: Placing, groups: tuple[Group, ...]) -> tuple[Group, ...]:
+def _along_tour(
+    world: World, placements: PlacementSearch, groups: tuple[StopGroup, ...]
+) -> tuple[StopGroup, ...]:
     """Groups along a tour, their set-points in a short order too."""
-    spots = np.array([placing.best(group).axis for group in groups])
+    spots = np.array([placements.best(group).axis for group in groups])
     far = np.hypot(*(spots[:, None] - spots[None]).transpose(2, 0, 1))
     lead = None if world.start is None else np.hypot(*(spots - axis_of(world.robot, world.start.base)).T)
     order, _ = shortest_order(far, lead)
     return tuple(_in_short_order(world, groups[n]) for n in order)
 
 
-def _in_short_order(world: World, group: Group) -> Group:
+def _in_short_order(world: World, group: StopGroup) -> StopGroup:
     spots = np.array([world.task[i].position for i in group.setpoints])
     order, _ = shortest_order(np.linalg.norm(spots[:, None] - spots[None], axis=2))
-    return Group(tuple(group.setpoints[n] for n in order), group.places)
+    return StopGroup(tuple(group.setpoints[n] for n in order), group.places)

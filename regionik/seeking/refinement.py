@@ -20,7 +20,7 @@ from regionik.areas.ground import EVERY, GUARD, ground_of
 from regionik.areas.reach_model import ReachModel
 from regionik.areas.reachable import fine_reach, reach_model
 from regionik.areas.standing import span_of_rules
-from regionik.planners.driving.footprint import slab_free
+from regionik.planners.driving.heading_slabs import slab_free
 from regionik.planners.search.box_search import WHOLE, Verdict, begin, explore, left_open
 from regionik.postures.families import BACK, FRONT, Family
 from regionik.postures.poses import Pose

@@ -1,4 +1,4 @@
-"""Fewest runs of an ordered sequence of areas such that one place lies in all areas of a run."""
+"""Interval cover: fewest runs of an ordered sequence of areas with one point in all areas of a run."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-LEAST = 1e-10  # of what areas have in common, below which they have nothing in common [m2]
+LEAST = 1e-10  # smaller intersections are none [m2]
 
 Geometries = NDArray[np.object_]
 Index = NDArray[np.intp]
@@ -18,14 +18,14 @@ Index = NDArray[np.intp]
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """Steps that can all be done from one place.
+    """Steps that can all be done from one point.
 
     Attributes
     ----------
     first, last : int
         Steps, both included.
     ends : dict of int to geometry
-        The options of the last step, each with the places from which it ends a chain of linked options.
+        By option of the last step the points from which it ends a chain of linked options.
     """
 
     first: int
@@ -33,22 +33,22 @@ class Run:
     ends: dict[int, BaseGeometry]
 
 
-def fewest_runs(options: Geometries, rungs: Index, back: Sequence[Sequence[int]]) -> list[Run]:
-    """Runs, each as long as it goes, from the first step on.
+def fewest_runs(options: Geometries, offsets: Index, back: Sequence[Sequence[int]]) -> list[Run]:
+    """Greedy runs, each as long as possible, from the first step on; no other cover has fewer.
 
-    A place serves steps i to j where it lies in an option of each, each linked to the one before. One that
-    serves a run serves every part of it. So, whatever other runs cover the steps, the k-th of these ends no
-    earlier than their k-th does, by induction: theirs begins no later than ours, and what of it is left
-    at our beginning is a run that ours has gone at least as far as. None therefore needs fewer runs.
+    A point serves steps i to j where it lies in an option of each, each linked to the one before; it then
+    serves every part of that run too. By induction the k-th greedy run ends no earlier than the k-th run of
+    any other cover: that one begins no later, and the part of it from the beginning of the greedy run on is a
+    run itself, so the greedy run goes at least as far.
 
     Parameters
     ----------
     options : (m,) array of geometry
         Areas of all steps, those of a step together, in the order of the steps.
-    rungs : (n + 1,) array of int
-        ``options[rungs[i]:rungs[i + 1]]`` are those of step i.
+    offsets : (n + 1,) array of int
+        ``options[offsets[i]:offsets[i + 1]]`` are those of step i.
     back : sequence of sequences of int
-        For each option the options of the step before that it is linked to.
+        For each option those of the step before that it is linked to.
 
     Returns
     -------
@@ -57,8 +57,8 @@ def fewest_runs(options: Geometries, rungs: Index, back: Sequence[Sequence[int]]
     """
     found: list[Run] = []
     alive: dict[int, BaseGeometry] = {}
-    for i in range(len(rungs) - 1):
-        span = range(int(rungs[i]), int(rungs[i + 1]))
+    for i in range(len(offsets) - 1):
+        span = range(int(offsets[i]), int(offsets[i + 1]))
         ahead = _onward(options, span, back, alive) if alive else {}
         if ahead:
             found[-1] = Run(found[-1].first, i, ahead)
@@ -74,21 +74,21 @@ def fewest_runs(options: Geometries, rungs: Index, back: Sequence[Sequence[int]]
 def _onward(
     options: Geometries, span: range, back: Sequence[Sequence[int]], alive: dict[int, BaseGeometry]
 ) -> dict[int, BaseGeometry]:
-    """Places from which the run goes on, by option of the next step."""
+    """Points from which the run goes on, by option of the next step."""
     ahead: dict[int, BaseGeometry] = {}
     for k in span:
         before = [alive[m] for m in back[k] if m in alive]
         if not before:
             continue
-        places = before[0] if len(before) == 1 else shapely.union_all(before)
-        shared = _solid(places & options[k])
+        points = before[0] if len(before) == 1 else shapely.union_all(before)
+        shared = _polygons(points & options[k])
         if shared.area > LEAST:
             ahead[k] = shared
     return ahead
 
 
-def _solid(shape: BaseGeometry) -> BaseGeometry:
-    """The polygons of a geometry."""
+def _polygons(shape: BaseGeometry) -> BaseGeometry:
+    """Polygons of a geometry."""
     if shapely.get_type_id(shape) in (3, 6):
         return shape
     parts = shapely.get_parts(shape)

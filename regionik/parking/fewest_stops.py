@@ -1,9 +1,9 @@
-"""Park and work: the fewest places of the base from which all set-points are done standing still.
+"""Fewest stops of the base from which all set-points are done standing still.
 
-A place serves set-points one after the other where it lies in a component of each, of one slab of headings
-and of postures that the arm can go on between. The number is proven to be the fewest for these inner areas,
-each shrunk by the radius of the circle to park in, with headings and solids in the arm's way left aside; the
-same count over outer areas is a bound that no base falls below.
+A position of the base serves set-points one after the other where it lies in a component of each, of one slab
+of headings and of postures that the arm can go on between. The number is proven to be the fewest for these
+inner areas, each shrunk by the radius of the circle to park in, with headings and solids in the arm's way
+left aside; the same count over outer areas is a bound that no base falls below.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ from regionik.explain.failures import cut_off, no_place
 from regionik.explain.sentences import no_way_to, setpoint_at
 from regionik.ladder import Ladder, Mask, build_ladder
 from regionik.mfabrik import axis_of
+from regionik.planners.coverage.interval_cover import fewest_runs
+from regionik.planners.coverage.set_cover import OverlayFaces, SetCover, least_cover, overlay_faces
 from regionik.planners.geometry.offsets import shrunk
-from regionik.planners.places.cover import Cover, Faces, faces_of, least_cover
-from regionik.planners.places.runs import fewest_runs
 from regionik.regions import PathAreas, outer_areas, path_areas, ways_to_stand
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Cause, Explanation, NoPlanFound
@@ -33,14 +33,14 @@ from regionik.worlds.scene import Order, Target, World
 
 
 @dataclass(frozen=True, eq=False)
-class Group:
-    """Set-points that one place of the base can serve, and all places that do.
+class StopGroup:
+    """Set-points that one stop can serve, and all positions that do.
 
     Attributes
     ----------
     setpoints : tuple of int
     places : dict of int to geometry
-        By side of the standing; the circle to park in is worked in.
+        By side of the standing; shrunk by the circle to park in.
     """
 
     setpoints: tuple[int, ...]
@@ -76,31 +76,31 @@ class ParkingAreas:
     narrow: Geometries
     back: tuple[tuple[int, ...], ...]
 
-    def groups(self, begin: int = 0) -> list[Group]:
-        """Fewest groups of set-points in their order, from one of them on, and the places of each."""
+    def groups(self, begin: int = 0) -> list[StopGroup]:
+        """Fewest groups of set-points in their order, from one of them on, with their places."""
         return self._groups(begin, self.ladder.count)
 
-    def _groups(self, begin: int, end: int) -> list[Group]:
+    def _groups(self, begin: int, end: int) -> list[StopGroup]:
         rungs = self.ladder.rungs[begin : end + 1]
         offset = int(rungs[0])
         back = [[m - offset for m in row if m >= offset] for row in self.back[offset : int(rungs[-1])]]
         runs = fewest_runs(self.narrow[offset:], rungs - offset, back)
         return [
-            Group(
+            StopGroup(
                 tuple(range(begin + run.first, begin + run.last + 1)),
                 self._by_side({k + offset: area for k, area in run.ends.items()}),
             )
             for run in runs
         ]
 
-    def group(self, setpoints: tuple[int, ...], order: Order) -> Group:
-        """Set-points that one place serves, with all its places: in their order, or in any."""
+    def group(self, setpoints: tuple[int, ...], order: Order) -> StopGroup:
+        """Group of given set-points with all their places: in their order, or in any."""
         if order == "given":
             first, last = setpoints[0], setpoints[-1]
             return self._groups(first, last + 1)[0]
         sides = sorted(set(self.ladder.side.tolist()))
         shared = {s: shapely.intersection_all(self.areas_at(s)[list(setpoints)]) for s in sides}
-        return Group(setpoints, {s: area for s, area in shared.items() if area.area > 0})
+        return StopGroup(setpoints, {s: area for s, area in shared.items() if area.area > 0})
 
     @cached_property
     def _areas(self) -> dict[int, Geometries]:
@@ -125,26 +125,26 @@ class ParkingAreas:
 
 @dataclass(frozen=True, eq=False)
 class Parking:
-    """Which set-points are done from where.
+    """Fewest stops and a lower bound of their number.
 
     Attributes
     ----------
-    floors : ParkingAreas
-    groups : tuple of Group
+    parking_areas : ParkingAreas
+    groups : tuple of StopGroup
     lower : int
         No base needs fewer stops.
     stats : dict
-        How that is known.
+        How the bound is known.
     """
 
-    floors: ParkingAreas
-    groups: tuple[Group, ...]
+    parking_areas: ParkingAreas
+    groups: tuple[StopGroup, ...]
     lower: int
     stats: dict[str, int | bool | str] = field(default_factory=dict)
 
 
 def park(world: World) -> Parking:
-    """The fewest stops for a world's set-points, in their order or in any.
+    """Fewest stops for a world's set-points, in their order or in any.
 
     Raises
     ------
@@ -159,17 +159,17 @@ def park_in_order(world: World) -> Parking:
 
     Ways to stand and to face come in one after the other until the bound from outer areas is met.
     """
-    lower = _lower_in_order(world)
+    lower = _lower_bound_in_order(world)
     best: Parking | None = None
     refused: NoPlanFound | None = None
     for standing, facings in ways_to_stand(world):
-        for floors in _floors(world, standing(world), facings):
-            groups = floors.groups()
+        for parking_areas in _parking_areas(world, standing(world), facings):
+            groups = parking_areas.groups()
             done = groups[-1].setpoints[-1] + 1 if groups else 0
             if done < len(world.task):
-                refused = refused or NoPlanFound(no_room(world, done, floors))
+                refused = refused or NoPlanFound(no_room(world, done, parking_areas))
             elif best is None or len(groups) < len(best.groups):
-                best = Parking(floors, tuple(groups), lower)
+                best = Parking(parking_areas, tuple(groups), lower)
         if best is not None and len(best.groups) <= lower:
             break
     if best is None:
@@ -179,66 +179,68 @@ def park_in_order(world: World) -> Parking:
         "lower_bound": lower,
         "bound": "outer areas",
     }
-    return Parking(best.floors, best.groups, lower, stats)
+    return Parking(best.parking_areas, best.groups, lower, stats)
 
 
 def park_in_any_order(world: World) -> Parking:
-    """The least cover of all set-points by faces of the overlay of their areas.
+    """Fewest stops in any order: the least cover of the set-points by faces of their areas' overlay.
 
     Headings by slab come in only where a set-point has no place at every heading.
     """
     refused: NoPlanFound | None = None
     for standing, facings in list(ways_to_stand(world))[1::2]:
         found: list[Parking] = []
-        for floors in _floors(world, standing(world), facings):
-            empty = np.flatnonzero(_solid_rungs(floors) == 0)
+        for parking_areas in _parking_areas(world, standing(world), facings):
+            empty = np.flatnonzero(_component_counts(parking_areas) == 0)
             if len(empty):
-                refused = refused or NoPlanFound(no_room(world, int(empty[0]), floors))
+                refused = refused or NoPlanFound(no_room(world, int(empty[0]), parking_areas))
             else:
-                found.append(_covered(world, floors))
+                found.append(_covered(world, parking_areas))
         if found:
             return min(found, key=lambda one: len(one.groups))
     raise refused or NoPlanFound(no_place(world, 0))
 
 
-def _solid_rungs(floors: ParkingAreas) -> Index:
-    """How many components of each set-point leave room to park."""
-    real = shapely.area(floors.narrow) > 0
-    return np.bincount(floors.ladder.target[real], minlength=floors.ladder.count).astype(np.intp)
+def _component_counts(parking_areas: ParkingAreas) -> Index:
+    """Number of components of each set-point that leave room to park."""
+    real = shapely.area(parking_areas.narrow) > 0
+    return np.bincount(parking_areas.ladder.target[real], minlength=parking_areas.ladder.count).astype(
+        np.intp
+    )
 
 
-def _covered(world: World, floors: ParkingAreas) -> Parking:
-    """The least cover, every set-point given to one of the places that meet it."""
-    sides = sorted(set(floors.ladder.side.tolist()))
-    overlays = [faces_of(floors.areas_at(s)) for s in sides]
+def _covered(world: World, parking_areas: ParkingAreas) -> Parking:
+    """The least cover, every set-point assigned to one of the faces that meet it."""
+    sides = sorted(set(parking_areas.ladder.side.tolist()))
+    overlays = [overlay_faces(parking_areas.areas_at(s)) for s in sides]
     side = np.repeat(sides, [len(overlay.polygon) for overlay in overlays])
-    faces = Faces(
+    faces = OverlayFaces(
         np.concatenate([overlay.polygon for overlay in overlays]),
         np.concatenate([overlay.inside for overlay in overlays]),
     )
     cover = least_cover(faces.inside)
-    groups = _given_out(world.task, faces, side, cover, floors)
-    outer = _for_circles(_outer(world), world, outside=True)
-    bound = least_cover(faces_of(outer).inside)
+    groups = _assigned(world.task, faces, side, cover, parking_areas)
+    outer = _shrunk(_outer(world), world, outside=True)
+    bound = least_cover(overlay_faces(outer).inside)
     stats: dict[str, int | bool | str] = {
         "count": len(groups), "lower_bound": bound.lower, "bound": "outer areas",
         "fewest_of_inner_areas": cover.lower, "apart": cover.apart, "faces": len(faces.polygon),
     }  # fmt: skip
-    return Parking(floors, tuple(groups), bound.lower, stats)
+    return Parking(parking_areas, tuple(groups), bound.lower, stats)
 
 
-def _areas_of(floors: ParkingAreas, side: int) -> Geometries:
+def _areas_of(parking_areas: ParkingAreas, side: int) -> Geometries:
     """Places to park at one side, by set-point."""
-    ladder, own = floors.ladder, floors.ladder.side == side
-    parts = [floors.narrow[own & (ladder.target == i)] for i in range(ladder.count)]
+    ladder, own = parking_areas.ladder, parking_areas.ladder.side == side
+    parts = [parking_areas.narrow[own & (ladder.target == i)] for i in range(ladder.count)]
     areas = np.empty(ladder.count, dtype=object)
     areas[:] = [shapely.union_all(part) for part in parts]
     return areas
 
 
-def _given_out(
-    task: Sequence[Target], faces: Faces, side: Index, cover: Cover, floors: ParkingAreas
-) -> list[Group]:
+def _assigned(
+    task: Sequence[Target], faces: OverlayFaces, side: Index, cover: SetCover, parking_areas: ParkingAreas
+) -> list[StopGroup]:
     """Every set-point to the nearest of the chosen faces that meet it; places are what its areas share."""
     chosen = list(cover.chosen)
     spots = shapely.point_on_surface(faces.polygon[chosen])
@@ -246,19 +248,19 @@ def _given_out(
     far = np.where(faces.inside[chosen], shapely.distance(spots[:, None], positions[None]), np.inf)
     owner = np.argmin(far, axis=0)
     groups = []
-    for n, (face, inside) in enumerate(zip(chosen, spots, strict=True)):
+    for n, (face, spot) in enumerate(zip(chosen, spots, strict=True)):
         members = tuple(np.flatnonzero(owner == n).tolist())
         if members:
             s = int(side[face])
-            groups.append(Group(members, {s: floors.shared(members, s, inside.coords[0])}))
+            groups.append(StopGroup(members, {s: parking_areas.shared(members, s, spot.coords[0])}))
     return groups
 
 
-def _floors(world: World, standing: Standing, facings: tuple[int, ...]) -> list[ParkingAreas]:
+def _parking_areas(world: World, standing: Standing, facings: tuple[int, ...]) -> list[ParkingAreas]:
     """Areas on each piece of floor that the base may be on."""
     areas = path_areas(world, facings=facings, standing=standing)
     ladder = build_ladder(areas, len(world.task), standing)
-    narrow = _for_circles(ladder.component, world, outside=False)
+    narrow = _shrunk(ladder.component, world, outside=False)
     back: list[list[int]] = [[] for _ in ladder.component]
     for m, k in ladder.edges.tolist():
         if ladder.side[m] == ladder.side[k]:
@@ -273,10 +275,10 @@ def _floors(world: World, standing: Standing, facings: tuple[int, ...]) -> list[
     return found
 
 
-def reordered(world: World, floors: ParkingAreas) -> ParkingAreas:
-    """The same for a world of the same set-points in another order."""
-    found = _floors(world, floors.standing, floors.facings)
-    return next(one for one in found if one.piece == floors.piece)
+def reordered(world: World, parking_areas: ParkingAreas) -> ParkingAreas:
+    """Parking areas for a world of the same set-points in another order."""
+    found = _parking_areas(world, parking_areas.standing, parking_areas.facings)
+    return next(one for one in found if one.piece == parking_areas.piece)
 
 
 def _pieces(world: World, standing: Standing, ladder: Ladder) -> list[int]:
@@ -293,33 +295,37 @@ def _outer(world: World) -> Geometries:
     return areas
 
 
-def _for_circles(shapes: Geometries, world: World, *, outside: bool) -> Geometries:
-    """Places whose circle to park in lies in a shape: all of them and a little more, or none too many."""
+def _shrunk(shapes: Geometries, world: World, *, outside: bool) -> Geometries:
+    """Places whose circle to park in lies in a shape, bounded from outside or from inside."""
     by = world.rules.stop_tolerance
     if by == 0.0:
         return shapes
     return np.array([shrunk(shape, by, outside=outside) for shape in shapes], dtype=object)
 
 
-def _lower_in_order(world: World) -> int:
-    """Stops that any base needs, whatever its headings and the arm's postures."""
-    areas = _for_circles(_outer(world), world, outside=True)
+def _lower_bound_in_order(world: World) -> int:
+    """Lower bound of the stops, whatever the headings and postures: fewest runs of outer areas."""
+    areas = _shrunk(_outer(world), world, outside=True)
     count = len(areas)
     back = [[i - 1] if i else [] for i in range(count)]
     return len(fewest_runs(areas, np.arange(count + 1), back))
 
 
-def no_room(world: World, i: int, floors: ParkingAreas) -> Explanation:
-    """Why there is no place to park for set-point i."""
-    rungs = floors.ladder.rungs
+def no_room(world: World, i: int, parking_areas: ParkingAreas) -> Explanation:
+    """Explanation of a set-point i without a place to park."""
+    rungs = parking_areas.ladder.rungs
     span = slice(int(rungs[i]), int(rungs[i + 1]))
-    every = floors.ladder.component[span]
+    every = parking_areas.ladder.component[span]
     if not len(every):
         return no_place(world, i)
-    if not floors.usable[span].any():
-        piece = floors.ladder.floor[floors.usable][:1].tolist() or [int(floors.ladder.floor[span][0])]
-        return cut_off(world, i, shapely.union_all(floors.standing.whole(piece[0])), shapely.union_all(every))
-    widest = max(radius(area) for area in every[floors.usable[span]])
+    if not parking_areas.usable[span].any():
+        piece = parking_areas.ladder.floor[parking_areas.usable][:1].tolist() or [
+            int(parking_areas.ladder.floor[span][0])
+        ]
+        return cut_off(
+            world, i, shapely.union_all(parking_areas.standing.whole(piece[0])), shapely.union_all(every)
+        )
+    widest = max(radius(area) for area in every[parking_areas.usable[span]])
     wanted = world.rules.stop_tolerance
     who = setpoint_at(world.task, i)
     circle = f"circle of radius {wanted:.4f} m to park in"
@@ -342,7 +348,7 @@ def radius(area: BaseGeometry) -> float:
 
 
 def depth(area: BaseGeometry, axis: Array) -> float:
-    """How far a place lies inside an area, below 0 outside [m]."""
+    """Distance of a position to the boundary of an area, below 0 outside [m]."""
     point = shapely.Point(axis)
     far = float(shapely.distance(shapely.boundary(area), point))
     return far if area.covers(point) else -far

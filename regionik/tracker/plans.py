@@ -1,8 +1,8 @@
 """Plans by Xu's tracker: a differential base and a pitch arm follow set-points of full orientation.
 
-Every pose is met in closed form, so there is nothing to search but how the base stands at first: headings and
-elbows are gone through until a way is found that `verify` lets pass. That choice alone keeps clear of solids;
-the tracker goes round nothing.
+Every pose is met in closed form, so that only the heading of the base at the first pose and the elbow are
+searched, until `verify` finds a plan valid. That choice alone keeps clear of solids; the tracker avoids
+nothing.
 """
 
 from __future__ import annotations
@@ -19,69 +19,69 @@ from regionik.areas.ground import ground_of
 from regionik.explain.failures import invalid_plan
 from regionik.explain.sentences import no_way_to, setpoint_at
 from regionik.mfabrik import axis_of
-from regionik.moving.tracker_paths import SAME, TrackedPath, arm_of, same, tracked_paths
-from regionik.planners.driving.drive import NoPathError
-from regionik.planners.driving.pitch import HeightError, PitchArm, arm_share
-from regionik.planners.driving.room import Room, room_of
-from regionik.planners.driving.wheels import drive_differential
+from regionik.planners.driving.footprint_scene import FootprintScene, footprint_scene
+from regionik.planners.driving.pitch_arm import HeightError, PitchArm, arm_share
+from regionik.planners.driving.point_planner import NoPathError
+from regionik.planners.driving.wheeled_planner import drive_differential
 from regionik.postures.poses import LARGEST_BEND, Pose, Row, columns, figures, lift_offs
+from regionik.tracker.pose_paths import SAME, TrackedPath, arm_of, same, tracked_paths
 from regionik.values import Configuration, Motion, Plan, PlannedArea, Report
 from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Cause, Explanation, NoPlanFound
 from regionik.worlds.scene import Target, World
 
-Tell = Callable[[str, int, int], None]
+Progress = Callable[[str, int, int], None]
 
-DRAWN = 0.005  # half the width at which the curves that the axis may stand on are drawn [m]
+DRAWN = 0.005  # half the drawn width of the curves that the axis may stand on [m]
 
 
 def follows(world: World) -> bool:
-    """Whether the tracker plans a world: wheels, a pitch arm ahead of them, and full orientations."""
+    """True if the tracker can plan a world: wheels, a pitch arm ahead of them, and full orientations."""
     full = all(target.orientation is not None for target in world.task)
     return full and arm_of(world.robot) is not None
 
 
-def follow(world: World, seed: int, tell: Tell) -> Plan:
-    """Plan a world that the tracker `follows`.
+def follow(world: World, seed: int, progress: Progress) -> Plan:
+    """Plan a world that the tracker can plan (`follows`).
 
     Raises
     ------
     NoPlanFound
-        When a height is out of reach, or no heading of the base at the first set-point leads to a plan that
-        holds.
+        When a height is out of reach, or no heading of the base at the first set-point leads to a valid plan.
     """
     arm = arm_of(world.robot)
     assert arm is not None, "asked of a world that the tracker follows"
-    tell("tracker", 0, 0)
-    refused = _Refused(world)
+    progress("tracker", 0, 0)
+    rejected = _Rejected(world)
     joiner = _RunJoiner(world, seed)
     try:
         for k, found in enumerate(tracked_paths(world, arm)):
-            tell("tracker", k, 0)
+            progress("tracker", k, 0)
             try:
                 motion = joiner.motion(found)
             except NoPathError as error:
-                refused.no_way.append(str(error))
+                rejected.no_way.append(str(error))
                 continue
-            made = _plan(world, seed, arm, motion, joiner.methods(found))
+            made = _plan_of(world, seed, arm, motion, joiner.methods(found))
             report = verify(made)
             if report.ok:
                 return replace(made, stats={**made.stats, "margins": report.margins})
-            refused.reports.append(report)
+            rejected.reports.append(report)
     except HeightError as error:
         raise NoPlanFound(_out_of_reach(world, error)) from None
-    raise NoPlanFound(refused.explanation())
+    raise NoPlanFound(rejected.explanation())
 
 
 @dataclass(frozen=True, eq=False)
 class _RunJoiner:
-    """Puts runs together to one motion; between two the tool is lifted and the base driven."""
+    """Joins runs to one motion; between two the tool is lifted and the base driven."""
 
     world: World
     seed: int
 
     def motion(self, found: TrackedPath) -> Motion:
+        """States of all runs and of the drives to them; raises NoPathError."""
         start, rows, k = self.world.start, [], 0
         here = None if start is None else Pose(start.base, start.joints)
         if here is not None:
@@ -99,6 +99,7 @@ class _RunJoiner:
         return columns(rows)
 
     def methods(self, found: TrackedPath) -> dict[str, int]:
+        """Steps tracked and drives between runs."""
         drives = len(found.runs) - (self.world.start is None)
         return {"tracker": sum(len(run.base) - 1 for run in found.runs)} | (
             {"drive": drives} if drives else {}
@@ -115,19 +116,19 @@ class _RunJoiner:
         return [*_bent(here, driven[0]), *driven[:-1], *unfolded[:-1]]
 
     @property
-    def _room(self) -> Room:
+    def _room(self) -> FootprintScene:
         ground, robot = ground_of(self.world), self.world.robot
-        return room_of(robot.footprint, ground.floor, ground.shadows, self.world.rules.clearance)
+        return footprint_scene(robot.footprint, ground.floor, ground.shadows, self.world.rules.clearance)
 
 
 def _bent(here: Pose, there: Pose) -> list[Pose]:
-    """States behind the first up to the second, the base at rest."""
+    """States after the first up to the second, the base at rest."""
     change = there.joints - here.joints
     n = max(1, int(np.ceil(np.abs(change).max() / LARGEST_BEND)))
     return [Pose(here.base, here.joints + k / n * change) for k in range(n + 1)][1:]
 
 
-def _plan(world: World, seed: int, arm: PitchArm, motion: Motion, methods: dict[str, int]) -> Plan:
+def _plan_of(world: World, seed: int, arm: PitchArm, motion: Motion, methods: dict[str, int]) -> Plan:
     at = np.flatnonzero(motion.kind == "setpoint")
     tools = world.robot.tool(motion.base[at], motion.joints[at])[:, :3, 3]
     found = tuple(
@@ -146,10 +147,10 @@ def _plan(world: World, seed: int, arm: PitchArm, motion: Motion, methods: dict[
 
 
 def _area(world: World, arm: PitchArm, target: Target, free: BaseGeometry, axis: Array) -> PlannedArea:
-    """Where the axis may stand, which has no area: curves and points, drawn `DRAWN` to either side.
+    """Positions of the axis for a set-point: curves and points, drawn `DRAWN` to either side.
 
-    Under an upright tool it is a circle for each elbow, under a leaning one a point. What is left of it for
-    the whole path is the place that the plan takes.
+    Under an upright tool a circle for each elbow, under a leaning one a point. The area for the whole path is
+    the point that the plan takes.
     """
     T = np.eye(4)
     T[:3, :3], T[:3, 3] = target.orientation, target.position
@@ -173,6 +174,7 @@ def _area(world: World, arm: PitchArm, target: Target, free: BaseGeometry, axis:
 
 
 def _out_of_reach(world: World, error: HeightError) -> Explanation:
+    """Explanation of a height that the arm does not attain."""
     i = error.index
     nearest = error.low if error.height < error.low else error.high
     off, which = abs(nearest - error.height), "low" if error.height < error.low else "high"
@@ -189,15 +191,15 @@ def _out_of_reach(world: World, error: HeightError) -> Explanation:
 
 
 @dataclass(frozen=True, eq=False)
-class _Refused:
-    """Ways that did not hold."""
+class _Rejected:
+    """Paths that gave no valid plan, and why."""
 
     world: World
     reports: list[Report] = field(default_factory=list)
     no_way: list[str] = field(default_factory=list)
 
     def explanation(self) -> Explanation:
-        """Of the way that went wrong last, the first thing that went wrong."""
+        """First violation of the plan that stays valid for longest, or the first drive without a path."""
         tried = len(self.reports) + len(self.no_way)
         many = (
             f"{tried} ways to follow the set-points were tried, from all headings of the base and both elbows"

@@ -1,4 +1,4 @@
-"""Base motion inside a polygon: straight, by Algorithm 2 of M-FABRIK, or planned by OMPL, then shortest."""
+"""Paths of a point in a polygon: straight, by Algorithm 2 of M-FABRIK, or by RRTConnect and then shortest."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ import shapely
 from numpy.typing import ArrayLike
 from shapely.geometry import MultiPolygon, Polygon
 
+from regionik.planners.driving.greedy_steps import greedy_points
 from regionik.planners.driving.sampling import connect
-from regionik.planners.driving.stepping import steps
 from regionik.planners.geometry.flat import (
     DEPTH,
     FlatPolygon,
@@ -28,26 +28,24 @@ from regionik.planners.geometry.tangents import shorter_path
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.errors import InputError, RegionikError
 
-__all__ = ["Drive", "NoPathError", "drive", "resample", "tighten"]
-
 Method = Literal["straight", "steps", "ompl", "triangles"]
 
 ITERATIONS = 2000  # of RRTConnect, before the triangles are searched instead
-ATTEMPTS = 2  # the shorter it is, the fewer corners may lie on a path that is shorter still
+ATTEMPTS = 2  # the shorter the path, the fewer corners may lie on one that is shorter still
 
 
 @dataclass(frozen=True, eq=False)
-class Drive:
-    """How the base gets from start to goal.
+class PointPath:
+    """Path of the base from start to goal.
 
     Attributes
     ----------
     points : (k, 2) array
-        From start to goal, each leg inside the free area and no longer than the step; one point where start
-        and goal are the same [m].
+        From start to goal, each leg inside the free area and no longer than the step; one point where the two
+        are the same [m].
     method : {"straight", "steps", "ompl", "triangles"}
-        What found it. "steps" are Algorithm 2's own points; "ompl" is RRTConnect, "triangles" the complete
-        search that answers where it gave up, both pulled tight and led another way round where that is
+        What found it. "steps" are Algorithm 2's own points; "ompl" is RRTConnect and "triangles" the complete
+        search where it gave up, both pulled tight, and taken another way round obstacles where that is
         shorter.
     """
 
@@ -56,7 +54,7 @@ class Drive:
 
 
 class NoPathError(RegionikError):
-    """The base cannot drive there; ``start`` and ``goal`` (2,) [m] say from where to where."""
+    """The base cannot drive from ``start`` (2,) to ``goal`` (2,) [m]."""
 
     def __init__(self, reason: str, start: Array, goal: Array) -> None:
         super().__init__(reason)
@@ -64,15 +62,15 @@ class NoPathError(RegionikError):
         self.goal = goal
 
 
-def drive(
+def drive_point(
     free: Polygon | MultiPolygon, start: ArrayLike, goal: ArrayLike, *, step: float, seed: int
-) -> Drive:
+) -> PointPath:
     """Drive the base from start to goal without leaving the free area.
 
     Parameters
     ----------
     free : Polygon or MultiPolygon
-        Where the base may stand [m].
+        Free area of the base [m].
     start, goal : (2,) array_like
         [m]; moved onto the boundary when rounding put them outside by at most 1e-9 m.
     step : float
@@ -82,7 +80,7 @@ def drive(
 
     Returns
     -------
-    Drive
+    PointPath
 
     Raises
     ------
@@ -95,7 +93,7 @@ def drive(
     Examples
     --------
     >>> from shapely import box
-    >>> drive(box(0, 0, 2, 1), [0.2, 0.5], [1.2, 0.5], step=0.5, seed=0).points.tolist()
+    >>> drive_point(box(0, 0, 2, 1), [0.2, 0.5], [1.2, 0.5], step=0.5, seed=0).points.tolist()
     [[0.2, 0.5], [0.7, 0.5], [1.2, 0.5]]
     """
     if not 0 < step < np.inf:
@@ -104,29 +102,29 @@ def drive(
         raise InputError(f"seed: expected a whole number from 0 up, got {seed}")
     a, b = frozen(start, (2,), "start"), frozen(goal, (2,), "goal")
     part = _common_part(free, a, b)
-    return drive_inside(part, FlatPolygon.from_shapely(part), a, b, step=step, seed=seed)
+    return drive_point_inside(part, FlatPolygon.from_shapely(part), a, b, step=step, seed=seed)
 
 
-def drive_inside(
+def drive_point_inside(
     part: Polygon, flat: FlatPolygon, start: Array, goal: Array, *, step: float, seed: int
-) -> Drive:
-    """As `drive`, in one polygon that is flat already; both ends are in it, but for rounding."""
-    points, straight, arrived = _led(flat.vertices, flat.starts, np.array([start, goal]), step)
+) -> PointPath:
+    """`drive_point` in one polygon that is flat already; both ends are in it, but for rounding."""
+    points, straight, arrived = _greedy_path(flat.vertices, flat.starts, np.array([start, goal]), step)
     if arrived:
         points.flags.writeable = False
-        return Drive(points, "straight" if straight else "steps")
+        return PointPath(points, "straight" if straight else "steps")
     a, b = points
     planned = [tighten(part, path) for path in _attempts(flat, a, b, seed)]
     path = min(planned, key=_length) if planned else route(part, a, b)
     if path is None:
         raise NoPathError(f"no way through the free area from {_at(a)} to {_at(b)}", a, b)
     shorter = shorter_path(part, a, b, _length(path))
-    return Drive(resample(path if shorter is None else shorter, step), "ompl" if planned else "triangles")
+    return PointPath(resample(path if shorter is None else shorter, step), "ompl" if planned else "triangles")
 
 
 @compiled
-def _led(vertices: Array, starts: Index, ends: Array, step: float) -> tuple[Array, bool, bool]:
-    """Points of the straight way, or of Algorithm 2's, and which it is; both ends where neither arrives."""
+def _greedy_path(vertices: Array, starts: Index, ends: Array, step: float) -> tuple[Array, bool, bool]:
+    """Points of the straight path or of Algorithm 2, and two flags: straight, arrived; else both ends."""
     for k in range(2):
         ends[k, 0], ends[k, 1] = clamp(vertices, starts, ends[k, 0], ends[k, 1])
     (ax, ay), (bx, by) = ends
@@ -134,12 +132,12 @@ def _led(vertices: Array, starts: Index, ends: Array, step: float) -> tuple[Arra
         return ends[:1], True, True
     if segment_inside(vertices, starts, ax, ay, bx, by):
         return cut(ends, step), True, True
-    points, arrived = steps(vertices, starts, ax, ay, bx, by, step)
+    points, arrived = greedy_points(vertices, starts, ax, ay, bx, by, step)
     return (points, False, True) if arrived else (ends, False, False)
 
 
 def _common_part(free: Polygon | MultiPolygon, start: Array, goal: Array) -> Polygon:
-    """The part of the free area that holds both points."""
+    """Part of the free area that holds both points."""
     parts = shapely.get_parts(solid(free))
     gaps = shapely.distance(parts, shapely.points([start, goal])[:, None])
     for what, p, gap in (("start", start, gaps[0].min()), ("goal", goal, gaps[1].min())):
@@ -174,7 +172,7 @@ def _attempts(flat: FlatPolygon, start: Array, goal: Array, seed: int) -> Iterat
 
 
 def _connect(flat: FlatPolygon, start: Array, goal: Array, seed: int) -> Array | None:
-    """RRTConnect between two points, motions checked exactly; None when it used up its iterations."""
+    """Path of RRTConnect, motions checked exactly; None when the iterations are used up."""
     vertices, starts = flat.vertices, flat.starts
     return connect(
         vertices.min(axis=0),
@@ -184,5 +182,5 @@ def _connect(flat: FlatPolygon, start: Array, goal: Array, seed: int) -> Array |
         lambda p: contains(vertices, starts, p[0], p[1]),
         lambda p, q: segment_inside(vertices, starts, p[0], p[1], q[0], q[1]),
         seed=seed,
-        most=ITERATIONS,
+        iterations=ITERATIONS,
     )

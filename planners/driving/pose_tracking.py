@@ -4,8 +4,8 @@ The arm takes the height and the vertical parts of the orientation, joint 1 and 
 and the base takes X and Y by rolling along one arc a step. All in closed form: every pose is met to rounding,
 and no wheel slips sideways.
 
-The paper sets the heading along the chord of the tool's path, on which its own drive law makes the base
-slide; `chord_heading` gives that rule for comparison. Its base frame has Y ahead; here x is ahead (REP 103).
+The paper sets the heading along the chord of the tool's path, where its own drive law makes the base slide
+(`benchmarks.tables.xu` measures that). Its base frame has Y ahead; here x is ahead (REP 103).
 """
 
 from __future__ import annotations
@@ -17,12 +17,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from regionik.planners.driving.pitch import PitchArm, PoseError, Share, arm_share
+from regionik.planners.driving.arcs import arc_end
+from regionik.planners.driving.pitch_arm import ArmShare, PitchArm, PoseError, arm_share
 from regionik.planners.geometry.angles import wrap
 from regionik.worlds.arrays import Array
 
 SLACK = 1e-9  # beyond a joint's limit, for rounding [rad]
-SPREAD = 24  # headings round a base that may begin with any
+SPREAD = 24  # headings of a full turn that a run is started with
 
 
 class SaturationError(PoseError):
@@ -38,28 +39,28 @@ class SaturationError(PoseError):
 
 @dataclass(frozen=True, eq=False)
 class TrackedRun:
-    """How the robot follows poses; a step leads to the pose of its row.
+    """States that follow tool poses; the step of a row leads to its pose.
 
     Attributes
     ----------
     base : (n, 3) array
         x, y [m], yaw [rad].
     joints : (n, 5) array
-    bend : (n,) array
+    turn : (n,) array
         Turn of the base over the step [rad].
-    arc : (n,) array
-        Way of the base over the step, along one arc [m]; the first row has none.
+    length : (n,) array
+        Length of the base's arc over the step, 0 in the first row [m].
     """
 
     base: Array
     joints: Array
-    bend: Array
-    arc: Array
+    turn: Array
+    length: Array
 
     def wheels(self, gauge: float) -> Array:
-        """Way of the left and right wheel over each step, (n, 2), for wheels ``gauge`` apart [m]."""
-        turn = self.bend * gauge / 2
-        return np.column_stack([self.arc - turn, self.arc + turn])
+        """Travel of the left and right wheel over each step, (n, 2), for wheels ``gauge`` apart [m]."""
+        half = self.turn * gauge / 2
+        return np.column_stack([self.length - half, self.length + half])
 
 
 class _Row(NamedTuple):
@@ -67,8 +68,8 @@ class _Row(NamedTuple):
 
     base: Array
     joints: Array
-    bend: float
-    arc: float
+    turn: float
+    length: float
 
 
 def track(
@@ -91,7 +92,7 @@ def track(
     ahead, lift : float
         Arm's base frame before and above the middle of the wheels [m].
     pivot_limit : float
-        Joint 1 stays within plus and minus this; where it would leave, the base turns for it [rad].
+        Joint 1 stays within plus and minus this; beyond it the base turns instead [rad].
     heading : float, optional
         Of the base at the first pose; by default along the tool's first step, or as near to it as joint 1
         allows [rad].
@@ -103,10 +104,10 @@ def track(
     HeightError
         When a pose is out of the arm's reach in height.
     SaturationError
-        When joint 1 would leave its limits under a leaning tool. Its pivot then stands still over the floor,
-        and no wheels can turn the base about a point ahead of them: the tool has to be lifted.
+        When joint 1 would leave its limits under a leaning tool. Its axis then stands still over the floor,
+        and no wheels turn the base about a point ahead of them: the tool has to be lifted.
     """
-    return _track_of(_rows(arm, poses, ahead, lift, pivot_limit, heading, elbow))
+    return _run_of(_rows(arm, poses, ahead, lift, pivot_limit, heading, elbow))
 
 
 def _rows(
@@ -118,7 +119,7 @@ def _rows(
     heading: float | None,
     elbow: int,
 ) -> Iterator[_Row]:
-    """The rows of a track, one a pose."""
+    """Rows of a run, one for each pose."""
     yaw = _first_heading(poses) if heading is None else heading
     facing = 1 if abs(wrap(arm_share(arm, poses[0], lift, elbow=elbow).turn - yaw)) <= np.pi / 2 else -1
     share = arm_share(arm, poses[0], lift, elbow=elbow, facing=facing)
@@ -131,16 +132,17 @@ def _rows(
     for k in range(1, len(poses)):
         share = arm_share(arm, poses[k], lift, k, elbow=elbow, facing=facing)
         turn += wrap(share.turn - turn)
-        bend, arc, pivot = _step(share, turn, poses[k][:2, 3], base, ahead, limit, k)
-        base = rolled(base, bend, arc)
-        yield _Row(base, _joints(share, pivot, turn - base[2]), bend, arc)
+        step, length, pivot = _step(share, turn, poses[k][:2, 3], base, ahead, limit, k)
+        base = np.array(arc_end(base[0], base[1], base[2], length, step))
+        yield _Row(base, _joints(share, pivot, turn - base[2]), step, length)
 
 
-def _track_of(rows: Iterable[_Row]) -> TrackedRun:
+def _run_of(rows: Iterable[_Row]) -> TrackedRun:
+    """Columns of rows, which may be none."""
     found = list(rows)
-    base, joints, bend, arc = zip(*found, strict=True) if found else ((),) * 4
+    base, joints, turn, length = zip(*found, strict=True) if found else ((),) * 4
     return TrackedRun(
-        np.array(base).reshape(-1, 3), np.array(joints).reshape(-1, 5), np.array(bend), np.array(arc)
+        np.array(base).reshape(-1, 3), np.array(joints).reshape(-1, 5), np.array(turn), np.array(length)
     )
 
 
@@ -156,17 +158,16 @@ def track_runs(
     elbow: int = 1,
     most: float = np.inf,
 ) -> tuple[TrackedRun, ...]:
-    """Follow tool poses in runs: a new one begins where a joint cannot follow any longer.
+    """Follow tool poses in runs: a new one begins where a joint would leave its limits.
 
-    Between two runs the tool must be lifted and the base brought from the last pose of the one to the first
-    of the other. Each run but the first, whose ``heading`` may be given, goes on as long as from any of
-    `headings`. ``lower`` and ``upper`` (5,) are the joints' limits [rad]; the rest is as for `track`.
+    Between two runs the tool must be lifted and the base driven from the last pose of one to the first of the
+    next. The first run starts with ``heading``; each other with that of `start_headings` from which it goes
+    farthest. ``lower`` and ``upper`` (5,) are the joints' limits [rad]; the rest is as for `track`.
 
     Returns
     -------
     tuple of TrackedRun
-        None at all where some pose is beyond the limits from every heading, or more than ``most`` runs would
-        be needed.
+        Empty where some pose is beyond the limits from every heading, or more than ``most`` runs are needed.
     """
     for k, pose in enumerate(poses):
         arm_share(arm, pose, lift, k, elbow=elbow)
@@ -180,21 +181,21 @@ def track_runs(
                 yield row
 
     def run(first: int, yaw: float | None) -> TrackedRun:
-        return _track_of(within(_rows(arm, poses[first:], ahead, lift, limit, yaw, elbow)))
+        return _run_of(within(_rows(arm, poses[first:], ahead, lift, limit, yaw, elbow)))
 
     runs = [run(0, heading)]
     done = len(runs[0].base)
     while runs[-1].base.size and done < len(poses):
         if len(runs) >= most:
             return ()
-        tried = headings(arm, poses[done], lift, elbow)
+        tried = start_headings(arm, poses[done], lift, elbow)
         runs.append(max((run(done, yaw) for yaw in tried), key=lambda found: len(found.base)))
         done += len(runs[-1].base)
     return tuple(runs) if runs[-1].base.size else ()
 
 
-def headings(arm: PitchArm, pose: Array, lift: float, elbow: int = 1) -> tuple[float | None, ...]:
-    """Headings of a base that is to begin with a pose: along the tool's first step, then all round.
+def start_headings(arm: PitchArm, pose: Array, lift: float, elbow: int = 1) -> tuple[float | None, ...]:
+    """Headings of a base to start a run with: along the tool's first step (None), then all round.
 
     The nearer joint 1 is to zero, the earlier.
     """
@@ -203,49 +204,45 @@ def headings(arm: PitchArm, pose: Array, lift: float, elbow: int = 1) -> tuple[f
     return (None, *(float(wrap(turn + 2 * np.pi * k / SPREAD)) for k in aside))
 
 
-def rolled(base: Array, bend: float, arc: float) -> Array:
-    """Base pose (3,) after rolling along an arc: the chord lies half the bend off the heading."""
-    half = bend / 2
-    chord = arc * float(np.sinc(half / np.pi))
-    way = base[2] + half
-    return np.array([base[0] + chord * np.cos(way), base[1] + chord * np.sin(way), base[2] + bend])
-
-
 def _step(
-    share: Share, world_turn: float, spot: Array, base: Array, ahead: float, limit: float, index: int
+    share: ArmShare, world_turn: float, spot: Array, base: Array, ahead: float, limit: float, index: int
 ) -> tuple[float, float, float]:
-    """Bend, arc and joint 1 that bring the tool to a spot: joint 1 follows the pose, or stands at a limit."""
-    x, y = _seen(spot, base)
-    turn = world_turn - base[2]
+    """Turn and length of the base's arc, and joint 1, that bring the tool to a spot.
+
+    The lever from the wheels to the tool turns with the base by T; its end gets to (x, y), seen from the
+    base, where the chord has the heading T / 2: tan(T / 2) = (y - lever_y) / (x + lever_x).
+    """
+    x, y = _seen_from(base, spot)
+    facing = world_turn - base[2]
     if share.upright:  # the roll takes what joint 1 leaves: it follows the heading before the step
-        pivot = float(np.clip(turn, -limit, limit))
+        pivot = float(np.clip(facing, -limit, limit))
         lever = ahead + share.out * np.cos(pivot), share.out * np.sin(pivot)
-        bend = 2 * _half(y - lever[1], x + lever[0])
-        return bend, _arc(x, y, *lever, bend), pivot
+        turn = 2 * _half_turn(y - lever[1], x + lever[0])
+        return turn, _arc_length(x, y, *lever, turn), pivot
     # The arm keeps its direction in the world: the lever on the base is the mount alone.
-    x, y = x - share.out * np.cos(turn), y - share.out * np.sin(turn)
-    bend = 2 * _half(y, x + ahead)
-    pivot = turn - bend
+    x, y = x - share.out * np.cos(facing), y - share.out * np.sin(facing)
+    turn = 2 * _half_turn(y, x + ahead)
+    pivot = facing - turn
     if abs(pivot) > limit:
         raise SaturationError(index, pivot, limit)
-    return bend, _arc(x, y, ahead, 0.0, bend), pivot
+    return turn, _arc_length(x, y, ahead, 0.0, turn), pivot
 
 
-def _half(y: float, x: float) -> float:
-    """Half the bend, at most a quarter turn: the base rolls the shorter way, backwards where need be."""
+def _half_turn(y: float, x: float) -> float:
+    """Half the turn, at most a right angle: the base turns the shorter way and rolls backwards if need be."""
     angle = float(np.arctan2(y, x))
     return angle - np.pi * np.sign(angle) if abs(angle) > np.pi / 2 else angle
 
 
-def _arc(x: float, y: float, lever_x: float, lever_y: float, bend: float) -> float:
-    """Way along the arc that carries the lever's end to (x, y), seen from the base."""
-    c, s = np.cos(bend / 2), np.sin(bend / 2)
+def _arc_length(x: float, y: float, lever_x: float, lever_y: float, turn: float) -> float:
+    """Length of the arc that carries the lever's end to (x, y), seen from the base."""
+    c, s = np.cos(turn / 2), np.sin(turn / 2)
     chord = x * c + y * s - (lever_x * c - lever_y * s)
-    return float(chord / np.sinc(bend / 2 / np.pi))
+    return float(chord / np.sinc(turn / 2 / np.pi))
 
 
-def _joints(share: Share, pivot: float, turn: float) -> Array:
-    """All five joints; where the tool stands upright the roll takes what joint 1 leaves of the turn."""
+def _joints(share: ArmShare, pivot: float, turn: float) -> Array:
+    """All five joints; under an upright tool the roll takes what joint 1 leaves of the turn."""
     shoulder, elbow, roll = share.joints
     if share.upright:
         roll = share.upright * (pivot - turn)
@@ -253,7 +250,7 @@ def _joints(share: Share, pivot: float, turn: float) -> Array:
 
 
 def _lever(ahead: float, out: float, pivot: float, yaw: float) -> Array:
-    """From the middle of the wheels to the tool, on the floor."""
+    """Vector on the floor from the middle of the wheels to the tool, (2,)."""
     return np.array(
         [
             ahead * np.cos(yaw) + out * np.cos(yaw + pivot),
@@ -262,31 +259,14 @@ def _lever(ahead: float, out: float, pivot: float, yaw: float) -> Array:
     )
 
 
-def _seen(spot: Array, base: Array) -> tuple[float, float]:
+def _seen_from(base: Array, spot: Array) -> tuple[float, float]:
+    """Coordinates of a spot in the frame of the base."""
     c, s = np.cos(base[2]), np.sin(base[2])
     dx, dy = spot - base[:2]
     return float(c * dx + s * dy), float(c * dy - s * dx)
 
 
 def _first_heading(poses: Sequence[Array]) -> float:
+    """Heading along the tool's first step."""
     way = poses[1][:2, 3] - poses[0][:2, 3] if len(poses) > 1 else np.array([1.0, 0.0])
     return float(np.arctan2(way[1], way[0]))
-
-
-def chord_heading(arm: PitchArm, poses: Sequence[Array], *, ahead: float, lift: float) -> Array:
-    """Sideways slip of each step under the paper's own rule, (n - 1,) [m].
-
-    The heading at a pose lies along the chord of the tool's path that led there, and joint 1 stands at zero;
-    what the base then moves across the mean of its two headings, no wheel can roll.
-    """
-    shares = [arm_share(arm, pose, lift, k) for k, pose in enumerate(poses)]
-    spots = np.array([pose[:2, 3] for pose in poses])
-    way = np.diff(spots, axis=0)
-    yaw = np.unwrap(np.arctan2(way[:, 1], way[:, 0]))
-    yaw = np.insert(yaw, 0, yaw[0] - (yaw[1] - yaw[0] if len(yaw) > 1 else 0.0))
-    out = np.array([share.out for share in shares])[:, None]
-    base = spots - (ahead + out) * np.column_stack([np.cos(yaw), np.sin(yaw)])
-    mean = (yaw[1:] + yaw[:-1]) / 2
-    moved = np.diff(base, axis=0)
-    slip: Array = moved[:, 1] * np.cos(mean) - moved[:, 0] * np.sin(mean)
-    return slip

@@ -1,4 +1,4 @@
-"""Fewest places from which all areas are met: set cover over the faces that the areas cut the floor into."""
+"""Fewest points that hit all areas: set cover over the faces of the areas' overlay."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from scipy.optimize import Bounds, LinearConstraint, milp
 from scipy.sparse import csr_array
 
 LEAST = 1e-10  # faces smaller than this are left out [m2]
-CHUNK = 512  # faces compared with all others at once
-NODES = 20_000  # of branch and bound, after which the best cover and bound known are given
+CHUNK = 512  # faces compared with all others in one product
+NODES = 20_000  # of branch and bound, after which the best cover and bound found are returned
 ROUNDING = 1e-6
 
 Geometries = NDArray[np.object_]
@@ -20,14 +20,14 @@ Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
-class Faces:
-    """Faces of an overlay that no other face beats.
+class OverlayFaces:
+    """Faces of an overlay that no other face dominates.
 
     Attributes
     ----------
     polygon : (f,) array of Polygon
     inside : (f, n) array of bool
-        Which areas each face lies in.
+        True where a face lies in an area.
     """
 
     polygon: Geometries
@@ -35,18 +35,18 @@ class Faces:
 
 
 @dataclass(frozen=True, eq=False)
-class Cover:
-    """Faces that meet all areas.
+class SetCover:
+    """Faces that hit all areas.
 
     Attributes
     ----------
     chosen : tuple of int
     lower : int
-        No fewer faces do: by the linear relaxation, or by branch and bound where that got farther.
+        No fewer faces do: the bound of the linear relaxation, or of branch and bound where that is higher.
     apart : int
-        Areas found of which no face meets two: a bound that can be checked by hand.
+        Areas found of which no face hits two: a lower bound that can be checked by hand.
     optimal : bool
-        Whether ``lower`` is met.
+        True if ``lower`` is met.
     """
 
     chosen: tuple[int, ...]
@@ -55,16 +55,17 @@ class Cover:
 
     @property
     def optimal(self) -> bool:
+        """See the attributes."""
         return len(self.chosen) == self.lower
 
 
-def faces_of(areas: Geometries) -> Faces:
-    """Faces of the overlay of areas, without those that lie in a part of the areas of another face only.
+def overlay_faces(areas: Geometries) -> OverlayFaces:
+    """Faces of the overlay of areas, without those that only lie in areas of one other face.
 
     Parameters
     ----------
     areas : (n,) array of polygons
-        Valid; what is empty lies in no face.
+        Valid; an empty one holds no face.
     """
     lines = shapely.union_all(shapely.boundary(areas[~shapely.is_empty(areas)]))
     polygon = shapely.get_parts(shapely.polygonize([lines]))
@@ -73,17 +74,17 @@ def faces_of(areas: Geometries) -> Faces:
     shapely.prepare(areas)
     which, area = shapely.STRtree(areas).query(shapely.point_on_surface(polygon), predicate="within")
     inside[which, area] = True
-    order = np.lexsort((-shapely.area(polygon), -inside.sum(axis=1)))  # of like faces the largest first
+    order = np.lexsort((-shapely.area(polygon), -inside.sum(axis=1)))  # of equal faces the largest first
     polygon, inside = polygon[order], inside[order]
     _, first = np.unique(np.packbits(inside, axis=1), axis=0, return_index=True)
     first = np.sort(first)
     polygon, inside = polygon[first], inside[first]
-    best = _unbeaten(inside) & inside.any(axis=1)
-    return Faces(polygon[best], inside[best])
+    best = _undominated(inside) & inside.any(axis=1)
+    return OverlayFaces(polygon[best], inside[best])
 
 
-def _unbeaten(inside: Mask) -> Mask:
-    """Rows, all different, that are no part of another row."""
+def _undominated(inside: Mask) -> Mask:
+    """Mask of the rows, all different, that are no subset of another row."""
     best = np.ones(len(inside), dtype=bool)
     numbers, size = inside.astype(np.float32), inside.sum(axis=1)
     for a in range(0, len(inside), CHUNK):
@@ -94,7 +95,7 @@ def _unbeaten(inside: Mask) -> Mask:
     return best
 
 
-def least_cover(inside: Mask, nodes: int = NODES) -> Cover:
+def least_cover(inside: Mask, nodes: int = NODES) -> SetCover:
     """Fewest faces such that every area holds one of them.
 
     Parameters
@@ -102,24 +103,24 @@ def least_cover(inside: Mask, nodes: int = NODES) -> Cover:
     inside : (f, n) array of bool
         Every area must hold some face.
     nodes : int
-        Of branch and bound, which has no other limit: the same input gives the same answer.
+        Of branch and bound, which has no limit in time: the same input gives the same answer.
 
     Returns
     -------
-    Cover
+    SetCover
         The greedy one where branch and bound ends without a better one.
     """
     greedy = _greedy(inside)
-    table = csr_array(inside.T.astype(np.float64))
+    incidence = csr_array(inside.T.astype(np.float64))
     ones = np.ones(len(inside))
-    asked = LinearConstraint(table, lb=1.0)
-    relaxed = milp(ones, constraints=asked, bounds=Bounds(0, 1))
+    covered = LinearConstraint(incidence, lb=1.0)
+    relaxed = milp(ones, constraints=covered, bounds=Bounds(0, 1))
     lower = int(np.ceil(float(relaxed.fun or 0.0) - ROUNDING))
     chosen = greedy
     if len(greedy) > lower:
         found = milp(
             ones,
-            constraints=asked,
+            constraints=covered,
             bounds=Bounds(0, 1),
             integrality=np.ones(len(inside), dtype=np.int64),
             options={"node_limit": nodes, "mip_rel_gap": 0.0},
@@ -129,11 +130,11 @@ def least_cover(inside: Mask, nodes: int = NODES) -> Cover:
         if found.x is not None:
             exact = np.flatnonzero(found.x > 0.5).tolist()
             chosen = min(greedy, exact, key=len)
-    return Cover(tuple(sorted(chosen)), lower, _apart(inside))
+    return SetCover(tuple(sorted(chosen)), lower, _independent(inside))
 
 
 def _greedy(inside: Mask) -> list[int]:
-    """The face that meets most areas not yet met, again and again."""
+    """Greedy cover: the face that hits most areas not yet hit, again and again (Chvatal 1979)."""
     left = np.ones(inside.shape[1], dtype=bool)
     chosen = []
     while left.any():
@@ -143,8 +144,8 @@ def _greedy(inside: Mask) -> list[int]:
     return chosen
 
 
-def _apart(inside: Mask) -> int:
-    """How many areas were found that share no face, those that share with fewest first."""
+def _independent(inside: Mask) -> int:
+    """Size of a greedy set of areas of which no two share a face, those that share with fewest first."""
     numbers = inside.astype(np.float32)
     near = (numbers.T @ numbers) > 0
     left = np.ones(len(near), dtype=bool)

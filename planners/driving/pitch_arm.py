@@ -15,14 +15,14 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
 from regionik.worlds.errors import RegionikError
 
-VERTICAL = 1e-9  # cosine of the tool's pitch below which it stands upright
+VERTICAL = 1e-9  # horizontal part of the tool axis below which it is upright
 ROUNDING = 1e-12
-ALIKE = 1e-9  # to which a chain must be such an arm [m]
+ALIKE = 1e-9  # tolerance to which a chain must be such an arm [m]
 _POSTURES = np.array([[0.0, 0.0, 0.0, 0.0, 0.0], [0.7, -0.4, 0.9, 1.1, 0.0], [-1.9, 0.8, -1.3, -0.6, 0.0]])
 
 
 class PoseError(RegionikError):
-    """A tool pose that cannot be taken; ``index`` counts from 0."""
+    """A tool pose out of reach; ``index`` counts from 0."""
 
     def __init__(self, reason: str, index: int) -> None:
         super().__init__(reason)
@@ -30,7 +30,7 @@ class PoseError(RegionikError):
 
 
 class HeightError(PoseError):
-    """A tool pose whose height the arm cannot take at any place of the base; heights over the floor [m]."""
+    """A tool pose at a height that the arm attains nowhere; heights over the floor [m]."""
 
     def __init__(self, index: int, height: float, low: float, high: float) -> None:
         super().__init__(
@@ -60,8 +60,8 @@ class PitchArm:
 
 
 @dataclass(frozen=True, eq=False)
-class Share:
-    """What the arm takes of a pose, and what it leaves.
+class ArmShare:
+    """Part of a tool pose that the arm takes, and the rest that is left to the base.
 
     Attributes
     ----------
@@ -82,7 +82,7 @@ class Share:
 
 
 def pitch_arm(chain: Chain) -> PitchArm | None:
-    """The lengths of a chain that is such an arm with the paper's angles; None for any other.
+    """Lengths of a chain that is such an arm with the paper's angles; None for any other.
 
     Joint values are those of the table (q1, d1, a1, -90), (q2, 0, a2, 0), (q3 - 90, 0, 0, -90),
     (q4, d4, 0, 90), (q5, 0, 0, -90) [deg], and d6 to the tool along its z axis.
@@ -101,6 +101,7 @@ def pitch_arm(chain: Chain) -> PitchArm | None:
 
 
 def _chain_of(arm: PitchArm) -> Chain:
+    """Chain of the table with the arm's lengths."""
     h, inf = np.pi / 2, np.inf
     rows = [
         (0, arm.shoulder_up, arm.shoulder_out, -h),
@@ -113,15 +114,15 @@ def _chain_of(arm: PitchArm) -> Chain:
 
 
 def heights(arm: PitchArm, pitch_sine: float) -> tuple[float, float]:
-    """Heights over the arm's base frame that the tool attains with ``sin`` of its pitch down given [m]."""
+    """Least and greatest tool height over the arm's base frame for a sine of the pitch down [m]."""
     middle = arm.shoulder_up - arm.fore * pitch_sine
     return middle - arm.upper, middle + arm.upper
 
 
 def arm_share(
     arm: PitchArm, pose: Array, lift: float, index: int = 0, *, elbow: int = 1, facing: int = 1
-) -> Share:
-    """The arm's part of a tool pose (4, 4): height and vertical components of the orientation.
+) -> ArmShare:
+    """Return the arm's part of a tool pose: height and vertical components of the orientation.
 
     Parameters
     ----------
@@ -140,7 +141,7 @@ def arm_share(
     Raises
     ------
     HeightError
-        When the height is out of reach at this pitch; the attainable interval is named.
+        When the height is out of reach at this pitch.
     """
     n, o, a, p = pose[:3, 0], pose[:3, 1], pose[:3, 2], pose[:3, 3]
     sine = -float(a[2])
@@ -156,9 +157,9 @@ def arm_share(
         pitch = upright * np.pi / 2
         turn = float(np.arctan2(n[1], n[0])) - (0.0 if upright > 0 else np.pi)
         joints = np.array([shoulder, pitch - shoulder, 0.0])
-        return Share(joints, arm.shoulder_out + arm.upper * np.cos(shoulder), wrap(turn), upright)
+        return ArmShare(joints, arm.shoulder_out + arm.upper * np.cos(shoulder), wrap(turn), upright)
     pitch = float(np.arctan2(sine, facing * flat))
     roll = float(np.arctan2(-facing * o[2], facing * n[2]))
     out = arm.shoulder_out + arm.upper * np.cos(shoulder) + arm.fore * facing * flat
     turn = float(np.arctan2(facing * a[1], facing * a[0]))
-    return Share(np.array([shoulder, pitch - shoulder, roll]), out, turn, 0)
+    return ArmShare(np.array([shoulder, pitch - shoulder, roll]), out, turn, 0)

@@ -1,4 +1,4 @@
-"""How a base on wheels and a pitch arm follow set-points, so closely that the tool keeps to its path."""
+"""Paths of tool poses through the set-points, so dense that the tool stays on its path between them."""
 
 from __future__ import annotations
 
@@ -9,37 +9,46 @@ from itertools import pairwise
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from regionik.planners.driving.pitch import HeightError, PitchArm, arm_share, pitch_arm
-from regionik.planners.driving.tracking import TrackedRun, headings, track_runs
+from regionik.planners.driving.pitch_arm import HeightError, PitchArm, arm_share, pitch_arm
+from regionik.planners.driving.pose_tracking import TrackedRun, start_headings, track_runs
 from regionik.postures.poses import LARGEST_BEND
 from regionik.worlds.arrays import Array
 from regionik.worlds.drives import DifferentialDrive
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Target, World
 
-FINEST = 6  # how often the segment between two set-points is halved at most
+FINEST = 6  # halvings of the segment between two set-points at most
 SAME = 1e-9  # [rad] or [m]
 
 
 @dataclass(frozen=True, eq=False)
 class PosePath:
-    """Poses of the tool: all set-points, and some between."""
+    """Poses of the tool: all set-points, and some between.
 
-    poses: list[Array]  # (4, 4)
-    owner: list[int]  # the set-point, or the one behind
-    exact: list[bool]  # whether it is the set-point
+    Attributes
+    ----------
+    poses : list of (4, 4) arrays
+    owner : list of int
+        The set-point, or the one before a pose between.
+    exact : list of bool
+        True for a set-point.
+    """
+
+    poses: list[Array]
+    owner: list[int]
+    exact: list[bool]
 
 
 @dataclass(frozen=True, eq=False)
 class TrackedPath:
-    """One way to follow the poses of a path: in runs, the tool lifted between them; none where none can."""
+    """Runs that follow the poses of a path, the tool lifted between them; empty where none can."""
 
     path: PosePath
     runs: tuple[TrackedRun, ...]
 
 
 def arm_of(robot: Robot) -> PitchArm | None:
-    """The arm, if the tracker can lead the robot: wheels, and a pitch arm straight ahead of them."""
+    """Pitch arm of a robot that the tracker can plan for, straight ahead of two driven wheels; else None."""
     x, y, _, yaw = robot.mount
     if not isinstance(robot.drive, DifferentialDrive) or x <= 0 or y != 0 or yaw != 0:
         return None
@@ -47,31 +56,31 @@ def arm_of(robot: Robot) -> PitchArm | None:
 
 
 def tracked_paths(world: World, arm: PitchArm) -> Iterator[TrackedPath]:
-    """Ways from all headings of the base and both elbows: fewest lift-offs first, then least wheel travel.
+    """Yield paths from all headings of the base and both elbows: fewest lift-offs first, then least travel.
 
-    A new run begins where a joint would leave its limits; what no run can follow is left out.
+    A new run begins where a joint would leave its limits; starts from which no runs follow are left out.
 
     Raises
     ------
     HeightError
-        With the index of the set-point, or of the one behind.
+        With the index of the set-point, or of the one before.
     """
     first, lift = _pose(world.task[0]), float(world.robot.mount[2])
     given = () if world.start is None else (float(world.start.base[2]),)
     starts = [
         (heading, elbow)
         for elbow in (1, -1)
-        if _bends(world, arm, elbow)
-        for heading in (*given, *headings(arm, first, lift, elbow))
+        if _within_limits(world, arm, elbow)
+        for heading in (*given, *start_headings(arm, first, lift, elbow))
     ]
     for most in (1.0, np.inf):
-        found = [_followed(world, arm, *start, most) for start in starts]
+        found = [_tracked(world, arm, *start, most) for start in starts]
         yield from sorted((one for one in found if one.runs), key=lambda one: _cost(world, one))
         starts = [start for start, one in zip(starts, found, strict=True) if not one.runs]
 
 
 def _cost(world: World, found: TrackedPath) -> tuple[int, float]:
-    """How often the base drives with the tool lifted, and how far its faster wheel goes beside that [m]."""
+    """Number of drives with the tool lifted, and travel of the faster wheel besides [m]."""
     start, first = world.start, found.runs[0]
     away = start is not None and not same(start.base, start.joints, first.base[0], first.joints[0])
     ways = (np.abs(run.wheels(world.robot.gauge)).max(1).sum() for run in found.runs)
@@ -79,12 +88,12 @@ def _cost(world: World, found: TrackedPath) -> tuple[int, float]:
 
 
 def same(base: Array, joints: Array, other: Array, others: Array) -> bool:
-    """Whether two states of the robot are one."""
+    """True if two states of the robot are the same."""
     return bool(max(np.abs(base - other).max(), np.abs(joints - others).max()) <= SAME)
 
 
-def _bends(world: World, arm: PitchArm, elbow: int) -> bool:
-    """Whether shoulder and elbow stay within their limits at all set-points, the arm facing them or not."""
+def _within_limits(world: World, arm: PitchArm, elbow: int) -> bool:
+    """True if shoulder and elbow are within limits at all set-points, the arm facing them or not."""
     chain, lift = world.robot.chain, float(world.robot.mount[2])
     for k, target in enumerate(world.task):
         shares = [arm_share(arm, _pose(target), lift, k, elbow=elbow, facing=facing) for facing in (1, -1)]
@@ -94,8 +103,8 @@ def _bends(world: World, arm: PitchArm, elbow: int) -> bool:
     return True
 
 
-def _followed(world: World, arm: PitchArm, heading: float | None, elbow: int, most: float) -> TrackedPath:
-    """Segments between set-points are halved until what the robot does between poses keeps the rules."""
+def _tracked(world: World, arm: PitchArm, heading: float | None, elbow: int, most: float) -> TrackedPath:
+    """Runs along a path whose segments are halved until the motion between poses keeps the rules."""
     robot, parts = world.robot, [1] * len(world.task)
     for _ in range(FINEST):
         path = _path(world.task, parts)
@@ -111,9 +120,9 @@ def _followed(world: World, arm: PitchArm, heading: float | None, elbow: int, mo
                 elbow=elbow,
                 most=most,
             )
-        except HeightError as error:  # between two set-points: tell it by the one behind
+        except HeightError as error:  # between two set-points: named by the one before
             raise HeightError(path.owner[error.index], error.height, error.low, error.high) from None
-        coarse = {path.owner[k] for k in _coarse(world, path, runs)} if runs else set()
+        coarse = {path.owner[k] for k in _coarse_poses(world, path, runs)} if runs else set()
         if not coarse:
             break
         parts = [2 * n if i in coarse else n for i, n in enumerate(parts)]
@@ -121,7 +130,7 @@ def _followed(world: World, arm: PitchArm, heading: float | None, elbow: int, mo
 
 
 def _path(task: tuple[Target, ...], parts: list[int]) -> PosePath:
-    """The segment behind each set-point but the last in so many parts, turned evenly."""
+    """Path with the segment after each set-point in a number of parts, turned evenly."""
     poses, owner = [_pose(task[0])], [0]
     for i, (a, b) in enumerate(pairwise(task)):
         here, there = _pose(a), _pose(b)
@@ -138,20 +147,21 @@ def _path(task: tuple[Target, ...], parts: list[int]) -> PosePath:
 
 
 def _pose(target: Target) -> Array:
+    """Homogeneous transform (4, 4) of a set-point."""
     T = np.eye(4)
     assert target.orientation is not None, "the tracker needs full orientations"
     T[:3, :3], T[:3, 3] = target.orientation, target.position
     return T
 
 
-def _coarse(world: World, path: PosePath, runs: tuple[TrackedRun, ...]) -> list[int]:
-    """Indices of poses from which the robot goes too far, or the tool too far off, until the next."""
+def _coarse_poses(world: World, path: PosePath, runs: tuple[TrackedRun, ...]) -> list[int]:
+    """Indices of poses up to whose next the robot moves too far, or the tool leaves its path."""
     rules, robot = world.rules, world.robot
     base, joints = (np.concatenate([getattr(run, part) for run in runs]) for part in ("base", "joints"))
     poses = np.array(path.poses)
     bend, move = np.diff(joints, axis=0), np.diff(poses, axis=0)
     cone = min(target.cone for target in world.task)
-    arc = np.concatenate([run.arc for run in runs])[1:]
+    arc = np.concatenate([run.length for run in runs])[1:]
     coarse = (np.abs(arc) > rules.step) | (np.abs(bend) > LARGEST_BEND).any(1)
     for s in (0.25, 0.5, 0.75):
         tool = robot.tool(robot.drive.between(base[:-1], base[1:], s), joints[:-1] + s * bend)

@@ -1,4 +1,4 @@
-"""The best place of a stop: where in it the base parks, at which heading, and how exactly it has to."""
+"""Placement of the base at a stop: the best position by the criterion, its heading and its tolerance."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from shapely.geometry.base import BaseGeometry
 from regionik.areas.standing import into_span
 from regionik.mfabrik import Solver, axis_of, pose_of, solver_for
 from regionik.moving.configuration_sampling import spread
-from regionik.parking.fewest import Group, ParkingAreas, depth
-from regionik.planners.places.tour import through
+from regionik.parking.fewest_stops import ParkingAreas, StopGroup, depth
+from regionik.planners.coverage.tours import short_tour
 from regionik.planners.solvers.serial_chain import chain_frames, chain_jacobian, serial_arm
 from regionik.postures.families import Family
 from regionik.values import Configuration, Stop
@@ -29,8 +29,8 @@ HEADING = 1e-9  # by which the pivot may be over its limits [rad]
 
 
 @dataclass(frozen=True, eq=False)
-class Bay:
-    """A place of the base and what it serves.
+class BasePlacement:
+    """Pose of the base at a stop and the set-points that it serves.
 
     Attributes
     ----------
@@ -58,87 +58,93 @@ class Bay:
 
 
 @dataclass(frozen=True, eq=False)
-class Placing:
-    """Finds places for the stops of a world."""
+class PlacementSearch:
+    """Search for the placements of a world's stops."""
 
     world: World
-    floors: ParkingAreas
+    parking_areas: ParkingAreas
 
-    def best(self, group: Group, at: Array | None = None) -> Bay:
-        """The best place of a stop; one that serves only the first of its set-points where none serves all.
+    def best(self, group: StopGroup, at: Array | None = None) -> BasePlacement:
+        """Best placement of a stop; it serves only the first of the set-points where none serves all.
 
         Parameters
         ----------
-        group : Group
+        group : StopGroup
         at : (2,) array, optional
-            Where the arm axis is to stand, whatever the criterion.
+            Position of the arm axis, whatever the criterion [m].
         """
         found = [self.at(group, at, s) for s in group.places] if at is not None else []
         if not any(found):
             found = [self._best_of_side(group, s) for s in sorted(group.places)]
-        served = [bay for bay in found if bay is not None]
-        return max(served, key=lambda bay: (len(bay.setpoints), self._score(bay)))
+        served = [placement for placement in found if placement is not None]
+        return max(served, key=lambda placement: (len(placement.setpoints), self._score(placement)))
 
-    def others(self, group: Group) -> Iterator[Bay]:
-        """Other places of a stop, spread over it."""
+    def others(self, group: StopGroup) -> Iterator[BasePlacement]:
+        """Yield other placements, spread over a stop."""
         for s in sorted(group.places):
             for spot in spread(group.places[s], PLACES, 0):
-                bay = self.at(group, spot, s)
-                if bay is not None:
-                    yield bay
+                placement = self.at(group, spot, s)
+                if placement is not None:
+                    yield placement
 
-    def _best_of_side(self, group: Group, side: int) -> Bay | None:
+    def _best_of_side(self, group: StopGroup, side: int) -> BasePlacement | None:
         area = group.places[side]
         circle = shapely.maximum_inscribed_circle(area)
         middle = self.at(group, np.array(circle.coords[0]), side)
         if self.world.rules.stop_criterion in ("tolerance", "distance"):
             if middle is None or len(middle.setpoints) < len(group.setpoints):
-                return _longest([middle, *(self.at(group, spot, side) for spot in spread(area, PLACES, 0))])
+                return _most_served(
+                    [middle, *(self.at(group, spot, side) for spot in spread(area, PLACES, 0))]
+                )
             return middle
         tried = [middle, *(self.at(group, spot, side) for spot in spread(area, PLACES, 0))]
-        real = [bay for bay in tried if bay is not None]
-        most = max((len(bay.setpoints) for bay in real), default=0)
-        full = [bay for bay in real if len(bay.setpoints) == most]
-        return self._bettered(group, side, max(full, key=self._score)) if full else None
+        real = [placement for placement in tried if placement is not None]
+        most = max((len(placement.setpoints) for placement in real), default=0)
+        full = [placement for placement in real if len(placement.setpoints) == most]
+        return self._refined(group, side, max(full, key=self._score)) if full else None
 
-    def _bettered(self, group: Group, side: int, bay: Bay) -> Bay:
-        """The best place of ever smaller steps in eight directions."""
+    def _refined(self, group: StopGroup, side: int, placement: BasePlacement) -> BasePlacement:
+        """Best placement by pattern search: ever smaller steps in eight directions."""
         x0, y0, x1, y1 = group.places[side].bounds
-        step, score = max(x1 - x0, y1 - y0) / 8, self._score(bay)
+        step, score = max(x1 - x0, y1 - y0) / 8, self._score(placement)
         turns = np.arange(8) * np.pi / 4
         while step > FINEST:
             for move in step * np.column_stack([np.cos(turns), np.sin(turns)]):
-                other = self.at(group, bay.axis + move, side)
-                if other is not None and len(other.setpoints) >= len(bay.setpoints):
+                other = self.at(group, placement.axis + move, side)
+                if other is not None and len(other.setpoints) >= len(placement.setpoints):
                     better = self._score(other)
                     if better > score + 1e-9:
-                        bay, score = other, better
+                        placement, score = other, better
                         break
             else:
                 step /= 2
-        return bay
+        return placement
 
-    def at(self, group: Group, axis: Array, side: int) -> Bay | None:
-        """What the base serves of a stop with the arm axis at a place; None where it is outside."""
+    def at(self, group: StopGroup, axis: Array, side: int) -> BasePlacement | None:
+        """Placement with the arm axis at a position of a stop; None where it is outside."""
         if depth(group.places[side], axis) < -1e-9:
             return None
         chain = self._chain(group, axis, side)
         if chain is None:
             return None
         planes = self._planes(group, chain, axis)
-        span = self.floors.standing.sides[side].span
-        yaw, pivot, count = self._headed(planes, span)
+        span = self.parking_areas.standing.sides[side].span
+        yaw, pivot, count = self._base_heading(planes, span)
         if count == 0:
             return None
         some, held = group.setpoints[:count], chain[:count]
-        room = min(depth(self.floors.ladder.component[k], axis) for k in held)
-        room = min(room, self._swing_room(some, axis, pivot[:count]))
+        room = min(depth(self.parking_areas.ladder.component[k], axis) for k in held)
+        room = min(room, self._pivot_margin(some, axis, pivot[:count]))
         base = pose_of(self.world.robot, axis, float(np.arctan2(np.sin(yaw), np.cos(yaw))))
-        return Bay(some, held, axis, base, pivot[:count], room)
+        return BasePlacement(some, held, axis, base, pivot[:count], room)
 
-    def _chain(self, group: Group, axis: Array, side: int) -> tuple[int, ...] | None:
-        """A component of each set-point around the place, linked one to the next, the deepest."""
-        ladder, narrow, linked = self.floors.ladder, self.floors.narrow, self.world.rules.order == "given"
+    def _chain(self, group: StopGroup, axis: Array, side: int) -> tuple[int, ...] | None:
+        """Deepest component of each set-point around a position, each linked to the next."""
+        ladder, narrow, linked = (
+            self.parking_areas.ladder,
+            self.parking_areas.narrow,
+            self.world.rules.order == "given",
+        )
         rungs, rows = ladder.rungs, list[dict[int, tuple[float, int]]]()
         for i in group.setpoints:
             row: dict[int, tuple[float, int]] = {}
@@ -148,7 +154,7 @@ class Placing:
                 room, before = depth(ladder.component[k], axis), -1
                 if rows:
                     last = rows[-1]
-                    options = [m for m in self.floors.back[k] if m in last] if linked else list(last)
+                    options = [m for m in self.parking_areas.back[k] if m in last] if linked else list(last)
                     if not options:
                         continue
                     before = max(options, key=lambda m: last[m][0])
@@ -164,8 +170,8 @@ class Placing:
             chain.append(k)
         return tuple(chain[::-1])
 
-    def _planes(self, group: Group, chain: tuple[int, ...], axis: Array) -> Array:
-        """Base yaw and pivot together that each set-point asks for, running on along the path [rad]."""
+    def _planes(self, group: StopGroup, chain: tuple[int, ...], axis: Array) -> Array:
+        """Sum of base yaw and pivot that each set-point asks for, continuous along the path [rad]."""
         base, pivot = pose_of(self.world.robot, axis, 0.0), pivot_index(self.world.robot.chain)
         planes = []
         for i, k in zip(group.setpoints, chain, strict=True):
@@ -174,12 +180,12 @@ class Placing:
         return np.unwrap(planes) if self.world.rules.order == "given" else _gathered(np.array(planes))
 
     def posture(self, i: int, k: int, base: Array) -> Configuration:
-        """A posture on set-point i with the arm axis held, whatever the heading."""
-        solver = _free(self.world, self.floors.ladder.family[k])
+        """Posture on set-point i with the arm axis held, whatever the heading."""
+        solver = _any_heading_solver(self.world, self.parking_areas.ladder.family[k])
         return solver.hold(self.world.task[i], base, self.world.robot.carry)
 
-    def _headed(self, planes: Array, span: tuple[float, float]) -> tuple[float, Array, int]:
-        """Heading, pivot values, and how many of the first set-points it keeps within the pivot's limits.
+    def _base_heading(self, planes: Array, span: tuple[float, float]) -> tuple[float, Array, int]:
+        """Heading, pivot values, and number of first set-points within the pivot's limits.
 
         The pivot is as near as may be to the middle of its limits.
         """
@@ -194,28 +200,28 @@ class Placing:
                 return float(yaw), planes - yaw, count
         return 0.0, planes, 0
 
-    def _swing_room(self, setpoints: tuple[int, ...], axis: Array, pivot: Array) -> float:
-        """How far the base may be off before the pivot comes to a limit, for arms in one plane [m]."""
+    def _pivot_margin(self, setpoints: tuple[int, ...], axis: Array, pivot: Array) -> float:
+        """Offset of the base at which the pivot gets to a limit, for arms in one plane [m]."""
         joint = self.world.robot.chain.joints[pivot_index(self.world.robot.chain)]
         spots = np.array([self.world.task[i].position[:2] for i in setpoints])
         left = np.clip(np.minimum(pivot - joint.lower, joint.upper - pivot), 0.0, np.pi / 2)
         return float((np.hypot(*(spots - axis).T) * np.sin(left)).min())
 
-    def _score(self, bay: Bay) -> float:
-        """How good a place is by the criterion of the rules; more is better."""
+    def _score(self, placement: BasePlacement) -> float:
+        """Score of a placement by the criterion of the rules; higher is better."""
         criterion = self.world.rules.stop_criterion
         if criterion == "clearance":
-            side = self.floors.standing.sides[int(self.floors.ladder.side[bay.chain[0]])]
-            return float(shapely.distance(shapely.boundary(side.free), Point(bay.axis)))
+            side = self.parking_areas.standing.sides[int(self.parking_areas.ladder.side[placement.chain[0]])]
+            return float(shapely.distance(shapely.boundary(side.free), Point(placement.axis)))
         if criterion in _MEASURES:
-            pairs = zip(bay.setpoints, bay.chain, strict=True)
-            values = [_MEASURES[criterion](self._jacobian(i, k, bay)) for i, k in pairs]
+            pairs = zip(placement.setpoints, placement.chain, strict=True)
+            values = [_MEASURES[criterion](self._jacobian(i, k, placement)) for i, k in pairs]
             return min(values)
-        return bay.tolerance
+        return placement.tolerance
 
-    def _jacobian(self, i: int, k: int, bay: Bay) -> Array:
+    def _jacobian(self, i: int, k: int, placement: BasePlacement) -> Array:
         """Of the tool's velocity by the joints, at a posture on the set-point, (3, dof)."""
-        found, arm = self.posture(i, k, bay.base), serial_arm(self.world.robot.chain)
+        found, arm = self.posture(i, k, placement.base), serial_arm(self.world.robot.chain)
         n = len(arm.axis)
         frames, J = np.empty((n + 1, 4, 4)), np.empty((6, n))
         chain_frames(arm, found.joints, frames)
@@ -224,31 +230,31 @@ class Placing:
 
 
 def _volume(J: Array) -> float:
-    """Yoshikawa's manipulability: the volume of the ellipsoid of the tool's velocities, but for a factor."""
+    """Manipulability sqrt(det J J^T) (Yoshikawa 1985): volume of the velocity ellipsoid but for a factor."""
     return float(np.sqrt(max(np.linalg.det(J @ J.T), 0.0)))
 
 
-def _ease(J: Array) -> float:
-    """Less the largest joint torque that holds a load at the tool, for each newton of it [N m / N]."""
+def _load_capacity(J: Array) -> float:
+    """Negative of the largest joint torque for each newton of load at the tool [N m / N]."""
     return -float(np.abs(J[2]).max())
 
 
-_MEASURES: dict[str, Callable[[Array], float]] = {"manipulability": _volume, "effort": _ease}
+_MEASURES: dict[str, Callable[[Array], float]] = {"manipulability": _volume, "effort": _load_capacity}
 
 
 @lru_cache(maxsize=256)
-def _free(world: World, family: Family) -> Solver:
+def _any_heading_solver(world: World, family: Family) -> Solver:
     solver = solver_for(world, family)
     return replace(solver, heading="free")
 
 
-def _longest(bays: list[Bay | None]) -> Bay | None:
-    real = [bay for bay in bays if bay is not None]
-    return max(real, key=lambda bay: (len(bay.setpoints), bay.tolerance)) if real else None
+def _most_served(found: list[BasePlacement | None]) -> BasePlacement | None:
+    real = [placement for placement in found if placement is not None]
+    return max(real, key=lambda placement: (len(placement.setpoints), placement.tolerance)) if real else None
 
 
 def _gathered(planes: Array) -> Array:
-    """Angles with whole turns taken off, so that they lie across from their widest gap."""
+    """Angles less whole turns, so that they lie across from their widest gap."""
     ordered = np.sort(np.mod(planes, 2 * np.pi))
     gaps = np.diff(np.append(ordered, ordered[0] + 2 * np.pi))
     widest = int(np.argmax(gaps))
@@ -257,14 +263,14 @@ def _gathered(planes: Array) -> Array:
     return gathered
 
 
-def shortest_way(world: World, groups: tuple[Group, ...]) -> Array:
-    """Where the arm axis stands at each stop so that the straight way through all is short, (n, 2)."""
+def short_tour_positions(world: World, groups: tuple[StopGroup, ...]) -> Array:
+    """Positions of the arm axis at the stops, (n, 2), on a short straight tour through all [m]."""
     regions: list[BaseGeometry] = [max(group.places.values(), key=lambda area: area.area) for group in groups]
     start = None if world.start is None else axis_of(world.robot, world.start.base)
-    return through(regions, start)
+    return short_tour(regions, start)
 
 
 def check_arm(world: World) -> str | None:
-    """Why an arm cannot work while its base stands still; None where it can."""
+    """Flaw for which an arm cannot work while its base stands still; None where it can."""
     chain = world.robot.chain
     return None if with_pivot(chain) is chain else "a vertical pivot: this arm turns as its base turns"

@@ -1,8 +1,9 @@
-"""Short ways through places: in any order, or through ordered polygons."""
+"""Short tours: an open one through points in any order, and one through polygons in their order."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 import shapely
@@ -12,31 +13,31 @@ from shapely.geometry.base import BaseGeometry
 
 from regionik.worlds.arrays import Array
 
-MOST_EXACT = 12  # places whose best order is found by going through all subsets
+MOST_EXACT = 12  # points whose best order is found by dynamic programming over subsets
 ROUNDS = 50  # of improvement
-GAIN = 1e-12  # below which a way counts as no shorter [m]
+GAIN = 1e-12  # below which a tour counts as no shorter [m]
 
 Index = NDArray[np.intp]
 
 
 def shortest_order(distance: ArrayLike, lead: ArrayLike | None = None) -> tuple[list[int], bool]:
-    """Order in which to visit all places, each once, without going back to the first.
+    """Order in which to visit all points, each once, without going back to the first.
 
-    Few places by dynamic programming over subsets (Held and Karp 1962), more by the nearest neighbour from
-    every place, improved by turning parts of the way round (2-opt).
+    Few points by dynamic programming over subsets (Held and Karp 1962), more by the nearest neighbour from
+    every point, improved by 2-opt (Croes 1958).
 
     Parameters
     ----------
     distance : (n, n) array_like
         Symmetric [m].
     lead : (n,) array_like, optional
-        Way from the start to each place; nothing by default [m].
+        Distance from the start to each point; 0 by default [m].
 
     Returns
     -------
     order : list of int
     exact : bool
-        Whether the order is proven the shortest.
+        True if the order is proven the shortest.
 
     Examples
     --------
@@ -48,11 +49,12 @@ def shortest_order(distance: ArrayLike, lead: ArrayLike | None = None) -> tuple[
     if len(far) <= MOST_EXACT:
         return _held_karp(far, first), True
     begins = range(len(far)) if lead is None else [int(np.argmin(first))]
-    ways = [_untangled(_nearest_first(far, begin), far, first) for begin in begins]
-    return min(ways, key=lambda way: _length(way, far, first)), False
+    ways = [_two_opt(_nearest_neighbour(far, begin), far, first) for begin in begins]
+    return min(ways, key=lambda way: _tour_length(way, far, first)), False
 
 
 def _held_karp(far: Array, first: Array) -> list[int]:
+    """Shortest order: C(S, k) = min over m of C(S - k, m) + d(m, k) (Held and Karp 1962)."""
     n = len(far)
     cost = np.full((1 << n, n), np.inf)
     before = np.full((1 << n, n), -1)
@@ -73,7 +75,8 @@ def _held_karp(far: Array, first: Array) -> list[int]:
     return order[::-1]
 
 
-def _nearest_first(far: Array, begin: int) -> list[int]:
+def _nearest_neighbour(far: Array, begin: int) -> list[int]:
+    """Order that always goes on to the nearest point left."""
     left = np.ones(len(far), dtype=bool)
     order = [begin]
     left[begin] = False
@@ -83,8 +86,8 @@ def _nearest_first(far: Array, begin: int) -> list[int]:
     return order
 
 
-def _untangled(order: list[int], far: Array, first: Array) -> list[int]:
-    """Parts of the way turned round until none makes it shorter."""
+def _two_opt(order: list[int], far: Array, first: Array) -> list[int]:
+    """Order with parts reversed until that makes it no shorter."""
     n = len(order)
     for _ in range(ROUNDS):
         better = False
@@ -105,47 +108,47 @@ def _untangled(order: list[int], far: Array, first: Array) -> list[int]:
     return order
 
 
-def _length(order: list[int], far: Array, first: Array) -> float:
+def _tour_length(order: list[int], far: Array, first: Array) -> float:
     return float(first[order[0]] + far[order[:-1], order[1:]].sum())
 
 
-def through(regions: Sequence[BaseGeometry], start: Array | None) -> Array:
-    """A short way through regions in their order: one place of each, (n, 2).
+def short_tour(regions: Sequence[BaseGeometry], start: Array | None) -> Array:
+    """Short tour through regions in their order: one point of each, (n, 2) [m].
 
-    The best way through some places of each region (dynamic programming), then each place moved to
-    where the way through it is shortest while its neighbours stay, until that brings nothing. It is
-    not proven to be the shortest.
+    The best tour through some points of each region (dynamic programming), then each point moved to where the
+    tour is shortest while its neighbours stay, until that gains nothing. It is not proven the shortest.
 
     Parameters
     ----------
     regions : sequence of polygons
     start : (2,) array or None
     """
-    places = _first_way([_some(region) for region in regions], start)
+    points = _best_of_samples([_sampled(region) for region in regions], start)
     for _ in range(ROUNDS):
         moved = 0.0
         for i, region in enumerate(regions):
-            before = places[i - 1] if i else start
-            after = places[i + 1] if i + 1 < len(regions) else None
-            better = _between(region, before, after, places[i])
-            moved = max(moved, float(np.hypot(*(better - places[i]))))
-            places[i] = better
+            before = points[i - 1] if i else start
+            after = points[i + 1] if i + 1 < len(regions) else None
+            better = _between(region, before, after, points[i])
+            moved = max(moved, float(np.hypot(*(better - points[i]))))
+            points[i] = better
         if moved < 1e-6:
             break
-    return places
+    return points
 
 
-def _some(region: BaseGeometry) -> Array:
-    """Corners of a region, at most some fifty, and a place inside it."""
+def _sampled(region: BaseGeometry) -> Array:
+    """About fifty corners of a region at most, and a point inside it."""
     corners = shapely.get_coordinates(region)
     middle = shapely.get_coordinates(shapely.point_on_surface(region))
     return np.vstack([middle, corners[:: max(1, len(corners) // 50)]])
 
 
-def _first_way(places: list[Array], start: Array | None) -> Array:
-    cost = np.zeros(len(places[0])) if start is None else np.hypot(*(places[0] - start).T)
+def _best_of_samples(samples: list[Array], start: Array | None) -> Array:
+    """Shortest tour through one sample of each region, by dynamic programming."""
+    cost = np.zeros(len(samples[0])) if start is None else np.hypot(*(samples[0] - start).T)
     back: list[Index] = []
-    for here, there in zip(places[:-1], places[1:], strict=True):
+    for here, there in pairwise(samples):
         ways = cost[:, None] + np.hypot(*(here[:, None] - there[None]).transpose(2, 0, 1))
         back.append(np.argmin(ways, axis=0))
         cost = ways.min(axis=0)
@@ -154,18 +157,20 @@ def _first_way(places: list[Array], start: Array | None) -> Array:
     for table in back[::-1]:
         k = int(table[k])
         chosen.append(k)
-    return np.array([spots[k] for spots, k in zip(places, chosen[::-1], strict=True)])
+    return np.array([spots[k] for spots, k in zip(samples, chosen[::-1], strict=True)])
 
 
 def _between(region: BaseGeometry, before: Array | None, after: Array | None, here: Array) -> Array:
-    """Place of a region through which the way from one place to another is shortest."""
+    """Point of a region through which the tour from one point to another is shortest."""
     if before is None or after is None:
         end = after if before is None else before
         return here if end is None else np.array(shapely.shortest_line(region, Point(end)).coords[0])
     line = LineString([before, after])
     if region.intersects(line):
         return np.array(shapely.shortest_line(region & line, Point(here)).coords[0])
-    spots = np.vstack([_bent(shapely.get_coordinates(ring), before, after) for ring in _rings(region)])
+    spots = np.vstack(
+        [_reflection_points(shapely.get_coordinates(ring), before, after) for ring in _rings(region)]
+    )
     ways = np.hypot(*(spots - before).T) + np.hypot(*(spots - after).T)
     best = int(np.argmin(ways))
     now = float(np.hypot(*(here - before)) + np.hypot(*(here - after)))
@@ -173,12 +178,13 @@ def _between(region: BaseGeometry, before: Array | None, after: Array | None, he
 
 
 def _rings(region: BaseGeometry) -> list[BaseGeometry]:
+    """Rings of all polygons of a region."""
     rings: list[BaseGeometry] = list(shapely.get_rings(shapely.get_parts(region)))
     return rings
 
 
-def _bent(ring: Array, before: Array, after: Array) -> Array:
-    """On each edge of a ring the place nearest to both, by mirroring one of them in it."""
+def _reflection_points(ring: Array, before: Array, after: Array) -> Array:
+    """Point of each edge of a ring with the least sum of distances to both, by reflection in the edge."""
     a, along = ring[:-1], np.diff(ring, axis=0)
     length = np.hypot(*along.T)
     a, along, length = a[length > 0], along[length > 0], length[length > 0]

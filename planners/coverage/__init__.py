@@ -1,0 +1,1 @@
+"""Set cover and interval cover of areas, short tours through them."""

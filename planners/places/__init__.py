@@ -1,1 +1,0 @@
-"""The fewest places for many areas, and short ways through places."""
