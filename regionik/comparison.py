@@ -272,7 +272,7 @@ def compare(
 
     Examples
     --------
-    >>> from regionik.worlds.library import load_world
+    >>> from regionik.worlds.documents.world_file import load_world
     >>> scores = compare(load_world("pillar"), ["mfabrik", "dls"]).scores
     >>> [(score.method, score.success) for score in scores]
     [('mfabrik', 15), ('dls', 15)]

@@ -97,7 +97,7 @@ def reach_field(world: World, targets: ArrayLike | Sequence[Target], cell: float
 
     Examples
     --------
-    >>> from regionik.worlds.library import load_world
+    >>> from regionik.worlds.documents.world_file import load_world
     >>> found = reach_field(load_world("free"), [[0.5, 0.0, 0.25], [0.7, 0.0, 0.25]], cell=0.2)
     >>> int(found.values.max()), found.most
     (2, 2)

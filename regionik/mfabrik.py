@@ -61,7 +61,7 @@ class Solver:
 
     Examples
     --------
-    >>> from regionik.worlds.library import robot_named
+    >>> from regionik.worlds.bundled import robot_named
     >>> solver = Solver(robot_named("youbot"))
     >>> answer = solver([1.0, 0.2, 0.25], [0, 0, 0], [0, 1.6, -1, 0.5, 0])
     >>> answer.converged, answer.error <= 1e-3

@@ -43,7 +43,7 @@ def stops(world: World) -> tuple[Stop, ...]:
 
     Examples
     --------
-    >>> from regionik.worlds.library import load_world
+    >>> from regionik.worlds.documents.world_file import load_world
     >>> [(stop.first, stop.last) for stop in stops(load_world("pillar"))]
     [(0, 9), (10, 14)]
     """

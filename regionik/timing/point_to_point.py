@@ -51,7 +51,7 @@ def point_to_point(
 
     Examples
     --------
-    >>> from regionik.worlds.library import load_robot
+    >>> from regionik.worlds.urdf.loader import load_robot
     >>> motion = point_to_point(load_robot("youbot"), [0, 0.5, 0.5, 0, 0], [1, 0.5, 1.0, 0, 0])
     >>> round(motion.duration, 3), motion.at(motion.duration).position.tolist()
     (1.75, [1.0, 0.5, 1.0, 0.0, 0.0])
