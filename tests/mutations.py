@@ -146,15 +146,15 @@ FAULTS = (
     Fault(
         "pruning: the backward cut is skipped",
         "regionik/pruning.py",
-        "keep[k] = keep[k] and any(keep[j] for j in ahead[k])",
-        "keep[k] = keep[k]",
+        "keep[rung] &= _followed(keep, ladder.ahead[rung])",
+        "keep[rung] &= True",
         ("tests/test_pruning.py",),
     ),
     Fault(
         "pruning: the forward cut forgets what cannot be used",
         "regionik/pruning.py",
-        "for k in span], dtype=bool) & usable[span]",
-        "for k in span], dtype=bool)",
+        "keep[rung] = usable[rung] & _followed(keep, ladder.back[rung])",
+        "keep[rung] = _followed(keep, ladder.back[rung])",
         ("tests/test_pruning.py",),
     ),
     Fault(
@@ -223,8 +223,8 @@ FAULTS = (
     Fault(
         "export: capsules lean the wrong way",
         "regionik/output/urdf.py",
-        'shape = _solid(link, f"{capsule.name} side", translation(*middle), (0.0, pitch, yaw))',
-        'shape = _solid(link, f"{capsule.name} side", translation(*middle), (0.0, -pitch, yaw))',
+        'shape = _collision(link, f"{capsule.name} side", translation(*middle), (0.0, pitch, yaw))',
+        'shape = _collision(link, f"{capsule.name} side", translation(*middle), (0.0, -pitch, yaw))',
         ("tests/test_export.py",),
     ),
 )
