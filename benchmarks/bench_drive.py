@@ -15,9 +15,9 @@ from shapely.geometry import Polygon
 
 from regionik.planners.driving.greedy_steps import step_to_goal
 from regionik.planners.driving.point_planner import _connect, drive_point, resample, tighten
-from regionik.planners.geometry.flat import FlatPolygon, segment_inside
-from regionik.planners.geometry.pulling import route
-from regionik.planners.geometry.triangles import triangulate
+from regionik.planners.geometry.polygons import FlatPolygon, segment_inside
+from regionik.planners.geometry.string_pulling import route
+from regionik.planners.geometry.triangulation import triangulate
 from regionik.worlds.arrays import Array
 
 MAPS, OBSTACLES, SIDE, STEP = 20, 30, 10.0, 0.1

@@ -14,7 +14,7 @@ from collections import Counter
 import numpy as np
 import shapely
 
-from regionik.reach import reach
+from regionik.reachability.reach import reach
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.obstacles import Box, Cylinder, Solid, Sphere

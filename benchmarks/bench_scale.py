@@ -25,7 +25,7 @@ import numpy as np
 import psutil
 import yaml
 
-from regionik.reach import reach
+from regionik.reachability.reach import reach
 from regionik.worlds.documents.world_file import load_world
 
 OBSTACLES = 100

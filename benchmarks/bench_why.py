@@ -21,7 +21,7 @@ import numpy as np
 
 from regionik.explain.changes import repaired
 from regionik.pipeline import why
-from regionik.reach import reach
+from regionik.reachability.reach import reach
 from tests.why_cases import as_small_as_brute_force, cases, proven_irreducible
 
 

@@ -16,7 +16,7 @@ from benchmarks.speed.mobile import TOLERANCE, task
 from regionik.mfabrik import Solver
 from regionik.pipeline import search
 from regionik.pruning import whole_path
-from regionik.reach import reach
+from regionik.reachability.reach import reach
 from regionik.verification.verifier import verify
 from regionik.worlds.documents.world_file import load_world
 

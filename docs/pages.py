@@ -33,12 +33,12 @@ SECTIONS = {
 }
 RESULTS = (
     "regionik.regions.Area",
-    "regionik.reach.Answer",
+    "regionik.reachability.reach.Answer",
     "regionik.values.Motion",
     "regionik.values.State",
     "regionik.values.Stop",
     "regionik.values.Report",
-    "regionik.field.Field",
+    "regionik.reachability.field.Field",
     "regionik.worlds.errors.Explanation",
     "regionik.worlds.errors.Repair",
 )

@@ -10,21 +10,19 @@ The names below are looked up when they are first used, so that ``import regioni
 
 from __future__ import annotations
 
-import sys
 from importlib import import_module
-from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from regionik.comparison import compare
-    from regionik.field import reach_field, reach_slice
     from regionik.mfabrik import Solver
     from regionik.output.export import export
     from regionik.output.field_file import write_field
     from regionik.output.plan_file import load_plan
     from regionik.parking.stops import stops
     from regionik.pipeline import plan, why
-    from regionik.reach import reach
+    from regionik.reachability.field import reach_field, reach_slice
+    from regionik.reachability.reach import reach
     from regionik.regions import admissible_area
     from regionik.timing.point_to_point import point_to_point
     from regionik.timing.retime import retime
@@ -125,9 +123,9 @@ _HOME = {
     "plan": "regionik.pipeline",
     "plot": "regionik.view.figures",
     "point_to_point": "regionik.timing.point_to_point",
-    "reach": "regionik.reach",
-    "reach_field": "regionik.field",
-    "reach_slice": "regionik.field",
+    "reach": "regionik.reachability.reach",
+    "reach_field": "regionik.reachability.field",
+    "reach_slice": "regionik.reachability.field",
     "retime": "regionik.timing.retime",
     "show": "regionik.view.viewer",
     "stops": "regionik.parking.stops",
@@ -140,19 +138,6 @@ _HOME = {
 }
 
 
-class _Package(ModuleType):
-    """The package, where names like ``plan``, ``reach`` and ``verify`` are the functions.
-
-    Modules of the same names exist. Python binds a submodule to its parent when it is imported, which
-    would hide the function; ``from regionik.plan import Plan`` does not need that binding.
-    """
-
-    def __setattr__(self, name: str, value: Any) -> None:
-        if name in _HOME and isinstance(value, ModuleType):
-            return
-        super().__setattr__(name, value)
-
-
 def __getattr__(name: str) -> Any:
     if name not in _HOME:
         raise AttributeError(f"module 'regionik' has no attribute {name!r}")
@@ -163,6 +148,3 @@ def __getattr__(name: str) -> Any:
 
 def __dir__() -> list[str]:
     return sorted({*globals(), *__all__})
-
-
-sys.modules[__name__].__class__ = _Package

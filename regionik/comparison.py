@@ -24,7 +24,7 @@ from regionik.planners.rivals.method import ArmMethod, Fabrik, FabrikPolished, S
 from regionik.planners.rivals.network import Network
 from regionik.planners.solvers.damped_least_squares import Aim
 from regionik.planners.solvers.mfabrik_serial import in_arm_frame
-from regionik.postures.guard import guard_of
+from regionik.postures.arm_guard import guard_of
 from regionik.postures.poses import pose
 from regionik.postures.tool_goal import aim_of, misses
 from regionik.pruning import choose_chain, start_place, whole_path

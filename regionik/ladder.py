@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from regionik.areas.ground import Geometries
 from regionik.areas.standing import LEAST_AREA, Standing, groups
-from regionik.planners.geometry.flat import FlatPolygon, flats_of
+from regionik.planners.geometry.polygons import FlatPolygon, flats_of
 from regionik.postures.families import Family
 from regionik.regions import PathAreas
 

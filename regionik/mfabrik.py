@@ -20,13 +20,13 @@ from regionik.areas.reach_model import ReachModel
 from regionik.areas.reachable import reach_model
 from regionik.areas.standing import Standing
 from regionik.ladder import Ladder
-from regionik.planners.geometry.flat import FlatPolygon
+from regionik.planners.geometry.polygons import FlatPolygon
 from regionik.planners.solvers.base_placement import FACE_TARGET, FIXED, FREE, Turning, share_turn
 from regionik.planners.solvers.mfabrik_planar import solve, solve_along, solve_many
 from regionik.planners.solvers.planar_setup import Record
-from regionik.postures.arms import ANGLE_SLACK, Arm, PlaneSolver
+from regionik.postures.arm_solvers import ANGLE_SLACK, Arm, PlaneSolver
 from regionik.postures.families import FRONT, Family
-from regionik.postures.serialarm import Reached
+from regionik.postures.serial_solver import Reached
 from regionik.postures.tool_goal import goal_of
 from regionik.values import Configuration
 from regionik.worlds.arrays import Array, frozen

@@ -26,12 +26,12 @@ from regionik.parking.stops import check as check_stops
 from regionik.parking.stops import in_sequence
 from regionik.postures.poses import figures, lift_offs
 from regionik.pruning import choose_chain, spans, start_place, start_pose, whole_path
-from regionik.reach import reach
+from regionik.reachability.any_base import can_search, search_any_base
+from regionik.reachability.reach import reach
+from regionik.reachability.witness import Quest
 from regionik.regions import PathAreas
-from regionik.seeking.any_base import can_search, search_any_base
-from regionik.seeking.witness import Quest
 from regionik.timing.retime import retime
-from regionik.tracker import plans
+from regionik.tracker import planner
 from regionik.values import Configuration, Plan, PlannedArea, Stop
 from regionik.verification.verifier import verify
 from regionik.worlds.arrays import frozen
@@ -152,7 +152,7 @@ def _why_path(world: World) -> Explanation | None:
 def _explained(world: World, quick: Explanation, seed: int = 0) -> Explanation:
     """The quick words on why areas allow no plan, with irreducible causes and repairs; others as they are."""
     i = quick.setpoint
-    if i is None or plans.follows(world):
+    if i is None or planner.follows(world):
         return quick
     if quick.verdict == "ladder-broken" and not spans(world):
         return explained(PathQuestion(world, i, spans, lambda changed: _can_be_planned(changed, seed)), quick)
@@ -198,8 +198,8 @@ def strategy_of(world: World) -> Strategy:
     """Stops where the rules ask for them, Xu's tracker where it `follows`, else the path without a stop."""
     if world.rules.mode == "stops":
         return Strategy(_check_stops, _plan_stops)
-    if plans.follows(world):
-        return Strategy(lambda _: None, plans.follow)
+    if planner.follows(world):
+        return Strategy(lambda _: None, planner.follow)
     return Strategy(_check_areas, _plan_path)
 
 

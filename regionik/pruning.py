@@ -19,7 +19,7 @@ from regionik.areas.standing import Standing, into_span
 from regionik.explain.failures import cut_off, no_place, too_many_lifts
 from regionik.ladder import Ladder, Mask, build_ladder
 from regionik.mfabrik import axis_of
-from regionik.planners.geometry.flat import FlatPolygon, clamp
+from regionik.planners.geometry.polygons import FlatPolygon, clamp
 from regionik.regions import PathAreas, path_areas, ways_to_stand
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Explanation, NoPlanFound

@@ -50,7 +50,7 @@ CASES = {
     ),
     "why": Case("why {world} --target 9 9 0.2 --html why.html", "regionik.pipeline.why", "interrupted"),
     "stops": Case("stops l_shape -o stops.geojson", "regionik.parking.stops.find", "interrupted"),
-    "field": Case("field {world} -o field.npz", "regionik.field.reach_field", "interrupted"),
+    "field": Case("field {world} -o field.npz", "regionik.reachability.field.reach_field", "interrupted"),
     "no room": Case("plan {world} -o plan.json", "regionik.pipeline.verify", "cramped"),
     "killed while it writes": Case("plan {world} -o plan.json", "os.fsync", "killed"),
 }
@@ -87,7 +87,7 @@ def _asked_soon() -> None:
 
 def compiled(_: Callable[..., Any]) -> Callable[..., Any]:
     """A stage that is in one compiled call for ever."""
-    from regionik.planners.geometry.flat import compiled as compile_kernel
+    from regionik.planners.geometry.polygons import compiled as compile_kernel
 
     def endless(x: float) -> float:
         while x > 0.0:

@@ -194,7 +194,7 @@ FAULTS = (
     ),
     Fault(
         "motion: clearance of the arm halved",
-        "planners/clearance/sweeping.py",
+        "planners/clearance/swept_motion.py",
         "need = movers.radius[k] + hulls.ball[m] + keep + ROUNDING",
         "need = movers.radius[k] + hulls.ball[m] + keep / 2 + ROUNDING",
         ("tests/test_touching.py",),

@@ -22,7 +22,7 @@ from rich.progress import track
 
 from regionik.output.urdf import robot_to_urdf
 from regionik.pipeline import search
-from regionik.reach import reach
+from regionik.reachability.reach import reach
 from regionik.storage.plan_document import plan_to_document
 from regionik.timing.retime import retime
 from regionik.values import Plan

@@ -21,7 +21,7 @@ from hypothesis import strategies as st
 from regionik.cli import app
 from regionik.output import answers as module
 from regionik.output.answers import csv_header, csv_rows, parse_targets, stream_answers, write_answers
-from regionik.reach import reach
+from regionik.reachability.reach import reach
 from regionik.storage.files import open_partial
 from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import InputError

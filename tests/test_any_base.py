@@ -14,17 +14,17 @@ from regionik.areas.ground import EVERY
 from regionik.areas.standing import room_for
 from regionik.planners.clearance.any_base import bound_cell
 from regionik.planners.clearance.planar_cells import AWAY, PITCH, TURN, YAW
-from regionik.planners.clearance.touching import nearest
+from regionik.planners.clearance.proximity import nearest
 from regionik.planners.driving.footprint_scene import fits, fits_nowhere_near, footprint_scene
-from regionik.planners.geometry.collision import obstacles_from
-from regionik.planners.geometry.pieces import Piece
-from regionik.planners.geometry.upright import depths, signed_distance, uprights_from
+from regionik.planners.geometry.convex_bodies import Piece
+from regionik.planners.geometry.distances import obstacles_from
+from regionik.planners.geometry.upright_bodies import depths, signed_distance, uprights_from
 from regionik.planners.search.box_search import Verdict
 from regionik.planners.solvers.planar_arm import triangle
-from regionik.postures.guard import contact_for, guard_of
-from regionik.reach import reach
-from regionik.seeking.any_base import any_base_of, prepared, search_any_base
-from regionik.seeking.flatworld import own, stance_of
+from regionik.postures.arm_guard import contact_for, guard_of
+from regionik.reachability.any_base import any_base_of, prepared, search_any_base
+from regionik.reachability.planar_world import own, stance_of
+from regionik.reachability.reach import reach
 from regionik.verification.answers import verify_answers
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named

@@ -9,10 +9,10 @@ import shapely
 from regionik.areas.reachable import reach_model
 from regionik.mfabrik import Solver, axis_of, pose_of
 from regionik.planners.geometry.angles import wrap
-from regionik.planners.reach.levelreach import inner_reach, outer_reach
-from regionik.postures.arms import PlaneSolver
+from regionik.planners.reach.level_reach import inner_reach, outer_reach
+from regionik.postures.arm_solvers import PlaneSolver
 from regionik.postures.families import FRONT, Family
-from regionik.postures.serialarm import SerialSolver, serial_solver
+from regionik.postures.serial_solver import SerialSolver, serial_solver
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain, Joint, translation

@@ -7,8 +7,8 @@ import pytest
 
 from benchmarks.clutter import CERTAIN, body_of, distance_to, keeps_off
 from regionik.planners.clearance.avoidance import Avoided, avoid
-from regionik.planners.clearance.linkwise import links_clear, touchable, whole_pieces
-from regionik.planners.clearance.prepared import Bodies, Contact, bodies_from
+from regionik.planners.clearance.link_clearance import links_clear, touchable, whole_pieces
+from regionik.planners.clearance.robot_bodies import Bodies, ContactTargets, bodies_from
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain, Joint, rot_x, rot_y, translation
@@ -154,7 +154,7 @@ def test_one_link_is_judged_as_sampling_judges_it() -> None:
 def test_what_the_tool_works_on_may_be_touched() -> None:
     ball = Sphere("ball", 0.1, np.array([0.4, 0.0, 0.3]))
     bodies = bodies_from(robot_named("youbot"), [ball], 0.0, 0.2)
-    contact = Contact(ball.center[None], np.array([0]), 0.05)
+    contact = ContactTargets(ball.center[None], np.array([0]), 0.05)
     there, below = translation(0.4, 0, 0.3), translation(0.4, 0, 0.3 - 0.2175)  # its tool in the middle
     assert touchable(contact, ball.center + [0.04, 0, 0]) == [0]
     assert touchable(contact, ball.center + [0.06, 0, 0]) == []

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from regionik.planners.geometry.flat import Index, compiled
+from regionik.planners.geometry.polygons import Index, compiled
 from regionik.planners.search.box_search import (
     CLOSED,
     JUDGED,

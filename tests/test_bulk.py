@@ -18,8 +18,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from regionik.bulk import FRESH_POOLS, handed_out
-from regionik.reach import Answer, reach
+from regionik.executors import FRESH_POOLS, handed_out
+from regionik.reachability.reach import Answer, reach
 from regionik.workers import processes
 from regionik.worlds.bundled import world_names
 from regionik.worlds.documents.world_file import load_world, world_to_document

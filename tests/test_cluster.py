@@ -15,10 +15,10 @@ import distributed
 import numpy as np
 import pytest
 
-from regionik.bulk import handed_out
 from regionik.cli import app
 from regionik.cluster import cluster
-from regionik.reach import reach
+from regionik.executors import handed_out
+from regionik.reachability.reach import reach
 from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import EngineError, InputError
 from regionik.worlds.scene import World

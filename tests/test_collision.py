@@ -12,7 +12,8 @@ from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 from shapely.geometry import Point, Polygon, box
 
-from regionik.planners.geometry.collision import (
+from regionik.planners.geometry.convex_decomposition import MOST_CORNERS, convex_pieces
+from regionik.planners.geometry.distances import (
     Obstacles,
     aabb_gaps,
     capsule_distance,
@@ -21,7 +22,6 @@ from regionik.planners.geometry.collision import (
     obstacles_from,
     separation,
 )
-from regionik.planners.geometry.convex import MOST_CORNERS, convex_pieces
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Solid, Sphere

@@ -20,8 +20,8 @@ from regionik.moving.configuration_sampling import (
     Evidence,
     spread,
 )
-from regionik.planners.clearance.touching import Touch
-from regionik.postures.guard import guard_of
+from regionik.planners.clearance.proximity import Touch
+from regionik.postures.arm_guard import guard_of
 from regionik.postures.poses import Pose
 from regionik.pruning import Pruned, choose_chain, start_place, start_pose, whole_path
 from regionik.worlds.documents.world_file import load_world

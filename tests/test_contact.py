@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 
 from regionik.explain.arm_failures import buried
 from regionik.planners.clearance.contacts import farthest as compiled_farthest
-from regionik.planners.clearance.prepared import core_of
-from regionik.planners.geometry.collision import obstacles_from
-from regionik.postures.guard import guard_of
+from regionik.planners.clearance.robot_bodies import core_of
+from regionik.planners.geometry.distances import obstacles_from
+from regionik.postures.arm_guard import guard_of
 from regionik.postures.poses import Pose
 from regionik.values import Report
 from regionik.verification.contact import Contact, Moved, core_weights, farthest, touches

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from regionik.areas.reachable import planar_reach, reach_model
 from regionik.mfabrik import Solver
 from regionik.pipeline import plan
-from regionik.planners.reach.paving import paved
+from regionik.planners.reach.criteria_paving import paved
 from regionik.planners.reach.rings import FREE
 from regionik.planners.solvers.posture_criteria import Thresholds, posture_spare, thresholds_of
 from regionik.regions import admissible_area

@@ -15,7 +15,7 @@ from shapely import box
 from shapely.geometry import MultiPolygon, Polygon
 
 from regionik.planners.driving.point_planner import NoPathError, PointPath, _connect, drive_point
-from regionik.planners.geometry.flat import FlatPolygon, segment_inside
+from regionik.planners.geometry.polygons import FlatPolygon, segment_inside
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError, RegionikError
 

@@ -21,7 +21,7 @@ import shapely
 from numba.core.caching import FunctionCache
 
 from regionik.cli import app
-from regionik.planners.geometry import flat
+from regionik.planners.geometry import polygons
 from regionik.storage.files import is_leftover, write_atomic
 from regionik.view import viewer
 from regionik.worlds.bundled import world_path
@@ -254,8 +254,8 @@ def test_kernels_work_where_no_folder_can_be_written(monkeypatch: pytest.MonkeyP
     def nowhere(self: object, function: object) -> None:
         raise RuntimeError("cannot cache function: no locator available")
 
-    monkeypatch.setattr(flat._Kept, "__init__", nowhere)
-    assert flat.compiled(_double)(2.0) == 4.0
+    monkeypatch.setattr(polygons._Kept, "__init__", nowhere)
+    assert polygons.compiled(_double)(2.0) == 4.0
 
 
 def test_kernels_work_where_the_disk_is_full(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -264,7 +264,7 @@ def test_kernels_work_where_the_disk_is_full(monkeypatch: pytest.MonkeyPatch) ->
 
     monkeypatch.setattr(FunctionCache, "save_overload", full)
     monkeypatch.setattr(FunctionCache, "load_overload", full)
-    assert flat.compiled(_double)(2.0) == 4.0
+    assert polygons.compiled(_double)(2.0) == 4.0
 
 
 def test_margins_are_never_less_than_nothing_by_rounding() -> None:

@@ -9,7 +9,7 @@ from numba import njit
 from shapely import box
 from shapely.geometry import LineString, MultiPolygon, Point, Polygon
 
-from regionik.planners.geometry.flat import (
+from regionik.planners.geometry.polygons import (
     FlatPolygon,
     clamp,
     compiled,

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 import shapely
 
-from regionik.planners.clearance.touching import Touch
-from regionik.postures.guard import SPARE, guard_of
+from regionik.planners.clearance.proximity import Touch
+from regionik.postures.arm_guard import SPARE, guard_of
 from regionik.postures.poses import Pose, between
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named

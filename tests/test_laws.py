@@ -15,7 +15,7 @@ from shapely.affinity import affine_transform, scale
 
 from regionik.pipeline import search
 from regionik.pruning import whole_path
-from regionik.reach import reach
+from regionik.reachability.reach import reach
 from regionik.regions import admissible_area, path_areas
 from regionik.storage.plan_document import plan_to_document, plan_to_text
 from regionik.values import Configuration

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 import tests.opinion
 from regionik.output.urdf import robot_to_urdf
 from regionik.pipeline import search
-from regionik.reach import reach
+from regionik.reachability.reach import reach
 from regionik.regions import admissible_area
 from regionik.storage.plan_document import plan_to_document
 from regionik.timing.retime import retime

@@ -9,7 +9,7 @@ import shapely
 from regionik.areas.reachable import reach_model
 from regionik.mfabrik import axis_of
 from regionik.pipeline import plan
-from regionik.reach import reach
+from regionik.reachability.reach import reach
 from regionik.regions import admissible_area
 from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array

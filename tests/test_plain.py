@@ -13,7 +13,7 @@ import shapely
 
 import regionik as rik
 from regionik.mfabrik import Solver
-from regionik.planners.geometry import flat
+from regionik.planners.geometry import polygons
 from regionik.planners.solvers.inverse_kinematics import ArmSolver, Goal
 from regionik.worlds.bundled import robot_named
 from tests.twice import kernels_called_twice
@@ -70,11 +70,13 @@ def test_each_kernel_of_a_batch_says_the_same_as_plain_python() -> None:
 
 
 def test_a_kernel_that_says_something_else_is_caught(monkeypatch: pytest.MonkeyPatch) -> None:
-    square = flat.FlatPolygon.from_shapely(shapely.box(0, 0, 1, 1))
-    assert not flat.contains(square.vertices, square.starts, 1.1, 0.5)
-    monkeypatch.setattr(flat, "ON_EDGE", 0.2)  # for plain Python; what is compiled keeps the number it knew
+    square = polygons.FlatPolygon.from_shapely(shapely.box(0, 0, 1, 1))
+    assert not polygons.contains(square.vertices, square.starts, 1.1, 0.5)
+    monkeypatch.setattr(
+        polygons, "ON_EDGE", 0.2
+    )  # for plain Python; what is compiled keeps the number it knew
     with kernels_called_twice(), pytest.raises(AssertionError, match="plainly"):
-        flat.contains(square.vertices, square.starts, 1.1, 0.5)
+        polygons.contains(square.vertices, square.starts, 1.1, 0.5)
 
 
 if __name__ == "__main__":

@@ -12,11 +12,11 @@ from shapely.geometry import Point
 
 from benchmarks.clutter import CERTAIN, ROBOTS, Scene, faults, free_posture, scene
 from benchmarks.sweeps import SWEEPS
-from regionik.planners.clearance.posture import ClearPosture, clear_posture, go_round
+from regionik.planners.clearance.clear_posture import ClearPosture, clear_posture, go_round
 from regionik.planners.clearance.posture_proof import has_stops, spare_joints
-from regionik.planners.clearance.prepared import Contact, bodies_from
-from regionik.planners.clearance.touching import nearest
-from regionik.planners.geometry.collision import obstacles_from
+from regionik.planners.clearance.proximity import nearest
+from regionik.planners.clearance.robot_bodies import ContactTargets, bodies_from
+from regionik.planners.geometry.distances import obstacles_from
 from regionik.planners.search.box_search import Verdict
 from regionik.planners.search.fixed_base import search_fixed_base
 from regionik.planners.search.self_clearance import segment_distance
@@ -143,7 +143,7 @@ def test_a_target_out_of_reach_is_none() -> None:
 def test_contact_lets_the_tool_in() -> None:
     ball = Sphere("ball", 0.05, np.array([0.45, 0.0, 0.2]))
     bodies = bodies_from(YOUBOT, [ball], 0.0, 0.1)
-    contact = Contact(ball.center[None], np.array([0]), 0.1)
+    contact = ContactTargets(ball.center[None], np.array([0]), 0.1)
     assert clear_posture(bodies, HERE, ball.center, YOUBOT.carry).verdict == Verdict.RULED_OUT
     assert clear_posture(bodies, HERE, ball.center, YOUBOT.carry, contact=contact).verdict == Verdict.PROVEN
     shallow = bodies_from(YOUBOT, [ball], 0.0, 0.03)

@@ -10,9 +10,9 @@ from scipy.sparse.csgraph import dijkstra
 from shapely import box
 from shapely.geometry import MultiPolygon, Polygon
 
-from regionik.planners.geometry.flat import FlatPolygon, segment_inside
-from regionik.planners.geometry.pulling import resample, route, spread_along, tighten
-from regionik.planners.geometry.triangles import Triangulation, triangulate
+from regionik.planners.geometry.polygons import FlatPolygon, segment_inside
+from regionik.planners.geometry.string_pulling import resample, route, spread_along, tighten
+from regionik.planners.geometry.triangulation import Triangulation, triangulate
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError
 

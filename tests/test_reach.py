@@ -5,7 +5,7 @@ import pytest
 import shapely
 
 from regionik.planners.reach.rings import reach_intervals
-from regionik.reach import reach
+from regionik.reachability.reach import reach
 from regionik.regions import admissible_area
 from regionik.verification.answers import verify_answers
 from regionik.worlds.bundled import robot_named

@@ -12,9 +12,9 @@ from regionik.areas.reach_model import ReachModel
 from regionik.areas.reachable import heeds_headings, model_of, reach_model, reach_rows
 from regionik.pipeline import plan
 from regionik.planners.solvers.damped_least_squares import DIRECTION
-from regionik.postures.arms import PlaneSolver
+from regionik.postures.arm_solvers import PlaneSolver
 from regionik.postures.families import BACK, FRONT, Family
-from regionik.postures.serialarm import SerialSolver
+from regionik.postures.serial_solver import SerialSolver
 from regionik.postures.tool_goal import Goal, aim_of, goal_of
 from regionik.verification.verifier import verify
 from regionik.worlds.bundled import robot_named

@@ -9,7 +9,7 @@ import shapely
 from regionik.explain.changes import repaired
 from regionik.pipeline import plan, why
 from regionik.pruning import spans
-from regionik.reach import reach
+from regionik.reachability.reach import reach
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import Explanation, Repair

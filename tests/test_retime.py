@@ -11,7 +11,7 @@ import shapely
 
 from regionik.output.plan_file import load_plan
 from regionik.pipeline import plan, search
-from regionik.planners.timing.fastest import Look, fastest
+from regionik.planners.timing.path_timing import Look, fastest
 from regionik.timing.blending import curve_of
 from regionik.timing.curve import running_on
 from regionik.timing.limits import limits_of, tool_velocity

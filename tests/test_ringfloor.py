@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from shapely.geometry import Polygon
 
-from regionik.planners.reach.ringfloor import inside, is_near, parts_of
+from regionik.planners.reach.floor_distances import inside, is_near, parts_of
 
 FLOOR = [
     Polygon([(0, 0), (4, 0), (4, 3), (0, 3)], [[(1, 1), (2, 1), (2, 2), (1, 2)]]),

@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from regionik.planners.geometry.angles import wrap
-from regionik.planners.reach.rolls import out_of_roll, roll_for, swings, tool_turn, within_limits
+from regionik.planners.reach.tool_roll import out_of_roll, roll_for, swings, tool_turn, within_limits
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain

@@ -11,7 +11,7 @@ from shapely import box
 from shapely.geometry import Point, Polygon
 
 from regionik.planners.driving.greedy_steps import step_area, step_to_goal
-from regionik.planners.geometry.flat import FlatPolygon, clamp, nearest, segment_inside
+from regionik.planners.geometry.polygons import FlatPolygon, clamp, nearest, segment_inside
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError
 

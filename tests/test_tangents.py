@@ -13,9 +13,9 @@ from shapely import box
 from shapely.geometry import Polygon
 
 from regionik.planners.driving.point_planner import NoPathError, drive_point
-from regionik.planners.geometry.flat import FlatPolygon, segment_inside
-from regionik.planners.geometry.pulling import route
-from regionik.planners.geometry.tangents import shorter_path
+from regionik.planners.geometry.polygons import FlatPolygon, segment_inside
+from regionik.planners.geometry.string_pulling import route
+from regionik.planners.geometry.tangent_paths import shorter_path
 from regionik.worlds.arrays import Array
 
 START, GOAL = np.array([0.05, 0.05]), np.array([5.95, 5.95])

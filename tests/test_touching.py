@@ -10,10 +10,9 @@ import pytest
 import shapely
 from shapely.geometry import Polygon
 
-from regionik.planners.clearance.moving import hops_led
-from regionik.planners.clearance.touching import (
+from regionik.planners.clearance.proximity import (
     Bodies,
-    Contact,
+    ContactTargets,
     Touch,
     bodies_from,
     motion_clear,
@@ -21,6 +20,7 @@ from regionik.planners.clearance.touching import (
     solid_clear,
     way_clear,
 )
+from regionik.planners.clearance.robot_motion import hops_led
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain, Joint, planar_pose, rot_x, rot_y, translation
@@ -425,12 +425,12 @@ def test_how_the_base_moves_does_not_matter_to_the_robot_itself() -> None:
         assert (still is None) == (drive is None)
 
 
-def push(depth: float, mesh: bool = False) -> tuple[Bodies, Contact, float]:
+def push(depth: float, mesh: bool = False) -> tuple[Bodies, ContactTargets, float]:
     """A wall before the arm, what may touch it, and the base x from which the tool is that deep in it."""
     solid = box_mesh([1.0, -2, -2], [2.0, 2, 2]) if mesh else wall(1.0, 1.0)
     bodies = bodies_from(robot_named("youbot"), [Sphere("far", 0.1, np.array([0.0, 5, 0])), solid], 0.0, 0.04)
     z = float(bodies.robot.tool([0, 0, 0], AHEAD)[2, 3])
-    contact = Contact(np.array([[1.0, 0.0, z]]), np.array([1]), 0.05)
+    contact = ContactTargets(np.array([[1.0, 0.0, z]]), np.array([1]), 0.05)
     return bodies, contact, 1.0 + depth - (ahead() - 0.035)
 
 
@@ -485,9 +485,9 @@ def test_a_link_that_lies_along_the_wall_does_not_touch_with_its_tip_alone() -> 
 def test_spots_along_a_path_join_up() -> None:
     bodies, contact, x = push(0.0)
     spots = contact.spots + np.linspace(0, 1, 16)[:, None] * [0, 1.0, 0]
-    along = Contact(spots, np.full(16, 1), 0.05)
+    along = ContactTargets(spots, np.full(16, 1), 0.05)
     assert motion_clear(bodies, [x, 0, 0], AHEAD, [x, 1, 0], AHEAD, MARGIN, contact=along) is None
-    gappy = Contact(spots[[0, 1, 2, 6, 7, 8]], np.full(6, 1), 0.05)
+    gappy = ContactTargets(spots[[0, 1, 2, 6, 7, 8]], np.full(6, 1), 0.05)
     assert motion_clear(bodies, [x, 0, 0], AHEAD, [x, 0.5, 0], AHEAD, MARGIN, contact=gappy) is not None
 
 
@@ -497,7 +497,7 @@ def test_only_the_last_link_may_touch() -> None:
     bent = np.radians([0.0, 0.0, 0.0, 180.0, 0.0])
     tool = robot.tool([0, 0, 0], bent)[:3, 3]
     bodies = bodies_from(robot, [wall(float(robot.frames([0, 0, 0], bent)[3, 0, 3]))])
-    contact = Contact(tool[None], np.array([0]), 0.05)
+    contact = ContactTargets(tool[None], np.array([0]), 0.05)
     touch = nearest(bodies, [0, 0, 0], bent, contact=contact)
     assert touch.distance < 0
     assert touch.solid < 3
@@ -510,7 +510,7 @@ def test_inside_a_mesh_without_touching_it() -> None:
     touch = motion_clear(bodies, [0, 0, 0], UP, [0.1, 0, 0], UP, MARGIN)
     assert touch is not None
     assert touch.distance < -4
-    spot = Contact(robot.tool([0, 0, 0], UP)[None, :3, 3], np.array([0]), 0.05)
+    spot = ContactTargets(robot.tool([0, 0, 0], UP)[None, :3, 3], np.array([0]), 0.05)
     last = replace(robot, solids=robot.solids[-1:])
     swallowed = bodies_from(last, bodies.obstacles, 0.0, 0.1)
     assert motion_clear(swallowed, [0, 0, 0], UP, [0.04, 0, 0], UP, MARGIN, contact=spot) is not None
@@ -563,7 +563,7 @@ def test_numbers_that_are_not_finite_are_refused_at_the_door(number: float) -> N
     with pytest.raises(InputError, match="margin"):
         motion_clear(bodies, [0, 0, 0], UP, [0, 0, 0], UP, number)
     with pytest.raises(InputError, match="finite"):
-        Contact(np.array([[0, 0, number]]), np.array([0]), 0.05)
+        ContactTargets(np.array([[0, 0, number]]), np.array([0]), 0.05)
 
 
 def test_wrong_shapes_are_refused() -> None:
@@ -573,7 +573,7 @@ def test_wrong_shapes_are_refused() -> None:
     with pytest.raises(InputError, match="margin"):
         motion_clear(bodies, [0, 0, 0], UP, [0, 0, 0], UP, -0.1)
     with pytest.raises(InputError, match="one owner a spot"):
-        Contact(np.zeros((2, 3)), np.array([0]), 0.05)
+        ContactTargets(np.zeros((2, 3)), np.array([0]), 0.05)
 
 
 def test_a_touch_is_a_tuple_with_names() -> None:

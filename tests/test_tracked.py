@@ -13,7 +13,7 @@ from regionik.mfabrik import axis_of
 from regionik.pipeline import check, plan
 from regionik.planners.driving.pitch_arm import arm_share
 from regionik.planners.driving.pose_tracking import SaturationError, track, track_runs
-from regionik.tracker.plans import DRAWN, follows
+from regionik.tracker.planner import DRAWN, follows
 from regionik.tracker.pose_paths import arm_of
 from regionik.values import Plan
 from regionik.verification.verifier import verify

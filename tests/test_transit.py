@@ -18,7 +18,7 @@ from regionik.moving.drivers import driver_for
 from regionik.moving.interpolation import TURN_STRIDE, Interpolator
 from regionik.moving.transit import TransitPlanner
 from regionik.planners.geometry.angles import wrap
-from regionik.postures.guard import guard_of
+from regionik.postures.arm_guard import guard_of
 from regionik.postures.poses import LARGEST_BEND, Pose, between
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.drives import BaseKind

@@ -10,8 +10,8 @@ import pytest
 import shapely
 
 from regionik.comparison import Comparison, Score
-from regionik.field import Field
-from regionik.reach import Answer
+from regionik.reachability.field import Field
+from regionik.reachability.reach import Answer
 from regionik.values import Report, Stop, Violation
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain, Joint

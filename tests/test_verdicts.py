@@ -12,7 +12,7 @@ import shapely
 
 from regionik.cli import app
 from regionik.pipeline import plan, why
-from regionik.reach import reach
+from regionik.reachability.reach import reach
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain
 from regionik.worlds.documents.world_file import world_to_document

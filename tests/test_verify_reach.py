@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from regionik.reach import Answer, reach
+from regionik.reachability.reach import Answer, reach
 from regionik.verification.answers import verify_answers
 from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import InputError

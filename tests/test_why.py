@@ -24,7 +24,7 @@ from regionik.explain.minimal_change import (
 )
 from regionik.explain.relaxations import Constraint, constraints_of
 from regionik.pipeline import plan, why
-from regionik.reach import reach
+from regionik.reachability.reach import reach
 from regionik.view.explanation_picture import picture_of_explanation
 from regionik.view.picture import Color
 from regionik.worlds.bundled import robot_named

@@ -8,7 +8,7 @@ import pytest
 from regionik.explain.changes import repaired
 from regionik.explain.relaxations import ARM_CLEARANCE, arm_constraints_of
 from regionik.pipeline import plan, why
-from regionik.reach import reach
+from regionik.reachability.reach import reach
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.errors import Explanation, NoPlanFound
 from regionik.worlds.obstacles import Sphere

@@ -11,7 +11,7 @@ import shapely
 from regionik.explain.causes import no_inner
 from regionik.explain.changes import repaired
 from regionik.explain.relaxations import constraints_of
-from regionik.reach import reach
+from regionik.reachability.reach import reach
 from regionik.regions import admissible_area, path_areas
 from regionik.worlds.errors import Explanation, Repair
 from regionik.worlds.scene import World

@@ -26,8 +26,8 @@ from regionik.moving.transit import TransitPlanner
 from regionik.moving.whole_body import WholeBodyPlanner
 from regionik.pipeline import search
 from regionik.planners.driving.point_planner import drive_point
+from regionik.postures.arm_guard import guard_of
 from regionik.postures.families import FRONT
-from regionik.postures.guard import guard_of
 from regionik.postures.poses import Pose
 from regionik.pruning import choose_chain, start_place, start_pose, whole_path
 from regionik.regions import path_areas

@@ -8,7 +8,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from regionik.planners.geometry.flat import compiled
+from regionik.planners.geometry.polygons import compiled
 from regionik.planners.solvers.fabrik import (
     ANY,
     Knots,
@@ -19,7 +19,7 @@ from regionik.planners.solvers.fabrik import (
 )
 from regionik.planners.solvers.mfabrik_planar import PATIENCE, STALLED
 from regionik.planners.solvers.planar_setup import Record, links_of
-from regionik.postures.serialarm import MOST_PASSES
+from regionik.postures.serial_solver import MOST_PASSES
 from regionik.worlds.arrays import Array
 
 DAMPING = 1e-6  # the best of 1e-2, 1e-4 and 1e-6

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from regionik.planners.clearance.bulkreach import Keep, is_clear
+from regionik.planners.clearance.arm_clearance import Keep, is_clear
 from regionik.planners.clearance.planar_capsules import (
     NearObstacles,
     PlaneCapsules,
@@ -34,9 +34,9 @@ from regionik.planners.clearance.planar_cells import (
 )
 from regionik.planners.driving.footprint_scene import FootprintScene, fits, fits_nowhere_near
 from regionik.planners.geometry.angles import fit, wrap
-from regionik.planners.geometry.flat import Index, compiled
-from regionik.planners.geometry.upright import Uprights, signed_distance
-from regionik.planners.reach.ringfloor import Parts, inside, is_near
+from regionik.planners.geometry.polygons import Index, compiled
+from regionik.planners.geometry.upright_bodies import Uprights, signed_distance
+from regionik.planners.reach.floor_distances import FloorParts, inside, is_near
 from regionik.planners.search.box_search import (
     WHOLE,
     Boxes,
@@ -67,8 +67,8 @@ class ToolDemand(NamedTuple):
 class BaseFloor(NamedTuple):
     """Where the base may stand."""
 
-    inner: Parts  # where the pivot axis may be at every heading
-    outer: Parts  # where it may be at some heading, at most
+    inner: FloorParts  # where the pivot axis may be at every heading
+    outer: FloorParts  # where it may be at some heading, at most
     room: FootprintScene  # the footprint among floor and obstacles; no corners for a base that is a point
     heart: Array  # (2,) middle of a circle in the footprint, in the base's frame [m]
     radius: float  # of that circle [m]

@@ -10,9 +10,9 @@ import math
 
 import numpy as np
 
-from regionik.planners.clearance.moving import WORLD, Exempt, Hop, Hulls, Movers, pace, put, twist
-from regionik.planners.geometry.flat import compiled
+from regionik.planners.clearance.robot_motion import WORLD, Exempt, Hop, Hulls, Movers, pace, put, twist
 from regionik.planners.geometry.hulls import hull_gap
+from regionik.planners.geometry.polygons import compiled
 from regionik.planners.solvers.serial_chain import SerialArm
 from regionik.worlds.arrays import Array
 

@@ -24,9 +24,15 @@ from regionik.planners.clearance.planar_cells import (
     chord,
 )
 from regionik.planners.clearance.posture_proof import inner_capsule
-from regionik.planners.geometry.collision import obstacles_from
-from regionik.planners.geometry.flat import Index, compiled
-from regionik.planners.geometry.upright import Uprights, depths, distance_along, least_along, uprights_from
+from regionik.planners.geometry.distances import obstacles_from
+from regionik.planners.geometry.polygons import Index, compiled
+from regionik.planners.geometry.upright_bodies import (
+    Uprights,
+    depths,
+    distance_along,
+    least_along,
+    uprights_from,
+)
 from regionik.planners.search.box_search import Verdict, together
 from regionik.planners.search.self_clearance import segment_distance
 from regionik.planners.solvers.planar_arm import PlaneArm

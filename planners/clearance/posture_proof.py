@@ -6,10 +6,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from regionik.planners.clearance.linkwise import touchable
-from regionik.planners.clearance.prepared import Bodies, Contact
-from regionik.planners.geometry.collision import obstacles_from
-from regionik.planners.geometry.upright import uprights_from
+from regionik.planners.clearance.link_clearance import touchable
+from regionik.planners.clearance.robot_bodies import Bodies, ContactTargets
+from regionik.planners.geometry.distances import obstacles_from
+from regionik.planners.geometry.upright_bodies import uprights_from
 from regionik.planners.search.fixed_base import FixedBaseResult, search_fixed_base
 from regionik.planners.search.motion_bounds import longest_levers
 from regionik.planners.search.self_clearance import SelfClearance
@@ -30,7 +30,7 @@ def search_postures(
     target: Array,
     tolerance: float,
     margin: float,
-    contact: Contact | None,
+    contact: ContactTargets | None,
     accept: Callable[[Array], bool],
     most: int,
 ) -> FixedBaseResult:
@@ -49,7 +49,7 @@ def search_postures(
         In the world [m].
     tolerance, margin : float
         [m]
-    contact : Contact or None
+    contact : ContactTargets or None
     accept : callable
         Whether a posture (dof,) is clear of everything.
     most : int
@@ -77,7 +77,7 @@ def search_postures(
 
 
 def solid_at_target(
-    bodies: Bodies, target: Array, tolerance: float, margin: float, contact: Contact | None
+    bodies: Bodies, target: Array, tolerance: float, margin: float, contact: ContactTargets | None
 ) -> str:
     """Name the solid that the end of the last link is in, or too near to, in every posture; or empty."""
     chain, free = bodies.robot.chain, touchable(contact, target, tolerance)

@@ -15,7 +15,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from regionik.planners.geometry.flat import compiled
+from regionik.planners.geometry.polygons import compiled
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.errors import InputError
 

@@ -19,7 +19,7 @@ from shapely.geometry import MultiPolygon, Polygon
 
 from regionik.planners.driving.arcs import arc_end, wrapped
 from regionik.planners.driving.footprint import outline
-from regionik.planners.geometry.flat import FlatPolygon, Index, compiled, contains, nearest_on_segment
+from regionik.planners.geometry.polygons import FlatPolygon, Index, compiled, contains, nearest_on_segment
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError
 from regionik.worlds.obstacles import Shadow

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from shapely.geometry import MultiPolygon, Polygon
 
 from regionik.planners.driving.arcs import wrapped
-from regionik.planners.geometry.flat import (
+from regionik.planners.geometry.polygons import (
     FlatPolygon,
     Index,
     clamp,

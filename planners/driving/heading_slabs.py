@@ -25,7 +25,7 @@ from regionik.planners.driving.footprint_scene import (
     edges_of,
     footprint_scene,
 )
-from regionik.planners.geometry.flat import FlatPolygon
+from regionik.planners.geometry.polygons import FlatPolygon
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.errors import InputError
 from regionik.worlds.obstacles import Shadow

@@ -13,7 +13,7 @@ from shapely.geometry import MultiPolygon, Polygon
 
 from regionik.planners.driving.greedy_steps import greedy_points
 from regionik.planners.driving.sampling import connect
-from regionik.planners.geometry.flat import (
+from regionik.planners.geometry.polygons import (
     DEPTH,
     FlatPolygon,
     Index,
@@ -23,8 +23,8 @@ from regionik.planners.geometry.flat import (
     segment_inside,
     solid,
 )
-from regionik.planners.geometry.pulling import cut, resample, route, tighten
-from regionik.planners.geometry.tangents import shorter_path
+from regionik.planners.geometry.string_pulling import cut, resample, route, tighten
+from regionik.planners.geometry.tangent_paths import shorter_path
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.errors import InputError, RegionikError
 

@@ -11,7 +11,7 @@ from regionik.planners.driving.footprint_scene import FootprintScene, fits
 from regionik.planners.driving.reeds_shepp import MOTIONS
 from regionik.planners.driving.sampling import Curves, connect_poses
 from regionik.planners.driving.steering import DUBINS, NEGLIGIBLE, REEDS_SHEPP, SLIDE, Steering, steer
-from regionik.planners.geometry.flat import Index, compiled
+from regionik.planners.geometry.polygons import Index, compiled
 from regionik.worlds.arrays import Array
 
 ITERATIONS = 8000  # of RRTConnect in an attempt

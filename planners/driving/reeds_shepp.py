@@ -14,7 +14,7 @@ import math
 import numpy as np
 
 from regionik.planners.driving.arcs import arc_end, wrapped
-from regionik.planners.geometry.flat import compiled
+from regionik.planners.geometry.polygons import compiled
 from regionik.worlds.arrays import Array
 
 MOTIONS = 5  # motions of a word, at most

@@ -15,7 +15,7 @@ import numpy as np
 from regionik.planners.driving.arcs import arc_end, wrapped
 from regionik.planners.driving.footprint_scene import FootprintScene, arc_is_free, slide_is_free
 from regionik.planners.driving.reeds_shepp import words_between
-from regionik.planners.geometry.flat import compiled
+from regionik.planners.geometry.polygons import compiled
 from regionik.worlds.arrays import Array
 
 SLIDE, SPIN_AHEAD, SPIN, DUBINS, REEDS_SHEPP = range(5)

@@ -15,8 +15,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from regionik.planners.geometry.flat import compiled
-from regionik.planners.reach.meridian import Meridian, Tool, look, tool_for
+from regionik.planners.geometry.polygons import compiled
+from regionik.planners.reach.meridian_plane import Meridian, Tool, look, tool_for
 from regionik.planners.search.box_search import WHOLE, Boxes, Verdict, begin, explore, left_open
 from regionik.planners.search.intervals import contract, cut_to
 from regionik.planners.search.motion_bounds import chords, displacement, from_axis

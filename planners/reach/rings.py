@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from regionik.planners.geometry.flat import compiled
+from regionik.planners.geometry.polygons import compiled
 from regionik.planners.solvers import planar_arm
 from regionik.worlds.arrays import Array
 from regionik.worlds.planar_arm import PlanarArm

@@ -13,7 +13,7 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from regionik.planners.geometry.flat import compiled
+from regionik.planners.geometry.polygons import compiled
 from regionik.planners.geometry.vectors import Vector, cross, dot, minus, plus, rotated, turned
 from regionik.planners.rivals.method import RESTARTS, ArmMethod, SearchResult, arm_length
 from regionik.planners.solvers.damped_least_squares import (

@@ -35,7 +35,7 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 from numba.extending import register_jitable
 
-from regionik.planners.geometry.flat import Index
+from regionik.planners.geometry.polygons import Index
 from regionik.worlds.arrays import Array
 
 FIRST_SLOTS = 64  # for boxes; doubled when they are full

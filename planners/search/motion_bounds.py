@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from regionik.planners.geometry.flat import Index, compiled
+from regionik.planners.geometry.polygons import Index, compiled
 from regionik.planners.solvers.serial_chain import SerialArm
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain

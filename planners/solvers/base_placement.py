@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from regionik.planners.geometry.angles import fit, wrap
-from regionik.planners.geometry.flat import Index, clamp, compiled
+from regionik.planners.geometry.polygons import Index, clamp, compiled
 from regionik.worlds.arrays import Array
 
 FREE, FACE_TARGET, FIXED = range(3)  # what the heading of the base is to be

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from regionik.planners.geometry.flat import compiled
+from regionik.planners.geometry.polygons import compiled
 from regionik.planners.geometry.vectors import (
     Vector,
     across,

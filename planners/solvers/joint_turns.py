@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from regionik.planners.geometry.angles import TWO_PI, wrap
-from regionik.planners.geometry.flat import compiled
+from regionik.planners.geometry.polygons import compiled
 from regionik.planners.geometry.vectors import Vector, across, cross, dot, minus, norm, rotated, scaled
 from regionik.worlds.arrays import Array
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from regionik.planners.geometry.angles import wrap
-from regionik.planners.geometry.flat import Index, compiled
+from regionik.planners.geometry.polygons import Index, compiled
 from regionik.planners.solvers.base_placement import BaseArea, Turning, move_to_area
 from regionik.planners.solvers.fabrik import (
     ANY,

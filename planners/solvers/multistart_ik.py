@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from regionik.planners.geometry.angles import wrap
-from regionik.planners.geometry.flat import compiled
+from regionik.planners.geometry.polygons import compiled
 from regionik.planners.solvers.damped_least_squares import DIRECTION, POSITION, Aim, misses, polish
 from regionik.planners.solvers.fabrikr import (
     Posture,

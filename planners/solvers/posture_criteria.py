@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from regionik.planners.geometry.angles import TWO_PI
-from regionik.planners.geometry.flat import compiled
+from regionik.planners.geometry.polygons import compiled
 from regionik.planners.solvers.planar_arm import PlaneArm, fitted_bends, slack, wrist_triangle
 from regionik.worlds.arrays import Array
 from regionik.worlds.criteria import Criteria

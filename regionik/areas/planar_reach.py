@@ -17,11 +17,11 @@ import numpy as np
 from regionik.areas.ground import EVERY
 from regionik.areas.reach_model import FineRows, Index, ReachModel, ReachQuery, Rows
 from regionik.areas.sectors import Sectors, ring_sectors, wide_enough
-from regionik.planners.reach.paving import paved
+from regionik.planners.reach.criteria_paving import paved
 from regionik.planners.reach.rings import FREE, reach_intervals, reach_spans
 from regionik.planners.solvers.planar_arm import PlaneArm
 from regionik.planners.solvers.posture_criteria import Thresholds, posture_spare, thresholds_of
-from regionik.postures.arms import Arm, PlaneSolver
+from regionik.postures.arm_solvers import Arm, PlaneSolver
 from regionik.postures.families import BACK, FRONT, Family, families_of
 from regionik.worlds.arrays import Array
 from regionik.worlds.criteria import Criteria

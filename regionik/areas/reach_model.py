@@ -14,7 +14,7 @@ from regionik.areas.ground import GUARD, Geometries
 from regionik.areas.sectors import ARC_POINTS
 from regionik.planners.solvers.planar_arm import LIMIT_SLACK
 from regionik.planners.solvers.posture_criteria import Thresholds
-from regionik.postures.arms import Arm
+from regionik.postures.arm_solvers import Arm
 from regionik.postures.families import BACK, FRONT, Family
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain

@@ -24,7 +24,7 @@ from regionik.worlds.errors import Explanation, InputError, NoPlanFound
 if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
 
-    from regionik.reach import Answer
+    from regionik.reachability.reach import Answer
     from regionik.values import Plan, Report
     from regionik.worlds.scene import World
 

@@ -28,7 +28,7 @@ from regionik.storage.json_values import json_values
 from regionik.worlds.errors import InputError
 
 if TYPE_CHECKING:
-    from regionik.bulk import Pool
+    from regionik.executors import Pool
     from regionik.values import Stop
     from regionik.worlds.scene import StopCriterion, World
 
@@ -88,7 +88,7 @@ def _reach_at_once(
 ) -> tuple[int, int]:
     """Answer targets that are all held in memory; return how many are reachable, and all."""
     from regionik.output.answers import answers_document, parse_targets, write_answers
-    from regionik.reach import reach as reach_targets
+    from regionik.reachability.reach import reach as reach_targets
 
     progress("reach", 0, 0)
     answer = reach_targets(scene, parse_targets(scene, target, table), executor=pool, progress=progress)
@@ -111,7 +111,7 @@ def _can_stream(table: Path | None, output: Path | None) -> bool:
 @contextmanager
 def _executor(workers: int, dask: str | None) -> Iterator[tuple[Pool | None, int]]:
     """The executor to work on, if any, and how many chunks to hand out ahead."""
-    from regionik.bulk import AHEAD
+    from regionik.executors import AHEAD
 
     if dask is not None:
         from regionik.cluster import cluster
@@ -147,8 +147,8 @@ def field(
     with DelayedProgress() as progress:
         scene = read_world(world, progress)
         progress("field", 0, 0)
-        from regionik.field import reach_field, reach_slice
         from regionik.output.field_file import write_field
+        from regionik.reachability.field import reach_field, reach_slice
         from regionik.worlds.readers.csv_path import read_csv
         from regionik.worlds.scene import Target
         from regionik.worlds.toolpath import targets_along

@@ -6,7 +6,7 @@ from regionik.explain.changes import one_lift_off
 from regionik.explain.sentences import setpoint_at
 from regionik.planners.driving.footprint_planner import NarrowPassageError
 from regionik.planners.driving.point_planner import NoPathError
-from regionik.planners.geometry.collision import obstacles_from, solids_within
+from regionik.planners.geometry.distances import obstacles_from, solids_within
 from regionik.worlds.errors import Cause, Explanation, Repair
 from regionik.worlds.scene import World
 

@@ -57,7 +57,7 @@ from regionik.worlds.pivoted_arm import reach_bound
 from regionik.worlds.scene import World
 
 if TYPE_CHECKING:
-    from regionik.reach import Answer
+    from regionik.reachability.reach import Answer
 
 PROOF, SEARCH = 30_000, 1_500  # cells of postures looked at for a cause, and for an amount of a change
 LENGTHS = 0.01 * 3.0 ** np.arange(5)  # of moves that are tried with the arm [m]

@@ -13,7 +13,7 @@ from regionik.worlds.errors import Explanation
 from regionik.worlds.scene import World
 
 if TYPE_CHECKING:
-    from regionik.reach import Answer
+    from regionik.reachability.reach import Answer
 
 
 def explained(question: Question, quick: Explanation) -> Explanation:

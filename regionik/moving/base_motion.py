@@ -11,7 +11,7 @@ import numpy as np
 from regionik.areas.standing import Index, Standing, room_for
 from regionik.ladder import Ladder
 from regionik.moving.interpolation import Interpolator
-from regionik.planners.clearance.legs import bases_between, leg_lengths
+from regionik.planners.clearance.path_segments import bases_between, leg_lengths
 from regionik.planners.driving.footprint_scene import FootprintScene, fits
 from regionik.postures.poses import Pose
 from regionik.worlds.arrays import Array

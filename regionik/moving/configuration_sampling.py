@@ -23,13 +23,13 @@ from regionik.areas.standing import Standing, away, into_span
 from regionik.ladder import Ladder
 from regionik.mfabrik import Solver, axis_of, pose_of, solver_for
 from regionik.moving.rolling_goals import RollingGoals
-from regionik.planners.clearance.clearpose import look_round
-from regionik.planners.clearance.posture import ClearPosture, clear_posture, go_round
-from regionik.planners.clearance.touching import Touch
+from regionik.planners.clearance.clear_posture import ClearPosture, clear_posture, go_round
+from regionik.planners.clearance.posture_search import look_round
+from regionik.planners.clearance.proximity import Touch
 from regionik.planners.search.box_search import Verdict
-from regionik.postures.guard import SPARE, Guard
+from regionik.postures.arm_guard import SPARE, Guard
 from regionik.postures.poses import Pose, pose
-from regionik.postures.serialarm import serial_solver
+from regionik.postures.serial_solver import serial_solver
 from regionik.values import Configuration
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain

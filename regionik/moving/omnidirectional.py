@@ -29,7 +29,7 @@ from regionik.planners.driving.footprint_scene import FootprintScene, footprint_
 from regionik.planners.driving.heading_slabs import Slab
 from regionik.planners.driving.point_planner import NoPathError, drive_point, drive_point_inside
 from regionik.planners.driving.slab_roadmap import path_through_slabs
-from regionik.planners.geometry.flat import FlatPolygon, segment_in_either
+from regionik.planners.geometry.polygons import FlatPolygon, segment_in_either
 from regionik.postures.poses import Pose
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import World

@@ -24,7 +24,7 @@ from regionik.moving.path_following import PathFollower
 from regionik.moving.rolling_goals import rolling_goals_for
 from regionik.moving.transit import TransitPlanner
 from regionik.planners.driving.point_planner import NoPathError
-from regionik.postures.guard import Guard, guard_of
+from regionik.postures.arm_guard import Guard, guard_of
 from regionik.postures.poses import Pose, Row, arrays, between, columns
 from regionik.values import Configuration, Motion
 from regionik.worlds.arrays import Array

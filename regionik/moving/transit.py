@@ -10,9 +10,9 @@ import numpy as np
 from regionik.moving.base_motion import Driver
 from regionik.moving.interpolation import Interpolator
 from regionik.moving.whole_body import WholeBodyPlanner
-from regionik.planners.clearance.touching import Touch
+from regionik.planners.clearance.proximity import Touch
 from regionik.planners.driving.point_planner import NoPathError
-from regionik.postures.guard import Guard
+from regionik.postures.arm_guard import Guard
 from regionik.postures.poses import Pose
 from regionik.worlds.pivoted_arm import pivot_index, with_pivot
 from regionik.worlds.scene import World

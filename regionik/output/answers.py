@@ -18,8 +18,8 @@ from typing import Any
 import numpy as np
 from shapely.geometry import Point, mapping
 
-from regionik.bulk import AHEAD, Pool, handed_out
-from regionik.reach import CHUNK, Answer, reach
+from regionik.executors import AHEAD, Pool, handed_out
+from regionik.reachability.reach import CHUNK, Answer, reach
 from regionik.storage.files import open_partial, write_atomic
 from regionik.storage.geojson import feature, feature_collection
 from regionik.storage.json_values import json_text, json_values
@@ -186,7 +186,7 @@ def stream_answers(
     world : World
     table, output : Path
     executor : Executor or function that makes one, optional
-        As for `regionik.reach.reach`.
+        As for `regionik.reachability.reach.reach`.
     ahead : int
         Blocks handed to the executor at a time.
     progress : callable, optional

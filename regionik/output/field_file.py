@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from regionik.field import Field
+from regionik.reachability.field import Field
 from regionik.storage.files import write_atomic
 from regionik.view.figures import SUFFIXES, field_image
 from regionik.worlds.errors import InputError

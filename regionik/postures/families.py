@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 
 from regionik.planners.reach.rings import FREE
-from regionik.planners.reach.rolls import out_of_roll, swings
+from regionik.planners.reach.tool_roll import out_of_roll, swings
 from regionik.worlds.planar_arm import PlanarArm
 from regionik.worlds.scene import Target
 

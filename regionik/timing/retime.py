@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from regionik.planners.timing.fastest import Look, fastest
+from regionik.planners.timing.path_timing import Look, fastest
 from regionik.timing.blending import curve_of, put_in, resting, rounded
 from regionik.timing.curve import Curve
 from regionik.timing.limits import Limits, Mask, limits_of

@@ -20,7 +20,7 @@ from matplotlib.path import Path
 from matplotlib.ticker import MaxNLocator
 from shapely.geometry.base import BaseGeometry
 
-from regionik.field import Field
+from regionik.reachability.field import Field
 from regionik.storage.files import write_atomic
 from regionik.values import Plan, Stop
 from regionik.view.floor_plan import FloorView, plan_floor, stops_floor

@@ -8,8 +8,8 @@ from itertools import combinations
 import numpy as np
 import shapely
 
-from regionik.planners.clearance.touching import Bodies, Contact, bodies_from, nearest
-from regionik.postures.guard import guard_of
+from regionik.planners.clearance.proximity import Bodies, ContactTargets, bodies_from, nearest
+from regionik.postures.arm_guard import guard_of
 from regionik.timing.limits import tool_velocity
 from regionik.timing.sampling import is_timed
 from regionik.timing.trajectory import trajectory
@@ -127,7 +127,7 @@ def clearances(plan: Plan) -> ClearanceCurves:
     )
 
 
-def _distances(bodies: Bodies, motion: Motion, contact: Contact | None) -> Array:
+def _distances(bodies: Bodies, motion: Motion, contact: ContactTargets | None) -> Array:
     """Least distance at every state, negative where something overlaps, (n,) [m]."""
     pairs = zip(motion.base, motion.joints, strict=True)
     return np.array([nearest(bodies, base, joints, contact=contact).distance for base, joints in pairs])

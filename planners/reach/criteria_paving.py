@@ -1,0 +1,226 @@
+"""Distances at which an arm in one plane meets thresholds: proven to, and not ruled out.
+
+At a height a posture is told by how far out the tool is, the pitch of the last link and the side of the
+elbow. Bounds of everything that is asked over boxes of distance and pitch settle these: a box all of whose
+postures meet it proves its distances, and distances are ruled out with the last box of their pitches. What
+neither settles is bisected until it is `FINEST` wide.
+"""
+
+from __future__ import annotations
+
+import sys
+from typing import NamedTuple
+
+import numpy as np
+
+from regionik.planners.geometry.polygons import compiled
+from regionik.planners.search.box_search import (
+    WHOLE,
+    Boxes,
+    Verdict,
+    begin,
+    explore,
+    left_open,
+    proven,
+    together,
+    verdict_of,
+)
+from regionik.planners.search.intervals import (
+    cosine,
+    direction,
+    opening,
+    product,
+    sine,
+    square,
+    within_limits,
+)
+from regionik.planners.solvers.planar_arm import LIMIT_SLACK, PlaneArm
+from regionik.planners.solvers.posture_criteria import Thresholds
+from regionik.worlds.arrays import Array
+
+FINEST = 2.5e-4  # of distances that are left undecided [m]
+RELATIVE = 0.3  # what a box of pitches may move the tool, against the width of its distances
+ROUNDING = 1e-12
+EVERY = sys.maxsize  # boxes: the search ends of itself
+
+
+class HeightThresholds(NamedTuple):
+    """Thresholds of the postures at a height."""
+
+    arm: PlaneArm
+    asked: Thresholds
+    z: float  # height of the tool over the floor [m]
+    low: float  # pitches of the last link [rad]
+    high: float
+
+
+class Distances(NamedTuple):
+    """The distances from near to far, to be served by one pitch [m]."""
+
+    thresholds: HeightThresholds
+    near: float
+    far: float
+
+
+def paved(
+    arm: PlaneArm, asked: Thresholds, pitches: tuple[float, float], z: float, known: Array
+) -> tuple[Array, Array]:
+    """Signed distances at a height whose postures meet all that is asked.
+
+    Parameters
+    ----------
+    arm : PlaneArm
+    asked : Thresholds
+    pitches : (low, high)
+        Angles that the last link may take in the plane, infinite for any [rad].
+    z : float
+        Height of the tool over the floor [m].
+    known : (k, 2) array
+        Intervals outside of which nothing is in reach, apart and ascending [m].
+
+    Returns
+    -------
+    inner, outer : (n, 2) array
+        Intervals, each of whose distances has such a posture; and all outside of which no distance has one.
+    """
+    low, high = pitches if np.isfinite(pitches).all() else (-np.pi, np.pi)
+    boxes = _pave(HeightThresholds(arm, asked, z, low, high), known[:, :1].copy(), known[:, 1:].copy())
+    inner = proven(boxes)
+    rows = np.column_stack([boxes.low, boxes.high])
+    return _joined(rows[inner]), _joined(rows[np.concatenate([inner, left_open(boxes)])])
+
+
+def _joined(rows: Array) -> Array:
+    """Intervals (k, 2) in ascending order, joined where one ends as the next begins."""
+    rows = rows[np.argsort(rows[:, 0])]
+    apart = np.flatnonzero(rows[1:, 0] > rows[:-1, 1]) + 1
+    return np.array([[part[0, 0], part[-1, 1]] for part in np.split(rows, apart) if len(part)]).reshape(-1, 2)
+
+
+@compiled
+def _pave(thresholds: HeightThresholds, near: Array, far: Array) -> Boxes:
+    boxes = begin(judge_distances, thresholds, near, far)
+    return explore(judge_distances, thresholds, boxes, EVERY, EVERY)
+
+
+@compiled
+def judge_distances(thresholds: HeightThresholds, near: Array, far: Array) -> tuple[Verdict, float, int]:
+    """Judge distances (1,): proven by one pitch that serves all of them, ruled out where none serves any."""
+    distances = Distances(thresholds, near[0], far[0])
+    low = np.array([[thresholds.low, -1.0], [thresholds.low, 1.0]])  # of pitch and elbow
+    high = np.array([[thresholds.high, -1.0], [thresholds.high, 1.0]])
+    boxes = begin(judge_pitches, distances, low, high)
+    boxes = explore(judge_pitches, distances, boxes, EVERY, 1)
+    return verdict_of(boxes), 0.0, 0 if far[0] - near[0] > FINEST else WHOLE
+
+
+@compiled
+def judge_pitches(distances: Distances, low: Array, high: Array) -> tuple[Verdict, float, int]:
+    """Judge a box of pitches, and an elbow, over all distances; narrow ones come first."""
+    width = high[0] - low[0]
+    verdict = judge_pitch_box(distances, low[0], high[0], low[1])
+    if verdict == Verdict.OPEN:
+        middle = 0.5 * (low[0] + high[0])
+        if judge_pitch_box(distances, middle, middle, low[1]) == Verdict.PROVEN:
+            verdict = Verdict.PROVEN
+    wide = distances.thresholds.arm.lengths[2] * width > RELATIVE * (distances.far - distances.near)
+    return verdict, -width, 0 if wide else WHOLE
+
+
+@compiled
+def judge_pitch_box(distances: Distances, low: float, high: float, elbow: float) -> Verdict:
+    """Tell whether the postures of a box of distances and pitches all meet what is asked, or none does."""
+    arm, asked, z = distances.thresholds.arm, distances.thresholds.asked, distances.thresholds.z
+    near, far = distances.near, distances.far
+    a, b, c = arm.lengths[0], arm.lengths[1], arm.lengths[2]
+    cos0, cos1 = cosine(low, high)
+    sin0, sin1 = sine(low, high)
+    x0, x1 = near - arm.shoulder_r, far - arm.shoulder_r
+    y = z - arm.shoulder_z
+    wx0, wx1, wy0, wy1 = x0 - c * cos1, x1 - c * cos0, y - c * sin1, y - c * sin0
+    sx0, sx1 = square(wx0, wx1)
+    sy0, sy1 = square(wy0, wy1)
+    d0, d1 = np.sqrt(sx0 + sy0), np.sqrt(sx1 + sy1)
+    if d0 > a + b + ROUNDING or d1 < abs(a - b) - ROUNDING:
+        return Verdict.RULED_OUT
+    sure = d0 >= abs(a - b) + ROUNDING and d1 <= a + b - ROUNDING
+    d0 = min(max(d0, abs(a - b), ROUNDING), a + b)
+    d1 = max(min(d1, a + b), d0)
+    lead0, lead1 = direction(wx0, wx1, wy0, wy1)
+    root0, root1 = opening(a, b, d0, d1)
+    tip0, tip1 = opening(b, a, d0, d1)
+    if elbow > 0.0:
+        first0, first1, second0, second1 = lead0 + root0, lead1 + root1, lead0 - tip1, lead1 - tip0
+    else:
+        first0, first1, second0, second1 = lead0 - root1, lead1 - root0, lead0 + tip0, lead1 + tip1
+    # The bend at the elbow is the third side's alone: pi less the angle across from it.
+    across0, across1 = _across(a, b, d0, d1)
+    bend0, bend1 = (-across1, -across0) if elbow > 0.0 else (across0, across1)
+    verdict = together(
+        Verdict.PROVEN if sure else Verdict.OPEN,
+        within_limits(first0, first1, arm.lower[0], arm.upper[0], LIMIT_SLACK),
+    )
+    verdict = together(verdict, within_limits(bend0, bend1, arm.lower[1], arm.upper[1], LIMIT_SLACK))
+    verdict = together(
+        verdict, within_limits(low - second1, high - second0, arm.lower[2], arm.upper[2], LIMIT_SLACK)
+    )
+    if verdict == Verdict.RULED_OUT:
+        return Verdict.RULED_OUT
+    bends = _bends_well(arm, asked, x0, x1, y, first0, first1, second0, second1, low, high)
+    verdict = together(verdict, bends)
+    if verdict == Verdict.RULED_OUT:
+        return Verdict.RULED_OUT
+    return together(verdict, _lifts(asked, first0, first1, second0, second1, low, high))
+
+
+@compiled
+def _across(a: float, b: float, d0: float, d1: float) -> tuple[float, float]:
+    """By how much two links bend whose ends are (d0, d1) apart: 0 when stretched, pi when folded [rad]."""
+    low = (d1 * d1 - a * a - b * b) / (2.0 * a * b)
+    high = (d0 * d0 - a * a - b * b) / (2.0 * a * b)
+    return np.arccos(min(1.0, max(-1.0, low))), np.arccos(min(1.0, max(-1.0, high)))
+
+
+@compiled
+def _bends_well(
+    arm: PlaneArm, asked: Thresholds, x0: float, x1: float, y: float,
+    first0: float, first1: float, second0: float, second1: float, low: float, high: float,
+) -> Verdict:  # fmt: skip
+    """Judge the manipulability of a box against its threshold."""
+    if asked.least <= 0.0:
+        return Verdict.PROVEN
+    a, b, c = arm.lengths[0], arm.lengths[1], arm.lengths[2]
+    p0, p1 = cosine(first0, first1)
+    q0, q1 = product(*sine(first0, first1), x0, x1)
+    u0, u1 = square(a * (min(p0 * y, p1 * y) - q1), a * (max(p0 * y, p1 * y) - q0))
+    p0, p1 = cosine(low, high)
+    q0, q1 = product(*sine(low, high), x0, x1)
+    v0, v1 = square(c * (q0 - max(p0 * y, p1 * y)), c * (q1 - min(p0 * y, p1 * y)))
+    w0, w1 = sine(low - second1, high - second0)
+    w0, w1 = square(b * c * w0, b * c * w1)
+    r0, r1 = square(x0 + arm.shoulder_r, x1 + arm.shoulder_r)
+    wanted = asked.least * asked.least
+    if r1 * (u1 + v1 + w1) < wanted * (1.0 - ROUNDING):
+        return Verdict.RULED_OUT
+    return Verdict.PROVEN if r0 * (u0 + v0 + w0) > wanted * (1.0 + ROUNDING) else Verdict.OPEN
+
+
+@compiled
+def _lifts(
+    asked: Thresholds, first0: float, first1: float, second0: float, second1: float, low: float, high: float
+) -> Verdict:
+    """Judge the torques of a box against their limits."""
+    verdict, least, most = Verdict.PROVEN, 0.0, 0.0
+    for k in range(2, -1, -1):
+        from_ = first0 if k == 0 else (second0 if k == 1 else low)
+        to = first1 if k == 0 else (second1 if k == 1 else high)
+        pull, turn = asked.pull[k]
+        p0, p1 = cosine(from_ + turn, to + turn)
+        least, most = least + pull * p0, most + pull * p1
+        limit = asked.most[k]
+        if limit < np.inf:
+            if least > limit + ROUNDING or most < -limit - ROUNDING:
+                return Verdict.RULED_OUT
+            if most > limit - ROUNDING or least < -limit + ROUNDING:
+                verdict = Verdict.OPEN
+    return verdict

@@ -1,0 +1,216 @@
+"""Reach of any arm on a vertical pivot at one height: distances proven to be in reach, and those that may be.
+
+The pivot turns without end, as the base turns where it cannot, so reach is a matter of distance from the
+pivot axis. Lifts before the pivot are joints like the others.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from regionik.planners.reach.level_walk import posture_on, walks
+from regionik.planners.reach.meridian_plane import Meridian, meridian_of, tool_for
+from regionik.planners.reach.outer_bounds import outer_distances
+from regionik.worlds.arrays import Array
+from regionik.worlds.chain import Chain
+from regionik.worlds.pivoted_arm import pivot_index, reach_bound
+
+Intervals = tuple[tuple[float, float], ...]
+
+BATCH, MOST_BATCHES = 24, 6  # postures that walks start from; the last batch is one that adds nothing
+NEWS = 1e-4  # what a batch must add for another to follow [m]
+MOST_STEPS = 300  # of one walk
+MOST_BOXES = 20_000  # weighed for an outer bound, a few microseconds each
+LEVEL = 1e-9  # by which the tool of an arm that cannot rise may be off its height [m]
+LOOKS, NARROWINGS = 128, 80  # postures looked at, ever nearer to the farthest and the nearest of them
+HALVINGS = 60  # of the straight way between those two
+ENOUGH = 1e-3  # what the outer bound may stand off from the inner one [m]
+
+
+@lru_cache(maxsize=4096)
+def inner_reach(chain: Chain, rise: float) -> Intervals:
+    """Distances between pivot axis and target that are proven to be in reach, as ascending intervals.
+
+    Every distance of an interval is that of some posture within the limits (`planners.levelwalk`), but for
+    rounding far below a nanometre. What walks from some 50 to 150 postures have not met is missing.
+
+    Parameters
+    ----------
+    chain : Chain
+    rise : float
+        Height of the target over the arm's base frame [m].
+
+    Raises
+    ------
+    InputError
+        When the arm has no vertical pivot, or a sliding joint has no end.
+
+    Examples
+    --------
+    >>> from regionik.worlds.bundled import robot_named
+    >>> [[round(end, 3) for end in ring] for ring in inner_reach(robot_named("hinge5").chain, 0.068)]
+    [[0.0, 0.272]]
+    """
+    meridian = _meridian(chain)
+    if meridian is None:
+        return ()
+    tool = tool_for(meridian)
+    if _is_level(chain):
+        return _level_reach(chain, rise)
+    found: Intervals = ()
+    for starts in np.split(_starts(meridian), MOST_BATCHES):
+        passed = np.empty((BATCH, 2))
+        count = walks(meridian, rise, starts, tool, MOST_STEPS, passed)
+        more = merged([*found, *passed[:count].tolist()])
+        news = _length(more) - _length(found)
+        found = more
+        if found and news < NEWS:
+            break
+    return tuple(ring for ring in found if ring[1] - ring[0] > NEWS)
+
+
+@lru_cache(maxsize=4096)
+def outer_reach(chain: Chain, rise: float) -> Intervals:
+    """Distances between pivot axis and target that are not proven to be out of reach; see `inner_reach`.
+
+    No posture within the limits has any other distance. A budget of boxes (`outer_bounds`) bounds the
+    work: with it spent, what is undecided stays in.
+    """
+    meridian, span = _meridian(chain), reach_bound(chain)
+    square = span.length**2 - (rise - span.height) ** 2
+    if square < 0:
+        return ()
+    cap = span.radius + float(np.sqrt(square))
+    known = np.array(inner_reach(chain, rise)).reshape(-1, 2)
+    if meridian is None:
+        return ((0.0, cap),)
+    low, high = finite_limits(meridian)
+    left = outer_distances(meridian, rise, low, high, known, cap, ENOUGH, MOST_BOXES)
+    return merged([*known.tolist(), *left.tolist()])
+
+
+@lru_cache(maxsize=256)
+def _is_level(chain: Chain) -> bool:
+    """True where the tool's height never changes, as all axes stand upright."""
+    heights = chain.forward(_drawn(chain, np.random.default_rng(0), LOOKS))[:, 2, 3]
+    return bool(np.ptp(heights) < LEVEL)
+
+
+def _level_reach(chain: Chain, rise: float) -> Intervals:
+    """Reach of an arm at the one height it has: its limits hang together, so all between two ends is met."""
+    if abs(float(chain.forward(_level_ends(chain)[0])[2, 3]) - rise) > LEVEL:
+        return ()
+    near, far = np.linalg.norm(chain.forward(np.array(_level_ends(chain)))[:, :2, 3], axis=1).tolist()
+    return ((near, far),)
+
+
+@lru_cache(maxsize=256)
+def _level_ends(chain: Chain) -> tuple[Array, Array]:
+    """Postures with the tool nearest to the base frame's axis and farthest from it."""
+    rng = np.random.default_rng(0)
+    ends = []
+    for sign in (1.0, -1.0):
+        best, spread = _drawn(chain, rng, 1)[0], np.pi
+        for _ in range(NARROWINGS):
+            near = best + spread * rng.normal(size=(LOOKS, chain.dof))
+            tried = np.vstack([best, np.clip(near, chain.lower, chain.upper)])
+            far = np.linalg.norm(chain.forward(tried)[:, :2, 3], axis=1)
+            best, spread = tried[int(np.argmin(sign * far))], 0.8 * spread
+        ends.append(best)
+    return ends[0], ends[1]
+
+
+def _level_posture(chain: Chain, distance: float) -> Array:
+    """A posture of a level arm at a distance between its ends, on the straight way from one to the other."""
+    near, far = _level_ends(chain)
+    low, high = 0.0, 1.0
+    for _ in range(HALVINGS):
+        share = 0.5 * (low + high)
+        tool = chain.forward(near + share * (far - near))
+        if np.hypot(*tool[:2, 3]) < distance:
+            low = share
+        else:
+            high = share
+    found: Array = near + high * (far - near)
+    return found
+
+
+def _drawn(chain: Chain, rng: np.random.Generator, count: int) -> Array:
+    """Random postures within limits, (count, dof)."""
+    low = np.where(np.isfinite(chain.lower), chain.lower, -np.pi)
+    high = np.where(np.isfinite(chain.upper), chain.upper, np.pi)
+    return rng.uniform(low, high, (count, chain.dof))
+
+
+def posture_at(chain: Chain, point: ArrayLike, joints: ArrayLike) -> Array:
+    """A posture with its tool at a point, or near it: slower than passes, but it gets to all inner reach.
+
+    Parameters
+    ----------
+    chain : Chain
+        Its pivot is taken as endless.
+    point : (3,) array_like
+        In the arm's base frame [m].
+    joints : (dof,) array_like
+        Joints that do not matter keep these values.
+    """
+    p, q = np.asarray(point, dtype=np.float64), np.array(joints, dtype=np.float64)
+    meridian, pivot = _meridian(chain), pivot_index(chain)
+    if _is_level(chain):
+        q = _level_posture(chain, float(np.hypot(p[0], p[1])))
+    elif meridian is not None:
+        found = q[meridian.which]
+        starts, tool = _starts(meridian), tool_for(meridian)
+        posture_on(meridian, float(p[2]), float(np.hypot(p[0], p[1])), starts, tool, MOST_STEPS, found)
+        q[meridian.which] = found
+        _unwind(chain, q)
+    here = chain.forward(q)[:2, 3]
+    turn = np.arctan2(p[1], p[0]) - np.arctan2(here[1], here[0])
+    q[pivot] += (turn + np.pi) % (2 * np.pi) - np.pi
+    return q
+
+
+def _unwind(chain: Chain, q: Array) -> None:
+    """Take joints that were walked all round back by whole turns, into their limits."""
+    for k, joint in enumerate(chain.joints):
+        if joint.kind == "revolute" and q[k] < joint.lower:
+            q[k] += 2 * np.pi * np.ceil((joint.lower - q[k]) / (2 * np.pi))
+        elif joint.kind == "revolute" and q[k] > joint.upper:
+            q[k] -= 2 * np.pi * np.ceil((q[k] - joint.upper) / (2 * np.pi))
+
+
+def _starts(meridian: Meridian) -> Array:
+    """Postures that walks start from, drawn evenly from the limits."""
+    low, high = finite_limits(meridian)
+    return np.random.default_rng(0).uniform(low, high, (BATCH * MOST_BATCHES, len(low)))
+
+
+def finite_limits(meridian: Meridian) -> tuple[Array, Array]:
+    """The limits, with one turn for joints that turn all round."""
+    return (
+        np.where(np.isfinite(meridian.lower), meridian.lower, -np.pi),
+        np.where(np.isfinite(meridian.upper), meridian.upper, np.pi),
+    )
+
+
+def merged(intervals: list[list[float]] | list[tuple[float, float]]) -> Intervals:
+    """The union of intervals, ascending and apart."""
+    union: list[tuple[float, float]] = []
+    for low, high in sorted((float(low), float(high)) for low, high in intervals):
+        if union and low <= union[-1][1]:
+            union[-1] = union[-1][0], max(high, union[-1][1])
+        else:
+            union.append((low, high))
+    return tuple(union)
+
+
+def _meridian(chain: Chain) -> Meridian | None:
+    reach_bound(chain)  # refuses what has no bound
+    return meridian_of(chain)
+
+
+def _length(intervals: Intervals) -> float:
+    return sum(high - low for low, high in intervals)

@@ -1,0 +1,125 @@
+"""What keeps the arm off things: poses and motions judged under a world's rules.
+
+`verify` judges finished plans again, by other code.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from regionik.planners.clearance.proximity import (
+    NOTHING,
+    Bodies,
+    ContactTargets,
+    Touch,
+    bodies_from,
+    nearest,
+    other,
+    still_clear,
+    way_clear,
+    words,
+)
+from regionik.planners.clearance.robot_motion import hops_led, tools_on
+from regionik.planners.geometry.distances import obstacles_from, solids_within
+from regionik.postures.poses import LARGEST_BEND, Pose, arrays
+from regionik.worlds.arrays import Array
+from regionik.worlds.errors import Cause
+from regionik.worlds.scene import Target, World
+
+SPARE = 5e-4  # kept beyond what the rules want, so that what is planned can be proven [m]
+
+
+@dataclass(frozen=True, eq=False)
+class Guard:
+    """Solids of robot and world, and what the rules say about their touching.
+
+    Attributes
+    ----------
+    world : World
+    bodies : Bodies
+    contact : ContactTargets
+        Where the last link may touch.
+    """
+
+    world: World
+    bodies: Bodies
+    contact: ContactTargets
+
+    @property
+    def on(self) -> bool:
+        """Whether the rules want the arm led round things."""
+        return self.world.rules.avoidance
+
+    def touch(self, pose: Pose) -> Touch:
+        """What comes too near to the arm, of kind "none" where nothing does."""
+        if still_clear(self.bodies, pose.base, pose.joints, SPARE, self.contact):
+            return NOTHING
+        return nearest(self.bodies, pose.base, pose.joints, contact=self.contact, within=SPARE)
+
+    def room(self, touch: Touch) -> float:
+        """Distance of a touch beyond what the rules want, infinite where nothing is too near [m]."""
+        return touch.distance - (self.bodies.clearance if touch.kind == "obstacle" else 0.0)
+
+    def clear(self, pose: Pose) -> bool:
+        """Whether every link keeps clear."""
+        return not self.on or self.touch(pose).kind == "none"
+
+    def stop(self, poses: Sequence[Pose]) -> Touch | None:
+        """What keeps the motion through poses from being proven clear."""
+        return self.proven(*arrays(poses))[1] if len(poses) > 1 else None
+
+    def proven(self, bases: Array, joints: Array) -> tuple[int, Touch | None]:
+        """How many hops through states (n + 1, ...) are proven clear, and what stops the next one, if any."""
+        if not self.on:
+            return len(bases) - 1, None
+        return way_clear(self.bodies, bases, joints, SPARE, self.contact)
+
+    def led(self, bases: Array, joints: Array, line: Array, shares: Array, stray: float) -> int:
+        """How many hops jump nowhere and lead the tool along a line; see `moving.hops_led`."""
+        rolls, step = self.world.robot.drive.rolls, self.world.rules.step
+        arm, mount = self.bodies.arm, self.bodies.mount
+        return int(hops_led(arm, mount, bases, joints, rolls, line, shares, stray, LARGEST_BEND, step))
+
+    def tools(self, bases: Array, joints: Array, shares: Array) -> Array:
+        """Tool frames at k shares of every hop through states (n + 1, ...), (n, k, 4, 4)."""
+        rolls = self.world.robot.drive.rolls
+        frames: Array = tools_on(self.bodies.arm, self.bodies.mount, bases, joints, rolls, shares)
+        return frames
+
+    def words(self, touch: Touch) -> str:
+        """Which link comes how near to what."""
+        return words(self.bodies, touch)
+
+    def other(self, touch: Touch) -> str:
+        """Name of what the link comes near to."""
+        return other(self.bodies, touch)
+
+    def cause(self, touch: Touch) -> Cause:
+        """The touch as a cause of a failure; the margin is what is missing [m]."""
+        if touch.kind == "obstacle":
+            return Cause("obstacle", self.other(touch), max(0.0, self.bodies.clearance - touch.distance))
+        return Cause("self", self.other(touch), max(0.0, -touch.distance))
+
+
+@lru_cache(maxsize=8)
+def guard_of(world: World) -> Guard:
+    """The guard of a world; kept for the last few worlds."""
+    rules = world.rules
+    bodies = bodies_from(world.robot, world.solids, rules.arm_clearance, rules.deepest_contact)
+    return Guard(world, bodies, contact_for(world, world.task))
+
+
+def contact_for(world: World, targets: Sequence[Target]) -> ContactTargets:
+    """Each set-point with the solid that it lies on or in, or is nearest to within ``tool_contact``."""
+    reach, obstacles = world.rules.tool_contact, obstacles_from(world.solids)
+    spots, owners = [], []
+    for target in targets:
+        near = solids_within(obstacles, target.position, reach) if reach > 0 else []
+        if near:
+            spots.append(target.position)
+            owners.append(near[0][1])
+    return ContactTargets(np.array(spots).reshape(-1, 3), np.array(owners, dtype=np.int64), reach)

@@ -1,0 +1,1 @@
+"""Reachability of targets, one by one, in bulk and as fields, both ways proven."""

@@ -1,0 +1,271 @@
+"""Reach fields: how many targets each place of the base reaches, and which tool positions are in reach."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from numpy.typing import ArrayLike, NDArray
+
+from regionik.areas.ground import GUARD, Side
+from regionik.areas.reach_model import ReachModel
+from regionik.areas.reachable import reach_model, reach_rows
+from regionik.areas.standing import anywhere, by_heading, outer_by_heading
+from regionik.planners.geometry.grid_counts import count_rings
+from regionik.postures.families import BACK, FRONT
+from regionik.regions import path_areas
+from regionik.worlds.arrays import Array, frozen
+from regionik.worlds.criteria import with_joint_margin
+from regionik.worlds.errors import InputError
+from regionik.worlds.scene import Target, World
+
+MOST_CELLS = 40_000_000
+UNREACHABLE, UNDECIDED, REACHABLE = 0, 1, 2
+_TOGETHER = 2000  # targets whose areas are made at once
+
+
+@dataclass(frozen=True, eq=False)
+class Field:
+    """Whole numbers on an even grid of the floor.
+
+    Attributes
+    ----------
+    world : str
+        Its name.
+    x, y : (nx,), (ny,) array
+        Middles of the cells, ascending [m].
+    cell : float
+        Side of a cell [m].
+    values : (ny, nx) array of int
+        Of places: how many targets are reached. Of a slice: 0 unreachable, 1 undecided, 2 reachable.
+    most : int
+        Targets in all; 2 of a slice.
+    heading : (ny, nx) array
+        Heading of the base that reaches so many; NaN where every one does, or nothing is reached [rad].
+    height : float or None
+        Of the tool, of a slice [m]; None for places of the arm axis.
+    """
+
+    world: str
+    x: Array
+    y: Array
+    cell: float
+    values: NDArray[np.int32]
+    most: int
+    heading: Array
+    height: float | None = None
+
+    def __repr__(self) -> str:
+        return f"Field({self.world}: {len(self.x)} x {len(self.y)} cells of {self.cell:g} m, {self.summary})"
+
+    @property
+    def meaning(self) -> str:
+        """The meaning of the values, in a few words."""
+        if self.height is None:
+            return f"targets reached, of {self.most}"
+        return f"tool at {self.height:g} m: 0 unreachable, 1 undecided, 2 reachable"
+
+    @property
+    def summary(self) -> str:
+        """The result in one line."""
+        if self.height is None:
+            return f"the best place reaches {self.values.max(initial=0)} of {self.most} targets"
+        area = [float((self.values == value).sum()) * self.cell**2 for value in (REACHABLE, UNDECIDED)]
+        return f"at {self.height:g} m the tool reaches {area[0]:.2f} m2, {area[1]:.2f} m2 are undecided"
+
+
+def reach_field(world: World, targets: ArrayLike | Sequence[Target], cell: float = 0.05) -> Field:
+    """Number of targets that the arm reaches from each place of its axis on the floor.
+
+    A target counts where its inner area holds the middle of the cell, so it is truly reached from there, with
+    one heading for all that a place counts: the best.
+
+    Parameters
+    ----------
+    world : World
+    targets : (n, 3) array_like or sequence of Target
+        Bare points leave the tool direction free [m].
+    cell : float
+        Side of a cell [m].
+
+    Raises
+    ------
+    InputError
+        For targets that are not n rows of three finite numbers, or a cell that is too small.
+
+    Examples
+    --------
+    >>> from regionik.worlds.documents.world_file import load_world
+    >>> found = reach_field(load_world("free"), [[0.5, 0.0, 0.25], [0.7, 0.0, 0.25]], cell=0.2)
+    >>> int(found.values.max()), found.most
+    (2, 2)
+    """
+    asked = _checked(targets)
+    x, y = _axes(world.floor.polygon.bounds, cell)
+    best = np.zeros((len(y), len(x)), dtype=np.int32)
+    heading = np.full(best.shape, np.nan)
+    for side in by_heading(world).sides:
+        free = _inside(side.free, x, y)
+        count = _counted(world, asked, side, free, x, y)
+        better = count > best
+        best[better] = count[better]
+        heading[better] = np.mean(side.span) if np.isfinite(side.span).all() else np.nan
+    return Field(world.name, x, y, cell, best, len(asked), heading)
+
+
+def reach_slice(world: World, height: float, cell: float = 0.05) -> Field:
+    """Positions of the tool at one height that are reached from anywhere on the floor.
+
+    Parameters
+    ----------
+    world : World
+    height : float
+        [m]
+    cell : float
+        Side of a cell [m].
+
+    Returns
+    -------
+    Field
+        Its values are 0 where the tool provably cannot be, 2 where it can, 1 where neither is known.
+
+    Raises
+    ------
+    InputError
+        For a height that is not finite, or a cell that is too small.
+    """
+    z = np.array([float(frozen([height], (1,), "height")[0])])
+    outer, inner = _distances(world, z, inner=False)[0], _distances(world, z, inner=True)[0]
+    far = float(outer.max(initial=0.0))
+    x0, y0, x1, y1 = world.floor.polygon.bounds
+    x, y = _axes((x0 - far, y0 - far, x1 + far, y1 + far), cell)
+    values = np.zeros((len(y), len(x)), dtype=np.int32)
+    for side in outer_by_heading(world).sides:
+        values[_met(side, outer, x, y)] = UNDECIDED
+    (side,) = anywhere(world).sides
+    if _model(world).turns_freely(world.rules, side.span):
+        values[_met(side, inner, x, y)] = REACHABLE
+    else:
+        values[_met_one_by_one(world, float(z[0]), values, x, y)] = REACHABLE
+    return Field(world.name, x, y, cell, values, REACHABLE, np.full(values.shape, np.nan), float(z[0]))
+
+
+def _checked(targets: ArrayLike | Sequence[Target]) -> Array | list[Target]:
+    if isinstance(targets, Sequence) and all(isinstance(target, Target) for target in targets):
+        some = [target for target in targets if isinstance(target, Target)]
+        if any(target.direction is not None for target in some):
+            return some
+        targets = np.array([target.position for target in some]).reshape(-1, 3)
+    return frozen(np.atleast_2d(np.asarray(targets)), (None, 3), "targets")
+
+
+def _axes(bounds: tuple[float, float, float, float], cell: float) -> tuple[Array, Array]:
+    """Middles of cells that cover a rectangle."""
+    if not 0 < cell < np.inf:
+        raise InputError(f"cell: must be above 0, got {cell}")
+    x0, y0, x1, y1 = bounds
+    wide, deep = np.ceil((x1 - x0) / cell - 1e-9), np.ceil((y1 - y0) / cell - 1e-9)
+    if not wide * deep <= MOST_CELLS:
+        least = np.sqrt((x1 - x0) * (y1 - y0) / MOST_CELLS)
+        raise InputError(f"cell: expected at least {least:.2g} m for a floor of this size, got {cell:g}")
+    x, y = np.arange(wide, dtype=np.float64), np.arange(deep, dtype=np.float64)
+    return x0 + cell * (x + 0.5), y0 + cell * (y + 0.5)
+
+
+def _inside(area: shapely.Geometry, x: Array, y: Array) -> NDArray[np.bool_]:
+    shapely.prepare(area)
+    found: NDArray[np.bool_] = shapely.contains_xy(area, x[None, :], y[:, None])
+    return found
+
+
+def _counted(
+    world: World, targets: Array | list[Target], side: Side, free: NDArray[np.bool_], x: Array, y: Array
+) -> NDArray[np.int32]:
+    """Targets reached from each free cell within one side's headings."""
+    count = np.zeros(free.shape, dtype=np.int32)
+    if isinstance(targets, list) or not _model(world).turns_freely(world.rules, side.span):
+        _count_areas(world, _as_targets(targets), side, free, x, y, count)
+        return count
+    spans = _distances(world, targets[:, 2], inner=True)
+    starts = np.concatenate([[0], np.cumsum([len(some) for some in spans])]).astype(np.int64)
+    count_rings(targets[:, :2], starts, np.vstack([np.empty((0, 2)), *spans]), x, y, free, count)
+    return count
+
+
+def _model(world: World) -> ReachModel:
+    """The reach of bare points."""
+    return reach_model(with_joint_margin(world.robot, world.rules.criteria), "point")
+
+
+def _as_targets(targets: Array | list[Target]) -> list[Target]:
+    return targets if isinstance(targets, list) else [Target(row) for row in targets]
+
+
+def _count_areas(
+    world: World,
+    targets: list[Target],
+    side: Side,
+    free: NDArray[np.bool_],
+    x: Array,
+    y: Array,
+    count: NDArray[np.int32],
+) -> None:
+    """Count where headings or tool directions bound the reach: cells within its polygons."""
+    for k in range(0, len(targets), _TOGETHER):
+        which, _, shapes = reach_rows(
+            world, targets[k : k + _TOGETHER], (FRONT, BACK), inner=True, span=side.span
+        )
+        for rows in np.split(shapes, np.flatnonzero(np.diff(which)) + 1) if len(which) else []:
+            x0, y0, x1, y1 = shapely.total_bounds(rows)
+            columns = slice(*np.searchsorted(x, (x0, x1)))
+            lines = slice(*np.searchsorted(y, (y0, y1)))
+            met = np.zeros((lines.stop - lines.start, columns.stop - columns.start), dtype=bool)
+            for shape in rows:
+                met |= _inside(shape, x[columns], y[lines])
+            count[lines, columns] += met & free[lines, columns]
+
+
+def _distances(world: World, heights: Array, *, inner: bool) -> list[Array]:
+    """Distances from the arm axis at which the tool is in reach, (k, 2) for each height, at any heading."""
+    found = _model(world).distances(world.rules.criteria, heights, inner=inner)
+    if not inner:
+        return found
+    keep = world.rules.reach_margin + GUARD
+    kept = [some + (keep, -keep) for some in found]
+    return [some[some[:, 0] < some[:, 1]] for some in kept]
+
+
+def _met(side: Side, spans: Array, x: Array, y: Array) -> NDArray[np.bool_]:
+    """Cells that have some free place within one of the spans of distance.
+
+    The distances to a connected piece of floor are all those between the nearest and the farthest.
+    """
+    met = np.zeros((len(y), len(x)), dtype=bool)
+    grid_x, grid_y = np.meshgrid(x, y)
+    for piece in side.pieces:
+        corners = shapely.get_coordinates(piece.convex_hull)
+        farthest = np.zeros(met.shape)
+        for corner in corners:
+            np.maximum(farthest, np.hypot(grid_x - corner[0], grid_y - corner[1]), out=farthest)
+        for near, far in spans.tolist():
+            asked = ~met & (farthest >= near)
+            met[asked] = shapely.dwithin(piece, shapely.points(grid_x[asked], grid_y[asked]), far)
+    return met
+
+
+def _met_one_by_one(
+    world: World, height: float, values: NDArray[np.int32], x: Array, y: Array
+) -> NDArray[np.bool_]:
+    """Cells with an inner area, looked for where the outer one leaves a chance."""
+    met = np.zeros(values.shape, dtype=bool)
+    rows, columns = np.nonzero(values)
+    for k in range(0, len(rows), _TOGETHER):
+        row, column = rows[k : k + _TOGETHER], columns[k : k + _TOGETHER]
+        areas = path_areas(
+            world, [Target(np.array([x[c], y[r], height])) for r, c in zip(row, column, strict=True)]
+        )
+        good = np.unique(areas.target[shapely.area(areas.inner) > 0])
+        met[row[good], column[good]] = True
+    return met

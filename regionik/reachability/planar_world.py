@@ -1,0 +1,64 @@
+"""A world of an arm in one plane as compiled loops take it."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+import shapely
+from shapely.geometry import Polygon
+
+from regionik.areas.ground import EVERY, Side
+from regionik.areas.reachable import planar_reach
+from regionik.planners.clearance.arm_clearance import Keep, Reach, Stance
+from regionik.planners.clearance.proximity import exempt_of
+from regionik.planners.reach.floor_distances import FloorParts, parts_of
+from regionik.planners.reach.rings import boundary_circles
+from regionik.postures.arm_guard import SPARE, guard_of
+from regionik.worlds.arrays import Array
+from regionik.worlds.scene import World
+
+
+@lru_cache(maxsize=128)
+def stance_of(world: World, span: tuple[float, float]) -> Stance:
+    """Stance of the robot with its heading in a span."""
+    robot, model = world.robot, planar_reach(world.robot)
+    arm = model.arm
+    low, high = arm.pivot_lower, arm.pivot_upper
+    if world.rules.heading == "face_target":
+        low = high = min(max(0.0, low), high)
+    zero, yaw = float(arm.pivot_zero + robot.mount[3]), 0.0
+    if world.start is not None:
+        yaw = float(world.start.base[2])
+    if span != EVERY:
+        yaw = (span[0] + span[1]) / 2
+    sign, offset, mount = map(own, (arm.sign, arm.offset, robot.mount[:2]))
+    return Stance(model.plane, sign, offset, zero, low, high, mount, yaw)
+
+
+@lru_cache(maxsize=8)
+def reach_of(world: World) -> Reach:
+    """The circles on which the arm's reach can begin or end."""
+    model = planar_reach(world.robot)
+    circles = boundary_circles(model.arm, model.plane.shoulder_z)
+    return Reach(own(circles[:, :2]), own(circles[:, 2]))
+
+
+@lru_cache(maxsize=8)
+def keep_of(world: World) -> Keep:
+    """Solids that the arm keeps off."""
+    guard, bodies = guard_of(world), guard_of(world).bodies
+    exempt = exempt_of(bodies, guard.contact)
+    return Keep(bodies.arm, own(bodies.mount), bodies.movers, bodies.hulls, SPARE, guard.on, exempt)
+
+
+@lru_cache(maxsize=256)
+def floor_of(side: Side) -> FloorParts:
+    """The free floor of a side."""
+    parts = shapely.get_parts(side.free)
+    return parts_of([part for part in parts if isinstance(part, Polygon) and part.area > 0])
+
+
+def own(values: Array) -> Array:
+    """A copy that kernels take: writable and in order, so that they are compiled once."""
+    return np.array(values, dtype=np.float64, order="C")

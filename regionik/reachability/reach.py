@@ -1,0 +1,274 @@
+"""Reachability of targets, with base and arm where they can be reached: arrays in, arrays out."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields
+from itertools import chain
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+import shapely
+from numpy.typing import ArrayLike, NDArray
+from shapely.geometry import Point
+
+from regionik.areas.standing import anywhere
+from regionik.executors import Pool, handed_out
+from regionik.explain.failures import no_place
+from regionik.explain.sentences import no_way_to, places_open, spot
+from regionik.mfabrik import axis_of, pose_of, solver_for
+from regionik.planners.clearance.posture_proof import solid_at_target
+from regionik.planners.search.box_search import Verdict
+from regionik.postures.poses import Pose
+from regionik.reachability.any_base import can_search, search_any_base
+from regionik.reachability.refinement import diameter, refine
+from regionik.reachability.witness import Quest
+from regionik.regions import PathAreas, outer_areas, path_areas
+from regionik.worlds.arrays import Array, frozen
+from regionik.worlds.errors import InputError
+from regionik.worlds.scene import Target, World
+
+CELLS = 200_000  # of postures looked at for one target
+CHUNK = 2000  # targets that a worker is given at once
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """Reachability of n targets.
+
+    Attributes
+    ----------
+    targets : (n, 3) array
+        [m]
+    reachable : (n,) array of bool
+    verdict : (n,) array of str
+        "reachable": base and arm were found and checked, on target, on the floor and, where the rules lead
+        the arm round things, clear of them. "unreachable": the outer area is empty, which is a proof in the
+        model, whatever stands in the arm's way; or each posture from each place is shown to touch something.
+        "undecided": neither, and ``gap`` says how much is left.
+    base : (n, 3) array
+        x, y [m], yaw [rad]; NaN where there is none.
+    joints : (n, dof) array
+        NaN where there is none.
+    reason : list of str
+        One for each target; empty where it is reachable.
+    gap : (n,) array
+        Diameter of the largest circle of places for the arm axis that could be neither shown to work nor
+        ruled out; 0 where the target is decided [m].
+    """
+
+    targets: Array
+    reachable: NDArray[np.bool_]
+    verdict: NDArray[np.str_]
+    base: Array
+    joints: Array
+    reason: list[str]
+    gap: Array
+
+    def __repr__(self) -> str:
+        counts = dict(zip(*np.unique(self.verdict, return_counts=True), strict=True))
+        found = ", ".join(f"{count} {verdict}" for verdict, count in counts.items())
+        return f"Answer({len(self.verdict)} targets: {found or 'none'})"
+
+
+def reach(
+    world: World,
+    targets: ArrayLike | Sequence[Target],
+    *,
+    executor: Pool | None = None,
+    chunk: int = CHUNK,
+    progress: Callable[[str, int, int], None] | None = None,
+) -> Answer:
+    """Ask for targets whether the tool can get there, and from where.
+
+    Coarse areas of all targets come first. Where they leave a doubt, or the arm touches something, the target
+    is looked at closely: without the rules' margin of reach, with finer circles, heading by heading and pitch
+    by pitch, and with other postures at other places. What is undecided then says why.
+
+    The answer for a target does not depend on the others, on the chunks or on the executor.
+
+    Parameters
+    ----------
+    world : World
+    targets : (n, 3) array_like or sequence of Target
+        Bare points leave the tool direction free [m].
+    executor : Executor or function that makes one, optional
+        Where chunks are worked on: processes of this machine or of others; threads of one process take
+        turns. By default this process. Chunks of workers that are lost are handed out again; a process
+        pool breaks with its workers, and only a function can make another one.
+    chunk : int
+        Targets that are worked on at once.
+    progress : callable, optional
+        Called with "reach", targets done, targets in all.
+
+    Raises
+    ------
+    InputError
+        For targets that are not n rows of three finite numbers, or a chunk below 1.
+    EngineError
+        When workers are lost again and again.
+
+    Examples
+    --------
+    >>> from regionik.worlds.documents.world_file import load_world
+    >>> reach(load_world("pillar"), [[0.5, 0, 0.25], [0.5, 0, 2.0]]).verdict.tolist()
+    ['reachable', 'unreachable']
+    """
+    if chunk < 1:
+        raise InputError(f"chunk: must be at least 1, got {chunk}")
+    asked = _checked(targets)
+    chunks = [asked[k : k + chunk] for k in range(0, max(1, len(asked)), chunk)]
+    parts: dict[int, Answer] = {}
+    done = 0
+    for k, answer in handed_out(world, _answered, enumerate(chunks), executor):
+        parts[k] = answer
+        done += len(answer.reachable)
+        if progress is not None:
+            progress("reach", done, len(asked))
+    return _joined([parts[k] for k in range(len(chunks))])
+
+
+def _checked(targets: ArrayLike | Sequence[Target]) -> Array | list[Target]:
+    """Positions (n, 3), or the targets where they are more than that."""
+    if isinstance(targets, Sequence) and all(isinstance(target, Target) for target in targets):
+        return [target for target in targets if isinstance(target, Target)]
+    return frozen(np.atleast_2d(np.asarray(targets)), (None, 3), "targets")
+
+
+def _joined(parts: Sequence[Answer]) -> Answer:
+    columns: dict[str, Any] = {}
+    for field in fields(Answer):
+        values = [getattr(part, field.name) for part in parts]
+        columns[field.name] = list(chain(*values)) if isinstance(values[0], list) else np.concatenate(values)
+    return Answer(**columns)
+
+
+def _answered(world: World, targets: Array | list[Target]) -> Answer:
+    """The answers for the targets of one chunk."""
+    asked = targets if isinstance(targets, list) else [Target(row) for row in targets]
+    positions = np.array([target.position for target in asked]).reshape(-1, 3)
+    results = _decided(world, asked)
+    verdict = np.array([one.verdict for one in results], dtype="<U11")
+    base, joints = np.full((len(asked), 3), np.nan), np.full((len(asked), world.robot.chain.dof), np.nan)
+    for i, result in enumerate(results):
+        if result.pose is not None:
+            base[i], joints[i] = result.pose.base, result.pose.joints
+    reasons, gap = [one.reason for one in results], np.array([one.gap for one in results], dtype=float)
+    return Answer(positions, verdict == "reachable", verdict, base, joints, reasons, gap)
+
+
+class _Result(NamedTuple):
+    """The answer for one target."""
+
+    verdict: Literal["reachable", "unreachable", "undecided"]
+    pose: Pose | None
+    gap: float
+    reason: str
+
+
+def _decided(world: World, targets: Sequence[Target]) -> list[_Result]:
+    """Coarse areas of all targets at once; those that leave a doubt are looked at closely, one by one."""
+    found = _at_hand(world, targets)
+    rest = [i for i in range(len(targets)) if i not in found]
+    outer = outer_areas(world, [targets[i] for i in rest])
+    results = {i: _Result("reachable", pose, 0.0, "") for i, pose in found.items()}
+    for i, area in zip(rest, outer, strict=True):
+        results[i] = _ruled_out(world, targets[i]) if area.is_empty else _closely(world, targets[i])
+    return [results[i] for i in range(len(targets))]
+
+
+def _at_hand(world: World, targets: Sequence[Target]) -> dict[int, Pose]:
+    """Configurations that M-FABRIK comes to in coarse inner areas, at places nearest to the start."""
+    areas = path_areas(world, targets)
+    found: dict[int, Pose] = {}
+    for i, row in _nearest_rows(world, areas, len(targets)).items():
+        span = anywhere(world).sides[int(areas.side[row])].span
+        base, joints = _start(world)
+        spot = shapely.shortest_line(areas.inner[row], Point(axis_of(world.robot, base))).coords[0]
+        solver = solver_for(world, areas.family[row], areas.inner[row], span)
+        reached = solver(targets[i], pose_of(world.robot, np.array(spot), base[2]), joints)
+        pose = Pose(reached.base, reached.joints)
+        if reached.converged and Quest(world, targets[i]).confirms(pose):
+            found[i] = pose
+    return found
+
+
+def _closely(world: World, target: Target) -> _Result:
+    """The answer for a target whose coarse areas leave a doubt."""
+    quest = Quest(world, target)
+    if quest.guard.on:
+        bodies, contact = quest.guard.bodies, quest.guard.contact
+        name = solid_at_target(bodies, target.position, world.rules.tolerance, 0.0, contact)
+        if name:
+            return _Result("unreachable", None, 0.0, f"{_who(target)} cannot be reached: {_IN.format(name)}")
+    seen = _everywhere(quest)
+    if seen.verdict != "undecided":
+        return seen
+    pose, left, tried = refine(world, target, quest.within)
+    pose = pose or quest.search()
+    if pose is not None:
+        return _Result("reachable", pose, 0.0, "")
+    if left.is_empty:
+        return _Result("unreachable", None, 0.0, f"{_who(target)} cannot be reached: {_CLOSELY}")
+    gap = min(diameter(left), seen.gap)
+    return _Result("undecided", None, gap, _doubt(quest, gap, tried))
+
+
+def _everywhere(quest: Quest) -> _Result:
+    """Result of a look at all postures from all places, for arms that are led round things."""
+    world, target = quest.world, quest.target
+    if not can_search(world):
+        return _Result("undecided", None, np.inf, "")
+    seen = search_any_base(world, target, CELLS)
+    if seen.verdict == Verdict.RULED_OUT:
+        around = f"{', '.join(seen.around)} and itself" if seen.around else "itself and its base"
+        return _Result(
+            "unreachable", None, 0.0, f"{_who(target)} cannot be reached: {_NO_WAY.format(around)}"
+        )
+    if seen.pose is not None and quest.confirms(seen.pose):
+        return _Result("reachable", seen.pose, 0.0, "")
+    gap = np.inf if seen.pose is not None else seen.gap  # one that is not confirmed bounds nothing
+    return _Result("undecided", None, gap, "")
+
+
+_NO_WAY = "from no place of the floor and in no posture does the arm keep off {}"
+_CLOSELY = "heading by heading and pitch by pitch, each place for the base is ruled out"
+_IN = "whatever the posture, the end of the arm is in {} there, or too near to it"
+
+
+def _ruled_out(world: World, target: Target) -> _Result:
+    return _Result("unreachable", None, 0.0, no_place(world, 0, [target]).reason)
+
+
+def _doubt(quest: Quest, gap: float, tried: int) -> str:
+    """Why a target stays undecided."""
+    lead, touch = no_way_to(_who(quest.target)), quest.touch
+    left = places_open(gap)
+    if touch is not None:
+        return (
+            f"{lead}: each of {quest.met} postures looked at touches something; in the best of them, "
+            f"{quest.guard.words(touch)}. {left}: a clear posture from one of them would decide it."
+        )
+    looked = "no posture was found in the areas looked at" if tried else "no place for the base is known"
+    return f"{lead}: {looked}. {left}: a posture from one of them would decide it."
+
+
+def _who(target: Target) -> str:
+    return f"The target at {spot(target.position)}"
+
+
+def _nearest_rows(world: World, areas: PathAreas, n: int) -> dict[int, int]:
+    """For each target with an area, the row of it that is nearest to where the robot starts."""
+    spot = shapely.Point(axis_of(world.robot, _start(world)[0]))
+    gaps = np.where(shapely.is_empty(areas.inner), np.inf, shapely.distance(areas.inner, spot))
+    best: dict[int, int] = {}
+    for row, i in enumerate(areas.target.tolist()):
+        if np.isfinite(gaps[row]) and (i not in best or gaps[row] < gaps[best[i]]):
+            best[i] = row
+    return best
+
+
+def _start(world: World) -> tuple[Array, Array]:
+    if world.start is not None:
+        return world.start.base, world.start.joints
+    return np.zeros(3), world.robot.carry

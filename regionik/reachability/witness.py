@@ -1,0 +1,150 @@
+"""A configuration for one target with the base in a given area, confirmed: on target, on the floor, clear."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+import shapely
+from shapely.geometry.base import BaseGeometry
+
+from regionik.areas.reachable import model_of, reach_model
+from regionik.areas.standing import LEAST_AREA, anywhere, into_span, room_for
+from regionik.mfabrik import Solver, pose_of, solver_for
+from regionik.moving.configuration_sampling import spread
+from regionik.planners.clearance.clear_posture import clear_posture
+from regionik.planners.clearance.proximity import Touch
+from regionik.planners.driving.footprint_scene import fits
+from regionik.postures.arm_guard import SPARE, Guard, contact_for, guard_of
+from regionik.postures.families import Family
+from regionik.postures.poses import Pose
+from regionik.postures.tool_goal import misses
+from regionik.regions import path_areas
+from regionik.worlds.arrays import Array
+from regionik.worlds.scene import Target, World
+
+PLACES = 12  # of the base, looked through in an area where the arm touches something
+PITCHES = 24  # of the last link, looked through at every place
+SEARCHED = 2  # places at which all postures of the arm are looked for
+BOXES = 5_000  # of postures weighed there
+SLACK = 1e-9  # rounding allowed at a bound [m] or [rad]
+
+
+@dataclass(eq=False)
+class Quest:
+    """The search for one target's configuration, and what stood in its way.
+
+    Attributes
+    ----------
+    world : World
+    target : Target
+    met : int
+        Postures on the target, of a base that stands well.
+    touch : Touch or None
+        Of the posture among them that came nearest to being clear.
+    nearly : list of (float, Pose)
+        Of each place the posture nearest to being clear, and by how much it is.
+    """
+
+    world: World
+    target: Target
+    met: int = 0
+    touch: Touch | None = None
+    nearly: list[tuple[float, Pose]] = field(default_factory=list)
+    guard: Guard = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.guard = replace(guard_of(self.world), contact=contact_for(self.world, [self.target]))
+
+    def within(self, area: BaseGeometry, family: Family, span: tuple[float, float]) -> Pose | None:
+        """A confirmed configuration with the arm axis in an area, the heading in a span, if one is found."""
+        solver = solver_for(self.world, family, None, span)
+        for axis in self._places(area):
+            base = pose_of(self.world.robot, axis, into_span(self._yaw(axis), span))
+            standing = [q for q in self._postures(solver, base) if self.stands(q)]
+            rooms = [self._room(q) for q in standing]
+            if standing:
+                best = int(np.argmax(rooms))
+                if rooms[best] == np.inf:
+                    return standing[best]
+                self.nearly.append((rooms[best], standing[best]))
+        return None
+
+    def in_areas(self) -> Pose | None:
+        """A confirmed configuration in the areas that hold at every heading, if one is found."""
+        areas, sides = path_areas(self.world, [self.target]), anywhere(self.world).sides
+        for k in np.flatnonzero(shapely.area(areas.inner) > LEAST_AREA).tolist():
+            pose = self.within(areas.inner[k], areas.family[k], sides[areas.side[k]].span)
+            if pose is not None:
+                return pose
+        return None
+
+    def search(self) -> Pose | None:
+        """At the places nearest to a clear posture, all postures of the arm are looked for.
+
+        Some arms have shown all kinds of them already.
+        """
+        if self.target.direction is not None or model_of(self.world, self.target).shows_all_postures:
+            return None
+        nearest = sorted(self.nearly, key=lambda one: -one[0])[:SEARCHED]
+        return next((q for _, near in nearest if (q := self._searched(near)) is not None), None)
+
+    def stands(self, q: Pose) -> bool:
+        """True where tool, joints and base are where they should be, whatever the arm touches."""
+        world, chain = self.world, self.world.robot.chain
+        error, angle = misses(self.target, world.robot.tool(q.base, q.joints))
+        on_target = error <= world.rules.tolerance + SLACK and angle <= self.target.cone + SLACK
+        within = (q.joints >= chain.lower - SLACK).all() and (q.joints <= chain.upper + SLACK).all()
+        good = bool(within) and reach_model(world.robot, "point").meets(world.rules.criteria, q.joints)
+        return on_target and good and bool(fits(room_for(world), *q.base.tolist()))
+
+    def confirms(self, q: Pose) -> bool:
+        """True where a configuration is an answer."""
+        return self.stands(q) and self._room(q) == np.inf
+
+    def _places(self, area: BaseGeometry) -> Array:
+        """The middle of the area's largest part, then places spread over all of it."""
+        largest = max(shapely.get_parts(area), key=lambda part: part.area)
+        middle = shapely.maximum_inscribed_circle(largest).coords[0]
+        return np.vstack([middle, spread(area, PLACES, 0)])
+
+    def _postures(self, solver: Solver, base: Array) -> list[Pose]:
+        """The posture that the solver comes to from how the arm is carried, then those of all kinds."""
+        carry = self.world.robot.carry
+        first = solver.hold(self.target, base, carry)
+        if not first.converged:
+            return []
+        poses = [Pose(first.base, first.joints)]
+        if self.guard.on and not self.confirms(poses[0]):
+            others = solver.self_motion(self.target, base, carry, PITCHES)
+            poses += [Pose(one.base, one.joints) for one in others]
+        return poses
+
+    def _searched(self, q: Pose) -> Pose | None:
+        """The base stays; every posture of the arm is looked for."""
+        found = clear_posture(
+            self.guard.bodies, q.base, self.target.position, q.joints,
+            contact=self.guard.contact, tolerance=self.world.rules.tolerance, margin=SPARE, most_boxes=BOXES,
+        )  # fmt: skip
+        if found.joints is None:
+            return None
+        pose = Pose(q.base, np.array(found.joints))
+        return pose if self.confirms(pose) else None
+
+    def _room(self, q: Pose) -> float:
+        """By how much the arm keeps its distance, infinite where it is clear or need not be [m]."""
+        if not self.guard.on:
+            return np.inf
+        touch = self.guard.touch(q)
+        room = self.guard.room(touch)
+        self.met += 1
+        if self.touch is None or room > self.guard.room(self.touch):
+            self.touch = touch
+        return room
+
+    def _yaw(self, axis: Array) -> float:
+        """Heading that the base has or, looking for another, towards the target."""
+        if self.world.rules.heading == "fixed":
+            return 0.0 if self.world.start is None else float(self.world.start.base[2])
+        away = self.target.position[:2] - axis
+        return float(np.arctan2(away[1], away[0]))
