@@ -42,7 +42,7 @@ Attempt = Callable[[BaseGeometry, Family, Span], Pose | None]
 
 
 class Refinement(NamedTuple):
-    """What the finer areas of a target came to.
+    """Outcome of the finer areas of a target.
 
     Attributes
     ----------
@@ -136,7 +136,7 @@ class _CloseAreas:
 
     @cached_property
     def _tilts(self) -> bool:
-        """Whether the areas know of the tool's pitch."""
+        """Tell whether the areas know of the tool's pitch."""
         return self.target.direction is not None and in_plane(self.world.robot.chain, self.target)
 
     def cell(self, low: Array, high: Array) -> HeadingCell:
@@ -207,7 +207,7 @@ class _CloseAreas:
 
     @cached_property
     def _turnless(self) -> bool:
-        """Whether the base is a point that the arm stands on."""
+        """Tell whether the base is a point that the arm stands on."""
         return not self._outline.any()
 
     @cached_property
@@ -227,7 +227,7 @@ class _CloseAreas:
         return MultiPolygon(parts), [ground.shadows[k] for k in near]
 
     def _free(self, heading: Span) -> tuple[BaseGeometry, BaseGeometry]:
-        """Where the axis may stand at all headings of a range, from within, and at some, from outside."""
+        """Places of the axis at all headings of a range, from within, and at some, from outside."""
         if heading not in self._known:
             floor, shadows = self._near
             low, high = (0.0, 0.0) if heading == EVERY else heading
