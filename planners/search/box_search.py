@@ -39,7 +39,7 @@ from numba.extending import register_jitable
 from regionik.planners.geometry.flat import Index
 from regionik.worlds.arrays import Array
 
-FIRST_SLOTS = 64  # for boxes; doubled when they are full
+FIRST_SLOTS = 16  # for boxes; doubled when they are full
 WHOLE = -1  # in place of a side: the box is not to be bisected
 QUEUED, CLOSED, JUDGED, PROVEN = range(4)  # what is counted
 
