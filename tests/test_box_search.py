@@ -20,7 +20,9 @@ from regionik.planners.search.box_search import (
     Boxes,
     Verdict,
     begin,
+    begin_in_kernel,
     explore,
+    explore_in_kernel,
     left_open,
     proven,
     reopen,
@@ -61,8 +63,8 @@ def judge(ring: Ring, low: Array, high: Array) -> tuple[Verdict, float, int]:
 
 @compiled
 def search(ring: Ring, low: Array, high: Array, budget: int, wanted: int) -> Boxes:
-    boxes = begin(judge, ring, low, high)
-    return explore(judge, ring, boxes, budget, wanted)
+    boxes = begin_in_kernel(judge, ring, low, high)
+    return explore_in_kernel(judge, ring, boxes, budget, wanted)
 
 
 def square(half: float = 1.0, boxes: int = 1) -> tuple[Array, Array]:

@@ -41,8 +41,8 @@ from regionik.planners.search.box_search import (
     WHOLE,
     Boxes,
     Verdict,
-    begin,
-    explore,
+    begin_in_kernel,
+    explore_in_kernel,
     left_open,
     proven,
     together,
@@ -65,7 +65,7 @@ class ToolDemand(NamedTuple):
 
 
 class BaseFloor(NamedTuple):
-    """Where the base may stand."""
+    """The floor as the base may stand on it."""
 
     inner: FloorParts  # where the pivot axis may be at every heading
     outer: FloorParts  # where it may be at some heading, at most
@@ -122,8 +122,8 @@ def search_cells(task: AnyBase, rings: Array, most: int) -> tuple[Verdict, float
 
 @compiled
 def _search(task: AnyBase, low: Array, high: Array, budget: int) -> Boxes:
-    boxes = begin(judge_cell, task, low, high)
-    return explore(judge_cell, task, boxes, budget, 1)
+    boxes = begin_in_kernel(judge_cell, task, low, high)
+    return explore_in_kernel(judge_cell, task, boxes, budget, 1)
 
 
 def _first_cells(mount: ArmMount, demand: ToolDemand, rings: Array) -> tuple[Array, Array]:

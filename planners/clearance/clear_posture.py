@@ -54,7 +54,7 @@ FARTHEST = 1.0  # change of a joint when the best posture so far is varied [rad]
 
 @dataclass(frozen=True, eq=False)
 class ClearPosture:
-    """What the question came to.
+    """Outcome of the question.
 
     Attributes
     ----------
@@ -291,7 +291,7 @@ class _Quest:
         return ClearPosture(Verdict.PROVEN, joints, error, self.passes, steps, room, touch, note)
 
     def _offer(self, joints: Array) -> bool:
-        """Whether a posture is an answer: within limits, on the target, and clear."""
+        """Tell whether a posture is an answer: within limits, on the target, and clear."""
         within = (joints >= self.chain.lower).all() and (joints <= self.chain.upper).all()
         error = float(np.linalg.norm(self.chain.forward(joints)[:3, 3] - self.goal))
         if not within or error > self.tolerance:

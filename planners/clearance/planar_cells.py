@@ -26,7 +26,7 @@ YAW, PITCH, AWAY, TURN, ELBOW = range(5)  # the sides of a cell; the elbow is -1
 
 
 class ArmMount(NamedTuple):
-    """How the arm stands on its base."""
+    """The arm as it stands on its base."""
 
     plane: PlaneArm
     mount: Array  # (2,) the pivot axis in the base's frame [m]

@@ -18,8 +18,8 @@ from regionik.planners.search.box_search import (
     WHOLE,
     Boxes,
     Verdict,
-    begin,
-    explore,
+    begin_in_kernel,
+    explore_in_kernel,
     left_open,
     proven,
     together,
@@ -99,8 +99,8 @@ def _joined(rows: Array) -> Array:
 
 @compiled
 def _pave(thresholds: HeightThresholds, near: Array, far: Array) -> Boxes:
-    boxes = begin(judge_distances, thresholds, near, far)
-    return explore(judge_distances, thresholds, boxes, EVERY, EVERY)
+    boxes = begin_in_kernel(judge_distances, thresholds, near, far)
+    return explore_in_kernel(judge_distances, thresholds, boxes, EVERY, EVERY)
 
 
 @compiled
@@ -109,8 +109,8 @@ def judge_distances(thresholds: HeightThresholds, near: Array, far: Array) -> tu
     distances = Distances(thresholds, near[0], far[0])
     low = np.array([[thresholds.low, -1.0], [thresholds.low, 1.0]])  # of pitch and elbow
     high = np.array([[thresholds.high, -1.0], [thresholds.high, 1.0]])
-    boxes = begin(judge_pitches, distances, low, high)
-    boxes = explore(judge_pitches, distances, boxes, EVERY, 1)
+    boxes = begin_in_kernel(judge_pitches, distances, low, high)
+    boxes = explore_in_kernel(judge_pitches, distances, boxes, EVERY, 1)
     return verdict_of(boxes), 0.0, 0 if far[0] - near[0] > FINEST else WHOLE
 
 

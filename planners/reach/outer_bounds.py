@@ -17,7 +17,7 @@ import numpy as np
 
 from regionik.planners.geometry.polygons import compiled
 from regionik.planners.reach.meridian_plane import Meridian, Tool, look, tool_for
-from regionik.planners.search.box_search import WHOLE, Boxes, Verdict, begin, explore, left_open
+from regionik.planners.search.box_search import WHOLE, Boxes, Verdict, begin, explore_in_kernel, left_open
 from regionik.planners.search.intervals import contract, cut_to
 from regionik.planners.search.motion_bounds import chords, displacement, from_axis
 from regionik.worlds.arrays import Array
@@ -85,7 +85,7 @@ def outer_distances(
 
 @compiled
 def _explore(asked: OuterReach, boxes: Boxes, budget: int) -> Boxes:
-    return explore(judge_reach, asked, boxes, budget, 1)  # none is ever proven
+    return explore_in_kernel(judge_reach, asked, boxes, budget, 1)  # none is ever proven
 
 
 @compiled

@@ -5,12 +5,12 @@ box in place to what is not ruled out. Open boxes wait in a queue; the one with 
 across the side that its judge named, and both halves are judged. The intervals may be of joint values,
 distances, headings, or of whatever else a judge can bound.
 
-`begin` and `explore` take the judge as a function. Called from Python they run as they stand, with any judge;
-called from a kernel, with a compiled judge, they become part of it::
+`begin` and `explore` take the judge as a function, any in Python. In a kernel the same functions are called
+`begin_in_kernel` and `explore_in_kernel` and take a compiled judge::
 
     @compiled
-    def explore_disc(disc: Disc, boxes: Boxes, budget: int, wanted: int) -> Boxes:
-        return explore(judge_disc, disc, boxes, budget, wanted)
+    def explore_disc(disc: Disc, boxes: Boxes, budget: int) -> Boxes:
+        return explore_in_kernel(judge_disc, disc, boxes, budget, 1)
 
 Source: set inversion by interval analysis (Jaulin and Walter, Automatica 29(4), 1993), best box first.
 
@@ -30,21 +30,22 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from enum import IntEnum
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeVar, cast
 
 import numpy as np
+from numba import njit
 from numba.extending import register_jitable
 
 from regionik.planners.geometry.polygons import Index
 from regionik.worlds.arrays import Array
 
-FIRST_SLOTS = 64  # for boxes; doubled when they are full
+FIRST_SLOTS = 16  # for boxes; doubled when they are full
 WHOLE = -1  # in place of a side: the box is not to be bisected
 QUEUED, CLOSED, JUDGED, PROVEN = range(4)  # what is counted
 
 
 class Verdict(IntEnum):
-    """What is known of a box, or of all that a search was asked about.
+    """Verdict on a box, or on all that a search was asked about.
 
     RULED_OUT is a proof that there is nothing, PROVEN one that there is something; OPEN is neither.
     """
@@ -71,23 +72,10 @@ class Boxes(NamedTuple):
     tally: Index  # (4,) boxes `QUEUED` and `CLOSED` now, `JUDGED` so far, and `PROVEN` among those closed
 
 
-def _shared(inline: str) -> Callable[[Function], Function]:
-    """Let a function run in Python as it stands and be called from kernels too."""
-
-    def shared(function: Function) -> Function:
-        options = {"inline": inline, "error_model": "python", "fastmath": False, "nogil": True}
-        wrapped: Function = register_jitable(**options)(function)
-        return wrapped
-
-    return shared
+# What kernels call too; in Python it runs as it stands. All that decides on rounding is said, see `compiled`.
+_shared = register_jitable(error_model="python", fastmath=False)
 
 
-# A function that calls the judge is inlined, so that kernels are kept on disk: numba keeps none that was
-# compiled for the address of another.
-_called, _inlined = _shared("never"), _shared("always")
-
-
-@_inlined
 def begin(judge: Judge[Problem], problem: Problem, low: Array, high: Array) -> Boxes:
     """Judge the boxes (k, n) that a search starts from."""
     boxes = _empty(low.shape[1])
@@ -99,7 +87,6 @@ def begin(judge: Judge[Problem], problem: Problem, low: Array, high: Array) -> B
     return boxes
 
 
-@_inlined
 def explore(judge: Judge[Problem], problem: Problem, boxes: Boxes, budget: int, wanted: int) -> Boxes:
     """Bisect the box with the largest key and judge both halves, until nothing is left to be done.
 
@@ -143,15 +130,27 @@ def explore(judge: Judge[Problem], problem: Problem, boxes: Boxes, budget: int, 
     return boxes
 
 
-@_called
+def _for_kernels(function: Function) -> Function:
+    """Let kernels take a function in, and call the judge that it is handed by its name.
+
+    Compiled as a call, it would be handed the judge's address, and numba keeps nothing of that kind on disk.
+    """
+    kernel: Any = njit(inline="always", error_model="python", fastmath=False)(function)
+    return cast(Function, kernel)
+
+
+begin_in_kernel, explore_in_kernel = _for_kernels(begin), _for_kernels(explore)
+
+
+@_shared
 def verdict_of(boxes: Boxes) -> Verdict:
-    """What the boxes of a search say together."""
+    """Verdict of a whole search."""
     if boxes.tally[PROVEN] > 0:
         return Verdict.PROVEN
     return Verdict.OPEN if boxes.tally[QUEUED] + boxes.tally[CLOSED] > 0 else Verdict.RULED_OUT
 
 
-@_called
+@_shared
 def together(a: Verdict, b: Verdict) -> Verdict:
     """The verdict on two demands: ruled out where either is, proven where both are."""
     return a if a < b else b
@@ -188,7 +187,7 @@ def reopen(boxes: Boxes, slot: int) -> None:
         _push(boxes)
 
 
-@_called
+@_shared
 def _empty(sides: int) -> Boxes:
     n = FIRST_SLOTS
     low, high = np.zeros((n, sides)), np.zeros((n, sides))
@@ -196,7 +195,7 @@ def _empty(sides: int) -> Boxes:
     return Boxes(low, high, np.zeros(n), side, verdict, np.arange(n), np.zeros(4, np.int64))
 
 
-@_called
+@_shared
 def _with_room(boxes: Boxes) -> Boxes:
     """The same boxes with two free slots at least."""
     n, closed = len(boxes.order), boxes.tally[CLOSED]
@@ -214,7 +213,7 @@ def _with_room(boxes: Boxes) -> Boxes:
     )
 
 
-@_called
+@_shared
 def _record(boxes: Boxes, low: Array, high: Array, verdict: Verdict, key: float, side: int) -> None:
     """Keep a box that was judged in the first free slot, unless it is ruled out."""
     boxes.tally[JUDGED] += 1
@@ -229,7 +228,7 @@ def _record(boxes: Boxes, low: Array, high: Array, verdict: Verdict, key: float,
         _push(boxes)
 
 
-@_called
+@_shared
 def _close(boxes: Boxes) -> None:
     """Set the box in the first free slot aside."""
     order, tally = boxes.order, boxes.tally
@@ -240,7 +239,7 @@ def _close(boxes: Boxes) -> None:
     tally[CLOSED] += 1
 
 
-@_called
+@_shared
 def _push(boxes: Boxes) -> None:
     """Queue the box in the first free slot."""
     heap, key, k = boxes.order, boxes.key, boxes.tally[QUEUED]
@@ -253,7 +252,7 @@ def _push(boxes: Boxes) -> None:
         k = above
 
 
-@_called
+@_shared
 def _pop(boxes: Boxes) -> int:
     """Take the box with the largest key from the queue; its slot is the first free one."""
     heap, key = boxes.order, boxes.key

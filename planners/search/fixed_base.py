@@ -49,7 +49,7 @@ PER_REFUSAL = 100  # boxes of the budget for each posture that the exact check r
 
 @dataclass(frozen=True, eq=False)
 class FixedBaseResult:
-    """What a search for a free posture came to.
+    """Outcome of a search for a free posture.
 
     Attributes
     ----------

@@ -13,7 +13,7 @@ import numpy as np
 
 from regionik.planners.geometry.polygons import compiled
 from regionik.planners.geometry.upright_bodies import Uprights, distance_along, least_along
-from regionik.planners.search.box_search import WHOLE, Boxes, Verdict, explore
+from regionik.planners.search.box_search import WHOLE, Boxes, Verdict, explore_in_kernel
 from regionik.planners.search.intervals import contract, cut_to
 from regionik.planners.search.motion_bounds import (
     LinkCapsules,
@@ -85,7 +85,7 @@ def fixed_base_for(
 @compiled
 def explore_postures(task: FixedBase, boxes: Boxes, budget: int) -> Boxes:
     """Bisect the box whose centre is farthest from the obstacles, until a posture is found."""
-    return explore(judge_postures, task, boxes, budget, 1)
+    return explore_in_kernel(judge_postures, task, boxes, budget, 1)
 
 
 @compiled

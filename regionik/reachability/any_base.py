@@ -31,7 +31,7 @@ FEWEST = 64  # cells that a search has at least: those that it may begin with
 
 
 class AnyBaseResult(NamedTuple):
-    """What a search of all postures from all places came to.
+    """Outcome of a search of all postures from all places.
 
     Attributes
     ----------

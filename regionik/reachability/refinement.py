@@ -43,7 +43,7 @@ Attempt = Callable[[BaseGeometry, Family, Span], Pose | None]
 
 
 class Refinement(NamedTuple):
-    """What the finer areas of a target came to.
+    """Outcome of the finer areas of a target.
 
     Attributes
     ----------
@@ -211,7 +211,7 @@ class _CloseAreas:
 
     @cached_property
     def _turnless(self) -> bool:
-        """Whether the base is a point that the arm stands on."""
+        """Tell whether the base is a point that the arm stands on."""
         return not self._outline.any()
 
     @cached_property
@@ -231,7 +231,7 @@ class _CloseAreas:
         return MultiPolygon(parts), [ground.shadows[k] for k in near]
 
     def _free(self, heading: Span) -> tuple[BaseGeometry, BaseGeometry]:
-        """Where the axis may stand at all headings of a range, from within, and at some, from outside."""
+        """Places of the axis at all headings of a range, from within, and at some, from outside."""
         if heading not in self._known:
             floor, shadows = self._near
             low, high = (0.0, 0.0) if heading == EVERY else heading
