@@ -110,9 +110,9 @@ FAULTS = (
     ),
     Fault(
         "planner: a tool may sink into what it touches as deep as it likes",
-        "planners/clearance/contacts.py",
-        "if free < 0.0 or sunk < 0.0:",
-        "if free < -9.0 and sunk < -9.0:",
+        "planners/clearance/robot_bodies.py",
+        "return depth - min(SPARE, SHARE * depth)",
+        "return 9.0",
         ("tests/test_touching.py",),
     ),
     Fault(

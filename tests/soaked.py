@@ -34,7 +34,7 @@ def soaked_world(kind: str, seed: int) -> World:
     if kind == "bundled":
         return load_world(world_names()[seed])
     world = demanding(_drawn(kind, seed), np.random.default_rng([seed, 1]))
-    deep = replace(world.rules, contact_depth=0.05)  # as thick as links are round about their tools
+    deep = replace(world.rules, tool_contact=0.2, contact_depth=0.05)  # a link is that thick
     return replace(world, rules=deep) if seed % 2 else world
 
 

@@ -112,7 +112,9 @@ def test_the_last_link_may_touch_what_the_tool_works_on() -> None:
     world = replace(world, rules=replace(world.rules, tool_contact=0.26, contact_depth=0.3))
     at = on_target(world, spot, rng)
     assert guard_of(world).clear(at)
-    assert not guard_of(replace(world, rules=replace(world.rules, contact_depth=0.0))).clear(at)
+    shallow = guard_of(replace(world, rules=replace(world.rules, contact_depth=0.0)))
+    assert not shallow.clear(at)
+    assert "it may touch it 0.001 m deep, within 0.26 m of the tool" in shallow.words(shallow.touch(at))
     assert not guard_of(replace(world, rules=replace(world.rules, tool_contact=0.0))).clear(at)
     assert not guard_of(replace(world, task=())).clear(at)
     lifted = Pose(at.base + [0.0, 0.3, 0.0], at.joints)  # farther off than tool_contact

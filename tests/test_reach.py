@@ -21,6 +21,7 @@ SIDEWAYS = np.array([0.0, 0.0, np.pi / 2])
 
 def test_every_yes_is_confirmed_and_every_no_is_empty() -> None:
     world = load_world("l_shape")
+    world = replace(world, rules=replace(world.rules, contact_depth=0.3, tool_contact=0.3))
     rng = np.random.default_rng(0)
     targets = rng.uniform([-1, -1.5, 0], [4.5, 2.5, 0.9], (300, 3))
     answer = reach(world, targets)

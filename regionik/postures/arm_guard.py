@@ -91,8 +91,16 @@ class Guard:
         return frames
 
     def words(self, touch: Touch) -> str:
-        """Which link comes how near to what."""
-        return words(self.bodies, touch)
+        """Which link comes how near to what, and how it might touch what the tool works on."""
+        said, rules = words(self.bodies, touch), self.world.rules
+        if (
+            touch.kind == "obstacle"
+            and self.bodies.movers.outermost[touch.solid]
+            and touch.other in self.contact.owner
+        ):
+            said += f" (it may touch it {rules.deepest_contact:g} m deep, "
+            said += f"within {rules.tool_contact:g} m of the tool)"
+        return said
 
     def other(self, touch: Touch) -> str:
         """Name of what the link comes near to."""
