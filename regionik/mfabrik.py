@@ -135,9 +135,9 @@ class Solver:
         return found if found is not None and found.converged else None
 
     def inside(self, area: BaseGeometry | FlatPolygon) -> Solver:
-        """The same solver for another area; what does not depend on it is shared."""
+        """The same solver for another area; what does not depend on it is made once and shared."""
         other = copy(self)
-        for name, value in (("area", area), ("_flat", _flat(area))):
+        for name, value in (("area", area), ("_flat", _flat(area)), ("_setup", self._setup)):
             object.__setattr__(other, name, value)
         return other
 

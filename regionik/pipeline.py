@@ -278,7 +278,7 @@ def _check_areas(world: World) -> None:
     if world.rules.heading == "fixed" and not heeds_headings(world):
         raise InputError(
             f"{world.name}: rules.heading: fixed can be planned only for an arm in one vertical plane, "
-            "its tool along the last link where a direction is asked, or with an endless first joint, "
+            "its tool along the last link where a direction is asked, or with a pivot that turns all round, "
             "valid choices: free, face_target"
         )
 
