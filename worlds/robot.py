@@ -176,7 +176,7 @@ class Robot:
     >>> chain = Chain.from_dh([(0, 0.2, 0, -np.pi / 2, -2, 2), (0, 0, 0.4, 0, -2, 2), (0, 0, 0.3, 0, -2, 2)])
     >>> robot = Robot("lamp", "omni", [[0, 0]], [0, 0, 0.1, 0], chain, capsules_along(chain, 0.03))
     >>> robot
-    Robot('lamp', base='omni', joints=3, solids=2)
+    Robot('lamp', base='omni', joints=3, solids=3)
     >>> robot.tool([1, 0, 0], [0, 0, 0])[:3, 3].round(6).tolist()
     [1.7, 0.0, 0.3]
     """
