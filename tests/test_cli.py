@@ -394,7 +394,7 @@ def test_help_imports_nothing_heavy() -> None:
 
 def test_functions_win_over_modules_of_the_same_name() -> None:
     code = (
-        "import regionik.reach, regionik as rik\n"
+        "import regionik.reachability.reach, regionik.values, regionik as rik\n"
         "from regionik.values import Plan\n"
         "assert rik.Plan is Plan\n"
         "assert all(map(callable, (rik.plan, rik.plot, rik.reach, rik.verify)))\n"
