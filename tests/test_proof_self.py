@@ -40,7 +40,7 @@ def still(*joints: Array) -> Motion:
 def pairs_of(*pairs: tuple[int, int]) -> Iterator[None]:
     """Choose the pairs that count, whatever the robot's own would be."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(self_collision, "self_pairs", lambda robot: pairs)
+        patch.setattr(self_collision, "self_collision_pairs", lambda robot: pairs)
         yield
 
 
