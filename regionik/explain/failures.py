@@ -32,7 +32,7 @@ from regionik.worlds.scene import Target, World
 
 
 def no_places(world: World, empty: Sequence[int]) -> Explanation:
-    """Explain set-points without a known place for the base by the first that is proven to have none, if any."""
+    """Explain set-points without a known place for the base, by the first that is proven to have none."""
     outer = outer_areas(world, [world.task[i] for i in empty])
     proven = (i for i, area in zip(empty, outer, strict=True) if area.is_empty)
     found = no_place(world, next(proven, empty[0]))
