@@ -312,8 +312,8 @@ def test_margins_are_never_less_than_nothing_by_rounding() -> None:
 def test_a_run_that_ends_with_workers_at_work_says_nothing_of_what_is_freed_then() -> None:
     code = (
         "import os, time\n"
-        "from regionik.workers import processes\n"
-        "pool = processes(2)\n"
+        "from regionik.executors import process_pool\n"
+        "pool = process_pool(2)\n"
         "pool.submit(os.getpid).result()\n"
         "pool.submit(time.sleep, 60)\n"
         "os._exit(130)\n"

@@ -22,13 +22,12 @@ from regionik.output.export import plan_to_geojson
 from regionik.output.plan_file import load_plan, plan_schema
 from regionik.pipeline import search
 from regionik.storage import plan_document
-from regionik.storage.geojson import multipolygon
-from regionik.storage.json_values import json_values
-from regionik.storage.plan_document import plan_to_document, plan_to_text
+from regionik.storage.files import json_values
+from regionik.storage.plan_document import multipolygon, plan_to_document, plan_to_text
 from regionik.values import Motion, Plan
 from regionik.verification.verifier import verify
 from regionik.view.figures import plot
-from regionik.view.html_page import to_html
+from regionik.view.viewer import to_html
 from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import InputError
 from tests.plans import every_solid, l_shape, synthetic_plan

@@ -15,9 +15,8 @@ import numpy as np
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import pose
 from regionik.worlds.errors import InputError, located, located_error
-from regionik.worlds.readers.text import clip
+from regionik.worlds.readers.text import Element, clip, read_xml
 from regionik.worlds.readers.validation import LARGEST
-from regionik.worlds.readers.xml import Element, read_xml
 
 SUFFIXES = (".urdf", ".xml")
 JOINT_TYPES = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")

@@ -173,7 +173,7 @@ def _mounted(chain: Chain, T_base_root: Array, yaw: float) -> tuple[Array, Chain
     """Return the mount (4,) of the arm's base frame, and the chain seen from it.
 
     The frame stands upright at the first joint; where that is a vertical pivot, or lifts stand below one, on
-    the pivot's axis, as `regionik.worlds.pivoted_arm` expects.
+    the pivot's axis, as `regionik.worlds.arms` expects.
     """
     first = chain.joints[0]
     T_base_first = T_base_root @ first.T_parent_joint

@@ -11,8 +11,7 @@ import numpy as np
 
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError, located_error
-from regionik.worlds.readers.collada import SUFFIX, read_points
-from regionik.worlds.readers.meshes import read_mesh
+from regionik.worlds.readers.meshes import SUFFIX, read_mesh, read_points
 from regionik.worlds.readers.validation import LARGEST
 from regionik.worlds.urdf.bounding import convex_hull, hull_triangles, outer_hull
 from regionik.worlds.urdf.elements import CollisionShape
