@@ -79,9 +79,9 @@ class RegionikError(Exception):
 
 
 class InputError(RegionikError):
-    """What was given cannot be used; the message says where and what was expected.
+    """Input that cannot be used; the message says where, and what was expected.
 
-    The middle of a very long message is left out: names may be as long as who wrote a file likes.
+    The middle of a very long message is left out, as names in a file may have any length.
     """
 
     def __init__(self, message: str) -> None:

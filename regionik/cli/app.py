@@ -11,7 +11,7 @@ import os
 import select
 import sys
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Annotated, NoReturn
 
 import typer
@@ -126,7 +126,7 @@ def _start(
         print(context.get_help())
 
 
-COMMANDS = {
+COMMANDS: dict[str, Callable[..., None]] = {
     "worlds": list_worlds,
     "plan": plan_world,
     "reach": reach_targets,
