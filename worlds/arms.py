@@ -1,7 +1,10 @@
-"""Arms that work in one vertical plane through their first axis.
+"""Kinds of arms: those in one vertical plane, and those on a vertical pivot.
 
-The youBot and most small mobile arms are built this way: a vertical pivot, three parallel horizontal hinges,
+The youBot and most small mobile arms work in one plane: a vertical pivot, three parallel horizontal hinges,
 and at most a roll about the last link. In the plane, r points away from the pivot axis and z up.
+
+An arm without a pivot turns with its base: `with_pivot` puts one before it that stands still, and where the
+base is placed its turn is given to the base.
 """
 
 from __future__ import annotations
@@ -23,47 +26,26 @@ _HINGES = 3
 class PlanarArm:
     """A chain as an arm in one vertical plane.
 
-    Attributes
-    ----------
-    shoulder : (2,) array
-        First hinge in the arm base frame: r, z [m].
-    lengths : (m,) array
-        Links from hinge to hinge, the last one to the tool [m].
-    sign, offset : (m,) array
-        Bend of link i relative to link i - 1 (of link 0 relative to the r axis), counter-clockwise from r
-        to z: ``bend = sign * joint + offset`` [rad].
-    lower, upper : (m,) array
-        Limits of the bends [rad].
-    pivot_lower, pivot_upper : float
-        Limits of the first joint [rad].
-    pivot_zero : float
-        Direction of the plane, seen from above in the arm base frame, at joint zero [rad].
-    roll : int or None
-        Index of the joint that rolls about the last link, if there is one.
-    tool_along_link : bool
-        True where the tool's axis (its frame's z) points along the last link.
-    tool_turn : (3, 3) array
-        Tool frame at roll zero, seen from a frame whose x lies along the last link and whose y is the
-        plane's normal, r towards z being a turn about -y.
-    roll_sign, roll_lower, roll_upper : float
-        Sense in which the roll joint turns the tool about its own axis, and its limits [rad]; zeros
-        without one.
+    A bend of link i is its angle from link i - 1, of link 0 from the r axis, counter-clockwise from r to z:
+    ``bend = sign * joint + offset`` [rad].
     """
 
-    shoulder: Array
-    lengths: Array
-    sign: Array
-    offset: Array
-    lower: Array
+    shoulder: Array  # (2,) first hinge in the arm base frame: r, z [m]
+    lengths: Array  # (m,) links from hinge to hinge, the last one to the tool [m]
+    sign: Array  # (m,)
+    offset: Array  # (m,) [rad]
+    lower: Array  # (m,) limits of the bends [rad]
     upper: Array
-    pivot_lower: float
+    pivot_lower: float  # limits of the first joint [rad]
     pivot_upper: float
-    pivot_zero: float
-    roll: int | None
-    tool_along_link: bool
+    pivot_zero: float  # direction of the plane, from above in the arm base frame, at joint zero [rad]
+    roll: int | None  # index of the joint that rolls about the last link, if there is one
+    tool_along_link: bool  # the tool's axis (its frame's z) points along the last link
+    # (3, 3) tool frame at roll zero, seen from a frame whose x lies along the last link and whose y is the
+    # plane's normal, r towards z being a turn about -y
     tool_turn: Array
-    roll_sign: float
-    roll_lower: float
+    roll_sign: float  # sense in which the roll joint turns the tool about its own axis; 0 without one
+    roll_lower: float  # limits of the roll joint [rad]
     roll_upper: float
 
     @property
@@ -140,16 +122,6 @@ def planar_arm(chain: Chain) -> PlanarArm:
         roll_lower=last_joint.lower if rolls else 0.0,
         roll_upper=last_joint.upper if rolls else 0.0,
     )
-
-
-@lru_cache(maxsize=64)
-def is_planar(chain: Chain) -> bool:
-    """Return True where the arm works in one vertical plane, as `planar_arm` has it."""
-    try:
-        planar_arm(chain)
-    except InputError:
-        return False
-    return True
 
 
 def _check_axes(chain: Chain, origins: Array, axes: Array) -> None:

@@ -32,10 +32,10 @@ class Repair:
     ----------
     kind : str
     name : str
-        What is changed.
+        The thing that is changed.
     amount : float
-        What a clearance or a cone becomes; by how much a target, an obstacle or the arm's mount is moved;
-        how many more lift-offs are allowed.
+        New clearance or cone; way that a target, an obstacle or the arm's mount is moved; number of
+        lift-offs allowed besides.
     text : str
     unit : {"m", "rad", "1"}
         Of ``amount``.

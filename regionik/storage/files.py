@@ -106,18 +106,10 @@ def _remove_leftovers(target: Path) -> None:
 
 @dataclass(frozen=True)
 class PartialFile:
-    """A file that is being written in parts.
+    """A file that is being written in parts."""
 
-    Attributes
-    ----------
-    file : Path
-        The parts are joined to it.
-    folder : Path
-        It holds the parts written so far.
-    """
-
-    file: Path
-    folder: Path
+    file: Path  # the parts are joined to it
+    folder: Path  # it holds the parts written so far
 
     def counts(self) -> dict[int, tuple[int, int]]:
         """Return the counts of each part written so far by its number: rows that say yes, and all rows."""

@@ -1,4 +1,4 @@
-"""The curves of a plan as plain values: joints, speeds and clearances along the motion."""
+"""Curves of a plan, and its floor seen from above, as plain values that figures draw."""
 
 from __future__ import annotations
 
@@ -27,70 +27,34 @@ SAMPLES = 1000  # of a timed plan, at even times besides its states
 
 @dataclass(frozen=True, eq=False)
 class SpeedCurves:
-    """Speeds of a timed plan at the samples of its curves.
+    """Speeds of a timed plan at the samples of its curves."""
 
-    Attributes
-    ----------
-    joints : (n, dof) array
-        [rad/s], [m/s]
-    tool, base : (n,) arrays
-        Of the tool's and the base's origin [m/s].
-    """
-
-    joints: Array
-    tool: Array
-    base: Array
+    joints: Array  # (n, dof) [rad/s], [m/s]
+    tool: Array  # (n,) of the tool's origin [m/s]
+    base: Array  # (n,) of the base's origin [m/s]
 
 
 @dataclass(frozen=True, eq=False)
 class ClearanceCurves:
-    """Distances at every state, (n,) each [m]; infinite where there is nothing to avoid.
+    """Distances at every state, (n,) each [m]; infinite where there is nothing to avoid."""
 
-    Attributes
-    ----------
-    base : (n,) array
-        Footprint to the shadow of the nearest solid that the base could hit.
-    arm : (n,) array
-        The robot's solids to the nearest solid of the world, apart from allowed contact of the tool.
-    own : (n,) array
-        The robot's solids to each other and to its base, where these have to keep apart.
-    """
-
-    base: Array
-    arm: Array
-    own: Array
+    base: Array  # footprint to the shadow of the nearest solid that the base could hit
+    arm: Array  # the robot's solids to the nearest of the world, apart from allowed contact of the tool
+    own: Array  # the robot's solids to each other and to its base, where these have to keep apart
 
 
 @dataclass(frozen=True, eq=False)
 class PlanCurves:
-    """Curves of a plan along its motion.
+    """Curves of a plan along its motion."""
 
-    Attributes
-    ----------
-    timed : bool
-        Whether abscissas are times [s]; else they are numbers of states, from 1.
-    states : (n,) array
-        Abscissa of every state.
-    along : (m,) array
-        Abscissas of ``joints`` and ``speeds``.
-    joints : (m, dof) array
-    speeds : SpeedCurves or None
-        None where the plan is not timed.
-    clearances : ClearanceCurves
-    setpoints : (k,) array
-        Abscissas of set-points.
-    lifted : (l, 2) array
-        Intervals in which the tool is lifted.
-    """
-
-    timed: bool
-    states: Array
-    along: Array
-    joints: Array
-    speeds: SpeedCurves | None
+    timed: bool  # abscissas are times [s]; else numbers of states, from 1
+    states: Array  # (n,) abscissa of every state
+    along: Array  # (m,) abscissas of ``joints`` and ``speeds``
+    joints: Array  # (m, dof)
+    speeds: SpeedCurves | None  # None where the plan is not timed
     clearances: ClearanceCurves
-    setpoints: Array
-    lifted: Array
+    setpoints: Array  # (k,) abscissas of set-points
+    lifted: Array  # (l, 2) intervals in which the tool is lifted
 
 
 def plan_curves(plan: Plan) -> PlanCurves:
@@ -184,41 +148,23 @@ TALL = 100.0  # above every solid [m]
 
 @dataclass(frozen=True, eq=False)
 class FloorView:
-    """A floor seen from above; shapes and lengths in metres of the world.
-
-    Attributes
-    ----------
-    all, free, rejected, pale, strong, solids : geometry
-        The whole floor; its parts that are free, too close to solids, admissible for a set-point but not for
-        the whole path, admissible for the whole path; the solids.
-    base_path, tool_path, setpoints : (n, 2) arrays
-    footprints : (p,) array of shapes
-        Outlines of the base at some set-points, the first and the last among them.
-    headings : (p, 2, 2) array
-        A stroke inside each of them along its heading.
-    low, high : (2,) arrays
-        Corners of the window.
-    circles : geometry
-        In which the base may park at its stops.
-    driven : bool
-        Whether ``base_path`` is driven, or only connects stops in their order.
-    """
+    """A floor seen from above; shapes and lengths in metres of the world."""
 
     all: BaseGeometry
     free: BaseGeometry
-    rejected: BaseGeometry
-    pale: BaseGeometry
-    strong: BaseGeometry
+    rejected: BaseGeometry  # too close to solids
+    pale: BaseGeometry  # admissible for a set-point, but not for the whole path
+    strong: BaseGeometry  # admissible for the whole path
     solids: BaseGeometry
-    base_path: Array
-    tool_path: Array
-    setpoints: Array
-    footprints: BaseGeometry
-    headings: Array
-    low: Array
+    base_path: Array  # (n, 2)
+    tool_path: Array  # (n, 2)
+    setpoints: Array  # (n, 2)
+    footprints: BaseGeometry  # (p,) outlines of the base at some set-points, first and last among them
+    headings: Array  # (p, 2, 2) a stroke inside each of them along its heading
+    low: Array  # (2,) corners of the window
     high: Array
-    circles: BaseGeometry
-    driven: bool
+    circles: BaseGeometry  # circles in which the base may park at its stops
+    driven: bool  # ``base_path`` is driven; else it connects stops in their order
 
     @property
     def width(self) -> float:

@@ -1,4 +1,4 @@
-"""Areas of a world that changes a little: only what a change affects is computed again.
+"""`show --live`: watch a world file, and compute and draw again only what its changes affect.
 
 The area of a set-point depends on the set-point, the robot, the rules, the floor, and the obstacles within
 its reach. While the others stay, an obstacle that is added, removed or moved affects only the set-points
@@ -47,26 +47,13 @@ Index = NDArray[np.intp]
 
 @dataclass(frozen=True, eq=False)
 class LiveAreas:
-    """Areas and verdict of a world, before anything is planned in full.
-
-    Attributes
-    ----------
-    world : World
-    areas : PathAreas
-        Of every set-point, over the arm's front and back, at any heading of the base.
-    pruned : Pruned or None
-        What whole traversals use; None where there is none.
-    explanation : Explanation or None
-        Why there is none.
-    recomputed : tuple of int
-        Set-points whose areas were computed anew.
-    """
+    """Areas and verdict of a world, before anything is planned in full."""
 
     world: World
-    areas: PathAreas
-    pruned: Pruned | None
-    explanation: Explanation | None
-    recomputed: tuple[int, ...]
+    areas: PathAreas  # of every set-point, over the arm's front and back, at any heading of the base
+    pruned: Pruned | None  # areas that whole traversals use; None where there is none
+    explanation: Explanation | None  # why there is none
+    recomputed: tuple[int, ...]  # set-points whose areas were computed anew
 
 
 def live_areas(world: World, before: LiveAreas | None = None) -> LiveAreas:

@@ -29,90 +29,52 @@ class Color:
 
 @dataclass(frozen=True, eq=False)
 class SceneMesh:
-    """One mesh of one colour, or of one colour a face.
+    """One mesh of one colour, or of one colour a face."""
 
-    Attributes
-    ----------
-    path : str
-        Its node in the scene.
-    mesh : TriangleMesh
-    color : int
-        0xRRGGBB
-    opacity : float
-    layer : int or None
-        Flat areas lie on the floor in this order and hide nothing of higher layers; None is a solid.
-    lit : bool
-        Whether light and shadow fall on it.
-    colors : (m, 3) array or None
-        Of faces, from 0 to 1; they replace ``color``.
-    """
-
-    path: str
+    path: str  # its node in the scene
     mesh: TriangleMesh
-    color: int
+    color: int  # 0xRRGGBB
     opacity: float = 1.0
-    layer: int | None = None
-    lit: bool = True
-    colors: Array | None = None
+    layer: int | None = None  # floor areas lie in this order and hide no higher layer; None: a solid
+    lit: bool = True  # light and shadow fall on it
+    colors: Array | None = None  # (m, 3) of faces, from 0 to 1; they replace ``color``
 
 
 @dataclass(frozen=True, eq=False)
 class KeyframeTrack:
     """The animation of one property of a node.
 
-    Attributes
-    ----------
-    path : str
-    kind : {"position", "turn", "color", "faces"}
-        Positions and turns of a node are interpolated between keys; the colour of a mesh, and which of its
-        faces are drawn, jump at their keys.
-    times : (n,) array
-        [s]
-    values : (n, k) array
-        x, y, z [m]; quaternion x, y, z, w; red, green, blue from 0 to 1; first face and count.
+    Positions and turns of a node are interpolated between keys; the colour of a mesh, and which of its faces
+    are drawn, jump at their keys.
     """
 
     path: str
     kind: TrackKind
-    times: Array
+    times: Array  # (n,) [s]
+    # (n, k) x, y, z [m]; quaternion x, y, z, w; red, green, blue from 0 to 1; first face and count
     values: Array | NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
 class Camera:
-    """Position of the eye and of the point that it looks at, both (3,) [m]."""
+    """Position of the eye and of the point that it looks at."""
 
-    eye: Array
-    center: Array
+    eye: Array  # (3,) [m]
+    center: Array  # (3,) [m]
 
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """All that a viewer needs: meshes, poses of nodes, motion, camera and the text beside them.
-
-    Attributes
-    ----------
-    title : str
-    facts : tuple of str
-    legend : tuple of (color, text)
-    bodies : tuple of SceneMesh
-    poses : dict
-        (4, 4) arrays by path; nodes that are not named stand at the identity of their parent.
-    camera : Camera
-    extent : float
-        Radius about the camera's centre that holds the floor [m].
-    tracks : tuple of KeyframeTrack
-        The animation; empty where nothing moves. All tracks have the same duration.
-    """
+    """All that a viewer needs: meshes, poses of nodes, motion, camera and the text beside them."""
 
     title: str
     facts: tuple[str, ...]
-    legend: tuple[tuple[int, str], ...]
+    legend: tuple[tuple[int, str], ...]  # colours and what they mean
     bodies: tuple[SceneMesh, ...]
-    poses: dict[str, Array]
+    poses: dict[str, Array]  # (4, 4) by path; other nodes stand at the identity of their parent
     camera: Camera
-    extent: float
-    tracks: tuple[KeyframeTrack, ...] = ()
+    extent: float  # radius about the camera's centre that holds the floor [m]
+    tracks: tuple[KeyframeTrack, ...] = ()  # empty where nothing moves; all have the same duration
 
 
 def count_noun(count: int, noun: str) -> str:

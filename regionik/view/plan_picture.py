@@ -1,4 +1,4 @@
-"""Key frames of a plan's motion, timed so that a viewer can follow it."""
+"""The picture of a plan: the world, the areas of all set-points, and the whole motion, animated."""
 
 from __future__ import annotations
 
@@ -37,26 +37,13 @@ _LEAST_STEP = 0.002  # [m], so that no two states have the same time
 
 @dataclass(frozen=True, eq=False)
 class KeyFrames:
-    """Key frames of a motion.
+    """Key frames of a motion."""
 
-    Attributes
-    ----------
-    times : (n,) array
-        [s], from 0.
-    base : (n, 3) array
-        Yaw is unwrapped, so that every turn takes the shorter direction.
-    joints : (n, dof) array
-    lifted : (n,) array of bool
-        Whether the motion to the frame is a transit.
-    passed : (k,) array
-        When each set-point is reached [s].
-    """
-
-    times: Array
-    base: Array
-    joints: Array
-    lifted: NDArray[np.bool_]
-    passed: Array
+    times: Array  # (n,) [s], from 0
+    base: Array  # (n, 3); yaw is unwrapped, so that every turn takes the shorter direction
+    joints: Array  # (n, dof)
+    lifted: NDArray[np.bool_]  # (n,) the motion to the frame is a transit
+    passed: Array  # (k,) when each set-point is reached [s]
 
     @property
     def duration(self) -> float:

@@ -1,4 +1,4 @@
-"""Pictures in MeshCat, served live to a browser; the only file that imports it, which takes a second."""
+"""Pictures in MeshCat, served to a browser or as an offline page; the only file that imports it."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from html import escape
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
+from string import Template
 from types import ModuleType
 from typing import Any
 
@@ -33,6 +34,7 @@ from regionik.worlds.chain import translation
 from regionik.worlds.errors import EngineError
 from regionik.worlds.scene import World
 
+_PAGE = Path(__file__).with_name("page.html")
 _ROOT = "/meshcat"
 _BOARD_WIDTH = 1.6  # of the message board, in half heights of the view
 _FOREVER = 1_000_000  # repetitions of the animation
@@ -70,7 +72,7 @@ def show(what: Plan | World | Picture, open_browser: bool = True) -> Any:
     ----------
     what : Plan, World or Picture
     open_browser : bool
-        Whether to open a browser; the address is printed in any case.
+        The address is printed in any case.
 
     Returns
     -------
@@ -268,16 +270,9 @@ def _lights_and_camera(picture: Picture) -> Iterator[_Command]:
 def _sun(extent: float) -> dict[str, Any]:
     """A distant light whose shadows cover the whole floor."""
     position = 3.0 * extent * np.array([-0.35, -0.45, 1.0])
-    box = {
-        "left": -extent,
-        "right": extent,
-        "top": extent,
-        "bottom": -extent,
-        "near": 0.1,
-        "far": 8.0 * extent,
-    }
-    shadow_camera = {"uuid": "sun-camera", "type": "OrthographicCamera", "zoom": 1, **box}
-    shadow = {"bias": -0.0005, "radius": 2, "mapSize": [4096, 4096], "camera": shadow_camera}
+    camera = {"uuid": "sun-camera", "type": "OrthographicCamera", "zoom": 1, "near": 0.1, "far": 8.0 * extent}
+    camera |= {"left": -extent, "right": extent, "top": extent, "bottom": -extent}
+    shadow = {"bias": -0.0005, "radius": 2, "mapSize": [4096, 4096], "camera": camera}
     light = {"uuid": "sun", "type": "DirectionalLight", "color": 0xFFFFFF, "intensity": 0.45}
     return {
         "metadata": {"version": 4.5, "type": "Object"},
@@ -348,45 +343,11 @@ def _transform(path: str, T: Array) -> _Command:
     return _Command("set_transform", path, {"matrix": columns})
 
 
-_PAGE = """<!DOCTYPE html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<title>{title} - regionik</title>
-<style>
-body {{ margin: 0; font: 13px/1.45 system-ui, sans-serif; color: #22272e;
-  background: linear-gradient(#ffffff, #d9e1e8) fixed; }}
-#meshcat-pane {{ width: 100vw; height: 100vh; overflow: hidden; }}
-#legend {{ position: absolute; left: 16px; top: 16px; padding: 12px 16px; border-radius: 8px;
-  background: rgba(255, 255, 255, .88); box-shadow: 0 1px 6px rgba(0, 0, 0, .2); pointer-events: none; }}
-#legend h1 {{ margin: 0; font-size: 17px; }}
-#legend p {{ margin: 0 0 6px; color: #57606a; max-width: 20em; }}
-#legend ul {{ margin: 0; padding: 0; list-style: none; }}
-#legend i {{ display: inline-block; width: 12px; height: 12px; margin-right: 8px; border-radius: 3px;
-  vertical-align: -1px; }}
-</style>
-</head>
-<body>
-<div id="meshcat-pane"></div>
-<div id="legend"><h1>{title}</h1><p>{facts}</p><ul>
-{legend}
-</ul></div>
-<!-- Viewer: MeshCat with three.js, both under the MIT licence. -->
-<script>{viewer}</script>
-<script>
-const viewer = new MeshCat.Viewer(document.getElementById("meshcat-pane"));
-for (const command of [
-{commands}
-]) viewer.handle_command_bytearray(Uint8Array.from(atob(command), c => c.charCodeAt(0)));
-</script>
-</body>
-</html>
-"""
+# --- offline pages
 
 
 def to_html(what: Plan | World | Picture, path: str | os.PathLike[str]) -> None:
-    """Write one HTML file that shows a plan, animated, or a world, with no server and no network.
+    """Write a plan, animated, or a world as one HTML file that needs no server and no network.
 
     The same plan gives the same bytes.
 
@@ -399,13 +360,13 @@ def to_html(what: Plan | World | Picture, path: str | os.PathLike[str]) -> None:
 
 
 def html_page(what: Plan | World | Picture) -> str:
-    """Return the text of that file."""
+    """Return the text of the file that `to_html` writes."""
     picture = picture_of(what)
     legend = (
         f'<li><i style="background:#{color:06x}"></i>{escape(text)}</li>' for color, text in picture.legend
     )
     commands = (base64.b64encode(command).decode("ascii") for command in packed_commands(picture))
-    return _PAGE.format(
+    return Template(_PAGE.read_text("utf-8")).substitute(
         title=escape(picture.title),
         facts=escape(" · ".join(picture.facts)),
         legend="\n".join(legend),
