@@ -19,8 +19,8 @@ import numpy as np
 import shapely
 from pivoted import EXACT, KINDS, Case, case, points_in, searched, solved
 
+from regionik.worlds.arms import reach_bound
 from regionik.worlds.arrays import Array
-from regionik.worlds.pivoted_arm import reach_bound
 
 NEAR = 0.03  # half of the points outside lie this near to the outer area [m]
 

@@ -12,9 +12,9 @@ from regionik import mfabrik
 from regionik.planners.solvers.damped_least_squares import DIRECTION, POSITION, Aim, polish
 from regionik.planners.solvers.serial_chain import serial_arm
 from regionik.regions import Area, PathAreas, admissible_area, path_areas
+from regionik.worlds.arms import pivot_index, reach_bound, with_pivot
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, Joint, rot_x, rot_y, rot_z, translation
-from regionik.worlds.pivoted_arm import pivot_index, reach_bound, with_pivot
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Rules, Target, World
 

@@ -31,8 +31,7 @@ if TYPE_CHECKING:
     from regionik.verification.answers import verify_answers
     from regionik.verification.verifier import verify
     from regionik.view.figures import plot
-    from regionik.view.html_page import to_html
-    from regionik.view.viewer import show
+    from regionik.view.viewer import show, to_html
     from regionik.worlds.chain import Chain, Joint
     from regionik.worlds.criteria import Criteria
     from regionik.worlds.documents.world_file import load_world
@@ -129,7 +128,7 @@ _HOME = {
     "retime": "regionik.timing.retime",
     "show": "regionik.view.viewer",
     "stops": "regionik.parking.stops",
-    "to_html": "regionik.view.html_page",
+    "to_html": "regionik.view.viewer",
     "trajectory": "regionik.timing.trajectory",
     "verify": "regionik.verification.verifier",
     "verify_answers": "regionik.verification.answers",

@@ -15,9 +15,9 @@ def main() -> NoReturn:
     _open_streams()
     try:
         install_handlers()
-        from regionik.cli.app import main as command
+        from regionik.cli.app import run_process
 
-        command()
+        run_process()
     except KeyboardInterrupt:
         print_interrupted()
         end_process(exit_code())

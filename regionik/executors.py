@@ -1,42 +1,63 @@
-"""Work on one world in chunks, handed out to an executor and handed out again where workers are lost."""
+"""Work on one world in chunks: in this process, in worker processes, or on a Dask cluster.
+
+Chunks whose workers are lost are handed out again. The only file that imports distributed.
+"""
 
 from __future__ import annotations
 
 import hashlib
+import os
 import pickle
+import signal
+import sys
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
-from threading import Lock
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    BrokenExecutor,
+    CancelledError,
+    Executor,
+    Future,
+    ProcessPoolExecutor,
+    wait,
+)
+from contextlib import contextmanager
+from multiprocessing import connection, parent_process
+from multiprocessing.context import SpawnContext, SpawnProcess
+from threading import Lock, Thread
 from typing import Generic, TypeVar
 
-from regionik.worlds.errors import EngineError
+from regionik.worlds.errors import EngineError, InputError
 from regionik.worlds.scene import World
 
 AHEAD = 32  # chunks handed out before the first of them is back
-FRESH_POOLS = 3  # tried one after the other without an answer
+FRESH_POOLS = 3  # tried one after the other without a result
+CHUNKS_PER_THREAD = 2  # of a cluster, handed out ahead
+CONNECT_TIMEOUT = 10  # [s]
+# When a run ends, the resource tracker frees what its pool leaves behind; it need not warn of that.
+_TRACKER_WARNING = "ignore:resource_tracker:UserWarning"
 
 Pool = Executor | Callable[[], Executor]
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
 
-class _WorldWanted:
+class _WorldNeeded:
     """Answer of a worker that has not seen the world yet."""
 
 
-_seen: dict[str, World] = {}  # the world that this worker works on
+_worlds: dict[str, World] = {}  # the world that this worker works on, by its digest
 _one_at_a_time = Lock()  # prepared geometry must not be shared by threads
 
 
-def handed_out(
+def map_unordered(
     world: World,
     work: Callable[[World, Item], Result],
     items: Iterable[tuple[int, Item]],
     executor: Pool | None = None,
     ahead: int = AHEAD,
 ) -> Iterator[tuple[int, Result]]:
-    """Results of ``work(world, item)``, each once, as they come.
+    """Return results of ``work(world, item)``, each once, as they are done.
 
     Parameters
     ----------
@@ -59,10 +80,10 @@ def handed_out(
     """
     if executor is None:
         return ((k, work(world, item)) for k, item in items)
-    return _Errands(world, work, items, executor, ahead).results()
+    return _ChunkQueue(world, work, items, executor, ahead).results()
 
 
-class _Errands(Generic[Item, Result]):
+class _ChunkQueue(Generic[Item, Result]):
     """Chunks that are with workers, that wait to be handed out again, and that were never handed out."""
 
     def __init__(
@@ -77,7 +98,7 @@ class _Errands(Generic[Item, Result]):
         self._digest = hashlib.sha256(self._world).hexdigest()
         self._work, self._supply, self._ahead = work, iter(items), ahead
         self._again: deque[tuple[int, Item]] = deque()
-        self._running: dict[Future[Result | _WorldWanted], tuple[int, Item]] = {}
+        self._running: dict[Future[Result | _WorldNeeded], tuple[int, Item]] = {}
         self._renew = None if isinstance(executor, Executor) else executor
         self._pool = executor if isinstance(executor, Executor) else executor()
         self._failures = 0
@@ -92,7 +113,7 @@ class _Errands(Generic[Item, Result]):
                     except BrokenExecutor:
                         self._again.append(task)
                         continue
-                    if isinstance(result, _WorldWanted):
+                    if isinstance(result, _WorldNeeded):
                         self._again.append(task)
                     else:
                         self._failures = 0
@@ -103,13 +124,13 @@ class _Errands(Generic[Item, Result]):
     def _hand_out(self) -> bool:
         """Keep workers busy; False when nothing is left to wait for."""
         while len(self._running) < self._ahead:
-            # Who asked for the world gets it; who was lost with its worker comes to one that may need it.
+            # A task done again goes with the world: its worker asked for it, or was lost.
             world = self._world if self._again else None
             task = self._again.popleft() if self._again else next(self._supply, None)
             if task is None:
                 break
             try:
-                future = self._pool.submit(_job, self._work, self._digest, world, task[1])
+                future = self._pool.submit(_work_on, self._work, self._digest, world, task[1])
             except BrokenExecutor as error:
                 self._again.append(task)
                 self._replace_pool(error)
@@ -134,14 +155,93 @@ class _Errands(Generic[Item, Result]):
             self._pool.shutdown(wait=not self._running, cancel_futures=True)
 
 
-def _job(
+def _work_on(
     work: Callable[[World, Item], Result], digest: str, world: bytes | None, item: Item
-) -> Result | _WorldWanted:
-    """Work done by a worker; it keeps one world, with all that is cached for it."""
+) -> Result | _WorldNeeded:
+    """Do the work of one chunk; a worker keeps one world, with all that is cached for it."""
     with _one_at_a_time:
-        if digest not in _seen:
+        if digest not in _worlds:
             if world is None:
-                return _WorldWanted()
-            _seen.clear()
-            _seen[digest] = pickle.loads(world)
-        return work(_seen[digest], item)
+                return _WorldNeeded()
+            _worlds.clear()
+            _worlds[digest] = pickle.loads(world)
+        return work(_worlds[digest], item)
+
+
+# --- worker processes
+
+
+class _ShieldedProcess(SpawnProcess):
+    """A process that Ctrl-C on the terminal does not reach, not even while its imports run."""
+
+    def start(self) -> None:
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # the child inherits it
+        try:
+            super().start()
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+class _ShieldingContext(SpawnContext):
+    Process = _ShieldedProcess
+
+
+def process_pool(count: int) -> ProcessPoolExecutor:
+    """Return a pool of ``count`` worker processes, none of which outlives this process."""
+    if _TRACKER_WARNING not in sys.warnoptions:
+        sys.warnoptions.append(_TRACKER_WARNING)  # the tracker is started with these
+    # Forks would share what libraries have started, and unseeded ones would draw alike.
+    return ProcessPoolExecutor(count, mp_context=_ShieldingContext(), initializer=_follow_parent)
+
+
+def _follow_parent() -> None:
+    """End with the parent, which cannot say that it is gone when it is killed."""
+    Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    parent = parent_process()
+    if parent is not None:
+        connection.wait([parent.sentinel])
+        os._exit(0)
+
+
+# --- a Dask cluster
+
+
+@contextmanager
+def dask_executor(address: str) -> Iterator[tuple[Executor, int]]:
+    """Yield the workers of a Dask scheduler as an executor, and how many chunks to hand out ahead.
+
+    The scheduler hands to others what a lost worker had not given back. Threads of one worker take turns:
+    workers want one thread each (``dask worker ADDRESS --nworkers auto --nthreads 1``).
+
+    Parameters
+    ----------
+    address : str
+        As ``tcp://host:8786``.
+
+    Raises
+    ------
+    InputError
+        When distributed is not installed, or there is no scheduler at the address.
+    EngineError
+        When a chunk ended worker after worker, or the scheduler is lost.
+    """
+    try:
+        from distributed import Client, KilledWorker
+        from distributed.comm import CommClosedError
+    except ModuleNotFoundError as error:
+        raise InputError(f"--dask needs regionik[distributed]: {error}") from None
+    try:
+        client = Client(address, set_as_default=False, timeout=CONNECT_TIMEOUT)
+    except (OSError, ValueError, CommClosedError) as error:
+        raise InputError(f"{address}: expected the address of a Dask scheduler: {error}") from None
+    try:
+        with client, client.get_executor(pure=False) as executor:
+            threads = sum(client.nthreads().values())
+            yield executor, max(AHEAD, CHUNKS_PER_THREAD * threads)
+    except KilledWorker as error:
+        raise EngineError(f"{address}: a chunk ended worker after worker: {error}") from None
+    except (CancelledError, CommClosedError) as error:
+        raise EngineError(f"{address}: the scheduler was lost: {error}") from None

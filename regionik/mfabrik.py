@@ -29,10 +29,10 @@ from regionik.postures.families import FRONT, Family
 from regionik.postures.serial_solver import Reached
 from regionik.postures.tool_goal import goal_of
 from regionik.values import Configuration
+from regionik.worlds.arms import pivot_index, pivot_joints, with_pivot
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.criteria import Criteria, with_joint_margin
 from regionik.worlds.errors import InputError
-from regionik.worlds.pivoted_arm import pivot_index, pivot_joints, with_pivot
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Heading, Target, World
 

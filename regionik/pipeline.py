@@ -34,9 +34,9 @@ from regionik.timing.retime import retime
 from regionik.tracker import planner
 from regionik.values import Configuration, Plan, PlannedArea, Stop
 from regionik.verification.verifier import verify
+from regionik.worlds.arms import reach_bound
 from regionik.worlds.arrays import frozen
 from regionik.worlds.errors import Cause, Explanation, InputError, NoPlanFound
-from regionik.worlds.pivoted_arm import reach_bound
 from regionik.worlds.scene import Target, World
 
 Progress = Callable[[str, int, int], None]

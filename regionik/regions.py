@@ -27,10 +27,10 @@ from regionik.areas.standing import (
     turns_matter,
 )
 from regionik.postures.families import BACK, FRONT, Family
+from regionik.worlds.arms import reach_bound
 from regionik.worlds.arrays import frozen
 from regionik.worlds.criteria import Criteria
 from regionik.worlds.errors import CauseKind
-from regionik.worlds.pivoted_arm import reach_bound
 from regionik.worlds.scene import Target, World
 
 

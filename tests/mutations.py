@@ -218,7 +218,7 @@ FAULTS = (
         "worlds/self_collision.py",
         "(one.radius + other.radius)",
         "(one.radius)",
-        ("tests/test_separation.py",),
+        ("tests/test_convex_separation.py",),
     ),
     Fault(
         "export: capsules lean the wrong way",

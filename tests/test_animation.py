@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from regionik.values import Motion, Plan
-from regionik.view.animation import LONGEST, MOST_FRAMES, REST, SHORTEST, key_frames, turn_quaternions
+from regionik.view.plan_picture import LONGEST, MOST_FRAMES, REST, SHORTEST, key_frames, turn_quaternions
 from regionik.worlds.chain import Joint
 from tests.plans import every_solid, l_shape, synthetic_plan
 

@@ -255,7 +255,9 @@ def test_killed_runs_give_the_bytes_of_an_unbroken_one(tmp_path: Path) -> None:
     table = table_of(tmp_path, 300)
     output = tmp_path / "answers.csv"
     parts = tmp_path / "answers.csv.parts"
-    small = "import regionik.output.answers as m; m.CHUNK = 25; from regionik.cli import app; app.main()"
+    small = (
+        "import regionik.output.answers as m; m.CHUNK = 25; from regionik.cli import app; app.run_process()"
+    )
     command = [sys.executable, "-c", small, "reach", "free", "--csv", str(table), "-o", str(output)]
     for done in (1, 2):
         with subprocess.Popen(command, stderr=subprocess.DEVNULL) as process:

@@ -26,10 +26,10 @@ from regionik.reachability.any_base import any_base_of, prepared, search_any_bas
 from regionik.reachability.planar_world import own, stance_of
 from regionik.reachability.reach import reach
 from regionik.verification.answers import verify_answers
+from regionik.worlds.arms import planar_arm
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.obstacles import Box, Sphere
-from regionik.worlds.planar_arm import planar_arm
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
 from tests.test_random_worlds import random_world
 

@@ -13,11 +13,10 @@ from regionik.planners.reach.level_reach import inner_reach, outer_reach
 from regionik.postures.arm_solvers import PlaneSolver
 from regionik.postures.families import FRONT, Family
 from regionik.postures.serial_solver import SerialSolver, serial_solver
+from regionik.worlds.arms import planar_arm, reach_bound
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain, Joint, translation
-from regionik.worlds.pivoted_arm import reach_bound
-from regionik.worlds.planar_arm import planar_arm
 from regionik.worlds.robot import Robot, without_limits
 from regionik.worlds.scene import Heading, Target
 from tests.bodies import on_lift, with_lift

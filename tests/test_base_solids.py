@@ -26,8 +26,8 @@ from regionik.worlds.obstacles import Box, Solid
 from regionik.worlds.robot import BASE, LinkBox, LinkCapsule, Robot
 from regionik.worlds.scene import Floor, Rules, Target, World
 from regionik.worlds.self_collision import BODY, self_collision_pairs
-from regionik.worlds.urdf.base import base_shape
 from regionik.worlds.urdf.bounding import convex_hull
+from regionik.worlds.urdf.collision import base_shape
 from regionik.worlds.urdf.decomposition import CollisionPart, mesh_part
 from regionik.worlds.urdf.loader import load_robot
 from tests.bodies import motion_through

@@ -18,9 +18,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from regionik.executors import FRESH_POOLS, handed_out
+from regionik.executors import FRESH_POOLS, map_unordered, process_pool
 from regionik.reachability.reach import Answer, reach
-from regionik.workers import processes
 from regionik.worlds.bundled import world_names
 from regionik.worlds.documents.world_file import load_world, world_to_document
 from regionik.worlds.errors import EngineError, InputError
@@ -123,7 +122,7 @@ def test_executors_do_not_show(pool: Any) -> None:
 def test_processes_do_not_show(count: int) -> None:
     world = load_world("l_shape")
     targets: Sequence[Target] = [Target(row, [1, 0, 0], 0.4) for row in TARGETS[:20]]  # type: ignore[arg-type]
-    with processes(count) as executor:
+    with process_pool(count) as executor:
         assert same(reach(world, TARGETS, executor=executor, chunk=9), reach(world, TARGETS))
         assert same(reach(world, targets, executor=executor, chunk=3), reach(world, targets))
 
@@ -151,7 +150,7 @@ def test_a_world_is_sent_once() -> None:
             sent.append(args[2] is not None)
             return super().submit(fn, *args, **kwargs)
 
-    found = dict(handed_out(world, squared, enumerate(range(50)), Watched(), ahead=1))
+    found = dict(map_unordered(world, squared, enumerate(range(50)), Watched(), ahead=1))
     assert found == {k: ("unseen", k * k) for k in range(50)}
     assert sum(sent) == 1
     assert len(sent) == 51
@@ -159,7 +158,7 @@ def test_a_world_is_sent_once() -> None:
 
 def test_few_are_handed_out_ahead() -> None:
     taken = count()
-    results = handed_out(
+    results = map_unordered(
         load_world("free"), squared, ((k, next(taken)) for k in range(40)), Backwards(), ahead=4
     )
     for done, _ in enumerate(results, start=1):
@@ -174,7 +173,7 @@ def test_lost_chunks_are_handed_out_again() -> None:
         pools.append(Weak(len(pools) + 2))
         return pools[-1]
 
-    found = list(handed_out(load_world("free"), squared, enumerate(range(30)), another, ahead=3))
+    found = list(map_unordered(load_world("free"), squared, enumerate(range(30)), another, ahead=3))
     assert sorted(found) == [(k, ("free", k * k)) for k in range(30)]
     assert len(pools) > 3
 
@@ -187,26 +186,26 @@ def test_workers_that_are_always_lost_end_it() -> None:
         return pools[-1]
 
     with pytest.raises(EngineError, match="lost"):
-        list(handed_out(load_world("free"), squared, enumerate(range(30)), another))
+        list(map_unordered(load_world("free"), squared, enumerate(range(30)), another))
     assert len(pools) == FRESH_POOLS + 1
 
 
 def test_a_broken_executor_of_the_caller_is_not_replaced() -> None:
     with pytest.raises(EngineError, match="a function that makes executors"):
-        list(handed_out(load_world("free"), squared, enumerate(range(30)), Weak(3)))
+        list(map_unordered(load_world("free"), squared, enumerate(range(30)), Weak(3)))
 
 
 def test_a_killed_worker_process_loses_nothing(tmp_path: Path) -> None:
     marker = str(tmp_path / "killed")
     items = [(k, (marker, k)) for k in range(40)]
-    found = list(handed_out(load_world("free"), fatal, items, partial(processes, 2), ahead=6))
+    found = list(map_unordered(load_world("free"), fatal, items, partial(process_pool, 2), ahead=6))
     assert sorted(found) == [(k, k * k) for k in range(40)]
     assert os.path.exists(marker)
 
 
 def test_errors_of_workers_come_through() -> None:
-    with processes(1) as executor, pytest.raises(InputError, match="three"):
-        list(handed_out(load_world("free"), refuse, enumerate(range(3)), executor))
+    with process_pool(1) as executor, pytest.raises(InputError, match="three"):
+        list(map_unordered(load_world("free"), refuse, enumerate(range(3)), executor))
 
 
 def refuse(world: World, item: int) -> int:
@@ -214,7 +213,7 @@ def refuse(world: World, item: int) -> int:
 
 
 def test_workers_end_with_their_parent() -> None:
-    with ProcessPoolExecutor(1, mp_context=processes(1)._mp_context) as parent:
+    with ProcessPoolExecutor(1, mp_context=process_pool(1)._mp_context) as parent:
         parent_id, child = parent.submit(start_worker).result()
         os.kill(parent_id, signal.SIGKILL)
         until = time.monotonic() + 20
@@ -231,5 +230,5 @@ _kept: list[Executor] = []
 
 
 def start_worker() -> tuple[int, int]:
-    _kept.append(processes(1))
+    _kept.append(process_pool(1))
     return os.getpid(), _kept[0].submit(os.getpid).result()

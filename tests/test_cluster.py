@@ -16,8 +16,7 @@ import numpy as np
 import pytest
 
 from regionik.cli import app
-from regionik.cluster import cluster
-from regionik.executors import handed_out
+from regionik.executors import dask_executor, map_unordered
 from regionik.reachability.reach import reach
 from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import EngineError, InputError
@@ -58,9 +57,9 @@ def deadly(world: World, item: int) -> int:
 @pytest.mark.filterwarnings("ignore")
 def test_a_killed_worker_loses_nothing_and_doubles_nothing(address: str, tmp_path: Path) -> None:
     world = load_world("free")
-    with cluster(address) as (executor, ahead):
+    with dask_executor(address) as (executor, ahead):
         items = [(k, (str(tmp_path), k)) for k in range(60)]
-        found = list(handed_out(world, counted, items, executor, ahead))
+        found = list(map_unordered(world, counted, items, executor, ahead))
     assert (tmp_path / "killed").exists()
     assert sorted(k for k, _ in found) == list(range(60))
     assert all(k == asked for k, (asked, _) in found)
@@ -71,7 +70,7 @@ def test_a_killed_worker_loses_nothing_and_doubles_nothing(address: str, tmp_pat
 def test_answers_are_those_of_one_process(address: str) -> None:
     world = load_world("l_shape")
     targets = np.random.default_rng(5).uniform([-1, -1.5, 0], [4.5, 2.5, 0.9], (40, 3))
-    with cluster(address) as (executor, _):
+    with dask_executor(address) as (executor, _):
         assert same(reach(world, targets, executor=executor, chunk=7), reach(world, targets))
 
 
@@ -89,8 +88,9 @@ def test_the_command_works_on_the_cluster(
 
 @pytest.mark.filterwarnings("ignore")
 def test_a_chunk_that_kills_every_worker_is_an_error(address: str) -> None:
-    with pytest.raises(EngineError, match="a chunk ended worker after worker"), cluster(address) as (pool, _):
-        list(handed_out(load_world("free"), deadly, enumerate(range(1)), pool))
+    ended = pytest.raises(EngineError, match="a chunk ended worker after worker")
+    with ended, dask_executor(address) as (pool, _):
+        list(map_unordered(load_world("free"), deadly, enumerate(range(1)), pool))
 
 
 @pytest.mark.filterwarnings("ignore")
@@ -98,7 +98,7 @@ def test_a_chunk_that_kills_every_worker_is_an_error(address: str) -> None:
 def test_no_scheduler_is_one_line(
     address: str, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("regionik.cluster.CONNECT", 1)
+    monkeypatch.setattr("regionik.executors.CONNECT_TIMEOUT", 1)
     assert app.run(["reach", "free", "--dask", address]) == 2
     out, err = capfd.readouterr()
     assert out == ""
@@ -107,11 +107,11 @@ def test_no_scheduler_is_one_line(
 
 def test_without_distributed_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "distributed", None)
-    with pytest.raises(InputError, match=r"regionik\[distributed\]"), cluster("tcp://127.0.0.1:1"):
+    with pytest.raises(InputError, match=r"regionik\[distributed\]"), dask_executor("tcp://127.0.0.1:1"):
         pytest.fail("entered")
 
 
 def test_nobody_loads_distributed_unasked() -> None:
-    code = "import sys, regionik.cluster; print('distributed' in sys.modules)"
+    code = "import sys, regionik.executors; print('distributed' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "False"

@@ -19,13 +19,13 @@ from regionik.planners.solvers.posture_criteria import Thresholds, posture_spare
 from regionik.regions import admissible_area
 from regionik.verification.criteria import efforts, joint_margins, manipulability
 from regionik.verification.verifier import verify
+from regionik.worlds.arms import planar_arm
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain, Joint, rot_x, translation
 from regionik.worlds.criteria import Criteria, with_joint_margin
 from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import InputError, NoPlanFound
-from regionik.worlds.planar_arm import planar_arm
 from regionik.worlds.robot import GRAVITY, LinkMass, Robot, capsules_along
 from regionik.worlds.scene import Floor, Target, World
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import fcntl
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -20,6 +21,7 @@ import pytest
 import shapely
 from numba.core.caching import FunctionCache
 
+import regionik
 from regionik.cli import app
 from regionik.planners.geometry import polygons
 from regionik.storage.files import is_leftover, write_atomic
@@ -255,7 +257,39 @@ def test_kernels_work_where_no_folder_can_be_written(monkeypatch: pytest.MonkeyP
         raise RuntimeError("cannot cache function: no locator available")
 
     monkeypatch.setattr(polygons._Kept, "__init__", nowhere)
-    assert polygons.compiled(_double)(2.0) == 4.0
+    polygons._warn_uncached.cache_clear()
+    with pytest.warns(UserWarning, match="set NUMBA_CACHE_DIR") as warned:
+        kernels = [polygons.compiled(_double) for _ in range(2)]
+    assert len(warned) == 1
+    assert [kernel(2.0) for kernel in kernels] == [4.0, 4.0]
+
+
+def test_an_installation_that_is_read_only_works_without_a_home(tmp_path: Path) -> None:
+    """All modules load and a kernel runs where machine code can be kept nowhere.
+
+    Of root nothing is kept by modes: a file stands where a folder for machine code would be made.
+    """
+    package = Path(regionik.__file__).parent
+    copy = shutil.copytree(package, tmp_path / "regionik", ignore=shutil.ignore_patterns("__pycache__"))
+    for folder in [copy, *(path for path in copy.rglob("*") if path.is_dir())]:
+        (folder / "__pycache__").touch()
+    code = (
+        "import importlib, pkgutil, numpy, regionik, shapely\n"
+        "for module in pkgutil.walk_packages(regionik.__path__, 'regionik.'):\n"
+        "    importlib.import_module(module.name)\n"
+        "from regionik.planners.geometry.polygons import FlatPolygon\n"
+        "square = FlatPolygon.from_shapely(shapely.box(0, 0, 2, 2))\n"
+        "print(regionik.__file__, square.holds(numpy.ones(2)))\n"
+    )
+    outside = {key: value for key, value in os.environ.items() if key != "NUMBA_CACHE_DIR"}
+    nowhere = {"HOME": os.devnull, "XDG_CACHE_HOME": os.devnull, "PYTHONDONTWRITEBYTECODE": "1"}
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=False, cwd=tmp_path,
+        env={**outside, **nowhere, "PYTHONPATH": str(tmp_path), "NUMBA_DISABLE_JIT": "0"},
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.split() == [str(copy / "__init__.py"), "True"]
+    assert done.stderr.count("Warning") == done.stderr.count("set NUMBA_CACHE_DIR") == 1, done.stderr
 
 
 def test_kernels_work_where_the_disk_is_full(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -278,8 +312,8 @@ def test_margins_are_never_less_than_nothing_by_rounding() -> None:
 def test_a_run_that_ends_with_workers_at_work_says_nothing_of_what_is_freed_then() -> None:
     code = (
         "import os, time\n"
-        "from regionik.workers import processes\n"
-        "pool = processes(2)\n"
+        "from regionik.executors import process_pool\n"
+        "pool = process_pool(2)\n"
         "pool.submit(os.getpid).result()\n"
         "pool.submit(time.sleep, 60)\n"
         "os._exit(130)\n"

@@ -23,11 +23,10 @@ ENGINES = {
         "regionik/cli/console.py",
         "regionik/cli/plan.py",
         "regionik/cli/reach.py",
-        "regionik/cli/show.py",
     },
     "pygad": {"planners/rivals/genetic.py"},
     "sklearn": {"planners/rivals/network.py"},
-    "distributed": {"regionik/cluster.py"},
+    "distributed": {"regionik/executors.py"},
     "rasterio": {"regionik/output/field_file.py"},
 }
 

@@ -20,11 +20,10 @@ from regionik.planners.reach.outer_bounds import (
     sticks_out,
 )
 from regionik.planners.reach.rings import reach_intervals
+from regionik.worlds.arms import pivot_index, planar_arm, reach_bound
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain, Joint, rot_x, translation
-from regionik.worlds.pivoted_arm import pivot_index, reach_bound
-from regionik.worlds.planar_arm import planar_arm
 from tests.bodies import on_lift, with_lift
 
 SEEDS = st.integers(0, 10_000)

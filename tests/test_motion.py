@@ -19,13 +19,13 @@ from regionik.postures.poses import LARGEST_BEND
 from regionik.storage.plan_document import plan_to_text
 from regionik.values import Plan
 from regionik.verification.verifier import verify
+from regionik.worlds.arms import planar_arm
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain
 from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import Explanation, InputError, NoPlanFound
 from regionik.worlds.obstacles import Box, Cylinder
-from regionik.worlds.planar_arm import planar_arm
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
 from tests.bodies import with_lift
 

@@ -8,11 +8,11 @@ import shapely
 from regionik.areas.reachable import reach_model
 from regionik.pipeline import plan
 from regionik.verification.verifier import verify
+from regionik.worlds.arms import reach_bound
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.errors import NoPlanFound
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Solid, Sphere
-from regionik.worlds.pivoted_arm import reach_bound
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
 

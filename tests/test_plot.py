@@ -16,8 +16,7 @@ from PIL import Image
 import regionik as rik
 from regionik.planners.clearance.proximity import bodies_from, nearest
 from regionik.values import Plan
-from regionik.view.floor_plan import POSES, plan_floor
-from regionik.view.plan_curves import clearances, footprints, plan_curves
+from regionik.view.figure_data import POSES, clearances, footprints, plan_curves, plan_floor
 from regionik.worlds.chain import Chain
 from regionik.worlds.errors import InputError
 from regionik.worlds.scene import World

@@ -8,11 +8,11 @@ from regionik.planners.reach.rings import reach_intervals
 from regionik.reachability.reach import reach
 from regionik.regions import admissible_area
 from regionik.verification.answers import verify_answers
+from regionik.worlds.arms import planar_arm
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import InputError
 from regionik.worlds.obstacles import Sphere
-from regionik.worlds.planar_arm import planar_arm
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
 from tests.test_random_worlds import random_world
 

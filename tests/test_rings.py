@@ -11,8 +11,8 @@ from regionik.planners.reach.rings import (
     turning_heights,
 )
 from regionik.planners.solvers.planar_arm import PlaneArm, reaches
+from regionik.worlds.arms import planar_arm
 from regionik.worlds.bundled import robot_named
-from regionik.worlds.planar_arm import planar_arm
 
 ARM = planar_arm(robot_named("youbot").chain)
 Z = float(ARM.shoulder[1])

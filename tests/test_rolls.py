@@ -10,10 +10,10 @@ from scipy.spatial.transform import Rotation
 
 from regionik.planners.geometry.angles import wrap
 from regionik.planners.reach.tool_roll import out_of_roll, roll_for, swings, tool_turn, within_limits
+from regionik.worlds.arms import PlanarArm, planar_arm
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain
-from regionik.worlds.planar_arm import PlanarArm, planar_arm
 
 CHAIN = robot_named("youbot").chain
 ARM = planar_arm(CHAIN)

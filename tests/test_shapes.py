@@ -34,7 +34,7 @@ def bounds(part: TriangleMesh) -> Array:
     ],
 )
 def test_flat_covers_the_area_exactly(floor: shapely.Geometry) -> None:
-    part = triangle_meshes.triangulate(floor, 0.25)
+    part = triangle_meshes.floor_mesh(floor, 0.25)
     assert area(part) == pytest.approx(floor.area)
     assert (part.vertices[:, 2] == 0.25).all()
 
@@ -95,17 +95,17 @@ def test_tubes_and_balls_have_equal_shares_of_faces() -> None:
 def test_solids_are_drawn_where_they_are(body: Solid) -> None:
     part = triangle_meshes.obstacle_mesh(body)
     assert np.allclose(bounds(part)[:, 2], body.z_range, atol=1e-9)
-    assert np.allclose(bounds(part)[:, :2].ravel(), triangle_meshes.outline(body).bounds, atol=1e-6)
+    assert np.allclose(bounds(part)[:, :2].ravel(), triangle_meshes.shadow_polygon(body).bounds, atol=1e-6)
     surface = [abs(body.distance(vertex)) for vertex in part.vertices]
     assert max(surface) < 0.01
 
 
 def test_merged_keeps_order_and_nothing_is_fine() -> None:
     a, b = (
-        triangle_meshes.triangulate(shapely.box(0, 0, 1, 1)),
-        triangle_meshes.triangulate(shapely.box(2, 0, 4, 1)),
+        triangle_meshes.floor_mesh(shapely.box(0, 0, 1, 1)),
+        triangle_meshes.floor_mesh(shapely.box(2, 0, 4, 1)),
     )
-    both = triangle_meshes.merge([a, triangle_meshes.triangulate(shapely.Polygon()), b])
+    both = triangle_meshes.merge([a, triangle_meshes.floor_mesh(shapely.Polygon()), b])
     assert np.allclose(both.vertices[both.faces[: len(a.faces)]], a.vertices[a.faces])
     assert np.allclose(both.vertices[both.faces[len(a.faces) :]], b.vertices[b.faces])
     assert len(triangle_meshes.merge([]).faces) == 0

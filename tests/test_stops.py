@@ -22,7 +22,7 @@ from regionik.regions import path_areas
 from regionik.values import Plan
 from regionik.verification.stops import _linear, _miss
 from regionik.verification.verifier import verify
-from regionik.view.floor_plan import plan_floor
+from regionik.view.figure_data import plan_floor
 from regionik.view.plan_picture import picture_of_plan
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain

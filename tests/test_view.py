@@ -18,10 +18,9 @@ from PIL import Image
 
 from regionik.values import Plan
 from regionik.view import viewer
-from regionik.view.animation import MOST_FRAMES
-from regionik.view.camera import camera_for
-from regionik.view.html_page import to_html
-from regionik.view.plan_picture import picture_of_plan
+from regionik.view.picture import camera_for
+from regionik.view.plan_picture import MOST_FRAMES, picture_of_plan
+from regionik.view.viewer import to_html
 from regionik.view.world_picture import MARK_RADIUS, picture_of_world, start_state, tool_radius
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import pose

@@ -11,8 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from regionik.pruning import whole_path
-from regionik.view.live import live_meshes, verdict
-from regionik.view.live_areas import LiveAreas, is_equal, live_areas
+from regionik.view.live import LiveAreas, is_equal, live_areas, live_meshes, verdict
 from regionik.worlds.bundled import robot_named, world_names
 from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import NoPlanFound

@@ -25,8 +25,8 @@ from regionik.explain.minimal_change import (
 from regionik.explain.relaxations import Constraint, constraints_of
 from regionik.pipeline import plan, why
 from regionik.reachability.reach import reach
-from regionik.view.explanation_picture import picture_of_explanation
 from regionik.view.picture import Color
+from regionik.view.world_picture import picture_of_explanation
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import Explanation, InputError, NoPlanFound, Repair

@@ -1,1 +1,1 @@
-"""What there is: robots, obstacles, floors and tasks, as frozen values."""
+"""Robots, obstacles, floors and tasks, as frozen values."""

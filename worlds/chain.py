@@ -135,6 +135,26 @@ class Chain:
             fixed = translation(a, 0.0, d) @ rot_x(alpha)
         return cls(tuple(joints), fixed)
 
+    def dh_rows(self) -> list[list[float]] | None:
+        """Return the rows from which `from_dh` makes exactly this chain again; None where there are none."""
+        plain = all(
+            joint.kind == "revolute" and joint.velocity == np.inf and joint.axis.tolist() == [0.0, 0.0, 1.0]
+            for joint in self.joints
+        )
+        if not plain:
+            return None
+        frames = [joint.T_parent_joint for joint in self.joints]
+        theta = [_angle(-T[0, 1], T[0, 0]) for T in frames]
+        rows = []
+        for k, (joint, T_next) in enumerate(zip(self.joints, [*frames[1:], self.T_last_tool], strict=True)):
+            alpha = _angle(-T_next[1, 2], T_next[2, 2])
+            d, a = float(T_next[2, 3]), float(T_next[0, 3])
+            rows.append([theta[k], d, a, alpha, float(joint.lower), float(joint.upper)])
+        again = Chain.from_dh(rows, self.names)
+        made = [*(joint.T_parent_joint for joint in again.joints), again.T_last_tool]
+        exact = all(np.array_equal(T, M) for T, M in zip([*frames, self.T_last_tool], made, strict=True))
+        return rows if exact else None
+
     @property
     def dof(self) -> int:
         return len(self.joints)
@@ -204,6 +224,17 @@ class Chain:
                 limits = f"{joint.lower:.6g} to {joint.upper:.6g}"
                 text = f"{joint.name} must be within its limits {limits}, got {value:.6g}"
                 raise InputError(f"{what}[{k}]: {text}")
+
+
+def _angle(sine: float, cosine: float) -> float:
+    """Return the angle whose sine and cosine are exactly these, if one is near; else the nearest."""
+    nearest = float(np.arctan2(sine, cosine)) + 0.0
+    candidate = float(np.nextafter(np.nextafter(nearest, -np.inf), -np.inf))
+    for _ in range(5):
+        if np.sin(candidate) == sine and np.cos(candidate) == cosine:
+            return candidate
+        candidate = float(np.nextafter(candidate, np.inf))
+    return nearest
 
 
 def translation(x: float, y: float, z: float) -> Array:

@@ -56,7 +56,7 @@ class Criteria:
 
     @property
     def beyond_limits(self) -> bool:
-        """Whether more is asked than a margin to the joint limits."""
+        """True where more is asked than a margin to the joint limits."""
         return bool(self.manipulability) or self.effort is not None
 
     def check(self, robot: Robot) -> None:

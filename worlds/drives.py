@@ -50,9 +50,9 @@ class BaseDrive(ABC):
 
     @abstractmethod
     def parts(self, here: Array, there: Array) -> tuple[Array, Array]:
-        """Motion from poses to others: what is slid and turned evenly (..., 3), what is rolled besides (...).
+        """Split motions between poses into what is slid and turned evenly (..., 3) and what is rolled (...).
 
-        The base turns the shorter way; in reverse it rolls less than 0 [m], [rad].
+        The base turns the shorter way; rolling in reverse is below 0 [m], [rad].
         """
 
     def between(self, here: Array, there: Array, share: ArrayLike) -> Array:
@@ -118,7 +118,7 @@ class OmnidirectionalDrive(BaseDrive):
     words = "an omnidirectional base"
 
     def parts(self, here: Array, there: Array) -> tuple[Array, Array]:
-        """Nothing is rolled; see `BaseDrive`."""
+        """Split motions, of which nothing is rolled."""
         step = _shorter(here, there)
         return step, np.zeros(step.shape[:-1])
 
@@ -130,7 +130,7 @@ class _RollingDrive(BaseDrive):
     rolls = True
 
     def parts(self, here: Array, there: Array) -> tuple[Array, Array]:
-        """What of the chord lies across that heading no wheel can roll: it is slid; see `BaseDrive`."""
+        """Split motions: the part of the chord across that heading, which no wheel can roll, is slid."""
         step = _shorter(here, there)
         half = step[..., 2] / 2
         tangent = np.stack([np.cos(here[..., 2] + half), np.sin(here[..., 2] + half)], -1)

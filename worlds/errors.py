@@ -32,10 +32,10 @@ class Repair:
     ----------
     kind : str
     name : str
-        What is changed.
+        The thing that is changed.
     amount : float
-        What a clearance or a cone becomes; by how much a target, an obstacle or the arm's mount is moved;
-        how many more lift-offs are allowed.
+        New clearance or cone; way that a target, an obstacle or the arm's mount is moved; number of
+        lift-offs allowed besides.
     text : str
     unit : {"m", "rad", "1"}
         Of ``amount``.
@@ -79,9 +79,9 @@ class RegionikError(Exception):
 
 
 class InputError(RegionikError):
-    """What was given cannot be used; the message says where and what was expected.
+    """Input that cannot be used; the message says where, and what was expected.
 
-    The middle of a very long message is left out: names may be as long as who wrote a file likes.
+    The middle of a very long message is left out, as names in a file may have any length.
     """
 
     def __init__(self, message: str) -> None:

@@ -82,7 +82,7 @@ class LinkCapsule:
         return np.stack([self.start, self.end])
 
     def depth(self, point: Array) -> float:
-        """How deep a point (3,) of the link's frame lies in the solid, below 0 outside [m]."""
+        """Return the depth of a point (3,) of the link's frame in the solid, negative outside [m]."""
         along = self.end - self.start
         share = np.clip((point - self.start) @ along / max(float(along @ along), 1e-300), 0.0, 1.0)
         return float(self.radius - np.linalg.norm(point - self.start - share * along))
@@ -128,7 +128,7 @@ class LinkBox:
         return corners
 
     def depth(self, point: Array) -> float:
-        """How deep a point (3,) of the link's frame lies in the box, below 0 outside [m]."""
+        """Return the depth of a point (3,) of the link's frame in the box, negative outside [m]."""
         seen = (point - self.T_link_box[:3, 3]) @ self.T_link_box[:3, :3]
         return float((self.size / 2 - np.abs(seen)).min())
 
@@ -220,7 +220,7 @@ class Robot:
 
     @cached_property
     def drive(self) -> BaseDrive:
-        """How the base gets about."""
+        """Motion of the base."""
         return drive_of(self.base, self.turning_radius)
 
     @property
@@ -259,7 +259,7 @@ class Robot:
 
     @property
     def tip_depth(self) -> tuple[float, str]:
-        """How deep the tool point lies in a solid of its own link [m], and the solid's name; 0 in none."""
+        """Depth of the tool point in a solid of its own link [m], and the solid's name; 0 in none."""
         tool = self.chain.T_last_tool[:3, 3]
         own = [solid for solid in self.solids if solid.link == self.chain.dof - 1]
         return max([(0.0, ""), *((solid.depth(tool), solid.name) for solid in own)])

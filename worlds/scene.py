@@ -83,7 +83,7 @@ class Rules:
         Distance from a set-point within which the tool may touch the solid that the set-point lies on; what
         of the last link is farther than this from the tool point keeps its clearance from that solid too.
     contact_depth : float
-        How deep the last link may sink into what it touches, beyond the tolerance; 0 lets it touch only.
+        Depth to which the last link may sink into what it touches, beyond the tolerance; 0 to touch only.
     reach_margin : float
         Kept from both ends of the reach, where the arm is stretched or folded.
     max_lift_offs : int or None

@@ -36,8 +36,8 @@ from regionik.planners.geometry.upright_bodies import (
 from regionik.planners.search.box_search import Verdict, together
 from regionik.planners.search.self_clearance import segment_distance
 from regionik.planners.solvers.planar_arm import PlaneArm
+from regionik.worlds.arms import PlanarArm
 from regionik.worlds.arrays import Array
-from regionik.worlds.planar_arm import PlanarArm
 from regionik.worlds.robot import Robot
 from regionik.worlds.self_collision import BODY, base_body, self_collision_pairs
 

@@ -7,9 +7,12 @@ rings an odd number of times, so holes and parts need no marks.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import cache
+from multiprocessing import parent_process
 from typing import Any, Literal, TypeVar, cast
 
 import numpy as np
@@ -50,9 +53,22 @@ def compiled(function: Kernel, error_model: Literal["python", "numpy"] = "python
     rounding is said, as a kernel else takes it from the one that calls it first, and keeps it.
     """
     kernel: Any = njit(nogil=True, error_model=error_model, fastmath=False)(function)
-    with suppress(RuntimeError):  # there is no folder that can be written
+    try:
         kernel._cache = _Kept(function)  # type: ignore[no-untyped-call]
+    except RuntimeError:  # there is no folder that can be written
+        _warn_uncached()
     return cast(Kernel, kernel)
+
+
+@cache
+def _warn_uncached() -> None:
+    """Warn once, and not again in worker processes, that every run compiles its kernels anew."""
+    if parent_process() is None:
+        warnings.warn(
+            "compiled kernels cannot be kept on disk, so every run compiles them anew: "
+            "set NUMBA_CACHE_DIR to a folder that can be written",
+            stacklevel=3,
+        )
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,9 +14,9 @@ from numpy.typing import ArrayLike
 from regionik.planners.reach.level_walk import posture_on, walks
 from regionik.planners.reach.meridian_plane import Meridian, meridian_of, tool_for
 from regionik.planners.reach.outer_bounds import outer_distances
+from regionik.worlds.arms import pivot_index, reach_bound
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
-from regionik.worlds.pivoted_arm import pivot_index, reach_bound
 
 Intervals = tuple[tuple[float, float], ...]
 

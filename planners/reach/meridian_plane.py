@@ -16,9 +16,9 @@ import numpy as np
 from regionik.planners.geometry.polygons import Index, compiled
 from regionik.planners.search.motion_bounds import longest_levers
 from regionik.planners.solvers.serial_chain import SerialArm, chain_frames, chain_jacobian, serial_arm
+from regionik.worlds.arms import pivot_index
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, Joint
-from regionik.worlds.pivoted_arm import pivot_index
 
 STILL = 1e-12  # a lever below this does not move the tool [m]; limits closer than this hold still
 UNIT = np.array([1.0, 0.0])

@@ -21,9 +21,9 @@ from regionik.planners.solvers.damped_least_squares import DIRECTION, Aim, polis
 from regionik.planners.solvers.inverse_kinematics import spread_postures
 from regionik.planners.solvers.multistart_ik import Effort, solve
 from regionik.planners.solvers.rigid_bodies import RigidBodies, posing_bodies, span
+from regionik.worlds.arms import pivot_index
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
-from regionik.worlds.pivoted_arm import pivot_index
 
 DISTANCES, BEARINGS = 32, 48  # cells of the grid
 FINER = 3  # times, where the reach is too thin for it

@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from regionik.planners.geometry.polygons import compiled
 from regionik.planners.solvers import planar_arm
+from regionik.worlds.arms import PlanarArm
 from regionik.worlds.arrays import Array
-from regionik.worlds.planar_arm import PlanarArm
 
 _MOST_INTERVALS = 16
 APART = 1e-7  # ends that are nearer to each other than this may be taken for each other [m]

@@ -9,9 +9,9 @@ from __future__ import annotations
 import numpy as np
 
 from regionik.planners.geometry.angles import TWO_PI, wrap
+from regionik.worlds.arms import PlanarArm
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import rot_y, rot_z
-from regionik.worlds.planar_arm import PlanarArm
 
 
 def tool_turn(arm: PlanarArm, yaw: float, pitch: float, roll: float) -> Array:

@@ -14,9 +14,9 @@ import numpy as np
 from regionik.planners.geometry.angles import TWO_PI
 from regionik.planners.geometry.polygons import compiled
 from regionik.planners.solvers.planar_arm import PlaneArm, fitted_bends, slack, wrist_triangle
+from regionik.worlds.arms import PlanarArm
 from regionik.worlds.arrays import Array
 from regionik.worlds.criteria import Criteria
-from regionik.worlds.planar_arm import PlanarArm
 from regionik.worlds.robot import GRAVITY, LinkMass, Robot
 
 REFINEMENTS = 30  # of the pitch, where no sampled one meets the thresholds

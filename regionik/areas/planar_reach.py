@@ -23,9 +23,9 @@ from regionik.planners.solvers.planar_arm import PlaneArm
 from regionik.planners.solvers.posture_criteria import Thresholds, posture_spare, thresholds_of
 from regionik.postures.arm_solvers import Arm, PlaneSolver
 from regionik.postures.families import BACK, FRONT, Family, families_of
+from regionik.worlds.arms import PlanarArm
 from regionik.worlds.arrays import Array
 from regionik.worlds.criteria import Criteria
-from regionik.worlds.planar_arm import PlanarArm
 from regionik.worlds.scene import Rules, Target
 
 Arc = tuple[float, float]  # middle and half width [rad]

@@ -16,10 +16,10 @@ from regionik.planners.solvers.planar_arm import LIMIT_SLACK
 from regionik.planners.solvers.posture_criteria import Thresholds
 from regionik.postures.arm_solvers import Arm
 from regionik.postures.families import BACK, FRONT, Family
+from regionik.worlds.arms import pivot_index, with_pivot
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
 from regionik.worlds.criteria import Criteria, with_joint_margin
-from regionik.worlds.pivoted_arm import pivot_index, with_pivot
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Rules, Target
 

@@ -13,9 +13,9 @@ from regionik.areas.planar_reach import PlanarReach
 from regionik.areas.reach_model import FineRows, ReachModel, ReachQuery, Rows
 from regionik.postures.families import Family
 from regionik.postures.tool_goal import Goal, goal_of
+from regionik.worlds.arms import planar_arm
 from regionik.worlds.criteria import with_joint_margin
 from regionik.worlds.errors import InputError
-from regionik.worlds.planar_arm import planar_arm
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Target, World
 

@@ -11,18 +11,25 @@ import os
 import select
 import sys
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Annotated, NoReturn
 
 import typer
 
 from regionik import __version__
-from regionik.cli.compare import compare
+from regionik.cli.compare import compare_methods
 from regionik.cli.console import DONE, describe_failure, print_error
 from regionik.cli.interrupts import INTERRUPTED, end_process, exit_code, is_interrupted, print_interrupted
-from regionik.cli.plan import export, plan, plot, retime, verify, worlds
-from regionik.cli.reach import field, reach, stops, why
-from regionik.cli.show import show
+from regionik.cli.plan import (
+    export_plan,
+    list_worlds,
+    plan_world,
+    plot_plan,
+    retime_plan,
+    show_scene,
+    verify_plan,
+)
+from regionik.cli.reach import explain_world, find_stops, map_reach, reach_targets
 from regionik.worlds.errors import InputError, RegionikError
 
 WRONG_INPUT, ENGINE_FAILED = 2, 3
@@ -38,7 +45,7 @@ app = typer.Typer(
 )
 
 
-def main() -> NoReturn:
+def run_process() -> NoReturn:
     """Run the command of this process and leave with its exit code."""
     warnings.showwarning = lambda message, *_: print_error(f"note: {message}")
     end_process(run(sys.argv[1:]))
@@ -119,5 +126,19 @@ def _start(
         print(context.get_help())
 
 
-for command in (worlds, plan, reach, compare, stops, field, verify, show, export, plot, retime, why):
-    app.command()(command)
+COMMANDS: dict[str, Callable[..., None]] = {
+    "worlds": list_worlds,
+    "plan": plan_world,
+    "reach": reach_targets,
+    "compare": compare_methods,
+    "stops": find_stops,
+    "field": map_reach,
+    "verify": verify_plan,
+    "show": show_scene,
+    "export": export_plan,
+    "plot": plot_plan,
+    "retime": retime_plan,
+    "why": explain_world,
+}
+for name, command in COMMANDS.items():
+    app.command(name)(command)

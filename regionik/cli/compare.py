@@ -21,8 +21,7 @@ from regionik.cli.console import (
     print_message,
     read_world,
 )
-from regionik.storage.files import write_atomic
-from regionik.storage.json_values import json_text, json_values
+from regionik.storage.files import json_text, json_values, write_atomic
 
 if TYPE_CHECKING:
     from regionik.comparison import Comparison, Score
@@ -30,30 +29,30 @@ if TYPE_CHECKING:
 _HEADER = ("method", "success", "iterations", "time", "us", "median mm", "worst mm", "limits", "arm", "base")
 
 
-def compare(
+def compare_methods(
     world: WorldName,
     methods: Annotated[
         str | None,
-        typer.Option("--methods", metavar="A,B,...", help="Which methods; mfabrik is the measure."),
+        typer.Option("--methods", metavar="A,B,...", help="Methods to compare; mfabrik is the measure."),
     ] = None,
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="Scores to a .csv, all answers to a .json file.")
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Compare M-FABRIK with its rivals on the set-points of WORLD, and say where these are better.
+    """Compare M-FABRIK with other methods on the set-points of WORLD.
 
-    Every method starts each set-point from its own last answer, on a floor without limits; mfabrik-areas
-    keeps to the areas of the whole path. genetic and network need regionik[compare].
+    Where another method is better, the command says so. Every method starts each set-point from its own last
+    answer, on a floor without limits; mfabrik-areas keeps to the areas of the whole path. genetic and network
+    need regionik[compare].
     """
     check_output(output, (".csv", ".json"), [world])
     with DelayedProgress() as progress, explain_no_plan(as_json):
         scene = read_world(world, progress)
-        from regionik.comparison import DEFAULT
-        from regionik.comparison import compare as compare_methods
+        from regionik.comparison import DEFAULT, compare
 
         names = DEFAULT if methods is None else [name.strip() for name in methods.split(",") if name.strip()]
-        comparison = compare_methods(scene, names, progress=progress)
+        comparison = compare(scene, names, progress=progress)
         if output is not None:
             csv_wanted = output.suffix.lower() == ".csv"
             write_atomic(output, scores_csv(comparison) if csv_wanted else json_text(_document(comparison)))
@@ -68,7 +67,7 @@ def compare(
 
 
 def _document(comparison: Comparison) -> dict[str, Any]:
-    """The JSON document of a comparison, with every answer of every method."""
+    """Return the JSON document of a comparison, with every answer of every method."""
     return {
         "ok": True,
         "world": comparison.world,
@@ -81,7 +80,7 @@ def _document(comparison: Comparison) -> dict[str, Any]:
 
 
 def scores_csv(comparison: Comparison) -> str:
-    """One row a method; empty for NaN."""
+    """Return scores as CSV, one row a method; cells are empty for NaN."""
     rows = [asdict(score) for score in comparison.scores]
     text = io.StringIO(newline="")
     writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")

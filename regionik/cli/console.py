@@ -1,4 +1,4 @@
-"""Shared by all commands: messages, tables and documents, progress, common options.
+"""Messages, tables, documents, progress and options that all commands share.
 
 Answers go to stdout, everything else to stderr.
 """
@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from regionik.storage.json_values import json_values
+from regionik.storage.files import json_values
 from regionik.worlds.errors import Explanation, InputError, NoPlanFound
 
 if TYPE_CHECKING:
@@ -172,12 +172,12 @@ def explain_no_plan(as_json: bool) -> Iterator[None]:
 
 
 def explanation_document(explanation: Explanation) -> dict[str, Any]:
-    """The JSON document of an explanation."""
+    """Return the JSON document of an explanation."""
     return {"ok": False, **asdict(explanation)}
 
 
 def report_document(report: Report) -> dict[str, Any]:
-    """The JSON document of a verification."""
+    """Return the JSON document of a verification."""
     found = {"margins": report.margins, "violations": [asdict(v) for v in report.violations]}
     if report.ok:
         return {"ok": True, **found}
@@ -187,7 +187,7 @@ def report_document(report: Report) -> dict[str, Any]:
 
 
 def plan_summary(plan: Plan, seconds: float, written: Iterable[Path]) -> str:
-    """A plan for people, in a few lines."""
+    """Return a few lines on a plan, for people."""
     from regionik.storage.plan_document import keeps_areas
     from regionik.view.picture import count_noun
 
@@ -210,7 +210,7 @@ def plan_summary(plan: Plan, seconds: float, written: Iterable[Path]) -> str:
 
 
 def report_summary(name: str, report: Report) -> str:
-    """A verification report for people."""
+    """Return a verification report for people."""
     from regionik.view.picture import count_noun
 
     if report.ok:

@@ -1,11 +1,15 @@
-"""The commands that make, check and convert plans: worlds, plan, verify, retime, export, plot."""
+"""Commands on worlds and plans: worlds, plan, verify, retime, export, plot, show."""
 
 from __future__ import annotations
 
+import json
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from threading import Event
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -25,16 +29,18 @@ from regionik.cli.console import (
     report_document,
     report_summary,
 )
+from regionik.cli.interrupts import INTERRUPTED, exit_code
 from regionik.worlds.errors import InputError
 
 if TYPE_CHECKING:
     from regionik.values import Plan
+    from regionik.worlds.scene import World
 
 EXPORT_FORMATS = ("csv", "ros2", "joint-trajectory", "path", "geojson", "urdf")
 PICTURES = (".svg", ".png")
 
 
-def worlds(as_json: AsJson = False) -> None:
+def list_worlds(as_json: AsJson = False) -> None:
     """List the bundled worlds."""
     from regionik.worlds.bundled import world_names
     from regionik.worlds.documents.world_file import load_world
@@ -48,10 +54,10 @@ def worlds(as_json: AsJson = False) -> None:
             print(f"{name:<{width}}  {about}")
 
 
-def plan(
+def plan_world(
     world: WorldName,
-    output: Annotated[Path | None, typer.Option("-o", "--output", help="Write the plan here.")] = None,
-    html: Annotated[Path | None, typer.Option("--html", help="Write an offline page of it here.")] = None,
+    output: Annotated[Path | None, typer.Option("-o", "--output", help="File for the plan.")] = None,
+    html: Annotated[Path | None, typer.Option("--html", help="File for an offline page of it.")] = None,
     seed: Annotated[int, typer.Option("--seed", min=0, max=2**31 - 1, help="Same seed, same plan.")] = 0,
     as_json: AsJson = False,
 ) -> None:
@@ -63,9 +69,9 @@ def plan(
     began = time.monotonic()
     with DelayedProgress() as progress, explain_no_plan(as_json):
         scene = read_world(world, progress)
-        from regionik.pipeline import plan as plan_world
+        from regionik.pipeline import plan
 
-        found = plan_world(scene, seed=seed, progress=progress)
+        found = plan(scene, seed=seed, progress=progress)
         seconds = time.monotonic() - began
         written = _write_plan(found, output, html, progress)
     print_message(plan_summary(found, seconds, written))
@@ -92,7 +98,7 @@ def _write_plan(found: Plan, output: Path | None, html: Path | None, progress: D
         contents[output] = plan_to_text(found)
     if html is not None:
         progress("write", 1, 2)
-        from regionik.view.html_page import html_page
+        from regionik.view.viewer import html_page
 
         contents[html] = html_page(found)
     progress("write", 2, 2)
@@ -101,14 +107,17 @@ def _write_plan(found: Plan, output: Path | None, html: Path | None, progress: D
     return list(contents)
 
 
-def verify(path: PlanPath, as_json: AsJson = False) -> None:
-    """Check a plan again from its world alone; exit code 1 and the violations if it does not hold."""
+def verify_plan(path: PlanPath, as_json: AsJson = False) -> None:
+    """Check a plan again, from its world alone.
+
+    The exit code is 1 if the plan does not hold, and its violations are listed.
+    """
     with DelayedProgress() as progress:
         found = read_plan(path, progress)
         progress("verify", 0, 0)
-        from regionik.verification.verifier import verify as check
+        from regionik.verification.verifier import verify
 
-        report = check(found)
+        report = verify(found)
     print_message(report_summary(str(path), report))
     if as_json:
         print_json(report_document(report))
@@ -116,9 +125,9 @@ def verify(path: PlanPath, as_json: AsJson = False) -> None:
         raise typer.Exit(NO)
 
 
-def retime(
+def retime_plan(
     path: PlanPath,
-    output: Annotated[Path, typer.Option("-o", "--output", help="Write the timed plan here.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="File for the timed plan.")],
     base: Annotated[float | None, typer.Option("--base-speed", help="Of the base [m/s].")] = None,
     joints: Annotated[float | None, typer.Option("--joint-speed", help="Of each joint [rad/s].")] = None,
     wheels: Annotated[float | None, typer.Option("--wheel-speed", help="Of either wheel [m/s].")] = None,
@@ -126,13 +135,15 @@ def retime(
     blend: Annotated[float | None, typer.Option("--blend", help="How far corners are cut [m].")] = None,
     hold: Annotated[bool, typer.Option("--hold", help="Refuse a tool speed that cannot be held.")] = False,
 ) -> None:
-    """Time a plan, as fast as its speeds allow; those not given are the world's, or the robot's."""
+    """Time a plan, as fast as its speeds allow.
+
+    Speeds that are not given are the world's, or the robot's.
+    """
     check_output(output)
     with DelayedProgress() as progress:
         found = read_plan(path, progress)
         progress("timing", 0, 0)
-        from regionik.timing.retime import BLEND
-        from regionik.timing.retime import retime as retime_plan
+        from regionik.timing.retime import BLEND, retime
         from regionik.worlds.speeds import Speeds
 
         options = {
@@ -140,7 +151,7 @@ def retime(
         }  # fmt: skip
         given = {key: value for key, value in options.items() if value is not None}
         speeds = replace(found.world.speeds or Speeds(), **given)
-        timed = retime_plan(found, speeds, blend=BLEND if blend is None else blend, hold=hold)
+        timed = retime(found, speeds, blend=BLEND if blend is None else blend, hold=hold)
     timed.save(output)
     timing = timed.stats["timing"]
     print_message(f"{timed.world.name}: {timing['duration']:.2f} s, {len(timed.motion)} states")
@@ -150,44 +161,106 @@ def retime(
     print_message(f"wrote {output}")
 
 
-def export(
+def export_plan(
     path: PlanPath,
-    kind: Annotated[str, typer.Option("--format", metavar="|".join(EXPORT_FORMATS), help="What to write.")],
-    output: Annotated[Path, typer.Option("-o", "--output", help="The file to write.")],
+    kind: Annotated[str, typer.Option("--format", metavar="|".join(EXPORT_FORMATS), help="The format.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="File to write.")],
     rate: Annotated[
-        float | None, typer.Option("--rate", metavar="HZ", help="Rows a second, instead of one a state.")
+        float | None, typer.Option("--rate", metavar="HZ", help="Rows per second, instead of one per state.")
     ] = None,
     frame: Annotated[
-        str | None, typer.Option("--frame", metavar="ID", help="Frame of ROS 2 messages, else map.")
+        str | None, typer.Option("--frame", metavar="ID", help="Frame of ROS 2 messages, by default map.")
     ] = None,
 ) -> None:
-    """Write a plan for other programs: its states, ROS 2 messages, its areas, or its robot.
+    """Write a plan in a format of other programs.
 
-    joint-trajectory and path are one message each, in YAML or JSON by the ending of the file, as ros2 topic
-    pub reads it; ros2 is both in one file.
+    csv has a row per state, geojson the areas, urdf the robot. joint-trajectory and path are one message
+    each, in YAML or JSON by the ending of the file, as ros2 topic pub reads it; ros2 is both in one file.
     """
     if kind not in EXPORT_FORMATS:
         raise InputError(f"--format: expected one of {', '.join(EXPORT_FORMATS)}, got {kind!r}")
     check_output(output, reads=[path])
-    from regionik.output.export import check_options
-    from regionik.output.export import export as export_plan
+    from regionik.output.export import check_options, export
     from regionik.output.plan_file import load_plan
 
     check_options(kind, output, rate, frame)
-    export_plan(load_plan(path), output, kind, rate=rate, frame=frame)
+    export(load_plan(path), output, kind, rate=rate, frame=frame)
     print_message(f"wrote {output}")
 
 
-def plot(
+def plot_plan(
     path: PlanPath,
-    output: Annotated[Path, typer.Option("-o", "--output", help="The .svg or .png file to write.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="An .svg or .png file.")],
 ) -> None:
-    """Draw a plan: joints, speeds and clearance along the way, and the floor."""
+    """Draw joints, speeds, clearance and floor of a plan."""
     check_output(output, PICTURES, [path])
     with DelayedProgress() as progress:
         found = read_plan(path, progress)
         progress("draw", 0, 0)
-        from regionik.view.figures import plot as draw
+        from regionik.view.figures import plot
 
-        draw(found, output)
+        plot(found, output)
     print_message(f"wrote {output}")
+
+
+def show_scene(
+    what: Annotated[str, typer.Argument(metavar="PLAN|WORLD", help="A plan.json, a world's name or file.")],
+    browser: Annotated[bool, typer.Option(help="Open a browser at the address.")] = True,
+    live: Annotated[bool, typer.Option("--live", help="Watch a world file; redraw changes.")] = False,
+) -> None:
+    """Show a plan or a world in the browser until Ctrl-C."""
+    from regionik.view.viewer import show
+
+    if live:
+        _watch(what, browser)
+        return
+    with DelayedProgress() as progress:
+        progress("load", 0, 1)
+        loaded = _plan_or_world(what)
+    with _until_interrupted(show(loaded, open_browser=browser)):
+        print_message("Ctrl-C ends")
+        Event().wait()
+
+
+def _watch(what: str, browser: bool) -> None:
+    """Show what a world file says now, until Ctrl-C."""
+    from regionik.view.live import watch
+    from regionik.view.viewer import start_server
+
+    path = Path(what)
+    if not path.is_file():
+        raise InputError(f"{what}: --live watches a world file, and there is no such file")
+    visualizer = start_server()
+    with _until_interrupted(visualizer):
+        if browser:
+            visualizer.open()
+        watch(path, visualizer, print_message)
+
+
+@contextmanager
+def _until_interrupted(visualizer: Any) -> Iterator[None]:
+    """Stop the server at the end; Ctrl-C is the regular end, other signals are not."""
+    from regionik.view.viewer import stop
+
+    try:
+        yield
+    except KeyboardInterrupt:
+        if exit_code() != INTERRUPTED:
+            raise
+    finally:
+        stop(visualizer)
+
+
+def _plan_or_world(what: str) -> Plan | World:
+    """Load a plan or a world: a plan has states, a world has none."""
+    from regionik.output.plan_file import load_plan
+    from regionik.worlds.documents.world_file import load_world
+
+    if what.endswith(".json") and Path(what).is_file():
+        try:
+            document = json.loads(Path(what).read_bytes())
+        except (ValueError, RecursionError):
+            document = None  # the loader below says what is wrong with it
+        if isinstance(document, dict) and "states" in document:
+            return load_plan(what)
+    return load_world(what)

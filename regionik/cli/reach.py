@@ -1,4 +1,4 @@
-"""The commands that ask for areas, no motion planned: reach, field, stops, why."""
+"""Commands that ask for areas and plan no motion: reach, field, stops, why."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from regionik.cli.console import (
     print_message,
     read_world,
 )
-from regionik.storage.json_values import json_values
+from regionik.storage.files import json_values
 from regionik.worlds.errors import InputError
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ FIELD_SUFFIXES = (".npz", ".tif", ".tiff", ".png", ".svg")
 STOP_CRITERIA = "tolerance, clearance, manipulability, effort, distance"
 
 
-def reach(
+def reach_targets(
     world: WorldName,
     target: Annotated[
         list[str] | None, typer.Option("--target", metavar="X Y Z", help="A target [m]; may be repeated.")
@@ -46,14 +46,14 @@ def reach(
         Path | None, typer.Option("-o", "--output", help="Answers to a .csv, .json or .geojson file.")
     ] = None,
     workers: Annotated[
-        int, typer.Option("--workers", metavar="N", min=1, max=1024, help="Processes to work in.")
+        int, typer.Option("--workers", metavar="N", min=1, max=1024, help="Number of worker processes.")
     ] = 1,
     dask: Annotated[
         str | None, typer.Option("--dask", metavar="ADDRESS", help="Work on the Dask cluster at tcp://...")
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Decide for each target whether the tool reaches it, and from which pose of the base.
+    """Tell which targets the tool reaches, and from which base pose.
 
     Without --target and --csv the targets are the set-points of WORLD. From one CSV file to another there may
     be any number of targets; a run that was interrupted resumes when it is called again. The exit code is 1
@@ -88,10 +88,10 @@ def _reach_at_once(
 ) -> tuple[int, int]:
     """Answer targets that are all held in memory; return how many are reachable, and all."""
     from regionik.output.answers import answers_document, parse_targets, write_answers
-    from regionik.reachability.reach import reach as reach_targets
+    from regionik.reachability.reach import reach
 
     progress("reach", 0, 0)
-    answer = reach_targets(scene, parse_targets(scene, target, table), executor=pool, progress=progress)
+    answer = reach(scene, parse_targets(scene, target, table), executor=pool, progress=progress)
     if output is not None:
         write_answers(answer, scene.robot.chain.names, output)
     if as_json:
@@ -110,23 +110,19 @@ def _can_stream(table: Path | None, output: Path | None) -> bool:
 
 @contextmanager
 def _executor(workers: int, dask: str | None) -> Iterator[tuple[Pool | None, int]]:
-    """The executor to work on, if any, and how many chunks to hand out ahead."""
-    from regionik.executors import AHEAD
+    """Yield the executor to work on, if any, and how many chunks to hand out ahead."""
+    from regionik.executors import AHEAD, dask_executor, process_pool
 
     if dask is not None:
-        from regionik.cluster import cluster
-
-        with cluster(dask) as found:
+        with dask_executor(dask) as found:
             yield found
     elif workers > 1:
-        from regionik.workers import processes
-
-        yield partial(processes, workers), max(AHEAD, 2 * workers)
+        yield partial(process_pool, workers), max(AHEAD, 2 * workers)
     else:
         yield None, AHEAD
 
 
-def field(
+def map_reach(
     world: WorldName,
     output: Annotated[Path, typer.Option("-o", "--output", help="An .npz, .tif, .png or .svg file.")],
     targets: Annotated[
@@ -137,9 +133,9 @@ def field(
         float | None, typer.Option("--height", metavar="Z", help="A slice of tool positions at this height.")
     ] = None,
 ) -> None:
-    """Map how many targets the arm reaches from each place, or with --height where the tool can be.
+    """Map how many targets the arm reaches from each base position.
 
-    A .tif needs regionik[geotiff].
+    With --height it maps where the tool can be at that height. A .tif needs regionik[geotiff].
     """
     check_output(output, FIELD_SUFFIXES, [world, targets])
     if targets is not None and height is not None:
@@ -163,18 +159,18 @@ def field(
     print_message(f"wrote {output}")
 
 
-def stops(
+def find_stops(
     world: WorldName,
     criterion: Annotated[
-        str | None, typer.Option("--criterion", help=f"What makes a place best: {STOP_CRITERIA}.")
+        str | None, typer.Option("--criterion", help=f"Best place of a stop by: {STOP_CRITERIA}.")
     ] = None,
     output: Annotated[Path | None, typer.Option("-o", "--output", help="Stops to a .geojson file.")] = None,
     picture: Annotated[
-        Path | None, typer.Option("--picture", help="The floor with stops to an .svg or .png file.")
+        Path | None, typer.Option("--picture", help="Floor and stops to an .svg or .png file.")
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Find where to park: the fewest stops from which the arm does all set-points of WORLD.
+    """Find the fewest stops of the base that serve all set-points.
 
     No motion is planned; rules.mode: stops in the world file plans it. rules.order: any frees the order.
     """
@@ -214,8 +210,7 @@ def _stop_criterion(criterion: str) -> StopCriterion:
 def _write_stops(scene: World, found: tuple[Stop, ...], output: Path | None, picture: Path | None) -> None:
     if output is not None:
         from regionik.output.answers import stops_geojson
-        from regionik.storage.files import write_atomic
-        from regionik.storage.json_values import json_text
+        from regionik.storage.files import json_text, write_atomic
 
         write_atomic(output, json_text(stops_geojson(found)))
     if picture is not None:
@@ -234,19 +229,20 @@ def _print_stops(found: tuple[Stop, ...]) -> None:
         print(f"{n:4d}  {span:12s} {x:z9.3f} {y:z9.3f} {yaw:z10.3f} {stop.tolerance:14.4f}")
 
 
-def why(
+def explain_world(
     world: WorldName,
     target: Annotated[
         list[str] | None, typer.Option("--target", metavar="X Y Z", help="A target [m]; else the whole path.")
     ] = None,
     html: Annotated[
-        Path | None, typer.Option("--html", help="Write an offline page of what stands in the way.")
+        Path | None, typer.Option("--html", help="File for an offline page of what stands in the way.")
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Explain why a target or the path of WORLD is out of reach, and find the smallest changes that mend it.
+    """Explain why a target or the path of WORLD is out of reach.
 
-    Each change was applied and checked. The exit code is 1 if something stands in the way.
+    The smallest changes that mend it are named; each was applied and checked. The exit code is 1 if
+    something stands in the way.
     """
     check_output(html, reads=[world])
     with DelayedProgress() as progress:
@@ -255,13 +251,13 @@ def why(
         scene = read_world(world, progress)
         progress("why", 0, 0)
         from regionik.output.answers import parse_targets
-        from regionik.pipeline import why as explain
+        from regionik.pipeline import why
 
         chosen = parse_targets(scene, target, None)[0] if target else None
-        found = explain(scene, chosen)
+        found = why(scene, chosen)
     if html is not None:
-        from regionik.view.explanation_picture import picture_of_explanation
-        from regionik.view.html_page import to_html
+        from regionik.view.viewer import to_html
+        from regionik.view.world_picture import picture_of_explanation
 
         to_html(scene if found is None else picture_of_explanation(scene, found, chosen), html)
         print_message(f"wrote {html}")

@@ -11,10 +11,10 @@ from shapely.affinity import translate
 from regionik.areas.reachable import model_of
 from regionik.explain.minimal_change import FINE, grid_above
 from regionik.explain.relaxations import ARM_CLEARANCE, CLEARANCE, with_rules
+from regionik.worlds.arms import reach_bound
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Repair, RepairKind, Unit
 from regionik.worlds.obstacles import Mesh, Prism, Solid
-from regionik.worlds.pivoted_arm import reach_bound
 from regionik.worlds.scene import Target, World
 
 

@@ -26,8 +26,8 @@ from regionik.regions import (
     what_took_away,
 )
 from regionik.values import Violation
+from regionik.worlds.arms import reach_bound
 from regionik.worlds.errors import Cause, CauseKind, Explanation, Repair
-from regionik.worlds.pivoted_arm import reach_bound
 from regionik.worlds.scene import Target, World
 
 

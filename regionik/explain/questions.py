@@ -51,9 +51,9 @@ from regionik.explain.relaxations import (
 )
 from regionik.explain.steps import obstacle_steps, target_steps
 from regionik.planners.search.box_search import Verdict
+from regionik.worlds.arms import reach_bound
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Repair
-from regionik.worlds.pivoted_arm import reach_bound
 from regionik.worlds.scene import World
 
 if TYPE_CHECKING:

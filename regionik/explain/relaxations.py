@@ -12,10 +12,10 @@ import shapely
 from shapely.geometry import Point
 from shapely.ops import nearest_points
 
+from regionik.worlds.arms import reach_bound
 from regionik.worlds.chain import Chain
 from regionik.worlds.errors import CauseKind
 from regionik.worlds.obstacles import Solid
-from regionik.worlds.pivoted_arm import reach_bound
 from regionik.worlds.scene import World
 from regionik.worlds.self_collision import base_body
 

@@ -18,8 +18,8 @@ from regionik.explain.changes import Move
 from regionik.explain.minimal_change import FINE, Opens, circle, sphere
 from regionik.explain.relaxations import without_obstacle
 from regionik.regions import path_areas
+from regionik.worlds.arms import reach_bound
 from regionik.worlds.arrays import Array
-from regionik.worlds.pivoted_arm import reach_bound
 from regionik.worlds.scene import World
 
 

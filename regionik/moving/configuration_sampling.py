@@ -31,9 +31,9 @@ from regionik.postures.arm_guard import SPARE, Guard
 from regionik.postures.poses import Pose, pose
 from regionik.postures.serial_solver import serial_solver
 from regionik.values import Configuration
+from regionik.worlds.arms import pivot_index, with_pivot
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
-from regionik.worlds.pivoted_arm import pivot_index, with_pivot
 from regionik.worlds.scene import World
 
 PLACES = 24  # of the base, looked through in one component

@@ -27,9 +27,9 @@ from regionik.postures.poses import LARGEST_BEND, Pose, Row, arrays, pose
 from regionik.postures.tool_goal import between as asked_between
 from regionik.postures.tool_goal import deviation
 from regionik.values import Configuration
+from regionik.worlds.arms import pivot_index, with_pivot
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import RegionikError
-from regionik.worlds.pivoted_arm import pivot_index, with_pivot
 from regionik.worlds.scene import Target, World
 
 TOOL_STRIDE = 0.05  # longest way of base or tool between two states on the path [m]

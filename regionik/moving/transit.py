@@ -14,7 +14,7 @@ from regionik.planners.clearance.proximity import Touch
 from regionik.planners.driving.point_planner import NoPathError
 from regionik.postures.arm_guard import Guard
 from regionik.postures.poses import Pose
-from regionik.worlds.pivoted_arm import pivot_index, with_pivot
+from regionik.worlds.arms import pivot_index, with_pivot
 from regionik.worlds.scene import World
 
 WITHDRAWALS = (0.0, 0.1, 0.2, 0.4, 0.6)  # how far the base draws back before the arm folds [m]

@@ -18,11 +18,10 @@ from typing import Any
 import numpy as np
 from shapely.geometry import Point, mapping
 
-from regionik.executors import AHEAD, Pool, handed_out
+from regionik.executors import AHEAD, Pool, map_unordered
 from regionik.reachability.reach import CHUNK, Answer, reach
-from regionik.storage.files import open_partial, write_atomic
-from regionik.storage.geojson import feature, feature_collection
-from regionik.storage.json_values import json_text, json_values
+from regionik.storage.files import json_text, json_values, open_partial, write_atomic
+from regionik.storage.plan_document import feature, feature_collection
 from regionik.values import Stop
 from regionik.worlds.arrays import Array
 from regionik.worlds.documents.world_file import world_to_document
@@ -212,7 +211,7 @@ def stream_answers(
         missing = ((k, blocks.block(k)) for k in range(len(blocks)) if k not in counts)
         report("reach", len(counts), len(blocks))
         done = dict(counts)
-        for k, (data, yes, total) in handed_out(world, _answer_block, missing, executor, ahead):
+        for k, (data, yes, total) in map_unordered(world, _answer_block, missing, executor, ahead):
             partial.write_part(k, data, yes, total)
             done[k] = yes, total
             report("reach", len(done), len(blocks))

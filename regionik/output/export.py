@@ -15,8 +15,7 @@ import numpy as np
 from regionik.output.ros2 import FRAME, SUFFIXES, both_messages, joint_trajectory, message_text, path_message
 from regionik.output.urdf import robot_to_urdf
 from regionik.storage.files import write_atomic
-from regionik.storage.geojson import feature, multipolygon
-from regionik.storage.plan_document import PARTS
+from regionik.storage.plan_document import PARTS, feature, multipolygon
 from regionik.timing.limits import tool_velocity
 from regionik.timing.sampling import instants, is_timed
 from regionik.timing.trajectory import trajectory

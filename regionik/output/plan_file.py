@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 import shapely
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import Field
 from shapely.geometry import LinearRing, MultiPolygon, Polygon
 
 from regionik.storage.plan_document import PARTS, VERSION
@@ -18,7 +18,7 @@ from regionik.values import Configuration, Motion, Plan, PlannedArea, Stop
 from regionik.worlds.documents.world_file import world_from_document
 from regionik.worlds.errors import InputError
 from regionik.worlds.readers.text import check_count, check_plain_file
-from regionik.worlds.readers.validation import LARGEST, Many
+from regionik.worlds.readers.validation import LARGEST, Many, Strict, validated
 from regionik.worlds.scene import StopCriterion, World
 
 SIZE_LIMIT = 256 * 2**20  # [bytes]
@@ -32,11 +32,7 @@ Position = Annotated[list[Number], Field(min_length=2, max_length=2)]
 Ring = Annotated[Many[Position], Field(min_length=4, description="closed: the last position is the first")]
 
 
-class _Record(BaseModel):
-    model_config = ConfigDict(strict=True, extra="forbid")
-
-
-class SetpointRecord(_Record):
+class SetpointRecord(Strict):
     """Base and arm that put the tool on one target."""
 
     target: Three = Field(description="x, y, z [m]")
@@ -47,7 +43,7 @@ class SetpointRecord(_Record):
     converged: bool
 
 
-class StateRecord(_Record):
+class StateRecord(Strict):
     """One moment of the motion.
 
     Between neighbours the base turns the shorter way and joints move linearly. A base on wheels rolls along
@@ -62,28 +58,28 @@ class StateRecord(_Record):
     tool: Three = Field(description="x, y, z [m]")
 
 
-class MultiPolygonRecord(_Record):
+class MultiPolygonRecord(Strict):
     """A GeoJSON MultiPolygon on the floor [m]; it may be empty."""
 
     type: Literal["MultiPolygon"]
     coordinates: Many[Annotated[Many[Ring], Field(min_length=1)]]
 
 
-class PartsRecord(_Record):
+class PartsRecord(Strict):
     """A GeoJSON GeometryCollection: admissible, pruned and rejected, in this order."""
 
     type: Literal["GeometryCollection"]
     geometries: Annotated[list[MultiPolygonRecord], Field(min_length=3, max_length=3)]
 
 
-class PropertiesRecord(_Record):
+class PropertiesRecord(Strict):
     """Properties of an area feature."""
 
     setpoint: Index = Field(description="counts from 0")
     parts: Annotated[list[Literal["admissible", "pruned", "rejected"]], Field(min_length=3, max_length=3)]
 
 
-class AreaRecord(_Record):
+class AreaRecord(Strict):
     """Floor areas of one set-point."""
 
     type: Literal["Feature"]
@@ -91,14 +87,14 @@ class AreaRecord(_Record):
     geometry: PartsRecord
 
 
-class AreasRecord(_Record):
+class AreasRecord(Strict):
     """A GeoJSON FeatureCollection, one feature per set-point in order, or none where they are too many."""
 
     type: Literal["FeatureCollection"]
     features: Many[AreaRecord]
 
 
-class StopRecord(_Record):
+class StopRecord(Strict):
     """A place at which the base stands still while the arm does some set-points."""
 
     base: Three = Field(description="x, y [m], yaw [rad]")
@@ -107,7 +103,7 @@ class StopRecord(_Record):
     criterion: StopCriterion = Field(description="what made this the best place of the stop")
 
 
-class PlanRecord(_Record):
+class PlanRecord(Strict):
     """A whole-path plan of regionik. Metres, radians, seconds; right-handed, z up, x forward."""
 
     version: Literal[1]
@@ -183,26 +179,7 @@ def _record(document: Any, where: str) -> PlanRecord:
     version = document.get("version")
     if version != VERSION or isinstance(version, bool):
         raise InputError(f"{where}: version: expected {VERSION}, got {json.dumps(version)[:40]}")
-    try:
-        return PlanRecord.model_validate(document)
-    except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        raise InputError(f"{where}: {_place(first['loc'])}: {_expectation(dict(first))}") from None
-
-
-def _place(steps: tuple[int | str, ...]) -> str:
-    text = "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in steps)
-    return text.removeprefix(".")
-
-
-def _expectation(error: dict[str, Any]) -> str:
-    if error["type"] == "missing":
-        return "expected this entry, it is missing"
-    if error["type"] == "extra_forbidden":
-        return "expected no such entry"
-    expected = str(error["msg"]).removeprefix("Input should be ")
-    got = error["input"]
-    return f"expected {expected}, got {json.dumps(got)[:60]}"
+    return validated(PlanRecord, document, where)
 
 
 def _mismatches(record: PlanRecord, world: World) -> Iterator[tuple[str, object, object]]:

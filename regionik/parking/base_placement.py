@@ -19,8 +19,8 @@ from regionik.planners.coverage.tours import short_tour
 from regionik.planners.solvers.serial_chain import chain_frames, chain_jacobian, serial_arm
 from regionik.postures.families import Family
 from regionik.values import Configuration, Stop
+from regionik.worlds.arms import pivot_index, with_pivot
 from regionik.worlds.arrays import Array
-from regionik.worlds.pivoted_arm import pivot_index, with_pivot
 from regionik.worlds.scene import World
 
 PLACES = 24  # of a stop that a criterion is asked about before the best is bettered

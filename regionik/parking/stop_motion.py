@@ -24,9 +24,9 @@ from regionik.parking.fewest_stops import StopGroup
 from regionik.parking.stops import StopSequence
 from regionik.postures.poses import Pose, Row
 from regionik.values import Stop
+from regionik.worlds.arms import pivot_index
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Cause, Explanation, NoPlanFound
-from regionik.worlds.pivoted_arm import pivot_index
 from regionik.worlds.scene import World
 
 PLACES = 8  # of a stop that are tried

@@ -24,8 +24,8 @@ from regionik.planners.solvers.posture_criteria import COMFORT, Thresholds, meet
 from regionik.postures.families import Family, families_of
 from regionik.postures.serial_solver import MOST_PASSES, Reached
 from regionik.postures.tool_goal import deviation
+from regionik.worlds.arms import PlanarArm
 from regionik.worlds.arrays import Array
-from regionik.worlds.planar_arm import PlanarArm
 from regionik.worlds.scene import Target
 
 ANGLE_SLACK = 1e-9  # rounding allowed at the edge of a cone [rad]

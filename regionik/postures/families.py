@@ -9,7 +9,7 @@ import numpy as np
 
 from regionik.planners.reach.rings import FREE
 from regionik.planners.reach.tool_roll import out_of_roll, swings
-from regionik.worlds.planar_arm import PlanarArm
+from regionik.worlds.arms import PlanarArm
 from regionik.worlds.scene import Target
 
 FRONT, BACK = 1, -1

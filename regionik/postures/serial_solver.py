@@ -17,9 +17,9 @@ from regionik.planners.solvers.mfabrik_serial import ArmStand, follow_with_resta
 from regionik.planners.solvers.multistart_ik import Effort, solve
 from regionik.planners.solvers.rigid_bodies import RigidBodies, pointing_bodies, posing_bodies, span
 from regionik.postures.tool_goal import HELD, aim_of
+from regionik.worlds.arms import pivot_index, reach_bound, with_pivot
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
-from regionik.worlds.pivoted_arm import pivot_index, reach_bound, with_pivot
 from regionik.worlds.scene import Target
 
 MOST_PASSES = 100

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from shapely.geometry import Point
 
 from regionik.areas.standing import anywhere
-from regionik.executors import Pool, handed_out
+from regionik.executors import Pool, map_unordered
 from regionik.explain.failures import no_place
 from regionik.explain.sentences import no_way_to, places_open, spot
 from regionik.mfabrik import axis_of, pose_of, solver_for
@@ -120,7 +120,7 @@ def reach(
     chunks = [asked[k : k + chunk] for k in range(0, max(1, len(asked)), chunk)]
     parts: dict[int, Answer] = {}
     done = 0
-    for k, answer in handed_out(world, _answered, enumerate(chunks), executor):
+    for k, answer in map_unordered(world, _answered, enumerate(chunks), executor):
         parts[k] = answer
         done += len(answer.reachable)
         if progress is not None:

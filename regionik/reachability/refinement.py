@@ -25,9 +25,9 @@ from regionik.planners.search.box_search import WHOLE, Verdict, begin, explore, 
 from regionik.postures.families import BACK, FRONT, Family
 from regionik.postures.poses import Pose
 from regionik.postures.tool_goal import goal_of
+from regionik.worlds.arms import reach_bound
 from regionik.worlds.arrays import Array
 from regionik.worlds.obstacles import Shadow
-from regionik.worlds.pivoted_arm import reach_bound
 from regionik.worlds.scene import Target, World
 
 ARCS = 768  # vertices of a full circle

@@ -6,8 +6,10 @@ made from. Once all of them exist, they are joined, the file is moved into place
 
 from __future__ import annotations
 
+import dataclasses
 import fcntl
 import json
+import math
 import os
 import re
 import secrets
@@ -16,7 +18,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 from regionik.worlds.errors import InputError
 
@@ -104,18 +106,10 @@ def _remove_leftovers(target: Path) -> None:
 
 @dataclass(frozen=True)
 class PartialFile:
-    """A file that is being written in parts.
+    """A file that is being written in parts."""
 
-    Attributes
-    ----------
-    file : Path
-        The parts are joined to it.
-    folder : Path
-        It holds the parts written so far.
-    """
-
-    file: Path
-    folder: Path
+    file: Path  # the parts are joined to it
+    folder: Path  # it holds the parts written so far
 
     def counts(self) -> dict[int, tuple[int, int]]:
         """Return the counts of each part written so far by its number: rows that say yes, and all rows."""
@@ -204,3 +198,28 @@ def _check_manifest(folder: Path, manifest: Mapping[str, object]) -> None:
             f"{folder}: holds parts of a run with another {' and another '.join(other)}; "
             "finish that one first, or remove the folder to start again"
         )
+
+
+def json_values(value: Any) -> Any:
+    """Any result as dicts, lists, strings, numbers, booleans and None.
+
+    Dataclasses become dicts by their fields, geometries GeoJSON; NaN and infinities become None.
+    """
+    if isinstance(value, Mapping):
+        return {str(key): json_values(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [json_values(item) for item in value]
+    if isinstance(value, float):
+        return float(value) if math.isfinite(value) else None
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        return {one.name: json_values(getattr(value, one.name)) for one in dataclasses.fields(value)}
+    if hasattr(value, "__geo_interface__"):
+        return json_values(value.__geo_interface__)
+    if hasattr(value, "tolist"):  # an array or a number of numpy
+        return json_values(value.tolist())
+    return value
+
+
+def json_text(value: Any) -> str:
+    """A result as indented JSON, as it is written to files."""
+    return json.dumps(json_values(value), indent=2, allow_nan=False) + "\n"

@@ -7,7 +7,7 @@ import numpy as np
 from regionik.values import Violation
 from regionik.verification.findings import Finding, Words, finding
 from regionik.verification.motion import Journey, wrapped
-from regionik.worlds.pivoted_arm import pivot_index, with_pivot
+from regionik.worlds.arms import pivot_index, with_pivot
 from regionik.worlds.scene import World
 
 TURNED = 1e-6  # by which a base may be turned that is not to turn [rad]

@@ -23,9 +23,8 @@ from shapely.geometry.base import BaseGeometry
 from regionik.reachability.field import Field
 from regionik.storage.files import write_atomic
 from regionik.values import Plan, Stop
-from regionik.view.floor_plan import FloorView, plan_floor, stops_floor
+from regionik.view.figure_data import FloorView, PlanCurves, plan_curves, plan_floor, stops_floor
 from regionik.view.picture import Color, count_noun
-from regionik.view.plan_curves import PlanCurves, plan_curves
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError
 from regionik.worlds.scene import World

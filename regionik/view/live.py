@@ -1,38 +1,197 @@
-"""`show --live`: watch a world file and draw again what its changes affect."""
+"""`show --live`: watch a world file, and compute and draw again only what its changes affect.
+
+The area of a set-point depends on the set-point, the robot, the rules, the floor, and the obstacles within
+its reach. While the others stay, an obstacle that is added, removed or moved affects only the set-points
+whose reach meets its grown shadow, before or after.
+"""
 
 from __future__ import annotations
 
 import gc
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-from regionik.areas.ground import grow, shadow_of
+from regionik.areas.ground import GUARD, Geometries, ground_of, grow, shadow_of
+from regionik.areas.standing import anywhere
+from regionik.pruning import Pruned, cut_path, prune_path
+from regionik.regions import PathAreas, path_areas, ways_to_stand
 from regionik.view import triangle_meshes
-from regionik.view.camera import camera_for
-from regionik.view.live_areas import LiveAreas, live_areas
-from regionik.view.picture import Color, Picture, SceneMesh, count_noun
+from regionik.view.picture import Color, Picture, SceneMesh, camera_for, count_noun
 from regionik.view.viewer import delete_node, draw_meshes, draw_message, set_scene
 from regionik.view.world_picture import (
     DETAIL,
     floor_layer,
     floor_radius,
     map_meshes,
-    obstacle_mesh,
     robot_meshes,
+    scene_obstacle,
     start_state,
     task_meshes,
 )
 from regionik.worlds.documents.world_file import load_world
-from regionik.worlds.errors import InputError
+from regionik.worlds.errors import Explanation, InputError, NoPlanFound
 from regionik.worlds.obstacles import Solid
 from regionik.worlds.scene import Floor, World
+
+Index = NDArray[np.intp]
+
+
+@dataclass(frozen=True, eq=False)
+class LiveAreas:
+    """Areas and verdict of a world, before anything is planned in full."""
+
+    world: World
+    areas: PathAreas  # of every set-point, over the arm's front and back, at any heading of the base
+    pruned: Pruned | None  # areas that whole traversals use; None where there is none
+    explanation: Explanation | None  # why there is none
+    recomputed: tuple[int, ...]  # set-points whose areas were computed anew
+
+
+def live_areas(world: World, before: LiveAreas | None = None) -> LiveAreas:
+    """Return the areas of a world with a task, and whether they admit the whole path.
+
+    Parameters
+    ----------
+    world : World
+    before : LiveAreas, optional
+        Of an earlier version of the world; what has not changed is taken from there.
+
+    Examples
+    --------
+    >>> from regionik.worlds.documents.world_file import load_world
+    >>> first = live_areas(load_world("pillar"))
+    >>> again = live_areas(load_world("pillar"), first)
+    >>> first.explanation is None, len(first.recomputed), len(again.recomputed)
+    (True, 15, 0)
+    """
+    if before is not None:
+        world = _with_unchanged_parts(world, before.world)
+    standing = anywhere(world)
+    kept = {} if before is None else _kept_targets(before, world)
+    recomputed = tuple(i for i in range(len(world.task)) if i not in kept)
+    fresh = path_areas(world, [world.task[i] for i in recomputed], standing=standing)
+    areas = _combined(fresh, recomputed, before.areas if before else fresh, kept)
+    pruned, explanation = _prune(world, areas)
+    return LiveAreas(world, areas, pruned, explanation, recomputed)
+
+
+def _prune(world: World, areas: PathAreas) -> tuple[Pruned | None, Explanation | None]:
+    """The plainest way to stand and to face that needs no lift-off, as plans choose it; or the fewest."""
+    found: list[Pruned] = []
+    explanation = None
+    for standing, facings in ways_to_stand(world):
+        try:
+            if standing is anywhere:
+                rows = np.flatnonzero([family.facing in facings for family in areas.family])
+                found.append(cut_path(world, standing(world), _select(areas, rows)))
+            else:
+                found.append(prune_path(world, standing(world), facings)[1])
+        except NoPlanFound as failure:
+            explanation = failure.explanation
+        else:
+            if not found[-1].breaks:
+                break
+    return (min(found, key=lambda one: len(one.breaks)), None) if found else (None, explanation)
+
+
+def _with_unchanged_parts(world: World, before: World) -> World:
+    """The world with parts equal to those before replaced by them: caches know them by identity."""
+    solids: dict[str, list[Solid]] = {}
+    for solid in before.obstacles:
+        solids.setdefault(solid.name, []).append(solid)
+    obstacles = tuple(
+        next((twin for twin in solids.get(one.name, []) if is_equal(one, twin)), one)
+        for one in world.obstacles
+    )
+    floor = before.floor if is_equal(world.floor, before.floor) else world.floor
+    robot = before.robot if is_equal(world.robot, before.robot) else world.robot
+    return replace(world, obstacles=obstacles, floor=floor, robot=robot)
+
+
+def _kept_targets(before: LiveAreas, world: World) -> dict[int, int]:
+    """Set-points whose area has not changed, each with its index before."""
+    old = before.world
+    same = is_equal((old.robot, old.floor, old.rules), (world.robot, world.floor, world.rules))
+    if not same or (world.rules.heading == "fixed" and not is_equal(old.start, world.start)):
+        return {}
+    changed = _changed_shadows(old, world)
+    affected = np.zeros(len(old.task), dtype=bool)
+    if len(changed):
+        rows, _ = shapely.STRtree(changed).query(before.areas.reach, predicate="intersects")
+        affected[before.areas.target[rows]] = True
+    others = np.flatnonzero(~affected).tolist()
+    kept: dict[int, int] = {}
+    for i, target in enumerate(world.task):
+        first = [i] if i < len(old.task) and not affected[i] else []  # most keep their index
+        for j in (*first, *others):
+            if is_equal(old.task[j], target):
+                kept[i] = j
+                break
+    return kept
+
+
+def _changed_shadows(before: World, after: World) -> Geometries:
+    """Grown shadows of the obstacles that are not in both worlds."""
+    shadows = []
+    for one, other in ((before, after), (after, before)):
+        shared = {id(solid) for solid in other.obstacles}
+        distance = ground_of(one).clearance + ground_of(one).far + GUARD
+        for solid in one.obstacles:
+            shadow = None if id(solid) in shared else shadow_of(solid, one.robot.body_height)
+            if shadow is not None:
+                shadows.append(grow(shadow, distance, inner=True))
+    shapes: Geometries = np.array(shadows, dtype=object)
+    return shapes
+
+
+def _combined(
+    fresh: PathAreas, recomputed: Sequence[int], before: PathAreas, kept: dict[int, int]
+) -> PathAreas:
+    """Rows of the areas computed anew and of those kept, by set-point."""
+    new = np.array(recomputed, dtype=np.intp)[fresh.target]
+    old = [(i, row) for i, j in kept.items() for row in np.flatnonzero(before.target == j).tolist()]
+    pairs = np.array(old, dtype=np.intp).reshape(-1, 2)
+    parts = _select(before, pairs[:, 1])
+    target = np.concatenate([new, pairs[:, 0]])
+    order = np.argsort(target, kind="stable")
+    families = (*fresh.family, *parts.family)
+    return PathAreas(
+        target[order],
+        tuple(families[k] for k in order.tolist()),
+        np.concatenate([fresh.side, parts.side])[order],
+        np.concatenate([fresh.reach, parts.reach])[order],
+        np.concatenate([fresh.inner, parts.inner])[order],
+    )
+
+
+def _select(areas: PathAreas, rows: Index) -> PathAreas:
+    family = tuple(areas.family[k] for k in rows.tolist())
+    return PathAreas(areas.target[rows], family, areas.side[rows], areas.reach[rows], areas.inner[rows])
+
+
+def is_equal(a: Any, b: Any) -> bool:
+    """Compare two values, dataclasses by their fields and arrays by their numbers."""
+    if a is b:
+        return True
+    if type(a) is not type(b):
+        return False
+    if isinstance(a, np.ndarray):
+        return a.shape == b.shape and bool((a == b).all())
+    if isinstance(a, tuple):
+        return len(a) == len(b) and all(map(is_equal, a, b))
+    if is_dataclass(a):
+        return all(is_equal(getattr(a, field.name), getattr(b, field.name)) for field in fields(a))
+    return bool(a == b)
+
 
 POLL_INTERVAL = 0.05  # [s]
 
@@ -168,7 +327,7 @@ def live_meshes(areas: LiveAreas) -> list[SceneMesh]:
 @lru_cache(maxsize=4)
 def _floor_meshes(floor: Floor) -> tuple[SceneMesh, ...]:
     return (
-        SceneMesh("floor/all", triangle_meshes.triangulate(floor.polygon), Color.FLOOR, 1.0, 0),
+        SceneMesh("floor/all", triangle_meshes.floor_mesh(floor.polygon), Color.FLOOR, 1.0, 0),
         floor_layer("floor/free", floor.polygon, Color.NAVIGABLE, 0.55, 1),
         *map_meshes(floor),
     )
@@ -177,7 +336,7 @@ def _floor_meshes(floor: Floor) -> tuple[SceneMesh, ...]:
 @lru_cache(maxsize=4096)
 def _obstacle_meshes(solid: Solid, k: int, height: float, distance: float) -> tuple[SceneMesh, ...]:
     """An obstacle and its rejection, which is opaque: two of them may overlap."""
-    shadow, mesh = shadow_of(solid, height), obstacle_mesh(f"obstacles/{k}", solid)
+    shadow, mesh = shadow_of(solid, height), scene_obstacle(f"obstacles/{k}", solid)
     if shadow is None:
         return (mesh,)
     rejected = grow(shadow, distance, inner=False).simplify(DETAIL)

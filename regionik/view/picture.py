@@ -8,8 +8,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from regionik.view.triangle_meshes import TriangleMesh
+from regionik.view.triangle_meshes import TriangleMesh, shadow_polygon
 from regionik.worlds.arrays import Array
+from regionik.worlds.scene import World
 
 TrackKind = Literal["position", "turn", "color", "faces"]
 
@@ -28,92 +29,130 @@ class Color:
 
 @dataclass(frozen=True, eq=False)
 class SceneMesh:
-    """One mesh of one colour, or of one colour a face.
+    """One mesh of one colour, or of one colour a face."""
 
-    Attributes
-    ----------
-    path : str
-        Its node in the scene.
-    mesh : TriangleMesh
-    color : int
-        0xRRGGBB
-    opacity : float
-    layer : int or None
-        Flat areas lie on the floor in this order and hide nothing of higher layers; None is a solid.
-    lit : bool
-        Whether light and shadow fall on it.
-    colors : (m, 3) array or None
-        Of faces, from 0 to 1; they replace ``color``.
-    """
-
-    path: str
+    path: str  # its node in the scene
     mesh: TriangleMesh
-    color: int
+    color: int  # 0xRRGGBB
     opacity: float = 1.0
-    layer: int | None = None
-    lit: bool = True
-    colors: Array | None = None
+    layer: int | None = None  # floor areas lie in this order and hide no higher layer; None: a solid
+    lit: bool = True  # light and shadow fall on it
+    colors: Array | None = None  # (m, 3) of faces, from 0 to 1; they replace ``color``
 
 
 @dataclass(frozen=True, eq=False)
 class KeyframeTrack:
     """The animation of one property of a node.
 
-    Attributes
-    ----------
-    path : str
-    kind : {"position", "turn", "color", "faces"}
-        Positions and turns of a node are interpolated between keys; the colour of a mesh, and which of its
-        faces are drawn, jump at their keys.
-    times : (n,) array
-        [s]
-    values : (n, k) array
-        x, y, z [m]; quaternion x, y, z, w; red, green, blue from 0 to 1; first face and count.
+    Positions and turns of a node are interpolated between keys; the colour of a mesh, and which of its faces
+    are drawn, jump at their keys.
     """
 
     path: str
     kind: TrackKind
-    times: Array
+    times: Array  # (n,) [s]
+    # (n, k) x, y, z [m]; quaternion x, y, z, w; red, green, blue from 0 to 1; first face and count
     values: Array | NDArray[np.int64]
 
 
 @dataclass(frozen=True, eq=False)
 class Camera:
-    """Position of the eye and of the point that it looks at, both (3,) [m]."""
+    """Position of the eye and of the point that it looks at."""
 
-    eye: Array
-    center: Array
+    eye: Array  # (3,) [m]
+    center: Array  # (3,) [m]
 
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """All that a viewer needs: meshes, poses of nodes, motion, camera and the text beside them.
-
-    Attributes
-    ----------
-    title : str
-    facts : tuple of str
-    legend : tuple of (color, text)
-    bodies : tuple of SceneMesh
-    poses : dict
-        (4, 4) arrays by path; nodes that are not named stand at the identity of their parent.
-    camera : Camera
-    extent : float
-        Radius about the camera's centre that holds the floor [m].
-    tracks : tuple of KeyframeTrack
-        The animation; empty where nothing moves. All tracks have the same duration.
-    """
+    """All that a viewer needs: meshes, poses of nodes, motion, camera and the text beside them."""
 
     title: str
     facts: tuple[str, ...]
-    legend: tuple[tuple[int, str], ...]
+    legend: tuple[tuple[int, str], ...]  # colours and what they mean
     bodies: tuple[SceneMesh, ...]
-    poses: dict[str, Array]
+    poses: dict[str, Array]  # (4, 4) by path; other nodes stand at the identity of their parent
     camera: Camera
-    extent: float
-    tracks: tuple[KeyframeTrack, ...] = ()
+    extent: float  # radius about the camera's centre that holds the floor [m]
+    tracks: tuple[KeyframeTrack, ...] = ()  # empty where nothing moves; all have the same duration
 
 
 def count_noun(count: int, noun: str) -> str:
     """A number and its noun, in the plural where there is not one."""
     return f"{count} {noun}" + ("" if count == 1 else "s")
+
+
+VIEW_ANGLE = np.radians(42.0)  # from bottom to top of the window
+_ASPECT = 1.45  # narrower than common windows, which leaves room for the legend
+_MARGIN = 0.8  # about set-points and base [m]
+_LOW = 0.3  # obstacles below this height hide little [m]
+# From the south first, as on a drawing with north up; others, and steeper ones, only where they see more.
+_AZIMUTHS = np.radians([-100.0, -60.0, -140.0, 80.0, 120.0, 40.0, 0.0, 180.0])
+_ELEVATIONS = np.radians([48.0, 62.0, 76.0])
+
+
+def camera_for(world: World, spots: Array) -> Camera:
+    """Return a camera for a world in which the base visits ``spots`` (n, 2) [m]."""
+    targets = np.array([t.position for t in world.task]).reshape(-1, 3)
+    low, high = _ground_of_interest(world, np.vstack([targets[:, :2], spots]))
+    top = max(0.3, float(targets[:, 2].max(initial=0.0)))
+    corners = np.array([[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (0.0, top)])
+    center = np.array([*(low + high) / 2, 0.0])
+    directions = [_toward(azimuth, elevation) for elevation in _ELEVATIONS for azimuth in _AZIMUTHS]
+    eyes = [center + _distance(corners - center, back) * back for back in directions]
+    some = targets[:: 1 + len(targets) // 60]
+    floor = np.vstack([some[:, :2], spots[:: 1 + len(spots) // 60]])
+    sights = np.vstack([some, np.column_stack([floor, np.zeros(len(floor))])])
+    boxes = _boxes(world)
+    hidden = [_hidden(boxes, eye, sights) for eye in eyes]
+    return Camera(eyes[int(np.argmin(hidden))], center)
+
+
+def _ground_of_interest(world: World, spots: Array) -> tuple[Array, Array]:
+    """Corners of the floor around all set-points and base positions."""
+    x_low, y_low, x_high, y_high = world.floor.polygon.bounds
+    first, last = spots.min(axis=0), spots.max(axis=0)
+    low = np.minimum(np.maximum(first - _MARGIN, [x_low, y_low]), first)
+    high = np.maximum(np.minimum(last + _MARGIN, [x_high, y_high]), last)
+    return low, high
+
+
+def _toward(azimuth: float, elevation: float) -> Array:
+    """Unit vector from the scene to the eye."""
+    flat = np.cos(elevation)
+    return np.array([flat * np.cos(azimuth), flat * np.sin(azimuth), np.sin(elevation)])
+
+
+def _distance(corners: Array, back: Array) -> float:
+    """Distance of the eye from the centre to see all corners (n, 3), given relative to it [m]."""
+    right, up, _ = camera_axes(back)
+    tall = np.tan(VIEW_ANGLE / 2)
+    need = np.maximum(np.abs(corners @ up) / tall, np.abs(corners @ right) / (tall * _ASPECT))
+    return max(1.0, float((need + corners @ back).max()) * 1.04)
+
+
+def camera_axes(back: Array) -> tuple[Array, Array, Array]:
+    """Unit vectors (3,) to the right of the view, upwards, and back to the eye, which is given."""
+    right = np.cross([0.0, 0.0, 1.0], back)
+    right /= np.linalg.norm(right)
+    return right, np.cross(back, right), back
+
+
+def _boxes(world: World) -> Array:
+    """Bounding boxes (n, 2, 3) of obstacles [m]; map cells hide the same from everywhere."""
+    boxes = []
+    for solid in (obstacle for obstacle in world.obstacles if obstacle.z_range[1] > _LOW):
+        x_low, y_low, x_high, y_high = shadow_polygon(solid).bounds
+        boxes.append([[x_low, y_low, solid.z_range[0]], [x_high, y_high, solid.z_range[1]]])
+    return np.array(boxes).reshape(-1, 2, 3)
+
+
+def _hidden(boxes: Array, eye: Array, sights: Array) -> int:
+    """Number of points (n, 3) behind boxes, by the slab test."""
+    sides = boxes - eye
+    ray = sights[:, None, :] - eye
+    ray = np.where(np.abs(ray) < 1e-12, 1e-12, ray)
+    # A ray is inside a box between its last entry and its first exit. The point itself may touch.
+    enter, leave = sides[None, :, 0] / ray, sides[None, :, 1] / ray
+    first, last = np.minimum(enter, leave).max(axis=2), np.maximum(enter, leave).min(axis=2)
+    return int(((first < last) & (first < 0.98) & (last > 0.0)).any(axis=1).sum())

@@ -50,7 +50,7 @@ def split_vertices(part: TriangleMesh) -> TriangleMesh:
     return _from_corners(part.vertices[part.faces])
 
 
-def triangulate(area: BaseGeometry, z: float = 0.0) -> TriangleMesh:
+def floor_mesh(area: BaseGeometry, z: float = 0.0) -> TriangleMesh:
     """Cut a floor area into triangles at height z [m]."""
     pieces = [p for p in shapely.get_parts(area) if isinstance(p, Polygon) and p.area > 0]
     cut = [shapely.get_parts(shapely.constrained_delaunay_triangles(p)) for p in pieces]
@@ -70,7 +70,7 @@ def extrude(area: BaseGeometry, bottom: float, top: float) -> TriangleMesh:
             low, high = np.full((len(a), 1), bottom), np.full((len(a), 1), top)
             a0, b0, a1, b1 = (np.hstack(p) for p in ((a, low), (b, low), (a, high), (b, high)))
             walls += [np.stack([a0, b0, b1], axis=1), np.stack([a0, b1, a1], axis=1)]
-    return merge([_from_corners(np.vstack(walls)), triangulate(area, top)])
+    return merge([_from_corners(np.vstack(walls)), floor_mesh(area, top)])
 
 
 def capsule(start: Array, end: Array, radius: float) -> TriangleMesh:
@@ -141,7 +141,7 @@ def obstacle_mesh(body: Solid) -> TriangleMesh:
     """The surface of an obstacle."""
     match body:
         case Box() | Cylinder():
-            return extrude(outline(body), *body.z_range)
+            return extrude(shadow_polygon(body), *body.z_range)
         case Sphere():
             return capsule(body.center, body.center, body.radius)
         case Prism():
@@ -159,7 +159,7 @@ def link_mesh(body: LinkSolid) -> TriangleMesh:
             return _from_corners(body.corners[_BOX_SIDES])
 
 
-def outline(body: Solid) -> BaseGeometry:
+def shadow_polygon(body: Solid) -> BaseGeometry:
     """The shadow of a whole obstacle on the floor, circles as polygons."""
     shadow = body.shadow(np.inf)
     if shadow is None:

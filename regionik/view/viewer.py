@@ -1,8 +1,9 @@
-"""Pictures in MeshCat, served live to a browser; the only file that imports it, which takes a second."""
+"""Pictures in MeshCat, served to a browser or as an offline page; the only file that imports it."""
 
 from __future__ import annotations
 
 import atexit
+import base64
 import io
 import os
 import subprocess
@@ -11,19 +12,21 @@ import textwrap
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from html import escape
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
+from string import Template
 from types import ModuleType
 from typing import Any
 
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
+from regionik.storage.files import write_atomic
 from regionik.values import Plan
 from regionik.view import triangle_meshes
-from regionik.view.camera import VIEW_ANGLE, camera_axes
-from regionik.view.picture import Camera, KeyframeTrack, Picture, SceneMesh
+from regionik.view.picture import VIEW_ANGLE, Camera, KeyframeTrack, Picture, SceneMesh, camera_axes
 from regionik.view.plan_picture import picture_of_plan
 from regionik.view.world_picture import picture_of_world
 from regionik.worlds.arrays import Array
@@ -31,6 +34,7 @@ from regionik.worlds.chain import translation
 from regionik.worlds.errors import EngineError
 from regionik.worlds.scene import World
 
+_PAGE = Path(__file__).with_name("page.html")
 _ROOT = "/meshcat"
 _BOARD_WIDTH = 1.6  # of the message board, in half heights of the view
 _FOREVER = 1_000_000  # repetitions of the animation
@@ -68,7 +72,7 @@ def show(what: Plan | World | Picture, open_browser: bool = True) -> Any:
     ----------
     what : Plan, World or Picture
     open_browser : bool
-        Whether to open a browser; the address is printed in any case.
+        The address is printed in any case.
 
     Returns
     -------
@@ -266,16 +270,9 @@ def _lights_and_camera(picture: Picture) -> Iterator[_Command]:
 def _sun(extent: float) -> dict[str, Any]:
     """A distant light whose shadows cover the whole floor."""
     position = 3.0 * extent * np.array([-0.35, -0.45, 1.0])
-    box = {
-        "left": -extent,
-        "right": extent,
-        "top": extent,
-        "bottom": -extent,
-        "near": 0.1,
-        "far": 8.0 * extent,
-    }
-    shadow_camera = {"uuid": "sun-camera", "type": "OrthographicCamera", "zoom": 1, **box}
-    shadow = {"bias": -0.0005, "radius": 2, "mapSize": [4096, 4096], "camera": shadow_camera}
+    camera = {"uuid": "sun-camera", "type": "OrthographicCamera", "zoom": 1, "near": 0.1, "far": 8.0 * extent}
+    camera |= {"left": -extent, "right": extent, "top": extent, "bottom": -extent}
+    shadow = {"bias": -0.0005, "radius": 2, "mapSize": [4096, 4096], "camera": camera}
     light = {"uuid": "sun", "type": "DirectionalLight", "color": 0xFFFFFF, "intensity": 0.45}
     return {
         "metadata": {"version": 4.5, "type": "Object"},
@@ -344,3 +341,35 @@ def _property(path: str, key: str, value: Any) -> _Command:
 def _transform(path: str, T: Array) -> _Command:
     columns = np.asarray(T, dtype=np.float64).T.flatten().tolist()
     return _Command("set_transform", path, {"matrix": columns})
+
+
+# --- offline pages
+
+
+def to_html(what: Plan | World | Picture, path: str | os.PathLike[str]) -> None:
+    """Write a plan, animated, or a world as one HTML file that needs no server and no network.
+
+    The same plan gives the same bytes.
+
+    Raises
+    ------
+    InputError
+        When the file cannot be written.
+    """
+    write_atomic(path, html_page(what))
+
+
+def html_page(what: Plan | World | Picture) -> str:
+    """Return the text of the file that `to_html` writes."""
+    picture = picture_of(what)
+    legend = (
+        f'<li><i style="background:#{color:06x}"></i>{escape(text)}</li>' for color, text in picture.legend
+    )
+    commands = (base64.b64encode(command).decode("ascii") for command in packed_commands(picture))
+    return Template(_PAGE.read_text("utf-8")).substitute(
+        title=escape(picture.title),
+        facts=escape(" · ".join(picture.facts)),
+        legend="\n".join(legend),
+        viewer=viewer_script(),
+        commands=",\n".join(f'"{command}"' for command in commands),
+    )

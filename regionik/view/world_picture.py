@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import replace
+
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
+from regionik.explain.changes import repaired
+from regionik.regions import admissible_area, reach_of
 from regionik.view import triangle_meshes
-from regionik.view.camera import camera_for
-from regionik.view.picture import Camera, Color, Picture, SceneMesh, count_noun
+from regionik.view.picture import Camera, Color, Picture, SceneMesh, camera_for, count_noun
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import planar_pose
+from regionik.worlds.errors import Explanation
 from regionik.worlds.obstacles import Solid
 from regionik.worlds.robot import LinkBox, Robot
-from regionik.worlds.scene import Floor, World
+from regionik.worlds.scene import Floor, Target, World
 
 MARK_RADIUS = 0.014  # of set-points [m]
 TOOL = "tool/tip"
@@ -51,10 +56,10 @@ def world_meshes(world: World, covered: BaseGeometry | None = None) -> list[Scen
     rejected = rejected_area(world).simplify(DETAIL)
     floor = world.floor.polygon
     return [
-        SceneMesh("floor/all", triangle_meshes.triangulate(floor), Color.FLOOR, 1.0, 0),
+        SceneMesh("floor/all", triangle_meshes.floor_mesh(floor), Color.FLOOR, 1.0, 0),
         floor_layer("floor/free", floor - rejected - covered, Color.NAVIGABLE, 0.55, 1),
         floor_layer("floor/rejected", (rejected & floor) - covered, Color.REJECTION, 0.6, 2),
-        *(obstacle_mesh(f"obstacles/{k}", solid) for k, solid in enumerate(world.obstacles)),
+        *(scene_obstacle(f"obstacles/{k}", solid) for k, solid in enumerate(world.obstacles)),
         *map_meshes(world.floor),
         *task_meshes(world),
     ]
@@ -62,7 +67,7 @@ def world_meshes(world: World, covered: BaseGeometry | None = None) -> list[Scen
 
 def floor_layer(path: str, area: BaseGeometry, color: int, opacity: float, order: int) -> SceneMesh:
     """A floor area as a flat mesh."""
-    return SceneMesh(path, triangle_meshes.triangulate(area), color, opacity, order, lit=False)
+    return SceneMesh(path, triangle_meshes.floor_mesh(area), color, opacity, order, lit=False)
 
 
 def rejected_area(world: World) -> BaseGeometry:
@@ -142,7 +147,7 @@ def _base_meshes(robot: Robot) -> list[SceneMesh]:
     ]
 
 
-def obstacle_mesh(path: str, solid: Solid) -> SceneMesh:
+def scene_obstacle(path: str, solid: Solid) -> SceneMesh:
     """An obstacle; a tall one is translucent, so that the robot behind it shows."""
     return _grey(path, triangle_meshes.obstacle_mesh(solid), solid.z_range[1])
 
@@ -174,3 +179,84 @@ def task_meshes(world: World, missing: NDArray[np.bool_] | None = None) -> list[
             if rows.any()
         ),
     ]
+
+
+_SHAFT = 0.008  # radius of arrows [m]
+
+
+def picture_of_explanation(world: World, explanation: Explanation, target: Target | None = None) -> Picture:
+    """The picture of why a target or a path is out of reach.
+
+    Parameters
+    ----------
+    world : World
+    explanation : Explanation
+    target : Target, optional
+        The one explained; by default the set-point that the explanation names.
+    """
+    i = 0 if target is not None or explanation.setpoint is None else explanation.setpoint
+    scene = world if target is None else replace(world, task=(target,))
+    before = picture_of_world(scene)
+    names = {cause.name for cause in explanation.causes if cause.kind == "obstacle"}
+    causes = {f"obstacles/{k}" for k, solid in enumerate(scene.obstacles) if solid.name in names}
+    bodies = [
+        replace(body, color=Color.CAUSE, opacity=max(0.75, body.opacity)) if body.path in causes else body
+        for body in before.bodies
+    ]
+    if explanation.setpoint is not None:
+        bodies += [*_areas(scene, explanation, i), *_changes(scene, explanation, i)]
+    blamed = ", ".join(cause.name for cause in explanation.causes)
+    return replace(
+        before,
+        title=f"{world.name}: why not",
+        facts=(f"in the way: {blamed}", *(repair.text for repair in explanation.repairs)),
+        legend=(
+            (Color.CAUSE, "what stands in the way; the set-point"),
+            (Color.REPAIR, "what a repair moves"),
+            (Color.PALE, "reach, were nothing in the way"),
+            (Color.STRONG, "area after the smallest repair"),
+            (Color.NAVIGABLE, "free floor"),
+            (Color.REJECTION, "rejected: too close to a solid"),
+            (Color.SOLID, "other obstacles"),
+            (Color.AHEAD, "set-points"),
+        ),
+        bodies=tuple(bodies),
+    )
+
+
+def _areas(world: World, explanation: Explanation, i: int) -> Iterator[SceneMesh]:
+    """Reach and area before, and the area after the smallest repair."""
+    target = world.task[i]
+    area = admissible_area(world, target).inner
+    yield floor_layer("why/reach", reach_of(world, target).simplify(DETAIL), Color.PALE, 0.5, 3)
+    yield floor_layer("why/before", area.simplify(DETAIL), Color.STRONG, 0.4, 4)
+    if explanation.repairs:
+        mended = repaired(world, explanation.repairs[0], i)
+        after = admissible_area(mended, mended.task[i]).inner
+        # The area after a smallest repair is next to nothing: a rim makes it visible.
+        yield floor_layer("why/after", after.buffer(0.01).simplify(DETAIL), Color.STRONG, 0.85, 5)
+
+
+def _changes(world: World, explanation: Explanation, i: int) -> Iterator[SceneMesh]:
+    """The set-point, and targets and obstacles where repairs move them, with arrows."""
+    position = world.task[i].position
+    yield SceneMesh("why/target", triangle_meshes.spheres(position[None], 1.8 * MARK_RADIUS), Color.CAUSE)
+    for k, repair in enumerate(explanation.repairs):
+        if repair.kind == "move-target":
+            start, move = position, np.array(repair.vector)
+            mesh, opacity = triangle_meshes.spheres((start + move)[None], 1.5 * MARK_RADIUS), 1.0
+        elif repair.kind == "move-obstacle":
+            before, after = (_obstacle(one, repair.name) for one in (world, repaired(world, repair)))
+            center = triangle_meshes.shadow_polygon(before).centroid
+            start = np.array([center.x, center.y, before.z_range[1] + 3 * _SHAFT])  # above the obstacle
+            move = np.array([*repair.vector, 0.0])
+            mesh, opacity = triangle_meshes.obstacle_mesh(after), 0.35
+        else:
+            continue
+        arrow = triangle_meshes.arrow(start, start + move, _SHAFT)
+        yield SceneMesh(f"why/move {k}", arrow, Color.REPAIR)
+        yield SceneMesh(f"why/moved {k}", mesh, Color.REPAIR, opacity)
+
+
+def _obstacle(world: World, name: str) -> Solid:
+    return next(solid for solid in world.obstacles if solid.name == name)

@@ -328,7 +328,7 @@ def robot_to_document(robot: Robot) -> str | dict[str, Any]:
 
 def _full_robot(robot: Robot) -> dict[str, Any]:
     document: dict[str, Any] = {"name": robot.name}
-    rows = dh_rows(robot.chain)
+    rows = robot.chain.dh_rows()
     if rows is None:
         joints = [_joint(joint) for joint in robot.chain.joints]
         document["chain"] = {"joints": joints, "tool": robot.chain.T_last_tool.tolist()}
@@ -352,38 +352,6 @@ def _full_robot(robot: Robot) -> dict[str, Any]:
         document["payload"] = float(robot.payload)
     document["carry"] = robot.carry.tolist()
     return document
-
-
-def dh_rows(chain: Chain) -> list[list[float]] | None:
-    """Return Denavit-Hartenberg rows that give exactly this chain again; None where there are none."""
-    plain = all(
-        joint.kind == "revolute" and joint.velocity == inf and joint.axis.tolist() == [0.0, 0.0, 1.0]
-        for joint in chain.joints
-    )
-    if not plain:
-        return None
-    frames = [joint.T_parent_joint for joint in chain.joints]
-    theta = [_angle(-T[0, 1], T[0, 0]) for T in frames]
-    rows = []
-    for k, (joint, T_next) in enumerate(zip(chain.joints, [*frames[1:], chain.T_last_tool], strict=True)):
-        alpha = _angle(-T_next[1, 2], T_next[2, 2])
-        d, a = float(T_next[2, 3]), float(T_next[0, 3])
-        rows.append([theta[k], d, a, alpha, float(joint.lower), float(joint.upper)])
-    again = Chain.from_dh(rows, chain.names)
-    made = [*(joint.T_parent_joint for joint in again.joints), again.T_last_tool]
-    exact = all(np.array_equal(T, M) for T, M in zip([*frames, chain.T_last_tool], made, strict=True))
-    return rows if exact else None
-
-
-def _angle(sine: float, cosine: float) -> float:
-    """Return the angle whose sine and cosine are exactly these, if one is near; else the nearest."""
-    nearest = float(np.arctan2(sine, cosine)) + 0.0
-    candidate = float(np.nextafter(np.nextafter(nearest, -inf), -inf))
-    for _ in range(5):
-        if np.sin(candidate) == sine and np.cos(candidate) == cosine:
-            return candidate
-        candidate = float(np.nextafter(candidate, inf))
-    return nearest
 
 
 def _joint(joint: Joint) -> dict[str, Any]:

@@ -23,7 +23,7 @@ from regionik.worlds.documents.robots import RobotPart, read_robot, robot_to_doc
 from regionik.worlds.documents.tasks import PiecePart, read_task, task_to_document
 from regionik.worlds.errors import located, located_error
 from regionik.worlds.obstacles import Solid
-from regionik.worlds.readers.text import SUFFIXES, plain_mapping, read_document
+from regionik.worlds.readers.text import SUFFIXES, is_file_name, plain_mapping, read_document
 from regionik.worlds.readers.validation import (
     Many,
     NotNegative,
@@ -143,9 +143,8 @@ def load_world(name_or_path: str | Path) -> World:
     >>> len(world.task), world.obstacles[0].name
     (15, 'pillar')
     """
-    text = str(name_or_path)
-    is_file = isinstance(name_or_path, Path) or text.lower().endswith(SUFFIXES) or "/" in text or "\\" in text
-    path = Path(text) if is_file else world_path(text)
+    is_file = is_file_name(name_or_path, SUFFIXES)
+    path = Path(name_or_path) if is_file else world_path(str(name_or_path))
     return world_from_document(read_document(path), str(path), path.parent)
 
 

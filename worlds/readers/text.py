@@ -1,7 +1,8 @@
-"""YAML and JSON files, read as plain values within bounds of size, depth and count.
+"""YAML, JSON and XML files, read within bounds of size, depth and count.
 
 YAML is read by the core schema of YAML 1.2 (``1e-3`` is a number and ``no`` is a word), without aliases,
-tags or duplicate keys.
+tags or duplicate keys. Of XML nothing is fetched, expanded or executed: a document type declaration, which
+defines entities, is refused.
 """
 
 from __future__ import annotations
@@ -9,18 +10,24 @@ from __future__ import annotations
 import json
 import math
 import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+from xml.parsers import expat
 
 import yaml
 
-from regionik.worlds.errors import InputError
+from regionik.worlds.errors import InputError, located
 
 JSON_LIMIT = 64 * 2**20  # [bytes]
 YAML_LIMIT = 16 * 2**20  # [bytes]
 DEPTH_LIMIT = 40
 VALUES_LIMIT = 2_000_000  # of a JSON file
 EVENTS_LIMIT = 400_000  # of a YAML file, which is read far more slowly: values, and both ends of lists
+XML_LIMIT = 16 * 2**20  # [bytes]
+ELEMENT_LIMIT = 100_000  # of an XML file
+ATTRIBUTE_LIMIT = 150_000  # as the parser's time grows with the square of their number in one element
 SUFFIXES = (".yaml", ".yml", ".json")
 
 _Base: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
@@ -75,6 +82,12 @@ def check_plain_file(path: Path) -> None:
     """Refuse folders, devices and pipes, which may have no end; a missing file is left to its reader."""
     if path.exists() and not path.is_file():
         raise InputError(f"{path}: cannot be read: expected a file, this is a folder, a device or a pipe")
+
+
+def is_file_name(name_or_path: str | Path, suffixes: tuple[str, ...]) -> bool:
+    """Return True for paths, and for text that is one: by its suffix, or as it names a folder."""
+    text = str(name_or_path)
+    return isinstance(name_or_path, Path) or text.lower().endswith(suffixes) or "/" in text or "\\" in text
 
 
 def check_count(text: str | bytes, limit: int, where: str) -> None:
@@ -199,3 +212,97 @@ def _scan(text: str, where: str) -> None:
 
 def _flat(value: object) -> str:
     return " ".join(str(value).split())
+
+
+# --- XML
+
+
+@dataclass(frozen=True)
+class Element:
+    """One element of an XML file."""
+
+    tag: str
+    attributes: dict[str, str]
+    line: int  # where it begins in its file, from 1
+    children: list[Element] = field(default_factory=list)
+    # text between its tags and those of its children, in pieces
+    texts: list[str] = field(default_factory=list)
+
+    def all(self, tag: str) -> Iterator[Element]:
+        """Return the children with this tag, in order."""
+        return (child for child in self.children if child.tag == tag)
+
+    def inside(self, *tags: str) -> list[Element]:
+        """Return the descendants at a path of tags, in order."""
+        found = [self]
+        for tag in tags:
+            found = [child for element in found for child in element.all(tag)]
+        return found
+
+    def first(self, tag: str) -> Element | None:
+        """Return the first child with this tag, or None."""
+        return next(self.all(tag), None)
+
+    def error(self, text: str) -> InputError:
+        """Return an error that names the line of this element; `located` puts the file before it."""
+        return InputError(f"line {self.line}: {text}")
+
+
+def read_xml(path: Path, limit: int = XML_LIMIT) -> Element:
+    """Return the root element of an XML file in UTF-8 of at most ``limit`` bytes.
+
+    Raises
+    ------
+    InputError
+        One line: the file, the line in it where known, and what was expected.
+    """
+    text = read_text(path, limit)
+    with located(str(path), ""):
+        if text.count("=") > ATTRIBUTE_LIMIT:
+            raise InputError(f"expected at most {ATTRIBUTE_LIMIT} attributes")
+        return _TreeBuilder().parse(text)
+
+
+class _TreeBuilder:
+    """Builds the tree of elements as the parser meets them."""
+
+    def __init__(self) -> None:
+        self.parser = parser = expat.ParserCreate()
+        parser.StartElementHandler = self._start
+        parser.EndElementHandler = self._end
+        parser.CharacterDataHandler = self._text
+        parser.buffer_text = True
+        parser.StartDoctypeDeclHandler = self._refuse_doctype
+        self.top = Element("", {}, 0)
+        self.open = [self.top]
+        self.count = 0
+
+    def parse(self, text: str) -> Element:
+        try:
+            self.parser.Parse(text, True)
+        except expat.ExpatError as error:
+            what = expat.ErrorString(error.code)
+            raise InputError(f"line {error.lineno}: not valid XML: {what}") from None
+        return self.top.children[0]
+
+    def _start(self, tag: str, attributes: dict[str, str]) -> None:
+        element = Element(tag, attributes, self.parser.CurrentLineNumber)
+        self.count += 1
+        if self.count > ELEMENT_LIMIT:
+            raise element.error(f"expected at most {ELEMENT_LIMIT} elements")
+        if len(self.open) > DEPTH_LIMIT:
+            raise element.error(f"expected at most {DEPTH_LIMIT} levels of nesting")
+        self.open[-1].children.append(element)
+        self.open.append(element)
+
+    def _text(self, piece: str) -> None:
+        if not piece.isspace():
+            self.open[-1].texts.append(piece)
+
+    def _end(self, _tag: str) -> None:
+        self.open.pop()
+
+    def _refuse_doctype(self, name: str, _system: str | None, _public: str | None, _inner: int) -> None:
+        advice = f"leave out <!DOCTYPE {clip(name)} ...>"
+        line = self.parser.CurrentLineNumber
+        raise InputError(f"line {line}: document types and entities are not supported, {advice}")

@@ -107,6 +107,7 @@ _PHRASES = {
     "string_type": "expected text, got {got}",
     "list_type": "expected a list, got {got}",
     "model_type": "expected a mapping of keys to values, got {got}",
+    "dict_type": "expected a mapping of keys to values, got {got}",
     "bool_type": "expected true or false, got {got}",
     "too_short": "expected at least {min_length} values, got {actual_length}",
     "too_long": "expected at most {max_length} values, got {actual_length}",

@@ -15,9 +15,8 @@ import numpy as np
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import pose
 from regionik.worlds.errors import InputError, located, located_error
-from regionik.worlds.readers.text import clip
+from regionik.worlds.readers.text import Element, clip, read_xml
 from regionik.worlds.readers.validation import LARGEST
-from regionik.worlds.readers.xml import Element, read_xml
 
 SUFFIXES = (".urdf", ".xml")
 JOINT_TYPES = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
@@ -93,16 +92,14 @@ def read_urdf(path: Path) -> UrdfModel:
         One line: the file, the line in it, what was expected and the valid choices.
     """
     if path.suffix.lower() == ".xacro":
-        raise _xacro_error(path, "")
+        raise located_error(str(path), "", _expand_xacro(path))
     if path.suffix.lower() not in SUFFIXES:
         raise located_error(str(path), "", f"expected a file that ends in {', '.join(SUFFIXES)}")
     root = read_xml(path)
     with located(str(path), ""):
         if root.tag != "robot":
-            got = f"<{clip(root.tag)[1:-1]}>"
-            raise InputError(f"line {root.line}: expected <robot> as first element, got {got}")
-    _refuse_xacro(root, path)
-    with located(str(path), ""):
+            raise root.error(f"expected <robot> as first element, got <{clip(root.tag)[1:-1]}>")
+        _refuse_xacro(root, path)
         return _model(root, path)
 
 
@@ -113,11 +110,11 @@ def join_names(names: Iterable[str], most: int = 60) -> str:
     return ", ".join(known[:most]) + (f" and {rest} more" if rest > 0 else "")
 
 
-def _xacro_error(path: Path, place: str) -> InputError:
+def _expand_xacro(path: Path) -> str:
     stem = path.name.removesuffix(".xacro").removesuffix(".urdf")
     target = f"{stem}.urdf" if f"{stem}.urdf" != path.name else f"{stem}.expanded.urdf"
     command = f"xacro {shlex.quote(path.name)} > {shlex.quote(target)}"
-    return located_error(str(path), place, f"xacro is not supported, expand it first: {command}")
+    return f"xacro is not supported, expand it first: {command}"
 
 
 def _refuse_xacro(root: Element, path: Path) -> None:
@@ -126,7 +123,7 @@ def _refuse_xacro(root: Element, path: Path) -> None:
     while stack:
         element = stack.pop()
         if element.tag.startswith("xacro:") or any("${" in text for text in element.attributes.values()):
-            raise _xacro_error(path, f"line {element.line}")
+            raise element.error(_expand_xacro(path))
         stack += reversed(element.children)
 
 

@@ -1,9 +1,23 @@
-"""Robots from URDF files."""
+"""Robots from URDF files.
+
+The chain runs over the moving joints from root to tip; fixed joints are folded into its frames. Masses are
+read, of all links that move with the chain; soft limits, moments of inertia and visual elements are not.
+Speed limits of 0, and limits of a million and more, count as none.
+
+Solids bound the collision elements of all links that move with the chain: boxes as they are, the least
+capsule around each cylinder and sphere, a few boxes and capsules around each mesh; some twenty in all, as
+small ones share a bound. Links behind other joints (fingers, heads) stand still at zero. Two bounds that
+touch in many postures, while the hulls inside them touch in none of 2000, need not keep apart.
+
+The root and all that is fixed to it, wheels included, give footprint and body height where they are not
+given. Unless ``body_height`` says it, the base is cut at the height at which all takes least volume; what
+stands higher, such as a mast, becomes solids of its own.
+"""
 
 from __future__ import annotations
 
 import warnings
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal, get_args
 
@@ -15,6 +29,7 @@ from regionik.worlds.bundled import robot_named, robot_names
 from regionik.worlds.chain import Chain, planar_pose
 from regionik.worlds.drives import BaseKind, drive_of
 from regionik.worlds.errors import InputError, located, located_error
+from regionik.worlds.readers.text import is_file_name
 from regionik.worlds.readers.validation import LARGEST
 from regionik.worlds.robot import BASE, BODY_HEIGHT, Robot, check_turning_radius, without_limits
 from regionik.worlds.self_collision import disabled_pairs
@@ -47,17 +62,6 @@ def load_robot(
 ) -> Robot:
     """Return a bundled robot by its name, or the robot of a URDF file.
 
-    The chain runs over the moving joints from ``root`` to ``tip``; fixed joints are folded into its frames.
-    Its solids bound the collision elements of all links that move with it: boxes as they are, the least
-    capsule around each cylinder and sphere, a few boxes and capsules around each mesh; no more than about
-    twenty in all, as small ones share a bound. Links behind other joints (fingers, heads) stand still at
-    zero. The root and all that is fixed to it, wheels included, give the footprint and the body height where
-    they are not both given; what stands higher, such as a mast on a low base, becomes solids of its own. The
-    height of the cut is ``body_height``, or such that all takes least volume. Two bounds that touch in many
-    postures, while the hulls inside them touch in none of 2000, need not keep apart. Speed limits of 0 and
-    limits of a million and more count as none. Masses are read, of all links that move with the chain; soft
-    limits, moments of inertia and visual elements are not.
-
     Parameters
     ----------
     name_or_path : str or Path
@@ -65,28 +69,21 @@ def load_robot(
     base : {"omni", "differential", "car"}, optional
         By default omni, or what the bundled robot has.
     tip, root : str, optional
-        Links of the URDF file. By default the end of its one longest arm, and its root.
+        Links of the URDF file; by default the end of its one longest arm, and its root.
     footprint : (n, 2) array_like, optional
         Corners in order of the base's convex outline, or one point [m].
     mount : (4,) array_like, optional
-        Pose of the root link in the base frame, which lies on the floor: x, y, z [m], yaw [rad]; by default
-        the two coincide. Of a bundled robot, the pose of its arm.
+        Root link, or arm of a bundled robot, in the base frame: x, y, z [m], yaw [rad]; by default zero.
     turning_radius : float, optional
-        Least turning radius [m]; must be given for a car.
+        Least turning radius, which a car needs [m].
     body_height : float, optional
-        [m]
+        The base is its footprint up to this height [m].
     carry : (dof,) array_like, optional
         Joint values with which the arm is driven about; by default zero, or the limits nearest to it.
     limits : "ignore", optional
         Leave out all joint limits.
     payload : float
         Mass held at the tool frame's origin [kg].
-
-    Returns
-    -------
-    Robot
-        At base pose 0, ``Robot.tool`` is the tip's frame in the root's, as the file gives it, moved by
-        ``mount``.
 
     Raises
     ------
@@ -96,7 +93,7 @@ def load_robot(
     Warns
     -----
     UserWarning
-        Where a mesh is missing or unreadable and a capsule replaces it, and where links are left out.
+        Where a capsule replaces a mesh, and where links are left out.
 
     Examples
     --------
@@ -104,59 +101,70 @@ def load_robot(
     'differential'
     """
     path, where = Path(name_or_path), str(name_or_path)
-    if base is not None and base not in get_args(BaseKind):
-        raise located_error(where, "base", f"expected one of {', '.join(get_args(BaseKind))}, got {base!r}")
-    if limits not in (None, "ignore"):
-        raise located_error(where, "limits", f"expected ignore, got {limits!r}")
     with located(where, ""):
-        given_mount = None if mount is None else _numbers(mount, (4,), "mount")
-        height = None if body_height is None else _above_zero(body_height, "body_height")
-    if _is_file(name_or_path):
-        robot = _from_urdf(path, tip, root, given_mount, footprint is None, height, limits is None)
-    else:
-        robot = _bundled(where, tip, root)
-        robot = robot if given_mount is None else replace(robot, mount=given_mount)
-    robot = robot if limits is None else without_limits(robot)
-    kind = robot.base if base is None else base
-    with located(where, ""):
-        if footprint is not None:
-            robot = replace(robot, footprint=_numbers(footprint, (None, 2), "footprint"))
-        if carry is not None:
-            values = _numbers(carry, (None,), "carry")
-            robot.chain.check_limits(values.tolist(), "carry")
-            robot = replace(robot, carry=values)
+        given = _Overrides(base, footprint, mount, turning_radius, body_height, carry, limits, payload)
+    if is_file_name(name_or_path, (*SUFFIXES, ".xacro")):
+        return given.applied(_from_urdf(path, tip, root, given), where)
+    return given.applied(_bundled(where, tip, root, given), where)
+
+
+@dataclass(frozen=True, eq=False)
+class _Overrides:
+    """Arguments of `load_robot` that replace what the robot has; None where they do not."""
+
+    base: BaseKind | None
+    footprint: ArrayLike | None
+    mount: ArrayLike | None
+    turning_radius: float | None
+    body_height: float | None
+    carry: ArrayLike | None
+    limits: Literal["ignore"] | None
+    payload: float
+
+    def __post_init__(self) -> None:
+        if self.base is not None and self.base not in get_args(BaseKind):
+            raise InputError(f"base: expected one of {', '.join(get_args(BaseKind))}, got {self.base!r}")
+        if self.limits not in (None, "ignore"):
+            raise InputError(f"limits: expected ignore, got {self.limits!r}")
+        for key, shape in (("footprint", (None, 2)), ("mount", (4,)), ("carry", (None,))):
+            if getattr(self, key) is not None:
+                object.__setattr__(self, key, _numbers(getattr(self, key), shape, key))
+        for key in ("turning_radius", "body_height"):
+            if getattr(self, key) is not None:
+                object.__setattr__(self, key, _above_zero(getattr(self, key), key))
+
+    def applied(self, robot: Robot, where: str) -> Robot:
+        """Return a robot with what is given here; its mount is set when it is made."""
+        robot = robot if self.limits is None else without_limits(robot)
+        kind = robot.base if self.base is None else self.base
         radius = drive_of(kind, robot.turning_radius).turning_radius
-        if turning_radius is not None:
-            radius = _above_zero(turning_radius, "turning_radius")
-        check_turning_radius(kind, radius)
-        height = robot.body_height if height is None else height
-        return replace(robot, base=kind, body_height=height, turning_radius=radius, payload=payload)
+        radius = radius if self.turning_radius is None else self.turning_radius
+        replaced = {key: getattr(self, key) for key in ("footprint", "carry", "body_height")}
+        given = {key: value for key, value in replaced.items() if value is not None}
+        with located(where, ""):
+            if self.carry is not None:
+                robot.chain.check_limits(np.asarray(self.carry).tolist(), "carry")
+            check_turning_radius(kind, radius)
+            return replace(robot, base=kind, turning_radius=radius, payload=self.payload, **given)
 
 
-def _from_urdf(
-    path: Path,
-    tip: str | None,
-    root: str | None,
-    mount: Array | None,
-    want_footprint: bool,
-    height: float | None,
-    limited: bool,
-) -> Robot:
+def _from_urdf(path: Path, tip: str | None, root: str | None, given: _Overrides) -> Robot:
     model = read_urdf(path)
     kinematic = kinematic_path(model, root, tip)
-    chain = chain_along(model, kinematic, limited)
-    T_base_root = np.eye(4) if mount is None else planar_pose(mount[0], mount[1], mount[3], mount[2])
-    yaw = 0.0 if mount is None else float(mount[3])
-    arm_mount, chain = _mounted(chain, T_base_root, yaw)
+    chain = chain_along(model, kinematic, limited=given.limits is None)
+    x, y, z, yaw = np.zeros(4) if given.mount is None else np.asarray(given.mount)
+    T_base_root = planar_pose(x, y, yaw, z)
+    mount, chain = _mounted(chain, T_base_root, float(yaw))
     placement = place_links(model, kinematic, T_base_root)
-    measured = want_footprint or height is None
+    measured = given.footprint is None or given.body_height is None
     links = [link for link in placement.links if measured or link.owner != BASE]
-    body = collision_model(model, links, chain, height)
+    body = collision_model(model, links, chain, given.body_height)
+    outline = body.base.outline if given.footprint is None else np.empty((0, 2))
     robot = Robot(
         name=model.name,
         base="omni",
-        footprint=body.base.outline if len(body.base.outline) and want_footprint else np.zeros((1, 2)),
-        mount=arm_mount,
+        footprint=outline if len(outline) else np.zeros((1, 2)),
+        mount=mount,
         chain=chain,
         solids=tuple(part.solid for part in body.parts),
         body_height=body.base.height if body.base.height > 0 else BODY_HEIGHT,
@@ -173,7 +181,7 @@ def _mounted(chain: Chain, T_base_root: Array, yaw: float) -> tuple[Array, Chain
     """Return the mount (4,) of the arm's base frame, and the chain seen from it.
 
     The frame stands upright at the first joint; where that is a vertical pivot, or lifts stand below one, on
-    the pivot's axis, as `regionik.worlds.pivoted_arm` expects.
+    the pivot's axis, as `regionik.worlds.arms` expects.
     """
     first = chain.joints[0]
     T_base_first = T_base_root @ first.T_parent_joint
@@ -215,21 +223,15 @@ def _tip_notes(robot: Robot) -> list[str]:
     ]
 
 
-def _is_file(name_or_path: str | Path) -> bool:
-    text = str(name_or_path)
-    suffixes = (*SUFFIXES, ".xacro")
-    return isinstance(name_or_path, Path) or text.lower().endswith(suffixes) or "/" in text or "\\" in text
-
-
-def _bundled(name: str, tip: str | None, root: str | None) -> Robot:
+def _bundled(name: str, tip: str | None, root: str | None, given: _Overrides) -> Robot:
     if name not in robot_names():
         choices = f"a path that ends in {', '.join(SUFFIXES)}, or one of {', '.join(robot_names())}"
         raise InputError(f"unknown robot {name!r}: expected {choices}")
-    if tip is not None or root is not None:
-        raise located_error(
-            name, "tip" if tip is not None else "root", "a bundled robot has no links to choose from"
-        )
-    return robot_named(name)
+    for what, link in (("tip", tip), ("root", root)):
+        if link is not None:
+            raise located_error(name, what, "a bundled robot has no links to choose from")
+    robot = robot_named(name)
+    return robot if given.mount is None else replace(robot, mount=np.asarray(given.mount))
 
 
 def _above_zero(value: float, what: str) -> float:

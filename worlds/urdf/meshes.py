@@ -11,8 +11,7 @@ import numpy as np
 
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError, located_error
-from regionik.worlds.readers.collada import SUFFIX, read_points
-from regionik.worlds.readers.meshes import read_mesh
+from regionik.worlds.readers.meshes import COLLADA, read_mesh, read_points
 from regionik.worlds.readers.validation import LARGEST
 from regionik.worlds.urdf.bounding import convex_hull, hull_triangles, outer_hull
 from regionik.worlds.urdf.elements import CollisionShape
@@ -110,7 +109,7 @@ def _packages(folder: Path, name: str) -> list[Path]:
 def _read(path: Path) -> Array | str:
     """Return the triangles of a mesh; of its hull where the file has only points, or too many triangles."""
     try:
-        points, faces = (read_points(path), None) if path.suffix.lower() == SUFFIX else read_mesh(path)
+        points, faces = (read_points(path), None) if path.suffix.lower() == COLLADA else read_mesh(path)
     except InputError as error:
         return str(error).removeprefix(f"{path}: ")
     if not np.isfinite(points).all() or np.abs(points).max() > LARGEST:

@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
+from regionik.worlds.arms import planar_arm
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain
 from regionik.worlds.errors import InputError
-from regionik.worlds.planar_arm import planar_arm
 
 
 def test_bends_place_the_tool_where_forward_kinematics_does() -> None:

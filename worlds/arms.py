@@ -1,7 +1,10 @@
-"""Arms that work in one vertical plane through their first axis.
+"""Kinds of arms: those in one vertical plane, and those on a vertical pivot.
 
-The youBot and most small mobile arms are built this way: a vertical pivot, three parallel horizontal hinges,
+The youBot and most small mobile arms work in one plane: a vertical pivot, three parallel horizontal hinges,
 and at most a roll about the last link. In the plane, r points away from the pivot axis and z up.
+
+An arm without a pivot turns with its base: `with_pivot` puts one before it that stands still, and where the
+base is placed its turn is given to the base.
 """
 
 from __future__ import annotations
@@ -12,7 +15,7 @@ from functools import lru_cache
 import numpy as np
 
 from regionik.worlds.arrays import Array, frozen
-from regionik.worlds.chain import Chain, rot_y, rot_z
+from regionik.worlds.chain import Chain, Joint, rot_y, rot_z
 from regionik.worlds.errors import InputError
 
 _ALIGNED = 1e-9
@@ -23,47 +26,26 @@ _HINGES = 3
 class PlanarArm:
     """A chain as an arm in one vertical plane.
 
-    Attributes
-    ----------
-    shoulder : (2,) array
-        First hinge in the arm base frame: r, z [m].
-    lengths : (m,) array
-        Links from hinge to hinge, the last one to the tool [m].
-    sign, offset : (m,) array
-        Bend of link i relative to link i - 1 (of link 0 relative to the r axis), counter-clockwise from r
-        to z: ``bend = sign * joint + offset`` [rad].
-    lower, upper : (m,) array
-        Limits of the bends [rad].
-    pivot_lower, pivot_upper : float
-        Limits of the first joint [rad].
-    pivot_zero : float
-        Direction of the plane, seen from above in the arm base frame, at joint zero [rad].
-    roll : int or None
-        Index of the joint that rolls about the last link, if there is one.
-    tool_along_link : bool
-        True where the tool's axis (its frame's z) points along the last link.
-    tool_turn : (3, 3) array
-        Tool frame at roll zero, seen from a frame whose x lies along the last link and whose y is the
-        plane's normal, r towards z being a turn about -y.
-    roll_sign, roll_lower, roll_upper : float
-        Sense in which the roll joint turns the tool about its own axis, and its limits [rad]; zeros
-        without one.
+    A bend of link i is its angle from link i - 1, of link 0 from the r axis, counter-clockwise from r to z:
+    ``bend = sign * joint + offset`` [rad].
     """
 
-    shoulder: Array
-    lengths: Array
-    sign: Array
-    offset: Array
-    lower: Array
+    shoulder: Array  # (2,) first hinge in the arm base frame: r, z [m]
+    lengths: Array  # (m,) links from hinge to hinge, the last one to the tool [m]
+    sign: Array  # (m,)
+    offset: Array  # (m,) [rad]
+    lower: Array  # (m,) limits of the bends [rad]
     upper: Array
-    pivot_lower: float
+    pivot_lower: float  # limits of the first joint [rad]
     pivot_upper: float
-    pivot_zero: float
-    roll: int | None
-    tool_along_link: bool
+    pivot_zero: float  # direction of the plane, from above in the arm base frame, at joint zero [rad]
+    roll: int | None  # index of the joint that rolls about the last link, if there is one
+    tool_along_link: bool  # the tool's axis (its frame's z) points along the last link
+    # (3, 3) tool frame at roll zero, seen from a frame whose x lies along the last link and whose y is the
+    # plane's normal, r towards z being a turn about -y
     tool_turn: Array
-    roll_sign: float
-    roll_lower: float
+    roll_sign: float  # sense in which the roll joint turns the tool about its own axis; 0 without one
+    roll_lower: float  # limits of the roll joint [rad]
     roll_upper: float
 
     @property
@@ -142,16 +124,6 @@ def planar_arm(chain: Chain) -> PlanarArm:
     )
 
 
-@lru_cache(maxsize=64)
-def is_planar(chain: Chain) -> bool:
-    """Return True where the arm works in one vertical plane, as `planar_arm` has it."""
-    try:
-        planar_arm(chain)
-    except InputError:
-        return False
-    return True
-
-
 def _check_axes(chain: Chain, origins: Array, axes: Array) -> None:
     """Refuse all chains but a vertical pivot with three horizontal hinges and at most one joint more."""
     if any(joint.kind != "revolute" for joint in chain.joints):
@@ -178,3 +150,87 @@ def _plane(origins: Array, axes: Array) -> Array:
 
 def _not_planar(what: str) -> InputError:
     return InputError(f"robot: this arm cannot be planned for yet: {what}")
+
+
+@dataclass(frozen=True)
+class ReachBound:
+    """A ball swept about the pivot that the tool never leaves."""
+
+    # centre of the ball: distance from the pivot axis, and height over the arm's base frame [m]
+    radius: float
+    height: float
+    length: float  # radius of the ball [m]
+
+
+@lru_cache(maxsize=64)
+def with_pivot(chain: Chain) -> Chain:
+    """Return the chain itself where it has a vertical pivot, else the chain behind one that stands still.
+
+    That pivot is the vertical through the arm's base frame. `pivot_joints` gives joint values to match.
+    """
+    try:
+        pivot_index(chain)
+    except InputError:
+        still = Joint("(base)", "revolute", 0.0, 0.0, np.eye(4), np.array([0.0, 0.0, 1.0]))
+        return Chain((still, *chain.joints), chain.T_last_tool)
+    return chain
+
+
+def pivot_joints(chain: Chain, joints: Array) -> Array:
+    """Return joint values (..., dof) of a chain as those of the chain `with_pivot`, zero for its pivot."""
+    more = with_pivot(chain).dof - chain.dof
+    return np.concatenate([np.zeros((*joints.shape[:-1], more)), joints], axis=-1)
+
+
+@lru_cache(maxsize=64)
+def pivot_index(chain: Chain) -> int:
+    """Return the index of the vertical pivot: the first joint, or the first after joints that lift it.
+
+    Raises
+    ------
+    InputError
+        When the chain has no such pivot; a chain `with_pivot` always has.
+
+    Examples
+    --------
+    >>> from regionik.worlds.bundled import robot_named
+    >>> pivot_index(robot_named("youbot").chain)
+    0
+    """
+    for k, (joint, T) in enumerate(zip(chain.joints, chain.frames(np.zeros(chain.dof)), strict=False)):
+        upward = float((T[:3, :3] @ joint.axis)[2])
+        if joint.kind == "revolute" and upward > 1 - _ALIGNED and np.hypot(*T[:2, 3]) <= _ALIGNED:
+            return k
+        if joint.kind == "revolute" or abs(upward) < 1 - _ALIGNED:
+            break
+    raise InputError(
+        "robot: expected a first axis that is the vertical through the arm's base frame, pointing up; only "
+        "sliding joints that lift it may come before"
+    )
+
+
+@lru_cache(maxsize=64)
+def reach_bound(chain: Chain) -> ReachBound:
+    """Return a bound of an arm's reach, about its pivot or the one that `with_pivot` gives it.
+
+    Raises
+    ------
+    InputError
+        When a sliding joint has no limits.
+    """
+    chain = with_pivot(chain)
+    pivot = pivot_index(chain)
+    slides = [joint for joint in chain.joints if joint.kind == "prismatic"]
+    endless = [joint.name for joint in slides if not np.isfinite([joint.lower, joint.upper]).all()]
+    if endless:
+        raise InputError(f"robot: joint {endless[0]}: a sliding joint needs limits to be planned for")
+    steps = [joint.T_parent_joint[:3, 3] for joint in chain.joints[1:]] + [chain.T_last_tool[:3, 3]]
+    middle = np.zeros(chain.dof)
+    middle[:pivot] = (chain.lower[:pivot] + chain.upper[:pivot]) / 2
+    T_pivot = chain.frames(middle)[pivot]
+    first_step = T_pivot[:3, 3] + T_pivot[:3, :3] @ steps[pivot]
+    behind = [joint for joint in chain.joints[pivot:] if joint.kind == "prismatic"]
+    travel = sum(max(abs(joint.lower), abs(joint.upper)) for joint in behind)
+    travel += float((chain.upper[:pivot] - chain.lower[:pivot]).sum()) / 2
+    length = float(sum(np.linalg.norm(step) for step in steps[pivot + 1 :])) + travel
+    return ReachBound(float(np.hypot(*first_step[:2])), float(first_step[2]), length)
