@@ -25,9 +25,9 @@ from regionik.planners.clearance.proximity import nearest
 from regionik.planners.driving.footprint_scene import FootprintScene, fits
 from regionik.planners.geometry.angles import fit, wrap
 from regionik.planners.geometry.polygons import compiled
-from regionik.planners.solvers.planar_arm import triangle
+from regionik.planners.solvers.planar_kinematics import triangle
 from regionik.postures.arm_guard import contact_for, guard_of
-from regionik.reachability.planar_world import keep_of, own, stance_of
+from regionik.reachability.any_base import keep_of, own, stance_of
 from regionik.reachability.reach import reach
 from regionik.verification.answers import verify_answers
 from regionik.worlds.arrays import Array

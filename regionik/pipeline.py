@@ -13,8 +13,8 @@ from shapely.geometry.base import BaseGeometry
 
 from regionik.areas.ground import united
 from regionik.areas.reachable import heeds_headings
-from regionik.explain import arm_failures, failures
-from regionik.explain.causes import no_inner
+from regionik.explain import failures
+from regionik.explain import failures as arm_failures
 from regionik.explain.questions import ArmQuestion, Oracles, PathQuestion
 from regionik.explain.why import explained, explained_target, target_name
 from regionik.mfabrik import configurations
@@ -24,12 +24,12 @@ from regionik.parking.fewest_stops import park
 from regionik.parking.stop_motion import connect_stops
 from regionik.parking.stops import check as check_stops
 from regionik.parking.stops import in_sequence
-from regionik.postures.poses import figures, lift_offs
-from regionik.pruning import choose_chain, spans, start_place, start_pose, whole_path
+from regionik.postures.poses import lift_offs, motion_stats
+from regionik.pruning import choose_chain, solvers_along, spans, start_place, start_pose, whole_path
 from regionik.reachability.any_base import can_search, search_any_base
 from regionik.reachability.reach import reach
 from regionik.reachability.witness import Quest
-from regionik.regions import PathAreas
+from regionik.regions import PathAreas, has_no_known_place
 from regionik.timing.retime import retime
 from regionik.tracker import planner
 from regionik.values import Configuration, Plan, PlannedArea, Stop
@@ -132,7 +132,7 @@ def why(world: World, target: Target | ArrayLike | None = None) -> Explanation |
     answer = reach(asked, asked.task)
     if answer.reachable[0]:
         return None
-    if no_inner(asked):
+    if has_no_known_place(asked):
         return explained_target(asked, 0, failures.no_place(asked, 0), ORACLES)
     reason, causes = f"{answer.reason[0].rstrip('.')}.", (Cause("limits", world.robot.name),)
     if answer.verdict[0] == "undecided":
@@ -142,7 +142,7 @@ def why(world: World, target: Target | ArrayLike | None = None) -> Explanation |
 
 def _why_path(world: World) -> Explanation | None:
     try:
-        check(world)
+        check_world(world)
         whole_path(world)
     except NoPlanFound as no:
         return _explained(world, no.explanation)
@@ -156,7 +156,9 @@ def _explained(world: World, quick: Explanation, seed: int = 0) -> Explanation:
         return quick
     if quick.verdict == "ladder-broken" and not spans(world):
         return explained(PathQuestion(world, i, spans, lambda changed: _can_be_planned(changed, seed)), quick)
-    if quick.verdict in ("unreachable", "undecided") and no_inner(replace(world, task=(world.task[i],))):
+    if quick.verdict in ("unreachable", "undecided") and has_no_known_place(
+        replace(world, task=(world.task[i],))
+    ):
         return explained_target(world, i, quick, ORACLES)  # else there is no room to park
     return _explained_arm(world, i, quick) if quick.verdict == "no-posture" else quick
 
@@ -181,7 +183,7 @@ def _untold(stage: str, done: int, total: int) -> None:
 
 def search(world: World, seed: int = 0, tell: Progress = _untold) -> Plan:
     """A plan that is verified, not timed; where there is none, `NoPlanFound` with the quick words on why."""
-    check(world)
+    check_world(world)
     _refuse(arm_failures.buried(world))
     return strategy_of(world).plan(world, seed, tell)
 
@@ -209,7 +211,8 @@ def _plan_path(world: World, seed: int, tell: Progress) -> Plan:
     standing, areas, pruned = whole_path(world)
     chain = choose_chain(pruned, standing, start_place(world))
     tell("configurations", 0, len(world.task))
-    goals = configurations(world, pruned.ladder, standing, chain, start_pose(world, pruned, chain))
+    solvers = solvers_along(world, pruned.ladder, standing, chain)
+    goals = configurations(world.task, solvers, start_pose(world, pruned, chain))
     _refuse(_not_converged(world, goals))
     joined = connect(world, pruned, chain, goals, standing, seed, tell)
     shown = _planned_areas(world, areas, pruned.area)
@@ -252,7 +255,7 @@ def _refuse(failure: Explanation | None) -> None:
         raise NoPlanFound(failure)
 
 
-def check(world: World) -> None:
+def check_world(world: World) -> None:
     """Refuse what cannot be planned at all."""
     if not world.task:
         raise InputError(f"{world.name}: task: expected at least one set-point")
@@ -292,7 +295,8 @@ def _finished(
     more: Mapping[str, Any] | None = None,
 ) -> Plan:
     """The results of the stages put together."""
-    stats = {**figures(world.robot.drive, joined.setpoints, joined.motion, joined.methods), **(more or {})}
+    known = motion_stats(world.robot.drive, joined.setpoints, joined.motion, joined.methods)
+    stats = {**known, **(more or {})}
     return Plan(world, seed, joined.setpoints, joined.motion, areas, lift_offs(joined.motion), stops, stats)
 
 

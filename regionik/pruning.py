@@ -7,6 +7,7 @@ end. Source: M-FABRIK, experiment 4 (areas made for the whole path in advance).
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -18,8 +19,9 @@ from regionik.areas.ground import united
 from regionik.areas.standing import Standing, into_span
 from regionik.explain.failures import cut_off, no_place, too_many_lifts
 from regionik.ladder import Ladder, Mask, build_ladder
-from regionik.mfabrik import axis_of
+from regionik.mfabrik import Solver, solver_for
 from regionik.planners.geometry.polygons import FlatPolygon, clamp
+from regionik.postures.poses import axis_of
 from regionik.regions import PathAreas, path_areas, ways_to_stand
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Explanation, NoPlanFound
@@ -193,6 +195,12 @@ def start_place(world: World) -> Array | None:
     if world.start is None:
         return None
     return np.array([*axis_of(world.robot, world.start.base), world.start.base[2]])
+
+
+def solvers_along(world: World, ladder: Ladder, standing: Standing, chain: Sequence[int]) -> Iterator[Solver]:
+    """Solver of each set-point, for its component of the chain and that component's headings."""
+    for k in chain:
+        yield solver_for(world, ladder.family[k], ladder.flat(k), standing.sides[ladder.side[k]].span)
 
 
 def start_pose(world: World, pruned: Pruned, chain: list[int]) -> tuple[Array, Array]:

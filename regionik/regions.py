@@ -19,6 +19,7 @@ from shapely.geometry.base import BaseGeometry
 from regionik.areas.ground import GUARD, Geometries, Side, ground_of, grow
 from regionik.areas.reachable import reach_rows
 from regionik.areas.standing import (
+    LEAST_AREA,
     Standing,
     anywhere,
     by_heading,
@@ -260,3 +261,23 @@ def largest_clearance(world: World, target: Target) -> float | None:
         middle = (low + high) / 2
         low, high = (middle, high) if open_at(middle) else (low, middle)
     return low if ground.shadows else np.inf
+
+
+def is_ruled_out(world: World) -> bool:
+    """Return True where the first set-point is proven out of reach: its outer area is empty."""
+    return bool(outer_areas(world, world.task[:1])[0].is_empty)
+
+
+def has_no_known_place(world: World) -> bool:
+    """Return True where the first set-point has no inner area, at any heading; this proves nothing."""
+    standings = [anywhere(world), by_heading(world)] if turns_matter(world) else [anywhere(world)]
+    every = (path_areas(world, world.task[:1], (FRONT, BACK), standing) for standing in standings)
+    return not any(area.area > 0 for areas in every for area in areas.inner)
+
+
+def have_known_places(world: World, targets: Sequence[Target]) -> NDArray[np.bool_]:
+    """Mask of the targets that have an inner area at every heading, or at the one the rules fix, (n,)."""
+    areas = path_areas(world, targets)
+    found = np.zeros(len(targets), dtype=bool)
+    found[areas.target[shapely.area(areas.inner) > LEAST_AREA]] = True
+    return found

@@ -20,10 +20,9 @@ from regionik.planners.geometry.convex_bodies import Piece
 from regionik.planners.geometry.distances import obstacles_from
 from regionik.planners.geometry.upright_bodies import depths, signed_distance, uprights_from
 from regionik.planners.search.box_search import Verdict
-from regionik.planners.solvers.planar_arm import triangle
+from regionik.planners.solvers.planar_kinematics import triangle
 from regionik.postures.arm_guard import contact_for, guard_of
-from regionik.reachability.any_base import any_base_of, prepared, search_any_base
-from regionik.reachability.planar_world import own, stance_of
+from regionik.reachability.any_base import any_base_of, own, prepared, search_any_base, stance_of
 from regionik.reachability.reach import reach
 from regionik.verification.answers import verify_answers
 from regionik.worlds.arrays import Array

@@ -16,10 +16,10 @@ from regionik.planners.solvers.fabrikr import (
     forward_pass,
     forward_place,
     forward_start,
+    held,
     posture_of,
 )
 from regionik.planners.solvers.inverse_kinematics import ArmSolver, Goal
-from regionik.planners.solvers.joint_turns import held
 from regionik.planners.solvers.rigid_bodies import bodies_of, pointing_bodies, posing_bodies
 from regionik.planners.solvers.serial_chain import serial_arm
 from regionik.worlds.arrays import Array

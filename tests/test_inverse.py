@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from regionik.planners.solvers.damped_least_squares import polish
 from regionik.planners.solvers.inverse_kinematics import ArmPosture, ArmSolver, Goal, aim_of
-from regionik.planners.solvers.multistart_ik import solve
+from regionik.planners.solvers.multistart_ik import solve_ik
 from regionik.planners.solvers.serial_chain import serial_arm
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
@@ -336,7 +336,7 @@ def test_half_a_turn_away() -> None:
 def test_the_kernel_solves_without_the_facade() -> None:
     chain = CHAINS["pioneer7"]
     solver, q = ArmSolver(chain), np.zeros(7)
-    error, angle, passes, restarts, polished = solve(
+    error, angle, passes, restarts, polished = solve_ik(
         solver.pointing, aim_of(Goal([0.2, 0.1, 0.3])), solver.starts, solver.effort, q
     )
     answer = solver(Goal([0.2, 0.1, 0.3]), np.zeros(7))

@@ -10,13 +10,13 @@ from regionik.planners.reach.rings import (
     reach_spans,
     turning_heights,
 )
-from regionik.planners.solvers.planar_arm import PlaneArm, reaches
+from regionik.planners.solvers.planar_kinematics import PlanarLinkage, reaches
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.planar_arm import planar_arm
 
 ARM = planar_arm(robot_named("youbot").chain)
 Z = float(ARM.shoulder[1])
-PLANE = PlaneArm(float(ARM.shoulder[0]), Z, ARM.lengths, ARM.lower, ARM.upper)
+PLANE = PlanarLinkage(float(ARM.shoulder[0]), Z, ARM.lengths, ARM.lower, ARM.upper)
 
 # Reach of the youBot arm with limits, found on a 2 mm grid of postures: height, free pitch, last link
 # horizontal, last link down; intervals of r in mm.

@@ -18,8 +18,7 @@ from shapely.geometry.base import BaseGeometry
 from regionik.planners.geometry.polygons import compiled
 from regionik.planners.reach.level_reach import outer_reach
 from regionik.planners.solvers.damped_least_squares import DIRECTION, Aim, polish
-from regionik.planners.solvers.inverse_kinematics import spread_postures
-from regionik.planners.solvers.multistart_ik import Effort, solve
+from regionik.planners.solvers.multistart_ik import Effort, solve_ik, spread_postures
 from regionik.planners.solvers.rigid_bodies import RigidBodies, posing_bodies, span
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
@@ -194,7 +193,7 @@ def _look(
             aim = Aim(np.array([distances[i], 0.0, rise]), kind, turns[j], cone)
             if count == 0 and not found[i, j]:
                 trial[:] = starts[0]
-                error, angle, _, _, _ = solve(bodies, aim, starts[1:], effort, trial)
+                error, angle, _, _, _ = solve_ik(bodies, aim, starts[1:], effort, trial)
                 if error <= effort.tolerance and angle <= effort.angle_tolerance:
                     found[i, j], postures[i, j] = True, trial
                     todo[0, 0], todo[0, 1] = i, j

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from regionik.planners.geometry.polygons import compiled
-from regionik.planners.solvers import planar_arm
+from regionik.planners.solvers.planar_kinematics import PlanarLinkage, intervals_at_height
 from regionik.worlds.arrays import Array
 from regionik.worlds.planar_arm import PlanarArm
 
@@ -121,7 +121,7 @@ def reach_spans(
 ) -> tuple[NDArray[np.intp], Array]:
     """As `reach_intervals`, in one table: the height of each interval, ascending, (m,), and (m, 2)."""
     centers, radii, turns = _boundary(arm, shoulder_z, pitches)
-    plane = planar_arm.PlaneArm(float(arm.shoulder[0]), shoulder_z, arm.lengths, arm.lower, arm.upper)
+    plane = PlanarLinkage(float(arm.shoulder[0]), shoulder_z, arm.lengths, arm.lower, arm.upper)
     out, counts = np.empty((len(heights), _MOST_INTERVALS, 2)), np.empty(len(heights), dtype=np.int64)
     order = np.argsort(heights, kind="stable")
     _spans(plane, *pitches, centers, radii, np.asarray(heights), order, turns, front, back, out, counts)
@@ -159,7 +159,7 @@ def turning_heights(circles: Array) -> Array:
 
 @compiled
 def _spans(
-    arm: planar_arm.PlaneArm,
+    arm: PlanarLinkage,
     pitch_low: float,
     pitch_high: float,
     centers: Array,
@@ -189,7 +189,7 @@ def _spans(
                 out[i, k, 0] = _end(centers, radii, ends[k, 0], z)
                 out[i, k, 1] = _end(centers, radii, ends[k, 1], z)
         else:
-            counts[i] = planar_arm.reach_intervals(
+            counts[i] = intervals_at_height(
                 arm, pitch_low, pitch_high, centers, radii, z, front, back, out[i]
             )
             known, between = not near and _apart(centers, radii, z), turn

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from regionik.planners.solvers.damped_least_squares import POSITION, Aim
-from regionik.planners.solvers.inverse_kinematics import ArmPosture, Goal, aim_of, confirm, spread_postures
-from regionik.planners.solvers.multistart_ik import Effort, solve
+from regionik.planners.solvers.inverse_kinematics import ArmPosture, Goal, aim_of, confirm
+from regionik.planners.solvers.multistart_ik import Effort, solve_ik, spread_postures
 from regionik.planners.solvers.rigid_bodies import pointing_bodies, posing_bodies, span
 from regionik.planners.solvers.serial_chain import serial_arm
 from regionik.worlds.arrays import Array, frozen
@@ -103,7 +103,7 @@ class Fabrik(ArmMethod):
         """Run passes from the joints, then from the starts, until the aim is met."""
         bodies = self._pointing if aim.kind == POSITION else self._posing
         q, starts = np.array(joints), np.ascontiguousarray(self._starts[:, : len(bodies.slide)])
-        error, angle, passes, restarts, _ = solve(bodies, aim, starts, self._effort, q)
+        error, angle, passes, restarts, _ = solve_ik(bodies, aim, starts, self._effort, q)
         return SearchResult(q, float(error), float(angle), int(passes), int(restarts))
 
 

@@ -117,7 +117,7 @@ def may_hold(task: FixedBase, low: Array, high: Array) -> bool:
     posed, levers = task.posed, task.capsules.levers[0]
     for _ in range(PASSES):
         _centre(posed, low, high)
-        off = pose(task)
+        off = place_arm(task)
         chords(task.arm, posed.half, posed.chord)
         moved, bent = tool_displacement(task.arm, posed.frames, posed.axes, posed.chord, posed.half, levers)
         if off > task.tolerance + moved + SLACK or not _contract_to_target(task, bent):
@@ -125,7 +125,7 @@ def may_hold(task: FixedBase, low: Array, high: Array) -> bool:
         if not cut_to(low, high, posed.q, posed.shift):
             break
     _centre(posed, low, high)
-    off = pose(task)
+    off = place_arm(task)
     chords(task.arm, posed.half, posed.chord)
     return not (
         _hits_obstacle(task, off)
@@ -223,7 +223,7 @@ def _hits_obstacle(task: FixedBase, off: float) -> bool:
 
 
 @compiled
-def pose(task: FixedBase) -> float:
+def place_arm(task: FixedBase) -> float:
     """Place the arm at ``posed.q``; returns the tool's distance from the target [m]."""
     arm, capsules, posed = task.arm, task.capsules, task.posed
     chain_frames(arm, posed.q, posed.frames)
@@ -249,7 +249,7 @@ def pose(task: FixedBase) -> float:
 
 @compiled
 def clearance_of(task: FixedBase) -> float:
-    """Least distance of the capsules from the obstacles in the posture that `pose` was called with [m]."""
+    """Least distance of the capsules from the obstacles, the arm as `place_arm` left it [m]."""
     least = np.inf
     for s in range(len(task.capsules.link)):
         a, b, radius = task.posed.ends[s, 0], task.posed.ends[s, 1], task.capsules.radius[s]
@@ -266,7 +266,7 @@ def clearance_of(task: FixedBase) -> float:
 def to_target(task: FixedBase) -> float:
     """Damped least squares from ``posed.q`` towards the target, within limits; the distance left [m]."""
     posed, n = task.posed, len(task.posed.q)
-    off = pose(task)
+    off = place_arm(task)
     damping = DAMPING * np.max(task.capsules.levers[0]) ** 2 + 1e-300
     A, e = np.empty((3, 3)), np.empty(3)
     for _ in range(STEPS):
@@ -284,7 +284,7 @@ def to_target(task: FixedBase) -> float:
         for k in range(n):
             step = posed.J[0, k] * e[0] + posed.J[1, k] * e[1] + posed.J[2, k] * e[2]
             posed.q[k] = min(task.arm.upper[k], max(task.arm.lower[k], posed.q[k] + step))
-        off = pose(task)
+        off = place_arm(task)
     return off
 
 

@@ -12,15 +12,13 @@ from typing import ClassVar
 
 import numpy as np
 
-from regionik.areas.reach_model import FineRows, ReachModel, ReachQuery, Rows
-from regionik.areas.sectors import ring_sectors, wide_enough
+from regionik.areas.reach_model import FineRows, ReachModel, ReachQuery, Rows, ring_sectors, wide_enough
 from regionik.planners.reach.level_reach import inner_reach, outer_reach
 from regionik.planners.reach.pose_reach import pose_reach
 from regionik.planners.solvers.posture_criteria import Thresholds
-from regionik.postures.arm_solvers import Arm
+from regionik.postures.arm import Arm, aim_of
 from regionik.postures.families import FRONT, Family
 from regionik.postures.serial_solver import serial_solver
-from regionik.postures.tool_goal import aim_of
 from regionik.worlds.arrays import Array
 from regionik.worlds.criteria import Criteria
 from regionik.worlds.errors import InputError

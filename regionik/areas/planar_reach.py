@@ -15,14 +15,23 @@ from typing import ClassVar
 import numpy as np
 
 from regionik.areas.ground import EVERY
-from regionik.areas.reach_model import FineRows, Index, ReachModel, ReachQuery, Rows
-from regionik.areas.sectors import Sectors, ring_sectors, wide_enough
+from regionik.areas.reach_model import (
+    FineRows,
+    Index,
+    ReachModel,
+    ReachQuery,
+    Rows,
+    Sectors,
+    ring_sectors,
+    wide_enough,
+)
 from regionik.planners.reach.criteria_paving import paved
 from regionik.planners.reach.rings import FREE, reach_intervals, reach_spans
-from regionik.planners.solvers.planar_arm import PlaneArm
+from regionik.planners.solvers.planar_kinematics import PlanarLinkage
 from regionik.planners.solvers.posture_criteria import Thresholds, posture_spare, thresholds_of
-from regionik.postures.arm_solvers import Arm, PlaneSolver
+from regionik.postures.arm import Arm
 from regionik.postures.families import BACK, FRONT, Family, families_of
+from regionik.postures.planar_solver import PlanarSolver
 from regionik.worlds.arrays import Array
 from regionik.worlds.criteria import Criteria
 from regionik.worlds.planar_arm import PlanarArm
@@ -55,12 +64,12 @@ class PlanarReach(ReachModel):
         return True
 
     @cached_property
-    def plane(self) -> PlaneArm:
+    def plane(self) -> PlanarLinkage:
         """The arm for kernels, heights counted from the floor; its arrays are writable, as they expect."""
         lengths, lower, upper = (
             np.array(part, order="C") for part in (self.arm.lengths, self.arm.lower, self.arm.upper)
         )
-        return PlaneArm(float(self.arm.shoulder[0]), self._shoulder, lengths, lower, upper)
+        return PlanarLinkage(float(self.arm.shoulder[0]), self._shoulder, lengths, lower, upper)
 
     @property
     def _shoulder(self) -> float:
@@ -177,7 +186,7 @@ class PlanarReach(ReachModel):
     ) -> Arm:
         """FABRIK in the arm's plane; see `ReachModel`."""
         asked = self.thresholds(criteria)
-        return PlaneSolver(self.arm, self.height, family, tolerance, asked and asked[0])
+        return PlanarSolver(self.arm, self.plane, family, tolerance, asked and asked[0])
 
     def thresholds(self, criteria: Criteria | None) -> tuple[Thresholds, Thresholds] | None:
         """Those of manipulability and effort; see `ReachModel`."""

@@ -11,8 +11,8 @@ from regionik.areas.ground import EVERY, GUARD
 from regionik.areas.pivoted_reach import PivotedReach, PosedReach
 from regionik.areas.planar_reach import PlanarReach
 from regionik.areas.reach_model import FineRows, ReachModel, ReachQuery, Rows
+from regionik.postures.arm import Goal, goal_of
 from regionik.postures.families import Family
-from regionik.postures.tool_goal import Goal, goal_of
 from regionik.worlds.criteria import with_joint_margin
 from regionik.worlds.errors import InputError
 from regionik.worlds.planar_arm import planar_arm

@@ -9,8 +9,8 @@ import numpy as np
 from shapely.affinity import translate
 
 from regionik.areas.reachable import model_of
+from regionik.explain.constraints import ARM_CLEARANCE, CLEARANCE, with_rules
 from regionik.explain.minimal_change import FINE, grid_above
-from regionik.explain.relaxations import ARM_CLEARANCE, CLEARANCE, with_rules
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Repair, RepairKind, Unit
 from regionik.worlds.obstacles import Mesh, Prism, Solid

@@ -12,11 +12,14 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
+from shapely.geometry import Point
+from shapely.ops import nearest_points
 
+from regionik.areas.ground import GUARD, ground_of, grow
 from regionik.areas.reachable import model_of
-from regionik.areas.standing import turns_matter
-from regionik.explain.causes import no_inner, no_outer, opened
+from regionik.areas.standing import LEAST_AREA, turns_matter
 from regionik.explain.changes import (
     Change,
     Move,
@@ -28,19 +31,7 @@ from regionik.explain.changes import (
     raise_arm,
     repaired,
 )
-from regionik.explain.minimal_change import (
-    FINE,
-    GRID,
-    Holds,
-    Scan,
-    circle,
-    confirmed,
-    first_seen,
-    least_open,
-    shortest_step,
-    sphere,
-)
-from regionik.explain.relaxations import (
+from regionik.explain.constraints import (
     ARM_CLEARANCE,
     LIFT_OFFS,
     Constraint,
@@ -49,8 +40,21 @@ from regionik.explain.relaxations import (
     path_constraints_of,
     without_obstacle,
 )
-from regionik.explain.steps import obstacle_steps, target_steps
+from regionik.explain.minimal_change import (
+    FINE,
+    GRID,
+    Holds,
+    Opens,
+    Scan,
+    circle,
+    confirmed,
+    first_seen,
+    least_open,
+    shortest_step,
+    sphere,
+)
 from regionik.planners.search.box_search import Verdict
+from regionik.regions import has_no_known_place, have_known_places, is_ruled_out, path_areas
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Repair
 from regionik.worlds.pivoted_arm import reach_bound
@@ -58,6 +62,7 @@ from regionik.worlds.scene import World
 
 if TYPE_CHECKING:
     from regionik.reachability.reach import Answer
+
 
 PROOF, SEARCH = 30_000, 1_500  # cells of postures looked at for a cause, and for an amount of a change
 LENGTHS = 0.01 * 3.0 ** np.arange(5)  # of moves that are tried with the arm [m]
@@ -118,7 +123,9 @@ class _OneTarget:
         """Return True where the target of a changed world is reachable, and newly inside of nothing."""
         if self.enters(after):
             return False
-        if not opened(after, after.task)[0] and no_inner(after):  # sooner known than asked
+        if not have_known_places(after, after.task)[0] and has_no_known_place(
+            after
+        ):  # sooner known than asked
             return False
         return bool(self.oracles.reach(after).reachable.all())
 
@@ -131,14 +138,14 @@ class TargetQuestion(_OneTarget):
 
     @cached_property
     def proof(self) -> str:
-        return "This is a proof: with these the outer area is empty." if no_outer(self.world) else ""
+        return "This is a proof: with these the outer area is empty." if is_ruled_out(self.world) else ""
 
     @property
     def constraints(self) -> tuple[Constraint, ...]:
         return constraints_of(self.world)
 
     def closed(self, world: World) -> bool:
-        return no_outer(world) if self.proof else no_inner(world)
+        return is_ruled_out(world) if self.proof else has_no_known_place(world)
 
     def changes(self, causes: Sequence[Constraint]) -> Iterator[Change | Move | None]:
         world, target, span = self.world, self.world.task[0], reach_bound(self.world.robot.chain)
@@ -160,11 +167,11 @@ class TargetQuestion(_OneTarget):
         return None if amount is None else self._confirmed(change, amount)
 
     def _opens_one(self, change: Change) -> Holds:
-        return lambda amount: bool(opened(change.at(amount), self.world.task)[0])
+        return lambda amount: bool(have_known_places(change.at(amount), self.world.task)[0])
 
     def _opens(self, change: Change, amounts: Array) -> NDArray[np.bool_]:
         assert change.as_target is not None, "only targets are looked at many at once"
-        return opened(self.world, [change.as_target(float(amount)) for amount in amounts])
+        return have_known_places(self.world, [change.as_target(float(amount)) for amount in amounts])
 
     def _confirmed(self, change: Change, amount: float) -> Repair | None:
         """The repair by an amount found by areas, confirmed by asking whether the target is reachable."""
@@ -213,7 +220,7 @@ class ArmQuestion(_OneTarget):
 
     def closed(self, world: World) -> bool:
         """Return True where the target is proven to have no clear posture from any place."""
-        return no_outer(world) or self.oracles.look(world, PROOF) == Verdict.RULED_OUT
+        return is_ruled_out(world) or self.oracles.look(world, PROOF) == Verdict.RULED_OUT
 
     def changes(self, causes: Sequence[Constraint]) -> Iterator[Change | Move | None]:
         yield lower_clearance(self.world, ARM_CLEARANCE)
@@ -322,3 +329,72 @@ class PathQuestion:
 
 
 Question = TargetQuestion | ArmQuestion | PathQuestion
+
+
+@dataclass(frozen=True)
+class Steps:
+    """Steps that are looked at by areas: in which directions, how far, and whether each helps."""
+
+    directions: Array
+    most: float
+    opens: Opens
+
+
+def target_steps(move: Move) -> Steps:
+    """Of a target: in space where areas are exact, else over the floor."""
+    world, target = move.world, move.world.task[0]
+    exact = model_of(world, target).exact
+
+    def opens(steps: Array) -> NDArray[np.bool_]:
+        places = target.position + (steps if exact else steps * [1.0, 1.0, 0.0])
+        found = have_known_places(world, [replace(target, position=place) for place in places])
+        found[places[:, 2] < 0] = False
+        for k in np.flatnonzero(found):
+            found[k] = all(solid.distance(places[k]) >= 0 for solid in world.solids)
+        return found
+
+    around = np.column_stack([circle(32), np.zeros(32)])
+    directions = [_inwards(world), around, sphere(48)] if exact else [_inwards(world), around]
+    return Steps(np.vstack(directions), _farthest(world), opens)
+
+
+def _farthest(world: World) -> float:
+    """A move of the target that is long enough to bring it next to the arm, wherever that may stand [m]."""
+    span, target = reach_bound(world.robot.chain), world.task[0].position
+    off = float(world.floor.polygon.distance(Point(target[:2])))
+    height = abs(float(target[2] - world.robot.mount[2]) - span.height)
+    return off + height + 2 * (span.radius + span.length)
+
+
+def _inwards(world: World) -> Array:
+    """Straight to the free floor, (0 or 1, 3)."""
+    free, target = ground_of(world).inner.free, world.task[0].position
+    if free.is_empty:
+        return np.empty((0, 3))
+    there = np.array(nearest_points(free, Point(target[:2]))[0].coords[0])
+    way = np.array([*(there - target[:2]), 0.0])
+    length = float(np.linalg.norm(way))
+    return way[None] / length if length > FINE else np.empty((0, 3))
+
+
+def obstacle_steps(move: Move) -> Steps | None:
+    """Of an obstacle: over the floor, off the places there would be without it; None where none are."""
+    world, ground = move.world, ground_of(move.world)
+    solid = next(solid for solid in world.obstacles if solid.name == move.name)
+    shadow = solid.shadow(world.robot.body_height)
+    areas = path_areas(without_obstacle(world, move.name), world.task)
+    room = shapely.union_all(areas.inner[shapely.area(areas.inner) > LEAST_AREA])
+    if shadow is None or room.is_empty:
+        return None
+    taken = grow(shadow, ground.clearance + ground.far + GUARD, inner=True)
+    spot = world.task[0].position
+
+    def opens(steps: Array) -> NDArray[np.bool_]:
+        moved = np.array([shapely.transform(taken, lambda xy, by=by: xy + by) for by in steps], dtype=object)
+        found: NDArray[np.bool_] = shapely.area(shapely.difference(room, moved)) > LEAST_AREA
+        for k in np.flatnonzero(found):
+            found[k] = solid.distance(spot - [*steps[k], 0.0]) >= 0
+        return found
+
+    low_x, low_y, high_x, high_y = room.union(taken).bounds
+    return Steps(circle(32), float(np.hypot(high_x - low_x, high_y - low_y)), opens)

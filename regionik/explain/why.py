@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from regionik.explain.causes import arm_too_short, cause_of, irreducible
 from regionik.explain.changes import Move, smallest_first
+from regionik.explain.constraints import Constraint, joint_causes, mended, places_open, setpoint
 from regionik.explain.questions import Oracles, Question, TargetQuestion
-from regionik.explain.sentences import mended, places_open, setpoint, together
-from regionik.worlds.errors import Explanation
+from regionik.worlds.errors import Cause, Explanation
 from regionik.worlds.scene import World
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ def explained(question: Question, quick: Explanation) -> Explanation:
     causes = tuple(cause_of(one, quick) for one in kept) or (arm_too_short(world, quick),)
     parts = [
         quick.reason,
-        together(world, kept, proven=bool(question.proof)),
+        joint_causes(world, kept, proven=bool(question.proof)),
         question.proof,
         mended(repairs),
     ]
@@ -71,3 +71,63 @@ def _by_itself(quick: Explanation, answer: Answer, who: str) -> Explanation:
     else:
         told = f"{places_open(answer.gap[0])}: a posture from one of them would decide it."
     return replace(quick, reason=f"{quick.reason} {told}")
+
+
+Closed = Callable[[World], bool]
+
+
+def irreducible(world: World, constraints: Iterable[Constraint], closed: Closed) -> tuple[Constraint, ...]:
+    """Constraints that rule a world's task out when all others are taken away; without any of them it is not.
+
+    A deletion filter: constraints go one by one where the rest still rules it out, all obstacles at once
+    first. It is run until nothing more goes, for areas are rounded, and a pass need not have the last word.
+
+    Parameters
+    ----------
+    world : World
+    constraints : iterable of Constraint
+        In the order in which they are to go.
+    closed : callable
+        Whether a world's task is ruled out; must be so of this one.
+
+    Returns
+    -------
+    tuple of Constraint
+        Empty where it is ruled out with all of them taken away.
+    """
+    every = tuple(constraints)
+    kept = tuple(one for one in every if one.kind != "obstacle")
+    if not closed(relaxed(world, every, kept)):
+        kept = every
+    before = None
+    while kept != before:
+        before = kept
+        for one in before:
+            rest = tuple(other for other in kept if other is not one)
+            if closed(relaxed(world, every, rest)):
+                kept = rest
+    return kept
+
+
+def relaxed(world: World, constraints: Iterable[Constraint], kept: Iterable[Constraint]) -> World:
+    """A world without the constraints that are not kept."""
+    names = {(one.kind, one.name) for one in kept}
+    for one in constraints:
+        if (one.kind, one.name) not in names:
+            world = one.relax(world)
+    return world
+
+
+def cause_of(one: Constraint, quick: Explanation) -> Cause:
+    """A constraint as a cause, with what is known to be missing [m]."""
+    margins = {cause.name: cause.margin for cause in quick.causes}
+    kinds = {cause.kind: cause.margin for cause in quick.causes if cause.kind in ("floor", "obstacle")}
+    if one.kind == "clearance":
+        return Cause(one.kind, one.name, kinds.get("obstacle"))
+    return Cause(one.kind, one.name, kinds.get("floor") if one.kind == "floor" else margins.get(one.name))
+
+
+def arm_too_short(world: World, quick: Explanation) -> Cause:
+    """The cause where nothing that can be taken away is one."""
+    margin = next((cause.margin for cause in quick.causes if cause.kind == "reach"), None)
+    return Cause("reach", world.robot.name, margin)

@@ -9,21 +9,23 @@ import numpy as np
 import shapely
 from shapely.geometry import Point, Polygon
 
-from regionik.areas.ground import EVERY, GUARD, ground_of
+from regionik.areas.ground import EVERY, GUARD, Side, ground_of
 from regionik.areas.reachable import model_of, planar_reach, reach_model
 from regionik.areas.standing import room_for
 from regionik.planners.clearance.any_base import AnyBase, BaseFloor, ToolDemand, near_solids, search_cells
-from regionik.planners.clearance.arm_clearance import MOST_RINGS
+from regionik.planners.clearance.arm_clearance import MOST_RINGS, Keep, Reach, Stance
 from regionik.planners.clearance.planar_capsules import NearObstacles, PlaneCapsules, plane_capsules
 from regionik.planners.clearance.planar_cells import ArmMount, cell_for
+from regionik.planners.clearance.proximity import exempt_of
 from regionik.planners.geometry.distances import obstacles_from
 from regionik.planners.geometry.polygons import Index
 from regionik.planners.geometry.upright_bodies import Uprights, depths, uprights_from
+from regionik.planners.reach.floor_distances import FloorParts, parts_of
+from regionik.planners.reach.rings import boundary_circles
 from regionik.planners.search.box_search import Verdict
-from regionik.planners.solvers.planar_arm import reach_intervals
-from regionik.postures.arm_guard import contact_for
+from regionik.planners.solvers.planar_kinematics import intervals_at_height
+from regionik.postures.arm_guard import SPARE, contact_for, guard_of
 from regionik.postures.poses import Pose
-from regionik.reachability.planar_world import floor_of, keep_of, own, reach_of, stance_of
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import Target, World
 
@@ -68,9 +70,9 @@ def search_any_base(world: World, target: Target, most: int) -> AnyBaseResult:
         Budget of cells of postures.
     """
     task = any_base_of(world, target)
-    reach, plane = reach_of(world), task.mount.plane
+    reach, plane = boundary_of(world), task.mount.plane
     rings = np.empty((MOST_RINGS, 2))
-    found = reach_intervals(
+    found = intervals_at_height(
         plane, -np.inf, np.inf, reach.centers, reach.radii, target.position[2], True, True, rings
     )
     verdict, gap = search_cells(task, rings[:found], max(most, FEWEST))
@@ -154,3 +156,48 @@ def _demand(world: World, target: Target) -> ToolDemand:
     if not model_of(world, target).exact:
         return ToolDemand(position, free, np.pi, False)
     return ToolDemand(position, own(target.direction), float(target.cone), seek)
+
+
+@lru_cache(maxsize=128)
+def stance_of(world: World, span: tuple[float, float]) -> Stance:
+    """Stance of the robot with its heading in a span."""
+    robot, model = world.robot, planar_reach(world.robot)
+    arm = model.arm
+    low, high = arm.pivot_lower, arm.pivot_upper
+    if world.rules.heading == "face_target":
+        low = high = min(max(0.0, low), high)
+    zero, yaw = float(arm.pivot_zero + robot.mount[3]), 0.0
+    if world.start is not None:
+        yaw = float(world.start.base[2])
+    if span != EVERY:
+        yaw = (span[0] + span[1]) / 2
+    sign, offset, mount = map(own, (arm.sign, arm.offset, robot.mount[:2]))
+    return Stance(model.plane, sign, offset, zero, low, high, mount, yaw)
+
+
+@lru_cache(maxsize=8)
+def boundary_of(world: World) -> Reach:
+    """The circles on which the arm's reach can begin or end."""
+    model = planar_reach(world.robot)
+    circles = boundary_circles(model.arm, model.plane.shoulder_z)
+    return Reach(own(circles[:, :2]), own(circles[:, 2]))
+
+
+@lru_cache(maxsize=8)
+def keep_of(world: World) -> Keep:
+    """Solids that the arm keeps off."""
+    guard, bodies = guard_of(world), guard_of(world).bodies
+    exempt = exempt_of(bodies, guard.contact)
+    return Keep(bodies.arm, own(bodies.mount), bodies.movers, bodies.hulls, SPARE, guard.on, exempt)
+
+
+@lru_cache(maxsize=256)
+def floor_of(side: Side) -> FloorParts:
+    """The free floor of a side."""
+    parts = shapely.get_parts(side.free)
+    return parts_of([part for part in parts if isinstance(part, Polygon) and part.area > 0])
+
+
+def own(values: Array) -> Array:
+    """A copy that kernels take: writable and in order, so that they are compiled once."""
+    return np.array(values, dtype=np.float64, order="C")

@@ -22,9 +22,9 @@ from regionik.areas.reachable import fine_reach, reach_model
 from regionik.areas.standing import span_of_rules
 from regionik.planners.driving.heading_slabs import slab_free
 from regionik.planners.search.box_search import WHOLE, Verdict, begin, explore, left_open
+from regionik.postures.arm import goal_of
 from regionik.postures.families import BACK, FRONT, Family
 from regionik.postures.poses import Pose
-from regionik.postures.tool_goal import goal_of
 from regionik.worlds.arrays import Array
 from regionik.worlds.obstacles import Shadow
 from regionik.worlds.pivoted_arm import reach_bound

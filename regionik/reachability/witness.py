@@ -10,15 +10,15 @@ from shapely.geometry.base import BaseGeometry
 
 from regionik.areas.reachable import model_of, reach_model
 from regionik.areas.standing import LEAST_AREA, anywhere, into_span, room_for
-from regionik.mfabrik import Solver, pose_of, solver_for
+from regionik.mfabrik import Solver, solver_for
 from regionik.moving.configuration_sampling import spread
 from regionik.planners.clearance.clear_posture import clear_posture
 from regionik.planners.clearance.proximity import Touch
 from regionik.planners.driving.footprint_scene import fits
+from regionik.postures.arm import goal_error
 from regionik.postures.arm_guard import SPARE, Guard, contact_for, guard_of
 from regionik.postures.families import Family
-from regionik.postures.poses import Pose
-from regionik.postures.tool_goal import misses
+from regionik.postures.poses import Pose, pose_of
 from regionik.regions import path_areas
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import Target, World
@@ -92,7 +92,7 @@ class Quest:
     def stands(self, q: Pose) -> bool:
         """True where tool, joints and base are where they should be, whatever the arm touches."""
         world, chain = self.world, self.world.robot.chain
-        error, angle = misses(self.target, world.robot.tool(q.base, q.joints))
+        error, angle = goal_error(self.target, world.robot.tool(q.base, q.joints))
         on_target = error <= world.rules.tolerance + SLACK and angle <= self.target.cone + SLACK
         within = (q.joints >= chain.lower - SLACK).all() and (q.joints <= chain.upper + SLACK).all()
         good = bool(within) and reach_model(world.robot, "point").meets(world.rules.criteria, q.joints)

@@ -17,7 +17,7 @@ from regionik.worlds.arrays import Array
 LIMIT_SLACK = 1e-10  # rounding allowed when a bend is held against its limit [rad]
 
 
-class PlaneArm(NamedTuple):
+class PlanarLinkage(NamedTuple):
     """What the kernels know of an arm: shoulder [m], link lengths [m], limits of the bends [rad]."""
 
     shoulder_r: float
@@ -44,7 +44,7 @@ def triangle(length_a: float, length_b: float, x: float, z: float) -> tuple[floa
 
 
 @compiled
-def wrist_triangle(arm: PlaneArm, r: float, z: float, pitch: float) -> tuple[float, float, float, bool]:
+def wrist_triangle(arm: PlanarLinkage, r: float, z: float, pitch: float) -> tuple[float, float, float, bool]:
     """`triangle` of the first two links, the tool at (r, z) and the last link at a pitch."""
     x, y = r - arm.shoulder_r, z - arm.shoulder_z
     a, b, c = arm.lengths[0], arm.lengths[1], arm.lengths[2]
@@ -52,7 +52,7 @@ def wrist_triangle(arm: PlaneArm, r: float, z: float, pitch: float) -> tuple[flo
 
 
 @compiled
-def fitted_bends(arm: PlaneArm, a: float, b: float, c: float) -> tuple[float, float, float]:
+def fitted_bends(arm: PlanarLinkage, a: float, b: float, c: float) -> tuple[float, float, float]:
     """Bends of absolute link angles, each taken to the turn within its limits [rad]."""
     return (
         fit(a, arm.lower[0], arm.upper[0])[0],
@@ -76,7 +76,7 @@ def slack(lower: Array, upper: Array, a: float, b: float, c: float) -> float:
 
 
 @compiled
-def fits(
+def fits_limits(
     lower: Array, upper: Array, a: float, b: float, c: float, pitch_low: float, pitch_high: float
 ) -> bool:
     """Whether absolute link angles keep every bend within limits and the last link within its pitches."""
@@ -89,7 +89,7 @@ def fits(
 
 @compiled
 def critical_posture(
-    arm: PlaneArm,
+    arm: PlanarLinkage,
     pitch_low: float,
     pitch_high: float,
     r: float,
@@ -110,7 +110,7 @@ def critical_posture(
         lead, root, tip, ok = triangle(a, b, x - c * np.cos(tool), y - c * np.sin(tool))
         if ok:
             for e in (-1.0, 1.0):
-                if fits(lower, upper, lead + e * root, lead - e * tip, tool, pitch_low, pitch_high):
+                if fits_limits(lower, upper, lead + e * root, lead - e * tip, tool, pitch_low, pitch_high):
                     return True, lead + e * root, lead - e * tip, tool
     if pitch_low == pitch_high:
         return False, 0.0, 0.0, 0.0
@@ -120,7 +120,9 @@ def critical_posture(
             lead, root, tip, ok = triangle(b, c, x - a * np.cos(first), y - a * np.sin(first))
             if ok:
                 for e in (-1.0, 1.0):
-                    if fits(lower, upper, first, lead + e * root, lead - e * tip, pitch_low, pitch_high):
+                    if fits_limits(
+                        lower, upper, first, lead + e * root, lead - e * tip, pitch_low, pitch_high
+                    ):
                         return True, first, lead + e * root, lead - e * tip
     for kind in range(4):
         bend = lower[1] if kind == 0 else (upper[1] if kind == 1 else (0.0 if kind == 2 else np.pi))
@@ -131,7 +133,7 @@ def critical_posture(
                 turn = np.arctan2(ez, er)
                 for e in (-1.0, 1.0):
                     first = lead + e * root - turn
-                    if fits(lower, upper, first, first + bend, lead - e * tip, pitch_low, pitch_high):
+                    if fits_limits(lower, upper, first, first + bend, lead - e * tip, pitch_low, pitch_high):
                         return True, first, first + bend, lead - e * tip
     for side in range(2):
         bend = lower[2] if side == 0 else upper[2]
@@ -142,14 +144,14 @@ def critical_posture(
                 turn = np.arctan2(ez, er)
                 for e in (-1.0, 1.0):
                     first, second = lead + e * root, lead - e * tip - turn
-                    if fits(lower, upper, first, second, second + bend, pitch_low, pitch_high):
+                    if fits_limits(lower, upper, first, second, second + bend, pitch_low, pitch_high):
                         return True, first, second, second + bend
     return False, 0.0, 0.0, 0.0
 
 
 @compiled
 def reaches(
-    arm: PlaneArm,
+    arm: PlanarLinkage,
     pitch_low: float,
     pitch_high: float,
     r: float,
@@ -161,7 +163,7 @@ def reaches(
 
 @compiled
 def widest_posture(
-    arm: PlaneArm,
+    arm: PlanarLinkage,
     pitch: float,
     r: float,
     z: float,
@@ -191,8 +193,8 @@ def widest_posture(
 
 
 @compiled
-def reach_intervals(
-    arm: PlaneArm,
+def intervals_at_height(
+    arm: PlanarLinkage,
     pitch_low: float,
     pitch_high: float,
     centers: Array,
@@ -240,7 +242,7 @@ def reach_intervals(
 
 @compiled
 def nearest_posture(
-    arm: PlaneArm,
+    arm: PlanarLinkage,
     pitch: float,
     r: float,
     z: float,
@@ -271,7 +273,7 @@ def nearest_posture(
 
 
 @compiled
-def self_motion(arm: PlaneArm, pitch: float, r: float, z: float, tries: int, out: Array) -> int:
+def self_motion(arm: PlanarLinkage, pitch: float, r: float, z: float, tries: int, out: Array) -> int:
     """Postures that reach (r, z), elbow either way, at ``tries`` pitches or the fixed one.
 
     Returns their number; fills bends into ``out`` (2 tries, 3).
