@@ -10,7 +10,7 @@ from regionik.planners.reach.rings import (
     reach_spans,
     turning_heights,
 )
-from regionik.planners.solvers.planar_kinematics import PlanarLinkage, reaches
+from regionik.planners.solvers.planar_kinematics import PlanarLinkage, critical_posture
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.planar_arm import planar_arm
 
@@ -68,7 +68,7 @@ def test_every_end_of_the_reach_is_sharp(pitches: tuple[float, float]) -> None:
         for r in rng.uniform(-0.6, 0.6, 50):
             inside = any(low < r < high for low, high in intervals)
             if min((abs(r - end) for end in intervals.ravel()), default=1.0) > 1e-9:
-                assert reaches(*args, r, z) == inside
+                assert critical_posture(*args, r, z)[0] == inside
 
 
 def test_sampled_postures_lie_within_the_reach() -> None:
@@ -85,7 +85,7 @@ def test_a_band_of_pitches_is_the_union_of_its_pitches() -> None:
     rng = np.random.default_rng(6)
     args = (PLANE,)
     for r, z in rng.uniform([-0.6, -0.2], [0.6, 0.7], (400, 2)):
-        band = reaches(*args, -0.4, 0.3, r, z)
+        band = critical_posture(*args, -0.4, 0.3, r, z)[0]
         each = [reaches(*args, pitch, pitch, r, z) for pitch in np.linspace(-0.4, 0.3, 141)]
         assert band >= any(each)
         if band and not any(each):  # only a sliver between two pitches may differ

@@ -23,7 +23,7 @@ class Stance(NamedTuple):
 
     Attributes
     ----------
-    plane : PlaneArm
+    plane : PlanarLinkage
     sign, offset : (3,) array
         ``bend = sign * joint + offset`` [rad].
     zero : float
@@ -44,21 +44,6 @@ class Stance(NamedTuple):
     high: float
     mount: Array
     yaw: float
-
-
-class Reach(NamedTuple):
-    """Circles of the arm's plane on which its reach can begin or end.
-
-    Attributes
-    ----------
-    centers : (k, 2) array
-        [m]
-    radii : (k,) array
-        [m]
-    """
-
-    centers: Array
-    radii: Array
 
 
 class Keep(NamedTuple):

@@ -1,9 +1,9 @@
-"""Distances at which an arm in one plane meets thresholds: proven to, and not ruled out.
+"""Distances at which an arm in one plane meets thresholds: those proven to, and those not ruled out.
 
-At a height a posture is told by how far out the tool is, the pitch of the last link and the side of the
-elbow. Bounds of everything that is asked over boxes of distance and pitch settle these: a box all of whose
-postures meet it proves its distances, and distances are ruled out with the last box of their pitches. What
-neither settles is bisected until it is `FINEST` wide.
+At a height, the distance of the tool, the pitch of the last link and the side of the elbow determine a
+posture. Limits and thresholds are bounded over boxes of distance and pitch: a box all of whose postures meet
+them proves its distances, and distances are ruled out with the last box of their pitches. What is left open
+is bisected down to `FINEST`.
 """
 
 from __future__ import annotations
@@ -54,8 +54,16 @@ class HeightThresholds(NamedTuple):
     high: float
 
 
+class LinkAngles(NamedTuple):
+    """Intervals of the angles of the three links in the plane [rad]."""
+
+    first: tuple[float, float]
+    second: tuple[float, float]
+    last: tuple[float, float]
+
+
 class Distances(NamedTuple):
-    """The distances from near to far, to be served by one pitch [m]."""
+    """Distances from near to far, for which one pitch is sought that serves them all [m]."""
 
     thresholds: HeightThresholds
     near: float
@@ -65,7 +73,7 @@ class Distances(NamedTuple):
 def paved(
     arm: PlanarLinkage, asked: Thresholds, pitches: tuple[float, float], z: float, known: Array
 ) -> tuple[Array, Array]:
-    """Signed distances at a height whose postures meet all that is asked.
+    """Signed distances at a height with a posture that meets limits and thresholds.
 
     Parameters
     ----------
@@ -129,7 +137,7 @@ def judge_pitches(distances: Distances, low: Array, high: Array) -> tuple[Verdic
 
 @compiled
 def judge_pitch_box(distances: Distances, low: float, high: float, elbow: float) -> Verdict:
-    """Tell whether the postures of a box of distances and pitches all meet what is asked, or none does."""
+    """Judge a box of distances and pitches: proven where all its postures meet the thresholds."""
     arm, asked, z = distances.thresholds.arm, distances.thresholds.asked, distances.thresholds.z
     near, far = distances.near, distances.far
     a, b, c = arm.lengths[0], arm.lengths[1], arm.lengths[2]
@@ -166,32 +174,33 @@ def judge_pitch_box(distances: Distances, low: float, high: float, elbow: float)
     )
     if verdict == Verdict.RULED_OUT:
         return Verdict.RULED_OUT
-    bends = _bends_well(arm, asked, x0, x1, y, first0, first1, second0, second1, low, high)
-    verdict = together(verdict, bends)
+    links = LinkAngles((first0, first1), (second0, second1), (low, high))
+    verdict = together(verdict, _manipulable(distances, links))
     if verdict == Verdict.RULED_OUT:
         return Verdict.RULED_OUT
-    return together(verdict, _lifts(asked, first0, first1, second0, second1, low, high))
+    return together(verdict, _within_torques(asked, links))
 
 
 @compiled
 def _across(a: float, b: float, d0: float, d1: float) -> tuple[float, float]:
-    """By how much two links bend whose ends are (d0, d1) apart: 0 when stretched, pi when folded [rad]."""
+    """Bend between two links whose ends are (d0, d1) apart: 0 when stretched, pi when folded [rad]."""
     low = (d1 * d1 - a * a - b * b) / (2.0 * a * b)
     high = (d0 * d0 - a * a - b * b) / (2.0 * a * b)
     return np.arccos(min(1.0, max(-1.0, low))), np.arccos(min(1.0, max(-1.0, high)))
 
 
 @compiled
-def _bends_well(
-    arm: PlanarLinkage, asked: Thresholds, x0: float, x1: float, y: float,
-    first0: float, first1: float, second0: float, second1: float, low: float, high: float,
-) -> Verdict:  # fmt: skip
-    """Judge the manipulability of a box against its threshold."""
+def _manipulable(distances: Distances, links: LinkAngles) -> Verdict:
+    """Judge the manipulability of a box against its threshold; terms as in `posture_criteria.spare`."""
+    arm, asked = distances.thresholds.arm, distances.thresholds.asked
     if asked.least <= 0.0:
         return Verdict.PROVEN
+    (low, high), (second0, second1) = links.last, links.second
+    x0, x1 = distances.near - arm.shoulder_r, distances.far - arm.shoulder_r
+    y = distances.thresholds.z - arm.shoulder_z
     a, b, c = arm.lengths[0], arm.lengths[1], arm.lengths[2]
-    p0, p1 = interval_cos(first0, first1)
-    q0, q1 = interval_product(*interval_sin(first0, first1), x0, x1)
+    p0, p1 = interval_cos(*links.first)
+    q0, q1 = interval_product(*interval_sin(*links.first), x0, x1)
     u0, u1 = interval_square(a * (min(p0 * y, p1 * y) - q1), a * (max(p0 * y, p1 * y) - q0))
     p0, p1 = interval_cos(low, high)
     q0, q1 = interval_product(*interval_sin(low, high), x0, x1)
@@ -206,16 +215,13 @@ def _bends_well(
 
 
 @compiled
-def _lifts(
-    asked: Thresholds, first0: float, first1: float, second0: float, second1: float, low: float, high: float
-) -> Verdict:
+def _within_torques(asked: Thresholds, links: LinkAngles) -> Verdict:
     """Judge the torques of a box against their limits."""
     verdict, least, most = Verdict.PROVEN, 0.0, 0.0
     for k in range(2, -1, -1):
-        from_ = first0 if k == 0 else (second0 if k == 1 else low)
-        to = first1 if k == 0 else (second1 if k == 1 else high)
+        low, high = links.first if k == 0 else (links.second if k == 1 else links.last)
         pull, turn = asked.pull[k]
-        p0, p1 = interval_cos(from_ + turn, to + turn)
+        p0, p1 = interval_cos(low + turn, high + turn)
         least, most = least + pull * p0, most + pull * p1
         limit = asked.most[k]
         if limit < np.inf:

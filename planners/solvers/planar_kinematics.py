@@ -16,6 +16,8 @@ from regionik.worlds.arrays import Array
 
 LIMIT_SLACK = 1e-10  # rounding allowed when a bend is held against its limit [rad]
 
+Pair = tuple[float, float]
+
 
 class PlanarLinkage(NamedTuple):
     """What the kernels know of an arm: shoulder [m], link lengths [m], limits of the bends [rad]."""
@@ -150,18 +152,6 @@ def critical_posture(
 
 
 @compiled
-def reaches(
-    arm: PlanarLinkage,
-    pitch_low: float,
-    pitch_high: float,
-    r: float,
-    z: float,
-) -> bool:
-    """Whether a posture within limits, its last link within two pitches, puts the tool at (r, z)."""
-    return critical_posture(arm, pitch_low, pitch_high, r, z)[0]
-
-
-@compiled
 def widest_posture(
     arm: PlanarLinkage,
     pitch: float,
@@ -194,30 +184,27 @@ def widest_posture(
 
 @compiled
 def intervals_at_height(
-    arm: PlanarLinkage,
-    pitch_low: float,
-    pitch_high: float,
-    centers: Array,
-    radii: Array,
-    z: float,
-    front: bool,
-    back: bool,
-    out: Array,
+    arm: PlanarLinkage, pitches: Pair, circles: Array, z: float, front: bool, back: bool, out: Array
 ) -> int:
     """Intervals of r that the tool can reach at height z; returns their number, fills ``out`` (k, 2).
 
-    ``centers`` and ``radii`` are the circles on which the reach can begin or end; ``front`` and ``back`` say
-    which side of r = 0 to look at.
+    Parameters
+    ----------
+    pitches : (low, high)
+        Of the last link [rad].
+    circles : (n, 3) array
+        Center r, z and radius of the circles on which the reach can begin or end [m].
+    front, back : bool
+        Which of r > 0 and r < 0 to look at.
     """
-    breaks = np.empty(2 * len(radii) + 1)
+    breaks = np.empty(2 * len(circles) + 1)
     n = 0
-    for k in range(len(radii)):
-        dz = z - centers[k, 1]
-        h2 = radii[k] * radii[k] - dz * dz
+    for r, height, radius in circles:
+        dz = z - height
+        h2 = radius * radius - dz * dz
         if h2 >= 0.0:
             h = np.sqrt(h2)
-            breaks[n] = centers[k, 0] - h
-            breaks[n + 1] = centers[k, 0] + h
+            breaks[n], breaks[n + 1] = r - h, r + h
             n += 2
     if n == 0:
         return 0
@@ -230,7 +217,7 @@ def intervals_at_height(
         a, b = ordered[k], ordered[k + 1]
         if b - a < 1e-9 or (a >= 0.0 and not front) or (b <= 0.0 and not back):
             continue
-        if reaches(arm, pitch_low, pitch_high, 0.5 * (a + b), z):
+        if critical_posture(arm, pitches[0], pitches[1], 0.5 * (a + b), z)[0]:
             if count > 0 and a - open_end < 1e-9 and a != 0.0:
                 out[count - 1, 1] = b
             elif count < len(out):

@@ -1,6 +1,6 @@
-"""Reach of any arm on a vertical pivot: rings for the tool's point, found pose by pose where it must point.
+"""Reach of any arm on a vertical pivot: rings for the tool's point, sampled areas for directions and frames.
 
-Its pivot turns without end, as the base turns where it cannot, so that the reach of a point is a matter of
+The pivot turns without end, as the base turns where it cannot, so that the reach of a point is a matter of
 distance: a place c of the axis works for a point at p and a height z where |p - c| lies in the reach R(z).
 """
 
@@ -12,7 +12,15 @@ from typing import ClassVar
 
 import numpy as np
 
-from regionik.areas.reach_model import FineRows, ReachModel, ReachQuery, Rows, ring_sectors, wide_enough
+from regionik.areas.reach_model import (
+    FineRows,
+    ReachModel,
+    ReachQuery,
+    Rows,
+    Sectors,
+    sector_polygons,
+    wide_enough,
+)
 from regionik.planners.reach.level_reach import inner_reach, outer_reach
 from regionik.planners.reach.pose_reach import pose_reach
 from regionik.planners.solvers.posture_criteria import Thresholds
@@ -27,10 +35,10 @@ from regionik.worlds.scene import Target
 
 @dataclass(frozen=True, eq=False)
 class PivotedReach(ReachModel):
-    """Reach of the tool's point of any arm: rings proven by walks at a height, bounded by boxes of postures.
+    """Reach of the tool's point of any arm.
 
-    R(z) is bounded from within by distances that a walk at the height z passes (`levelwalk`), and from
-    outside by all that boxes of joint values do not rule out (`ruledout`).
+    R(z) is bounded from within by the distances that walks at the height z pass (`level_walk`), and from
+    outside by those that boxes of joint values do not rule out (`outer_bounds`).
     """
 
     @property
@@ -51,11 +59,10 @@ class PivotedReach(ReachModel):
         spans = self.distances(None, positions[:, 2], inner=query.inner)
         which = np.repeat(np.arange(len(spans)), [len(some) for some in spans])
         low, high = np.concatenate([np.empty((0, 2)), *spans]).T
-        real = wide_enough(low, high, query.margin, query.arcs)
+        real = wide_enough(low, high, query)
         which, low, high = which[real], low[real], high[real]
-        whole = np.zeros(len(which)), np.full(len(which), np.pi)
-        rings = ring_sectors(positions[which, :2], low, high, *whole, query.margin, query.arcs)
-        return which, (Family(FRONT),) * len(which), rings
+        rings = Sectors(positions[which, :2], low, high, np.zeros(len(which)), np.full(len(which), np.pi))
+        return which, (Family(FRONT),) * len(which), sector_polygons(rings, query)
 
     def distances(self, criteria: Criteria | None, heights: Array, *, inner: bool) -> list[Array]:
         """R(z) at each height; see `ReachModel`."""
@@ -91,10 +98,10 @@ class PivotedReach(ReachModel):
 
 @dataclass(frozen=True, eq=False)
 class PosedReach(PivotedReach):
-    """Reach of a tool that must point, or be turned, of an arm that cannot do so in one plane.
+    """Reach for a tool direction or orientation of an arm that does not meet it in one plane.
 
-    Inner areas are looked for on a grid of places, pose by pose (`posereach`): sampled, not proven. Outer
-    ones bound the tool's point, which bounds its poses.
+    Inner areas are sampled on a grid of places (`pose_reach`), not proven. Outer ones bound the tool's point,
+    which bounds its poses.
 
     Attributes
     ----------

@@ -1,4 +1,4 @@
-"""Reach of an arm for one kind of goal: the questions that every model of it answers."""
+"""Interface of the models of an arm's reach, for one kind of goal each, and rings as polygons."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ FineRows = tuple[tuple[Family, ...], Geometries]  # family and shape of each row
 
 
 class ReachQuery(NamedTuple):
-    """Reach that is asked for.
+    """Conditions under which a reach is asked for.
 
     Attributes
     ----------
@@ -54,7 +54,7 @@ class ReachQuery(NamedTuple):
 
     @property
     def inner(self) -> bool:
-        """True for the reach from within."""
+        """True where areas are to lie within the reach, False where around it."""
         return self.margin is not None
 
     @property
@@ -94,7 +94,7 @@ class ReachModel(ABC):
     @property
     @abstractmethod
     def exhaustible(self) -> bool:
-        """As above."""
+        """See the attributes."""
 
     @abstractmethod
     def rows(self, targets: Sequence[Target], query: ReachQuery) -> Rows:
@@ -186,23 +186,9 @@ class Sectors(NamedTuple):
     half: Array
 
 
-def ring_sectors(
-    centers: Array, low: Array, high: Array, azimuth: Array, half: Array, margin: float | None, arcs: int
-) -> Geometries:
-    """Rings and ring sectors as polygons: within the true shape where a margin is given, else around it.
-
-    Parameters
-    ----------
-    centers : (n, 2) array
-    low, high : (n,) array
-        Radii [m].
-    azimuth, half : (n,) array
-        Middle and half of each sector; whole rings where half a turn or more [rad].
-    margin : float or None
-        Kept from both radii [m].
-    arcs : int
-        Vertices of a full circle or sector.
-    """
+def sector_polygons(sectors: Sectors, query: ReachQuery) -> Geometries:
+    """Rings and ring sectors as polygons, (n,): within the true shape where a margin is kept, else around."""
+    (centers, low, high, azimuth, half), margin, arcs = sectors, query.margin, query.arcs
     out = np.empty(len(centers), dtype=object)
     full = half >= np.pi
     step = 2 * np.where(full, np.pi, half) / arcs
@@ -221,16 +207,16 @@ def ring_sectors(
     return out
 
 
-def wide_enough(low: Array, high: Array, margin: float | None, arcs: int) -> NDArray[np.bool_]:
-    """Rings (n,) that have a polygon within: one thinner than its chords has none."""
+def wide_enough(low: Array, high: Array, query: ReachQuery) -> NDArray[np.bool_]:
+    """Mask (n,) of the rings that have a polygon: one thinner than its chords has none within."""
     real: NDArray[np.bool_] = low + high > 0
-    if margin is not None:
-        real &= (low + margin) / np.cos(np.pi / arcs) + GUARD < high - margin
+    if query.margin is not None:
+        real &= (low + query.margin) / np.cos(np.pi / query.arcs) + GUARD < high - query.margin
     return real
 
 
 def _rings(centers: Array, far: Array, near: Array, arcs: int) -> Geometries:
-    """Whole rings; discs where there is no hole."""
+    """Whole rings as polygons, discs where there is no hole."""
     turns = 2 * np.pi / arcs * np.arange(arcs)
     unit = np.column_stack([np.cos(turns), np.sin(turns)])
     unit = np.vstack([unit, unit[:1]])
