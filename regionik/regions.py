@@ -1,4 +1,4 @@
-"""Admissible areas: where the arm axis may stand for a target. Reach minus rejection.
+"""Admissible areas: places of the arm axis from which a target is reached. Reach minus rejection.
 
 Source: M-FABRIK (Santos et al., IEEE Access 2020), CreateAdmissibleArea in Algorithm 1; the reach here is
 exact for joint limits and tool direction, gaps included.
@@ -60,7 +60,7 @@ class PathAreas:
 
 @dataclass(frozen=True, eq=False)
 class TakenAway:
-    """A part of the reach that is not admissible, and what took it."""
+    """A part of the reach that is not admissible, and its cause."""
 
     kind: CauseKind
     name: str
@@ -69,15 +69,15 @@ class TakenAway:
 
 @dataclass(frozen=True, eq=False)
 class Area:
-    """Admissible area of one target: where the arm axis may stand.
+    """Admissible area of one target: the places of the arm axis.
 
     Attributes
     ----------
     target : Target
     inner : geometry
-        Every point of it truly works.
+        The target is reached from every point of it.
     outer : geometry
-        No point outside it works; where it is empty the target is unreachable in the model.
+        The target is reached from no point outside it; where it is empty the target is unreachable.
     """
 
     target: Target
@@ -98,7 +98,7 @@ class Area:
 
     @property
     def gap(self) -> float:
-        """Area between outer and inner [m2]: what is not decided."""
+        """Undecided area, between outer and inner [m2]."""
         return float(self.outer.area - self.inner.area)
 
     @cached_property
@@ -113,7 +113,7 @@ class Area:
 
 
 def admissible_area(world: World, target: Target | ArrayLike, criteria: Criteria | None = None) -> Area:
-    """Area where the arm axis may stand so that the tool reaches a target.
+    """Area of the arm axis from which the tool reaches a target.
 
     Parameters
     ----------
@@ -121,7 +121,7 @@ def admissible_area(world: World, target: Target | ArrayLike, criteria: Criteria
     target : Target or (3,) array_like
         A bare point leaves the tool direction free [m].
     criteria : Criteria, optional
-        What the arm's posture must be good for; by default what the world's rules ask.
+        Thresholds that the arm's posture must meet; by default those of the world's rules.
 
     Returns
     -------
@@ -142,7 +142,7 @@ def admissible_area(world: World, target: Target | ArrayLike, criteria: Criteria
 
 
 def _whole_area(world: World, target: Target, *, inner: bool) -> BaseGeometry:
-    """The area of a target at whatever heading, from within or from outside."""
+    """Area of a target at any heading, from within or from outside."""
     parts = [Polygon()]
     for side in (by_heading(world) if inner else outer_by_heading(world)).sides:
         _, _, rings = reach_rows(world, [target], (FRONT, BACK), inner=inner, span=side.span)
@@ -166,7 +166,7 @@ def path_areas(
     facings : sequence of int
         Which of `FRONT` and `BACK` to take.
     standing : Standing, optional
-        Where the base may stand; by default that of every heading.
+        Free floor of the base; by default that of every heading.
     """
     asked = world.task if targets is None else targets
     sides = (standing or anywhere(world)).sides
@@ -185,7 +185,7 @@ def path_areas(
 
 
 def ways_to_stand(world: World) -> Iterator[tuple[Callable[[World], Standing], tuple[int, ...]]]:
-    """Ways for the base to stand and for the arm to face, the plainest first."""
+    """Free floors of the base and facings of the arm, the simplest first."""
     yield from ((anywhere, (FRONT,)), (anywhere, (FRONT, BACK)))
     if turns_matter(world):
         yield from ((by_heading, (FRONT,)), (by_heading, (FRONT, BACK)))
@@ -207,13 +207,13 @@ def outer_areas(world: World, targets: Sequence[Target]) -> list[BaseGeometry]:
 
 
 def reach_of(world: World, target: Target) -> BaseGeometry:
-    """Reach of a target from outside: places of the arm axis if nothing were in the way."""
+    """Outer reach of a target: places of the arm axis if nothing were in the way."""
     _, _, rings = reach_rows(world, [target], (FRONT, BACK), inner=False, span=span_of_rules(world))
     return shapely.union_all(rings) if len(rings) else Polygon()
 
 
 def what_took_away(world: World, target: Target) -> tuple[TakenAway, ...]:
-    """Obstacles, floor edge and arm limits that make the area smaller than a stretched arm's disc."""
+    """Obstacles, floor edge and limits that make the area smaller than a stretched arm's disc."""
     ground = ground_of(world)
     span = reach_bound(world.robot.chain)
     rise = target.position[2] - span.height - world.robot.mount[2]

@@ -21,7 +21,7 @@ LONGEST_STEP = 1.0  # [rad] or [m]
 
 
 class Aim(NamedTuple):
-    """What the tool shall do, for kernels.
+    """Goal of the tool, for kernels.
 
     Attributes
     ----------
@@ -43,7 +43,7 @@ class Aim(NamedTuple):
 
 @compiled
 def pose_error(position: Vector, turn: Array, aim: Aim, miss: Array) -> tuple[float, float]:
-    """Write what is left to move and turn (6,) into ``miss``; returns both as lengths [m], [rad]."""
+    """Write the twist that is left (6,) into ``miss``; returns its lengths [m], [rad]."""
     for i in range(3):
         miss[i] = aim.position[i] - position[i]
         miss[3 + i] = 0.0

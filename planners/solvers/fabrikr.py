@@ -1,4 +1,4 @@
-"""FABRIK-R (paper 001) for any serial chain: single-body steps, and passes that loop over them.
+"""FABRIK-R (paper 001) for any serial chain: steps of single bodies, and passes over all of them.
 
 A pass works on a `Posture`, which it overwrites joint by joint: what it has passed is new, what lies ahead is
 old. Every body stays rigid, so joint values are exact after each backward pass. A step is a choice
@@ -34,7 +34,7 @@ from regionik.worlds.arrays import Array
 
 
 class Posture(NamedTuple):
-    """Where the bodies are, in the arm's base frame; passes write into it.
+    """Poses of the bodies in the arm's base frame; passes write into it.
 
     Attributes
     ----------
@@ -290,7 +290,7 @@ TIE = 1e-9  # candidates this near to each other are equally good [m, rad]
 
 @compiled
 def held(wanted: float, now: float, lower: float, upper: float) -> float:
-    """The turn of ``wanted`` within the limits, nearest to ``now``; else the nearer limit."""
+    """The turn of ``wanted`` within the limits, nearest to ``now``; else the nearer limit [rad]."""
     value = now + wrap(wanted - now)
     if lower <= value <= upper:
         return value

@@ -25,7 +25,7 @@ from regionik.worlds.errors import InputError
 
 @dataclass(frozen=True, eq=False)
 class Goal:
-    """Where the tool shall be, in the arm's base frame.
+    """Goal of the tool in the arm's base frame.
 
     Attributes
     ----------
@@ -60,12 +60,12 @@ class ArmPosture:
     joints : (dof,) array
         Within limits; the nearest posture found where it did not converge [rad] or [m].
     error, angle_error : float
-        What the tool misses [m], [rad]; the angle is 0 where the goal has none.
+        Of the tool [m], [rad]; the angle is 0 where the goal has none.
     iterations : int
         Passes, forward and backward together one, restarts included.
     restarts : int
     steps : tuple of str
-        What led to the answer: "passes", "restarts" where they began elsewhere, "polish" where it ended so.
+        Of "passes", "restarts", "polish": those that led to the answer.
     converged : bool
     reason : str
         One line when not converged, else empty.
@@ -186,7 +186,7 @@ def aim_of(goal: Goal) -> Aim:
 
 
 def confirm(chain: Chain, aim: Aim, joints: Array) -> tuple[float, float]:
-    """What the tool misses [m], [rad] by the chain's own forward kinematics, in plain numpy."""
+    """Errors of the tool [m], [rad] by the chain's own forward kinematics, in plain numpy."""
     tool = chain.forward(joints)
     error = float(np.linalg.norm(tool[:3, 3] - aim.position))
     if aim.kind == POSITION:
@@ -224,10 +224,10 @@ def why_not(
     angle: float,
     passes: int,
 ) -> str:
-    """One line on a goal that was missed by ``error`` [m] and ``angle`` [rad] at ``joints``.
+    """One line on why a goal was missed by ``error`` [m] and ``angle`` [rad] at ``joints``.
 
-    What is certain comes first: too far, too near. Then what solving again with less asked shows: without
-    limits, without the tool's direction. Else the search itself gave out.
+    Proofs come first: too far, too near. Then the goal is solved again without limits, and without the tool's
+    direction. Else the search itself failed.
     """
     point = pointing_bodies(chain)
     distance = float(np.linalg.norm(aim.position - point.root))
@@ -264,7 +264,7 @@ def reach_bounds(bodies: RigidBodies) -> tuple[float, float]:
 
 
 def _without_limits(bodies: RigidBodies, aim: Aim, starts: Array, effort: Effort, joints: Array) -> str:
-    """Which joints leave their limits once they may; empty where that does not help either."""
+    """Words on the joint farthest past its limits once it may be; empty where the goal is missed even so."""
     arm = bodies.arm
     if np.isinf(arm.lower).all() and np.isinf(arm.upper).all():
         return ""

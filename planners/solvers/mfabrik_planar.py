@@ -56,7 +56,7 @@ NO_VERTICES, NO_RINGS = np.empty((0, 2)), np.zeros(1, np.int64)  # of an area th
 
 
 class PlanarGoal(NamedTuple):
-    """Where the tool shall be [m]; facing, pitch and tolerance as in `PlanarSetup`."""
+    """Target of the tool [m]; facing, pitch and tolerance as in `PlanarSetup`."""
 
     target: Triple
     facing: int
@@ -68,9 +68,9 @@ class PlanarGoal(NamedTuple):
 def planar_passes(
     links: PlanarLinks, area: BaseArea, goal: PlanarGoal, start: PlanarState, most: int, patience: int
 ) -> tuple[float, int, PlanarState]:
-    """M-FABRIK, Algorithm 1, from one start: error [m], passes and where they lead.
+    """M-FABRIK, Algorithm 1, from one start: error [m], passes and the last state.
 
-    It gives up after ``most`` passes, and where the error has not come down in ``patience`` of them.
+    It ends after ``most`` passes, or ``patience`` of them without progress.
     """
     x, y, z = start.x, start.y, goal.target[2]
     u, v = direction(start.yaw)
@@ -103,7 +103,7 @@ def planar_passes(
 
 @compiled
 def _may_stay(area: BaseArea, goal: PlanarGoal, start: PlanarState) -> bool:
-    """Whether a start that is on target is an answer: its base in the area, its last link at the pitch.
+    """True where a start on target is an answer: its base in the area, its last link at the pitch.
 
     A base that has become inadmissible must move even where the tool is in place already.
     """
@@ -150,9 +150,8 @@ def planar_restarts(
 ) -> tuple[float, int, PlanarState]:  # fmt: skip
     """M-FABRIK with restarts: the given posture, then ``restarts`` (k, 3), then the widest one at the base.
 
-    Limits can stall the passes, and a start that stalls is left for the next one; where none gets there, all
-    are followed to the end. The last resort looks through the arm's self-motion, so that a base in the
-    admissible area is never given up.
+    Limits can stall the passes, and a start that stalls is left for the next one; where none converges, all
+    are followed to the end. Last the arm's self-motion is searched, so that no admissible place is given up.
 
     Returns
     -------
@@ -222,7 +221,7 @@ def solve_planar(
 
     Returns
     -------
-    error [m], passes, whether the target is met at a heading within its span
+    error [m], passes, True where the target is met at a heading within its span
     """
     one = setup[0]
     return _solve(one, turning_of(one), BaseArea(vertices, rings, mobile), target, base, joints)
@@ -290,10 +289,10 @@ def solve_planar_many(
 def solve_planar_along(
     setup: Record, targets: Array, places: Array, wished: Array, bend: float, base: Array, joints: Array
 ) -> tuple[Array, Array]:
-    """Base poses (k, 3) and joints (k, dof) on a way, each from the one before, up to the first without any.
+    """Base poses (k, 3) and joints (k, dof) along a path, each from the one before, until none is found.
 
-    The arm axis is held at each place. FABRIK from the wished posture comes first; where its passes stall or
-    jump, the posture of least change.
+    The arm axis is held at each place. FABRIK from the wished posture is tried first, then the posture of
+    least change where its passes stall or the arm would jump.
 
     Parameters
     ----------

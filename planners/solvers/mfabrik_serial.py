@@ -20,7 +20,7 @@ from regionik.worlds.arrays import Array
 
 
 class ArmStand(NamedTuple):
-    """How an arm stands on its base.
+    """Mounting of an arm on its base.
 
     Attributes
     ----------

@@ -31,7 +31,7 @@ MOST_STEPS = 60  # of polishing one start
 
 
 class Effort(NamedTuple):
-    """When to be content and when to give up.
+    """Tolerances and limits of a solve.
 
     Attributes
     ----------
@@ -57,8 +57,8 @@ def solve_ik(
 ) -> tuple[float, float, int, int, bool]:
     """Bring the tool to its aim: passes from ``joints``, then from each of ``starts``, each end polished.
 
-    To polish first and start again only then is what makes real arms fast: on most of them passes alone
-    stall at their offsets, within a few steps of an answer.
+    Polishing before a restart is what makes real arms fast: on most of them passes alone stall at their
+    offsets, within a few steps of an answer.
 
     Parameters
     ----------
@@ -106,8 +106,8 @@ def follow_passes(
 ) -> tuple[float, float, int]:
     """Passes from one start; ``joints`` (n,) becomes the best posture met.
 
-    At its present pace a start may need `PATIENCE` passes more; the last one (``to_the_end``) is dropped
-    only when it makes no headway at all.
+    A start is dropped when it would need more than `PATIENCE` passes at its present pace, the last one
+    (``to_the_end``) only when it makes no progress at all.
     """
     posture = posture_of(bodies, joints)
     miss = np.empty(6)
@@ -163,7 +163,7 @@ def _wanted_last(bodies: RigidBodies, aim: Aim, posture: Posture, turn: Array) -
 
 @compiled
 def posture_error(bodies: RigidBodies, aim: Aim, posture: Posture, miss: Array) -> tuple[float, float]:
-    """What the tool misses [m], [rad]; ``miss`` (6,) becomes the way there."""
+    """Error of the tool [m], [rad]; ``miss`` (6,) becomes the twist that is left."""
     n = len(posture.joints)
     position = (posture.outer[n, 0], posture.outer[n, 1], posture.outer[n, 2])
     turn = posture.turns[n - 1].copy()
@@ -174,7 +174,7 @@ def posture_error(bodies: RigidBodies, aim: Aim, posture: Posture, miss: Array) 
 
 @compiled
 def share_of(error: float, angle: float, effort: Effort) -> float:
-    """The larger of both misses as a share of its tolerance; rounding must not lift it over 1 later."""
+    """Larger of both errors as a share of its tolerance, rounded up so that it cannot exceed 1 later."""
     return (1.0 + 1e-9) * max(error / effort.tolerance, angle / effort.angle_tolerance)
 
 
@@ -211,7 +211,7 @@ def solve_ik_batch(
 
 
 def spread_postures(chain: Chain, reach: float, count: int, seed: int) -> Array:
-    """Postures (count, dof) drawn evenly within the limits; what has no end, within a turn or a reach."""
+    """Postures (count, dof) drawn evenly within the limits; joints without any, within a turn or a reach."""
     width = np.array([2 * np.pi if joint.kind == "revolute" else reach for joint in chain.joints])
     lower = np.where(np.isfinite(chain.lower), chain.lower, chain.upper - width)
     lower = np.where(np.isfinite(lower), lower, -0.5 * width)

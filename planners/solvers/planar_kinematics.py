@@ -20,7 +20,7 @@ Pair = tuple[float, float]
 
 
 class PlanarLinkage(NamedTuple):
-    """What the kernels know of an arm: shoulder [m], link lengths [m], limits of the bends [rad]."""
+    """A planar arm for kernels: shoulder [m], link lengths [m], limits of the bends [rad]."""
 
     shoulder_r: float
     shoulder_z: float
@@ -31,7 +31,7 @@ class PlanarLinkage(NamedTuple):
 
 @compiled
 def triangle(length_a: float, length_b: float, x: float, z: float) -> tuple[float, float, float, bool]:
-    """Two links that end at (x, z): direction of the end, angles at root and end, whether they can.
+    """Two links that end at (x, z): direction of the end, angles at root and end, False where out of reach.
 
     With the elbow on side e (+1 or -1) the links lie at ``lead + e * root`` and ``lead - e * tip``.
     """
@@ -81,7 +81,7 @@ def slack(lower: Array, upper: Array, a: float, b: float, c: float) -> float:
 def fits_limits(
     lower: Array, upper: Array, a: float, b: float, c: float, pitch_low: float, pitch_high: float
 ) -> bool:
-    """Whether absolute link angles keep every bend within limits and the last link within its pitches."""
+    """True where absolute link angles keep every bend and the pitch of the last link within limits."""
     if fit(a, lower[0], upper[0])[1] > LIMIT_SLACK or fit(b - a, lower[1], upper[1])[1] > LIMIT_SLACK:
         return False
     return fit(c - b, lower[2], upper[2])[1] <= LIMIT_SLACK and (
@@ -97,7 +97,7 @@ def critical_posture(
     r: float,
     z: float,
 ) -> tuple[bool, float, float, float]:
-    """Put the tool at (r, z) within limits and two pitches: whether that is possible, and the links' angles.
+    """Angles of links that put the tool at (r, z) within limits and two pitches, after True if there are any.
 
     Every connected piece of the arm's self-motion holds a posture with a bend or the pitch at its limit,
     with the elbow straight or folded, or else every pitch; so it is enough to try those.

@@ -45,7 +45,7 @@ class Thresholds(NamedTuple):
 
 @lru_cache(maxsize=256)
 def thresholds_of(arm: PlanarArm, robot: Robot, criteria: Criteria) -> tuple[Thresholds, Thresholds]:
-    """What criteria ask of an arm in one plane besides its limits: thresholds for inner reach, and for outer.
+    """Thresholds that criteria set an arm in one plane, for inner reach and for outer.
 
     Masses off the axis of the roll joint pull as the roll turns them. Inner thresholds hold at any roll,
     outer ones may hold at some; without such masses both are one.
@@ -160,10 +160,10 @@ def meeting_posture(
     bends: Array,
     tries: int,
 ) -> bool:
-    """Among ``tries`` pitches, or the one given, the posture on (r, z) nearest to ``near`` that meets all.
+    """Fill in bends (3,) of the posture on (r, z) nearest to ``near`` that meets the thresholds by `COMFORT`.
 
-    It does so with `COMFORT`. Where none of them does, pitches about the best are tried ever closer, for any
-    that meets all. Fills bends (3,); False where no posture was found.
+    ``tries`` pitches are looked at, or the one given. Where none will do, pitches ever closer to the best are
+    tried for one that just meets them. False where no posture was found.
     """
     count = 1 if np.isfinite(pitch) else tries
     tried, best = np.empty(3), np.zeros(2)

@@ -1,4 +1,4 @@
-"""Reach alone: where the arm axis may stand if nothing is in the way, by the model of arm and goal."""
+"""Reach without obstacles: places of the arm axis, by the model that suits arm and goal."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ def reach_rows(
     inner: bool,
     span: tuple[float, float] = EVERY,
 ) -> Rows:
-    """Reach of every target as rings and ring sectors, before rejection, the base's heading within a span.
+    """Reach of targets as rings and ring sectors, before rejection, the base's heading within a span.
 
     Returns
     -------
@@ -124,20 +124,19 @@ def fine_reach(
     *,
     inner: bool,
 ) -> FineRows:
-    """Reach of one target without the rules' margin, its circles as fine as asked: families and shapes.
+    """Reach of one target without the rules' margin, with finer circles: families and shapes.
 
     Parameters
     ----------
     world : World
     target : Target
     kinds : sequence of Family
-        Of an arm in one plane; any other arm has one kind.
     span : (low, high)
         Headings of the base [rad].
     arcs : int
         Vertices of a full circle.
     inner : bool
-        Within the true reach, or around it.
+        True for shapes within the true reach, False for shapes around it.
     """
     query = ReachQuery(world.rules, GUARD if inner else None, span, arcs=arcs)
     return reach_model(world.robot, goal_of(target)).fine_rows(target, kinds, query)

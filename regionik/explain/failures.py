@@ -1,4 +1,4 @@
-"""Explanations of what areas, floor and start do not allow: which set-point and obstacle, what is missing."""
+"""Explanations of failures by stage: which set-point and obstacle, and what is missing."""
 
 from __future__ import annotations
 
@@ -18,15 +18,10 @@ from regionik.planners.driving.footprint import footprint_width
 from regionik.planners.driving.footprint_planner import NarrowPassageError, passage_width
 from regionik.planners.driving.point_planner import NoPathError
 from regionik.planners.geometry.distances import obstacles_from, solids_within
-from regionik.regions import (
-    TakenAway,
-    largest_clearance,
-    outer_areas,
-    reach_of,
-    what_took_away,
-)
+from regionik.regions import TakenAway, largest_clearance, outer_areas, reach_of, what_took_away
 from regionik.values import Violation
 from regionik.worlds.errors import Cause, CauseKind, Explanation, Repair
+from regionik.worlds.obstacles import Shadow
 from regionik.worlds.pivoted_arm import reach_bound
 from regionik.worlds.scene import Target, World
 
@@ -40,7 +35,6 @@ def no_place(world: World, i: int, targets: Sequence[Target] | None = None, othe
     ----------
     world : World
     i : int
-        Counts from 0.
     targets : sequence of Target, optional
         The world's task by default.
     others : int
@@ -57,11 +51,11 @@ def no_place(world: World, i: int, targets: Sequence[Target] | None = None, othe
     else:
         taken = what_took_away(world, target)
         reason, causes, repairs = _crowded_out(world, lead, taken, open_clearance, proven)
-    asks_more = world.rules.criteria is not None
-    bare = largest_clearance(with_rules(world, criteria=None), target) if asks_more else None
-    if bare is not None and bare >= world.rules.clearance:
-        reason += " Without the criteria of the rules it could be reached."
-        causes = (Cause("criteria", "rules.criteria"), *causes)
+    if world.rules.criteria is not None:
+        bare = largest_clearance(with_rules(world, criteria=None), target)
+        if bare is not None and bare >= world.rules.clearance:
+            reason += " Without the criteria of the rules it could be reached."
+            causes = (Cause("criteria", "rules.criteria"), *causes)
     if not proven:
         reason += f" It is not ruled out either: {_left_open(world, target)}."
     if others:
@@ -71,7 +65,7 @@ def no_place(world: World, i: int, targets: Sequence[Target] | None = None, othe
 
 
 def _left_open(world: World, target: Target) -> str:
-    """Reasons for which inner areas are smaller than outer ones."""
+    """Reasons why inner areas are smaller than outer ones."""
     ground = ground_of(world)
     why = [f"inner areas keep {world.rules.reach_margin:g} m off the edge of reach"]
     if not model_of(world, target).proven:
@@ -93,14 +87,12 @@ def _out_of_reach(
             f"{lead} from anywhere: it lies {over:.3f} m {way} all that "
             f"{world.robot.name} reaches (heights from {shoulder - length:.3f} to {shoulder + length:.3f} m)."
         )
-        text = (
-            f"raise the arm or lower the target by {over:.3f} m"
-            if way == "above"
-            else (f"raise the target by {over:.3f} m")
+        text = f"{'raise the arm or lower' if way == 'above' else 'raise'} the target by {over:.3f} m"
+        return (
+            reason,
+            (Cause("reach", world.robot.name, over),),
+            (Repair("move-target", "target", over, text),),
         )
-        return reason, (Cause("reach", world.robot.name, over),), (
-            Repair("move-target", "target", over, text),
-        )  # fmt: skip
     ground = ground_of(world)
     sides = (outer_by_heading if proven and ground.inner.floor.is_empty else by_heading)(world).sides
     places = shapely.union_all([side.free for side in sides])
@@ -120,17 +112,14 @@ def _out_of_reach(
         ) + tight(world, places, Point(target.position[:2]))
         return reason, (Cause("floor", "edge of the floor", off),), ()
     kind: CauseKind = "limits" if target.direction is None else "direction"
-    wanted, never = _wanted(world, target), reach_of(world, target).is_empty
-    reason = (
-        f"{lead} from anywhere: no posture {wanted} brings the tool of {world.robot.name} there."
-        if never
-        else f"{lead}: no posture {wanted} is known that brings the tool of {world.robot.name} there."
-    )
+    anywhere, known = (" from anywhere", "") if reach_of(world, target).is_empty else ("", " is known that")
+    posture = f"no posture {_wanted(world, target)}{known}"
+    reason = f"{lead}{anywhere}: {posture} brings the tool of {world.robot.name} there."
     return reason, (Cause(kind, world.robot.name),), ()
 
 
 def _wanted(world: World, target: Target) -> str:
-    """Words for the postures that an arm lacks for a target in reach of its floor and height."""
+    """Words for the postures that are missing for a target within the arm's height and length."""
     if target.direction is None:
         return "within limits"
     bare, pointed = Target(target.position), Target(target.position, target.direction, target.cone)
@@ -193,7 +182,7 @@ def cut_off(world: World, i: int, here: BaseGeometry, areas: BaseGeometry) -> Ex
 
 
 def tight(world: World, here: BaseGeometry, there: BaseGeometry) -> str:
-    """A sentence on the narrowest place between two parts of the floor, where the base is too wide for it."""
+    """A sentence on the narrowest passage between parts of the floor, where the base is too wide for it."""
     across = footprint_width(world.robot.footprint)
     if across == 0:
         return ""
@@ -244,15 +233,8 @@ def blocked_start(world: World) -> Explanation | None:
     if found is None or found[1] >= ground.clearance - 1e-9:
         return None
     name, gap = found
-    depth = max(
-        (
-            shadow.radius - float(shadow.core.distance(outline))
-            if shadow.radius
-            else _depth(shadow.core, outline)
-        )
-        for n, shadow in zip(ground.names, ground.shadows, strict=True)
-        if n == name
-    )
+    shadows = [shadow for n, shadow in zip(ground.names, ground.shadows, strict=True) if n == name]
+    depth = max(_depth(shadow, outline) for shadow in shadows)
     place = f"inside {name}, {depth:.3f} m deep" if gap == 0.0 else f"{gap:.3f} m from {name}"
     missing = ground.clearance - gap + (depth if gap == 0.0 else 0.0)
     reason = (
@@ -263,7 +245,7 @@ def blocked_start(world: World) -> Explanation | None:
 
 
 def invalid_plan(world: World, violations: Sequence[Violation]) -> Explanation:
-    """The first thing for which verification turned a finished plan down."""
+    """Explain for which violation first verification rejected a finished plan."""
     first = violations[0]
     more = f" ({len(violations) - 1} more of this and other kinds.)" if len(violations) > 1 else ""
     reason = f"A plan was found but does not hold: {first.text}{more}"
@@ -275,10 +257,10 @@ def invalid_plan(world: World, violations: Sequence[Violation]) -> Explanation:
 
 
 def no_posture(world: World, i: int) -> Explanation:
-    """M-FABRIK found no posture although the area is not empty."""
+    """Explain that M-FABRIK found no posture although the area is not empty."""
     reason = (
-        f"{setpoint_at(world.task, i)} has admissible places for the "
-        f"base, but no posture within the joint limits was found at heading policy '{world.rules.heading}'."
+        f"{setpoint_at(world.task, i)} has admissible places for the base, but no posture within the joint "
+        f"limits was found at heading policy '{world.rules.heading}'."
     )
     return Explanation("no-posture", i, reason, (Cause("limits", world.robot.name, None),))
 
@@ -287,16 +269,16 @@ def _crossed(world: World, bridge: BaseGeometry) -> list[str]:
     """Obstacles whose grown shadows a line on the floor runs through."""
     ground = ground_of(world)
     by = ground.clearance + ground.far
-    names = [
-        name
-        for name, shadow in zip(ground.names, ground.shadows, strict=True)
-        if grow(shadow, by, inner=True).intersects(bridge)
-    ]
+    shadows = zip(ground.names, ground.shadows, strict=True)
+    names = (name for name, shadow in shadows if grow(shadow, by, inner=True).intersects(bridge))
     return list(dict.fromkeys(names))[:6]
 
 
-def _depth(core: BaseGeometry, outline: BaseGeometry) -> float:
-    return float(core.boundary.distance(outline)) if core.covers(outline) else 0.0
+def _depth(shadow: Shadow, outline: BaseGeometry) -> float:
+    """Depth of a base inside a shadow [m]."""
+    if shadow.radius:
+        return shadow.radius - float(shadow.core.distance(outline))
+    return float(shadow.core.boundary.distance(outline)) if shadow.core.covers(outline) else 0.0
 
 
 CORNER = 3**0.5  # how much deeper than its sides the corner of a box may be in a mesh
@@ -305,8 +287,8 @@ CORNER = 3**0.5  # how much deeper than its sides the corner of a box may be in 
 def buried(world: World) -> Explanation | None:
     """Explain which set-point is too near to a solid for any posture; None where none is.
 
-    Where the tool lies inside its link, what is round about it must fit beside every solid with the arm's
-    clearance; into the one that the tool may touch it sinks no deeper than the rules allow.
+    Where the tool point lies inside its link, the ball of the link about it must keep the arm's clearance
+    from every solid; into the one that the tool may touch it may sink no deeper than the rules allow.
     """
     tip, _ = world.robot.tip_depth
     if not tip:
@@ -338,7 +320,7 @@ def buried(world: World) -> Explanation | None:
 
 
 def _too_deep(world: World, i: int, name: str, tip: float, need: float) -> Explanation:
-    """Why the tool cannot touch a solid: what of its link is round about it would sink in too deep."""
+    """Explain that the tool cannot touch a solid, as its link would sink in too deep."""
     missing, rules = need - world.rules.contact_depth, world.rules
     reason = (
         f"{setpoint_at(world.task, i)} cannot be touched: the last link, "
@@ -389,9 +371,9 @@ def no_clear_posture(
     world : World
     i : int
     looked : (places, postures, proven)
-        How many places of the base and postures were looked at, and at how many there is proven to be none.
+        Places of the base and postures looked at, and places where there is proven to be none.
     closest : str
-        What the posture that came nearest to being clear touches, in words.
+        Words on the contact of the posture nearest to being clear.
     cause : Cause
     cut_off : bool
         Clear postures exist, but no way to them was found.

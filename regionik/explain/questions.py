@@ -1,7 +1,7 @@
-"""Questions that an explanation asks of changed worlds: of a target, of the arm in its way, of a whole path.
+"""Questions that an explanation asks of changed worlds: about a target, the arm at a target, or a whole path.
 
-Each knows the constraints that may be its causes, what rules a world out, the changes that may mend it, and
-what decides whether one does. What decides lies above this folder, and is handed down.
+A question knows the constraints that may be its causes, the test that rules a world out, the changes that may
+mend it, and the oracle that decides whether one does. Oracles are stages above this folder, passed in.
 """
 
 from __future__ import annotations
@@ -74,17 +74,17 @@ COARSE = Scan(12, FINE, 0.01)  # for what is dear to ask
 
 @dataclass(frozen=True)
 class Oracles:
-    """Stages that decide about the one target of a world.
+    """Stages that decide on the one target of a world.
 
     Attributes
     ----------
     reach : callable
         The answer of `regionik.reach`.
     seen : callable
-        True where a configuration is found in the areas that hold at every heading: sooner known than
-        ``reach``, and stricter.
+        True where a configuration is found in the areas that hold at every heading: faster than ``reach``,
+        and stricter.
     look : callable
-        Verdict of a search of so many cells of all postures from all places.
+        Verdict of a search of all postures from all places, with a budget of cells.
     """
 
     reach: Callable[[World], Answer]
@@ -93,24 +93,16 @@ class Oracles:
 
 
 def _obstacles(world: World, causes: Sequence[Constraint]) -> Iterator[Move | None]:
-    """An obstacle that is no cause does not help by moving."""
+    """Moves of the obstacles among the causes; moving any other does not help."""
     return (move_obstacle(world, one.name) for one in causes if one.kind == "obstacle")
 
 
 @dataclass(frozen=True)
 class _OneTarget:
-    """A question of the one target of a world.
-
-    Attributes
-    ----------
-    world : World
-    who : str
-        The target's name.
-    oracles : Oracles
-    """
+    """A question about the one target of a world."""
 
     world: World
-    who: str
+    who: str  # the target's name
     oracles: Oracles
 
     def enters(self, after: World) -> bool:
@@ -120,7 +112,7 @@ class _OneTarget:
         return any(a.distance(old) >= 0 and b.distance(new) < 0 for a, b in solids)
 
     def holds(self, after: World) -> bool:
-        """Return True where the target of a changed world is reachable, and newly inside of nothing."""
+        """Return True where the target of a changed world is reachable, and newly in no solid."""
         if self.enters(after):
             return False
         if not have_known_places(after, after.task)[0] and has_no_known_place(
@@ -134,7 +126,7 @@ class _OneTarget:
 
 
 class TargetQuestion(_OneTarget):
-    """Is the target within reach of the base? Asked of areas, then of `Oracles.reach`."""
+    """Is the target in reach from some place for the base? Asked of areas, then of `Oracles.reach`."""
 
     @cached_property
     def proof(self) -> str:
@@ -153,10 +145,10 @@ class TargetQuestion(_OneTarget):
         if world.solids:
             yield lower_clearance(world)
         yield open_cone(world, self.who)
-        if model.exact:  # each height of another arm is looked at by itself
+        if model.exact:  # any other arm needs a search for each height
             height = float(target.position[2] - world.robot.mount[2]) - span.height
             yield raise_arm(world, max(0.0, height) + span.length)
-        if model.proven:  # what others reach is looked for pose by pose
+        if model.proven:  # other reach is sampled pose by pose
             yield move_target(world, self.who)
         yield from _obstacles(world, causes)
 
@@ -189,8 +181,7 @@ class TargetQuestion(_OneTarget):
     def shortest(self, move: Move) -> Repair | None:
         """The shortest step found by areas, confirmed.
 
-        Where it has to be longer than areas have it, for the arm would touch something, other directions are
-        looked at with the arm.
+        Where the arm needs a longer one, so as to touch nothing, other directions are tried with the arm.
         """
         steps = target_steps(move) if move.kind == "move-target" else obstacle_steps(move)
         step = None if steps is None else shortest_step(steps.opens, steps.directions, steps.most)
@@ -210,7 +201,7 @@ class TargetQuestion(_OneTarget):
 
 
 class ArmQuestion(_OneTarget):
-    """Is the arm clear of everything at the target, from some place? Asked where all postures can be seen."""
+    """Is the arm clear at the target from some place? Asked where all postures can be searched."""
 
     proof = "This is a proof: with these no posture from any place is clear."
 
@@ -259,21 +250,12 @@ class ArmQuestion(_OneTarget):
 
 @dataclass(frozen=True)
 class PathQuestion:
-    """Does the ladder of areas span a world's path, and can it be planned?
-
-    Attributes
-    ----------
-    world : World
-    setpoint : int
-        Before which the ladder breaks.
-    spans, plans : callable
-        True where the areas of a world span its path, and where it can be planned.
-    """
+    """Does the ladder of areas span a world's path, and can it be planned?"""
 
     world: World
-    setpoint: int
-    spans: Callable[[World], bool]
-    plans: Callable[[World], bool]
+    setpoint: int  # before which the ladder breaks
+    spans: Callable[[World], bool]  # True where the areas of a world span its path
+    plans: Callable[[World], bool]  # True where the path of a world can be planned
     proof = ""
 
     @property
@@ -284,10 +266,7 @@ class PathQuestion:
         return not self.spans(world)
 
     def changes(self, causes: Sequence[Constraint]) -> Iterator[Change | Move | None]:
-        """Single changes; where headings decide on where the base may stand obstacles and mount stay.
-
-        There a look at a path takes seconds.
-        """
+        """Single changes; obstacles and mount stay where headings matter, as a test then takes seconds."""
         if any(one.name == LIFT_OFFS for one in causes):
             yield allow_lift_offs(self.world, self.setpoint)
         if self.world.solids:
@@ -333,7 +312,7 @@ Question = TargetQuestion | ArmQuestion | PathQuestion
 
 @dataclass(frozen=True)
 class Steps:
-    """Steps that are looked at by areas: in which directions, how far, and whether each helps."""
+    """Steps tested by areas: their directions, the longest, and the test whether each helps."""
 
     directions: Array
     most: float
@@ -341,7 +320,7 @@ class Steps:
 
 
 def target_steps(move: Move) -> Steps:
-    """Of a target: in space where areas are exact, else over the floor."""
+    """Steps of a target: in space where areas are exact, else over the floor."""
     world, target = move.world, move.world.task[0]
     exact = model_of(world, target).exact
 
@@ -359,7 +338,7 @@ def target_steps(move: Move) -> Steps:
 
 
 def _farthest(world: World) -> float:
-    """A move of the target that is long enough to bring it next to the arm, wherever that may stand [m]."""
+    """Length of a move that brings the target next to the arm, wherever that may stand [m]."""
     span, target = reach_bound(world.robot.chain), world.task[0].position
     off = float(world.floor.polygon.distance(Point(target[:2])))
     height = abs(float(target[2] - world.robot.mount[2]) - span.height)
@@ -367,7 +346,7 @@ def _farthest(world: World) -> float:
 
 
 def _inwards(world: World) -> Array:
-    """Straight to the free floor, (0 or 1, 3)."""
+    """Direction straight to the free floor, (0 or 1, 3)."""
     free, target = ground_of(world).inner.free, world.task[0].position
     if free.is_empty:
         return np.empty((0, 3))
@@ -378,7 +357,7 @@ def _inwards(world: World) -> Array:
 
 
 def obstacle_steps(move: Move) -> Steps | None:
-    """Of an obstacle: over the floor, off the places there would be without it; None where none are."""
+    """Steps of an obstacle over the floor, off the places there would be without it; None without any."""
     world, ground = move.world, ground_of(move.world)
     solid = next(solid for solid in world.obstacles if solid.name == move.name)
     shadow = solid.shadow(world.robot.body_height)

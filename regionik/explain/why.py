@@ -1,4 +1,4 @@
-"""Quick words on a no, with irreducible causes and the smallest repairs."""
+"""Explanations with irreducible causes and the smallest repairs."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ if TYPE_CHECKING:
 
 
 def explained(question: Question, quick: Explanation) -> Explanation:
-    """Return the quick words on a no with its causes and repairs.
+    """Return an explanation with its causes and repairs.
 
     Parameters
     ----------
     question : Question
-        Its world's answer is no.
+        One whose answer is no.
     quick : Explanation
-        What is known of it already; its verdict and margins stay.
+        By the stage that failed; its verdict and margins are kept.
     """
     world = question.world
     kept = irreducible(world, question.constraints, question.closed)
@@ -45,7 +45,7 @@ def explained(question: Question, quick: Explanation) -> Explanation:
 
 
 def explained_target(world: World, i: int, quick: Explanation, oracles: Oracles) -> Explanation:
-    """`explained` for a set-point whose inner area is empty; what is undecided is asked by itself."""
+    """Return `explained` for a set-point whose inner area is empty; if undecided, `reach` is asked first."""
     asked = replace(world, task=(world.task[i],))
     if quick.verdict == "undecided":
         quick = _by_itself(quick, oracles.reach(asked), setpoint(i, len(world.task)))
@@ -53,12 +53,12 @@ def explained_target(world: World, i: int, quick: Explanation, oracles: Oracles)
 
 
 def target_name(world: World, i: int) -> str:
-    """A set-point as the one that a change is about."""
+    """Name of the set-point that a change is about."""
     return f"set-point {i + 1}" if len(world.task) > 1 else "the target"
 
 
 def _by_itself(quick: Explanation, answer: Answer, who: str) -> Explanation:
-    """The quick words on a set-point that no place is known for, with what `reach` says of it alone."""
+    """The explanation of a set-point without a known place, with what `reach` says of it alone."""
     if answer.verdict[0] == "unreachable":
         told = f"{who}{answer.reason[0].removeprefix('The target').rstrip('.')}."
         return replace(quick, verdict="unreachable", reason=told)
@@ -77,23 +77,23 @@ Closed = Callable[[World], bool]
 
 
 def irreducible(world: World, constraints: Iterable[Constraint], closed: Closed) -> tuple[Constraint, ...]:
-    """Constraints that rule a world's task out when all others are taken away; without any of them it is not.
+    """Constraints that rule a world's task out, and of which none can be left out.
 
-    A deletion filter: constraints go one by one where the rest still rules it out, all obstacles at once
-    first. It is run until nothing more goes, for areas are rounded, and a pass need not have the last word.
+    A deletion filter: constraints are dropped one by one where the rest still rules the task out, all
+    obstacles at once first. It is repeated until nothing more is dropped, as areas are rounded.
 
     Parameters
     ----------
     world : World
     constraints : iterable of Constraint
-        In the order in which they are to go.
+        In the order in which they are dropped.
     closed : callable
-        Whether a world's task is ruled out; must be so of this one.
+        True where a world's task is ruled out, as this one's is.
 
     Returns
     -------
     tuple of Constraint
-        Empty where it is ruled out with all of them taken away.
+        Empty where the task is ruled out without any of them.
     """
     every = tuple(constraints)
     kept = tuple(one for one in every if one.kind != "obstacle")
@@ -119,7 +119,7 @@ def relaxed(world: World, constraints: Iterable[Constraint], kept: Iterable[Cons
 
 
 def cause_of(one: Constraint, quick: Explanation) -> Cause:
-    """A constraint as a cause, with what is known to be missing [m]."""
+    """A constraint as a cause, with the margin that is known to be missing [m]."""
     margins = {cause.name: cause.margin for cause in quick.causes}
     kinds = {cause.kind: cause.margin for cause in quick.causes if cause.kind in ("floor", "obstacle")}
     if one.kind == "clearance":
@@ -128,6 +128,6 @@ def cause_of(one: Constraint, quick: Explanation) -> Cause:
 
 
 def arm_too_short(world: World, quick: Explanation) -> Cause:
-    """The cause where nothing that can be taken away is one."""
+    """The cause where no constraint that can be dropped is one."""
     margin = next((cause.margin for cause in quick.causes if cause.kind == "reach"), None)
     return Cause("reach", world.robot.name, margin)

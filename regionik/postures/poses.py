@@ -19,7 +19,7 @@ LARGEST_BEND = 0.5  # change of a joint between two states above which the arm h
 
 @dataclass(frozen=True, eq=False)
 class Pose:
-    """Where base and arm are."""
+    """Pose of the base and joints of the arm."""
 
     base: Array  # (3,) x, y [m], yaw [rad]
     joints: Array  # (dof,)

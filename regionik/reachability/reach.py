@@ -79,7 +79,7 @@ def reach(
     chunk: int = CHUNK,
     progress: Callable[[str, int, int], None] | None = None,
 ) -> Answer:
-    """Ask for targets whether the tool can get there, and from where.
+    """Reachability of targets, with base and joints for those that are reachable.
 
     Coarse areas of all targets come first. Where they leave a doubt, or the arm touches something, the target
     is looked at closely: without the rules' margin of reach, with finer circles, heading by heading and pitch
@@ -241,7 +241,7 @@ def _ruled_out(world: World, target: Target) -> _Result:
 
 
 def _doubt(quest: Quest, gap: float, tried: int) -> str:
-    """Why a target stays undecided."""
+    """Sentence on why a target stays undecided."""
     lead, touch = no_way_to(_who(quest.target)), quest.touch
     left = places_open(gap)
     if touch is not None:

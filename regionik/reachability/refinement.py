@@ -137,7 +137,7 @@ class _CloseAreas:
 
     @cached_property
     def _tilts(self) -> bool:
-        """Whether the areas know of the tool's pitch."""
+        """True where the areas depend on the tool's pitch."""
         return self.target.direction is not None and self._model.exact
 
     def cell(self, low: Array, high: Array) -> HeadingCell:
@@ -211,7 +211,7 @@ class _CloseAreas:
 
     @cached_property
     def _turnless(self) -> bool:
-        """Tell whether the base is a point that the arm stands on."""
+        """True where the base is a point below the arm axis."""
         return not self._outline.any()
 
     @cached_property
