@@ -1,9 +1,9 @@
-"""Walks of an arm that keep its tool at one height, proven to exist: what distances they pass is in reach.
+"""Proven motions of an arm with its tool at one height: the distances that they pass are in reach.
 
-A walk goes from posture to posture, both at the height. Between two of them a straight hop of the joints
-would leave the height a little; it is proven that moving along one more direction brings every posture of the
-hop back to it, in exactly one way and within the limits. So the postures put right make one unbroken motion
-at that height, and its distances from the axis leave nothing out between those at its ends.
+A walk goes from posture to posture at the height. Straight motion of the joints between two of them leaves
+the height a little; it is proven that moving along one more direction brings every posture back to it, in
+exactly one way and within the limits. So the corrected postures are a continuous motion at that height, and
+it passes all distances from the axis between those at its ends.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ CORRECTIONS = 40  # Newton steps to the height
 FIRST_STEP, LEAST_STEP = 0.3, 1e-5  # of a walk, as largest change of a joint [rad] or [m]
 HALVINGS = 40  # of the last hop of a walk that is to end at a distance
 NEAR = 1e-9  # [m]
-GAIN = 1e-5  # a walk ends where this is all that the next step promises [m]
+GAIN = 1e-5  # a walk ends where the next step promises no more [m]
 
 
 @compiled
 def to_level(meridian: Meridian, z: float, joints: Array, tool: Tool, free: Array, trial: Array) -> bool:
-    """Bring the tool of a posture to a height, by Newton steps within the limits; `look` holds afterwards.
+    """Bring the tool of a posture to a height, by Newton steps within the limits; ``tool`` is that posture's.
 
-    ``free`` (m,) weighs the joints; ``trial`` (m,) is room to work in.
+    ``free`` (m,) weighs the joints; ``trial`` (m,) is scratch space.
     """
     share = 1.0
     look(meridian, joints, tool)
@@ -62,8 +62,8 @@ def to_level(meridian: Meridian, z: float, joints: Array, tool: Tool, free: Arra
 def hop_holds(meridian: Meridian, a: Array, b: Array, tool: Tool, free: Array) -> bool:
     """True where a motion at one height is proven to lead from one posture (m,) at it to another.
 
-    Along the hop the height is off by at most E. Along a direction d it rises at least half as fast as in the
-    middle of the hop, wherever within 2 E of the hop: so every posture of it can be put right.
+    Along the straight hop the height is off by at most E. Along a direction d it rises at least half as fast
+    as in the middle of the hop, within 2 E of the hop: so every posture of it can be corrected.
     """
     m = len(a)
     hop, d = np.abs(b - a), np.zeros(m)
@@ -93,7 +93,7 @@ def hop_holds(meridian: Meridian, a: Array, b: Array, tool: Tool, free: Array) -
 
 @compiled
 def _bent(bend: Array, a: Array, b: Array) -> float:
-    """Bound of a second derivative's effect on two changes."""
+    """Bound of a bilinear form with coefficients at most ``bend`` (m, m)."""
     total = 0.0
     for j in range(len(a)):
         for k in range(len(b)):
@@ -148,13 +148,13 @@ def walk(
 
 @compiled
 def weights(meridian: Meridian) -> Array:
-    """Readiness of each joint to move (m,): the less, the farther it takes the tool."""
+    """Weights of the joints (m,): the less, the farther a joint moves the tool."""
     return 1.0 / np.maximum(meridian.levers, 1e-3)
 
 
 @compiled
 def _uphill(meridian: Meridian, outwards: float, joints: Array, tool: Tool, free: Array, d: Array) -> float:
-    """Write the way of steepest gain that keeps height and limits into ``d``; returns its gain."""
+    """Write the direction of steepest ascent at one height within limits into ``d``; returns its gain."""
     m = len(joints)
     held = np.zeros(m, dtype=np.bool_)
     for _ in range(m + 1):
@@ -180,7 +180,7 @@ def _uphill(meridian: Meridian, outwards: float, joints: Array, tool: Tool, free
 
 @compiled
 def walks(meridian: Meridian, z: float, starts: Array, tool: Tool, most: int, found: Array) -> int:
-    """Distances passed by walks from many starts (s, m), as rows of ``found`` (s, 2); how many there are."""
+    """Write distances passed by walks from starts (s, m) as rows of ``found`` (s, 2); returns how many."""
     free, last = weights(meridian), np.empty(starts.shape[1])
     count = 0
     for start in starts:
@@ -198,7 +198,7 @@ def walks(meridian: Meridian, z: float, starts: Array, tool: Tool, most: int, fo
 def posture_on(
     meridian: Meridian, z: float, goal: float, starts: Array, tool: Tool, most: int, joints: Array
 ) -> float:
-    """Walk to a posture at a height and a distance from one start after the other; what the best misses [m].
+    """Walk to a posture at a height and a distance, from one start after the other; returns its error [m].
 
     ``joints`` (m,) becomes that posture. The last hop of a walk is halved until it ends at the distance.
     """

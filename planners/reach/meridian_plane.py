@@ -1,7 +1,7 @@
-"""An arm on a vertical pivot with its pivot turned away: how far from the axis the tool is, and how high.
+"""An arm on a vertical pivot in its meridian plane: distance from the axis and height of the tool.
 
-What is left of the arm moves its tool in a half plane, the meridian. Joints that cannot move the tool in it
-(the pivot, rolls about the tool's point, joints whose limits hold them still) are built into the links.
+The joints besides the pivot move the tool in a half plane, the meridian. Joints that cannot move the tool in
+it (the pivot, rolls about the tool's point, joints whose limits hold them still) are fixed into the links.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class Meridian(NamedTuple):
     bend : (m, m) array
         Bound of the tool's second derivative by two joints, in any posture.
     hub : (m,) array
-        Where on each axis the point is that is nearest to the axis before, from the joint's origin [m].
+        Point on each axis nearest to the axis before, from the joint's origin [m].
     """
 
     arm: SerialArm
@@ -53,7 +53,7 @@ class Meridian(NamedTuple):
 
 
 class Tool(NamedTuple):
-    """Place of a posture's tool in its meridian, and what moves it; room that `look` fills.
+    """Position and velocities of the tool in its meridian; scratch space that `look` fills.
 
     Attributes
     ----------
@@ -139,7 +139,7 @@ def _hub(before: Joint, joint: Joint) -> float:
 
 
 def tool_for(meridian: Meridian) -> Tool:
-    """Room for what `look` finds."""
+    """Scratch space for `look`."""
     m = len(meridian.levers)
     return Tool(
         np.zeros(2), np.zeros(m), np.zeros(m), np.zeros(m), UNIT.copy(), np.zeros((m, 3)),
@@ -149,7 +149,7 @@ def tool_for(meridian: Meridian) -> Tool:
 
 @compiled
 def look(meridian: Meridian, joints: Array, tool: Tool) -> None:
-    """Find where the tool of a posture (m,) is and what moves it."""
+    """Compute position and velocities of the tool in a posture (m,)."""
     arm, m = meridian.arm, len(joints)
     chain_frames(arm, joints, tool.frames)
     chain_jacobian(arm, tool.frames, tool.J)

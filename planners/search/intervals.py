@@ -13,7 +13,7 @@ from regionik.planners.search.box_search import Verdict
 from regionik.worlds.arrays import Array
 
 TWO_PI = 2.0 * np.pi
-WORTH = 0.9  # another contraction follows one that left less than this of some side
+WORTH = 0.9  # a contraction is repeated if it left less than this share of some side
 
 
 @compiled
@@ -78,7 +78,7 @@ def polar_angle(x0: float, x1: float, y0: float, y1: float) -> tuple[float, floa
 
 @compiled
 def within_limits(low: float, high: float, lower: float, upper: float, rounding: float) -> Verdict:
-    """Judge an interval of angles against limits, whole turns aside [rad]."""
+    """Verdict on an interval of angles against limits, whole turns aside [rad]."""
     if lower == -np.inf and upper == np.inf:
         return Verdict.PROVEN
     lower = lower if lower > -np.inf else -np.pi  # as `angles.fit` takes what has one end
@@ -121,7 +121,7 @@ def contract(shift: Array, row: Array, low: float, high: float) -> bool:
 
 @compiled
 def cut_to(low: Array, high: Array, centre: Array, shift: Array) -> bool:
-    """Cut a box down to what `contract` left of it, seen from its centre; tells whether that was much."""
+    """Cut a box down to what `contract` left of it, relative to its centre; True where that was much."""
     much = False
     for k in range(len(centre)):
         much = much or shift[1, k] - shift[0, k] < WORTH * (high[k] - low[k])

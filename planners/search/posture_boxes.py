@@ -1,4 +1,4 @@
-"""Boxes of joint values of an arm on a fixed base, judged: is there a free posture with the tool on target?
+"""Judge of boxes of joint values of an arm on a fixed base: is there a free posture on target?
 
 A box is ruled out when the tool cannot reach the target anywhere in it, or when one capsule of the arm hits
 one obstacle, another capsule or the base everywhere in it. What is left is contracted by the reach condition
@@ -53,7 +53,7 @@ class FixedBase(NamedTuple):
 
     arm: SerialArm
     capsules: LinkCapsules
-    solids: Uprights  # what stands about
+    solids: Uprights  # obstacles
     target: Array  # (3,) in the arm's base frame [m]
     tolerance: float  # how far from the target the tool may be [m]
     clearance: float  # least distance from the solids [m]
@@ -72,7 +72,7 @@ def fixed_base_for(
     clearance: float,
     own: SelfClearance,
 ) -> FixedBase:
-    """Put a target to an arm, with scratch space."""
+    """Return the problem of an arm and a target, with scratch space."""
     n, s = len(arm.axis), len(capsules.link)
     posed = PosedArm(
         np.zeros(n), np.zeros(n), np.zeros(n), np.zeros((2, n)), np.zeros((n + 1, 4, 4)), np.zeros((n, 3)),
@@ -84,13 +84,13 @@ def fixed_base_for(
 
 @compiled
 def explore_postures(task: FixedBase, boxes: Boxes, budget: int) -> Boxes:
-    """Bisect the box whose centre is farthest from the obstacles, until a posture is found."""
+    """Bisect the box whose posture is farthest from the obstacles, until one is found."""
     return explore_in_kernel(judge_postures, task, boxes, budget, 1)
 
 
 @compiled
 def judge_postures(task: FixedBase, low: Array, high: Array) -> tuple[Verdict, float, int]:
-    """Contract a box and try it for a posture; its key is the clearance of what was tried."""
+    """Contract a box and try it for a posture; its key is the clearance of the posture tried."""
     if not may_hold(task, low, high):
         return Verdict.RULED_OUT, 0.0, WHOLE
     reaches = to_target(task) <= task.tolerance
@@ -191,7 +191,7 @@ def _contract_along(task: FixedBase, u: Array, bent: float) -> bool:
 
 @compiled
 def _hits_obstacle(task: FixedBase, off: float) -> bool:
-    """Tell whether a capsule is too near to an obstacle wherever in the box the tool reaches the target."""
+    """True where a capsule is too near to an obstacle wherever in the box the tool reaches the target."""
     arm, posed, capsules = task.arm, task.posed, task.capsules
     for s in range(len(capsules.link)):
         link = capsules.link[s]

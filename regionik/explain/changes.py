@@ -36,8 +36,8 @@ def repaired(world: World, repair: Repair, i: int = 0) -> World:
 def share(world: World, repair: Repair) -> float:
     """Relative size of a repair.
 
-    Lengths, and the loss of a clearance, count as parts of the arm's length, the gain of a cone as a part of a
-    half turn, a lift-off as one.
+    Lengths, and the loss of a clearance, count as parts of the arm's length, the gain of a cone as a part of
+    a half turn, a lift-off as one.
     """
     return _row(repair.kind, repair.name).share(world, repair)
 
