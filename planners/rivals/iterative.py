@@ -11,7 +11,6 @@ from __future__ import annotations
 from typing import ClassVar, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from regionik.planners.geometry.polygons import compiled
 from regionik.planners.geometry.vectors import Vector, cross, dot, minus, plus, rotated, turned
@@ -26,7 +25,6 @@ from regionik.planners.solvers.damped_least_squares import (
     weigh,
 )
 from regionik.planners.solvers.fabrikr import held
-from regionik.planners.solvers.inverse_kinematics import ArmPostures, rows_of
 from regionik.planners.solvers.multistart_ik import spread_postures
 from regionik.planners.solvers.serial_chain import SerialArm, chain_frames, chain_jacobian, serial_arm
 from regionik.worlds.arrays import Array
@@ -83,23 +81,15 @@ class IterativeMethod(ArmMethod):
         restarts: int = RESTARTS,
     ) -> None:
         super().__init__(chain, tolerance, angle_tolerance)
-        self._arm, reach = serial_arm(chain), arm_length(chain)
-        self._limits = DescentLimits(self.tolerance, self.angle_tolerance, int(max_iterations), reach)
-        self._starts = spread_postures(chain, reach, restarts, 0)
+        self.arm, reach = serial_arm(chain), arm_length(chain)
+        self.limits = DescentLimits(self.tolerance, self.angle_tolerance, int(max_iterations), reach)
+        self.starts = spread_postures(chain, reach, restarts, 0)
 
     def search(self, aim: Aim, joints: Array) -> SearchResult:
         """Descend from the joints, then from the starts, until the aim is met; return the nearest end."""
         q = np.array(joints)
-        found = descend(self.kernel, self._arm, aim, self._starts, self._limits, q)
+        found = descend(self.kernel, self.arm, aim, self.starts, self.limits, q)
         return SearchResult(q, float(found.error), float(found.angle), int(found.steps), int(found.restarts))
-
-    def batch(self, positions: ArrayLike, joints: ArrayLike) -> ArmPostures:
-        """Solve many positions (m, 3) from start postures (m, dof), or all from one (dof,), in one call."""
-        p, q = rows_of(self.chain, positions, joints)
-        errors, counts = np.empty(len(p)), np.empty((len(p), 2), dtype=np.int64)
-        descend_each(self.kernel, self._arm, p, self._starts, self._limits, q, errors, counts)
-        polished = np.zeros(len(p), dtype=bool)
-        return ArmPostures(q, errors, counts[:, 0], counts[:, 1], polished, errors <= self.tolerance)
 
 
 class PseudoInverse(IterativeMethod):
@@ -148,23 +138,6 @@ def descend(
         if share <= 1.0:
             break
     return Descent(best.error, best.angle, steps, best.restarts)
-
-
-@compiled
-def descend_each(
-    kernel: int,
-    arm: SerialArm,
-    positions: Array,
-    starts: Array,
-    limits: DescentLimits,
-    joints: Array,
-    errors: Array,
-    counts: NDArray[np.int64],
-) -> None:
-    """`descend` for each row: positions (m, 3) [m], joints (m, dof), errors (m,) [m], counts (m, 2)."""
-    for i in range(len(positions)):
-        found = descend(kernel, arm, Aim(positions[i], POSITION, np.eye(3), 0.0), starts, limits, joints[i])
-        errors[i], counts[i, 0], counts[i, 1] = found.error, found.steps, found.restarts
 
 
 @compiled

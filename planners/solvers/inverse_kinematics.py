@@ -13,10 +13,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from regionik.planners.solvers.damped_least_squares import DIRECTION, ORIENTATION, POSITION, Aim
-from regionik.planners.solvers.multistart_ik import Effort, solve_ik, solve_ik_batch, spread_postures
+from regionik.planners.solvers.multistart_ik import Effort, solve_ik, spread_postures
 from regionik.planners.solvers.rigid_bodies import RigidBodies, pointing_bodies, posing_bodies, span
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.chain import Chain
@@ -81,18 +81,6 @@ class ArmPosture:
     reason: str
 
 
-@dataclass(frozen=True, eq=False)
-class ArmPostures:
-    """The answers to m positions, as arrays: joints (m, dof), the others (m,); see `ArmPosture`."""
-
-    joints: Array
-    error: Array
-    iterations: NDArray[np.int64]
-    restarts: NDArray[np.int64]
-    polished: NDArray[np.bool_]
-    converged: NDArray[np.bool_]
-
-
 class ArmSolver:
     """A chain prepared for many goals.
 
@@ -145,34 +133,12 @@ class ArmSolver:
         q.flags.writeable = False
         return ArmPosture(q, error, angle, passes, restarts, steps, converged, reason)
 
-    def batch(self, positions: ArrayLike, joints: ArrayLike) -> ArmPostures:
-        """Solve many positions (m, 3) from start postures (m, dof), or all from one (dof,)."""
-        p, q = rows_of(self.chain, positions, joints)
-        errors, counts = np.empty(len(p)), np.empty((len(p), 3), dtype=np.int64)
-        solve_ik_batch(self.pointing, p, self._starts(self.pointing), self.effort, q, errors, counts)
-        errors = np.linalg.norm(self.chain.forward(q)[:, :3, 3] - p, axis=1)
-        return ArmPostures(
-            q, errors, counts[:, 0], counts[:, 1], counts[:, 2] > 0, errors <= self.effort.tolerance
-        )
-
     def bodies(self, kind: int) -> RigidBodies:
         """The bodies that the kernel `solve_ik` needs for a kind of aim."""
         return self.pointing if kind == POSITION else self.posing
 
     def _starts(self, bodies: RigidBodies) -> Array:
         return np.ascontiguousarray(self.starts[:, : len(bodies.slide)])
-
-
-def rows_of(chain: Chain, positions: ArrayLike, joints: ArrayLike) -> tuple[Array, Array]:
-    """Checked positions (m, 3) and starts (m, dof), taken into the limits; one (dof,) does for all."""
-    p = np.array(frozen(positions, (None, 3), "positions"))  # writable, as the kernels were compiled for
-    start = np.asarray(joints, dtype=np.float64)
-    if start.ndim == 1:
-        start = np.broadcast_to(start, (len(p), len(start)))
-    q = np.clip(frozen(start, (None, chain.dof), "joints"), chain.lower, chain.upper)
-    if len(q) != len(p):
-        raise InputError(f"joints: expected {len(p)} rows, one a position, got {len(q)}")
-    return p, q
 
 
 def aim_of(goal: Goal) -> Aim:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from regionik.planners.geometry.angles import wrap
 from regionik.planners.geometry.polygons import compiled
@@ -186,28 +185,6 @@ def _unwind(bodies: RigidBodies, answer: Array, joints: Array) -> None:
         if bodies.arm.revolute[k] and np.isinf(bodies.arm.lower[k]) and np.isinf(bodies.arm.upper[k]):
             value = joints[k] + wrap(value - joints[k])
         joints[k] = value
-
-
-@compiled
-def solve_ik_batch(
-    bodies: RigidBodies,
-    positions: Array,
-    starts: Array,
-    effort: Effort,
-    joints: Array,
-    errors: Array,
-    counts: NDArray[np.int64],
-) -> None:
-    """`solve_ik` for many positions (m, 3); overwrites joints (m, dof), errors (m,), counts (m, 3).
-
-    A row of counts: passes, restarts, 1 where it was polished.
-    """
-    turn = np.eye(3)
-    for i in range(len(positions)):
-        aim = Aim(positions[i], POSITION, turn, 0.0)
-        error, _, passes, restarts, polished = solve_ik(bodies, aim, starts, effort, joints[i])
-        errors[i] = error
-        counts[i, 0], counts[i, 1], counts[i, 2] = passes, restarts, 1 if polished else 0
 
 
 def spread_postures(chain: Chain, reach: float, count: int, seed: int) -> Array:
