@@ -8,11 +8,12 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
+from regionik.areas.standing import PathAreas
 from regionik.mfabrik import solver_for
 from regionik.planners.solvers.damped_least_squares import DIRECTION, POSITION, Aim, polish
 from regionik.planners.solvers.serial_chain import serial_arm
 from regionik.postures.poses import pose_of
-from regionik.regions import Area, PathAreas, admissible_area, path_areas
+from regionik.regions import Area, admissible_area, path_areas
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, Joint, rot_x, rot_y, rot_z, translation
 from regionik.worlds.pivoted_arm import pivot_index, reach_bound, with_pivot

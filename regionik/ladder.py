@@ -16,10 +16,9 @@ import shapely
 from numpy.typing import NDArray
 
 from regionik.areas.ground import Geometries
-from regionik.areas.standing import LEAST_AREA, Standing, groups
+from regionik.areas.standing import LEAST_AREA, PathAreas, Standing, groups
 from regionik.planners.geometry.polygons import FlatPolygon, flats_of
 from regionik.postures.families import Family
-from regionik.regions import PathAreas
 
 BLOCK, BLOCKS = 64, 8  # components that are flattened together, and how many such blocks are kept
 SURE = 1e-4  # half the side of a square that two areas share beyond doubt [m]

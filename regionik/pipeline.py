@@ -13,6 +13,7 @@ from shapely.geometry.base import BaseGeometry
 
 from regionik.areas.ground import united
 from regionik.areas.reachable import heeds_headings
+from regionik.areas.standing import PathAreas
 from regionik.explain import failures
 from regionik.explain import failures as arm_failures
 from regionik.explain.questions import ArmQuestion, Oracles, PathQuestion
@@ -29,7 +30,7 @@ from regionik.pruning import choose_chain, solvers_along, spans, start_place, st
 from regionik.reachability.any_base import can_search, search_any_base
 from regionik.reachability.reach import reach
 from regionik.reachability.witness import Quest
-from regionik.regions import PathAreas, has_no_known_place
+from regionik.regions import has_no_known_place
 from regionik.timing.retime import retime
 from regionik.tracker import planner
 from regionik.values import Configuration, Plan, PlannedArea, Stop

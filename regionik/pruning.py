@@ -16,13 +16,13 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from regionik.areas.ground import united
-from regionik.areas.standing import Standing, into_span
+from regionik.areas.standing import PathAreas, Standing, into_span
 from regionik.explain.failures import cut_off, no_place, too_many_lifts
 from regionik.ladder import Ladder, Mask, build_ladder
 from regionik.mfabrik import Solver, solver_for
 from regionik.planners.geometry.polygons import FlatPolygon, clamp
 from regionik.postures.poses import axis_of
-from regionik.regions import PathAreas, path_areas, ways_to_stand
+from regionik.regions import path_areas, ways_to_stand
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Explanation, NoPlanFound
 from regionik.worlds.scene import World

@@ -16,10 +16,11 @@ from numpy.typing import ArrayLike, NDArray
 from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
-from regionik.areas.ground import GUARD, Geometries, Side, ground_of, grow
+from regionik.areas.ground import GUARD, Side, ground_of, grow
 from regionik.areas.reachable import reach_rows
 from regionik.areas.standing import (
     LEAST_AREA,
+    PathAreas,
     Standing,
     anywhere,
     by_heading,
@@ -27,35 +28,12 @@ from regionik.areas.standing import (
     span_of_rules,
     turns_matter,
 )
-from regionik.postures.families import BACK, FRONT, Family
+from regionik.postures.families import BACK, FRONT
 from regionik.worlds.arrays import frozen
 from regionik.worlds.criteria import Criteria
 from regionik.worlds.errors import CauseKind
 from regionik.worlds.pivoted_arm import reach_bound
 from regionik.worlds.scene import Target, World
-
-
-@dataclass(frozen=True, eq=False)
-class PathAreas:
-    """Admissible inner areas of many targets, one row for each target, family and reach interval.
-
-    Attributes
-    ----------
-    target : (m,) array of int
-        Ascending.
-    family : tuple of Family
-        One for each row.
-    side : (m,) array of int
-        Side of the standing that the row is about.
-    reach, inner : (m,) array of geometry
-        Before and after rejection.
-    """
-
-    target: NDArray[np.intp]
-    family: tuple[Family, ...]
-    side: NDArray[np.intp]
-    reach: Geometries
-    inner: Geometries
 
 
 @dataclass(frozen=True, eq=False)

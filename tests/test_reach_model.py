@@ -6,10 +6,16 @@ import numpy as np
 import pytest
 import shapely
 
-from regionik.areas.pivoted_reach import PivotedReach, PosedReach
 from regionik.areas.planar_reach import PlanarReach
 from regionik.areas.reach_model import ReachModel
-from regionik.areas.reachable import heeds_headings, model_of, reach_model, reach_rows
+from regionik.areas.reachable import (
+    PivotedReach,
+    PosedReach,
+    heeds_headings,
+    model_of,
+    reach_model,
+    reach_rows,
+)
 from regionik.pipeline import plan
 from regionik.planners.solvers.damped_least_squares import DIRECTION
 from regionik.postures.arm import Goal, aim_of, goal_of

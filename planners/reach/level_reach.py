@@ -11,8 +11,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike
 
-from regionik.planners.reach.level_walk import posture_on, walks
-from regionik.planners.reach.meridian_plane import Meridian, meridian_of, tool_for
+from regionik.planners.reach.meridian_plane import Meridian, meridian_of, posture_on, tool_for, walks
 from regionik.planners.reach.outer_bounds import outer_distances
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain

@@ -23,7 +23,7 @@ from regionik.planners.search.motion_bounds import (
     tool_displacement,
 )
 from regionik.planners.search.self_clearance import SelfClearance, hits_itself, self_clearance
-from regionik.planners.solvers.serial_chain import SerialArm, chain_frames, chain_jacobian
+from regionik.planners.solvers.serial_chain import SerialArm, chain_frames, chain_jacobian, joint_axes
 from regionik.worlds.arrays import Array
 
 SLACK = 1e-10  # rounding that no proof may rest on [m]
@@ -228,13 +228,7 @@ def place_arm(task: FixedBase) -> float:
     arm, capsules, posed = task.arm, task.capsules, task.posed
     chain_frames(arm, posed.q, posed.frames)
     n = len(posed.q)
-    for k in range(n):
-        for i in range(3):
-            posed.axes[k, i] = (
-                posed.frames[k, i, 0] * arm.axis[k, 0]
-                + posed.frames[k, i, 1] * arm.axis[k, 1]
-                + posed.frames[k, i, 2] * arm.axis[k, 2]
-            )
+    joint_axes(arm, posed.frames, posed.axes)
     for s in range(len(capsules.link)):
         frame = posed.frames[capsules.link[s]]
         for end in range(2):

@@ -124,8 +124,7 @@ class ArmSolver:
         """Solve one goal from a start posture, which is taken into the limits first."""
         chain, aim = self.chain, aim_of(goal)
         q = np.clip(frozen(joints, (chain.dof,), "joints"), chain.lower, chain.upper)
-        bodies = self.bodies(aim.kind)
-        _, _, passes, restarts, polished = solve_ik(bodies, aim, self._starts(bodies), self.effort, q)
+        _, _, passes, restarts, polished = self.solve(aim, q)
         error, angle = confirm(chain, aim, q)
         converged = error <= self.effort.tolerance and angle <= self.effort.angle_tolerance
         steps = ("passes",) + ("restarts",) * (restarts > 0) + ("polish",) * bool(polished)
@@ -137,8 +136,12 @@ class ArmSolver:
         """The bodies that the kernel `solve_ik` needs for a kind of aim."""
         return self.pointing if kind == POSITION else self.posing
 
-    def _starts(self, bodies: RigidBodies) -> Array:
-        return np.ascontiguousarray(self.starts[:, : len(bodies.slide)])
+    def solve(self, aim: Aim, joints: Array) -> tuple[float, float, int, int, bool]:
+        """`solve_ik` of the chain; overwrites ``joints`` (dof,), which are within the limits."""
+        bodies = self.bodies(aim.kind)
+        starts = np.ascontiguousarray(self.starts[:, : len(bodies.slide)])
+        found: tuple[float, float, int, int, bool] = solve_ik(bodies, aim, starts, self.effort, joints)
+        return found
 
 
 def aim_of(goal: Goal) -> Aim:

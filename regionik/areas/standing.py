@@ -22,6 +22,7 @@ from regionik.areas.ground import EVERY, GUARD, Geometries, Side, disjoint, grou
 from regionik.areas.reachable import heeds_headings
 from regionik.planners.driving.footprint_scene import FootprintScene, footprint_scene
 from regionik.planners.driving.heading_slabs import slab_areas, slab_rejections, slabs_along
+from regionik.postures.families import Family
 from regionik.worlds.arrays import Array
 from regionik.worlds.obstacles import Shadow
 from regionik.worlds.scene import World
@@ -51,6 +52,29 @@ class Pieces(NamedTuple):
     polygon: Geometries
     side: Index
     label: Index
+
+
+@dataclass(frozen=True, eq=False)
+class PathAreas:
+    """Admissible inner areas of many targets, one row for each target, family and reach interval.
+
+    Attributes
+    ----------
+    target : (m,) array of int
+        Ascending.
+    family : tuple of Family
+        One for each row.
+    side : (m,) array of int
+        Side of the standing that the row is about.
+    reach, inner : (m,) array of geometry
+        Before and after rejection.
+    """
+
+    target: NDArray[np.intp]
+    family: tuple[Family, ...]
+    side: NDArray[np.intp]
+    reach: Geometries
+    inner: Geometries
 
 
 @dataclass(frozen=True, eq=False)

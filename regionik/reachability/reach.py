@@ -12,7 +12,7 @@ import shapely
 from numpy.typing import ArrayLike, NDArray
 from shapely.geometry import Point
 
-from regionik.areas.standing import anywhere
+from regionik.areas.standing import PathAreas, anywhere
 from regionik.executors import Pool, handed_out
 from regionik.explain.constraints import no_way_to, places_open, spot
 from regionik.explain.failures import no_place
@@ -23,7 +23,7 @@ from regionik.postures.poses import Pose, axis_of, pose_of
 from regionik.reachability.any_base import can_search, search_any_base
 from regionik.reachability.refinement import diameter, refine
 from regionik.reachability.witness import Quest
-from regionik.regions import PathAreas, outer_areas, path_areas
+from regionik.regions import outer_areas, path_areas
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.errors import InputError
 from regionik.worlds.scene import Target, World

@@ -16,9 +16,9 @@ import shapely
 from numpy.typing import NDArray
 
 from regionik.areas.ground import GUARD, Geometries, ground_of, grow, shadow_of
-from regionik.areas.standing import anywhere
+from regionik.areas.standing import PathAreas, anywhere
 from regionik.pruning import Pruned, cut_path, prune_path
-from regionik.regions import PathAreas, path_areas, ways_to_stand
+from regionik.regions import path_areas, ways_to_stand
 from regionik.worlds.errors import Explanation, NoPlanFound
 from regionik.worlds.obstacles import Solid
 from regionik.worlds.scene import World
