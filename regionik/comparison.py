@@ -1,9 +1,9 @@
 """M-FABRIK compared with other methods of inverse kinematics on the set-points of a world.
 
-Every method takes a target, a base pose and joints, and returns a configuration. M-FABRIK drags the base with
+Every method takes a target, a base pose and joints, and returns a configuration. M-FABRIK moves the base with
 the root of the arm. To its rivals the base is two more joints before the arm, prismatic along x and y without
-limits; none of them turns the base. The neural network knows the arm alone: the base drives straight until
-the target is at the nearest position that it has learnt.
+limits; none of them turns the base. The neural network solves the arm alone: the base drives straight until
+the target is at the nearest learnt position.
 """
 
 from __future__ import annotations
@@ -182,7 +182,7 @@ class Score:
     microseconds : float
         Mean time of a call [us].
     ratio : float
-        Of the mean time to that of M-FABRIK in the same call; NaN without it.
+        Of the mean time to that of M-FABRIK in the same comparison; NaN without it.
     median_error, worst_error : float
         [m]
     over_limits : int

@@ -63,8 +63,7 @@ def plan(world: World, *, seed: int = 0, progress: Progress | None = None) -> Pl
     Returns
     -------
     Plan
-        Verified before it is returned; timed where the world has speeds or the robot's joints have limits of
-        velocity.
+        Verified; timed where the world has speeds or the robot's joints have velocity limits.
 
     Raises
     ------
@@ -96,17 +95,17 @@ def why(world: World, target: Target | ArrayLike | None = None) -> Explanation |
 
     Causes are irreducible: together they rule it out, and without any one of them the rest does not. For a
     target they rest on its outer area, which is a proof, or on the inner one where the outer is not empty;
-    for a path on the ladder of inner areas. Each repair is made, and the target asked for or the path
-    planned again, before it is told; the smallest comes first, lengths counted as parts of the arm's length,
-    a cone's opening as a part of a half turn and a lift-off as one.
+    for a path on the ladder of inner areas. Each repair is checked in the changed world, by `reach` or by a
+    plan. The smallest comes first, lengths counted as parts of the arm's length, a cone's opening as a part
+    of a half turn and a lift-off as one.
 
     Parameters
     ----------
     world : World
     target : Target or (3,) array_like, optional
-        A bare point leaves the tool direction free [m]. By default the world's whole path is asked for: its
+        A bare point leaves the tool direction free [m]. By default the world's whole path is explained: its
         start, the first set-point with an empty area, floor cut off, or more lift-offs than are allowed.
-        Motion is not: what only the arm's obstacles or the base's wheels forbid is for `plan` to say.
+        Motion is left to `plan`: what only obstacles of the arm or wheels of the base forbid.
 
     Returns
     -------
@@ -151,7 +150,7 @@ def _why_path(world: World) -> Explanation | None:
 
 
 def _explained(world: World, quick: Explanation, seed: int = 0) -> Explanation:
-    """The quick words on why areas allow no plan, with irreducible causes and repairs; others as they are."""
+    """Return an explanation with irreducible causes and repairs, where areas allow no plan."""
     i = quick.setpoint
     if i is None or planner.follows(world):
         return quick
@@ -160,12 +159,12 @@ def _explained(world: World, quick: Explanation, seed: int = 0) -> Explanation:
     if quick.verdict in ("unreachable", "undecided") and has_no_known_place(
         replace(world, task=(world.task[i],))
     ):
-        return explained_target(world, i, quick, ORACLES)  # else there is no room to park
+        return explained_target(world, i, quick, ORACLES)  # otherwise there is no room to park
     return _explained_arm(world, i, quick) if quick.verdict == "no-posture" else quick
 
 
 def _explained_arm(world: World, i: int, quick: Explanation) -> Explanation:
-    """The quick words, with causes and repairs where the arm is proven to touch something from everywhere."""
+    """Return an explanation with causes and repairs, where no posture from any place is proven clear."""
     question = ArmQuestion(replace(world, task=(world.task[i],)), target_name(world, i), ORACLES)
     return explained(question, quick) if can_search(world) and question.closed(question.world) else quick
 
@@ -179,11 +178,11 @@ def _can_be_planned(world: World, seed: int) -> bool:
 
 
 def _untold(stage: str, done: int, total: int) -> None:
-    """Progress that nobody looks at."""
+    """Progress that is not reported."""
 
 
 def search(world: World, seed: int = 0, tell: Progress = _untold) -> Plan:
-    """A plan that is verified, not timed; where there is none, `NoPlanFound` with the quick words on why."""
+    """Return a verified plan, not timed; raise `NoPlanFound` with a quick explanation where there is none."""
     check_world(world)
     _refuse(arm_failures.buried(world))
     return strategy_of(world).plan(world, seed, tell)
@@ -191,14 +190,14 @@ def search(world: World, seed: int = 0, tell: Progress = _untold) -> Plan:
 
 @dataclass(frozen=True)
 class Strategy:
-    """A way to do a world's task: what it refuses, and its stages up to a verified plan."""
+    """A way to plan a world's task: its check of the world, and its stages up to a verified plan."""
 
     check: Callable[[World], None]
     plan: Callable[[World, int, Progress], Plan]
 
 
 def strategy_of(world: World) -> Strategy:
-    """Stops where the rules ask for them, Xu's tracker where it `follows`, else the path without a stop."""
+    """Return stops where the rules ask for them, Xu's tracker where it applies, else the continuous path."""
     if world.rules.mode == "stops":
         return Strategy(_check_stops, _plan_stops)
     if planner.follows(world):
@@ -207,7 +206,7 @@ def strategy_of(world: World) -> Strategy:
 
 
 def _plan_path(world: World, seed: int, tell: Progress) -> Plan:
-    """A plan on which the tool stays on its path wherever the base can go on with it."""
+    """A plan with the tool on its path wherever the base can move with it."""
     tell("areas", 0, len(world.task))
     standing, areas, pruned = whole_path(world)
     chain = choose_chain(pruned, standing, start_place(world))
@@ -221,7 +220,7 @@ def _plan_path(world: World, seed: int, tell: Progress) -> Plan:
 
 
 def _plan_stops(world: World, seed: int, tell: Progress) -> Plan:
-    """A plan whose base stands still at the fewest stops."""
+    """A plan with the base standing still at the fewest stops."""
     tell("areas", 0, len(world.task))
     parking = park(world)
     tell("stops", 0, len(parking.groups))
@@ -236,14 +235,14 @@ def _plan_stops(world: World, seed: int, tell: Progress) -> Plan:
 
 
 def _not_converged(world: World, goals: tuple[Configuration, ...]) -> Explanation | None:
-    """The first set-point that M-FABRIK found no posture for, where no others are to be looked for."""
+    """Explain the first set-point without a posture, where the rules allow no search for others."""
     if world.rules.avoidance:
         return None
     return next((failures.no_posture(world, i) for i, goal in enumerate(goals) if not goal.converged), None)
 
 
 def _verified(found: Plan, tell: Progress) -> Plan:
-    """The plan with its margins, if it holds."""
+    """Return the plan with its margins, if it holds."""
     tell("verify", 0, 1)
     report = verify(found)
     if not report.ok:
@@ -257,7 +256,7 @@ def _refuse(failure: Explanation | None) -> None:
 
 
 def check_world(world: World) -> None:
-    """Refuse what cannot be planned at all."""
+    """Refuse worlds that cannot be planned at all."""
     if not world.task:
         raise InputError(f"{world.name}: task: expected at least one set-point")
     if world.rules.heading not in world.robot.drive.headings:
@@ -277,7 +276,7 @@ def _check_stops(world: World) -> None:
 
 
 def _check_areas(world: World) -> None:
-    """Refuse what areas and M-FABRIK cannot be asked about."""
+    """Refuse robots and rules that areas and M-FABRIK do not cover."""
     reach_bound(world.robot.chain)
     if world.rules.heading == "fixed" and not heeds_headings(world):
         raise InputError(
@@ -295,7 +294,7 @@ def _finished(
     stops: tuple[Stop, ...] = (),
     more: Mapping[str, Any] | None = None,
 ) -> Plan:
-    """The results of the stages put together."""
+    """Assemble the results of the stages."""
     known = motion_stats(world.robot.drive, joined.setpoints, joined.motion, joined.methods)
     stats = {**known, **(more or {})}
     return Plan(world, seed, joined.setpoints, joined.motion, areas, lift_offs(joined.motion), stops, stats)

@@ -29,7 +29,7 @@ from regionik.areas.standing import (
     turns_matter,
 )
 from regionik.postures.families import BACK, FRONT
-from regionik.worlds.arrays import frozen
+from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.criteria import Criteria
 from regionik.worlds.errors import CauseKind
 from regionik.worlds.pivoted_arm import reach_bound
@@ -239,6 +239,22 @@ def largest_clearance(world: World, target: Target) -> float | None:
         middle = (low + high) / 2
         low, high = (middle, high) if open_at(middle) else (low, middle)
     return low if ground.shadows else np.inf
+
+
+def checked_targets(targets: ArrayLike | Sequence[Target]) -> Array | list[Target]:
+    """Positions (n, 3) of bare targets, or the targets where any asks for more.
+
+    Raises
+    ------
+    InputError
+        For targets that are not n rows of three finite numbers.
+    """
+    if isinstance(targets, Sequence) and all(isinstance(target, Target) for target in targets):
+        some = [target for target in targets if isinstance(target, Target)]
+        if any(target.direction is not None for target in some):
+            return some
+        targets = np.array([target.position for target in some]).reshape(-1, 3)
+    return frozen(np.atleast_2d(np.asarray(targets)), (None, 3), "targets")
 
 
 def is_ruled_out(world: World) -> bool:

@@ -160,8 +160,7 @@ def anywhere(world: World) -> Standing:
     """Free floor as one side: for every heading, or for the one that the rules fix."""
     ground = ground_of(world)
     if world.rules.heading == "fixed" and not _round(world):
-        yaw = 0.0 if world.start is None else float(world.start.base[2])
-        return Standing(_slab_sides(*_kept_by(world), np.array([[yaw, yaw]])))
+        return Standing(_slab_sides(*_kept_by(world), np.array([span_of_rules(world)])))
     return Standing((Side(ground.inner.floor, ground.inner.parts, span_of_rules(world)),))
 
 

@@ -66,11 +66,19 @@ def families(
         # The widest swing of the cone's edge, unless the cone holds the vertical.
         half = float(np.arcsin(np.sin(cone) / flat)) if cone < np.pi / 2 and np.sin(cone) < flat else np.pi
         spread = cone
-    low, high = max(pitch - spread, -np.pi / 2), min(pitch + spread, np.pi / 2)
-    along = Family(FRONT, pitch, azimuth, half, (low, high))
-    against = Family(FRONT, np.pi - pitch, azimuth + np.pi, half, (np.pi - high, np.pi - low))
-    kinds = [along] if inner and half >= np.pi else [along, against]
+    pitches = max(pitch - spread, -np.pi / 2), min(pitch + spread, np.pi / 2)
+    both = families_along(azimuth, pitch, half, pitches)
+    kinds = both[:1] if inner and half >= np.pi else both
     return tuple(replace(kind, facing=facing) for facing in facings for kind in kinds)
+
+
+def families_along(
+    azimuth: float, pitch: float, half: float, pitches: tuple[float, float]
+) -> tuple[Family, Family]:
+    """Families that face a target, the plane along a direction and against it."""
+    low, high = pitches
+    along = Family(FRONT, pitch, azimuth, half, pitches)
+    return along, Family(FRONT, np.pi - pitch, azimuth + np.pi, half, (np.pi - high, np.pi - low))
 
 
 def families_of(
