@@ -18,16 +18,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from regionik.areas.ground import EVERY
 from regionik.areas.standing import room_for
 from regionik.planners.clearance.arm_clearance import Keep, Stance, is_clear
 from regionik.planners.clearance.proximity import nearest
 from regionik.planners.driving.footprint_scene import FootprintScene, fits
 from regionik.planners.geometry.angles import fit, wrap
 from regionik.planners.geometry.polygons import compiled
-from regionik.planners.solvers.planar_arm import triangle
+from regionik.planners.solvers.planar_kinematics import triangle
 from regionik.postures.arm_guard import contact_for, guard_of
-from regionik.reachability.planar_world import keep_of, own, stance_of
+from regionik.reachability.any_base import keep_of, stance_of, writable
 from regionik.reachability.reach import reach
 from regionik.verification.answers import verify_answers
 from regionik.worlds.arrays import Array
@@ -100,14 +99,15 @@ def screened(
 
 def refuted(world: World, target: Target, starts: int, rng: np.random.Generator) -> bool:
     """Whether brute force finds a configuration."""
-    stance, room, robot = stance_of(world, EVERY), room_for(world), world.robot
+    stance, room, robot = stance_of(world), room_for(world), world.robot
     keep = keep_of(world)._replace(within=0.0)
     contact = contact_for(world, [target])
     free = target.direction is None
-    direction = np.array([0.0, 0.0, 1.0]) if free else own(target.direction)
+    direction = np.array([0.0, 0.0, 1.0]) if free else writable(target.direction)
     asked = Question(
-        own(target.position), direction, np.pi if free else target.cone, world.rules.heading == "fixed",
-        int(contact.owner[0]) if len(contact.owner) else -1, own(robot.chain.lower), own(robot.chain.upper),
+        writable(target.position), direction, np.pi if free else target.cone, world.rules.heading == "fixed",
+        int(contact.owner[0]) if len(contact.owner) else -1,
+        writable(robot.chain.lower), writable(robot.chain.upper),
     )  # fmt: skip
     reach = float(stance.plane.lengths.sum() + abs(stance.plane.shoulder_r))
     low = np.array([-np.pi, -np.pi, -reach, stance.low, -1.0])
@@ -124,7 +124,7 @@ def refuted(world: World, target: Target, starts: int, rng: np.random.Generator)
             narrow = rng.random(starts) < 0.8
             samples[narrow, 0] = azimuth + rng.uniform(-2, 2, int(narrow.sum())) * target.cone
         samples[back, 1], samples[back, 0] = np.pi - samples[back, 1], samples[back, 0] + np.pi
-    base, q = np.empty(3), own(robot.carry)
+    base, q = np.empty(3), writable(robot.carry)
     row, short = screened(stance, keep, room, asked, samples, base, q)
     if row >= 0:
         return True

@@ -25,8 +25,8 @@ from ik_peers import Ask, bounds, pink, toolbox, trac_ik
 from scipy.spatial.transform import Rotation
 
 import regionik as rik
-from regionik.planners.solvers.inverse_kinematics import ArmSolver, Goal, aim_of, spread_postures
-from regionik.planners.solvers.multistart_ik import solve
+from regionik.planners.solvers.inverse_kinematics import ArmSolver, Goal, aim_of
+from regionik.planners.solvers.multistart_ik import solve_ik, spread_postures
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
 
@@ -54,7 +54,7 @@ def kernel(chain: Chain, posed: bool) -> Ask:
         aim, q = aim_of(Goal(T[:3, 3], orientation=T[:3, :3] if posed else None)), start.copy()
         bodies = solver.bodies(aim.kind)
         begun = time.perf_counter()
-        solve(bodies, aim, np.ascontiguousarray(solver.starts[:, : len(bodies.slide)]), solver.effort, q)
+        solve_ik(bodies, aim, np.ascontiguousarray(solver.starts[:, : len(bodies.slide)]), solver.effort, q)
         inside.append(time.perf_counter() - begun)
         return q
 

@@ -8,10 +8,12 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from regionik import mfabrik
+from regionik.areas.standing import PathAreas
+from regionik.mfabrik import solver_for
 from regionik.planners.solvers.damped_least_squares import DIRECTION, POSITION, Aim, polish
 from regionik.planners.solvers.serial_chain import serial_arm
-from regionik.regions import Area, PathAreas, admissible_area, path_areas
+from regionik.postures.poses import pose_of
+from regionik.regions import Area, admissible_area, path_areas
 from regionik.worlds.arms import pivot_index, reach_bound, with_pivot
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, Joint, rot_x, rot_y, rot_z, translation
@@ -112,8 +114,8 @@ def points_in(area: BaseGeometry, rng: np.random.Generator, count: int) -> Array
 def solved(one: Case, areas: PathAreas, row: int, spot: Array) -> bool:
     """Whether M-FABRIK's solver, its base held with the arm's axis on a spot, gets the tool to the target."""
     robot = one.world.robot
-    solver = mfabrik.solver_for(one.world, areas.family[row])
-    base = mfabrik.pose_of(robot, spot, 0.0)
+    solver = solver_for(one.world, areas.family[row])
+    base = pose_of(robot, spot, 0.0)
     return solver.hold(one.target.position, base, robot.carry).converged
 
 

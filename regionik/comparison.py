@@ -1,9 +1,9 @@
 """M-FABRIK compared with other methods of inverse kinematics on the set-points of a world.
 
-Every method takes a target, a base pose and joints, and returns a configuration. M-FABRIK drags the base with
+Every method takes a target, a base pose and joints, and returns a configuration. M-FABRIK moves the base with
 the root of the arm. To its rivals the base is two more joints before the arm, prismatic along x and y without
-limits; none of them turns the base. The neural network knows the arm alone: the base drives straight until
-the target is at the nearest position that it has learnt.
+limits; none of them turns the base. The neural network solves the arm alone: the base drives straight until
+the target is at the nearest learnt position.
 """
 
 from __future__ import annotations
@@ -11,12 +11,11 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
 from regionik.areas.standing import room_for
-from regionik.mfabrik import Solver, axis_of, pose_of, solver_for
+from regionik.mfabrik import Method, Solver, configurations
 from regionik.planners.driving.footprint_scene import fits
 from regionik.planners.rivals.genetic import Genetic
 from regionik.planners.rivals.iterative import CyclicDescent, DampedLeastSquares, PseudoInverse, Transpose
@@ -24,10 +23,10 @@ from regionik.planners.rivals.method import ArmMethod, Fabrik, FabrikPolished, S
 from regionik.planners.rivals.network import Network
 from regionik.planners.solvers.damped_least_squares import Aim
 from regionik.planners.solvers.mfabrik_serial import in_arm_frame
+from regionik.postures.arm import aim_of, goal_error
 from regionik.postures.arm_guard import guard_of
-from regionik.postures.poses import pose
-from regionik.postures.tool_goal import aim_of, misses
-from regionik.pruning import choose_chain, start_place, whole_path
+from regionik.postures.poses import axis_of, pose, pose_of
+from regionik.pruning import choose_chain, solvers_along, start_place, whole_path
 from regionik.values import Configuration
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, Joint
@@ -37,13 +36,6 @@ from regionik.worlds.scene import Target, World
 
 REFERENCE = "mfabrik"
 BASE_JOINTS = 2  # before those of the arm
-
-
-class Method(Protocol):
-    """A method that solves a target by base and arm."""
-
-    def __call__(self, target: Target, base: Array, joints: Array, /) -> Configuration:
-        """Solve a target from a base pose (3,) and joints (dof,); where it is not met, come near."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,11 +109,8 @@ def _mfabrik(world: World) -> Methods:
 def _mfabrik_in_areas(world: World) -> Methods:
     """M-FABRIK within the areas of the whole path, as plans use it."""
     standing, _, pruned = whole_path(world)
-    ladder = pruned.ladder
-    return [
-        solver_for(world, ladder.family[k], ladder.component[k], standing.sides[ladder.side[k]].span)
-        for k in choose_chain(pruned, standing, start_place(world))
-    ]
+    chain = choose_chain(pruned, standing, start_place(world))
+    return list(solvers_along(world, pruned.ladder, standing, chain))
 
 
 def _with_sliding_base(kind: type[ArmMethod]) -> Callable[[World], Methods]:
@@ -193,7 +182,7 @@ class Score:
     microseconds : float
         Mean time of a call [us].
     ratio : float
-        Of the mean time to that of M-FABRIK in the same call; NaN without it.
+        Of the mean time to that of M-FABRIK in the same comparison; NaN without it.
     median_error, worst_error : float
         [m]
     over_limits : int
@@ -297,21 +286,12 @@ def _solve_and_time(world: World, solvers: Sequence[Method]) -> tuple[tuple[Conf
     least, spent = np.inf, 0.0
     for _ in range(MAX_RUNS):
         began = time.perf_counter()
-        found = _run(world, solvers, start)
+        found = configurations(world.task, solvers, start)
         taken = time.perf_counter() - began
         least, spent = min(least, taken), spent + taken
         if spent > TIME_BUDGET:
             break
     return found, least / len(world.task)
-
-
-def _run(world: World, solvers: Sequence[Method], start: tuple[Array, Array]) -> tuple[Configuration, ...]:
-    found: list[Configuration] = []
-    base, joints = start
-    for target, solver in zip(world.task, solvers, strict=True):
-        found.append(solver(target, base, joints))
-        base, joints = found[-1].base, found[-1].joints
-    return tuple(found)
 
 
 def _start(world: World) -> tuple[Array, Array]:
@@ -329,7 +309,7 @@ def _score(world: World, name: str, answers: Sequence[Configuration], seconds: f
     robot, room, guard = world.robot, room_for(world), guard_of(world)
     base, joints = np.array([one.base for one in answers]), np.array([one.joints for one in answers])
     tools = robot.tool(base, joints)
-    missed = np.array([misses(target, tool) for target, tool in zip(world.task, tools, strict=True)])
+    missed = np.array([goal_error(target, tool) for target, tool in zip(world.task, tools, strict=True)])
     cones = np.array([target.cone for target in world.task])
     lower, upper = robot.chain.lower - ROUNDING, robot.chain.upper + ROUNDING
     over = ((joints < lower) | (joints > upper)).any(axis=1)

@@ -1,7 +1,7 @@
 """Ladder of a whole path: components of the areas of its set-points, joined where they overlap.
 
 While the tool rests at set-point i the base may go anywhere within one component of its area; the tool goes
-on to i + 1 while the base stands in a component of both. So a path without lift-offs is a chain of components
+on to i + 1 while the base stands in components of both. So a path without lift-offs is a chain of components
 with non-empty intersections. Source: M-FABRIK, experiment 4 (areas made for the whole path in advance).
 """
 
@@ -16,10 +16,9 @@ import shapely
 from numpy.typing import NDArray
 
 from regionik.areas.ground import Geometries
-from regionik.areas.standing import LEAST_AREA, Standing, groups
+from regionik.areas.standing import LEAST_AREA, PathAreas, Standing, groups
 from regionik.planners.geometry.polygons import FlatPolygon, flats_of
 from regionik.postures.families import Family
-from regionik.regions import PathAreas
 
 BLOCK, BLOCKS = 64, 8  # components that are flattened together, and how many such blocks are kept
 SURE = 1e-4  # half the side of a square that two areas share beyond doubt [m]
@@ -30,7 +29,7 @@ Index = NDArray[np.intp]
 
 @dataclass(frozen=True, eq=False)
 class Ladder:
-    """Components of successive areas, and which of them the base can go between with the tool on the path.
+    """Components of successive areas, and the pairs that the base can go between with the tool on the path.
 
     Attributes
     ----------
@@ -41,7 +40,7 @@ class Ladder:
         Set-point of each component, ascending.
     family : tuple of Family
     side : (m,) array of int
-        Side of the standing, and with it the slab of headings, of each component.
+        Side of the free floor, and so the slab of headings, of each component.
     floor : (m,) array of int
         Connected piece of the free floor that holds the component.
     edges : (e, 2) array of int
@@ -79,7 +78,7 @@ class Ladder:
         return np.flatnonzero(np.diff(self.rungs) == 0).tolist()
 
     def flat(self, k: int) -> FlatPolygon:
-        """A component for kernels; flattened with its neighbours, the last of which are kept."""
+        """Return a component for kernels; flattened by blocks, of which a few are cached."""
         block = k // BLOCK
         if block not in self._flats:
             if len(self._flats) >= BLOCKS:
@@ -114,11 +113,11 @@ def build_ladder(areas: PathAreas, count: int, standing: Standing) -> Ladder:
     count : int
         Number of set-points.
     standing : Standing
-        The ground the areas lie on.
+        Free floor that the areas lie on.
     """
     parts, row = shapely.get_parts(areas.inner, return_index=True)
     whole = shapely.get_type_id(areas.inner)[row] == shapely.GeometryType.POLYGON
-    parts[whole] = areas.inner[row[whole]]  # not its copy: of very long paths, memory is mostly areas
+    parts[whole] = areas.inner[row[whole]]  # not its copy: for very long paths, memory is mostly areas
     real = (shapely.get_type_id(parts) == 3) & (shapely.area(parts) > LEAST_AREA)
     parts, row = parts[real], row[real]
     target = areas.target[row]
@@ -135,7 +134,7 @@ def build_ladder(areas: PathAreas, count: int, standing: Standing) -> Ladder:
 
 
 def _pieces(spots: Geometries, side: Index, standing: Standing) -> Index:
-    """Label of the piece of free floor that holds each spot (-1 for none)."""
+    """Label of the piece of free floor around each spot, -1 for none."""
     piece = np.full(len(spots), -1, dtype=np.intp)
     polygons, sides, label = standing.pieces
     which, found = shapely.STRtree(polygons).query(spots, predicate="intersects")
@@ -154,7 +153,7 @@ def _overlaps(
     count: int,
     ahead: int,
 ) -> Index:
-    """Pairs of components of like posture, so many set-points apart, that share an area."""
+    """Pairs of overlapping components of like posture, ``ahead`` set-points apart."""
     if len(standing.sides) == 1 and not ahead:  # components of one area are apart
         return np.empty((0, 2), dtype=np.intp)
     rungs = np.searchsorted(target, np.arange(count + 1))
@@ -178,7 +177,7 @@ def _overlaps(
 
 
 def _shared(one: Geometries, other: Geometries, spots: Geometries) -> Mask:
-    """Mask of pairs of prepared parts that share an area: mostly a spot of the first is well inside both."""
+    """Mask of pairs of prepared parts that overlap: mostly a spot of the first is well inside both."""
     x, y = shapely.get_x(spots), shapely.get_y(spots)
     squares = shapely.box(x - SURE, y - SURE, x + SURE, y + SURE)
     shared: Mask = shapely.contains_properly(one, squares) & shapely.contains_properly(other, squares)

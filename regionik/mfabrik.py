@@ -1,15 +1,18 @@
-"""M-FABRIK: base and arm configuration inside an admissible area.
+"""M-FABRIK: configurations of base and arm, the arm axis inside admissible areas.
 
-Source: M-FABRIK (Santos et al., IEEE Access 2020), Algorithm 1, with joint limits held in both passes.
+Source: M-FABRIK (Santos et al., IEEE Access 2020), Algorithm 1, with joint limits held in both passes. Its
+loop is `mfabrik_planar.planar_passes` for an arm in one vertical plane and `mfabrik_serial.serial_passes` for
+any other. Algorithm 2, the base's way between two configurations, is `driving.greedy_steps`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from copy import copy
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from math import isfinite
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -18,16 +21,14 @@ from shapely.geometry.base import BaseGeometry
 from regionik.areas.ground import EVERY
 from regionik.areas.reach_model import ReachModel
 from regionik.areas.reachable import reach_model
-from regionik.areas.standing import Standing
-from regionik.ladder import Ladder
 from regionik.planners.geometry.polygons import FlatPolygon
 from regionik.planners.solvers.base_placement import FACE_TARGET, FIXED, FREE, Turning, share_turn
-from regionik.planners.solvers.mfabrik_planar import solve, solve_along, solve_many
+from regionik.planners.solvers.mfabrik_planar import solve_planar, solve_planar_along, solve_planar_many
 from regionik.planners.solvers.planar_setup import Record
-from regionik.postures.arm_solvers import ANGLE_SLACK, Arm, PlaneSolver
+from regionik.postures.arm import ANGLE_SLACK, Arm, Reached, goal_of
 from regionik.postures.families import FRONT, Family
-from regionik.postures.serial_solver import Reached
-from regionik.postures.tool_goal import goal_of
+from regionik.postures.planar_solver import PlanarSolver
+from regionik.postures.poses import axis_of, pose_of
 from regionik.values import Configuration
 from regionik.worlds.arms import pivot_index, pivot_joints, with_pivot
 from regionik.worlds.arrays import Array, frozen
@@ -38,6 +39,13 @@ from regionik.worlds.scene import Heading, Target, World
 
 NOWHERE = FlatPolygon(np.empty((0, 2)), np.zeros(1, dtype=np.int64))
 HEADINGS: dict[Heading, int] = {"free": FREE, "face_target": FACE_TARGET, "fixed": FIXED}
+
+
+class Method(Protocol):
+    """A method that solves a target by base and arm."""
+
+    def __call__(self, target: Target, base: Array, joints: Array, /) -> Configuration:
+        """Solve a target from a base pose (3,) and joints (dof,); where it is not met, come near."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +65,7 @@ class Solver:
     span : (low, high)
         Headings of the base to stay within [rad].
     criteria : Criteria, optional
-        What every posture must be good for.
+        Thresholds that every posture must meet.
 
     Examples
     --------
@@ -110,7 +118,7 @@ class Solver:
         return self._solve(target, base, joints, mobile=True)
 
     def hold(self, target: Target | ArrayLike, base: ArrayLike, joints: ArrayLike) -> Configuration:
-        """As a call, but the arm axis stays where it is: only the arm and the heading move."""
+        """Return the same with the arm axis held: only the arm and the heading move."""
         return self._solve(target, base, joints, mobile=False)
 
     def _solve(
@@ -123,11 +131,11 @@ class Solver:
         point = target.position if isinstance(target, Target) else target
         point = _numbers(point, 3, "target: position")
         area = self._flat
-        error, passes, met = solve(self._setup, area.vertices, area.starts, mobile, point, here, now)
+        error, passes, met = solve_planar(self._setup, area.vertices, area.starts, mobile, point, here, now)
         return Configuration(here, now, error, passes, met)
 
     def least_change(self, target: Target | ArrayLike, base: Array, joints: Array) -> Configuration | None:
-        """With the arm axis held, the posture on target that changes least, if there is one."""
+        """Return the posture on target that changes least, the arm axis held, if there is one."""
         asked = _asked(target)
         axis, yaw = axis_of(self.robot, base), self._yaw(base)
         reached = self._arm_for(asked).least_change(asked, axis, yaw, self._behind(joints))
@@ -135,7 +143,7 @@ class Solver:
         return found if found is not None and found.converged else None
 
     def inside(self, area: BaseGeometry | FlatPolygon) -> Solver:
-        """The same solver for another area; what does not depend on it is made once and shared."""
+        """Return this solver for another area; what does not depend on the area is shared."""
         other = copy(self)
         for name, value in (("area", area), ("_flat", _flat(area)), ("_setup", self._setup)):
             object.__setattr__(other, name, value)
@@ -143,23 +151,26 @@ class Solver:
 
     @property
     def compiled(self) -> bool:
-        """Whether one compiled call solves for bare points."""
+        """True where one compiled call solves for bare points."""
         return self._setup is not None
 
     def along(
         self, points: Array, places: Array, wished: Array, bend: float, base: Array, joints: Array
     ) -> tuple[Array, Array]:
-        """Bases and joints on a way, as many as are found; see `solve_along`. Of a compiled solver."""
+        """Bases and joints along a path, up to the first not found; see `solve_planar_along`.
+
+        Only for a `compiled` solver.
+        """
         assert self._setup is not None
-        found: tuple[Array, Array] = solve_along(
-            self._setup, points, places, wished, bend, np.array(base), np.array(joints)
-        )
+        base, joints = np.array(base), np.array(joints)
+        found: tuple[Array, Array]
+        found = solve_planar_along(self._setup, points, places, wished, bend, base, joints)
         return found
 
     def self_motion(
         self, target: Target | ArrayLike, base: Array, joints: Array, tries: int
     ) -> list[Configuration]:
-        """With the arm axis held, postures on target of many kinds, the least changed first."""
+        """Return postures on target of many kinds, the arm axis held, the least changed first."""
         axis, asked = axis_of(self.robot, base), _asked(target)
         q = self._behind(joints)
         reached = self._arm_for(asked).self_motion(asked, axis, self._yaw(base), q, tries)
@@ -176,32 +187,25 @@ class Solver:
         bases : (n, 3) array_like
         joints : (n, dof) array_like
         """
+        dof, area = self.robot.chain.dof, self._flat
         if isinstance(targets, Sequence) and all(isinstance(target, Target) for target in targets):
             rows = [self(*row) for row in zip(targets, np.asarray(bases), np.asarray(joints), strict=True)]
-            return _batch(rows, self.robot.chain.dof)
-        points = frozen(np.asarray(targets), (None, 3), "targets")
-        here = frozen(bases, (len(points), 3), "bases")
-        now = frozen(joints, (len(points), self.robot.chain.dof), "joints")
-        if self._setup is not None:
-            area, new_bases, new_joints = (
-                self._flat,
-                here.copy(),
-                now.copy(),
-            )  # writable, as kernels take them
-            errors, passes, met = solve_many(
-                self._setup, area.vertices, area.starts, points.copy(), new_bases, new_joints
-            )
-            return Batch(new_bases, new_joints, errors, passes, met)
-        axes, yaws = axis_of(self.robot, here), np.array([self._yaw(row) for row in here])
-        reached = self._arm.reach_many(points, axes, yaws, self._behind(now), self._flat)
-        rows = [self._headed(*row) for row in zip(reached, here, now, strict=True)]
-        return _batch(rows, self.robot.chain.dof)
+            return _batch(rows, dof)
+        points = frozen(np.asarray(targets), (None, 3), "targets").copy()  # writable, as kernels take them
+        here, now = (
+            frozen(bases, (len(points), 3), "bases").copy(),
+            frozen(joints, (len(points), dof), "joints").copy(),
+        )
+        if self._setup is None:
+            return _batch([self(*row) for row in zip(points, here, now, strict=True)], dof)
+        errors, passes, met = solve_planar_many(self._setup, area.vertices, area.starts, points, here, now)
+        return Batch(here, now, errors, passes, met)
 
     @cached_property
     def _setup(self) -> Record | None:
-        """What the compiled solver takes; None where the arm or what is asked of it is beyond that."""
+        """Record for the compiled solver; None where arm or criteria are beyond it."""
         arm = self._arm
-        if not isinstance(arm, PlaneSolver) or arm.asked or self._kept.chain is not self.robot.chain:
+        if not isinstance(arm, PlanarSolver) or arm.asked or self._kept.chain is not self.robot.chain:
             return None
         return arm.setup(self.robot.mount, self._turning)
 
@@ -213,14 +217,13 @@ class Solver:
         return Turning(float(pivot.lower), float(pivot.upper), HEADINGS[self.heading], low, high)
 
     def _general(self, target: Target, base: Array, joints: Array, *, mobile: bool) -> Configuration:
-        """By the arm's own solver, for any arm and target."""
-        axis = axis_of(self.robot, base)
-        arm = self._arm_for(target)
-        q = self._behind(joints)
-        return self._headed(arm.reach(target, axis, self._yaw(base), q, self._flat, mobile), base, joints)
+        """Solve by the arm's own solver, for any arm and target."""
+        axis, q = axis_of(self.robot, base), self._behind(joints)
+        reached = self._arm_for(target).reach(target, axis, self._yaw(base), q, self._flat, mobile)
+        return self._headed(reached, base, joints)
 
     def _arm_for(self, target: Target) -> Arm:
-        """The arm as it meets the goal: as for a point, unless that takes another model of its reach."""
+        """Solver of the arm for a goal: that of a point, unless the goal takes another model of reach."""
         model = reach_model(self._kept, goal_of(target))
         if model is self._model:
             return self._arm
@@ -233,7 +236,7 @@ class Solver:
 
     @property
     def _bound(self) -> bool:
-        """Whether the base must keep one heading."""
+        """True where the base must keep one heading."""
         return self.heading != "fixed" and self.span[0] == self.span[1]
 
     @property
@@ -242,6 +245,7 @@ class Solver:
         return with_joint_margin(self.robot, self.criteria)
 
     def _behind(self, joints: Array) -> Array:
+        """Joints of the chain from its pivot on, within the limits that are kept."""
         chain = self._kept.chain
         if chain is not self.robot.chain:  # joints that do not matter stay as they are
             joints = np.clip(joints, chain.lower, chain.upper)
@@ -255,12 +259,9 @@ class Solver:
         plane = self._yaw(base) - float(self.robot.mount[3]) + float(q[k])  # as the arm was asked
         q[k], yaw, fits = share_turn(plane, float(base[2]), float(joints[k]), self._turning)
         pose = pose_of(self.robot, reached.axis, float(yaw))
-        good = bool(
-            reached.error <= self.tolerance and reached.angle <= ANGLE_SLACK and fits and reached.meets
-        )
-        return Configuration(
-            pose, q[chain.dof - self.robot.chain.dof :], reached.error, reached.iterations, good
-        )
+        good = reached.error <= self.tolerance and reached.angle <= ANGLE_SLACK and fits and reached.meets
+        q = q[chain.dof - self.robot.chain.dof :]
+        return Configuration(pose, q, reached.error, reached.iterations, bool(good))
 
 
 @dataclass(frozen=True, eq=False)
@@ -295,7 +296,7 @@ def _asked(target: Target | ArrayLike) -> Target:
 
 
 def _numbers(values: ArrayLike, count: int, what: str) -> Array:
-    """Copy a few finite numbers, sooner than `frozen` does, which says what is wrong with others."""
+    """Return a few finite numbers as a new array; faster than `frozen`, which words the errors."""
     try:
         row = np.array(values, dtype=np.float64)
         if row.shape == (count,) and isfinite(sum(row.tolist())):
@@ -305,44 +306,23 @@ def _numbers(values: ArrayLike, count: int, what: str) -> Array:
     return np.array(frozen(values, (count,), what))
 
 
-def axis_of(robot: Robot, base: Array) -> Array:
-    """Arm axis on the floor (..., 2) for base poses (..., 3)."""
-    x, y = robot.mount[0], robot.mount[1]
-    if x == 0.0 and y == 0.0:
-        return np.array(base[..., :2])
-    c, s = np.cos(base[..., 2]), np.sin(base[..., 2])
-    spot: Array = base[..., :2] + np.stack([c * x - s * y, s * x + c * y], axis=-1)
-    return spot
-
-
-def pose_of(robot: Robot, axis: Array, yaw: float) -> Array:
-    """Base pose (3,) that puts the arm axis on a spot with a heading."""
-    c, s = np.cos(yaw), np.sin(yaw)
-    x, y = robot.mount[0], robot.mount[1]
-    return np.array([axis[0] - (c * x - s * y), axis[1] - (s * x + c * y), yaw])
-
-
 def configurations(
-    world: World, ladder: Ladder, standing: Standing, chain: Sequence[int], start: tuple[Array, Array]
+    task: Sequence[Target], solvers: Iterable[Method], start: tuple[Array, Array]
 ) -> tuple[Configuration, ...]:
-    """One configuration for each set-point, the base kept within the chosen component.
+    """One configuration for each set-point, each solved from the one before.
 
     Parameters
     ----------
-    world : World
-    ladder : Ladder
-    standing : Standing
-    chain : sequence of int
-        Component of each set-point.
+    task : sequence of Target
+    solvers : iterable of Method
+        One for each set-point, such as a `Solver` for the area that is chosen there.
     start : (base, joints)
-        Where the robot stands at first.
+        Of the robot at first.
     """
     base, joints = start
     found = []
-    for target, k in zip(world.task, chain, strict=True):
-        span = standing.sides[ladder.side[k]].span
-        solver = solver_for(world, ladder.family[k], ladder.flat(k), span)
-        found.append(solver(target if target.direction is not None else target.position, base, joints))
+    for target, solver in zip(task, solvers, strict=True):
+        found.append(solver(target, base, joints))
         base, joints = found[-1].base, found[-1].joints
     return tuple(found)
 
@@ -365,10 +345,7 @@ def _solver_anywhere(world: World, family: Family, span: tuple[float, float]) ->
 
 
 def solver_between(world: World, family: Family) -> Solver:
-    """Solver for the way from one set-point to the next, of whose criteria the joint margin alone is kept.
-
-    It is solved anew at its end, where the margin is asked.
-    """
+    """Solver for the way between set-points, where of the criteria the joint margin alone is kept."""
     rules, asked = world.rules, world.rules.criteria
     margin = None if asked is None else Criteria(joint_margin=asked.joint_margin)
     return Solver(world.robot, None, rules.tolerance, rules.heading, family, criteria=margin)

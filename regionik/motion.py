@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from itertools import islice
 
 from regionik.areas.standing import Standing
-from regionik.explain import arm_failures
+from regionik.explain import failures
 from regionik.moving.configuration_sampling import Candidate
 from regionik.moving.path_search import JoinedMotion, PathSearch, path_search
 from regionik.postures.poses import Pose, Row
@@ -63,14 +63,14 @@ def connect(
 
 @dataclass(frozen=True, eq=False)
 class _Connection:
-    """Runs through the ladder, in components that the pruning left."""
+    """Runs through the ladder, within the components that pruning left."""
 
     pruned: Pruned
     nominal: tuple[Candidate, ...]
     search: PathSearch
 
     def made(self, tell: Progress) -> JoinedMotion:
-        """Run after run until the path is done."""
+        """Join run after run until the path is complete."""
         rows, done, lifts = self.search.start(), list[Candidate](), 0
         most = self.search.world.rules.max_lift_offs
         while True:
@@ -89,7 +89,7 @@ class _Connection:
                 raise NoPlanFound(self._one_lift_too_many(len(done)))
 
     def _arrive(self, i: int, here: Pose | None) -> tuple[list[Row], Candidate]:
-        """Get to a first candidate at set-point i with the tool lifted, from the start or the last run."""
+        """Move to a first candidate at set-point i with the tool lifted, from the start or the last run."""
         search, goal = self.search, self.nominal[i]
         found = search.sampler.arrivals(i, self._kept(i), here or goal.pose, goal)
         arrived = search.arrive(i, here, islice(found, TRIES), search.transits.folded)
@@ -98,7 +98,7 @@ class _Connection:
         return arrived
 
     def _ahead(self, i: int, here: Candidate) -> Iterator[Candidate]:
-        """Candidates at the set-point after i, in components that the base can go on to."""
+        """Candidates at the set-point after i, in components that the base can move to."""
         if i + 1 >= len(self.nominal):
             return iter(())
         ladder = self.pruned.ladder  # a base may turn into another component where it has come to
@@ -114,8 +114,8 @@ class _Connection:
         return sorted(kept, key=lambda k: (k != self.nominal[i].component, k))
 
     def _one_lift_too_many(self, i: int) -> Explanation:
-        """Explain what would have the tool lifted before set-point i, against the rules."""
+        """Explain why the tool would have to be lifted before set-point i, against the rules."""
         world, guard, touch = self.search.world, self.search.guard, self.search.follower.stops.get(i - 1)
         if touch is None:
-            return arm_failures.arm_must_lift(world, i, "the arm would have to jump", None)
-        return arm_failures.arm_must_lift(world, i, guard.words(touch), guard.cause(touch))
+            return failures.arm_must_lift(world, i, "the arm would have to jump", None)
+        return failures.arm_must_lift(world, i, guard.words(touch), guard.cause(touch))

@@ -13,8 +13,9 @@ from shapely.geometry.base import BaseGeometry
 
 from regionik.areas.ground import united
 from regionik.areas.reachable import heeds_headings
-from regionik.explain import arm_failures, failures
-from regionik.explain.causes import no_inner
+from regionik.areas.standing import PathAreas
+from regionik.explain import failures
+from regionik.explain import failures as arm_failures
 from regionik.explain.questions import ArmQuestion, Oracles, PathQuestion
 from regionik.explain.why import explained, explained_target, target_name
 from regionik.mfabrik import configurations
@@ -24,12 +25,12 @@ from regionik.parking.fewest_stops import park
 from regionik.parking.stop_motion import connect_stops
 from regionik.parking.stops import check as check_stops
 from regionik.parking.stops import in_sequence
-from regionik.postures.poses import figures, lift_offs
-from regionik.pruning import choose_chain, spans, start_place, start_pose, whole_path
+from regionik.postures.poses import lift_offs, motion_stats
+from regionik.pruning import choose_chain, solvers_along, spans, start_place, start_pose, whole_path
 from regionik.reachability.any_base import can_search, search_any_base
 from regionik.reachability.reach import reach
 from regionik.reachability.witness import Quest
-from regionik.regions import PathAreas
+from regionik.regions import has_no_known_place
 from regionik.timing.retime import retime
 from regionik.tracker import planner
 from regionik.values import Configuration, Plan, PlannedArea, Stop
@@ -62,8 +63,7 @@ def plan(world: World, *, seed: int = 0, progress: Progress | None = None) -> Pl
     Returns
     -------
     Plan
-        Verified before it is returned; timed where the world has speeds or the robot's joints have limits of
-        velocity.
+        Verified; timed where the world has speeds or the robot's joints have velocity limits.
 
     Raises
     ------
@@ -95,17 +95,17 @@ def why(world: World, target: Target | ArrayLike | None = None) -> Explanation |
 
     Causes are irreducible: together they rule it out, and without any one of them the rest does not. For a
     target they rest on its outer area, which is a proof, or on the inner one where the outer is not empty;
-    for a path on the ladder of inner areas. Each repair is made, and the target asked for or the path
-    planned again, before it is told; the smallest comes first, lengths counted as parts of the arm's length,
-    a cone's opening as a part of a half turn and a lift-off as one.
+    for a path on the ladder of inner areas. Each repair is checked in the changed world, by `reach` or by a
+    plan. The smallest comes first, lengths counted as parts of the arm's length, a cone's opening as a part
+    of a half turn and a lift-off as one.
 
     Parameters
     ----------
     world : World
     target : Target or (3,) array_like, optional
-        A bare point leaves the tool direction free [m]. By default the world's whole path is asked for: its
+        A bare point leaves the tool direction free [m]. By default the world's whole path is explained: its
         start, the first set-point with an empty area, floor cut off, or more lift-offs than are allowed.
-        Motion is not: what only the arm's obstacles or the base's wheels forbid is for `plan` to say.
+        Motion is left to `plan`: what only obstacles of the arm or wheels of the base forbid.
 
     Returns
     -------
@@ -132,7 +132,7 @@ def why(world: World, target: Target | ArrayLike | None = None) -> Explanation |
     answer = reach(asked, asked.task)
     if answer.reachable[0]:
         return None
-    if no_inner(asked):
+    if has_no_known_place(asked):
         return explained_target(asked, 0, failures.no_place(asked, 0), ORACLES)
     reason, causes = f"{answer.reason[0].rstrip('.')}.", (Cause("limits", world.robot.name),)
     if answer.verdict[0] == "undecided":
@@ -142,7 +142,7 @@ def why(world: World, target: Target | ArrayLike | None = None) -> Explanation |
 
 def _why_path(world: World) -> Explanation | None:
     try:
-        check(world)
+        check_world(world)
         whole_path(world)
     except NoPlanFound as no:
         return _explained(world, no.explanation)
@@ -150,19 +150,21 @@ def _why_path(world: World) -> Explanation | None:
 
 
 def _explained(world: World, quick: Explanation, seed: int = 0) -> Explanation:
-    """The quick words on why areas allow no plan, with irreducible causes and repairs; others as they are."""
+    """Return an explanation with irreducible causes and repairs, where areas allow no plan."""
     i = quick.setpoint
     if i is None or planner.follows(world):
         return quick
     if quick.verdict == "ladder-broken" and not spans(world):
         return explained(PathQuestion(world, i, spans, lambda changed: _can_be_planned(changed, seed)), quick)
-    if quick.verdict in ("unreachable", "undecided") and no_inner(replace(world, task=(world.task[i],))):
-        return explained_target(world, i, quick, ORACLES)  # else there is no room to park
+    if quick.verdict in ("unreachable", "undecided") and has_no_known_place(
+        replace(world, task=(world.task[i],))
+    ):
+        return explained_target(world, i, quick, ORACLES)  # otherwise there is no room to park
     return _explained_arm(world, i, quick) if quick.verdict == "no-posture" else quick
 
 
 def _explained_arm(world: World, i: int, quick: Explanation) -> Explanation:
-    """The quick words, with causes and repairs where the arm is proven to touch something from everywhere."""
+    """Return an explanation with causes and repairs, where no posture from any place is proven clear."""
     question = ArmQuestion(replace(world, task=(world.task[i],)), target_name(world, i), ORACLES)
     return explained(question, quick) if can_search(world) and question.closed(question.world) else quick
 
@@ -176,26 +178,26 @@ def _can_be_planned(world: World, seed: int) -> bool:
 
 
 def _untold(stage: str, done: int, total: int) -> None:
-    """Progress that nobody looks at."""
+    """Progress that is not reported."""
 
 
 def search(world: World, seed: int = 0, tell: Progress = _untold) -> Plan:
-    """A plan that is verified, not timed; where there is none, `NoPlanFound` with the quick words on why."""
-    check(world)
+    """Return a verified plan, not timed; raise `NoPlanFound` with a quick explanation where there is none."""
+    check_world(world)
     _refuse(arm_failures.buried(world))
     return strategy_of(world).plan(world, seed, tell)
 
 
 @dataclass(frozen=True)
 class Strategy:
-    """A way to do a world's task: what it refuses, and its stages up to a verified plan."""
+    """A way to plan a world's task: its check of the world, and its stages up to a verified plan."""
 
     check: Callable[[World], None]
     plan: Callable[[World, int, Progress], Plan]
 
 
 def strategy_of(world: World) -> Strategy:
-    """Stops where the rules ask for them, Xu's tracker where it `follows`, else the path without a stop."""
+    """Return stops where the rules ask for them, Xu's tracker where it applies, else the continuous path."""
     if world.rules.mode == "stops":
         return Strategy(_check_stops, _plan_stops)
     if planner.follows(world):
@@ -204,12 +206,13 @@ def strategy_of(world: World) -> Strategy:
 
 
 def _plan_path(world: World, seed: int, tell: Progress) -> Plan:
-    """A plan on which the tool stays on its path wherever the base can go on with it."""
+    """A plan with the tool on its path wherever the base can move with it."""
     tell("areas", 0, len(world.task))
     standing, areas, pruned = whole_path(world)
     chain = choose_chain(pruned, standing, start_place(world))
     tell("configurations", 0, len(world.task))
-    goals = configurations(world, pruned.ladder, standing, chain, start_pose(world, pruned, chain))
+    solvers = solvers_along(world, pruned.ladder, standing, chain)
+    goals = configurations(world.task, solvers, start_pose(world, pruned, chain))
     _refuse(_not_converged(world, goals))
     joined = connect(world, pruned, chain, goals, standing, seed, tell)
     shown = _planned_areas(world, areas, pruned.area)
@@ -217,7 +220,7 @@ def _plan_path(world: World, seed: int, tell: Progress) -> Plan:
 
 
 def _plan_stops(world: World, seed: int, tell: Progress) -> Plan:
-    """A plan whose base stands still at the fewest stops."""
+    """A plan with the base standing still at the fewest stops."""
     tell("areas", 0, len(world.task))
     parking = park(world)
     tell("stops", 0, len(parking.groups))
@@ -232,14 +235,14 @@ def _plan_stops(world: World, seed: int, tell: Progress) -> Plan:
 
 
 def _not_converged(world: World, goals: tuple[Configuration, ...]) -> Explanation | None:
-    """The first set-point that M-FABRIK found no posture for, where no others are to be looked for."""
+    """Explain the first set-point without a posture, where the rules allow no search for others."""
     if world.rules.avoidance:
         return None
     return next((failures.no_posture(world, i) for i, goal in enumerate(goals) if not goal.converged), None)
 
 
 def _verified(found: Plan, tell: Progress) -> Plan:
-    """The plan with its margins, if it holds."""
+    """Return the plan with its margins, if it holds."""
     tell("verify", 0, 1)
     report = verify(found)
     if not report.ok:
@@ -252,8 +255,8 @@ def _refuse(failure: Explanation | None) -> None:
         raise NoPlanFound(failure)
 
 
-def check(world: World) -> None:
-    """Refuse what cannot be planned at all."""
+def check_world(world: World) -> None:
+    """Refuse worlds that cannot be planned at all."""
     if not world.task:
         raise InputError(f"{world.name}: task: expected at least one set-point")
     if world.rules.heading not in world.robot.drive.headings:
@@ -273,7 +276,7 @@ def _check_stops(world: World) -> None:
 
 
 def _check_areas(world: World) -> None:
-    """Refuse what areas and M-FABRIK cannot be asked about."""
+    """Refuse robots and rules that areas and M-FABRIK do not cover."""
     reach_bound(world.robot.chain)
     if world.rules.heading == "fixed" and not heeds_headings(world):
         raise InputError(
@@ -291,8 +294,9 @@ def _finished(
     stops: tuple[Stop, ...] = (),
     more: Mapping[str, Any] | None = None,
 ) -> Plan:
-    """The results of the stages put together."""
-    stats = {**figures(world.robot.drive, joined.setpoints, joined.motion, joined.methods), **(more or {})}
+    """Assemble the results of the stages."""
+    known = motion_stats(world.robot.drive, joined.setpoints, joined.motion, joined.methods)
+    stats = {**known, **(more or {})}
     return Plan(world, seed, joined.setpoints, joined.motion, areas, lift_offs(joined.motion), stops, stats)
 
 

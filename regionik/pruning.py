@@ -1,12 +1,13 @@
-"""Pruning of the ladder: every component that no full traversal of its run uses is cut, forward and backward.
+"""Pruning of the ladder: components that no full traversal of their run uses are cut, forward and backward.
 
-The paths that are left have the fewest lift-offs, and whatever chain is chosen among them can be gone to its
-end. Source: M-FABRIK, experiment 4 (areas made for the whole path in advance).
+The paths that are left have the fewest lift-offs, and every chain of components among them can be completed.
+Source: M-FABRIK, experiment 4 (areas made for the whole path in advance).
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -15,17 +16,18 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from regionik.areas.ground import united
-from regionik.areas.standing import Standing, into_span
+from regionik.areas.standing import PathAreas, Standing, into_span
 from regionik.explain.failures import cut_off, no_places, too_many_lifts
 from regionik.ladder import Ladder, Mask, build_ladder
-from regionik.mfabrik import axis_of
+from regionik.mfabrik import Solver, solver_for
 from regionik.planners.geometry.polygons import FlatPolygon, clamp
-from regionik.regions import PathAreas, path_areas, ways_to_stand
+from regionik.postures.poses import axis_of
+from regionik.regions import path_areas, ways_to_stand
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Explanation, NoPlanFound
 from regionik.worlds.scene import World
 
-TURN_WEIGHT = 0.1  # what a turn of the base counts against driving [m/rad]
+TURN_WEIGHT = 0.1  # cost of a turn of the base against driving [m/rad]
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,29 +48,29 @@ class Pruned:
     breaks: tuple[int, ...]
 
     def area(self, i: int) -> BaseGeometry:
-        """Part of the area of set-point i that is left."""
+        """Return what is left of the area of set-point i."""
         rungs = self.ladder.rungs
         span = slice(rungs[i], rungs[i + 1])
         return united(self.ladder.component[span][self.keep[span]])
 
     @property
     def gap(self) -> int | None:
-        """First set-point of which nothing is left."""
+        """First set-point without any component left."""
         rungs = self.ladder.rungs
         left = [bool(self.keep[a:b].any()) for a, b in zip(rungs[:-1], rungs[1:], strict=True)]
         return None if all(left) else left.index(False)
 
 
 def whole_path(world: World) -> tuple[Standing, PathAreas, Pruned]:
-    """Return the standing of the base, the areas of the whole path, and their pruned ladder.
+    """Return the free floor of the base, the areas of the whole path, and their pruned ladder.
 
-    The arm faces its targets and the base turns freely, where that does; postures over the arm's back, and
-    places where the base must keep to some headings, come in where they save a lift-off or a target.
+    The arm faces its targets and the base turns freely where that suffices. Postures over the arm's back, and
+    places for some headings only, are used where they save a lift-off or a target.
 
     Raises
     ------
     NoPlanFound
-        Where no way to stand and to face spans the path.
+        Where none of them spans the path.
     """
     found: list[tuple[Standing, PathAreas, Pruned]] = []
     refused = None
@@ -86,7 +88,7 @@ def whole_path(world: World) -> tuple[Standing, PathAreas, Pruned]:
 
 
 def spans(world: World) -> bool:
-    """Return True where `whole_path` finds areas for the whole path; no words are made on why not."""
+    """Return True where `whole_path` succeeds, without an explanation where it does not."""
     return any(_spans(world, standing(world), facings) for standing, facings in ways_to_stand(world))
 
 
@@ -99,18 +101,18 @@ def _spans(world: World, standing: Standing, facings: tuple[int, ...]) -> bool:
 
 
 def prune_path(world: World, standing: Standing, facings: tuple[int, ...]) -> tuple[PathAreas, Pruned]:
-    """Areas with some facings, cut to whole traversals from the floor the base stands on."""
+    """Areas for some facings, and their ladder pruned from the floor the base stands on."""
     areas = path_areas(world, facings=facings, standing=standing)
     return areas, cut_path(world, standing, areas)
 
 
 def cut_path(world: World, standing: Standing, areas: PathAreas) -> Pruned:
-    """Areas of all set-points, cut to whole traversals from the floor the base stands on.
+    """Ladder of the areas of all set-points, pruned from the floor the base stands on.
 
     Raises
     ------
     NoPlanFound
-        When a set-point has no area, or none that the base can get to, or the tool would be lifted too often.
+        When a set-point has no area, or none that the base can get to, or there are too many lift-offs.
     """
     ladder = build_ladder(areas, len(world.task), standing)
     if ladder.empty:
@@ -125,7 +127,7 @@ def cut_path(world: World, standing: Standing, areas: PathAreas) -> Pruned:
 
 
 def _best_pruned(world: World, standing: Standing, ladder: Ladder) -> Pruned:
-    """The ladder cut to the piece of floor on which most can be done."""
+    """The ladder pruned to the piece of floor that serves all set-points with the fewest lift-offs."""
     pieces = _start_pieces(world, standing, ladder)
     every = (prune(ladder, ladder.floor == piece) for piece in pieces)
     return min(every, key=lambda found: (found.gap is not None, len(found.breaks)))
@@ -146,7 +148,7 @@ def _cut_off(world: World, standing: Standing, pruned: Pruned, gap: int) -> Expl
 
 
 def _start_pieces(world: World, standing: Standing, ladder: Ladder) -> list[int]:
-    """Pieces of free floor on which the base may work: the one it starts on, or any of the first rung."""
+    """Pieces of free floor for the base: the one it starts on, or any of the first set-point."""
     start = start_place(world)
     if start is None:
         return sorted(set(ladder.floor[: ladder.rungs[1]].tolist()))
@@ -184,7 +186,7 @@ def prune(ladder: Ladder, usable: Mask) -> Pruned:
 
 
 def _followed(keep: Mask, neighbours: list[list[int]]) -> Mask:
-    """For each component, whether one of its neighbours is kept."""
+    """Mask of the components of which a neighbour is kept."""
     return np.array([any(keep[j] for j in row) for row in neighbours], dtype=bool)
 
 
@@ -193,6 +195,12 @@ def start_place(world: World) -> Array | None:
     if world.start is None:
         return None
     return np.array([*axis_of(world.robot, world.start.base), world.start.base[2]])
+
+
+def solvers_along(world: World, ladder: Ladder, standing: Standing, chain: Sequence[int]) -> Iterator[Solver]:
+    """Solver of each set-point, for its component of the chain and that component's headings."""
+    for k in chain:
+        yield solver_for(world, ladder.family[k], ladder.flat(k), standing.sides[ladder.side[k]].span)
 
 
 def start_pose(world: World, pruned: Pruned, chain: list[int]) -> tuple[Array, Array]:
@@ -204,10 +212,10 @@ def start_pose(world: World, pruned: Pruned, chain: list[int]) -> tuple[Array, A
 
 
 def choose_chain(pruned: Pruned, standing: Standing, start: Array | None) -> list[int]:
-    """One kept component for each set-point, joined within every run, with the least base travel.
+    """One kept component for each set-point, connected within every run, with the least base travel.
 
-    Travel is that of a base that always moves to the nearest point of the next component, as M-FABRIK does;
-    turning into its slab counts too.
+    Travel is that of a base that moves to the nearest point of the next component, as in M-FABRIK, and turns
+    into its slab: a shortest path by dynamic programming.
 
     Parameters
     ----------
@@ -248,7 +256,7 @@ class _Trip(NamedTuple):
     yaw: float
 
     def to(self, component: FlatPolygon, span: tuple[float, float]) -> _Trip:
-        """On to the nearest point of a component, and into its slab."""
+        """Go on to the nearest point of a component, and into its slab."""
         yaw = into_span(self.yaw, span)
         spot: tuple[float, float] = clamp(component.vertices, component.starts, *self.spot)
         return _Trip(self.cost + TURN_WEIGHT * abs(yaw - self.yaw) + math.dist(self.spot, spot), spot, yaw)

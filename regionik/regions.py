@@ -1,4 +1,4 @@
-"""Admissible areas: where the arm axis may stand for a target. Reach minus rejection.
+"""Admissible areas: places of the arm axis from which a target is reached. Reach minus rejection.
 
 Source: M-FABRIK (Santos et al., IEEE Access 2020), CreateAdmissibleArea in Algorithm 1; the reach here is
 exact for joint limits and tool direction, gaps included.
@@ -16,9 +16,11 @@ from numpy.typing import ArrayLike, NDArray
 from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
-from regionik.areas.ground import GUARD, Geometries, Side, ground_of, grow
+from regionik.areas.ground import GUARD, Side, ground_of, grow
 from regionik.areas.reachable import reach_rows
 from regionik.areas.standing import (
+    LEAST_AREA,
+    PathAreas,
     Standing,
     anywhere,
     by_heading,
@@ -26,40 +28,17 @@ from regionik.areas.standing import (
     span_of_rules,
     turns_matter,
 )
-from regionik.postures.families import BACK, FRONT, Family
+from regionik.postures.families import BACK, FRONT
 from regionik.worlds.arms import reach_bound
-from regionik.worlds.arrays import frozen
+from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.criteria import Criteria
 from regionik.worlds.errors import CauseKind
 from regionik.worlds.scene import Target, World
 
 
 @dataclass(frozen=True, eq=False)
-class PathAreas:
-    """Admissible inner areas of many targets, one row for each target, family and reach interval.
-
-    Attributes
-    ----------
-    target : (m,) array of int
-        Ascending.
-    family : tuple of Family
-        One for each row.
-    side : (m,) array of int
-        Side of the standing that the row is about.
-    reach, inner : (m,) array of geometry
-        Before and after rejection.
-    """
-
-    target: NDArray[np.intp]
-    family: tuple[Family, ...]
-    side: NDArray[np.intp]
-    reach: Geometries
-    inner: Geometries
-
-
-@dataclass(frozen=True, eq=False)
 class TakenAway:
-    """A part of the reach that is not admissible, and what took it."""
+    """A part of the reach that is not admissible, and its cause."""
 
     kind: CauseKind
     name: str
@@ -68,15 +47,15 @@ class TakenAway:
 
 @dataclass(frozen=True, eq=False)
 class Area:
-    """Admissible area of one target: where the arm axis may stand.
+    """Admissible area of one target: the places of the arm axis.
 
     Attributes
     ----------
     target : Target
     inner : geometry
-        Every point of it truly works.
+        The target is reached from every point of it.
     outer : geometry
-        No point outside it works; where it is empty the target is unreachable in the model.
+        The target is reached from no point outside it; where it is empty the target is unreachable.
     """
 
     target: Target
@@ -97,7 +76,7 @@ class Area:
 
     @property
     def gap(self) -> float:
-        """Area between outer and inner [m2]: what is not decided."""
+        """Undecided area, between outer and inner [m2]."""
         return float(self.outer.area - self.inner.area)
 
     @cached_property
@@ -112,7 +91,7 @@ class Area:
 
 
 def admissible_area(world: World, target: Target | ArrayLike, criteria: Criteria | None = None) -> Area:
-    """Area where the arm axis may stand so that the tool reaches a target.
+    """Area of the arm axis from which the tool reaches a target.
 
     Parameters
     ----------
@@ -120,7 +99,7 @@ def admissible_area(world: World, target: Target | ArrayLike, criteria: Criteria
     target : Target or (3,) array_like
         A bare point leaves the tool direction free [m].
     criteria : Criteria, optional
-        What the arm's posture must be good for; by default what the world's rules ask.
+        Thresholds that the arm's posture must meet; by default those of the world's rules.
 
     Returns
     -------
@@ -141,7 +120,7 @@ def admissible_area(world: World, target: Target | ArrayLike, criteria: Criteria
 
 
 def _whole_area(world: World, target: Target, *, inner: bool) -> BaseGeometry:
-    """The area of a target at whatever heading, from within or from outside."""
+    """Area of a target at any heading, from within or from outside."""
     parts = [Polygon()]
     for side in (by_heading(world) if inner else outer_by_heading(world)).sides:
         _, _, rings = reach_rows(world, [target], (FRONT, BACK), inner=inner, span=side.span)
@@ -165,7 +144,7 @@ def path_areas(
     facings : sequence of int
         Which of `FRONT` and `BACK` to take.
     standing : Standing, optional
-        Where the base may stand; by default that of every heading.
+        Free floor of the base; by default that of every heading.
     """
     asked = world.task if targets is None else targets
     sides = (standing or anywhere(world)).sides
@@ -184,7 +163,7 @@ def path_areas(
 
 
 def ways_to_stand(world: World) -> Iterator[tuple[Callable[[World], Standing], tuple[int, ...]]]:
-    """Ways for the base to stand and for the arm to face, the plainest first."""
+    """Free floors of the base and facings of the arm, the simplest first."""
     yield from ((anywhere, (FRONT,)), (anywhere, (FRONT, BACK)))
     if turns_matter(world):
         yield from ((by_heading, (FRONT,)), (by_heading, (FRONT, BACK)))
@@ -206,13 +185,13 @@ def outer_areas(world: World, targets: Sequence[Target]) -> list[BaseGeometry]:
 
 
 def reach_of(world: World, target: Target) -> BaseGeometry:
-    """Reach of a target from outside: places of the arm axis if nothing were in the way."""
+    """Outer reach of a target: places of the arm axis if nothing were in the way."""
     _, _, rings = reach_rows(world, [target], (FRONT, BACK), inner=False, span=span_of_rules(world))
     return shapely.union_all(rings) if len(rings) else Polygon()
 
 
 def what_took_away(world: World, target: Target) -> tuple[TakenAway, ...]:
-    """Obstacles, floor edge and arm limits that make the area smaller than a stretched arm's disc."""
+    """Obstacles, floor edge and limits that make the area smaller than a stretched arm's disc."""
     ground = ground_of(world)
     span = reach_bound(world.robot.chain)
     rise = target.position[2] - span.height - world.robot.mount[2]
@@ -260,3 +239,39 @@ def largest_clearance(world: World, target: Target) -> float | None:
         middle = (low + high) / 2
         low, high = (middle, high) if open_at(middle) else (low, middle)
     return low if ground.shadows else np.inf
+
+
+def checked_targets(targets: ArrayLike | Sequence[Target]) -> Array | list[Target]:
+    """Positions (n, 3) of bare targets, or the targets where any asks for more.
+
+    Raises
+    ------
+    InputError
+        For targets that are not n rows of three finite numbers.
+    """
+    if isinstance(targets, Sequence) and all(isinstance(target, Target) for target in targets):
+        some = [target for target in targets if isinstance(target, Target)]
+        if any(target.direction is not None for target in some):
+            return some
+        targets = np.array([target.position for target in some]).reshape(-1, 3)
+    return frozen(np.atleast_2d(np.asarray(targets)), (None, 3), "targets")
+
+
+def is_ruled_out(world: World) -> bool:
+    """Return True where the first set-point is proven out of reach: its outer area is empty."""
+    return bool(outer_areas(world, world.task[:1])[0].is_empty)
+
+
+def has_no_known_place(world: World) -> bool:
+    """Return True where the first set-point has no inner area, at any heading; this proves nothing."""
+    standings = [anywhere(world), by_heading(world)] if turns_matter(world) else [anywhere(world)]
+    every = (path_areas(world, world.task[:1], (FRONT, BACK), standing) for standing in standings)
+    return not any(area.area > 0 for areas in every for area in areas.inner)
+
+
+def have_known_places(world: World, targets: Sequence[Target]) -> NDArray[np.bool_]:
+    """Mask of the targets that have an inner area at every heading, or at the one the rules fix, (n,)."""
+    areas = path_areas(world, targets)
+    found = np.zeros(len(targets), dtype=bool)
+    found[areas.target[shapely.area(areas.inner) > LEAST_AREA]] = True
+    return found

@@ -128,19 +128,19 @@ class PlannedArea:
 
 @dataclass(frozen=True, eq=False)
 class Stop:
-    """A place at which the base stands still while the arm does some set-points.
+    """A place where the base stands still while the arm does some set-points.
 
     Attributes
     ----------
     base : (3,) array
         x, y [m], yaw [rad].
     setpoints : tuple of int
-        In the order in which they are done. In a plan these follow one another.
+        In the order of work. In a plan these follow one another.
     tolerance : float
-        Wherever the base parks within this circle about ``base``, at this heading, the arm reaches all the
-        set-points and the base keeps its clearance [m].
+        Radius of the circle about ``base`` within which, at this heading, the arm reaches all the set-points
+        and the base keeps its clearance [m].
     criterion : str
-        By which the place was chosen, as in `regionik.worlds.scene.Rules`.
+        That chose the place, as in `regionik.worlds.scene.Rules`.
     """
 
     base: Array
@@ -215,7 +215,7 @@ class Plan:
 
 @dataclass(frozen=True)
 class Violation:
-    """A check that a plan fails."""
+    """A failed check of a plan."""
 
     kind: str
     state: int | None  # index of the state, or of the first of two neighbours

@@ -10,7 +10,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from shapely.geometry import Point, Polygon
 
-from regionik.areas.ground import EVERY
 from regionik.areas.standing import room_for
 from regionik.planners.clearance.any_base import bound_cell
 from regionik.planners.clearance.planar_cells import AWAY, PITCH, TURN, YAW
@@ -20,10 +19,9 @@ from regionik.planners.geometry.convex_bodies import Piece
 from regionik.planners.geometry.distances import obstacles_from
 from regionik.planners.geometry.upright_bodies import depths, signed_distance, uprights_from
 from regionik.planners.search.box_search import Verdict
-from regionik.planners.solvers.planar_arm import triangle
+from regionik.planners.solvers.planar_kinematics import triangle
 from regionik.postures.arm_guard import contact_for, guard_of
-from regionik.reachability.any_base import any_base_of, prepared, search_any_base
-from regionik.reachability.planar_world import own, stance_of
+from regionik.reachability.any_base import any_base_of, prepared, search_any_base, stance_of, writable
 from regionik.reachability.reach import reach
 from regionik.verification.answers import verify_answers
 from regionik.worlds.arms import planar_arm
@@ -203,6 +201,6 @@ def test_a_footprint_that_is_surely_out_fits_at_no_pose_nearby(seed: int) -> Non
 
 def test_stances_are_those_of_the_world() -> None:
     world = World("own", robot_named("youbot-real"), HALL)
-    stance, mount = stance_of(world, EVERY), prepared(world).mount
-    assert own(mount.mount).tolist() == stance.mount.tolist()
+    stance, mount = stance_of(world), prepared(world).mount
+    assert writable(mount.mount).tolist() == stance.mount.tolist()
     assert np.isnan(mount.yaw)

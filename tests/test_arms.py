@@ -6,14 +6,15 @@ import numpy as np
 import pytest
 import shapely
 
-from regionik.areas.reachable import reach_model
-from regionik.mfabrik import Solver, axis_of, pose_of
+from regionik.areas.reachable import planar_reach, reach_model
+from regionik.mfabrik import Solver
 from regionik.planners.geometry.angles import wrap
 from regionik.planners.reach.level_reach import inner_reach, outer_reach
-from regionik.postures.arm_solvers import PlaneSolver
 from regionik.postures.families import FRONT, Family
+from regionik.postures.planar_solver import PlanarSolver
+from regionik.postures.poses import axis_of, pose_of
 from regionik.postures.serial_solver import SerialSolver, serial_solver
-from regionik.worlds.arms import planar_arm, reach_bound
+from regionik.worlds.arms import reach_bound
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain, Joint, translation
@@ -105,8 +106,8 @@ def test_the_base_stays_in_its_area(name: str) -> None:
 
 def test_both_ways_reach_the_same_targets() -> None:
     robot, rng = without_limits(robot_named("youbot")), np.random.default_rng(4)
-    plane = PlaneSolver(planar_arm(robot.chain), 0.0, Family(FRONT), 1e-4)
-    assert isinstance(plane, PlaneSolver)
+    plane = planar_reach(robot).solver(Family(FRONT), 1e-4)
+    assert isinstance(plane, PlanarSolver)
     # One roll more, and the arm is no longer read as planar.
     roll = Joint("more", "revolute", -np.pi, np.pi, translation(0, 0, 0))
     longer = Chain((*robot.chain.joints, roll), robot.chain.T_last_tool)

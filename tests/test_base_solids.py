@@ -11,7 +11,8 @@ import shapely
 import trimesh
 
 from regionik.output.urdf import robot_to_urdf
-from regionik.planners.clearance.proximity import bodies_from, motion_clear, nearest, words
+from regionik.planners.clearance.proximity import motion_clear, nearest, words
+from regionik.planners.clearance.robot_bodies import bodies_from
 from regionik.values import Motion
 from regionik.verification import arm_clearance as proof_arm
 from regionik.verification import self_collision

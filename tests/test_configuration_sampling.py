@@ -11,7 +11,7 @@ import pytest
 import shapely
 
 from regionik.areas.standing import anywhere
-from regionik.mfabrik import axis_of, configurations
+from regionik.mfabrik import configurations
 from regionik.moving.configuration_sampling import (
     KEPT,
     PLACES,
@@ -22,8 +22,8 @@ from regionik.moving.configuration_sampling import (
 )
 from regionik.planners.clearance.proximity import Touch
 from regionik.postures.arm_guard import guard_of
-from regionik.postures.poses import Pose
-from regionik.pruning import Pruned, choose_chain, start_place, start_pose, whole_path
+from regionik.postures.poses import Pose, axis_of
+from regionik.pruning import Pruned, choose_chain, solvers_along, start_place, start_pose, whole_path
 from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.scene import World
 
@@ -33,7 +33,8 @@ def prepared(name: str) -> tuple[World, Pruned, tuple[Candidate, ...]]:
     world = load_world(name)
     standing, _, pruned = whole_path(world)
     chain = choose_chain(pruned, standing, start_place(world))
-    goals = configurations(world, pruned.ladder, standing, chain, start_pose(world, pruned, chain))
+    solvers = solvers_along(world, pruned.ladder, standing, chain)
+    goals = configurations(world.task, solvers, start_pose(world, pruned, chain))
     return world, pruned, tuple(Candidate(goal, k) for goal, k in zip(goals, chain, strict=True))
 
 

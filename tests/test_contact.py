@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from regionik.explain.arm_failures import buried
+from regionik.explain.failures import buried
 from regionik.planners.clearance.contacts import farthest as compiled_farthest
 from regionik.planners.clearance.robot_bodies import core_of
 from regionik.planners.geometry.distances import obstacles_from

@@ -23,6 +23,6 @@ def test_docstring_examples_hold(name: str) -> None:
 
 
 def test_every_room_is_looked_at() -> None:
-    assert {"regionik.values", "regionik.worlds.chain", "regionik.planners.solvers.planar_arm"} <= set(
+    assert {"regionik.values", "regionik.worlds.chain", "regionik.planners.solvers.planar_kinematics"} <= set(
         MODULES
     )

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.tables.batch import solve_batch
 from regionik.planners.solvers.fabrikr import (
     backward_choice,
     backward_pass,
@@ -16,10 +17,10 @@ from regionik.planners.solvers.fabrikr import (
     forward_pass,
     forward_place,
     forward_start,
+    held,
     posture_of,
 )
 from regionik.planners.solvers.inverse_kinematics import ArmSolver, Goal
-from regionik.planners.solvers.joint_turns import held
 from regionik.planners.solvers.rigid_bodies import bodies_of, pointing_bodies, posing_bodies
 from regionik.planners.solvers.serial_chain import serial_arm
 from regionik.worlds.arrays import Array
@@ -246,24 +247,26 @@ def test_arms_of_the_paper() -> None:
 def test_passes_and_many_restarts_meet_every_target() -> None:
     robot = robot_named("hinge5")
     targets = reachable(robot.chain, 200, 0)
-    passes = ArmSolver(robot.chain, tolerance=1e-6, restarts=40, polish=False).batch(targets, robot.carry)
+    passes = solve_batch(
+        ArmSolver(robot.chain, tolerance=1e-6, restarts=40, polish=False), targets, robot.carry
+    )
     assert passes.converged.sum() >= 199
 
 
 def test_pioneer7() -> None:
     robot = robot_named("pioneer7")
     targets = reachable(robot.chain, 200, 0)
-    rough = ArmSolver(robot.chain, tolerance=1e-2, polish=False).batch(targets, robot.carry)
+    rough = solve_batch(ArmSolver(robot.chain, tolerance=1e-2, polish=False), targets, robot.carry)
     assert rough.converged.all()
     assert rough.iterations.mean() <= 2.0
-    assert ArmSolver(robot.chain, tolerance=1e-6).batch(targets, robot.carry).converged.all()
+    assert solve_batch(ArmSolver(robot.chain, tolerance=1e-6), targets, robot.carry).converged.all()
 
 
 @pytest.mark.parametrize("name", ARMS)
 def test_with_limits(name: str) -> None:
     chain = with_limits(robot_named(name).chain, np.radians(150))
     targets = reachable(chain, 1000, 1)
-    answers = ArmSolver(chain, tolerance=1e-5).batch(targets, np.zeros(chain.dof))
+    answers = solve_batch(ArmSolver(chain, tolerance=1e-5), targets, np.zeros(chain.dof))
     assert answers.converged.sum() >= 999
     assert (np.abs(answers.joints) <= np.radians(150)).all()
 

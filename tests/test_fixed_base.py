@@ -20,7 +20,7 @@ from regionik.planners.search.motion_bounds import (
     longest_levers,
     tool_displacement,
 )
-from regionik.planners.search.posture_boxes import FixedBase, fixed_base_for, may_hold, pose
+from regionik.planners.search.posture_boxes import FixedBase, fixed_base_for, may_hold, place_arm
 from regionik.planners.search.self_clearance import NO_SELF_CLEARANCE
 from regionik.planners.solvers.serial_chain import chain_jacobian, serial_arm
 from regionik.worlds.arrays import Array
@@ -126,7 +126,7 @@ def test_no_point_moves_farther_than_told(seed: int, name: str) -> None:
     arm, capsules, n = task.arm, task.capsules, chain.dof
     work = task.posed
     work.q[:], work.half[:] = (low + high) / 2, (high - low) / 2
-    pose(task)
+    place_arm(task)
     chords(arm, work.half, work.chord)
     J = np.zeros((6, n))
     chain_jacobian(arm, work.frames, J)

@@ -10,7 +10,7 @@ import shapely
 
 from regionik.planners.clearance.proximity import Touch
 from regionik.postures.arm_guard import SPARE, guard_of
-from regionik.postures.poses import Pose, between
+from regionik.postures.poses import Pose, pose_between
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.obstacles import Box, Cylinder, Sphere
@@ -75,7 +75,7 @@ def test_a_motion_that_is_not_stopped_is_clear_all_along() -> None:
         b = Pose(a.base + rng.uniform(-0.1, 0.1, 3), np.clip(
             a.joints + rng.uniform(-0.4, 0.4, 5), ROBOT.chain.lower, ROBOT.chain.upper
         ))  # fmt: skip
-        way = [between(a, b, share, ROBOT.drive) for share in np.linspace(0, 1, 9)]
+        way = [pose_between(a, b, share, ROBOT.drive) for share in np.linspace(0, 1, 9)]
         touch = guard.stop([a, b])
         if touch is None:
             passed += 1

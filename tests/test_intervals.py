@@ -9,12 +9,12 @@ from hypothesis import strategies as st
 
 from regionik.planners.search.box_search import Verdict
 from regionik.planners.search.intervals import (
-    cosine,
-    direction,
+    interval_cos,
+    interval_product,
+    interval_sin,
+    interval_square,
     opening,
-    product,
-    sine,
-    square,
+    polar_angle,
     within_limits,
 )
 
@@ -28,7 +28,7 @@ ROUNDING = 1e-12
 @given(ANGLE, WIDTH)
 def test_cosines_and_sines(low: float, width: float) -> None:
     angles = low + width * SHARES
-    for bound, values in ((cosine, np.cos(angles)), (sine, np.sin(angles))):
+    for bound, values in ((interval_cos, np.cos(angles)), (interval_sin, np.sin(angles))):
         least, most = bound(low, low + width)
         assert least - ROUNDING <= values.min()
         assert values.max() <= most + ROUNDING
@@ -40,12 +40,12 @@ def test_cosines_and_sines(low: float, width: float) -> None:
 def test_products_and_squares(a: float, wide: float, b: float, high: float) -> None:
     x, y = a + wide * SHARES, b + high * SHARES
     every = np.multiply.outer(x, y)
-    low, top = product(a, a + wide, b, b + high)
+    low, top = interval_product(a, a + wide, b, b + high)
     assert low - 1e-9 <= every.min()
     assert every.max() <= top + 1e-9
     assert low == pytest.approx(every.min())
     assert top == pytest.approx(every.max())
-    low, top = square(a, a + wide)
+    low, top = interval_square(a, a + wide)
     assert low - 1e-9 <= (x * x).min()
     assert top == pytest.approx((x * x).max())
 
@@ -65,7 +65,7 @@ def test_angles_of_triangles(own: float, other: float, one: float, two: float) -
 
 @given(NUMBER, WIDTH, NUMBER, WIDTH)
 def test_directions_of_boxes(x: float, wide: float, y: float, high: float) -> None:
-    low, top = direction(x, x + wide, y, y + high)
+    low, top = polar_angle(x, x + wide, y, y + high)
     assert top - low <= 2 * np.pi
     for p in x + wide * SHARES[::8]:
         for q in y + high * SHARES[::8]:

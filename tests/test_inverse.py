@@ -10,9 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import ArrayLike
 
+from benchmarks.tables.batch import solve_batch
 from regionik.planners.solvers.damped_least_squares import polish
 from regionik.planners.solvers.inverse_kinematics import ArmPosture, ArmSolver, Goal, aim_of
-from regionik.planners.solvers.multistart_ik import solve
+from regionik.planners.solvers.multistart_ik import solve_ik
 from regionik.planners.solvers.serial_chain import serial_arm
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
@@ -125,7 +126,7 @@ def test_positions(name: str) -> None:
     chain = CHAINS[name]
     solver = ArmSolver(chain, tolerance=1e-6)
     targets = chain.forward(postures(chain, 300, 1))[:, :3, 3]
-    answers = solver.batch(targets, home(chain))
+    answers = solve_batch(solver, targets, home(chain))
     assert answers.converged.all()
     errors = np.linalg.norm(chain.forward(answers.joints)[:, :3, 3] - targets, axis=1)
     assert (errors <= 1e-6).all()
@@ -176,7 +177,7 @@ def test_batch_is_one_by_one() -> None:
     solver = ArmSolver(chain, tolerance=1e-6)
     targets = chain.forward(postures(chain, 50, 6))[:, :3, 3]
     starts = postures(chain, 50, 7)
-    together = solver.batch(targets, starts)
+    together = solve_batch(solver, targets, starts)
     for i, (target, start) in enumerate(zip(targets, starts, strict=True)):
         alone = solver(Goal(target), start)
         assert alone.joints.tobytes() == together.joints[i].tobytes()
@@ -336,7 +337,7 @@ def test_half_a_turn_away() -> None:
 def test_the_kernel_solves_without_the_facade() -> None:
     chain = CHAINS["pioneer7"]
     solver, q = ArmSolver(chain), np.zeros(7)
-    error, angle, passes, restarts, polished = solve(
+    error, angle, passes, restarts, polished = solve_ik(
         solver.pointing, aim_of(Goal([0.2, 0.1, 0.3])), solver.starts, solver.effort, q
     )
     answer = solver(Goal([0.2, 0.1, 0.3]), np.zeros(7))
@@ -356,8 +357,8 @@ def test_the_kernel_solves_without_the_facade() -> None:
         (lambda: ArmSolver(ONE, tolerance=0.0), "tolerance: expected a number above 0"),
         (lambda: ArmSolver(ONE, restarts=-1), "restarts: expected 0 or more"),
         (lambda: ArmSolver(ONE)(Goal([1, 0, 0]), [0, 0]), "joints: expected 1"),
-        (lambda: ArmSolver(ONE).batch([[1, 0, 0]], [[0], [0]]), "joints: expected 1 rows"),
-        (lambda: ArmSolver(ONE).batch([1, 0, 0], [0]), "positions: expected n x 3"),
+        (lambda: solve_batch(ArmSolver(ONE), [[1, 0, 0]], [[0], [0]]), "joints: expected 1 rows"),
+        (lambda: solve_batch(ArmSolver(ONE), [1, 0, 0], [0]), "positions: expected n x 3"),
     ],
 )
 def test_bad_input_is_named(make, expected: str) -> None:  # type: ignore[no-untyped-def]

@@ -9,8 +9,15 @@ from hypothesis import strategies as st
 
 from benchmarks.pivoted import EXACT, KINDS, case, points_in, searched, solved
 from regionik.planners.reach.level_reach import finite_limits, inner_reach, merged, outer_reach, posture_at
-from regionik.planners.reach.level_walk import hop_holds, to_level, weights
-from regionik.planners.reach.meridian_plane import Meridian, look, meridian_of, tool_for
+from regionik.planners.reach.meridian_plane import (
+    Meridian,
+    hop_holds,
+    look,
+    meridian_of,
+    to_level,
+    tool_for,
+    weights,
+)
 from regionik.planners.reach.outer_bounds import (
     bound,
     bounds_for,

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import shapely
 
-from regionik.mfabrik import Solver, axis_of, pose_of
+from regionik.mfabrik import Solver
 from regionik.moving.base_motion import BasePath
 from regionik.moving.configuration_sampling import Candidate
 from regionik.moving.drivers import driver_for
@@ -20,7 +20,7 @@ from regionik.planners.clearance.path_segments import leg_lengths
 from regionik.planners.geometry.angles import wrap
 from regionik.postures.arm_guard import guard_of
 from regionik.postures.families import FRONT, Family
-from regionik.postures.poses import LARGEST_BEND, Pose, Row, between
+from regionik.postures.poses import LARGEST_BEND, Pose, Row, axis_of, pose_between, pose_of
 from regionik.pruning import whole_path
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.drives import BaseKind, drive_of
@@ -63,7 +63,7 @@ def check(world: World, here: Pose, rows: list[Row], goal: Candidate) -> None:
         assert abs(wrap(b.base[2] - a.base[2])) <= LARGEST_BEND
         assert np.hypot(*(b.base - a.base)[:2]) <= world.rules.step + 1e-9
         for share in np.linspace(0, 1, 9):
-            at = between(a, b, float(share), world.robot.drive)
+            at = pose_between(a, b, float(share), world.robot.drive)
             tool = world.robot.tool(at.base, at.joints)[:3, 3]
             along = np.clip((tool - p) @ (q - p) / ((q - p) @ (q - p)), 0, 1)
             assert np.linalg.norm(tool - p - along * (q - p)) <= world.rules.path_tolerance

@@ -7,8 +7,8 @@ import pytest
 import shapely
 
 from regionik.areas.reachable import reach_model
-from regionik.mfabrik import axis_of
 from regionik.pipeline import plan
+from regionik.postures.poses import axis_of
 from regionik.reachability.reach import reach
 from regionik.regions import admissible_area
 from regionik.verification.verifier import verify

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from regionik.planners.rivals.planar3r import Planar3R
+from benchmarks.tables.planar3r import Planar3R
 from regionik.planners.solvers.inverse_kinematics import Goal
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain

@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 import shapely
 
-from regionik.mfabrik import Solver, axis_of
+from regionik.mfabrik import Solver
 from regionik.pipeline import plan
-from regionik.postures.tool_goal import between, deviation, misses
+from regionik.postures.arm import deviation, goal_between, goal_error
+from regionik.postures.poses import axis_of
 from regionik.regions import admissible_area, path_areas
 from regionik.values import Plan
 from regionik.verification.verifier import verify
@@ -82,7 +83,7 @@ def test_a_wall_is_sprayed_with_the_tool_turned_as_asked(name: str) -> None:
     assert found.lift_offs == 0
     assert report.margins["orientation"] > 0
     for target, frame in tools_on_the_way(found):
-        error, angle = misses(target, frame)
+        error, angle = goal_error(target, frame)
         assert error <= 1e-3 + 1e-9
         assert angle <= target.cone + 1e-9
 
@@ -94,7 +95,7 @@ def test_an_arm_in_no_plane_points_its_tool(name: str, height: float, lean: floa
     task = tuple(Target(p, d, 0.2) for p, d in zip(wave(6, height, 0.15), ways, strict=True))
     found = plan(World("point", robot, FLOOR, (), task, Rules(clearance=0.05)))
     assert verify(found).ok
-    assert all(misses(target, frame)[1] <= 0.2 + 1e-9 for target, frame in tools_on_the_way(found))
+    assert all(goal_error(target, frame)[1] <= 0.2 + 1e-9 for target, frame in tools_on_the_way(found))
 
 
 def test_a_tool_across_the_last_link_takes_a_direction() -> None:
@@ -161,7 +162,7 @@ def test_places_of_the_inner_area_truly_serve(name: str, kind: str) -> None:
             base = np.array([*rng.uniform(-1, 1, 2), rng.uniform(-3, 3)])
             found = Solver(robot, part, family=family)(target, base, robot.carry)
             asked, met = asked + 1, met + found.converged
-            error, angle = misses(target, robot.tool(found.base, found.joints))
+            error, angle = goal_error(target, robot.tool(found.base, found.joints))
             if found.converged:
                 assert part.distance(shapely.Point(axis_of(robot, found.base))) < 1e-9
                 assert error <= 1e-3 * (1 + 1e-9)
@@ -187,7 +188,7 @@ def test_a_solver_without_an_area_brings_the_base_along(name: str) -> None:
     for k, target in enumerate(targets):
         one = Solver(robot)(target, bases[k], joints[k])
         np.testing.assert_array_equal(one.joints, many.joints[k])
-        error, angle = misses(target, robot.tool(one.base, one.joints))
+        error, angle = goal_error(target, robot.tool(one.base, one.joints))
         assert one.converged == (error <= 1e-3 * (1 + 1e-9) and angle <= 0.1 + 1e-9)
         met += one.converged
     assert met >= 9
@@ -209,10 +210,10 @@ def test_what_is_asked_between_two_targets_turns_evenly() -> None:
             frame[:3, :3] = turn @ spin
             whole = deviation(a, frame[:3, :3])
             for share in (0.0, 0.3, 1.0):
-                asked = between(a, b, share)
+                asked = goal_between(a, b, share)
                 assert deviation(asked, frame[:3, :3]) == pytest.approx((1 - share) * whole, abs=1e-9)
                 assert deviation(asked, turn) == pytest.approx(share * whole, abs=1e-9)
                 np.testing.assert_allclose(asked.position, (1 - share) * a.position + share * b.position)
     bare = Target(np.zeros(3))
-    assert between(a, bare, 0.5).direction is None
-    assert between(a, bare, 0.0) is a
+    assert goal_between(a, bare, 0.5).direction is None
+    assert goal_between(a, bare, 0.0) is a

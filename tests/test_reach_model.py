@@ -6,16 +6,22 @@ import numpy as np
 import pytest
 import shapely
 
-from regionik.areas.pivoted_reach import PivotedReach, PosedReach
 from regionik.areas.planar_reach import PlanarReach
 from regionik.areas.reach_model import ReachModel
-from regionik.areas.reachable import heeds_headings, model_of, reach_model, reach_rows
+from regionik.areas.reachable import (
+    PivotedReach,
+    PosedReach,
+    heeds_headings,
+    model_of,
+    reach_model,
+    reach_rows,
+)
 from regionik.pipeline import plan
 from regionik.planners.solvers.damped_least_squares import DIRECTION
-from regionik.postures.arm_solvers import PlaneSolver
+from regionik.postures.arm import Goal, aim_of, goal_of
 from regionik.postures.families import BACK, FRONT, Family
+from regionik.postures.planar_solver import PlanarSolver
 from regionik.postures.serial_solver import SerialSolver
-from regionik.postures.tool_goal import Goal, aim_of, goal_of
 from regionik.verification.verifier import verify
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain, rot_x
@@ -63,7 +69,7 @@ def test_an_arm_in_a_plane_has_one_model() -> None:
     (model,) = {reach_model(robot, goal) for goal in GOALS}
     assert isinstance(model, PlanarReach)
     assert traits(model) == {"exact", "proven", "exhaustible", "shows_all_postures"}
-    assert isinstance(model.solver(Family(FRONT), 1e-3), PlaneSolver)
+    assert isinstance(model.solver(Family(FRONT), 1e-3), PlanarSolver)
 
 
 def test_a_tool_across_the_plane_is_posed_but_can_be_exhausted() -> None:

@@ -10,13 +10,13 @@ from regionik.planners.reach.rings import (
     reach_spans,
     turning_heights,
 )
-from regionik.planners.solvers.planar_arm import PlaneArm, reaches
+from regionik.planners.solvers.planar_kinematics import PlanarLinkage, critical_posture
 from regionik.worlds.arms import planar_arm
 from regionik.worlds.bundled import robot_named
 
 ARM = planar_arm(robot_named("youbot").chain)
 Z = float(ARM.shoulder[1])
-PLANE = PlaneArm(float(ARM.shoulder[0]), Z, ARM.lengths, ARM.lower, ARM.upper)
+PLANE = PlanarLinkage(float(ARM.shoulder[0]), Z, ARM.lengths, ARM.lower, ARM.upper)
 
 # Reach of the youBot arm with limits, found on a 2 mm grid of postures: height, free pitch, last link
 # horizontal, last link down; intervals of r in mm.
@@ -68,7 +68,7 @@ def test_every_end_of_the_reach_is_sharp(pitches: tuple[float, float]) -> None:
         for r in rng.uniform(-0.6, 0.6, 50):
             inside = any(low < r < high for low, high in intervals)
             if min((abs(r - end) for end in intervals.ravel()), default=1.0) > 1e-9:
-                assert reaches(*args, r, z) == inside
+                assert critical_posture(*args, r, z)[0] == inside
 
 
 def test_sampled_postures_lie_within_the_reach() -> None:
@@ -85,12 +85,12 @@ def test_a_band_of_pitches_is_the_union_of_its_pitches() -> None:
     rng = np.random.default_rng(6)
     args = (PLANE,)
     for r, z in rng.uniform([-0.6, -0.2], [0.6, 0.7], (400, 2)):
-        band = reaches(*args, -0.4, 0.3, r, z)
-        each = [reaches(*args, pitch, pitch, r, z) for pitch in np.linspace(-0.4, 0.3, 141)]
+        band = critical_posture(*args, -0.4, 0.3, r, z)[0]
+        each = [critical_posture(*args, pitch, pitch, r, z)[0] for pitch in np.linspace(-0.4, 0.3, 141)]
         assert band >= any(each)
         if band and not any(each):  # only a sliver between two pitches may differ
             fine = np.linspace(-0.4, 0.3, 20001)
-            assert any(reaches(*args, pitch, pitch, r, z) for pitch in fine)
+            assert any(critical_posture(*args, pitch, pitch, r, z)[0] for pitch in fine)
 
 
 def test_boundary_circles_hold_the_stretched_arm() -> None:

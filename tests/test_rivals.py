@@ -7,6 +7,7 @@ import sys
 import numpy as np
 import pytest
 
+from benchmarks.tables.batch import solve_batch
 from regionik.planners.rivals.genetic import Genetic
 from regionik.planners.rivals.iterative import (
     CyclicDescent,
@@ -18,7 +19,8 @@ from regionik.planners.rivals.iterative import (
 from regionik.planners.rivals.method import ArmMethod, Fabrik, FabrikPolished
 from regionik.planners.rivals.network import Network
 from regionik.planners.solvers.damped_least_squares import DIRECTION, ORIENTATION, POSITION, Aim
-from regionik.planners.solvers.inverse_kinematics import Goal, confirm, spread_postures
+from regionik.planners.solvers.inverse_kinematics import Goal, confirm
+from regionik.planners.solvers.multistart_ik import spread_postures
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain
@@ -85,15 +87,15 @@ def test_many_at_once_are_each_alone(kind: type[IterativeMethod]) -> None:
     chain = robot_named("pioneer7").chain
     goals = np.array([aim.position for aim in aims(chain, POSITION, 12)])
     starts, method = spread_postures(chain, 1.0, 12, 5), kind(chain)
-    found = method.batch(goals, starts)
+    found = solve_batch(method, goals, starts)
     for i, (goal, start) in enumerate(zip(goals, starts, strict=True)):
         alone = method(Goal(goal), start)
         assert (found.joints[i] == alone.joints).all()
         assert found.iterations[i] == alone.iterations
         assert bool(found.converged[i]) == alone.converged
-    assert (method.batch(goals[:2], starts[0]).joints[0] == found.joints[0]).all()
+    assert (solve_batch(method, goals[:2], starts[0]).joints[0] == found.joints[0]).all()
     with pytest.raises(InputError, match="expected 12 rows"):
-        method.batch(goals, starts[:2])
+        solve_batch(method, goals, starts[:2])
 
 
 def test_newton_and_damped_need_few_steps() -> None:

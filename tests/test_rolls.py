@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from regionik.planners.geometry.angles import wrap
-from regionik.planners.reach.tool_roll import out_of_roll, roll_for, swings, tool_turn, within_limits
+from regionik.postures.families import out_of_roll, roll_for, roll_within_limits, swings, tool_turn
 from regionik.worlds.arms import PlanarArm, planar_arm
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
@@ -68,7 +68,7 @@ def test_swings_are_those_that_the_roll_keeps_up_with(slack: float) -> None:
         spans = swings(arm, yaw, pitch, half, turn, slack)
         for swing in rng.uniform(-half, half, 30):
             wanted = roll_for(arm, yaw + swing, pitch, turn)
-            keeps = abs(wrap(within_limits(arm, wanted, 0.0) - wanted)) <= slack
+            keeps = abs(wrap(roll_within_limits(arm, wanted, 0.0) - wanted)) <= slack
             edge = min((abs(abs(swing - middle) - wide) for middle, wide in spans), default=np.inf)
             assert keeps == any(abs(swing - middle) <= wide for middle, wide in spans) or edge < 1e-6
 
@@ -98,6 +98,6 @@ def test_an_arm_without_a_roll_has_one_turn() -> None:
     assert arm.roll is None
     turn = tool_turn(arm, 0.3, 0.4, 1.0)
     np.testing.assert_allclose(turn, tool_turn(arm, 0.3, 0.4, 0.0))
-    assert within_limits(arm, roll_for(arm, 0.3, 0.4, turn), 0.0) == 0.0
+    assert roll_within_limits(arm, roll_for(arm, 0.3, 0.4, turn), 0.0) == 0.0
     assert swings(arm, 0.3, 0.4, 0.5, turn) == ()
     assert len(swings(arm, 0.3, 0.4, 0.5, turn, 0.1)) == 1

@@ -7,6 +7,7 @@ import pytest
 
 from benchmarks.tables import fabrikr
 from benchmarks.tables import fabrikr_printed as printed
+from benchmarks.tables.batch import solve_batch
 from regionik.planners.solvers.inverse_kinematics import ArmSolver
 from regionik.worlds.bundled import robot_named
 
@@ -67,7 +68,7 @@ def test_our_answers_to_table_6() -> None:
     assert ours.converged.all()
     assert ours.iterations.mean() <= printed.TABLE_6_ITERATIONS
     assert np.linalg.norm(fabrikr.points(chain, ours.joints) - targets, axis=1).max() <= 0.01
-    fine = ArmSolver(chain, tolerance=1e-5).batch(targets, robot_named("pioneer7").carry)
+    fine = solve_batch(ArmSolver(chain, tolerance=1e-5), targets, robot_named("pioneer7").carry)
     assert fine.converged.all()
     assert np.linalg.norm(fabrikr.points(chain, fine.joints) - targets, axis=1).max() <= 1e-5
 

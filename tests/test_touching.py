@@ -10,16 +10,8 @@ import pytest
 import shapely
 from shapely.geometry import Polygon
 
-from regionik.planners.clearance.proximity import (
-    Bodies,
-    ContactTargets,
-    Touch,
-    bodies_from,
-    motion_clear,
-    nearest,
-    solid_clear,
-    way_clear,
-)
+from regionik.planners.clearance.proximity import Touch, motion_clear, nearest, solid_clear, way_clear
+from regionik.planners.clearance.robot_bodies import Bodies, ContactTargets, bodies_from
 from regionik.planners.clearance.robot_motion import hops_led
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from shapely.geometry import Point
 
-from regionik.mfabrik import axis_of
-from regionik.pipeline import check, plan
+from regionik.pipeline import check_world, plan
 from regionik.planners.driving.pitch_arm import arm_share
 from regionik.planners.driving.pose_tracking import SaturationError, track, track_runs
+from regionik.postures.poses import axis_of
 from regionik.tracker.planner import DRAWN, follows
 from regionik.tracker.pose_paths import arm_of
 from regionik.values import Plan
@@ -175,9 +175,9 @@ def test_worlds_that_the_tracker_does_not_follow() -> None:
     assert not follows(replace(circle, robot=replace(ROBOT, mount=np.array([0.1, 0.05, 0.1, 0.0]))))
     bare = replace(circle, task=tuple(Target(t.position) for t in circle.task))
     assert not follows(bare)
-    check(bare)  # areas and M-FABRIK plan it
+    check_world(bare)  # areas and M-FABRIK plan it
     with pytest.raises(InputError, match=r"rules\.heading: .* expected free, got fixed"):
-        check(replace(circle, rules=replace(circle.rules, heading="fixed")))
+        check_world(replace(circle, rules=replace(circle.rules, heading="fixed")))
 
 
 def test_the_arm_is_read_from_its_chain() -> None:

@@ -12,14 +12,13 @@ from hypothesis import strategies as st
 
 from regionik.areas.ground import ground_of
 from regionik.areas.standing import anywhere
-from regionik.mfabrik import axis_of
 from regionik.moving import whole_body
 from regionik.moving.drivers import driver_for
 from regionik.moving.interpolation import TURN_STRIDE, Interpolator
 from regionik.moving.transit import TransitPlanner
 from regionik.planners.geometry.angles import wrap
 from regionik.postures.arm_guard import guard_of
-from regionik.postures.poses import LARGEST_BEND, Pose, between
+from regionik.postures.poses import LARGEST_BEND, Pose, axis_of, pose_between
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.drives import BaseKind
 from regionik.worlds.obstacles import Box, Cylinder, Solid
@@ -54,7 +53,7 @@ def check(world: World, here: Pose, way: list[Pose], there: Pose) -> None:
         assert abs(wrap(b.base[2] - a.base[2])) <= LARGEST_BEND
         assert np.abs(b.joints - a.joints).max() <= LARGEST_BEND + 1e-9
         for share in np.linspace(0, 1, 5):
-            at = between(a, b, float(share), world.robot.drive)
+            at = pose_between(a, b, float(share), world.robot.drive)
             assert guard_of(world).clear(at)
             assert free.distance(shapely.Point(axis_of(robot, at.base))) < 1e-3
             assert (at.joints >= robot.chain.lower - 1e-9).all()

@@ -11,8 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from regionik.cli.app import run
-from regionik.explain.causes import irreducible
 from regionik.explain.changes import move_obstacle, repaired, share
+from regionik.explain.constraints import Constraint, constraints_of
 from regionik.explain.minimal_change import (
     FINE,
     circle,
@@ -22,7 +22,7 @@ from regionik.explain.minimal_change import (
     shortest_step,
     sphere,
 )
-from regionik.explain.relaxations import Constraint, constraints_of
+from regionik.explain.why import irreducible
 from regionik.pipeline import plan, why
 from regionik.reachability.reach import reach
 from regionik.view.picture import Color

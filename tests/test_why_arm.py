@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from regionik.explain.changes import repaired
-from regionik.explain.relaxations import ARM_CLEARANCE, arm_constraints_of
+from regionik.explain.constraints import ARM_CLEARANCE, arm_constraints_of
 from regionik.pipeline import plan, why
 from regionik.reachability.reach import reach
 from regionik.worlds.bundled import robot_named

@@ -8,11 +8,10 @@ from dataclasses import replace
 import numpy as np
 import shapely
 
-from regionik.explain.causes import no_inner
 from regionik.explain.changes import repaired
-from regionik.explain.relaxations import constraints_of
+from regionik.explain.constraints import constraints_of
 from regionik.reachability.reach import reach
-from regionik.regions import admissible_area, path_areas
+from regionik.regions import admissible_area, has_no_known_place, path_areas
 from regionik.worlds.errors import Explanation, Repair
 from regionik.worlds.scene import World
 from tests.test_random_worlds import random_world
@@ -30,7 +29,7 @@ def cases(seeds: Iterable[int]) -> list[World]:
         far = _first_shut(world)
         if far is not None:
             case = replace(world, task=(world.task[far],))
-            if no_inner(case) and not reach(case, case.task).reachable.any():
+            if has_no_known_place(case) and not reach(case, case.task).reachable.any():
                 found.append(case)
     return found
 

@@ -29,7 +29,7 @@ from regionik.planners.driving.point_planner import drive_point
 from regionik.postures.arm_guard import guard_of
 from regionik.postures.families import FRONT
 from regionik.postures.poses import Pose
-from regionik.pruning import choose_chain, start_place, start_pose, whole_path
+from regionik.pruning import choose_chain, solvers_along, start_place, start_pose, whole_path
 from regionik.regions import path_areas
 from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.obstacles import Box
@@ -106,7 +106,7 @@ def search_stages(world: World) -> dict[str, float]:
     marks.append(time.perf_counter())
     chain = choose_chain(pruned, standing, start_place(world))
     start = start_pose(world, pruned, chain)
-    goals = configurations(world, pruned.ladder, standing, chain, start)
+    goals = configurations(world.task, solvers_along(world, pruned.ladder, standing, chain), start)
     marks.append(time.perf_counter())
     connect(world, pruned, chain, goals, standing, 0)
     marks.append(time.perf_counter())

@@ -19,7 +19,7 @@ from regionik.planners.solvers.fabrik import (
 )
 from regionik.planners.solvers.mfabrik_planar import PATIENCE, STALLED
 from regionik.planners.solvers.planar_setup import Record, links_of
-from regionik.postures.serial_solver import MOST_PASSES
+from regionik.postures.arm import MOST_PASSES
 from regionik.worlds.arrays import Array
 
 DAMPING = 1e-6  # the best of 1e-2, 1e-4 and 1e-6

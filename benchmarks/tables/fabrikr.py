@@ -7,16 +7,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from benchmarks.tables import fabrikr_printed as printed
+from benchmarks.tables.batch import ArmPostures, solve_batch
 from benchmarks.tables.clock import seconds
 from benchmarks.tables.table import Table, ahead
-from regionik.planners.rivals.iterative import CyclicDescent, DampedLeastSquares, Transpose
-from regionik.planners.solvers.inverse_kinematics import ArmPostures, ArmSolver
+from regionik.planners.rivals.iterative import CyclicDescent, DampedLeastSquares, IterativeMethod, Transpose
+from regionik.planners.solvers.inverse_kinematics import ArmSolver
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain
@@ -35,13 +36,7 @@ FREE = (-np.inf, np.inf)
 UPRIGHT = 150  # of a servo [deg]
 
 
-class Method(Protocol):
-    """What the tables ask: `regionik.planners.solvers.inverse_kinematics.ArmSolver` called for many goals."""
-
-    def batch(self, positions: ArrayLike, joints: ArrayLike, /) -> ArmPostures: ...
-
-
-def methods(chain: Chain, tolerance: float) -> Mapping[str, Method]:
+def methods(chain: Chain, tolerance: float) -> Mapping[str, ArmSolver | IterativeMethod]:
     """What is measured beside the paper, by the names of its rows; FABRIK-R by passes and restarts alone."""
     return {
         OURS: ArmSolver(chain, tolerance, polish=False),
@@ -79,7 +74,7 @@ def five_joints() -> FiveJoints:
     targets = points(robot.chain, postures(robot.chain, RUNS, 0))
     single = ArmSolver(robot.chain, FINE, restarts=0, polish=False)
     restarted, polished = ArmSolver(robot.chain, FINE, polish=False), ArmSolver(robot.chain, FINE)
-    return FiveJoints(*(one.batch(targets, robot.carry) for one in (single, restarted, polished)))
+    return FiveJoints(*(solve_batch(one, targets, robot.carry) for one in (single, restarted, polished)))
 
 
 class Far(NamedTuple):
@@ -100,15 +95,15 @@ def far_cases() -> Far:
 def ten_joints() -> dict[str, ArmPostures]:
     """Tables 3 and 4: what each method makes of them."""
     chain, given = robot_named("dof10").chain, far_cases()
-    return {name: method.batch(*given) for name, method in methods(chain, FINE).items()}
+    return {name: solve_batch(method, *given) for name, method in methods(chain, FINE).items()}
 
 
 def times_of_ten_joints() -> dict[str, float]:
     """Table 4: time of all targets in one call [s]."""
     chain, given = robot_named("dof10").chain, far_cases()
 
-    def timed(method: Method) -> float:
-        return seconds(lambda: method.batch(*given))
+    def timed(method: ArmSolver | IterativeMethod) -> float:
+        return seconds(lambda: solve_batch(method, *given))
 
     return {name: timed(method) for name, method in methods(chain, FINE).items()}
 
@@ -146,7 +141,7 @@ def lengths() -> Array:
 def from_upright() -> ArmPostures:
     """Table 6: our own answers to its targets."""
     robot = robot_named("pioneer7")
-    return ArmSolver(robot.chain, COARSE, polish=False).batch(targets_of_table_6(), robot.carry)
+    return solve_batch(ArmSolver(robot.chain, COARSE, polish=False), targets_of_table_6(), robot.carry)
 
 
 def tables() -> list[Table]:

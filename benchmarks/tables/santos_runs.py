@@ -16,10 +16,11 @@ from numpy.typing import ArrayLike
 
 from benchmarks.tables.clock import REPEATS, seconds
 from benchmarks.tables.sliding import SlidingRival
-from regionik.mfabrik import Batch, Solver, axis_of, configurations, solver_for
+from regionik.mfabrik import Batch, Solver, configurations, solver_for
 from regionik.planners.driving.greedy_steps import step_to_goal
 from regionik.planners.rivals.iterative import DampedLeastSquares, PseudoInverse
-from regionik.pruning import choose_chain, start_place, start_pose, whole_path
+from regionik.postures.poses import axis_of
+from regionik.pruning import choose_chain, solvers_along, start_place, start_pose, whole_path
 from regionik.values import Configuration
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
@@ -145,9 +146,10 @@ def experiment(name: str) -> list[Row]:
     standing, _, pruned = whole_path(world)
     chain = choose_chain(pruned, standing, start_place(world))
     base, joints = start_pose(world, pruned, chain)
+    solvers = solvers_along(world, pruned.ladder, standing, chain)
     free = shapely.union_all(standing.pieces.polygon)
     rows = []
-    for i, goal in enumerate(configurations(world, pruned.ladder, standing, chain, (base, joints))):
+    for i, goal in enumerate(configurations(world.task, solvers, (base, joints))):
         here, there = axis_of(world.robot, base), axis_of(world.robot, goal.base)
         if not free.buffer(EDGE).covers(shapely.LineString([here, there])):
             arm = solver_for(world, pruned.ladder.family[chain[i]])

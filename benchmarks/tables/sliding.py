@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
+from benchmarks.tables.batch import solve_batch
 from regionik.comparison import BASE_JOINTS, SlidingBase, sliding_chain
 from regionik.mfabrik import Batch
 from regionik.planners.rivals.iterative import IterativeMethod
@@ -47,6 +48,6 @@ class SlidingRival:
             raise ValueError("bases: expected all at the origin, and the arm over it")
         positions = np.asarray(targets, dtype=np.float64) - [0.0, 0.0, self.robot.mount[2]]
         q: Array = np.hstack([np.zeros((len(begun), BASE_JOINTS)), np.asarray(joints, dtype=np.float64)])
-        found = self.method.batch(positions, q)
+        found = solve_batch(self.method, positions, q)
         base = np.column_stack([found.joints[:, :BASE_JOINTS], np.zeros(len(begun))])
         return Batch(base, found.joints[:, BASE_JOINTS:], found.error, found.iterations, found.converged)

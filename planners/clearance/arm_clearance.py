@@ -11,7 +11,7 @@ from regionik.planners.clearance.robot_motion import WORLD, Exempt, Hop, Hulls, 
 from regionik.planners.clearance.swept_motion import box_gap
 from regionik.planners.geometry.hulls import hull_gap
 from regionik.planners.geometry.polygons import compiled
-from regionik.planners.solvers.planar_arm import PlaneArm
+from regionik.planners.solvers.planar_kinematics import PlanarLinkage
 from regionik.planners.solvers.serial_chain import SerialArm
 from regionik.worlds.arrays import Array
 
@@ -23,7 +23,7 @@ class Stance(NamedTuple):
 
     Attributes
     ----------
-    plane : PlaneArm
+    plane : PlanarLinkage
     sign, offset : (3,) array
         ``bend = sign * joint + offset`` [rad].
     zero : float
@@ -36,7 +36,7 @@ class Stance(NamedTuple):
         Heading of the base at the start [rad].
     """
 
-    plane: PlaneArm
+    plane: PlanarLinkage
     sign: Array
     offset: Array
     zero: float
@@ -44,21 +44,6 @@ class Stance(NamedTuple):
     high: float
     mount: Array
     yaw: float
-
-
-class Reach(NamedTuple):
-    """Circles of the arm's plane on which its reach can begin or end.
-
-    Attributes
-    ----------
-    centers : (k, 2) array
-        [m]
-    radii : (k,) array
-        [m]
-    """
-
-    centers: Array
-    radii: Array
 
 
 class Keep(NamedTuple):

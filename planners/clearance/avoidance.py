@@ -21,10 +21,10 @@ from regionik.planners.solvers.fabrikr import (
     forward_choice,
     forward_place,
     forward_start,
+    held,
     place_behind,
     posture_of,
 )
-from regionik.planners.solvers.joint_turns import held
 from regionik.planners.solvers.rigid_bodies import RigidBodies, pointing_bodies
 from regionik.planners.solvers.serial_chain import rotate_about
 from regionik.worlds.arrays import Array

@@ -39,8 +39,8 @@ from regionik.planners.clearance.robot_bodies import Bodies, ContactTargets
 from regionik.planners.search.box_search import Verdict
 from regionik.planners.search.fixed_base import WORDS, FixedBaseResult
 from regionik.planners.solvers.damped_least_squares import POSITION, Aim, polish
-from regionik.planners.solvers.inverse_kinematics import ArmSolver, Goal, spread_postures
-from regionik.planners.solvers.multistart_ik import solve
+from regionik.planners.solvers.inverse_kinematics import ArmSolver, Goal
+from regionik.planners.solvers.multistart_ik import solve_ik, spread_postures
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.chain import Chain
 from regionik.worlds.errors import InputError
@@ -244,7 +244,7 @@ class _Quest:
         for k in range(LOOKS):
             q = fresh[k]
             if self.best is None or k % 2 == 0:
-                self.passes += solve(solver.pointing, aim, none, effort, q)[2]
+                self.passes += solve_ik(solver.pointing, aim, none, effort, q)[2]
             else:
                 change = FARTHEST * 10.0 ** rng.uniform(-3, 0) * rng.normal(size=len(q))
                 q = np.clip(self.best[0] + change, self.chain.lower, self.chain.upper)

@@ -35,7 +35,7 @@ from regionik.planners.geometry.upright_bodies import (
 )
 from regionik.planners.search.box_search import Verdict, together
 from regionik.planners.search.self_clearance import segment_distance
-from regionik.planners.solvers.planar_arm import PlaneArm
+from regionik.planners.solvers.planar_kinematics import PlanarLinkage
 from regionik.worlds.arms import PlanarArm
 from regionik.worlds.arrays import Array
 from regionik.worlds.robot import Robot
@@ -159,7 +159,9 @@ def swung(move: float, level: float, off: float, turned: float) -> float:
 
 
 @compiled
-def place_capsules(capsules: PlaneCapsules, plane: PlaneArm, z: float, whole: bool, cell: PlanarCell) -> None:
+def place_capsules(
+    capsules: PlaneCapsules, plane: PlanarLinkage, z: float, whole: bool, cell: PlanarCell
+) -> None:
     """Write where capsules lie in the middle of a cell, and how far they move; ``whole`` if links meet."""
     half, vary, away = cell.half, cell.vary, cell.middle[AWAY]
     a, c = plane.lengths[0], plane.lengths[2]
@@ -222,7 +224,7 @@ def _judge_pair(
 
 @compiled
 def _widen(
-    rank: int, plane: PlaneArm, cell: PlanarCell, s: int, seen: int, hit: bool, turned: float, side: int
+    rank: int, plane: PlanarLinkage, cell: PlanarCell, s: int, seen: int, hit: bool, turned: float, side: int
 ) -> None:
     """Widen the sides of a cell that leave open where a capsule is; ``side`` turns it out of its plane.
 
@@ -258,7 +260,7 @@ def _turn(
 
 @compiled
 def judge_obstacles(
-    capsules: PlaneCapsules, plane: PlaneArm, around: NearObstacles, target: Array, cell: PlanarCell
+    capsules: PlaneCapsules, plane: PlanarLinkage, around: NearObstacles, target: Array, cell: PlanarCell
 ) -> Verdict:
     """Judge whether the capsules keep their distance from obstacles."""
     mid, turned = cell.middle, chord(cell.half[YAW])
@@ -306,7 +308,7 @@ def judge_self(capsules: PlaneCapsules, mount: ArmMount, cell: PlanarCell) -> Ve
 
 
 @compiled
-def _judge_self_pairs(capsules: PlaneCapsules, plane: PlaneArm, cell: PlanarCell) -> Verdict:
+def _judge_self_pairs(capsules: PlaneCapsules, plane: PlanarLinkage, cell: PlanarCell) -> Verdict:
     verdict = Verdict.PROVEN
     for i, k in capsules.pairs:
         off = segment_distance(cell.points[i, 0], cell.points[i, 1], cell.points[k, 0], cell.points[k, 1])

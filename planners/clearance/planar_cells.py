@@ -18,7 +18,7 @@ import numpy as np
 from regionik.planners.geometry.angles import fit, wrap
 from regionik.planners.geometry.polygons import compiled
 from regionik.planners.search.box_search import Verdict
-from regionik.planners.solvers.planar_arm import LIMIT_SLACK, PlaneArm
+from regionik.planners.solvers.planar_kinematics import LIMIT_SLACK, PlanarLinkage
 from regionik.worlds.arrays import Array
 
 SLACK = 1e-10  # rounding that no proof may rest on [m] or [rad]
@@ -28,7 +28,7 @@ YAW, PITCH, AWAY, TURN, ELBOW = range(5)  # the sides of a cell; the elbow is -1
 class ArmMount(NamedTuple):
     """The arm as it stands on its base."""
 
-    plane: PlaneArm
+    plane: PlanarLinkage
     mount: Array  # (2,) the pivot axis in the base's frame [m]
     zero: float  # direction of the plane, seen from the base, with the pivot at zero [rad]
     low: float  # limits of the pivot [rad]
@@ -87,7 +87,7 @@ def _spread(a: float, b: float, low: float, middle: float, high: float) -> float
 
 
 @compiled
-def judge_links(plane: PlaneArm, z: float, cell: PlanarCell) -> Verdict:
+def judge_links(plane: PlanarLinkage, z: float, cell: PlanarCell) -> Verdict:
     """Judge a cell by the links' lengths and limits; writes ``bends`` and ``vary``.
 
     The first and second of ``bends`` mean nothing where the links do not meet in the middle.

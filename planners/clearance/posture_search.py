@@ -7,9 +7,8 @@ import numpy as np
 from regionik.planners.clearance.proximity import Touch, nearest
 from regionik.planners.clearance.robot_bodies import Bodies, ContactTargets
 from regionik.planners.solvers.damped_least_squares import Aim, polish
-from regionik.planners.solvers.inverse_kinematics import spread_postures
 from regionik.planners.solvers.mfabrik_serial import in_arm_frame
-from regionik.planners.solvers.multistart_ik import Effort
+from regionik.planners.solvers.multistart_ik import Effort, spread_postures
 from regionik.planners.solvers.rigid_bodies import posing_bodies
 from regionik.worlds.arrays import Array
 

@@ -1,1 +1,1 @@
-"""Where an arm gets to: rings and bounds at each height, proven from inside and from outside."""
+"""Reach of arms at each height, bounded from inside and from outside."""

@@ -1,9 +1,9 @@
-"""Distances at which an arm in one plane meets thresholds: proven to, and not ruled out.
+"""Distances at which an arm in one plane meets thresholds: those proven to, and those not ruled out.
 
-At a height a posture is told by how far out the tool is, the pitch of the last link and the side of the
-elbow. Bounds of everything that is asked over boxes of distance and pitch settle these: a box all of whose
-postures meet it proves its distances, and distances are ruled out with the last box of their pitches. What
-neither settles is bisected until it is `FINEST` wide.
+At a height, the distance of the tool, the pitch of the last link and the side of the elbow determine a
+posture. Limits and thresholds are bounded over boxes of distance and pitch: a box all of whose postures meet
+them proves its distances, and distances are ruled out with the last box of their pitches. What is left open
+is bisected down to `FINEST`.
 """
 
 from __future__ import annotations
@@ -26,15 +26,15 @@ from regionik.planners.search.box_search import (
     verdict_of,
 )
 from regionik.planners.search.intervals import (
-    cosine,
-    direction,
+    interval_cos,
+    interval_product,
+    interval_sin,
+    interval_square,
     opening,
-    product,
-    sine,
-    square,
+    polar_angle,
     within_limits,
 )
-from regionik.planners.solvers.planar_arm import LIMIT_SLACK, PlaneArm
+from regionik.planners.solvers.planar_kinematics import LIMIT_SLACK, PlanarLinkage
 from regionik.planners.solvers.posture_criteria import Thresholds
 from regionik.worlds.arrays import Array
 
@@ -47,15 +47,23 @@ EVERY = sys.maxsize  # boxes: the search ends of itself
 class HeightThresholds(NamedTuple):
     """Thresholds of the postures at a height."""
 
-    arm: PlaneArm
+    arm: PlanarLinkage
     asked: Thresholds
     z: float  # height of the tool over the floor [m]
     low: float  # pitches of the last link [rad]
     high: float
 
 
+class LinkAngles(NamedTuple):
+    """Intervals of the angles of the three links in the plane [rad]."""
+
+    first: tuple[float, float]
+    second: tuple[float, float]
+    last: tuple[float, float]
+
+
 class Distances(NamedTuple):
-    """The distances from near to far, to be served by one pitch [m]."""
+    """Distances from near to far, for which one pitch is sought that serves them all [m]."""
 
     thresholds: HeightThresholds
     near: float
@@ -63,9 +71,9 @@ class Distances(NamedTuple):
 
 
 def paved(
-    arm: PlaneArm, asked: Thresholds, pitches: tuple[float, float], z: float, known: Array
+    arm: PlanarLinkage, asked: Thresholds, pitches: tuple[float, float], z: float, known: Array
 ) -> tuple[Array, Array]:
-    """Signed distances at a height whose postures meet all that is asked.
+    """Signed distances at a height with a posture that meets limits and thresholds.
 
     Parameters
     ----------
@@ -129,24 +137,24 @@ def judge_pitches(distances: Distances, low: Array, high: Array) -> tuple[Verdic
 
 @compiled
 def judge_pitch_box(distances: Distances, low: float, high: float, elbow: float) -> Verdict:
-    """Tell whether the postures of a box of distances and pitches all meet what is asked, or none does."""
+    """Judge a box of distances and pitches: proven where all its postures meet the thresholds."""
     arm, asked, z = distances.thresholds.arm, distances.thresholds.asked, distances.thresholds.z
     near, far = distances.near, distances.far
     a, b, c = arm.lengths[0], arm.lengths[1], arm.lengths[2]
-    cos0, cos1 = cosine(low, high)
-    sin0, sin1 = sine(low, high)
+    cos0, cos1 = interval_cos(low, high)
+    sin0, sin1 = interval_sin(low, high)
     x0, x1 = near - arm.shoulder_r, far - arm.shoulder_r
     y = z - arm.shoulder_z
     wx0, wx1, wy0, wy1 = x0 - c * cos1, x1 - c * cos0, y - c * sin1, y - c * sin0
-    sx0, sx1 = square(wx0, wx1)
-    sy0, sy1 = square(wy0, wy1)
+    sx0, sx1 = interval_square(wx0, wx1)
+    sy0, sy1 = interval_square(wy0, wy1)
     d0, d1 = np.sqrt(sx0 + sy0), np.sqrt(sx1 + sy1)
     if d0 > a + b + ROUNDING or d1 < abs(a - b) - ROUNDING:
         return Verdict.RULED_OUT
     sure = d0 >= abs(a - b) + ROUNDING and d1 <= a + b - ROUNDING
     d0 = min(max(d0, abs(a - b), ROUNDING), a + b)
     d1 = max(min(d1, a + b), d0)
-    lead0, lead1 = direction(wx0, wx1, wy0, wy1)
+    lead0, lead1 = polar_angle(wx0, wx1, wy0, wy1)
     root0, root1 = opening(a, b, d0, d1)
     tip0, tip1 = opening(b, a, d0, d1)
     if elbow > 0.0:
@@ -166,39 +174,40 @@ def judge_pitch_box(distances: Distances, low: float, high: float, elbow: float)
     )
     if verdict == Verdict.RULED_OUT:
         return Verdict.RULED_OUT
-    bends = _bends_well(arm, asked, x0, x1, y, first0, first1, second0, second1, low, high)
-    verdict = together(verdict, bends)
+    links = LinkAngles((first0, first1), (second0, second1), (low, high))
+    verdict = together(verdict, _manipulable(distances, links))
     if verdict == Verdict.RULED_OUT:
         return Verdict.RULED_OUT
-    return together(verdict, _lifts(asked, first0, first1, second0, second1, low, high))
+    return together(verdict, _within_torques(asked, links))
 
 
 @compiled
 def _across(a: float, b: float, d0: float, d1: float) -> tuple[float, float]:
-    """By how much two links bend whose ends are (d0, d1) apart: 0 when stretched, pi when folded [rad]."""
+    """Bend between two links whose ends are (d0, d1) apart: 0 when stretched, pi when folded [rad]."""
     low = (d1 * d1 - a * a - b * b) / (2.0 * a * b)
     high = (d0 * d0 - a * a - b * b) / (2.0 * a * b)
     return np.arccos(min(1.0, max(-1.0, low))), np.arccos(min(1.0, max(-1.0, high)))
 
 
 @compiled
-def _bends_well(
-    arm: PlaneArm, asked: Thresholds, x0: float, x1: float, y: float,
-    first0: float, first1: float, second0: float, second1: float, low: float, high: float,
-) -> Verdict:  # fmt: skip
-    """Judge the manipulability of a box against its threshold."""
+def _manipulable(distances: Distances, links: LinkAngles) -> Verdict:
+    """Judge the manipulability of a box against its threshold; terms as in `posture_criteria.spare`."""
+    arm, asked = distances.thresholds.arm, distances.thresholds.asked
     if asked.least <= 0.0:
         return Verdict.PROVEN
+    (low, high), (second0, second1) = links.last, links.second
+    x0, x1 = distances.near - arm.shoulder_r, distances.far - arm.shoulder_r
+    y = distances.thresholds.z - arm.shoulder_z
     a, b, c = arm.lengths[0], arm.lengths[1], arm.lengths[2]
-    p0, p1 = cosine(first0, first1)
-    q0, q1 = product(*sine(first0, first1), x0, x1)
-    u0, u1 = square(a * (min(p0 * y, p1 * y) - q1), a * (max(p0 * y, p1 * y) - q0))
-    p0, p1 = cosine(low, high)
-    q0, q1 = product(*sine(low, high), x0, x1)
-    v0, v1 = square(c * (q0 - max(p0 * y, p1 * y)), c * (q1 - min(p0 * y, p1 * y)))
-    w0, w1 = sine(low - second1, high - second0)
-    w0, w1 = square(b * c * w0, b * c * w1)
-    r0, r1 = square(x0 + arm.shoulder_r, x1 + arm.shoulder_r)
+    p0, p1 = interval_cos(*links.first)
+    q0, q1 = interval_product(*interval_sin(*links.first), x0, x1)
+    u0, u1 = interval_square(a * (min(p0 * y, p1 * y) - q1), a * (max(p0 * y, p1 * y) - q0))
+    p0, p1 = interval_cos(low, high)
+    q0, q1 = interval_product(*interval_sin(low, high), x0, x1)
+    v0, v1 = interval_square(c * (q0 - max(p0 * y, p1 * y)), c * (q1 - min(p0 * y, p1 * y)))
+    w0, w1 = interval_sin(low - second1, high - second0)
+    w0, w1 = interval_square(b * c * w0, b * c * w1)
+    r0, r1 = interval_square(x0 + arm.shoulder_r, x1 + arm.shoulder_r)
     wanted = asked.least * asked.least
     if r1 * (u1 + v1 + w1) < wanted * (1.0 - ROUNDING):
         return Verdict.RULED_OUT
@@ -206,16 +215,13 @@ def _bends_well(
 
 
 @compiled
-def _lifts(
-    asked: Thresholds, first0: float, first1: float, second0: float, second1: float, low: float, high: float
-) -> Verdict:
+def _within_torques(asked: Thresholds, links: LinkAngles) -> Verdict:
     """Judge the torques of a box against their limits."""
     verdict, least, most = Verdict.PROVEN, 0.0, 0.0
     for k in range(2, -1, -1):
-        from_ = first0 if k == 0 else (second0 if k == 1 else low)
-        to = first1 if k == 0 else (second1 if k == 1 else high)
+        low, high = links.first if k == 0 else (links.second if k == 1 else links.last)
         pull, turn = asked.pull[k]
-        p0, p1 = cosine(from_ + turn, to + turn)
+        p0, p1 = interval_cos(low + turn, high + turn)
         least, most = least + pull * p0, most + pull * p1
         limit = asked.most[k]
         if limit < np.inf:

@@ -11,8 +11,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike
 
-from regionik.planners.reach.level_walk import posture_on, walks
-from regionik.planners.reach.meridian_plane import Meridian, meridian_of, tool_for
+from regionik.planners.reach.meridian_plane import Meridian, meridian_of, posture_on, tool_for, walks
 from regionik.planners.reach.outer_bounds import outer_distances
 from regionik.worlds.arms import pivot_index, reach_bound
 from regionik.worlds.arrays import Array
@@ -34,8 +33,8 @@ ENOUGH = 1e-3  # what the outer bound may stand off from the inner one [m]
 def inner_reach(chain: Chain, rise: float) -> Intervals:
     """Distances between pivot axis and target that are proven to be in reach, as ascending intervals.
 
-    Every distance of an interval is that of some posture within the limits (`planners.levelwalk`), but for
-    rounding far below a nanometre. What walks from some 50 to 150 postures have not met is missing.
+    Every distance of an interval is that of some posture within the limits (`level_walk`), but for rounding
+    far below a nanometre. Distances that no walk from some 50 to 150 postures met are missing.
 
     Parameters
     ----------

@@ -1,12 +1,12 @@
 """Outer reach of an arm at a height: distances that no posture has, by branch and bound over joint values.
 
 A box of joint values, and of the distances they may give, is ruled out when no posture of it has its tool at
-the height and at a distance that is still in question. What is left is contracted by both conditions. The box
-whose distances stick out farthest is bisected first, so that the bound is as good as the work spent on it.
+the height and at a distance still in question. Other boxes are contracted by both conditions. The box whose
+distances are farthest from the known ones is bisected first, so that the bound is as good as the work spent.
 
-Two kinds of bound go together. Near the centre of a box the tool moves as its speeds say, but for a bound of
-what they change by. And it keeps its distance from a point on each joint's axis, a hub, however the joints
-before that point turn: boxes that leave those joints free are bounded by it.
+Two kinds of bounds are used. Near the centre of a box the tool moves linearly in the joints, but for a bound
+of the second order. And its distance from a point on each joint's axis, a hub, does not depend on the joints
+before that point: it bounds boxes in which those are free.
 """
 
 from __future__ import annotations
@@ -28,14 +28,14 @@ EVEN = 0.1  # weight of a joint's own lever when a joint to bisect is chosen
 
 
 class ToolBounds(NamedTuple):
-    """A box of m joints and bounds of the tool in all its postures; scratch space that `bound` fills."""
+    """Bounds of the tool over a box of m joints; scratch space that `bound` fills."""
 
     tool: Tool
     q: Array  # (m,) its centre
     half: Array  # (m,) half widths
     chord: Array  # (m,)
     moved: Array  # (m + 1,) most that joints k and after move the tool [m]
-    bent: Array  # (m + 1,) most that this differs from what the speeds say [m]
+    bent: Array  # (m + 1,) most that this differs from the linear motion [m]
     hub: Array  # (m, 3) point on each axis, in the arm's base frame [m]
     loose: Array  # (m,) most that the joints move it [m]
     keeps: Array  # (m, 2) least and largest distance of the tool from where the hub is at the centre [m]
@@ -58,7 +58,7 @@ class OuterReach(NamedTuple):
 def outer_distances(
     meridian: Meridian, z: float, low: Array, high: Array, known: Array, cap: float, enough: float, most: int
 ) -> Array:
-    """Distances left in question, as intervals (k, 2); outside them and the known ones there are none.
+    """Distances left open, as intervals (k, 2); no posture has any outside them and the known ones.
 
     Parameters
     ----------
@@ -72,7 +72,7 @@ def outer_distances(
     cap : float
         No posture is farther out [m].
     enough : float
-        How far from the known ones what is left may be for the search to end [m].
+        Distance from the known ones within which the search does not go on [m].
     most : int
         Budget of boxes.
     """
@@ -90,7 +90,7 @@ def _explore(asked: OuterReach, boxes: Boxes, budget: int) -> Boxes:
 
 @compiled
 def judge_reach(asked: OuterReach, low: Array, high: Array) -> tuple[Verdict, float, int]:
-    """Contract a box of m joint values and, last, of distances; its key is how far these stick out."""
+    """Contract a box of m joint values and, last, of distances; its key is their largest excess."""
     m, z, known, box = len(low) - 1, asked.z, asked.known, asked.bounds
     tells_low = tells_high = -1
     for i in range(PASSES):
@@ -174,11 +174,11 @@ def aside(box: ToolBounds) -> float:
 
 @compiled
 def spanned(box: ToolBounds, z: float) -> tuple[float, float, int, int]:
-    """Distances that the tool may have at a height, and the hubs that tell: low > high where there are none.
+    """Distances that the tool may have at a height, and the hubs that bound them; low > high for none.
 
-    Outwards the tool moves by out . d, upwards by up . d, and upwards by just what the height asks. For any
-    share s, out - s up bounds how far outwards it may go; one s for each joint is tried, as the least bound
-    is at one of them. Where these tell, the hub is -1.
+    Outwards the tool moves by out . d and upwards by up . d, which the height fixes. For any factor s,
+    out - s up bounds the motion outwards; one s for each joint is tried, as the least bound is at one of
+    them. Where these bounds are the tightest the hub is -1.
     """
     m, tool = len(box.q), box.tool
     c, bent = z - tool.at[1], box.bent[0]
@@ -217,7 +217,7 @@ def spanned(box: ToolBounds, z: float) -> tuple[float, float, int, int]:
 
 @compiled
 def to_bisect(meridian: Meridian, box: ToolBounds, hub: int) -> int:
-    """The joint to bisect so that the bound which a hub tells (-1: the speeds) gains most."""
+    """The joint to bisect, which improves the bound by a hub (-1: the linear one) most."""
     best, weight = 0, -1.0
     for j in range(len(box.q)):
         size = meridian.levers[j] * box.half[j]

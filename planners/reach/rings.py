@@ -8,19 +8,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from regionik.planners.geometry.polygons import compiled
-from regionik.planners.solvers import planar_arm
+from regionik.planners.solvers.planar_kinematics import Pair, PlanarLinkage, intervals_at_height
 from regionik.worlds.arms import PlanarArm
 from regionik.worlds.arrays import Array
 
 _MOST_INTERVALS = 16
 APART = 1e-7  # ends that are nearer to each other than this may be taken for each other [m]
-NEAR = 1e-6  # a height this near to a turning one is looked at by itself [m]
-
+NEAR = 1e-6  # of a turning height: ends at heights this near to one are searched anew [m]
 
 FREE = (-np.inf, np.inf)
 
 
-def boundary_circles(arm: PlanarArm, shoulder_z: float, pitches: tuple[float, float] = FREE) -> Array:
+def boundary_circles(arm: PlanarArm, shoulder_z: float, pitches: Pair = FREE) -> Array:
     """Circles of the plane on which the reach can begin or end: rows of center r, center z, radius.
 
     The boundary of the reach is made of critical postures: every free bend either turns a rigid rest or
@@ -82,7 +81,7 @@ def reach_intervals(
     arm: PlanarArm,
     shoulder_z: float,
     heights: Array,
-    pitches: tuple[float, float] = FREE,
+    pitches: Pair = FREE,
     *,
     front: bool = True,
     back: bool = True,
@@ -114,27 +113,27 @@ def reach_spans(
     arm: PlanarArm,
     shoulder_z: float,
     heights: Array,
-    pitches: tuple[float, float] = FREE,
+    pitches: Pair = FREE,
     *,
     front: bool = True,
     back: bool = True,
 ) -> tuple[NDArray[np.intp], Array]:
-    """As `reach_intervals`, in one table: the height of each interval, ascending, (m,), and (m, 2)."""
-    centers, radii, turns = _boundary(arm, shoulder_z, pitches)
-    plane = planar_arm.PlaneArm(float(arm.shoulder[0]), shoulder_z, arm.lengths, arm.lower, arm.upper)
+    """`reach_intervals` in one table: index of the height of each interval, ascending, (m,), and (m, 2)."""
+    circles, turns = _boundary(arm, shoulder_z, pitches)
+    plane = PlanarLinkage(float(arm.shoulder[0]), shoulder_z, arm.lengths, arm.lower, arm.upper)
     out, counts = np.empty((len(heights), _MOST_INTERVALS, 2)), np.empty(len(heights), dtype=np.int64)
     order = np.argsort(heights, kind="stable")
-    _spans(plane, *pitches, centers, radii, np.asarray(heights), order, turns, front, back, out, counts)
+    _spans(plane, pitches, (circles, turns), np.asarray(heights)[order], (front, back), out, counts)
+    out[order], counts[order] = out.copy(), counts.copy()
     real = np.arange(_MOST_INTERVALS) < counts[:, None]
     return np.repeat(np.arange(len(heights)), counts), out[real]
 
 
 @lru_cache(maxsize=256)
-def _boundary(arm: PlanarArm, shoulder_z: float, pitches: tuple[float, float]) -> tuple[Array, Array, Array]:
-    """Centers and radii of the boundary circles, and their turning heights."""
+def _boundary(arm: PlanarArm, shoulder_z: float, pitches: Pair) -> tuple[Array, Array]:
+    """Boundary circles and their turning heights."""
     circles = boundary_circles(arm, shoulder_z, pitches)
-    centers, radii = np.ascontiguousarray(circles[:, :2]), np.ascontiguousarray(circles[:, 2])
-    return centers, radii, turning_heights(circles)
+    return circles, turning_heights(circles)
 
 
 def turning_heights(circles: Array) -> Array:
@@ -159,71 +158,62 @@ def turning_heights(circles: Array) -> Array:
 
 @compiled
 def _spans(
-    arm: planar_arm.PlaneArm,
-    pitch_low: float,
-    pitch_high: float,
-    centers: Array,
-    radii: Array,
+    arm: PlanarLinkage,
+    pitches: Pair,
+    boundary: tuple[Array, Array],
     heights: Array,
-    order: NDArray[np.intp],
-    turns: Array,
-    front: bool,
-    back: bool,
+    sides: tuple[bool, bool],
     out: Array,
     counts: NDArray[np.int64],
 ) -> None:
-    """Write the intervals of every height, and how many there are.
+    """Write the intervals of every height, ascending, and how many there are.
 
-    Ends are looked for once between two turning heights; there they stay on their circles.
+    Ends are searched once between two turning heights; there they stay on their circles.
     """
+    circles, turns = boundary
     ends = np.empty((_MOST_INTERVALS, 2), np.int64)
-    between, known, turn, last = -1, False, 0, 0
-    for i in order:
-        z = heights[i]
+    between, known, turn = -1, False, 0
+    for i, z in enumerate(heights):
         while turn < len(turns) and turns[turn] < z:
             turn += 1
         near = (turn < len(turns) and turns[turn] - z < NEAR) or (turn > 0 and z - turns[turn - 1] < NEAR)
         if known and between == turn and not near:
-            counts[i] = counts[last]
+            counts[i] = counts[i - 1]
             for k in range(counts[i]):
-                out[i, k, 0] = _end(centers, radii, ends[k, 0], z)
-                out[i, k, 1] = _end(centers, radii, ends[k, 1], z)
+                out[i, k, 0], out[i, k, 1] = _end(circles, ends[k, 0], z), _end(circles, ends[k, 1], z)
         else:
-            counts[i] = planar_arm.reach_intervals(
-                arm, pitch_low, pitch_high, centers, radii, z, front, back, out[i]
-            )
-            known, between = not near and _apart(centers, radii, z), turn
+            counts[i] = intervals_at_height(arm, pitches, circles, z, sides[0], sides[1], out[i])
+            known, between = not near and _apart(circles, z), turn
             for k in range(2 * counts[i]):
-                ends[k // 2, k % 2] = _named(centers, radii, z, out[i, k // 2, k % 2])
-        last = i
+                ends[k // 2, k % 2] = _named(circles, z, out[i, k // 2, k % 2])
 
 
 @compiled
-def _end(centers: Array, radii: Array, name: int, z: float) -> float:
+def _end(circles: Array, name: int, z: float) -> float:
     """Place of a circle's near or far side at a height; the axis behind the last of them."""
     k = name // 2
-    if k == len(radii):
+    if k == len(circles):
         return 0.0
-    dz = z - centers[k, 1]
-    h = np.sqrt(radii[k] * radii[k] - dz * dz)
-    return float(centers[k, 0] - h if name % 2 == 0 else centers[k, 0] + h)
+    dz = z - circles[k, 1]
+    h = np.sqrt(circles[k, 2] * circles[k, 2] - dz * dz)
+    return float(circles[k, 0] - h if name % 2 == 0 else circles[k, 0] + h)
 
 
 @compiled
-def _named(centers: Array, radii: Array, z: float, r: float) -> int:
-    """The side of a circle that is at a place at a height, or the axis, as `_end` takes it."""
-    for name in range(2 * len(radii)):
-        if abs(z - centers[name // 2, 1]) <= radii[name // 2] and _end(centers, radii, name, z) == r:
+def _named(circles: Array, z: float, r: float) -> int:
+    """Number of the side of a circle that is at a place at a height, or of the axis, as `_end` takes it."""
+    for name in range(2 * len(circles)):
+        if abs(z - circles[name // 2, 1]) <= circles[name // 2, 2] and _end(circles, name, z) == r:
             return name
-    return 2 * len(radii)
+    return 2 * len(circles)
 
 
 @compiled
-def _apart(centers: Array, radii: Array, z: float) -> bool:
+def _apart(circles: Array, z: float) -> bool:
     """True where sides of circles and the axis keep their distance at a height: none is another."""
-    places, count = np.zeros(2 * len(radii) + 1), 1
-    for name in range(2 * len(radii)):
-        if abs(z - centers[name // 2, 1]) <= radii[name // 2]:
-            places[count] = _end(centers, radii, name, z)
+    places, count = np.zeros(2 * len(circles) + 1), 1
+    for name in range(2 * len(circles)):
+        if abs(z - circles[name // 2, 1]) <= circles[name // 2, 2]:
+            places[count] = _end(circles, name, z)
             count += 1
     return bool((np.diff(np.sort(places[:count])) >= APART).all())

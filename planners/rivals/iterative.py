@@ -11,7 +11,6 @@ from __future__ import annotations
 from typing import ClassVar, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from regionik.planners.geometry.polygons import compiled
 from regionik.planners.geometry.vectors import Vector, cross, dot, minus, plus, rotated, turned
@@ -22,11 +21,11 @@ from regionik.planners.solvers.damped_least_squares import (
     Aim,
     limited_step,
     polish,
-    tool_misses,
+    tool_error,
     weigh,
 )
-from regionik.planners.solvers.inverse_kinematics import ArmPostures, rows_of, spread_postures
-from regionik.planners.solvers.joint_turns import held
+from regionik.planners.solvers.fabrikr import held
+from regionik.planners.solvers.multistart_ik import spread_postures
 from regionik.planners.solvers.serial_chain import SerialArm, chain_frames, chain_jacobian, serial_arm
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
@@ -82,23 +81,15 @@ class IterativeMethod(ArmMethod):
         restarts: int = RESTARTS,
     ) -> None:
         super().__init__(chain, tolerance, angle_tolerance)
-        self._arm, reach = serial_arm(chain), arm_length(chain)
-        self._limits = DescentLimits(self.tolerance, self.angle_tolerance, int(max_iterations), reach)
-        self._starts = spread_postures(chain, reach, restarts, 0)
+        self.arm, reach = serial_arm(chain), arm_length(chain)
+        self.limits = DescentLimits(self.tolerance, self.angle_tolerance, int(max_iterations), reach)
+        self.starts = spread_postures(chain, reach, restarts, 0)
 
     def search(self, aim: Aim, joints: Array) -> SearchResult:
         """Descend from the joints, then from the starts, until the aim is met; return the nearest end."""
         q = np.array(joints)
-        found = search(self.kernel, self._arm, aim, self._starts, self._limits, q)
+        found = descend(self.kernel, self.arm, aim, self.starts, self.limits, q)
         return SearchResult(q, float(found.error), float(found.angle), int(found.steps), int(found.restarts))
-
-    def batch(self, positions: ArrayLike, joints: ArrayLike) -> ArmPostures:
-        """Solve many positions (m, 3) from start postures (m, dof), or all from one (dof,), in one call."""
-        p, q = rows_of(self.chain, positions, joints)
-        errors, counts = np.empty(len(p)), np.empty((len(p), 2), dtype=np.int64)
-        search_each(self.kernel, self._arm, p, self._starts, self._limits, q, errors, counts)
-        polished = np.zeros(len(p), dtype=bool)
-        return ArmPostures(q, errors, counts[:, 0], counts[:, 1], polished, errors <= self.tolerance)
 
 
 class PseudoInverse(IterativeMethod):
@@ -126,7 +117,7 @@ class CyclicDescent(IterativeMethod):
 
 
 @compiled
-def search(
+def descend(
     kernel: int, arm: SerialArm, aim: Aim, starts: Array, limits: DescentLimits, joints: Array
 ) -> Descent:
     """Descend from ``joints``, then from each of ``starts`` (r, dof), until the aim is met.
@@ -150,23 +141,6 @@ def search(
 
 
 @compiled
-def search_each(
-    kernel: int,
-    arm: SerialArm,
-    positions: Array,
-    starts: Array,
-    limits: DescentLimits,
-    joints: Array,
-    errors: Array,
-    counts: NDArray[np.int64],
-) -> None:
-    """`search` for each row: positions (m, 3) [m], joints (m, dof), errors (m,) [m], counts (m, 2)."""
-    for i in range(len(positions)):
-        found = search(kernel, arm, Aim(positions[i], POSITION, np.eye(3), 0.0), starts, limits, joints[i])
-        errors[i], counts[i, 0], counts[i, 1] = found.error, found.steps, found.restarts
-
-
-@compiled
 def _descend(
     kernel: int, arm: SerialArm, aim: Aim, joints: Array, limits: DescentLimits
 ) -> tuple[float, float, int]:
@@ -187,7 +161,7 @@ def _line_search(
     n, rows, weight = len(joints), 3 if aim.kind == POSITION else 6, 0.5 * limits.reach
     frames, J, miss, left = np.empty((n + 1, 4, 4)), np.empty((6, n)), np.empty(6), np.empty(6)
     trial, step = np.empty(n), np.empty(n)
-    error, angle = tool_misses(arm, aim, joints, frames, miss)
+    error, angle = tool_error(arm, aim, joints, frames, miss)
     tried = 0
     while tried < limits.steps and (error > limits.tolerance or angle > limits.angle_tolerance):
         chain_frames(arm, joints, frames)
@@ -204,7 +178,7 @@ def _line_search(
             tried += 1
             for k in range(n):
                 trial[k] = min(max(joints[k] + step[k], arm.lower[k]), arm.upper[k])
-            new_error, new_angle = tool_misses(arm, aim, trial, frames, left)
+            new_error, new_angle = tool_error(arm, aim, trial, frames, left)
             if new_error**2 + (weight * new_angle) ** 2 < before:
                 joints[:], miss[:] = trial, left
                 error, angle, helped = new_error, new_angle, True
@@ -243,7 +217,7 @@ def _cyclic_descent(
     """Sweeps over all joints, from the tool to the base; a step is a sweep."""
     n, weight = len(joints), 0.5 * limits.reach
     frames, miss = np.empty((n + 1, 4, 4)), np.empty(6)
-    error, angle = tool_misses(arm, aim, joints, frames, miss)
+    error, angle = tool_error(arm, aim, joints, frames, miss)
     for sweep in range(limits.steps):
         if error <= limits.tolerance and angle <= limits.angle_tolerance:
             return error, angle, sweep
@@ -251,7 +225,7 @@ def _cyclic_descent(
         tool = frames[n]
         for k in range(n - 1, -1, -1):
             _move_joint(arm, aim, frames[k], k, weight, joints, tool)
-        error, angle = tool_misses(arm, aim, joints, frames, miss)
+        error, angle = tool_error(arm, aim, joints, frames, miss)
         if error**2 + (weight * angle) ** 2 > (1.0 - STALLED) * before:
             return error, angle, sweep + 1
     return error, angle, limits.steps

@@ -1,7 +1,4 @@
-"""The interface of inverse kinematics methods, an aim and a start in, a posture out; FABRIK-R by it.
-
-Its rivals are in ``iterative``, ``genetic``, ``network`` and ``planar3r``.
-"""
+"""Interface of the methods of inverse kinematics that are compared, and FABRIK-R as one of them."""
 
 from __future__ import annotations
 
@@ -11,10 +8,9 @@ from typing import ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from regionik.planners.solvers.damped_least_squares import POSITION, Aim
-from regionik.planners.solvers.inverse_kinematics import ArmPosture, Goal, aim_of, confirm, spread_postures
-from regionik.planners.solvers.multistart_ik import Effort, solve
-from regionik.planners.solvers.rigid_bodies import pointing_bodies, posing_bodies, span
+from regionik.planners.solvers.damped_least_squares import Aim
+from regionik.planners.solvers.inverse_kinematics import ArmPosture, ArmSolver, Goal, aim_of, confirm
+from regionik.planners.solvers.rigid_bodies import span
 from regionik.planners.solvers.serial_chain import serial_arm
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.chain import Chain
@@ -92,18 +88,12 @@ class Fabrik(ArmMethod):
         restarts: int = RESTARTS,
     ) -> None:
         super().__init__(chain, tolerance, angle_tolerance)
-        self._pointing, self._posing = pointing_bodies(chain), posing_bodies(chain)
-        reach = span(self._posing.arm)
-        self._effort = Effort(
-            self.tolerance, self.angle_tolerance, int(max_iterations), reach, self.polishing
-        )
-        self._starts = spread_postures(chain, reach, restarts, 0)
+        self._solver = ArmSolver(chain, tolerance, angle_tolerance, max_iterations, restarts, self.polishing)
 
     def search(self, aim: Aim, joints: Array) -> SearchResult:
         """Run passes from the joints, then from the starts, until the aim is met."""
-        bodies = self._pointing if aim.kind == POSITION else self._posing
-        q, starts = np.array(joints), np.ascontiguousarray(self._starts[:, : len(bodies.slide)])
-        error, angle, passes, restarts, _ = solve(bodies, aim, starts, self._effort, q)
+        q = np.array(joints)
+        error, angle, passes, restarts, _ = self._solver.solve(aim, q)
         return SearchResult(q, float(error), float(angle), int(passes), int(restarts))
 
 

@@ -1,12 +1,12 @@
-"""Branch and bound over boxes: a queue, bisection, a budget, and what is known of a box.
+"""Branch and bound over boxes: queue, bisection, budget and verdict.
 
-A *judge* looks at one box, n intervals, and says whether it is proven, ruled out or open. It may contract the
-box in place to what is not ruled out. Open boxes wait in a queue; the one with the largest key is bisected,
-across the side that its judge named, and both halves are judged. The intervals may be of joint values,
-distances, headings, or of whatever else a judge can bound.
+A *judge* decides whether one box, n intervals, is proven, ruled out or open. It may contract the box in place
+to what is not ruled out. Open boxes wait in a queue; the one with the largest key is bisected, across the
+side that its judge named, and both halves are judged. The intervals may be of joint values, distances,
+headings, or of anything else a judge can bound.
 
-`begin` and `explore` take the judge as a function, any in Python. In a kernel the same functions are called
-`begin_in_kernel` and `explore_in_kernel` and take a compiled judge::
+`begin` and `explore` take any Python function as the judge. Kernels call them as `begin_in_kernel` and
+`explore_in_kernel` with a compiled judge::
 
     @compiled
     def explore_disc(disc: Disc, boxes: Boxes, budget: int) -> Boxes:
@@ -47,7 +47,7 @@ QUEUED, CLOSED, JUDGED, PROVEN = range(4)  # what is counted
 class Verdict(IntEnum):
     """Verdict on a box, or on all that a search was asked about.
 
-    RULED_OUT is a proof that there is nothing, PROVEN one that there is something; OPEN is neither.
+    RULED_OUT is a proof that there is no solution, PROVEN that there is one; OPEN is neither.
     """
 
     RULED_OUT = -1
@@ -72,7 +72,7 @@ class Boxes(NamedTuple):
     tally: Index  # (4,) boxes `QUEUED` and `CLOSED` now, `JUDGED` so far, and `PROVEN` among those closed
 
 
-# What kernels call too; in Python it runs as it stands. All that decides on rounding is said, see `compiled`.
+# For kernels as well as for Python. All that decides on rounding is stated, see `compiled`.
 _shared = register_jitable(error_model="python", fastmath=False)
 
 
@@ -88,15 +88,15 @@ def begin(judge: Judge[Problem], problem: Problem, low: Array, high: Array) -> B
 
 
 def explore(judge: Judge[Problem], problem: Problem, boxes: Boxes, budget: int, wanted: int) -> Boxes:
-    """Bisect the box with the largest key and judge both halves, until nothing is left to be done.
+    """Bisect the box with the largest key and judge both halves, again and again.
 
     Parameters
     ----------
     judge : callable
-        Of a problem and a box, given as (n,), (n,) arrays that it may contract; returns verdict, key and the
+        Takes the problem and a box, as (n,), (n,) arrays that it may contract; returns verdict, key and the
         side to bisect.
     problem : anything
-        What the judge has to know.
+        Data for the judge.
     boxes : Boxes
         From `begin`, or from an earlier call; overwritten.
     budget : int
@@ -131,9 +131,9 @@ def explore(judge: Judge[Problem], problem: Problem, boxes: Boxes, budget: int, 
 
 
 def _for_kernels(function: Function) -> Function:
-    """Let kernels take a function in, and call the judge that it is handed by its name.
+    """Inline a function into kernels, so that they call the judge by its name.
 
-    Compiled as a call, it would be handed the judge's address, and numba keeps nothing of that kind on disk.
+    As a call it would take the judge's address, and numba caches nothing of that kind on disk.
     """
     kernel: Any = njit(inline="always", error_model="python", fastmath=False)(function)
     return cast(Function, kernel)
@@ -152,7 +152,7 @@ def verdict_of(boxes: Boxes) -> Verdict:
 
 @_shared
 def together(a: Verdict, b: Verdict) -> Verdict:
-    """The verdict on two demands: ruled out where either is, proven where both are."""
+    """Verdict on two conditions together: ruled out where either is, proven where both are."""
     return a if a < b else b
 
 
@@ -171,7 +171,7 @@ def left_open(boxes: Boxes) -> Index:
 
 
 def reopen(boxes: Boxes, slot: int) -> None:
-    """Queue a box that was taken to be proven, as it turned out that this does not do."""
+    """Queue a proven box again, as its proof is not accepted."""
     order, tally = boxes.order, boxes.tally
     last = len(order) - tally[CLOSED]
     where = last + int(np.flatnonzero(order[last:] == slot)[0])

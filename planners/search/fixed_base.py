@@ -1,9 +1,9 @@
 """A free posture of an arm on a fixed base for a target: found, ruled out, or open.
 
 Branch and bound over boxes of joint values (`posture_boxes`), those first whose centre is farthest from the
-obstacles. Ruled out is a proof, but for rounding far below a nanometre. What is found is checked by the
-collision code that the rest of the house trusts. A budget of boxes bounds the work, so the same question
-always has the same answer.
+obstacles. Ruled out is a proof, but for rounding far below a nanometre. A posture found is checked by the
+collision code of the rest of the planner. A budget of boxes bounds the work, so that the same question always
+has the same answer.
 """
 
 from __future__ import annotations
@@ -42,9 +42,9 @@ from regionik.worlds.chain import Chain
 from regionik.worlds.errors import InputError
 from regionik.worlds.robot import LinkCapsule
 
-WORDS = {Verdict.PROVEN: "found", Verdict.RULED_OUT: "none", Verdict.OPEN: "undecided"}  # of a posture
+WORDS = {Verdict.PROVEN: "found", Verdict.RULED_OUT: "none", Verdict.OPEN: "undecided"}
 ROUNDING = 1e-9  # [m]
-PER_REFUSAL = 100  # boxes of the budget for each posture that the exact check refused: it is that much slower
+PER_REFUSAL = 100  # boxes of the budget for each posture that the exact check refuses, as it is slower
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,13 +103,9 @@ def search_fixed_base(
     most : int
         Budget of boxes.
     own : SelfClearance
-        What the solids keep from each other and from a base; nothing by default.
+        Of the links from each other and from a base; none by default.
     accept : callable, optional
-        What else a posture (n,) must pass to be found; what it refuses is not ruled out by that.
-
-    Returns
-    -------
-    FixedBaseResult
+        A further test of a posture (n,); one that fails it is not ruled out.
 
     Raises
     ------
@@ -135,16 +131,28 @@ def search_fixed_base(
     task = fixed_base_for(
         _bounded(chain), link_capsules(chain, solids), whole, goal, tolerance, clearance, own
     )
+
+    def checked(q: Array) -> tuple[float, bool]:
+        room, met = _clearance(chain, solids, obstacles, q), _off(chain, goal, q) <= tolerance
+        return room if met else -np.inf, met and room >= clearance and (accept is None or accept(q))
+
+    return _first_accepted(task, checked, most)
+
+
+def _first_accepted(
+    task: FixedBase, checked: Callable[[Array], tuple[float, bool]], most: int
+) -> FixedBaseResult:
+    """Search until the exact check, of clearance [m] and acceptance, passes a posture."""
     boxes = begin(judge_postures, task, task.arm.lower[None], task.arm.upper[None])
     best, refused = -np.inf, 0
     while True:
         for slot in proven(boxes)[::-1].tolist():
-            q = frozen(posture_in(task, boxes.low[slot], boxes.high[slot]), (chain.dof,), "joints")
-            room, off = _clearance(chain, solids, obstacles, q), _off(chain, goal, q)
-            if room >= clearance and off <= tolerance and (accept is None or accept(q)):
+            q = frozen(posture_in(task, boxes.low[slot], boxes.high[slot]), (len(task.arm.axis),), "joints")
+            room, good = checked(q)
+            if good:
                 note = f"found: a posture with a clearance of {room:.6g} m, after {boxes.tally[JUDGED]} boxes"
                 return FixedBaseResult(Verdict.PROVEN, q, int(boxes.tally[JUDGED]), room, note)
-            refused, best = refused + 1, max(best, room if off <= tolerance else -np.inf)
+            refused, best = refused + 1, max(best, room)
             reopen(boxes, slot)
         boxes = explore_postures(task, boxes, most - PER_REFUSAL * refused)
         if verdict_of(boxes) != Verdict.PROVEN:
@@ -152,7 +160,7 @@ def search_fixed_base(
 
 
 def _clearance(chain: Chain, solids: Sequence[LinkCapsule], obstacles: Obstacles, q: Array) -> float:
-    """Least distance of all solids, meshes included, by the code that the rest of the house trusts."""
+    """Least distance of all solids, meshes included, by the collision code of the planner."""
     least, frames = np.inf, chain.frames(q)
     for solid in solids:
         frame = frames[solid.link]
@@ -203,7 +211,7 @@ def _check(
 
 
 def _out_of_reach(chain: Chain, target: Array, tolerance: float) -> str:
-    """Say why no posture at all reaches the target, where lengths alone tell; otherwise empty."""
+    """Words on why no posture reaches the target, where lengths alone decide; otherwise empty."""
     reach = longest_levers(chain, chain.dof - 1, chain.T_last_tool[:3, 3])[1]
     far = float(np.linalg.norm(target - chain.joints[0].T_parent_joint[:3, 3]))
     if far > reach + tolerance:

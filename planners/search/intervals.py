@@ -13,11 +13,11 @@ from regionik.planners.search.box_search import Verdict
 from regionik.worlds.arrays import Array
 
 TWO_PI = 2.0 * np.pi
-WORTH = 0.9  # another contraction follows one that left less than this of some side
+WORTH = 0.9  # a contraction is repeated if it left less than this share of some side
 
 
 @compiled
-def cosine(low: float, high: float) -> tuple[float, float]:
+def interval_cos(low: float, high: float) -> tuple[float, float]:
     """Cosine of an interval of angles [rad]."""
     if high - low >= TWO_PI:
         return -1.0, 1.0
@@ -31,20 +31,20 @@ def cosine(low: float, high: float) -> tuple[float, float]:
 
 
 @compiled
-def sine(low: float, high: float) -> tuple[float, float]:
+def interval_sin(low: float, high: float) -> tuple[float, float]:
     """Sine of an interval of angles [rad]."""
-    return cosine(low - 0.5 * np.pi, high - 0.5 * np.pi)
+    return interval_cos(low - 0.5 * np.pi, high - 0.5 * np.pi)
 
 
 @compiled
-def product(a: float, b: float, c: float, d: float) -> tuple[float, float]:
+def interval_product(a: float, b: float, c: float, d: float) -> tuple[float, float]:
     """(a, b) times (c, d)."""
     p, q, r, s = a * c, a * d, b * c, b * d
     return min(min(p, q), min(r, s)), max(max(p, q), max(r, s))
 
 
 @compiled
-def square(low: float, high: float) -> tuple[float, float]:
+def interval_square(low: float, high: float) -> tuple[float, float]:
     """Square of an interval."""
     a, b = low * low, high * high
     return (0.0 if low <= 0.0 <= high else min(a, b)), max(a, b)
@@ -62,7 +62,7 @@ def opening(own: float, other: float, low: float, high: float) -> tuple[float, f
 
 
 @compiled
-def direction(x0: float, x1: float, y0: float, y1: float) -> tuple[float, float]:
+def polar_angle(x0: float, x1: float, y0: float, y1: float) -> tuple[float, float]:
     """Angle of all points of a box, seen from the origin, as an interval that may pass pi [rad]."""
     if x0 <= 0.0 <= x1 and y0 <= 0.0 <= y1:
         return -np.pi, np.pi
@@ -78,7 +78,7 @@ def direction(x0: float, x1: float, y0: float, y1: float) -> tuple[float, float]
 
 @compiled
 def within_limits(low: float, high: float, lower: float, upper: float, rounding: float) -> Verdict:
-    """Judge an interval of angles against limits, whole turns aside [rad]."""
+    """Verdict on an interval of angles against limits, whole turns aside [rad]."""
     if lower == -np.inf and upper == np.inf:
         return Verdict.PROVEN
     lower = lower if lower > -np.inf else -np.pi  # as `angles.fit` takes what has one end
@@ -121,7 +121,7 @@ def contract(shift: Array, row: Array, low: float, high: float) -> bool:
 
 @compiled
 def cut_to(low: Array, high: Array, centre: Array, shift: Array) -> bool:
-    """Cut a box down to what `contract` left of it, seen from its centre; tells whether that was much."""
+    """Cut a box down to what `contract` left of it, relative to its centre; True where that was much."""
     much = False
     for k in range(len(centre)):
         much = much or shift[1, k] - shift[0, k] < WORTH * (high[k] - low[k])

@@ -1,8 +1,8 @@
 """Bounds of the motion of an arm's points while its joints stay within a box.
 
-The joints are moved one after the other, from the last to the first. When joint k moves, the joints before
-it still stand at the box's centre: its axis is where the centre posture has it, and the point is off that
-axis by what it was, plus what the joints behind have moved it. A turn by an angle moves a point by the chord.
+The joints are moved one after the other, from the last to the first. When joint k moves, the joints before it
+are still at the box's centre: its axis is that of the centre posture, and the point is at its distance there
+plus the motion by the joints behind. A turn by an angle moves a point by the chord.
 """
 
 from __future__ import annotations
@@ -136,7 +136,7 @@ def displacement_from_tool(
 def tool_displacement(
     arm: SerialArm, frames: Array, axes: Array, chord: Array, half: Array, levers: Array
 ) -> tuple[float, float]:
-    """Most that the tool moves, and most that this differs from what the Jacobian says [m]."""
+    """Most that the tool moves, and most that this differs from the linear motion by the Jacobian [m]."""
     n = len(half)
     tool = frames[n, :3, 3]
     moved = bent = 0.0

@@ -1,4 +1,4 @@
-"""Boxes of joint values of an arm on a fixed base, judged: is there a free posture with the tool on target?
+"""Judge of boxes of joint values of an arm on a fixed base: is there a free posture on target?
 
 A box is ruled out when the tool cannot reach the target anywhere in it, or when one capsule of the arm hits
 one obstacle, another capsule or the base everywhere in it. What is left is contracted by the reach condition
@@ -23,7 +23,7 @@ from regionik.planners.search.motion_bounds import (
     tool_displacement,
 )
 from regionik.planners.search.self_clearance import SelfClearance, hits_itself, self_clearance
-from regionik.planners.solvers.serial_chain import SerialArm, chain_frames, chain_jacobian
+from regionik.planners.solvers.serial_chain import SerialArm, chain_frames, chain_jacobian, joint_axes
 from regionik.worlds.arrays import Array
 
 SLACK = 1e-10  # rounding that no proof may rest on [m]
@@ -53,7 +53,7 @@ class FixedBase(NamedTuple):
 
     arm: SerialArm
     capsules: LinkCapsules
-    solids: Uprights  # what stands about
+    solids: Uprights  # obstacles
     target: Array  # (3,) in the arm's base frame [m]
     tolerance: float  # how far from the target the tool may be [m]
     clearance: float  # least distance from the solids [m]
@@ -72,7 +72,7 @@ def fixed_base_for(
     clearance: float,
     own: SelfClearance,
 ) -> FixedBase:
-    """Put a target to an arm, with scratch space."""
+    """Return the problem of an arm and a target, with scratch space."""
     n, s = len(arm.axis), len(capsules.link)
     posed = PosedArm(
         np.zeros(n), np.zeros(n), np.zeros(n), np.zeros((2, n)), np.zeros((n + 1, 4, 4)), np.zeros((n, 3)),
@@ -84,13 +84,13 @@ def fixed_base_for(
 
 @compiled
 def explore_postures(task: FixedBase, boxes: Boxes, budget: int) -> Boxes:
-    """Bisect the box whose centre is farthest from the obstacles, until a posture is found."""
+    """Bisect the box whose posture is farthest from the obstacles, until one is found."""
     return explore_in_kernel(judge_postures, task, boxes, budget, 1)
 
 
 @compiled
 def judge_postures(task: FixedBase, low: Array, high: Array) -> tuple[Verdict, float, int]:
-    """Contract a box and try it for a posture; its key is the clearance of what was tried."""
+    """Contract a box and try it for a posture; its key is the clearance of the posture tried."""
     if not may_hold(task, low, high):
         return Verdict.RULED_OUT, 0.0, WHOLE
     reaches = to_target(task) <= task.tolerance
@@ -117,7 +117,7 @@ def may_hold(task: FixedBase, low: Array, high: Array) -> bool:
     posed, levers = task.posed, task.capsules.levers[0]
     for _ in range(PASSES):
         _centre(posed, low, high)
-        off = pose(task)
+        off = place_arm(task)
         chords(task.arm, posed.half, posed.chord)
         moved, bent = tool_displacement(task.arm, posed.frames, posed.axes, posed.chord, posed.half, levers)
         if off > task.tolerance + moved + SLACK or not _contract_to_target(task, bent):
@@ -125,7 +125,7 @@ def may_hold(task: FixedBase, low: Array, high: Array) -> bool:
         if not cut_to(low, high, posed.q, posed.shift):
             break
     _centre(posed, low, high)
-    off = pose(task)
+    off = place_arm(task)
     chords(task.arm, posed.half, posed.chord)
     return not (
         _hits_obstacle(task, off)
@@ -191,7 +191,7 @@ def _contract_along(task: FixedBase, u: Array, bent: float) -> bool:
 
 @compiled
 def _hits_obstacle(task: FixedBase, off: float) -> bool:
-    """Tell whether a capsule is too near to an obstacle wherever in the box the tool reaches the target."""
+    """True where a capsule is too near to an obstacle wherever in the box the tool reaches the target."""
     arm, posed, capsules = task.arm, task.posed, task.capsules
     for s in range(len(capsules.link)):
         link = capsules.link[s]
@@ -223,18 +223,12 @@ def _hits_obstacle(task: FixedBase, off: float) -> bool:
 
 
 @compiled
-def pose(task: FixedBase) -> float:
+def place_arm(task: FixedBase) -> float:
     """Place the arm at ``posed.q``; returns the tool's distance from the target [m]."""
     arm, capsules, posed = task.arm, task.capsules, task.posed
     chain_frames(arm, posed.q, posed.frames)
     n = len(posed.q)
-    for k in range(n):
-        for i in range(3):
-            posed.axes[k, i] = (
-                posed.frames[k, i, 0] * arm.axis[k, 0]
-                + posed.frames[k, i, 1] * arm.axis[k, 1]
-                + posed.frames[k, i, 2] * arm.axis[k, 2]
-            )
+    joint_axes(arm, posed.frames, posed.axes)
     for s in range(len(capsules.link)):
         frame = posed.frames[capsules.link[s]]
         for end in range(2):
@@ -249,7 +243,7 @@ def pose(task: FixedBase) -> float:
 
 @compiled
 def clearance_of(task: FixedBase) -> float:
-    """Least distance of the capsules from the obstacles in the posture that `pose` was called with [m]."""
+    """Least distance of the capsules from the obstacles, the arm as `place_arm` left it [m]."""
     least = np.inf
     for s in range(len(task.capsules.link)):
         a, b, radius = task.posed.ends[s, 0], task.posed.ends[s, 1], task.capsules.radius[s]
@@ -266,7 +260,7 @@ def clearance_of(task: FixedBase) -> float:
 def to_target(task: FixedBase) -> float:
     """Damped least squares from ``posed.q`` towards the target, within limits; the distance left [m]."""
     posed, n = task.posed, len(task.posed.q)
-    off = pose(task)
+    off = place_arm(task)
     damping = DAMPING * np.max(task.capsules.levers[0]) ** 2 + 1e-300
     A, e = np.empty((3, 3)), np.empty(3)
     for _ in range(STEPS):
@@ -284,7 +278,7 @@ def to_target(task: FixedBase) -> float:
         for k in range(n):
             step = posed.J[0, k] * e[0] + posed.J[1, k] * e[1] + posed.J[2, k] * e[2]
             posed.q[k] = min(task.arm.upper[k], max(task.arm.lower[k], posed.q[k] + step))
-        off = pose(task)
+        off = place_arm(task)
     return off
 
 

@@ -36,7 +36,7 @@ NO_SELF_CLEARANCE = SelfClearance(
 
 @compiled
 def self_clearance(capsules: LinkCapsules, own: SelfClearance, ends: Array) -> float:
-    """Least distance of capsules, ends (s, 2, 3), from each other and the base, less what is wanted [m]."""
+    """Least distance of capsules, ends (s, 2, 3), from each other and the base, less the clearance [m]."""
     least = np.inf
     for i, k in own.pairs:
         apart = segment_distance(ends[i, 0], ends[i, 1], ends[k, 0], ends[k, 1])
@@ -62,7 +62,7 @@ def hits_itself(
     ends: Array,
     slack: float,
 ) -> bool:
-    """Tell whether two capsules, or one and the base, are too near to each other all over a box."""
+    """True where two capsules, or one and the base, are too near to each other all over a box."""
     for i, k in own.pairs:
         room = capsules.radius[i] + capsules.radius[k] + own.clearance - slack
         apart = segment_distance(ends[i, 0], ends[i, 1], ends[k, 0], ends[k, 1])

@@ -1,4 +1,4 @@
-"""Where M-FABRIK puts the base and how it turns it, compiled.
+"""Place and heading of the base in M-FABRIK, compiled.
 
 Source: M-FABRIK (Santos et al., IEEE Access 2020), Algorithm 1, MoveToAdmArea and SetBaseOrientation.
 """
@@ -13,12 +13,12 @@ from regionik.planners.geometry.angles import fit, wrap
 from regionik.planners.geometry.polygons import Index, clamp, compiled
 from regionik.worlds.arrays import Array
 
-FREE, FACE_TARGET, FIXED = range(3)  # what the heading of the base is to be
+FREE, FACE_TARGET, FIXED = range(3)  # policies for the heading of the base
 ROUNDING = 1e-9  # by which a heading may be outside its span [rad]
 
 
 class BaseArea(NamedTuple):
-    """Where the arm axis may stand.
+    """Admissible area of the arm axis.
 
     Attributes
     ----------
@@ -35,14 +35,14 @@ class BaseArea(NamedTuple):
 
 @compiled
 def move_to_area(area: BaseArea, x: float, y: float) -> tuple[float, float]:
-    """The place itself where the area holds it, else the area's nearest place (Alg. 1 l. 15-19)."""
+    """The place where the area holds it, else the nearest place of the area (Alg. 1 l. 15-19)."""
     if len(area.rings) <= 1:
         return x, y
     return clamp(area.vertices, area.rings, x, y)
 
 
 class Turning(NamedTuple):
-    """How base and pivot share a turn.
+    """Limits of pivot and base, which share a turn.
 
     Attributes
     ----------
@@ -68,13 +68,13 @@ def share_turn(plane: float, yaw: float, now: float, turning: Turning) -> tuple[
     Parameters
     ----------
     plane : float
-        What the base's heading and the pivot must add up to, by whole turns [rad].
+        Sum of the base's heading and the pivot, whole turns aside [rad].
     yaw, now : float
-        Heading and pivot as they are [rad].
+        Present heading and pivot [rad].
 
     Returns
     -------
-    pivot, heading [rad], whether that is within its span
+    pivot, heading [rad], True where the heading is within its span
     """
     lower, upper, heading, low, high = turning
     if heading == FACE_TARGET:

@@ -21,7 +21,7 @@ LONGEST_STEP = 1.0  # [rad] or [m]
 
 
 class Aim(NamedTuple):
-    """What the tool shall do, for kernels.
+    """Goal of the tool, for kernels.
 
     Attributes
     ----------
@@ -42,8 +42,8 @@ class Aim(NamedTuple):
 
 
 @compiled
-def misses(position: Vector, turn: Array, aim: Aim, miss: Array) -> tuple[float, float]:
-    """Write what is left to move and turn (6,) into ``miss``; returns both as lengths [m], [rad]."""
+def pose_error(position: Vector, turn: Array, aim: Aim, miss: Array) -> tuple[float, float]:
+    """Write the twist that is left (6,) into ``miss``; returns its lengths [m], [rad]."""
     for i in range(3):
         miss[i] = aim.position[i] - position[i]
         miss[3 + i] = 0.0
@@ -89,7 +89,7 @@ def polish(
     frames, J, miss, left = np.empty((n + 1, 4, 4)), np.empty((6, n)), np.empty(6), np.empty(6)
     trial, step = np.empty(n), np.empty(n)
     weight, damping = 0.5 * reach, 1e-3
-    error, angle = tool_misses(arm, aim, joints, frames, miss)
+    error, angle = tool_error(arm, aim, joints, frames, miss)
     for tried in range(most):
         if (error <= tolerance and angle <= angle_tolerance) or damping > MOST_DAMPING:
             return error, angle, tried
@@ -101,7 +101,7 @@ def polish(
         limited_step(arm, J, left, rows, damping * reach * reach, joints, step)
         for k in range(n):
             trial[k] = min(max(joints[k] + step[k], arm.lower[k]), arm.upper[k])
-        new_error, new_angle = tool_misses(arm, aim, trial, frames, left)
+        new_error, new_angle = tool_error(arm, aim, trial, frames, left)
         if new_error**2 + (weight * new_angle) ** 2 < error**2 + (weight * angle) ** 2:
             joints[:], miss[:] = trial, left
             error, angle = new_error, new_angle
@@ -112,10 +112,10 @@ def polish(
 
 
 @compiled
-def tool_misses(arm: SerialArm, aim: Aim, joints: Array, frames: Array, miss: Array) -> tuple[float, float]:
+def tool_error(arm: SerialArm, aim: Aim, joints: Array, frames: Array, miss: Array) -> tuple[float, float]:
     chain_frames(arm, joints, frames)
     tool = frames[len(joints)]
-    return misses((tool[0, 3], tool[1, 3], tool[2, 3]), tool[:3, :3], aim, miss)
+    return pose_error((tool[0, 3], tool[1, 3], tool[2, 3]), tool[:3, :3], aim, miss)
 
 
 @compiled

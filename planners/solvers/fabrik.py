@@ -31,9 +31,9 @@ class BendLimits(NamedTuple):
     middle, lower, upper : two floats
         Cosine and sine of the middle of the limits and of both limits.
     signs : float
-        How many of three signs must say that a bend is within: on the middle's side, beyond the lower limit,
-        before the upper one. 3 where the limits are less than half a turn apart, 1 where they are more, 0
-        where there are none.
+        Number of conditions that a bend within limits meets, of three: on the middle's side, above the lower
+        limit, below the upper one. 3 where the limits are less than half a turn apart, 1 where they are more,
+        0 where there are none.
     """
 
     middle: Pair
@@ -154,7 +154,7 @@ def _limited(limits: BendLimits, fixed: Pair, free: Pair, sense: float) -> Pair:
 
 @compiled
 def _within(limits: BendLimits, c: float, s: float) -> bool:
-    """Whether a bend, given by cosine and sine, is within its limits."""
+    """True where a bend, given by cosine and sine, is within its limits."""
     beside = c * limits.middle[0] + s * limits.middle[1] >= 0.0
     beyond = limits.lower[0] * s - limits.lower[1] * c >= 0.0
     before = c * limits.upper[1] - s * limits.upper[0] >= 0.0

@@ -13,11 +13,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from regionik.planners.solvers.damped_least_squares import DIRECTION, ORIENTATION, POSITION, Aim
-from regionik.planners.solvers.ik_diagnosis import why_not
-from regionik.planners.solvers.multistart_ik import Effort, solve, solve_batch
+from regionik.planners.solvers.multistart_ik import Effort, solve_ik, spread_postures
 from regionik.planners.solvers.rigid_bodies import RigidBodies, pointing_bodies, posing_bodies, span
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.chain import Chain
@@ -26,7 +25,7 @@ from regionik.worlds.errors import InputError
 
 @dataclass(frozen=True, eq=False)
 class Goal:
-    """Where the tool shall be, in the arm's base frame.
+    """Goal of the tool in the arm's base frame.
 
     Attributes
     ----------
@@ -61,12 +60,12 @@ class ArmPosture:
     joints : (dof,) array
         Within limits; the nearest posture found where it did not converge [rad] or [m].
     error, angle_error : float
-        What the tool misses [m], [rad]; the angle is 0 where the goal has none.
+        Of the tool [m], [rad]; the angle is 0 where the goal has none.
     iterations : int
         Passes, forward and backward together one, restarts included.
     restarts : int
     steps : tuple of str
-        What led to the answer: "passes", "restarts" where they began elsewhere, "polish" where it ended so.
+        Of "passes", "restarts", "polish": those that led to the answer.
     converged : bool
     reason : str
         One line when not converged, else empty.
@@ -80,18 +79,6 @@ class ArmPosture:
     steps: tuple[str, ...]
     converged: bool
     reason: str
-
-
-@dataclass(frozen=True, eq=False)
-class ArmPostures:
-    """The answers to m positions, as arrays: joints (m, dof), the others (m,); see `ArmPosture`."""
-
-    joints: Array
-    error: Array
-    iterations: NDArray[np.int64]
-    restarts: NDArray[np.int64]
-    polished: NDArray[np.bool_]
-    converged: NDArray[np.bool_]
 
 
 class ArmSolver:
@@ -137,8 +124,7 @@ class ArmSolver:
         """Solve one goal from a start posture, which is taken into the limits first."""
         chain, aim = self.chain, aim_of(goal)
         q = np.clip(frozen(joints, (chain.dof,), "joints"), chain.lower, chain.upper)
-        bodies = self.bodies(aim.kind)
-        _, _, passes, restarts, polished = solve(bodies, aim, self._starts(bodies), self.effort, q)
+        _, _, passes, restarts, polished = self.solve(aim, q)
         error, angle = confirm(chain, aim, q)
         converged = error <= self.effort.tolerance and angle <= self.effort.angle_tolerance
         steps = ("passes",) + ("restarts",) * (restarts > 0) + ("polish",) * bool(polished)
@@ -146,34 +132,16 @@ class ArmSolver:
         q.flags.writeable = False
         return ArmPosture(q, error, angle, passes, restarts, steps, converged, reason)
 
-    def batch(self, positions: ArrayLike, joints: ArrayLike) -> ArmPostures:
-        """Solve many positions (m, 3) from start postures (m, dof), or all from one (dof,)."""
-        p, q = rows_of(self.chain, positions, joints)
-        errors, counts = np.empty(len(p)), np.empty((len(p), 3), dtype=np.int64)
-        solve_batch(self.pointing, p, self._starts(self.pointing), self.effort, q, errors, counts)
-        errors = np.linalg.norm(self.chain.forward(q)[:, :3, 3] - p, axis=1)
-        return ArmPostures(
-            q, errors, counts[:, 0], counts[:, 1], counts[:, 2] > 0, errors <= self.effort.tolerance
-        )
-
     def bodies(self, kind: int) -> RigidBodies:
-        """The bodies that the kernel `solve` needs for a kind of aim."""
+        """The bodies that the kernel `solve_ik` needs for a kind of aim."""
         return self.pointing if kind == POSITION else self.posing
 
-    def _starts(self, bodies: RigidBodies) -> Array:
-        return np.ascontiguousarray(self.starts[:, : len(bodies.slide)])
-
-
-def rows_of(chain: Chain, positions: ArrayLike, joints: ArrayLike) -> tuple[Array, Array]:
-    """Checked positions (m, 3) and starts (m, dof), taken into the limits; one (dof,) does for all."""
-    p = np.array(frozen(positions, (None, 3), "positions"))  # writable, as the kernels were compiled for
-    start = np.asarray(joints, dtype=np.float64)
-    if start.ndim == 1:
-        start = np.broadcast_to(start, (len(p), len(start)))
-    q = np.clip(frozen(start, (None, chain.dof), "joints"), chain.lower, chain.upper)
-    if len(q) != len(p):
-        raise InputError(f"joints: expected {len(p)} rows, one a position, got {len(q)}")
-    return p, q
+    def solve(self, aim: Aim, joints: Array) -> tuple[float, float, int, int, bool]:
+        """`solve_ik` of the chain; overwrites ``joints`` (dof,), which are within the limits."""
+        bodies = self.bodies(aim.kind)
+        starts = np.ascontiguousarray(self.starts[:, : len(bodies.slide)])
+        found: tuple[float, float, int, int, bool] = solve_ik(bodies, aim, starts, self.effort, joints)
+        return found
 
 
 def aim_of(goal: Goal) -> Aim:
@@ -187,7 +155,7 @@ def aim_of(goal: Goal) -> Aim:
 
 
 def confirm(chain: Chain, aim: Aim, joints: Array) -> tuple[float, float]:
-    """What the tool misses [m], [rad] by the chain's own forward kinematics, in plain numpy."""
+    """Errors of the tool [m], [rad] by the chain's own forward kinematics, in plain numpy."""
     tool = chain.forward(joints)
     error = float(np.linalg.norm(tool[:3, 3] - aim.position))
     if aim.kind == POSITION:
@@ -198,15 +166,6 @@ def confirm(chain: Chain, aim: Aim, joints: Array) -> tuple[float, float]:
     R = aim.turn @ tool[:3, :3].T
     sine = 0.5 * np.linalg.norm([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
     return error, float(np.arctan2(sine, 0.5 * (np.trace(R) - 1.0)))
-
-
-def spread_postures(chain: Chain, reach: float, count: int, seed: int) -> Array:
-    """Postures (count, dof) drawn evenly within the limits; what has no end, within a turn or a reach."""
-    width = np.array([2 * np.pi if joint.kind == "revolute" else reach for joint in chain.joints])
-    lower = np.where(np.isfinite(chain.lower), chain.lower, chain.upper - width)
-    lower = np.where(np.isfinite(lower), lower, -0.5 * width)
-    upper = np.where(np.isfinite(chain.upper), chain.upper, lower + width)
-    return np.random.default_rng(seed).uniform(lower, upper, (count, chain.dof))
 
 
 def _unit(direction: ArrayLike) -> Array:
@@ -222,3 +181,84 @@ def _rotation(orientation: ArrayLike) -> Array:
     if np.abs(R @ R.T - np.eye(3)).max() > 1e-6 or np.linalg.det(R) < 0:
         raise InputError(f"goal: orientation must be a rotation matrix, got {R.tolist()}")
     return R
+
+
+def why_not(
+    chain: Chain,
+    aim: Aim,
+    starts: Array,
+    effort: Effort,
+    joints: Array,
+    error: float,
+    angle: float,
+    passes: int,
+) -> str:
+    """One line on why a goal was missed by ``error`` [m] and ``angle`` [rad] at ``joints``.
+
+    Proofs come first: too far, too near. Then the goal is solved again without limits, and without the tool's
+    direction. Else the search itself failed.
+    """
+    point = pointing_bodies(chain)
+    distance = float(np.linalg.norm(aim.position - point.root))
+    least, most = reach_bounds(point)
+    if distance > most + effort.tolerance:
+        return f"the target lies {distance - most:.4g} m beyond the arm's stretched length of {most:.4g} m"
+    if distance < least - effort.tolerance:
+        return f"the target is {least - distance:.4g} m closer than the arm can fold, {least:.4g} m"
+    bodies = point if aim.kind == POSITION else posing_bodies(chain)
+    beyond = _without_limits(bodies, aim, starts, effort, joints)
+    if beyond:
+        return f"no posture within the joint limits was found; without them {beyond}"
+    if aim.kind != POSITION and _position_alone(point, aim, starts, effort, joints):
+        what = f"{error:.4g} m and {angle:.4g} rad" if error > effort.tolerance else f"{angle:.4g} rad"
+        return f"the position can be reached, but not in this direction: {what} are missing"
+    missing = f"{error:.4g} m" if angle <= effort.angle_tolerance else f"{error:.4g} m and {angle:.4g} rad"
+    return f"passes stalled {missing} from the goal after {passes} passes from {len(starts) + 1} postures"
+
+
+def reach_bounds(bodies: RigidBodies) -> tuple[float, float]:
+    """Least and greatest distance of the tool from the root point that the bodies' lengths allow [m]."""
+    longest = np.linalg.norm(bodies.outer, axis=1)
+    shortest = longest.copy()
+    for k in np.flatnonzero(~bodies.arm.revolute):
+        travel = np.array([bodies.arm.lower[k], bodies.arm.upper[k]])
+        if not np.isfinite(travel).all():
+            return 0.0, np.inf
+        middle = float(np.clip(-bodies.outer[k] @ bodies.arm.axis[k], *travel))
+        ends = bodies.outer[k] + np.multiply.outer(np.append(travel, middle), bodies.arm.axis[k])
+        lengths = np.linalg.norm(ends, axis=1)
+        longest[k], shortest[k] = lengths.max(), lengths.min()
+    rest = longest.sum() - longest
+    return float(max(0.0, (shortest - rest).max())), float(longest.sum())
+
+
+def _without_limits(bodies: RigidBodies, aim: Aim, starts: Array, effort: Effort, joints: Array) -> str:
+    """Words on the joint farthest past its limits once it may be; empty where the goal is missed even so."""
+    arm = bodies.arm
+    if np.isinf(arm.lower).all() and np.isinf(arm.upper).all():
+        return ""
+    free = arm._replace(lower=np.full_like(arm.lower, -np.inf), upper=np.full_like(arm.upper, np.inf))
+    n, q = len(arm.axis), joints.copy()
+    error, angle, *_ = solve_ik(
+        bodies._replace(arm=free),
+        aim,
+        np.ascontiguousarray(starts[:, :n]),
+        effort._replace(polishing=True),
+        q,
+    )
+    if error > effort.tolerance or angle > effort.angle_tolerance:
+        return ""
+    middle = np.where(np.isfinite(arm.lower + arm.upper), 0.5 * (arm.lower + arm.upper), q[:n])
+    turns = np.where(arm.revolute, np.round((q[:n] - middle) / (2 * np.pi)), 0.0)
+    q[:n] -= 2 * np.pi * turns
+    excess = np.maximum(arm.lower - q[:n], q[:n] - arm.upper)
+    k = int(np.argmax(excess))
+    unit = "rad" if arm.revolute[k] else "m"
+    return f"the goal is met, joint {k + 1} being {excess[k]:.4g} {unit} past its limit"
+
+
+def _position_alone(bodies: RigidBodies, aim: Aim, starts: Array, effort: Effort, joints: Array) -> bool:
+    n, q = len(bodies.slide), joints.copy()
+    at = Aim(aim.position, POSITION, np.eye(3))
+    error, *_ = solve_ik(bodies, at, np.ascontiguousarray(starts[:, :n]), effort._replace(polishing=True), q)
+    return bool(error <= effort.tolerance)

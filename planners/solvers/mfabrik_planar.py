@@ -27,8 +27,8 @@ from regionik.planners.solvers.fabrik import (
     forward_reaching,
     knots_at,
 )
-from regionik.planners.solvers.planar_arm import (
-    PlaneArm,
+from regionik.planners.solvers.planar_kinematics import (
+    PlanarLinkage,
     fitted_bends,
     nearest_posture,
     widest_posture,
@@ -37,8 +37,8 @@ from regionik.planners.solvers.planar_setup import (
     PlanarSetup,
     PlanarState,
     Record,
+    linkage_of,
     links_of,
-    plane_arm,
     state_of,
     to_axis,
     turning_of,
@@ -56,7 +56,7 @@ NO_VERTICES, NO_RINGS = np.empty((0, 2)), np.zeros(1, np.int64)  # of an area th
 
 
 class PlanarGoal(NamedTuple):
-    """Where the tool shall be [m]; facing, pitch and tolerance as in `PlanarSetup`."""
+    """Target of the tool [m]; facing, pitch and tolerance as in `PlanarSetup`."""
 
     target: Triple
     facing: int
@@ -65,12 +65,12 @@ class PlanarGoal(NamedTuple):
 
 
 @compiled
-def follow(
+def planar_passes(
     links: PlanarLinks, area: BaseArea, goal: PlanarGoal, start: PlanarState, most: int, patience: int
 ) -> tuple[float, int, PlanarState]:
-    """M-FABRIK, Algorithm 1, from one start: error [m], passes and where they lead.
+    """M-FABRIK, Algorithm 1, from one start: error [m], passes and the last state.
 
-    It gives up after ``most`` passes, and where the error has not come down in ``patience`` of them.
+    It ends after ``most`` passes, or ``patience`` of them without progress.
     """
     x, y, z = start.x, start.y, goal.target[2]
     u, v = direction(start.yaw)
@@ -103,7 +103,7 @@ def follow(
 
 @compiled
 def _may_stay(area: BaseArea, goal: PlanarGoal, start: PlanarState) -> bool:
-    """Whether a start that is on target is an answer: its base in the area, its last link at the pitch.
+    """True where a start on target is an answer: its base in the area, its last link at the pitch.
 
     A base that has become inadmissible must move even where the tool is in place already.
     """
@@ -144,15 +144,14 @@ def _miss(links: PlanarLinks, goal: PlanarGoal, tool: Pair, r: float, knots: Kno
 
 
 @compiled
-def follow_with_restarts(
-    arm: PlaneArm, links: PlanarLinks, restarts: Array, area: BaseArea, goal: PlanarGoal,
+def planar_restarts(
+    arm: PlanarLinkage, links: PlanarLinks, restarts: Array, area: BaseArea, goal: PlanarGoal,
     start: PlanarState, most: int,
 ) -> tuple[float, int, PlanarState]:  # fmt: skip
     """M-FABRIK with restarts: the given posture, then ``restarts`` (k, 3), then the widest one at the base.
 
-    Limits can stall the passes, and a start that stalls is left for the next one; where none gets there, all
-    are followed to the end. The last resort looks through the arm's self-motion, so that a base in the
-    admissible area is never given up.
+    Limits can stall the passes, and a start that stalls is left for the next one; where none converges, all
+    are followed to the end. Last the arm's self-motion is searched, so that no admissible place is given up.
 
     Returns
     -------
@@ -163,7 +162,7 @@ def follow_with_restarts(
         k, patience = attempt % count, PATIENCE if attempt < count else most + 1
         bends = start.bends if k == 0 else (restarts[k - 1, 0], restarts[k - 1, 1], restarts[k - 1, 2])
         begun = PlanarState(start.x, start.y, start.yaw, bends)
-        error, passes, found = follow(links, area, goal, begun, most, patience)
+        error, passes, found = planar_passes(links, area, goal, begun, most, patience)
         total += passes
         if error <= goal.tolerance:
             if total > 0:  # to the last digit within the limits
@@ -178,7 +177,7 @@ def follow_with_restarts(
 
 @compiled
 def _widest(
-    arm: PlaneArm, links: PlanarLinks, area: BaseArea, goal: PlanarGoal, start: PlanarState
+    arm: PlanarLinkage, links: PlanarLinks, area: BaseArea, goal: PlanarGoal, start: PlanarState
 ) -> tuple[float, PlanarState]:
     """The widest posture from the base, or where the floor is free from any distance.
 
@@ -206,7 +205,7 @@ def _widest(
 
 
 @compiled
-def solve(
+def solve_planar(
     setup: Record, vertices: Array, rings: Index, mobile: bool, target: Array, base: Array, joints: Array
 ) -> tuple[float, int, bool]:
     """Move base (3,) and joints (dof,), which are overwritten, so that the tool reaches a target (3,).
@@ -222,7 +221,7 @@ def solve(
 
     Returns
     -------
-    error [m], passes, whether the target is met at a heading within its span
+    error [m], passes, True where the target is met at a heading within its span
     """
     one = setup[0]
     return _solve(one, turning_of(one), BaseArea(vertices, rings, mobile), target, base, joints)
@@ -232,13 +231,11 @@ def solve(
 def _solve(
     setup: PlanarSetup, turning: Turning, area: BaseArea, target: Array, base: Array, joints: Array
 ) -> tuple[float, int, bool]:
-    """`solve` with a turning of its own."""
-    arm, links = plane_arm(setup), links_of(setup)
+    """`solve_planar` with a turning of its own."""
+    arm, links = linkage_of(setup), links_of(setup)
     goal = PlanarGoal((target[0], target[1], target[2]), setup.facing, setup.pitch, setup.tolerance)
     start = state_of(setup, base, joints)
-    error, passes, found = follow_with_restarts(
-        arm, links, setup.restarts, area, goal, start, setup.max_passes
-    )
+    error, passes, found = planar_restarts(arm, links, setup.restarts, area, goal, start, setup.max_passes)
     fits = write_state(setup, turning, found, start.bends, base, joints)
     return error, passes, fits and error <= goal.tolerance
 
@@ -262,7 +259,7 @@ def _least_change(
     near[0], near[1], near[2] = start.bends
     dx, dy = target[0] - start.x, target[1] - start.y
     r, yaw = setup.facing * math.hypot(dx, dy), math.atan2(setup.facing * dy, setup.facing * dx)
-    change = nearest_posture(plane_arm(setup), setup.pitch, r, target[2], near, bends, PITCHES, TILT)
+    change = nearest_posture(linkage_of(setup), setup.pitch, r, target[2], near, bends, PITCHES, TILT)
     if not np.isfinite(change):
         return change, False
     found = PlanarState(start.x, start.y, yaw, (bends[0], bends[1], bends[2]))
@@ -270,10 +267,10 @@ def _least_change(
 
 
 @compiled
-def solve_many(
+def solve_planar_many(
     setup: Record, vertices: Array, rings: Index, targets: Array, bases: Array, joints: Array
 ) -> tuple[Array, Index, NDArray[np.bool_]]:
-    """`solve` for rows of targets (n, 3), bases (n, 3) and joints (n, dof), the last two overwritten.
+    """`solve_planar` for rows of targets (n, 3), bases (n, 3) and joints (n, dof), the last two overwritten.
 
     Returns
     -------
@@ -282,18 +279,20 @@ def solve_many(
     n = len(targets)
     errors, passes, met = np.empty(n), np.empty(n, np.int64), np.empty(n, np.bool_)
     for k in range(n):
-        errors[k], passes[k], met[k] = solve(setup, vertices, rings, True, targets[k], bases[k], joints[k])
+        errors[k], passes[k], met[k] = solve_planar(
+            setup, vertices, rings, True, targets[k], bases[k], joints[k]
+        )
     return errors, passes, met
 
 
 @compiled
-def solve_along(
+def solve_planar_along(
     setup: Record, targets: Array, places: Array, wished: Array, bend: float, base: Array, joints: Array
 ) -> tuple[Array, Array]:
-    """Base poses (k, 3) and joints (k, dof) on a way, each from the one before, up to the first without any.
+    """Base poses (k, 3) and joints (k, dof) along a path, each from the one before, until none is found.
 
-    The arm axis is held at each place. FABRIK from the wished posture comes first; where its passes stall or
-    jump, the posture of least change.
+    The arm axis is held at each place. FABRIK from the wished posture is tried first, then the posture of
+    least change where its passes stall or the arm would jump.
 
     Parameters
     ----------

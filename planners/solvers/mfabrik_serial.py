@@ -14,13 +14,13 @@ from regionik.planners.geometry.polygons import compiled
 from regionik.planners.solvers.base_placement import BaseArea, move_to_area
 from regionik.planners.solvers.damped_least_squares import Aim
 from regionik.planners.solvers.fabrikr import Posture, backward_pass, posture_of
-from regionik.planners.solvers.multistart_ik import Effort, inward_pass, posture_misses, share_of, solve
+from regionik.planners.solvers.multistart_ik import Effort, inward_pass, posture_error, share_of, solve_ik
 from regionik.planners.solvers.rigid_bodies import RigidBodies
 from regionik.worlds.arrays import Array
 
 
 class ArmStand(NamedTuple):
-    """How an arm stands on its base.
+    """Mounting of an arm on its base.
 
     Attributes
     ----------
@@ -36,7 +36,7 @@ class ArmStand(NamedTuple):
 
 
 @compiled
-def follow_with_restarts(
+def solve_serial(
     bodies: RigidBodies,
     stand: ArmStand,
     starts: Array,
@@ -74,7 +74,7 @@ def follow_with_restarts(
         place[:] = first
         trial[:] = joints[:n] if attempt == 0 else starts[attempt - 1]
         posture = posture_of(bodies, trial)
-        error, angle, used = follow(bodies, stand, area, place, aim, effort, posture)
+        error, angle, used = serial_passes(bodies, stand, area, place, aim, effort, posture)
         passes += used
         share = share_of(error, angle, effort)
         if share <= 1.0:
@@ -86,12 +86,12 @@ def follow_with_restarts(
             nearest[:] = place
     place[:] = nearest  # inside the area: the last pass took it there
     seen = in_arm_frame(place, stand.yaw, stand.rise, aim)
-    error, angle, used, _, _ = solve(bodies, seen, starts, effort, joints)
+    error, angle, used, _, _ = solve_ik(bodies, seen, starts, effort, joints)
     return error, angle, passes + used
 
 
 @compiled
-def follow(
+def serial_passes(
     bodies: RigidBodies,
     stand: ArmStand,
     area: BaseArea,
@@ -103,7 +103,7 @@ def follow(
     """M-FABRIK, Algorithm 1, from one posture: misses [m], [rad] and passes; overwrites place and posture."""
     c, s, passes = np.cos(stand.yaw), np.sin(stand.yaw), 0
     goal, miss = in_arm_frame(place, stand.yaw, stand.rise, aim), np.empty(6)
-    error, angle = posture_misses(bodies, goal, posture, miss)  # M-FABRIK, Alg. 1 l. 8
+    error, angle = posture_error(bodies, goal, posture, miss)  # M-FABRIK, Alg. 1 l. 8
     # A base that has become inadmissible must move even where the tool is in place already.
     if share_of(error, angle, effort) <= 1.0 and move_to_area(area, place[0], place[1]) == (
         place[0],
@@ -121,7 +121,7 @@ def follow(
         place[0], place[1] = x, y
         _shift(posture, goal, by_x, by_y)
         backward_pass(bodies, posture)  # l. 21
-        error, angle = posture_misses(bodies, goal, posture, miss)  # l. 23
+        error, angle = posture_error(bodies, goal, posture, miss)  # l. 23
         if share_of(error, angle, effort) <= 1.0:
             break
     return error, angle, passes

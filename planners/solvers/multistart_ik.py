@@ -5,23 +5,24 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from regionik.planners.geometry.angles import wrap
 from regionik.planners.geometry.polygons import compiled
-from regionik.planners.solvers.damped_least_squares import DIRECTION, POSITION, Aim, misses, polish
+from regionik.planners.solvers.damped_least_squares import DIRECTION, POSITION, Aim, polish, pose_error
 from regionik.planners.solvers.fabrikr import (
     Posture,
     backward_pass,
     forward_pass,
     forward_start_posed,
     forward_step,
+    matmul3,
+    matmul3_transposed,
     posture_of,
 )
-from regionik.planners.solvers.joint_turns import product, product_back
 from regionik.planners.solvers.rigid_bodies import RigidBodies
 from regionik.planners.solvers.serial_chain import rotate_about
 from regionik.worlds.arrays import Array
+from regionik.worlds.chain import Chain
 
 WINDOW = 5  # passes over which progress is judged
 PATIENCE = 40  # passes that a start may still need at its present pace
@@ -29,7 +30,7 @@ MOST_STEPS = 60  # of polishing one start
 
 
 class Effort(NamedTuple):
-    """When to be content and when to give up.
+    """Tolerances and limits of a solve.
 
     Attributes
     ----------
@@ -50,13 +51,13 @@ class Effort(NamedTuple):
 
 
 @compiled
-def solve(
+def solve_ik(
     bodies: RigidBodies, aim: Aim, starts: Array, effort: Effort, joints: Array
 ) -> tuple[float, float, int, int, bool]:
     """Bring the tool to its aim: passes from ``joints``, then from each of ``starts``, each end polished.
 
-    To polish first and start again only then is what makes real arms fast: on most of them passes alone
-    stall at their offsets, within a few steps of an answer.
+    Polishing before a restart is what makes real arms fast: on most of them passes alone stall at their
+    offsets, within a few steps of an answer.
 
     Parameters
     ----------
@@ -104,15 +105,15 @@ def follow_passes(
 ) -> tuple[float, float, int]:
     """Passes from one start; ``joints`` (n,) becomes the best posture met.
 
-    At its present pace a start may need `PATIENCE` passes more; the last one (``to_the_end``) is dropped
-    only when it makes no headway at all.
+    A start is dropped when it would need more than `PATIENCE` passes at its present pace, the last one
+    (``to_the_end``) only when it makes no progress at all.
     """
     posture = posture_of(bodies, joints)
     miss = np.empty(6)
     trail = np.empty(effort.most_passes + 1)
     best, best_error, best_angle, used = np.inf, np.inf, np.inf, 0
     for used in range(effort.most_passes + 1):
-        error, angle = posture_misses(bodies, aim, posture, miss)
+        error, angle = posture_error(bodies, aim, posture, miss)
         share = share_of(error, angle, effort)
         if share < best:
             best, best_error, best_angle = share, error, angle
@@ -149,30 +150,30 @@ def _wanted_last(bodies: RigidBodies, aim: Aim, posture: Posture, turn: Array) -
     last, wanted = posture.turns[len(posture.joints) - 1], aim.turn.copy()
     if aim.kind == DIRECTION or aim.cone > 0.0:
         now, miss, spin = np.empty((3, 3)), np.empty(6), np.empty((3, 3))
-        product(last, bodies.arm.tool, now)
-        misses((0.0, 0.0, 0.0), now, aim, miss)
+        matmul3(last, bodies.arm.tool, now)
+        pose_error((0.0, 0.0, 0.0), now, aim, miss)
         angle = np.sqrt(miss[3] ** 2 + miss[4] ** 2 + miss[5] ** 2)
         wanted[:] = now
         if angle > 0.0:
             rotate_about(miss[3:] / angle, angle, spin)
-            product(spin, now, wanted)
-    product_back(wanted, bodies.arm.tool, turn)
+            matmul3(spin, now, wanted)
+    matmul3_transposed(wanted, bodies.arm.tool, turn)
 
 
 @compiled
-def posture_misses(bodies: RigidBodies, aim: Aim, posture: Posture, miss: Array) -> tuple[float, float]:
-    """What the tool misses [m], [rad]; ``miss`` (6,) becomes the way there."""
+def posture_error(bodies: RigidBodies, aim: Aim, posture: Posture, miss: Array) -> tuple[float, float]:
+    """Error of the tool [m], [rad]; ``miss`` (6,) becomes the twist that is left."""
     n = len(posture.joints)
     position = (posture.outer[n, 0], posture.outer[n, 1], posture.outer[n, 2])
     turn = posture.turns[n - 1].copy()
     if aim.kind != POSITION:
-        product(posture.turns[n - 1], bodies.arm.tool, turn)
-    return misses(position, turn, aim, miss)
+        matmul3(posture.turns[n - 1], bodies.arm.tool, turn)
+    return pose_error(position, turn, aim, miss)
 
 
 @compiled
 def share_of(error: float, angle: float, effort: Effort) -> float:
-    """The larger of both misses as a share of its tolerance; rounding must not lift it over 1 later."""
+    """Larger of both errors as a share of its tolerance, rounded up so that it cannot exceed 1 later."""
     return (1.0 + 1e-9) * max(error / effort.tolerance, angle / effort.angle_tolerance)
 
 
@@ -186,23 +187,10 @@ def _unwind(bodies: RigidBodies, answer: Array, joints: Array) -> None:
         joints[k] = value
 
 
-@compiled
-def solve_batch(
-    bodies: RigidBodies,
-    positions: Array,
-    starts: Array,
-    effort: Effort,
-    joints: Array,
-    errors: Array,
-    counts: NDArray[np.int64],
-) -> None:
-    """`solve` for many positions (m, 3); overwrites joints (m, dof), errors (m,), counts (m, 3).
-
-    A row of counts: passes, restarts, 1 where it was polished.
-    """
-    turn = np.eye(3)
-    for i in range(len(positions)):
-        aim = Aim(positions[i], POSITION, turn, 0.0)
-        error, _, passes, restarts, polished = solve(bodies, aim, starts, effort, joints[i])
-        errors[i] = error
-        counts[i, 0], counts[i, 1], counts[i, 2] = passes, restarts, 1 if polished else 0
+def spread_postures(chain: Chain, reach: float, count: int, seed: int) -> Array:
+    """Postures (count, dof) drawn evenly within the limits; joints without any, within a turn or a reach."""
+    width = np.array([2 * np.pi if joint.kind == "revolute" else reach for joint in chain.joints])
+    lower = np.where(np.isfinite(chain.lower), chain.lower, chain.upper - width)
+    lower = np.where(np.isfinite(lower), lower, -0.5 * width)
+    upper = np.where(np.isfinite(chain.upper), chain.upper, lower + width)
+    return np.random.default_rng(seed).uniform(lower, upper, (count, chain.dof))

@@ -11,7 +11,7 @@ from regionik.planners.geometry.angles import wrap
 from regionik.planners.geometry.polygons import compiled
 from regionik.planners.solvers.base_placement import Turning, share_turn
 from regionik.planners.solvers.fabrik import Pair, PlanarLinks, Triple, bend_limits, direction
-from regionik.planners.solvers.planar_arm import PlaneArm
+from regionik.planners.solvers.planar_kinematics import PlanarLinkage
 from regionik.worlds.arrays import Array
 
 Record = NDArray[Any]
@@ -129,8 +129,8 @@ def to_axis(setup: PlanarSetup, yaw: float) -> Pair:
 
 
 @compiled
-def plane_arm(setup: PlanarSetup) -> PlaneArm:
-    return PlaneArm(setup.shoulder[0], setup.shoulder[1], setup.lengths, setup.lower, setup.upper)
+def linkage_of(setup: PlanarSetup) -> PlanarLinkage:
+    return PlanarLinkage(setup.shoulder[0], setup.shoulder[1], setup.lengths, setup.lower, setup.upper)
 
 
 @compiled

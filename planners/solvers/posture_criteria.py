@@ -13,7 +13,7 @@ import numpy as np
 
 from regionik.planners.geometry.angles import TWO_PI
 from regionik.planners.geometry.polygons import compiled
-from regionik.planners.solvers.planar_arm import PlaneArm, fitted_bends, slack, wrist_triangle
+from regionik.planners.solvers.planar_kinematics import PlanarLinkage, fitted_bends, slack, wrist_triangle
 from regionik.worlds.arms import PlanarArm
 from regionik.worlds.arrays import Array
 from regionik.worlds.criteria import Criteria
@@ -45,7 +45,7 @@ class Thresholds(NamedTuple):
 
 @lru_cache(maxsize=256)
 def thresholds_of(arm: PlanarArm, robot: Robot, criteria: Criteria) -> tuple[Thresholds, Thresholds]:
-    """What criteria ask of an arm in one plane besides its limits: thresholds for inner reach, and for outer.
+    """Thresholds that criteria set an arm in one plane, for inner reach and for outer.
 
     Masses off the axis of the roll joint pull as the roll turns them. Inner thresholds hold at any roll,
     outer ones may hold at some; without such masses both are one.
@@ -92,7 +92,9 @@ def _placed(load: LinkMass, frames: Array) -> Array:
 
 
 @compiled
-def spare(arm: PlaneArm, thresholds: Thresholds, r: float, z: float, a: float, b: float, c: float) -> float:
+def spare(
+    arm: PlanarLinkage, thresholds: Thresholds, r: float, z: float, a: float, b: float, c: float
+) -> float:
     """Least margin of a posture to the thresholds, as a share of them; negative where one is not met.
 
     Parameters
@@ -123,7 +125,7 @@ def spare(arm: PlaneArm, thresholds: Thresholds, r: float, z: float, a: float, b
 
 
 @compiled
-def posture_spare(arm: PlaneArm, thresholds: Thresholds, bends: Array) -> float:
+def posture_spare(arm: PlanarLinkage, thresholds: Thresholds, bends: Array) -> float:
     """As `spare`, of bends (3,)."""
     r, z, angle = arm.shoulder_r, arm.shoulder_z, 0.0
     for k in range(3):
@@ -136,7 +138,7 @@ def posture_spare(arm: PlaneArm, thresholds: Thresholds, bends: Array) -> float:
 
 @compiled
 def _at(
-    arm: PlaneArm, thresholds: Thresholds, r: float, z: float, pitch: float, elbow: float, bends: Array
+    arm: PlanarLinkage, thresholds: Thresholds, r: float, z: float, pitch: float, elbow: float, bends: Array
 ) -> float:
     """`spare` of the one posture with a pitch and elbow, its bends filled in; -inf where there is none."""
     lead, root, tip, ok = wrist_triangle(arm, r, z, pitch)
@@ -149,7 +151,7 @@ def _at(
 
 @compiled
 def meeting_posture(
-    arm: PlaneArm,
+    arm: PlanarLinkage,
     thresholds: Thresholds,
     pitch: float,
     r: float,
@@ -158,10 +160,10 @@ def meeting_posture(
     bends: Array,
     tries: int,
 ) -> bool:
-    """Among ``tries`` pitches, or the one given, the posture on (r, z) nearest to ``near`` that meets all.
+    """Fill in bends (3,) of the posture on (r, z) nearest to ``near`` that meets the thresholds by `COMFORT`.
 
-    It does so with `COMFORT`. Where none of them does, pitches about the best are tried ever closer, for any
-    that meets all. Fills bends (3,); False where no posture was found.
+    ``tries`` pitches are looked at, or the one given. Where none will do, pitches ever closer to the best are
+    tried for one that just meets them. False where no posture was found.
     """
     count = 1 if np.isfinite(pitch) else tries
     tried, best = np.empty(3), np.zeros(2)

@@ -38,7 +38,7 @@ class RigidBodies(NamedTuple):
     next_axis : (n, 3) array
         Axis of joint k + 1 in the frame of link k; zeros for the last.
     outward_aim, inward_aim : (n,) array of int
-        What decides the turn of joint k in a pass: the point to point at, or -1 where eq. (6) decides.
+        The point that joint k points at in a pass, or -1 where eq. (6) decides its turn.
     outward_plane, inward_plane : (n,) array of int
         Eq. (6): the axis that must become normal to the line to the point in ``..._goal``.
     outward_goal, inward_goal : (n,) array of int
@@ -150,14 +150,14 @@ def _slides(arm: SerialArm, after: list[Array], next_axis: Array) -> tuple[Array
 
 
 def _parallel(arm: SerialArm, next_axis: Array, k: int) -> bool:
-    """Whether axes k and k + 1, both revolute, are parallel."""
+    """True where axes k and k + 1, both revolute, are parallel."""
     return bool(np.linalg.norm(np.cross(arm.axis[k], next_axis[k])) <= PARALLEL)
 
 
 def _rule(
     arm: SerialArm, next_axis: Array, links: Array, slide: Array, k: int, way: int
 ) -> tuple[int, int, int]:
-    """How joint k chooses its turn going outward (``way`` 1) or inward (-1): aim, plane, goal."""
+    """Rule by which joint k turns, outward (``way`` 1) or inward (-1): its aim, plane and goal."""
     n, length = len(arm.axis), span(arm)
     last = n if way > 0 else 0
     if k == last:

@@ -112,18 +112,27 @@ def chain_on(arm: SerialArm, joints: Array, frames: Array) -> None:
 
 
 @compiled
-def chain_jacobian(arm: SerialArm, frames: Array, J: Array) -> None:
-    """Write the tool's linear and angular velocity for each joint's unit speed into ``J`` (6, n)."""
-    n = len(arm.axis)
-    tool = frames[n, :3, 3]
-    axis, lever = np.empty(3), np.empty(3)
-    for k in range(n):
+def joint_axes(arm: SerialArm, frames: Array, axes: Array) -> None:
+    """Write the unit vectors of the joint axes into ``axes`` (n, 3), in the base frame."""
+    for k in range(len(arm.axis)):
         for i in range(3):
-            axis[i] = (
+            axes[k, i] = (
                 frames[k, i, 0] * arm.axis[k, 0]
                 + frames[k, i, 1] * arm.axis[k, 1]
                 + frames[k, i, 2] * arm.axis[k, 2]
             )
+
+
+@compiled
+def chain_jacobian(arm: SerialArm, frames: Array, J: Array) -> None:
+    """Write the tool's linear and angular velocity for each joint's unit speed into ``J`` (6, n)."""
+    n = len(arm.axis)
+    tool = frames[n, :3, 3]
+    axes, lever = np.empty((n, 3)), np.empty(3)
+    joint_axes(arm, frames, axes)
+    for k in range(n):
+        axis = axes[k]
+        for i in range(3):
             lever[i] = tool[i] - frames[k, i, 3]
         if arm.revolute[k]:
             J[0, k] = axis[1] * lever[2] - axis[2] * lever[1]

@@ -1,7 +1,7 @@
-"""The floor as the arm axis sees it: where it may not stand, and what forbids it.
+"""Free floor of the arm axis: the floor less the shadows of solids, grown by footprint and clearance.
 
 All areas are sets of arm-axis positions. A footprint keeps its clearance at every heading where the axis
-keeps ``clearance`` plus the footprint's largest distance from the axis; nowhere where it does not keep
+keeps ``clearance`` plus the footprint's largest distance from the axis, and at none where it does not keep
 ``clearance`` plus the smallest. The first gives inner areas, the second outer ones.
 """
 
@@ -21,25 +21,25 @@ from regionik.planners.geometry.offsets import grown, shrunk
 from regionik.worlds.obstacles import Shadow, Solid
 from regionik.worlds.scene import World
 
-GUARD = 1e-6  # kept beyond every bound of an inner area, so that rounding never breaks one [m]
+GUARD = 1e-6  # margin of inner areas at every bound, against rounding [m]
 
-EVERY = (-np.inf, np.inf)  # heading
+EVERY = (-np.inf, np.inf)  # heading of the base
 
 Geometries = NDArray[np.object_]
 
 
 @dataclass(frozen=True, eq=False)
 class Side:
-    """Rejection and floor of one side, inner or outer, ready for bulk booleans.
+    """Floor and rejected parts, inner or outer, within a span of headings; ready for bulk booleans.
 
     Attributes
     ----------
     floor : BaseGeometry
-        Where the axis may be, obstacles left aside.
+        Of the axis, without obstacles.
     parts : array of Polygon
-        Disjoint pieces of the rejection.
+        Rejected, disjoint.
     span : (low, high)
-        Headings of the base that it is about [rad].
+        Headings of the base [rad].
     """
 
     floor: BaseGeometry
@@ -52,7 +52,7 @@ class Side:
 
     @cached_property
     def free(self) -> BaseGeometry:
-        """Navigable floor minus rejection."""
+        """Floor less the rejected parts."""
         return shapely.difference(self.floor, shapely.union_all(self.parts))
 
     @cached_property
@@ -63,7 +63,7 @@ class Side:
         return pieces
 
     def subtract(self, shapes: Geometries) -> Geometries:
-        """Take floor edge and rejection away from many shapes at once."""
+        """Cut many shapes to the floor, and take the rejected parts from them."""
         left = shapes.copy()
         shapely.prepare(self.floor)
         cut = ~shapely.contains_properly(self.floor, left)
@@ -88,7 +88,7 @@ class Side:
         return left
 
     def _local(self, shapes: Geometries, which: NDArray[np.intp], part: NDArray[np.intp]) -> Geometries:
-        """Parts met by shapes; large ones clipped to the shape's surroundings first."""
+        """Parts that intersect shapes, large ones clipped to the shape's surroundings."""
         pieces: Geometries = self.parts[part]
         for k in np.flatnonzero(shapely.get_num_coordinates(self.parts)[part] > 400):
             x0, y0, x1, y1 = shapely.bounds(shapes[which[k]])
@@ -98,7 +98,7 @@ class Side:
 
 @dataclass(frozen=True, eq=False)
 class Ground:
-    """Shadows of a world's solids, and both sides of what they forbid.
+    """Floor of a world and shadows of its solids, and what they leave of it.
 
     Attributes
     ----------
@@ -155,7 +155,7 @@ class Ground:
 
 @lru_cache(maxsize=4096)
 def shadow_of(solid: Solid, below: float) -> Shadow | None:
-    """A solid's shadow on the floor, kept for the solids that were asked for last."""
+    """Shadow of a solid on the floor; cached."""
     return solid.shadow(below)
 
 
@@ -167,7 +167,7 @@ def grow(shadow: Shadow, by: float, inner: bool) -> BaseGeometry:
 
 @lru_cache(maxsize=8)
 def ground_of(world: World) -> Ground:
-    """The ground of a world; kept for the last few worlds."""
+    """Ground of a world; cached."""
     robot = world.robot
     found = [(solid.name, shadow_of(solid, robot.body_height)) for solid in world.solids]
     met = [(name, shadow) for name, shadow in found if shadow is not None]

@@ -15,14 +15,23 @@ from typing import ClassVar
 import numpy as np
 
 from regionik.areas.ground import EVERY
-from regionik.areas.reach_model import FineRows, Index, ReachModel, ReachQuery, Rows
-from regionik.areas.sectors import Sectors, ring_sectors, wide_enough
+from regionik.areas.reach_model import (
+    FineRows,
+    Index,
+    ReachModel,
+    ReachQuery,
+    Rows,
+    Sectors,
+    sector_polygons,
+    wide_enough,
+)
 from regionik.planners.reach.criteria_paving import paved
 from regionik.planners.reach.rings import FREE, reach_intervals, reach_spans
-from regionik.planners.solvers.planar_arm import PlaneArm
+from regionik.planners.solvers.planar_kinematics import PlanarLinkage
 from regionik.planners.solvers.posture_criteria import Thresholds, posture_spare, thresholds_of
-from regionik.postures.arm_solvers import Arm, PlaneSolver
+from regionik.postures.arm import Arm
 from regionik.postures.families import BACK, FRONT, Family, families_of
+from regionik.postures.planar_solver import PlanarSolver
 from regionik.worlds.arms import PlanarArm
 from regionik.worlds.arrays import Array
 from regionik.worlds.criteria import Criteria
@@ -55,12 +64,12 @@ class PlanarReach(ReachModel):
         return True
 
     @cached_property
-    def plane(self) -> PlaneArm:
+    def plane(self) -> PlanarLinkage:
         """The arm for kernels, heights counted from the floor; its arrays are writable, as they expect."""
         lengths, lower, upper = (
             np.array(part, order="C") for part in (self.arm.lengths, self.arm.lower, self.arm.upper)
         )
-        return PlaneArm(float(self.arm.shoulder[0]), self._shoulder, lengths, lower, upper)
+        return PlanarLinkage(float(self.arm.shoulder[0]), self._shoulder, lengths, lower, upper)
 
     @property
     def _shoulder(self) -> float:
@@ -70,12 +79,12 @@ class PlanarReach(ReachModel):
     def rows(self, targets: Sequence[Target], query: ReachQuery) -> Rows:
         """Exact but for the chords of circles; see `ReachModel`."""
         which, families, rings = self.rings(targets, query)
-        return which, families, ring_sectors(*rings, query.margin, query.arcs)
+        return which, families, sector_polygons(rings, query)
 
     def rings(
         self, targets: Sequence[Target], query: ReachQuery
     ) -> tuple[Index, tuple[Family, ...], Sectors]:
-        """As `rows`, but the numbers of each ring or ring sector.
+        """Return `rows` as rings and ring sectors.
 
         Inner ones are wide enough for the rules' margin on both sides, which is not taken off yet.
         """
@@ -106,7 +115,7 @@ class PlanarReach(ReachModel):
         owner, spans = self.intervals(criteria, heights, pitches, query.facings, inner=query.inner)
         parts = []
         for k, family in enumerate(kinds):
-            ahead, low, high = _ahead(family, spans, query.margin, query.arcs)
+            ahead, low, high = _ahead(family, spans, query)
             parts.append(np.column_stack([owner[ahead], np.full(len(ahead), k), low, high]))
         return np.concatenate(parts)
 
@@ -115,11 +124,11 @@ class PlanarReach(ReachModel):
         parts = [np.empty((0, 4))]
         for k, family in enumerate(kinds):
             reach = reach_intervals(self.arm, self._shoulder, target.position[2:], family.pitches)[0]
-            ahead, low, high = _ahead(family, reach, query.margin, query.arcs)
+            ahead, low, high = _ahead(family, reach, query)
             parts.append(np.column_stack([np.zeros(len(ahead)), np.full(len(ahead), k), low, high]))
         turns = [[arc for arc in self._arcs(one, query) if arc[1] > 0] for one in kinds]
         _, kind, rings = _sectors(target.position[None, :2], kinds, np.concatenate(parts), turns)
-        return tuple(kinds[k] for k in kind.tolist()), ring_sectors(*rings, query.margin, query.arcs)
+        return tuple(kinds[k] for k in kind.tolist()), sector_polygons(rings, query)
 
     def intervals(
         self,
@@ -177,7 +186,7 @@ class PlanarReach(ReachModel):
     ) -> Arm:
         """FABRIK in the arm's plane; see `ReachModel`."""
         asked = self.thresholds(criteria)
-        return PlaneSolver(self.arm, self.height, family, tolerance, asked and asked[0])
+        return PlanarSolver(self.arm, self.plane, family, tolerance, asked and asked[0])
 
     def thresholds(self, criteria: Criteria | None) -> tuple[Thresholds, Thresholds] | None:
         """Those of manipulability and effort; see `ReachModel`."""
@@ -229,19 +238,19 @@ def _paved(
     return paved(model.plane, asked, pitches, z, np.array(known).reshape(-1, 2))
 
 
-def _ahead(family: Family, spans: Array, margin: float | None, arcs: int) -> tuple[Index, Array, Array]:
-    """Rows of the spans (m, 2) of signed distance that a family reaches; their distances, low and high."""
+def _ahead(family: Family, spans: Array, query: ReachQuery) -> tuple[Index, Array, Array]:
+    """Rows of the spans (m, 2) of signed distance that a family reaches, and their distances."""
     low, high = spans.T
     front = low >= 0
     a, b = np.where(front, low, -high), np.where(front, high, -low)
-    reached = ((low + high) * family.facing > 0) & wide_enough(a, b, margin, arcs)
+    reached = ((low + high) * family.facing > 0) & wide_enough(a, b, query)
     return np.flatnonzero(reached), a[reached], b[reached]
 
 
 def _sectors(
     centers: Array, kinds: Sequence[Family], table: Array, arcs: Sequence[Sequence[Arc]]
 ) -> tuple[Index, Index, Sectors]:
-    """Rings cut to the directions of their families: target and family of each sector, and their numbers.
+    """Rings cut to the directions of their families: target and family of each sector, and the sectors.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Reach of an arm for one kind of goal: the questions that every model of it answers."""
+"""Interface of the models of an arm's reach, for one kind of goal each, and rings as polygons."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 
 from regionik.areas.ground import GUARD, Geometries
-from regionik.areas.sectors import ARC_POINTS
-from regionik.planners.solvers.planar_arm import LIMIT_SLACK
+from regionik.planners.solvers.planar_kinematics import LIMIT_SLACK
 from regionik.planners.solvers.posture_criteria import Thresholds
-from regionik.postures.arm_solvers import Arm
+from regionik.postures.arm import Arm
 from regionik.postures.families import BACK, FRONT, Family
 from regionik.worlds.arms import pivot_index, with_pivot
 from regionik.worlds.arrays import Array
@@ -23,13 +23,15 @@ from regionik.worlds.criteria import Criteria, with_joint_margin
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Rules, Target
 
+ARC_POINTS = 48  # vertices of a full circle
+
 Index = NDArray[np.intp]
 Rows = tuple[Index, tuple[Family, ...], Geometries]  # target, ascending, family and shape of each row
 FineRows = tuple[tuple[Family, ...], Geometries]  # family and shape of each row
 
 
 class ReachQuery(NamedTuple):
-    """Reach that is asked for.
+    """Conditions under which a reach is asked for.
 
     Attributes
     ----------
@@ -52,7 +54,7 @@ class ReachQuery(NamedTuple):
 
     @property
     def inner(self) -> bool:
-        """True for the reach from within."""
+        """True where areas are to lie within the reach, False where around it."""
         return self.margin is not None
 
     @property
@@ -92,7 +94,7 @@ class ReachModel(ABC):
     @property
     @abstractmethod
     def exhaustible(self) -> bool:
-        """As above."""
+        """See the attributes."""
 
     @abstractmethod
     def rows(self, targets: Sequence[Target], query: ReachQuery) -> Rows:
@@ -163,3 +165,65 @@ class ReachModel(ABC):
     def height(self) -> float:
         """Height of the arm's base frame over the floor [m]."""
         return float(self.robot.mount[2])
+
+
+class Sectors(NamedTuple):
+    """Rings and ring sectors.
+
+    Attributes
+    ----------
+    center : (n, 2) array
+    low, high : (n,) array
+        Radii, 0 <= low < high [m].
+    azimuth, half : (n,) array
+        Middle and half of each sector; whole rings where half a turn or more [rad].
+    """
+
+    center: Array
+    low: Array
+    high: Array
+    azimuth: Array
+    half: Array
+
+
+def sector_polygons(sectors: Sectors, query: ReachQuery) -> Geometries:
+    """Rings and ring sectors as polygons, (n,): within the true shape where a margin is kept, else around."""
+    (centers, low, high, azimuth, half), margin, arcs = sectors, query.margin, query.arcs
+    out = np.empty(len(centers), dtype=object)
+    full = half >= np.pi
+    step = 2 * np.where(full, np.pi, half) / arcs
+    outwards = 1.0 / np.cos(step / 2)
+    far, near = high * outwards, low
+    if margin is not None:
+        far, near = high - margin, (low + margin) * outwards
+    if full.any():
+        out[full] = _rings(centers[full], far[full], near[full], arcs)
+    part = ~full
+    angles = (azimuth - half)[part, None] + step[part, None] * np.arange(arcs + 1)
+    unit = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+    rim = centers[part, None] + far[part, None, None] * unit
+    hole = centers[part, None] + near[part, None, None] * unit
+    out[part] = shapely.polygons(np.concatenate([rim, hole[:, ::-1]], axis=1))
+    return out
+
+
+def wide_enough(low: Array, high: Array, query: ReachQuery) -> NDArray[np.bool_]:
+    """Mask (n,) of the rings that have a polygon: one thinner than its chords has none within."""
+    real: NDArray[np.bool_] = low + high > 0
+    if query.margin is not None:
+        real &= (low + query.margin) / np.cos(np.pi / query.arcs) + GUARD < high - query.margin
+    return real
+
+
+def _rings(centers: Array, far: Array, near: Array, arcs: int) -> Geometries:
+    """Whole rings as polygons, discs where there is no hole."""
+    turns = 2 * np.pi / arcs * np.arange(arcs)
+    unit = np.column_stack([np.cos(turns), np.sin(turns)])
+    unit = np.vstack([unit, unit[:1]])
+    rims = shapely.linearrings(centers[:, None] + far[:, None, None] * unit)
+    holed = near > GUARD
+    holes = shapely.linearrings(centers[holed, None] + near[holed, None, None] * unit)
+    rings = np.empty(len(centers), dtype=object)
+    rings[holed] = shapely.polygons(rims[holed], holes=holes[:, None])
+    rings[~holed] = shapely.polygons(rims[~holed])
+    return rings

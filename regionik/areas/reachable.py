@@ -1,20 +1,34 @@
-"""Reach alone: where the arm axis may stand if nothing is in the way, by the model of arm and goal."""
+"""Reach without obstacles: places of the arm axis, by the model that suits arm and goal."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import lru_cache
+from typing import ClassVar
 
 import numpy as np
 
 from regionik.areas.ground import EVERY, GUARD
-from regionik.areas.pivoted_reach import PivotedReach, PosedReach
 from regionik.areas.planar_reach import PlanarReach
-from regionik.areas.reach_model import FineRows, ReachModel, ReachQuery, Rows
-from regionik.postures.families import Family
-from regionik.postures.tool_goal import Goal, goal_of
+from regionik.areas.reach_model import (
+    FineRows,
+    ReachModel,
+    ReachQuery,
+    Rows,
+    Sectors,
+    sector_polygons,
+    wide_enough,
+)
+from regionik.planners.reach.level_reach import inner_reach, outer_reach
+from regionik.planners.reach.pose_reach import pose_reach
+from regionik.planners.solvers.posture_criteria import Thresholds
+from regionik.postures.arm import Arm, Goal, aim_of, goal_of
+from regionik.postures.families import FRONT, Family
+from regionik.postures.serial_solver import serial_solver
 from regionik.worlds.arms import planar_arm
-from regionik.worlds.criteria import with_joint_margin
+from regionik.worlds.arrays import Array
+from regionik.worlds.criteria import Criteria, with_joint_margin
 from regionik.worlds.errors import InputError
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Target, World
@@ -91,7 +105,7 @@ def reach_rows(
     inner: bool,
     span: tuple[float, float] = EVERY,
 ) -> Rows:
-    """Reach of every target as rings and ring sectors, before rejection, the base's heading within a span.
+    """Reach of targets as rings and ring sectors, before rejection, the base's heading within a span.
 
     Returns
     -------
@@ -124,20 +138,129 @@ def fine_reach(
     *,
     inner: bool,
 ) -> FineRows:
-    """Reach of one target without the rules' margin, its circles as fine as asked: families and shapes.
+    """Reach of one target without the rules' margin, with finer circles: families and shapes.
 
     Parameters
     ----------
     world : World
     target : Target
     kinds : sequence of Family
-        Of an arm in one plane; any other arm has one kind.
     span : (low, high)
         Headings of the base [rad].
     arcs : int
         Vertices of a full circle.
     inner : bool
-        Within the true reach, or around it.
+        True for shapes within the true reach, False for shapes around it.
     """
     query = ReachQuery(world.rules, GUARD if inner else None, span, arcs=arcs)
     return reach_model(world.robot, goal_of(target)).fine_rows(target, kinds, query)
+
+
+@dataclass(frozen=True, eq=False)
+class PivotedReach(ReachModel):
+    """Reach of the tool's point of any arm.
+
+    R(z) is bounded from within by the distances that walks at the height z pass (`level_walk`), and from
+    outside by those that boxes of joint values do not rule out (`outer_bounds`).
+    """
+
+    @property
+    def exhaustible(self) -> bool:
+        return False
+
+    def rows(self, targets: Sequence[Target], query: ReachQuery) -> Rows:
+        """Whole rings; see `ReachModel`. Facings and headings do not matter."""
+        self.thresholds(query.rules.criteria)
+        return self._rings(targets, query)
+
+    def fine_rows(self, target: Target, kinds: Sequence[Family], query: ReachQuery) -> FineRows:
+        """See `ReachModel`; of one family only."""
+        return self._rings([target], query)[1:]
+
+    def _rings(self, targets: Sequence[Target], query: ReachQuery) -> Rows:
+        positions = np.array([target.position for target in targets]).reshape(-1, 3)
+        spans = self.distances(None, positions[:, 2], inner=query.inner)
+        which = np.repeat(np.arange(len(spans)), [len(some) for some in spans])
+        low, high = np.concatenate([np.empty((0, 2)), *spans]).T
+        real = wide_enough(low, high, query)
+        which, low, high = which[real], low[real], high[real]
+        rings = Sectors(positions[which, :2], low, high, np.zeros(len(which)), np.full(len(which), np.pi))
+        return which, (Family(FRONT),) * len(which), sector_polygons(rings, query)
+
+    def distances(self, criteria: Criteria | None, heights: Array, *, inner: bool) -> list[Array]:
+        """R(z) at each height; see `ReachModel`."""
+        self.thresholds(criteria)
+        reach, chain, base = inner_reach if inner else outer_reach, self.chain, self.height
+        return [np.array(reach(chain, z - base)).reshape(-1, 2) for z in heights.tolist()]
+
+    def families(self, target: Target, facings: tuple[int, ...], *, inner: bool) -> tuple[Family, ...]:
+        """The one family there is; see `ReachModel`."""
+        return (Family(FRONT),)
+
+    def solver(
+        self, family: Family, tolerance: float, *, turns: bool = True, criteria: Criteria | None = None
+    ) -> Arm:
+        """FABRIK-R; see `ReachModel`."""
+        self.thresholds(criteria)
+        return serial_solver(self.robot.chain, self.height, tolerance, turns=turns)
+
+    def thresholds(self, criteria: Criteria | None) -> tuple[Thresholds, Thresholds] | None:
+        """None, as nothing but limits can be asked; see `ReachModel`."""
+        if criteria is not None and criteria.beyond_limits:
+            criteria.check(self.robot)
+            raise InputError(f"criteria: {self._refusal}, valid choices: joint_margin")
+        return None
+
+    @property
+    def _refusal(self) -> str:
+        return (
+            f"{self.robot.name} does not work in one vertical plane: manipulability and effort are known for "
+            "such arms only"
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class PosedReach(PivotedReach):
+    """Reach for a tool direction or orientation of an arm that does not meet it in one plane.
+
+    Inner areas are sampled on a grid of places (`pose_reach`), not proven. Outer ones bound the tool's point,
+    which bounds its poses.
+
+    Attributes
+    ----------
+    planar : bool
+        Whether the arm works in one plane and its tool points across the last link.
+    """
+
+    planar: bool = False
+
+    proven: ClassVar[bool] = False
+
+    @property
+    def exhaustible(self) -> bool:
+        return self.planar  # a proof for the tool's point is one for its poses
+
+    def rows(self, targets: Sequence[Target], query: ReachQuery) -> Rows:
+        """Cells of the grid, or rings around them; see `ReachModel`."""
+        if not query.inner:
+            return super().rows(targets, query)
+        self.thresholds(query.rules.criteria)
+        return self._sampled(targets, query)
+
+    def _sampled(self, targets: Sequence[Target], query: ReachQuery) -> Rows:
+        shapes = [pose_reach(self.chain, self.height, aim_of(target)).area for target in targets]
+        shapes = [shape.buffer(-query.rules.reach_margin, join_style="mitre") for shape in shapes]
+        real = [i for i, shape in enumerate(shapes) if not shape.is_empty]
+        rows = np.empty(len(real), dtype=object)
+        rows[:] = [shapes[i] for i in real]
+        return np.array(real, dtype=np.intp), (Family(FRONT),) * len(real), rows
+
+    def fine_rows(self, target: Target, kinds: Sequence[Family], query: ReachQuery) -> FineRows:
+        """Inner areas are those of `rows`; see `ReachModel`."""
+        return self._sampled([target], query)[1:] if query.inner else super().fine_rows(target, kinds, query)
+
+    @property
+    def _refusal(self) -> str:
+        if self.planar:
+            return "a target with a direction needs a tool along the last link for manipulability and effort"
+        return super()._refusal

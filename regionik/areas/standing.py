@@ -1,8 +1,8 @@
 """Free floor of the base, by heading.
 
-Areas that hold at every heading need room for the circle round the footprint. Where that is too much, a full
-turn is cut into slabs of heading: within a slab the footprint needs room for its turns in it alone. The base
-goes from one slab to the next where it may stand in both.
+Areas that hold at every heading need room for the circle around the footprint. Where that is too much, a full
+turn is divided into slabs of heading: within a slab the footprint needs room for its turns in it alone. The
+base goes from one slab to the next where it may stand in both.
 """
 
 from __future__ import annotations
@@ -22,14 +22,15 @@ from regionik.areas.ground import EVERY, GUARD, Geometries, Side, disjoint, grou
 from regionik.areas.reachable import heeds_headings
 from regionik.planners.driving.footprint_scene import FootprintScene, footprint_scene
 from regionik.planners.driving.heading_slabs import slab_areas, slab_rejections, slabs_along
+from regionik.postures.families import Family
 from regionik.worlds.arrays import Array
 from regionik.worlds.obstacles import Shadow
 from regionik.worlds.scene import World
 
 SLABS = 24  # of equal width in a full turn
-WALLS = 4  # longest directions of walls, along which the sides of the footprint are looked at exactly
-ROUND = 0.01  # a footprint whose corners differ less in distance from the arm axis gains nothing by slabs [m]
-LEAST_AREA = 1e-8  # shared by two areas below which they do not meet [m2]
+WALLS = 4  # longest directions of walls: slabs end where a side of the footprint is along one
+ROUND = 0.01  # a footprint whose distances from the arm axis differ less gains nothing by slabs [m]
+LEAST_AREA = 1e-8  # smaller areas are none, and areas that share less do not overlap [m2]
 
 Corners = tuple[tuple[float, float], ...]
 Shadows = tuple[Shadow, ...]
@@ -38,19 +39,42 @@ Mask = NDArray[np.bool_]
 
 
 class Pieces(NamedTuple):
-    """Connected parts of the free floor of every side, and which of them the base can go between.
+    """Connected parts of the free floor of every side, labelled by those the base can go between.
 
     Attributes
     ----------
     polygon : (n,) array of Polygon
     side : (n,) array of int
     label : (n,) array of int
-        Parts of one label are joined by driving and turning.
+        The same for parts that driving and turning connect.
     """
 
     polygon: Geometries
     side: Index
     label: Index
+
+
+@dataclass(frozen=True, eq=False)
+class PathAreas:
+    """Admissible inner areas of many targets, one row for each target, family and reach interval.
+
+    Attributes
+    ----------
+    target : (m,) array of int
+        Ascending.
+    family : tuple of Family
+        One for each row.
+    side : (m,) array of int
+        Side of the standing that the row is about.
+    reach, inner : (m,) array of geometry
+        Before and after rejection.
+    """
+
+    target: NDArray[np.intp]
+    family: tuple[Family, ...]
+    side: NDArray[np.intp]
+    reach: Geometries
+    inner: Geometries
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +85,7 @@ class Standing:
 
     @cached_property
     def pieces(self) -> Pieces:
-        """Of the whole free floor."""
+        """Pieces of the whole free floor."""
         found = [side.pieces for side in self.sides]
         side = np.repeat(np.arange(len(found)), [len(part) for part in found])
         polygon: Geometries = np.concatenate(found)
@@ -70,19 +94,19 @@ class Standing:
         return Pieces(polygon, side, groups(len(polygon), meeting(self, polygon, polygon, side, side)))
 
     def whole(self, label: int) -> Geometries:
-        """All parts of one connected piece."""
+        """Return all parts with one label."""
         parts: Geometries = self.pieces.polygon[self.pieces.label == label]
         return parts
 
     def beside(self, a: Index, b: Index) -> Mask:
-        """Pairs of sides that are the same, or neighbours on the turn."""
+        """Mask of the pairs of sides that are the same, or neighbours in heading."""
         count = len(self.sides)
         apart = np.abs(a - b)
         near: Mask = (apart <= 1) | (apart == count - 1)
         return near
 
     def piece_at(self, axis: Array, yaw: float) -> int | None:
-        """Label of the piece that is nearest to a pose; None where there is no floor at all."""
+        """Return the label of the piece nearest to a pose; None where there is no floor at all."""
         polygons, side, label = self.pieces
         if not len(polygons):
             return None
@@ -113,7 +137,7 @@ def into_span(yaw: float, span: tuple[float, float]) -> float:
 
 
 def meeting(standing: Standing, one: Geometries, other: Geometries, first: Index, second: Index) -> Index:
-    """Pairs of areas of the same side or of neighbouring ones that share more than an edge, (k, 2)."""
+    """Pairs of overlapping areas, of the same side or of neighbouring ones, (k, 2)."""
     if not len(one) or not len(other):
         return np.empty((0, 2), dtype=np.intp)
     a, b = shapely.STRtree(other).query(one, predicate="intersects")
@@ -124,7 +148,7 @@ def meeting(standing: Standing, one: Geometries, other: Geometries, first: Index
 
 
 def groups(count: int, pairs: Index) -> Index:
-    """Label of each of ``count`` things of which some pairs are joined, (count,)."""
+    """Connected components of a graph of ``count`` nodes: the label of each, (count,)."""
     ones = np.ones(len(pairs), dtype=bool)
     graph = coo_array((ones, (pairs[:, 0], pairs[:, 1])), shape=(count, count))
     label: Index = connected_components(graph, directed=False)[1].astype(np.intp)
@@ -133,27 +157,23 @@ def groups(count: int, pairs: Index) -> Index:
 
 @lru_cache(maxsize=8)
 def anywhere(world: World) -> Standing:
-    """One side: for every heading, or for the one that the rules fix."""
+    """Free floor as one side: for every heading, or for the one that the rules fix."""
     ground = ground_of(world)
     if world.rules.heading == "fixed" and not _round(world):
-        yaw = 0.0 if world.start is None else float(world.start.base[2])
-        return Standing(_slab_sides(*_kept_by(world), np.array([[yaw, yaw]])))
+        return Standing(_slab_sides(*_kept_by(world), np.array([span_of_rules(world)])))
     return Standing((Side(ground.inner.floor, ground.inner.parts, span_of_rules(world)),))
 
 
 @lru_cache(maxsize=8)
 def by_heading(world: World) -> Standing:
-    """One side a slab of headings; `anywhere` where slabs bring nothing, or cannot be told apart."""
+    """Free floor with one side a slab of headings; `anywhere` where slabs make no difference."""
     if not turns_matter(world):
         return anywhere(world)
     return _inner_slabs(*_kept_by(world))
 
 
 def turns_matter(world: World) -> bool:
-    """True where the places for the base depend on its heading.
-
-    With a bounded first joint it decides on the reach too, which not every model of reach knows.
-    """
+    """True where the free floor depends on the heading, and the model of reach heeds headings."""
     return world.rules.heading != "fixed" and not _round(world) and heeds_headings(world)
 
 
@@ -167,7 +187,7 @@ def span_of_rules(world: World) -> tuple[float, float]:
 
 @lru_cache(maxsize=8)
 def outer_by_heading(world: World) -> Standing:
-    """Outer sides by slab: no place outside them is free at any heading of the slab."""
+    """Outer free floor by slab: no place outside a side is free at any heading of its slab."""
     ground = ground_of(world)
     if not turns_matter(world):
         return Standing((Side(ground.outer.floor, ground.outer.parts, span_of_rules(world)),))
@@ -176,14 +196,14 @@ def outer_by_heading(world: World) -> Standing:
 
 @lru_cache(maxsize=8)
 def room_for(world: World) -> FootprintScene:
-    """The footprint in the base frame, and all it keeps away from, with a guard against rounding."""
+    """Footprint in the base frame and all it must keep clear of, with a guard against rounding."""
     ground = ground_of(world)
     return footprint_scene(world.robot.footprint, ground.floor, ground.shadows, ground.clearance + GUARD)
 
 
 @lru_cache(maxsize=8)
 def _inner_slabs(outline: Corners, floor: Polygon, shadows: Shadows, clearance: float) -> Standing:
-    """Kept by what it depends on: worlds that differ in task or height of the mount share it."""
+    """Cached by its inputs: worlds that differ in task or height of the mount share it."""
     return Standing(
         _slab_sides(outline, floor, shadows, clearance, _bounds(outline, floor, shadows, clearance))
     )
@@ -211,7 +231,7 @@ def _bounds(outline: Corners, floor: Polygon, shadows: Shadows, clearance: float
 
 
 def _kept_by(world: World) -> tuple[Corners, Polygon, Shadows, float]:
-    """All that slabs depend on; the footprint as seen from the arm axis, in the base's directions."""
+    """Inputs of the slabs; the footprint relative to the arm axis, in the base's directions."""
     ground = ground_of(world)
     outline = world.robot.footprint - world.robot.mount[:2]
     return tuple(map(tuple, outline.tolist())), ground.floor, ground.shadows, ground.clearance

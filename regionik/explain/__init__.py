@@ -1,1 +1,1 @@
-"""Why not: causes of which none can be left out, and the smallest changes that would make it a yes."""
+"""Explanations of failures: irreducible causes, and the smallest changes that would mend them."""

@@ -1,4 +1,4 @@
-"""Table of the changes that may help: the world with one made, its size, and the words for it."""
+"""Table of the changes that may mend a failure: the changed world, the size of a change, and its words."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ import numpy as np
 from shapely.affinity import translate
 
 from regionik.areas.reachable import model_of
+from regionik.explain.constraints import ARM_CLEARANCE, CLEARANCE, with_rules
 from regionik.explain.minimal_change import FINE, grid_above
-from regionik.explain.relaxations import ARM_CLEARANCE, CLEARANCE, with_rules
 from regionik.worlds.arms import reach_bound
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Repair, RepairKind, Unit
@@ -20,48 +20,30 @@ from regionik.worlds.scene import Target, World
 
 @dataclass(frozen=True)
 class ChangeKind:
-    """One row of the table.
+    """One row of the table."""
 
-    Attributes
-    ----------
-    made : callable
-        Of a world, a repair and the set-point that a moved target is: the world with the repair made.
-    share : callable
-        Of a world and a repair: its size in its own terms.
-    text : callable
-        The same: the words for it.
-    """
-
-    made: Callable[[World, Repair, int], World]
-    share: Callable[[World, Repair], float]
-    text: Callable[[World, Repair], str]
+    made: Callable[[World, Repair, int], World]  # the world with it made, to set-point i
+    share: Callable[[World, Repair], float]  # relative size of a repair
+    text: Callable[[World, Repair], str]  # words for a repair
     unit: Unit = "m"
 
 
 def repaired(world: World, repair: Repair, i: int = 0) -> World:
-    """The world with a repair made.
-
-    Parameters
-    ----------
-    world : World
-    repair : Repair
-    i : int
-        Which set-point a moved target is.
-    """
+    """Return the world with a repair made; a moved target is set-point i."""
     return _row(repair.kind, repair.name).made(world, repair, i)
 
 
 def share(world: World, repair: Repair) -> float:
-    """Size of a repair in its own terms.
+    """Relative size of a repair.
 
-    A length counts as a part of the arm's length, a clearance by what it loses, a cone by what it gains as a
-    part of a half turn, a lift-off as one.
+    Lengths, and the loss of a clearance, count as parts of the arm's length, the gain of a cone as a part of
+    a half turn, a lift-off as one.
     """
     return _row(repair.kind, repair.name).share(world, repair)
 
 
 def smallest_first(world: World, repairs: Iterable[Repair]) -> tuple[Repair, ...]:
-    """Repairs in the order of `share`."""
+    """Return repairs in the order of `share`."""
     return tuple(sorted(repairs, key=lambda repair: (share(world, repair), repair.kind, repair.name)))
 
 
@@ -72,7 +54,7 @@ def _repair(world: World, kind: RepairKind, name: str, amount: float, by: Iterab
     return replace(silent, text=row.text(world, silent))
 
 
-# What can be changed -----------------------------------------------------------------------------------
+# Changes of a world ------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,13 +67,13 @@ class Change:
     most : float
         Largest amount that is tried.
     repair : callable
-        Of an amount: the repair, on the grid on which it is told.
+        The repair of an amount, rounded to the grid of `FINE`.
     as_target : callable, optional
-        Of an amount: the target that in the unchanged world has the areas of the changed one.
+        The target that in the unchanged world has the areas of the world changed by an amount.
     monotone : bool
-        More of it never takes room away, so that halving alone finds the least.
+        True where more of it never takes room away, so that bisection alone finds the least.
     counted : bool
-        Amounts are whole numbers.
+        True where amounts are whole numbers.
     """
 
     world: World
@@ -102,7 +84,7 @@ class Change:
     counted: bool = False
 
     def at(self, amount: float) -> World:
-        """The world changed so much."""
+        """Return the world changed by an amount."""
         return repaired(self.world, self.repair(amount))
 
 
@@ -115,16 +97,16 @@ class Move:
     name: str
 
     def repair(self, step: Array) -> Repair:
-        """The step as it is told, on the grid."""
+        """Return the repair of a step, rounded to the grid."""
         by = on_grid(step)
         return _repair(self.world, self.kind, self.name, float(np.linalg.norm(by)), by.tolist())
 
     def at(self, step: Array) -> World:
-        """The world with the step made."""
+        """Return the world with the step made."""
         return repaired(self.world, self.repair(step))
 
     def along(self, way: Array, most: float) -> Change:
-        """Steps along one direction of length 1."""
+        """Return steps along one unit direction."""
         return Change(self.world, most, lambda amount: self.repair(amount * way))
 
 
@@ -148,7 +130,7 @@ def lower_clearance(world: World, name: str = CLEARANCE) -> Change | None:
 
 
 def open_cone(world: World, who: str) -> Change | None:
-    """A wider cone about the direction of a world's one target; not for tools that areas are sampled for."""
+    """A wider cone about the direction of a world's one target, where areas are exact."""
     target = world.task[0]
     if target.direction is None or target.cone >= np.pi or not model_of(world, target).exact:
         return None
@@ -165,7 +147,7 @@ def open_cone(world: World, who: str) -> Change | None:
 
 
 def raise_arm(world: World, most: float) -> Change:
-    """A higher mount: to the arm that is a lower target, and the base sees neither."""
+    """A higher mount: the arm sees it as a lower target, and the base sees neither."""
     target = world.task[0]
     return Change(
         world,
@@ -197,7 +179,7 @@ def move_target(world: World, who: str) -> Move:
 
 
 def move_obstacle(world: World, name: str) -> Move | None:
-    """An obstacle elsewhere on the floor; None for the cells of a map, which are nobody's to move."""
+    """An obstacle elsewhere on the floor; None for the cells of a map, which cannot be moved."""
     known = any(solid.name == name for solid in world.obstacles)
     return Move(world, "move-obstacle", name) if known else None
 
@@ -300,7 +282,7 @@ _TABLE: dict[str, ChangeKind] = {
 
 
 def _row(kind: RepairKind, name: str) -> ChangeKind:
-    """The row of a repair; clearances are told apart by the rule that is changed."""
+    """Return the row of a repair; clearances differ by the rule that is changed."""
     if kind == "clearance":
         return _TABLE[ARM_CLEARANCE if name == ARM_CLEARANCE else CLEARANCE]
     return _TABLE[kind]

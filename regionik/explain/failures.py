@@ -1,4 +1,4 @@
-"""Explanations of what areas, floor and start do not allow: which set-point and obstacle, what is missing."""
+"""Explanations of failures by stage: which set-point and obstacle, and what is missing."""
 
 from __future__ import annotations
 
@@ -14,20 +14,16 @@ from regionik.areas.ground import ground_of, grow
 from regionik.areas.reachable import model_of
 from regionik.areas.standing import by_heading, outer_by_heading, turns_matter
 from regionik.explain.changes import one_lift_off
-from regionik.explain.relaxations import with_rules
-from regionik.explain.sentences import join, no_way_to, setpoint_at, spot
+from regionik.explain.constraints import join, no_way_to, setpoint_at, spot, with_rules
 from regionik.planners.driving.footprint import footprint_width
-from regionik.planners.driving.footprint_planner import passage_width
-from regionik.regions import (
-    TakenAway,
-    largest_clearance,
-    outer_areas,
-    reach_of,
-    what_took_away,
-)
+from regionik.planners.driving.footprint_planner import NarrowPassageError, passage_width
+from regionik.planners.driving.point_planner import NoPathError
+from regionik.planners.geometry.distances import obstacles_from, solids_within
+from regionik.regions import TakenAway, largest_clearance, outer_areas, reach_of, what_took_away
 from regionik.values import Violation
 from regionik.worlds.arms import reach_bound
 from regionik.worlds.errors import Cause, CauseKind, Explanation, Repair
+from regionik.worlds.obstacles import Shadow
 from regionik.worlds.scene import Target, World
 
 
@@ -52,7 +48,6 @@ def no_place(world: World, i: int, targets: Sequence[Target] | None = None) -> E
     ----------
     world : World
     i : int
-        Counts from 0.
     targets : sequence of Target, optional
         The world's task by default.
     """
@@ -67,18 +62,18 @@ def no_place(world: World, i: int, targets: Sequence[Target] | None = None) -> E
     else:
         taken = what_took_away(world, target)
         reason, causes, repairs = _crowded_out(world, lead, taken, open_clearance, proven)
-    asks_more = world.rules.criteria is not None
-    bare = largest_clearance(with_rules(world, criteria=None), target) if asks_more else None
-    if bare is not None and bare >= world.rules.clearance:
-        reason += " Without the criteria of the rules it could be reached."
-        causes = (Cause("criteria", "rules.criteria"), *causes)
+    if world.rules.criteria is not None:
+        bare = largest_clearance(with_rules(world, criteria=None), target)
+        if bare is not None and bare >= world.rules.clearance:
+            reason += " Without the criteria of the rules it could be reached."
+            causes = (Cause("criteria", "rules.criteria"), *causes)
     if not proven:
         reason += f" It is not ruled out either: {_left_open(world, target)}."
     return Explanation("unreachable" if proven else "undecided", i, reason, causes, repairs)
 
 
 def _left_open(world: World, target: Target) -> str:
-    """Reasons for which inner areas are smaller than outer ones."""
+    """Reasons why inner areas are smaller than outer ones."""
     ground = ground_of(world)
     why = [f"inner areas keep {world.rules.reach_margin:g} m off the edge of reach"]
     if not model_of(world, target).proven:
@@ -100,14 +95,12 @@ def _out_of_reach(
             f"{lead} from anywhere: it lies {over:.3f} m {way} all that "
             f"{world.robot.name} reaches (heights from {shoulder - length:.3f} to {shoulder + length:.3f} m)."
         )
-        text = (
-            f"raise the arm or lower the target by {over:.3f} m"
-            if way == "above"
-            else (f"raise the target by {over:.3f} m")
+        text = f"{'raise the arm or lower' if way == 'above' else 'raise'} the target by {over:.3f} m"
+        return (
+            reason,
+            (Cause("reach", world.robot.name, over),),
+            (Repair("move-target", "target", over, text),),
         )
-        return reason, (Cause("reach", world.robot.name, over),), (
-            Repair("move-target", "target", over, text),
-        )  # fmt: skip
     ground = ground_of(world)
     sides = (outer_by_heading if proven and ground.inner.floor.is_empty else by_heading)(world).sides
     places = shapely.union_all([side.free for side in sides])
@@ -127,17 +120,14 @@ def _out_of_reach(
         ) + tight(world, places, Point(target.position[:2]))
         return reason, (Cause("floor", "edge of the floor", off),), ()
     kind: CauseKind = "limits" if target.direction is None else "direction"
-    wanted, never = _wanted(world, target), reach_of(world, target).is_empty
-    reason = (
-        f"{lead} from anywhere: no posture {wanted} brings the tool of {world.robot.name} there."
-        if never
-        else f"{lead}: no posture {wanted} is known that brings the tool of {world.robot.name} there."
-    )
+    anywhere, known = (" from anywhere", "") if reach_of(world, target).is_empty else ("", " is known that")
+    posture = f"no posture {_wanted(world, target)}{known}"
+    reason = f"{lead}{anywhere}: {posture} brings the tool of {world.robot.name} there."
     return reason, (Cause(kind, world.robot.name),), ()
 
 
 def _wanted(world: World, target: Target) -> str:
-    """Words for the postures that an arm lacks for a target in reach of its floor and height."""
+    """Words for the postures that are missing for a target within the arm's height and length."""
     if target.direction is None:
         return "within limits"
     bare, pointed = Target(target.position), Target(target.position, target.direction, target.cone)
@@ -200,7 +190,7 @@ def cut_off(world: World, i: int, here: BaseGeometry, areas: BaseGeometry) -> Ex
 
 
 def tight(world: World, here: BaseGeometry, there: BaseGeometry) -> str:
-    """A sentence on the narrowest place between two parts of the floor, where the base is too wide for it."""
+    """A sentence on the narrowest passage between parts of the floor, where the base is too wide for it."""
     across = footprint_width(world.robot.footprint)
     if across == 0:
         return ""
@@ -251,15 +241,8 @@ def blocked_start(world: World) -> Explanation | None:
     if found is None or found[1] >= ground.clearance - 1e-9:
         return None
     name, gap = found
-    depth = max(
-        (
-            shadow.radius - float(shadow.core.distance(outline))
-            if shadow.radius
-            else _depth(shadow.core, outline)
-        )
-        for n, shadow in zip(ground.names, ground.shadows, strict=True)
-        if n == name
-    )
+    shadows = [shadow for n, shadow in zip(ground.names, ground.shadows, strict=True) if n == name]
+    depth = max(_depth(shadow, outline) for shadow in shadows)
     place = f"inside {name}, {depth:.3f} m deep" if gap == 0.0 else f"{gap:.3f} m from {name}"
     missing = ground.clearance - gap + (depth if gap == 0.0 else 0.0)
     reason = (
@@ -270,7 +253,7 @@ def blocked_start(world: World) -> Explanation | None:
 
 
 def invalid_plan(world: World, violations: Sequence[Violation]) -> Explanation:
-    """The first thing for which verification turned a finished plan down."""
+    """Explain for which violation first verification rejected a finished plan."""
     first = violations[0]
     more = f" ({len(violations) - 1} more of this and other kinds.)" if len(violations) > 1 else ""
     reason = f"A plan was found but does not hold: {first.text}{more}"
@@ -282,10 +265,10 @@ def invalid_plan(world: World, violations: Sequence[Violation]) -> Explanation:
 
 
 def no_posture(world: World, i: int) -> Explanation:
-    """M-FABRIK found no posture although the area is not empty."""
+    """Explain that M-FABRIK found no posture although the area is not empty."""
     reason = (
-        f"{setpoint_at(world.task, i)} has admissible places for the "
-        f"base, but no posture within the joint limits was found at heading policy '{world.rules.heading}'."
+        f"{setpoint_at(world.task, i)} has admissible places for the base, but no posture within the joint "
+        f"limits was found at heading policy '{world.rules.heading}'."
     )
     return Explanation("no-posture", i, reason, (Cause("limits", world.robot.name, None),))
 
@@ -294,13 +277,127 @@ def _crossed(world: World, bridge: BaseGeometry) -> list[str]:
     """Obstacles whose grown shadows a line on the floor runs through."""
     ground = ground_of(world)
     by = ground.clearance + ground.far
-    names = [
-        name
-        for name, shadow in zip(ground.names, ground.shadows, strict=True)
-        if grow(shadow, by, inner=True).intersects(bridge)
-    ]
+    shadows = zip(ground.names, ground.shadows, strict=True)
+    names = (name for name, shadow in shadows if grow(shadow, by, inner=True).intersects(bridge))
     return list(dict.fromkeys(names))[:6]
 
 
-def _depth(core: BaseGeometry, outline: BaseGeometry) -> float:
-    return float(core.boundary.distance(outline)) if core.covers(outline) else 0.0
+def _depth(shadow: Shadow, outline: BaseGeometry) -> float:
+    """Depth of a base inside a shadow [m]."""
+    if shadow.radius:
+        return shadow.radius - float(shadow.core.distance(outline))
+    return float(shadow.core.boundary.distance(outline)) if shadow.core.covers(outline) else 0.0
+
+
+CORNER = 3**0.5  # how much deeper than its sides the corner of a box may be in a mesh
+
+
+def buried(world: World) -> Explanation | None:
+    """Explain which set-point is too near to a solid for any posture; None where none is.
+
+    Where the tool point lies inside its link, the ball of the link about it must keep the arm's clearance
+    from every solid; into the one that the tool may touch it may sink no deeper than the rules allow.
+    """
+    tip, _ = world.robot.tip_depth
+    if not tip:
+        return None
+    rules = world.rules
+    need = tip + rules.arm_clearance - rules.tolerance
+    look, obstacles = max(need, rules.tool_contact), obstacles_from(world.solids)
+    for i, target in enumerate(world.task):
+        gaps = solids_within(obstacles, target.position, look)
+        if gaps and rules.tool_contact > 0 and gaps[0][0] <= rules.tool_contact:
+            gap, touched = gaps[0][0], world.solids[gaps[0][1]].name
+            most, miss = rules.deepest_contact, rules.tolerance
+            if tip - max(0.0, gap) > most + miss or -gap > CORNER * most + miss:
+                return _too_deep(world, i, touched, tip, max(tip - max(0.0, gap), -gap) - miss)
+            gaps = gaps[1:]
+        if not gaps or gaps[0][0] >= need:
+            continue
+        gap, name = gaps[0][0], world.solids[gaps[0][1]].name
+        missing = need + rules.tolerance - gap
+        place = f"{gap:z.4f} m from {name}" if gap >= 0 else f"{-gap:z.4f} m deep in {name}"
+        reason = (
+            f"{setpoint_at(world.task, i)} lies {place}: no posture keeps the "
+            f"last link, {tip:g} m round about the tool, at the arm's clearance of {rules.arm_clearance:g} m "
+            f"from it. The set-point would have to lie {missing:.4f} m farther away."
+        )
+        repair = Repair("move-target", f"set-point {i + 1}", missing, f"move it {missing:.4f} m from {name}")
+        return Explanation("no-posture", i, reason, (Cause("obstacle", name, missing),), (repair,))
+    return None
+
+
+def _too_deep(world: World, i: int, name: str, tip: float, need: float) -> Explanation:
+    """Explain that the tool cannot touch a solid, as its link would sink in too deep."""
+    missing, rules = need - world.rules.contact_depth, world.rules
+    reason = (
+        f"{setpoint_at(world.task, i)} cannot be touched: the last link, "
+        f"{tip:g} m round about the tool, would sink at least {need:.4f} m into {name}, and the rules allow "
+        f"{rules.contact_depth:g} m (contact_depth). That rule would have to allow {missing:.4f} m more, or "
+        f"the link to end at the tool point."
+    )
+    return Explanation("no-posture", i, reason, (Cause("obstacle", name, missing),))
+
+
+def blocked_arm(world: World, closest: str, cause: Cause) -> Explanation:
+    """Explain why the arm cannot start in the posture that the world gives."""
+    reason = f"The start is blocked: {closest}, and the arm's clearance is {world.rules.arm_clearance:g} m."
+    return Explanation("start-blocked", None, reason, (cause,))
+
+
+def arm_must_lift(world: World, i: int, obstruction: str, cause: Cause | None) -> Explanation:
+    """Explain why the arm cannot go on to set-point i with as few lift-offs as the rules allow."""
+    count = len(world.task)
+    reason = (
+        f"The path breaks between set-points {i} and {i + 1} of {count}: the base has places that serve "
+        f"both, but no way on was found for the arm: {obstruction}; the tool would have to be lifted here, "
+        f"and the rules allow {world.rules.max_lift_offs} lift-offs."
+    )
+    return Explanation(
+        "ladder-broken", i, reason, (cause or Cause("limits", world.robot.name),), (one_lift_off(world, i),)
+    )
+
+
+def no_drive(world: World, i: int, refusal: NoPathError) -> Explanation:
+    """Explain why the base does not get to any place that was looked at for set-point i."""
+    kind = world.robot.drive.words
+    reason = (
+        f"{setpoint_at(world.task, i)} has admissible places for the "
+        f"base, but {kind} was not found a way to the places that were looked at: {refusal}."
+    )
+    missing = refusal.across - refusal.passage if isinstance(refusal, NarrowPassageError) else None
+    return Explanation("ladder-broken", i, reason, (Cause("base", world.robot.name, missing),))
+
+
+def no_clear_posture(
+    world: World, i: int, looked: tuple[int, int, int], closest: str, cause: Cause, *, cut_off: bool
+) -> Explanation:
+    """Explain why the arm cannot be at set-point i, or cannot get there, without touching something.
+
+    Parameters
+    ----------
+    world : World
+    i : int
+    looked : (places, postures, proven)
+        Places of the base and postures looked at, and places where there is proven to be none.
+    closest : str
+        Words on the contact of the posture nearest to being clear.
+    cause : Cause
+    cut_off : bool
+        Clear postures exist, but no way to them was found.
+    """
+    who = setpoint_at(world.task, i)
+    rule = f"the arm's clearance is {world.rules.arm_clearance:g} m"
+    if cut_off:
+        reason = (
+            f"{who} has postures in which the arm touches nothing, but no way to one of them was found on "
+            f"which it touches nothing either; on the straight way {closest}, and {rule}."
+        )
+    else:
+        reason = (
+            f"{who} has admissible places for the base, but in none of the {looked[1]} postures at "
+            f"{looked[0]} places that were looked at is the arm clear: at best {closest}, and {rule}."
+        )
+        if looked[2]:
+            reason += f" At {looked[2]} of the places it is proven that there is none."
+    return Explanation("no-posture", i, reason, (cause,))

@@ -1,4 +1,4 @@
-"""Least amount of a change that helps: a scan, a bisection, and a check by what decides in the end."""
+"""Least amount of a change that helps: a scan, a bisection, and a check by the deciding oracle."""
 
 from __future__ import annotations
 
@@ -10,27 +10,27 @@ from numpy.typing import NDArray
 
 from regionik.worlds.arrays import Array
 
-FINE = 1e-4  # amounts are told on this grid, so that what is read is what was checked [m] or [rad]
+FINE = 1e-4  # grid of the amounts, so that what is printed is what was checked [m] or [rad]
 SHARE = 0.01
 _STEPS = 64
 _SPLIT = 16
 _CLOSE = 0.02  # part by which the least that holds may be missed
-_ASKED_BELOW = 0.97  # of an amount that holds, asked for before it is told
+_ASKED_BELOW = 0.97  # of an amount that holds, checked too before it is accepted
 _COARSE = 24  # steps along each of many directions
-_BEST = 4  # directions of those that are looked at closely
+_BEST = 4  # directions that are searched closely
 _TURNS = (0.4, 0.2, 0.1, 0.05, 0.02)  # of the best direction, to find a better one [rad]
-_LEVELS, _LOOKS = 6, 8  # lengths at which dear looks are taken, and how many of each
+_LEVELS, _LOOKS = 6, 8  # lengths at which expensive tests are made, and how many at each
 _GROWTH = (1.0, 1.01, 1.03, 1.06, 1.12, 1.25, 1.5, 2.0)
 
-Opens = Callable[[Array], NDArray[np.bool_]]  # of amounts (n,): whether each helps
-Holds = Callable[[float], bool]  # of one amount: whether it helps
+Opens = Callable[[Array], NDArray[np.bool_]]  # mask of the amounts (n,) that help
+Holds = Callable[[float], bool]  # True for an amount that helps
 
 
 def least_open(opens: Opens, most: float) -> float | None:
     """Least amount that helps, to `FINE`; None where none of those looked at does.
 
-    Helping need not grow with the amount: a first scan takes every 64th of ``most``, and what lies below the
-    amount found is looked at again in steps of a hundredth of it.
+    More need not help more: a first scan takes every 64th of ``most``, and amounts below the one found are
+    scanned again in steps of a hundredth of it.
 
     Examples
     --------
@@ -65,17 +65,17 @@ def grid_above(amount: float) -> float:
 
 @dataclass(frozen=True)
 class Scan:
-    """Even amounts that are asked one by one until one helps, and a bisection down from there.
+    """A scan of even amounts until one helps, and a bisection down from there.
 
     Attributes
     ----------
     steps : int
     fine : float
-        How far apart the bisection leaves the amount that helps and one that does not.
+        Width at which the bisection ends.
     close : float
         The same as a part of the amount, where that is more.
     snap : callable
-        The amount that is asked in place of another, such as the next on a grid.
+        Rounding of an amount to the one that is tried, such as the next on a grid.
     """
 
     steps: int
@@ -84,7 +84,7 @@ class Scan:
     snap: Callable[[float], float] = float
 
     def first(self, helps: Holds, most: float) -> float | None:
-        """The least amount up to ``most`` that is seen to help; None where none of the even ones does.
+        """Return the least amount up to ``most`` found to help; None where none of the even ones does.
 
         Examples
         --------
@@ -97,7 +97,7 @@ class Scan:
         return None if k is None else self.narrowed(helps, tried[k - 1], self.snap(tried[k]))
 
     def narrowed(self, helps: Holds, low: float, high: float) -> float:
-        """The least amount by bisection between one that does not help and one that does."""
+        """Return the least amount by bisection between one that does not help and one that does."""
         while high - low > max(self.fine, self.close * high):
             middle = self.snap((low + high) / 2)
             low, high = (low, middle) if helps(middle) else (middle, high)
@@ -108,18 +108,18 @@ GRID = Scan(_COARSE, 1.5 * FINE, _CLOSE, grid_above)
 
 
 def confirmed(holds: Holds, amount: float, most: float, seen: Holds | None = None) -> float | None:
-    """An amount that holds, near to one that should, and least as far as ``holds`` can tell.
+    """Least amount near to a given one that holds, as far as ``holds`` can tell.
 
     Parameters
     ----------
     holds : callable
-        What decides in the end, dearer than what ``amount`` was found by, and dearest where it says no; may
+        The deciding test, more expensive than the one ``amount`` was found by, above all where it fails; may
         be stricter or laxer.
     amount, most : float
-        What should hold, and the most that is tried.
+        One that should hold, and the most that is tried.
     seen : callable, optional
-        What is known sooner, and is stricter: it leads to an amount, and ``holds`` is asked for that one and
-        for a little less. By default ``holds`` itself leads.
+        A faster and stricter test, which leads to an amount: ``holds`` is asked for that one and for a little
+        less. By default ``holds`` itself leads.
 
     Returns
     -------
@@ -189,18 +189,18 @@ def shortest_step(opens: Opens, directions: Array, most: float) -> tuple[float, 
 def first_seen(
     opens: Opens, sees: Callable[[Array], bool], directions: Array, low: float, high: float
 ) -> tuple[float, Array] | None:
-    """A step between two lengths that is seen to help, where those that open need not.
+    """A step between two lengths that passes an expensive test, among those that pass a cheap one.
 
     Parameters
     ----------
     opens : callable
-        Of steps (n, d): whether each may help.
+        Mask of the steps (n, d) that may help.
     sees : callable
-        Of one step (d,): whether it helps; dear, and asked of a few even ones of each length that open.
+        True for a step (d,) that helps; asked of a few evenly chosen ones of each length that open.
     directions : (m, d) array
         Of length 1.
     low, high : float
-        Neither is looked at itself.
+        Themselves not tried.
 
     Returns
     -------

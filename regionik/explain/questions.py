@@ -1,7 +1,7 @@
-"""Questions that an explanation asks of changed worlds: of a target, of the arm in its way, of a whole path.
+"""Questions that an explanation asks of changed worlds: about a target, the arm at a target, or a whole path.
 
-Each knows the constraints that may be its causes, what rules a world out, the changes that may mend it, and
-what decides whether one does. What decides lies above this folder, and is handed down.
+A question knows the constraints that may be its causes, the test that rules a world out, the changes that may
+mend it, and the oracle that decides whether one does. Oracles are stages above this folder, passed in.
 """
 
 from __future__ import annotations
@@ -12,11 +12,14 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
+from shapely.geometry import Point
+from shapely.ops import nearest_points
 
+from regionik.areas.ground import GUARD, ground_of, grow
 from regionik.areas.reachable import model_of
-from regionik.areas.standing import turns_matter
-from regionik.explain.causes import no_inner, no_outer, opened
+from regionik.areas.standing import LEAST_AREA, turns_matter
 from regionik.explain.changes import (
     Change,
     Move,
@@ -28,19 +31,7 @@ from regionik.explain.changes import (
     raise_arm,
     repaired,
 )
-from regionik.explain.minimal_change import (
-    FINE,
-    GRID,
-    Holds,
-    Scan,
-    circle,
-    confirmed,
-    first_seen,
-    least_open,
-    shortest_step,
-    sphere,
-)
-from regionik.explain.relaxations import (
+from regionik.explain.constraints import (
     ARM_CLEARANCE,
     LIFT_OFFS,
     Constraint,
@@ -49,8 +40,21 @@ from regionik.explain.relaxations import (
     path_constraints_of,
     without_obstacle,
 )
-from regionik.explain.steps import obstacle_steps, target_steps
+from regionik.explain.minimal_change import (
+    FINE,
+    GRID,
+    Holds,
+    Opens,
+    Scan,
+    circle,
+    confirmed,
+    first_seen,
+    least_open,
+    shortest_step,
+    sphere,
+)
 from regionik.planners.search.box_search import Verdict
+from regionik.regions import has_no_known_place, have_known_places, is_ruled_out, path_areas
 from regionik.worlds.arms import reach_bound
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Repair
@@ -58,6 +62,7 @@ from regionik.worlds.scene import World
 
 if TYPE_CHECKING:
     from regionik.reachability.reach import Answer
+
 
 PROOF, SEARCH = 30_000, 1_500  # cells of postures looked at for a cause, and for an amount of a change
 LENGTHS = 0.01 * 3.0 ** np.arange(5)  # of moves that are tried with the arm [m]
@@ -69,17 +74,17 @@ COARSE = Scan(12, FINE, 0.01)  # for what is dear to ask
 
 @dataclass(frozen=True)
 class Oracles:
-    """Stages that decide about the one target of a world.
+    """Stages that decide on the one target of a world.
 
     Attributes
     ----------
     reach : callable
         The answer of `regionik.reach`.
     seen : callable
-        True where a configuration is found in the areas that hold at every heading: sooner known than
-        ``reach``, and stricter.
+        True where a configuration is found in the areas that hold at every heading: faster than ``reach``,
+        and stricter.
     look : callable
-        Verdict of a search of so many cells of all postures from all places.
+        Verdict of a search of all postures from all places, with a budget of cells.
     """
 
     reach: Callable[[World], Answer]
@@ -88,24 +93,16 @@ class Oracles:
 
 
 def _obstacles(world: World, causes: Sequence[Constraint]) -> Iterator[Move | None]:
-    """An obstacle that is no cause does not help by moving."""
+    """Moves of the obstacles among the causes; moving any other does not help."""
     return (move_obstacle(world, one.name) for one in causes if one.kind == "obstacle")
 
 
 @dataclass(frozen=True)
 class _OneTarget:
-    """A question of the one target of a world.
-
-    Attributes
-    ----------
-    world : World
-    who : str
-        The target's name.
-    oracles : Oracles
-    """
+    """A question about the one target of a world."""
 
     world: World
-    who: str
+    who: str  # the target's name
     oracles: Oracles
 
     def enters(self, after: World) -> bool:
@@ -115,10 +112,12 @@ class _OneTarget:
         return any(a.distance(old) >= 0 and b.distance(new) < 0 for a, b in solids)
 
     def holds(self, after: World) -> bool:
-        """Return True where the target of a changed world is reachable, and newly inside of nothing."""
+        """Return True where the target of a changed world is reachable, and newly in no solid."""
         if self.enters(after):
             return False
-        if not opened(after, after.task)[0] and no_inner(after):  # sooner known than asked
+        if not have_known_places(after, after.task)[0] and has_no_known_place(
+            after
+        ):  # sooner known than asked
             return False
         return bool(self.oracles.reach(after).reachable.all())
 
@@ -127,18 +126,18 @@ class _OneTarget:
 
 
 class TargetQuestion(_OneTarget):
-    """Is the target within reach of the base? Asked of areas, then of `Oracles.reach`."""
+    """Is the target in reach from some place for the base? Asked of areas, then of `Oracles.reach`."""
 
     @cached_property
     def proof(self) -> str:
-        return "This is a proof: with these the outer area is empty." if no_outer(self.world) else ""
+        return "This is a proof: with these the outer area is empty." if is_ruled_out(self.world) else ""
 
     @property
     def constraints(self) -> tuple[Constraint, ...]:
         return constraints_of(self.world)
 
     def closed(self, world: World) -> bool:
-        return no_outer(world) if self.proof else no_inner(world)
+        return is_ruled_out(world) if self.proof else has_no_known_place(world)
 
     def changes(self, causes: Sequence[Constraint]) -> Iterator[Change | Move | None]:
         world, target, span = self.world, self.world.task[0], reach_bound(self.world.robot.chain)
@@ -146,10 +145,10 @@ class TargetQuestion(_OneTarget):
         if world.solids:
             yield lower_clearance(world)
         yield open_cone(world, self.who)
-        if model.exact:  # each height of another arm is looked at by itself
+        if model.exact:  # any other arm needs a search for each height
             height = float(target.position[2] - world.robot.mount[2]) - span.height
             yield raise_arm(world, max(0.0, height) + span.length)
-        if model.proven:  # what others reach is looked for pose by pose
+        if model.proven:  # other reach is sampled pose by pose
             yield move_target(world, self.who)
         yield from _obstacles(world, causes)
 
@@ -160,11 +159,11 @@ class TargetQuestion(_OneTarget):
         return None if amount is None else self._confirmed(change, amount)
 
     def _opens_one(self, change: Change) -> Holds:
-        return lambda amount: bool(opened(change.at(amount), self.world.task)[0])
+        return lambda amount: bool(have_known_places(change.at(amount), self.world.task)[0])
 
     def _opens(self, change: Change, amounts: Array) -> NDArray[np.bool_]:
         assert change.as_target is not None, "only targets are looked at many at once"
-        return opened(self.world, [change.as_target(float(amount)) for amount in amounts])
+        return have_known_places(self.world, [change.as_target(float(amount)) for amount in amounts])
 
     def _confirmed(self, change: Change, amount: float) -> Repair | None:
         """The repair by an amount found by areas, confirmed by asking whether the target is reachable."""
@@ -182,8 +181,7 @@ class TargetQuestion(_OneTarget):
     def shortest(self, move: Move) -> Repair | None:
         """The shortest step found by areas, confirmed.
 
-        Where it has to be longer than areas have it, for the arm would touch something, other directions are
-        looked at with the arm.
+        Where the arm needs a longer one, so as to touch nothing, other directions are tried with the arm.
         """
         steps = target_steps(move) if move.kind == "move-target" else obstacle_steps(move)
         step = None if steps is None else shortest_step(steps.opens, steps.directions, steps.most)
@@ -203,7 +201,7 @@ class TargetQuestion(_OneTarget):
 
 
 class ArmQuestion(_OneTarget):
-    """Is the arm clear of everything at the target, from some place? Asked where all postures can be seen."""
+    """Is the arm clear at the target from some place? Asked where all postures can be searched."""
 
     proof = "This is a proof: with these no posture from any place is clear."
 
@@ -213,7 +211,7 @@ class ArmQuestion(_OneTarget):
 
     def closed(self, world: World) -> bool:
         """Return True where the target is proven to have no clear posture from any place."""
-        return no_outer(world) or self.oracles.look(world, PROOF) == Verdict.RULED_OUT
+        return is_ruled_out(world) or self.oracles.look(world, PROOF) == Verdict.RULED_OUT
 
     def changes(self, causes: Sequence[Constraint]) -> Iterator[Change | Move | None]:
         yield lower_clearance(self.world, ARM_CLEARANCE)
@@ -252,21 +250,12 @@ class ArmQuestion(_OneTarget):
 
 @dataclass(frozen=True)
 class PathQuestion:
-    """Does the ladder of areas span a world's path, and can it be planned?
-
-    Attributes
-    ----------
-    world : World
-    setpoint : int
-        Before which the ladder breaks.
-    spans, plans : callable
-        True where the areas of a world span its path, and where it can be planned.
-    """
+    """Does the ladder of areas span a world's path, and can it be planned?"""
 
     world: World
-    setpoint: int
-    spans: Callable[[World], bool]
-    plans: Callable[[World], bool]
+    setpoint: int  # before which the ladder breaks
+    spans: Callable[[World], bool]  # True where the areas of a world span its path
+    plans: Callable[[World], bool]  # True where the path of a world can be planned
     proof = ""
 
     @property
@@ -277,10 +266,7 @@ class PathQuestion:
         return not self.spans(world)
 
     def changes(self, causes: Sequence[Constraint]) -> Iterator[Change | Move | None]:
-        """Single changes; where headings decide on where the base may stand obstacles and mount stay.
-
-        There a look at a path takes seconds.
-        """
+        """Single changes; obstacles and mount stay where headings matter, as a test then takes seconds."""
         if any(one.name == LIFT_OFFS for one in causes):
             yield allow_lift_offs(self.world, self.setpoint)
         if self.world.solids:
@@ -322,3 +308,72 @@ class PathQuestion:
 
 
 Question = TargetQuestion | ArmQuestion | PathQuestion
+
+
+@dataclass(frozen=True)
+class Steps:
+    """Steps tested by areas: their directions, the longest, and the test whether each helps."""
+
+    directions: Array
+    most: float
+    opens: Opens
+
+
+def target_steps(move: Move) -> Steps:
+    """Steps of a target: in space where areas are exact, else over the floor."""
+    world, target = move.world, move.world.task[0]
+    exact = model_of(world, target).exact
+
+    def opens(steps: Array) -> NDArray[np.bool_]:
+        places = target.position + (steps if exact else steps * [1.0, 1.0, 0.0])
+        found = have_known_places(world, [replace(target, position=place) for place in places])
+        found[places[:, 2] < 0] = False
+        for k in np.flatnonzero(found):
+            found[k] = all(solid.distance(places[k]) >= 0 for solid in world.solids)
+        return found
+
+    around = np.column_stack([circle(32), np.zeros(32)])
+    directions = [_inwards(world), around, sphere(48)] if exact else [_inwards(world), around]
+    return Steps(np.vstack(directions), _farthest(world), opens)
+
+
+def _farthest(world: World) -> float:
+    """Length of a move that brings the target next to the arm, wherever that may stand [m]."""
+    span, target = reach_bound(world.robot.chain), world.task[0].position
+    off = float(world.floor.polygon.distance(Point(target[:2])))
+    height = abs(float(target[2] - world.robot.mount[2]) - span.height)
+    return off + height + 2 * (span.radius + span.length)
+
+
+def _inwards(world: World) -> Array:
+    """Direction straight to the free floor, (0 or 1, 3)."""
+    free, target = ground_of(world).inner.free, world.task[0].position
+    if free.is_empty:
+        return np.empty((0, 3))
+    there = np.array(nearest_points(free, Point(target[:2]))[0].coords[0])
+    way = np.array([*(there - target[:2]), 0.0])
+    length = float(np.linalg.norm(way))
+    return way[None] / length if length > FINE else np.empty((0, 3))
+
+
+def obstacle_steps(move: Move) -> Steps | None:
+    """Steps of an obstacle over the floor, off the places there would be without it; None without any."""
+    world, ground = move.world, ground_of(move.world)
+    solid = next(solid for solid in world.obstacles if solid.name == move.name)
+    shadow = solid.shadow(world.robot.body_height)
+    areas = path_areas(without_obstacle(world, move.name), world.task)
+    room = shapely.union_all(areas.inner[shapely.area(areas.inner) > LEAST_AREA])
+    if shadow is None or room.is_empty:
+        return None
+    taken = grow(shadow, ground.clearance + ground.far + GUARD, inner=True)
+    spot = world.task[0].position
+
+    def opens(steps: Array) -> NDArray[np.bool_]:
+        moved = np.array([shapely.transform(taken, lambda xy, by=by: xy + by) for by in steps], dtype=object)
+        found: NDArray[np.bool_] = shapely.area(shapely.difference(room, moved)) > LEAST_AREA
+        for k in np.flatnonzero(found):
+            found[k] = solid.distance(spot - [*steps[k], 0.0]) >= 0
+        return found
+
+    low_x, low_y, high_x, high_y = room.union(taken).bounds
+    return Steps(circle(32), float(np.hypot(high_x - low_x, high_y - low_y)), opens)

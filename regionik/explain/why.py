@@ -1,15 +1,15 @@
-"""Quick words on a no, with irreducible causes and the smallest repairs."""
+"""Explanations with irreducible causes and the smallest repairs."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from regionik.explain.causes import arm_too_short, cause_of, irreducible
 from regionik.explain.changes import Move, smallest_first
+from regionik.explain.constraints import Constraint, joint_causes, mended, places_open, setpoint
 from regionik.explain.questions import Oracles, Question, TargetQuestion
-from regionik.explain.sentences import mended, places_open, setpoint, together
-from regionik.worlds.errors import Explanation
+from regionik.worlds.errors import Cause, Explanation
 from regionik.worlds.scene import World
 
 if TYPE_CHECKING:
@@ -17,14 +17,14 @@ if TYPE_CHECKING:
 
 
 def explained(question: Question, quick: Explanation) -> Explanation:
-    """Return the quick words on a no with its causes and repairs.
+    """Return an explanation with its causes and repairs.
 
     Parameters
     ----------
     question : Question
-        Its world's answer is no.
+        One whose answer is no.
     quick : Explanation
-        What is known of it already; its verdict and margins stay.
+        By the stage that failed; its verdict and margins are kept.
     """
     world = question.world
     kept = irreducible(world, question.constraints, question.closed)
@@ -37,7 +37,7 @@ def explained(question: Question, quick: Explanation) -> Explanation:
     causes = tuple(cause_of(one, quick) for one in kept) or (arm_too_short(world, quick),)
     parts = [
         quick.reason,
-        together(world, kept, proven=bool(question.proof)),
+        joint_causes(world, kept, proven=bool(question.proof)),
         question.proof,
         mended(repairs),
     ]
@@ -45,7 +45,7 @@ def explained(question: Question, quick: Explanation) -> Explanation:
 
 
 def explained_target(world: World, i: int, quick: Explanation, oracles: Oracles) -> Explanation:
-    """`explained` for a set-point whose inner area is empty; what is undecided is asked by itself."""
+    """Return `explained` for a set-point whose inner area is empty; if undecided, `reach` is asked first."""
     asked = replace(world, task=(world.task[i],))
     if quick.verdict == "undecided":
         quick = _by_itself(quick, oracles.reach(asked), setpoint(i, len(world.task)))
@@ -53,12 +53,12 @@ def explained_target(world: World, i: int, quick: Explanation, oracles: Oracles)
 
 
 def target_name(world: World, i: int) -> str:
-    """A set-point as the one that a change is about."""
+    """Name of the set-point that a change is about."""
     return f"set-point {i + 1}" if len(world.task) > 1 else "the target"
 
 
 def _by_itself(quick: Explanation, answer: Answer, who: str) -> Explanation:
-    """The quick words on a set-point that no place is known for, with what `reach` says of it alone."""
+    """The explanation of a set-point without a known place, with what `reach` says of it alone."""
     if answer.verdict[0] == "unreachable":
         told = f"{who}{answer.reason[0].removeprefix('The target').rstrip('.')}."
         return replace(quick, verdict="unreachable", reason=told)
@@ -71,3 +71,63 @@ def _by_itself(quick: Explanation, answer: Answer, who: str) -> Explanation:
     else:
         told = f"{places_open(answer.gap[0])}: a posture from one of them would decide it."
     return replace(quick, reason=f"{quick.reason} {told}")
+
+
+Closed = Callable[[World], bool]
+
+
+def irreducible(world: World, constraints: Iterable[Constraint], closed: Closed) -> tuple[Constraint, ...]:
+    """Constraints that rule a world's task out, and of which none can be left out.
+
+    A deletion filter: constraints are dropped one by one where the rest still rules the task out, all
+    obstacles at once first. It is repeated until nothing more is dropped, as areas are rounded.
+
+    Parameters
+    ----------
+    world : World
+    constraints : iterable of Constraint
+        In the order in which they are dropped.
+    closed : callable
+        True where a world's task is ruled out, as this one's is.
+
+    Returns
+    -------
+    tuple of Constraint
+        Empty where the task is ruled out without any of them.
+    """
+    every = tuple(constraints)
+    kept = tuple(one for one in every if one.kind != "obstacle")
+    if not closed(relaxed(world, every, kept)):
+        kept = every
+    before = None
+    while kept != before:
+        before = kept
+        for one in before:
+            rest = tuple(other for other in kept if other is not one)
+            if closed(relaxed(world, every, rest)):
+                kept = rest
+    return kept
+
+
+def relaxed(world: World, constraints: Iterable[Constraint], kept: Iterable[Constraint]) -> World:
+    """A world without the constraints that are not kept."""
+    names = {(one.kind, one.name) for one in kept}
+    for one in constraints:
+        if (one.kind, one.name) not in names:
+            world = one.relax(world)
+    return world
+
+
+def cause_of(one: Constraint, quick: Explanation) -> Cause:
+    """A constraint as a cause, with the margin that is known to be missing [m]."""
+    margins = {cause.name: cause.margin for cause in quick.causes}
+    kinds = {cause.kind: cause.margin for cause in quick.causes if cause.kind in ("floor", "obstacle")}
+    if one.kind == "clearance":
+        return Cause(one.kind, one.name, kinds.get("obstacle"))
+    return Cause(one.kind, one.name, kinds.get("floor") if one.kind == "floor" else margins.get(one.name))
+
+
+def arm_too_short(world: World, quick: Explanation) -> Cause:
+    """The cause where no constraint that can be dropped is one."""
+    margin = next((cause.margin for cause in quick.causes if cause.kind == "reach"), None)
+    return Cause("reach", world.robot.name, margin)

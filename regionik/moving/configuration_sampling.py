@@ -21,14 +21,14 @@ from shapely.geometry.base import BaseGeometry
 from regionik.areas.reachable import model_of, reach_model
 from regionik.areas.standing import Standing, away, into_span
 from regionik.ladder import Ladder
-from regionik.mfabrik import Solver, axis_of, pose_of, solver_for
+from regionik.mfabrik import Solver, solver_for
 from regionik.moving.rolling_goals import RollingGoals
 from regionik.planners.clearance.clear_posture import ClearPosture, clear_posture, go_round
 from regionik.planners.clearance.posture_search import look_round
 from regionik.planners.clearance.proximity import Touch
 from regionik.planners.search.box_search import Verdict
 from regionik.postures.arm_guard import SPARE, Guard
-from regionik.postures.poses import Pose, pose
+from regionik.postures.poses import Pose, axis_of, pose, pose_of
 from regionik.postures.serial_solver import serial_solver
 from regionik.values import Configuration
 from regionik.worlds.arms import pivot_index, with_pivot
@@ -255,7 +255,7 @@ class ConfigurationSampler:
         """The base stays; the arm is tried in other postures on the pose."""
         robot = self.world.robot
         arm = serial_solver(robot.chain, float(robot.mount[2]), self.world.rules.tolerance)
-        quest = arm.quest(self.world.task[i])
+        quest = arm.goal_for(self.world.task[i])
         base, contact = candidate.found.base, self.guard.contact
         found = look_round(
             self.guard.bodies, base, quest.aim, candidate.found.joints, quest.effort,

@@ -7,10 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from regionik.mfabrik import axis_of
 from regionik.planners.geometry.string_pulling import spread_along
 from regionik.postures.arm_guard import Guard
-from regionik.postures.poses import LARGEST_BEND, Pose, turn_to
+from regionik.postures.poses import LARGEST_BEND, Pose, axis_of, turn_to
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import World
 

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from regionik.ladder import Ladder
-from regionik.mfabrik import Solver, pose_of, solver_between
+from regionik.mfabrik import Solver, solver_between
 from regionik.moving.base_motion import BasePath, BasePaths
 from regionik.moving.configuration_sampling import Candidate
 from regionik.planners.clearance.path_segments import between, laid_out
@@ -21,11 +21,10 @@ from regionik.planners.clearance.proximity import Touch
 from regionik.planners.driving.point_planner import NoPathError
 from regionik.planners.geometry.angles import wrap
 from regionik.planners.geometry.polygons import Index
+from regionik.postures.arm import deviation, goal_between
 from regionik.postures.arm_guard import Guard
 from regionik.postures.families import Family
-from regionik.postures.poses import LARGEST_BEND, Pose, Row, arrays, pose
-from regionik.postures.tool_goal import between as asked_between
-from regionik.postures.tool_goal import deviation
+from regionik.postures.poses import LARGEST_BEND, Pose, Row, arrays, pose, pose_of
 from regionik.values import Configuration
 from regionik.worlds.arms import pivot_index, with_pivot
 from regionik.worlds.arrays import Array
@@ -107,8 +106,8 @@ class PathSegment:
 
     def target(self, at: SegmentPoint) -> Target:
         """What the tool is asked at a place; its axis or frame turns evenly."""
-        first, last = (asked_between(*self.asked, tool) for tool in self._tool(at))
-        return asked_between(first, last, at.share)
+        first, last = (goal_between(*self.asked, tool) for tool in self._tool(at))
+        return goal_between(first, last, at.share)
 
     def families(self, at: SegmentPoint) -> list[Family]:
         """At both ends of a leg."""
@@ -228,7 +227,7 @@ def _turned(p: Target, q: Target, tools: Array) -> bool:
     """Whether tool frames on the way between two targets are turned as asked."""
     if p.direction is None or q.direction is None:
         return True
-    asked = [asked_between(p, q, share) for share in LOOKED_AT.tolist()]
+    asked = [goal_between(p, q, share) for share in LOOKED_AT.tolist()]
     pairs = zip(asked, tools, strict=True)
     return all(deviation(one, tool[:3, :3]) <= one.cone + TURN_SLACK for one, tool in pairs)
 

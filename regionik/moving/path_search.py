@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from regionik.areas.standing import Standing
-from regionik.explain import arm_failures
+from regionik.explain import failures
 from regionik.ladder import Ladder
 from regionik.moving.base_motion import StandingPaths
 from regionik.moving.configuration_sampling import Candidate, ConfigurationSampler, Evidence
@@ -25,7 +25,7 @@ from regionik.moving.rolling_goals import rolling_goals_for
 from regionik.moving.transit import TransitPlanner
 from regionik.planners.driving.point_planner import NoPathError
 from regionik.postures.arm_guard import Guard, guard_of
-from regionik.postures.poses import Pose, Row, arrays, between, columns
+from regionik.postures.poses import Pose, Row, arrays, columns, pose_between
 from regionik.values import Configuration, Motion
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Cause, Explanation, NoPlanFound
@@ -86,7 +86,7 @@ class PathSearch:
         here = Pose(start.base, start.joints)
         touch = guard.touch(here)
         if guard.on and touch.kind != "none":
-            raise NoPlanFound(arm_failures.blocked_arm(self.world, guard.words(touch), guard.cause(touch)))
+            raise NoPlanFound(failures.blocked_arm(self.world, guard.words(touch), guard.cause(touch)))
         return [Row(here, "transit", -1)]
 
     def arrive(
@@ -102,7 +102,7 @@ class PathSearch:
             if way is None:
                 continue
             if i > 0 and not way:  # however short the way, the tool leaves its path on it
-                way = [between(here, candidate.pose, 0.5, self.world.robot.drive)]
+                way = [pose_between(here, candidate.pose, 0.5, self.world.robot.drive)]
             return [Row(pose, "transit", i - 1) for pose in way], candidate
         return None
 
@@ -160,18 +160,18 @@ class PathSearch:
         guard, seen = self.guard, self.sampler.evidence.get(i, Evidence())
         touch, cut_off = seen.best, here is not None and seen.clear > 0
         if cut_off and self.transits.refusals:
-            return arm_failures.no_drive(self.world, i, self.transits.refusals[0])
+            return failures.no_drive(self.world, i, self.transits.refusals[0])
         if here is not None and cut_off and goal is not None:
             try:
                 piece = int(self.sampler.ladder.floor[goal.component])
                 touch = self.transits.obstruction(here, goal.pose, piece)
             except NoPathError as refusal:  # it drives to other places of this set-point only
-                return arm_failures.no_drive(self.world, i, refusal)
+                return failures.no_drive(self.world, i, refusal)
         closest, cause = "no single thing stands in the way", Cause("limits", self.world.robot.name)
         if touch is not None:
             closest, cause = guard.words(touch), guard.cause(touch)
         looked = seen.places, seen.postures, seen.proven
-        return arm_failures.no_clear_posture(self.world, i, looked, closest, cause, cut_off=cut_off)
+        return failures.no_clear_posture(self.world, i, looked, closest, cause, cut_off=cut_off)
 
 
 def path_search(

@@ -10,9 +10,9 @@ import shapely
 
 from regionik.areas.standing import Mask, Standing, away, room_for
 from regionik.ladder import Ladder
-from regionik.mfabrik import axis_of
 from regionik.planners.driving.footprint_scene import fits
 from regionik.planners.geometry.angles import wrap
+from regionik.postures.poses import axis_of
 from regionik.values import Configuration
 from regionik.worlds.arrays import Array
 from regionik.worlds.drives import BaseDrive

@@ -6,11 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from regionik.mfabrik import axis_of, pose_of
 from regionik.moving.base_motion import Driver
 from regionik.moving.interpolation import Interpolator
 from regionik.planners.driving.sampling import State, connect
-from regionik.postures.poses import Pose, turn_to
+from regionik.postures.poses import Pose, axis_of, pose_of, turn_to
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import World
 

@@ -12,12 +12,13 @@ from shapely.geometry import Point
 from shapely.geometry.base import BaseGeometry
 
 from regionik.areas.standing import into_span
-from regionik.mfabrik import Solver, axis_of, pose_of, solver_for
+from regionik.mfabrik import Solver, solver_for
 from regionik.moving.configuration_sampling import spread
 from regionik.parking.fewest_stops import ParkingAreas, StopGroup, depth
 from regionik.planners.coverage.tours import short_tour
 from regionik.planners.solvers.serial_chain import chain_frames, chain_jacobian, serial_arm
 from regionik.postures.families import Family
+from regionik.postures.poses import axis_of, pose_of
 from regionik.values import Configuration, Stop
 from regionik.worlds.arms import pivot_index, with_pivot
 from regionik.worlds.arrays import Array

@@ -18,15 +18,20 @@ from numpy.typing import ArrayLike
 from shapely.geometry.base import BaseGeometry
 
 from regionik.areas.ground import Geometries
-from regionik.areas.standing import Index, Standing
+from regionik.areas.standing import Index, PathAreas, Standing
+from regionik.explain.constraints import no_way_to, setpoint_at
 from regionik.explain.failures import cut_off, no_place
-from regionik.explain.sentences import no_way_to, setpoint_at
 from regionik.ladder import Ladder, Mask, build_ladder
-from regionik.mfabrik import axis_of
-from regionik.planners.coverage.interval_cover import fewest_runs
-from regionik.planners.coverage.set_cover import OverlayFaces, SetCover, least_cover, overlay_faces
+from regionik.planners.coverage.set_cover import (
+    OverlayFaces,
+    SetCover,
+    fewest_runs,
+    least_cover,
+    overlay_faces,
+)
 from regionik.planners.geometry.offsets import shrunk
-from regionik.regions import PathAreas, outer_areas, path_areas, ways_to_stand
+from regionik.postures.poses import axis_of
+from regionik.regions import outer_areas, path_areas, ways_to_stand
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Cause, Explanation, NoPlanFound
 from regionik.worlds.scene import Order, Target, World

@@ -16,7 +16,7 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from regionik.explain.changes import one_lift_off
-from regionik.explain.sentences import setpoint
+from regionik.explain.constraints import setpoint
 from regionik.moving.configuration_sampling import PITCHES, Candidate
 from regionik.moving.path_search import HARD_TRIES, JoinedMotion, PathSearch, path_search
 from regionik.parking.base_placement import BasePlacement, PlacementSearch

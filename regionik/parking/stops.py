@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from regionik.mfabrik import axis_of
 from regionik.parking.base_placement import BasePlacement, PlacementSearch, check_arm, short_tour_positions
 from regionik.parking.fewest_stops import Parking, ParkingAreas, StopGroup, park, reordered
 from regionik.planners.coverage.tours import shortest_order
+from regionik.postures.poses import axis_of
 from regionik.values import Stop
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError

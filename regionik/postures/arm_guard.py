@@ -13,16 +13,14 @@ import numpy as np
 
 from regionik.planners.clearance.proximity import (
     NOTHING,
-    Bodies,
-    ContactTargets,
     Touch,
-    bodies_from,
     nearest,
     other,
     still_clear,
     way_clear,
     words,
 )
+from regionik.planners.clearance.robot_bodies import Bodies, ContactTargets, bodies_from
 from regionik.planners.clearance.robot_motion import hops_led, tools_on
 from regionik.planners.geometry.distances import obstacles_from, solids_within
 from regionik.postures.poses import LARGEST_BEND, Pose, arrays

@@ -12,13 +12,14 @@ from regionik.planners.geometry.angles import wrap
 from regionik.values import Configuration, Motion
 from regionik.worlds.arrays import Array
 from regionik.worlds.drives import BaseDrive
+from regionik.worlds.robot import Robot
 
 LARGEST_BEND = 0.5  # change of a joint between two states above which the arm has jumped [rad]
 
 
 @dataclass(frozen=True, eq=False)
 class Pose:
-    """Where base and arm are."""
+    """Pose of the base and joints of the arm."""
 
     base: Array  # (3,) x, y [m], yaw [rad]
     joints: Array  # (dof,)
@@ -44,7 +45,7 @@ def turn_to(here: Array, there: Array) -> Array:
     return np.array([step[0], step[1], wrap(step[2])])
 
 
-def between(here: Pose, there: Pose, share: float, drive: BaseDrive) -> Pose:
+def pose_between(here: Pose, there: Pose, share: float, drive: BaseDrive) -> Pose:
     """Part of the way between two states, as every reader of a plan fills it in."""
     base = drive.between(here.base, there.base, share)
     return Pose(base, here.joints + share * (there.joints - here.joints))
@@ -74,7 +75,7 @@ def lift_offs(motion: Motion) -> int:
     return int(np.count_nonzero(np.diff(lifted[first + 1 :]) == 1))
 
 
-def figures(
+def motion_stats(
     drive: BaseDrive, setpoints: Sequence[Configuration], motion: Motion, methods: dict[str, int]
 ) -> dict[str, Any]:
     """Plain numbers about a motion, for `regionik.values.Plan.stats`."""
@@ -86,3 +87,20 @@ def figures(
         "base_moves": methods,
         "largest_error": float(max(found.error for found in setpoints)),
     }
+
+
+def axis_of(robot: Robot, base: Array) -> Array:
+    """Arm axis on the floor (..., 2) for base poses (..., 3)."""
+    x, y = robot.mount[0], robot.mount[1]
+    if x == 0.0 and y == 0.0:
+        return np.array(base[..., :2])
+    c, s = np.cos(base[..., 2]), np.sin(base[..., 2])
+    spot: Array = base[..., :2] + np.stack([c * x - s * y, s * x + c * y], axis=-1)
+    return spot
+
+
+def pose_of(robot: Robot, axis: Array, yaw: float) -> Array:
+    """Base pose (3,) that puts the arm axis on a spot with a heading."""
+    c, s = np.cos(yaw), np.sin(yaw)
+    x, y = robot.mount[0], robot.mount[1]
+    return np.array([axis[0] - (c * x - s * y), axis[1] - (s * x + c * y), yaw])

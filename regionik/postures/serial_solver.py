@@ -12,33 +12,19 @@ from regionik.planners.reach.level_reach import posture_at
 from regionik.planners.reach.pose_reach import ANGLE_SHARE, pose_reach
 from regionik.planners.solvers.base_placement import BaseArea
 from regionik.planners.solvers.damped_least_squares import Aim, polish
-from regionik.planners.solvers.inverse_kinematics import spread_postures
-from regionik.planners.solvers.mfabrik_serial import ArmStand, follow_with_restarts, in_arm_frame
-from regionik.planners.solvers.multistart_ik import Effort, solve
+from regionik.planners.solvers.mfabrik_serial import ArmStand, in_arm_frame, solve_serial
+from regionik.planners.solvers.multistart_ik import Effort, solve_ik, spread_postures
 from regionik.planners.solvers.rigid_bodies import RigidBodies, pointing_bodies, posing_bodies, span
-from regionik.postures.tool_goal import HELD, aim_of
+from regionik.postures.arm import CONE_SHARE, MOST_PASSES, Reached, aim_of
 from regionik.worlds.arms import pivot_index, reach_bound, with_pivot
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
 from regionik.worlds.scene import Target
 
-MOST_PASSES = 100
 RESTARTS = 10
 MOST_STEPS = 60  # of damped least squares when a posture is carried along
 ALIKE = 0.05  # postures that differ by less in every joint are one [rad]
 NEAREST = 6  # postures of the reach that are tried where passes and restarts do not meet a target
-
-
-@dataclass(frozen=True, eq=False)
-class Reached:
-    """Where the arm axis stands and how the arm reaches: the pivot counted from a given heading."""
-
-    axis: Array  # (2,) [m]
-    joints: Array  # (dof,)
-    error: float  # [m]
-    iterations: int
-    angle: float = 0.0  # by which the tool points, or is turned, out of its cone [rad]
-    meets: bool = True  # what is asked of postures besides
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,37 +65,35 @@ class SerialSolver:
         A pose is asked for where the base stands first, as that changes least; then come passes, the postures
         that the reach is made of, and restarts.
         """
-        quest = self.quest(target)
+        goal = self.goal_for(target)
         if target.direction is None:
             if mobile:
-                found = self._followed(quest, quest.starts, axis, yaw, joints, area)
+                found = self._followed(goal, goal.starts, axis, yaw, joints, area)
             else:
-                found = self._held(quest, axis, yaw, joints)
-            return found if quest.met(found) else self._walked(target, found, yaw)
+                found = self._held(goal, axis, yaw, joints)
+            return found if goal.met(found) else self._walked(target, found, yaw)
         bounded = mobile and len(area.starts) > 1
         place = np.array(clamp(area.vertices, area.starts, *axis) if bounded else axis)
-        near = self._polished(quest, place, yaw, joints)
+        near = self._polished(goal, place, yaw, joints)
         if near is not None:
             return near
         if not mobile:
-            return self._held(quest, axis, yaw, joints)
-        found = self._followed(quest, quest.starts[:0], axis, yaw, joints, area)
-        if quest.met(found):
+            return self._held(goal, axis, yaw, joints)
+        found = self._followed(goal, goal.starts[:0], axis, yaw, joints, area)
+        if goal.met(found):
             return found
-        known = self._from_reach(quest, found, yaw, joints, area)
-        return known or self._followed(quest, quest.starts, axis, yaw, joints, area)
+        known = self._from_reach(goal, found, yaw, joints, area)
+        return known or self._followed(goal, goal.starts, axis, yaw, joints, area)
 
     def _followed(
-        self, quest: SerialGoal, starts: Array, axis: Array, yaw: float, joints: Array, area: FlatPolygon
+        self, goal: SerialGoal, starts: Array, axis: Array, yaw: float, joints: Array, area: FlatPolygon
     ) -> Reached:
         """M-FABRIK: passes with the base after the root, then restarts."""
         q, place = np.array(joints), np.array(axis)
         stand = ArmStand(pivot_index(self.chain), yaw, self.height)
         free = BaseArea(area.vertices, area.starts, True)
-        error, angle, passes = follow_with_restarts(
-            quest.bodies, stand, starts, free, place, quest.aim, quest.effort, q
-        )
-        return quest.reached(place, q, error, angle, passes)
+        error, angle, passes = solve_serial(goal.bodies, stand, starts, free, place, goal.aim, goal.effort, q)
+        return goal.reached(place, q, error, angle, passes)
 
     def _walked(self, target: Target, missed: Reached, yaw: float) -> Reached:
         """By a walk at the target's height, where that comes nearer."""
@@ -118,23 +102,16 @@ class SerialSolver:
         off = float(np.linalg.norm(self.chain.forward(joints)[:3, 3] - point))
         return replace(missed, joints=joints, error=off) if off < missed.error else missed
 
-    def _held(self, quest: SerialGoal, axis: Array, yaw: float, joints: Array) -> Reached:
+    def _held(self, goal: SerialGoal, axis: Array, yaw: float, joints: Array) -> Reached:
         """FABRIK-R with the base held."""
-        q, aim = np.array(joints), in_arm_frame(axis, yaw, self.height, quest.aim)
-        error, angle, passes, _, _ = solve(quest.bodies, aim, quest.starts, quest.effort, q)
-        return quest.reached(axis, q, error, angle, passes)
-
-    def reach_many(
-        self, targets: Array, axes: Array, yaws: Array, joints: Array, area: FlatPolygon
-    ) -> list[Reached]:
-        """One after the other; see `Arm`."""
-        rows = zip(map(Target, targets), axes, yaws.tolist(), joints, strict=True)
-        return [self.reach(*row, area, True) for row in rows]
+        q, aim = np.array(joints), in_arm_frame(axis, yaw, self.height, goal.aim)
+        error, angle, passes, _, _ = solve_ik(goal.bodies, aim, goal.starts, goal.effort, q)
+        return goal.reached(axis, q, error, angle, passes)
 
     def least_change(self, target: Target, axis: Array, yaw: float, joints: Array) -> Reached | None:
         """The posture on target that damped least squares comes to; see `Arm`."""
-        quest = self.quest(target)
-        return self._polished(quest, np.array(axis), yaw, np.array(joints))
+        goal = self.goal_for(target)
+        return self._polished(goal, np.array(axis), yaw, np.array(joints))
 
     def self_motion(
         self, target: Target, axis: Array, yaw: float, joints: Array, tries: int
@@ -144,8 +121,8 @@ class SerialSolver:
         For a pose every other start lies about the given posture, and damped least squares alone leads on:
         passes that must meet a direction wander, and arms that curl up come near to themselves.
         """
-        quest, rng = self.quest(target), np.random.default_rng(0)
-        arm, n = quest.bodies.arm, len(quest.bodies.slide)
+        goal, rng = self.goal_for(target), np.random.default_rng(0)
+        arm, n = goal.bodies.arm, len(goal.bodies.slide)
         low = np.where(np.isfinite(arm.lower), arm.lower, -np.pi)
         high = np.where(np.isfinite(arm.upper), arm.upper, np.pi)
         starts = rng.uniform(low, high, (tries, n))
@@ -153,28 +130,28 @@ class SerialSolver:
             starts[::2] = np.clip(joints + rng.normal(size=starts[::2].shape), arm.lower, arm.upper)
         found: list[Reached] = []
         for start in starts:
-            one = self._on_target(target, quest, axis, yaw, np.concatenate([start, joints[n:]]))
+            one = self._on_target(target, goal, axis, yaw, np.concatenate([start, joints[n:]]))
             if one is not None and all(np.abs(one.joints - other.joints).max() > ALIKE for other in found):
                 found.append(one)
         return found
 
     def _on_target(
-        self, target: Target, quest: SerialGoal, axis: Array, yaw: float, start: Array
+        self, target: Target, goal: SerialGoal, axis: Array, yaw: float, start: Array
     ) -> Reached | None:
         """A posture on target come to from one start, without any other."""
         if target.direction is not None:
-            return self._polished(quest, axis, yaw, start)
-        none = np.empty((0, len(quest.bodies.slide)))
-        aim = in_arm_frame(axis, yaw, self.height, quest.aim)
-        error, angle, passes, _, _ = solve(quest.bodies, aim, none, quest.effort, start)
-        found = quest.reached(axis, start, error, angle, passes)
-        return found if quest.met(found) else None
+            return self._polished(goal, axis, yaw, start)
+        none = np.empty((0, len(goal.bodies.slide)))
+        aim = in_arm_frame(axis, yaw, self.height, goal.aim)
+        error, angle, passes, _, _ = solve_ik(goal.bodies, aim, none, goal.effort, start)
+        found = goal.reached(axis, start, error, angle, passes)
+        return found if goal.met(found) else None
 
     def _from_reach(
-        self, quest: SerialGoal, missed: Reached, yaw: float, joints: Array, area: FlatPolygon
+        self, goal: SerialGoal, missed: Reached, yaw: float, joints: Array, area: FlatPolygon
     ) -> Reached | None:
         """From the postures that the reach is made of: the base where it came to, or as near as may be."""
-        known = pose_reach(self.chain, self.height, quest.aim)
+        known = pose_reach(self.chain, self.height, goal.aim)
         near = np.argsort(np.hypot(*(known.places - missed.axis).T), kind="stable")
         bounded = len(area.starts) > 1
         free = [k for k in near if not bounded or contains(area.vertices, area.starts, *known.places[k])]
@@ -184,28 +161,28 @@ class SerialSolver:
             q[pivot_index(self.chain)] += known.yaws[k] - yaw
             endless = np.isinf(self.chain.upper - self.chain.lower)
             q = np.where(endless, joints + np.remainder(q - joints + np.pi, 2 * np.pi) - np.pi, q)
-            found = self._polished(quest, np.array(place), yaw, q)
+            found = self._polished(goal, np.array(place), yaw, q)
             if found is not None:
                 return replace(found, iterations=missed.iterations)
         return None
 
-    def _polished(self, quest: SerialGoal, place: Array, yaw: float, joints: Array) -> Reached | None:
+    def _polished(self, goal: SerialGoal, place: Array, yaw: float, joints: Array) -> Reached | None:
         """Damped least squares from a posture, the base held."""
-        n, effort = len(quest.bodies.slide), quest.effort
-        q, aim = np.array(joints[:n]), in_arm_frame(place, yaw, self.height, quest.aim)
+        n, effort = len(goal.bodies.slide), goal.effort
+        q, aim = np.array(joints[:n]), in_arm_frame(place, yaw, self.height, goal.aim)
         error, angle, _ = polish(
-            quest.bodies.arm, aim, q, effort.reach, effort.tolerance, effort.angle_tolerance, MOST_STEPS
+            goal.bodies.arm, aim, q, effort.reach, effort.tolerance, effort.angle_tolerance, MOST_STEPS
         )
         if error > effort.tolerance or angle > effort.angle_tolerance:
             return None
-        return quest.reached(place, np.concatenate([q, joints[n:]]), error, angle, 0)
+        return goal.reached(place, np.concatenate([q, joints[n:]]), error, angle, 0)
 
-    def quest(self, target: Target) -> SerialGoal:
-        """What a target asks of the kernels, and with which effort."""
+    def goal_for(self, target: Target) -> SerialGoal:
+        """Return a target as the kernels take it, and the effort to make."""
         if target.direction is None:
             return SerialGoal(self.pointing, self._pointing_starts, self.effort, aim_of(target), 0.0)
         effort = self.effort._replace(angle_tolerance=ANGLE_SHARE * target.cone)
-        return SerialGoal(self.posing, self.starts, effort, aim_of(target), (1 - HELD) * target.cone)
+        return SerialGoal(self.posing, self.starts, effort, aim_of(target), (1 - CONE_SHARE) * target.cone)
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,22 +9,24 @@ import numpy as np
 import shapely
 from shapely.geometry import Point, Polygon
 
-from regionik.areas.ground import EVERY, GUARD, ground_of
+from regionik.areas.ground import GUARD, Side, ground_of
 from regionik.areas.reachable import model_of, planar_reach, reach_model
 from regionik.areas.standing import room_for
 from regionik.planners.clearance.any_base import AnyBase, BaseFloor, ToolDemand, near_solids, search_cells
-from regionik.planners.clearance.arm_clearance import MOST_RINGS
+from regionik.planners.clearance.arm_clearance import MOST_RINGS, Keep, Stance
 from regionik.planners.clearance.planar_capsules import NearObstacles, PlaneCapsules, plane_capsules
 from regionik.planners.clearance.planar_cells import ArmMount, cell_for
 from regionik.planners.clearance.posture_proof import solid_at_target
+from regionik.planners.clearance.proximity import exempt_of
 from regionik.planners.geometry.distances import obstacles_from
 from regionik.planners.geometry.polygons import Index
 from regionik.planners.geometry.upright_bodies import Uprights, depths, uprights_from
+from regionik.planners.reach.floor_distances import FloorParts, parts_of
+from regionik.planners.reach.rings import FREE, boundary_circles
 from regionik.planners.search.box_search import Verdict
-from regionik.planners.solvers.planar_arm import reach_intervals
-from regionik.postures.arm_guard import contact_for, guard_of
+from regionik.planners.solvers.planar_kinematics import intervals_at_height
+from regionik.postures.arm_guard import SPARE, contact_for, guard_of
 from regionik.postures.poses import Pose
-from regionik.reachability.planar_world import floor_of, keep_of, own, reach_of, stance_of
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import Target, World
 
@@ -53,7 +55,7 @@ class AnyBaseResult(NamedTuple):
 
 
 def can_search(world: World) -> bool:
-    """Tell whether `search_any_base` can be asked: of an arm in one plane that is led round things."""
+    """Return True where `search_any_base` applies: to an arm in one plane that avoids obstacles."""
     return world.rules.avoidance and reach_model(world.robot, "point").exhaustible
 
 
@@ -72,11 +74,8 @@ def search_any_base(world: World, target: Target, most: int) -> AnyBaseResult:
     if name := solid_at_target(bodies, target.position, world.rules.tolerance, 0.0, contact):
         return AnyBaseResult(Verdict.RULED_OUT, None, 0.0, (name,))
     task = any_base_of(world, target)
-    reach, plane = reach_of(world), task.mount.plane
-    rings = np.empty((MOST_RINGS, 2))
-    found = reach_intervals(
-        plane, -np.inf, np.inf, reach.centers, reach.radii, target.position[2], True, True, rings
-    )
+    rings, circles = np.empty((MOST_RINGS, 2)), boundary_of(world)
+    found = intervals_at_height(task.mount.plane, FREE, circles, target.position[2], True, True, rings)
     verdict, gap = search_cells(task, rings[:found], max(most, FEWEST))
     if verdict == Verdict.PROVEN:
         return AnyBaseResult(verdict, Pose(task.base, task.joints), 0.0, ())
@@ -85,17 +84,17 @@ def search_any_base(world: World, target: Target, most: int) -> AnyBaseResult:
 
 
 def any_base_of(world: World, target: Target) -> AnyBase:
-    """A target in a world as the search takes it."""
-    arm, stance, capsules = prepared(world), stance_of(world, EVERY), prepared(world).capsules
+    """Return a target in a world as the search takes it."""
+    arm, stance, capsules = prepared(world), stance_of(world), prepared(world).capsules
     return AnyBase(
         capsules, arm.mount, stance.sign, stance.offset, arm.floor, _around(world, target),
         _demand(world, target), keep_of(world), cell_for(len(capsules.rank)),
-        np.empty(3), own(world.robot.carry), np.zeros(2, dtype=np.int64),
+        np.empty(3), writable(world.robot.carry), np.zeros(2, dtype=np.int64),
     )  # fmt: skip
 
 
 class PreparedWorld(NamedTuple):
-    """Parts of a search that are the same for all targets of a world."""
+    """Robot, floor and solids of a world for the search: the same for all targets."""
 
     capsules: PlaneCapsules
     mount: ArmMount
@@ -108,8 +107,8 @@ class PreparedWorld(NamedTuple):
 
 @lru_cache(maxsize=8)
 def prepared(world: World) -> PreparedWorld:
-    """Parts of a search that are the same for all targets of a world."""
-    stance, capsules = stance_of(world, EVERY), plane_capsules(world.robot, planar_reach(world.robot).arm)
+    """Return what is the same for all targets of a world."""
+    stance, capsules = stance_of(world), plane_capsules(world.robot, planar_reach(world.robot).arm)
     fixed = world.rules.heading == "fixed"
     mount = ArmMount(
         stance.plane, stance.mount, stance.zero, stance.low, stance.high, stance.yaw if fixed else np.nan
@@ -131,10 +130,10 @@ def prepared(world: World) -> PreparedWorld:
 
 
 def _around(world: World, target: Target) -> NearObstacles:
-    """The obstacles that an arm at a target might touch."""
+    """Return the obstacles that an arm at a target might touch."""
     arm, contact, rules = prepared(world), contact_for(world, [target]), world.rules
     near = np.empty(len(arm.owner), dtype=np.int64)
-    near = near[: near_solids(arm.solids, own(target.position), arm.far, near)]
+    near = near[: near_solids(arm.solids, writable(target.position), arm.far, near)]
     tool_on = int(contact.owner[0]) if len(contact.owner) else -1
     return NearObstacles(arm.solids, arm.deep, near, arm.owner, tool_on, rules.arm_clearance, rules.tolerance)
 
@@ -145,16 +144,57 @@ def _floor(world: World) -> BaseFloor:
     if len(room.corners) > 2:
         outline = Polygon(room.corners)
         middle = shapely.maximum_inscribed_circle(outline).coords[0]
-        heart, radius = own(np.array(middle)), outline.exterior.distance(Point(middle))
+        heart, radius = writable(np.array(middle)), outline.exterior.distance(Point(middle))
     inner, outer = floor_of(ground.inner), floor_of(ground.outer)
     return BaseFloor(inner, outer, room, heart, radius, ground.far, GUARD)
 
 
 def _demand(world: World, target: Target) -> ToolDemand:
-    position, free = own(target.position), np.array([0.0, 0.0, 1.0])
+    position, free = writable(target.position), np.array([0.0, 0.0, 1.0])
     seek = world.rules.criteria is None and target.orientation is None
     if target.direction is None:
         return ToolDemand(position, free, np.pi, seek)
     if not model_of(world, target).exact:
         return ToolDemand(position, free, np.pi, False)
-    return ToolDemand(position, own(target.direction), float(target.cone), seek)
+    return ToolDemand(position, writable(target.direction), float(target.cone), seek)
+
+
+@lru_cache(maxsize=8)
+def stance_of(world: World) -> Stance:
+    """Stance of the robot, at the heading of the world's start."""
+    robot, model = world.robot, planar_reach(world.robot)
+    arm = model.arm
+    low, high = arm.pivot_lower, arm.pivot_upper
+    if world.rules.heading == "face_target":
+        low = high = min(max(0.0, low), high)
+    zero = float(arm.pivot_zero + robot.mount[3])
+    yaw = 0.0 if world.start is None else float(world.start.base[2])
+    sign, offset, mount = map(writable, (arm.sign, arm.offset, robot.mount[:2]))
+    return Stance(model.plane, sign, offset, zero, low, high, mount, yaw)
+
+
+@lru_cache(maxsize=8)
+def boundary_of(world: World) -> Array:
+    """Circles on which the arm's reach can begin or end, (n, 3)."""
+    model = planar_reach(world.robot)
+    return boundary_circles(model.arm, model.plane.shoulder_z)
+
+
+@lru_cache(maxsize=8)
+def keep_of(world: World) -> Keep:
+    """Solids that the arm keeps off."""
+    guard, bodies = guard_of(world), guard_of(world).bodies
+    exempt = exempt_of(bodies, guard.contact)
+    return Keep(bodies.arm, writable(bodies.mount), bodies.movers, bodies.hulls, SPARE, guard.on, exempt)
+
+
+@lru_cache(maxsize=256)
+def floor_of(side: Side) -> FloorParts:
+    """The free floor of a side."""
+    parts = shapely.get_parts(side.free)
+    return parts_of([part for part in parts if isinstance(part, Polygon) and part.area > 0])
+
+
+def writable(values: Array) -> Array:
+    """Return a writable C-ordered copy: of such arrays kernels are compiled once."""
+    return np.array(values, dtype=np.float64, order="C")

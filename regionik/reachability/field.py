@@ -1,4 +1,4 @@
-"""Reach fields: how many targets each place of the base reaches, and which tool positions are in reach."""
+"""Reach fields: number of targets reached from each place of the base, and tool positions in reach."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from regionik.areas.reachable import reach_model, reach_rows
 from regionik.areas.standing import anywhere, by_heading, outer_by_heading
 from regionik.planners.geometry.grid_counts import count_rings
 from regionik.postures.families import BACK, FRONT
-from regionik.regions import path_areas
+from regionik.regions import checked_targets, path_areas
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.criteria import with_joint_margin
 from regionik.worlds.errors import InputError
@@ -23,7 +23,7 @@ from regionik.worlds.scene import Target, World
 
 MOST_CELLS = 40_000_000
 UNREACHABLE, UNDECIDED, REACHABLE = 0, 1, 2
-_TOGETHER = 2000  # targets whose areas are made at once
+_CHUNK = 2000  # targets whose areas are made at once
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +102,7 @@ def reach_field(world: World, targets: ArrayLike | Sequence[Target], cell: float
     >>> int(found.values.max()), found.most
     (2, 2)
     """
-    asked = _checked(targets)
+    asked = checked_targets(targets)
     x, y = _axes(world.floor.polygon.bounds, cell)
     best = np.zeros((len(y), len(x)), dtype=np.int32)
     heading = np.full(best.shape, np.nan)
@@ -151,15 +151,6 @@ def reach_slice(world: World, height: float, cell: float = 0.05) -> Field:
     else:
         values[_met_one_by_one(world, float(z[0]), values, x, y)] = REACHABLE
     return Field(world.name, x, y, cell, values, REACHABLE, np.full(values.shape, np.nan), float(z[0]))
-
-
-def _checked(targets: ArrayLike | Sequence[Target]) -> Array | list[Target]:
-    if isinstance(targets, Sequence) and all(isinstance(target, Target) for target in targets):
-        some = [target for target in targets if isinstance(target, Target)]
-        if any(target.direction is not None for target in some):
-            return some
-        targets = np.array([target.position for target in some]).reshape(-1, 3)
-    return frozen(np.atleast_2d(np.asarray(targets)), (None, 3), "targets")
 
 
 def _axes(bounds: tuple[float, float, float, float], cell: float) -> tuple[Array, Array]:
@@ -214,9 +205,9 @@ def _count_areas(
     count: NDArray[np.int32],
 ) -> None:
     """Count where headings or tool directions bound the reach: cells within its polygons."""
-    for k in range(0, len(targets), _TOGETHER):
+    for k in range(0, len(targets), _CHUNK):
         which, _, shapes = reach_rows(
-            world, targets[k : k + _TOGETHER], (FRONT, BACK), inner=True, span=side.span
+            world, targets[k : k + _CHUNK], (FRONT, BACK), inner=True, span=side.span
         )
         for rows in np.split(shapes, np.flatnonzero(np.diff(which)) + 1) if len(which) else []:
             x0, y0, x1, y1 = shapely.total_bounds(rows)
@@ -239,7 +230,7 @@ def _distances(world: World, heights: Array, *, inner: bool) -> list[Array]:
 
 
 def _met(side: Side, spans: Array, x: Array, y: Array) -> NDArray[np.bool_]:
-    """Cells that have some free place within one of the spans of distance.
+    """Cells with some free place at a distance within one of the spans.
 
     The distances to a connected piece of floor are all those between the nearest and the farthest.
     """
@@ -259,11 +250,11 @@ def _met(side: Side, spans: Array, x: Array, y: Array) -> NDArray[np.bool_]:
 def _met_one_by_one(
     world: World, height: float, values: NDArray[np.int32], x: Array, y: Array
 ) -> NDArray[np.bool_]:
-    """Cells with an inner area, looked for where the outer one leaves a chance."""
+    """Cells with an inner area, among those whose outer area is not empty."""
     met = np.zeros(values.shape, dtype=bool)
     rows, columns = np.nonzero(values)
-    for k in range(0, len(rows), _TOGETHER):
-        row, column = rows[k : k + _TOGETHER], columns[k : k + _TOGETHER]
+    for k in range(0, len(rows), _CHUNK):
+        row, column = rows[k : k + _CHUNK], columns[k : k + _CHUNK]
         areas = path_areas(
             world, [Target(np.array([x[c], y[r], height])) for r, c in zip(row, column, strict=True)]
         )

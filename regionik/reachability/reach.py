@@ -12,19 +12,19 @@ import shapely
 from numpy.typing import ArrayLike, NDArray
 from shapely.geometry import Point
 
-from regionik.areas.standing import anywhere
+from regionik.areas.standing import PathAreas, anywhere
 from regionik.executors import Pool, map_unordered
+from regionik.explain.constraints import no_way_to, places_open, spot
 from regionik.explain.failures import no_place
-from regionik.explain.sentences import no_way_to, places_open, spot
-from regionik.mfabrik import axis_of, pose_of, solver_for
+from regionik.mfabrik import solver_for
 from regionik.planners.clearance.posture_proof import solid_at_target
 from regionik.planners.search.box_search import Verdict
-from regionik.postures.poses import Pose
+from regionik.postures.poses import Pose, axis_of, pose_of
 from regionik.reachability.any_base import can_search, search_any_base
 from regionik.reachability.refinement import diameter, refine
 from regionik.reachability.witness import Quest
-from regionik.regions import PathAreas, outer_areas, path_areas
-from regionik.worlds.arrays import Array, frozen
+from regionik.regions import checked_targets, outer_areas, path_areas
+from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError
 from regionik.worlds.scene import Target, World
 
@@ -42,10 +42,9 @@ class Answer:
         [m]
     reachable : (n,) array of bool
     verdict : (n,) array of str
-        "reachable": base and arm were found and checked, on target, on the floor and, where the rules lead
-        the arm round things, clear of them. "unreachable": the outer area is empty, which is a proof in the
-        model, whatever stands in the arm's way; or each posture from each place is shown to touch something.
-        "undecided": neither, and ``gap`` says how much is left.
+        "reachable": base and joints were found and checked, on target, on the floor and, with avoidance in
+        the rules, clear of obstacles. "unreachable": the outer area is empty, which is a proof in the model,
+        or each posture from each place is proven to touch something. "undecided": neither, within ``gap``.
     base : (n, 3) array
         x, y [m], yaw [rad]; NaN where there is none.
     joints : (n, dof) array
@@ -53,8 +52,7 @@ class Answer:
     reason : list of str
         One for each target; empty where it is reachable.
     gap : (n,) array
-        Diameter of the largest circle of places for the arm axis that could be neither shown to work nor
-        ruled out; 0 where the target is decided [m].
+        Diameter of the largest circle of undecided places for the arm axis; 0 for a decided target [m].
     """
 
     targets: Array
@@ -79,7 +77,7 @@ def reach(
     chunk: int = CHUNK,
     progress: Callable[[str, int, int], None] | None = None,
 ) -> Answer:
-    """Ask for targets whether the tool can get there, and from where.
+    """Reachability of targets, with base and joints for those that are reachable.
 
     Coarse areas of all targets come first. Where they leave a doubt, or the arm touches something, the target
     is looked at closely: without the rules' margin of reach, with finer circles, heading by heading and pitch
@@ -93,9 +91,9 @@ def reach(
     targets : (n, 3) array_like or sequence of Target
         Bare points leave the tool direction free [m].
     executor : Executor or function that makes one, optional
-        Where chunks are worked on: processes of this machine or of others; threads of one process take
-        turns. By default this process. Chunks of workers that are lost are handed out again; a process
-        pool breaks with its workers, and only a function can make another one.
+        For chunks: processes of this machine or of others; threads of one process take turns. By default
+        this process. Chunks of lost workers are handed out again; a process pool breaks with its workers, and
+        only a function can make another one.
     chunk : int
         Targets that are worked on at once.
     progress : callable, optional
@@ -116,7 +114,7 @@ def reach(
     """
     if chunk < 1:
         raise InputError(f"chunk: must be at least 1, got {chunk}")
-    asked = _checked(targets)
+    asked = checked_targets(targets)
     chunks = [asked[k : k + chunk] for k in range(0, max(1, len(asked)), chunk)]
     parts: dict[int, Answer] = {}
     done = 0
@@ -126,13 +124,6 @@ def reach(
         if progress is not None:
             progress("reach", done, len(asked))
     return _joined([parts[k] for k in range(len(chunks))])
-
-
-def _checked(targets: ArrayLike | Sequence[Target]) -> Array | list[Target]:
-    """Positions (n, 3), or the targets where they are more than that."""
-    if isinstance(targets, Sequence) and all(isinstance(target, Target) for target in targets):
-        return [target for target in targets if isinstance(target, Target)]
-    return frozen(np.atleast_2d(np.asarray(targets)), (None, 3), "targets")
 
 
 def _joined(parts: Sequence[Answer]) -> Answer:
@@ -167,7 +158,7 @@ class _Result(NamedTuple):
 
 
 def _decided(world: World, targets: Sequence[Target]) -> list[_Result]:
-    """Coarse areas of all targets at once; those that leave a doubt are looked at closely, one by one."""
+    """Decide by coarse areas of all targets at once, then closely for each target in doubt."""
     found = _at_hand(world, targets)
     rest = [i for i in range(len(targets)) if i not in found]
     outer = outer_areas(world, [targets[i] for i in rest])
@@ -178,7 +169,7 @@ def _decided(world: World, targets: Sequence[Target]) -> list[_Result]:
 
 
 def _at_hand(world: World, targets: Sequence[Target]) -> dict[int, Pose]:
-    """Configurations that M-FABRIK comes to in coarse inner areas, at places nearest to the start."""
+    """Configurations that M-FABRIK finds in coarse inner areas, at places nearest to the start."""
     areas = path_areas(world, targets)
     found: dict[int, Pose] = {}
     for i, row in _nearest_rows(world, areas, len(targets)).items():
@@ -194,7 +185,7 @@ def _at_hand(world: World, targets: Sequence[Target]) -> dict[int, Pose]:
 
 
 def _closely(world: World, target: Target) -> _Result:
-    """The answer for a target whose coarse areas leave a doubt."""
+    """Result for a target that coarse areas do not decide."""
     quest = Quest(world, target)
     if quest.guard.on:
         bodies, contact = quest.guard.bodies, quest.guard.contact
@@ -215,7 +206,7 @@ def _closely(world: World, target: Target) -> _Result:
 
 
 def _everywhere(quest: Quest) -> _Result:
-    """Result of a look at all postures from all places, for arms that are led round things."""
+    """Result of a search of all postures from all places, for arms that avoid obstacles."""
     world, target = quest.world, quest.target
     if not can_search(world):
         return _Result("undecided", None, np.inf, "")
@@ -227,7 +218,7 @@ def _everywhere(quest: Quest) -> _Result:
         )
     if seen.pose is not None and quest.confirms(seen.pose):
         return _Result("reachable", seen.pose, 0.0, "")
-    gap = np.inf if seen.pose is not None else seen.gap  # one that is not confirmed bounds nothing
+    gap = np.inf if seen.pose is not None else seen.gap  # an unconfirmed pose bounds nothing
     return _Result("undecided", None, gap, "")
 
 
@@ -241,7 +232,7 @@ def _ruled_out(world: World, target: Target) -> _Result:
 
 
 def _doubt(quest: Quest, gap: float, tried: int) -> str:
-    """Why a target stays undecided."""
+    """Sentence on why a target stays undecided."""
     lead, touch = no_way_to(_who(quest.target)), quest.touch
     left = places_open(gap)
     if touch is not None:
@@ -258,7 +249,7 @@ def _who(target: Target) -> str:
 
 
 def _nearest_rows(world: World, areas: PathAreas, n: int) -> dict[int, int]:
-    """For each target with an area, the row of it that is nearest to where the robot starts."""
+    """For each target with an area, its row nearest to where the robot starts."""
     spot = shapely.Point(axis_of(world.robot, _start(world)[0]))
     gaps = np.where(shapely.is_empty(areas.inner), np.inf, shapely.distance(areas.inner, spot))
     best: dict[int, int] = {}

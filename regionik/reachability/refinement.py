@@ -1,7 +1,7 @@
-"""One target by ever finer areas: headings of the base and pitches of the tool are bisected.
+"""Refinement of one target's areas, by bisection of the headings of the base and the pitches of the tool.
 
-A cell is a range of headings and of pitches. Outside its outer area no place works at any of them; every
-place of its inner area works at some. The cell with the largest outer area is bisected first.
+A cell is a range of headings and of pitches. Its outer area holds all places that may work at any of them,
+its inner area places that work at some. The cell with the largest outer area is bisected first.
 """
 
 from __future__ import annotations
@@ -22,21 +22,21 @@ from regionik.areas.reachable import fine_reach, reach_model
 from regionik.areas.standing import span_of_rules
 from regionik.planners.driving.heading_slabs import slab_free
 from regionik.planners.search.box_search import WHOLE, Verdict, begin, explore, left_open
-from regionik.postures.families import BACK, FRONT, Family
+from regionik.postures.arm import goal_of
+from regionik.postures.families import BACK, FRONT, Family, families_along
 from regionik.postures.poses import Pose
-from regionik.postures.tool_goal import goal_of
 from regionik.worlds.arms import reach_bound
 from regionik.worlds.arrays import Array
 from regionik.worlds.obstacles import Shadow
 from regionik.worlds.scene import Target, World
 
 ARCS = 768  # vertices of a full circle
-SIDES, MOST_SIDES = 48, 384  # of the polygons that stand for discs, in wide cells and in narrow ones
+SIDES, MOST_SIDES = 48, 384  # of the polygons for discs, in wide cells and in narrow ones
 NARROW = 0.02  # [rad]
 ENOUGH = 1e-4  # widest disc of open places below which a cell is not bisected [m]
-NARROWEST = 1e-4  # cells that are not bisected [rad]
+NARROWEST = 1e-4  # width of cells below which they are not bisected [rad]
 MOST_CELLS = 600
-MOST_TRIES = 16  # inner areas in which a configuration is looked for
+MOST_TRIES = 16  # inner areas that are searched for a configuration
 
 Span = tuple[float, float]
 Attempt = Callable[[BaseGeometry, Family, Span], Pose | None]
@@ -49,9 +49,9 @@ class Refinement(NamedTuple):
     ----------
     found : Pose or None
     left : geometry
-        Where neither a configuration was found nor ruled out; empty where there is proven to be none.
+        Places neither found to work nor ruled out; empty where there is proven to be none.
     tried : int
-        Inner areas in which a configuration was looked for.
+        Inner areas searched for a configuration.
     """
 
     found: Pose | None
@@ -60,21 +60,21 @@ class Refinement(NamedTuple):
 
 
 class HeadingCell(NamedTuple):
-    """Headings of the base, and pitches of the tool where a direction is asked; no pitches where free."""
+    """Headings of the base, and pitches of the tool where a direction is asked."""
 
     heading: Span
     pitch: Span | None
 
 
 def refine(world: World, target: Target, attempt: Attempt) -> Refinement:
-    """Bisect cells until a configuration is found, or none can be, or too little is left to matter.
+    """Bisect cells until a configuration is found, or is ruled out, or only small areas are left.
 
     Parameters
     ----------
     world : World
     target : Target
     attempt : callable
-        Looks for a configuration in an inner area, given its family and its headings.
+        Searches an inner area for a configuration, given its family and its headings.
     """
     close = _CloseAreas(world, target, attempt)
     low, high = np.array(close.whole).T
@@ -113,7 +113,7 @@ def diameter(area: BaseGeometry) -> float:
 
 @dataclass(eq=False)
 class _CloseAreas:
-    """The areas of a target's cells, and what came of the attempts in the inner ones."""
+    """Areas of a target's cells, and the outcome of the attempts in the inner ones."""
 
     world: World
     target: Target
@@ -137,7 +137,7 @@ class _CloseAreas:
 
     @cached_property
     def _tilts(self) -> bool:
-        """Whether the areas know of the tool's pitch."""
+        """True where the areas depend on the tool's pitch."""
         return self.target.direction is not None and self._model.exact
 
     def cell(self, low: Array, high: Array) -> HeadingCell:
@@ -146,7 +146,7 @@ class _CloseAreas:
         return HeadingCell(heading, pitch if self._tilts else None)
 
     def attempts(self, cell: HeadingCell) -> bool:
-        """Look for a configuration in the inner areas of a cell, the largest first; True if found."""
+        """Search the inner areas of a cell for a configuration, the largest first; True if found."""
         for family, area in self.inner(cell) if self.found is None and self.tried < MOST_TRIES else ():
             self.tried += 1
             self.found = self.attempt(area, family, cell.heading)
@@ -201,9 +201,8 @@ class _CloseAreas:
         if half <= 0:
             return ()
         azimuth = float(np.arctan2(target.direction[1], target.direction[0]))
-        along = Family(FRONT, pitch, azimuth, half, (low, high))
-        against = Family(FRONT, np.pi - pitch, azimuth + np.pi, half, (np.pi - high, np.pi - low))
-        return tuple(replace(kind, facing=facing) for facing in (FRONT, BACK) for kind in (along, against))
+        both = families_along(azimuth, pitch, half, (low, high))
+        return tuple(replace(kind, facing=facing) for facing in (FRONT, BACK) for kind in both)
 
     @property
     def _model(self) -> ReachModel:
@@ -211,7 +210,7 @@ class _CloseAreas:
 
     @cached_property
     def _turnless(self) -> bool:
-        """Tell whether the base is a point that the arm stands on."""
+        """True where the base is a point below the arm axis."""
         return not self._outline.any()
 
     @cached_property

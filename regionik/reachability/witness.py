@@ -1,4 +1,4 @@
-"""A configuration for one target with the base in a given area, confirmed: on target, on the floor, clear."""
+"""Search for a configuration with the base in a given area, and its check: on target, on the floor, clear."""
 
 from __future__ import annotations
 
@@ -9,41 +9,41 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from regionik.areas.reachable import model_of, reach_model
-from regionik.areas.standing import LEAST_AREA, anywhere, into_span, room_for
-from regionik.mfabrik import Solver, pose_of, solver_for
+from regionik.areas.standing import LEAST_AREA, anywhere, into_span, room_for, span_of_rules
+from regionik.mfabrik import Solver, solver_for
 from regionik.moving.configuration_sampling import spread
 from regionik.planners.clearance.clear_posture import clear_posture
 from regionik.planners.clearance.proximity import Touch
 from regionik.planners.driving.footprint_scene import fits
+from regionik.postures.arm import goal_error
 from regionik.postures.arm_guard import SPARE, Guard, contact_for, guard_of
 from regionik.postures.families import Family
-from regionik.postures.poses import Pose
-from regionik.postures.tool_goal import misses
+from regionik.postures.poses import Pose, pose_of
 from regionik.regions import path_areas
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import Target, World
 
-PLACES = 12  # of the base, looked through in an area where the arm touches something
-PITCHES = 24  # of the last link, looked through at every place
-SEARCHED = 2  # places at which all postures of the arm are looked for
-BOXES = 5_000  # of postures weighed there
+PLACES = 12  # of the base, tried in an area where the arm touches something
+PITCHES = 24  # of the last link, tried at every place
+SEARCHED = 2  # places at which all postures of the arm are searched
+BOXES = 5_000  # budget of that search
 SLACK = 1e-9  # rounding allowed at a bound [m] or [rad]
 
 
 @dataclass(eq=False)
 class Quest:
-    """The search for one target's configuration, and what stood in its way.
+    """Search for one target's configuration, and the contacts met.
 
     Attributes
     ----------
     world : World
     target : Target
     met : int
-        Postures on the target, of a base that stands well.
+        Postures on target with the base on free floor.
     touch : Touch or None
-        Of the posture among them that came nearest to being clear.
+        Contact of the posture among them nearest to being clear.
     nearly : list of (float, Pose)
-        Of each place the posture nearest to being clear, and by how much it is.
+        Clearance left [m] and posture nearest to being clear, of each place.
     """
 
     world: World
@@ -80,9 +80,9 @@ class Quest:
         return None
 
     def search(self) -> Pose | None:
-        """At the places nearest to a clear posture, all postures of the arm are looked for.
+        """Search all postures of the arm at the places nearest to a clear one.
 
-        Some arms have shown all kinds of them already.
+        This is not for arms whose self-motion has shown all kinds of them already.
         """
         if self.target.direction is not None or model_of(self.world, self.target).shows_all_postures:
             return None
@@ -90,9 +90,9 @@ class Quest:
         return next((q for _, near in nearest if (q := self._searched(near)) is not None), None)
 
     def stands(self, q: Pose) -> bool:
-        """True where tool, joints and base are where they should be, whatever the arm touches."""
+        """True where tool, joints and base meet target, limits and floor, whatever the arm touches."""
         world, chain = self.world, self.world.robot.chain
-        error, angle = misses(self.target, world.robot.tool(q.base, q.joints))
+        error, angle = goal_error(self.target, world.robot.tool(q.base, q.joints))
         on_target = error <= world.rules.tolerance + SLACK and angle <= self.target.cone + SLACK
         within = (q.joints >= chain.lower - SLACK).all() and (q.joints <= chain.upper + SLACK).all()
         good = bool(within) and reach_model(world.robot, "point").meets(world.rules.criteria, q.joints)
@@ -109,7 +109,7 @@ class Quest:
         return np.vstack([middle, spread(area, PLACES, 0)])
 
     def _postures(self, solver: Solver, base: Array) -> list[Pose]:
-        """The posture that the solver comes to from how the arm is carried, then those of all kinds."""
+        """The posture that the solver finds from the carried arm, then those of its self-motion."""
         carry = self.world.robot.carry
         first = solver.hold(self.target, base, carry)
         if not first.converged:
@@ -121,7 +121,7 @@ class Quest:
         return poses
 
     def _searched(self, q: Pose) -> Pose | None:
-        """The base stays; every posture of the arm is looked for."""
+        """Search every posture of the arm, the base held."""
         found = clear_posture(
             self.guard.bodies, q.base, self.target.position, q.joints,
             contact=self.guard.contact, tolerance=self.world.rules.tolerance, margin=SPARE, most_boxes=BOXES,
@@ -132,7 +132,7 @@ class Quest:
         return pose if self.confirms(pose) else None
 
     def _room(self, q: Pose) -> float:
-        """By how much the arm keeps its distance, infinite where it is clear or need not be [m]."""
+        """Clearance of the arm beyond what is asked, infinite where it is clear or need not be [m]."""
         if not self.guard.on:
             return np.inf
         touch = self.guard.touch(q)
@@ -143,8 +143,8 @@ class Quest:
         return room
 
     def _yaw(self, axis: Array) -> float:
-        """Heading that the base has or, looking for another, towards the target."""
+        """Heading of the base: the fixed one, else towards the target."""
         if self.world.rules.heading == "fixed":
-            return 0.0 if self.world.start is None else float(self.world.start.base[2])
+            return span_of_rules(self.world)[0]
         away = self.target.position[:2] - axis
         return float(np.arctan2(away[1], away[0]))

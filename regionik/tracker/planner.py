@@ -16,14 +16,13 @@ from shapely.geometry import Point
 from shapely.geometry.base import BaseGeometry
 
 from regionik.areas.ground import ground_of
+from regionik.explain.constraints import no_way_to, setpoint_at
 from regionik.explain.failures import invalid_plan
-from regionik.explain.sentences import no_way_to, setpoint_at
-from regionik.mfabrik import axis_of
 from regionik.planners.driving.footprint_scene import FootprintScene, footprint_scene
 from regionik.planners.driving.pitch_arm import HeightError, PitchArm, arm_share
 from regionik.planners.driving.point_planner import NoPathError
 from regionik.planners.driving.wheeled_planner import drive_differential
-from regionik.postures.poses import LARGEST_BEND, Pose, Row, columns, figures, lift_offs
+from regionik.postures.poses import LARGEST_BEND, Pose, Row, axis_of, columns, lift_offs, motion_stats
 from regionik.tracker.pose_paths import SAME, TrackedPath, arm_of, same, tracked_paths
 from regionik.values import Configuration, Motion, Plan, PlannedArea, Report
 from regionik.verification.verifier import verify
@@ -142,7 +141,7 @@ def _plan_of(world: World, seed: int, arm: PitchArm, motion: Motion, methods: di
         _area(world, arm, target, free, axis_of(world.robot, one.base))
         for target, one in zip(world.task, found, strict=True)
     )
-    stats = figures(world.robot.drive, found, motion, methods)
+    stats = motion_stats(world.robot.drive, found, motion, methods)
     return Plan(world, seed, found, motion, areas, lift_offs(motion), (), stats)
 
 

@@ -21,9 +21,9 @@ from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
 from regionik.areas.ground import GUARD, Geometries, ground_of, grow, shadow_of
-from regionik.areas.standing import anywhere
+from regionik.areas.standing import PathAreas, anywhere
 from regionik.pruning import Pruned, cut_path, prune_path
-from regionik.regions import PathAreas, path_areas, ways_to_stand
+from regionik.regions import path_areas, ways_to_stand
 from regionik.view import triangle_meshes
 from regionik.view.picture import Color, Picture, SceneMesh, camera_for, count_noun
 from regionik.view.viewer import delete_node, draw_meshes, draw_message, set_scene

@@ -1,20 +1,57 @@
-"""Goals of the tool: what set-points ask of it, and what is asked on the way between them."""
+"""Goals of the tool, and the interface of the solvers that bring an arm to them.
+
+`planar_solver` solves arms that work in one vertical plane, `serial_solver` any other. Both take the pivot as
+endless: `mfabrik` shares its turn between joint and base.
+"""
 
 from __future__ import annotations
 
-from typing import Literal
+from dataclasses import dataclass
+from typing import Literal, Protocol
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from regionik.planners.geometry.polygons import FlatPolygon
 from regionik.planners.solvers.damped_least_squares import DIRECTION, ORIENTATION, POSITION, Aim
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import Target
 
 Goal = Literal["point", "direction", "orientation"]
 
-_ANY_TURN = np.zeros((3, 3))  # what kernels are given where they do not look
-HELD = 0.5  # share of a cone that arms are solved to; the rest is left for the way between two states
+CONE_SHARE = 0.5  # of a cone that arms are solved to; the rest is left for the way between two states
+MOST_PASSES = 100  # of a solver, from each start
+ANGLE_SLACK = 1e-9  # rounding allowed at the edge of a cone [rad]
+_ANY_TURN = np.zeros((3, 3))  # for kernels that do not read it
+
+
+@dataclass(frozen=True, eq=False)
+class Reached:
+    """Place of the arm axis and posture of the arm, the pivot counted from a given heading."""
+
+    axis: Array  # (2,) [m]
+    joints: Array  # (dof,)
+    error: float  # [m]
+    iterations: int
+    angle: float = 0.0  # by which the tool points, or is turned, out of its cone [rad]
+    meets: bool = True  # the thresholds of the criteria
+
+
+class Arm(Protocol):
+    """An arm on a base, the heading of its base frame given."""
+
+    def reach(
+        self, target: Target, axis: Array, yaw: float, joints: Array, area: FlatPolygon, mobile: bool
+    ) -> Reached:
+        """Bring the tool to a target; a mobile base follows inside the area, any other stays."""
+
+    def least_change(self, target: Target, axis: Array, yaw: float, joints: Array) -> Reached | None:
+        """Return the posture on target that changes least, the base held."""
+
+    def self_motion(
+        self, target: Target, axis: Array, yaw: float, joints: Array, tries: int
+    ) -> list[Reached]:
+        """Return postures on target of many kinds, the base held."""
 
 
 def goal_of(target: Target) -> Goal:
@@ -25,22 +62,22 @@ def goal_of(target: Target) -> Goal:
 
 
 def aim_of(target: Target) -> Aim:
-    """The target as kernels take it, its cone as narrow as arms are solved to."""
+    """Return a target as kernels take it, its cone as narrow as arms are solved to."""
     turn, kind = _ANY_TURN, POSITION
     if target.orientation is not None:
         turn, kind = np.array(target.orientation), ORIENTATION
     elif target.direction is not None:
         turn, kind = np.outer(target.direction, [0.0, 0.0, 1.0]), DIRECTION
-    return Aim(np.array(target.position), kind, turn, HELD * target.cone)
+    return Aim(np.array(target.position), kind, turn, CONE_SHARE * target.cone)
 
 
-def misses(target: Target, tool: Array) -> tuple[float, float]:
+def goal_error(target: Target, tool: Array) -> tuple[float, float]:
     """Error of a tool frame (4, 4) in position [m], and in axis or turn where one is asked [rad]."""
     return float(np.linalg.norm(tool[:3, 3] - target.position)), deviation(target, tool[:3, :3])
 
 
 def deviation(target: Target, turn: Array) -> float:
-    """Angle by which a tool frame (3, 3) is off what the target asks; 0 where it asks for none [rad]."""
+    """Angle between a tool frame (3, 3) and the axis or frame of a target; 0 where it has none [rad]."""
     if target.orientation is not None:
         left = target.orientation.T @ turn
         twist = (left[2, 1] - left[1, 2], left[0, 2] - left[2, 0], left[1, 0] - left[0, 1])
@@ -50,11 +87,11 @@ def deviation(target: Target, turn: Array) -> float:
     return 0.0
 
 
-def between(a: Target, b: Target, share: float) -> Target:
+def goal_between(a: Target, b: Target, share: float) -> Target:
     """Goal at a share of the way: the tool goes straight, its axis or its frame turns evenly.
 
-    A direction goes along the shorter arc, an orientation the shorter way; what only one end asks for,
-    nothing on the way does. The cone goes evenly from one to the other.
+    A direction goes along the shorter arc, an orientation the shorter way; what only one end asks for is not
+    asked on the way. The cone goes evenly from one to the other.
     """
     if a is b or share <= 0.0:
         return a
@@ -71,6 +108,7 @@ def between(a: Target, b: Target, share: float) -> Target:
 
 
 def _along_arc(a: Array, b: Array, share: float) -> Array:
+    """Direction at a share of the arc between two (spherical linear interpolation)."""
     angle = _angle(a, b)
     if angle < 1e-9 or np.pi - angle < 1e-9:  # the same, or no arc is the shorter one
         return a if share < 0.5 else b

@@ -16,9 +16,11 @@ from regionik.worlds.arrays import Array
 
 LIMIT_SLACK = 1e-10  # rounding allowed when a bend is held against its limit [rad]
 
+Pair = tuple[float, float]
 
-class PlaneArm(NamedTuple):
-    """What the kernels know of an arm: shoulder [m], link lengths [m], limits of the bends [rad]."""
+
+class PlanarLinkage(NamedTuple):
+    """A planar arm for kernels: shoulder [m], link lengths [m], limits of the bends [rad]."""
 
     shoulder_r: float
     shoulder_z: float
@@ -29,7 +31,7 @@ class PlaneArm(NamedTuple):
 
 @compiled
 def triangle(length_a: float, length_b: float, x: float, z: float) -> tuple[float, float, float, bool]:
-    """Two links that end at (x, z): direction of the end, angles at root and end, whether they can.
+    """Two links that end at (x, z): direction of the end, angles at root and end, False where out of reach.
 
     With the elbow on side e (+1 or -1) the links lie at ``lead + e * root`` and ``lead - e * tip``.
     """
@@ -44,7 +46,7 @@ def triangle(length_a: float, length_b: float, x: float, z: float) -> tuple[floa
 
 
 @compiled
-def wrist_triangle(arm: PlaneArm, r: float, z: float, pitch: float) -> tuple[float, float, float, bool]:
+def wrist_triangle(arm: PlanarLinkage, r: float, z: float, pitch: float) -> tuple[float, float, float, bool]:
     """`triangle` of the first two links, the tool at (r, z) and the last link at a pitch."""
     x, y = r - arm.shoulder_r, z - arm.shoulder_z
     a, b, c = arm.lengths[0], arm.lengths[1], arm.lengths[2]
@@ -52,7 +54,7 @@ def wrist_triangle(arm: PlaneArm, r: float, z: float, pitch: float) -> tuple[flo
 
 
 @compiled
-def fitted_bends(arm: PlaneArm, a: float, b: float, c: float) -> tuple[float, float, float]:
+def fitted_bends(arm: PlanarLinkage, a: float, b: float, c: float) -> tuple[float, float, float]:
     """Bends of absolute link angles, each taken to the turn within its limits [rad]."""
     return (
         fit(a, arm.lower[0], arm.upper[0])[0],
@@ -76,10 +78,10 @@ def slack(lower: Array, upper: Array, a: float, b: float, c: float) -> float:
 
 
 @compiled
-def fits(
+def fits_limits(
     lower: Array, upper: Array, a: float, b: float, c: float, pitch_low: float, pitch_high: float
 ) -> bool:
-    """Whether absolute link angles keep every bend within limits and the last link within its pitches."""
+    """True where absolute link angles keep every bend and the pitch of the last link within limits."""
     if fit(a, lower[0], upper[0])[1] > LIMIT_SLACK or fit(b - a, lower[1], upper[1])[1] > LIMIT_SLACK:
         return False
     return fit(c - b, lower[2], upper[2])[1] <= LIMIT_SLACK and (
@@ -89,13 +91,13 @@ def fits(
 
 @compiled
 def critical_posture(
-    arm: PlaneArm,
+    arm: PlanarLinkage,
     pitch_low: float,
     pitch_high: float,
     r: float,
     z: float,
 ) -> tuple[bool, float, float, float]:
-    """Put the tool at (r, z) within limits and two pitches: whether that is possible, and the links' angles.
+    """Angles of links that put the tool at (r, z) within limits and two pitches, after True if there are any.
 
     Every connected piece of the arm's self-motion holds a posture with a bend or the pitch at its limit,
     with the elbow straight or folded, or else every pitch; so it is enough to try those.
@@ -110,7 +112,7 @@ def critical_posture(
         lead, root, tip, ok = triangle(a, b, x - c * np.cos(tool), y - c * np.sin(tool))
         if ok:
             for e in (-1.0, 1.0):
-                if fits(lower, upper, lead + e * root, lead - e * tip, tool, pitch_low, pitch_high):
+                if fits_limits(lower, upper, lead + e * root, lead - e * tip, tool, pitch_low, pitch_high):
                     return True, lead + e * root, lead - e * tip, tool
     if pitch_low == pitch_high:
         return False, 0.0, 0.0, 0.0
@@ -120,7 +122,9 @@ def critical_posture(
             lead, root, tip, ok = triangle(b, c, x - a * np.cos(first), y - a * np.sin(first))
             if ok:
                 for e in (-1.0, 1.0):
-                    if fits(lower, upper, first, lead + e * root, lead - e * tip, pitch_low, pitch_high):
+                    if fits_limits(
+                        lower, upper, first, lead + e * root, lead - e * tip, pitch_low, pitch_high
+                    ):
                         return True, first, lead + e * root, lead - e * tip
     for kind in range(4):
         bend = lower[1] if kind == 0 else (upper[1] if kind == 1 else (0.0 if kind == 2 else np.pi))
@@ -131,7 +135,7 @@ def critical_posture(
                 turn = np.arctan2(ez, er)
                 for e in (-1.0, 1.0):
                     first = lead + e * root - turn
-                    if fits(lower, upper, first, first + bend, lead - e * tip, pitch_low, pitch_high):
+                    if fits_limits(lower, upper, first, first + bend, lead - e * tip, pitch_low, pitch_high):
                         return True, first, first + bend, lead - e * tip
     for side in range(2):
         bend = lower[2] if side == 0 else upper[2]
@@ -142,26 +146,14 @@ def critical_posture(
                 turn = np.arctan2(ez, er)
                 for e in (-1.0, 1.0):
                     first, second = lead + e * root, lead - e * tip - turn
-                    if fits(lower, upper, first, second, second + bend, pitch_low, pitch_high):
+                    if fits_limits(lower, upper, first, second, second + bend, pitch_low, pitch_high):
                         return True, first, second, second + bend
     return False, 0.0, 0.0, 0.0
 
 
 @compiled
-def reaches(
-    arm: PlaneArm,
-    pitch_low: float,
-    pitch_high: float,
-    r: float,
-    z: float,
-) -> bool:
-    """Whether a posture within limits, its last link within two pitches, puts the tool at (r, z)."""
-    return critical_posture(arm, pitch_low, pitch_high, r, z)[0]
-
-
-@compiled
 def widest_posture(
-    arm: PlaneArm,
+    arm: PlanarLinkage,
     pitch: float,
     r: float,
     z: float,
@@ -191,31 +183,28 @@ def widest_posture(
 
 
 @compiled
-def reach_intervals(
-    arm: PlaneArm,
-    pitch_low: float,
-    pitch_high: float,
-    centers: Array,
-    radii: Array,
-    z: float,
-    front: bool,
-    back: bool,
-    out: Array,
+def intervals_at_height(
+    arm: PlanarLinkage, pitches: Pair, circles: Array, z: float, front: bool, back: bool, out: Array
 ) -> int:
     """Intervals of r that the tool can reach at height z; returns their number, fills ``out`` (k, 2).
 
-    ``centers`` and ``radii`` are the circles on which the reach can begin or end; ``front`` and ``back`` say
-    which side of r = 0 to look at.
+    Parameters
+    ----------
+    pitches : (low, high)
+        Of the last link [rad].
+    circles : (n, 3) array
+        Center r, z and radius of the circles on which the reach can begin or end [m].
+    front, back : bool
+        Which of r > 0 and r < 0 to look at.
     """
-    breaks = np.empty(2 * len(radii) + 1)
+    breaks = np.empty(2 * len(circles) + 1)
     n = 0
-    for k in range(len(radii)):
-        dz = z - centers[k, 1]
-        h2 = radii[k] * radii[k] - dz * dz
+    for r, height, radius in circles:
+        dz = z - height
+        h2 = radius * radius - dz * dz
         if h2 >= 0.0:
             h = np.sqrt(h2)
-            breaks[n] = centers[k, 0] - h
-            breaks[n + 1] = centers[k, 0] + h
+            breaks[n], breaks[n + 1] = r - h, r + h
             n += 2
     if n == 0:
         return 0
@@ -228,7 +217,7 @@ def reach_intervals(
         a, b = ordered[k], ordered[k + 1]
         if b - a < 1e-9 or (a >= 0.0 and not front) or (b <= 0.0 and not back):
             continue
-        if reaches(arm, pitch_low, pitch_high, 0.5 * (a + b), z):
+        if critical_posture(arm, pitches[0], pitches[1], 0.5 * (a + b), z)[0]:
             if count > 0 and a - open_end < 1e-9 and a != 0.0:
                 out[count - 1, 1] = b
             elif count < len(out):
@@ -240,7 +229,7 @@ def reach_intervals(
 
 @compiled
 def nearest_posture(
-    arm: PlaneArm,
+    arm: PlanarLinkage,
     pitch: float,
     r: float,
     z: float,
@@ -271,7 +260,7 @@ def nearest_posture(
 
 
 @compiled
-def self_motion(arm: PlaneArm, pitch: float, r: float, z: float, tries: int, out: Array) -> int:
+def self_motion(arm: PlanarLinkage, pitch: float, r: float, z: float, tries: int, out: Array) -> int:
     """Postures that reach (r, z), elbow either way, at ``tries`` pitches or the fixed one.
 
     Returns their number; fills bends into ``out`` (2 tries, 3).

@@ -1,78 +1,52 @@
-"""What M-FABRIK asks of an arm: to follow a target with its base, to hold its base, to show its self-motion.
-
-Arms that work in one vertical plane are solved in it; all others as chains of rigid bodies by FABRIK-R. Both
-take the pivot as endless: `mfabrik` shares its turn between joint and base.
-"""
+"""An arm that works in one vertical plane, solved there by M-FABRIK with its limits; see `Arm`."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Protocol
 
 import numpy as np
 
 from regionik.planners.geometry.angles import wrap
 from regionik.planners.geometry.polygons import FlatPolygon
-from regionik.planners.reach.tool_roll import roll_for, tool_turn, within_limits
 from regionik.planners.solvers.base_placement import FIXED, Turning
 from regionik.planners.solvers.fabrik import limit_vectors
-from regionik.planners.solvers.mfabrik_planar import least_change, solve
-from regionik.planners.solvers.planar_arm import PlaneArm, self_motion
+from regionik.planners.solvers.mfabrik_planar import least_change, solve_planar
+from regionik.planners.solvers.planar_kinematics import PlanarLinkage, self_motion
 from regionik.planners.solvers.planar_setup import PlanarSetup, Record, record_of
 from regionik.planners.solvers.posture_criteria import COMFORT, Thresholds, meeting_posture, posture_spare
-from regionik.postures.families import Family, families_of
-from regionik.postures.serial_solver import MOST_PASSES, Reached
-from regionik.postures.tool_goal import deviation
+from regionik.postures.arm import ANGLE_SLACK, MOST_PASSES, Reached, deviation
+from regionik.postures.families import Family, families_of, roll_for, roll_within_limits, tool_turn
 from regionik.worlds.arms import PlanarArm
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import Target
 
-ANGLE_SLACK = 1e-9  # rounding allowed at the edge of a cone [rad]
-LOOKED_THROUGH = 360  # pitches of the last link, for a posture that meets what is asked
-
-
-class Arm(Protocol):
-    """An arm on a base, the heading of its base frame given."""
-
-    def reach(
-        self, target: Target, axis: Array, yaw: float, joints: Array, area: FlatPolygon, mobile: bool
-    ) -> Reached:
-        """Bring the tool to a target; a mobile base follows inside the area, any other stays."""
-
-    def reach_many(
-        self, targets: Array, axes: Array, yaws: Array, joints: Array, area: FlatPolygon
-    ) -> list[Reached]:
-        """As `reach` with a mobile base, for rows of bare points and starts."""
-
-    def least_change(self, target: Target, axis: Array, yaw: float, joints: Array) -> Reached | None:
-        """The posture on target that changes least, the base held."""
-
-    def self_motion(
-        self, target: Target, axis: Array, yaw: float, joints: Array, tries: int
-    ) -> list[Reached]:
-        """Postures on target of many kinds, the base held."""
+THRESHOLD_PITCHES = 360  # of the last link, tried for a posture that meets the thresholds
 
 
 @dataclass(frozen=True, eq=False)
-class PlaneSolver:
-    """An arm in one vertical plane, solved there with its limits."""
+class PlanarSolver:
+    """Solver of an arm in one vertical plane, for one family of postures.
+
+    Attributes
+    ----------
+    arm : PlanarArm
+    plane : PlanarLinkage
+        The arm for kernels, heights counted from the floor.
+    family : Family
+    tolerance : float
+        [m]
+    asked : Thresholds or None
+        Of manipulability and effort, which postures must meet.
+    """
 
     arm: PlanarArm
-    height: float
+    plane: PlanarLinkage
     family: Family
     tolerance: float
     asked: Thresholds | None = None
 
-    @cached_property
-    def plane(self) -> PlaneArm:
-        """The arm for kernels; its arrays may be written to, so that numba knows one type of them."""
-        arm = self.arm
-        shoulder = float(arm.shoulder[0]), float(arm.shoulder[1] + self.height)
-        lengths, lower, upper = (np.array(part, order="C") for part in (arm.lengths, arm.lower, arm.upper))
-        return PlaneArm(*shoulder, lengths, lower, upper)
-
-    @cached_property
+    @property
     def _restarts(self) -> Array:
         """Ten postures to restart from, spread over the limits: elbow up and down, folded, stretched."""
         lower = np.where(np.isfinite(self.arm.lower), self.arm.lower, -np.pi)
@@ -81,7 +55,7 @@ class PlaneSolver:
         return spread
 
     def setup(self, mount: Array, turning: Turning) -> Record:
-        """The arm on a base as kernels take it; what postures must meet besides their target is left out.
+        """Return the arm on a base as kernels take it, without the thresholds.
 
         Parameters
         ----------
@@ -105,7 +79,7 @@ class PlaneSolver:
         return self.setup(np.zeros(4), Turning(-np.inf, np.inf, FIXED, 0.0, 0.0))
 
     def _at_pitch(self, pitch: float) -> Record:
-        """The same with the last link at another pitch."""
+        """The arm alone with the last link at another pitch."""
         setup = self._alone.copy()
         setup["pitch"] = pitch
         setup.flags.writeable = False
@@ -121,7 +95,7 @@ class PlaneSolver:
             if mobile and target.direction is not None and len(area.starts) <= 1:
                 base[:2] = _swung(kind, target.position, axis)
             setup, position = self._at_pitch(kind.pitch), np.array(target.position)
-            error, passes, _ = solve(setup, area.vertices, area.starts, mobile, position, base, q)
+            error, passes, _ = solve_planar(setup, area.vertices, area.starts, mobile, position, base, q)
             angle = self._rolled(target, yaw, q, joints)
             found = self._meeting(kind, target, Reached(base[:2], q, error, passes, angle), yaw, joints)
             if self._worth(found) <= (False, False, self.tolerance):
@@ -133,16 +107,16 @@ class PlaneSolver:
 
     @staticmethod
     def _worth(found: Reached) -> tuple[bool, bool, float]:
-        """What a posture lacks, the gravest first."""
+        """Shortcomings of a posture, the gravest first."""
         return not found.meets, found.angle > ANGLE_SLACK, found.error
 
     def _meeting(self, kind: Family, target: Target, found: Reached, yaw: float, joints: Array) -> Reached:
-        """The posture itself where it meets what is asked, else the nearest from the same place that does."""
+        """The posture where it meets the thresholds, else the nearest from the same place that does."""
         if self.asked is None or self._meets(found, COMFORT):
             return found
         r, plane_yaw = self._seen(target.position, found.axis)
         near, bends, z = self.arm.bends(joints), np.empty(3), float(target.position[2])
-        if not meeting_posture(self.plane, self.asked, kind.pitch, r, z, near, bends, LOOKED_THROUGH):
+        if not meeting_posture(self.plane, self.asked, kind.pitch, r, z, near, bends, THRESHOLD_PITCHES):
             return replace(found, meets=False)
         q, angle = self._turned(target, bends, plane_yaw, yaw, joints)
         return replace(found, joints=q, error=0.0, angle=angle)
@@ -151,13 +125,6 @@ class PlaneSolver:
         if self.asked is None:
             return True
         return bool(posture_spare(self.plane, self.asked, self.arm.bends(found.joints)) > room)
-
-    def reach_many(
-        self, targets: Array, axes: Array, yaws: Array, joints: Array, area: FlatPolygon
-    ) -> list[Reached]:
-        """One after the other; see `Arm`."""
-        rows = zip(map(Target, targets), axes, yaws.tolist(), joints, strict=True)
-        return [self.reach(*row, area, True) for row in rows]
 
     def least_change(self, target: Target, axis: Array, yaw: float, joints: Array) -> Reached | None:
         """The posture on target whose bends change least; see `Arm`."""
@@ -207,25 +174,22 @@ class PlaneSolver:
         if arm.roll is not None:
             if target.orientation is not None:
                 wanted = roll_for(arm, plane_yaw, pitch, target.orientation)
-                q[arm.roll] = within_limits(arm, wanted, float(near[arm.roll]))
+                q[arm.roll] = roll_within_limits(arm, wanted, float(near[arm.roll]))
             roll = float(q[arm.roll])
         off = deviation(target, tool_turn(arm, plane_yaw, pitch, roll))
         return max(0.0, off - target.cone)
 
     def _seen(self, target: Array, axis: Array) -> tuple[float, float]:
         """Target in the plane, and the plane's direction."""
-        dx, dy = target[:2] - axis
         facing = self.family.facing
-        return facing * float(np.hypot(dx, dy)), float(np.arctan2(facing * dy, facing * dx))
+        dx, dy = facing * (target[:2] - axis)
+        return facing * float(np.hypot(dx, dy)), float(np.arctan2(dy, dx))
 
 
 def _swung(kind: Family, target: Array, axis: Array) -> Array:
     """The axis led round a target until the plane points as the family allows."""
-    dx, dy = target[:2] - axis
-    azimuth, away = (
-        float(np.arctan2(kind.facing * dy, kind.facing * dx)),
-        kind.facing * float(np.hypot(dx, dy)),
-    )
+    dx, dy = kind.facing * (target[:2] - axis)
+    azimuth, away = float(np.arctan2(dy, dx)), kind.facing * float(np.hypot(dx, dy))
     swing = float(wrap(azimuth - kind.azimuth))
     if abs(swing) <= kind.half:
         return axis

@@ -1,8 +1,8 @@
-"""Worlds with one constraint taken away: nothing that was possible becomes impossible."""
+"""Constraints that a world may be relaxed by, and sentences about them."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from itertools import combinations
@@ -13,10 +13,11 @@ from shapely.geometry import Point
 from shapely.ops import nearest_points
 
 from regionik.worlds.arms import reach_bound
+from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
-from regionik.worlds.errors import CauseKind
+from regionik.worlds.errors import CauseKind, Repair
 from regionik.worlds.obstacles import Solid
-from regionik.worlds.scene import World
+from regionik.worlds.scene import Target, World
 from regionik.worlds.self_collision import base_body
 
 JOINT_LIMITS = "joint limits"
@@ -34,7 +35,7 @@ LIFT_OFFS = "rules.max_lift_offs"
 
 @dataclass(frozen=True)
 class Constraint:
-    """One thing that a world asks for or holds, and how it is taken away.
+    """One constraint of a world, and its relaxation, which makes nothing impossible.
 
     Attributes
     ----------
@@ -52,10 +53,10 @@ class Constraint:
 
 
 def constraints_of(world: World) -> tuple[Constraint, ...]:
-    """All that can be taken away from a world's task, what people expect least as a reason first.
+    """Constraints on a world's task, the least expected as a cause first.
 
-    The length of the arm and the height of its mount always stay. The kind of the base does not count
-    either: areas and ladder are those of a base that goes every way.
+    The length of the arm and the height of its mount are none, nor is the kind of the base: areas and ladder
+    are those of an omnidirectional one.
     """
     far = sorted(world.obstacles, key=lambda solid: -_gap(solid, world))
     found = [Constraint("obstacle", solid.name, partial(without_obstacle, name=solid.name)) for solid in far]
@@ -77,7 +78,7 @@ def constraints_of(world: World) -> tuple[Constraint, ...]:
 
 
 def arm_constraints_of(world: World) -> tuple[Constraint, ...]:
-    """`constraints_of`, with the arm's clearance, and its links and base being kept apart."""
+    """`constraints_of` with the arm's clearance and self-collision."""
     found = [Constraint("self", OWN_BODY, without_own_body)]
     if world.rules.arm_clearance > 0 and world.solids:
         found.append(Constraint("clearance", ARM_CLEARANCE, partial(with_rules, arm_clearance=0.0)))
@@ -87,7 +88,7 @@ def arm_constraints_of(world: World) -> tuple[Constraint, ...]:
 def path_constraints_of(world: World) -> tuple[Constraint, ...]:
     """`constraints_of` a whole path, after the lift-offs that are allowed and the start of the base.
 
-    A fixed heading is so by the start, which then stays.
+    The start is kept where it fixes the heading.
     """
     found = []
     if world.rules.max_lift_offs is not None:
@@ -142,7 +143,7 @@ def without_own_body(world: World) -> World:
 
 
 def without_footprint(world: World) -> World:
-    """A base shrunk to the point of it that is nearest to the arm's axis."""
+    """A base shrunk to its point nearest to the arm axis."""
     axis = Point(world.robot.mount[:2])
     outline = shapely.MultiPoint(world.robot.footprint).convex_hull
     point = np.array(nearest_points(outline, axis)[0].coords)
@@ -150,21 +151,90 @@ def without_footprint(world: World) -> World:
 
 
 def without_direction(world: World) -> World:
-    """Set-points that ask for a position and no more."""
+    """Set-points that ask for positions only."""
     bare = tuple(replace(target, direction=None, orientation=None) for target in world.task)
     return replace(world, task=bare)
 
 
 def without_limits(world: World) -> World:
-    """Turning joints that turn without end; sliding ones keep their length."""
+    """Revolute joints without limits; prismatic ones keep theirs."""
     return replace(world, robot=replace(world.robot, chain=_endless(world.robot.chain)))
 
 
 @lru_cache(maxsize=16)
 def _endless(chain: Chain) -> Chain:
-    """Kept for the last few chains: what is known of a chain's reach is kept by chain too."""
+    """Cached, as the reach of a chain is cached by chain."""
     joints = tuple(
         replace(joint, lower=-np.inf, upper=np.inf) if joint.kind == "revolute" else joint
         for joint in chain.joints
     )
     return replace(chain, joints=joints)
+
+
+def setpoint(i: int, count: int) -> str:
+    """A set-point as people count."""
+    return f"Set-point {i + 1} of {count}"
+
+
+def setpoint_at(task: Sequence[Target], i: int) -> str:
+    """A set-point as people count, and where it is."""
+    return f"{setpoint(i, len(task))} at {spot(task[i].position)}"
+
+
+def spot(position: Array) -> str:
+    """A position in words."""
+    return f"({', '.join(f'{value:z.3f}' for value in position)})"
+
+
+def join(names: Sequence[str]) -> str:
+    """Names in one line."""
+    if not names:
+        return "nothing"
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
+
+
+def no_way_to(who: str) -> str:
+    """Beginning of a sentence on a target that is neither shown to be in reach nor ruled out."""
+    return f"No way was found to reach {who[0].lower()}{who[1:]}"
+
+
+def places_open(gap: float) -> str:
+    """Beginning of a sentence on the undecided places, the widest ``gap`` across [m]."""
+    return f"Places for the base up to {gap:.4f} m across are not ruled out"
+
+
+def joint_causes(world: World, kept: Sequence[Constraint], *, proven: bool) -> str:
+    """A sentence on irreducible causes; where it rests on inner areas alone it says so first."""
+    if not kept and proven:
+        return f"The arm of {world.robot.name} on its mount is too short, whatever else is taken away."
+    unproven = "By inner areas alone, which prove nothing, what stands in the way"
+    what = "What rules it out" if proven else unproven
+    if not kept:
+        return f"{what} is the arm of {world.robot.name} on its mount, whatever else is taken away."
+    names = [_name(world, one) for one in kept]
+    if len(names) == 1:
+        return f"{what} is {names[0]}, by itself."
+    return f"{what} is {join(names)} together; without any one of them the rest does not."
+
+
+def _name(world: World, one: Constraint) -> str:
+    """A constraint as it stands in a sentence."""
+    words = {
+        CLEARANCE: f"the clearance of {world.rules.clearance:g} m",
+        ARM_CLEARANCE: f"the arm's clearance of {world.rules.arm_clearance:g} m",
+        OWN_BODY: f"that the {OWN_BODY} keep apart",
+        HEADING: f"the heading policy '{world.rules.heading}'",
+        FOOTPRINT: f"the {FOOTPRINT}",
+        CELLS: f"the {CELLS}",
+        JOINT_LIMITS: f"the {JOINT_LIMITS} of {world.robot.name}",
+    }
+    plain = f"the {one.name}" if one.kind in ("floor", "direction") else one.name
+    return words.get(one.name, plain)
+
+
+def mended(repairs: Sequence[Repair]) -> str:
+    """A sentence on the smallest repair; empty where there is none."""
+    if not repairs:
+        return ""
+    more = f" ({len(repairs) - 1} more {'way' if len(repairs) == 2 else 'ways'} found)"
+    return f"What would mend it: {repairs[0].text}{more if len(repairs) > 1 else ''}."
