@@ -17,11 +17,11 @@ import time
 
 import numpy as np
 
-from regionik.planners.clearance.avoidance import avoid
-from regionik.planners.clearance.clear_posture import clear_posture
-from regionik.planners.clearance.link_clearance import links_clear
-from regionik.planners.clearance.robot_bodies import Bodies, bodies_from
-from regionik.planners.geometry.distances import Obstacles, obstacles_from
+from regionik.planners.avoidance.avoiding_fabrik import avoid
+from regionik.planners.avoidance.clear_posture import clear_posture
+from regionik.planners.collision.distances import Obstacles, obstacles_from
+from regionik.planners.collision.link_clearance import links_clear
+from regionik.planners.collision.robot_bodies import Bodies, bodies_from
 from regionik.planners.search.box_search import Verdict
 from regionik.planners.search.fixed_base import WORDS, search_fixed_base
 from regionik.worlds.arrays import Array

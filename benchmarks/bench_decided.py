@@ -20,14 +20,14 @@ import numpy as np
 
 from regionik.areas.ground import EVERY
 from regionik.areas.standing import room_for
-from regionik.planners.clearance.arm_clearance import Keep, Stance, is_clear
-from regionik.planners.clearance.proximity import nearest
+from regionik.planners.collision.collision_checking import Keep, is_clear
+from regionik.planners.collision.proximity import nearest
 from regionik.planners.driving.footprint_scene import FootprintScene, fits
 from regionik.planners.geometry.angles import fit, wrap
 from regionik.planners.geometry.polygons import compiled
 from regionik.planners.solvers.planar_arm import triangle
 from regionik.postures.arm_guard import contact_for, guard_of
-from regionik.reachability.planar_world import keep_of, own, stance_of
+from regionik.reachability.planar_world import Stance, keep_of, own, stance_of
 from regionik.reachability.reach import reach
 from regionik.verification.answers import verify_answers
 from regionik.worlds.arrays import Array

@@ -110,7 +110,7 @@ FAULTS = (
     ),
     Fault(
         "planner: a tool may sink into what it touches as deep as it likes",
-        "planners/clearance/robot_bodies.py",
+        "planners/collision/robot_bodies.py",
         "return depth - min(SPARE, SHARE * depth)",
         "return 9.0",
         ("tests/test_touching.py",),
@@ -194,7 +194,7 @@ FAULTS = (
     ),
     Fault(
         "motion: clearance of the arm halved",
-        "planners/clearance/swept_motion.py",
+        "planners/collision/collision_checking.py",
         "need = movers.radius[k] + hulls.ball[m] + keep + ROUNDING",
         "need = movers.radius[k] + hulls.ball[m] + keep / 2 + ROUNDING",
         ("tests/test_touching.py",),

@@ -12,13 +12,13 @@ from shapely.geometry import Point, Polygon
 
 from regionik.areas.ground import EVERY
 from regionik.areas.standing import room_for
-from regionik.planners.clearance.any_base import bound_cell
-from regionik.planners.clearance.planar_cells import AWAY, PITCH, TURN, YAW
-from regionik.planners.clearance.proximity import nearest
+from regionik.planners.collision.convex_bodies import Piece
+from regionik.planners.collision.distances import obstacles_from
+from regionik.planners.collision.proximity import nearest
+from regionik.planners.collision.upright_solids import depths, signed_distance, uprights_from
 from regionik.planners.driving.footprint_scene import fits, fits_nowhere_near, footprint_scene
-from regionik.planners.geometry.convex_bodies import Piece
-from regionik.planners.geometry.distances import obstacles_from
-from regionik.planners.geometry.upright_bodies import depths, signed_distance, uprights_from
+from regionik.planners.reach.any_base import bound_cell
+from regionik.planners.reach.planar_cells import AWAY, PITCH, TURN, YAW
 from regionik.planners.search.box_search import Verdict
 from regionik.planners.solvers.planar_arm import triangle
 from regionik.postures.arm_guard import contact_for, guard_of

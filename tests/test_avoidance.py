@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from benchmarks.clutter import CERTAIN, body_of, distance_to, keeps_off
-from regionik.planners.clearance.avoidance import Avoided, avoid
-from regionik.planners.clearance.link_clearance import links_clear, touchable, whole_pieces
-from regionik.planners.clearance.robot_bodies import Bodies, ContactTargets, bodies_from
+from regionik.planners.avoidance.avoiding_fabrik import Avoided, avoid
+from regionik.planners.collision.link_clearance import links_clear, touchable, whole_pieces
+from regionik.planners.collision.robot_bodies import Bodies, ContactTargets, bodies_from
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain, Joint, rot_x, rot_y, translation

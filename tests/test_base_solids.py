@@ -11,7 +11,7 @@ import shapely
 import trimesh
 
 from regionik.output.urdf import robot_to_urdf
-from regionik.planners.clearance.proximity import bodies_from, motion_clear, nearest, words
+from regionik.planners.collision.proximity import bodies_from, motion_clear, nearest, words
 from regionik.values import Motion
 from regionik.verification import arm_clearance as proof_arm
 from regionik.verification import self_collision

@@ -12,8 +12,7 @@ from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 from shapely.geometry import Point, Polygon, box
 
-from regionik.planners.geometry.convex_decomposition import MOST_CORNERS, convex_pieces
-from regionik.planners.geometry.distances import (
+from regionik.planners.collision.distances import (
     Obstacles,
     aabb_gaps,
     capsule_distance,
@@ -22,6 +21,7 @@ from regionik.planners.geometry.distances import (
     obstacles_from,
     separation,
 )
+from regionik.planners.geometry.convex_decomposition import MOST_CORNERS, convex_pieces
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Solid, Sphere

@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from regionik.planners.geometry.hulls import hull_gap
-from regionik.planners.geometry.triangle_tree import LEAF, face_tree, nearest_face
+from regionik.planners.collision.gjk import hull_gap
+from regionik.planners.collision.meshes import LEAF, face_tree, nearest_face
 from regionik.worlds.arrays import Array
 
 

@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from shapely.geometry import Polygon
 
-from regionik.planners.geometry.distances import Obstacles, capsule_distance, obstacles_from
-from regionik.planners.geometry.upright_bodies import least_along, signed_distance, uprights_from
+from regionik.planners.collision.distances import Obstacles, capsule_distance, obstacles_from
+from regionik.planners.collision.upright_solids import least_along, signed_distance, uprights_from
 from regionik.planners.search.box_search import Verdict
 from regionik.planners.search.fixed_base import FixedBaseResult, search_fixed_base
 from regionik.planners.search.motion_bounds import (

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import shapely
 
-from regionik.planners.clearance.proximity import Touch
+from regionik.planners.collision.proximity import Touch
 from regionik.postures.arm_guard import SPARE, guard_of
 from regionik.postures.poses import Pose, between
 from regionik.worlds.arrays import Array

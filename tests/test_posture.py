@@ -12,11 +12,11 @@ from shapely.geometry import Point
 
 from benchmarks.clutter import CERTAIN, ROBOTS, Scene, faults, free_posture, scene
 from benchmarks.sweeps import SWEEPS
-from regionik.planners.clearance.clear_posture import ClearPosture, clear_posture, go_round
-from regionik.planners.clearance.posture_proof import has_stops, spare_joints
-from regionik.planners.clearance.proximity import nearest
-from regionik.planners.clearance.robot_bodies import ContactTargets, bodies_from
-from regionik.planners.geometry.distances import obstacles_from
+from regionik.planners.avoidance.clear_posture import ClearPosture, clear_posture, go_round
+from regionik.planners.avoidance.posture_proof import has_stops, spare_joints
+from regionik.planners.collision.distances import obstacles_from
+from regionik.planners.collision.proximity import nearest
+from regionik.planners.collision.robot_bodies import ContactTargets, bodies_from
 from regionik.planners.search.box_search import Verdict
 from regionik.planners.search.fixed_base import search_fixed_base
 from regionik.planners.search.self_clearance import segment_distance

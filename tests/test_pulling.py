@@ -11,7 +11,8 @@ from shapely import box
 from shapely.geometry import MultiPolygon, Polygon
 
 from regionik.planners.geometry.polygons import FlatPolygon, segment_inside
-from regionik.planners.geometry.string_pulling import resample, route, spread_along, tighten
+from regionik.planners.geometry.polylines import resample, spread_along
+from regionik.planners.geometry.string_pulling import route, tighten
 from regionik.planners.geometry.triangulation import Triangulation, triangulate
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError

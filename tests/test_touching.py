@@ -10,7 +10,7 @@ import pytest
 import shapely
 from shapely.geometry import Polygon
 
-from regionik.planners.clearance.proximity import (
+from regionik.planners.collision.proximity import (
     Bodies,
     ContactTargets,
     Touch,
@@ -20,7 +20,7 @@ from regionik.planners.clearance.proximity import (
     solid_clear,
     way_clear,
 )
-from regionik.planners.clearance.robot_motion import hops_led
+from regionik.planners.collision.robot_motion import hops_led
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain, Joint, planar_pose, rot_x, rot_y, translation

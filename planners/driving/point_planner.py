@@ -23,7 +23,8 @@ from regionik.planners.geometry.polygons import (
     segment_inside,
     solid,
 )
-from regionik.planners.geometry.string_pulling import cut, resample, route, tighten
+from regionik.planners.geometry.polylines import cut, resample
+from regionik.planners.geometry.string_pulling import route, tighten
 from regionik.planners.geometry.tangent_paths import shorter_path
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.errors import InputError, RegionikError

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from regionik.explain.changes import one_lift_off
 from regionik.explain.sentences import setpoint_at
+from regionik.planners.collision.distances import obstacles_from, solids_within
 from regionik.planners.driving.footprint_planner import NarrowPassageError
 from regionik.planners.driving.point_planner import NoPathError
-from regionik.planners.geometry.distances import obstacles_from, solids_within
 from regionik.worlds.errors import Cause, Explanation, Repair
 from regionik.worlds.scene import World
 

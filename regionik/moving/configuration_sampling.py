@@ -23,9 +23,8 @@ from regionik.areas.standing import Standing, away, into_span
 from regionik.ladder import Ladder
 from regionik.mfabrik import Solver, axis_of, pose_of, solver_for
 from regionik.moving.rolling_goals import RollingGoals
-from regionik.planners.clearance.clear_posture import ClearPosture, clear_posture, go_round
-from regionik.planners.clearance.posture_search import look_round
-from regionik.planners.clearance.proximity import Touch
+from regionik.planners.avoidance.clear_posture import ClearPosture, clear_posture, go_round, look_round
+from regionik.planners.collision.proximity import Touch
 from regionik.planners.search.box_search import Verdict
 from regionik.postures.arm_guard import SPARE, Guard
 from regionik.postures.poses import Pose, pose

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from regionik.mfabrik import axis_of
-from regionik.planners.geometry.string_pulling import spread_along
+from regionik.planners.geometry.polylines import spread_along
 from regionik.postures.arm_guard import Guard
 from regionik.postures.poses import LARGEST_BEND, Pose, turn_to
 from regionik.worlds.arrays import Array

@@ -11,7 +11,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from regionik.planners.clearance.proximity import (
+from regionik.planners.collision.distances import obstacles_from, solids_within
+from regionik.planners.collision.proximity import (
     NOTHING,
     Bodies,
     ContactTargets,
@@ -23,8 +24,7 @@ from regionik.planners.clearance.proximity import (
     way_clear,
     words,
 )
-from regionik.planners.clearance.robot_motion import hops_led, tools_on
-from regionik.planners.geometry.distances import obstacles_from, solids_within
+from regionik.planners.collision.robot_motion import hops_led, tools_on
 from regionik.postures.poses import LARGEST_BEND, Pose, arrays
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Cause

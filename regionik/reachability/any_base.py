@@ -12,18 +12,17 @@ from shapely.geometry import Point, Polygon
 from regionik.areas.ground import EVERY, GUARD, ground_of
 from regionik.areas.reachable import model_of, planar_reach, reach_model
 from regionik.areas.standing import room_for
-from regionik.planners.clearance.any_base import AnyBase, BaseFloor, ToolDemand, near_solids, search_cells
-from regionik.planners.clearance.arm_clearance import MOST_RINGS
-from regionik.planners.clearance.planar_capsules import NearObstacles, PlaneCapsules, plane_capsules
-from regionik.planners.clearance.planar_cells import ArmMount, cell_for
-from regionik.planners.geometry.distances import obstacles_from
+from regionik.planners.collision.distances import obstacles_from
+from regionik.planners.collision.upright_solids import Uprights, depths, uprights_from
 from regionik.planners.geometry.polygons import Index
-from regionik.planners.geometry.upright_bodies import Uprights, depths, uprights_from
+from regionik.planners.reach.any_base import AnyBase, BaseFloor, ToolDemand, near_solids, search_cells
+from regionik.planners.reach.planar_capsules import NearObstacles, PlaneCapsules, plane_capsules
+from regionik.planners.reach.planar_cells import ArmMount, cell_for
 from regionik.planners.search.box_search import Verdict
 from regionik.planners.solvers.planar_arm import reach_intervals
 from regionik.postures.arm_guard import contact_for
 from regionik.postures.poses import Pose
-from regionik.reachability.planar_world import floor_of, keep_of, own, reach_of, stance_of
+from regionik.reachability.planar_world import MOST_RINGS, floor_of, keep_of, own, reach_of, stance_of
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import Target, World
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -10,13 +11,59 @@ from shapely.geometry import Polygon
 
 from regionik.areas.ground import EVERY, Side
 from regionik.areas.reachable import planar_reach
-from regionik.planners.clearance.arm_clearance import Keep, Reach, Stance
-from regionik.planners.clearance.proximity import exempt_of
+from regionik.planners.collision.collision_checking import Keep
+from regionik.planners.collision.proximity import exempt_of
 from regionik.planners.reach.floor_distances import FloorParts, parts_of
 from regionik.planners.reach.rings import boundary_circles
+from regionik.planners.solvers.planar_arm import PlaneArm
 from regionik.postures.arm_guard import SPARE, guard_of
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import World
+
+MOST_RINGS = 16  # intervals of reach at one height
+
+
+class Stance(NamedTuple):
+    """Joints and base of a planar arm, as its bends and the place of its axis give them.
+
+    Attributes
+    ----------
+    plane : PlaneArm
+    sign, offset : (3,) array
+        ``bend = sign * joint + offset`` [rad].
+    zero : float
+        Direction of the arm's plane, seen from the base, with the pivot at zero [rad].
+    low, high : float
+        What the pivot may turn; the base turns the rest [rad].
+    mount : (2,) array
+        The arm axis in the base frame [m].
+    yaw : float
+        Heading of the base at the start [rad].
+    """
+
+    plane: PlaneArm
+    sign: Array
+    offset: Array
+    zero: float
+    low: float
+    high: float
+    mount: Array
+    yaw: float
+
+
+class Reach(NamedTuple):
+    """Circles of the arm's plane on which its reach can begin or end.
+
+    Attributes
+    ----------
+    centers : (k, 2) array
+        [m]
+    radii : (k,) array
+        [m]
+    """
+
+    centers: Array
+    radii: Array
 
 
 @lru_cache(maxsize=128)

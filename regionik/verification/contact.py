@@ -12,9 +12,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import cKDTree
 
-from regionik.planners.geometry.convex_bodies import NONE, Piece
-from regionik.planners.geometry.distances import Obstacles, box_gaps
-from regionik.planners.geometry.hulls import hull_gap
+from regionik.planners.collision.convex_bodies import NONE, Piece
+from regionik.planners.collision.distances import Obstacles, box_gaps
+from regionik.planners.collision.gjk import hull_gap
 from regionik.verification.motion import Indices, Mask
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import World

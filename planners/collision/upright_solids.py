@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from regionik.planners.geometry.convex_bodies import Piece
+from regionik.planners.collision.convex_bodies import Piece
 from regionik.planners.geometry.polygons import Index, compiled, nearest_on_segment
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError

@@ -6,22 +6,22 @@ from collections.abc import Callable
 
 import numpy as np
 
-from regionik.planners.clearance.link_clearance import touchable
-from regionik.planners.clearance.robot_bodies import Bodies, ContactTargets
-from regionik.planners.geometry.distances import obstacles_from
-from regionik.planners.geometry.upright_bodies import uprights_from
+from regionik.planners.collision.convex_bodies import inner_capsule
+from regionik.planners.collision.distances import obstacles_from
+from regionik.planners.collision.link_clearance import touchable
+from regionik.planners.collision.robot_bodies import Bodies, ContactTargets
+from regionik.planners.collision.upright_solids import uprights_from
 from regionik.planners.search.fixed_base import FixedBaseResult, search_fixed_base
 from regionik.planners.search.motion_bounds import longest_levers
 from regionik.planners.search.self_clearance import SelfClearance
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
 from regionik.worlds.obstacles import Mesh
-from regionik.worlds.robot import LinkBox, LinkCapsule, LinkSolid
+from regionik.worlds.robot import LinkSolid
 from regionik.worlds.self_collision import base_body, self_collision_pairs
 
 MOST_SPARE = 2  # joints beyond what the target takes, up to which the search may come to an end
 LEVER = 1e-9  # a joint that moves no point farther than this plays no part [m]
-WITHIN = 0.999  # of half a box's least side: radius of the capsule inside it, which keeps some length
 
 
 def search_postures(
@@ -128,21 +128,6 @@ def spare_joints(chain: Chain, solids: tuple[LinkSolid, ...]) -> int:
         axis = frame[:3, :3] @ joint.axis
         columns.append(axis if joint.kind == "prismatic" else np.cross(axis, tool - frame[:3, 3]))
     return int((levers > LEVER).sum()) - int(np.linalg.matrix_rank(np.array(columns), tol=LEVER))
-
-
-def inner_capsule(solid: LinkSolid) -> LinkCapsule:
-    """Return a capsule as it is, and of a box the capsule along its middle."""
-    if isinstance(solid, LinkCapsule):
-        return solid
-    return _along(solid)
-
-
-def _along(solid: LinkBox) -> LinkCapsule:
-    longest = int(np.argmax(solid.size))
-    radius = WITHIN * float(solid.size.min()) / 2
-    half = solid.T_link_box[:3, longest] * (solid.size[longest] / 2 - radius)
-    middle = solid.T_link_box[:3, 3]
-    return LinkCapsule(solid.link, solid.name, middle - half, middle + half, radius)
 
 
 def _inverse(T: Array) -> Array:

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from regionik.planners.geometry.convex_bodies import (
+from regionik.planners.collision.convex_bodies import (
     NONE,
     TOUCH,
     UP,
@@ -26,10 +26,9 @@ from regionik.planners.geometry.convex_bodies import (
     way_out,
     within_box,
 )
+from regionik.planners.collision.gjk import hull_gap
+from regionik.planners.collision.meshes import BOX, between, box, face_tree, nearest_face, segment, surface
 from regionik.planners.geometry.convex_decomposition import convex_pieces
-from regionik.planners.geometry.hulls import hull_gap
-from regionik.planners.geometry.mesh_distance import BOX, between, box, segment, surface
-from regionik.planners.geometry.triangle_tree import face_tree, nearest_face
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Solid, Sphere
 from regionik.worlds.robot import LinkSolid

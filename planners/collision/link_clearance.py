@@ -10,10 +10,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from regionik.planners.clearance.robot_bodies import Bodies, ContactTargets
-from regionik.planners.clearance.robot_motion import BASE
-from regionik.planners.geometry.convex_bodies import Piece
-from regionik.planners.geometry.distances import hull_separation
+from regionik.planners.collision.convex_bodies import Piece
+from regionik.planners.collision.distances import hull_separation
+from regionik.planners.collision.robot_bodies import Bodies, ContactTargets
+from regionik.planners.collision.robot_motion import BASE
 from regionik.planners.geometry.polygons import Index
 from regionik.worlds.arrays import Array
 

@@ -11,21 +11,12 @@ from typing import Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from regionik.planners.clearance.contacts import ROUNDING, exempt_for
-from regionik.planners.clearance.robot_bodies import Bodies, ContactTargets, bodies_from
-from regionik.planners.clearance.robot_motion import (
-    WORLD,
-    Exempt,
-    Hop,
-    Hulls,
-    hop_between,
-    pace,
-    place,
-    stand,
-)
-from regionik.planners.clearance.swept_motion import first_stop_on_way, lower_bounds, swept
-from regionik.planners.geometry.convex_bodies import Separation
-from regionik.planners.geometry.distances import hull_separation
+from regionik.planners.collision.collision_checking import first_stop_on_way, lower_bounds, swept
+from regionik.planners.collision.contacts import ROUNDING, exempt_for
+from regionik.planners.collision.convex_bodies import Separation
+from regionik.planners.collision.distances import hull_separation
+from regionik.planners.collision.robot_bodies import Bodies, ContactTargets, Exempt, Hulls, bodies_from
+from regionik.planners.collision.robot_motion import WORLD, Hop, hop_between, pace, place, stand
 from regionik.planners.geometry.polygons import Index
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.errors import InputError

@@ -6,7 +6,6 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from regionik.planners.driving.arcs import arc_end, arc_towards
 from regionik.planners.geometry.polygons import Index, compiled
@@ -17,75 +16,6 @@ WORLD, BASE = -2, -1  # frames of hulls that no link carries
 _HERE = np.eye(4)
 
 
-class Movers(NamedTuple):
-    """The solids of links: all points within ``radius`` of the hulls of corners in the links' frames.
-
-    Attributes
-    ----------
-    corners : (c, 3) array
-        [m]
-    first : (n + 1,) array of int
-        Solid k has corners ``first[k]:first[k + 1]``.
-    radius : (n,) array
-        [m]
-    link : (n,) array of int
-        ``BASE`` for what is fixed to the base.
-    core : (c, 3) array
-        Corners of what is left of each solid taken off to the depth that a contact may have: all points
-        within ``core_radius`` of their hull [m].
-    core_radius : (n,) array
-        [m]
-    outermost : (n,) array of bool
-        Of the last link that has a solid.
-    meets : (n, o) array of bool
-        Which of the o hulls behind those of the world a solid may run into.
-    """
-
-    corners: Array
-    first: Index
-    radius: Array
-    link: Index
-    core: Array
-    core_radius: Array
-    outermost: NDArray[np.bool_]
-    meets: NDArray[np.bool_]
-
-
-class Hulls(NamedTuple):
-    """What links keep away from: all points within a disc (level) and a ball of the hulls of corners.
-
-    The surface of a mesh is a row for its hull, which only bounds it, and a row for each triangle.
-
-    Attributes
-    ----------
-    corners : (c, 3) array
-        [m]
-    first : (m + 1,) array of int
-    disc, ball : (m,) array
-        [m]
-    frame : (m,) array of int
-        Link that carries the hull, ``BASE`` or ``WORLD``; those of the world come first.
-    owner : (m,) array of int
-        Obstacle, solid of the robot, or -1 for the base's own body.
-    next : (m,) array of int
-        Row to go on with where this one is clear: beyond the triangles if it bounds some.
-    boxes : (m, 2, 3) array
-        Low and high along the axes of the hull's frame, disc and ball included [m].
-    world : int
-        Rows of the world.
-    """
-
-    corners: Array
-    first: Index
-    disc: Array
-    ball: Array
-    frame: Index
-    owner: Index
-    next: Index
-    boxes: Array
-    world: int
-
-
 class Hop(NamedTuple):
     """A motion between two states: the base slides and turns evenly, and rolls along its heading besides."""
 
@@ -94,19 +24,6 @@ class Hop(NamedTuple):
     arc: float  # what a base on wheels rolls, below 0 in reverse [m]
     joints: Array  # (dof,)
     bend: Array  # (dof,) what is added to them
-
-
-class Exempt(NamedTuple):
-    """Where the outermost solids may touch an obstacle: the tool within ``reach`` of a spot it owns.
-
-    What of them is farther than ``reach`` from the tool keeps the clearance, which balls of hulls include.
-    """
-
-    spots: Array  # (n, 3) [m]
-    owner: Index  # (n,)
-    reach: float  # [m]
-    clearance: float  # [m]
-    depth: float  # of a contact, at the most [m]
 
 
 @compiled
@@ -302,3 +219,19 @@ def twist(
         else:
             for i in range(3):
                 V[i] += w[i]
+
+
+@compiled
+def bases_between(knots: Array, leg: Index, share: Array, rolls: bool) -> Array:
+    """Base poses (n, 3) at shares (n,) of legs (n,), on the way that every reader of a plan fills in.
+
+    Headings run on from the first knot of a leg; where they are NaN, they stay so.
+    """
+    bases, still = np.empty((len(leg), 3)), np.empty(0)
+    for n in range(len(leg)):
+        hop = hop_between(knots[leg[n]], still, knots[leg[n] + 1], still, rolls)
+        if rolls:
+            bases[n, 0], bases[n, 1], bases[n, 2] = stand(hop, share[n])
+        else:
+            bases[n] = hop.base + share[n] * hop.drive
+    return bases

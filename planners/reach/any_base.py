@@ -12,15 +12,20 @@ from typing import NamedTuple
 
 import numpy as np
 
-from regionik.planners.clearance.arm_clearance import Keep, is_clear
-from regionik.planners.clearance.planar_capsules import (
+from regionik.planners.collision.collision_checking import Keep, is_clear
+from regionik.planners.collision.upright_solids import Uprights, signed_distance
+from regionik.planners.driving.footprint_scene import FootprintScene, fits, fits_nowhere_near
+from regionik.planners.geometry.angles import fit, wrap
+from regionik.planners.geometry.polygons import Index, compiled
+from regionik.planners.reach.floor_distances import FloorParts, inside, is_near
+from regionik.planners.reach.planar_capsules import (
     NearObstacles,
     PlaneCapsules,
     judge_obstacles,
     judge_self,
     place_capsules,
 )
-from regionik.planners.clearance.planar_cells import (
+from regionik.planners.reach.planar_cells import (
     AWAY,
     PITCH,
     SLACK,
@@ -32,11 +37,6 @@ from regionik.planners.clearance.planar_cells import (
     judge_links,
     turn_pivot,
 )
-from regionik.planners.driving.footprint_scene import FootprintScene, fits, fits_nowhere_near
-from regionik.planners.geometry.angles import fit, wrap
-from regionik.planners.geometry.polygons import Index, compiled
-from regionik.planners.geometry.upright_bodies import Uprights, signed_distance
-from regionik.planners.reach.floor_distances import FloorParts, inside, is_near
 from regionik.planners.search.box_search import (
     WHOLE,
     Boxes,

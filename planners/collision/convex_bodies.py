@@ -9,15 +9,17 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from regionik.planners.geometry.hulls import hull_gap
-from regionik.planners.geometry.triangle_tree import FaceTree
+from regionik.planners.collision.gjk import hull_gap
+from regionik.planners.collision.meshes import FaceTree
 from regionik.worlds.arrays import Array
 from regionik.worlds.obstacles import Mesh
+from regionik.worlds.robot import LinkBox, LinkCapsule, LinkSolid
 
 TOUCH = 1e-9  # [m]
 UP = np.array([0.0, 0.0, 1.0])
 NONE = np.zeros((0, 3))
 HALVINGS = 44  # of a segment of some metres: far below a nanometre
+WITHIN = 0.999  # of half a box's least side: radius of the capsule inside it, which keeps some length
 ROUND = np.linspace(0.0, 2 * np.pi, 64, endpoint=False)
 
 
@@ -131,3 +133,18 @@ def way_out(piece: Piece, corners: Array) -> Separation:
     depths = piece.support(normals) - along.min(1)
     k = int(np.argmin(depths))
     return Separation(-float(depths[k]), normals[k], corners[int(np.argmin(along[k]))])
+
+
+def inner_capsule(solid: LinkSolid) -> LinkCapsule:
+    """Return a capsule as it is, and of a box the capsule along its middle."""
+    if isinstance(solid, LinkCapsule):
+        return solid
+    return _along(solid)
+
+
+def _along(solid: LinkBox) -> LinkCapsule:
+    longest = int(np.argmax(solid.size))
+    radius = WITHIN * float(solid.size.min()) / 2
+    half = solid.T_link_box[:3, longest] * (solid.size[longest] / 2 - radius)
+    middle = solid.T_link_box[:3, 3]
+    return LinkCapsule(solid.link, solid.name, middle - half, middle + half, radius)

@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from regionik.planners.clearance.robot_motion import hop_between, stand
 from regionik.planners.geometry.polygons import Index, compiled
-from regionik.worlds.arrays import Array
+from regionik.worlds.arrays import Array, frozen
+from regionik.worlds.errors import InputError
 
 
 @compiled
@@ -76,17 +77,66 @@ def between(knots: Array, leg: Index, share: Array) -> Array:
     return values
 
 
-@compiled
-def bases_between(knots: Array, leg: Index, share: Array, rolls: bool) -> Array:
-    """Base poses (n, 3) at shares (n,) of legs (n,), on the way that every reader of a plan fills in.
+def resample(points: ArrayLike, step: float) -> Array:
+    """Cut every leg into equal parts no longer than ``step`` [m]; the points given stay.
 
-    Headings run on from the first knot of a leg; where they are NaN, they stay so.
+    Examples
+    --------
+    >>> resample([[0, 0], [1, 0], [1, 0.2]], 0.5).tolist()
+    [[0.0, 0.0], [0.5, 0.0], [1.0, 0.0], [1.0, 0.2]]
     """
-    bases, still = np.empty((len(leg), 3)), np.empty(0)
-    for n in range(len(leg)):
-        hop = hop_between(knots[leg[n]], still, knots[leg[n] + 1], still, rolls)
-        if rolls:
-            bases[n, 0], bases[n, 1], bases[n, 2] = stand(hop, share[n])
-        else:
-            bases[n] = hop.base + share[n] * hop.drive
-    return bases
+    path = frozen(points, (None, 2), "path")
+    if not 0 < step < np.inf:
+        raise InputError(f"step: expected a length above 0, got {step}")
+    return frozen(cut(path, float(step)), (None, 2), "path")
+
+
+@compiled
+def cut(path: Array, step: float) -> Array:
+    """As `resample`, of legs (k, 2) that are known to be finite."""
+    legs = len(path) - 1
+    parts = np.ones(legs, np.int64)
+    for k in range(legs):
+        # The tiny allowance keeps a leg of 0.3 / 0.1 steps from being cut in four by rounding.
+        way = np.hypot(path[k + 1, 0] - path[k, 0], path[k + 1, 1] - path[k, 1])
+        parts[k] = max(1, int(np.ceil(way / step - 1e-9)))
+    points, n = np.empty((parts.sum() + 1, 2)), 1
+    points[0] = path[0]
+    for k in range(legs):
+        for m in range(1, parts[k]):
+            points[n] = path[k] + (path[k + 1] - path[k]) * (m / parts[k])
+            n += 1
+        points[n] = path[k + 1]
+        n += 1
+    return points
+
+
+@compiled
+def spread_along(path: Array, step: float, parts: int) -> tuple[Array, Array]:
+    """Shares of a path's length strictly between 0 and 1, (n,), and where they are, (n, 2) [m].
+
+    They cut its legs to steps, and the whole of it to at least so many parts.
+    """
+    points = cut(path, step)
+    lengths = np.zeros(len(points))
+    for k in range(1, len(points)):
+        way = np.hypot(points[k, 0] - points[k - 1, 0], points[k, 1] - points[k - 1, 1])
+        lengths[k] = lengths[k - 1] + way
+    total = lengths[-1]
+    shares = np.empty(len(points) + parts)
+    shares[: len(points)] = lengths / total if total > 0 else 0.0 * lengths
+    shares[len(points) :] = np.arange(parts) * (1.0 / max(parts, 1))
+    shares = np.sort(shares)
+    kept, last = np.empty(len(shares)), 0.0
+    n = 0
+    for share in shares:
+        if share - last > 1e-9 and share < 1.0:
+            kept[n] = share
+            n += 1
+        last = share
+    places = np.empty((n, 2))
+    places[:] = points[0]
+    if total > 0:
+        for d in range(2):
+            places[:, d] = np.interp(kept[:n] * total, lengths, points[:, d].copy())
+    return kept[:n], places

@@ -10,9 +10,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from regionik.planners.clearance.robot_motion import BASE, WORLD, Hulls, Movers
-from regionik.planners.geometry.convex_bodies import Piece
-from regionik.planners.geometry.distances import link_piece, obstacles_from
+from regionik.planners.collision.convex_bodies import Piece
+from regionik.planners.collision.distances import link_piece, obstacles_from
+from regionik.planners.collision.robot_motion import BASE, WORLD
 from regionik.planners.geometry.polygons import Index
 from regionik.planners.solvers.serial_chain import SerialArm, serial_arm
 from regionik.worlds.arrays import Array, frozen
@@ -22,6 +22,88 @@ from regionik.worlds.robot import LinkSolid, Robot
 from regionik.worlds.self_collision import BODY, base_body, self_collision_pairs
 
 SPARE, SHARE = 5e-4, 0.2  # that contacts keep from their depth: a length, or a share if that is less [m]
+
+
+class Movers(NamedTuple):
+    """The solids of links: all points within ``radius`` of the hulls of corners in the links' frames.
+
+    Attributes
+    ----------
+    corners : (c, 3) array
+        [m]
+    first : (n + 1,) array of int
+        Solid k has corners ``first[k]:first[k + 1]``.
+    radius : (n,) array
+        [m]
+    link : (n,) array of int
+        ``BASE`` for what is fixed to the base.
+    core : (c, 3) array
+        Corners of what is left of each solid taken off to the depth that a contact may have: all points
+        within ``core_radius`` of their hull [m].
+    core_radius : (n,) array
+        [m]
+    outermost : (n,) array of bool
+        Of the last link that has a solid.
+    meets : (n, o) array of bool
+        Which of the o hulls behind those of the world a solid may run into.
+    """
+
+    corners: Array
+    first: Index
+    radius: Array
+    link: Index
+    core: Array
+    core_radius: Array
+    outermost: NDArray[np.bool_]
+    meets: NDArray[np.bool_]
+
+
+class Hulls(NamedTuple):
+    """What links keep away from: all points within a disc (level) and a ball of the hulls of corners.
+
+    The surface of a mesh is a row for its hull, which only bounds it, and a row for each triangle.
+
+    Attributes
+    ----------
+    corners : (c, 3) array
+        [m]
+    first : (m + 1,) array of int
+    disc, ball : (m,) array
+        [m]
+    frame : (m,) array of int
+        Link that carries the hull, ``BASE`` or ``WORLD``; those of the world come first.
+    owner : (m,) array of int
+        Obstacle, solid of the robot, or -1 for the base's own body.
+    next : (m,) array of int
+        Row to go on with where this one is clear: beyond the triangles if it bounds some.
+    boxes : (m, 2, 3) array
+        Low and high along the axes of the hull's frame, disc and ball included [m].
+    world : int
+        Rows of the world.
+    """
+
+    corners: Array
+    first: Index
+    disc: Array
+    ball: Array
+    frame: Index
+    owner: Index
+    next: Index
+    boxes: Array
+    world: int
+
+
+class Exempt(NamedTuple):
+    """Where the outermost solids may touch an obstacle: the tool within ``reach`` of a spot it owns.
+
+    What of them is farther than ``reach`` from the tool keeps the clearance, which balls of hulls include.
+    """
+
+    spots: Array  # (n, 3) [m]
+    owner: Index  # (n,)
+    reach: float  # [m]
+    clearance: float  # [m]
+    depth: float  # of a contact, at the most [m]
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,8 +10,9 @@ import math
 
 import numpy as np
 
-from regionik.planners.clearance.robot_motion import WORLD, Exempt, Hop, Hulls, Movers, pace, put, twist
-from regionik.planners.geometry.hulls import hull_gap
+from regionik.planners.collision.gjk import hull_gap
+from regionik.planners.collision.robot_bodies import Exempt, Hulls, Movers
+from regionik.planners.collision.robot_motion import WORLD, Hop, pace, put, twist
 from regionik.planners.geometry.polygons import compiled
 from regionik.planners.solvers.serial_chain import SerialArm
 from regionik.worlds.arrays import Array

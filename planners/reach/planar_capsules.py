@@ -13,26 +13,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from regionik.planners.clearance.planar_cells import (
-    AWAY,
-    PITCH,
-    SLACK,
-    TURN,
-    YAW,
-    ArmMount,
-    PlanarCell,
-    chord,
-)
-from regionik.planners.clearance.posture_proof import inner_capsule
-from regionik.planners.geometry.distances import obstacles_from
-from regionik.planners.geometry.polygons import Index, compiled
-from regionik.planners.geometry.upright_bodies import (
+from regionik.planners.collision.convex_bodies import inner_capsule
+from regionik.planners.collision.distances import obstacles_from
+from regionik.planners.collision.upright_solids import (
     Uprights,
     depths,
     distance_along,
     least_along,
     uprights_from,
 )
+from regionik.planners.geometry.polygons import Index, compiled
+from regionik.planners.reach.planar_cells import AWAY, PITCH, SLACK, TURN, YAW, ArmMount, PlanarCell, chord
 from regionik.planners.search.box_search import Verdict, together
 from regionik.planners.search.self_clearance import segment_distance
 from regionik.planners.solvers.planar_arm import PlaneArm

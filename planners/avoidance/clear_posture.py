@@ -5,7 +5,7 @@ random, and all postures at once where that can come to an end. Every answer is 
 forward kinematics and by `touching.nearest`.
 
 >>> import numpy as np
->>> from regionik.planners.clearance.proximity import bodies_from
+>>> from regionik.planners.collision.proximity import bodies_from
 >>> from regionik.worlds.bundled import robot_named
 >>> from regionik.worlds.obstacles import Sphere
 >>> robot = robot_named("youbot")
@@ -25,22 +25,24 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike
 
-from regionik.planners.clearance.avoidance import avoid
-from regionik.planners.clearance.link_clearance import links_clear
-from regionik.planners.clearance.posture_proof import (
+from regionik.planners.avoidance.avoiding_fabrik import avoid
+from regionik.planners.avoidance.posture_proof import (
     MOST_SPARE,
     has_stops,
     search_postures,
     solid_at_target,
     spare_joints,
 )
-from regionik.planners.clearance.proximity import Touch, nearest, words
-from regionik.planners.clearance.robot_bodies import Bodies, ContactTargets
+from regionik.planners.collision.link_clearance import links_clear
+from regionik.planners.collision.proximity import Touch, nearest, words
+from regionik.planners.collision.robot_bodies import Bodies, ContactTargets
 from regionik.planners.search.box_search import Verdict
 from regionik.planners.search.fixed_base import WORDS, FixedBaseResult
 from regionik.planners.solvers.damped_least_squares import POSITION, Aim, polish
 from regionik.planners.solvers.inverse_kinematics import ArmSolver, Goal, spread_postures
-from regionik.planners.solvers.multistart_ik import solve
+from regionik.planners.solvers.mfabrik_serial import in_arm_frame
+from regionik.planners.solvers.multistart_ik import Effort, solve
+from regionik.planners.solvers.rigid_bodies import posing_bodies
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.chain import Chain
 from regionik.worlds.errors import InputError
@@ -321,3 +323,66 @@ def _solver(chain: Chain, tolerance: float) -> ArmSolver:
 def _at_least_one(name: str, value: int) -> None:
     if value < 1:
         raise InputError(f"{name}: expected 1 or more, got {value}")
+
+
+LOOKS_posture_search = 60  # postures, every other one drawn at random
+
+
+def look_round(
+    bodies: Bodies,
+    base: Array,
+    aim: Aim,
+    joints: Array,
+    effort: Effort,
+    *,
+    contact: ContactTargets | None = None,
+    margin: float = 0.0,
+    seed: int = 0,
+) -> tuple[Array, float] | None:
+    """Postures on a pose come to from random ones, and from the one that is nearest to being clear.
+
+    Parameters
+    ----------
+    bodies : Bodies
+        Robot and obstacles.
+    base : (3,) array
+        x, y [m], yaw [rad]; it stands still.
+    aim : Aim
+        In the world.
+    joints : (dof,) array
+        Posture to start from, clear or not.
+    effort : Effort
+        Tolerances and the arm's length.
+    contact : ContactTargets, optional
+        What may be touched.
+    margin : float
+        Kept beyond the bodies' clearance [m].
+    seed : int
+
+    Returns
+    -------
+    Joints and what the tool misses [m]; None where no posture that was met is clear.
+    """
+    chain, T = bodies.robot.chain, bodies.robot.T_world_arm(base)
+    arm, rng = posing_bodies(chain).arm, np.random.default_rng([seed, 2])
+    here = in_arm_frame(T[:2, 3], float(np.arctan2(T[1, 0], T[0, 0])), float(T[2, 3]), aim)
+    best, most = np.clip(joints, chain.lower, chain.upper), -np.inf
+    for k, fresh in enumerate(spread_postures(chain, effort.reach, LOOKS_posture_search, seed)):
+        q = fresh
+        if k % 2 == 0:
+            change = FARTHEST * 10.0 ** rng.uniform(-3, 0) * rng.normal(size=chain.dof)
+            q = np.clip(best + change, chain.lower, chain.upper)
+        error, angle, _ = polish(arm, here, q, effort.reach, effort.tolerance, effort.angle_tolerance, STEPS)
+        if error > effort.tolerance or angle > effort.angle_tolerance:
+            continue
+        room = _room(bodies, nearest(bodies, base, q, contact=contact))
+        if room >= margin:
+            return q, float(error)
+        if room > most:
+            best, most = q, room
+    return None
+
+
+def _room(bodies: Bodies, touch: Touch) -> float:
+    """Distance at a touch; from obstacles, beyond the bodies' clearance [m]."""
+    return touch.distance - (bodies.clearance if touch.kind == "obstacle" else 0.0)
