@@ -7,7 +7,7 @@ import pytest
 
 from benchmarks.clutter import CERTAIN, body_of, distance_to, keeps_off
 from regionik.planners.avoidance.avoiding_fabrik import Avoided, avoid
-from regionik.planners.collision.link_clearance import links_clear, touchable, whole_pieces
+from regionik.planners.collision.link_clearance import links_clear, whole_pieces
 from regionik.planners.collision.robot_bodies import Bodies, ContactTargets, bodies_from
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
@@ -156,10 +156,9 @@ def test_what_the_tool_works_on_may_be_touched() -> None:
     bodies = bodies_from(robot_named("youbot"), [ball], 0.0, 0.2)
     contact = ContactTargets(ball.center[None], np.array([0]), 0.05)
     there, below = translation(0.4, 0, 0.3), translation(0.4, 0, 0.3 - 0.2175)  # its tool in the middle
-    assert touchable(contact, ball.center + [0.04, 0, 0]) == [0]
-    assert touchable(contact, ball.center + [0.06, 0, 0]) == []
-    assert touchable(contact, ball.center + [0.06, 0, 0], 0.02) == [0]
-    assert touchable(None, ball.center) == []
+    assert contact.touchable(ball.center + [0.04, 0, 0]) == [0]
+    assert contact.touchable(ball.center + [0.06, 0, 0]) == []
+    assert contact.touchable(ball.center + [0.06, 0, 0], 0.02) == [0]
     assert not links_clear(bodies, HERE, ball.center, 0.0)(4, below)
     near = links_clear(bodies, HERE, ball.center, 0.0, contact)
     assert near(4, below)

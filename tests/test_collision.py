@@ -12,14 +12,14 @@ from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 from shapely.geometry import Point, Polygon, box
 
+from regionik.planners.collision.convex_bodies import link_piece
 from regionik.planners.collision.distances import (
     Obstacles,
-    aabb_gaps,
-    capsule_distance,
+    capsule_bounds,
     hull_separation,
-    link_piece,
+    nearest_solid,
     obstacles_from,
-    separation,
+    segment_separation,
 )
 from regionik.planners.geometry.convex_decomposition import MOST_CORNERS, convex_pieces
 from regionik.worlds.arrays import Array
@@ -90,7 +90,7 @@ def test_distance_agrees_with_points_of_the_axis(name: str) -> None:
     solid = SOLIDS[name]
     obstacles = obstacles_from([solid])
     for a, b in segments(150, seed=len(name)):
-        near = capsule_distance(obstacles, a, b, 0.035)
+        near = nearest_solid(obstacles, a, b, 0.035)
         expected = axis_distance(solid, a, b)
         if expected > 1e-7:
             assert near.distance == pytest.approx(expected - 0.035, abs=1e-6)
@@ -105,7 +105,7 @@ def test_witnesses_lie_on_both_surfaces(name: str) -> None:
     solid = SOLIDS[name]
     obstacles = obstacles_from([solid])
     for a, b in segments(100, seed=3):
-        near = capsule_distance(obstacles, a, b, 0.035)
+        near = nearest_solid(obstacles, a, b, 0.035)
         if near.distance < -0.035 + 1e-6:
             continue
         assert near.solid == 0
@@ -124,23 +124,23 @@ def test_the_way_out_frees_the_link_and_none_is_much_shorter(name: str) -> None:
     directions /= np.linalg.norm(directions, axis=1)[:, None]
     seen = 0
     for a, b in segments(200, seed=11):
-        near = separation(obstacles.pieces[0], a, b)
+        near = segment_separation(obstacles.pieces[0], a, b)
         if near.distance >= -1e-6:
             continue
         seen += 1
         depth = -near.distance
         freed = (depth + 1e-7) * near.normal
-        assert separation(obstacles.pieces[0], a + freed, b + freed).distance > 0
+        assert segment_separation(obstacles.pieces[0], a + freed, b + freed).distance > 0
         short = 0.98 * depth
         for way in directions[:20]:
-            moved = separation(obstacles.pieces[0], a + short * way, b + short * way)
+            moved = segment_separation(obstacles.pieces[0], a + short * way, b + short * way)
             assert moved.distance < 1e-9
     assert seen >= 8
 
 
 def test_distance_from_a_ball_in_closed_form() -> None:
     obstacles = obstacles_from([Sphere("ball", 0.2, np.array([1.0, 0.0, 0.0]))])
-    near = capsule_distance(obstacles, [0, -1, 0], [0, 1, 0], 0.05)
+    near = nearest_solid(obstacles, [0, -1, 0], [0, 1, 0], 0.05)
     assert near.distance == pytest.approx(0.75, abs=1e-12)
     np.testing.assert_allclose(near.on_link, [0.05, 0, 0], atol=1e-12)
     np.testing.assert_allclose(near.on_solid, [0.8, 0, 0], atol=1e-12)
@@ -163,23 +163,23 @@ def test_an_upright_link_beside_an_upright_wall(as_mesh: bool) -> None:
             np.array([a[0], a[1], np.clip(0.4, a[2], b[2])])
         )  # it never stands over the wall
         if level > 0 and a[2] < 0.8 and b[2] > 0:
-            assert capsule_distance(obstacles, a, b, 0.0).distance == pytest.approx(level, abs=1e-8)
+            assert nearest_solid(obstacles, a, b, 0.0).distance == pytest.approx(level, abs=1e-8)
 
 
 def test_the_nearest_of_many_and_only_some() -> None:
     solids = [Sphere(f"ball {k}", 0.1, np.array([k, 0.0, 0.0])) for k in range(1, 20)]
     obstacles = obstacles_from(solids)
-    near = capsule_distance(obstacles, [0, 0, 0], [0, 0, 1], 0.05)
+    near = nearest_solid(obstacles, [0, 0, 0], [0, 0, 1], 0.05)
     assert near.solid == 0
     assert near.distance == pytest.approx(0.85)
-    far = capsule_distance(obstacles, [0, 0, 0], [0, 0, 1], 0.05, only=[7, 4])
+    far = nearest_solid(obstacles, [0, 0, 0], [0, 0, 1], 0.05, only=[7, 4])
     assert far.solid == 4
     assert far.distance == pytest.approx(4.85)
 
 
 def test_no_solids_is_infinitely_far() -> None:
     for obstacles, only in ((obstacles_from([]), None), (obstacles_from([SOLIDS["box"]]), [])):
-        near = capsule_distance(obstacles, [0, 0, 0], [0, 0, 1], 0.05, only=only)
+        near = nearest_solid(obstacles, [0, 0, 0], [0, 0, 1], 0.05, only=only)
         assert (near.distance, near.solid) == (np.inf, -1)
 
 
@@ -192,26 +192,26 @@ def test_numbers_that_are_not_finite_are_refused(number: float) -> None:
         ([0, 0, 0], [1, 0, 0], number),
     ):
         with pytest.raises(InputError, match="finite"):
-            capsule_distance(obstacles, start, end, radius)
+            nearest_solid(obstacles, start, end, radius)
 
 
 def test_numbers_that_are_not_finite_do_not_reach_the_engine() -> None:
     piece = obstacles_from([SOLIDS["mesh"]]).pieces[0]
     with pytest.raises(InputError, match="finite"):
-        separation(piece, np.array([np.nan, 0, 0]), np.zeros(3))
+        segment_separation(piece, np.array([np.nan, 0, 0]), np.zeros(3))
 
 
 @pytest.mark.parametrize("name", ["box", "mesh"])
 def test_a_link_that_lies_in_a_face_touches(name: str) -> None:
     obstacles = obstacles_from([SOLIDS[name]])
     for a, b in (([0.1, 0.05, -0.1], [0.1, 0.1, -0.12]), ([0.0, -0.15, 0.3], [0.05, -0.1, 0.3])):
-        assert capsule_distance(obstacles, a, b, 0.035).distance == pytest.approx(-0.035, abs=2e-9)
+        assert nearest_solid(obstacles, a, b, 0.035).distance == pytest.approx(-0.035, abs=2e-9)
 
 
 def test_a_mesh_that_swallows_the_link_is_touched() -> None:
     vertices, faces = CUBE
     obstacles = obstacles_from([Mesh("mesh", vertices * 10, faces)])
-    near = capsule_distance(obstacles, [0, 0, 0], [0.1, 0.1, 0.1], 0.035)
+    near = nearest_solid(obstacles, [0, 0, 0], [0.1, 0.1, 0.1], 0.035)
     assert near.distance == pytest.approx(-0.9 - 0.035)
 
 
@@ -225,20 +225,18 @@ def test_a_mesh_of_many_triangles() -> None:
         a, b = a + [0.9, 0.9, 0.0], b + [0.9, 0.9, 0.0]
         expected = axis_distance(mesh, a, b, 20)
         if expected > 0:
-            assert capsule_distance(obstacles, a, b, 0.01).distance == pytest.approx(
-                expected - 0.01, abs=1e-6
-            )
+            assert nearest_solid(obstacles, a, b, 0.01).distance == pytest.approx(expected - 0.01, abs=1e-6)
 
 
 def test_gaps_are_lower_bounds() -> None:
     obstacles = obstacles_from(list(SOLIDS.values()))
     pairs = segments(60, seed=2)
     starts, ends = (np.array([p[k] for p in pairs]) + [0.5, 0, 0] for k in (0, 1))
-    gaps = aabb_gaps(obstacles, starts, ends, np.full(60, 0.035))
+    gaps = capsule_bounds(obstacles, starts, ends, np.full(60, 0.035))
     assert gaps.shape == (60, len(obstacles.pieces))
     for n in range(60):
         for m, piece in enumerate(obstacles.pieces):
-            true = separation(piece, starts[n], ends[n]).distance - 0.035
+            true = segment_separation(piece, starts[n], ends[n]).distance - 0.035
             assert gaps[n, m] <= true + 1e-9
     assert (gaps > 0).any()
 
@@ -457,14 +455,16 @@ def test_links_keep_away_from_links_either_way_round() -> None:
 
 def test_two_capsules() -> None:
     piece = link_piece(LinkCapsule(0, "rod", np.array([0, 0, -1.0]), np.array([0, 0, 1.0]), 0.1))
-    found = separation(piece, np.array([0.5, -1, 0]), np.array([0.5, 1, 0]))
+    found = segment_separation(piece, np.array([0.5, -1, 0]), np.array([0.5, 1, 0]))
     assert found.distance == pytest.approx(0.4, abs=1e-9)
     np.testing.assert_allclose(found.on_axis, [0.5, 0, 0], atol=1e-9)
     np.testing.assert_allclose(found.normal, [1, 0, 0], atol=1e-9)
-    assert separation(piece, np.array([-1.0, 0, 0]), np.array([1.0, 0, 0])).distance == pytest.approx(-0.1)
-    assert separation(piece, np.array([0.3, 0, 5.0]), np.array([0.3, 0, 5.0])).distance == pytest.approx(
-        np.hypot(4.0, 0.3) - 0.1, abs=1e-9
+    assert segment_separation(piece, np.array([-1.0, 0, 0]), np.array([1.0, 0, 0])).distance == pytest.approx(
+        -0.1
     )
+    assert segment_separation(
+        piece, np.array([0.3, 0, 5.0]), np.array([0.3, 0, 5.0])
+    ).distance == pytest.approx(np.hypot(4.0, 0.3) - 0.1, abs=1e-9)
 
 
 def test_boxes_that_are_not_finite_do_not_reach_the_engine() -> None:

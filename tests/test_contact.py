@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from regionik.explain.arm_failures import buried
-from regionik.planners.collision.contacts import farthest as compiled_farthest
+from regionik.planners.collision.contacts import farthest_below as compiled_farthest
 from regionik.planners.collision.distances import obstacles_from
 from regionik.planners.collision.robot_bodies import core_of
 from regionik.postures.arm_guard import guard_of

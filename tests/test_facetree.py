@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from regionik.planners.collision.gjk import hull_gap
-from regionik.planners.collision.meshes import LEAF, face_tree, nearest_face
+from regionik.planners.collision.gjk import hull_distance
+from regionik.planners.collision.meshes import LEAF, nearest_triangle, triangle_tree
 from regionik.worlds.arrays import Array
 
 
@@ -25,26 +25,26 @@ def soup(count: int, seed: int) -> tuple[Array, NDArray[np.int64]]:
 
 
 def gap_of_all(vertices: Array, faces: NDArray[np.int64], hull: Array) -> float:
-    return min(max(hull_gap(hull, vertices[f], 0.0, np.zeros(3), np.empty(3))[0], 0.0) for f in faces)
+    return min(max(hull_distance(hull, vertices[f], 0.0, np.zeros(3), np.empty(3))[0], 0.0) for f in faces)
 
 
 @settings(max_examples=60, deadline=None)
 @given(st.integers(1, 150), st.integers(0, 10**6), st.sampled_from([2, 8]), st.sampled_from([0.2, 1.0, 3.0]))
 def test_the_tree_finds_what_all_triangles_say(count: int, seed: int, corners: int, far: float) -> None:
     vertices, faces = soup(count, seed)
-    tree = face_tree(vertices, faces)
+    tree = triangle_tree(vertices, faces)
     rng = np.random.default_rng(seed + 1)
     hull = rng.uniform(-0.3, 0.3, (corners, 3)) + far * rng.uniform(-1, 1, 3)
     expected = gap_of_all(vertices, faces, hull)
     for guess in ([0.0, 0.0, 1.0], hull[0] / np.linalg.norm(hull[0])):
         way, spot = np.array(guess), np.zeros(3)
-        assert nearest_face(tree, hull, np.inf, way, spot) == pytest.approx(expected, abs=1e-9)
+        assert nearest_triangle(tree, hull, np.inf, way, spot) == pytest.approx(expected, abs=1e-9)
         if expected > 1e-6:
             shown = [(hull @ way).min() - (vertices[f] @ way).max() for f in faces]
             assert max(shown) >= expected - 1e-9
             assert np.linalg.norm(way) == pytest.approx(1.0)
         told = way.copy()
-        assert nearest_face(tree, hull, 0.5 * expected, way, spot) == 0.5 * expected
+        assert nearest_triangle(tree, hull, 0.5 * expected, way, spot) == 0.5 * expected
         np.testing.assert_array_equal(way, told)
 
 
@@ -52,7 +52,7 @@ def test_the_tree_finds_what_all_triangles_say(count: int, seed: int, corners: i
 @given(st.integers(1, 150), st.integers(0, 10**6))
 def test_every_triangle_hangs_once_in_boxes_that_hold_it(count: int, seed: int) -> None:
     vertices, faces = soup(count, seed)
-    triangles, boxes = face_tree(vertices, faces)
+    triangles, boxes = triangle_tree(vertices, faces)
     assert sorted(map(bytes, triangles)) == sorted(map(bytes, vertices[faces]))
     for k, triangle in enumerate(triangles):
         node = len(boxes) // 2 + k // LEAF

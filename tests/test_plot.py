@@ -14,7 +14,8 @@ from matplotlib import rc_context, rcParams
 from PIL import Image
 
 import regionik as rik
-from regionik.planners.collision.proximity import bodies_from, nearest
+from regionik.planners.collision.proximity import nearest
+from regionik.planners.collision.robot_bodies import bodies_from
 from regionik.values import Plan
 from regionik.view.floor_plan import POSES, plan_floor
 from regionik.view.plan_curves import clearances, footprints, plan_curves

@@ -10,17 +10,9 @@ import pytest
 import shapely
 from shapely.geometry import Polygon
 
-from regionik.planners.collision.proximity import (
-    Bodies,
-    ContactTargets,
-    Touch,
-    bodies_from,
-    motion_clear,
-    nearest,
-    solid_clear,
-    way_clear,
-)
-from regionik.planners.collision.robot_motion import hops_led
+from regionik.planners.collision.proximity import Touch, nearest, path_clear, state_clear
+from regionik.planners.collision.robot_bodies import Bodies, ContactTargets, bodies_from
+from regionik.planners.collision.robot_motion import count_on_line
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain, Joint, planar_pose, rot_x, rot_y, translation
@@ -28,6 +20,7 @@ from regionik.worlds.errors import InputError
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Solid, Sphere
 from regionik.worlds.robot import LinkBox, LinkCapsule, Robot
 from regionik.worlds.self_collision import base_body, self_collision_pairs
+from tests.bodies import motion_clear
 
 MARGIN = 0.01
 GRAIN = 0.055  # nothing of a solid is farther from its sampled points [m]
@@ -233,19 +226,10 @@ def test_nearest_within_is_nearest_or_nothing(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ROBOTS)
-def test_all_solids_clear_is_nothing_near(name: str) -> None:
+def test_a_state_is_clear_where_nothing_is_near(name: str) -> None:
     bodies = prepared(name)
     for b, q in zip(*states(bodies.robot, 60, 4), strict=True):
-        each = [solid_clear(bodies, b, q, k, 0.02) for k in range(len(bodies.robot.solids))]
-        assert all(each) == (nearest(bodies, b, q).distance >= 0.02)
-
-
-def test_joints_behind_a_solid_do_not_matter_to_it() -> None:
-    bodies = prepared("lifted")
-    for b, q in zip(*states(bodies.robot, 40, 5), strict=True):
-        for k, solid in enumerate(bodies.robot.solids):
-            bent = q + np.where(np.arange(4) > solid.link, 0.7, 0.0)
-            assert solid_clear(bodies, b, q, k, 0.02) == solid_clear(bodies, b, bent, k, 0.02)
+        assert state_clear(bodies, b, q, 0.02, None) == (nearest(bodies, b, q).distance >= 0.02)
 
 
 @pytest.mark.parametrize("name", ROBOTS)
@@ -348,7 +332,7 @@ def test_a_way_is_clear_as_far_as_its_hops_are(name: str) -> None:
         base, joints = between(bodies.robot, a, b, qa, qb, 5)
         rows = list(zip(base, joints, strict=True))
         hops = [motion_clear(bodies, *rows[k], *rows[k + 1], MARGIN) for k in range(4)]
-        count, touch = way_clear(bodies, base, joints, MARGIN, None)
+        count, touch = path_clear(bodies, base, joints, MARGIN, None)
         stop = next((hop for hop in hops if hop is not None), None)
         assert count == (4 if stop is None else hops.index(stop))
         assert (touch is None) == (stop is None)
@@ -447,8 +431,8 @@ def test_the_last_link_may_touch_what_it_works_on(mesh: bool) -> None:
     assert free.kind == "self"
     assert free.distance == pytest.approx(0.135 - 0.07)
     assert nearest(bodies, [x, 0, 0], AHEAD).distance < 0
-    assert solid_clear(bodies, [x, 0, 0], AHEAD, 3, MARGIN, contact=contact)
-    assert not solid_clear(bodies, [x, 0, 0], AHEAD, 3, MARGIN)
+    assert state_clear(bodies, np.array([x, 0, 0]), AHEAD, MARGIN, contact)
+    assert not state_clear(bodies, np.array([x, 0, 0]), AHEAD, MARGIN, None)
 
 
 @pytest.mark.parametrize("mesh", [False, True])
@@ -557,11 +541,7 @@ def test_numbers_that_are_not_finite_are_refused_at_the_door(number: float) -> N
     with pytest.raises(InputError, match="base: every number must be finite"):
         nearest(bodies, [number, 0, 0], UP)
     with pytest.raises(InputError, match="joints: every number must be finite"):
-        solid_clear(bodies, [0, 0, 0], bad, 0, 0.0)
-    with pytest.raises(InputError, match="finite"):
-        motion_clear(bodies, [0, 0, 0], UP, [0, 0, 0], bad, 0.0)
-    with pytest.raises(InputError, match="margin"):
-        motion_clear(bodies, [0, 0, 0], UP, [0, 0, 0], UP, number)
+        nearest(bodies, [0, 0, 0], bad)
     with pytest.raises(InputError, match="finite"):
         ContactTargets(np.array([[0, 0, number]]), np.array([0]), 0.05)
 
@@ -570,8 +550,6 @@ def test_wrong_shapes_are_refused() -> None:
     bodies = prepared("youbot")
     with pytest.raises(InputError, match="joints: expected 5 numbers"):
         nearest(bodies, [0, 0, 0], [0, 0])
-    with pytest.raises(InputError, match="margin"):
-        motion_clear(bodies, [0, 0, 0], UP, [0, 0, 0], UP, -0.1)
     with pytest.raises(InputError, match="one owner a spot"):
         ContactTargets(np.zeros((2, 3)), np.array([0]), 0.05)
 
@@ -591,7 +569,7 @@ def test_hops_that_jump_or_lead_the_tool_astray_are_told() -> None:
     line = np.array([robot.tool(*state)[:3, 3] for state in zip(bases, joints, strict=True)])
 
     def led(bases: Array, joints: Array, line: Array) -> int:
-        return int(hops_led(bodies.arm, bodies.mount, bases, joints, False, line, shares, *most))
+        return int(count_on_line(bodies.mobile, bases, joints, line, shares, most))
 
     assert led(bases, joints, line) == 4
     aside, bent, far, turned = line.copy(), joints.copy(), bases.copy(), bases.copy()

@@ -34,7 +34,7 @@ from regionik.planners.avoidance.posture_proof import (
     spare_joints,
 )
 from regionik.planners.collision.link_clearance import links_clear
-from regionik.planners.collision.proximity import Touch, nearest, words
+from regionik.planners.collision.proximity import Touch, describe, nearest
 from regionik.planners.collision.robot_bodies import Bodies, ContactTargets
 from regionik.planners.search.box_search import Verdict
 from regionik.planners.search.fixed_base import WORDS, FixedBaseResult
@@ -274,7 +274,7 @@ class _Quest:
         _, error, touch = self.best or (None, np.inf, None)
         seen = "no posture on the target was met"
         if touch is not None:
-            seen = f"in the best of {self.met} postures on the target, {words(self.bodies, touch)}"
+            seen = f"in the best of {self.met} postures on the target, {describe(self.bodies, touch)}"
         word = WORDS[verdict]
         note = f"{word}: {why.removeprefix(f'{word}: ')}; {seen}"
         distance = -np.inf if touch is None else self._room(touch)
@@ -288,7 +288,7 @@ class _Quest:
         assert self.best is not None
         joints, error, touch = self.best
         joints.flags.writeable = False
-        note = f"found by {self.steps[-1]}: {words(self.bodies, touch)}"
+        note = f"found by {self.steps[-1]}: {describe(self.bodies, touch)}"
         room, steps = self._room(touch), tuple(self.steps)
         return ClearPosture(Verdict.PROVEN, joints, error, self.passes, steps, room, touch, note)
 

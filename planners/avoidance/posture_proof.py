@@ -8,8 +8,7 @@ import numpy as np
 
 from regionik.planners.collision.convex_bodies import inner_capsule
 from regionik.planners.collision.distances import obstacles_from
-from regionik.planners.collision.link_clearance import touchable
-from regionik.planners.collision.robot_bodies import Bodies, ContactTargets
+from regionik.planners.collision.robot_bodies import NO_CONTACT, Bodies, ContactTargets
 from regionik.planners.collision.upright_solids import uprights_from
 from regionik.planners.search.fixed_base import FixedBaseResult, search_fixed_base
 from regionik.planners.search.motion_bounds import longest_levers
@@ -61,7 +60,7 @@ def search_postures(
     """
     robot = bodies.robot
     T = _inverse(robot.T_world_arm(base))
-    free = touchable(contact, target, tolerance)
+    free = (contact or NO_CONTACT).touchable(target, tolerance)
     solids = [
         solid.transformed(T)
         for k, solid in enumerate(bodies.obstacles)
@@ -80,7 +79,7 @@ def solid_at_target(
     bodies: Bodies, target: Array, tolerance: float, margin: float, contact: ContactTargets | None
 ) -> str:
     """Name the solid that the end of the last link is in, or too near to, in every posture; or empty."""
-    chain, free = bodies.robot.chain, touchable(contact, target, tolerance)
+    chain, free = bodies.robot.chain, (contact or NO_CONTACT).touchable(target, tolerance)
     end = -np.inf  # how far the obstacle must be from the target at least, to touch nothing
     for solid in map(inner_capsule, bodies.robot.solids):
         if solid.link == chain.dof - 1:

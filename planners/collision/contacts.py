@@ -1,7 +1,7 @@
-"""How a link may touch what the tool works on, and how long on a motion it does no more, compiled.
+"""Contacts of the tool with what it works on, proven over a part of a motion, compiled.
 
 A plane is laid behind which the touched hull lies. The link's core, what is left of it when the depth of a
-contact is taken off, stays beyond it, and so does all of the link that is not within reach of the tool.
+contact is taken off, stays beyond it; so does all of the link that is not within reach of the tool.
 """
 
 from __future__ import annotations
@@ -10,59 +10,97 @@ import math
 
 import numpy as np
 
-from regionik.planners.collision.gjk import hull_gap
-from regionik.planners.collision.robot_bodies import Exempt, Hulls, Movers
-from regionik.planners.collision.robot_motion import WORLD, Hop, pace, put, twist
+from regionik.planners.collision.gjk import hull_distance
+from regionik.planners.collision.robot_bodies import AllowedContact, RobotScene
+from regionik.planners.collision.robot_motion import (
+    WORLD,
+    MotionSegment,
+    link_twist,
+    speed_bounds,
+    tool_speed,
+    transform_points,
+)
 from regionik.planners.geometry.polygons import compiled
-from regionik.planners.solvers.serial_chain import SerialArm
 from regionik.worlds.arrays import Array
 
-SHORTEST = 1e-5  # part of a hop; shorter steps mean that the gap is used up
+SHORTEST = 1e-5  # part of a motion; shorter steps mean that the gap is used up
 ROUNDING = 1e-9  # [m]
 SLACK = 3e-4  # of contacts, so that they can be proven by other code [m]
-BALLS = 16  # that stand for the parts of a capsule
+BALLS = 16  # that cover a capsule
 
 
 @compiled
-def until_plane(points: Array, n: Array, free: float, V: Array, W: Array, acceleration: float) -> float:
-    """Part of a hop before a point can cross a plane that the nearest one is ``free`` [m] from."""
+def time_to_plane(points: Array, n: Array, free: float, V: Array, W: Array, acceleration: float) -> float:
+    """Lower bound of the time in which a rigid body can cross a plane.
+
+    A corner at height h above the plane with speed v = n . (V + W x p) is above it while
+    h + v t - a t^2 / 2 > 0, a the most that it accelerates: until t = 2 h / (sqrt(v^2 + 2 a h) - v).
+
+    Parameters
+    ----------
+    points : (k, 3) array
+        Corners [m].
+    n : (3,) array
+        Unit normal of the plane, towards the corners.
+    free : float
+        Height of the lowest corner [m].
+    V, W : (3,) array
+        Twist of the body.
+    acceleration : float
+        Upper bound for all corners [m].
+    """
     low = np.inf
     for p in points:
         low = min(low, n[0] * p[0] + n[1] * p[1] + n[2] * p[2])
     base = n[0] * V[0] + n[1] * V[1] + n[2] * V[2]
     x, y, z = W[1] * n[2] - W[2] * n[1], W[2] * n[0] - W[0] * n[2], W[0] * n[1] - W[1] * n[0]
-    part = np.inf
+    time = np.inf
     for p in points:
-        gap = free + n[0] * p[0] + n[1] * p[1] + n[2] * p[2] - low
-        drift = base - (x * p[0] + y * p[1] + z * p[2])  # n . (W x p) = -(W x n) . p
-        root = math.sqrt(drift * drift + 2 * acceleration * gap)
-        if acceleration > 0.0 and drift > 0.0:
-            part = min(part, (drift + root) / acceleration)
-        elif root > drift:
-            part = min(part, 2 * gap / (root - drift))
-    return part
+        height = free + n[0] * p[0] + n[1] * p[1] + n[2] * p[2] - low
+        speed = base - (x * p[0] + y * p[1] + z * p[2])  # n . (W x p) = -(W x n) . p
+        root = math.sqrt(speed * speed + 2 * acceleration * height)
+        if acceleration > 0.0 and speed > 0.0:
+            time = min(time, (speed + root) / acceleration)
+        elif root > speed:
+            time = min(time, 2 * height / (root - speed))
+    return time
 
 
 @compiled
-def exempt_for(exempt: Exempt, owner: int, tool: Array) -> float:
+def range_left(contact: AllowedContact, owner: int, tool: Array) -> float:
     """How far the tool is within the reach of a spot of an owner; negative beyond it [m]."""
     best = np.inf
-    for k in range(len(exempt.owner)):
-        if exempt.owner[k] == owner:
-            x, y, z = tool[0] - exempt.spots[k, 0], tool[1] - exempt.spots[k, 1], tool[2] - exempt.spots[k, 2]
+    for k in range(len(contact.owner)):
+        if contact.owner[k] == owner:
+            x, y, z = contact.spots[k]
+            x, y, z = tool[0] - x, tool[1] - y, tool[2] - z
             best = min(best, x * x + y * y + z * z)
-    return exempt.reach - math.sqrt(best)
+    return contact.reach - math.sqrt(best)
 
 
 @compiled
-def farthest(points: Array, radius: float, n: Array, height: float, tool: Array) -> float:
-    """Distance from the tool of what of a segment grown by a radius, or of a box, lies below a height."""
+def farthest_below(points: Array, radius: float, n: Array, height: float, tool: Array) -> float:
+    """Upper bound of the distance from the tool of what lies below a height of a capsule, or of a box [m].
+
+    Parameters
+    ----------
+    points : (2, 3) or (8, 3) array
+        Ends of the capsule's axis, or corners of the box [m].
+    radius : float
+        [m]
+    n : (3,) array
+        Unit vector upwards.
+    height : float
+        [m]
+    tool : (3,) array
+        [m]
+    """
     far = 0.0
-    if len(points) == 2:  # balls hold it, each as large as their distance asks
+    if len(points) == 2:  # balls cover it, each as large as their distance asks
         way = (points[1] - points[0]) / BALLS
         r = radius + 0.5 * math.sqrt(way[0] ** 2 + way[1] ** 2 + way[2] ** 2)
         for i in range(BALLS + 1):
-            far = max(far, _of_ball(points[0] + i * way, r, n, height, tool))
+            far = max(far, _farthest_of_ball(points[0] + i * way, r, n, height, tool))
         return far
     for i in range(len(points)):
         a = n[0] * points[i, 0] + n[1] * points[i, 1] + n[2] * points[i, 2] - height
@@ -81,7 +119,7 @@ def _length(v: Array) -> float:
 
 
 @compiled
-def _of_ball(center: Array, r: float, n: Array, height: float, tool: Array) -> float:
+def _farthest_of_ball(center: Array, r: float, n: Array, height: float, tool: Array) -> float:
     """Distance from the tool of the farthest point of a ball below a height along n, 0 where none is."""
     w = center - tool
     up, size = n[0] * w[0] + n[1] * w[1] + n[2] * w[2], _length(w)
@@ -94,7 +132,7 @@ def _of_ball(center: Array, r: float, n: Array, height: float, tool: Array) -> f
 
 
 @compiled
-def _face_gap(A: Array, B: Array, n: Array) -> float:
+def _triangle_distance(A: Array, B: Array, n: Array) -> float:
     """Distance of a hull from the plane of a triangle, 0 if cut; writes the normal on its side to n."""
     n[:] = np.cross(B[1] - B[0], B[2] - B[0])
     n /= max(_length(n), 1e-300)
@@ -109,55 +147,45 @@ def _face_gap(A: Array, B: Array, n: Array) -> float:
 
 
 @compiled
-def touches(
-    arm: SerialArm,
-    mount: Array,
-    movers: Movers,
-    hulls: Hulls,
-    hop: Hop,
-    exempt: Exempt,
-    k: int,
-    m: int,
-    s: float,
-    frames: Array,
-    most: float,
+def contact_time(
+    scene: RobotScene, motion: MotionSegment, k: int, m: int, s: float, frames: Array, most: float
 ) -> float:
-    """Part of a hop, up to ``most``, over which solid k is proven to touch hull m as it may; 0 where not.
+    """Time from s on, up to ``most``, over which solid k touches hull m as it may: proven; 0 where not.
 
     Its core stays beyond a plane that the hull lies behind, and of the solid no more than the depth lies
     behind it; what comes within the clearance of that plane lies within reach of the tool.
     """
-    a, b, link = movers.first[k], movers.first[k + 1], movers.link[k]
-    A, B = movers.corners[a:b], hulls.corners[hulls.first[m] : hulls.first[m + 1]]
+    robot, links, hulls, contact = scene
+    a, b, link = links.first[k], links.first[k + 1], links.link[k]
+    A, B = links.corners[a:b], hulls.corners[hulls.first[m] : hulls.first[m + 1]]
     core, placed = np.empty_like(A), np.empty_like(A)
-    put(frames[link], movers.core[a:b], core)
-    put(frames[link], A, placed)
-    n, spot, V, W = np.zeros(3), np.empty(3), np.empty(3), np.empty(3)
-    ball = hulls.ball[m] - exempt.clearance
-    gap = _face_gap(core, B, n) if len(B) == 3 else 0.0
-    if gap <= movers.core_radius[k] + ball:
+    transform_points(frames[link], links.core[a:b], core)
+    transform_points(frames[link], A, placed)
+    n, spot = np.zeros(3), np.empty(3)
+    ball = hulls.ball[m] - contact.clearance
+    gap = _triangle_distance(core, B, n) if len(B) == 3 else 0.0
+    if gap <= links.core_radius[k] + ball:
         n[:] = 0.0
-        gap = hull_gap(core, B, hulls.disc[m], n, spot)[0]
-    free = gap - movers.core_radius[k] - ball - ROUNDING
+        gap = hull_distance(core, B, hulls.disc[m], n, spot)[0]
+    free = gap - links.core_radius[k] - ball - ROUNDING
     least, height = np.inf, np.inf
     for i in range(len(A)):
         least = min(least, n[0] * placed[i, 0] + n[1] * placed[i, 1] + n[2] * placed[i, 2])
         height = min(height, n[0] * core[i, 0] + n[1] * core[i, 1] + n[2] * core[i, 2] + ball - gap)
-    sunk = least - height - movers.radius[k] + exempt.depth
+    sunk = least - height - links.radius[k] + contact.depth
     if free < 0.0 or sunk < 0.0:
         return 0.0
-    height += exempt.clearance + SLACK
-    tool = arm.tool[:3, 3].copy().reshape(1, 3)
-    speed, acceleration = pace(arm, mount, hop, link, WORLD, A)
-    drift = speed + pace(arm, mount, hop, len(arm.axis) - 1, WORLD, tool)[0]
-    twist(arm, hop, frames, s, link, WORLD, V, W)
+    height += contact.clearance + SLACK
+    speed, acceleration = speed_bounds(robot, motion, link, WORLD, A)
+    drift = speed + tool_speed(robot, motion, WORLD)
     step = most
     if speed > 0.0:
-        step = min(step, until_plane(core, n, free, V, W, acceleration))
-        step = min(step, until_plane(placed, n, sunk, V, W, acceleration))
-    reach = exempt.reach - SLACK
+        V, W = link_twist(robot, motion, frames, s, link, WORLD)
+        step = min(step, time_to_plane(core, n, free, V, W, acceleration))
+        step = min(step, time_to_plane(placed, n, sunk, V, W, acceleration))
+    reach = contact.reach - SLACK
     while step >= SHORTEST or step == most:
-        far = farthest(placed, movers.radius[k], n, height + step * speed, frames[-2, :3, 3])
+        far = farthest_below(placed, links.radius[k], n, height + step * speed, frames[-2, :3, 3])
         if far <= reach - step * drift:
             return step
         if step < SHORTEST:

@@ -1,8 +1,8 @@
-"""Distances between convex hulls, compiled, and never more than the true ones.
+"""Proven bounds of the distance between convex hulls, compiled.
 
 The walk to the nearest points is that of Gilbert, Johnson and Keerthi (1988), the least point of each simplex
-that of Wolfe (1976). Whether the walk went well does not matter to what is returned: the gap along any
-direction is a lower bound, read off the corners, and the best one met is the answer.
+that of Wolfe (1976). The bounds do not rest on the walk: along any direction v the distance is at least
+(min over A of v . a - max over B of v . b) / |v|, and the best such bound met is returned.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ from regionik.planners.geometry.polygons import compiled
 from regionik.worlds.arrays import Array
 
 MOST_STEPS = 64  # polytopes take less than ten; only discs need more
-NOTHING = 1e-12  # a distance that counts as none [m]
+TOUCHING = 1e-12  # a distance that counts as none [m]
 TIGHT = 1e-10  # between lower and upper bound where the walk ends [m]
 _FLAT = 1e-13  # of a simplex against its size, where it has lost a dimension
 
 
 @compiled
-def hull_gap(A: Array, B: Array, disc: float, way: Array, spot: Array) -> tuple[float, float]:
-    """Bounds for the distance of the hull of A from the hull of B grown level by a disc.
+def hull_distance(A: Array, B: Array, disc: float, normal: Array, spot: Array) -> tuple[float, float]:
+    """Bounds of the distance of the hull of A from the hull of B grown level by a disc.
 
     Parameters
     ----------
@@ -30,7 +30,7 @@ def hull_gap(A: Array, B: Array, disc: float, way: Array, spot: Array) -> tuple[
     B : (m, 3) array
     disc : float
         [m]
-    way : (3,) array
+    normal : (3,) array
         A first guess of the direction from B to A, or zeros. Overwritten with the unit direction along which
         the hulls are ``lower`` apart.
     spot : (3,) array
@@ -42,7 +42,7 @@ def hull_gap(A: Array, B: Array, disc: float, way: Array, spot: Array) -> tuple[
         [m]; ``lower`` is at most 0 where the hulls meet.
     """
     points, places, weights = np.empty((4, 3)), np.empty((4, 3)), np.zeros(4)
-    v = way.copy()
+    v = normal.copy()
     if v[0] == 0.0 and v[1] == 0.0 and v[2] == 0.0:
         v[:] = A[0] - B[0]
         if v[0] == 0.0 and v[1] == 0.0 and v[2] == 0.0:
@@ -54,15 +54,15 @@ def hull_gap(A: Array, B: Array, disc: float, way: Array, spot: Array) -> tuple[
             if size >= upper:
                 break
             upper = size
-        if size < NOTHING or count == 4:
+        if size < TOUCHING or count == 4:
             break
-        i, j, gap = extremes(A, B, v)
+        i, j, gap = support_points(A, B, v)
         level = math.sqrt(v[0] * v[0] + v[1] * v[1])
         bound = (gap - disc * level) / size
         if bound > lower:
             lower = bound
             for d in range(3):
-                way[d] = v[d] / size
+                normal[d] = v[d] / size
         if upper - lower <= TIGHT:
             break
         push = disc / level if level > 0.0 else 0.0
@@ -70,7 +70,7 @@ def hull_gap(A: Array, B: Array, disc: float, way: Array, spot: Array) -> tuple[
             places[count, d] = A[i, d]
             points[count, d] = A[i, d] - B[j, d] - (push * v[d] if d < 2 else 0.0)
         weights[count] = 1.0 if count == 0 else 0.0
-        count = _least(points, places, weights, count + 1, v)
+        count = _nearest_of_simplex(points, places, weights, count + 1, v)
     for d in range(3):
         spot[d] = 0.0
         for k in range(count):
@@ -79,8 +79,8 @@ def hull_gap(A: Array, B: Array, disc: float, way: Array, spot: Array) -> tuple[
 
 
 @compiled
-def extremes(A: Array, B: Array, v: Array) -> tuple[int, int, float]:
-    """The corner of A least far along v, that of B farthest along it, and how much lies between them."""
+def support_points(A: Array, B: Array, v: Array) -> tuple[int, int, float]:
+    """Support points: the corner of A least far along v, that of B farthest, and the gap between them."""
     i, low = 0, np.inf
     for k in range(len(A)):
         along = A[k, 0] * v[0] + A[k, 1] * v[1] + A[k, 2] * v[2]
@@ -95,10 +95,13 @@ def extremes(A: Array, B: Array, v: Array) -> tuple[int, int, float]:
 
 
 @compiled
-def _least(points: Array, places: Array, weights: Array, count: int, v: Array) -> int:
-    """Write the least point of a simplex into v; the corners it does not need are dropped."""
+def _nearest_of_simplex(points: Array, places: Array, weights: Array, count: int, v: Array) -> int:
+    """Write the point of a simplex nearest to the origin into v, and drop the corners that it does not need.
+
+    Returns how many corners are left.
+    """
     full = np.empty(4)
-    while _affine(points, count, full):
+    while _affine_weights(points, count, full):
         part, worst = 1.0, -1
         for k in range(count):
             if full[k] <= 0.0:
@@ -121,8 +124,8 @@ def _least(points: Array, places: Array, weights: Array, count: int, v: Array) -
 
 
 @compiled
-def _affine(points: Array, count: int, full: Array) -> bool:
-    """Weights of the least point in the plane through all corners; whether there is one."""
+def _affine_weights(points: Array, count: int, full: Array) -> bool:
+    """Weights of the point nearest to the origin in the span of all corners; False where it is degenerate."""
     n = count - 1
     G, x, edge = np.empty((3, 3)), np.empty(3), np.empty((3, 3))
     for r in range(n):

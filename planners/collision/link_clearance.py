@@ -1,6 +1,6 @@
-"""Whether single links are clear wherever they are laid: what avoidance asks while it moves an arm.
+"""Clearance of single links at any pose: what FABRIK with obstacle avoidance asks while it moves an arm.
 
-Between two passes the links do not hang together, so links are not judged against each other here.
+Within a pass the links do not hang together, so links are not checked against each other.
 """
 
 from __future__ import annotations
@@ -11,8 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 from regionik.planners.collision.convex_bodies import Piece
-from regionik.planners.collision.distances import hull_separation
-from regionik.planners.collision.robot_bodies import Bodies, ContactTargets
+from regionik.planners.collision.distances import bounding_boxes, hull_separation
+from regionik.planners.collision.robot_bodies import NO_CONTACT, Bodies, ContactTargets
 from regionik.planners.collision.robot_motion import BASE
 from regionik.planners.geometry.polygons import Index
 from regionik.worlds.arrays import Array
@@ -32,7 +32,7 @@ class _Near(NamedTuple):
 def links_clear(
     bodies: Bodies, base: Array, tool: Array, margin: float, contact: ContactTargets | None = None
 ) -> Callable[[int, Array], bool]:
-    """The question whether a link may be at a pose, for an arm on a base that stands still.
+    """Make a check whether a link may be at a pose, for an arm on a base that stands still.
 
     Parameters
     ----------
@@ -44,7 +44,7 @@ def links_clear(
     margin : float
         From the base, and from obstacles beyond the bodies' clearance [m].
     contact : ContactTargets, optional
-        As for `touching.nearest`.
+        What the outermost link may touch.
 
     Returns
     -------
@@ -56,16 +56,16 @@ def links_clear(
     T_world_arm, around = robot.T_world_arm(base), whole_pieces(bodies)
     links: list[list[_Near]] = [[] for _ in range(robot.chain.dof)]
     for k, solid in enumerate(robot.solids):
-        free = touchable(contact, tool) if bodies.movers.outermost[k] else []
+        free = (contact or NO_CONTACT).touchable(tool) if bodies.links.outermost[k] else []
         work = np.isin(bodies.hulls.owner[around], free)
-        own = world + np.flatnonzero(bodies.movers.meets[k] & (bodies.hulls.frame[world:] == BASE))
+        own = world + np.flatnonzero(bodies.links.pairs[k] & (bodies.hulls.frame[world:] == BASE))
         corners, apart = solid.corners, solid.radius + margin
-        core = bodies.movers.core[slice(*bodies.movers.first[k : k + 2])]
-        least = float(bodies.movers.core_radius[k])
+        core = bodies.links.core[slice(*bodies.links.first[k : k + 2])]
+        least = float(bodies.links.core_radius[k])
         links[solid.link] += [
             _near(bodies, corners, around[~work], T_world_arm, apart + bodies.clearance),
             _near(bodies, core, around[work], T_world_arm, least),
-            _near(bodies, corners, own, bodies.mount, apart),
+            _near(bodies, corners, own, bodies.mobile.mount, apart),
         ]
     return lambda link, T_arm_link: all(_clear(near, T_arm_link) for near in links[link])
 
@@ -79,20 +79,9 @@ def whole_pieces(bodies: Bodies) -> Index:
     return np.array(rows, dtype=np.int64)
 
 
-def touchable(contact: ContactTargets | None, tool: Array, off: float = 0.0) -> list[int]:
-    """Obstacles that a tool may touch at a place (3,), or not farther off it than that [m]."""
-    if contact is None:
-        return []
-    near = np.linalg.norm(contact.spots - tool, axis=1) <= contact.reach + off
-    owners: list[int] = np.unique(contact.owner[near]).tolist()
-    return owners
-
-
 def _near(bodies: Bodies, corners: Array, rows: Index, T: Array, apart: float) -> _Near:
     pieces = tuple(bodies.pieces[m] for m in rows)
-    axes = np.eye(3)
-    high = np.array([piece.support(axes) for piece in pieces]).reshape(-1, 3)
-    low = -np.array([piece.support(-axes) for piece in pieces]).reshape(-1, 3)
+    low, high = bounding_boxes(pieces)
     return _Near(corners, apart, T, pieces, low - apart, high + apart)
 
 

@@ -1,7 +1,8 @@
-"""Distances between surfaces of triangles. The only file that imports fcl.
+"""Surfaces of triangles: their distances by fcl, and a tree that tells whether any triangle is nearer.
 
-fcl's solvers for convex shapes (GJK, EPA) are left alone on purpose: where edges run parallel their answers
-were centimetres too large, and the signed distance of an axis that ends in a corner never came back.
+The only file that imports fcl. Its solvers for convex shapes (GJK, EPA) are left alone on purpose: where
+edges run parallel their answers were centimetres too large, and the signed distance of an axis that ends in a
+corner never came back.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import fcl
 import numpy as np
 from numpy.typing import NDArray
 
-from regionik.planners.collision.gjk import extremes, hull_gap
+from regionik.planners.collision.gjk import hull_distance, support_points
 from regionik.planners.geometry.polygons import compiled
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError
@@ -27,8 +28,8 @@ _QUADS = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2
 BOX = np.vstack([_QUADS[:, [0, 1, 2]], _QUADS[:, [0, 2, 3]]])  # triangles of corners ordered as by `LinkBox`
 
 
-def between(a: Surface, b: Surface) -> tuple[float, Array, Array]:
-    """Distance of two surfaces, and the two points; 0 where they meet."""
+def surface_distance(a: Surface, b: Surface) -> tuple[float, Array, Array]:
+    """Distance of two surfaces, and the witness points; 0 where they meet."""
     found = fcl.DistanceResult()
     distance = fcl.distance(a, b, _REQUEST, found)
     on_a, on_b = found.nearest_points
@@ -36,7 +37,7 @@ def between(a: Surface, b: Surface) -> tuple[float, Array, Array]:
 
 
 def surface(vertices: Array, faces: NDArray[np.int64]) -> Surface:
-    """Triangles, each three rows of vertices."""
+    """Make a surface of triangles (m, 3), each three rows of vertices (n, 3) [m]."""
     middle = (vertices.min(0) + vertices.max(0)) / 2
     model = fcl.BVHModel()
     model.beginModel(len(vertices), len(faces))
@@ -46,7 +47,7 @@ def surface(vertices: Array, faces: NDArray[np.int64]) -> Surface:
 
 
 def segment(a: Array, b: Array) -> Surface:
-    """A segment, until the next one as long is asked for by the same thread.
+    """Lay a segment between two points; it is moved when the thread asks for the next one as long.
 
     Raises
     ------
@@ -60,7 +61,7 @@ def segment(a: Array, b: Array) -> Surface:
 
 
 def box(corners: Array) -> Surface:
-    """A box of corners (8, 3) as `LinkBox` orders them, until the next one as large, as `segment`."""
+    """Lay a box of corners (8, 3) as `LinkBox` orders them; it is moved like a `segment`."""
     middle, sides = corners.mean(0), corners[[4, 2, 1]] - corners[0]
     if not math.isfinite(float(middle.sum())):
         raise InputError(f"box: every number must be finite, got {corners.tolist()}")
@@ -100,8 +101,11 @@ def _box(x: float, y: float, z: float, thread: int) -> Surface:
 LEAF = 4  # triangles
 
 
-class FaceTree(NamedTuple):
-    """Triangles, as values for kernels; made by `face_tree`.
+class TriangleTree(NamedTuple):
+    """Triangles in a tree of boxes, as values for kernels; made by `triangle_tree`.
+
+    The tree is a full binary one kept as an array: node i has the children 2 i and 2 i + 1, and the last half
+    of the nodes are leaves of a few triangles each. Triangles that share a leaf lie beside each other.
 
     Attributes
     ----------
@@ -115,7 +119,7 @@ class FaceTree(NamedTuple):
     boxes: Array
 
 
-def face_tree(vertices: Array, faces: NDArray[np.int64]) -> FaceTree:
+def triangle_tree(vertices: Array, faces: NDArray[np.int64]) -> TriangleTree:
     """Sort triangles into a tree, each half of a node along its longest side."""
     leaves = 1
     while leaves * LEAF < len(faces):
@@ -130,7 +134,7 @@ def face_tree(vertices: Array, faces: NDArray[np.int64]) -> FaceTree:
         leaves //= 2
         boxes[leaves : 2 * leaves] = boxes[2 * leaves : 4 * leaves].reshape(leaves, 2, 6).min(1)
     boxes[:, 3:] *= -1
-    return FaceTree(triangles, boxes)
+    return TriangleTree(triangles, boxes)
 
 
 def _by_leaf(middles: Array, which: NDArray[np.int64], leaves: int) -> NDArray[np.int64]:
@@ -144,15 +148,15 @@ def _by_leaf(middles: Array, which: NDArray[np.int64], leaves: int) -> NDArray[n
 
 
 @compiled
-def _beyond(i: int) -> int:
-    """The next node that is not below this one; 0 behind the last."""
+def _skip_subtree(i: int) -> int:
+    """The next node in depth-first order that is not below this one; 0 behind the last."""
     while i & 1:
         i >>= 1
     return i + 1 if i > 0 else 0
 
 
 @compiled
-def nearest_face(tree: FaceTree, A: Array, most: float, way: Array, spot: Array) -> float:
+def nearest_triangle(tree: TriangleTree, A: Array, most: float, normal: Array, spot: Array) -> float:
     """Distance of the hull of A from the triangles, where it is less than ``most``, else that [m].
 
     Parameters
@@ -162,7 +166,7 @@ def nearest_face(tree: FaceTree, A: Array, most: float, way: Array, spot: Array)
         [m]
     most : float
         [m]
-    way : (3,) array
+    normal : (3,) array
         A unit direction from the triangles to A, the better the faster. Overwritten, where something is
         nearer, with that in which it is.
     spot : (3,) array
@@ -180,19 +184,19 @@ def nearest_face(tree: FaceTree, A: Array, most: float, way: Array, spot: Array)
             aside = max(boxes[i, d] - high[d], low[d] - boxes[i, 3 + d], 0.0)
             square += aside * aside
         if square >= least * least:
-            i = _beyond(i)
+            i = _skip_subtree(i)
         elif i < leaves:
             i *= 2
         else:
             first = (i - leaves) * LEAF
             for k in range(first, min(first + LEAF, len(triangles))):
-                if extremes(A, triangles[k], way)[2] >= least:
+                if support_points(A, triangles[k], normal)[2] >= least:
                     continue
                 along[:] = 0.0
-                gap = max(hull_gap(A, triangles[k], 0.0, along, place)[0], 0.0)
+                gap = max(hull_distance(A, triangles[k], 0.0, along, place)[0], 0.0)
                 if gap < least:
                     least = gap
-                    way[:] = along
+                    normal[:] = along
                     spot[:] = place
-            i = _beyond(i)
+            i = _skip_subtree(i)
     return least

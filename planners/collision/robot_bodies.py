@@ -1,4 +1,4 @@
-"""A robot and obstacles, prepared once for questions of what touches what."""
+"""A robot and obstacles, prepared once for collision queries: hulls of links, of obstacles, of the base."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from regionik.planners.collision.convex_bodies import Piece
-from regionik.planners.collision.distances import link_piece, obstacles_from
-from regionik.planners.collision.robot_motion import BASE, WORLD
+from regionik.planners.collision.convex_bodies import Piece, link_piece
+from regionik.planners.collision.distances import obstacles_from
+from regionik.planners.collision.robot_motion import BASE, WORLD, MobileArm
 from regionik.planners.geometry.polygons import Index
-from regionik.planners.solvers.serial_chain import SerialArm, serial_arm
+from regionik.planners.solvers.serial_chain import serial_arm
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.errors import InputError
 from regionik.worlds.obstacles import Solid
@@ -24,7 +24,7 @@ from regionik.worlds.self_collision import BODY, base_body, self_collision_pairs
 SPARE, SHARE = 5e-4, 0.2  # that contacts keep from their depth: a length, or a share if that is less [m]
 
 
-class Movers(NamedTuple):
+class LinkHulls(NamedTuple):
     """The solids of links: all points within ``radius`` of the hulls of corners in the links' frames.
 
     Attributes
@@ -38,14 +38,14 @@ class Movers(NamedTuple):
     link : (n,) array of int
         ``BASE`` for what is fixed to the base.
     core : (c, 3) array
-        Corners of what is left of each solid taken off to the depth that a contact may have: all points
+        Corners of what is left of each solid when the depth that a contact may have is taken off: all points
         within ``core_radius`` of their hull [m].
     core_radius : (n,) array
         [m]
     outermost : (n,) array of bool
         Of the last link that has a solid.
-    meets : (n, o) array of bool
-        Which of the o hulls behind those of the world a solid may run into.
+    pairs : (n, o) array of bool
+        Which of the o hulls behind those of the world a solid is checked against.
     """
 
     corners: Array
@@ -55,7 +55,7 @@ class Movers(NamedTuple):
     core: Array
     core_radius: Array
     outermost: NDArray[np.bool_]
-    meets: NDArray[np.bool_]
+    pairs: NDArray[np.bool_]
 
 
 class Hulls(NamedTuple):
@@ -69,7 +69,7 @@ class Hulls(NamedTuple):
         [m]
     first : (m + 1,) array of int
     disc, ball : (m,) array
-        [m]
+        Those of the world include the clearance [m].
     frame : (m,) array of int
         Link that carries the hull, ``BASE`` or ``WORLD``; those of the world come first.
     owner : (m,) array of int
@@ -93,10 +93,10 @@ class Hulls(NamedTuple):
     world: int
 
 
-class Exempt(NamedTuple):
+class AllowedContact(NamedTuple):
     """Where the outermost solids may touch an obstacle: the tool within ``reach`` of a spot it owns.
 
-    What of them is farther than ``reach`` from the tool keeps the clearance, which balls of hulls include.
+    What of them is farther than ``reach`` from the tool keeps the clearance.
     """
 
     spots: Array  # (n, 3) [m]
@@ -104,6 +104,15 @@ class Exempt(NamedTuple):
     reach: float  # [m]
     clearance: float  # [m]
     depth: float  # of a contact, at the most [m]
+
+
+class RobotScene(NamedTuple):
+    """A robot and what it keeps away from, as values for kernels."""
+
+    robot: MobileArm
+    links: LinkHulls
+    hulls: Hulls
+    contact: AllowedContact
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,18 +142,26 @@ class ContactTargets:
         object.__setattr__(self, "owner", owner)
         object.__setattr__(self, "reach", float(frozen(self.reach, (), "contact: reach")))
 
+    def touchable(self, tool: Array, off: float = 0.0) -> list[int]:
+        """Obstacles that a tool may touch at a place (3,), or not farther off it than that [m]."""
+        near = np.linalg.norm(self.spots - tool, axis=1) <= self.reach + off
+        owners: list[int] = np.unique(self.owner[near]).tolist()
+        return owners
+
+
+NO_CONTACT = ContactTargets(np.zeros((0, 3)), np.zeros(0, dtype=np.int64), 0.0)
+
 
 @dataclass(frozen=True, eq=False)
 class Bodies:
-    """A robot and obstacles, prepared for `nearest`, `solid_clear` and `motion_clear`; made by `bodies_from`.
+    """A robot and obstacles, prepared for the queries of `proximity`; made by `bodies_from`.
 
     Attributes
     ----------
     robot : Robot
     obstacles : tuple of Solid
-    arm : SerialArm
-    mount : (4, 4) array
-    movers : Movers
+    mobile : MobileArm
+    links : LinkHulls
     hulls : Hulls
     pieces : tuple of Piece
         One for each row of ``hulls``, in its frame; triangles name their mesh.
@@ -156,23 +173,23 @@ class Bodies:
 
     robot: Robot
     obstacles: tuple[Solid, ...]
-    arm: SerialArm
-    mount: Array
-    movers: Movers
+    mobile: MobileArm
+    links: LinkHulls
     hulls: Hulls
     pieces: tuple[Piece, ...]
     clearance: float
     depth: float
 
-    @property
-    def kept_depth(self) -> float:
-        """The depth of contacts that are planned, a little less, so that other code can prove them [m]."""
-        return _kept(self.depth)
-
     @cached_property
-    def meshed(self) -> bool:
+    def has_meshes(self) -> bool:
         """Whether some piece is a mesh, inside which a solid may lie without touching its surface."""
         return any(piece.mesh is not None for piece in self.pieces)
+
+    def scene(self, contact: ContactTargets | None) -> RobotScene:
+        """The record that kernels take, with where the tool may touch."""
+        one = NO_CONTACT if contact is None else contact
+        allowed = AllowedContact(one.spots, one.owner, one.reach, self.clearance, _planned(self.depth))
+        return RobotScene(self.mobile, self.links, self.hulls, allowed)
 
 
 class _Row(NamedTuple):
@@ -186,7 +203,7 @@ class _Row(NamedTuple):
 
 
 def bodies_from(robot: Robot, solids: Sequence[Solid], clearance: float = 0.0, depth: float = 0.0) -> Bodies:
-    """Prepare a robot and obstacles for distance queries.
+    """Prepare a robot and obstacles for collision queries.
 
     Parameters
     ----------
@@ -202,35 +219,37 @@ def bodies_from(robot: Robot, solids: Sequence[Solid], clearance: float = 0.0, d
     Bodies
     """
     around = obstacles_from(solids)
-    rows = [
-        row
-        for piece, k in zip(around.pieces, around.owner.tolist(), strict=True)
-        for row in _rows(piece, WORLD, k)
-    ]
+    owned = zip(around.pieces, around.owner.tolist(), strict=True)
+    rows = [row for piece, k in owned for row in _rows(piece, WORLD, k)]
     world = len(rows)
     body = base_body(robot)
     own = obstacles_from([body] if body else []).pieces
     rows += [row for piece in own for row in _rows(piece, BASE, BODY)]
-    arm = len(rows)
+    pairs = _self_pairs(robot, len(rows) - world)
     rows += [_Row(s.corners, link_piece(s), s.link, k) for k, s in enumerate(robot.all_solids)]
-    meets = np.zeros((len(robot.all_solids), len(rows) - world), dtype=np.bool_)
-    for i, k in self_collision_pairs(robot):
-        if i < 0:
-            meets[k, : arm - world] = True
-        else:
-            still, moving = sorted((i, k), key=lambda s: robot.all_solids[s].link)
-            meets[moving, arm - world + still] = True
     return Bodies(
         robot,
         tuple(solids),
-        serial_arm(robot.chain),
-        np.array(robot.T_base_arm),
-        _movers(robot.all_solids, _cores(robot, _kept(depth)), meets),
+        MobileArm(serial_arm(robot.chain), np.array(robot.T_base_arm), robot.drive.rolls),
+        _link_hulls(robot.all_solids, _cores(robot, _planned(depth)), pairs),
         _hulls(rows, world, clearance),
         tuple(row.piece for row in rows),
         clearance,
         depth,
     )
+
+
+def _self_pairs(robot: Robot, body: int) -> NDArray[np.bool_]:
+    """Which solids of links are checked against the hulls of the base's body and of all solids."""
+    count = len(robot.all_solids)
+    pairs = np.zeros((count, body + count), dtype=np.bool_)
+    for i, k in self_collision_pairs(robot):
+        if i < 0:
+            pairs[k, :body] = True
+        else:
+            still, moving = sorted((i, k), key=lambda s: robot.all_solids[s].link)
+            pairs[moving, body + still] = True
+    return pairs
 
 
 def _rows(piece: Piece, frame: int, owner: int) -> list[_Row]:
@@ -241,12 +260,12 @@ def _rows(piece: Piece, frame: int, owner: int) -> list[_Row]:
     return [_Row(piece.corners, piece, frame, owner, len(parts)), *parts]
 
 
-def _movers(
-    solids: Sequence[LinkSolid], cores: Sequence[tuple[Array, float]], meets: NDArray[np.bool_]
-) -> Movers:
+def _link_hulls(
+    solids: Sequence[LinkSolid], cores: Sequence[tuple[Array, float]], pairs: NDArray[np.bool_]
+) -> LinkHulls:
     links = np.array([solid.link for solid in solids], dtype=np.int64)
     corners = [solid.corners for solid in solids]
-    return Movers(
+    return LinkHulls(
         np.concatenate([np.zeros((0, 3)), *corners]),
         np.cumsum([0, *(len(c) for c in corners)]),
         np.array([solid.radius for solid in solids], dtype=np.float64),
@@ -254,11 +273,12 @@ def _movers(
         np.concatenate([np.zeros((0, 3)), *(core for core, _ in cores)]),
         np.array([radius for _, radius in cores], dtype=np.float64),
         links == links.max(initial=-1),
-        meets,
+        pairs,
     )
 
 
-def _kept(depth: float) -> float:
+def _planned(depth: float) -> float:
+    """The depth of contacts that are planned, a little less, so that other code can prove them [m]."""
     return depth - min(SPARE, SHARE * depth)
 
 

@@ -1,4 +1,4 @@
-"""Convex upright solids as flat arrays, with compiled signed distances of points and segments.
+"""Convex upright solids as flat arrays, with signed distances of points and segments, compiled.
 
 Every solid is all points within ``ball`` (any way) and ``disc`` (level) of an outline raised from one
 height to another: prisms have an outline, cylinders and balls one point.
@@ -64,7 +64,7 @@ def uprights_from(pieces: Sequence[Piece]) -> Uprights:
 
 
 def _outline(piece: Piece) -> Array:
-    """Corners of the floor of a piece, in order round it."""
+    """Corners of the lower face of a piece, in order round it."""
     if (piece.disc or piece.ball) and np.ptp(piece.corners[:, :2], axis=0).max() == 0.0:
         return piece.corners[:1, :2]
     tilt = np.minimum(np.abs(piece.normals[:, 2]), 1.0 - np.abs(piece.normals[:, 2]))
@@ -76,8 +76,8 @@ def _outline(piece: Piece) -> Array:
     return outline
 
 
-def depths(solids: Uprights) -> Array:
-    """No point of a solid is farther inside than this, (m,) [m]."""
+def inradii(solids: Uprights) -> Array:
+    """Upper bounds of how far any point of a solid is inside it, (m,) [m]."""
     deep = np.minimum(solids.disc, (solids.high - solids.low) / 2) + solids.ball
     for k, (first, last) in enumerate(zip(solids.starts[:-1], solids.starts[1:], strict=True)):
         if last - first > 1:
@@ -114,7 +114,7 @@ def signed_distance(solids: Uprights, k: int, x: float, y: float, z: float) -> f
 
 @compiled
 def _from_outline(outline: Array, x: float, y: float) -> float:
-    """Signed distance of a level point from a convex outline."""
+    """Signed distance of a point (x, y) from a convex outline [m]."""
     beyond, gap2 = -np.inf, np.inf
     ax, ay = outline[-1]
     for k in range(len(outline)):
@@ -142,9 +142,9 @@ def distance_along(solids: Uprights, k: int, a: Array, b: Array, t: float) -> fl
 
 @compiled
 def nearest_to_axis(solids: Uprights, k: int, a: Array, b: Array, growth: float) -> tuple[float, float]:
-    """For a cylinder or ball: where the distance from its axis or middle plus ``growth`` t is least.
+    """Least distance of a segment from the axis of a cylinder, or the middle of a ball, plus ``growth`` t.
 
-    Returns the share t of the segment from a to b, and the least sum less the radius.
+    Returns the share t of the segment from a to b, and the least sum less the radius [m].
     """
     first = solids.starts[k]
     rise = b[2] - a[2] if solids.ball[k] > 0.0 else 0.0
@@ -174,10 +174,10 @@ def least_along(
     high: float,
     steps: int,
 ) -> float:
-    """Least value along a segment of the signed distance plus what grows evenly from ``at_a`` to ``at_b``.
+    """Least signed distance along a segment, with what is added growing evenly from ``at_a`` to ``at_b`` [m].
 
-    The sum is convex along the segment, so golden sections close in on the least value from above. They stop
-    as soon as a value is below ``low``, or it is sure that none is below ``high``.
+    The sum is convex along the segment, so golden-section search closes in on its least value from above. It
+    stops as soon as a value is below ``low``, or it is sure that none is below ``high``.
     """
     if solids.starts[k + 1] - solids.starts[k] == 1:
         t, least = nearest_to_axis(solids, k, a, b, at_b - at_a)

@@ -12,7 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from regionik.planners.collision.collision_checking import Keep, is_clear
+from regionik.planners.collision.collision_checking import is_clear
+from regionik.planners.collision.robot_bodies import RobotScene
 from regionik.planners.collision.upright_solids import Uprights, signed_distance
 from regionik.planners.driving.footprint_scene import FootprintScene, fits, fits_nowhere_near
 from regionik.planners.geometry.angles import fit, wrap
@@ -86,7 +87,8 @@ class AnyBase(NamedTuple):
     floor: BaseFloor
     around: NearObstacles
     demand: ToolDemand
-    keep: Keep  # the other check of a posture
+    scene: RobotScene  # for the check of a posture in space
+    margin: float  # that it keeps [m]
     cell: PlanarCell  # overwritten
     base: Array  # (3,) overwritten with what is found
     joints: Array  # (dof,) likewise; joints that do not matter stay as they are
@@ -165,7 +167,9 @@ def judge_cell(task: AnyBase, low: Array, high: Array) -> tuple[Verdict, float, 
     if verdict == Verdict.PROVEN:
         verdict = Verdict.OPEN
         if task.demand.seek and task.tally[REFUSED] < MOST_REFUSED:
-            if _take_middle(task) and is_clear(task.keep, task.base, task.joints, task.around.tool_on):
+            if _take_middle(task) and is_clear(
+                task.scene, task.margin, task.base, task.joints, task.around.tool_on
+            ):
                 verdict = Verdict.PROVEN
             else:
                 task.tally[REFUSED] += 1

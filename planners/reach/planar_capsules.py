@@ -17,8 +17,8 @@ from regionik.planners.collision.convex_bodies import inner_capsule
 from regionik.planners.collision.distances import obstacles_from
 from regionik.planners.collision.upright_solids import (
     Uprights,
-    depths,
     distance_along,
+    inradii,
     least_along,
     uprights_from,
 )
@@ -112,7 +112,7 @@ def plane_capsules(robot: Robot, arm: PlanarArm) -> PlaneCapsules:
         np.array(pairs, dtype=np.int64).reshape(-1, 2),
         np.array(heeds, dtype=np.int64),
         block,
-        depths(block),
+        inradii(block),
     )
 
 

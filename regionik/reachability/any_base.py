@@ -13,16 +13,16 @@ from regionik.areas.ground import EVERY, GUARD, ground_of
 from regionik.areas.reachable import model_of, planar_reach, reach_model
 from regionik.areas.standing import room_for
 from regionik.planners.collision.distances import obstacles_from
-from regionik.planners.collision.upright_solids import Uprights, depths, uprights_from
+from regionik.planners.collision.upright_solids import Uprights, inradii, uprights_from
 from regionik.planners.geometry.polygons import Index
 from regionik.planners.reach.any_base import AnyBase, BaseFloor, ToolDemand, near_solids, search_cells
 from regionik.planners.reach.planar_capsules import NearObstacles, PlaneCapsules, plane_capsules
 from regionik.planners.reach.planar_cells import ArmMount, cell_for
 from regionik.planners.search.box_search import Verdict
 from regionik.planners.solvers.planar_arm import reach_intervals
-from regionik.postures.arm_guard import contact_for
+from regionik.postures.arm_guard import SPARE, contact_for
 from regionik.postures.poses import Pose
-from regionik.reachability.planar_world import MOST_RINGS, floor_of, keep_of, own, reach_of, stance_of
+from regionik.reachability.planar_world import MOST_RINGS, floor_of, own, reach_of, scene_of, stance_of
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import Target, World
 
@@ -84,7 +84,7 @@ def any_base_of(world: World, target: Target) -> AnyBase:
     arm, stance, capsules = prepared(world), stance_of(world, EVERY), prepared(world).capsules
     return AnyBase(
         capsules, arm.mount, stance.sign, stance.offset, arm.floor, _around(world, target),
-        _demand(world, target), keep_of(world), cell_for(len(capsules.rank)),
+        _demand(world, target), scene_of(world), SPARE, cell_for(len(capsules.rank)),
         np.empty(3), own(world.robot.carry), np.zeros(2, dtype=np.int64),
     )  # fmt: skip
 
@@ -119,7 +119,7 @@ def prepared(world: World) -> PreparedWorld:
         mount,
         _floor(world),
         solids,
-        depths(solids),
+        inradii(solids),
         np.array(obstacles.owner, dtype=np.int64)[whole],
         float(far + world.rules.tolerance),
     )

@@ -11,12 +11,11 @@ from shapely.geometry import Polygon
 
 from regionik.areas.ground import EVERY, Side
 from regionik.areas.reachable import planar_reach
-from regionik.planners.collision.collision_checking import Keep
-from regionik.planners.collision.proximity import exempt_of
+from regionik.planners.collision.robot_bodies import RobotScene
 from regionik.planners.reach.floor_distances import FloorParts, parts_of
 from regionik.planners.reach.rings import boundary_circles
 from regionik.planners.solvers.planar_arm import PlaneArm
-from regionik.postures.arm_guard import SPARE, guard_of
+from regionik.postures.arm_guard import guard_of
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import World
 
@@ -92,11 +91,10 @@ def reach_of(world: World) -> Reach:
 
 
 @lru_cache(maxsize=8)
-def keep_of(world: World) -> Keep:
-    """Solids that the arm keeps off."""
-    guard, bodies = guard_of(world), guard_of(world).bodies
-    exempt = exempt_of(bodies, guard.contact)
-    return Keep(bodies.arm, own(bodies.mount), bodies.movers, bodies.hulls, SPARE, guard.on, exempt)
+def scene_of(world: World) -> RobotScene:
+    """The robot among the solids that it keeps away from."""
+    guard = guard_of(world)
+    return guard.bodies.scene(guard.contact)
 
 
 @lru_cache(maxsize=256)

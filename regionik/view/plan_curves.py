@@ -8,7 +8,8 @@ from itertools import combinations
 import numpy as np
 import shapely
 
-from regionik.planners.collision.proximity import Bodies, ContactTargets, bodies_from, nearest
+from regionik.planners.collision.proximity import nearest
+from regionik.planners.collision.robot_bodies import Bodies, ContactTargets, bodies_from
 from regionik.postures.arm_guard import guard_of
 from regionik.timing.limits import tool_velocity
 from regionik.timing.sampling import is_timed
