@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from benchmarks.clutter import CERTAIN, body_of, distance_to, keeps_off
-from regionik.planners.avoidance.avoiding_fabrik import Avoided, avoid
+from regionik.planners.avoidance.avoiding_fabrik import AvoidanceResult, avoid_obstacles
 from regionik.planners.collision.link_clearance import links_clear, whole_pieces
 from regionik.planners.collision.robot_bodies import Bodies, ContactTargets, bodies_from
 from regionik.worlds.arrays import Array
@@ -77,9 +77,9 @@ def cases(rng: np.random.Generator, chain: Chain, count: int) -> tuple[list[Soli
     return solids, np.array(frames[0, -1, :3, 3])
 
 
-def led(bodies: Bodies, target: Array, joints: Array, seed: int = 0) -> Avoided:
+def led(bodies: Bodies, target: Array, joints: Array, seed: int = 0) -> AvoidanceResult:
     clear = links_clear(bodies, HERE, target, 0.0)
-    return avoid(bodies.robot.chain, target, joints, clear, tolerance=TOLERANCE, seed=seed)
+    return avoid_obstacles(bodies.robot.chain, target, joints, clear, tolerance=TOLERANCE, seed=seed)
 
 
 def is_clear(bodies: Bodies, joints: Array) -> bool:

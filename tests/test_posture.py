@@ -12,8 +12,8 @@ from shapely.geometry import Point
 
 from benchmarks.clutter import CERTAIN, ROBOTS, Scene, faults, free_posture, scene
 from benchmarks.sweeps import SWEEPS
-from regionik.planners.avoidance.clear_posture import ClearPosture, clear_posture, go_round
-from regionik.planners.avoidance.posture_proof import has_stops, spare_joints
+from regionik.planners.avoidance.clear_posture import ClearPosture, clear_posture, quick_clear_posture
+from regionik.planners.avoidance.posture_proof import is_bounded, redundant_joints
 from regionik.planners.collision.distances import obstacles_from
 from regionik.planners.collision.proximity import nearest
 from regionik.planners.collision.robot_bodies import ContactTargets, bodies_from
@@ -186,7 +186,7 @@ def replace_scene(one: Scene, solids: list, base: Array, target: Array) -> Scene
 def test_going_round_alone_is_quick_and_says_so() -> None:
     for one, answer in answers()[:40]:
         bodies = bodies_from(one.robot, one.solids)
-        quick = go_round(bodies, one.base, one.target, one.joints, attempts=3)
+        quick = quick_clear_posture(bodies, one.base, one.target, one.joints, attempts=3)
         assert "search" not in quick.steps
         if answer.steps[-1] == "passes" and answer.verdict == Verdict.PROVEN:
             assert quick.verdict == Verdict.PROVEN
@@ -202,7 +202,7 @@ def test_a_slide_without_limits_is_undecided() -> None:
     slide = Joint("rail", "prismatic", -np.inf, np.inf, np.eye(4))
     chain = Chain((slide, *robot.chain.joints[1:]), robot.chain.T_last_tool)
     robot = replace(robot, chain=chain)
-    assert not has_stops(chain)
+    assert not is_bounded(chain)
     ring = Point(1.0, 0.0).buffer(0.4) - Point(1.0, 0.0).buffer(0.2)
     answer = clear_posture(
         bodies_from(robot, [Prism("ring", ring, -9.0, 9.0)]), HERE, [1.0, 0.0, 0.2], robot.carry
@@ -216,12 +216,12 @@ def test_a_slide_without_limits_is_undecided() -> None:
 )
 def test_spare_joints(arm: str, spare: int) -> None:
     robot = ROBOTS[arm]
-    assert spare_joints(robot.chain, robot.solids) == spare
+    assert redundant_joints(robot.chain, robot.solids) == spare
 
 
 def test_spare_joints_in_the_plane() -> None:
     robot = flat_robot()
-    assert spare_joints(robot.chain, robot.solids) == 2
+    assert redundant_joints(robot.chain, robot.solids) == 2
 
 
 def test_search_refuses_what_it_is_told_to() -> None:

@@ -1,9 +1,9 @@
-"""FABRIK that takes an arm round things: two steps for every link that meets something.
+"""FABRIK with obstacle avoidance: two steps for every link that a pass lays into an obstacle.
 
-A link that a pass lays into an obstacle is first aligned with the root (going in) or the target (going out).
-Where it still meets something it is turned at random about its joint, and of the turns that free it the
-smallest is kept. Source: Tao et al. (2021), section 4, in the exact form of its procedure; here on the rigid
-bodies of FABRIK-R, so that the arm may have any joints, in the plane or in space.
+The link is first aligned with its joint and the root (forward reaching) or the target (backward reaching). If
+it still meets an obstacle it is rotated at random about its joint, and of the rotations that free it the
+smallest is kept. Source: Tao et al. (2021), section 4; steps are numbered as in its procedure. The passes here
+are those of FABRIK-R on rigid bodies, so that the arm may have any joints, in the plane or in space.
 """
 
 from __future__ import annotations
@@ -30,16 +30,16 @@ from regionik.planners.solvers.serial_chain import rotate_about
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
 
-MOST = 100  # passes, as in the paper
-TURNS = 10  # random turns tried for one link, as in the paper
+MOST_ITERATIONS = 100  # as in the paper
+ROTATIONS = 10  # random rotations tried for one link, as in the paper
 ROUNDING = 1e-9  # [rad]
 
 LinkClear = Callable[[int, Array], bool]
 
 
 @dataclass(frozen=True, eq=False)
-class Avoided:
-    """What the passes came to.
+class AvoidanceResult:
+    """Outcome of FABRIK with obstacle avoidance.
 
     Attributes
     ----------
@@ -47,9 +47,9 @@ class Avoided:
     error : float
         Distance of the tool from the target [m].
     iterations : int
-        Passes, each in and out.
+        Passes, each forward and backward.
     converged : bool
-        The tool is on the target and no link met anything on the last way out.
+        The tool is on the target and every link was clear in the last backward pass.
     """
 
     joints: Array
@@ -58,7 +58,7 @@ class Avoided:
     converged: bool
 
 
-def avoid(
+def avoid_obstacles(
     chain: Chain,
     target: Array,
     joints: Array,
@@ -66,9 +66,9 @@ def avoid(
     *,
     tolerance: float,
     seed: int,
-    most: int = MOST,
-    turns: int = TURNS,
-) -> Avoided:
+    most: int = MOST_ITERATIONS,
+    rotations: int = ROTATIONS,
+) -> AvoidanceResult:
     """Bring the tool to a target with every link clear.
 
     Parameters
@@ -83,39 +83,34 @@ def avoid(
     tolerance : float
         [m]
     seed : int
-        Of the random turns: same input, same answer.
-    most, turns : int
-        Passes, and random turns for one link.
+        Of the random rotations: same input, same answer.
+    most, rotations : int
+        Iterations, and random rotations tried for one link.
     """
-    links = _Links(chain, target, joints, clear, np.random.default_rng(seed), turns)
-    error, free = np.inf, False
+    rng = np.random.default_rng(seed)
+    passes = _AvoidingPasses(chain, target, joints, clear, lambda: rng.uniform(-np.pi, np.pi, rotations))
+    error = np.inf
     for iteration in range(1, most + 1):
-        links.inwards()
-        free = links.outwards()
-        error = float(np.linalg.norm(links.posture.outer[-1] - target))
-        if error < tolerance and free:
-            return Avoided(links.joints, error, iteration, True)
-    return Avoided(links.joints, error, most, False)
+        passes.reach_forward()  # step 3
+        clear_links = passes.reach_backward()  # step 4
+        error = float(np.linalg.norm(passes.posture.outer[-1] - target))
+        if error < tolerance and clear_links:  # step 5
+            return AvoidanceResult(passes.joints, error, iteration, True)
+    return AvoidanceResult(passes.joints, error, most, False)
 
 
-class _Links:
-    """The bodies of one arm on their way, and the question whether they are clear."""
+class _AvoidingPasses:
+    """Forward and backward reaching of one arm, its links checked and rotated by angles that are drawn."""
 
     def __init__(
-        self,
-        chain: Chain,
-        target: Array,
-        joints: Array,
-        clear: LinkClear,
-        rng: np.random.Generator,
-        turns: int,
+        self, chain: Chain, target: Array, joints: Array, clear: LinkClear, draw: Callable[[], Array]
     ) -> None:
         self.bodies: RigidBodies = pointing_bodies(chain)
         self.posture: Posture = posture_of(self.bodies, np.asarray(joints, dtype=np.float64))
         self.target = np.asarray(target, dtype=np.float64)
         self.count = len(self.bodies.slide)
         self.rest = np.array(joints[self.count :], dtype=np.float64)
-        self.is_clear, self.rng, self.turns = clear, rng, turns
+        self.link_clear, self.draw = clear, draw
         frames = chain.frames(self.joints)
         # Origin of each link seen from the far end of its body; links beyond the last body ride on it.
         ends = self.posture.inner[1:]
@@ -127,50 +122,50 @@ class _Links:
     def joints(self) -> Array:
         return np.concatenate([self.posture.joints, self.rest])
 
-    def inwards(self) -> None:
-        """From the target to the root."""
+    def reach_forward(self) -> None:
+        """Step 3: from the target to the root."""
         last = self.count - 1
         forward_start(self.bodies, self.target, self.posture)
-        if not self._free(last):
+        if not self._clear(last):
             upright = self.posture.turns[last].copy()
-            self._freed(last, self._swing(last, inwards=True), lambda angle: self._lean(upright, angle))
+            self._avoid(last, self._alignment(last, forward=True), lambda angle: self._roll(upright, angle))
         for k in range(last, 0, -1):
             value = forward_choice(self.bodies, k, self.posture)
             forward_place(self.bodies, k, value, self.posture)
-            if not self._free(k - 1):
+            if not self._clear(k - 1):
                 # The body behind a joint turns against it.
-                swing = -self._swing(k - 1, inwards=True)
-                self._freed(k - 1, swing, self._mover(k, value, forward_place))
+                angle = -self._alignment(k - 1, forward=True)
+                self._avoid(k - 1, angle, self._rotation(k, value, forward_place))
 
-    def outwards(self) -> bool:
-        """From the root to the tool; whether every link ended up clear."""
-        free = True
+    def reach_backward(self) -> bool:
+        """Step 4: from the root to the tool; whether every link ended up clear."""
+        clear = True
         for k in range(self.count):
             value = backward_choice(self.bodies, k, self.posture)
             backward_place(self.bodies, k, value, self.posture)
-            if not self._free(k):
-                swing = self._swing(k, inwards=False)
-                free &= self._freed(k, swing, self._mover(k, value, backward_place))
-        return free
+            if not self._clear(k):
+                angle = self._alignment(k, forward=False)
+                clear &= self._avoid(k, angle, self._rotation(k, value, backward_place))
+        return clear
 
-    def _freed(self, body: int, swing: float, move: Callable[[float], bool]) -> bool:
-        """The two steps: align; else the smallest of some random turns that frees; else leave it aligned."""
-        aligned = move(swing)
-        if aligned and self._free(body):
+    def _avoid(self, body: int, alignment: float, rotate: Callable[[float], bool]) -> bool:
+        """Steps 3.3-3.5, 4.3-4.5: align; else the smallest drawn rotation that frees; else stay aligned."""
+        aligned = rotate(alignment)
+        if aligned and self._clear(body):
             return True
-        start = swing if aligned else 0.0
-        drawn = self.rng.uniform(-np.pi, np.pi, self.turns)
-        for turn in drawn[np.argsort(np.abs(drawn), kind="stable")].tolist():
-            if move(start + turn) and self._free(body):
+        start = alignment if aligned else 0.0
+        drawn = self.draw()
+        for angle in drawn[np.argsort(np.abs(drawn), kind="stable")].tolist():
+            if rotate(start + angle) and self._clear(body):
                 return True
-        move(start)
+        rotate(start)
         return False
 
-    def _mover(self, k: int, value: float, place: Callable[..., None]) -> Callable[[float], bool]:
-        """Puts joint k off a value by an angle, where its limits allow that."""
+    def _rotation(self, k: int, value: float, place: Callable[..., None]) -> Callable[[float], bool]:
+        """Make a function that moves joint k off a value by an angle, where its limits allow that."""
         arm, now = self.bodies.arm, float(value)
 
-        def move(angle: float) -> bool:
+        def rotate(angle: float) -> bool:
             wanted = now + angle
             if not arm.revolute[k]:  # a slide goes over its travel, as far as it has ends
                 travel = float(arm.upper[k] - arm.lower[k])
@@ -181,34 +176,34 @@ class _Links:
             place(self.bodies, k, value, self.posture)
             return True
 
-        return move
+        return rotate
 
-    def _lean(self, upright: Array, angle: float) -> bool:
-        """Turn the last body about its own axis through the target."""
+    def _roll(self, upright: Array, angle: float) -> bool:
+        """Rotate the last body about its own axis through the target."""
         last, spin = self.count - 1, np.empty((3, 3))
         rotate_about(upright @ self.bodies.arm.axis[self.bodies.last], angle, spin)
         self.posture.turns[last][:] = spin @ upright
         place_behind(self.bodies, last, self.posture)
         return True
 
-    def _swing(self, body: int, *, inwards: bool) -> float:
-        """Turn about its joint that aligns a body with the joint and the root, or the target."""
+    def _alignment(self, body: int, *, forward: bool) -> float:
+        """Angle about its joint that aligns a body with the joint and the root, or the target."""
         posture, arm = self.posture, self.bodies.arm
-        joint = min(body + 1, self.count - 1) if inwards else body
+        joint = min(body + 1, self.count - 1) if forward else body
         if not arm.revolute[joint]:
             return 0.0
         axis = posture.turns[joint] @ arm.axis[joint]
-        ends = posture.inner if inwards else posture.outer
-        pivot, end = (ends[body + 1], ends[body]) if inwards else (ends[body], ends[body + 1])
-        link, line = end - pivot, (self.bodies.root if inwards else self.target) - pivot
+        ends = posture.inner if forward else posture.outer
+        pivot, end = (ends[body + 1], ends[body]) if forward else (ends[body], ends[body + 1])
+        link, line = end - pivot, (self.bodies.root if forward else self.target) - pivot
         link, line = link - (link @ axis) * axis, line - (line @ axis) * axis
         return float(np.arctan2(axis @ np.cross(link, line), link @ line))
 
-    def _free(self, body: int) -> bool:
+    def _clear(self, body: int) -> bool:
         """Whether a body, and what rides on it, is clear where it is."""
         T = np.eye(4)
         T[:3, :3] = self.posture.turns[body]
         T[:3, 3] = self.posture.inner[body + 1] + T[:3, :3] @ self.origin[body]
-        if not self.is_clear(body, T):
+        if not self.link_clear(body, T):
             return False
-        return body < self.count - 1 or all(self.is_clear(k, T @ ride) for k, ride in self.riders)
+        return body < self.count - 1 or all(self.link_clear(k, T @ ride) for k, ride in self.riders)

@@ -1,11 +1,11 @@
-"""A posture of an arm on a fixed base that reaches a target and touches nothing, or why there is none.
+"""Postures of an arm on a fixed base that reach a target and touch nothing, or proofs that there is none.
 
-First FABRIK-R from where the arm is; then FABRIK that goes round things; then a search: postures drawn at
-random, and all postures at once where that can come to an end. Every answer is confirmed by the chain's own
-forward kinematics and by `touching.nearest`.
+First FABRIK-R from where the arm is; then FABRIK with obstacle avoidance; then a search: postures drawn at
+random, and branch and bound over all postures where that can come to an end. Every answer is confirmed by the
+chain's own forward kinematics and by `proximity.nearest`.
 
 >>> import numpy as np
->>> from regionik.planners.collision.proximity import bodies_from
+>>> from regionik.planners.collision.robot_bodies import bodies_from
 >>> from regionik.worlds.bundled import robot_named
 >>> from regionik.worlds.obstacles import Sphere
 >>> robot = robot_named("youbot")
@@ -18,26 +18,26 @@ forward kinematics and by `touching.nearest`.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from regionik.planners.avoidance.avoiding_fabrik import avoid
+from regionik.planners.avoidance.avoiding_fabrik import avoid_obstacles
 from regionik.planners.avoidance.posture_proof import (
-    MOST_SPARE,
-    has_stops,
+    MOST_REDUNDANT,
+    PostureTask,
+    is_bounded,
+    redundant_joints,
     search_postures,
     solid_at_target,
-    spare_joints,
 )
 from regionik.planners.collision.link_clearance import links_clear
-from regionik.planners.collision.proximity import Touch, describe, nearest
+from regionik.planners.collision.proximity import Touch, describe, nearest, room_of
 from regionik.planners.collision.robot_bodies import Bodies, ContactTargets
 from regionik.planners.search.box_search import Verdict
-from regionik.planners.search.fixed_base import WORDS, FixedBaseResult
+from regionik.planners.search.fixed_base import WORDS
 from regionik.planners.solvers.damped_least_squares import POSITION, Aim, polish
 from regionik.planners.solvers.inverse_kinematics import ArmSolver, Goal, spread_postures
 from regionik.planners.solvers.mfabrik_serial import in_arm_frame
@@ -47,16 +47,17 @@ from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.chain import Chain
 from regionik.worlds.errors import InputError
 
-LOOKS = 300  # postures drawn at random
-GLANCE = 500  # boxes of joint values after which a proof is no longer to be had cheaply
+SAMPLES = 300  # postures drawn at random for a target
+POSE_SAMPLES = 60  # postures tried for a pose, every other one drawn at random
+FEW_BOXES = 500  # boxes of joint values after which a proof is no longer to be had cheaply
 MOST_BOXES = 200_000
 STEPS = 60  # of damped least squares that take a posture back to the target
-FARTHEST = 1.0  # change of a joint when the best posture so far is varied [rad] or [m]
+LARGEST_CHANGE = 1.0  # of a joint when the best posture so far is varied [rad] or [m]
 
 
 @dataclass(frozen=True, eq=False)
 class ClearPosture:
-    """Outcome of the question.
+    """Outcome of the search for a clear posture.
 
     Attributes
     ----------
@@ -138,19 +139,20 @@ def clear_posture(
     InputError
         When a number is out of its range.
     """
-    quest = _Quest(bodies, base, target, joints, contact, tolerance, margin, seed)
+    place, goal = frozen(base, (3,), "base"), frozen(target, (3,), "target")
+    search = _Search(PostureTask(bodies, place, goal, contact, tolerance, margin), joints, seed)
     _at_least_one("attempts", attempts)
     _at_least_one("most_boxes", most_boxes)
     return (
-        quest.by_passes()
-        or quest.by_proof(min(GLANCE, most_boxes))
-        or quest.by_avoidance(attempts)
-        or quest.by_looks()
-        or quest.by_search(most_boxes)
+        search.by_passes()
+        or search.by_proof(min(FEW_BOXES, most_boxes))
+        or search.by_avoidance(attempts)
+        or search.by_sampling()
+        or search.by_branch_and_bound(most_boxes)
     )
 
 
-def go_round(
+def quick_clear_posture(
     bodies: Bodies,
     base: ArrayLike,
     target: ArrayLike,
@@ -163,172 +165,14 @@ def go_round(
     attempts: int = 1,
 ) -> ClearPosture:
     """The passes of `clear_posture` alone, without the search: found or undecided, and soon."""
-    quest = _Quest(bodies, base, target, joints, contact, tolerance, margin, seed)
+    place, goal = frozen(base, (3,), "base"), frozen(target, (3,), "target")
+    search = _Search(PostureTask(bodies, place, goal, contact, tolerance, margin), joints, seed)
     _at_least_one("attempts", attempts)
-    return (
-        quest.by_passes() or quest.by_avoidance(attempts) or quest.answer(Verdict.OPEN, "no search was made")
-    )
+    found = search.by_passes() or search.by_avoidance(attempts)
+    return found or search.answer(Verdict.OPEN, "no search was made")
 
 
-class _Quest:
-    """One question on its way through the stages, and the best posture met so far."""
-
-    def __init__(
-        self,
-        bodies: Bodies,
-        base: ArrayLike,
-        target: ArrayLike,
-        joints: ArrayLike,
-        contact: ContactTargets | None,
-        tolerance: float,
-        margin: float,
-        seed: int,
-    ) -> None:
-        self.bodies, self.contact, self.seed = bodies, contact, seed
-        self.chain = bodies.robot.chain
-        self.base, self.target = frozen(base, (3,), "base"), frozen(target, (3,), "target")
-        self.tolerance, self.margin = float(tolerance), float(margin)
-        if not 0 <= self.margin < np.inf:
-            raise InputError(f"margin: expected a finite length of 0 or more, got {margin}")
-        if not 0 < self.tolerance < np.inf:
-            raise InputError(f"tolerance: expected a length above 0, got {tolerance}")
-        if seed < 0:
-            raise InputError(f"seed: expected 0 or more, got {seed}")
-        start = frozen(joints, (self.chain.dof,), "joints")
-        self.start = np.clip(start, self.chain.lower, self.chain.upper)
-        T = bodies.robot.T_world_arm(self.base)
-        self.goal: Array = T[:3, :3].T @ (self.target - T[:3, 3])
-        self.steps: list[str] = []
-        self.passes, self.met = 0, 0
-        self.best: tuple[Array, float, Touch] | None = None
-
-    def by_passes(self) -> ClearPosture | None:
-        """FABRIK-R from the start, obstacles left aside."""
-        self.steps.append("passes")
-        found = self._solver(Goal(self.goal), self.start)
-        self.passes += found.iterations
-        return self._found() if self._offer(found.joints) else None
-
-    def by_proof(self, most: int) -> ClearPosture | None:
-        """A proof that lies at hand, or a short search for one; what it finds on the way is left."""
-        name = solid_at_target(self.bodies, self.target, self.tolerance, self.margin, self.contact)
-        if name:
-            return self.answer(
-                Verdict.RULED_OUT, f"at the target the end of the last link is in {name}, or too near to it"
-            )
-        if not has_stops(self.chain):
-            return None
-        searched = self._searched(lambda q: False, most)
-        if searched.verdict != Verdict.RULED_OUT:
-            return None
-        self.steps.append("search")
-        return self.answer(Verdict.RULED_OUT, searched.note)
-
-    def by_avoidance(self, attempts: int) -> ClearPosture | None:
-        """Tao's two steps, with other random turns each time."""
-        self.steps.append("avoidance")
-        clear = links_clear(self.bodies, self.base, self.target, self.margin, self.contact)
-        for attempt in range(attempts):
-            seed = int(np.random.SeedSequence([self.seed, attempt]).generate_state(1)[0])
-            found = avoid(self.chain, self.goal, self.start, clear, tolerance=self.tolerance, seed=seed)
-            self.passes += found.iterations
-            if found.converged and self._offer(found.joints):
-                return self._found()
-        return None
-
-    def by_looks(self) -> ClearPosture | None:
-        """Postures on the target from random starts, every other one near the best so far."""
-        self.steps.append("search")
-        solver, rng = self._solver, np.random.default_rng([self.seed, 1])
-        n, effort = len(solver.pointing.slide), solver.effort
-        aim, none = Aim(self.goal, POSITION, np.eye(3)), np.empty((0, n))
-        fresh = spread_postures(self.chain, effort.reach, LOOKS, self.seed)
-        for k in range(LOOKS):
-            q = fresh[k]
-            if self.best is None or k % 2 == 0:
-                self.passes += solve(solver.pointing, aim, none, effort, q)[2]
-            else:
-                change = FARTHEST * 10.0 ** rng.uniform(-3, 0) * rng.normal(size=len(q))
-                q = np.clip(self.best[0] + change, self.chain.lower, self.chain.upper)
-                near = q[:n].copy()
-                polish(solver.pointing.arm, aim, near, effort.reach, self.tolerance, 1.0, STEPS)
-                q[:n] = near
-            if self._offer(q):
-                return self._found()
-        return None
-
-    def by_search(self, most: int) -> ClearPosture:
-        """All postures at once, where the arm is not too mobile for that."""
-        if not has_stops(self.chain):
-            return self.answer(Verdict.OPEN, "a sliding joint without limits cannot be searched through")
-        spare = spare_joints(self.chain, self.bodies.robot.solids)
-        if spare > MOST_SPARE:
-            return self.answer(Verdict.OPEN, f"{spare} spare joints are too many to search through")
-        searched = self._searched(self._offer, most)
-        if searched.verdict == Verdict.PROVEN:
-            return self._found()
-        return self.answer(searched.verdict, searched.note)
-
-    def answer(self, verdict: Verdict, why: str) -> ClearPosture:
-        """Return no posture, and why."""
-        _, error, touch = self.best or (None, np.inf, None)
-        seen = "no posture on the target was met"
-        if touch is not None:
-            seen = f"in the best of {self.met} postures on the target, {describe(self.bodies, touch)}"
-        word = WORDS[verdict]
-        note = f"{word}: {why.removeprefix(f'{word}: ')}; {seen}"
-        distance = -np.inf if touch is None else self._room(touch)
-        return ClearPosture(verdict, None, error, self.passes, tuple(self.steps), distance, touch, note)
-
-    @property
-    def _solver(self) -> ArmSolver:
-        return _solver(self.chain, self.tolerance)
-
-    def _found(self) -> ClearPosture:
-        assert self.best is not None
-        joints, error, touch = self.best
-        joints.flags.writeable = False
-        note = f"found by {self.steps[-1]}: {describe(self.bodies, touch)}"
-        room, steps = self._room(touch), tuple(self.steps)
-        return ClearPosture(Verdict.PROVEN, joints, error, self.passes, steps, room, touch, note)
-
-    def _offer(self, joints: Array) -> bool:
-        """Tell whether a posture is an answer: within limits, on the target, and clear."""
-        within = (joints >= self.chain.lower).all() and (joints <= self.chain.upper).all()
-        error = float(np.linalg.norm(self.chain.forward(joints)[:3, 3] - self.goal))
-        if not within or error > self.tolerance:
-            return False
-        touch = nearest(self.bodies, self.base, joints, contact=self.contact)
-        self.met += 1
-        if self.best is None or self._room(touch) > self._room(self.best[2]):
-            self.best = np.array(joints), error, touch
-        return self._room(touch) >= self.margin
-
-    def _room(self, touch: Touch) -> float:
-        """Distance at a touch; from obstacles, beyond the bodies' clearance [m]."""
-        return touch.distance - (self.bodies.clearance if touch.kind == "obstacle" else 0.0)
-
-    def _searched(self, accept: Callable[[Array], bool], most: int) -> FixedBaseResult:
-        return search_postures(
-            self.bodies, self.base, self.target, self.tolerance, self.margin, self.contact, accept, most
-        )
-
-
-@lru_cache(maxsize=32)
-def _solver(chain: Chain, tolerance: float) -> ArmSolver:
-    """Kept for the last few arms, as one arm is asked about many targets."""
-    return ArmSolver(chain, tolerance)
-
-
-def _at_least_one(name: str, value: int) -> None:
-    if value < 1:
-        raise InputError(f"{name}: expected 1 or more, got {value}")
-
-
-LOOKS_posture_search = 60  # postures, every other one drawn at random
-
-
-def look_round(
+def clear_posture_at_pose(
     bodies: Bodies,
     base: Array,
     aim: Aim,
@@ -339,7 +183,7 @@ def look_round(
     margin: float = 0.0,
     seed: int = 0,
 ) -> tuple[Array, float] | None:
-    """Postures on a pose come to from random ones, and from the one that is nearest to being clear.
+    """Search for a clear posture on a pose, from random ones and near the best so far; nothing is proven.
 
     Parameters
     ----------
@@ -367,15 +211,12 @@ def look_round(
     arm, rng = posing_bodies(chain).arm, np.random.default_rng([seed, 2])
     here = in_arm_frame(T[:2, 3], float(np.arctan2(T[1, 0], T[0, 0])), float(T[2, 3]), aim)
     best, most = np.clip(joints, chain.lower, chain.upper), -np.inf
-    for k, fresh in enumerate(spread_postures(chain, effort.reach, LOOKS_posture_search, seed)):
-        q = fresh
-        if k % 2 == 0:
-            change = FARTHEST * 10.0 ** rng.uniform(-3, 0) * rng.normal(size=chain.dof)
-            q = np.clip(best + change, chain.lower, chain.upper)
+    for k, fresh in enumerate(spread_postures(chain, effort.reach, POSE_SAMPLES, seed)):
+        q = _varied(chain, best, rng) if k % 2 == 0 else fresh
         error, angle, _ = polish(arm, here, q, effort.reach, effort.tolerance, effort.angle_tolerance, STEPS)
         if error > effort.tolerance or angle > effort.angle_tolerance:
             continue
-        room = _room(bodies, nearest(bodies, base, q, contact=contact))
+        room = room_of(bodies, nearest(bodies, base, q, contact=contact))
         if room >= margin:
             return q, float(error)
         if room > most:
@@ -383,6 +224,135 @@ def look_round(
     return None
 
 
-def _room(bodies: Bodies, touch: Touch) -> float:
-    """Distance at a touch; from obstacles, beyond the bodies' clearance [m]."""
-    return touch.distance - (bodies.clearance if touch.kind == "obstacle" else 0.0)
+class _Search:
+    """The search for one task, stage by stage, and the best posture met so far."""
+
+    def __init__(self, task: PostureTask, joints: ArrayLike, seed: int) -> None:
+        self.task, self.bodies, self.chain = task, task.bodies, task.bodies.robot.chain
+        if seed < 0:
+            raise InputError(f"seed: expected 0 or more, got {seed}")
+        self.seed, start = seed, frozen(joints, (self.chain.dof,), "joints")
+        self.start = np.clip(start, self.chain.lower, self.chain.upper)
+        T = task.bodies.robot.T_world_arm(task.base)
+        self.goal: Array = T[:3, :3].T @ (task.target - T[:3, 3])
+        self.solver = _solver(self.chain, task.tolerance)
+        self.steps: list[str] = []
+        self.iterations, self.met = 0, 0
+        self.best: tuple[Array, float, Touch] | None = None
+
+    def by_passes(self) -> ClearPosture | None:
+        """FABRIK-R from the start, obstacles left aside."""
+        self.steps.append("passes")
+        found = self.solver(Goal(self.goal), self.start)
+        self.iterations += found.iterations
+        return self._found() if self._offer(found.joints) else None
+
+    def by_proof(self, most: int) -> ClearPosture | None:
+        """A proof that is at hand, or a short search for one; postures that it finds are left aside."""
+        task = self.task
+        name = solid_at_target(self.bodies, task.target, task.tolerance, task.margin, task.contact)
+        if name:
+            return self.answer(
+                Verdict.RULED_OUT, f"at the target the end of the last link is in {name}, or too near to it"
+            )
+        if not is_bounded(self.chain):
+            return None
+        result = search_postures(task, lambda q: False, most)
+        if result.verdict != Verdict.RULED_OUT:
+            return None
+        self.steps.append("search")
+        return self.answer(Verdict.RULED_OUT, result.note)
+
+    def by_avoidance(self, attempts: int) -> ClearPosture | None:
+        """FABRIK with obstacle avoidance, with other random rotations each time."""
+        self.steps.append("avoidance")
+        task = self.task
+        clear = links_clear(self.bodies, task.base, task.target, task.margin, task.contact)
+        for attempt in range(attempts):
+            seed = int(np.random.SeedSequence([self.seed, attempt]).generate_state(1)[0])
+            found = avoid_obstacles(
+                self.chain, self.goal, self.start, clear, tolerance=task.tolerance, seed=seed
+            )
+            self.iterations += found.iterations
+            if found.converged and self._offer(found.joints):
+                return self._found()
+        return None
+
+    def by_sampling(self) -> ClearPosture | None:
+        """Postures on the target from random starts, every other one near the best so far."""
+        self.steps.append("search")
+        solver, rng = self.solver, np.random.default_rng([self.seed, 1])
+        n, effort = len(solver.pointing.slide), solver.effort
+        aim, none = Aim(self.goal, POSITION, np.eye(3)), np.empty((0, n))
+        for k, fresh in enumerate(spread_postures(self.chain, effort.reach, SAMPLES, self.seed)):
+            q = fresh
+            if self.best is None or k % 2 == 0:
+                self.iterations += solve(solver.pointing, aim, none, effort, q)[2]
+            else:
+                q = _varied(self.chain, self.best[0], rng)
+                near = q[:n].copy()
+                polish(solver.pointing.arm, aim, near, effort.reach, self.task.tolerance, 1.0, STEPS)
+                q[:n] = near
+            if self._offer(q):
+                return self._found()
+        return None
+
+    def by_branch_and_bound(self, most: int) -> ClearPosture:
+        """All postures, where the arm is not too mobile for that."""
+        if not is_bounded(self.chain):
+            return self.answer(Verdict.OPEN, "a sliding joint without limits cannot be searched through")
+        spare = redundant_joints(self.chain, self.bodies.robot.solids)
+        if spare > MOST_REDUNDANT:
+            return self.answer(Verdict.OPEN, f"{spare} spare joints are too many to search through")
+        result = search_postures(self.task, self._offer, most)
+        return self._found() if result.verdict == Verdict.PROVEN else self.answer(result.verdict, result.note)
+
+    def answer(self, verdict: Verdict, why: str) -> ClearPosture:
+        """Return no posture, and why."""
+        _, error, touch = self.best or (None, np.inf, None)
+        seen = "no posture on the target was met"
+        if touch is not None:
+            seen = f"in the best of {self.met} postures on the target, {describe(self.bodies, touch)}"
+        word = WORDS[verdict]
+        note = f"{word}: {why.removeprefix(f'{word}: ')}; {seen}"
+        room = -np.inf if touch is None else room_of(self.bodies, touch)
+        return ClearPosture(verdict, None, error, self.iterations, tuple(self.steps), room, touch, note)
+
+    def _found(self) -> ClearPosture:
+        assert self.best is not None
+        joints, error, touch = self.best
+        joints.flags.writeable = False
+        note = f"found by {self.steps[-1]}: {describe(self.bodies, touch)}"
+        room, steps = room_of(self.bodies, touch), tuple(self.steps)
+        return ClearPosture(Verdict.PROVEN, joints, error, self.iterations, steps, room, touch, note)
+
+    def _offer(self, joints: Array) -> bool:
+        """Tell whether a posture is an answer: within limits, on the target, and clear."""
+        within = (joints >= self.chain.lower).all() and (joints <= self.chain.upper).all()
+        error = float(np.linalg.norm(self.chain.forward(joints)[:3, 3] - self.goal))
+        if not within or error > self.task.tolerance:
+            return False
+        touch = nearest(self.bodies, self.task.base, joints, contact=self.task.contact)
+        room = room_of(self.bodies, touch)
+        self.met += 1
+        if self.best is None or room > room_of(self.bodies, self.best[2]):
+            self.best = np.array(joints), error, touch
+        return room >= self.task.margin
+
+
+def _varied(chain: Chain, joints: Array, rng: np.random.Generator) -> Array:
+    """A posture near another one: all joints changed by normal amounts of a random size."""
+    change = LARGEST_CHANGE * 10.0 ** rng.uniform(-3, 0) * rng.normal(size=chain.dof)
+    varied: Array = np.clip(joints + change, chain.lower, chain.upper)
+    return varied
+
+
+@lru_cache(maxsize=32)
+def _solver(chain: Chain, tolerance: float) -> ArmSolver:
+    """Kept for the last few arms, as one arm is asked about many targets."""
+    return ArmSolver(chain, tolerance)
+
+
+def _at_least_one(name: str, value: int) -> None:
+    if value < 1:
+        raise InputError(f"{name}: expected 1 or more, got {value}")

@@ -1,8 +1,9 @@
-"""Proof that an arm on a base among obstacles has no free posture: its search, and one that needs none."""
+"""Proofs that an arm on a fixed base among obstacles has no clear posture for a target."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -15,40 +16,61 @@ from regionik.planners.search.motion_bounds import longest_levers
 from regionik.planners.search.self_clearance import SelfClearance
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
+from regionik.worlds.errors import InputError
 from regionik.worlds.obstacles import Mesh
 from regionik.worlds.robot import LinkSolid
 from regionik.worlds.self_collision import base_body, self_collision_pairs
 
-MOST_SPARE = 2  # joints beyond what the target takes, up to which the search may come to an end
-LEVER = 1e-9  # a joint that moves no point farther than this plays no part [m]
+MOST_REDUNDANT = 2  # joints beyond those that the target takes, up to which the search may come to an end
+LEVER = 1e-9  # a joint that moves no point farther than this does not count [m]
 
 
-def search_postures(
-    bodies: Bodies,
-    base: Array,
-    target: Array,
-    tolerance: float,
-    margin: float,
-    contact: ContactTargets | None,
-    accept: Callable[[Array], bool],
-    most: int,
-) -> FixedBaseResult:
-    """Search all postures of the arm on a base that stands still.
+@dataclass(frozen=True, eq=False)
+class PostureTask:
+    """A target for an arm on a base that stands still among obstacles.
+
+    Attributes
+    ----------
+    bodies : Bodies
+        Robot and obstacles.
+    base : (3,) array
+        x, y [m], yaw [rad].
+    target : (3,) array
+        In the world [m].
+    contact : ContactTargets or None
+        What may be touched.
+    tolerance : float
+        How far from the target the tool may be [m].
+    margin : float
+        Kept by solids from each other, from the base, and from obstacles beyond the bodies' clearance [m].
+    """
+
+    bodies: Bodies
+    base: Array
+    target: Array
+    contact: ContactTargets | None
+    tolerance: float
+    margin: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "tolerance", float(self.tolerance))
+        object.__setattr__(self, "margin", float(self.margin))
+        if not 0 <= self.margin < np.inf:
+            raise InputError(f"margin: expected a finite length of 0 or more, got {self.margin}")
+        if not 0 < self.tolerance < np.inf:
+            raise InputError(f"tolerance: expected a length above 0, got {self.tolerance}")
+
+
+def search_postures(task: PostureTask, accept: Callable[[Array], bool], most: int) -> FixedBaseResult:
+    """Search all postures of the arm by branch and bound.
 
     Boxes of links count as the capsules inside them; meshes, what is fixed to the base, and what the tool may
     touch at the target count as nothing. So RULED_OUT stays a proof, and ``accept`` judges what is found.
 
     Parameters
     ----------
-    bodies : Bodies
-        Of an arm that `has_stops`.
-    base : (3,) array
-        x, y [m], yaw [rad].
-    target : (3,) array
-        In the world [m].
-    tolerance, margin : float
-        [m]
-    contact : ContactTargets or None
+    task : PostureTask
+        Of an arm that `is_bounded`.
     accept : callable
         Whether a posture (dof,) is clear of everything.
     most : int
@@ -58,27 +80,27 @@ def search_postures(
     -------
     FixedBaseResult
     """
-    robot = bodies.robot
-    T = _inverse(robot.T_world_arm(base))
-    free = (contact or NO_CONTACT).touchable(target, tolerance)
+    bodies, robot = task.bodies, task.bodies.robot
+    T = _inverse(robot.T_world_arm(task.base))
+    free = (task.contact or NO_CONTACT).touchable(task.target, task.tolerance)
     solids = [
         solid.transformed(T)
         for k, solid in enumerate(bodies.obstacles)
         if k not in free and not isinstance(solid, Mesh)
     ]
     inner = [inner_capsule(solid) for solid in robot.solids]
-    goal = T[:3, :3] @ target + T[:3, 3]
-    room = margin + bodies.clearance
-    own = _self_clearance(bodies, margin)
+    goal = T[:3, :3] @ task.target + T[:3, 3]
+    room = task.margin + bodies.clearance
+    own = _self_clearance(bodies, task.margin)
     return search_fixed_base(
-        robot.chain, inner, obstacles_from(solids), goal, tolerance, room, most, own, accept
+        robot.chain, inner, obstacles_from(solids), goal, task.tolerance, room, most, own, accept
     )
 
 
 def solid_at_target(
     bodies: Bodies, target: Array, tolerance: float, margin: float, contact: ContactTargets | None
 ) -> str:
-    """Name the solid that the end of the last link is in, or too near to, in every posture; or empty."""
+    """Name of the solid that the end of the last link is in, or too near to, in every posture; or empty."""
     chain, free = bodies.robot.chain, (contact or NO_CONTACT).touchable(target, tolerance)
     end = -np.inf  # how far the obstacle must be from the target at least, to touch nothing
     for solid in map(inner_capsule, bodies.robot.solids):
@@ -110,14 +132,14 @@ def _self_clearance(bodies: Bodies, margin: float) -> SelfClearance:
     )
 
 
-def has_stops(chain: Chain) -> bool:
-    """Tell whether all sliding joints have limits, as the search needs."""
+def is_bounded(chain: Chain) -> bool:
+    """Whether all sliding joints have limits, as branch and bound needs."""
     slides = [joint for joint in chain.joints if joint.kind == "prismatic"]
     return bool(np.isfinite([(joint.lower, joint.upper) for joint in slides]).all())
 
 
-def spare_joints(chain: Chain, solids: tuple[LinkSolid, ...]) -> int:
-    """Count joints that move tool or solids, less the directions in which they can move the tool."""
+def redundant_joints(chain: Chain, solids: tuple[LinkSolid, ...]) -> int:
+    """Number of joints that move tool or solids, less the directions in which they can move the tool."""
     points = [(chain.dof - 1, chain.T_last_tool[:3, 3])]
     points += [(solid.link, end) for solid in solids for end in inner_capsule(solid).corners]
     levers = np.array([longest_levers(chain, link, point)[0] for link, point in points]).max(0)

@@ -2,8 +2,8 @@
 
 Motions are checked by conservative advancement (Mirtich, 1996). The gap between two hulls now, less what is
 to be kept, is used up no sooner than (a) the fastest point needs to move that far, or (b) a corner needs to
-cross the plane between them, given its velocity now and the most that it can accelerate. Both bounds are proven, so
-the time is advanced by the longer of the two steps until the motion ends or the steps vanish.
+cross the plane between them, given its velocity now and the most that it can accelerate. Both bounds are
+proven, so the time is advanced by the longer of the two steps until the motion ends or the steps vanish.
 """
 
 from __future__ import annotations
