@@ -12,7 +12,7 @@ from shapely.geometry import MultiPolygon, Polygon
 
 from regionik.planners.geometry.polygons import FlatPolygon, segment_inside
 from regionik.planners.geometry.polylines import resample, spread_along
-from regionik.planners.geometry.string_pulling import route, tighten
+from regionik.planners.geometry.shortest_paths import route, tighten
 from regionik.planners.geometry.triangulation import Triangulation, triangulate
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError

@@ -2,8 +2,8 @@
 
 The link is first aligned with its joint and the root (forward reaching) or the target (backward reaching). If
 it still meets an obstacle it is rotated at random about its joint, and of the rotations that free it the
-smallest is kept. Source: Tao et al. (2021), section 4; steps are numbered as in its procedure. The passes here
-are those of FABRIK-R on rigid bodies, so that the arm may have any joints, in the plane or in space.
+smallest is kept. Source: Tao et al. (2021), section 4; steps are numbered as in its procedure. The passes
+here are those of FABRIK-R on rigid bodies, so that the arm may have any joints, in the plane or in space.
 """
 
 from __future__ import annotations

@@ -24,8 +24,7 @@ from regionik.planners.geometry.polygons import (
     solid,
 )
 from regionik.planners.geometry.polylines import cut, resample
-from regionik.planners.geometry.string_pulling import route, tighten
-from regionik.planners.geometry.tangent_paths import shorter_path
+from regionik.planners.geometry.shortest_paths import route, shorter_path, tighten
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.errors import InputError, RegionikError
 

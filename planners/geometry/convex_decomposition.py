@@ -1,4 +1,4 @@
-"""Floor polygons cut into a few convex pieces."""
+"""Polygons cut into a few convex pieces (Hertel and Mehlhorn, 1983)."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def convex_pieces(polygon: Polygon) -> list[Array]:
 
 
 def _merged(points: Array, rings: list[list[int]]) -> list[list[int]]:
-    """Triangles joined across shared edges, longest first, while they stay convex (Hertel, Mehlhorn)."""
+    """Triangles joined across shared edges, longest first, while they stay convex."""
     home = {edge: k for k, ring in enumerate(rings) for edge in _edges(ring)}
     inner = [(u, v) for u, v in home if u < v and (v, u) in home]
     inner.sort(key=lambda e: (-float(np.linalg.norm(points[e[0]] - points[e[1]])), e))

@@ -102,7 +102,7 @@ class FlatPolygon:
 
 
 def flats_of(polygons: NDArray[np.object_]) -> list[FlatPolygon]:
-    """Many Polygons flattened at once, each as `FlatPolygon.from_shapely` does."""
+    """Flatten many Polygons at once, each as `FlatPolygon.from_shapely` does."""
     starts, vertices, owner = _rings(polygons)
     first = np.searchsorted(owner, np.arange(len(polygons) + 1))
     corners = starts[first]
@@ -232,7 +232,7 @@ def insert(cuts: Array, count: int, value: float) -> int:
 
 @compiled
 def _meeting(s0: float, t0: float, s1: float, t1: float, length: float) -> tuple[bool, float]:
-    """Where an edge crosses the segment's line, and whether it truly cuts the segment in two.
+    """Crossing of an edge with the segment's line, and whether it truly cuts the segment in two.
 
     An edge end lies ``s`` beside the line and ``t`` along it. The cut is true when all four ends keep
     more than ``DEPTH`` from the other line, so that no rounding can explain it.

@@ -1,4 +1,4 @@
-"""A way from knot to knot, cut into short parts, and what lies where on it, compiled."""
+"""Polylines: cut into short parts, their lengths, and values spread along them."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from regionik.worlds.errors import InputError
 
 @compiled
 def leg_lengths(knots: Array) -> Array:
-    """Of the legs between base poses (k, 3), turns counting as metres; a heading of NaN is free, (k - 1,)."""
+    """Lengths (k - 1,) of legs between base poses (k, 3), turns counted as metres; NaN headings are free."""
     lengths = np.empty(len(knots) - 1)
     for n in range(len(lengths)):
         x, y, turn = knots[n + 1] - knots[n]
@@ -27,7 +27,7 @@ def leg_lengths(knots: Array) -> Array:
 def laid_out(
     knots: Array, tool: Array, spots: Array, joints: Array, stride: float
 ) -> tuple[Array, Array, Index, Array]:
-    """What base, tool and arm pass on a way, and where to cut it.
+    """Lay out a motion from knot to knot: tool positions and joints at the knots, and where to cut the legs.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ def laid_out(
     wished : (k, dof) array
         Joints there, spread over the lengths of base's and tool's way together.
     leg, share : (n,) arrays
-        Places that are a stride apart at most, all knots but the first among them.
+        Leg and share of it of cuts that are a stride apart at most, all knots but the first among them.
     """
     count, base, goes = len(knots), leg_lengths(knots), np.linalg.norm(spots[1] - spots[0])
     far, pieces = np.zeros(count), np.empty(count - 1, dtype=np.int64)
@@ -68,7 +68,7 @@ def laid_out(
 
 @compiled
 def between(knots: Array, leg: Index, share: Array) -> Array:
-    """Values (n, m) at shares (n,) of legs (n,) between knots (k, m), the knots themselves at their ends."""
+    """Interpolate knots (k, m) at shares (n,) of legs (n,), as (n, m); a share of 1 is the next knot."""
     values = np.empty((len(leg), knots.shape[1]))
     for n in range(len(leg)):
         a, b = knots[leg[n]], knots[leg[n] + 1]
@@ -93,7 +93,7 @@ def resample(points: ArrayLike, step: float) -> Array:
 
 @compiled
 def cut(path: Array, step: float) -> Array:
-    """As `resample`, of legs (k, 2) that are known to be finite."""
+    """As `resample`, for paths (k, 2) that are known to be finite."""
     legs = len(path) - 1
     parts = np.ones(legs, np.int64)
     for k in range(legs):
@@ -113,9 +113,9 @@ def cut(path: Array, step: float) -> Array:
 
 @compiled
 def spread_along(path: Array, step: float, parts: int) -> tuple[Array, Array]:
-    """Shares of a path's length strictly between 0 and 1, (n,), and where they are, (n, 2) [m].
+    """Shares of a path's length that cut its legs to steps, and the path to at least so many parts.
 
-    They cut its legs to steps, and the whole of it to at least so many parts.
+    Returns the shares strictly between 0 and 1, (n,), and the points there, (n, 2) [m].
     """
     points = cut(path, step)
     lengths = np.zeros(len(points))

@@ -1,8 +1,8 @@
-"""A clear posture of an arm in one plane for a target, wherever on a floor its base stands.
+"""Search for a clear posture of an arm in one plane on a target, with its base anywhere on a floor.
 
-Branch and bound over `planar_cells`, all over a level before the next. RULED_OUT is a proof, up to rounding
-far below a nanometre; what is found has passed another check. A budget of cells bounds the work, so the same
-question always has the same answer.
+Breadth-first branch and bound over `planar_cells`. RULED_OUT is a proof, up to rounding far below a
+nanometre; a posture that is found has passed the collision check in space. A budget of cells bounds the work,
+so the same question always has the same answer.
 """
 
 from __future__ import annotations
@@ -51,13 +51,13 @@ from regionik.planners.search.box_search import (
 )
 from regionik.worlds.arrays import Array
 
-MOST_REFUSED = 200  # postures that the other check turned down
+MOST_REFUSED = 200  # postures that the collision check refused
 NARROW = 1e-6  # cells that leave no more than this open are not bisected [m]
 CELLS, REFUSED = range(2)  # what is counted
 
 
 class ToolDemand(NamedTuple):
-    """A target."""
+    """The demand on the tool."""
 
     target: Array  # (3,) [m]
     direction: Array  # (3,) of the tool
@@ -66,7 +66,7 @@ class ToolDemand(NamedTuple):
 
 
 class BaseFloor(NamedTuple):
-    """The floor as the base may stand on it."""
+    """Places and headings of the base on the floor."""
 
     inner: FloorParts  # where the pivot axis may be at every heading
     outer: FloorParts  # where it may be at some heading, at most
@@ -129,7 +129,7 @@ def _search(task: AnyBase, low: Array, high: Array, budget: int) -> Boxes:
 
 
 def _first_cells(mount: ArmMount, demand: ToolDemand, rings: Array) -> tuple[Array, Array]:
-    """Cells (k, 5), (k, 5) that hold all postures."""
+    """Low and high ends of cells (k, 5) that together hold all postures."""
     pitches = [(-math.pi, math.pi)]
     if demand.cone < 0.5 * math.pi:  # the plane faces the direction, or shows it its back
         pitch = math.atan2(demand.direction[2], math.hypot(demand.direction[0], demand.direction[1]))
@@ -159,7 +159,7 @@ def _diagonal(target: Array, low: Array, high: Array) -> float:
 
 @compiled
 def judge_cell(task: AnyBase, low: Array, high: Array) -> tuple[Verdict, float, int]:
-    """Judge a cell; proven where the posture in its middle passes the other check."""
+    """Judge a cell; proven where the posture in its middle passes the collision check."""
     task.tally[CELLS] += 1
     verdict, age, cell = bound_cell(task, low, high), -float(task.tally[CELLS]), task.cell
     if verdict == Verdict.RULED_OUT:
@@ -173,7 +173,7 @@ def judge_cell(task: AnyBase, low: Array, high: Array) -> tuple[Verdict, float, 
                 verdict = Verdict.PROVEN
             else:
                 task.tally[REFUSED] += 1
-    if cell.open.max() == 0.0:  # all of it is clear, but for the margin of the other check
+    if cell.open.max() == 0.0:  # all of it is clear, but for the margin of the collision check
         cell.open[AWAY], cell.open[PITCH] = cell.half[AWAY], chord(cell.half[PITCH])
     side = int(np.argmax(cell.open))
     if cell.open[side] <= NARROW or task.tally[REFUSED] == MOST_REFUSED:
@@ -285,7 +285,7 @@ def _take_middle(task: AnyBase) -> bool:
 
 @compiled
 def near_solids(solids: Uprights, target: Array, far: float, near: Index) -> int:
-    """Write which solids are at most ``far`` from a target; returns how many."""
+    """Write the indices of solids that are at most ``far`` from a target; returns how many."""
     count = 0
     for k in range(len(solids.disc)):
         if signed_distance(solids, k, target[0], target[1], target[2]) <= far:

@@ -1,8 +1,8 @@
-"""The capsules of an arm in one plane, judged all over a cell of its postures.
+"""Collision bounds of an arm in one plane that hold all over a cell of its postures.
 
-A capsule lies near where it lies in the middle of the cell: on the last link it turns about the tool, on the
-middle link about the wrist, on the first link about the shoulder, and with the plane about the target or the
-pivot axis.
+Both ends of a capsule stay within a bound of where they are in the middle of the cell: on the last link the
+capsule turns about the tool, on the middle link about the wrist, on the first link about the shoulder, and
+with the plane about the target or the pivot axis.
 """
 
 from __future__ import annotations
@@ -47,14 +47,14 @@ class PlaneCapsules(NamedTuple):
     pairs: Index  # (p, 2) capsules that may touch each other
     heeds: Index  # (h,) capsules that may touch the base
     body: Uprights  # the base's own body, in its frame
-    deep: Array  # (b,) no point of its parts is farther inside than this [m]
+    deep: Array  # (b,) upper bounds of how far a point of its parts is inside [m]
 
 
 class NearObstacles(NamedTuple):
     """The obstacles that an arm keeps off near a target."""
 
     solids: Uprights
-    deep: Array  # (m,) no point of a solid is farther inside than this [m]
+    deep: Array  # (m,) upper bounds of how far a point of a solid is inside [m]
     near: Index  # (k,) which of them matter
     owner: Index  # (m,) obstacle that each solid is part of
     tool_on: int  # obstacle that the outermost capsules may touch, -1 for none
@@ -117,7 +117,7 @@ def plane_capsules(robot: Robot, arm: PlanarArm) -> PlaneCapsules:
 
 
 def _reference(robot: Robot, arm: PlanarArm) -> tuple[Array, dict[int, tuple[Array, Array]]]:
-    """Link frames of some posture in the arm's base frame, and how each link of the plane lies there.
+    """Link frames of some posture in the arm's base frame, and the pose of each link of the plane there.
 
     A link lies with its anchor at a point; the rows of its matrix run along it, square to it in the plane,
     and off the plane.
@@ -139,7 +139,7 @@ def _reference(robot: Robot, arm: PlanarArm) -> tuple[Array, dict[int, tuple[Arr
 
 @compiled
 def swung(move: float, level: float, off: float, turned: float) -> float:
-    """Most that a point moves that moves in its plane and turns with it about an axis at a level distance.
+    """Upper bound of the way of a point that moves in a plane while that turns about a vertical axis [m].
 
     The two are square to each other, but for what the turn goes inwards, and for how far off the plane the
     point is.
@@ -190,13 +190,14 @@ def place_capsules(capsules: PlaneCapsules, plane: PlaneArm, z: float, whole: bo
 
 @compiled
 def _judge_pair(
-    solids: Uprights, deep: Array, k: int, a: Array, b: Array, at_a: float, at_b: float, reach: float
+    solids: Uprights, deep: Array, k: int, ends: Array, moves: Array, reach: float
 ) -> tuple[Verdict, bool]:
-    """Judge whether a segment whose ends may move so far stays out of ``reach`` of a solid.
+    """Judge whether a segment (2, 3) whose ends may move so far (2,) keeps at least ``reach`` off a solid.
 
     RULED_OUT where it does not however they move, PROVEN where it does in the middle; and whether that holds
     all over the cell.
     """
+    a, b, at_a, at_b = ends[0], ends[1], moves[0], moves[1]
     most = max(at_a, at_b)
     half = 0.5 * math.sqrt((b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2 + (b[2] - a[2]) ** 2)
     if distance_along(solids, k, a, b, 0.5) - half >= reach + most:
@@ -213,11 +214,12 @@ def _judge_pair(
 
 @compiled
 def _widen(
-    rank: int, plane: PlaneArm, cell: PlanarCell, s: int, seen: int, hit: bool, turned: float, side: int
+    rank: int, plane: PlaneArm, cell: PlanarCell, s: int, seen: int, hit: bool, turn: tuple[int, float]
 ) -> None:
-    """Widen the sides of a cell that leave open where a capsule is; ``side`` turns it out of its plane.
+    """Widen the sides of a cell that leave open where a capsule is.
 
-    Where it is hit in the middle, the end that moves less is the one to be shown to be hit everywhere.
+    ``turn`` is the side that turns it out of its plane, and the chord of that turn. Where the capsule is hit
+    in the middle, the end that moves less is the one to be shown to be hit everywhere.
     """
     pitch, away = plane.lengths[2] * chord(cell.half[PITCH]), cell.half[AWAY]
     e = 0 if (cell.moves[s, 0, seen] < cell.moves[s, 1, seen]) == hit else 1
@@ -230,15 +232,27 @@ def _widen(
     r = cell.points[s, e, 0] - (cell.middle[AWAY] if seen == FROM_TARGET else 0.0)
     cell.open[AWAY] = max(cell.open[AWAY], (move - known) * share)
     cell.open[PITCH] = max(cell.open[PITCH], known + (move - known) * (1.0 - share))
+    side, turned = turn
     cell.open[side] = max(cell.open[side], turned * math.hypot(r, cell.points[s, e, 2]))
 
 
 @compiled
-def _turn(
-    cell: PlanarCell, s: int, seen: int, x: float, y: float, away: float, angle: float, turned: float,
-    ends: Array, moves: Array,
-) -> None:  # fmt: skip
-    """Write the ends (2, 3) of a capsule with its plane turned about (x, y), and how far they move (2,)."""
+def _turn_capsule(
+    cell: PlanarCell,
+    s: int,
+    seen: int,
+    axis: tuple[float, float, float],
+    turn: tuple[float, float],
+    ends: Array,
+    moves: Array,
+) -> None:
+    """Write a capsule's ends (2, 3) with its plane turned about a vertical axis, and how far they move (2,).
+
+    ``axis`` is its x, y, and its distance along the plane; ``turn`` the angle, and the chord of how far that
+    may be off.
+    """
+    x, y, away = axis
+    angle, turned = turn
     cos, sin = math.cos(angle), math.sin(angle)
     for e in range(2):
         r, w = cell.points[s, e, 0] - away, cell.points[s, e, 2]
@@ -255,19 +269,18 @@ def judge_obstacles(
     mid, turned = cell.middle, chord(cell.half[YAW])
     ends, moves, verdict = np.empty((2, 3)), np.empty(2), Verdict.PROVEN
     for s in range(len(capsules.rank) - 1, -1, -1):
-        _turn(cell, s, FROM_TARGET, target[0], target[1], mid[AWAY], mid[YAW], turned, ends, moves)
+        axis = target[0], target[1], mid[AWAY]
+        _turn_capsule(cell, s, FROM_TARGET, axis, (mid[YAW], turned), ends, moves)
         moves += around.tolerance
         for k in around.near:
             if capsules.outermost[s] and around.owner[k] == around.tool_on:
                 continue
             reach = capsules.radius[s] + around.clearance - SLACK
-            one, all_over = _judge_pair(
-                around.solids, around.deep, k, ends[0], ends[1], moves[0], moves[1], reach
-            )
+            one, all_over = _judge_pair(around.solids, around.deep, k, ends, moves, reach)
             if one == Verdict.RULED_OUT:
                 return Verdict.RULED_OUT
             if not all_over:
-                _widen(capsules.rank[s], plane, cell, s, FROM_TARGET, one == Verdict.OPEN, turned, YAW)
+                _widen(capsules.rank[s], plane, cell, s, FROM_TARGET, one == Verdict.OPEN, (YAW, turned))
             verdict = together(verdict, one)
     return verdict
 
@@ -281,17 +294,16 @@ def judge_self(capsules: PlaneCapsules, mount: ArmMount, cell: PlanarCell) -> Ve
     turn, turned = cell.middle[TURN] + mount.zero, chord(cell.half[TURN])
     ends, moves = np.empty((2, 3)), np.empty(2)
     for s in capsules.heeds:
-        _turn(cell, s, FROM_AXIS, mount.mount[0], mount.mount[1], 0.0, turn, turned, ends, moves)
+        axis = mount.mount[0], mount.mount[1], 0.0
+        _turn_capsule(cell, s, FROM_AXIS, axis, (turn, turned), ends, moves)
         for m in range(len(capsules.body.disc)):
             reach = capsules.radius[s] - SLACK
-            one, all_over = _judge_pair(
-                capsules.body, capsules.deep, m, ends[0], ends[1], moves[0], moves[1], reach
-            )
+            one, all_over = _judge_pair(capsules.body, capsules.deep, m, ends, moves, reach)
             if one == Verdict.RULED_OUT:
                 return Verdict.RULED_OUT
             if not all_over:
                 rank = capsules.rank[s]
-                _widen(rank, mount.plane, cell, s, FROM_AXIS, one == Verdict.OPEN, turned, TURN)
+                _widen(rank, mount.plane, cell, s, FROM_AXIS, one == Verdict.OPEN, (TURN, turned))
             verdict = together(verdict, one)
     return verdict
 
@@ -309,7 +321,7 @@ def _judge_self_pairs(capsules: PlaneCapsules, plane: PlaneArm, cell: PlanarCell
         if off + least < 0.0:
             return Verdict.RULED_OUT
         if off < least:
-            _widen(capsules.rank[i], plane, cell, i, FROM_TARGET, False, 0.0, TURN)
-            _widen(capsules.rank[k], plane, cell, k, FROM_TARGET, False, 0.0, TURN)
+            _widen(capsules.rank[i], plane, cell, i, FROM_TARGET, False, (TURN, 0.0))
+            _widen(capsules.rank[k], plane, cell, k, FROM_TARGET, False, (TURN, 0.0))
             verdict = Verdict.OPEN if off < 0.0 else verdict
     return verdict

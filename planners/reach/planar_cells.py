@@ -1,6 +1,6 @@
 """Cells of postures of an arm in one plane, wherever its base stands: bounds that hold all over a cell.
 
-A posture that has its tool on the target is told by the plane's yaw, the pitch of the last link, how far the
+A posture with its tool on the target is given by the plane's yaw, the pitch of the last link, how far the
 pivot axis is from the target (negative where the arm works over its back), the turn of the pivot, and which
 way the elbow bends. A cell is a box of these. How far the links' angles vary in it follows from how far the
 wrist may be from the shoulder.
@@ -59,13 +59,13 @@ def cell_for(capsules: int) -> PlanarCell:
 
 @compiled
 def chord(turn: float) -> float:
-    """Most that a point one metre off an axis moves in a turn [m]."""
+    """Chord of a turn at radius 1: how far a point one metre off the axis goes, 2 sin(turn / 2) [m]."""
     return 2.0 * math.sin(0.5 * min(turn, math.pi))
 
 
 @compiled
 def _cosine(a: float, b: float, d: float) -> float:
-    """Of the angle between sides a and d of a triangle, opposite to b; below -1 or above 1 where none is."""
+    """Cosine of a triangle's angle between sides a and d, opposite to b; beyond [-1, 1] where there is none."""
     return (d * d + a * a - b * b) / (2.0 * a * d) if d > 0.0 else 2.0
 
 
@@ -76,7 +76,7 @@ def _angle(a: float, b: float, d: float) -> float:
 
 @compiled
 def _spread(a: float, b: float, low: float, middle: float, high: float) -> float:
-    """Most that a triangle's angle differs from its value at ``middle`` for a third side in [low, high]."""
+    """Largest change of a triangle's angle from its value at ``middle`` for a third side in [low, high]."""
     at = _angle(a, b, middle)
     most = max(abs(_angle(a, b, low) - at), abs(_angle(a, b, high) - at))
     if a > b:
