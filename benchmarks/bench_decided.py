@@ -26,9 +26,10 @@ from regionik.planners.collision.robot_bodies import RobotScene
 from regionik.planners.driving.footprint_scene import FootprintScene, fits
 from regionik.planners.geometry.angles import fit, wrap
 from regionik.planners.geometry.polygons import compiled
+from regionik.planners.reach.planar_cells import Stance
 from regionik.planners.solvers.planar_arm import triangle
 from regionik.postures.arm_guard import contact_for, guard_of
-from regionik.reachability.planar_world import Stance, own, scene_of, stance_of
+from regionik.reachability.planar_world import own, scene_of, stance_of
 from regionik.reachability.reach import reach
 from regionik.verification.answers import verify_answers
 from regionik.worlds.arrays import Array

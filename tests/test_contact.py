@@ -23,7 +23,7 @@ from regionik.worlds.chain import translation
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Solid, Sphere
 from regionik.worlds.robot import LinkBox, LinkCapsule, LinkSolid, Robot
 from tests.plans import youbot
-from tests.test_touching import box_mesh
+from tests.test_proximity import box_mesh
 from tests.test_verify import RULES, Q, motion_of, of_kind, only, plan_of, world_of
 
 TIP = youbot().tool(np.zeros(3), Q)

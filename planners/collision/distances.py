@@ -91,14 +91,7 @@ def bounding_boxes(pieces: Sequence[Piece]) -> tuple[Array, Array]:
     return low, high
 
 
-def nearest_solid(
-    obstacles: Obstacles,
-    start: ArrayLike,
-    end: ArrayLike,
-    radius: float,
-    *,
-    only: Sequence[int] | None = None,
-) -> NearestSolid:
+def nearest_solid(obstacles: Obstacles, start: ArrayLike, end: ArrayLike, radius: float) -> NearestSolid:
     """The nearest solid to a capsule, and its signed distance.
 
     Where the capsule's axis enters a convex piece, the distance is minus the penetration depth (of
@@ -111,8 +104,6 @@ def nearest_solid(
         Ends of the capsule's axis [m].
     radius : float
         [m]
-    only : sequence of int, optional
-        Indices of the solids to look at; all by default.
 
     Returns
     -------
@@ -126,9 +117,7 @@ def nearest_solid(
     """
     a, b = frozen(start, (3,), "capsule: start"), frozen(end, (3,), "capsule: end")
     frozen(radius, (), "capsule: radius")
-    gaps = capsule_bounds(obstacles, a[None], b[None], np.array([radius]))[0]
-    if only is not None:
-        gaps = np.where(np.isin(obstacles.owner, only), gaps, np.inf)
+    gaps = box_distances(obstacles, np.minimum(a, b)[None, None], np.maximum(a, b)[None, None])[0] - radius
     best, owner = Separation(np.inf, UP, np.full(3, np.nan)), -1
     for k in np.argsort(gaps, kind="stable"):
         if gaps[k] >= best.distance - radius:
@@ -140,27 +129,6 @@ def nearest_solid(
         return NearestSolid(np.inf, -1, best.on_axis, best.on_axis)
     on_link = best.on_axis - radius * best.normal
     return NearestSolid(best.distance - radius, owner, on_link, best.on_axis - best.distance * best.normal)
-
-
-def capsule_bounds(obstacles: Obstacles, starts: Array, ends: Array, radii: ArrayLike) -> Array:
-    """Lower bounds of the distances between capsules and pieces, from their boxes along the axes.
-
-    Parameters
-    ----------
-    obstacles : Obstacles
-    starts, ends : (n, 3) array
-        [m]
-    radii : (n,) array_like
-        [m]
-
-    Returns
-    -------
-    (n, m) array
-        [m]; -inf where the box of a capsule's axis meets that of a piece.
-    """
-    low, high = np.minimum(starts, ends)[:, None], np.maximum(starts, ends)[:, None]
-    gaps: Array = box_distances(obstacles, low, high) - np.asarray(radii)[:, None]
-    return gaps
 
 
 def solids_within(obstacles: Obstacles, point: Array, reach: float) -> list[tuple[float, int]]:

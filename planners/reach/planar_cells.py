@@ -22,7 +22,36 @@ from regionik.planners.solvers.planar_arm import LIMIT_SLACK, PlaneArm
 from regionik.worlds.arrays import Array
 
 SLACK = 1e-10  # rounding that no proof may rest on [m] or [rad]
+MOST_RINGS = 16  # intervals of reach at one height
 YAW, PITCH, AWAY, TURN, ELBOW = range(5)  # the sides of a cell; the elbow is -1 or 1
+
+
+class Stance(NamedTuple):
+    """Joints and base of an arm in one plane, as its bends and the place of its axis give them.
+
+    Attributes
+    ----------
+    plane : PlaneArm
+    sign, offset : (3,) array
+        ``bend = sign * joint + offset`` [rad].
+    zero : float
+        Direction of the arm's plane, seen from the base, with the pivot at zero [rad].
+    low, high : float
+        What the pivot may turn; the base turns the rest [rad].
+    mount : (2,) array
+        The arm axis in the base frame [m].
+    yaw : float
+        Heading of the base at the start [rad].
+    """
+
+    plane: PlaneArm
+    sign: Array
+    offset: Array
+    zero: float
+    low: float
+    high: float
+    mount: Array
+    yaw: float
 
 
 class ArmMount(NamedTuple):
@@ -65,7 +94,7 @@ def chord(turn: float) -> float:
 
 @compiled
 def _cosine(a: float, b: float, d: float) -> float:
-    """Cosine of a triangle's angle between sides a and d, opposite to b; beyond [-1, 1] where there is none."""
+    """Cosine of a triangle's angle between sides a and d, opposite to b; beyond [-1, 1] where none is."""
     return (d * d + a * a - b * b) / (2.0 * a * d) if d > 0.0 else 2.0
 
 

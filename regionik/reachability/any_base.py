@@ -17,12 +17,12 @@ from regionik.planners.collision.upright_solids import Uprights, inradii, uprigh
 from regionik.planners.geometry.polygons import Index
 from regionik.planners.reach.any_base import AnyBase, BaseFloor, ToolDemand, near_solids, search_cells
 from regionik.planners.reach.planar_capsules import NearObstacles, PlaneCapsules, plane_capsules
-from regionik.planners.reach.planar_cells import ArmMount, cell_for
+from regionik.planners.reach.planar_cells import MOST_RINGS, ArmMount, cell_for
 from regionik.planners.search.box_search import Verdict
 from regionik.planners.solvers.planar_arm import reach_intervals
 from regionik.postures.arm_guard import SPARE, contact_for
 from regionik.postures.poses import Pose
-from regionik.reachability.planar_world import MOST_RINGS, floor_of, own, reach_of, scene_of, stance_of
+from regionik.reachability.planar_world import floor_of, own, reach_of, scene_of, stance_of
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import Target, World
 

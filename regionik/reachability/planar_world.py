@@ -13,41 +13,11 @@ from regionik.areas.ground import EVERY, Side
 from regionik.areas.reachable import planar_reach
 from regionik.planners.collision.robot_bodies import RobotScene
 from regionik.planners.reach.floor_distances import FloorParts, parts_of
+from regionik.planners.reach.planar_cells import Stance
 from regionik.planners.reach.rings import boundary_circles
-from regionik.planners.solvers.planar_arm import PlaneArm
 from regionik.postures.arm_guard import guard_of
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import World
-
-MOST_RINGS = 16  # intervals of reach at one height
-
-
-class Stance(NamedTuple):
-    """Joints and base of a planar arm, as its bends and the place of its axis give them.
-
-    Attributes
-    ----------
-    plane : PlaneArm
-    sign, offset : (3,) array
-        ``bend = sign * joint + offset`` [rad].
-    zero : float
-        Direction of the arm's plane, seen from the base, with the pivot at zero [rad].
-    low, high : float
-        What the pivot may turn; the base turns the rest [rad].
-    mount : (2,) array
-        The arm axis in the base frame [m].
-    yaw : float
-        Heading of the base at the start [rad].
-    """
-
-    plane: PlaneArm
-    sign: Array
-    offset: Array
-    zero: float
-    low: float
-    high: float
-    mount: Array
-    yaw: float
 
 
 class Reach(NamedTuple):
