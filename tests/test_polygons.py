@@ -15,7 +15,7 @@ from regionik.planners.geometry.polygons import (
     compiled,
     contains,
     flats_of,
-    nearest,
+    nearest_on_boundary,
     segment_in_either,
     segment_inside,
 )
@@ -46,7 +46,7 @@ def test_points_agree_with_shapely(seed: int) -> None:
     flat = FlatPolygon.from_shapely(area)
     points = np.random.default_rng(seed).uniform(-1, 11, (10_000, 2))
     inside = np.array([contains(flat.vertices, flat.starts, *p) for p in points])
-    near = np.array([nearest(flat.vertices, flat.starts, *p) for p in points])
+    near = np.array([nearest_on_boundary(flat.vertices, flat.starts, *p) for p in points])
     held = np.array([clamp(flat.vertices, flat.starts, *p) for p in points])
     assert 0.2 < inside.mean() < 0.8
     np.testing.assert_array_equal(inside, shapely.contains_xy(area, *points.T))
@@ -88,7 +88,7 @@ def test_segments_agree_with_shapely_outside_the_tolerance_band(seed: int) -> No
     a = rng.uniform(0, 10, (10_000, 2))
     b = a + rng.normal(0, 1, a.shape)
     # Half the ends are put on the boundary or on a vertex, where rounding decides.
-    a[:2500] = [nearest(flat.vertices, flat.starts, *p) for p in a[:2500]]
+    a[:2500] = [nearest_on_boundary(flat.vertices, flat.starts, *p) for p in a[:2500]]
     b[1000:3500] = flat.vertices[rng.integers(len(flat.vertices), size=2500)]
     seen = np.array([sees(flat, p, q) for p, q in zip(a, b, strict=True)])
     lines = shapely.linestrings(np.stack([a, b], axis=1))
@@ -109,7 +109,7 @@ def test_every_piece_of_the_boundary_can_be_driven_along(seed: int) -> None:
         ring = flat.vertices[first:last]
         for p, q in zip(ring, np.roll(ring, -1, axis=0), strict=True):
             s, t = rng.random(2)
-            on = [nearest(flat.vertices, flat.starts, *(p + k * (q - p))) for k in (s, t)]
+            on = [nearest_on_boundary(flat.vertices, flat.starts, *(p + k * (q - p))) for k in (s, t)]
             assert sees(flat, p, q)
             assert sees(flat, q, p)
             assert sees(flat, on[0], on[1])

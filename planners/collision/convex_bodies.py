@@ -56,6 +56,14 @@ class Piece:
         reach: Array = far + self.disc * level + self.ball * np.linalg.norm(directions, axis=-1)
         return reach
 
+    def contains(self, point: Array) -> bool:
+        """Whether a point (3,) is inside or on the surface (fcl overlooks a segment in one triangle)."""
+        if self.mesh is None or self.triangles is None:
+            return bool((self.normals @ point <= self.support(self.normals) + TOUCH).all())
+        low, high = self.triangles.boxes[1].reshape(2, 3)
+        within = (low <= point + TOUCH) & (point <= high + TOUCH)
+        return bool(within.all()) and self.mesh.distance(point) <= TOUCH
+
 
 def link_piece(solid: LinkSolid) -> Piece:
     """Prepare a link's solid as what others keep away from, in the link's frame."""
@@ -112,15 +120,6 @@ def inner_capsule(solid: LinkSolid) -> LinkCapsule:
     half = solid.T_link_box[:3, longest] * (solid.size[longest] / 2 - radius)
     middle = solid.T_link_box[:3, 3]
     return LinkCapsule(solid.link, solid.name, middle - half, middle + half, radius)
-
-
-def contains(piece: Piece, point: Array) -> bool:
-    """Whether a point is inside or on the surface, where fcl overlooks a segment within one triangle."""
-    if piece.mesh is None or piece.triangles is None:
-        return bool((piece.normals @ point <= piece.support(piece.normals) + TOUCH).all())
-    low, high = piece.triangles.boxes[1].reshape(2, 3)
-    within = (low <= point + TOUCH) & (point <= high + TOUCH)
-    return bool(within.all()) and piece.mesh.distance(point) <= TOUCH
 
 
 def ball_separation(piece: Piece, a: Array, b: Array) -> Separation:

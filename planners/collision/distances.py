@@ -20,7 +20,6 @@ from regionik.planners.collision.convex_bodies import (
     Piece,
     Separation,
     ball_separation,
-    contains,
     cylinder_distance,
     penetration,
     solid_pieces,
@@ -156,7 +155,7 @@ def segment_separation(piece: Piece, start: Array, end: Array) -> Separation:
         distance, on_axis, on_piece = cylinder_distance(piece, start, end)
     else:
         distance, on_axis, on_piece = surface_distance(segment(start, end), piece.surface)
-    inside = distance > 0 and not piece.disc and contains(piece, start)
+    inside = distance > 0 and not piece.disc and piece.contains(start)
     if distance > 0 and not inside:
         if piece.disc:
             return Separation(distance, (on_axis - on_piece) / distance, on_axis)
@@ -184,7 +183,7 @@ def hull_separation(piece: Piece, corners: Array) -> Separation:
     other = segment(piece.corners[0], piece.corners[-1]) if piece.ball else piece.surface
     distance, on_box, on_piece = surface_distance(box(corners), other)
     engulfed = distance > 0 and bool(within_box(corners, piece.corners).any())
-    inside = engulfed or (distance > 0 and not piece.ball and contains(piece, corners[0]))
+    inside = engulfed or (distance > 0 and not piece.ball and piece.contains(corners[0]))
     if distance > 0 and not inside:
         return _proven(piece, corners, distance, on_box, on_piece)
     if piece.mesh is None:

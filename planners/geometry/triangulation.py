@@ -46,10 +46,7 @@ def triangulate(free: Polygon | MultiPolygon) -> Triangulation:
     EngineError
         When the triangles do not fill the polygon edge to edge.
     """
-    triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(free))
-    xy = shapely.get_coordinates(shapely.orient_polygons(triangles)).reshape(-1, 4, 2)[:, :3]
-    vertices, corners = np.unique(xy.reshape(-1, 2), axis=0, return_inverse=True)
-    corners = corners.reshape(-1, 3).astype(np.int64)
+    vertices, corners = delaunay_triangles(free)
     neighbours = _neighbours(corners, len(vertices))
     ring_edges = len(FlatPolygon.from_shapely(free).vertices)
     if np.count_nonzero(neighbours < 0) != ring_edges:
@@ -57,6 +54,14 @@ def triangulate(free: Polygon | MultiPolygon) -> Triangulation:
     for array in (vertices, corners, neighbours):
         array.flags.writeable = False
     return Triangulation(vertices, corners, neighbours)
+
+
+def delaunay_triangles(polygon: Polygon | MultiPolygon) -> tuple[Array, Index]:
+    """Constrained Delaunay triangles: vertices (v, 2) [m], and indices counter-clockwise, (t, 3)."""
+    triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(polygon))
+    xy = shapely.get_coordinates(shapely.orient_polygons(triangles)).reshape(-1, 4, 2)[:, :3]
+    vertices, corners = np.unique(xy.reshape(-1, 2), axis=0, return_inverse=True)
+    return vertices, corners.reshape(-1, 3).astype(np.int64)
 
 
 def search_through(mesh: Triangulation, start: Array, first: int, last: int) -> list[int] | None:
