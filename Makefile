@@ -85,7 +85,7 @@ pages: .venv/installed
 
 # Warnings are no errors here: old versions warn of new ones, and new ones of their next.
 QUICK := tests/test_world_file.py tests/test_regions.py tests/test_mfabrik.py tests/test_verify.py tests/test_jerk.py \
-	tests/test_retime.py tests/test_collision.py tests/test_urdf.py tests/test_occupancy_map.py tests/test_plot.py
+	tests/test_retime.py tests/test_distances.py tests/test_urdf.py tests/test_occupancy_map.py tests/test_plot.py
 
 QUICKLY = -m pytest -q -o filterwarnings=ignore -n 2 --dist loadfile $(QUICK)
 

@@ -17,11 +17,11 @@ import time
 
 import numpy as np
 
-from regionik.planners.clearance.avoidance import avoid
-from regionik.planners.clearance.clear_posture import clear_posture
-from regionik.planners.clearance.link_clearance import links_clear
-from regionik.planners.clearance.robot_bodies import Bodies, bodies_from
-from regionik.planners.geometry.distances import Obstacles, obstacles_from
+from regionik.planners.avoidance.avoiding_fabrik import avoid_obstacles
+from regionik.planners.avoidance.clear_posture import clear_posture
+from regionik.planners.collision.distances import Obstacles, obstacles_from
+from regionik.planners.collision.link_clearance import links_clear
+from regionik.planners.collision.robot_bodies import Bodies, bodies_from
 from regionik.planners.search.box_search import Verdict
 from regionik.planners.search.fixed_base import WORDS, search_fixed_base
 from regionik.worlds.arrays import Array
@@ -132,13 +132,17 @@ def two_steps(number: int, scenes: int) -> int:
         middles, radii = circles(corner, seed)
         clear = links_clear(bodies_of(posts(middles, radii)), np.zeros(3), goal, 0.0)
         for attempt in range(max(ATTEMPTS)):
-            found = avoid(chain, goal, UPRIGHT, clear, tolerance=TOLERANCE, seed=seed + 10**6 * attempt)
+            found = avoid_obstacles(
+                chain, goal, UPRIGHT, clear, tolerance=TOLERANCE, seed=seed + 10**6 * attempt
+            )
             if found.converged:
                 first.append(attempt)
                 wrong += not free(found.joints, target, middles, radii)
                 break
-        bare += avoid(chain, goal, UPRIGHT, clear, tolerance=TOLERANCE, seed=seed, turns=0).converged
-        blind = avoid(chain, goal, UPRIGHT, lambda link, T: True, tolerance=TOLERANCE, seed=seed)
+        bare += avoid_obstacles(
+            chain, goal, UPRIGHT, clear, tolerance=TOLERANCE, seed=seed, rotations=0
+        ).converged
+        blind = avoid_obstacles(chain, goal, UPRIGHT, lambda link, T: True, tolerance=TOLERANCE, seed=seed)
         plain += blind.converged and free(blind.joints, target, middles, radii)
     runs = ", ".join(f"{sum(k < most for k in first)} with {most}" for most in ATTEMPTS)
     print(f"  two steps alone: {runs} runs; no random turns {bare}; neither step {plain}")

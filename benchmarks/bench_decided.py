@@ -19,14 +19,16 @@ from typing import NamedTuple
 import numpy as np
 
 from regionik.areas.standing import room_for
-from regionik.planners.clearance.arm_clearance import Keep, Stance, is_clear
-from regionik.planners.clearance.proximity import nearest
+from regionik.planners.collision.collision_checking import is_clear
+from regionik.planners.collision.proximity import nearest
+from regionik.planners.collision.robot_bodies import RobotScene
 from regionik.planners.driving.footprint_scene import FootprintScene, fits
 from regionik.planners.geometry.angles import fit, wrap
 from regionik.planners.geometry.polygons import compiled
+from regionik.planners.reach.planar_cells import Stance
 from regionik.planners.solvers.planar_kinematics import triangle
 from regionik.postures.arm_guard import contact_for, guard_of
-from regionik.reachability.any_base import keep_of, stance_of, writable
+from regionik.reachability.any_base import scene_of, stance_of, writable
 from regionik.reachability.reach import reach
 from regionik.verification.answers import verify_answers
 from regionik.worlds.arrays import Array
@@ -81,7 +83,14 @@ def placed(stance: Stance, asked: Question, at: Array, base: Array, q: Array) ->
 
 @compiled
 def screened(
-    stance: Stance, keep: Keep, room: FootprintScene, asked: Question, samples: Array, base: Array, q: Array
+    stance: Stance,
+    scene: RobotScene,
+    avoids: bool,
+    room: FootprintScene,
+    asked: Question,
+    samples: Array,
+    base: Array,
+    q: Array,
 ) -> tuple[int, Array]:
     """Row of a sample that is an answer, -1 for none; and how each falls short."""
     short = np.empty(len(samples))
@@ -92,7 +101,7 @@ def screened(
             short[i] = 5.0
             if fits(room, base[0], base[1], base[2]):
                 short[i] = 0.0
-                if not keep.on or is_clear(keep, base, q, asked.tool_on):
+                if not avoids or is_clear(scene, 0.0, base, q, asked.tool_on):
                     return i, short
     return -1, short
 
@@ -100,7 +109,7 @@ def screened(
 def refuted(world: World, target: Target, starts: int, rng: np.random.Generator) -> bool:
     """Whether brute force finds a configuration."""
     stance, room, robot = stance_of(world), room_for(world), world.robot
-    keep = keep_of(world)._replace(within=0.0)
+    scene, avoids = scene_of(world), world.rules.avoidance
     contact = contact_for(world, [target])
     free = target.direction is None
     direction = np.array([0.0, 0.0, 1.0]) if free else writable(target.direction)
@@ -125,7 +134,7 @@ def refuted(world: World, target: Target, starts: int, rng: np.random.Generator)
             samples[narrow, 0] = azimuth + rng.uniform(-2, 2, int(narrow.sum())) * target.cone
         samples[back, 1], samples[back, 0] = np.pi - samples[back, 1], samples[back, 0] + np.pi
     base, q = np.empty(3), writable(robot.carry)
-    row, short = screened(stance, keep, room, asked, samples, base, q)
+    row, short = screened(stance, scene, avoids, room, asked, samples, base, q)
     if row >= 0:
         return True
     return any(

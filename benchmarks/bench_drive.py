@@ -16,7 +16,8 @@ from shapely.geometry import Polygon
 from regionik.planners.driving.greedy_steps import step_to_goal
 from regionik.planners.driving.point_planner import _connect, drive_point
 from regionik.planners.geometry.polygons import FlatPolygon, segment_inside
-from regionik.planners.geometry.string_pulling import resample, route, tighten
+from regionik.planners.geometry.polylines import resample
+from regionik.planners.geometry.shortest_paths import route, tighten
 from regionik.planners.geometry.triangulation import triangulate
 from regionik.worlds.arrays import Array
 

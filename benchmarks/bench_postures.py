@@ -17,8 +17,8 @@ from collections import Counter, defaultdict
 from clutter import ARMS, faults, free_posture, scene
 from sweeps import SWEEPS
 
-from regionik.planners.clearance.clear_posture import ClearPosture, clear_posture
-from regionik.planners.clearance.robot_bodies import bodies_from
+from regionik.planners.avoidance.clear_posture import ClearPosture, clear_posture
+from regionik.planners.collision.robot_bodies import bodies_from
 from regionik.planners.search.box_search import Verdict
 from regionik.planners.search.fixed_base import WORDS
 

@@ -5,9 +5,12 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.optimize import nnls
 from scipy.spatial import ConvexHull
 
+from regionik.planners.collision.proximity import Touch, path_clear
+from regionik.planners.collision.robot_bodies import Bodies, ContactTargets
 from regionik.values import Motion
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, Joint, rot_x, rot_y, rot_z, translation
@@ -91,3 +94,18 @@ def on_lift(robot: Robot, travel: float = 0.3) -> Robot:
         solids=tuple(replace(solid, link=solid.link + 1) for solid in robot.solids),
         carry=np.array([travel / 4, *robot.carry]),
     )
+
+
+def motion_clear(
+    bodies: Bodies,
+    base_a: ArrayLike,
+    joints_a: ArrayLike,
+    base_b: ArrayLike,
+    joints_b: ArrayLike,
+    margin: float,
+    *,
+    contact: ContactTargets | None = None,
+) -> Touch | None:
+    """None when the motion between two states is proven clear; otherwise what could not be passed."""
+    bases, joints = np.array([base_a, base_b], dtype=float), np.array([joints_a, joints_b], dtype=float)
+    return path_clear(bodies, bases, joints, margin, contact)[1]

@@ -110,10 +110,10 @@ FAULTS = (
     ),
     Fault(
         "planner: a tool may sink into what it touches as deep as it likes",
-        "planners/clearance/robot_bodies.py",
+        "planners/collision/robot_bodies.py",
         "return depth - min(SPARE, SHARE * depth)",
         "return 9.0",
-        ("tests/test_touching.py",),
+        ("tests/test_proximity.py",),
     ),
     Fault(
         "verify: links may overlap by 5 cm",
@@ -194,10 +194,10 @@ FAULTS = (
     ),
     Fault(
         "motion: clearance of the arm halved",
-        "planners/clearance/swept_motion.py",
-        "need = movers.radius[k] + hulls.ball[m] + keep + ROUNDING",
-        "need = movers.radius[k] + hulls.ball[m] + keep / 2 + ROUNDING",
-        ("tests/test_touching.py",),
+        "planners/collision/collision_checking.py",
+        "need = links.radius[k] + hulls.ball[m] + margin + ROUNDING",
+        "need = links.radius[k] + hulls.ball[m] + margin / 2 + ROUNDING",
+        ("tests/test_proximity.py",),
     ),
     Fault(
         "wheels: the chord lies along the heading at its end",

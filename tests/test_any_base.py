@@ -11,13 +11,13 @@ from hypothesis import strategies as st
 from shapely.geometry import Point, Polygon
 
 from regionik.areas.standing import room_for
-from regionik.planners.clearance.any_base import bound_cell
-from regionik.planners.clearance.planar_cells import AWAY, PITCH, TURN, YAW
-from regionik.planners.clearance.proximity import nearest
+from regionik.planners.collision.convex_bodies import Piece
+from regionik.planners.collision.distances import obstacles_from
+from regionik.planners.collision.proximity import nearest
+from regionik.planners.collision.upright_solids import inradii, signed_distance, uprights_from
 from regionik.planners.driving.footprint_scene import fits, fits_nowhere_near, footprint_scene
-from regionik.planners.geometry.convex_bodies import Piece
-from regionik.planners.geometry.distances import obstacles_from
-from regionik.planners.geometry.upright_bodies import depths, signed_distance, uprights_from
+from regionik.planners.reach.any_base import bound_cell
+from regionik.planners.reach.planar_cells import AWAY, PITCH, TURN, YAW
 from regionik.planners.search.box_search import Verdict
 from regionik.planners.solvers.planar_kinematics import triangle
 from regionik.postures.arm_guard import contact_for, guard_of
@@ -167,7 +167,7 @@ def test_no_point_of_a_solid_is_deeper_than_its_depth(seed: int) -> None:
     box = Box("box", rng.uniform(0.1, 1, 3), np.array([0, 0, 0.5]), float(rng.uniform(0, 3)))
     ball = Sphere("ball", float(rng.uniform(0.1, 1)), np.zeros(3))
     solids = uprights_from([*pieces(box), *pieces(ball)])
-    deep = depths(solids)
+    deep = inradii(solids)
     for spot in rng.uniform(-0.5, 1, (50, 3)):
         for k in range(2):
             assert signed_distance(solids, k, *spot) >= -deep[k] - 1e-12

@@ -11,8 +11,8 @@ import shapely
 import trimesh
 
 from regionik.output.urdf import robot_to_urdf
-from regionik.planners.clearance.proximity import motion_clear, nearest, words
-from regionik.planners.clearance.robot_bodies import bodies_from
+from regionik.planners.collision.proximity import describe, nearest
+from regionik.planners.collision.robot_bodies import bodies_from
 from regionik.values import Motion
 from regionik.verification import arm_clearance as proof_arm
 from regionik.verification import self_collision
@@ -31,7 +31,7 @@ from regionik.worlds.urdf.bounding import convex_hull
 from regionik.worlds.urdf.collision import base_shape
 from regionik.worlds.urdf.decomposition import CollisionPart, mesh_part
 from regionik.worlds.urdf.loader import load_robot
-from tests.bodies import motion_through
+from tests.bodies import motion_clear, motion_through
 from tests.urdfs import depth
 
 PAINTER = Path(__file__).parent.parent / "examples" / "painter.urdf"
@@ -84,7 +84,7 @@ def test_the_arm_keeps_off_the_mast(turned: float) -> None:
     touch = nearest(bodies, [1, 2, 0.3], np.array([np.pi - turned, 0.0]))
     assert (touch.kind, touch.solid, touch.other) == ("self", 1, 2)
     assert touch.distance < 0
-    assert "rod 1 overlaps mast" in words(bodies, touch)
+    assert "rod 1 overlaps mast" in describe(bodies, touch)
     assert nearest(bodies, [1, 2, 0.3], folded).distance > 0
     swing = motion_clear(bodies, [0, 0, 0], open_, [0, 0, 0], open_ + [3.0, 0], 0.0)
     assert swing is not None

@@ -20,7 +20,7 @@ from regionik.moving.configuration_sampling import (
     Evidence,
     spread,
 )
-from regionik.planners.clearance.proximity import Touch
+from regionik.planners.collision.proximity import Touch
 from regionik.postures.arm_guard import guard_of
 from regionik.postures.poses import Pose, axis_of
 from regionik.pruning import Pruned, choose_chain, solvers_along, start_place, start_pose, whole_path

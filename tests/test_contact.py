@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from regionik.explain.failures import buried
-from regionik.planners.clearance.contacts import farthest as compiled_farthest
-from regionik.planners.clearance.robot_bodies import core_of
-from regionik.planners.geometry.distances import obstacles_from
+from regionik.planners.collision.contacts import farthest_below as compiled_farthest
+from regionik.planners.collision.distances import obstacles_from
+from regionik.planners.collision.robot_bodies import core_of
 from regionik.postures.arm_guard import guard_of
 from regionik.postures.poses import Pose
 from regionik.values import Report
@@ -23,7 +23,7 @@ from regionik.worlds.chain import translation
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Solid, Sphere
 from regionik.worlds.robot import LinkBox, LinkCapsule, LinkSolid, Robot
 from tests.plans import youbot
-from tests.test_touching import box_mesh
+from tests.test_proximity import box_mesh
 from tests.test_verify import RULES, Q, motion_of, of_kind, only, plan_of, world_of
 
 TIP = youbot().tool(np.zeros(3), Q)

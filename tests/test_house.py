@@ -13,7 +13,7 @@ ROOMS = ("worlds", "planners", "regionik")
 SOURCES = sorted({path.resolve() for room in ROOMS for path in (ROOT / room).glob("**/*.py")})
 ENGINES = {
     "ompl": {"planners/driving/sampling.py"},
-    "fcl": {"planners/geometry/mesh_distance.py"},
+    "fcl": {"planners/collision/meshes.py"},
     "meshcat": {"regionik/view/viewer.py"},
     "toppra": {"planners/timing/path_timing.py"},
     "matplotlib": {"regionik/view/figures.py"},

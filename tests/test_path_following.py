@@ -15,9 +15,9 @@ from regionik.moving.configuration_sampling import Candidate
 from regionik.moving.drivers import driver_for
 from regionik.moving.interpolation import Interpolator
 from regionik.moving.path_following import PathFollower, PathSegment, SegmentPoint, _solve
-from regionik.planners.clearance.path_segments import between as between_knots
-from regionik.planners.clearance.path_segments import leg_lengths
 from regionik.planners.geometry.angles import wrap
+from regionik.planners.geometry.polylines import between as between_knots
+from regionik.planners.geometry.polylines import leg_lengths
 from regionik.postures.arm_guard import guard_of
 from regionik.postures.families import FRONT, Family
 from regionik.postures.poses import LARGEST_BEND, Pose, Row, axis_of, pose_between, pose_of

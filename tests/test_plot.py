@@ -14,8 +14,8 @@ from matplotlib import rc_context, rcParams
 from PIL import Image
 
 import regionik as rik
-from regionik.planners.clearance.proximity import nearest
-from regionik.planners.clearance.robot_bodies import bodies_from
+from regionik.planners.collision.proximity import nearest
+from regionik.planners.collision.robot_bodies import bodies_from
 from regionik.values import Plan
 from regionik.view.figure_data import POSES, clearances, footprints, plan_curves, plan_floor
 from regionik.worlds.chain import Chain

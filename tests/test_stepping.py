@@ -11,7 +11,7 @@ from shapely import box
 from shapely.geometry import Point, Polygon
 
 from regionik.planners.driving.greedy_steps import step_area, step_to_goal
-from regionik.planners.geometry.polygons import FlatPolygon, clamp, nearest, segment_inside
+from regionik.planners.geometry.polygons import FlatPolygon, clamp, nearest_on_boundary, segment_inside
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError
 
@@ -78,7 +78,7 @@ def test_step_area_is_what_a_straight_step_reaches(seed: int) -> None:
     flat = FlatPolygon.from_shapely(free)
     rng = np.random.default_rng(seed)
     vertex = flat.vertices[rng.integers(len(flat.vertices))]
-    edge = nearest(flat.vertices, flat.starts, *rng.uniform(0, 4, 2))
+    edge = nearest_on_boundary(flat.vertices, flat.starts, *rng.uniform(0, 4, 2))
     within = clamp(flat.vertices, flat.starts, *rng.uniform(0, 4, 2))
     for base in (vertex, edge, within):
         rho = 0.6
@@ -87,7 +87,7 @@ def test_step_area_is_what_a_straight_step_reaches(seed: int) -> None:
             if abs(np.hypot(*(x - base)) - rho) < 0.002 * rho:
                 continue  # between the disc and the polygon inscribed in it
             sees = segment_inside(flat.vertices, flat.starts, *base, *x) and np.hypot(*(x - base)) < rho
-            on = np.hypot(*(np.array(nearest(star.vertices, star.starts, *x)) - x)) < 1e-7
+            on = np.hypot(*(np.array(nearest_on_boundary(star.vertices, star.starts, *x)) - x)) < 1e-7
             assert on or sees == (tuple(clamp(star.vertices, star.starts, *x)) == tuple(x))
 
 

@@ -14,8 +14,7 @@ from shapely.geometry import Polygon
 
 from regionik.planners.driving.point_planner import NoPathError, drive_point
 from regionik.planners.geometry.polygons import FlatPolygon, segment_inside
-from regionik.planners.geometry.string_pulling import route
-from regionik.planners.geometry.tangent_paths import shorter_path
+from regionik.planners.geometry.shortest_paths import route, shorter_path
 from regionik.worlds.arrays import Array
 
 START, GOAL = np.array([0.05, 0.05]), np.array([5.95, 5.95])

@@ -23,7 +23,7 @@ from regionik.planners.driving.point_planner import NoPathError, drive_point
 from regionik.planners.driving.reeds_shepp import words_between
 from regionik.planners.driving.steering import REEDS_SHEPP, Steering, steer
 from regionik.planners.driving.wheeled_planner import drive_car, drive_differential
-from regionik.planners.geometry.string_pulling import tighten
+from regionik.planners.geometry.shortest_paths import tighten
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError
 from regionik.worlds.obstacles import Shadow

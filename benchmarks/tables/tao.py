@@ -25,8 +25,8 @@ from benchmarks.bench_avoidance import (
 )
 from benchmarks.tables.clock import seconds
 from benchmarks.tables.table import Table
-from regionik.planners.clearance.avoidance import MOST, Avoided, avoid
-from regionik.planners.clearance.link_clearance import links_clear
+from regionik.planners.avoidance.avoiding_fabrik import MOST_ITERATIONS, AvoidanceResult, avoid_obstacles
+from regionik.planners.collision.link_clearance import links_clear
 from regionik.planners.search.fixed_base import WORDS, search_fixed_base
 
 SCENES = 200
@@ -52,13 +52,13 @@ PRINTED = (
 )
 
 
-def run(test: int, seed: int | None) -> Avoided:
+def run(test: int, seed: int | None) -> AvoidanceResult:
     """A run of test 1, 2 or 3 in the scene of a seed, or without obstacles."""
     target, corner = TESTS[test - 1]
     middles, radii = NOTHING if seed is None else circles(corner, seed)
     goal = np.array([target, target, 0.0])
     clear = links_clear(bodies_of(posts(middles, radii)), np.zeros(3), goal, 0.0)
-    return avoid(planar_arm()[0], goal, UPRIGHT, clear, tolerance=TOLERANCE, seed=seed or 0)
+    return avoid_obstacles(planar_arm()[0], goal, UPRIGHT, clear, tolerance=TOLERANCE, seed=seed or 0)
 
 
 class Many(NamedTuple):
@@ -71,7 +71,7 @@ class Many(NamedTuple):
         Answers that exact distances in the plane do not confirm.
     """
 
-    found: tuple[Avoided, ...]
+    found: tuple[AvoidanceResult, ...]
     refuted: int
 
     @property
@@ -119,7 +119,7 @@ def _table(test: int) -> Table:
     rows: list[tuple[str, ...]] = []
     for seed, (count, off, time), taken in zip(seeds, printed, times, strict=True):
         one = run(test, None) if seed is None else many.found[seed]
-        theirs = "yes" if count < MOST else "no", str(count), f"{off:.4e}"
+        theirs = "yes" if count < MOST_ITERATIONS else "no", str(count), f"{off:.4e}"
         mine = "yes" if one.converged else "no", str(one.iterations), f"{one.error:.4e}"
         ratios = f"{time} ({time / printed[0][2]:.2f})", f"{taken / times[0]:.2f}"
         rows.append((str(len(rows) + 1), *theirs, ratios[0], *mine, ratios[1]))
@@ -142,7 +142,7 @@ def _table(test: int) -> Table:
 
 def _whole(test: int, many: Many) -> tuple[str, ...]:
     """What all scenes come to, beside the paper's runs."""
-    theirs = [count for count, _, _ in PRINTED[test - 1] if count < MOST]
+    theirs = [count for count, _, _ in PRINTED[test - 1] if count < MOST_ITERATIONS]
     failed = [seed for seed, one in enumerate(many.found) if not one.converged]
     told = (
         f"Ours in {SCENES} seeded scenes: {len(many.iterations)} met, median of their iterations "
@@ -155,6 +155,6 @@ def _whole(test: int, many: Many) -> tuple[str, ...]:
     return (
         told,
         f"Of the {len(failed)} scenes that are not met, {kinds.count('none')} are proven to hold no free "
-        f"posture. {kinds.count('found')} hold one, which the passes do not come to in {MOST} iterations; "
-        "the search that `clear_posture` puts behind them does.",
+        f"posture. {kinds.count('found')} hold one, which the passes do not come to in "
+        f"{MOST_ITERATIONS} iterations; the search that `clear_posture` puts behind them does.",
     )

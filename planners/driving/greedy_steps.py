@@ -17,7 +17,7 @@ from regionik.planners.geometry.polygons import (
     compiled,
     contains,
     near_boundary,
-    nearest,
+    nearest_on_boundary,
     nearest_on_segment,
     segment_inside,
 )
@@ -226,7 +226,7 @@ def _best_step(
         return hat_x, hat_y
     star = _visible_star(vertices, starts, x, y, rho, np.arctan2(goal_y - y, goal_x - x))
     # l. 11: MoveToStepArea
-    next_x, next_y = nearest(star, np.array([0, len(star)]), hat_x, hat_y)
+    next_x, next_y = nearest_on_boundary(star, np.array([0, len(star)]), hat_x, hat_y)
     if segment_inside(vertices, starts, x, y, next_x, next_y):
         return next_x, next_y
     return x, y

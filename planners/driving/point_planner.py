@@ -17,14 +17,14 @@ from regionik.planners.geometry.polygons import (
     DEPTH,
     FlatPolygon,
     Index,
+    checked_polygon,
     clamp,
     compiled,
     contains,
     segment_inside,
-    solid,
 )
-from regionik.planners.geometry.string_pulling import cut, resample, route, tighten
-from regionik.planners.geometry.tangent_paths import shorter_path
+from regionik.planners.geometry.polylines import cut, resample
+from regionik.planners.geometry.shortest_paths import route, shorter_path, tighten
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.errors import InputError, RegionikError
 
@@ -138,7 +138,7 @@ def _greedy_path(vertices: Array, starts: Index, ends: Array, step: float) -> tu
 
 def _common_part(free: Polygon | MultiPolygon, start: Array, goal: Array) -> Polygon:
     """Part of the free area that holds both points."""
-    parts = shapely.get_parts(solid(free))
+    parts = shapely.get_parts(checked_polygon(free))
     gaps = shapely.distance(parts, shapely.points([start, goal])[:, None])
     for what, p, gap in (("start", start, gaps[0].min()), ("goal", goal, gaps[1].min())):
         if gap > DEPTH:

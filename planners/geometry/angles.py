@@ -1,4 +1,4 @@
-"""Angles taken to a turn and to limits, compiled."""
+"""Angles wrapped to one turn and fitted into limits, compiled."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ _PER_TURN = 1.0 / TWO_PI
 
 @compiled
 def wrap(angle: float) -> float:
-    """Angle taken to (-pi, pi]."""
+    """Angle wrapped to (-pi, pi]."""
     turned: float = angle - TWO_PI * np.ceil((angle - np.pi) * _PER_TURN)
     return turned
 
 
 @compiled
 def fit(angle: float, lower: float, upper: float) -> tuple[float, float]:
-    """The turn of ``angle`` that lies within its limits, or else the nearer limit, and how far that is."""
+    """The angle plus whole turns within limits, or else the nearer limit; and how far beyond it is."""
     middle = 0.0
     if np.isfinite(lower) and np.isfinite(upper):
         middle = 0.5 * (lower + upper)

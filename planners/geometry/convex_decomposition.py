@@ -1,12 +1,12 @@
-"""Floor polygons cut into a few convex pieces."""
+"""Polygons cut into a few convex pieces (Hertel and Mehlhorn, 1983)."""
 
 from __future__ import annotations
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 from shapely.geometry import Polygon
 
+from regionik.planners.geometry.triangulation import delaunay_triangles
 from regionik.worlds.arrays import Array
 
 # fcl searches the corners of a solid one by one up to 32 and walks along its edges above that;
@@ -42,15 +42,12 @@ def convex_pieces(polygon: Polygon) -> list[Array]:
         corners = _hull_corners(outline)
         if len(corners) <= MOST_CORNERS:
             return [corners]
-    triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(polygon))
-    spots = shapely.get_coordinates(triangles).reshape(-1, 4, 2)[:, :3]
-    points, index = np.unique(spots.reshape(-1, 2), axis=0, return_inverse=True)
-    rings = [_counter_clockwise(points, ring) for ring in index.reshape(-1, 3)]
-    return [_hull_corners(points[ring]) for ring in _merged(points, rings)]
+    points, triangles = delaunay_triangles(polygon)
+    return [_hull_corners(points[ring]) for ring in _merged(points, triangles.tolist())]
 
 
 def _merged(points: Array, rings: list[list[int]]) -> list[list[int]]:
-    """Triangles joined across shared edges, longest first, while they stay convex (Hertel, Mehlhorn)."""
+    """Triangles joined across shared edges, longest first, while they stay convex."""
     home = {edge: k for k, ring in enumerate(rings) for edge in _edges(ring)}
     inner = [(u, v) for u, v in home if u < v and (v, u) in home]
     inner.sort(key=lambda e: (-float(np.linalg.norm(points[e[0]] - points[e[1]])), e))
@@ -77,10 +74,6 @@ def _joined(a: list[int], b: list[int], u: int) -> list[int]:
 
 def _edges(ring: list[int]) -> list[tuple[int, int]]:
     return list(zip(ring, ring[1:] + ring[:1], strict=True))
-
-
-def _counter_clockwise(points: Array, ring: NDArray[np.intp]) -> list[int]:
-    return [int(k) for k in (ring if _area(points[ring]) > 0 else ring[::-1])]
 
 
 def _area(corners: Array) -> float:

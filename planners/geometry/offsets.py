@@ -1,4 +1,4 @@
-"""Shapes grown and shrunk by a disc, by GEOS, on whichever side of the true ones is asked for.
+"""Offsets of shapes by a disc, by GEOS, each on the side of the true one that is asked for.
 
 GEOS draws arcs as chords, and rounds how many: what is grown or taken away is less than the true one. It
 also fills shallow bays before it begins, a hundredth of the distance deep: there it is more. And where bays
@@ -20,7 +20,7 @@ SHALLOW = 0.01  # of the distance: how deep bays may be that are filled
 
 
 def grown(shape: BaseGeometry, by: float, *, outside: bool) -> BaseGeometry:
-    """What a disc sweeps whose middle moves in the shape: all of it and a little more, or within it.
+    """Minkowski sum of a shape and a disc: all of it and a little more, or a part of it.
 
     Parameters
     ----------
@@ -40,7 +40,7 @@ def grown(shape: BaseGeometry, by: float, *, outside: bool) -> BaseGeometry:
 
 
 def shrunk(shape: BaseGeometry, by: float, *, outside: bool) -> BaseGeometry:
-    """Where the middle of a disc may be that lies in the shape: everywhere and a little more, or within.
+    """Erosion of a shape by a disc (centres of discs inside it): all and a little more, or a part.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ def shrunk(shape: BaseGeometry, by: float, *, outside: bool) -> BaseGeometry:
 
 
 def _filled(swept: BaseGeometry, shape: BaseGeometry, by: float) -> BaseGeometry:
-    """What was swept, without holes that come nearer to the shape than its disc reaches."""
+    """The sum without holes that come nearer to the shape than its disc reaches."""
     parts = shapely.get_parts(swept)
     if not shapely.get_num_interior_rings(parts).any():
         return swept
@@ -69,7 +69,7 @@ def _filled(swept: BaseGeometry, shape: BaseGeometry, by: float) -> BaseGeometry
 
 
 def _turns(shape: BaseGeometry) -> tuple[Array, Array]:
-    """Where the edges of a shape turn: by how much, to the left of its inside [rad], and the depths [m].
+    """Turning angles of a shape's corners, left positive [rad], and their depths [m].
 
     The depth of a corner is its distance from the line through the corners beside it.
     """
@@ -87,7 +87,7 @@ def _turns(shape: BaseGeometry) -> tuple[Array, Array]:
 
 
 def _asked(shape: BaseGeometry, by: float, side: float, *, more: bool) -> float:
-    """Which distance to ask of GEOS for at least ``by``, or for at most [m].
+    """Distance to ask of GEOS for at least ``by``, or for at most [m].
 
     Corners that stand out are rounded, seen from outside (side 1) or from inside (-1). The others are bays.
     """

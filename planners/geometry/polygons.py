@@ -104,7 +104,9 @@ class FlatPolygon:
         >>> contains(flat.vertices, flat.starts, 1.0, 0.5)
         True
         """
-        polygons = shapely.get_parts(geometry) if isinstance(solid(geometry), MultiPolygon) else [geometry]
+        polygons = (
+            shapely.get_parts(geometry) if isinstance(checked_polygon(geometry), MultiPolygon) else [geometry]
+        )
         starts, vertices, _ = _rings(np.array(polygons, dtype=object))
         return cls(vertices, starts)
 
@@ -118,7 +120,7 @@ class FlatPolygon:
 
 
 def flats_of(polygons: NDArray[np.object_]) -> list[FlatPolygon]:
-    """Many Polygons flattened at once, each as `FlatPolygon.from_shapely` does."""
+    """Flatten many Polygons at once, each as `FlatPolygon.from_shapely` does."""
     starts, vertices, owner = _rings(polygons)
     first = np.searchsorted(owner, np.arange(len(polygons) + 1))
     corners = starts[first]
@@ -128,7 +130,7 @@ def flats_of(polygons: NDArray[np.object_]) -> list[FlatPolygon]:
     ]
 
 
-def solid(geometry: BaseGeometry) -> Polygon | MultiPolygon:
+def checked_polygon(geometry: BaseGeometry) -> Polygon | MultiPolygon:
     """The geometry itself, refused where it is not a Polygon or MultiPolygon or is empty."""
     if not isinstance(geometry, Polygon | MultiPolygon) or geometry.is_empty:
         raise InputError(
@@ -161,7 +163,7 @@ def nearest_on_segment(ax: float, ay: float, bx: float, by: float, x: float, y: 
 
 
 @compiled
-def nearest(vertices: Array, starts: Index, x: float, y: float) -> tuple[float, float]:
+def nearest_on_boundary(vertices: Array, starts: Index, x: float, y: float) -> tuple[float, float]:
     """Nearest point of the boundary; the first one where several are as near."""
     best, best_x, best_y = np.inf, np.nan, np.nan
     for r in range(len(starts) - 1):
@@ -223,7 +225,7 @@ def clamp(vertices: Array, starts: Index, x: float, y: float) -> tuple[float, fl
     """The point itself when it is inside, else the nearest point of the boundary."""
     if _crossed_oddly(vertices, starts, x, y):
         return x, y
-    near_x, near_y = nearest(vertices, starts, x, y)
+    near_x, near_y = nearest_on_boundary(vertices, starts, x, y)
     if (near_x - x) ** 2 + (near_y - y) ** 2 <= ON_EDGE * ON_EDGE:
         return x, y
     return near_x, near_y
@@ -236,7 +238,7 @@ def _within(vertices: Array, starts: Index, x: float, y: float) -> bool:
 
 
 @compiled
-def insert(cuts: Array, count: int, value: float) -> int:
+def insert_sorted(cuts: Array, count: int, value: float) -> int:
     """Put a value into the sorted head of ``cuts``; returns the new count."""
     k = count
     while k > 0 and cuts[k - 1] > value:
@@ -248,7 +250,7 @@ def insert(cuts: Array, count: int, value: float) -> int:
 
 @compiled
 def _meeting(s0: float, t0: float, s1: float, t1: float, length: float) -> tuple[bool, float]:
-    """Where an edge crosses the segment's line, and whether it truly cuts the segment in two.
+    """Crossing of an edge with the segment's line, and whether it truly cuts the segment in two.
 
     An edge end lies ``s`` beside the line and ``t`` along it. The cut is true when all four ends keep
     more than ``DEPTH`` from the other line, so that no rounding can explain it.
@@ -265,7 +267,7 @@ def _cut(vertices: Array, starts: Index, a: Array, u: Array, length: float, cuts
 
     Fills ``cuts`` [m] and returns how many there are, or -1 when an edge truly cuts the segment.
     """
-    count = insert(cuts, insert(cuts, 0, 0.0), length)
+    count = insert_sorted(cuts, insert_sorted(cuts, 0, 0.0), length)
     for r in range(len(starts) - 1):
         x, y = vertices[starts[r + 1] - 1, 0] - a[0], vertices[starts[r + 1] - 1, 1] - a[1]
         s0, t0 = x * u[1] - y * u[0], x * u[0] + y * u[1]
@@ -279,11 +281,11 @@ def _cut(vertices: Array, starts: Index, a: Array, u: Array, length: float, cuts
                     if true_cut:
                         return -1
                     if 0.0 < t < length:
-                        count = insert(cuts, count, t)
+                        count = insert_sorted(cuts, count, t)
                 if abs(s0) <= DEPTH and 0.0 < t0 < length:
-                    count = insert(cuts, count, t0)
+                    count = insert_sorted(cuts, count, t0)
                 if abs(s1) <= DEPTH and 0.0 < t1 < length:
-                    count = insert(cuts, count, t1)
+                    count = insert_sorted(cuts, count, t1)
             s0, t0 = s1, t1
     return count
 
@@ -302,9 +304,9 @@ def _crossings(
             if (s0 < 0.0) != (s1 < 0.0):
                 t = t0 + (t1 - t0) * s0 / (s0 - s1)
                 if 0.0 < t < length:
-                    count = insert(cuts, count, t)
+                    count = insert_sorted(cuts, count, t)
             if abs(s1) <= DEPTH and 0.0 < t1 < length:
-                count = insert(cuts, count, t1)
+                count = insert_sorted(cuts, count, t1)
             s0, t0 = s1, t1
     return count
 
@@ -327,7 +329,7 @@ def segment_in_either(
     length = np.hypot(bx - ax, by - ay)
     a, u = np.array([ax, ay]), np.array([bx - ax, by - ay]) / max(length, DEPTH)
     cuts = np.empty(2 * (len(one) + len(other)) + 2)
-    count = insert(cuts, insert(cuts, 0, 0.0), length)
+    count = insert_sorted(cuts, insert_sorted(cuts, 0, 0.0), length)
     count = _crossings(one, one_starts, a, u, length, cuts, count)
     count = _crossings(other, other_starts, a, u, length, cuts, count)
     for k in range(count - 1):

@@ -1,4 +1,4 @@
-"""Triangles that fill a polygon: made, searched, and found along a path."""
+"""Triangulations of polygons: constrained Delaunay triangles, searched and located along a path."""
 
 from __future__ import annotations
 
@@ -46,10 +46,7 @@ def triangulate(free: Polygon | MultiPolygon) -> Triangulation:
     EngineError
         When the triangles do not fill the polygon edge to edge.
     """
-    triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(free))
-    xy = shapely.get_coordinates(shapely.orient_polygons(triangles)).reshape(-1, 4, 2)[:, :3]
-    vertices, corners = np.unique(xy.reshape(-1, 2), axis=0, return_inverse=True)
-    corners = corners.reshape(-1, 3).astype(np.int64)
+    vertices, corners = delaunay_triangles(free)
     neighbours = _neighbours(corners, len(vertices))
     ring_edges = len(FlatPolygon.from_shapely(free).vertices)
     if np.count_nonzero(neighbours < 0) != ring_edges:
@@ -59,8 +56,16 @@ def triangulate(free: Polygon | MultiPolygon) -> Triangulation:
     return Triangulation(vertices, corners, neighbours)
 
 
+def delaunay_triangles(polygon: Polygon | MultiPolygon) -> tuple[Array, Index]:
+    """Constrained Delaunay triangles: vertices (v, 2) [m], and indices counter-clockwise, (t, 3)."""
+    triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(polygon))
+    xy = shapely.get_coordinates(shapely.orient_polygons(triangles)).reshape(-1, 4, 2)[:, :3]
+    vertices, corners = np.unique(xy.reshape(-1, 2), axis=0, return_inverse=True)
+    return vertices, corners.reshape(-1, 3).astype(np.int64)
+
+
 def search_through(mesh: Triangulation, start: Array, first: int, last: int) -> list[int] | None:
-    """Dijkstra over the triangles, from edge middle to edge middle."""
+    """Triangles from one to another by Dijkstra over edge midpoints; None where none lead there."""
     heap: list[tuple[float, int, int, tuple[float, float]]] = [(0.0, first, first, (start[0], start[1]))]
     came: dict[int, int] = {}
     while heap:
@@ -79,7 +84,7 @@ def search_through(mesh: Triangulation, start: Array, first: int, last: int) -> 
 
 
 def link_round(mesh: Triangulation, source: int, target: int, at: Array, radius: float) -> list[int] | None:
-    """Triangles from one to another round a point that both touch; None when they only meet in it."""
+    """Triangles that link one to another round a point that both touch; None when they only meet in it."""
     if source == target or target in mesh.neighbours[source]:
         return [target]
     came = {source: source}
@@ -103,7 +108,7 @@ def _trace(came: dict[int, int], last: int) -> list[int]:
 
 
 def _neighbours(corners: Index, vertex_count: int) -> Index:
-    """Pair up the two triangles of every inner edge."""
+    """Triangle across each edge, (t, 3), -1 for none."""
     ends = np.stack([corners, np.roll(corners, -1, axis=1)], axis=-1).reshape(-1, 2)
     key = ends.min(axis=1) * vertex_count + ends.max(axis=1)
     order = np.argsort(key, kind="stable")
@@ -144,7 +149,7 @@ def locate(vertices: Array, corners: Index, x: float, y: float) -> int:
 
 @compiled
 def _clip(vertices: Array, corners: Index, a: Array, u: Array, length: float) -> tuple[float, float]:
-    """Part of a leg inside a triangle grown by ``SLACK``; empty when the first is above the second."""
+    """Part of a leg inside a triangle grown by ``SLACK``: start and end, the start larger when empty."""
     enters, leaves = 0.0, length
     for k in range(3):
         px, py = vertices[corners[k]]
@@ -164,7 +169,7 @@ def _clip(vertices: Array, corners: Index, a: Array, u: Array, length: float) ->
 
 @compiled
 def passed(vertices: Array, corners: Index, a: Array, b: Array) -> tuple[Index, Array]:
-    """Triangles in the order in which a leg passes them, and from where to where it is in each."""
+    """Triangles in the order in which a leg from a to b passes them, and its part in each, (m, 2) [m]."""
     length = np.hypot(b[0] - a[0], b[1] - a[1])
     u = (b - a) / length
     hits = np.empty(len(corners), np.int64)

@@ -12,62 +12,62 @@ Vector = tuple[float, float, float]
 
 @compiled
 def row(points: Array, k: int) -> Vector:
-    """Row ``k`` of (n, 3)."""
+    """Row k of points (n, 3)."""
     return points[k, 0], points[k, 1], points[k, 2]
 
 
 @compiled
 def put(points: Array, k: int, a: Vector) -> None:
-    """Write row ``k`` of (n, 3)."""
+    """Write row k of points (n, 3)."""
     points[k, 0], points[k, 1], points[k, 2] = a[0], a[1], a[2]
 
 
 @compiled
 def plus(a: Vector, b: Vector) -> Vector:
-    """A + b."""
+    """Sum a + b."""
     return a[0] + b[0], a[1] + b[1], a[2] + b[2]
 
 
 @compiled
 def minus(a: Vector, b: Vector) -> Vector:
-    """A - b."""
+    """Difference a - b."""
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
 @compiled
 def scaled(a: Vector, s: float) -> Vector:
-    """S a."""
+    """Multiple s a."""
     return a[0] * s, a[1] * s, a[2] * s
 
 
 @compiled
 def dot(a: Vector, b: Vector) -> float:
-    """A . b."""
+    """Scalar product a . b."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @compiled
 def cross(a: Vector, b: Vector) -> Vector:
-    """A x b."""
+    """Cross product a x b."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 @compiled
 def norm(a: Vector) -> float:
-    """|a|."""
+    """Length |a|."""
     length: float = np.sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2])
     return length
 
 
 @compiled
 def across(a: Vector, axis: Vector) -> Vector:
-    """The part of ``a`` normal to a unit axis."""
+    """Component of a normal to a unit axis: a - (a . axis) axis."""
     return minus(a, scaled(axis, dot(a, axis)))
 
 
 @compiled
 def turned(R: Array, a: Vector) -> Vector:
-    """R a."""
+    """Product R a."""
     return (
         R[0, 0] * a[0] + R[0, 1] * a[1] + R[0, 2] * a[2],
         R[1, 0] * a[0] + R[1, 1] * a[1] + R[1, 2] * a[2],
@@ -77,7 +77,7 @@ def turned(R: Array, a: Vector) -> Vector:
 
 @compiled
 def turned_back(R: Array, a: Vector) -> Vector:
-    """R^T a."""
+    """Product R^T a."""
     return (
         R[0, 0] * a[0] + R[1, 0] * a[1] + R[2, 0] * a[2],
         R[0, 1] * a[0] + R[1, 1] * a[1] + R[2, 1] * a[2],
@@ -87,7 +87,7 @@ def turned_back(R: Array, a: Vector) -> Vector:
 
 @compiled
 def rotated(axis: Vector, angle: float, a: Vector) -> Vector:
-    """``a`` turned about a unit axis: Rodrigues' formula."""
+    """Rotation of a about a unit axis n: cos(t) a + sin(t) n x a + (1 - cos(t)) (n . a) n (Rodrigues)."""
     c, s = np.cos(angle), np.sin(angle)
     lift = (1.0 - c) * dot(axis, a)
     x, y, z = cross(axis, a)

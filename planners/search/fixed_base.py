@@ -14,8 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from regionik.planners.geometry.distances import Obstacles, capsule_distance
-from regionik.planners.geometry.upright_bodies import uprights_from
+from regionik.planners.collision.distances import Obstacles, nearest_solid
+from regionik.planners.collision.upright_solids import uprights_from
 from regionik.planners.search.box_search import (
     CLOSED,
     JUDGED,
@@ -114,7 +114,7 @@ def search_fixed_base(
 
     Examples
     --------
-    >>> from regionik.planners.geometry.distances import obstacles_from
+    >>> from regionik.planners.collision.distances import obstacles_from
     >>> from regionik.worlds.chain import Chain
     >>> arm = Chain.from_dh([(0, 0, 1, 0, -3, 3), (0, 0, 1, 0, -3, 3)])
     >>> search_fixed_base(arm, [], obstacles_from([]), [1.2, 0.9, 0.0], 1e-3).verdict.name
@@ -165,7 +165,7 @@ def _clearance(chain: Chain, solids: Sequence[LinkCapsule], obstacles: Obstacles
     for solid in solids:
         frame = frames[solid.link]
         start, end = solid.corners @ frame[:3, :3].T + frame[:3, 3]
-        least = min(least, capsule_distance(obstacles, start, end, solid.radius).distance)
+        least = min(least, nearest_solid(obstacles, start, end, solid.radius).distance)
     return least
 
 

@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from regionik.planners.collision.upright_solids import Uprights, least_along, uprights_from
 from regionik.planners.geometry.polygons import Index, compiled
-from regionik.planners.geometry.upright_bodies import Uprights, least_along, uprights_from
 from regionik.planners.search.motion_bounds import LinkCapsules, displacement
 from regionik.planners.solvers.serial_chain import SerialArm
 from regionik.worlds.arrays import Array

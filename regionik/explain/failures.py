@@ -15,10 +15,10 @@ from regionik.areas.reachable import model_of
 from regionik.areas.standing import by_heading, outer_by_heading, turns_matter
 from regionik.explain.changes import one_lift_off
 from regionik.explain.constraints import join, no_way_to, setpoint_at, spot, with_rules
+from regionik.planners.collision.distances import obstacles_from, solids_within
 from regionik.planners.driving.footprint import footprint_width
 from regionik.planners.driving.footprint_planner import NarrowPassageError, passage_width
 from regionik.planners.driving.point_planner import NoPathError
-from regionik.planners.geometry.distances import obstacles_from, solids_within
 from regionik.regions import TakenAway, largest_clearance, outer_areas, reach_of, what_took_away
 from regionik.values import Violation
 from regionik.worlds.arms import reach_bound

@@ -11,8 +11,9 @@ import numpy as np
 from regionik.areas.standing import Index, Standing, room_for
 from regionik.ladder import Ladder
 from regionik.moving.interpolation import Interpolator
-from regionik.planners.clearance.path_segments import bases_between, leg_lengths
+from regionik.planners.collision.robot_motion import bases_between
 from regionik.planners.driving.footprint_scene import FootprintScene, fits
+from regionik.planners.geometry.polylines import leg_lengths
 from regionik.postures.poses import Pose
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import World

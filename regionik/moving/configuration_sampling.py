@@ -23,9 +23,13 @@ from regionik.areas.standing import Standing, away, into_span
 from regionik.ladder import Ladder
 from regionik.mfabrik import Solver, solver_for
 from regionik.moving.rolling_goals import RollingGoals
-from regionik.planners.clearance.clear_posture import ClearPosture, clear_posture, go_round
-from regionik.planners.clearance.posture_search import look_round
-from regionik.planners.clearance.proximity import Touch
+from regionik.planners.avoidance.clear_posture import (
+    ClearPosture,
+    clear_posture,
+    clear_posture_at_pose,
+    quick_clear_posture,
+)
+from regionik.planners.collision.proximity import Touch
 from regionik.planners.search.box_search import Verdict
 from regionik.postures.arm_guard import SPARE, Guard
 from regionik.postures.poses import Pose, axis_of, pose, pose_of
@@ -240,7 +244,7 @@ class ConfigurationSampler:
             return
         around: list[Candidate] = []
         if target.direction is None:
-            around = list(self._asked(i, candidate, go_round))
+            around = list(self._asked(i, candidate, quick_clear_posture))
         elif not model_of(self.world, target).shows_all_postures:  # else all were looked at
             around = list(self._looked(i, candidate))
         self._futile[key] = 0 if around else self._futile.get(key, 0) + 1
@@ -257,7 +261,7 @@ class ConfigurationSampler:
         arm = serial_solver(robot.chain, float(robot.mount[2]), self.world.rules.tolerance)
         quest = arm.goal_for(self.world.task[i])
         base, contact = candidate.found.base, self.guard.contact
-        found = look_round(
+        found = clear_posture_at_pose(
             self.guard.bodies, base, quest.aim, candidate.found.joints, quest.effort,
             contact=contact, margin=SPARE, seed=self.seed,
         )  # fmt: skip

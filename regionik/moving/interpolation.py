@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from regionik.planners.geometry.string_pulling import spread_along
+from regionik.planners.geometry.polylines import spread_along
 from regionik.postures.arm_guard import Guard
 from regionik.postures.poses import LARGEST_BEND, Pose, axis_of, turn_to
 from regionik.worlds.arrays import Array

@@ -16,11 +16,11 @@ from regionik.ladder import Ladder
 from regionik.mfabrik import Solver, solver_between
 from regionik.moving.base_motion import BasePath, BasePaths
 from regionik.moving.configuration_sampling import Candidate
-from regionik.planners.clearance.path_segments import between, laid_out
-from regionik.planners.clearance.proximity import Touch
+from regionik.planners.collision.proximity import Touch
 from regionik.planners.driving.point_planner import NoPathError
 from regionik.planners.geometry.angles import wrap
 from regionik.planners.geometry.polygons import Index
+from regionik.planners.geometry.polylines import between, laid_out
 from regionik.postures.arm import deviation, goal_between
 from regionik.postures.arm_guard import Guard
 from regionik.postures.families import Family

@@ -10,7 +10,7 @@ import numpy as np
 from regionik.moving.base_motion import Driver
 from regionik.moving.interpolation import Interpolator
 from regionik.moving.whole_body import WholeBodyPlanner
-from regionik.planners.clearance.proximity import Touch
+from regionik.planners.collision.proximity import Touch
 from regionik.planners.driving.point_planner import NoPathError
 from regionik.postures.arm_guard import Guard
 from regionik.postures.poses import Pose

@@ -1,7 +1,4 @@
-"""What keeps the arm off things: poses and motions judged under a world's rules.
-
-`verify` judges finished plans again, by other code.
-"""
+"""Collision checks of poses and motions under a world's rules; `verify` has code of its own."""
 
 from __future__ import annotations
 
@@ -11,18 +8,19 @@ from functools import lru_cache
 
 import numpy as np
 
-from regionik.planners.clearance.proximity import (
+from regionik.planners.collision.distances import obstacles_from, solids_within
+from regionik.planners.collision.proximity import (
     NOTHING,
     Touch,
+    describe,
+    name_of_other,
     nearest,
-    other,
-    still_clear,
-    way_clear,
-    words,
+    path_clear,
+    room_of,
+    state_clear,
 )
-from regionik.planners.clearance.robot_bodies import Bodies, ContactTargets, bodies_from
-from regionik.planners.clearance.robot_motion import hops_led, tools_on
-from regionik.planners.geometry.distances import obstacles_from, solids_within
+from regionik.planners.collision.robot_bodies import Bodies, ContactTargets, bodies_from
+from regionik.planners.collision.robot_motion import count_on_line, tool_frames
 from regionik.postures.poses import LARGEST_BEND, Pose, arrays
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Cause
@@ -33,7 +31,7 @@ SPARE = 5e-4  # kept beyond what the rules want, so that what is planned can be 
 
 @dataclass(frozen=True, eq=False)
 class Guard:
-    """Solids of robot and world, and what the rules say about their touching.
+    """The robot among the solids of its world, judged by the world's rules.
 
     Attributes
     ----------
@@ -49,51 +47,49 @@ class Guard:
 
     @property
     def on(self) -> bool:
-        """Whether the rules want the arm led round things."""
+        """Whether the rules ask for the arm to avoid obstacles."""
         return self.world.rules.avoidance
 
     def touch(self, pose: Pose) -> Touch:
-        """What comes too near to the arm, of kind "none" where nothing does."""
-        if still_clear(self.bodies, pose.base, pose.joints, SPARE, self.contact):
+        """The nearest thing that comes too near to the arm, of kind "none" where nothing does."""
+        if state_clear(self.bodies, pose.base, pose.joints, SPARE, self.contact):
             return NOTHING
         return nearest(self.bodies, pose.base, pose.joints, contact=self.contact, within=SPARE)
 
     def room(self, touch: Touch) -> float:
         """Distance of a touch beyond what the rules want, infinite where nothing is too near [m]."""
-        return touch.distance - (self.bodies.clearance if touch.kind == "obstacle" else 0.0)
+        return room_of(self.bodies, touch)
 
     def clear(self, pose: Pose) -> bool:
         """Whether every link keeps clear."""
         return not self.on or self.touch(pose).kind == "none"
 
     def stop(self, poses: Sequence[Pose]) -> Touch | None:
-        """What keeps the motion through poses from being proven clear."""
+        """The first thing that keeps the motion through poses from being proven clear."""
         return self.proven(*arrays(poses))[1] if len(poses) > 1 else None
 
     def proven(self, bases: Array, joints: Array) -> tuple[int, Touch | None]:
-        """How many hops through states (n + 1, ...) are proven clear, and what stops the next one, if any."""
+        """How many motions between states (n + 1, ...) are proven clear, and what stops the next one."""
         if not self.on:
             return len(bases) - 1, None
-        return way_clear(self.bodies, bases, joints, SPARE, self.contact)
+        return path_clear(self.bodies, bases, joints, SPARE, self.contact)
 
     def led(self, bases: Array, joints: Array, line: Array, shares: Array, stray: float) -> int:
-        """How many hops jump nowhere and lead the tool along a line; see `moving.hops_led`."""
-        rolls, step = self.world.robot.drive.rolls, self.world.rules.step
-        arm, mount = self.bodies.arm, self.bodies.mount
-        return int(hops_led(arm, mount, bases, joints, rolls, line, shares, stray, LARGEST_BEND, step))
+        """How many motions jump nowhere and lead the tool along a line; see `count_on_line`."""
+        most = stray, LARGEST_BEND, float(self.world.rules.step)
+        return int(count_on_line(self.bodies.mobile, bases, joints, line, shares, most))
 
     def tools(self, bases: Array, joints: Array, shares: Array) -> Array:
-        """Tool frames at k shares of every hop through states (n + 1, ...), (n, k, 4, 4)."""
-        rolls = self.world.robot.drive.rolls
-        frames: Array = tools_on(self.bodies.arm, self.bodies.mount, bases, joints, rolls, shares)
+        """Tool frames at k times of every motion between states (n + 1, ...), (n, k, 4, 4)."""
+        frames: Array = tool_frames(self.bodies.mobile, bases, joints, shares)
         return frames
 
     def words(self, touch: Touch) -> str:
         """Which link comes how near to what, and how it might touch what the tool works on."""
-        said, rules = words(self.bodies, touch), self.world.rules
+        said, rules = describe(self.bodies, touch), self.world.rules
         if (
             touch.kind == "obstacle"
-            and self.bodies.movers.outermost[touch.solid]
+            and self.bodies.links.outermost[touch.solid]
             and touch.other in self.contact.owner
         ):
             said += f" (it may touch it {rules.deepest_contact:g} m deep, "
@@ -102,7 +98,7 @@ class Guard:
 
     def other(self, touch: Touch) -> str:
         """Name of what the link comes near to."""
-        return other(self.bodies, touch)
+        return name_of_other(self.bodies, touch)
 
     def cause(self, touch: Touch) -> Cause:
         """The touch as a cause of a failure; the margin is what is missing [m]."""

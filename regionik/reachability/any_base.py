@@ -12,16 +12,15 @@ from shapely.geometry import Point, Polygon
 from regionik.areas.ground import GUARD, Side, ground_of
 from regionik.areas.reachable import model_of, planar_reach, reach_model
 from regionik.areas.standing import room_for
-from regionik.planners.clearance.any_base import AnyBase, BaseFloor, ToolDemand, near_solids, search_cells
-from regionik.planners.clearance.arm_clearance import MOST_RINGS, Keep, Stance
-from regionik.planners.clearance.planar_capsules import NearObstacles, PlaneCapsules, plane_capsules
-from regionik.planners.clearance.planar_cells import ArmMount, cell_for
-from regionik.planners.clearance.posture_proof import solid_at_target
-from regionik.planners.clearance.proximity import exempt_of
-from regionik.planners.geometry.distances import obstacles_from
+from regionik.planners.avoidance.posture_proof import solid_at_target
+from regionik.planners.collision.distances import obstacles_from
+from regionik.planners.collision.robot_bodies import RobotScene
+from regionik.planners.collision.upright_solids import Uprights, inradii, uprights_from
 from regionik.planners.geometry.polygons import Index
-from regionik.planners.geometry.upright_bodies import Uprights, depths, uprights_from
+from regionik.planners.reach.any_base import AnyBase, BaseFloor, ToolDemand, near_solids, search_cells
 from regionik.planners.reach.floor_distances import FloorParts, parts_of
+from regionik.planners.reach.planar_capsules import NearObstacles, PlaneCapsules, plane_capsules
+from regionik.planners.reach.planar_cells import MOST_RINGS, ArmMount, Stance, cell_for
 from regionik.planners.reach.rings import FREE, boundary_circles
 from regionik.planners.search.box_search import Verdict
 from regionik.planners.solvers.planar_kinematics import intervals_at_height
@@ -88,7 +87,7 @@ def any_base_of(world: World, target: Target) -> AnyBase:
     arm, stance, capsules = prepared(world), stance_of(world), prepared(world).capsules
     return AnyBase(
         capsules, arm.mount, stance.sign, stance.offset, arm.floor, _around(world, target),
-        _demand(world, target), keep_of(world), cell_for(len(capsules.rank)),
+        _demand(world, target), scene_of(world), SPARE, cell_for(len(capsules.rank)),
         np.empty(3), writable(world.robot.carry), np.zeros(2, dtype=np.int64),
     )  # fmt: skip
 
@@ -123,7 +122,7 @@ def prepared(world: World) -> PreparedWorld:
         mount,
         _floor(world),
         solids,
-        depths(solids),
+        inradii(solids),
         np.array(obstacles.owner, dtype=np.int64)[whole],
         float(far + world.rules.tolerance),
     )
@@ -181,11 +180,10 @@ def boundary_of(world: World) -> Array:
 
 
 @lru_cache(maxsize=8)
-def keep_of(world: World) -> Keep:
-    """Solids that the arm keeps off."""
-    guard, bodies = guard_of(world), guard_of(world).bodies
-    exempt = exempt_of(bodies, guard.contact)
-    return Keep(bodies.arm, writable(bodies.mount), bodies.movers, bodies.hulls, SPARE, guard.on, exempt)
+def scene_of(world: World) -> RobotScene:
+    """Return the robot among the solids that it keeps away from."""
+    guard = guard_of(world)
+    return guard.bodies.scene(guard.contact)
 
 
 @lru_cache(maxsize=256)

@@ -17,7 +17,7 @@ from regionik.executors import Pool, map_unordered
 from regionik.explain.constraints import no_way_to, places_open, spot
 from regionik.explain.failures import no_place
 from regionik.mfabrik import solver_for
-from regionik.planners.clearance.posture_proof import solid_at_target
+from regionik.planners.avoidance.posture_proof import solid_at_target
 from regionik.planners.search.box_search import Verdict
 from regionik.postures.poses import Pose, axis_of, pose_of
 from regionik.reachability.any_base import can_search, search_any_base

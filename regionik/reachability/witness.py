@@ -12,8 +12,8 @@ from regionik.areas.reachable import model_of, reach_model
 from regionik.areas.standing import LEAST_AREA, anywhere, into_span, room_for, span_of_rules
 from regionik.mfabrik import Solver, solver_for
 from regionik.moving.configuration_sampling import spread
-from regionik.planners.clearance.clear_posture import clear_posture
-from regionik.planners.clearance.proximity import Touch
+from regionik.planners.avoidance.clear_posture import clear_posture
+from regionik.planners.collision.proximity import Touch
 from regionik.planners.driving.footprint_scene import fits
 from regionik.postures.arm import goal_error
 from regionik.postures.arm_guard import SPARE, Guard, contact_for, guard_of

@@ -13,8 +13,8 @@ from functools import cached_property
 import numpy as np
 import shapely
 
-from regionik.planners.geometry.convex_bodies import Piece, Separation
-from regionik.planners.geometry.distances import Obstacles, hull_separation, obstacles_from
+from regionik.planners.collision.convex_bodies import Piece, Separation
+from regionik.planners.collision.distances import Obstacles, hull_separation, obstacles_from
 from regionik.values import Violation
 from regionik.verification.contact import SIGNS, TOUCH, Contact, Moved, contact_of, depth_of, touches
 from regionik.verification.findings import Finding, Words, finding

@@ -12,9 +12,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import cKDTree
 
-from regionik.planners.geometry.convex_bodies import NONE, Piece
-from regionik.planners.geometry.distances import Obstacles, box_gaps
-from regionik.planners.geometry.hulls import hull_gap
+from regionik.planners.collision.convex_bodies import NONE, Piece
+from regionik.planners.collision.distances import Obstacles, box_distances
+from regionik.planners.collision.gjk import hull_distance
 from regionik.verification.motion import Indices, Mask
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import World
@@ -70,7 +70,7 @@ def contact_of(world: World, obstacles: Obstacles) -> Contact:
     rules, reach = world.rules, world.rules.tool_contact
     for target in world.task:
         spot = target.position[None, None]
-        near = np.unique(obstacles.owner[box_gaps(obstacles, spot, spot)[0] <= reach])
+        near = np.unique(obstacles.owner[box_distances(obstacles, spot, spot)[0] <= reach])
         distances = [(obstacles.solids[k].distance(target.position), int(k)) for k in near.tolist()]
         if distances and reach > 0 and min(distances)[0] <= reach:
             owners.setdefault(min(distances)[1], []).append(target.position)
@@ -140,7 +140,7 @@ def _behind(contact: Contact, moved: Moved, cores: Array, piece: Piece) -> bool:
     """Whether a plane shows that a solid touches the hull of a piece as it may; ``cores`` is what is left."""
     normal = np.zeros(3)
     apart = (
-        hull_gap(cores[1], np.ascontiguousarray(piece.corners), piece.disc, normal, np.empty(3))[0]
+        hull_distance(cores[1], np.ascontiguousarray(piece.corners), piece.disc, normal, np.empty(3))[0]
         > piece.ball
     )
     normals = [normal] if apart else []

@@ -11,8 +11,8 @@ import shapely
 from shapely.geometry import MultiPolygon, Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from regionik.planners.clearance.proximity import nearest
-from regionik.planners.clearance.robot_bodies import Bodies, ContactTargets, bodies_from
+from regionik.planners.collision.proximity import nearest
+from regionik.planners.collision.robot_bodies import Bodies, ContactTargets, bodies_from
 from regionik.postures.arm_guard import guard_of
 from regionik.timing.limits import tool_velocity
 from regionik.timing.sampling import is_timed

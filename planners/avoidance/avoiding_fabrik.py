@@ -1,0 +1,209 @@
+"""FABRIK with obstacle avoidance: two steps for every link that a pass lays into an obstacle.
+
+The link is first aligned with its joint and the root (forward reaching) or the target (backward reaching). If
+it still meets an obstacle it is rotated at random about its joint, and of the rotations that free it the
+smallest is kept. Source: Tao et al. (2021), section 4; steps are numbered as in its procedure. The passes
+here are those of FABRIK-R on rigid bodies, so that the arm may have any joints, in the plane or in space.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from regionik.planners.geometry.angles import wrap
+from regionik.planners.solvers.fabrikr import (
+    Posture,
+    backward_choice,
+    backward_place,
+    forward_choice,
+    forward_place,
+    forward_start,
+    held,
+    place_behind,
+    posture_of,
+)
+from regionik.planners.solvers.rigid_bodies import RigidBodies, pointing_bodies
+from regionik.planners.solvers.serial_chain import rotate_about
+from regionik.worlds.arrays import Array
+from regionik.worlds.chain import Chain
+
+MOST_ITERATIONS = 100  # as in the paper
+ROTATIONS = 10  # random rotations tried for one link, as in the paper
+ROUNDING = 1e-9  # [rad]
+
+LinkClear = Callable[[int, Array], bool]
+
+
+@dataclass(frozen=True, eq=False)
+class AvoidanceResult:
+    """Outcome of FABRIK with obstacle avoidance.
+
+    Attributes
+    ----------
+    joints : (dof,) array
+    error : float
+        Distance of the tool from the target [m].
+    iterations : int
+        Passes, each forward and backward.
+    converged : bool
+        The tool is on the target and every link was clear in the last backward pass.
+    """
+
+    joints: Array
+    error: float
+    iterations: int
+    converged: bool
+
+
+def avoid_obstacles(
+    chain: Chain,
+    target: Array,
+    joints: Array,
+    clear: LinkClear,
+    *,
+    tolerance: float,
+    seed: int,
+    most: int = MOST_ITERATIONS,
+    rotations: int = ROTATIONS,
+) -> AvoidanceResult:
+    """Bring the tool to a target with every link clear.
+
+    Parameters
+    ----------
+    chain : Chain
+    target : (3,) array
+        In the arm's base frame [m].
+    joints : (dof,) array
+        Posture to start from, whether clear or not.
+    clear : callable
+        Whether link k may be at a pose (4, 4) in the arm's base frame.
+    tolerance : float
+        [m]
+    seed : int
+        Of the random rotations: same input, same answer.
+    most, rotations : int
+        Iterations, and random rotations tried for one link.
+    """
+    rng = np.random.default_rng(seed)
+    passes = _AvoidingPasses(chain, target, joints, clear, lambda: rng.uniform(-np.pi, np.pi, rotations))
+    error = np.inf
+    for iteration in range(1, most + 1):
+        passes.reach_forward()  # step 3
+        clear_links = passes.reach_backward()  # step 4
+        error = float(np.linalg.norm(passes.posture.outer[-1] - target))
+        if error < tolerance and clear_links:  # step 5
+            return AvoidanceResult(passes.joints, error, iteration, True)
+    return AvoidanceResult(passes.joints, error, most, False)
+
+
+class _AvoidingPasses:
+    """Forward and backward reaching of one arm, its links checked and rotated by angles that are drawn."""
+
+    def __init__(
+        self, chain: Chain, target: Array, joints: Array, clear: LinkClear, draw: Callable[[], Array]
+    ) -> None:
+        self.bodies: RigidBodies = pointing_bodies(chain)
+        self.posture: Posture = posture_of(self.bodies, np.asarray(joints, dtype=np.float64))
+        self.target = np.asarray(target, dtype=np.float64)
+        self.count = len(self.bodies.slide)
+        self.rest = np.array(joints[self.count :], dtype=np.float64)
+        self.link_clear, self.draw = clear, draw
+        frames = chain.frames(self.joints)
+        # Origin of each link seen from the far end of its body; links beyond the last body ride on it.
+        ends = self.posture.inner[1:]
+        self.origin = [self.posture.turns[k].T @ (frames[k, :3, 3] - ends[k]) for k in range(self.count)]
+        last = np.linalg.inv(frames[self.count - 1])
+        self.riders = [(k, last @ frames[k]) for k in range(self.count, chain.dof)]
+
+    @property
+    def joints(self) -> Array:
+        return np.concatenate([self.posture.joints, self.rest])
+
+    def reach_forward(self) -> None:
+        """Step 3: from the target to the root."""
+        last = self.count - 1
+        forward_start(self.bodies, self.target, self.posture)
+        if not self._clear(last):
+            upright = self.posture.turns[last].copy()
+            self._avoid(last, self._alignment(last, forward=True), lambda angle: self._roll(upright, angle))
+        for k in range(last, 0, -1):
+            value = forward_choice(self.bodies, k, self.posture)
+            forward_place(self.bodies, k, value, self.posture)
+            if not self._clear(k - 1):
+                # The body behind a joint turns against it.
+                angle = -self._alignment(k - 1, forward=True)
+                self._avoid(k - 1, angle, self._rotation(k, value, forward_place))
+
+    def reach_backward(self) -> bool:
+        """Step 4: from the root to the tool; whether every link ended up clear."""
+        clear = True
+        for k in range(self.count):
+            value = backward_choice(self.bodies, k, self.posture)
+            backward_place(self.bodies, k, value, self.posture)
+            if not self._clear(k):
+                angle = self._alignment(k, forward=False)
+                clear &= self._avoid(k, angle, self._rotation(k, value, backward_place))
+        return clear
+
+    def _avoid(self, body: int, alignment: float, rotate: Callable[[float], bool]) -> bool:
+        """Steps 3.3-3.5, 4.3-4.5: align; else the smallest drawn rotation that frees; else stay aligned."""
+        aligned = rotate(alignment)
+        if aligned and self._clear(body):
+            return True
+        start = alignment if aligned else 0.0
+        drawn = self.draw()
+        for angle in drawn[np.argsort(np.abs(drawn), kind="stable")].tolist():
+            if rotate(start + angle) and self._clear(body):
+                return True
+        rotate(start)
+        return False
+
+    def _rotation(self, k: int, value: float, place: Callable[..., None]) -> Callable[[float], bool]:
+        """Make a function that moves joint k off a value by an angle, where its limits allow that."""
+        arm, now = self.bodies.arm, float(value)
+
+        def rotate(angle: float) -> bool:
+            wanted = now + angle
+            if not arm.revolute[k]:  # a slide goes over its travel, as far as it has ends
+                travel = float(arm.upper[k] - arm.lower[k])
+                wanted = now + angle / np.pi * (travel if np.isfinite(travel) else 0.0)
+            value = held(wanted, now, arm.lower[k], arm.upper[k]) if arm.revolute[k] else wanted
+            if abs(wrap(value - wanted)) > ROUNDING or not arm.lower[k] <= value <= arm.upper[k]:
+                return False
+            place(self.bodies, k, value, self.posture)
+            return True
+
+        return rotate
+
+    def _roll(self, upright: Array, angle: float) -> bool:
+        """Rotate the last body about its own axis through the target."""
+        last, spin = self.count - 1, np.empty((3, 3))
+        rotate_about(upright @ self.bodies.arm.axis[self.bodies.last], angle, spin)
+        self.posture.turns[last][:] = spin @ upright
+        place_behind(self.bodies, last, self.posture)
+        return True
+
+    def _alignment(self, body: int, *, forward: bool) -> float:
+        """Angle about its joint that aligns a body with the joint and the root, or the target."""
+        posture, arm = self.posture, self.bodies.arm
+        joint = min(body + 1, self.count - 1) if forward else body
+        if not arm.revolute[joint]:
+            return 0.0
+        axis = posture.turns[joint] @ arm.axis[joint]
+        ends = posture.inner if forward else posture.outer
+        pivot, end = (ends[body + 1], ends[body]) if forward else (ends[body], ends[body + 1])
+        link, line = end - pivot, (self.bodies.root if forward else self.target) - pivot
+        link, line = link - (link @ axis) * axis, line - (line @ axis) * axis
+        return float(np.arctan2(axis @ np.cross(link, line), link @ line))
+
+    def _clear(self, body: int) -> bool:
+        """Whether a body, and what rides on it, is clear where it is."""
+        T = np.eye(4)
+        T[:3, :3] = self.posture.turns[body]
+        T[:3, 3] = self.posture.inner[body + 1] + T[:3, :3] @ self.origin[body]
+        if not self.link_clear(body, T):
+            return False
+        return body < self.count - 1 or all(self.link_clear(k, T @ ride) for k, ride in self.riders)

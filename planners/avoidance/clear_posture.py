@@ -1,0 +1,358 @@
+"""Postures of an arm on a fixed base that reach a target and touch nothing, or proofs that there is none.
+
+First FABRIK-R from where the arm is; then FABRIK with obstacle avoidance; then a search: postures drawn at
+random, and branch and bound over all postures where that can come to an end. Every answer is confirmed by the
+chain's own forward kinematics and by `proximity.nearest`.
+
+>>> import numpy as np
+>>> from regionik.planners.collision.robot_bodies import bodies_from
+>>> from regionik.worlds.bundled import robot_named
+>>> from regionik.worlds.obstacles import Sphere
+>>> robot = robot_named("youbot")
+>>> bodies = bodies_from(robot, [Sphere("ball", 0.1, np.array([0.3, 0.0, 0.45]))])
+>>> clear_posture(bodies, [0, 0, 0], [0.45, 0.0, 0.3], robot.carry).verdict.name
+'PROVEN'
+>>> clear_posture(bodies, [0, 0, 0], [0.3, 0.0, 0.45], robot.carry).verdict.name
+'RULED_OUT'
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from regionik.planners.avoidance.avoiding_fabrik import avoid_obstacles
+from regionik.planners.avoidance.posture_proof import (
+    MOST_REDUNDANT,
+    PostureTask,
+    is_bounded,
+    redundant_joints,
+    search_postures,
+    solid_at_target,
+)
+from regionik.planners.collision.link_clearance import links_clear
+from regionik.planners.collision.proximity import Touch, describe, nearest, room_of
+from regionik.planners.collision.robot_bodies import Bodies, ContactTargets
+from regionik.planners.search.box_search import Verdict
+from regionik.planners.search.fixed_base import WORDS
+from regionik.planners.solvers.damped_least_squares import POSITION, Aim, polish
+from regionik.planners.solvers.inverse_kinematics import ArmSolver, Goal
+from regionik.planners.solvers.mfabrik_serial import in_arm_frame
+from regionik.planners.solvers.multistart_ik import Effort, solve_ik, spread_postures
+from regionik.planners.solvers.rigid_bodies import posing_bodies
+from regionik.worlds.arrays import Array, frozen
+from regionik.worlds.chain import Chain
+from regionik.worlds.errors import InputError
+
+SAMPLES = 300  # postures drawn at random for a target
+POSE_SAMPLES = 60  # postures tried for a pose, every other one drawn at random
+FEW_BOXES = 500  # boxes of joint values after which a proof is no longer to be had cheaply
+MOST_BOXES = 200_000
+STEPS = 60  # of damped least squares that take a posture back to the target
+LARGEST_CHANGE = 1.0  # of a joint when the best posture so far is varied [rad] or [m]
+
+
+@dataclass(frozen=True, eq=False)
+class ClearPosture:
+    """Outcome of the search for a clear posture.
+
+    Attributes
+    ----------
+    verdict : Verdict
+        PROVEN by a posture; RULED_OUT by a proof that there is none; or OPEN, within the effort made.
+    joints : (dof,) array or None
+        The posture, within limits [rad] or [m].
+    error : float
+        What the tool misses; infinite where no posture on the target was met [m].
+    iterations : int
+        Passes, each forward and backward, of all stages together.
+    steps : tuple of str
+        What was used, in order: "passes", "avoidance", "search".
+    distance : float
+        Least distance of the posture from anything, or of the one met that came nearest to being clear; from
+        obstacles, what is left beyond the bodies' clearance. Infinite where nothing is near, -inf where no
+        posture on the target was met [m].
+    touch : Touch or None
+        Where that distance is; None where no posture on the target was met.
+    note : str
+        The evidence in one line.
+    """
+
+    verdict: Verdict
+    joints: Array | None
+    error: float
+    iterations: int
+    steps: tuple[str, ...]
+    distance: float
+    touch: Touch | None
+    note: str
+
+
+def clear_posture(
+    bodies: Bodies,
+    base: ArrayLike,
+    target: ArrayLike,
+    joints: ArrayLike,
+    *,
+    contact: ContactTargets | None = None,
+    tolerance: float = 1e-3,
+    margin: float = 0.0,
+    seed: int = 0,
+    attempts: int = 3,
+    most_boxes: int = MOST_BOXES,
+) -> ClearPosture:
+    """Find a posture that brings the tool to a target with every solid clear, or prove that there is none.
+
+    Parameters
+    ----------
+    bodies : Bodies
+        Robot and obstacles.
+    base : (3,) array_like
+        x, y [m], yaw [rad]; it stands still.
+    target : (3,) array_like
+        In the world [m].
+    joints : (dof,) array_like
+        Posture to start from, clear or not.
+    contact : ContactTargets, optional
+        What may be touched.
+    tolerance : float
+        How far from the target the tool may be [m].
+    margin : float
+        Of the robot's solids from each other, from its own base, and from obstacles beyond the bodies'
+        clearance [m].
+    seed : int
+        Same question and seed, same answer to the last bit.
+    attempts : int
+        Of going round things, each with other random turns.
+    most_boxes : int
+        Budget of the exhaustive search.
+
+    Returns
+    -------
+    ClearPosture
+
+    Raises
+    ------
+    InputError
+        When a number is out of its range.
+    """
+    place, goal = frozen(base, (3,), "base"), frozen(target, (3,), "target")
+    search = _Search(PostureTask(bodies, place, goal, contact, tolerance, margin), joints, seed)
+    _at_least_one("attempts", attempts)
+    _at_least_one("most_boxes", most_boxes)
+    return (
+        search.by_passes()
+        or search.by_proof(min(FEW_BOXES, most_boxes))
+        or search.by_avoidance(attempts)
+        or search.by_sampling()
+        or search.by_branch_and_bound(most_boxes)
+    )
+
+
+def quick_clear_posture(
+    bodies: Bodies,
+    base: ArrayLike,
+    target: ArrayLike,
+    joints: ArrayLike,
+    *,
+    contact: ContactTargets | None = None,
+    tolerance: float = 1e-3,
+    margin: float = 0.0,
+    seed: int = 0,
+    attempts: int = 1,
+) -> ClearPosture:
+    """The passes of `clear_posture` alone, without the search: found or undecided, and soon."""
+    place, goal = frozen(base, (3,), "base"), frozen(target, (3,), "target")
+    search = _Search(PostureTask(bodies, place, goal, contact, tolerance, margin), joints, seed)
+    _at_least_one("attempts", attempts)
+    found = search.by_passes() or search.by_avoidance(attempts)
+    return found or search.answer(Verdict.OPEN, "no search was made")
+
+
+def clear_posture_at_pose(
+    bodies: Bodies,
+    base: Array,
+    aim: Aim,
+    joints: Array,
+    effort: Effort,
+    *,
+    contact: ContactTargets | None = None,
+    margin: float = 0.0,
+    seed: int = 0,
+) -> tuple[Array, float] | None:
+    """Search for a clear posture on a pose, from random ones and near the best so far; nothing is proven.
+
+    Parameters
+    ----------
+    bodies : Bodies
+        Robot and obstacles.
+    base : (3,) array
+        x, y [m], yaw [rad]; it stands still.
+    aim : Aim
+        In the world.
+    joints : (dof,) array
+        Posture to start from, clear or not.
+    effort : Effort
+        Tolerances and the arm's length.
+    contact : ContactTargets, optional
+        What may be touched.
+    margin : float
+        Kept beyond the bodies' clearance [m].
+    seed : int
+
+    Returns
+    -------
+    Joints and what the tool misses [m]; None where no posture that was met is clear.
+    """
+    chain, T = bodies.robot.chain, bodies.robot.T_world_arm(base)
+    arm, rng = posing_bodies(chain).arm, np.random.default_rng([seed, 2])
+    here = in_arm_frame(T[:2, 3], float(np.arctan2(T[1, 0], T[0, 0])), float(T[2, 3]), aim)
+    best, most = np.clip(joints, chain.lower, chain.upper), -np.inf
+    for k, fresh in enumerate(spread_postures(chain, effort.reach, POSE_SAMPLES, seed)):
+        q = _varied(chain, best, rng) if k % 2 == 0 else fresh
+        error, angle, _ = polish(arm, here, q, effort.reach, effort.tolerance, effort.angle_tolerance, STEPS)
+        if error > effort.tolerance or angle > effort.angle_tolerance:
+            continue
+        room = room_of(bodies, nearest(bodies, base, q, contact=contact))
+        if room >= margin:
+            return q, float(error)
+        if room > most:
+            best, most = q, room
+    return None
+
+
+class _Search:
+    """The search for one task, stage by stage, and the best posture met so far."""
+
+    def __init__(self, task: PostureTask, joints: ArrayLike, seed: int) -> None:
+        self.task, self.bodies, self.chain = task, task.bodies, task.bodies.robot.chain
+        if seed < 0:
+            raise InputError(f"seed: expected 0 or more, got {seed}")
+        self.seed, start = seed, frozen(joints, (self.chain.dof,), "joints")
+        self.start = np.clip(start, self.chain.lower, self.chain.upper)
+        T = task.bodies.robot.T_world_arm(task.base)
+        self.goal: Array = T[:3, :3].T @ (task.target - T[:3, 3])
+        self.solver = _solver(self.chain, task.tolerance)
+        self.steps: list[str] = []
+        self.iterations, self.met = 0, 0
+        self.best: tuple[Array, float, Touch] | None = None
+
+    def by_passes(self) -> ClearPosture | None:
+        """FABRIK-R from the start, obstacles left aside."""
+        self.steps.append("passes")
+        found = self.solver(Goal(self.goal), self.start)
+        self.iterations += found.iterations
+        return self._found() if self._offer(found.joints) else None
+
+    def by_proof(self, most: int) -> ClearPosture | None:
+        """A proof that is at hand, or a short search for one; postures that it finds are left aside."""
+        task = self.task
+        name = solid_at_target(self.bodies, task.target, task.tolerance, task.margin, task.contact)
+        if name:
+            return self.answer(
+                Verdict.RULED_OUT, f"at the target the end of the last link is in {name}, or too near to it"
+            )
+        if not is_bounded(self.chain):
+            return None
+        result = search_postures(task, lambda q: False, most)
+        if result.verdict != Verdict.RULED_OUT:
+            return None
+        self.steps.append("search")
+        return self.answer(Verdict.RULED_OUT, result.note)
+
+    def by_avoidance(self, attempts: int) -> ClearPosture | None:
+        """FABRIK with obstacle avoidance, with other random rotations each time."""
+        self.steps.append("avoidance")
+        task = self.task
+        clear = links_clear(self.bodies, task.base, task.target, task.margin, task.contact)
+        for attempt in range(attempts):
+            seed = int(np.random.SeedSequence([self.seed, attempt]).generate_state(1)[0])
+            found = avoid_obstacles(
+                self.chain, self.goal, self.start, clear, tolerance=task.tolerance, seed=seed
+            )
+            self.iterations += found.iterations
+            if found.converged and self._offer(found.joints):
+                return self._found()
+        return None
+
+    def by_sampling(self) -> ClearPosture | None:
+        """Postures on the target from random starts, every other one near the best so far."""
+        self.steps.append("search")
+        solver, rng = self.solver, np.random.default_rng([self.seed, 1])
+        n, effort = len(solver.pointing.slide), solver.effort
+        aim, none = Aim(self.goal, POSITION, np.eye(3)), np.empty((0, n))
+        for k, fresh in enumerate(spread_postures(self.chain, effort.reach, SAMPLES, self.seed)):
+            q = fresh
+            if self.best is None or k % 2 == 0:
+                self.iterations += solve_ik(solver.pointing, aim, none, effort, q)[2]
+            else:
+                q = _varied(self.chain, self.best[0], rng)
+                near = q[:n].copy()
+                polish(solver.pointing.arm, aim, near, effort.reach, self.task.tolerance, 1.0, STEPS)
+                q[:n] = near
+            if self._offer(q):
+                return self._found()
+        return None
+
+    def by_branch_and_bound(self, most: int) -> ClearPosture:
+        """All postures, where the arm is not too mobile for that."""
+        if not is_bounded(self.chain):
+            return self.answer(Verdict.OPEN, "a sliding joint without limits cannot be searched through")
+        spare = redundant_joints(self.chain, self.bodies.robot.solids)
+        if spare > MOST_REDUNDANT:
+            return self.answer(Verdict.OPEN, f"{spare} spare joints are too many to search through")
+        result = search_postures(self.task, self._offer, most)
+        return self._found() if result.verdict == Verdict.PROVEN else self.answer(result.verdict, result.note)
+
+    def answer(self, verdict: Verdict, why: str) -> ClearPosture:
+        """Return no posture, and why."""
+        _, error, touch = self.best or (None, np.inf, None)
+        seen = "no posture on the target was met"
+        if touch is not None:
+            seen = f"in the best of {self.met} postures on the target, {describe(self.bodies, touch)}"
+        word = WORDS[verdict]
+        note = f"{word}: {why.removeprefix(f'{word}: ')}; {seen}"
+        room = -np.inf if touch is None else room_of(self.bodies, touch)
+        return ClearPosture(verdict, None, error, self.iterations, tuple(self.steps), room, touch, note)
+
+    def _found(self) -> ClearPosture:
+        assert self.best is not None
+        joints, error, touch = self.best
+        joints.flags.writeable = False
+        note = f"found by {self.steps[-1]}: {describe(self.bodies, touch)}"
+        room, steps = room_of(self.bodies, touch), tuple(self.steps)
+        return ClearPosture(Verdict.PROVEN, joints, error, self.iterations, steps, room, touch, note)
+
+    def _offer(self, joints: Array) -> bool:
+        """Tell whether a posture is an answer: within limits, on the target, and clear."""
+        within = (joints >= self.chain.lower).all() and (joints <= self.chain.upper).all()
+        error = float(np.linalg.norm(self.chain.forward(joints)[:3, 3] - self.goal))
+        if not within or error > self.task.tolerance:
+            return False
+        touch = nearest(self.bodies, self.task.base, joints, contact=self.task.contact)
+        room = room_of(self.bodies, touch)
+        self.met += 1
+        if self.best is None or room > room_of(self.bodies, self.best[2]):
+            self.best = np.array(joints), error, touch
+        return room >= self.task.margin
+
+
+def _varied(chain: Chain, joints: Array, rng: np.random.Generator) -> Array:
+    """A posture near another one: all joints changed by normal amounts of a random size."""
+    change = LARGEST_CHANGE * 10.0 ** rng.uniform(-3, 0) * rng.normal(size=chain.dof)
+    varied: Array = np.clip(joints + change, chain.lower, chain.upper)
+    return varied
+
+
+@lru_cache(maxsize=32)
+def _solver(chain: Chain, tolerance: float) -> ArmSolver:
+    """Kept for the last few arms, as one arm is asked about many targets."""
+    return ArmSolver(chain, tolerance)
+
+
+def _at_least_one(name: str, value: int) -> None:
+    if value < 1:
+        raise InputError(f"{name}: expected 1 or more, got {value}")

@@ -1,0 +1,194 @@
+"""Contacts of the tool with what it works on, proven over a part of a motion, compiled.
+
+A plane is laid behind which the touched hull lies. The link's core, what is left of it when the depth of a
+contact is taken off, stays beyond it; so does all of the link that is not within reach of the tool.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from regionik.planners.collision.gjk import hull_distance
+from regionik.planners.collision.robot_bodies import AllowedContact, RobotScene
+from regionik.planners.collision.robot_motion import (
+    WORLD,
+    MotionSegment,
+    link_twist,
+    speed_bounds,
+    tool_speed,
+    transform_points,
+)
+from regionik.planners.geometry.polygons import compiled
+from regionik.worlds.arrays import Array
+
+SHORTEST = 1e-5  # part of a motion; shorter steps mean that the gap is used up
+ROUNDING = 1e-9  # [m]
+SLACK = 3e-4  # of contacts, so that they can be proven by other code [m]
+BALLS = 16  # that cover a capsule
+
+
+@compiled
+def time_to_plane(points: Array, n: Array, free: float, V: Array, W: Array, acceleration: float) -> float:
+    """Lower bound of the time in which a rigid body can cross a plane.
+
+    A corner at height h above the plane with speed v = n . (V + W x p) is above it while
+    h + v t - a t^2 / 2 > 0, a the most that it accelerates: until t = 2 h / (sqrt(v^2 + 2 a h) - v).
+
+    Parameters
+    ----------
+    points : (k, 3) array
+        Corners [m].
+    n : (3,) array
+        Unit normal of the plane, towards the corners.
+    free : float
+        Height of the lowest corner [m].
+    V, W : (3,) array
+        Twist of the body.
+    acceleration : float
+        Upper bound for all corners [m].
+    """
+    low = np.inf
+    for p in points:
+        low = min(low, n[0] * p[0] + n[1] * p[1] + n[2] * p[2])
+    base = n[0] * V[0] + n[1] * V[1] + n[2] * V[2]
+    x, y, z = W[1] * n[2] - W[2] * n[1], W[2] * n[0] - W[0] * n[2], W[0] * n[1] - W[1] * n[0]
+    time = np.inf
+    for p in points:
+        height = free + n[0] * p[0] + n[1] * p[1] + n[2] * p[2] - low
+        speed = base - (x * p[0] + y * p[1] + z * p[2])  # n . (W x p) = -(W x n) . p
+        root = math.sqrt(speed * speed + 2 * acceleration * height)
+        if acceleration > 0.0 and speed > 0.0:
+            time = min(time, (speed + root) / acceleration)
+        elif root > speed:
+            time = min(time, 2 * height / (root - speed))
+    return time
+
+
+@compiled
+def range_left(contact: AllowedContact, owner: int, tool: Array) -> float:
+    """How far the tool is within the reach of a spot of an owner; negative beyond it [m]."""
+    best = np.inf
+    for k in range(len(contact.owner)):
+        if contact.owner[k] == owner:
+            x, y, z = contact.spots[k]
+            x, y, z = tool[0] - x, tool[1] - y, tool[2] - z
+            best = min(best, x * x + y * y + z * z)
+    return contact.reach - math.sqrt(best)
+
+
+@compiled
+def farthest_below(points: Array, radius: float, n: Array, height: float, tool: Array) -> float:
+    """Upper bound of the distance from the tool of what lies below a height of a capsule, or of a box [m].
+
+    Parameters
+    ----------
+    points : (2, 3) or (8, 3) array
+        Ends of the capsule's axis, or corners of the box [m].
+    radius : float
+        [m]
+    n : (3,) array
+        Unit vector upwards.
+    height : float
+        [m]
+    tool : (3,) array
+        [m]
+    """
+    far = 0.0
+    if len(points) == 2:  # balls cover it, each as large as their distance asks
+        way = (points[1] - points[0]) / BALLS
+        r = radius + 0.5 * math.sqrt(way[0] ** 2 + way[1] ** 2 + way[2] ** 2)
+        for i in range(BALLS + 1):
+            far = max(far, _farthest_of_ball(points[0] + i * way, r, n, height, tool))
+        return far
+    for i in range(len(points)):
+        a = n[0] * points[i, 0] + n[1] * points[i, 1] + n[2] * points[i, 2] - height
+        if a <= 0.0:
+            far = max(far, _length(points[i] - tool))
+        for j in range(i):
+            b = n[0] * points[j, 0] + n[1] * points[j, 1] + n[2] * points[j, 2] - height
+            if a * b < 0.0:
+                far = max(far, _length(points[i] + a / (a - b) * (points[j] - points[i]) - tool))
+    return far
+
+
+@compiled
+def _length(v: Array) -> float:
+    return math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
+
+
+@compiled
+def _farthest_of_ball(center: Array, r: float, n: Array, height: float, tool: Array) -> float:
+    """Distance from the tool of the farthest point of a ball below a height along n, 0 where none is."""
+    w = center - tool
+    up, size = n[0] * w[0] + n[1] * w[1] + n[2] * w[2], _length(w)
+    room = height - (n[0] * center[0] + n[1] * center[1] + n[2] * center[2])
+    if room < -r:
+        return 0.0
+    if room >= r or up * r <= room * size:
+        return size + r
+    return math.hypot(up + room, math.sqrt(max(0.0, size * size - up * up)) + math.sqrt(r * r - room * room))
+
+
+@compiled
+def _triangle_distance(A: Array, B: Array, n: Array) -> float:
+    """Distance of a hull from the plane of a triangle, 0 if cut; writes the normal on its side to n."""
+    n[:] = np.cross(B[1] - B[0], B[2] - B[0])
+    n /= max(_length(n), 1e-300)
+    low, high = np.inf, -np.inf
+    for p in A:
+        along = n[0] * (p[0] - B[0, 0]) + n[1] * (p[1] - B[0, 1]) + n[2] * (p[2] - B[0, 2])
+        low, high = min(low, along), max(high, along)
+    if low + high < 0.0:
+        n *= -1.0
+        low = -high
+    return max(0.0, low)
+
+
+@compiled
+def contact_time(
+    scene: RobotScene, motion: MotionSegment, k: int, m: int, s: float, frames: Array, most: float
+) -> float:
+    """Time from s on, up to ``most``, over which solid k touches hull m as it may: proven; 0 where not.
+
+    Its core stays beyond a plane that the hull lies behind, and of the solid no more than the depth lies
+    behind it; what comes within the clearance of that plane lies within reach of the tool.
+    """
+    robot, links, hulls, contact = scene
+    a, b, link = links.first[k], links.first[k + 1], links.link[k]
+    A, B = links.corners[a:b], hulls.corners[hulls.first[m] : hulls.first[m + 1]]
+    core, placed = np.empty_like(A), np.empty_like(A)
+    transform_points(frames[link], links.core[a:b], core)
+    transform_points(frames[link], A, placed)
+    n, spot = np.zeros(3), np.empty(3)
+    ball = hulls.ball[m] - contact.clearance
+    gap = _triangle_distance(core, B, n) if len(B) == 3 else 0.0
+    if gap <= links.core_radius[k] + ball:
+        n[:] = 0.0
+        gap = hull_distance(core, B, hulls.disc[m], n, spot)[0]
+    free = gap - links.core_radius[k] - ball - ROUNDING
+    least, height = np.inf, np.inf
+    for i in range(len(A)):
+        least = min(least, n[0] * placed[i, 0] + n[1] * placed[i, 1] + n[2] * placed[i, 2])
+        height = min(height, n[0] * core[i, 0] + n[1] * core[i, 1] + n[2] * core[i, 2] + ball - gap)
+    sunk = least - height - links.radius[k] + contact.depth
+    if free < 0.0 or sunk < 0.0:
+        return 0.0
+    height += contact.clearance + SLACK
+    speed, acceleration = speed_bounds(robot, motion, link, WORLD, A)
+    drift = speed + tool_speed(robot, motion, WORLD)
+    step = most
+    if speed > 0.0:
+        V, W = link_twist(robot, motion, frames, s, link, WORLD)
+        step = min(step, time_to_plane(core, n, free, V, W, acceleration))
+        step = min(step, time_to_plane(placed, n, sunk, V, W, acceleration))
+    reach = contact.reach - SLACK
+    while step >= SHORTEST or step == most:
+        far = farthest_below(placed, links.radius[k], n, height + step * speed, frames[-2, :3, 3])
+        if far <= reach - step * drift:
+            return step
+        if step < SHORTEST:
+            break
+        step *= 0.5
+    return 0.0

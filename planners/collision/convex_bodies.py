@@ -1,0 +1,192 @@
+"""Solids as convex pieces: how they are made, and their distances that have a closed form."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from regionik.planners.collision.gjk import hull_distance
+from regionik.planners.collision.meshes import BOX, TriangleTree, surface, triangle_tree
+from regionik.planners.geometry.convex_decomposition import convex_pieces
+from regionik.worlds.arrays import Array
+from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Solid, Sphere
+from regionik.worlds.robot import LinkCapsule, LinkSolid
+
+TOUCH = 1e-9  # [m]
+UP = np.array([0.0, 0.0, 1.0])
+NONE = np.zeros((0, 3))
+HALVINGS = 44  # of a segment of some metres: far below a nanometre
+THICKEST = 0.999  # of half a box's least side: radius of the capsule inside it, which keeps some length
+FAN = np.linspace(0.0, 2 * np.pi, 64, endpoint=False)  # directions out of a cylinder [rad]
+
+
+class Separation(NamedTuple):
+    """Signed distance of a link's axis or box from a piece, with its direction and witness point."""
+
+    distance: float  # [m], minus the penetration depth along ``normal`` where they overlap
+    normal: Array  # (3,) unit vector from the piece to the hull
+    on_axis: Array  # (3,) nearest point of the hull [m]
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """A convex part of a solid, or the surface of a mesh.
+
+    All points within ``disc`` (level) and ``ball`` (any way) of the hull of ``corners``. Where there is a
+    disc or a ball, there are one or two corners.
+    """
+
+    corners: Array  # (k, 3) [m]
+    normals: Array  # (f, 3) outward, of the faces of a convex part with corners
+    edges: Array = field(default_factory=lambda: NONE)  # (e, 3) along its edges
+    disc: float = 0.0  # [m]
+    ball: float = 0.0  # [m]
+    surface: Any = None  # the engine's object, of a part with corners
+    mesh: Mesh | None = None
+    triangles: TriangleTree | None = None  # of a mesh
+
+    def support(self, directions: Array) -> Array:
+        """Support function: how far the piece reaches along each direction (..., 3), as (...) [m]."""
+        far: Array = (directions @ self.corners.T).max(-1)
+        level = np.hypot(directions[..., 0], directions[..., 1])
+        reach: Array = far + self.disc * level + self.ball * np.linalg.norm(directions, axis=-1)
+        return reach
+
+    def contains(self, point: Array) -> bool:
+        """Whether a point (3,) is inside or on the surface (fcl overlooks a segment in one triangle)."""
+        if self.mesh is None or self.triangles is None:
+            return bool((self.normals @ point <= self.support(self.normals) + TOUCH).all())
+        low, high = self.triangles.boxes[1].reshape(2, 3)
+        within = (low <= point + TOUCH) & (point <= high + TOUCH)
+        return bool(within.all()) and self.mesh.distance(point) <= TOUCH
+
+
+def link_piece(solid: LinkSolid) -> Piece:
+    """Prepare a link's solid as what others keep away from, in the link's frame."""
+    corners = solid.corners
+    if len(corners) == 2:
+        return Piece(corners, NONE, np.diff(corners, axis=0), ball=solid.radius)
+    sides = corners[[4, 2, 1]] - corners[0]
+    axes = sides / np.linalg.norm(sides, axis=1)[:, None]
+    return Piece(corners, np.vstack([axes, -axes]), axes, surface=surface(corners, BOX))
+
+
+def solid_pieces(solid: Solid) -> list[Piece]:
+    """Cut a solid into convex pieces; a mesh is one piece."""
+    match solid:
+        case Sphere():
+            return [Piece(solid.center[None], NONE, ball=solid.radius)]
+        case Cylinder():
+            ends = solid.center + np.outer([-solid.height / 2, solid.height / 2], UP)
+            return [Piece(ends, NONE, disc=solid.radius)]
+        case Mesh():
+            engine, tree = surface(solid.vertices, solid.faces), triangle_tree(solid.vertices, solid.faces)
+            return [Piece(solid.vertices, NONE, surface=engine, mesh=solid, triangles=tree)]
+        case Box():
+            c, s = np.cos(solid.yaw), np.sin(solid.yaw)
+            level = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * solid.size[:2] / 2
+            outline = level @ np.array([[c, s], [-s, c]]) + solid.center[:2]
+            return [_prism(outline, *solid.z_range)]
+        case Prism():
+            return [_prism(outline, *solid.z_range) for outline in convex_pieces(solid.polygon)]
+
+
+def _prism(outline: Array, bottom: float, top: float) -> Piece:
+    """Raise a convex outline (n, 2), counter-clockwise, from one height to another."""
+    n = len(outline)
+    corners = np.vstack([np.column_stack([outline, np.full(n, z)]) for z in (bottom, top)])
+    fan = [[0, k, k + 1] for k in range(1, n - 1)]
+    lid = [[n, n + k, n + k + 1] for k in range(1, n - 1)]
+    sides = [[k, (k + 1) % n, n + k] for k in range(n)] + [
+        [(k + 1) % n, n + (k + 1) % n, n + k] for k in range(n)
+    ]
+    edges = np.roll(outline, -1, 0) - outline
+    level = np.column_stack([edges[:, 1], -edges[:, 0]]) / np.linalg.norm(edges, axis=1)[:, None]
+    normals = np.vstack([np.column_stack([level, np.zeros(n)]), UP, -UP])
+    edges = np.vstack([np.column_stack([-level[:, 1], level[:, 0], np.zeros(n)]), UP])
+    return Piece(corners, normals, edges, surface=surface(corners, np.array(fan + lid + sides)))
+
+
+def inner_capsule(solid: LinkSolid) -> LinkCapsule:
+    """Return a capsule as it is, and of a box the capsule along its middle."""
+    if isinstance(solid, LinkCapsule):
+        return solid
+    longest = int(np.argmax(solid.size))
+    radius = THICKEST * float(solid.size.min()) / 2
+    half = solid.T_link_box[:3, longest] * (solid.size[longest] / 2 - radius)
+    middle = solid.T_link_box[:3, 3]
+    return LinkCapsule(solid.link, solid.name, middle - half, middle + half, radius)
+
+
+def ball_separation(piece: Piece, a: Array, b: Array) -> Separation:
+    """Signed distance of a segment from a ball, or from a capsule."""
+    if len(piece.corners) == 2:
+        way, on_axis = np.zeros(3), np.empty(3)
+        gap = hull_distance(np.stack([a, b]), piece.corners, 0.0, way, on_axis)[0]
+        return Separation(max(0.0, gap) - piece.ball, way, on_axis)
+    along = b - a
+    t = float(np.clip((piece.corners[0] - a) @ along / max(float(along @ along), 1e-300), 0.0, 1.0))
+    on_axis = a + t * along
+    away = on_axis - piece.corners[0]
+    length = float(np.linalg.norm(away))
+    return Separation(length - piece.ball, away / length if length > 0 else UP, on_axis)
+
+
+def cylinder_distance(piece: Piece, a: Array, b: Array) -> tuple[float, Array, Array]:
+    """Distance of a segment from an upright cylinder and the witness points; 0 where they meet.
+
+    The distance is convex along the segment, so the sign of its slope leads to the least one.
+    """
+    middle = piece.corners.mean(0)
+    (ax, ay, az), (dx, dy, dz) = (a - middle).tolist(), (b - a).tolist()
+    half, radius = float(piece.corners[1, 2] - middle[2]), piece.disc
+    low, high, t = 0.0, 1.0, 0.0
+    for step in range(HALVINGS + 2):
+        t = (0.0, 1.0)[step] if step < 2 else (low + high) / 2
+        x, y, z = ax + t * dx, ay + t * dy, az + t * dz
+        flat = math.hypot(x, y)
+        level = max(0.0, 1.0 - radius / flat) if flat > 0 else 0.0
+        over = z - min(max(z, -half), half)
+        slope = level * (x * dx + y * dy) + over * dz
+        if (level == 0 and over == 0) or (step == 0 and slope >= 0) or (step == 1 and slope <= 0):
+            break
+        if step >= 2:
+            low, high = (t, high) if slope < 0 else (low, t)
+    gap = np.array([level * x, level * y, over])
+    on_axis = a + t * (b - a)
+    return float(np.linalg.norm(gap)), on_axis, on_axis - gap
+
+
+def within_box(corners: Array, points: Array) -> NDArray[np.bool_]:
+    """Whether points (n, 3) lie in or on a box, given by its corners (8, 3) as `LinkBox` orders them."""
+    sides = corners[[4, 2, 1]] - corners[0]
+    shares = (points - corners[0]) @ sides.T / (sides**2).sum(1)
+    slack = TOUCH / np.linalg.norm(sides, axis=1)
+    inside: NDArray[np.bool_] = ((shares >= -slack) & (shares <= 1 + slack)).all(1)
+    return inside
+
+
+def penetration(piece: Piece, corners: Array) -> Separation:
+    """Penetration of a segment or box: least push out along a face normal, or square to an edge of each."""
+    if piece.disc:
+        level = np.column_stack([np.cos(FAN), np.sin(FAN), np.zeros(len(FAN))])
+        normals = np.vstack([level, UP, -UP])
+        edges = np.vstack([np.column_stack([-level[:, 1], level[:, 0], level[:, 2]]), UP])
+    else:
+        normals = piece.normals
+        edges = piece.edges
+    sides = corners[[4, 2, 1] if len(corners) == 8 else [1]] - corners[0]
+    square = np.cross(edges[:, None], sides).reshape(-1, 3)
+    if len(corners) == 8:
+        square = np.vstack([square, sides])
+    size = np.linalg.norm(square, axis=1)
+    square = square[size > 1e-12] / size[size > 1e-12, None]
+    normals = np.vstack([normals, square, -square])
+    along = normals @ corners.T
+    depths = piece.support(normals) - along.min(1)
+    k = int(np.argmin(depths))
+    return Separation(-float(depths[k]), normals[k], corners[int(np.argmin(along[k]))])

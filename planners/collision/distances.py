@@ -1,0 +1,211 @@
+"""Distances between solids of links and obstacles, with their witness points.
+
+A link is a capsule, so its distance is that of a segment less the radius, or a box. fcl measures both against
+surfaces of triangles, and its answer is taken where `_proven` confirms it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from regionik.planners.collision.convex_bodies import (
+    TOUCH,
+    UP,
+    Piece,
+    Separation,
+    ball_separation,
+    cylinder_distance,
+    penetration,
+    solid_pieces,
+    within_box,
+)
+from regionik.planners.collision.gjk import hull_distance
+from regionik.planners.collision.meshes import (
+    box,
+    nearest_triangle,
+    segment,
+    surface_distance,
+)
+from regionik.worlds.arrays import Array, frozen
+from regionik.worlds.obstacles import Solid
+
+EXACT = 1e-8  # of a distance that a plane proves [m]
+
+
+class NearestSolid(NamedTuple):
+    """The nearest solid to a capsule, with the witness points."""
+
+    distance: float  # [m], negative where they overlap
+    solid: int  # index into Obstacles.solids, -1 where there is none
+    on_link: Array  # (3,) [m]
+    on_solid: Array  # (3,) [m]
+
+
+@dataclass(frozen=True, eq=False)
+class Obstacles:
+    """Solids prepared for distance queries; made by `obstacles_from`.
+
+    Attributes
+    ----------
+    solids : tuple of Solid
+    pieces : tuple of Piece
+        Convex parts, and meshes whole.
+    owner : (m,) array of int
+        The solid of each piece.
+    low, high : (m, 3) array
+        Boxes along the axes round the pieces [m].
+    """
+
+    solids: tuple[Solid, ...]
+    pieces: tuple[Piece, ...]
+    owner: NDArray[np.int64]
+    low: Array
+    high: Array
+
+
+def obstacles_from(solids: Sequence[Solid]) -> Obstacles:
+    """Cut solids into convex pieces and prepare them for distance queries; kept for the last few scenes."""
+    return _obstacles(tuple(solids))
+
+
+@lru_cache(maxsize=8)
+def _obstacles(solids: tuple[Solid, ...]) -> Obstacles:
+    parts = [(k, piece) for k, solid in enumerate(solids) for piece in solid_pieces(solid)]
+    pieces = tuple(piece for _, piece in parts)
+    owner = np.array([k for k, _ in parts], dtype=np.int64)
+    return Obstacles(solids, pieces, owner, *bounding_boxes(pieces))
+
+
+def bounding_boxes(pieces: Sequence[Piece]) -> tuple[Array, Array]:
+    """Low and high corners of boxes along the axes round pieces, (m, 3) each [m]."""
+    axes = np.eye(3)
+    high = np.array([piece.support(axes) for piece in pieces]).reshape(-1, 3)
+    low = -np.array([piece.support(-axes) for piece in pieces]).reshape(-1, 3)
+    return low, high
+
+
+def nearest_solid(obstacles: Obstacles, start: ArrayLike, end: ArrayLike, radius: float) -> NearestSolid:
+    """The nearest solid to a capsule, and its signed distance.
+
+    Where the capsule's axis enters a convex piece, the distance is minus the penetration depth (of
+    cylinders: along the best of a fine fan of directions); inside a mesh it is minus that from its surface.
+
+    Parameters
+    ----------
+    obstacles : Obstacles
+    start, end : (3,) array_like
+        Ends of the capsule's axis [m].
+    radius : float
+        [m]
+
+    Returns
+    -------
+    NearestSolid
+        Infinite and -1 where there is no solid.
+
+    Raises
+    ------
+    InputError
+        When a number is not finite.
+    """
+    a, b = frozen(start, (3,), "capsule: start"), frozen(end, (3,), "capsule: end")
+    frozen(radius, (), "capsule: radius")
+    gaps = box_distances(obstacles, np.minimum(a, b)[None, None], np.maximum(a, b)[None, None])[0] - radius
+    best, owner = Separation(np.inf, UP, np.full(3, np.nan)), -1
+    for k in np.argsort(gaps, kind="stable"):
+        if gaps[k] >= best.distance - radius:
+            break
+        found = segment_separation(obstacles.pieces[k], a, b)
+        if found.distance < best.distance:
+            best, owner = found, int(obstacles.owner[k])
+    if owner < 0:
+        return NearestSolid(np.inf, -1, best.on_axis, best.on_axis)
+    on_link = best.on_axis - radius * best.normal
+    return NearestSolid(best.distance - radius, owner, on_link, best.on_axis - best.distance * best.normal)
+
+
+def solids_within(obstacles: Obstacles, point: Array, reach: float) -> list[tuple[float, int]]:
+    """Distances [m] of a point from the solids within ``reach`` of it, and their indices, nearest first."""
+    spot = point[None, None]
+    near = np.unique(obstacles.owner[box_distances(obstacles, spot, spot)[0] <= reach]).tolist()
+    gaps = sorted((float(obstacles.solids[k].distance(point)), k) for k in near)
+    return [(gap, k) for gap, k in gaps if gap <= reach]
+
+
+def box_distances(obstacles: Obstacles, low: Array, high: Array) -> Array:
+    """Distances between boxes (n, 1, 3) and the boxes of all pieces, (n, m); -inf where they meet [m]."""
+    square = np.zeros((len(low), len(obstacles.pieces)))
+    for k in range(3):
+        apart = np.maximum(low[..., k] - obstacles.high[:, k], obstacles.low[:, k] - high[..., k])
+        square += np.maximum(apart, 0.0) ** 2
+    return np.where(square > 0, np.sqrt(square), -np.inf)
+
+
+def segment_separation(piece: Piece, start: Array, end: Array) -> Separation:
+    """Signed distance of a segment from a piece; the numbers must be finite."""
+    if piece.ball:
+        return ball_separation(piece, start, end)
+    if piece.disc:
+        distance, on_axis, on_piece = cylinder_distance(piece, start, end)
+    else:
+        distance, on_axis, on_piece = surface_distance(segment(start, end), piece.surface)
+    inside = distance > 0 and not piece.disc and piece.contains(start)
+    if distance > 0 and not inside:
+        if piece.disc:
+            return Separation(distance, (on_axis - on_piece) / distance, on_axis)
+        return _proven(piece, np.stack([start, end]), distance, on_axis, on_piece)
+    if piece.mesh is None:
+        return penetration(piece, np.stack([start, end]))
+    gap = -min(0.0, piece.mesh.distance(start)) if inside else 0.0
+    out = on_piece - on_axis
+    return Separation(-min(gap, distance), out / distance if distance > 0 else UP, on_axis)
+
+
+def hull_separation(piece: Piece, corners: Array) -> Separation:
+    """Signed distance from a piece of a segment (2, 3), or of a box (8, 3) with corners as in `LinkBox`.
+
+    A box that is within a mesh, or a mesh within a box, is as deep as their surfaces are apart; a box that
+    cuts the surface of a mesh counts as a nanometre deep. A cylinder and a box are never nearer than told,
+    and not a micrometre farther. The numbers must be finite.
+    """
+    if len(corners) == 2:
+        return segment_separation(piece, corners[0], corners[1])
+    if piece.disc:
+        way, on_box = np.zeros(3), np.empty(3)
+        distance = hull_distance(corners, piece.corners, piece.disc, way, on_box)[0]
+        return Separation(distance, way, on_box) if distance > TOUCH else penetration(piece, corners)
+    other = segment(piece.corners[0], piece.corners[-1]) if piece.ball else piece.surface
+    distance, on_box, on_piece = surface_distance(box(corners), other)
+    engulfed = distance > 0 and bool(within_box(corners, piece.corners).any())
+    inside = engulfed or (distance > 0 and not piece.ball and piece.contains(corners[0]))
+    if distance > 0 and not inside:
+        return _proven(piece, corners, distance, on_box, on_piece)
+    if piece.mesh is None:
+        return penetration(piece, corners)
+    normal = (on_piece - on_box) / distance if distance > 0 else -UP
+    return Separation(-max(distance, TOUCH), normal, on_box)
+
+
+def _proven(piece: Piece, corners: Array, distance: float, on_link: Array, on_piece: Array) -> Separation:
+    """The distance that fcl found of surfaces that are apart, if it is proven; else that found by `gjk`.
+
+    A separating plane proves it of convex solids; of meshes, that no triangle is nearer. Of edges that are
+    parallel but for rounding fcl may overlook the nearest points: of a link 7 cm beside a wall it said 8 cm.
+    """
+    normal, gap = (on_link - on_piece) / distance, distance
+    if piece.triangles is not None:
+        on_link, most = on_link.copy(), distance - EXACT
+        nearer = nearest_triangle(piece.triangles, corners, most, normal, on_link)
+        gap = nearer if nearer < most else distance
+    elif (corners @ normal).min() - (piece.corners @ normal).max() < distance - EXACT:
+        normal, on_link = np.zeros(3), np.empty(3)
+        gap = hull_distance(corners, piece.corners, 0.0, normal, on_link)[0]
+    if gap <= TOUCH and piece.mesh is None:
+        return penetration(piece, corners)
+    return Separation(float(gap) - piece.ball, normal, on_link)

@@ -1,0 +1,96 @@
+"""Clearance of single links at any pose: what FABRIK with obstacle avoidance asks while it moves an arm.
+
+Within a pass the links do not hang together, so links are not checked against each other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from regionik.planners.collision.convex_bodies import Piece
+from regionik.planners.collision.distances import bounding_boxes, hull_separation
+from regionik.planners.collision.robot_bodies import NO_CONTACT, Bodies, ContactTargets
+from regionik.planners.collision.robot_motion import BASE
+from regionik.planners.geometry.polygons import Index
+from regionik.worlds.arrays import Array
+
+
+class _Near(NamedTuple):
+    """What one solid of a link keeps away from, all of it in one frame."""
+
+    corners: Array  # (k, 3) of the solid, in its link's frame [m]
+    apart: float  # between those corners' hull and each piece [m]
+    T: Array  # (4, 4) frame of the pieces <- the arm's base frame
+    pieces: tuple[Piece, ...]
+    low: Array  # (m, 3) corners of boxes that the hull must meet to come too near to a piece [m]
+    high: Array  # (m, 3)
+
+
+def links_clear(
+    bodies: Bodies, base: Array, tool: Array, margin: float, contact: ContactTargets | None = None
+) -> Callable[[int, Array], bool]:
+    """Make a check whether a link may be at a pose, for an arm on a base that stands still.
+
+    Parameters
+    ----------
+    bodies : Bodies
+    base : (3,) array
+        x, y [m], yaw [rad].
+    tool : (3,) array
+        Where the tool is going to be, in the world: it decides what may be touched [m].
+    margin : float
+        From the base, and from obstacles beyond the bodies' clearance [m].
+    contact : ContactTargets, optional
+        What the outermost link may touch.
+
+    Returns
+    -------
+    callable
+        Takes a link and a pose (4, 4) in the arm's base frame; tells whether the link's solids keep clear of
+        obstacles and of the base.
+    """
+    robot, world = bodies.robot, bodies.hulls.world
+    T_world_arm, around = robot.T_world_arm(base), whole_pieces(bodies)
+    links: list[list[_Near]] = [[] for _ in range(robot.chain.dof)]
+    for k, solid in enumerate(robot.solids):
+        free = (contact or NO_CONTACT).touchable(tool) if bodies.links.outermost[k] else []
+        work = np.isin(bodies.hulls.owner[around], free)
+        own = world + np.flatnonzero(bodies.links.pairs[k] & (bodies.hulls.frame[world:] == BASE))
+        corners, apart = solid.corners, solid.radius + margin
+        core = bodies.links.core[slice(*bodies.links.first[k : k + 2])]
+        least = float(bodies.links.core_radius[k])
+        links[solid.link] += [
+            _near(bodies, corners, around[~work], T_world_arm, apart + bodies.clearance),
+            _near(bodies, core, around[work], T_world_arm, least),
+            _near(bodies, corners, own, bodies.mobile.mount, apart),
+        ]
+    return lambda link, T_arm_link: all(_clear(near, T_arm_link) for near in links[link])
+
+
+def whole_pieces(bodies: Bodies) -> Index:
+    """Rows of the world's pieces, each once: a mesh has a row for each of its triangles besides."""
+    rows, row = [], 0
+    while row < bodies.hulls.world:
+        rows.append(row)
+        row = int(bodies.hulls.next[row])
+    return np.array(rows, dtype=np.int64)
+
+
+def _near(bodies: Bodies, corners: Array, rows: Index, T: Array, apart: float) -> _Near:
+    pieces = tuple(bodies.pieces[m] for m in rows)
+    low, high = bounding_boxes(pieces)
+    return _Near(corners, apart, T, pieces, low - apart, high + apart)
+
+
+def _clear(near: _Near, T_arm_link: Array) -> bool:
+    if not near.pieces:
+        return True
+    T = near.T @ T_arm_link
+    corners = near.corners @ T[:3, :3].T + T[:3, 3]
+    meet = (corners.min(0) <= near.high).all(1) & (near.low <= corners.max(0)).all(1)
+    return all(
+        hull_separation(near.pieces[m], corners).distance >= near.apart for m in np.flatnonzero(meet).tolist()
+    )

@@ -1,0 +1,242 @@
+"""Proximity of a robot's solids to obstacles, to each other and to its own base, in states and motions.
+
+Compiled lower bounds (`gjk`, `collision_checking`) say where nothing needs to be looked at; the distances
+that are told come from `distances`.
+"""
+
+from __future__ import annotations
+
+from typing import Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from regionik.planners.collision.collision_checking import (
+    distance_bounds,
+    first_unproven_on_path,
+    swept_boxes,
+)
+from regionik.planners.collision.contacts import ROUNDING, range_left
+from regionik.planners.collision.convex_bodies import Separation
+from regionik.planners.collision.distances import hull_separation
+from regionik.planners.collision.robot_bodies import Bodies, ContactTargets, Hulls, RobotScene
+from regionik.planners.collision.robot_motion import (
+    WORLD,
+    MotionSegment,
+    at_rest,
+    base_at,
+    link_frames,
+    segment_between,
+    tool_speed,
+)
+from regionik.worlds.arrays import Array, frozen
+from regionik.worlds.self_collision import BODY
+
+LOOK = 1e-3  # part of a motion between two looks for a link inside a mesh
+
+
+class Touch(NamedTuple):
+    """What comes nearest to the robot's solids; points in the world."""
+
+    distance: float  # [m], negative where they overlap; infinite where there is nothing
+    solid: int  # index into Robot.all_solids, -1 where there is nothing
+    kind: Literal["obstacle", "self", "base", "none"]
+    other: int  # index of the obstacle, or of the other solid of the robot; -1 otherwise
+    on_solid: Array  # (3,) [m]
+    on_other: Array  # (3,) [m]
+
+
+NOTHING = Touch(np.inf, -1, "none", -1, np.full(3, np.nan), np.full(3, np.nan))  # is near
+
+
+def nearest(
+    bodies: Bodies,
+    base: ArrayLike,
+    joints: ArrayLike,
+    *,
+    contact: ContactTargets | None = None,
+    within: float = np.inf,
+) -> Touch:
+    """The nearest thing to the robot's solids: an obstacle, another of its solids, or its own base.
+
+    Parameters
+    ----------
+    bodies : Bodies
+    base : (3,) array_like
+        x, y [m], yaw [rad].
+    joints : (dof,) array_like
+    contact : ContactTargets, optional
+        What may be touched is not looked at.
+    within : float
+        Distance beyond which nothing is looked for; from obstacles, beyond the bodies' clearance [m].
+
+    Returns
+    -------
+    Touch
+        Of kind "none" where nothing is within that distance.
+
+    Raises
+    ------
+    InputError
+        When a number is not finite.
+    """
+    # Writable copies, as kernels are compiled for one kind of array alone.
+    place, dof = np.array(frozen(base, (3,), "base")), bodies.robot.chain.dof
+    rest = at_rest(place, np.array(frozen(joints, (dof,), "joints")))
+    lower = np.empty((len(bodies.robot.all_solids), len(bodies.pieces)))
+    bound = distance_bounds(bodies.scene(contact), rest, within, lower)
+    best, at = within, (-1, -1)
+    near = np.argwhere(lower <= bound + ROUNDING)
+    for k, m in near[np.argsort(lower[near[:, 0], near[:, 1]], kind="stable")].tolist():
+        if lower[k, m] >= best:
+            break
+        distance = _measure(bodies, rest, k, m)[0].distance
+        if m < bodies.hulls.world:
+            distance -= bodies.clearance
+        if distance < best:
+            best, at = distance, (k, m)
+    return NOTHING if at[0] < 0 else _touch(bodies, rest, *at)
+
+
+def state_clear(
+    bodies: Bodies, base: Array, joints: Array, margin: float, contact: ContactTargets | None
+) -> bool:
+    """Whether every link is proven to keep a distance from everything in a state; quicker than `nearest`."""
+    bases, both = np.array([base, base]), np.array([joints, joints])
+    return _first_unproven(bodies, bases, both, margin, contact)[1] < 0
+
+
+def path_clear(
+    bodies: Bodies, bases: Array, joints: Array, margin: float, contact: ContactTargets | None
+) -> tuple[int, Touch | None]:
+    """Prove that every link keeps a distance from everything over the motions between states.
+
+    The base turns the shorter way, and slides straight or, on wheels, rolls along the arc that its heading
+    allows; joints move linearly. Proven, not sampled: see `collision_checking`.
+
+    Parameters
+    ----------
+    bodies : Bodies
+    bases, joints : (n + 1, 3), (n + 1, dof) arrays
+        States; finite and writable.
+    margin : float
+        Of the robot's solids from each other, from its own base, and from obstacles beyond the bodies'
+        clearance; at least 0 [m].
+    contact : ContactTargets or None
+        What may be touched while the tool is near.
+
+    Returns
+    -------
+    int
+        How many motions are proven clear before the first that is not.
+    Touch or None
+        What could not be passed there, where the proof ended; None when all are clear.
+    """
+    i, k, m, s = _first_unproven(bodies, bases, joints, margin, contact)
+    if k < 0:
+        return i, None
+    motion = segment_between(bases[i], joints[i], bases[i + 1], joints[i + 1], bodies.mobile.rolls)
+    return i, _touch(bodies, _stopped(motion, s), k, m)
+
+
+def describe(bodies: Bodies, touch: Touch) -> str:
+    """Which solid of the robot comes how near to what."""
+    if touch.kind == "none":
+        return "nothing is near"
+    link, what = bodies.robot.all_solids[touch.solid].name, name_of_other(bodies, touch)
+    if touch.distance < 0:
+        return f"{link} overlaps {what} by {-touch.distance:z.4f} m"
+    return f"{link} comes within {touch.distance:z.4f} m of {what}"
+
+
+def name_of_other(bodies: Bodies, touch: Touch) -> str:
+    """Name of what comes near to the robot."""
+    if touch.kind == "obstacle":
+        return bodies.obstacles[touch.other].name
+    return "the base" if touch.kind == "base" else bodies.robot.all_solids[touch.other].name
+
+
+def room_of(bodies: Bodies, touch: Touch) -> float:
+    """Distance at a touch; from obstacles, beyond the bodies' clearance [m]."""
+    return touch.distance - (bodies.clearance if touch.kind == "obstacle" else 0.0)
+
+
+def _first_unproven(
+    bodies: Bodies, bases: Array, joints: Array, margin: float, contact: ContactTargets | None
+) -> tuple[int, int, int, float]:
+    """Motion, solid, row and time where the proof of a path ends; a solid of -1 where it does not."""
+    scene = bodies.scene(contact)
+    i, k, m, s = first_unproven_on_path(scene, bases, joints, float(margin))
+    for n in range(i if bodies.has_meshes else 0):
+        motion = segment_between(bases[n], joints[n], bases[n + 1], joints[n + 1], bodies.mobile.rolls)
+        inside = _first_inside_mesh(bodies, scene, motion)
+        if inside[0] >= 0:
+            return n, *inside
+    return i, k, m, s
+
+
+def _touch(bodies: Bodies, rest: MotionSegment, k: int, m: int) -> Touch:
+    """A solid and the piece of a row in a state, as told to others."""
+    found, T = _measure(bodies, rest, k, m)
+    frame = int(bodies.hulls.frame[m])
+    on_solid = found.on_axis
+    on_other = on_solid - found.distance * found.normal
+    kind: Literal["obstacle", "self", "base"] = "obstacle"
+    if frame != WORLD:
+        kind = "base" if bodies.hulls.owner[m] == BODY else "self"
+        seen = _frames(bodies, rest, WORLD)[bodies.robot.all_solids[k].link]
+        turn = seen[:3, :3] @ T[:3, :3].T
+        on_solid, on_other = (turn @ (p - T[:3, 3]) + seen[:3, 3] for p in (on_solid, on_other))
+    other = -1 if kind == "base" else int(bodies.hulls.owner[m])
+    return Touch(found.distance, k, kind, other, on_solid, on_other)
+
+
+def _measure(bodies: Bodies, rest: MotionSegment, k: int, m: int) -> tuple[Separation, Array]:
+    """Signed distance of a solid from the piece of a row, and the pose of its link, seen as the row is."""
+    solid = bodies.robot.all_solids[k]
+    T = _frames(bodies, rest, int(bodies.hulls.frame[m]))[solid.link]
+    found = hull_separation(bodies.pieces[m], solid.corners @ T[:3, :3].T + T[:3, 3])
+    on_solid = found.on_axis - solid.radius * found.normal
+    return Separation(float(found.distance - solid.radius), found.normal, on_solid), T
+
+
+def _frames(bodies: Bodies, rest: MotionSegment, frame: int) -> Array:
+    """Frames of links, tool and base in a state, (n + 2, 4, 4)."""
+    frames = np.empty((bodies.robot.chain.dof + 2, 4, 4))
+    link_frames(bodies.mobile, rest, 0.0, frame, frames)
+    return frames
+
+
+def _first_inside_mesh(bodies: Bodies, scene: RobotScene, motion: MotionSegment) -> tuple[int, int, float]:
+    """A solid inside a mesh whose surface it does not touch; -1, -1, 1 if there is none.
+
+    While the surface is not touched a solid stays inside or outside, so one look is enough unless the tool
+    comes and goes.
+    """
+    links, boxes = bodies.links, np.empty((len(bodies.robot.all_solids), 2, 3))
+    swept_boxes(bodies.mobile, links, motion, boxes)
+    speed = tool_speed(bodies.mobile, motion, WORLD)
+    for k, link in enumerate(links.link.tolist()):
+        for m in np.flatnonzero(_meet(bodies.hulls, boxes[k])).tolist():
+            mesh, s = bodies.pieces[m].mesh, 0.0
+            while mesh is not None and s <= 1.0:
+                frames = _frames(bodies, _stopped(motion, s), WORLD)
+                left = range_left(scene.contact, bodies.hulls.owner[m], frames[-2, :3, 3])
+                left = left if links.outermost[k] else -np.inf
+                T, corners = frames[link], links.corners if left < 0 else links.core
+                if mesh.contains(T[:3, :3] @ corners[links.first[k]] + T[:3, 3]):
+                    return k, m, s
+                s += max(abs(left) / speed if speed > 0 else np.inf, LOOK)
+    return -1, -1, 1.0
+
+
+def _meet(hulls: Hulls, box: Array) -> NDArray[np.bool_]:
+    """Rows that bound triangles and whose boxes meet a box."""
+    meshes = hulls.next > np.arange(len(hulls.next)) + 1
+    meet: NDArray[np.bool_] = (box[0] <= hulls.boxes[:, 1]).all(1) & (hulls.boxes[:, 0] <= box[1]).all(1)
+    return meshes & meet
+
+
+def _stopped(motion: MotionSegment, s: float) -> MotionSegment:
+    """The state at a time of a motion."""
+    return at_rest(np.array(base_at(motion, s)), motion.joints + s * motion.bend)

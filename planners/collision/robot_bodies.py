@@ -1,0 +1,323 @@
+"""A robot and obstacles, prepared once for collision queries: hulls of links, of obstacles, of the base."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from regionik.planners.collision.convex_bodies import Piece, link_piece
+from regionik.planners.collision.distances import obstacles_from
+from regionik.planners.collision.robot_motion import BASE, WORLD, MobileArm
+from regionik.planners.geometry.polygons import Index
+from regionik.planners.solvers.serial_chain import serial_arm
+from regionik.worlds.arrays import Array, frozen
+from regionik.worlds.errors import InputError
+from regionik.worlds.obstacles import Solid
+from regionik.worlds.robot import LinkSolid, Robot
+from regionik.worlds.self_collision import BODY, base_body, self_collision_pairs
+
+SPARE, SHARE = 5e-4, 0.2  # that contacts keep from their depth: a length, or a share if that is less [m]
+
+
+class LinkHulls(NamedTuple):
+    """The solids of links: all points within ``radius`` of the hulls of corners in the links' frames.
+
+    Attributes
+    ----------
+    corners : (c, 3) array
+        [m]
+    first : (n + 1,) array of int
+        Solid k has corners ``first[k]:first[k + 1]``.
+    radius : (n,) array
+        [m]
+    link : (n,) array of int
+        ``BASE`` for what is fixed to the base.
+    core : (c, 3) array
+        Corners of what is left of each solid when the depth that a contact may have is taken off: all points
+        within ``core_radius`` of their hull [m].
+    core_radius : (n,) array
+        [m]
+    outermost : (n,) array of bool
+        Of the last link that has a solid.
+    pairs : (n, o) array of bool
+        Which of the o hulls behind those of the world a solid is checked against.
+    """
+
+    corners: Array
+    first: Index
+    radius: Array
+    link: Index
+    core: Array
+    core_radius: Array
+    outermost: NDArray[np.bool_]
+    pairs: NDArray[np.bool_]
+
+
+class Hulls(NamedTuple):
+    """What links keep away from: all points within a disc (level) and a ball of the hulls of corners.
+
+    The surface of a mesh is a row for its hull, which only bounds it, and a row for each triangle.
+
+    Attributes
+    ----------
+    corners : (c, 3) array
+        [m]
+    first : (m + 1,) array of int
+    disc, ball : (m,) array
+        Those of the world include the clearance [m].
+    frame : (m,) array of int
+        Link that carries the hull, ``BASE`` or ``WORLD``; those of the world come first.
+    owner : (m,) array of int
+        Obstacle, solid of the robot, or -1 for the base's own body.
+    next : (m,) array of int
+        Row to go on with where this one is clear: beyond the triangles if it bounds some.
+    boxes : (m, 2, 3) array
+        Low and high along the axes of the hull's frame, disc and ball included [m].
+    world : int
+        Rows of the world.
+    """
+
+    corners: Array
+    first: Index
+    disc: Array
+    ball: Array
+    frame: Index
+    owner: Index
+    next: Index
+    boxes: Array
+    world: int
+
+
+class AllowedContact(NamedTuple):
+    """Where the outermost solids may touch an obstacle: the tool within ``reach`` of a spot it owns.
+
+    What of them is farther than ``reach`` from the tool keeps the clearance.
+    """
+
+    spots: Array  # (n, 3) [m]
+    owner: Index  # (n,)
+    reach: float  # [m]
+    clearance: float  # [m]
+    depth: float  # of a contact, at the most [m]
+
+
+class RobotScene(NamedTuple):
+    """A robot and what it keeps away from, as values for kernels."""
+
+    robot: MobileArm
+    links: LinkHulls
+    hulls: Hulls
+    contact: AllowedContact
+
+
+@dataclass(frozen=True, eq=False)
+class ContactTargets:
+    """Where the tool works: the solids of the last link that has one may touch what it works on.
+
+    Attributes
+    ----------
+    spots : (m, 3) array
+        [m]
+    owner : (m,) array of int
+        Index of the obstacle that each spot belongs to.
+    reach : float
+        Distance of the tool from a spot within which its owner may be touched [m].
+    """
+
+    spots: Array
+    owner: Index
+    reach: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "spots", frozen(self.spots, (None, 3), "contact: spots"))
+        owner = np.array(self.owner, dtype=np.int64)
+        if owner.shape != (len(self.spots),):
+            raise InputError(f"contact: expected one owner a spot, got {owner.shape} and {len(self.spots)}")
+        owner.flags.writeable = False
+        object.__setattr__(self, "owner", owner)
+        object.__setattr__(self, "reach", float(frozen(self.reach, (), "contact: reach")))
+
+    def touchable(self, tool: Array, off: float = 0.0) -> list[int]:
+        """Obstacles that a tool may touch at a place (3,), or not farther off it than that [m]."""
+        near = np.linalg.norm(self.spots - tool, axis=1) <= self.reach + off
+        owners: list[int] = np.unique(self.owner[near]).tolist()
+        return owners
+
+
+NO_CONTACT = ContactTargets(np.zeros((0, 3)), np.zeros(0, dtype=np.int64), 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Bodies:
+    """A robot and obstacles, prepared for the queries of `proximity`; made by `bodies_from`.
+
+    Attributes
+    ----------
+    robot : Robot
+    obstacles : tuple of Solid
+    mobile : MobileArm
+    links : LinkHulls
+    hulls : Hulls
+    pieces : tuple of Piece
+        One for each row of ``hulls``, in its frame; triangles name their mesh.
+    clearance : float
+        What links keep from obstacles beyond what they keep from each other and the base [m].
+    depth : float
+        How deep the tool may sink into what it touches [m].
+    """
+
+    robot: Robot
+    obstacles: tuple[Solid, ...]
+    mobile: MobileArm
+    links: LinkHulls
+    hulls: Hulls
+    pieces: tuple[Piece, ...]
+    clearance: float
+    depth: float
+
+    @cached_property
+    def has_meshes(self) -> bool:
+        """Whether some piece is a mesh, inside which a solid may lie without touching its surface."""
+        return any(piece.mesh is not None for piece in self.pieces)
+
+    def scene(self, contact: ContactTargets | None) -> RobotScene:
+        """The record that kernels take, with where the tool may touch."""
+        one = NO_CONTACT if contact is None else contact
+        allowed = AllowedContact(one.spots, one.owner, one.reach, self.clearance, _planned(self.depth))
+        return RobotScene(self.mobile, self.links, self.hulls, allowed)
+
+
+class _Row(NamedTuple):
+    """A row of the table of hulls."""
+
+    corners: Array
+    piece: Piece
+    frame: int
+    owner: int
+    skips: int = 0  # rows of triangles that follow
+
+
+def bodies_from(robot: Robot, solids: Sequence[Solid], clearance: float = 0.0, depth: float = 0.0) -> Bodies:
+    """Prepare a robot and obstacles for collision queries.
+
+    Parameters
+    ----------
+    robot : Robot
+    solids : sequence of Solid
+    clearance : float
+        Every margin asked for later is kept beyond this from obstacles [m].
+    depth : float
+        How deep the tool may sink into what it touches [m].
+
+    Returns
+    -------
+    Bodies
+    """
+    around = obstacles_from(solids)
+    owned = zip(around.pieces, around.owner.tolist(), strict=True)
+    rows = [row for piece, k in owned for row in _rows(piece, WORLD, k)]
+    world = len(rows)
+    body = base_body(robot)
+    own = obstacles_from([body] if body else []).pieces
+    rows += [row for piece in own for row in _rows(piece, BASE, BODY)]
+    pairs = _self_pairs(robot, len(rows) - world)
+    rows += [_Row(s.corners, link_piece(s), s.link, k) for k, s in enumerate(robot.all_solids)]
+    return Bodies(
+        robot,
+        tuple(solids),
+        MobileArm(serial_arm(robot.chain), np.array(robot.T_base_arm), robot.drive.rolls),
+        _link_hulls(robot.all_solids, _cores(robot, _planned(depth)), pairs),
+        _hulls(rows, world, clearance),
+        tuple(row.piece for row in rows),
+        clearance,
+        depth,
+    )
+
+
+def _self_pairs(robot: Robot, body: int) -> NDArray[np.bool_]:
+    """Which solids of links are checked against the hulls of the base's body and of all solids."""
+    count = len(robot.all_solids)
+    pairs = np.zeros((count, body + count), dtype=np.bool_)
+    for i, k in self_collision_pairs(robot):
+        if i < 0:
+            pairs[k, :body] = True
+        else:
+            still, moving = sorted((i, k), key=lambda s: robot.all_solids[s].link)
+            pairs[moving, body + still] = True
+    return pairs
+
+
+def _rows(piece: Piece, frame: int, owner: int) -> list[_Row]:
+    if piece.mesh is None:
+        return [_Row(piece.corners, piece, frame, owner)]
+    triangles = piece.mesh.vertices[piece.mesh.faces]
+    parts = [_Row(corners, piece, frame, owner) for corners in triangles]
+    return [_Row(piece.corners, piece, frame, owner, len(parts)), *parts]
+
+
+def _link_hulls(
+    solids: Sequence[LinkSolid], cores: Sequence[tuple[Array, float]], pairs: NDArray[np.bool_]
+) -> LinkHulls:
+    links = np.array([solid.link for solid in solids], dtype=np.int64)
+    corners = [solid.corners for solid in solids]
+    return LinkHulls(
+        np.concatenate([np.zeros((0, 3)), *corners]),
+        np.cumsum([0, *(len(c) for c in corners)]),
+        np.array([solid.radius for solid in solids], dtype=np.float64),
+        links,
+        np.concatenate([np.zeros((0, 3)), *(core for core, _ in cores)]),
+        np.array([radius for _, radius in cores], dtype=np.float64),
+        links == links.max(initial=-1),
+        pairs,
+    )
+
+
+def _planned(depth: float) -> float:
+    """The depth of contacts that are planned, a little less, so that other code can prove them [m]."""
+    return depth - min(SPARE, SHARE * depth)
+
+
+def core_of(solid: LinkSolid, depth: float, tool: Array) -> tuple[Array, float]:
+    """Corners (k, 3) and radius of what is left of a solid that is taken off to a depth on all sides [m].
+
+    Where nothing would be left, it is a point as far from the tool, (3,) in the link's frame, as it may be.
+    """
+    corners, middle = solid.corners, solid.corners.mean(0)
+    sides = corners[[4, 2, 1] if len(corners) == 8 else [1]] - corners[0]
+    half = np.maximum(np.linalg.norm(sides, axis=1) / 2, 1e-12)
+    axes = sides / (2 * half[:, None])
+    off = max(0.0, depth - solid.radius)
+    left = np.maximum(0.0, 1.0 - off / half)
+    aside = np.clip(-np.clip((tool - middle) @ axes.T / half, -1, 1) * np.maximum(off - half, 0), -half, half)
+    return middle + ((corners - middle) @ axes.T * left + aside) @ axes, max(0.0, solid.radius - depth)
+
+
+def _cores(robot: Robot, depth: float) -> list[tuple[Array, float]]:
+    frames = robot.chain.frames(np.zeros(robot.chain.dof))
+    tools = [np.linalg.solve(T, frames[-1])[:3, 3] for T in frames]
+    return [core_of(solid, depth, tools[solid.link]) for solid in robot.all_solids]
+
+
+def _hulls(rows: Sequence[_Row], world: int, clearance: float) -> Hulls:
+    disc = np.array([row.piece.disc for row in rows])
+    ball = np.array([row.piece.ball for row in rows])
+    ball[:world] += clearance
+    low = np.array([row.corners.min(0) for row in rows]).reshape(-1, 3)
+    high = np.array([row.corners.max(0) for row in rows]).reshape(-1, 3)
+    grown = np.column_stack([disc + ball, disc + ball, ball])
+    return Hulls(
+        np.concatenate([np.zeros((0, 3)), *(row.corners for row in rows)]),
+        np.cumsum([0, *(len(row.corners) for row in rows)]),
+        disc,
+        ball,
+        np.array([row.frame for row in rows], dtype=np.int64),
+        np.array([row.owner for row in rows], dtype=np.int64),
+        np.array([m + 1 + row.skips for m, row in enumerate(rows)], dtype=np.int64),
+        np.stack([low - grown, high + grown], axis=1),
+        world,
+    )

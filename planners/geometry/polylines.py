@@ -1,0 +1,142 @@
+"""Polylines: cut into short parts, their lengths, and values spread along them."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from regionik.planners.geometry.polygons import Index, compiled
+from regionik.worlds.arrays import Array, frozen
+from regionik.worlds.errors import InputError
+
+
+@compiled
+def leg_lengths(knots: Array) -> Array:
+    """Lengths (k - 1,) of legs between base poses (k, 3), turns counted as metres; NaN headings are free."""
+    lengths = np.empty(len(knots) - 1)
+    for n in range(len(lengths)):
+        x, y, turn = knots[n + 1] - knots[n]
+        turn = (turn + math.pi) % (2 * math.pi) - math.pi
+        lengths[n] = math.hypot(x, y) + (0.0 if math.isnan(turn) else abs(turn))
+    return lengths
+
+
+@compiled
+def laid_out(
+    knots: Array, tool: Array, spots: Array, joints: Array, stride: float
+) -> tuple[Array, Array, Index, Array]:
+    """Lay out a motion from knot to knot: tool positions and joints at the knots, and where to cut the legs.
+
+    Parameters
+    ----------
+    knots : (k, 3) array
+        Base poses [m], [rad].
+    tool : (k,) array
+        Part of the tool's straight way that is done at every knot.
+    spots, joints : (2, 3), (2, dof) arrays
+        Where the tool is at both ends [m], and joints wished for there.
+    stride : float
+        Longest part of the base's way, or of the tool's, between two cuts [m].
+
+    Returns
+    -------
+    points : (k, 3) array
+        Where the tool is at every knot [m].
+    wished : (k, dof) array
+        Joints there, spread over the lengths of base's and tool's way together.
+    leg, share : (n,) arrays
+        Leg and share of it of cuts that are a stride apart at most, all knots but the first among them.
+    """
+    count, base, goes = len(knots), leg_lengths(knots), np.linalg.norm(spots[1] - spots[0])
+    far, pieces = np.zeros(count), np.empty(count - 1, dtype=np.int64)
+    for n in range(count - 1):
+        moves = (tool[n + 1] - tool[n]) * goes
+        far[n + 1] = far[n] + base[n] + moves
+        pieces[n] = max(1, math.ceil(max(base[n], moves) / stride))
+    far = far / far[-1] if far[-1] > 0.0 else np.linspace(0.0, 1.0, count)
+    leg, share = np.empty(pieces.sum(), dtype=np.int64), np.empty(pieces.sum())
+    at = 0
+    for n in range(count - 1):
+        for k in range(1, pieces[n] + 1):
+            leg[at], share[at] = n, k / pieces[n]
+            at += 1
+    ends = np.zeros(count, dtype=np.int64)
+    return between(spots, ends, tool), between(joints, ends, far), leg, share
+
+
+@compiled
+def between(knots: Array, leg: Index, share: Array) -> Array:
+    """Interpolate knots (k, m) at shares (n,) of legs (n,), as (n, m); a share of 1 is the next knot."""
+    values = np.empty((len(leg), knots.shape[1]))
+    for n in range(len(leg)):
+        a, b = knots[leg[n]], knots[leg[n] + 1]
+        for i in range(len(a)):
+            values[n, i] = b[i] if share[n] >= 1.0 else a[i] + share[n] * (b[i] - a[i])
+    return values
+
+
+def resample(points: ArrayLike, step: float) -> Array:
+    """Cut every leg into equal parts no longer than ``step`` [m]; the points given stay.
+
+    Examples
+    --------
+    >>> resample([[0, 0], [1, 0], [1, 0.2]], 0.5).tolist()
+    [[0.0, 0.0], [0.5, 0.0], [1.0, 0.0], [1.0, 0.2]]
+    """
+    path = frozen(points, (None, 2), "path")
+    if not 0 < step < np.inf:
+        raise InputError(f"step: expected a length above 0, got {step}")
+    return frozen(cut(path, float(step)), (None, 2), "path")
+
+
+@compiled
+def cut(path: Array, step: float) -> Array:
+    """As `resample`, for paths (k, 2) that are known to be finite."""
+    legs = len(path) - 1
+    parts = np.ones(legs, np.int64)
+    for k in range(legs):
+        # The tiny allowance keeps a leg of 0.3 / 0.1 steps from being cut in four by rounding.
+        way = np.hypot(path[k + 1, 0] - path[k, 0], path[k + 1, 1] - path[k, 1])
+        parts[k] = max(1, int(np.ceil(way / step - 1e-9)))
+    points, n = np.empty((parts.sum() + 1, 2)), 1
+    points[0] = path[0]
+    for k in range(legs):
+        for m in range(1, parts[k]):
+            points[n] = path[k] + (path[k + 1] - path[k]) * (m / parts[k])
+            n += 1
+        points[n] = path[k + 1]
+        n += 1
+    return points
+
+
+@compiled
+def spread_along(path: Array, step: float, parts: int) -> tuple[Array, Array]:
+    """Shares of a path's length that cut its legs to steps, and the path to at least so many parts.
+
+    Returns the shares strictly between 0 and 1, (n,), and the points there, (n, 2) [m].
+    """
+    points = cut(path, step)
+    lengths = np.zeros(len(points))
+    for k in range(1, len(points)):
+        way = np.hypot(points[k, 0] - points[k - 1, 0], points[k, 1] - points[k - 1, 1])
+        lengths[k] = lengths[k - 1] + way
+    total = lengths[-1]
+    shares = np.empty(len(points) + parts)
+    shares[: len(points)] = lengths / total if total > 0 else 0.0 * lengths
+    shares[len(points) :] = np.arange(parts) * (1.0 / max(parts, 1))
+    shares = np.sort(shares)
+    kept, last = np.empty(len(shares)), 0.0
+    n = 0
+    for share in shares:
+        if share - last > 1e-9 and share < 1.0:
+            kept[n] = share
+            n += 1
+        last = share
+    places = np.empty((n, 2))
+    places[:] = points[0]
+    if total > 0:
+        for d in range(2):
+            places[:, d] = np.interp(kept[:n] * total, lengths, points[:, d].copy())
+    return kept[:n], places

@@ -1,0 +1,277 @@
+"""Clear postures or why there is none: every answer against other code, every proof against a sweep."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from shapely.geometry import Point
+
+from benchmarks.clutter import CERTAIN, ROBOTS, Scene, faults, free_posture, scene
+from benchmarks.sweeps import SWEEPS
+from regionik.planners.avoidance.clear_posture import ClearPosture, clear_posture, quick_clear_posture
+from regionik.planners.avoidance.posture_proof import is_bounded, redundant_joints
+from regionik.planners.collision.distances import obstacles_from
+from regionik.planners.collision.proximity import nearest
+from regionik.planners.collision.robot_bodies import ContactTargets, bodies_from
+from regionik.planners.search.box_search import Verdict
+from regionik.planners.search.fixed_base import search_fixed_base
+from regionik.planners.search.self_clearance import segment_distance
+from regionik.worlds.arrays import Array
+from regionik.worlds.bundled import robot_named
+from regionik.worlds.chain import Chain, Joint, planar_pose
+from regionik.worlds.errors import InputError
+from regionik.worlds.obstacles import Box, Cylinder, Prism, Sphere
+from regionik.worlds.robot import Robot, capsules_along
+
+SCENES = 150
+PROOFS = 4  # swept
+TOLERANCE = 1e-3
+BUDGET = 3_000  # boxes, so that hard scenes stay undecided soon
+PLANAR = ("youbot", "youbot-real")
+HERE = np.zeros(3)
+YOUBOT = robot_named("youbot")
+
+
+def solved(one: Scene, seed: int = 0) -> ClearPosture:
+    bodies = bodies_from(one.robot, one.solids)
+    return clear_posture(
+        bodies, one.base, one.target, one.joints, tolerance=TOLERANCE, seed=seed, most_boxes=BUDGET
+    )
+
+
+@cache
+def answers() -> list[tuple[Scene, ClearPosture]]:
+    return [(scene(number), solved(scene(number), number)) for number in range(SCENES)]
+
+
+def flat_robot(links: int = 4, radius: float = 1e-6) -> Robot:
+    chain = Chain.from_dh([(0, 0, 1, 0, -np.inf, np.inf)] * links)
+    point, mount = np.zeros((1, 2)), np.zeros(4)
+    return Robot("flat", "omni", point, mount, chain, capsules_along(chain, radius), 0.1, np.zeros(links))
+
+
+def test_no_answer_collides() -> None:
+    found = [(one, answer) for one, answer in answers() if answer.joints is not None]
+    assert len(found) > 100
+    for one, answer in found:
+        assert answer.verdict == Verdict.PROVEN
+        assert answer.joints is not None
+        assert not faults(one, answer.joints, TOLERANCE)
+        error = float(np.linalg.norm(one.robot.tool(one.base, answer.joints)[:3, 3] - one.target))
+        assert answer.error == pytest.approx(error, abs=1e-12)
+        touch = nearest(bodies_from(one.robot, one.solids), one.base, answer.joints)
+        assert answer.distance == touch.distance >= 0.0
+
+
+def test_every_stage_and_every_kind_has_its_part() -> None:
+    told = Counter((answer.verdict, answer.steps[-1]) for _, answer in answers())
+    assert all(told[Verdict.PROVEN, stage] >= 2 for stage in ("passes", "avoidance", "search"))
+    assert told[Verdict.RULED_OUT, "search"] >= 15
+    undecided = sum(count for (verdict, _), count in told.items() if verdict == Verdict.OPEN)
+    assert undecided <= 0.15 * SCENES
+
+
+def test_no_sweep_finds_what_is_said_not_to_be() -> None:
+    none = [one for one, answer in answers() if answer.verdict == Verdict.RULED_OUT and one.arm in PLANAR]
+    assert len(none) >= PROOFS
+    for one in none[:PROOFS]:
+        assert free_posture(one, TOLERANCE, SWEEPS[one.arm]) is None
+
+
+def test_sweeps_find_what_is_there() -> None:
+    free = [one for one, answer in answers() if answer.verdict == Verdict.PROVEN and one.arm in PLANAR]
+    assert sum(free_posture(one, TOLERANCE, SWEEPS[one.arm]) is not None for one in free[:5]) >= 4
+
+
+@pytest.mark.parametrize("arm", ["youbot", "hinge5"])
+def test_sweeps_put_the_tool_on_the_target(arm: str) -> None:
+    robot = ROBOTS[arm]
+    target = robot.chain.forward(np.array([0.3, 0.9, -0.8, 1.1, 0.4]))[:3, 3]
+    q = SWEEPS[arm](target)
+    assert len(q) > 500
+    np.testing.assert_allclose(
+        robot.chain.forward(q)[:, :3, 3], np.broadcast_to(target, (len(q), 3)), atol=1e-12
+    )
+
+
+def test_no_posture_comes_with_evidence() -> None:
+    for one, answer in answers():
+        if answer.verdict == Verdict.PROVEN:
+            continue
+        assert answer.joints is None
+        assert answer.note.startswith("none: " if answer.verdict == Verdict.RULED_OUT else "undecided: ")
+        if answer.touch is None:
+            assert answer.distance == -np.inf
+            assert "no posture on the target was met" in answer.note
+        else:
+            assert answer.distance == answer.touch.distance < 0.0
+            assert one.robot.solids[answer.touch.solid].name in answer.note
+
+
+def test_same_seed_same_bits() -> None:
+    for number in (0, 2, 5, 20, 30):
+        one, first = scene(number), answers()[number][1]
+        again = solved(one, number)
+        assert again.note == first.note
+        assert again.iterations == first.iterations
+        assert (again.joints is None) == (first.joints is None)
+        if again.joints is not None and first.joints is not None:
+            assert again.joints.tobytes() == first.joints.tobytes()
+
+
+def test_a_target_inside_an_obstacle_is_none_for_any_arm() -> None:
+    for arm in ("youbot", "dof10", "pioneer7"):
+        robot = ROBOTS[arm]
+        target = robot.chain.forward(np.full(robot.chain.dof, 0.7))[:3, 3]
+        bodies = bodies_from(robot, [Sphere("ball", 0.05, target)])
+        answer = clear_posture(bodies, HERE, target, robot.carry)
+        assert (answer.verdict, answer.steps) == (Verdict.RULED_OUT, ("passes",))
+        assert "in ball" in answer.note
+
+
+def test_a_target_out_of_reach_is_none() -> None:
+    answer = clear_posture(bodies_from(YOUBOT, []), HERE, [1.5, 0, 0.3], YOUBOT.carry)
+    assert answer.verdict == Verdict.RULED_OUT
+    assert "the arm reaches" in answer.note
+    assert answer.distance == -np.inf
+
+
+def test_contact_lets_the_tool_in() -> None:
+    ball = Sphere("ball", 0.05, np.array([0.45, 0.0, 0.2]))
+    bodies = bodies_from(YOUBOT, [ball], 0.0, 0.1)
+    contact = ContactTargets(ball.center[None], np.array([0]), 0.1)
+    assert clear_posture(bodies, HERE, ball.center, YOUBOT.carry).verdict == Verdict.RULED_OUT
+    assert clear_posture(bodies, HERE, ball.center, YOUBOT.carry, contact=contact).verdict == Verdict.PROVEN
+    shallow = bodies_from(YOUBOT, [ball], 0.0, 0.03)
+    assert (
+        clear_posture(shallow, HERE, ball.center, YOUBOT.carry, contact=contact).verdict == Verdict.RULED_OUT
+    )
+
+
+def test_margin_is_kept() -> None:
+    wall = Box("wall", np.array([0.05, 2.0, 2.0]), np.array([0.545, 0.0, 0.0]))
+    bodies = bodies_from(YOUBOT, [wall], 0.01)
+    answer = clear_posture(bodies, HERE, [0.46, 0, 0.3], YOUBOT.carry, margin=0.005)
+    assert answer.verdict == Verdict.PROVEN
+    assert answer.distance >= 0.005
+    assert (
+        clear_posture(bodies, HERE, [0.48, 0, 0.3], YOUBOT.carry, margin=0.005).verdict == Verdict.RULED_OUT
+    )
+
+
+def test_an_arm_that_must_run_into_its_base_is_told() -> None:
+    robot = robot_named("youbot-real")
+    answer = clear_posture(bodies_from(robot, []), HERE, [-0.05, 0.0, 0.1], robot.carry)
+    assert answer.verdict == Verdict.RULED_OUT
+    assert "the base" in answer.note
+
+
+def test_wherever_the_robot_stands_the_answer_is_the_same() -> None:
+    for number in (4, 6, 13, 24):
+        one, T = scene(number), planar_pose(0.7, -1.3, 2.0)
+        solids = [solid.transformed(T) for solid in one.solids]
+        base = np.array([*(T @ [*one.base[:2], 0, 1])[:2], one.base[2] + 2.0])
+        moved = replace_scene(one, solids, base, (T @ [*one.target, 1])[:3])
+        assert solved(moved, number).verdict == answers()[number][1].verdict
+
+
+def replace_scene(one: Scene, solids: list, base: Array, target: Array) -> Scene:  # type: ignore[type-arg]
+    return one._replace(solids=solids, base=base, target=target)
+
+
+def test_going_round_alone_is_quick_and_says_so() -> None:
+    for one, answer in answers()[:40]:
+        bodies = bodies_from(one.robot, one.solids)
+        quick = quick_clear_posture(bodies, one.base, one.target, one.joints, attempts=3)
+        assert "search" not in quick.steps
+        if answer.steps[-1] == "passes" and answer.verdict == Verdict.PROVEN:
+            assert quick.verdict == Verdict.PROVEN
+        if quick.joints is None:
+            assert quick.verdict == Verdict.OPEN
+            assert "no search was made" in quick.note
+        else:
+            assert not faults(one, quick.joints, TOLERANCE)
+
+
+def test_a_slide_without_limits_is_undecided() -> None:
+    robot = flat_robot()
+    slide = Joint("rail", "prismatic", -np.inf, np.inf, np.eye(4))
+    chain = Chain((slide, *robot.chain.joints[1:]), robot.chain.T_last_tool)
+    robot = replace(robot, chain=chain)
+    assert not is_bounded(chain)
+    ring = Point(1.0, 0.0).buffer(0.4) - Point(1.0, 0.0).buffer(0.2)
+    answer = clear_posture(
+        bodies_from(robot, [Prism("ring", ring, -9.0, 9.0)]), HERE, [1.0, 0.0, 0.2], robot.carry
+    )
+    assert answer.verdict == Verdict.OPEN
+    assert "sliding joint" in answer.note
+
+
+@pytest.mark.parametrize(
+    ("arm", "spare"), [("youbot", 1), ("hinge5", 2), ("pioneer7", 4), ("dof10", 7), ("boxes", 1)]
+)
+def test_spare_joints(arm: str, spare: int) -> None:
+    robot = ROBOTS[arm]
+    assert redundant_joints(robot.chain, robot.solids) == spare
+
+
+def test_spare_joints_in_the_plane() -> None:
+    robot = flat_robot()
+    assert redundant_joints(robot.chain, robot.solids) == 2
+
+
+def test_search_refuses_what_it_is_told_to() -> None:
+    chain, nothing, goal = flat_robot(2).chain, obstacles_from([]), [1.2, 0.9, 0.0]
+    q = search_fixed_base(chain, [], nothing, goal, TOLERANCE).joints
+    assert q is not None
+    side = float(np.sign(q[1]))
+    other = search_fixed_base(
+        chain, [], nothing, goal, TOLERANCE, accept=lambda p: bool(side * p[1] < 0)
+    ).joints
+    assert other is not None
+    assert side * other[1] < 0
+    refused = search_fixed_base(chain, [], nothing, goal, TOLERANCE, most=500, accept=lambda p: False)
+    assert refused.verdict == Verdict.OPEN
+
+
+def test_segments_apart_as_dense_points_say() -> None:
+    rng, t = np.random.default_rng(1), np.linspace(0, 1, 201)
+    for _ in range(200):
+        a, b, c, d = rng.uniform(-1, 1, (4, 3))
+        one, two = a + t[:, None] * (b - a), c + t[:, None] * (d - c)
+        dense = float(np.linalg.norm(one[:, None] - two, axis=2).min())
+        assert dense - 0.01 <= segment_distance(a, b, c, d) <= dense + 1e-12
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"tolerance": 0.0}, "tolerance"),
+        ({"margin": -1.0}, "margin"),
+        ({"attempts": 0}, "attempts"),
+        ({"most_boxes": 0}, "most_boxes"),
+        ({"seed": -1}, "seed"),
+        ({"target": [0, np.nan, 0]}, "target"),
+        ({"base": [0, 0]}, "base"),
+        ({"joints": [0, 0]}, "joints"),
+    ],
+)
+def test_bad_input_is_told(changed: dict[str, object], message: str) -> None:
+    given: dict[str, object] = {"base": HERE, "target": [0.4, 0, 0.3], "joints": YOUBOT.carry} | changed
+    places = (given.pop(name) for name in ("base", "target", "joints"))
+    with pytest.raises(InputError, match=message):
+        clear_posture(bodies_from(YOUBOT, []), *places, **given)  # type: ignore[arg-type]
+
+
+def test_faults_are_seen() -> None:
+    one, answer = next((s, a) for s, a in answers() if a.joints is not None and len(s.solids) > 3)
+    assert answer.joints is not None
+    tip = one.robot.tool(one.base, answer.joints)[:3, 3]
+    post = Cylinder("post", 0.01, 0.02, tip)
+    assert faults(one._replace(solids=[post]), answer.joints, TOLERANCE)
+    assert faults(one._replace(target=one.target + 1.0), answer.joints, TOLERANCE)
+    assert CERTAIN < 1e-5
