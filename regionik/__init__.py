@@ -28,8 +28,7 @@ if TYPE_CHECKING:
     from regionik.timing.retime import retime
     from regionik.timing.trajectory import trajectory
     from regionik.values import Plan
-    from regionik.verification.answers import verify_answers
-    from regionik.verification.verifier import verify
+    from regionik.verification.verifier import verify, verify_answers
     from regionik.view.figures import plot
     from regionik.view.html_page import to_html
     from regionik.view.viewer import show
@@ -132,7 +131,7 @@ _HOME = {
     "to_html": "regionik.view.html_page",
     "trajectory": "regionik.timing.trajectory",
     "verify": "regionik.verification.verifier",
-    "verify_answers": "regionik.verification.answers",
+    "verify_answers": "regionik.verification.verifier",
     "why": "regionik.pipeline",
     "write_field": "regionik.output.field_file",
 }

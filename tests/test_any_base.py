@@ -25,7 +25,7 @@ from regionik.postures.arm_guard import contact_for, guard_of
 from regionik.reachability.any_base import any_base_of, prepared, search_any_base
 from regionik.reachability.planar_world import own, stance_of
 from regionik.reachability.reach import reach
-from regionik.verification.answers import verify_answers
+from regionik.verification.verifier import verify_answers
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.obstacles import Box, Sphere

@@ -20,7 +20,7 @@ from regionik.pipeline import plan
 from regionik.postures.families import BACK, FRONT
 from regionik.regions import path_areas
 from regionik.values import Plan
-from regionik.verification.stops import _linear, _miss
+from regionik.verification.stops import _excess, _residual_and_jacobian
 from regionik.verification.verifier import verify
 from regionik.view.floor_plan import plan_floor
 from regionik.view.plan_picture import picture_of_plan
@@ -321,7 +321,7 @@ def test_a_tool_that_points_the_other_way_misses_by_half_a_turn() -> None:
     base, joints = np.zeros((1, 3)), world.robot.carry[None]
     tool = world.robot.tool(base[0], joints[0])
     asked = [Target(tool[:3, 3], direction=sign * tool[:3, 2], cone=0.2) for sign in (1.0, -1.0)]
-    misses = [_miss(world, [one], base, joints)[0] for one in asked]
+    misses = [_excess(world, [one], base, joints)[0] for one in asked]
     assert misses == pytest.approx([-world.rules.tolerance, np.pi - 0.2])
 
 
@@ -339,9 +339,10 @@ def test_what_is_missing_changes_as_the_jacobian_says() -> None:
             Target(spot, direction=tool[:3, 2], cone=0.1),
             Target(spot, cone=0.1, orientation=tool[:3, :3]),
         ):
-            _, J = _linear(world, [target], base, q)
+            _, J = _residual_and_jacobian(world, [target], base, q)
             steps = q + small * np.eye(chain.dof), q - small * np.eye(chain.dof)
             ahead, behind = (
-                _linear(world, [target] * chain.dof, np.tile(base, (chain.dof, 1)), x)[0] for x in steps
+                _residual_and_jacobian(world, [target] * chain.dof, np.tile(base, (chain.dof, 1)), x)[0]
+                for x in steps
             )
             assert (behind - ahead) / (2 * small) == pytest.approx(J[0].T, abs=1e-5)

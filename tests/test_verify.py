@@ -11,8 +11,8 @@ from shapely.affinity import rotate, translate
 from shapely.geometry import Point, Polygon, box
 
 from regionik.values import Configuration, Motion, Plan, Report, Violation
-from regionik.verification.findings import MOST
-from regionik.verification.motion import Journey, sag
+from regionik.verification.motion import MotionSegments, chord_deviation
+from regionik.verification.proofs import MAX_VIOLATIONS
 from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, Joint, rot_x, rot_y, translation
@@ -618,7 +618,7 @@ def test_many_violations_are_counted() -> None:
     lid = Box("lid", np.array([9.0, 9.0, 0.1]), np.array([0.0, 0.0, 0.39]))
     report = verify(plan_of(world_of(motion, lid), motion))
     found = of_kind(report, "arm")
-    assert len(found) == MOST + 1
+    assert len(found) == MAX_VIOLATIONS + 1
     assert "more violations" in found[-1].text
 
 
@@ -672,13 +672,13 @@ def test_points_stay_as_near_their_chords_as_their_acceleration_says(robot: Robo
     base = np.cumsum(rng.normal(scale=0.3, size=(n, 3)), axis=0)
     joints = np.cumsum(rng.normal(scale=0.4, size=(n, robot.chain.dof)), axis=0)
     motion = motion_of([(b, q, "transit", -1) for b, q in zip(base, joints, strict=True)])
-    journey = Journey(robot, motion)
+    segments = MotionSegments(robot, motion)
     s = np.linspace(0, 1, 60)
     tightest = 0.0
     for capsule in robot.solids:
-        bound = sag(journey.acceleration(capsule.link, capsule.corners[1]), np.ones(1))
+        bound = chord_deviation(segments.acceleration_bound(capsule.link, capsule.corners[1]), np.ones(1))
         for hop in range(n - 1):
-            frames = journey.frames(np.full(60, hop), s)[:, capsule.link]
+            frames = segments.frames_at(np.full(60, hop), s)[:, capsule.link]
             points = frames[:, :3, :3] @ capsule.corners[1] + frames[:, :3, 3]
             chord = points[0] + s[:, None] * (points[-1] - points[0])
             off = float(np.linalg.norm(points - chord, axis=1).max())
