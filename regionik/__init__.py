@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from regionik.output.plan_file import load_plan
     from regionik.parking.stops import stops
     from regionik.pipeline import plan, why
+    from regionik.planned_areas import verify_areas
     from regionik.reachability.field import reach_field, reach_slice
     from regionik.reachability.reach import reach
     from regionik.regions import admissible_area
@@ -86,6 +87,7 @@ __all__ = [
     "trajectory",
     "verify",
     "verify_answers",
+    "verify_areas",
     "why",
     "write_field",
 ]
@@ -132,6 +134,7 @@ _HOME = {
     "trajectory": "regionik.timing.trajectory",
     "verify": "regionik.verification.verifier",
     "verify_answers": "regionik.verification.verifier",
+    "verify_areas": "regionik.planned_areas",
     "why": "regionik.pipeline",
     "write_field": "regionik.output.field_file",
 }

@@ -6,12 +6,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-import numpy as np
 from numpy.typing import ArrayLike
-from shapely.geometry import Polygon
-from shapely.geometry.base import BaseGeometry
 
-from regionik.areas.ground import united
 from regionik.areas.reachable import heeds_headings
 from regionik.explain import arm_failures, failures
 from regionik.explain.causes import no_inner
@@ -24,12 +20,12 @@ from regionik.parking.fewest_stops import park
 from regionik.parking.stop_motion import connect_stops
 from regionik.parking.stops import check as check_stops
 from regionik.parking.stops import in_sequence
+from regionik.planned_areas import planned_areas
 from regionik.postures.poses import figures, lift_offs
 from regionik.pruning import choose_chain, spans, start_place, start_pose, whole_path
 from regionik.reachability.any_base import can_search, search_any_base
 from regionik.reachability.reach import reach
 from regionik.reachability.witness import Quest
-from regionik.regions import PathAreas
 from regionik.timing.retime import retime
 from regionik.tracker import planner
 from regionik.values import Configuration, Plan, PlannedArea, Stop
@@ -212,7 +208,7 @@ def _plan_path(world: World, seed: int, tell: Progress) -> Plan:
     goals = configurations(world, pruned.ladder, standing, chain, start_pose(world, pruned, chain))
     _refuse(_not_converged(world, goals))
     joined = connect(world, pruned, chain, goals, standing, seed, tell)
-    shown = _planned_areas(world, areas, pruned.area)
+    shown = planned_areas(world, areas, pruned.area)
     return _verified(_finished(world, seed, joined, shown), tell)
 
 
@@ -223,7 +219,7 @@ def _plan_stops(world: World, seed: int, tell: Progress) -> Plan:
     tell("stops", 0, len(parking.groups))
     work = in_sequence(world, parking)
     done = connect_stops(work, seed, tell)
-    shown = _planned_areas(work.world, work.parking_areas.areas, lambda i: done.places[i])
+    shown = planned_areas(work.world, work.parking_areas.areas, lambda i: done.places[i])
     stops = {**parking.stats, "count": len(done.stops), "split_before": list(done.split)}
     stats: dict[str, Any] = {"stops": stops}
     if world.rules.order == "any":
@@ -294,16 +290,3 @@ def _finished(
     """The results of the stages put together."""
     stats = {**figures(world.robot.drive, joined.setpoints, joined.motion, joined.methods), **(more or {})}
     return Plan(world, seed, joined.setpoints, joined.motion, areas, lift_offs(joined.motion), stops, stats)
-
-
-def _planned_areas(
-    world: World, areas: PathAreas, left: Callable[[int], BaseGeometry]
-) -> tuple[PlannedArea, ...]:
-    """Admissible, pruned and rejected parts of every set-point."""
-    shown = []
-    bounds = np.searchsorted(areas.target, np.arange(len(world.task) + 1))
-    for i, (a, b) in enumerate(zip(bounds[:-1], bounds[1:], strict=True)):
-        reach, admissible = united(areas.reach[a:b]), united(areas.inner[a:b])
-        rejected = Polygon() if admissible is reach else reach - admissible
-        shown.append(PlannedArea(admissible, left(i), rejected))
-    return tuple(shown)

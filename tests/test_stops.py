@@ -215,7 +215,7 @@ def test_verify_finds_every_broken_promise() -> None:
     found = planned("shelf")  # where the base has more room than the arm has reach
     first, *rest = found.stops
     report = verify(replace(found, stops=(replace(first, tolerance=first.tolerance + 0.3), *rest)))
-    assert any("not seen to reach" in violation.text for violation in report.violations)
+    assert any("no posture was found that reaches" in violation.text for violation in report.violations)
 
 
 def test_tools_that_point_are_verified_all_over_the_circles() -> None:
@@ -224,7 +224,7 @@ def test_tools_that_point_are_verified_all_over_the_circles() -> None:
     assert verify(found).ok
     away = tuple(replace(target, direction=-target.direction) for target in found.world.task)  # type: ignore[operator]
     report = verify(replace(found, world=replace(found.world, task=away)))
-    assert any("not seen to reach" in violation.text for violation in report.violations)
+    assert any("no posture was found that reaches" in violation.text for violation in report.violations)
 
 
 @pytest.mark.parametrize("span", [slice(2, 7), slice(0, 2), slice(10, 14)])
@@ -259,7 +259,7 @@ def test_tools_that_are_turned_are_verified_all_over_the_circles() -> None:
     assert verify(found).ok
     narrow = tuple(replace(target, cone=1e-3) for target in task)
     report = verify(replace(found, world=replace(found.world, task=narrow)))
-    assert any("not seen to reach" in violation.text for violation in report.violations)
+    assert any("no posture was found that reaches" in violation.text for violation in report.violations)
 
 
 def test_an_arm_that_touches_something_at_the_start_is_named() -> None:

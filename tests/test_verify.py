@@ -38,9 +38,15 @@ def plan_of(world: World, motion: Motion, lift_offs: int = 0) -> Plan:
         np.flatnonzero((motion.kind == "setpoint") & (motion.setpoint == i)) for i in range(len(world.task))
     ]
     configurations = tuple(
-        Configuration(motion.base[k[0]], motion.joints[k[0]], 0.0, 1, True) for k in at if len(k)
+        configuration(world, i, motion.base[k[0]], motion.joints[k[0]]) for i, k in enumerate(at) if len(k)
     )
     return Plan(world, 0, configurations, motion, (), lift_offs)
+
+
+def configuration(world: World, i: int, base: Array, joints: Array) -> Configuration:
+    """Base and joints at a set-point, with the error that they have."""
+    error = float(np.linalg.norm(world.robot.tool(base, joints)[:3, 3] - world.task[i].position))
+    return Configuration(base, joints, error, 1, True)
 
 
 def straight(count: int = 5, between: int = 1, pitch: float = 0.1) -> Motion:
@@ -209,7 +215,7 @@ def test_state_of_a_setpoint_that_is_not_there(owner: int) -> None:
 def test_configurations_that_differ_from_the_states() -> None:
     motion = straight()
     plan = plan_of(world_of(motion), motion)
-    wrong = replace(plan.setpoints[2], base=plan.setpoints[2].base + [0.01, 0, 0])
+    wrong = configuration(plan.world, 2, plan.setpoints[2].base + [0.01, 0, 0], plan.setpoints[2].joints)
     plan = replace(plan, setpoints=(*plan.setpoints[:2], wrong, *plan.setpoints[3:]))
     assert only(verify(plan), "structure").setpoint == 2
     short = verify(replace(plan, setpoints=plan.setpoints[:2]))

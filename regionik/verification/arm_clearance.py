@@ -26,14 +26,7 @@ from regionik.verification.contact import (
     tool_contact,
 )
 from regionik.verification.motion import Indices, Mask, MotionSegments, chord_deviation
-from regionik.verification.proofs import (
-    Finding,
-    Intervals,
-    IntervalVerdicts,
-    StateNames,
-    bisect,
-    finding,
-)
+from regionik.verification.proofs import Finding, Intervals, IntervalVerdicts, StateNames, bisect, finding
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import World
 

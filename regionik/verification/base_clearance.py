@@ -14,14 +14,7 @@ from numpy.typing import NDArray
 
 from regionik.values import Violation
 from regionik.verification.motion import Indices, Mask, MotionSegments, chord_deviation
-from regionik.verification.proofs import (
-    Finding,
-    Intervals,
-    IntervalVerdicts,
-    StateNames,
-    bisect,
-    finding,
-)
+from regionik.verification.proofs import Finding, Intervals, IntervalVerdicts, StateNames, bisect, finding
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import World
 

@@ -24,14 +24,7 @@ from regionik.verification.convex_distance import (
     signed_distances,
 )
 from regionik.verification.motion import Indices, MotionSegments, PointBounds, chord_deviation
-from regionik.verification.proofs import (
-    Finding,
-    Intervals,
-    IntervalVerdicts,
-    StateNames,
-    bisect,
-    finding,
-)
+from regionik.verification.proofs import Finding, Intervals, IntervalVerdicts, StateNames, bisect, finding
 from regionik.worlds.arrays import Array
 from regionik.worlds.robot import Robot
 from regionik.worlds.self_collision import base_body, self_collision_pairs

@@ -6,7 +6,7 @@ bounded (`regionik.verification.motion`), not sampled.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Protocol
 
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from regionik.values import Configuration, Motion, Plan, Report, Violation
 from regionik.verification.arm_clearance import verify_arm_clearance
 from regionik.verification.base_clearance import verify_base_clearance, verify_floor
+from regionik.verification.derived_fields import verify_derived_fields
 from regionik.verification.limits import (
     verify_base_steps,
     verify_criteria,
@@ -57,17 +58,20 @@ def verify(plan: Plan) -> Report:
         ``self``, ``stops`` [m], ``direction``, ``orientation`` [rad], and of criteria that the rules ask for
         ``manipulability`` [m3], ``joint_margin`` (a share of the range), ``effort`` [N m] or [N]. Those of
         ``arm``, ``contact`` and ``self`` go up to 0.05; that of ``contact`` is how much deeper the tool might
-        sink in. Of many violations of a kind the first 20 are listed, and the rest in one.
+        sink in. Violations of kind ``structure`` or ``derived`` are of the plan's form, or of fields that its
+        states contradict. Of many violations of a kind the first 20 are listed, and the rest in one.
     """
     malformed = tuple(malformations(plan))
     if malformed:
         return _report([finding("structure", np.inf, malformed)])
-    return _report(_findings(plan))
+    segments = MotionSegments(plan.world.robot, plan.motion)
+    names = StateNames(plan.motion, len(plan.world.task))
+    findings = list(_findings(plan, segments, names))
+    return _report([*findings, verify_derived_fields(plan, segments, names, findings)])
 
 
-def _findings(plan: Plan) -> Iterator[Finding]:
-    world, motion = plan.world, plan.motion
-    segments, names = MotionSegments(world.robot, motion), StateNames(motion, len(world.task))
+def _findings(plan: Plan, segments: MotionSegments, names: StateNames) -> Iterator[Finding]:
+    world = plan.world
     yield finding("structure", np.inf, inconsistencies(plan, names))
     yield verify_joint_limits(segments, names)
     yield verify_base_steps(segments, names, world.rules.step)
@@ -85,10 +89,9 @@ def _findings(plan: Plan) -> Iterator[Finding]:
     yield from verify_criteria(world, segments, names)
 
 
-def _report(findings: Iterable[Finding]) -> Report:
-    every = list(findings)
-    violations = tuple(violation for found in every for violation in found.violations)
-    measured = [found for found in every if found.kind != "structure" and np.isfinite(found.margin)]
+def _report(findings: Sequence[Finding]) -> Report:
+    violations = tuple(violation for found in findings for violation in found.violations)
+    measured = [found for found in findings if found.kind != "structure" and np.isfinite(found.margin)]
     margins = {found.kind: float(found.margin) for found in measured}
     return Report(not violations, margins, violations)
 

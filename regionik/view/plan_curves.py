@@ -11,8 +11,7 @@ import shapely
 from regionik.planners.clearance.proximity import Bodies, ContactTargets, bodies_from, nearest
 from regionik.postures.arm_guard import guard_of
 from regionik.timing.limits import tool_velocity
-from regionik.timing.sampling import is_timed
-from regionik.timing.trajectory import trajectory
+from regionik.timing.trajectory import is_timed, trajectory
 from regionik.values import Motion, Plan
 from regionik.worlds.arrays import Array
 from regionik.worlds.robot import Robot
