@@ -144,6 +144,27 @@ FAULTS = (
         ("tests/test_single_states.py",),
     ),
     Fault(
+        "verify: errors of set-points are believed",
+        "regionik/verification/derived_fields.py",
+        "if abs(found.error - error) > ROUNDING:",
+        "if abs(found.error - error) > 10.0:",
+        ("tests/test_derived_fields.py",),
+    ),
+    Fault(
+        "verify: margins may be told larger than they are",
+        "regionik/verification/derived_fields.py",
+        "if not off <= ROUNDING * max(1.0, abs(computed)):",
+        "if not off <= 10.0:",
+        ("tests/test_derived_fields.py",),
+    ),
+    Fault(
+        "verify: areas of another shape are believed",
+        "regionik/planned_areas.py",
+        "if off > ROUNDING:",
+        "if off > 10.0:",
+        ("tests/test_derived_fields.py",),
+    ),
+    Fault(
         "pruning: the backward cut is skipped",
         "regionik/pruning.py",
         "keep[rung] &= _followed(keep, ladder.ahead[rung])",

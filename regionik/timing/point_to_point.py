@@ -7,6 +7,7 @@ from numpy.typing import ArrayLike
 
 from regionik.planners.timing.jerk_limited import JerkLimited, KinematicState, jerk_limited
 from regionik.worlds.arrays import Array, frozen
+from regionik.worlds.chain import Chain
 from regionik.worlds.errors import InputError
 from regionik.worlds.robot import Robot
 from regionik.worlds.speeds import Speeds
@@ -67,18 +68,23 @@ def point_to_point(
         for name, joints, speed in (("start", start, start_velocity), ("goal", goal, goal_velocity))
     )
     motion = jerk_limited(first, last, velocity, acceleration, jerks)
+    _check_joint_limits(chain, motion)
+    return motion
+
+
+def _check_joint_limits(chain: Chain, motion: JerkLimited) -> None:
+    """Refuse a motion that leaves the joints' limits, with the joint and the time."""
     least, most, at_least, at_most = motion.extremes()
     for k, joint in enumerate(chain.joints):
-        for value, time, beyond in (
+        for value, time, excess in (
             (least[k], at_least[k], joint.lower - least[k]),
             (most[k], at_most[k], most[k] - joint.upper),
         ):
-            if beyond > SLACK:
+            if excess > SLACK:
                 raise InputError(
                     f"{joint.name}: expected {joint.lower:g} to {joint.upper:g}, would be at {value:g} "
                     f"after {time:g} s"
                 )
-    return motion
 
 
 def _each(values: ArrayLike, dof: int, what: str) -> Array:
