@@ -30,7 +30,7 @@ from regionik.planners.solvers.planar_kinematics import triangle
 from regionik.postures.arm_guard import contact_for, guard_of
 from regionik.reachability.any_base import scene_of, stance_of, writable
 from regionik.reachability.reach import reach
-from regionik.verification.answers import verify_answers
+from regionik.verification.verifier import verify_answers
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import Target, World
 from tests.test_overhead_worlds import overhead_world

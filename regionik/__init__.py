@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from regionik.output.plan_file import load_plan
     from regionik.parking.stops import stops
     from regionik.pipeline import plan, why
+    from regionik.planned_areas import verify_areas
     from regionik.reachability.field import reach_field, reach_slice
     from regionik.reachability.reach import reach
     from regionik.regions import admissible_area
@@ -28,8 +29,7 @@ if TYPE_CHECKING:
     from regionik.timing.retime import retime
     from regionik.timing.trajectory import trajectory
     from regionik.values import Plan
-    from regionik.verification.answers import verify_answers
-    from regionik.verification.verifier import verify
+    from regionik.verification.verifier import verify, verify_answers
     from regionik.view.figures import plot
     from regionik.view.viewer import show, to_html
     from regionik.worlds.chain import Chain, Joint
@@ -86,6 +86,7 @@ __all__ = [
     "trajectory",
     "verify",
     "verify_answers",
+    "verify_areas",
     "why",
     "write_field",
 ]
@@ -131,7 +132,8 @@ _HOME = {
     "to_html": "regionik.view.viewer",
     "trajectory": "regionik.timing.trajectory",
     "verify": "regionik.verification.verifier",
-    "verify_answers": "regionik.verification.answers",
+    "verify_answers": "regionik.verification.verifier",
+    "verify_areas": "regionik.planned_areas",
     "why": "regionik.pipeline",
     "write_field": "regionik.output.field_file",
 }

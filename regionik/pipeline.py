@@ -6,14 +6,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-import numpy as np
 from numpy.typing import ArrayLike
-from shapely.geometry import Polygon
-from shapely.geometry.base import BaseGeometry
 
-from regionik.areas.ground import united
 from regionik.areas.reachable import heeds_headings
-from regionik.areas.standing import PathAreas
 from regionik.explain import failures
 from regionik.explain import failures as arm_failures
 from regionik.explain.questions import ArmQuestion, Oracles, PathQuestion
@@ -25,6 +20,7 @@ from regionik.parking.fewest_stops import park
 from regionik.parking.stop_motion import connect_stops
 from regionik.parking.stops import check as check_stops
 from regionik.parking.stops import in_sequence
+from regionik.planned_areas import planned_areas
 from regionik.postures.poses import lift_offs, motion_stats
 from regionik.pruning import choose_chain, solvers_along, spans, start_place, start_pose, whole_path
 from regionik.reachability.any_base import can_search, search_any_base
@@ -215,7 +211,7 @@ def _plan_path(world: World, seed: int, tell: Progress) -> Plan:
     goals = configurations(world.task, solvers, start_pose(world, pruned, chain))
     _refuse(_not_converged(world, goals))
     joined = connect(world, pruned, chain, goals, standing, seed, tell)
-    shown = _planned_areas(world, areas, pruned.area)
+    shown = planned_areas(world, areas, pruned.area)
     return _verified(_finished(world, seed, joined, shown), tell)
 
 
@@ -226,7 +222,7 @@ def _plan_stops(world: World, seed: int, tell: Progress) -> Plan:
     tell("stops", 0, len(parking.groups))
     work = in_sequence(world, parking)
     done = connect_stops(work, seed, tell)
-    shown = _planned_areas(work.world, work.parking_areas.areas, lambda i: done.places[i])
+    shown = planned_areas(work.world, work.parking_areas.areas, lambda i: done.places[i])
     stops = {**parking.stats, "count": len(done.stops), "split_before": list(done.split)}
     stats: dict[str, Any] = {"stops": stops}
     if world.rules.order == "any":
@@ -298,16 +294,3 @@ def _finished(
     known = motion_stats(world.robot.drive, joined.setpoints, joined.motion, joined.methods)
     stats = {**known, **(more or {})}
     return Plan(world, seed, joined.setpoints, joined.motion, areas, lift_offs(joined.motion), stops, stats)
-
-
-def _planned_areas(
-    world: World, areas: PathAreas, left: Callable[[int], BaseGeometry]
-) -> tuple[PlannedArea, ...]:
-    """Admissible, pruned and rejected parts of every set-point."""
-    shown = []
-    bounds = np.searchsorted(areas.target, np.arange(len(world.task) + 1))
-    for i, (a, b) in enumerate(zip(bounds[:-1], bounds[1:], strict=True)):
-        reach, admissible = united(areas.reach[a:b]), united(areas.inner[a:b])
-        rejected = Polygon() if admissible is reach else reach - admissible
-        shown.append(PlannedArea(admissible, left(i), rejected))
-    return tuple(shown)

@@ -77,6 +77,8 @@ class Motion:
         carries i.
     time : (n,) array
         [s], NaN where the motion is not timed.
+    tool : (n, 3) array, optional
+        Tool positions as a plan file gives them, which `regionik.verify` holds against base and joints [m].
     """
 
     base: Array
@@ -84,6 +86,7 @@ class Motion:
     kind: NDArray[np.str_]
     setpoint: NDArray[np.int64]
     time: Array
+    tool: Array | None = None
 
     def __post_init__(self) -> None:
         n = len(self.base)
@@ -92,6 +95,8 @@ class Motion:
         for key in ("kind", "setpoint", "time"):
             if len(getattr(self, key)) != n:
                 raise InputError(f"states: expected {n} values of {key}")
+        if self.tool is not None:
+            object.__setattr__(self, "tool", frozen(self.tool, (n, 3), "states: tool"))
 
     def __repr__(self) -> str:
         return f"Motion({len(self)} states, {int((self.kind == 'transit').sum())} of them transits)"

@@ -23,7 +23,7 @@ from regionik.planners.solvers.planar_kinematics import triangle
 from regionik.postures.arm_guard import contact_for, guard_of
 from regionik.reachability.any_base import any_base_of, prepared, search_any_base, stance_of, writable
 from regionik.reachability.reach import reach
-from regionik.verification.answers import verify_answers
+from regionik.verification.verifier import verify_answers
 from regionik.worlds.arms import planar_arm
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named

@@ -14,10 +14,10 @@ from regionik.output.urdf import robot_to_urdf
 from regionik.planners.collision.proximity import describe, nearest
 from regionik.planners.collision.robot_bodies import bodies_from
 from regionik.values import Motion
-from regionik.verification import arm_clearance as proof_arm
-from regionik.verification import self_collision
-from regionik.verification.findings import Finding, Words
-from regionik.verification.motion import Journey
+from regionik.verification.arm_clearance import verify_arm_clearance
+from regionik.verification.motion import MotionSegments
+from regionik.verification.proofs import Finding, StateNames
+from regionik.verification.self_collision import verify_self_collision
 from regionik.view.world_picture import robot_meshes
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, Joint, pose, translation
@@ -56,8 +56,9 @@ def boom(turned: float = 0.0) -> Robot:
 def prove(robot: Robot, motion: Motion, *solids: Solid) -> tuple[Finding, Finding]:
     far = Target(np.array([9.0, 9.0, 9.0]))
     world = World("by hand", robot, Floor(shapely.box(-9, -9, 9, 9)), solids, (far,), Rules())
-    journey, said = Journey(robot, motion), Words(motion, 1)
-    return proof_arm.arm(world, journey, said)[0], self_collision.itself(journey, said)
+    segments, names = MotionSegments(robot, motion), StateNames(motion, 1)
+    arm = verify_arm_clearance(world, segments, names)[0]
+    return arm, verify_self_collision(segments, names)
 
 
 # --- pairs and questions

@@ -16,7 +16,13 @@ from regionik.planners.collision.robot_bodies import core_of
 from regionik.postures.arm_guard import guard_of
 from regionik.postures.poses import Pose
 from regionik.values import Report
-from regionik.verification.contact import Contact, Moved, core_weights, farthest, touches
+from regionik.verification.contact import (
+    SweptSolid,
+    ToolContact,
+    farthest_below_plane,
+    is_allowed,
+    shrunk_weights,
+)
 from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import translation
@@ -144,7 +150,7 @@ def test_nothing_below_a_plane_is_farther_from_the_tool_than_told(seed: int) -> 
     height = float(rng.normal() * 0.05)
     points = points_of(solid, rng)
     seen = np.linalg.norm(points - tool, axis=1)[points @ normal <= height].max(initial=0.0)
-    assert farthest(solid.corners, solid.radius, (normal, height), tool) >= seen - 1e-12
+    assert farthest_below_plane(solid.corners, solid.radius, (normal, height), tool) >= seen - 1e-12
     assert compiled_farthest(solid.corners, solid.radius, normal, height, tool) >= seen - 1e-12
 
 
@@ -155,9 +161,9 @@ def test_what_is_left_of_a_solid_is_within_the_depth_of_all_of_it(seed: int, dep
     solid = shapes(rng)
     tool = solid.corners[0] + rng.normal(size=3) * 0.05
     corners, radius = core_of(solid, depth, tool)
-    assert core_weights(solid.corners, max(0.0, depth - solid.radius), tool) @ solid.corners == pytest.approx(
-        corners
-    )
+    assert shrunk_weights(
+        solid.corners, max(0.0, depth - solid.radius), tool
+    ) @ solid.corners == pytest.approx(corners)
     if isinstance(solid, LinkCapsule):
         left = LinkCapsule(0, "left", corners[0], corners[1], max(radius, 1e-9))
         assert min(left.depth(p) for p in points_of(solid, rng, 200)) >= -depth - 2e-9
@@ -188,8 +194,8 @@ def test_a_contact_that_is_accepted_is_seen_to_keep_the_rules(kind: str) -> None
         lift = np.array([0.0, 0.0, -points_of(solid, rng)[:, 2].min() - rng.uniform(0, 0.03)])
         aside = np.array([*(rng.uniform(-0.08, 0.08, 2) - tool[:2]), 0.0])
         hulls, at = solid.corners + lift + aside, tool + lift + aside
-        moved = Moved(np.stack([hulls] * 3), solid.radius, np.stack([at] * 3), 0.0, 0.0)
-        told.append(touches(Contact({}, float(reach), float(clearance), float(depth)), moved, piece))
+        moved = SweptSolid(np.stack([hulls] * 3), solid.radius, np.stack([at] * 3), 0.0, 0.0)
+        told.append(is_allowed(ToolContact({}, float(reach), float(clearance), float(depth)), moved, piece))
         if not told[-1]:
             continue
         points = points_of(solid, rng) + lift + aside

@@ -17,7 +17,7 @@ from regionik.planners.reach.criteria_paving import paved
 from regionik.planners.reach.rings import FREE
 from regionik.planners.solvers.posture_criteria import Thresholds, posture_spare, thresholds_of
 from regionik.regions import admissible_area
-from regionik.verification.criteria import efforts, joint_margins, manipulability
+from regionik.verification.limits import efforts, joint_margins, manipulability
 from regionik.verification.verifier import verify
 from regionik.worlds.arms import planar_arm
 from regionik.worlds.arrays import Array

@@ -13,8 +13,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from regionik.planners.driving.arcs import arc_end, arc_towards
-from regionik.verification import motion as proofs_journey
-from regionik.verification.motion import Journey
+from regionik.verification import motion as verification_motion
+from regionik.verification.motion import MotionSegments
 from regionik.worlds.arrays import Array
 from regionik.worlds.drives import BULGE, BaseKind, DifferentialDrive, OmnidirectionalDrive, drive_of
 from tests.bodies import motion_through
@@ -62,12 +62,12 @@ def test_what_plans_are_filled_in_with_is_what_verify_assumes(kind: BaseKind, se
     base[3] = base[2]
     base[4, 2] = base[3, 2]
     drive, robot = drive_of(kind), replace(youbot(), base=kind)
-    journey = Journey(robot, motion_through(base, np.zeros((6, 5))))
+    segments = MotionSegments(robot, motion_through(base, np.zeros((6, 5))))
     hop, s = np.repeat(np.arange(5), 7), np.tile(np.linspace(0, 1, 7), 5)
     found = drive.between(base[hop], base[hop + 1], s)
-    np.testing.assert_allclose(journey.base(hop, s), found, atol=1e-12)
+    np.testing.assert_allclose(segments.base_at(hop, s), found, atol=1e-12)
     np.testing.assert_allclose(found[6::7, :2], base[1:, :2], atol=1e-12)
-    assert drive.travel(base) == pytest.approx(journey.length.sum())
+    assert drive.travel(base) == pytest.approx(segments.base_length.sum())
     assert np.abs(np.cos(found[6::7, 2]) - np.cos(base[1:, 2])).max() < 1e-12
 
 
@@ -100,7 +100,7 @@ def test_a_robot_knows_its_drive() -> None:
 
 def test_verification_asks_a_drive_for_its_kind_of_motion_alone() -> None:
     """It has kinematics of its own, so that a fault in the planner's cannot hide in both."""
-    files = list(Path(proofs_journey.__file__).parent.glob("*.py"))
+    files = list(Path(verification_motion.__file__).parent.glob("*.py"))
     asked = {name for file in files for name in re.findall(r"\bdrive\.(\w+)", file.read_text("utf-8"))}
     assert asked == {"rolls", "turning_radius"}
     assert not any("worlds.drives" in file.read_text("utf-8") for file in files)

@@ -18,7 +18,7 @@ from regionik.cli.plan import EXPORT_FORMATS
 from regionik.output.export import FORMATS, export
 from regionik.output.urdf import robot_to_urdf, roll_pitch_yaw
 from regionik.timing.limits import tool_velocity
-from regionik.timing.trajectory import Sample, trajectory
+from regionik.timing.trajectory import TrajectorySample, trajectory
 from regionik.values import Plan
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, Joint, pose
@@ -270,7 +270,7 @@ def test_csv_at_a_rate_says_where_on_the_way_it_is(tmp_path: Path) -> None:
 def test_the_tool_moves_as_its_positions_do(robot: Robot) -> None:
     rng = np.random.default_rng(3)
     base, joints, drive, bend = (rng.uniform(-2, 2, (20, n)) for n in (3, robot.chain.dof) * 2)
-    sample = Sample(np.zeros(20), base, joints, drive, bend, 0 * drive, 0 * bend)
+    sample = TrajectorySample(np.zeros(20), base, joints, drive, bend, 0 * drive, 0 * bend)
     half = 1e-6
     ends = [robot.tool(base + s * drive, joints + s * bend)[:, :3, 3] for s in (-half, half)]
     assert np.abs(tool_velocity(robot, *sample.columns[:2]) - (ends[1] - ends[0]) / (2 * half)).max() < 1e-7

@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 from shapely.geometry import Point, Polygon
 
-from regionik.verification.convex_distance import Hull, beyond, gaps, hull_of, hull_of_prism, plane_gaps
+from regionik.verification.convex_distance import (
+    RoundedHull,
+    face_distances,
+    gap_along,
+    link_hull,
+    prism_hull,
+    signed_distances,
+)
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import translation
 from regionik.worlds.obstacles import Prism
@@ -16,23 +23,23 @@ from tests.bodies import random_frame, signed_distance
 HEPTAGON = Prism("body", Polygon(Point(0, 0).buffer(0.2, 2).exterior.coords[:-2]), 0.0, 0.15)
 
 
-def segment(*ends: tuple[float, float, float], radius: float = 0.1) -> Hull:
-    return hull_of(LinkCapsule(0, "capsule", np.array(ends[0]), np.array(ends[1]), radius))
+def segment(*ends: tuple[float, float, float], radius: float = 0.1) -> RoundedHull:
+    return link_hull(LinkCapsule(0, "capsule", np.array(ends[0]), np.array(ends[1]), radius))
 
 
-def cube(size: float = 1.0) -> Hull:
-    return hull_of(LinkBox(0, "cube", np.eye(4), np.full(3, size)))
+def cube(size: float = 1.0) -> RoundedHull:
+    return link_hull(LinkBox(0, "cube", np.eye(4), np.full(3, size)))
 
 
-def some_hull(rng: np.random.Generator, kind: str) -> Hull:
+def some_hull(rng: np.random.Generator, kind: str) -> RoundedHull:
     if kind == "prism":
-        return hull_of_prism(HEPTAGON)
+        return prism_hull(HEPTAGON)
     if kind == "box":
-        return hull_of(LinkBox(0, "box", random_frame(rng, 0.1), rng.uniform(0.01, 0.5, 3)))
+        return link_hull(LinkBox(0, "box", random_frame(rng, 0.1), rng.uniform(0.01, 0.5, 3)))
     ends = rng.uniform(-0.3, 0.3, (2, 3))
     if kind == "point":
         ends[1] = ends[0]
-    return hull_of(LinkCapsule(0, "capsule", ends[0], ends[1], 0.05))
+    return link_hull(LinkCapsule(0, "capsule", ends[0], ends[1], 0.05))
 
 
 @pytest.mark.parametrize("moving", ["capsule", "box", "point"])
@@ -41,14 +48,14 @@ def test_distance_is_that_of_the_difference_body(still: str, moving: str) -> Non
     rng = np.random.default_rng(4)
     one, other = some_hull(rng, still), some_hull(rng, moving)
     T = np.array([random_frame(rng, reach) for reach in (0.0, 0.1, 0.2, 0.4, 0.8) for _ in range(12)])
-    found = gaps(one, other, T)
-    for k, corners in enumerate(other.placed(T)):
+    found = signed_distances(one, other, T)
+    for k, corners in enumerate(other.corners_in(T)):
         expected = signed_distance(one.corners, corners) - one.radius - other.radius
         assert found.distance[k] == pytest.approx(expected, abs=2e-7)
-    proof = beyond(one, other.placed(T), found.normal) - one.radius - other.radius
+    proof = gap_along(one, other.corners_in(T), found.normal) - one.radius - other.radius
     assert proof == pytest.approx(found.distance, abs=1e-12)
     assert np.linalg.norm(found.normal, axis=1) == pytest.approx(1.0, abs=1e-12)
-    assert (plane_gaps(one, other, T).distance <= found.distance + 1e-15).all()
+    assert (face_distances(one, other, T).distance <= found.distance + 1e-15).all()
 
 
 @pytest.mark.parametrize(
@@ -70,17 +77,19 @@ def test_distance_is_that_of_the_difference_body(still: str, moving: str) -> Non
         (cube(), segment((-1, 0, 0), (1, 0, 0)), (0, 0, 0.7), 0.1),
         (cube(), segment((-2, 0, 0), (2, 0, 0)), (0, 0, 0), -0.6),
         (
-            hull_of_prism(Prism("p", Polygon([(0, 0), (0, 1), (1, 1), (1, 0)]), 0, 1)),
+            prism_hull(Prism("p", Polygon([(0, 0), (0, 1), (1, 1), (1, 0)]), 0, 1)),
             cube(),
             (2, 0.5, 0.5),
             0.5,
         ),
     ],
 )
-def test_distances_by_hand(one: Hull, other: Hull, at: tuple[float, float, float], distance: float) -> None:
-    found = gaps(one, other, translation(*at)[None])
+def test_distances_by_hand(
+    one: RoundedHull, other: RoundedHull, at: tuple[float, float, float], distance: float
+) -> None:
+    found = signed_distances(one, other, translation(*at)[None])
     assert found.distance[0] == pytest.approx(distance, abs=1e-12)
-    swapped = gaps(other, one, translation(*(-np.array(at)))[None])
+    swapped = signed_distances(other, one, translation(*(-np.array(at)))[None])
     assert swapped.distance[0] == pytest.approx(distance, abs=1e-12)
 
 
@@ -89,23 +98,27 @@ def test_edges_that_are_nearly_parallel(slant: float) -> None:
     """Where two lines meet is ill-conditioned then; how near two segments come is not."""
     one = segment((0, 0, 0), (1, 0, 0))
     other = segment((0.2, 0.3, 0), (0.9, 0.3 + slant, slant))
-    found = gaps(one, other, np.eye(4)[None])
+    found = signed_distances(one, other, np.eye(4)[None])
     assert found.distance[0] == pytest.approx(0.1, abs=1e-12)
-    box = gaps(cube(), segment((-0.3, 0.5, 0.7), (0.3, 0.5 + slant, 0.7 + slant)), np.eye(4)[None])
+    box = signed_distances(
+        cube(), segment((-0.3, 0.5, 0.7), (0.3, 0.5 + slant, 0.7 + slant)), np.eye(4)[None]
+    )
     assert box.distance[0] == pytest.approx(0.1, abs=1e-12)
 
 
 def test_no_poses_give_no_distances() -> None:
     none: Array = np.zeros((0, 4, 4))
     for other in (cube(), segment((0, 0, 0), (1, 0, 0)), segment((0, 0, 0), (0, 0, 0))):
-        assert gaps(cube(), other, none).distance.shape == (0,)
-        assert gaps(other, cube(), none).normal.shape == (0, 3)
+        assert signed_distances(cube(), other, none).distance.shape == (0,)
+        assert signed_distances(other, cube(), none).normal.shape == (0, 3)
 
 
 def test_many_poses_are_those_one_by_one() -> None:
     rng = np.random.default_rng(2)
     T = np.array([random_frame(rng, 0.6) for _ in range(3000)])
     one, other = some_hull(rng, "box"), some_hull(rng, "box")
-    found = gaps(one, other, T)
+    found = signed_distances(one, other, T)
     for k in range(0, 3000, 97):
-        assert gaps(one, other, T[k : k + 1]).distance[0] == pytest.approx(found.distance[k], abs=1e-14)
+        assert signed_distances(one, other, T[k : k + 1]).distance[0] == pytest.approx(
+            found.distance[k], abs=1e-14
+        )

@@ -15,7 +15,7 @@ ENGINES = {
     "ompl": {"planners/driving/sampling.py"},
     "fcl": {"planners/collision/meshes.py"},
     "meshcat": {"regionik/view/viewer.py"},
-    "toppra": {"planners/timing/path_timing.py"},
+    "toppra": {"planners/timing/time_optimal.py"},
     "matplotlib": {"regionik/view/figures.py"},
     "typer": {
         "regionik/cli/app.py",

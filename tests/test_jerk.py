@@ -8,15 +8,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import regionik as rik
-from regionik.planners.timing.jerk import jerk_limited
-from regionik.planners.timing.polynomial import Moment
+from regionik.planners.timing.jerk_limited import KinematicState, jerk_limited
 from regionik.worlds.errors import InputError
 
 POSTURES = st.lists(st.floats(0.01, 2.4), min_size=10, max_size=10)
 
 
-def at_rest(*joints: float) -> Moment:
-    return Moment(np.array(joints), np.zeros(len(joints)), np.zeros(len(joints)))
+def at_rest(*joints: float) -> KinematicState:
+    return KinematicState(np.array(joints), np.zeros(len(joints)), np.zeros(len(joints)))
 
 
 def rest_to_rest(way: float, velocity: float, acceleration: float, jerk: float) -> float:
@@ -98,7 +97,7 @@ def test_what_cannot_be_is_refused(changes: dict[str, object], message: str) -> 
 
 
 def test_an_end_that_leaves_no_time_to_brake_is_refused() -> None:
-    end = Moment(np.ones(1), np.full(1, 2.0), np.full(1, -2.0))
+    end = KinematicState(np.ones(1), np.full(1, 2.0), np.full(1, -2.0))
     with pytest.raises(InputError, match="ends and limits do not go together"):
         jerk_limited(at_rest(0.0), end, [2.0], [2.0], [8.0])
 

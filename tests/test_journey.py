@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from regionik.verification.motion import Journey, sag
+from regionik.verification.motion import MotionSegments, chord_deviation
 from regionik.worlds.arrays import Array
 from regionik.worlds.drives import BaseKind
 from tests.bodies import motion_through, random_robot
@@ -16,18 +16,18 @@ H = 1e-4  # step of the differences [hops]
 HOPS = 8
 
 
-def random_journey(seed: int, dof: int, kind: BaseKind = "omni") -> Journey:
+def random_segments(seed: int, dof: int, kind: BaseKind = "omni") -> MotionSegments:
     rng = np.random.default_rng([seed, dof])
     base = rng.uniform(-1, 1, (HOPS + 1, 3)) * [0.3, 0.3, 2.0]
     joints = rng.normal(scale=rng.choice([0.1, 0.5, 1.5], size=dof), size=(HOPS + 1, dof))
-    return Journey(replace(random_robot(rng, dof), base=kind), motion_through(base, joints))
+    return MotionSegments(replace(random_robot(rng, dof), base=kind), motion_through(base, joints))
 
 
-def seen(journey: Journey, lower: int | None, link: int, point: Array, hop: int, s: Array) -> Array:
+def seen(segments: MotionSegments, lower: int | None, link: int, point: Array, hop: int, s: Array) -> Array:
     """Positions of a point fixed to a link, in a lower link's frame or in the world (None)."""
     hops = np.full(len(s), hop)
-    frames = journey.frames(hops, s)
-    T = frames[:, link] if lower is None else journey.between(lower, link, journey.joints(hops, s))
+    frames = segments.frames_at(hops, s)
+    T = frames[:, link] if lower is None else segments.link_pose(lower, link, segments.joints_at(hops, s))
     if lower is not None and lower >= 0:
         assert pytest.approx(np.linalg.inv(frames[:, lower]) @ frames[:, link], abs=1e-12) == T
     positions: Array = T[:, :3, :3] @ point + T[:, :3, 3]
@@ -38,23 +38,23 @@ def seen(journey: Journey, lower: int | None, link: int, point: Array, hop: int,
 @pytest.mark.parametrize("dof", [1, 2, 3, 5, 8])
 @pytest.mark.parametrize("seed", range(4))
 def test_no_point_is_faster_or_sharper_than_its_bounds(seed: int, dof: int, kind: BaseKind) -> None:
-    journey = random_journey(seed, dof, kind)
+    segments = random_segments(seed, dof, kind)
     rng = np.random.default_rng(seed)
     s = np.linspace(H, 1 - H, 25)
     for lower in (None, *range(-1, dof - 1)):
         link = int(rng.integers(-1 if lower is None else lower, dof - 1)) + 1
         point = rng.uniform(-0.4, 0.4, 3)
-        bounds = journey.bounds_between(-1 if lower is None else lower, link, point)
-        limit = journey.acceleration(link, point) if lower is None else bounds.acceleration
+        bounds = segments.relative_bounds(-1 if lower is None else lower, link, point)
+        limit = segments.acceleration_bound(link, point) if lower is None else bounds.acceleration
         for hop in range(HOPS):
-            before, now, after = (seen(journey, lower, link, point, hop, s + d) for d in (-H, 0, H))
+            before, now, after = (seen(segments, lower, link, point, hop, s + d) for d in (-H, 0, H))
             bent = np.linalg.norm(before - 2 * now + after, axis=1).max() / H**2
             assert bent <= limit[hop] * (1 + 1e-6) + 1e-6
             if lower is None:
                 continue
             fast = np.linalg.norm(after - before, axis=1).max() / (2 * H)
             assert fast <= bounds.speed[hop] * (1 + 1e-6) + 1e-9
-            mount = float(np.linalg.norm(journey.robot.mount[:3])) if lower < 0 else 0.0
+            mount = float(np.linalg.norm(segments.robot.mount[:3])) if lower < 0 else 0.0
             assert np.linalg.norm(now, axis=1).max() <= bounds.distance[hop] + mount + 1e-12
 
 
@@ -63,12 +63,12 @@ def test_bounds_are_of_the_size_of_the_motion(kind: BaseKind) -> None:
     """A bound that is never nearly reached would prove nothing worth having."""
     tightest = 0.0
     for seed in range(6):
-        journey = random_journey(seed, 3, kind)
+        segments = random_segments(seed, 3, kind)
         point = np.array([0.1, 0.2, 0.0])
-        limit = sag(journey.acceleration(2, point), np.ones(1))
+        limit = chord_deviation(segments.acceleration_bound(2, point), np.ones(1))
         s = np.linspace(0, 1, 60)
         for hop in range(HOPS):
-            points = seen(journey, None, 2, point, hop, s)
+            points = seen(segments, None, 2, point, hop, s)
             chord = points[0] + s[:, None] * (points[-1] - points[0])
             off = np.linalg.norm(points - chord, axis=1).max()
             assert off <= limit[hop] + 1e-12
@@ -77,11 +77,11 @@ def test_bounds_are_of_the_size_of_the_motion(kind: BaseKind) -> None:
 
 
 def test_two_links_that_no_joint_between_moves_are_still() -> None:
-    journey = random_journey(1, 4)
-    joints = np.array(journey.motion.joints)
+    segments = random_segments(1, 4)
+    joints = np.array(segments.motion.joints)
     joints[:, 2:] = joints[0, 2:]
-    journey = Journey(journey.robot, motion_through(journey.motion.base, joints))
-    bounds = journey.bounds_between(1, 3, np.ones(3))
+    segments = MotionSegments(segments.robot, motion_through(segments.motion.base, joints))
+    bounds = segments.relative_bounds(1, 3, np.ones(3))
     assert not bounds.acceleration.any()
     assert not bounds.speed.any()
-    assert journey.bounds_between(0, 3, np.ones(3)).speed.all()
+    assert segments.relative_bounds(0, 3, np.ones(3)).speed.all()

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from regionik.planners.timing.polynomial import ORDERS, blend, polynomial
+from benchmarks.tables.polynomial import ORDERS, blend, polynomial
 from regionik.worlds.errors import InputError
 
 numbers = st.floats(-5.0, 5.0)

@@ -7,9 +7,9 @@ import pytest
 from shapely.geometry import Polygon, box
 
 from regionik.values import Motion
-from regionik.verification.arm_clearance import arm
-from regionik.verification.findings import Finding, Words
-from regionik.verification.motion import Journey
+from regionik.verification.arm_clearance import verify_arm_clearance
+from regionik.verification.motion import MotionSegments
+from regionik.verification.proofs import Finding, StateNames
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, Joint, translation
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Solid, Sphere
@@ -25,7 +25,7 @@ TETRAHEDRON = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
 def check(robot: Robot, motion: Motion, *solids: Solid, clearance: float = 0.0) -> Finding:
     rules = Rules(arm_clearance=clearance, tool_contact=0.001)
     world = World("by hand", robot, Floor(box(-9, -9, 9, 9)), solids, (FAR,), rules)
-    return arm(world, Journey(robot, motion), Words(motion, 1))[0]
+    return verify_arm_clearance(world, MotionSegments(robot, motion), StateNames(motion, 1))[0]
 
 
 def crane(*solids: LinkSolid) -> Robot:
@@ -155,7 +155,7 @@ def hull(solid: Solid) -> tuple[Array, float]:
 def sampled_gap(robot: Robot, motion: Motion, solid: Solid, samples: int) -> float:
     corners, radius = hull(solid)
     s = np.linspace(0, 1, samples)
-    frames = Journey(robot, motion).frames(np.zeros(samples, dtype=np.int64), s)
+    frames = MotionSegments(robot, motion).frames_at(np.zeros(samples, dtype=np.int64), s)
     least = np.inf
     for part in robot.solids:
         placed = (

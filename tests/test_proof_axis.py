@@ -7,9 +7,9 @@ import shapely
 from scipy.spatial.transform import Rotation
 
 from regionik.values import Motion
-from regionik.verification.findings import Finding, Words
-from regionik.verification.motion import Journey
-from regionik.verification.tool_axis import direction, orientation
+from regionik.verification.motion import MotionSegments
+from regionik.verification.proofs import Finding, StateNames
+from regionik.verification.tool_path import verify_direction, verify_orientation
 from regionik.worlds.arrays import Array
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Target, World
@@ -46,8 +46,8 @@ def told(robot: Robot, motion: Motion, ends: Array, cone: float) -> tuple[Findin
     spots = robot.tool(motion.base, motion.joints)[:, :3, 3]
     task = tuple(Target(p, cone=cone, orientation=R) for p, R in zip(spots, ends, strict=True))
     world = World("hop", robot, Floor(shapely.box(-9, -9, 9, 9)), (), task)
-    journey, words = Journey(robot, motion), Words(motion, 2)
-    return orientation(world, journey, words), direction(world, journey, words)
+    segments, names = MotionSegments(robot, motion), StateNames(motion, 2)
+    return verify_orientation(world, segments, names), verify_direction(world, segments, names)
 
 
 def test_a_frame_is_proven_in_its_cone_where_it_is_and_only_there() -> None:
@@ -94,5 +94,5 @@ def test_what_only_one_set_point_asks_is_not_asked_on_the_way() -> None:
     spots, turns = robot.tool(motion.base, motion.joints)[:, :3, 3], frames(robot, motion)
     task = (Target(spots[0], cone=0.001, orientation=turns[0]), Target(spots[1], turns[-1][:, 2], 0.001))
     world = World("hop", robot, Floor(shapely.box(-9, -9, 9, 9)), (), task)
-    assert orientation(world, Journey(robot, motion), Words(motion, 2)).margin == np.inf
-    assert direction(world, Journey(robot, motion), Words(motion, 2)).violations
+    assert verify_orientation(world, MotionSegments(robot, motion), StateNames(motion, 2)).margin == np.inf
+    assert verify_direction(world, MotionSegments(robot, motion), StateNames(motion, 2)).violations

@@ -10,9 +10,9 @@ import pytest
 
 from regionik.values import Motion
 from regionik.verification import self_collision
-from regionik.verification.findings import Finding, Words
-from regionik.verification.motion import Journey
-from regionik.verification.self_collision import itself
+from regionik.verification.motion import MotionSegments
+from regionik.verification.proofs import Finding, StateNames
+from regionik.verification.self_collision import verify_self_collision
 from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, Joint, rot_x, translation
@@ -29,7 +29,7 @@ OPEN = np.array([0.0, 1.2, -1.0, 1.0, 0.0])
 
 
 def check(robot: Robot, motion: Motion) -> Finding:
-    return itself(Journey(robot, motion), Words(motion, 1))
+    return verify_self_collision(MotionSegments(robot, motion), StateNames(motion, 1))
 
 
 def still(*joints: Array) -> Motion:
@@ -115,7 +115,7 @@ def test_margin_is_the_least_distance_at_states() -> None:
     with pairs_of((0, 1)):
         robot = clock(hand_of(0.012))
         assert check(robot, swing(-np.pi / 2, 1.0)).margin == pytest.approx(0.012, abs=1e-12)
-        assert check(robot, swing(1.0, 2.0)).margin == self_collision.LOOK
+        assert check(robot, swing(1.0, 2.0)).margin == self_collision.MARGIN_RANGE
         robot = clock(paddle(0.02))
         assert check(robot, swing(-3 * np.pi / 4, 1.0)).margin == pytest.approx(0.02, abs=1e-12)
 
@@ -242,6 +242,6 @@ def test_overlaps_are_as_deep_as_told() -> None:
             found = check(robot, still(*joints))
         gap = sampled_gap(robot, np.repeat(joints, 2, 0), (0, 1), 1)
         told = -found.violations[0].amount if found.violations else found.margin
-        assert told == pytest.approx(min(gap, self_collision.LOOK), abs=1e-6)
+        assert told == pytest.approx(min(gap, self_collision.MARGIN_RANGE), abs=1e-6)
         deep += gap < -1e-6
     assert deep >= 5

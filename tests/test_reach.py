@@ -7,7 +7,7 @@ import shapely
 from regionik.planners.reach.rings import reach_intervals
 from regionik.reachability.reach import reach
 from regionik.regions import admissible_area
-from regionik.verification.answers import verify_answers
+from regionik.verification.verifier import verify_answers
 from regionik.worlds.arms import planar_arm
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.documents.world_file import load_world

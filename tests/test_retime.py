@@ -11,12 +11,12 @@ import shapely
 
 from regionik.output.plan_file import load_plan
 from regionik.pipeline import plan, search
-from regionik.planners.timing.path_timing import Look, fastest
-from regionik.timing.blending import curve_of
-from regionik.timing.curve import running_on
-from regionik.timing.limits import limits_of, tool_velocity
+from regionik.planners.timing.time_optimal import PathDerivatives, time_optimal_velocities
+from regionik.timing.limits import motion_limits, segments_on_path, tool_velocity
+from regionik.timing.parametrization import path_of
 from regionik.timing.retime import BLEND, retime
-from regionik.timing.trajectory import Sample, trajectory
+from regionik.timing.smooth_path import smooth_path
+from regionik.timing.trajectory import TrajectorySample, trajectory
 from regionik.values import Plan
 from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array
@@ -47,7 +47,7 @@ def timed(name: str) -> Plan:
     return retime(planned(name), speeds_for(name))
 
 
-def each_millisecond(found: Plan) -> Sample:
+def each_millisecond(found: Plan) -> TrajectorySample:
     motion = trajectory(found)
     return motion.sample(np.append(np.arange(0.0, motion.duration, 1e-3), motion.duration))
 
@@ -126,19 +126,19 @@ def test_all_states_of_the_plan_are_passed_and_nothing_strays_from_its_hops(name
 
 def engine_alone(found: Plan, finer: int) -> float:
     """Duration by TOPP-RA on a plan's own path, on a grid so many times as fine as its states are."""
-    limits, best = limits_of(found.world.robot, Speeds()), 0.0
-    curve = curve_of(found.world.robot, found.motion)
-    for a, b in curve.runs:
+    limits, best = motion_limits(found.world.robot, Speeds()), 0.0
+    path = path_of(found.world.robot, found.motion)
+    for a, b in path.runs:
         hop = np.repeat(np.arange(a, b), finer)
-        grid = np.interp(np.arange(len(hop) + 1) / finer, np.arange(b - a + 1), curve.position[a : b + 1])
+        grid = np.interp(np.arange(len(hop) + 1) / finer, np.arange(b - a + 1), path.position[a : b + 1])
         looks, most = [], np.full(len(grid), np.inf)
         for share in (0.0, 0.5, 1 - 1e-9):
-            z, slope, bend = curve.along(grid[:-1] + share * np.diff(grid), hop)
-            bound = limits.most(z, slope, np.zeros(len(z), dtype=bool))
-            ways = limits.accelerations(slope, bend)
-            looks.append(Look(share, *ways[:2]))
+            z, slope, bend = path.evaluate(grid[:-1] + share * np.diff(grid), hop)
+            bound = limits.largest_squared_velocity(z, slope, np.zeros(len(z), dtype=bool))
+            ways = limits.limited_derivatives(slope, bend)
+            looks.append(PathDerivatives(share, *ways[:2]))
             most[:-1], most[1:] = np.minimum(most[:-1], bound), np.minimum(most[1:], bound)
-        rate = fastest(grid, looks, ways[2], most)
+        rate = time_optimal_velocities(grid, looks, ways[2], most)
         best += float((2 * np.diff(grid) / (rate[1:] + rate[:-1])).sum())
     return best
 
@@ -153,8 +153,8 @@ def test_it_is_nearly_as_fast_as_the_engine_alone(name: str) -> None:
 
 def test_a_straight_move_has_the_time_of_the_trapezoid() -> None:
     grid, ones = np.linspace(0, 2, 401), np.ones((400, 1))
-    looks = [Look(share, ones, 0 * ones) for share in (0.0, 1.0)]
-    rate = fastest(grid, looks, np.array([0.5]), np.full(401, 0.25))
+    looks = [PathDerivatives(share, ones, 0 * ones) for share in (0.0, 1.0)]
+    rate = time_optimal_velocities(grid, looks, np.array([0.5]), np.full(401, 0.25))
     assert (2 * np.diff(grid) / (rate[1:] + rate[:-1])).sum() == pytest.approx(2 / 0.5 + 0.5 / 0.5, rel=1e-3)
 
 
@@ -165,7 +165,7 @@ def test_tool_speed_is_a_limit_on_the_path_and_told_where_it_is_not_held() -> No
     z, velocity, _ = look.columns
     speed = np.linalg.norm(tool_velocity(found.world.robot, z, velocity), axis=1)
     hop = np.clip(np.searchsorted(found.motion.time, look.time, side="right") - 1, 0, len(found.motion) - 2)
-    on = limits_of(found.world.robot, Speeds()).working(found.motion)[hop]
+    on = segments_on_path(found.motion)[hop]
     assert speed[on].max() <= 0.05 * SLACK
     assert speed[~on].max() > 0.05
     assert told["held"] == pytest.approx(np.mean(speed[on] >= 0.99 * 0.05), abs=0.01)
@@ -284,15 +284,15 @@ def test_a_world_of_one_set_point_that_the_soak_found_is_timed() -> None:
     assert verify(retime(search(soaked_world("overhead", 591)))).ok
 
 
-def test_a_curve_goes_nowhere_beyond_its_states() -> None:
+def test_a_path_goes_nowhere_beyond_its_states() -> None:
     rng = np.random.default_rng(1)
     base = np.cumsum(rng.normal(size=(30, 3)) * [0.1, 0.1, 0.0], axis=0)
     joints = np.repeat(rng.uniform(-1, 1, (10, 2)), 3, axis=0)
-    curve = running_on(OmnidirectionalDrive(), base, joints)
-    ((a, b),) = curve.runs
-    position = np.linspace(curve.position[a], curve.position[b], 5000)
-    k = curve.hop_at(position)
-    z, _, _ = curve.along(position, k)
+    path = smooth_path(OmnidirectionalDrive(), base, joints)
+    ((a, b),) = path.runs
+    position = np.linspace(path.position[a], path.position[b], 5000)
+    k = np.clip(np.searchsorted(path.position, position, side="right") - 1, 0, len(base) - 2)
+    z, _, _ = path.evaluate(position, k)
     states = np.concatenate([base, joints], axis=1)
     assert (z >= np.minimum(states[k], states[k + 1]) - 1e-12).all()
     assert (z <= np.maximum(states[k], states[k + 1]) + 1e-12).all()

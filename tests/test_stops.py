@@ -20,7 +20,7 @@ from regionik.pipeline import plan
 from regionik.postures.families import BACK, FRONT
 from regionik.regions import path_areas
 from regionik.values import Plan
-from regionik.verification.stops import _linear, _miss
+from regionik.verification.stops import _excess, _residual_and_jacobian
 from regionik.verification.verifier import verify
 from regionik.view.figure_data import plan_floor
 from regionik.view.plan_picture import picture_of_plan
@@ -215,7 +215,7 @@ def test_verify_finds_every_broken_promise() -> None:
     found = planned("shelf")  # where the base has more room than the arm has reach
     first, *rest = found.stops
     report = verify(replace(found, stops=(replace(first, tolerance=first.tolerance + 0.3), *rest)))
-    assert any("not seen to reach" in violation.text for violation in report.violations)
+    assert any("no posture was found that reaches" in violation.text for violation in report.violations)
 
 
 def test_tools_that_point_are_verified_all_over_the_circles() -> None:
@@ -224,7 +224,7 @@ def test_tools_that_point_are_verified_all_over_the_circles() -> None:
     assert verify(found).ok
     away = tuple(replace(target, direction=-target.direction) for target in found.world.task)  # type: ignore[operator]
     report = verify(replace(found, world=replace(found.world, task=away)))
-    assert any("not seen to reach" in violation.text for violation in report.violations)
+    assert any("no posture was found that reaches" in violation.text for violation in report.violations)
 
 
 @pytest.mark.parametrize("span", [slice(2, 7), slice(0, 2), slice(10, 14)])
@@ -259,7 +259,7 @@ def test_tools_that_are_turned_are_verified_all_over_the_circles() -> None:
     assert verify(found).ok
     narrow = tuple(replace(target, cone=1e-3) for target in task)
     report = verify(replace(found, world=replace(found.world, task=narrow)))
-    assert any("not seen to reach" in violation.text for violation in report.violations)
+    assert any("no posture was found that reaches" in violation.text for violation in report.violations)
 
 
 def test_an_arm_that_touches_something_at_the_start_is_named() -> None:
@@ -321,7 +321,7 @@ def test_a_tool_that_points_the_other_way_misses_by_half_a_turn() -> None:
     base, joints = np.zeros((1, 3)), world.robot.carry[None]
     tool = world.robot.tool(base[0], joints[0])
     asked = [Target(tool[:3, 3], direction=sign * tool[:3, 2], cone=0.2) for sign in (1.0, -1.0)]
-    misses = [_miss(world, [one], base, joints)[0] for one in asked]
+    misses = [_excess(world, [one], base, joints)[0] for one in asked]
     assert misses == pytest.approx([-world.rules.tolerance, np.pi - 0.2])
 
 
@@ -339,9 +339,10 @@ def test_what_is_missing_changes_as_the_jacobian_says() -> None:
             Target(spot, direction=tool[:3, 2], cone=0.1),
             Target(spot, cone=0.1, orientation=tool[:3, :3]),
         ):
-            _, J = _linear(world, [target], base, q)
+            _, J = _residual_and_jacobian(world, [target], base, q)
             steps = q + small * np.eye(chain.dof), q - small * np.eye(chain.dof)
             ahead, behind = (
-                _linear(world, [target] * chain.dof, np.tile(base, (chain.dof, 1)), x)[0] for x in steps
+                _residual_and_jacobian(world, [target] * chain.dof, np.tile(base, (chain.dof, 1)), x)[0]
+                for x in steps
             )
             assert (behind - ahead) / (2 * small) == pytest.approx(J[0].T, abs=1e-5)

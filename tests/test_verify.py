@@ -11,8 +11,8 @@ from shapely.affinity import rotate, translate
 from shapely.geometry import Point, Polygon, box
 
 from regionik.values import Configuration, Motion, Plan, Report, Violation
-from regionik.verification.findings import MOST
-from regionik.verification.motion import Journey, sag
+from regionik.verification.motion import MotionSegments, chord_deviation
+from regionik.verification.proofs import MAX_VIOLATIONS
 from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, Joint, rot_x, rot_y, translation
@@ -38,9 +38,15 @@ def plan_of(world: World, motion: Motion, lift_offs: int = 0) -> Plan:
         np.flatnonzero((motion.kind == "setpoint") & (motion.setpoint == i)) for i in range(len(world.task))
     ]
     configurations = tuple(
-        Configuration(motion.base[k[0]], motion.joints[k[0]], 0.0, 1, True) for k in at if len(k)
+        configuration(world, i, motion.base[k[0]], motion.joints[k[0]]) for i, k in enumerate(at) if len(k)
     )
     return Plan(world, 0, configurations, motion, (), lift_offs)
+
+
+def configuration(world: World, i: int, base: Array, joints: Array) -> Configuration:
+    """Base and joints at a set-point, with the error that they have."""
+    error = float(np.linalg.norm(world.robot.tool(base, joints)[:3, 3] - world.task[i].position))
+    return Configuration(base, joints, error, 1, True)
 
 
 def straight(count: int = 5, between: int = 1, pitch: float = 0.1) -> Motion:
@@ -209,7 +215,7 @@ def test_state_of_a_setpoint_that_is_not_there(owner: int) -> None:
 def test_configurations_that_differ_from_the_states() -> None:
     motion = straight()
     plan = plan_of(world_of(motion), motion)
-    wrong = replace(plan.setpoints[2], base=plan.setpoints[2].base + [0.01, 0, 0])
+    wrong = configuration(plan.world, 2, plan.setpoints[2].base + [0.01, 0, 0], plan.setpoints[2].joints)
     plan = replace(plan, setpoints=(*plan.setpoints[:2], wrong, *plan.setpoints[3:]))
     assert only(verify(plan), "structure").setpoint == 2
     short = verify(replace(plan, setpoints=plan.setpoints[:2]))
@@ -618,7 +624,7 @@ def test_many_violations_are_counted() -> None:
     lid = Box("lid", np.array([9.0, 9.0, 0.1]), np.array([0.0, 0.0, 0.39]))
     report = verify(plan_of(world_of(motion, lid), motion))
     found = of_kind(report, "arm")
-    assert len(found) == MOST + 1
+    assert len(found) == MAX_VIOLATIONS + 1
     assert "more violations" in found[-1].text
 
 
@@ -672,13 +678,13 @@ def test_points_stay_as_near_their_chords_as_their_acceleration_says(robot: Robo
     base = np.cumsum(rng.normal(scale=0.3, size=(n, 3)), axis=0)
     joints = np.cumsum(rng.normal(scale=0.4, size=(n, robot.chain.dof)), axis=0)
     motion = motion_of([(b, q, "transit", -1) for b, q in zip(base, joints, strict=True)])
-    journey = Journey(robot, motion)
+    segments = MotionSegments(robot, motion)
     s = np.linspace(0, 1, 60)
     tightest = 0.0
     for capsule in robot.solids:
-        bound = sag(journey.acceleration(capsule.link, capsule.corners[1]), np.ones(1))
+        bound = chord_deviation(segments.acceleration_bound(capsule.link, capsule.corners[1]), np.ones(1))
         for hop in range(n - 1):
-            frames = journey.frames(np.full(60, hop), s)[:, capsule.link]
+            frames = segments.frames_at(np.full(60, hop), s)[:, capsule.link]
             points = frames[:, :3, :3] @ capsule.corners[1] + frames[:, :3, 3]
             chord = points[0] + s[:, None] * (points[-1] - points[0])
             off = float(np.linalg.norm(points - chord, axis=1).max())

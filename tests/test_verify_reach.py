@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from regionik.reachability.reach import Answer, reach
-from regionik.verification.answers import verify_answers
+from regionik.verification.verifier import verify_answers
 from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import InputError
 from regionik.worlds.obstacles import Sphere

@@ -17,8 +17,7 @@ from regionik.output.urdf import robot_to_urdf
 from regionik.storage.files import write_atomic
 from regionik.storage.plan_document import PARTS, feature, multipolygon
 from regionik.timing.limits import tool_velocity
-from regionik.timing.sampling import instants, is_timed
-from regionik.timing.trajectory import trajectory
+from regionik.timing.trajectory import is_timed, sample_plan, trajectory
 from regionik.values import Plan
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError
@@ -101,9 +100,9 @@ def plan_to_csv(plan: Plan, rate: float | None = None) -> str:
     """One row a state, in order; indices count from 0, cells of what a state does not have are empty.
 
     Rows of a timed plan end with velocities and accelerations of base and joints, and the tool's speed.
-    ``rate`` gives rows at even times instead [1/s]; see `instants`.
+    ``rate`` gives rows at even times instead [1/s]; see `sample_plan`.
     """
-    rows, robot = instants(plan, rate), plan.world.robot
+    rows, robot = sample_plan(plan, rate), plan.world.robot
     sample, timed = rows.sample, is_timed(plan.motion)
     moving = [*_BASE, *robot.chain.names]
     header = ["index", "kind", "setpoint", "time", *moving, "tool_x", "tool_y", "tool_z"]

@@ -231,6 +231,7 @@ def _motion(record: PlanRecord, world: World) -> Motion:
         kind=np.array([s.kind for s in states]),
         setpoint=np.array([-1 if s.setpoint is None else s.setpoint for s in states], dtype=np.int64),
         time=np.array([np.nan if s.time is None else s.time for s in states]),
+        tool=np.array([s.tool for s in states], dtype=np.float64),
     )
 
 

@@ -12,8 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from regionik.timing.sampling import instants, is_timed
-from regionik.timing.trajectory import trajectory
+from regionik.timing.trajectory import is_timed, sample_plan, trajectory
 from regionik.values import Plan
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError
@@ -46,7 +45,7 @@ def joint_trajectory(plan: Plan, rate: float | None = None, frame: str = FRAME) 
         When the plan is not timed, or for an invalid rate or frame.
     """
     trajectory(plan)  # raises what is missing where the plan is not timed
-    rows, header = instants(plan, rate), _header(frame, 0)
+    rows, header = sample_plan(plan, rate), _header(frame, 0)
     clock = nanoseconds(rows.sample.time)
     points = [
         {
@@ -78,7 +77,7 @@ def path_message(plan: Plan, rate: float | None = None, frame: str = FRAME) -> M
     InputError
         For an invalid rate or frame.
     """
-    rows = instants(plan, rate)
+    rows = sample_plan(plan, rate)
     clock = nanoseconds(rows.sample.time if is_timed(plan.motion) else np.zeros(len(rows)))
     poses = [
         {

@@ -1,1 +1,1 @@
-"""From a path to a trajectory: a smooth curve, limits along it, the fastest timing, and samples of it."""
+"""From a path to a trajectory: a smooth path, limits along it, the fastest timing, and samples of it."""

@@ -1,27 +1,37 @@
-"""Limits of speed and acceleration, asked of a smooth path and of a motion along it."""
+"""Limits of speed and acceleration, and how much of them a timed motion uses."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from regionik.planners.search.motion_bounds import longest_levers
+from regionik.timing.trajectory import Trajectory, TrajectorySample
 from regionik.values import Motion
 from regionik.worlds.arrays import Array
+from regionik.worlds.errors import InputError
 from regionik.worlds.robot import Robot
 from regionik.worlds.speeds import Speeds
 
 Mask = NDArray[np.bool_]
 
-_ANGLES = np.arange(4) * np.pi / 4  # an octagon stands for the disc of the base's accelerations
+RATE = 1000.0  # at which limits are checked [Hz]
+CHUNK = 50_000  # of these instants at a time
+HELD = 0.99  # share of the asked tool speed from which it counts as held
+MAX_PLACES = 20  # where it is not, that are reported
+AT_REST = 1e-6  # tool speed below which the tool stays at a set-point [m/s]
+
+_ANGLES = np.arange(4) * np.pi / 4  # of an octagon inside the disc of the base's accelerations
 _INSIDE = np.cos(np.pi / 8)
 
 
 @dataclass(frozen=True, eq=False)
-class Limits:
-    """What a robot's coordinates, x, y, yaw and joints, may do.
+class MotionLimits:
+    """Limits of a robot's coordinates q: x, y, yaw and joints.
 
     Attributes
     ----------
@@ -29,7 +39,7 @@ class Limits:
     speeds : Speeds
     joint_velocity, joint_acceleration : (dof,) arrays
     levers : (dof,) array
-        How far any point behind a joint moves at most for each unit of it [m].
+        Upper bounds for the motion of any point behind a joint per unit of the joint [m].
     reach : float
         Of any point from the base's origin [m].
     """
@@ -41,67 +51,63 @@ class Limits:
     levers: Array
     reach: float
 
-    def accelerations(self, slope: Array, bend: Array) -> tuple[Array, Array, Array]:
-        """Slopes and bends (m, k) of coordinates whose accelerations are limited, and their limits (k,)."""
+    def limited_derivatives(self, q_s: Array, q_ss: Array) -> tuple[Array, Array, Array]:
+        """Path derivatives (m, k) of coordinates whose accelerations are limited, and their limits (k,)."""
         s = self.speeds
-        turn = np.stack([np.cos(_ANGLES), np.sin(_ANGLES)])
+        directions = np.stack([np.cos(_ANGLES), np.sin(_ANGLES)])
         base = np.append(np.full(4, _INSIDE * s.base_acceleration), s.turn_acceleration)
         limits = np.concatenate([base, self.joint_acceleration])
-        ways = [np.concatenate([one[:, :2] @ turn, one[:, 2:]], axis=1) for one in (slope, bend)]
-        return ways[0], ways[1], limits
+        first, second = (np.concatenate([one[:, :2] @ directions, one[:, 2:]], axis=1) for one in (q_s, q_ss))
+        return first, second, limits
 
-    def most(self, z: Array, slope: Array, working: Mask) -> Array:
+    def largest_squared_velocity(self, q: Array, q_s: Array, on_path: Mask) -> Array:
         """Squares (m,) of the path velocity at which the first velocity limit is met."""
-        shares = np.stack(list(self._velocities(z, slope, working).values()))
+        shares = np.stack(list(self._velocity_usage(q, q_s, on_path).values()))
         with np.errstate(divide="ignore"):
             most: Array = np.minimum(1.0 / shares.max(0) ** 2, 1e6)
         return most
 
-    def shares(self, z: Array, velocity: Array, acceleration: Array, working: Mask) -> dict[str, Array]:
-        """How much of each limit a motion makes use of, (n,) each.
+    def usage(self, q: Array, velocity: Array, acceleration: Array, on_path: Mask) -> dict[str, Array]:
+        """Share of each limit that a motion uses, (n,) each.
 
         Parameters
         ----------
-        z, velocity, acceleration : (n, 3 + dof) arrays
+        q, velocity, acceleration : (n, 3 + dof) arrays
             Of base and joints.
-        working : (n,) array of bool
-            Whether the tool is on the path.
+        on_path : (n,) array of bool
+            Where the tool is on its path.
         """
         joints = np.abs(acceleration[:, 3:]) / self.joint_acceleration
         return {
-            **self._velocities(z, velocity, working),
+            **self._velocity_usage(q, velocity, on_path),
             "joint_acceleration": joints.max(1, initial=0.0),
             "base_acceleration": np.hypot(*acceleration[:, :2].T) / self.speeds.base_acceleration,
             "turn_acceleration": np.abs(acceleration[:, 2]) / self.speeds.turn_acceleration,
         }
 
-    def slowing(self, z: Array, velocity: Array, acceleration: Array, working: Mask) -> Array:
+    def slowdown(self, q: Array, velocity: Array, acceleration: Array, on_path: Mask) -> Array:
         """Factors (n,) by which a motion must be slower to keep all limits; below 1 it may be faster."""
-        shares = self.shares(z, velocity, acceleration, working)
-        slower = [np.sqrt(one) if "acceleration" in name else one for name, one in shares.items()]
-        found: Array = np.max(slower, axis=0)
+        usage = self.usage(q, velocity, acceleration, on_path)
+        factors = [np.sqrt(one) if "acceleration" in name else one for name, one in usage.items()]
+        found: Array = np.max(factors, axis=0)
         return found
 
-    def closest(self, z: Array, velocity: Array, acceleration: Array) -> list[str]:
-        """Which limit a motion is closest to at each instant (n,), but for the tool's speed."""
-        on = np.zeros(len(z), dtype=bool)
-        shares = self.shares(z, velocity, acceleration, on)
-        names, table = list(shares), np.stack(list(shares.values()))
+    def most_used(self, q: Array, velocity: Array, acceleration: Array) -> list[str]:
+        """Limit that a motion uses most at each instant (n,), but for the tool's speed."""
+        usage = self.usage(q, velocity, acceleration, np.zeros(len(q), dtype=bool))
+        names = list(usage)
         joints = np.array(self.robot.chain.names)
-        worst = {
+        joint = {
             "joint_velocity": joints[np.argmax(np.abs(velocity[:, 3:]) / self.joint_velocity, axis=1)],
             "joint_acceleration": joints[
                 np.argmax(np.abs(acceleration[:, 3:]) / self.joint_acceleration, axis=1)
             ],
         }
-        rows = np.argmax(table, axis=0).tolist()
-        return [
-            f"{names[r]} of {worst[names[r]][k]}" if names[r] in worst else names[r]
-            for k, r in enumerate(rows)
-        ]
+        found = [names[row] for row in np.argmax(np.stack(list(usage.values())), axis=0).tolist()]
+        return [f"{name} of {joint[name][k]}" if name in joint else name for k, name in enumerate(found)]
 
-    def fastest(self, velocity: Array) -> tuple[str, float, float, int]:
-        """Which coordinate is furthest beyond its velocity limit: name, speed, limit, row."""
+    def fastest_coordinate(self, velocity: Array) -> tuple[str, float, float, int]:
+        """Coordinate that uses its velocity limit most: name, speed, limit and row."""
         base = np.hypot(*velocity[:, :2].T)
         speeds = np.column_stack([base, np.abs(velocity[:, 2:])])
         limits = np.concatenate([[self.speeds.base_velocity, self.speeds.turn_velocity], self.joint_velocity])
@@ -109,62 +115,143 @@ class Limits:
         names = ["the base", "the base's heading", *self.robot.chain.names]
         return names[k], float(speeds[row, k]), float(limits[k]), int(row)
 
-    def _velocities(self, z: Array, velocity: Array, working: Mask) -> dict[str, Array]:
-        s, yaw = self.speeds, z[:, 2]
+    def _velocity_usage(self, q: Array, velocity: Array, on_path: Mask) -> dict[str, Array]:
+        s, yaw = self.speeds, q[:, 2]
         base, turn = velocity[:, :2], np.abs(velocity[:, 2])
-        found = {
+        usage = {
             "joint_velocity": (np.abs(velocity[:, 3:]) / self.joint_velocity).max(1, initial=0.0),
             "base_velocity": np.hypot(*base.T) / s.base_velocity,
             "turn_velocity": turn / s.turn_velocity,
         }
         if s.wheel_velocity is not None and self.robot.gauge > 0:
             ahead = np.abs(base[:, 0] * np.cos(yaw) + base[:, 1] * np.sin(yaw))
-            found["wheel_velocity"] = (ahead + turn * self.robot.gauge / 2) / s.wheel_velocity
+            usage["wheel_velocity"] = (ahead + turn * self.robot.gauge / 2) / s.wheel_velocity
         if s.tool_velocity is not None:
-            speed = np.where(working, np.linalg.norm(tool_velocity(self.robot, z, velocity), axis=1), 0.0)
-            found["tool_velocity"] = speed / s.tool_velocity
-        return found
+            speed = np.where(on_path, np.linalg.norm(tool_velocity(self.robot, q, velocity), axis=1), 0.0)
+            usage["tool_velocity"] = speed / s.tool_velocity
+        return usage
 
-    def moved(self, base: Array, joints: Array) -> Array:
-        """Bound of how far any point of the robot moves with changes (n, 3) and (n, dof), (n,) [m]."""
-        moved: Array = (
+    def displacement_bound(self, base: Array, joints: Array) -> Array:
+        """Upper bound for the motion of any point by changes (n, 3) and (n, dof), (n,) [m]."""
+        bound: Array = (
             np.hypot(*base[:, :2].T) + self.reach * np.abs(base[:, 2]) + np.abs(joints) @ self.levers
         )
-        return moved
-
-    def working(self, motion: Motion) -> Mask:
-        """Over which hops the tool is on the path, (n - 1,)."""
-        lifted = motion.kind == "transit"
-        working: Mask = ~(lifted[:-1] | lifted[1:])
-        return working
+        return bound
 
 
-def limits_of(robot: Robot, speeds: Speeds) -> Limits:
-    """Limits of a robot."""
+def motion_limits(robot: Robot, speeds: Speeds) -> MotionLimits:
+    """Limits of a robot within given speeds."""
     velocity, acceleration = speeds.joint_limits(robot.chain)
     levers, reach = longest_levers(robot.chain, robot.chain.dof - 1, robot.chain.T_last_tool[:3, 3])
     from_axis = float(np.hypot(*robot.mount[:2])) + reach
     corners = float(np.hypot(*robot.footprint.T).max())
-    return Limits(robot, speeds, velocity, acceleration, levers, max(from_axis, corners))
+    return MotionLimits(robot, speeds, velocity, acceleration, levers, max(from_axis, corners))
 
 
-def tool_velocity(robot: Robot, z: Array, velocity: Array) -> Array:
+def segments_on_path(motion: Motion) -> Mask:
+    """Segments over which the tool is on its path, (n - 1,)."""
+    lifted = motion.kind == "transit"
+    on_path: Mask = ~(lifted[:-1] | lifted[1:])
+    return on_path
+
+
+def tool_velocity(robot: Robot, q: Array, velocity: Array) -> Array:
     """Velocity of the tool's point in the world, (n, 3) [m/s].
 
     Parameters
     ----------
     robot : Robot
-    z, velocity : (n, 3 + dof) arrays
+    q, velocity : (n, 3 + dof) arrays
         Base and joints, and their velocities.
     """
-    frames = robot.frames(z[:, :3], z[:, 3:])
+    frames = robot.frames(q[:, :3], q[:, 3:])
     tool = frames[:, -1, :3, 3]
-    found = np.zeros((len(z), 3))
+    found = np.zeros((len(q), 3))
     found[:, :2] = velocity[:, :2]
-    arm = tool[:, :2] - z[:, :2]
+    arm = tool[:, :2] - q[:, :2]
     found[:, :2] += velocity[:, 2, None] * np.column_stack([-arm[:, 1], arm[:, 0]])
     for k, joint in enumerate(robot.chain.joints):
         axis = frames[:, k, :3, :3] @ joint.axis
         moved = axis if joint.kind == "prismatic" else np.cross(axis, tool - frames[:, k, :3, 3])
         found += velocity[:, 3 + k, None] * moved
     return found
+
+
+def largest_slowdown(limits: MotionLimits, motion: Motion) -> float:
+    """Factor by which a motion must be slower to keep all limits, at a thousand instants a second."""
+    factors = (float(limits.slowdown(*one.columns, on).max()) for one, on in _sampled(limits, motion))
+    return max(factors, default=1.0)
+
+
+def timing_figures(limits: MotionLimits, motion: Motion, blend: float) -> dict[str, Any]:
+    """Plain numbers about a timing, for ``Plan.stats``."""
+    used: dict[str, float] = {}
+    time: list[Array] = []
+    speed: list[Array] = []
+    asked = limits.speeds.tool_velocity
+    for sample, on_path in _sampled(limits, motion):
+        q, velocity, _ = sample.columns
+        usage = limits.usage(*sample.columns, on_path)
+        used = {name: max(used.get(name, 0.0), float(share.max())) for name, share in usage.items()}
+        if asked is not None:
+            time.append(sample.time[on_path])
+            speed.append(np.linalg.norm(tool_velocity(limits.robot, q[on_path], velocity[on_path]), axis=1))
+    figures: dict[str, Any] = {"duration": float(motion.time[-1]), "blend": blend, "used": used}
+    if asked is not None:
+        figures["tool"] = _held_speed(limits, motion, asked, np.concatenate(time), np.concatenate(speed))
+    return figures
+
+
+def check_tool_speed(limits: MotionLimits, motion: Motion) -> None:
+    """Refuse a tool speed that joints or base cannot give the tool somewhere on the path.
+
+    Raises
+    ------
+    InputError
+        With the joint, its speed and the time in the motion at hand.
+    """
+    asked = limits.speeds.tool_velocity
+    if asked is None:
+        raise InputError("hold: expected a tool speed to hold; give tool_velocity")
+    for sample, on_path in _sampled(limits, motion):
+        q, velocity, _ = sample.columns
+        speed = np.linalg.norm(tool_velocity(limits.robot, q, velocity), axis=1)
+        moves = on_path & (speed > AT_REST)
+        if not moves.any():
+            continue
+        wanted = velocity[moves] * (asked / speed[moves])[:, None]
+        name, value, limit, k = limits.fastest_coordinate(wanted)
+        if value > limit * (1 + 1e-9):
+            raise InputError(
+                f"tool_velocity: {asked:g} m/s cannot be held at t = {sample.time[moves][k]:.3f} s: "
+                f"{name} would go at {value:.3g}, its limit is {limit:.3g}"
+            )
+
+
+def _sampled(limits: MotionLimits, motion: Motion) -> Iterator[tuple[TrajectorySample, Mask]]:
+    """The motion at a thousand instants a second, chunk by chunk, and where the tool is on its path."""
+    trajectory = Trajectory(limits.robot, motion)
+    on_path = segments_on_path(motion) if len(motion) > 1 else np.zeros(1, dtype=bool)
+    times = np.append(np.arange(0.0, trajectory.duration, 1 / RATE), trajectory.duration)
+    for some in np.array_split(times, 1 + len(times) // CHUNK):
+        segment = np.searchsorted(motion.time, some, side="right") - 1
+        yield trajectory.sample(some), on_path[np.clip(segment, 0, len(on_path) - 1)]
+
+
+def _held_speed(
+    limits: MotionLimits, motion: Motion, asked: float, time: Array, speed: Array
+) -> dict[str, Any]:
+    """Share of its time on the path at which the tool holds a speed, and what keeps it from it where."""
+    slow = np.concatenate([[False], speed < HELD * asked, [False]])
+    apart = np.concatenate([[True], np.diff(time) > 1.5 / RATE, [True]])
+    starts = np.flatnonzero(slow[1:] & (~slow[:-1] | apart))
+    ends = np.flatnonzero(slow[:-1] & (~slow[1:] | apart))
+    longest = np.argsort(time[starts] - time[ends - 1], kind="stable")[:MAX_PLACES]
+    slowest = [a + int(np.argmin(speed[a:b])) for a, b in zip(starts[longest], ends[longest], strict=True)]
+    names = limits.most_used(*Trajectory(limits.robot, motion).sample(time[slowest]).columns)
+    places = [
+        {"from": float(time[starts[k]]), "to": float(time[ends[k] - 1]), "least": float(speed[m]), "by": name}
+        for k, m, name in zip(longest.tolist(), slowest, names, strict=True)
+    ]
+    share = float(np.mean(speed >= HELD * asked)) if len(speed) else 0.0
+    return {"asked": asked, "held": share, "below": len(starts), "places": places}

@@ -1,18 +1,18 @@
-"""`point_to_point(robot, start, goal)`: the arm from one posture to another, its jerk limited."""
+"""Jerk-limited motion of the arm from one posture to another, without a path."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from regionik.planners.timing.jerk import JerkLimited, jerk_limited
-from regionik.planners.timing.polynomial import Moment
+from regionik.planners.timing.jerk_limited import JerkLimited, KinematicState, jerk_limited
 from regionik.worlds.arrays import Array, frozen
+from regionik.worlds.chain import Chain
 from regionik.worlds.errors import InputError
 from regionik.worlds.robot import Robot
 from regionik.worlds.speeds import Speeds
 
-SWELL = 0.25  # from no acceleration to all of it, where no jerk is given [s]
+RAMP = 0.25  # from zero to full acceleration, where no jerk is given [s]
 SLACK = 1e-9  # rounding allowed at joint limits [rad] or [m]
 
 
@@ -29,7 +29,7 @@ def point_to_point(
     """Move the arm from one posture to another as fast as velocity, acceleration and jerk allow.
 
     From rest to rest the joints keep a straight line between their postures. Obstacles and the robot's own
-    body are not looked at: for a way that is free of them, plan one and time it.
+    body are ignored: for a motion that is free of them, plan one and time it.
 
     Parameters
     ----------
@@ -58,28 +58,33 @@ def point_to_point(
     """
     chain = robot.chain
     velocity, acceleration = (speeds or Speeds()).joint_limits(chain)
-    jerks = acceleration / SWELL if jerk is None else _each(jerk, chain.dof, "jerk")
-    begun, ended = (
-        Moment(
+    jerks = acceleration / RAMP if jerk is None else _each(jerk, chain.dof, "jerk")
+    first, last = (
+        KinematicState(
             frozen(joints, (chain.dof,), name),
             _each(speed, chain.dof, f"{name}_velocity"),
             np.zeros(chain.dof),
         )
         for name, joints, speed in (("start", start, start_velocity), ("goal", goal, goal_velocity))
     )
-    motion = jerk_limited(begun, ended, velocity, acceleration, jerks)
+    motion = jerk_limited(first, last, velocity, acceleration, jerks)
+    _check_joint_limits(chain, motion)
+    return motion
+
+
+def _check_joint_limits(chain: Chain, motion: JerkLimited) -> None:
+    """Refuse a motion that leaves the joints' limits, with the joint and the time."""
     least, most, at_least, at_most = motion.extremes()
     for k, joint in enumerate(chain.joints):
-        for value, time, beyond in (
+        for value, time, excess in (
             (least[k], at_least[k], joint.lower - least[k]),
             (most[k], at_most[k], most[k] - joint.upper),
         ):
-            if beyond > SLACK:
+            if excess > SLACK:
                 raise InputError(
                     f"{joint.name}: expected {joint.lower:g} to {joint.upper:g}, would be at {value:g} "
                     f"after {time:g} s"
                 )
-    return motion
 
 
 def _each(values: ArrayLike, dof: int, what: str) -> Array:

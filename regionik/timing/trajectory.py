@@ -1,4 +1,4 @@
-"""Where a timed plan is at any moment, and how fast."""
+"""Timed plans as functions of time, and plans row by row: at their states or at a fixed rate."""
 
 from __future__ import annotations
 
@@ -6,19 +6,20 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from regionik.timing.curve import Curve, running_on
+from regionik.timing.smooth_path import SmoothPath, smooth_path
 from regionik.values import Motion, Plan
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.errors import InputError
 from regionik.worlds.robot import Robot
 
-RESTS = 1e-6  # path velocity at the end of a run, of the largest in it
+AT_REST = 1e-6  # path velocity at the end of a run, as a share of the largest
+MAX_ROWS = 1_000_000  # of a file
 
 
 @dataclass(frozen=True, eq=False)
-class Sample:
+class TrajectorySample:
     """A motion at n instants.
 
     Attributes
@@ -26,7 +27,7 @@ class Sample:
     time : (n,) array
         [s]
     base, base_velocity, base_acceleration : (n, 3) arrays
-        x, y [m], yaw [rad], which runs on beyond a turn, and their derivatives, in the world.
+        x, y [m], yaw [rad], unwrapped, and their derivatives, in the world.
     joints, joint_velocity, joint_acceleration : (n, dof) arrays
     """
 
@@ -52,8 +53,8 @@ class Sample:
 class Trajectory:
     """A timed motion as a function of time.
 
-    Between two states the path acceleration is even along the smooth path of `regionik.timing.curve`, so
-    that the times of the states tell all.
+    Between two states the path acceleration is constant along the path of `regionik.timing.smooth_path`, so
+    that the times of the states determine the whole.
 
     Attributes
     ----------
@@ -73,8 +74,8 @@ class Trajectory:
         """[s]"""
         return float(self.motion.time[-1])
 
-    def sample(self, times: ArrayLike) -> Sample:
-        """The robot at some instants (n,) [s].
+    def sample(self, times: ArrayLike) -> TrajectorySample:
+        """Motion at some instants (n,) [s].
 
         Raises
         ------
@@ -84,65 +85,149 @@ class Trajectory:
         t = frozen(np.atleast_1d(np.asarray(times)), (None,), "times")
         if len(t) and (t.min() < 0 or t.max() > self.duration):
             raise InputError(f"times: expected from 0 to {self.duration:g} s, got {t.min():g} to {t.max():g}")
-        z, velocity, acceleration = self._at(t)
-        return Sample(
-            t, z[:, :3], z[:, 3:], velocity[:, :3], velocity[:, 3:], acceleration[:, :3], acceleration[:, 3:]
+        q, velocity, acceleration = self._evaluate(t)
+        return TrajectorySample(
+            t, q[:, :3], q[:, 3:], velocity[:, :3], velocity[:, 3:], acceleration[:, :3], acceleration[:, 3:]
         )
 
-    def _at(self, times: Array) -> tuple[Array, Array, Array]:
-        """Base and joints at instants, (n, 3 + dof), their velocities and accelerations."""
-        time, hops, rate = self.motion.time, self._curve.hops, self.rates
-        if not hops.any():  # nothing moves
-            z = np.tile(np.concatenate([self.motion.base[0], self.motion.joints[0]]), (len(times), 1))
-            return z, 0.0 * z, 0.0 * z
-        going = np.flatnonzero(hops > 0)
-        hop = going[np.clip(np.searchsorted(time[going], times, side="right") - 1, 0, None)]
-        span = time[hop + 1] - time[hop]
-        push, gone = (rate[hop + 1] - rate[hop]) / span, np.clip(times - time[hop], 0.0, span)
-        position = self._curve.position[hop] + gone * (rate[hop] + gone * push / 2)
-        z, slope, bend = self._curve.along(position, hop)
-        now, push = (rate[hop] + gone * push)[:, None], push[:, None]
-        return z, slope * now, slope * push + bend * now**2
+    def _evaluate(self, times: Array) -> tuple[Array, Array, Array]:
+        """Base and joints q (n, 3 + dof) at instants, with q' = q_s s' and q'' = q_s s'' + q_ss s'^2."""
+        time, lengths, rate = self.motion.time, self._path.lengths, self.rates
+        if not lengths.any():  # nothing moves
+            q = np.tile(np.concatenate([self.motion.base[0], self.motion.joints[0]]), (len(times), 1))
+            return q, 0.0 * q, 0.0 * q
+        moving = np.flatnonzero(lengths > 0)
+        segment = moving[np.clip(np.searchsorted(time[moving], times, side="right") - 1, 0, None)]
+        span = time[segment + 1] - time[segment]
+        acceleration = (rate[segment + 1] - rate[segment]) / span
+        elapsed = np.clip(times - time[segment], 0.0, span)
+        travelled = elapsed * (rate[segment] + elapsed * acceleration / 2)
+        q, q_s, q_ss = self._path.evaluate(self._path.position[segment] + travelled, segment)
+        velocity, acceleration = (rate[segment] + elapsed * acceleration)[:, None], acceleration[:, None]
+        return q, q_s * velocity, q_s * acceleration + q_ss * velocity**2
 
     @cached_property
-    def _curve(self) -> Curve:
-        return running_on(self.robot.drive, self.motion.base, self.motion.joints)
+    def _path(self) -> SmoothPath:
+        return smooth_path(self.robot.drive, self.motion.base, self.motion.joints)
 
     @cached_property
     def rates(self) -> Array:
-        """Path velocity at each state, (n,): evenly accelerated between, from rest to rest in each run.
+        """Path velocity at each state, (n,): at constant acceleration between, from rest to rest in each run.
 
         Raises
         ------
         InputError
             Where no such motion has these times.
         """
-        hops, span = self._curve.hops, np.diff(self.motion.time)
-        if ((hops > 0) & (span <= 0)).any():
-            at = self.motion.time[int(np.argmax((hops > 0) & (span <= 0)))]
+        lengths, span = self._path.lengths, np.diff(self.motion.time)
+        instant = (lengths > 0) & (span <= 0)
+        if instant.any():
+            at = self.motion.time[int(np.argmax(instant))]
             raise InputError(f"times: the robot moves on at {at:g} s, but no time passes; time the plan anew")
-        means = (hops / np.where(hops > 0, span, 1.0)).tolist()
+        means = (lengths / np.where(lengths > 0, span, 1.0)).tolist()
         found = [0.0]
         for mean in means:
             found.append(2 * mean - found[-1] if mean > 0 else 0.0)
         rate = np.array(found)
-        most = RESTS * max(rate.max(), 1.0)
-        ends = np.append(hops, 0.0) == 0
-        if rate.min() < -most or np.abs(rate[ends]).max() > most:
-            raise InputError("times: no even acceleration between states has these; time the plan anew")
+        tolerance = AT_REST * max(rate.max(), 1.0)
+        ends = np.append(lengths, 0.0) == 0
+        if rate.min() < -tolerance or np.abs(rate[ends]).max() > tolerance:
+            raise InputError("times: no constant acceleration between states has these; time the plan anew")
         return np.where(ends, 0.0, np.maximum(rate, 0.0))
 
 
 @lru_cache(maxsize=8)
 def trajectory(plan: Plan) -> Trajectory:
-    """A timed plan as a function of time.
+    """Return a timed plan as a function of time.
 
     Raises
     ------
     InputError
         For a plan that is not timed.
     """
-    motion = plan.motion
-    if not len(motion) or np.isnan(motion.time).any():
+    if not is_timed(plan.motion):
         raise InputError("plan: it is not timed; `regionik.retime` or the command retime does that")
-    return Trajectory(plan.world.robot, motion)
+    return Trajectory(plan.world.robot, plan.motion)
+
+
+def is_timed(motion: Motion) -> bool:
+    """Return whether every state of a motion has a time."""
+    return len(motion) > 0 and not bool(np.isnan(motion.time).any())
+
+
+@dataclass(frozen=True, eq=False)
+class PlanSamples:
+    """A plan at n instants.
+
+    Attributes
+    ----------
+    sample : TrajectorySample
+        Times and speeds are NaN where the plan is not timed.
+    kind : (n,) array of str
+        "setpoint", "step" or "transit"; between two states a transit where either is one, else a step.
+    setpoint : (n,) array of int
+        As in `Motion`; between two states that of the last set-point, -1 on transits.
+    """
+
+    sample: TrajectorySample
+    kind: NDArray[np.str_]
+    setpoint: NDArray[np.int64]
+
+    def __len__(self) -> int:
+        return len(self.kind)
+
+
+def sample_plan(plan: Plan, rate: float | None = None) -> PlanSamples:
+    """Sample a plan at its states, or at a fixed rate.
+
+    Parameters
+    ----------
+    plan : Plan
+    rate : float, optional
+        Rows a second, from 0 to the end, which is always the last row [1/s]; by default every state is one,
+        with its base and joints to the last digit.
+
+    Raises
+    ------
+    InputError
+        When the rate is not above 0 or gives more than a million rows, or where there is one and the plan is
+        not timed.
+    """
+    return _at_states(plan) if rate is None else _at_rate(plan, rate)
+
+
+def _at_states(plan: Plan) -> PlanSamples:
+    motion = plan.motion
+    if is_timed(motion):
+        moving = trajectory(plan).sample(motion.time)
+        speeds = (
+            moving.base_velocity,
+            moving.joint_velocity,
+            moving.base_acceleration,
+            moving.joint_acceleration,
+        )
+    else:
+        unknown = np.full_like(motion.base, np.nan), np.full_like(motion.joints, np.nan)
+        speeds = (*unknown, *unknown)
+    sample = TrajectorySample(motion.time, motion.base, motion.joints, *speeds)
+    return PlanSamples(sample, motion.kind, motion.setpoint)
+
+
+def _at_rate(plan: Plan, rate: float) -> PlanSamples:
+    if not 0 < rate < np.inf:
+        raise InputError(f"rate: expected a number above 0, got {rate:g}")
+    moving, motion = trajectory(plan), plan.motion
+    count = moving.duration * rate
+    if count >= MAX_ROWS:
+        most = MAX_ROWS / moving.duration
+        raise InputError(f"rate: expected at most {most:.6g} 1/s for this plan, got {rate:g}")
+    # An end within rounding of a whole number of periods is not listed twice.
+    times = np.append(np.arange(np.ceil(count - 1e-6)) / rate, moving.duration)
+    before = np.searchsorted(motion.time, times, side="right") - 1
+    after = np.minimum(before + 1, len(motion) - 1)
+    on_state = times == motion.time[before]
+    lifted = (motion.kind[before] == "transit") | (motion.kind[after] == "transit")
+    kind = np.where(on_state, motion.kind[before], np.where(lifted, "transit", "step"))
+    last = np.maximum.accumulate(np.where(motion.kind == "setpoint", motion.setpoint, -1))[before]
+    setpoint = np.where(on_state, motion.setpoint[before], np.where(lifted, -1, last))
+    return PlanSamples(moving.sample(times), kind, setpoint)

@@ -1,8 +1,8 @@
 """Proof that every link keeps its distance from every solid.
 
-At the middle of a part of a hop, a plane is laid square to the shortest way from a piece of a solid to the
-hull of the link's corners. While the corners stay beyond the plane by the link's radius and the clearance,
-the link is clear; they lie between their samples up to the sag that their acceleration allows.
+In the middle of an interval a plane is laid perpendicular to the shortest line from a convex piece of a solid
+to the hull of the link's corners. While the corners stay beyond the plane by the link's radius and the
+clearance, the link is clear; between samples they leave their chords by at most the chord deviation.
 """
 
 from __future__ import annotations
@@ -16,55 +16,60 @@ import shapely
 from regionik.planners.collision.convex_bodies import Piece, Separation
 from regionik.planners.collision.distances import Obstacles, hull_separation, obstacles_from
 from regionik.values import Violation
-from regionik.verification.contact import SIGNS, TOUCH, Contact, Moved, contact_of, depth_of, touches
-from regionik.verification.findings import Finding, Words, finding
-from regionik.verification.motion import Indices, Journey, Mask, Parts, Verdicts, prove, sag
+from regionik.verification.contact import (
+    SIGNS,
+    TOUCH,
+    SweptSolid,
+    ToolContact,
+    is_allowed,
+    mesh_depth,
+    tool_contact,
+)
+from regionik.verification.motion import Indices, Mask, MotionSegments, chord_deviation
+from regionik.verification.proofs import Finding, Intervals, IntervalVerdicts, StateNames, bisect, finding
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import World
 
-SHORTEST = 1e-4  # motion of a link over half a part below which its halves are not looked at [m]
-LOOK = 0.05  # how far beyond the clearance distances at states are measured for the margin [m]
-SHALLOW = 1e-8  # to which the depth of boxes in meshes is found [m]
+SHORTEST = 1e-4  # motion of a link over half an interval below which it is not bisected [m]
+MARGIN_RANGE = 0.05  # beyond the clearance, up to which distances at states are measured [m]
+DEPTH_STEP = 1e-8  # to which the depth of boxes in meshes is found [m]
 
 
 @dataclass(frozen=True, eq=False)
-class _Links:
-    """The robot's solids on their way: all points within a radius of the hull of some corners."""
+class _LinkSolids:
+    """The robot's solids along a motion: all points within a radius of the hull of some corners."""
 
-    journey: Journey
+    segments: MotionSegments
 
     @cached_property
     def corners(self) -> tuple[Array, ...]:
-        """In the links' frames, of each solid (k, 3) [m]."""
-        return tuple(solid.corners for solid in self.journey.robot.all_solids)
+        """Of each solid (k, 3), in its link's frame [m]."""
+        return tuple(solid.corners for solid in self.segments.robot.all_solids)
 
     @cached_property
     def radii(self) -> Array:
-        return np.array([solid.radius for solid in self.journey.robot.all_solids])
+        return np.array([solid.radius for solid in self.segments.robot.all_solids])
 
     @property
     def last(self) -> Mask:
-        """The solids of the last link that has one."""
-        links = np.array([solid.link for solid in self.journey.robot.all_solids])
-        outermost: Mask = links == links.max()
-        return outermost
+        """Solids of the last link that has any."""
+        links = np.array([solid.link for solid in self.segments.robot.all_solids])
+        last: Mask = links == links.max()
+        return last
 
     @cached_property
     def acceleration(self) -> Array:
-        """Bound for any point of each solid's hull, (solids, hops): the largest of its corners."""
-        return np.array(
-            [
-                np.max([self.journey.acceleration(solid.link, corner) for corner in solid.corners], axis=0)
-                for solid in self.journey.robot.all_solids
-            ]
-        )
+        """Upper bound for any point of each solid, (solids, segments): the largest of its corners'."""
+        bound = self.segments.acceleration_bound
+        solids = self.segments.robot.all_solids
+        return np.array([np.max([bound(solid.link, p) for p in solid.corners], axis=0) for solid in solids])
 
     def place(self, base: Array, joints: Array) -> tuple[Array, Array]:
         """Corners of all solids in the world, (m, solids, k, 3), and the tool, (m, 3).
 
-        Where a solid has fewer corners than k, its first one stands in for the rest.
+        Of a solid with fewer corners than k the first one is repeated.
         """
-        robot = self.journey.robot
+        robot = self.segments.robot
         arm = robot.frames(base, joints)
         T_world_base = robot.T_world_arm(base) @ np.linalg.inv(robot.T_base_arm)
         frames = np.concatenate([arm, T_world_base[:, None]], axis=1)  # the base last, at its index
@@ -73,30 +78,30 @@ class _Links:
             frames[:, solid.link, None, :3, 3]
             + np.concatenate([corners, np.repeat(corners[:1], most - len(corners), axis=0)])
             @ frames[:, solid.link, :3, :3].swapaxes(1, 2)
-            for solid, corners in zip(self.journey.robot.all_solids, self.corners, strict=True)
+            for solid, corners in zip(robot.all_solids, self.corners, strict=True)
         ]
         return np.stack(hulls, axis=1), arm[:, -1, :3, 3]
 
 
-def arm(world: World, journey: Journey, words: Words) -> list[Finding]:
-    """Every link ``arm_clearance`` away from every solid, but for the tip of the last that touches its work.
+def verify_arm_clearance(world: World, segments: MotionSegments, names: StateNames) -> list[Finding]:
+    """Every link keeps ``arm_clearance`` from every solid, but for the tip of the last that touches its work.
 
     The second finding is of that contact.
     """
     if not world.solids or not world.robot.all_solids:
         return [finding("arm", np.inf, [])]
-    return _Arm(world, journey, words, obstacles_from(world.solids)).check()
+    return _ArmProof(world, segments, names, obstacles_from(world.solids)).check()
 
 
 def _depth(piece: Piece, corners: Array) -> float:
-    """How much a box that cuts a mesh must shrink, on all sides, to be free of it [m].
+    """Length by which a box that cuts a mesh must shrink on all sides to be free of it [m].
 
     Surfaces that cross have no distance that would tell a graze from a cut.
     """
     middle, half = corners.mean(0), (corners[[4, 2, 1]] - corners[0]) / 2
     sizes = np.linalg.norm(half, axis=1)
     low, high = 0.0, float(sizes.min())
-    while high - low > SHALLOW:
+    while high - low > DEPTH_STEP:
         inset = (low + high) / 2
         shrunk = middle + SIGNS @ (half * (1 - inset / sizes)[:, None])
         low, high = (low, inset) if hull_separation(piece, shrunk).distance > 0 else (inset, high)
@@ -104,40 +109,40 @@ def _depth(piece: Piece, corners: Array) -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class _Pairs:
-    """A state or hop, a solid of a link and a piece of another solid that come close."""
+class _ClosePairs:
+    """States or segments in which a solid of a link comes close to a piece of an obstacle."""
 
     row: Indices
     link: Indices
     piece: Indices
 
-    def take(self, which: Mask) -> _Pairs:
-        return _Pairs(self.row[which], self.link[which], self.piece[which])
+    def take(self, which: Mask) -> _ClosePairs:
+        return _ClosePairs(self.row[which], self.link[which], self.piece[which])
 
 
-_Key = tuple[int, int, int]  # state or hop, solid of a link, other solid
-_Close = tuple[float, bool]  # least gap [m], and whether the tool may touch there
+_Key = tuple[int, int, int]  # state or segment, solid of a link, obstacle
+_Nearest = tuple[float, bool]  # least distance [m], and whether the tool may touch there
 _NONE = (np.inf, False)
 
 
 @dataclass(frozen=True, eq=False)
-class _Arm:
+class _ArmProof:
     world: World
-    journey: Journey
-    words: Words
+    segments: MotionSegments
+    names: StateNames
     obstacles: Obstacles
 
     @cached_property
-    def links(self) -> _Links:
-        return _Links(self.journey)
+    def links(self) -> _LinkSolids:
+        return _LinkSolids(self.segments)
 
     @cached_property
-    def contact(self) -> Contact:
-        return contact_of(self.world, self.obstacles)
+    def contact(self) -> ToolContact:
+        return tool_contact(self.world, self.obstacles)
 
     @cached_property
-    def shadows(self) -> shapely.STRtree:
-        """Boxes round the pieces, as they are seen from above."""
+    def _floor_boxes(self) -> shapely.STRtree:
+        """Bounding boxes of the pieces, projected onto the floor."""
         return shapely.STRtree(shapely.box(*self.obstacles.low[:, :2].T, *self.obstacles.high[:, :2].T))
 
     @property
@@ -145,174 +150,183 @@ class _Arm:
         return self.world.rules.arm_clearance
 
     def check(self) -> list[Finding]:
-        motion = self.journey.motion
+        motion = self.segments.motion
         hulls, tools = self.links.place(motion.base, motion.joints)
-        still = self._close(hulls, np.full(hulls.shape[:2], LOOK))
-        gap = self._gaps(hulls[still.row, still.link], still)
-        bulge = np.zeros(len(gap))
-        exempt = self._exempt(still, tools[still.row][:, None], bulge)[1]
-        gap, fits = self._touching(still, hulls[still.row, still.link], tools[still.row], gap, exempt)
-        violations = self._violations(still, gap, exempt, fits)
-        hops = self._close(
-            np.concatenate([hulls[:-1], hulls[1:]], axis=2), sag(self.links.acceleration.T, np.ones(1))
-        )
-        hit = {(v[0] + d, *v[1:]) for v in violations for d in (0, -1)}
-        solid = self.obstacles.owner[hops.piece].tolist()
-        rows = zip(hops.row.tolist(), hops.link.tolist(), solid, strict=True)
-        hops = hops.take(np.array([row not in hit for row in rows], dtype=bool))
-        outcome = prove(len(hops.row), lambda parts: self._look(hops, parts))
-        told = [self._tell(key, self.words.state(key[0]), *found) for key, found in violations.items()]
-        told += self._untold(hops, {**outcome.stuck, **outcome.failed})
-        free = min(LOOK, float(gap[~exempt].min(initial=np.inf)) - self.limit)
-        deep = min(LOOK, float(gap[exempt].min(initial=np.inf)) + self.contact.depth)
+        states = self._close_pairs(hulls, np.full(hulls.shape[:2], MARGIN_RANGE))
+        own, tool = hulls[states.row, states.link], tools[states.row]
+        distance = self._distances(own, states)
+        may_touch = self._may_touch(states, tool[:, None], np.zeros(len(distance)))[1]
+        distance, allowed = self._in_contact(states, own, tool, distance, may_touch)
+        too_close = self._too_close(states, distance, may_touch, allowed)
+        swept = np.concatenate([hulls[:-1], hulls[1:]], axis=2)
+        pairs = self._close_pairs(swept, chord_deviation(self.links.acceleration.T, np.ones(1)))
+        hit = {(key[0] + step, *key[1:]) for key in too_close for step in (0, -1)}
+        solid = self.obstacles.owner[pairs.piece].tolist()
+        rows = zip(pairs.row.tolist(), pairs.link.tolist(), solid, strict=True)
+        pairs = pairs.take(np.array([row not in hit for row in rows], dtype=bool))
+        unproven = bisect(len(pairs.row), lambda intervals: self._examine(pairs, intervals))
+        found = [self._violation(key, self.names.state(key[0]), *near) for key, near in too_close.items()]
+        found += self._violations_between(pairs, unproven)
+        free = min(MARGIN_RANGE, float(distance[~may_touch].min(initial=np.inf)) - self.limit)
+        deep = min(MARGIN_RANGE, float(distance[may_touch].min(initial=np.inf)) + self.contact.depth)
         return [
-            finding("arm", free, [v for v in told if v.kind == "arm"]),
-            finding("contact", deep if exempt.any() else np.inf, [v for v in told if v.kind == "contact"]),
+            finding("arm", free, [v for v in found if v.kind == "arm"]),
+            finding(
+                "contact", deep if may_touch.any() else np.inf, [v for v in found if v.kind == "contact"]
+            ),
         ]
 
-    def _close(self, points: Array, bulge: Array) -> _Pairs:
-        """Pairs whose boxes come within the clearance; points (n, solids, k, 3), bulge (n, solids)."""
+    def _close_pairs(self, points: Array, bulge: Array) -> _ClosePairs:
+        """Pairs whose bounding boxes come within the clearance.
+
+        Points (n, solids, k, 3) leave their hull by at most bulge (n, solids) [m].
+        """
         count = points.shape[1]
         low, high = points.min(2).reshape(-1, 3), points.max(2).reshape(-1, 3)
         within = (self.links.radii + self.limit + bulge).reshape(-1)
         around = shapely.box(*(low[:, :2] - within[:, None]).T, *(high[:, :2] + within[:, None]).T)
-        row, piece = self.shadows.query(around)
+        row, piece = self._floor_boxes.query(around)
         apart = np.maximum(low[row] - self.obstacles.high[piece], self.obstacles.low[piece] - high[row])
         gap = np.linalg.norm(np.maximum(apart, 0.0), axis=1)
         close = (gap == 0) | (gap < within[row])
         row, piece = row[close], piece[close]
         order = np.lexsort([piece, row])
-        return _Pairs(row[order] // count, row[order] % count, piece[order])
+        return _ClosePairs(row[order] // count, row[order] % count, piece[order])
 
-    def _gaps(self, corners: Array, pairs: _Pairs) -> Array:
-        """Distances between link solids, given by their corners (m, k, 3), and pieces."""
+    def _distances(self, corners: Array, pairs: _ClosePairs) -> Array:
+        """Distances of link solids, given by their corners (m, k, 3), from pieces, (m,) [m]."""
         rows = range(len(pairs.row))
         found = [self._separation(pairs.link[m], pairs.piece[m], corners[m]).distance for m in rows]
         return np.array(found) - self.links.radii[pairs.link]
 
     def _separation(self, link: int, piece: int, corners: Array) -> Separation:
         """Signed distance of the hull of a link's corners from a piece."""
-        own = corners[: len(self.links.corners[link])]
-        met, other = hull_separation(self.obstacles.pieces[piece], own), self.obstacles.pieces[piece]
-        if met.distance > 0 or other.mesh is None or self.links.radii[link] > 0:
-            return met
-        return met._replace(distance=min(met.distance, -_depth(other, own)))
+        own, other = corners[: len(self.links.corners[link])], self.obstacles.pieces[piece]
+        found = hull_separation(other, own)
+        if found.distance > 0 or other.mesh is None or self.links.radii[link] > 0:
+            return found
+        return found._replace(distance=min(found.distance, -_depth(other, own)))
 
-    def _exempt(self, pairs: _Pairs, tools: Array, bulge: Array) -> tuple[Mask, Mask]:
-        last = self.links.last[pairs.link]
-        owner = np.where(last, self.obstacles.owner[pairs.piece], -1)
-        return self.contact.allows(owner, tools, bulge)
+    def _may_touch(self, pairs: _ClosePairs, tools: Array, bulge: Array) -> tuple[Mask, Mask]:
+        """Masks of pairs that may be in contact: all the time, and in the middle."""
+        solid = np.where(self.links.last[pairs.link], self.obstacles.owner[pairs.piece], -1)
+        return self.contact.near_setpoint(solid, tools, bulge)
 
-    def _touching(
-        self, pairs: _Pairs, hulls: Array, tools: Array, gap: Array, exempt: Mask
+    def _in_contact(
+        self, pairs: _ClosePairs, hulls: Array, tools: Array, distance: Array, may_touch: Mask
     ) -> tuple[Array, Mask]:
-        """Gaps of pairs at rest, and which of them touch as the rules let them.
+        """Distances (m,) with depths in meshes, and the pairs whose contact the rules allow.
 
-        Corners (m, k, 3), tools (m, 3), gaps (m,), and where the tool may touch (m,).
+        Corners (m, k, 3), tools (m, 3), distances and where the tool may touch (m,).
         """
-        gap, fits = gap.copy(), np.zeros(len(gap), dtype=bool)
-        for m in np.flatnonzero(exempt & (gap < self.limit)).tolist():
+        distance, allowed = distance.copy(), np.zeros(len(distance), dtype=bool)
+        for m in np.flatnonzero(may_touch & (distance < self.limit)).tolist():
             piece = self.obstacles.pieces[pairs.piece[m]]
-            still = self._moved(int(pairs.link[m]), hulls[m, None], tools[m, None])
-            fits[m] = touches(self.contact, still, piece)
-            if gap[m] < 0 and piece.mesh is not None:
-                gap[m] = -depth_of(self.contact, still, piece)
-        return gap, fits
+            at_rest = self._swept(int(pairs.link[m]), hulls[m, None], tools[m, None])
+            allowed[m] = is_allowed(self.contact, at_rest, piece)
+            if distance[m] < 0 and piece.mesh is not None:
+                distance[m] = -mesh_depth(self.contact, at_rest, piece)
+        return distance, allowed
 
-    def _moved(
+    def _swept(
         self, link: int, hulls: Array, tools: Array, bulge: float = 0.0, tool_bulge: float = 0.0
-    ) -> Moved:
+    ) -> SweptSolid:
         own = np.broadcast_to(hulls, (3, *hulls.shape[1:]))[:, : len(self.links.corners[link])]
-        return Moved(own, float(self.links.radii[link]), np.broadcast_to(tools, (3, 3)), bulge, tool_bulge)
+        radius = float(self.links.radii[link])
+        return SweptSolid(own, radius, np.broadcast_to(tools, (3, 3)), bulge, tool_bulge)
 
-    def _look(self, hops: _Pairs, parts: Parts) -> Verdicts:
-        item = parts.item
-        pairs = _Pairs(hops.row[item], hops.link[item], hops.piece[item])
-        hulls, tools = self._samples(pairs, parts)  # (m, 3 samples, k corners, 3), (m, 3 samples, 3)
-        length = parts.high - parts.low
-        bulge = sag(self.links.acceleration[pairs.link, pairs.row], length)
-        tool_bulge = sag(self.journey.tool_acceleration[pairs.row], length)
-        whole, middle = self._exempt(pairs, tools, tool_bulge)
+    def _examine(self, every: _ClosePairs, intervals: Intervals) -> IntervalVerdicts:
+        pairs = _ClosePairs(*(column[intervals.item] for column in (every.row, every.link, every.piece)))
+        hulls, tools = self._samples(pairs, intervals)  # (m, 3 samples, k corners, 3), (m, 3 samples, 3)
+        bulge = chord_deviation(self.links.acceleration[pairs.link, pairs.row], intervals.length)
+        tool_bulge = chord_deviation(self.segments.tool_acceleration_bound[pairs.row], intervals.length)
+        always, middle = self._may_touch(pairs, tools, tool_bulge)
         moved = np.linalg.norm(hulls - hulls[:, 1:2], axis=-1).max((1, 2))
-        need = self.links.radii[pairs.link] + self.limit + bulge - TOUCH
-        proven = self._boxes_apart(hulls, pairs.piece, need)
-        failed = np.zeros(len(item), dtype=bool)
+        needed = self.links.radii[pairs.link] + self.limit + bulge - TOUCH
+        proven = self._boxes_apart(hulls, pairs.piece, needed)
+        refuted = np.zeros(len(proven), dtype=bool)
         for m in np.flatnonzero(~proven).tolist():
             found = self._separation(pairs.link[m], pairs.piece[m], hulls[m, 1])
             piece = self.obstacles.pieces[pairs.piece[m]]
-            beyond = float((hulls[m] @ found.normal).min() - piece.support(found.normal))
-            if piece.mesh is not None:  # a plane goes round the hull of a mesh; there may be room within
-                beyond = max(beyond, found.distance - moved[m])
-            proven[m] = beyond >= need[m]
-            if whole[m] and not proven[m]:
-                part = self._moved(int(pairs.link[m]), hulls[m], tools[m], bulge[m], tool_bulge[m])
-                proven[m] = touches(self.contact, part, piece)
-            failed[m] = found.distance < need[m] - bulge[m]
-            if middle[m] and failed[m]:
-                still = self._moved(int(pairs.link[m]), hulls[m, 1:2], tools[m, 1:2])
-                failed[m] = not touches(self.contact, still, piece)
-        return Verdicts(proven, failed, moved + 100 * bulge < SHORTEST)
+            gap = float((hulls[m] @ found.normal).min() - piece.support(found.normal))
+            if piece.mesh is not None:  # the plane bounds the hull of the mesh, which may have room inside
+                gap = max(gap, found.distance - moved[m])
+            proven[m] = gap >= needed[m]
+            if always[m] and not proven[m]:
+                swept = self._swept(int(pairs.link[m]), hulls[m], tools[m], bulge[m], tool_bulge[m])
+                proven[m] = is_allowed(self.contact, swept, piece)
+            refuted[m] = found.distance < needed[m] - bulge[m]
+            if middle[m] and refuted[m]:
+                at_rest = self._swept(int(pairs.link[m]), hulls[m, 1:2], tools[m, 1:2])
+                refuted[m] = not is_allowed(self.contact, at_rest, piece)
+        return IntervalVerdicts(proven, refuted, moved + 100 * bulge < SHORTEST)
 
-    def _samples(self, pairs: _Pairs, parts: Parts) -> tuple[Array, Array]:
-        """Corners and tool at both ends and the middle of parts; parts that pairs share are placed once."""
-        keys = np.column_stack([pairs.row, parts.low, parts.high])
+    def _samples(self, pairs: _ClosePairs, intervals: Intervals) -> tuple[Array, Array]:
+        """Corners and tool at both ends and the middle; an interval that pairs share is placed once."""
+        keys = np.column_stack([pairs.row, intervals.low, intervals.high])
         once, index = np.unique(keys, axis=0, return_inverse=True)
-        hop = once[:, 0].astype(np.int64)
+        segment = once[:, 0].astype(np.int64)
         hulls, tools = [], []
         for s in (once[:, 1], (once[:, 1] + once[:, 2]) / 2, once[:, 2]):
-            corners, tool = self.links.place(self.journey.base(hop, s), self.journey.joints(hop, s))
+            corners, tool = self._placed_at(segment, s)
             hulls.append(corners[index, pairs.link])
             tools.append(tool[index])
         return np.stack(hulls, axis=1), np.stack(tools, axis=1)
 
-    def _boxes_apart(self, hulls: Array, piece: Indices, need: Array) -> Mask:
+    def _placed_at(self, segment: Indices, s: Array) -> tuple[Array, Array]:
+        return self.links.place(self.segments.base_at(segment, s), self.segments.joints_at(segment, s))
+
+    def _boxes_apart(self, hulls: Array, piece: Indices, needed: Array) -> Mask:
         low, high = hulls.min((1, 2)), hulls.max((1, 2))
         gap = np.maximum(np.maximum(low - self.obstacles.high[piece], self.obstacles.low[piece] - high), 0.0)
-        apart: Mask = (np.linalg.norm(gap, axis=1) >= need) & (gap > 0).any(1)
+        apart: Mask = (np.linalg.norm(gap, axis=1) >= needed) & (gap > 0).any(1)
         return apart
 
-    def _violations(self, pairs: _Pairs, gap: Array, exempt: Mask, fits: Mask) -> dict[_Key, _Close]:
-        """Least gap of each state, link and solid too close, and whether the tool may touch there."""
-        worst: dict[_Key, _Close] = {}
-        for m in np.flatnonzero((gap < self.limit - TOUCH) & ~fits).tolist():
+    def _too_close(
+        self, pairs: _ClosePairs, distance: Array, may_touch: Mask, allowed: Mask
+    ) -> dict[_Key, _Nearest]:
+        """Least distance of each state, link and solid too close, and whether the tool may touch there."""
+        worst: dict[_Key, _Nearest] = {}
+        for m in np.flatnonzero((distance < self.limit - TOUCH) & ~allowed).tolist():
             key = int(pairs.row[m]), int(pairs.link[m]), int(self.obstacles.owner[pairs.piece[m]])
-            worst[key] = min(worst.get(key, _NONE), (float(gap[m]), bool(exempt[m])))
+            worst[key] = min(worst.get(key, _NONE), (float(distance[m]), bool(may_touch[m])))
         return worst
 
-    def _untold(self, hops: _Pairs, where: dict[int, float]) -> list[Violation]:
-        """Violations between states, one for each hop, link and solid."""
-        worst: dict[_Key, _Close] = {}
+    def _violations_between(self, pairs: _ClosePairs, where: dict[int, float]) -> list[Violation]:
+        """Violations between states, one for each segment, link and solid."""
+        worst: dict[_Key, _Nearest] = {}
         for item, s in where.items():
-            one = _Pairs(*(column[item : item + 1] for column in (hops.row, hops.link, hops.piece)))
-            here = self.journey.base(one.row, np.array([s])), self.journey.joints(one.row, np.array([s]))
-            hulls, tools = self.links.place(*here)
+            one = _ClosePairs(*(column[item : item + 1] for column in (pairs.row, pairs.link, pairs.piece)))
+            hulls, tools = self._placed_at(one.row, np.array([s]))
             own = hulls[:, one.link[0]]
-            near = self._exempt(one, tools[:, None], np.zeros(1))[1]
-            gap = float(self._touching(one, own, tools, self._gaps(own, one), near)[0][0])
+            may_touch = self._may_touch(one, tools[:, None], np.zeros(1))[1]
+            distance = self._in_contact(one, own, tools, self._distances(own, one), may_touch)[0]
             key = int(one.row[0]), int(one.link[0]), int(self.obstacles.owner[one.piece[0]])
-            worst[key] = min(worst.get(key, _NONE), (gap, bool(near[0])))
-        return [self._tell(key, self.words.hop(key[0]), *found) for key, found in worst.items()]
+            worst[key] = min(worst.get(key, _NONE), (float(distance[0]), bool(may_touch[0])))
+        return [self._violation(key, self.names.segment(key[0]), *near) for key, near in worst.items()]
 
-    def _tell(self, key: _Key, where: str, gap: float, near: bool) -> Violation:
+    def _violation(self, key: _Key, where: str, distance: float, may_touch: bool) -> Violation:
         state, link, solid = key
         part, name = self.world.robot.all_solids[link].name, self.world.solids[solid].name
-        if near:
-            return self._tell_contact(state, f"{part} touches {name} {where}", gap)
-        if gap < 0:
-            how = f"{part} overlaps {name} by {-gap:z.4f} m {where}"
-        elif gap < self.limit:
-            how = f"{part} comes within {gap:z.4f} m of {name} {where}"
+        if may_touch:
+            return self._contact_violation(state, f"{part} touches {name} {where}", distance)
+        if distance < 0:
+            how = f"{part} overlaps {name} by {-distance:z.4f} m {where}"
+        elif distance < self.limit:
+            how = f"{part} comes within {distance:z.4f} m of {name} {where}"
         else:
-            how = f"{part} is not proven clear of {name} {where}, {gap:.6f} m away"
+            how = f"{part} is not proven clear of {name} {where}, {distance:.6f} m away"
         text = f"{how}; the arm's clearance is {self.limit:g} m"
-        return Violation("arm", state, self.words.owner(state), max(0.0, self.limit - gap), text)
+        return Violation("arm", state, self.names.owner(state), max(0.0, self.limit - distance), text)
 
-    def _tell_contact(self, state: int, what: str, gap: float) -> Violation:
+    def _contact_violation(self, state: int, what: str, distance: float) -> Violation:
         depth, reach = self.contact.depth, self.contact.reach
-        deeper = -gap - depth
+        deeper = -distance - depth
         if deeper > TOUCH:
-            text = f"{what}, {-gap:z.4f} m deep; it may sink in {depth:.4g} m (contact_depth and tolerance)"
+            text = (
+                f"{what}, {-distance:z.4f} m deep; it may sink in {depth:.4g} m (contact_depth and tolerance)"
+            )
         else:
             text = f"{what} with parts that are not proven to lie within {reach:g} m of the tool point"
             text += f" (tool_contact), or to keep the arm's clearance of {self.limit:g} m from it"
-        return Violation("contact", state, self.words.owner(state), max(0.0, deeper), text)
+        return Violation("contact", state, self.names.owner(state), max(0.0, deeper), text)

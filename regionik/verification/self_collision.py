@@ -1,8 +1,8 @@
 """Proof that no link runs into another one, nor into the robot's own base.
 
-Each pair is looked at in the frame of its lower body, which stands still there: only the joints between the
-two count, and wherever the base drives makes no difference. At the middle of a part of a hop a plane is laid
-between the two; while the moving one's corners, and their sag, stay beyond it, the two are apart.
+Each pair is examined in the frame of its lower body, which is fixed there: only the joints between the two
+count, wherever the base drives. In the middle of an interval a plane is laid between the two; while the
+upper body's corners, and their deviation from their chords, stay beyond it, the two are apart.
 """
 
 from __future__ import annotations
@@ -14,23 +14,31 @@ from functools import cached_property
 import numpy as np
 
 from regionik.values import Violation
-from regionik.verification.convex_distance import Gap, Hull, beyond, gaps, hull_of, hull_of_prism, plane_gaps
-from regionik.verification.findings import Finding, Words, finding
-from regionik.verification.motion import Bounds, Indices, Journey, Parts, Verdicts, prove, sag
+from regionik.verification.convex_distance import (
+    RoundedHull,
+    SignedDistances,
+    face_distances,
+    gap_along,
+    link_hull,
+    prism_hull,
+    signed_distances,
+)
+from regionik.verification.motion import Indices, MotionSegments, PointBounds, chord_deviation
+from regionik.verification.proofs import Finding, Intervals, IntervalVerdicts, StateNames, bisect, finding
 from regionik.worlds.arrays import Array
 from regionik.worlds.robot import Robot
 from regionik.worlds.self_collision import base_body, self_collision_pairs
 
 TOUCH = 1e-6  # [m]
-SHORTEST = 1e-4  # motion of a link over half a part below which its halves are not looked at [m]
-LOOK = 0.05  # up to where distances at states are measured for the margin [m]
+SHORTEST = 1e-4  # motion of a link over half an interval below which it is not bisected [m]
+MARGIN_RANGE = 0.05  # up to which distances at states are measured for the margin [m]
 
 
-def itself(journey: Journey, words: Words) -> Finding:
-    """No overlap of two links that could meet, nor of a link and the base's own body."""
-    found = [_Pair(journey, words, *bodies).check() for bodies in _bodies(journey.robot)]
+def verify_self_collision(segments: MotionSegments, names: StateNames) -> Finding:
+    """No two links that could meet overlap, nor a link and the base's own body."""
+    found = [_PairProof(segments, names, *pair).check() for pair in _pairs(segments.robot)]
     margin = min([margin for margin, _ in found], default=np.inf)
-    return finding("self", margin, [violation for _, told in found for violation in told])
+    return finding("self", margin, [violation for _, violations in found for violation in violations])
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,109 +47,109 @@ class _Body:
 
     name: str
     link: int
-    hull: Hull
+    hull: RoundedHull
 
     @cached_property
-    def ball(self) -> tuple[Array, float]:
-        """Centre and radius of a ball round the solid."""
+    def sphere(self) -> tuple[Array, float]:
+        """Centre and radius of a bounding sphere."""
         centre: Array = self.hull.corners.mean(0)
         return centre, float(np.linalg.norm(self.hull.corners - centre, axis=1).max()) + self.hull.radius
 
 
-def _bodies(robot: Robot) -> Iterator[tuple[_Body, _Body]]:
+def _pairs(robot: Robot) -> Iterator[tuple[_Body, _Body]]:
     """The pairs that could meet, the body nearer to the base first."""
     body = base_body(robot)
-    base = [] if body is None else [_Body("the robot's own base", -1, hull_of_prism(body))]
-    links = [_Body(solid.name, solid.link, hull_of(solid)) for solid in robot.all_solids]
+    base = [] if body is None else [_Body("the robot's own base", -1, prism_hull(body))]
+    links = [_Body(solid.name, solid.link, link_hull(solid)) for solid in robot.all_solids]
     for pair in self_collision_pairs(robot):
         if -1 in pair and not base:
             continue
-        one, other = sorted((base[0] if k < 0 else links[k] for k in pair), key=lambda b: b.link)
-        yield one, other
+        lower, upper = sorted((base[0] if k < 0 else links[k] for k in pair), key=lambda body: body.link)
+        yield lower, upper
 
 
 @dataclass(frozen=True, eq=False)
-class _Pair:
-    """Two bodies; the lower one is still in its own frame."""
-
-    journey: Journey
-    words: Words
+class _PairProof:
+    segments: MotionSegments
+    names: StateNames
     lower: _Body
     upper: _Body
 
     def check(self) -> tuple[float, list[Violation]]:
-        """Least distance up to `LOOK`, and what is wrong."""
-        near = self._ball_gaps()
-        state = np.flatnonzero(near < LOOK)
-        gap = self._least_gaps(self._place(self.journey.motion.joints[state]))
-        hits = {k: g for k, g in zip(state.tolist(), gap.tolist(), strict=True) if g < -TOUCH}
-        near[state] = gap
-        hops = np.flatnonzero(np.minimum(near[:-1], near[1:]) < self.motion.speed / 2)
-        hops = hops[[not {k, k + 1} & hits.keys() for k in hops.tolist()]]
-        outcome = prove(len(hops), lambda parts: self._look(hops[parts.item], parts))
-        told = [self._tell(k, self.words.state(k), g) for k, g in hits.items()]
-        for item, s in {**outcome.stuck, **outcome.failed}.items():
-            k, T = int(hops[item]), self._at(hops[item : item + 1], np.array([s]))
-            told.append(self._tell(k, self.words.hop(k), float(self._gaps(T).distance[0])))
-        return min(LOOK, float(gap.min(initial=np.inf))), told
+        """Least distance up to `MARGIN_RANGE`, and the violations."""
+        near = self._sphere_distances()
+        state = np.flatnonzero(near < MARGIN_RANGE)
+        distance = self._distances_at_states(self._poses(self.segments.motion.joints[state]))
+        hits = {k: d for k, d in zip(state.tolist(), distance.tolist(), strict=True) if d < -TOUCH}
+        near[state] = distance
+        segment = np.flatnonzero(np.minimum(near[:-1], near[1:]) < self._bounds.speed / 2)
+        segment = segment[[not {k, k + 1} & hits.keys() for k in segment.tolist()]]
+        unproven = bisect(len(segment), lambda intervals: self._examine(segment[intervals.item], intervals))
+        violations = [self._violation(k, self.names.state(k), d) for k, d in hits.items()]
+        for item, s in unproven.items():
+            k, T = int(segment[item]), self._poses_at(segment[item : item + 1], np.array([s]))
+            violations.append(
+                self._violation(k, self.names.segment(k), float(self._signed_distances(T).distance[0]))
+            )
+        return min(MARGIN_RANGE, float(distance.min(initial=np.inf))), violations
 
     @cached_property
-    def motion(self) -> Bounds:
-        """Bounds for any point of the upper body in the lower one's frame."""
+    def _bounds(self) -> PointBounds:
+        """Bounds for any point of the upper body in the lower one's frame: the largest of its corners'."""
         lower, upper = self.lower.link, self.upper.link
-        bounds = [self.journey.bounds_between(lower, upper, corner) for corner in self.upper.hull.corners]
-        return Bounds(*(np.max(column, axis=0) for column in zip(*bounds, strict=True)))
+        bounds = [self.segments.relative_bounds(lower, upper, corner) for corner in self.upper.hull.corners]
+        return PointBounds(*(np.max(column, axis=0) for column in zip(*bounds, strict=True)))
 
-    def _place(self, joints: Array) -> Array:
-        return self.journey.between(self.lower.link, self.upper.link, joints)
+    def _poses(self, joints: Array) -> Array:
+        return self.segments.link_pose(self.lower.link, self.upper.link, joints)
 
-    def _at(self, hop: Indices, s: Array) -> Array:
-        return self._place(self.journey.joints(hop, s))
+    def _poses_at(self, segment: Indices, s: Array) -> Array:
+        return self._poses(self.segments.joints_at(segment, s))
 
-    def _gaps(self, T: Array) -> Gap:
-        return gaps(self.lower.hull, self.upper.hull, T)
+    def _signed_distances(self, T: Array) -> SignedDistances:
+        return signed_distances(self.lower.hull, self.upper.hull, T)
 
-    def _ball_gaps(self) -> Array:
-        """Lower bounds of the distances at states, from balls round the bodies, (states,)."""
-        (still, r), (moving, rr) = self.lower.ball, self.upper.ball
-        T = self._place(self.journey.motion.joints)
-        away: Array = np.linalg.norm(T[:, :3, :3] @ moving + T[:, :3, 3] - still, axis=1) - r - rr
-        return away
+    def _sphere_distances(self) -> Array:
+        """Lower bounds of the distances at states, from bounding spheres, (states,) [m]."""
+        (fixed, r_fixed), (moving, r_moving) = self.lower.sphere, self.upper.sphere
+        T = self._poses(self.segments.motion.joints)
+        centre = T[:, :3, :3] @ moving + T[:, :3, 3]
+        distance: Array = np.linalg.norm(centre - fixed, axis=1) - r_fixed - r_moving
+        return distance
 
-    def _least_gaps(self, T: Array) -> Array:
-        """Signed distances; of poses that are neither nearest nor overlap, no more than a lower bound."""
-        found: Array = plane_gaps(self.lower.hull, self.upper.hull, T).distance
+    def _distances_at_states(self, T: Array) -> Array:
+        """Signed distances; a lower bound only of poses that are neither the nearest nor overlap."""
+        found: Array = face_distances(self.lower.hull, self.upper.hull, T).distance
         if not len(T):
             return found
         first = int(found.argmin())
-        least = float(self._gaps(T[first : first + 1]).distance[0])
-        open_ = found < max(0.0, least)
-        found[open_] = self._gaps(T[open_]).distance
+        least = float(self._signed_distances(T[first : first + 1]).distance[0])
+        refined = found < max(0.0, least)
+        found[refined] = self._signed_distances(T[refined]).distance
         return found
 
-    def _look(self, hop: Indices, parts: Parts) -> Verdicts:
+    def _examine(self, segment: Indices, intervals: Intervals) -> IntervalVerdicts:
         lower, upper = self.lower.hull, self.upper.hull
-        T = np.stack([self._at(hop, s) for s in (parts.low, parts.middle, parts.high)], axis=1)
-        corners = upper.placed(T)  # (m, 3 samples, k, 3)
+        shares = (intervals.low, intervals.middle, intervals.high)
+        T = np.stack([self._poses_at(segment, s) for s in shares], axis=1)
+        corners = upper.corners_in(T)  # (m, 3 samples, k, 3)
         moved = np.linalg.norm(corners - corners[:, 1:2], axis=-1).max((1, 2))
-        bulge = sag(self.motion.acceleration[hop], parts.high - parts.low)
-        flat = corners.reshape(len(hop), -1, 3)
-        need = bulge - TOUCH
-        apart = lower.radius + upper.radius
-        found = plane_gaps(lower, upper, T[:, 1])
-        proven = beyond(lower, flat, found.normal) - apart >= need
-        failed = np.zeros(len(hop), dtype=bool)
+        bulge = chord_deviation(self._bounds.acceleration[segment], intervals.length)
+        swept = corners.reshape(len(segment), -1, 3)
+        needed, radii = bulge - TOUCH, lower.radius + upper.radius
+        proven = gap_along(lower, swept, face_distances(lower, upper, T[:, 1]).normal) - radii >= needed
+        refuted = np.zeros(len(segment), dtype=bool)
         rest = np.flatnonzero(~proven)
-        found = self._gaps(T[rest, 1])
-        plane = beyond(lower, flat[rest], found.normal) - apart
-        proven[rest] = np.maximum(plane, found.distance - moved[rest]) >= need[rest]
-        failed[rest] = found.distance < -TOUCH
-        return Verdicts(proven, failed, moved + 100 * bulge < SHORTEST)
+        found = self._signed_distances(T[rest, 1])
+        gap = gap_along(lower, swept[rest], found.normal) - radii
+        proven[rest] = np.maximum(gap, found.distance - moved[rest]) >= needed[rest]
+        refuted[rest] = found.distance < -TOUCH
+        return IntervalVerdicts(proven, refuted, moved + 100 * bulge < SHORTEST)
 
-    def _tell(self, state: int, where: str, gap: float) -> Violation:
+    def _violation(self, state: int, where: str, distance: float) -> Violation:
         one, other = self.upper.name, self.lower.name
-        if gap < 0:
-            text = f"{one} overlaps {other} by {-gap:z.4f} m {where}"
+        if distance < 0:
+            text = f"{one} overlaps {other} by {-distance:z.4f} m {where}"
         else:
-            text = f"{one} is not proven clear of {other} {where}, {gap:.6f} m away"
-        return Violation("self", state, self.words.owner(state), max(0.0, -gap), text)
+            text = f"{one} is not proven clear of {other} {where}, {distance:.6f} m away"
+        return Violation("self", state, self.names.owner(state), max(0.0, -distance), text)

@@ -1,44 +1,49 @@
-"""Proof that the tool meets its set-points and stays on the path between them."""
+"""Proof that the tool meets its set-points and stays on the path between them, in position and direction.
+
+Positions: points within a distance of a line segment are a convex set, so a chord of the tool's motion stays
+in it when its ends do; the tool itself stays within the chord deviation of the chord. Directions are points
+of the unit sphere, and orientations, as unit quaternions, points of the sphere in four dimensions, on which
+two lie half as far apart as the angle between them; the points within a cone narrower than a right angle
+about an axis form a convex cone, of which the same holds.
+"""
 
 from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from regionik.values import Violation
-from regionik.verification.findings import Finding, Words, finding, on_path
-from regionik.verification.motion import Indices, Journey, Parts, Verdicts, prove, sag
-from regionik.verification.tool_axis import angle_between
+from regionik.verification.motion import Indices, Mask, MotionSegments, chord_deviation
+from regionik.verification.proofs import Finding, Intervals, IntervalVerdicts, StateNames, bisect, finding
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import Target, World
 
 EXACT = 1e-9  # at states [m] or [rad]
 BETWEEN = 1e-6  # between states [m] or [rad]
-SHORTEST = 1e-4  # motion of the tool over half a part below which its halves are not looked at [m] or [rad]
+SHORTEST = 1e-4  # motion of the tool over half an interval below which it is not bisected [m] or [rad]
 
 
-def setpoints(world: World, journey: Journey, words: Words) -> Finding:
-    """Tool on every set-point, turned as it should be."""
-    allowed = world.rules.tolerance
+def verify_setpoints(world: World, segments: MotionSegments, names: StateNames) -> Finding:
+    """The tool is within ``tolerance`` of every set-point, and within the cone of its direction."""
+    allowed, motion = world.rules.tolerance, segments.motion
     violations: list[Violation] = []
     margins = [np.inf]
-    states = np.flatnonzero(journey.motion.kind == "setpoint")
-    tools = journey.robot.tool(journey.motion.base[states], journey.motion.joints[states])
+    states = np.flatnonzero((motion.kind == "setpoint") & (motion.setpoint >= 0))
+    tools = segments.robot.tool(motion.base[states], motion.joints[states])
     for k, tool in zip(states.tolist(), tools, strict=True):
-        i = int(journey.motion.setpoint[k])
-        if i < 0:
-            continue
+        i = int(motion.setpoint[k])
         target = world.task[i]
         off = float(np.linalg.norm(tool[:3, 3] - target.position))
         margins.append(allowed - off)
         if off > allowed + EXACT:
-            text = f"the tool is {off:.4f} m off {words.setpoint(i)}; the rules allow {allowed:g} m"
+            text = f"the tool is {off:.4f} m off {names.setpoint(i)}; the rules allow {allowed:g} m"
             violations.append(Violation("setpoint", k, i, off - allowed, text))
         for what, angle in _deviations(target, tool[:3, :3]):
             if angle > target.cone + EXACT:
-                text = (
-                    f"the tool's {what} is {angle:.4f} rad off at {words.setpoint(i)}; "
-                    f"its cone allows {target.cone:g} rad"
-                )
+                text = f"the tool's {what} is {angle:.4f} rad off at {names.setpoint(i)}; "
+                text += f"its cone allows {target.cone:g} rad"
                 violations.append(Violation("setpoint", k, i, angle - target.cone, text))
     return finding("setpoint", min(margins), violations)
 
@@ -48,76 +53,308 @@ def _deviations(target: Target, R: Array) -> list[tuple[str, float]]:
     if target.direction is not None:
         found.append(("axis", float(angle_between(R[:, 2], target.direction))))
     if target.orientation is not None:
-        between = target.orientation.T @ R
-        twist = np.array(
-            [between[2, 1] - between[1, 2], between[0, 2] - between[2, 0], between[1, 0] - between[0, 1]]
-        )
-        found.append(("orientation", float(np.arctan2(np.linalg.norm(twist), np.trace(between) - 1))))
+        found.append(("orientation", rotation_to(target.orientation, R)[1]))
     return found
 
 
-def path(world: World, journey: Journey, words: Words) -> Finding:
-    """Tool within ``path_tolerance`` of the segment between two set-points, wherever it is not lifted."""
+def rotation_to(wanted: Array, R: Array) -> tuple[Array, float]:
+    """Axis (3,), not normalized, and angle [rad] of the rotation that takes a frame to another."""
+    D = wanted @ R.T
+    axis = np.array([D[2, 1] - D[1, 2], D[0, 2] - D[2, 0], D[1, 0] - D[0, 1]])  # 2 sin(angle) along it
+    return axis, float(np.arctan2(np.linalg.norm(axis), np.trace(D) - 1.0))
+
+
+@dataclass(frozen=True, eq=False)
+class _BoundToPath:
+    """Steps and segments on which the tool must be on the path, and the set-points it is between."""
+
+    steps: Indices
+    step_ends: Indices  # (n, 2) set-points
+    segments: Indices
+    segment_ends: Indices  # (m, 2)
+
+
+def _bound_to_path(setpoints: int, segments: MotionSegments) -> _BoundToPath:
+    """All but transits. Before the first set-point and past the last the tool holds that one."""
+    motion = segments.motion
+    n, last = len(motion), setpoints - 1
+    is_setpoint = motion.kind == "setpoint"
+    previous = np.maximum.accumulate(np.where(is_setpoint, np.arange(n), -1))
+    i = np.where(previous >= 0, motion.setpoint[previous], -1)
+    ends = np.column_stack([np.maximum(i, 0), np.minimum(i + 1, last)])
+    steps = np.flatnonzero(motion.kind == "step")
+    on_path = motion.kind != "transit"
+    bound = np.flatnonzero(on_path[:-1] & on_path[1:])
+    # A segment between set-points that are not neighbours is reported as out of order: no path to measure by.
+    arrives = np.where(is_setpoint[bound + 1], motion.setpoint[bound + 1], ends[bound, 1])
+    in_order = (arrives == ends[bound, 1]) & (i[bound] >= np.where(is_setpoint[bound], 0, -1))
+    return _BoundToPath(steps, ends[steps], bound[in_order], ends[bound[in_order]])
+
+
+def verify_path(world: World, segments: MotionSegments, names: StateNames) -> Finding:
+    """The tool is within ``path_tolerance`` of the line between two set-points wherever it is not lifted."""
     limit = world.rules.path_tolerance
-    spots = np.array([target.position for target in world.task])
-    on = on_path(len(world.task), journey)
+    positions = np.array([target.position for target in world.task])
+    bound = _bound_to_path(len(world.task), segments)
 
-    def stray(points: Array, ends: Indices) -> Array:
-        return _from_segment(points, spots[ends[:, 0]], spots[ends[:, 1]])
+    def deviation(points: Array, ends: Indices) -> Array:
+        return _distance_to_line_segment(points, positions[ends[:, 0]], positions[ends[:, 1]])
 
-    tools = journey.robot.tool(journey.motion.base, journey.motion.joints)[:, :3, 3]
-    off = stray(tools[on.state], on.state_ends)
+    tools = segments.robot.tool(segments.motion.base, segments.motion.joints)[:, :3, 3]
+    off = deviation(tools[bound.steps], bound.step_ends)
     violations = [
-        _off_path(words, k, words.state(k), o, limit)
-        for k, o in zip(on.state, off, strict=True)
+        _off_path(names, int(k), names.state(int(k)), float(o), limit)
+        for k, o in zip(bound.steps, off, strict=True)
         if o > limit + BETWEEN
     ]
-    bad = {v.state for v in violations}
-    clean = np.array([int(k) not in bad and int(k) + 1 not in bad for k in on.hop], dtype=bool)
-    hop, ends = on.hop[clean], on.hop_ends[clean]
+    bad = [v.state for v in violations if v.state is not None]
+    clean = ~np.isin(bound.segments, bad) & ~np.isin(bound.segments + 1, bad)
+    segment, ends = bound.segments[clean], bound.segment_ends[clean]
 
-    def look(parts: Parts) -> Verdicts:
-        h, e = hop[parts.item], ends[parts.item]
+    def examine(intervals: Intervals) -> IntervalVerdicts:
+        k, between = segment[intervals.item], ends[intervals.item]
         low, middle, high = (
-            journey.frames(h, s)[:, -1, :3, 3] for s in (parts.low, parts.middle, parts.high)
+            segments.frames_at(k, s)[:, -1, :3, 3] for s in (intervals.low, intervals.middle, intervals.high)
         )
-        bulge = sag(journey.tool_acceleration[h], parts.high - parts.low)
-        # Points near a segment are a convex set: a chord stays in it when its ends do.
-        worst = np.maximum(stray(low, e), stray(high, e))
-        moved = np.maximum(_length(low - middle), _length(high - middle))
-        return Verdicts(
+        bulge = chord_deviation(segments.tool_acceleration_bound[k], intervals.length)
+        worst = np.maximum(deviation(low, between), deviation(high, between))
+        moved = np.maximum(np.linalg.norm(low - middle, axis=-1), np.linalg.norm(high - middle, axis=-1))
+        return IntervalVerdicts(
             worst + bulge <= limit + BETWEEN,
-            np.maximum(worst, stray(middle, e)) > limit + BETWEEN,
+            np.maximum(worst, deviation(middle, between)) > limit + BETWEEN,
             moved + 100 * bulge < SHORTEST,
         )
 
-    outcome = prove(len(hop), look)
-    for item, s in {**outcome.failed, **outcome.stuck}.items():
-        k, e = np.repeat(hop[item], 3), np.repeat(ends[item : item + 1], 3, axis=0)
-        points = journey.frames(k, np.array([0.0, s, 1.0]))[:, -1, :3, 3]
-        o = float(stray(points, e).max())
-        violations.append(_off_path(words, int(k[0]), words.hop(int(k[0])), o, limit))
-    halfway = journey.frames(on.hop, np.full(len(on.hop), 0.5))[:, -1, :3, 3]
-    seen = np.concatenate([off, stray(halfway, on.hop_ends)])
+    for item, s in bisect(len(segment), examine).items():
+        k, between = int(segment[item]), np.repeat(ends[item : item + 1], 3, axis=0)
+        points = segments.frames_at(np.repeat(segment[item], 3), np.array([0.0, s, 1.0]))[:, -1, :3, 3]
+        found = float(deviation(points, between).max())
+        violations.append(_off_path(names, k, names.segment(k), found, limit))
+    halfway = segments.frames_at(bound.segments, np.full(len(bound.segments), 0.5))[:, -1, :3, 3]
+    seen = np.concatenate([off, deviation(halfway, bound.segment_ends)])
     return finding("path", limit - float(seen.max()) if len(seen) else np.inf, violations)
 
 
-def _off_path(words: Words, state: int, where: str, off: float, limit: float) -> Violation:
+def _off_path(names: StateNames, state: int, where: str, off: float, limit: float) -> Violation:
     if off > limit:
         text = f"the tool is {off:.4f} m off the path {where} and not lifted; the rules allow {limit:g} m"
     else:
         proof = f"the tool is not proven to stay on the path {where}"
         text = f"{proof}: {off:.6f} m off, the rules allow {limit:g} m"
-    return Violation("path", int(state), words.owner(int(state)), max(0.0, float(off - limit)), text)
+    return Violation("path", state, names.owner(state), max(0.0, off - limit), text)
 
 
-def _length(vectors: Array) -> Array:
-    length: Array = np.linalg.norm(vectors, axis=-1)
-    return length
-
-
-def _from_segment(points: Array, start: Array, end: Array) -> Array:
+def _distance_to_line_segment(points: Array, start: Array, end: Array) -> Array:
     along = end - start
     square = np.maximum((along**2).sum(-1), 1e-300)
     t = np.clip(((points - start) * along).sum(-1) / square, 0.0, 1.0)
-    return _length(points - start - t[:, None] * along)
+    distance: Array = np.linalg.norm(points - start - t[:, None] * along, axis=-1)
+    return distance
+
+
+def verify_direction(world: World, segments: MotionSegments, names: StateNames) -> Finding:
+    """The tool's axis stays within the cone along the path where both set-points ask for a direction.
+
+    Between two directions it may turn along the arc from one to the other; the wider cone counts. Where both
+    ask for an orientation, `verify_orientation` checks the whole frame instead.
+    """
+    axes = [target.direction for target in world.task]
+    bound = _bound_to_path(len(world.task), segments)
+    asked = _both_given(axes, bound.segment_ends)
+    asked &= ~_both_given([target.orientation for target in world.task], bound.segment_ends)
+    if not asked.any():
+        return finding("direction", np.inf, [])
+
+    def axis_at(segment: Indices, s: Array) -> Array:
+        return segments.frames_at(segment, s)[:, -1, :3, 2]
+
+    segment, start, end, cone = _arcs(world, bound, asked, axes)
+    acceleration = segments.tool_axis_acceleration_bound[segment]
+    motion = _SphereMotion(axis_at, _unchanged, segment, start, end, cone, acceleration)
+    return _within_cones(motion, names, "direction", "axis", 1.0)
+
+
+def verify_orientation(world: World, segments: MotionSegments, names: StateNames) -> Finding:
+    """The tool frame stays within the cone along the path where both set-points ask for an orientation.
+
+    Between two orientations it may turn at constant rate the shorter way; the wider cone counts.
+    """
+    wanted = [target.orientation for target in world.task]
+    bound = _bound_to_path(len(world.task), segments)
+    asked = _both_given(wanted, bound.segment_ends)
+    if not asked.any():
+        return finding("orientation", np.inf, [])
+    quaternions = [None if R is None else _quaternions(R) for R in wanted]
+
+    def quaternion_at(segment: Indices, s: Array) -> Array:
+        return _quaternions(segments.frames_at(segment, s)[:, -1, :3, :3])
+
+    segment, start, end, cone = _arcs(world, bound, asked, quaternions)
+    # q'' = (w' + w w / 2) q / 2, where |w'| is at most half the square of the bound of the turning rate |w|.
+    acceleration = segments.tool_axis_acceleration_bound[segment] / 2
+    motion = _SphereMotion(
+        quaternion_at, _same_sign, segment, start, _same_sign(end, start), cone / 2, acceleration
+    )
+    return _within_cones(motion, names, "orientation", "frame", 2.0)
+
+
+def _both_given(values: Sequence[Array | None], ends: Indices) -> Mask:
+    """Segments both of whose set-points ask for something."""
+    given = np.array([value is not None for value in values], dtype=np.bool_)
+    both: Mask = given[ends[:, 0]] & given[ends[:, 1]]
+    return both
+
+
+def _arcs(
+    world: World, bound: _BoundToPath, asked: Mask, points: Sequence[Array | None]
+) -> tuple[Indices, Array, Array, Array]:
+    """Segments asked for, both ends of their arcs, (n, d) each, and their cones (n,) [rad]."""
+    segment, ends = bound.segments[asked], bound.segment_ends[asked]
+    start, end = (np.array([points[i] for i in side], dtype=np.float64) for side in ends.T)
+    cone = np.array([target.cone for target in world.task])[ends].max(1)
+    return segment, start, end, cone
+
+
+def _within_cones(motion: _SphereMotion, names: StateNames, kind: str, what: str, scale: float) -> Finding:
+    """Finding of a motion on a sphere; ``scale`` turns angles on the sphere into those of the tool."""
+    rows = np.arange(len(motion.segment))
+    off = np.stack([motion.deviation(rows, np.full(len(rows), s)) for s in (0.0, 1.0, 0.5)])
+    bad = off[:2] > motion.cone + BETWEEN / scale
+    states: dict[int, tuple[float, float]] = {}
+    for side, item in np.argwhere(bad).tolist():
+        found = float(off[side, item]), float(motion.cone[item])
+        state = int(motion.segment[item]) + side
+        states[state] = max(states.get(state, found), found)
+
+    def violation(state: int, where: str, angle: float, cone: float) -> Violation:
+        how = f"is {scale * angle:.4f} rad off" if angle > cone else ""
+        how = how or f"is not proven to stay, {scale * angle:.6f} rad off,"
+        text = f"the tool's {what} {how} {where}; the cone allows {scale * cone:g} rad"
+        return Violation(kind, state, names.owner(state), max(0.0, scale * (angle - cone)), text)
+
+    violations = [violation(k, names.state(k), *found) for k, found in states.items()]
+    good = motion.take(~(bad[0] | bad[1]))
+    unproven = bisect(
+        len(good.segment), lambda intervals: good.examine(intervals, BETWEEN / scale, np.pi / scale)
+    )
+    for item, s in unproven.items():
+        k, angle = int(good.segment[item]), float(good.deviation(np.array([item]), np.array([s]))[0])
+        violations.append(violation(k, names.segment(k), angle, float(good.cone[item])))
+    return finding(kind, scale * float((motion.cone - off).min()), violations)
+
+
+@dataclass(frozen=True, eq=False)
+class _SphereMotion:
+    """Motion of a point on a unit sphere, and the cone about the arc that it must stay in.
+
+    Attributes
+    ----------
+    at_segment : callable
+        Points (m, d) at shares of segments.
+    nearest_sign : callable
+        Of points that mean the same, those nearest to others.
+    segment : (n,) array of int
+    start, end : (n, d) arrays
+        Ends of the arc.
+    cone : (n,) array
+        [rad]
+    acceleration : (n,) array
+        Upper bound for the point's acceleration [1 per segment^2].
+    """
+
+    at_segment: Callable[[Indices, Array], Array]
+    nearest_sign: Callable[[Array, Array], Array]
+    segment: Indices
+    start: Array
+    end: Array
+    cone: Array
+    acceleration: Array
+
+    def take(self, which: Mask) -> _SphereMotion:
+        return replace(
+            self,
+            segment=self.segment[which],
+            start=self.start[which],
+            end=self.end[which],
+            cone=self.cone[which],
+            acceleration=self.acceleration[which],
+        )
+
+    def at(self, item: Indices, s: Array) -> Array:
+        return self.nearest_sign(self.at_segment(self.segment[item], s), self.start[item] + self.end[item])
+
+    def deviation(self, item: Indices, s: Array) -> Array:
+        """Angle between the point and the arc [rad]."""
+        point = self.at(item, s)
+        return angle_between(point, _nearest_on_arc(point, self.start[item], self.end[item]))
+
+    def examine(self, intervals: Intervals, slack: float, widest: float) -> IntervalVerdicts:
+        item, cone = intervals.item, self.cone[intervals.item]
+        middle = self.at(item, intervals.middle)
+        # Where the deviation is below 1 the interval is too short for the point to come near its opposite.
+        low, high = (
+            self.nearest_sign(self.at_segment(self.segment[item], s), middle)
+            for s in (intervals.low, intervals.high)
+        )
+        chord = chord_deviation(self.acceleration[item], intervals.length)
+        bulge = np.arcsin(np.minimum(chord, 1.0))
+        core = _nearest_on_arc(middle, self.start[item], self.end[item])
+        ends = np.maximum(angle_between(low, core), angle_between(high, core))
+        centre = angle_between(middle, core)
+        moved = np.maximum(angle_between(low, middle), angle_between(high, middle))
+        by_ends = np.where(ends < np.pi / 2, ends, np.inf)  # narrow cones are convex
+        by_middle = np.where(moved < np.pi / 2, centre + moved, np.inf)
+        proven = (chord < 1) & (np.minimum(by_ends, by_middle) + bulge <= cone + slack)
+        return IntervalVerdicts(
+            proven | (cone >= widest), centre > cone + slack, moved + 100 * chord < SHORTEST
+        )
+
+
+def angle_between(u: Array, v: Array) -> Array:
+    """Angle between unit vectors, accurate near 0."""
+    angle: Array = 2 * np.arctan2(np.linalg.norm(u - v, axis=-1), np.linalg.norm(u + v, axis=-1))
+    return angle
+
+
+def _nearest_on_arc(u: Array, a: Array, b: Array) -> Array:
+    """Nearest points to u on the shorter arcs from a to b, (m, d) each."""
+    rest = b - a * (a * b).sum(-1, keepdims=True)
+    size = np.linalg.norm(rest, axis=-1, keepdims=True)
+    side = rest / np.maximum(size, 1e-300)
+    x, y = (u * a).sum(-1), (u * side).sum(-1)
+    angle = np.arctan2(y, x)
+    between = (angle >= 0) & (angle <= np.arctan2(size[:, 0], (a * b).sum(-1)))
+    usable = between & (size[:, 0] > 1e-9) & (np.hypot(x, y) > 1e-9)
+    inner = np.cos(angle)[:, None] * a + np.sin(angle)[:, None] * side
+    end = np.where((angle_between(u, a) <= angle_between(u, b))[:, None], a, b)
+    nearest: Array = np.where(usable[:, None], inner, end)
+    return nearest
+
+
+def _unchanged(points: Array, others: Array) -> Array:
+    """Directions: opposite ones differ."""
+    return points
+
+
+def _same_sign(quaternions: Array, others: Array) -> Array:
+    """Quaternions on the side of others: opposite ones are the same frame."""
+    near: Array = np.where((quaternions * others).sum(-1, keepdims=True) < 0, -quaternions, quaternions)
+    return near
+
+
+def _quaternions(R: Array) -> Array:
+    """Unit quaternions (..., 4) of rotation matrices (..., 3, 3), the real part first.
+
+    All rows of the matrix K = 4 q q^T are multiples of q; the longest is the most accurate.
+    """
+    K = np.empty((*R.shape[:-2], 4, 4))
+    trace = np.trace(R, axis1=-2, axis2=-1)
+    K[..., 0, 0] = 1 + trace
+    for i, (j, k) in enumerate(((1, 2), (2, 0), (0, 1))):
+        K[..., 1 + i, 1 + i] = 1 + 2 * R[..., i, i] - trace
+        K[..., 0, 1 + i] = K[..., 1 + i, 0] = R[..., k, j] - R[..., j, k]
+        K[..., 1 + j, 1 + k] = K[..., 1 + k, 1 + j] = R[..., j, k] + R[..., k, j]
+    longest = np.argmax(np.linalg.norm(K, axis=-1), axis=-1)
+    row = np.take_along_axis(K, longest[..., None, None], axis=-2)[..., 0, :]
+    unit: Array = row / np.linalg.norm(row, axis=-1, keepdims=True)
+    return unit

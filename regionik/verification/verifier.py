@@ -1,32 +1,46 @@
-"""A plan checked again from its world alone, by other code than made it.
+"""Plans and answers checked again from their world alone, by other code than made them.
 
-The two share only how distances from solids are measured.
-
-"Free" means proven: motion between states is bounded (see `regionik.verification.motion`), not sampled.
+The two share only how distances from solids are measured. "Free" means proven: motion between states is
+bounded (`regionik.verification.motion`), not sampled.
 """
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
-from regionik.values import Configuration, Plan, Report, Violation
-from regionik.verification.arm_clearance import arm
-from regionik.verification.base_clearance import clearance, floor
-from regionik.verification.base_motion import heading, wheels
-from regionik.verification.criteria import criteria
-from regionik.verification.findings import Finding, Words, finding
-from regionik.verification.motion import Indices, Journey, wrapped
-from regionik.verification.self_collision import itself
-from regionik.verification.stops import stops
-from regionik.verification.tool_axis import direction, orientation
-from regionik.verification.tool_path import path, setpoints
+from regionik.values import Configuration, Motion, Plan, Report, Violation
+from regionik.verification.arm_clearance import verify_arm_clearance
+from regionik.verification.base_clearance import verify_base_clearance, verify_floor
+from regionik.verification.derived_fields import verify_derived_fields
+from regionik.verification.limits import (
+    verify_base_steps,
+    verify_criteria,
+    verify_heading,
+    verify_joint_limits,
+    verify_wheels,
+)
+from regionik.verification.motion import MotionSegments, wrap_angle
+from regionik.verification.proofs import Finding, StateNames, finding
+from regionik.verification.self_collision import verify_self_collision
+from regionik.verification.stops import verify_stops
+from regionik.verification.structure import inconsistencies, malformations
+from regionik.verification.tool_path import (
+    verify_direction,
+    verify_orientation,
+    verify_path,
+    verify_setpoints,
+)
 from regionik.worlds.arrays import Array
+from regionik.worlds.errors import InputError
+from regionik.worlds.scene import Target, World
 
-EXACT = 1e-9  # [m] or [rad]
-KINDS = ("setpoint", "step", "transit")
+HEADING_TOLERANCE = 1e-9  # of an answer, where the rules fix the heading [rad]
+ARM_KINDS = ("arm", "self")  # checks that hold for answers only where the rules ask for avoidance
 
 
 def verify(plan: Plan) -> Report:
@@ -41,163 +55,134 @@ def verify(plan: Plan) -> Report:
     Report
         ``margins`` has the least margin of every check that measured something: ``joints`` [rad or m],
         ``step``, ``wheels``, ``setpoint``, ``path``, ``floor``, ``clearance``, ``arm``, ``contact``,
-        ``self``, ``stops`` [m], ``direction``, ``orientation`` [rad], and of criteria that the rules ask
+        ``self``, ``stops`` [m], ``direction``, ``orientation`` [rad], and of criteria that the rules ask for
         ``manipulability`` [m3], ``joint_margin`` (a share of the range), ``effort`` [N m] or [N]. Those of
-        ``arm``, ``contact`` and ``self`` are told up to 0.05; that of ``contact`` is how much deeper the tool
-        might sink in. Of many violations of a kind the first 20 are told, and the rest in one.
+        ``arm``, ``contact`` and ``self`` go up to 0.05; that of ``contact`` is how much deeper the tool might
+        sink in. Violations of kind ``structure`` or ``derived`` are of the plan's form, or of fields that its
+        states contradict. Of many violations of a kind the first 20 are listed, and the rest in one.
     """
-    flaws = tuple(_malformed(plan))
-    if flaws:
-        return _report([finding("structure", np.inf, flaws)])
-    journey = Journey(plan.world.robot, plan.motion)
-    words = Words(plan.motion, len(plan.world.task))
-    return _report(
-        [
-            finding("structure", np.inf, _structure(plan, words)),
-            _joints(journey, words),
-            _step(journey, words, plan.world.rules.step),
-            wheels(journey, words),
-            heading(plan.world, journey, words),
-            setpoints(plan.world, journey, words),
-            path(plan.world, journey, words),
-            direction(plan.world, journey, words),
-            orientation(plan.world, journey, words),
-            floor(plan.world, journey, words),
-            clearance(plan.world, journey, words),
-            *arm(plan.world, journey, words),
-            itself(journey, words),
-            stops(plan, words),
-            *criteria(plan.world, journey, words),
-        ]
-    )
+    malformed = tuple(malformations(plan))
+    if malformed:
+        return _report([finding("structure", np.inf, malformed)])
+    segments = MotionSegments(plan.world.robot, plan.motion)
+    names = StateNames(plan.motion, len(plan.world.task))
+    findings = list(_findings(plan, segments, names))
+    return _report([*findings, verify_derived_fields(plan, segments, names, findings)])
 
 
-def _report(findings: list[Finding]) -> Report:
+def _findings(plan: Plan, segments: MotionSegments, names: StateNames) -> Iterator[Finding]:
+    world = plan.world
+    yield finding("structure", np.inf, inconsistencies(plan, names))
+    yield verify_joint_limits(segments, names)
+    yield verify_base_steps(segments, names, world.rules.step)
+    yield verify_wheels(segments, names)
+    yield verify_heading(world, segments, names)
+    yield verify_setpoints(world, segments, names)
+    yield verify_path(world, segments, names)
+    yield verify_direction(world, segments, names)
+    yield verify_orientation(world, segments, names)
+    yield verify_floor(world, segments, names)
+    yield verify_base_clearance(world, segments, names)
+    yield from verify_arm_clearance(world, segments, names)
+    yield verify_self_collision(segments, names)
+    yield verify_stops(plan, names)
+    yield from verify_criteria(world, segments, names)
+
+
+def _report(findings: Sequence[Finding]) -> Report:
     violations = tuple(violation for found in findings for violation in found.violations)
     measured = [found for found in findings if found.kind != "structure" and np.isfinite(found.margin)]
     margins = {found.kind: float(found.margin) for found in measured}
     return Report(not violations, margins, violations)
 
 
-def _malformed(plan: Plan) -> Iterator[Violation]:
-    """Flaws that leave nothing to measure."""
-    motion, dof = plan.motion, plan.world.robot.chain.dof
-    if not len(motion):
-        yield _flaw("the plan has no states")
-        return
-    if not plan.world.task:
-        yield _flaw("the plan's world has no set-points")
-    if motion.joints.shape[1:] != (dof,):
-        yield _flaw(f"states have {motion.joints.shape[1]} joint values each, the robot has {dof} joints")
-    finite = np.isfinite(motion.base).all(1) & np.isfinite(motion.joints).all(1) & ~np.isinf(motion.time)
-    for k in np.flatnonzero(~finite)[:1].tolist():
-        yield _flaw(f"state {k + 1} of {len(motion)} holds a number that is not finite", k)
-    for i, configuration in enumerate(plan.setpoints):
-        if not np.isfinite([*configuration.base, *configuration.joints, configuration.error]).all():
-            yield _flaw(f"set-point {i + 1} of the plan holds a number that is not finite", None, i)
-    for k in np.flatnonzero(~np.isin(motion.kind, KINDS))[:1].tolist():
-        known = ", ".join(KINDS)
-        yield _flaw(f"state {k + 1} is of kind {motion.kind[k]}; expected one of {known}", k)
-    wrong = (motion.setpoint < -1) | (motion.setpoint >= len(plan.world.task))
-    for k in np.flatnonzero(wrong)[:1].tolist():
-        count = len(plan.world.task)
-        yield _flaw(f"state {k + 1} belongs to set-point {motion.setpoint[k] + 1} of {count}", k)
+class ReachAnswers(Protocol):
+    """What is read of the answers of `regionik.reach`."""
+
+    @property
+    def targets(self) -> Array: ...
+
+    @property
+    def reachable(self) -> NDArray[np.bool_]: ...
+
+    @property
+    def base(self) -> Array: ...
+
+    @property
+    def joints(self) -> Array: ...
 
 
-def _flaw(text: str, state: int | None = None, setpoint: int | None = None) -> Violation:
-    return Violation("structure", state, setpoint, 0.0, text)
+def verify_answers(
+    world: World,
+    answer: ReachAnswers,
+    targets: Sequence[Target] | None = None,
+    which: Sequence[int] | None = None,
+) -> Report:
+    """Check base and arm of targets said to be reachable, each as a plan of one set-point.
+
+    Joints are held against their limits, the tool against its target, the footprint against floor and
+    clearance, and where the rules ask for avoidance, the links against solids and one another.
+
+    Parameters
+    ----------
+    world : World
+    answer : Answer
+    targets : sequence of Target, optional
+        What was asked, where it was more than points.
+    which : sequence of int, optional
+        Rows to check; all that are reachable by default.
+
+    Returns
+    -------
+    Report
+        ``setpoint`` of a violation is the target's row. Margins are those of `regionik.verify`.
+
+    Raises
+    ------
+    InputError
+        When there is not one target an answer, or a row is not one of a reachable target.
+    """
+    if targets is not None and len(targets) != len(answer.targets):
+        raise InputError(f"targets: expected {len(answer.targets)}, one for each answer, got {len(targets)}")
+    rows = np.flatnonzero(answer.reachable).tolist() if which is None else list(which)
+    wrong = [i for i in rows if not 0 <= i < len(answer.targets) or not answer.reachable[i]]
+    if wrong:
+        raise InputError(f"which: expected rows of reachable targets, got {wrong[0]}")
+    ignored = () if world.rules.avoidance else ARM_KINDS
+    margins: dict[str, float] = {}
+    violations: list[Violation] = []
+    for i in rows:
+        target = Target(answer.targets[i]) if targets is None else targets[i]
+        report = verify(_standing_plan(world, target, answer.base[i], answer.joints[i]))
+        for kind, margin in report.margins.items():
+            if kind not in ignored:
+                margins[kind] = min(margin, margins.get(kind, np.inf))
+        found = [violation for violation in report.violations if violation.kind not in ignored]
+        found += _wrong_heading(world, answer.base[i])
+        violations += [replace(v, state=None, setpoint=i, text=f"target {i + 1}: {v.text}") for v in found]
+    kinds = dict.fromkeys(violation.kind for violation in violations)
+    findings = [finding(kind, np.inf, [v for v in violations if v.kind == kind]) for kind in kinds]
+    return Report(not violations, margins, tuple(v for found in findings for v in found.violations))
 
 
-def _structure(plan: Plan, words: Words) -> Iterator[Violation]:
-    motion, world = plan.motion, plan.world
-    reached = np.flatnonzero(motion.kind == "setpoint")
-    yield from _order(plan, words)
-    yield from _labels(plan, words)
-    if len(plan.setpoints) != len(world.task):
-        yield _flaw(f"the plan lists {len(plan.setpoints)} set-points, its world has {len(world.task)}")
-    for k in reached.tolist():
-        i = int(motion.setpoint[k])
-        if 0 <= i < len(plan.setpoints) and not _agrees(plan.setpoints[i], motion.base[k], motion.joints[k]):
-            yield _flaw(f"{words.setpoint(i)}: its configuration differs from state {k + 1}", k, i)
-    start = world.start
-    if start is not None:
-        begin = Configuration(start.base, start.joints, 0.0, 0, True)
-        if not _agrees(begin, motion.base[0], motion.joints[0]):
-            yield _flaw("the first state is not the start that the world gives", 0)
-    if (np.diff(motion.time[~np.isnan(motion.time)]) < 0).any():
-        yield _flaw("the times of the states run backwards")
-    yield from _lift_offs(plan, reached)
+def _wrong_heading(world: World, base: Array) -> Iterator[Violation]:
+    """Violation where the base does not have the heading that the rules fix."""
+    if world.rules.heading == "fixed":
+        yaw = 0.0 if world.start is None else float(world.start.base[2])
+        off = abs(float(wrap_angle(base[2] - yaw)))
+        if off > HEADING_TOLERANCE:
+            yield Violation("heading", None, None, off, f"the heading is {off:.4f} rad off the fixed one")
 
 
-def _order(plan: Plan, words: Words) -> Iterator[Violation]:
-    """Every set-point once, in the order of the task."""
-    motion = plan.motion
-    order = [int(i) for i in motion.setpoint[motion.kind == "setpoint"]]
-    often = Counter(order)
-    for i in range(len(plan.world.task)):
-        times = often[i]
-        if times != 1:
-            many = "is missing" if times == 0 else f"appears {times} times"
-            yield _flaw(f"{words.setpoint(i)} {many} among the states", None, i)
-    states = np.flatnonzero(motion.kind == "setpoint").tolist()
-    for k, before, after in zip(states[1:], order, order[1:], strict=False):
-        if after < before:
-            text = f"{words.setpoint(after)} comes after {words.setpoint(before)}: out of order"
-            yield _flaw(text, k, after)
-    for k, i in zip(states, order, strict=True):
-        if i < 0:
-            yield _flaw(f"state {k + 1} is a set-point but does not say which", k)
-
-
-def _labels(plan: Plan, words: Words) -> Iterator[Violation]:
-    """A step belongs to the set-point behind it or to the one ahead."""
-    motion = plan.motion
-    behind = -1
-    for k, (kind, i) in enumerate(zip(motion.kind.tolist(), motion.setpoint.tolist(), strict=True)):
-        if kind == "setpoint":
-            behind = i
-        elif kind == "step" and i >= 0 and i not in (behind, behind + 1):
-            yield _flaw(
-                f"state {k + 1} is a step that belongs to {words.setpoint(i)}, which is not next to it", k, i
-            )
-
-
-def _lift_offs(plan: Plan, reached: Indices) -> Iterator[Violation]:
-    lifted = (plan.motion.kind == "transit")[reached[0] :] if len(reached) else np.zeros(0, dtype=bool)
-    runs = int(np.count_nonzero(np.diff(lifted.astype(int)) == 1))
-    if runs != plan.lift_offs:
-        yield _flaw(f"the plan says {plan.lift_offs} lift-offs, its states have {runs}")
-    most = plan.world.rules.max_lift_offs
-    if most is not None and runs > most:
-        yield _flaw(f"the tool is lifted {runs} times, the rules allow {most}")
-
-
-def _agrees(configuration: Configuration, base: Array, joints: Array) -> bool:
-    moved = np.append(configuration.base[:2] - base[:2], wrapped(configuration.base[2] - base[2]))
-    same_arm = configuration.joints.shape == joints.shape
-    return same_arm and bool(max(np.abs(moved).max(), np.abs(configuration.joints - joints).max()) <= EXACT)
-
-
-def _joints(journey: Journey, words: Words) -> Finding:
-    """Joint values inside their limits; they move linearly, so states tell all."""
-    chain, joints = journey.robot.chain, journey.motion.joints
-    lower, upper = chain.lower, chain.upper
-    margin = np.minimum(joints - lower, upper - joints)
-    violations = []
-    for k, j in np.argwhere(margin < -EXACT).tolist():
-        unit = "rad" if chain.joints[j].kind == "revolute" else "m"
-        text = (
-            f"{chain.names[j]} is at {joints[k, j]:z.4f} {unit} {words.state(k)}; "
-            f"its limits are {lower[j]:z.4f} to {upper[j]:z.4f} {unit}"
-        )
-        violations.append(Violation("joints", k, words.owner(k), float(-margin[k, j]), text))
-    return finding("joints", float(margin.min()), violations)
-
-
-def _step(journey: Journey, words: Words, longest: float) -> Finding:
-    length = journey.length
-    violations = []
-    for k in np.flatnonzero(length > longest + EXACT).tolist():
-        text = f"the base moves {length[k]:.4f} m {words.hop(k)}; the rules allow {longest:g} m"
-        violations.append(Violation("step", k, words.owner(k), float(length[k] - longest), text))
-    return finding("step", float(longest - length.max(initial=0.0)), violations)
+def _standing_plan(world: World, target: Target, base: Array, joints: Array) -> Plan:
+    """Plan that stands on one target, and stays."""
+    error = float(np.linalg.norm(world.robot.tool(base, joints)[:3, 3] - target.position))
+    motion = Motion(
+        np.tile(base, (2, 1)),
+        np.tile(joints, (2, 1)),
+        np.array(["setpoint", "step"]),
+        np.zeros(2, dtype=np.int64),
+        np.full(2, np.nan),
+    )
+    alone = replace(world, task=(target,), start=None)
+    return Plan(alone, 0, (Configuration(base, joints, error, 0, True),), motion, (), 0)

@@ -15,8 +15,7 @@ from regionik.planners.collision.proximity import nearest
 from regionik.planners.collision.robot_bodies import Bodies, ContactTargets, bodies_from
 from regionik.postures.arm_guard import guard_of
 from regionik.timing.limits import tool_velocity
-from regionik.timing.sampling import is_timed
-from regionik.timing.trajectory import trajectory
+from regionik.timing.trajectory import is_timed, trajectory
 from regionik.values import Motion, Plan, PlannedArea, Stop
 from regionik.view.world_picture import DETAIL, rejected_area
 from regionik.worlds.arrays import Array

@@ -1,4 +1,4 @@
-"""Joint motions as polynomials of order 3, 4 and 5, with free velocities and accelerations at their ends.
+"""Joint motions as polynomials of order 3 to 5, with given velocities and accelerations at their ends.
 
 Source: de Souza et al. (paper 004), eqs. (5)-(13). Its order 4 is read as bound in its final acceleration,
 which its Section IV and Table 6 say.
@@ -7,16 +7,16 @@ which its Section IV and Table 6 say.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from regionik.planners.timing.jerk_limited import KinematicState, times_within
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError
 
-# Coefficients of s^2 (order 5: s^3) and up, from what is left after the start's own terms: of the position
-# and the velocity at s = 1, then of the acceleration there.
+# Coefficients of s^2 (order 5: s^3) and up, from position, velocity and acceleration at s = 1 less those that
+# the terms of the start give there.
 _BOUND = {
     3: np.array([[3.0, -1.0, 0.0], [-2.0, 1.0, 0.0]]),
     4: np.array([[6.0, -3.0, 0.5], [-8.0, 5.0, -1.0], [3.0, -2.0, 0.5]]),
@@ -25,17 +25,9 @@ _BOUND = {
 ORDERS = tuple(_BOUND)
 
 
-class Moment(NamedTuple):
-    """Positions, velocities and accelerations, each of shape (*times, *joints)."""
-
-    position: Array
-    velocity: Array
-    acceleration: Array
-
-
 @dataclass(frozen=True, eq=False)
 class Polynomial:
-    """A motion of all joints that begin and end together.
+    """Motion of all joints, which begin and end together.
 
     Attributes
     ----------
@@ -48,7 +40,7 @@ class Polynomial:
     coefficients: Array
     duration: float
 
-    def at(self, t: ArrayLike) -> Moment:
+    def at(self, t: ArrayLike) -> KinematicState:
         """Position, velocity and acceleration at times within the motion.
 
         Raises
@@ -63,7 +55,7 @@ class Polynomial:
             factors = np.prod([powers - k for k in range(derived)], axis=0, initial=1.0)
             terms = factors * s[..., None] ** np.maximum(powers - derived, 0) / self.duration**derived
             rows.append(np.tensordot(terms, self.coefficients, axes=1))
-        return Moment(*rows)
+        return KinematicState(*rows)
 
 
 def polynomial(
@@ -76,7 +68,7 @@ def polynomial(
     start_acceleration: ArrayLike = 0.0,
     end_acceleration: ArrayLike = 0.0,
 ) -> Polynomial:
-    """The polynomial of an order that meets what is asked of its ends.
+    """Polynomial of an order with given ends.
 
     Parameters
     ----------
@@ -117,8 +109,8 @@ def polynomial(
     return Polynomial(np.concatenate([np.array(rows).reshape(len(rows), *shape), bound]), float(duration))
 
 
-def blend(order: int, s: ArrayLike) -> Moment:
-    """Share of the way b(s) of a motion from rest to rest, and its derivatives b', b'' over s in 0 to 1.
+def blend(order: int, s: ArrayLike) -> KinematicState:
+    """Position b(s) of a motion from 0 to 1, from rest to rest, and its derivatives b', b'' over s in 0 to 1.
 
     Examples
     --------
@@ -126,15 +118,6 @@ def blend(order: int, s: ArrayLike) -> Moment:
     [0.15625, 0.26171875, 0.103515625]
     """
     return polynomial(order, 0.0, 1.0, 1.0).at(s)
-
-
-def times_within(t: ArrayLike, duration: float) -> Array:
-    """Checked times of a motion that lasts so long, of any shape [s]."""
-    times = np.asarray(t, dtype=np.float64)
-    outside = times[~((times >= 0.0) & (times <= duration))]
-    if outside.size:
-        raise InputError(f"time: expected 0 to {duration:g} s, got {outside[0]:g}")
-    return times
 
 
 def _check_order(order: int) -> None:

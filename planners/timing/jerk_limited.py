@@ -1,4 +1,4 @@
-"""The fastest joint motion between two states within velocity, acceleration and jerk; only ruckig does this.
+"""Time-optimal joint motion between two states within velocity, acceleration and jerk, by ruckig alone.
 
 Source: Berscheid and Kröger, Jerk-limited real-time trajectory generation with arbitrary target states
 (RSS 2021).
@@ -7,23 +7,30 @@ Source: Berscheid and Kröger, Jerk-limited real-time trajectory generation with
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 from ruckig import InputParameter, Ruckig, RuckigError, Synchronization
 from ruckig import Trajectory as Profile
 
-from regionik.planners.timing.polynomial import Moment, times_within
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError, RegionikError
 
-FAR = 1e9  # numbers beyond this make no motion of a robot
+LARGEST = 1e9  # numbers beyond this make no motion of a robot
+
+
+class KinematicState(NamedTuple):
+    """Positions, velocities and accelerations, each of shape (*times, *joints)."""
+
+    position: Array
+    velocity: Array
+    acceleration: Array
 
 
 @dataclass(frozen=True, eq=False)
 class JerkLimited:
-    """A motion of all joints that begin and end together.
+    """Motion of all joints, which begin and end together.
 
     Attributes
     ----------
@@ -34,7 +41,7 @@ class JerkLimited:
     duration: float
     _profile: Any
 
-    def at(self, t: ArrayLike) -> Moment:
+    def at(self, t: ArrayLike) -> KinematicState:
         """Position, velocity and acceleration at times within the motion, each (*times, dof).
 
         Raises
@@ -44,10 +51,10 @@ class JerkLimited:
         """
         times = times_within(t, self.duration)
         rows = np.array([self._profile.at_time(float(one)) for one in times.ravel()])
-        return Moment(*(rows[:, k].reshape(*times.shape, -1) for k in range(3)))
+        return KinematicState(*(rows[:, k].reshape(*times.shape, -1) for k in range(3)))
 
     def extremes(self) -> tuple[Array, Array, Array, Array]:
-        """Least and largest position of each joint, and when it is there [s], (dof,) each."""
+        """Least and largest position of each joint, and the times of both [s], (dof,) each."""
         found = self._profile.position_extrema
         return (
             np.array([one.min for one in found]),
@@ -58,13 +65,13 @@ class JerkLimited:
 
 
 def jerk_limited(
-    start: Moment, end: Moment, velocity: ArrayLike, acceleration: ArrayLike, jerk: ArrayLike
+    start: KinematicState, end: KinematicState, velocity: ArrayLike, acceleration: ArrayLike, jerk: ArrayLike
 ) -> JerkLimited:
-    """The fastest motion from one state to another; joints keep a straight line where their ends allow it.
+    """Return the fastest motion from one state to another, on a straight line where its ends allow it.
 
     Parameters
     ----------
-    start, end : Moment
+    start, end : KinematicState
         Positions, velocities and accelerations, (dof,) each [rad] or [m], over [s] and [s2].
     velocity, acceleration, jerk : (dof,) array_like
         Limits, above 0; infinite for none.
@@ -77,8 +84,8 @@ def jerk_limited(
 
     Examples
     --------
-    >>> still = Moment(np.zeros(1), np.zeros(1), np.zeros(1))
-    >>> there = Moment(np.ones(1), np.zeros(1), np.zeros(1))
+    >>> still = KinematicState(np.zeros(1), np.zeros(1), np.zeros(1))
+    >>> there = KinematicState(np.ones(1), np.zeros(1), np.zeros(1))
     >>> motion = jerk_limited(still, there, [2.0], [2.0], [8.0])
     >>> float(motion.duration), float(motion.at(motion.duration / 2).position[0])
     (1.6861406616345072, 0.5)
@@ -90,8 +97,8 @@ def jerk_limited(
         "jerk": _limits("jerk", jerk, dof),
     }
     asked = InputParameter(dof)
-    for side, moment in (("current", start), ("target", end)):
-        for what, values in moment._asdict().items():
+    for side, state in (("current", start), ("target", end)):
+        for what, values in state._asdict().items():
             _check(f"{'start' if side == 'current' else 'end'} {what}", values, limits.get(what))
             setattr(asked, f"{side}_{what}", np.asarray(values, dtype=np.float64).tolist())
     for what, limit in limits.items():
@@ -107,6 +114,15 @@ def jerk_limited(
     return JerkLimited(float(profile.duration), profile)
 
 
+def times_within(t: ArrayLike, duration: float) -> Array:
+    """Times of any shape, checked to lie within a motion of that duration [s]."""
+    times = np.asarray(t, dtype=np.float64)
+    outside = times[~((times >= 0.0) & (times <= duration))]
+    if outside.size:
+        raise InputError(f"time: expected 0 to {duration:g} s, got {outside[0]:g}")
+    return times
+
+
 def _limits(what: str, values: ArrayLike, dof: int) -> Array:
     limits = np.broadcast_to(np.asarray(values, dtype=np.float64), (dof,))
     for k, limit in enumerate(limits.tolist(), 1):
@@ -116,7 +132,7 @@ def _limits(what: str, values: ArrayLike, dof: int) -> Array:
 
 
 def _check(what: str, values: ArrayLike, limits: Array | None) -> None:
-    most = np.full(np.shape(values), FAR) if limits is None else np.minimum(limits, FAR)
+    most = np.full(np.shape(values), LARGEST) if limits is None else np.minimum(limits, LARGEST)
     for k, (value, limit) in enumerate(zip(np.asarray(values).tolist(), most.tolist(), strict=True), 1):
         if not abs(value) <= limit:
             raise InputError(f"{what} of joint {k}: expected at most {limit:g}, got {value:g}")

@@ -1,0 +1,84 @@
+"""Areas that a plan carries: parts of every set-point's floor area, and their check against the world."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import shapely
+from shapely.geometry import Point, Polygon
+from shapely.geometry.base import BaseGeometry
+
+from regionik.areas.ground import united
+from regionik.areas.standing import PathAreas
+from regionik.postures.poses import axis_of
+from regionik.pruning import whole_path
+from regionik.tracker.planner import follows
+from regionik.values import Plan, PlannedArea, Report, Violation
+from regionik.worlds.errors import NoPlanFound
+from regionik.worlds.scene import World
+
+ROUNDING = 1e-6  # by which areas may differ [m2], or a base may stand outside [m]
+
+
+def planned_areas(
+    world: World, areas: PathAreas, pruned: Callable[[int], BaseGeometry]
+) -> tuple[PlannedArea, ...]:
+    """Admissible, pruned and rejected parts of every set-point."""
+    found = []
+    bounds = np.searchsorted(areas.target, np.arange(len(world.task) + 1))
+    for i, (a, b) in enumerate(zip(bounds[:-1], bounds[1:], strict=True)):
+        reach, admissible = united(areas.reach[a:b]), united(areas.inner[a:b])
+        rejected = Polygon() if admissible is reach else reach - admissible
+        found.append(PlannedArea(admissible, pruned(i), rejected))
+    return tuple(found)
+
+
+def verify_areas(plan: Plan) -> Report:
+    """Check a plan's areas against its world, by the planner's own stages; `regionik.verify` does the rest.
+
+    The areas of a continuous plan are computed again. Those of stops and of Xu's tracker depend on the search
+    that found the motion: of them each set-point's base must stand in the pruned part.
+
+    Parameters
+    ----------
+    plan : Plan
+
+    Returns
+    -------
+    Report
+        Without margins. It is ok for a plan without areas (those of very long paths are not kept in files).
+    """
+    if not plan.areas:
+        return Report(True, {}, ())
+    depends_on_motion = plan.world.rules.mode == "stops" or follows(plan.world)
+    violations = tuple(_bases_outside(plan) if depends_on_motion else _differences(plan))
+    return Report(not violations, {}, violations)
+
+
+def _differences(plan: Plan) -> Iterator[Violation]:
+    """Parts of areas that are not as the world gives them."""
+    try:
+        _, areas, pruned = whole_path(plan.world)
+    except NoPlanFound as no:
+        yield Violation("areas", None, no.explanation.setpoint, 0.0, no.explanation.reason)
+        return
+    expected = planned_areas(plan.world, areas, pruned.area)
+    for i, (found, wanted) in enumerate(zip(plan.areas, expected, strict=False)):
+        for part in ("admissible", "pruned", "rejected"):
+            off = float(shapely.symmetric_difference(getattr(found, part), getattr(wanted, part)).area)
+            if off > ROUNDING:
+                yield _violation(plan, i, off, f"{part} area differs by {off:.4g} m2 from its world's")
+
+
+def _bases_outside(plan: Plan) -> Iterator[Violation]:
+    """Set-points whose base stands outside the pruned area."""
+    for i, (found, area) in enumerate(zip(plan.setpoints, plan.areas, strict=False)):
+        off = float(area.pruned.distance(Point(axis_of(plan.world.robot, found.base))))
+        if not off <= ROUNDING:
+            yield _violation(plan, i, off, f"base stands {off:.4g} m outside the pruned area")
+
+
+def _violation(plan: Plan, i: int, amount: float, text: str) -> Violation:
+    count = len(plan.world.task)
+    return Violation("areas", None, i, amount, f"set-point {i + 1} of {count}: the plan's {text}")

@@ -1,0 +1,130 @@
+"""Time-optimal parametrization of a motion: path velocities at its states, from rest to rest in each run."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from regionik.planners.timing.time_optimal import PathDerivatives, time_optimal_velocities
+from regionik.timing.limits import Mask, MotionLimits, segments_on_path
+from regionik.timing.smooth_path import SmoothPath, smooth_path
+from regionik.values import Motion
+from regionik.worlds.arrays import Array
+from regionik.worlds.robot import Robot
+
+TIGHTENINGS = 6  # of limits, where they are exceeded between states
+EXCESS = 1e-3  # by which they may be, before the whole motion is slowed
+AT_REST = 1e-12  # squared path velocity at rest between runs; rounding in toppra does not bear 0
+LAST = 1 - 1e-9  # share of a segment: at its end the next one starts
+CHECKED_SHARES = (0.0, 0.1, 0.3, 0.5, 0.7, 0.9, LAST)  # of a segment, at which limits are checked
+LIMITED_SHARES = (0.0, 0.5, LAST)  # at which the parametrization keeps accelerations
+
+
+def path_of(robot: Robot, motion: Motion) -> SmoothPath:
+    """Return the smooth path through a motion's states."""
+    return smooth_path(robot.drive, motion.base, motion.joints)
+
+
+def fastest_times(limits: MotionLimits, motion: Motion, tightenings: int = TIGHTENINGS) -> Array:
+    """Times of a motion's states, (n,) [s]."""
+    position, rate = fastest_rates(limits, motion, tightenings)
+    length, twice = np.diff(position), rate[1:] + rate[:-1]
+    return np.concatenate([[0.0], np.cumsum(2 * length / np.where(length > 0, twice, 1.0))])
+
+
+def fastest_rates(limits: MotionLimits, motion: Motion, tightenings: int) -> tuple[Array, Array]:
+    """Path positions and velocities of a motion's states, (n,).
+
+    Limits are kept at both ends and in the middle of each segment; where they are exceeded elsewhere, they
+    are tightened over that run.
+    """
+    path = path_of(limits.robot, motion)
+    moving = np.flatnonzero(path.lengths > 0)
+    rate, factor, todo = np.zeros(len(motion)), np.ones(len(moving)), np.arange(len(moving))
+    if not len(moving):
+        return path.position, rate
+    every = _MovingSegments(limits, path, moving, segments_on_path(motion)[moving])
+    for left in range(tightenings, -1, -1):
+        part = every.take(todo)
+        found = np.where(part.at_rest, 0.0, part.fastest_rates(factor[todo]))
+        rate[part.segments], rate[part.segments + 1] = found[:-1], found[1:]
+        if not left:
+            break
+        excess = part.excess(found)
+        factor[todo] *= np.maximum(excess, 1.0)
+        run = np.cumsum(part.at_rest[:-1])
+        todo = todo[np.isin(run, run[excess > 1 + EXCESS])]
+        if not len(todo):
+            break
+    return path.position, rate
+
+
+@dataclass(frozen=True, eq=False)
+class _MovingSegments:
+    """Segments of a path that have a length, whole runs of them, one after the other.
+
+    Attributes
+    ----------
+    limits : MotionLimits
+    path : SmoothPath
+    segments : (m,) array of int
+    on_path : (m,) array of bool
+        Where the tool is on its path.
+    """
+
+    limits: MotionLimits
+    path: SmoothPath
+    segments: NDArray[np.int64]
+    on_path: Mask
+
+    def take(self, some: NDArray[np.int64]) -> _MovingSegments:
+        """Some of the segments, whole runs of them."""
+        if len(some) == len(self.segments):
+            return self
+        return replace(self, segments=self.segments[some], on_path=self.on_path[some])
+
+    @cached_property
+    def grid(self) -> Array:
+        """Path positions of their ends, without what lies between, (m + 1,)."""
+        return np.concatenate([[0.0], np.cumsum(self.path.lengths[self.segments])])
+
+    @cached_property
+    def at_rest(self) -> Mask:
+        """Ends at which the robot rests, (m + 1,)."""
+        return np.concatenate([[True], np.diff(self.segments) > 1, [True]])
+
+    def evaluate(self, shares: Sequence[float]) -> tuple[Array, Array, Array]:
+        """Coordinates q at shares of each segment, share by share, with q_s and q_ss; (k m, 3 + dof)."""
+        length, start = self.path.lengths[self.segments], self.path.position[self.segments]
+        position = np.concatenate([start + share * length for share in shares])
+        return self.path.evaluate(position, np.tile(self.segments, len(shares)))
+
+    def fastest_rates(self, factor: Array) -> Array:
+        """Path velocities at the ends, (m + 1,), within limits tightened by factors (m,)."""
+        samples, most = [], np.where(self.at_rest, AT_REST, np.inf)
+        for share in LIMITED_SHARES:
+            q, q_s, q_ss = self.evaluate([share])
+            if share != LIMITED_SHARES[1]:
+                ends = slice(None, -1) if share == 0.0 else slice(1, None)
+                allowed = self.limits.largest_squared_velocity(q, q_s, self.on_path) / factor
+                most[ends] = np.minimum(most[ends], allowed)
+            first, second, limit = self.limits.limited_derivatives(q_s, q_ss)
+            samples.append(PathDerivatives(share, first * factor[:, None], second * factor[:, None]))
+        return time_optimal_velocities(self.grid, samples, limit, most)
+
+    def excess(self, rate: Array) -> Array:
+        """Factor by which the squared path velocity is too large on each segment, (m,)."""
+        count = len(CHECKED_SHARES)
+        q, q_s, q_ss = self.evaluate(CHECKED_SHARES)
+        length = np.tile(np.diff(self.grid), count)[:, None]
+        gain = np.tile(np.diff(rate**2), count)[:, None]  # x grows linearly along a segment, x = s'^2
+        shares = np.repeat(CHECKED_SHARES, len(self.segments))[:, None]
+        velocity = np.sqrt(np.maximum(np.tile(rate[:-1] ** 2, count)[:, None] + shares * gain, 0.0))
+        acceleration = q_s * gain / (2 * length) + q_ss * velocity**2
+        factor = self.limits.slowdown(q, q_s * velocity, acceleration, np.tile(self.on_path, count))
+        found: Array = (factor**2).reshape(count, -1).max(0)
+        return found

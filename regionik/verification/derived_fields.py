@@ -1,0 +1,122 @@
+"""Check of the fields of a plan that follow from others: whoever reads a plan file relies on those.
+
+Tool positions, errors, figures and margins are computed again. Areas cannot be computed without the planner's
+own stages (`regionik.pipeline.verify_areas` does that); what is checked here is that they fit one another.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+import numpy as np
+import shapely
+
+from regionik.values import Plan, Violation
+from regionik.verification.motion import MotionSegments
+from regionik.verification.proofs import Finding, StateNames, finding
+
+ROUNDING = 1e-6  # by which a field may differ [m], [s], [m2], or as a share of what is computed
+
+
+def verify_derived_fields(
+    plan: Plan, segments: MotionSegments, names: StateNames, findings: Iterable[Finding]
+) -> Finding:
+    """Tool positions, errors, figures, margins and areas of the plan are those of its states and set-points.
+
+    ``findings`` are those of the other checks, whose margins count.
+    """
+    margins = {found.kind: found.margin for found in findings if np.isfinite(found.margin)}
+    violations = [
+        *_wrong_tools(segments, names),
+        *_wrong_errors(plan, names),
+        *_wrong_figures(plan, segments),
+        *_wrong_margins(plan.stats.get("margins"), margins),
+        *_contradicting_areas(plan, names),
+    ]
+    return finding("derived", np.inf, violations)
+
+
+def _wrong_tools(segments: MotionSegments, names: StateNames) -> Iterator[Violation]:
+    """Tool positions read from a file that base and joints do not give."""
+    motion = segments.motion
+    if motion.tool is None:
+        return
+    computed = segments.robot.tool(motion.base, motion.joints)[:, :3, 3]
+    off = np.linalg.norm(motion.tool - computed, axis=1)
+    for k in np.flatnonzero(~(off <= ROUNDING)).tolist():
+        text = f"the plan's tool position {names.state(k)} is {off[k]:.4g} m off the one of base and joints"
+        yield Violation("derived", k, names.owner(k), float(off[k]), text)
+
+
+def _wrong_errors(plan: Plan, names: StateNames) -> Iterator[Violation]:
+    """Errors of set-points that are not the distance of the tool from the target."""
+    for i, (found, target) in enumerate(zip(plan.setpoints, plan.world.task, strict=False)):
+        tool = plan.world.robot.tool(found.base, found.joints)[:3, 3]
+        error = float(np.linalg.norm(tool - target.position))
+        if abs(found.error - error) > ROUNDING:
+            text = f"the error at {names.setpoint(i)} is {error:.4g} m, the plan says {found.error:.4g} m"
+            yield Violation("derived", None, i, abs(found.error - error), text)
+
+
+def _wrong_figures(plan: Plan, segments: MotionSegments) -> Iterator[Violation]:
+    """Figures in ``stats`` that set-points, states, stops and times do not give.
+
+    States and travel are those of the motion before it was timed.
+    """
+    stats, motion = plan.stats, plan.motion
+    computed: dict[str, float] = {"setpoints": len(plan.setpoints)}
+    if plan.setpoints:
+        computed["iterations"] = sum(found.iterations for found in plan.setpoints)
+        computed["largest_error"] = max(found.error for found in plan.setpoints)
+    if np.isnan(motion.time).all():
+        computed |= {"states": len(motion), "base_travel": float(segments.base_length.sum())}
+    for key, value in computed.items():
+        yield from _differing(f"stats.{key}", stats.get(key), value)
+    for key, inner, value in (
+        ("timing", "duration", float(motion.time[-1])),
+        ("stops", "count", float(len(plan.stops))),
+    ):
+        if isinstance(stats.get(key), dict):
+            yield from _differing(f"stats.{key}.{inner}", stats[key].get(inner), value)
+
+
+def _wrong_margins(told: Any, margins: dict[str, float]) -> Iterator[Violation]:
+    """Margins in ``stats`` that the checks did not find."""
+    if not isinstance(told, dict):
+        return
+    for kind, value in told.items():
+        if kind not in margins:
+            text = f"the plan's stats.margins.{kind} is {value!r}, nothing of the kind was measured"
+            yield Violation("derived", None, None, 0.0, text)
+        else:
+            yield from _differing(f"stats.margins.{kind}", value, margins[kind])
+
+
+def _differing(name: str, told: Any, computed: float) -> Iterator[Violation]:
+    """Violation where a number is told, and not the one computed."""
+    if told is None:
+        return
+    off = abs(float(told) - computed) if isinstance(told, int | float) else np.inf
+    if not off <= ROUNDING * max(1.0, abs(computed)):
+        yield Violation("derived", None, None, off, f"the plan's {name} is {told!r}, found {computed:.6g}")
+
+
+def _contradicting_areas(plan: Plan, names: StateNames) -> Iterator[Violation]:
+    """Pruned areas that are not part of the admissible ones, and rejected ones that are."""
+    if not plan.areas:
+        return
+    if len(plan.areas) != len(plan.world.task):
+        text = f"the plan has areas of {len(plan.areas)} set-points, its world has {len(plan.world.task)}"
+        yield Violation("derived", None, None, 0.0, text)
+        return
+    admissible, pruned, rejected = (
+        np.array([getattr(area, part) for area in plan.areas], dtype=object)
+        for part in ("admissible", "pruned", "rejected")
+    )
+    outside = shapely.area(shapely.difference(pruned, admissible))
+    both = shapely.area(shapely.intersection(rejected, admissible))
+    for off, what in ((outside, "pruned area lies outside"), (both, "rejected area lies inside")):
+        for i in np.flatnonzero(off > ROUNDING).tolist():
+            text = f"{off[i]:.4g} m2 of the {what} the admissible area of {names.setpoint(i)}"
+            yield Violation("derived", None, i, float(off[i]), text)

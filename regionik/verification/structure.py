@@ -1,0 +1,113 @@
+"""Checks of a plan's form: its states and set-points agree with its world and with one another."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+
+import numpy as np
+
+from regionik.values import Configuration, Plan, Violation
+from regionik.verification.motion import wrap_angle
+from regionik.verification.proofs import StateNames
+from regionik.worlds.arrays import Array
+
+EXACT = 1e-9  # [m] or [rad]
+KINDS = ("setpoint", "step", "transit")
+
+
+def malformations(plan: Plan) -> Iterator[Violation]:
+    """Faults of form that leave nothing to measure."""
+    motion, dof = plan.motion, plan.world.robot.chain.dof
+    if not len(motion):
+        yield _fault("the plan has no states")
+        return
+    if not plan.world.task:
+        yield _fault("the plan's world has no set-points")
+    if motion.joints.shape[1:] != (dof,):
+        yield _fault(f"states have {motion.joints.shape[1]} joint values each, the robot has {dof} joints")
+    finite = np.isfinite(motion.base).all(1) & np.isfinite(motion.joints).all(1) & ~np.isinf(motion.time)
+    for k in np.flatnonzero(~finite)[:1].tolist():
+        yield _fault(f"state {k + 1} of {len(motion)} holds a number that is not finite", k)
+    for i, configuration in enumerate(plan.setpoints):
+        if not np.isfinite([*configuration.base, *configuration.joints, configuration.error]).all():
+            yield _fault(f"set-point {i + 1} of the plan holds a number that is not finite", None, i)
+    for k in np.flatnonzero(~np.isin(motion.kind, KINDS))[:1].tolist():
+        yield _fault(f"state {k + 1} is of kind {motion.kind[k]}; expected one of {', '.join(KINDS)}", k)
+    count = len(plan.world.task)
+    for k in np.flatnonzero((motion.setpoint < -1) | (motion.setpoint >= count))[:1].tolist():
+        yield _fault(f"state {k + 1} belongs to set-point {motion.setpoint[k] + 1} of {count}", k)
+
+
+def inconsistencies(plan: Plan, names: StateNames) -> Iterator[Violation]:
+    """Contradictions between states, set-points, start, times and lift-offs of a well-formed plan."""
+    motion, world = plan.motion, plan.world
+    reached = np.flatnonzero(motion.kind == "setpoint").tolist()
+    yield from _out_of_order(plan, names)
+    yield from _misplaced_steps(plan, names)
+    if len(plan.setpoints) != len(world.task):
+        yield _fault(f"the plan lists {len(plan.setpoints)} set-points, its world has {len(world.task)}")
+    for k in reached:
+        i = int(motion.setpoint[k])
+        if 0 <= i < len(plan.setpoints) and not _agrees(plan.setpoints[i], motion.base[k], motion.joints[k]):
+            yield _fault(f"{names.setpoint(i)}: its configuration differs from state {k + 1}", k, i)
+    if world.start is not None:
+        start = Configuration(world.start.base, world.start.joints, 0.0, 0, True)
+        if not _agrees(start, motion.base[0], motion.joints[0]):
+            yield _fault("the first state is not the start that the world gives", 0)
+    if (np.diff(motion.time[~np.isnan(motion.time)]) < 0).any():
+        yield _fault("the times of the states run backwards")
+    yield from _wrong_lift_offs(plan, reached)
+
+
+def _fault(text: str, state: int | None = None, setpoint: int | None = None) -> Violation:
+    return Violation("structure", state, setpoint, 0.0, text)
+
+
+def _out_of_order(plan: Plan, names: StateNames) -> Iterator[Violation]:
+    """Set-points that are missing, repeated or out of the order of the task."""
+    motion = plan.motion
+    order = [int(i) for i in motion.setpoint[motion.kind == "setpoint"]]
+    counts = Counter(order)
+    for i in range(len(plan.world.task)):
+        if counts[i] != 1:
+            how = "is missing" if counts[i] == 0 else f"appears {counts[i]} times"
+            yield _fault(f"{names.setpoint(i)} {how} among the states", None, i)
+    states = np.flatnonzero(motion.kind == "setpoint").tolist()
+    for k, before, after in zip(states[1:], order, order[1:], strict=False):
+        if after < before:
+            text = f"{names.setpoint(after)} comes after {names.setpoint(before)}: out of order"
+            yield _fault(text, k, after)
+    for k, i in zip(states, order, strict=True):
+        if i < 0:
+            yield _fault(f"state {k + 1} is a set-point but does not say which", k)
+
+
+def _misplaced_steps(plan: Plan, names: StateNames) -> Iterator[Violation]:
+    """Steps that belong neither to the last set-point nor to the next."""
+    motion = plan.motion
+    last = -1
+    for k, (kind, i) in enumerate(zip(motion.kind.tolist(), motion.setpoint.tolist(), strict=True)):
+        if kind == "setpoint":
+            last = i
+        elif kind == "step" and i >= 0 and i not in (last, last + 1):
+            text = f"state {k + 1} is a step that belongs to {names.setpoint(i)}, which is not next to it"
+            yield _fault(text, k, i)
+
+
+def _wrong_lift_offs(plan: Plan, reached: list[int]) -> Iterator[Violation]:
+    """A number of lift-offs that the states do not have, or that the rules do not allow."""
+    lifted = (plan.motion.kind == "transit")[reached[0] :] if reached else np.zeros(0, dtype=bool)
+    runs = int(np.count_nonzero(np.diff(lifted.astype(int)) == 1))
+    if runs != plan.lift_offs:
+        yield _fault(f"the plan says {plan.lift_offs} lift-offs, its states have {runs}")
+    most = plan.world.rules.max_lift_offs
+    if most is not None and runs > most:
+        yield _fault(f"the tool is lifted {runs} times, the rules allow {most}")
+
+
+def _agrees(configuration: Configuration, base: Array, joints: Array) -> bool:
+    """Return whether a configuration is the same as a base pose and joints, to a nanometre and nanoradian."""
+    moved = np.append(configuration.base[:2] - base[:2], wrap_angle(configuration.base[2] - base[2]))
+    same_arm = configuration.joints.shape == joints.shape
+    return same_arm and bool(max(np.abs(moved).max(), np.abs(configuration.joints - joints).max()) <= EXACT)
