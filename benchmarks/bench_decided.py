@@ -22,7 +22,7 @@ from regionik.areas.ground import EVERY
 from regionik.areas.standing import room_for
 from regionik.planners.clearance.arm_clearance import Keep, Stance, is_clear
 from regionik.planners.clearance.proximity import nearest
-from regionik.planners.driving.footprint_scene import FootprintScene, fits
+from regionik.planners.driving.footprint import FootprintScene, fits
 from regionik.planners.geometry.angles import fit, wrap
 from regionik.planners.geometry.polygons import compiled
 from regionik.planners.solvers.planar_arm import triangle

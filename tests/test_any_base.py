@@ -15,7 +15,7 @@ from regionik.areas.standing import room_for
 from regionik.planners.clearance.any_base import bound_cell
 from regionik.planners.clearance.planar_cells import AWAY, PITCH, TURN, YAW
 from regionik.planners.clearance.proximity import nearest
-from regionik.planners.driving.footprint_scene import fits, fits_nowhere_near, footprint_scene
+from regionik.planners.driving.footprint import fits, fits_nowhere_near, footprint_scene
 from regionik.planners.geometry.convex_bodies import Piece
 from regionik.planners.geometry.distances import obstacles_from
 from regionik.planners.geometry.upright_bodies import depths, signed_distance, uprights_from

@@ -12,10 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from benchmarks.tables.table import Table
-from regionik.planners.driving.pitch_arm import PitchArm, arm_share, heights
-from regionik.planners.driving.pose_tracking import track
+from regionik.planners.driving.pose_tracking import PitchArm, arm_share, heights, track
 from regionik.planners.geometry.angles import wrap
-from regionik.tracker.pose_paths import arm_of
+from regionik.tracker.planner import arm_of
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain, planar_pose

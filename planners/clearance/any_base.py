@@ -32,7 +32,7 @@ from regionik.planners.clearance.planar_cells import (
     judge_links,
     turn_pivot,
 )
-from regionik.planners.driving.footprint_scene import FootprintScene, fits, fits_nowhere_near
+from regionik.planners.driving.footprint import FootprintScene, fits, fits_nowhere_near
 from regionik.planners.geometry.angles import fit, wrap
 from regionik.planners.geometry.polygons import Index, compiled
 from regionik.planners.geometry.upright_bodies import Uprights, signed_distance
