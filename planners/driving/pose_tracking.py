@@ -1,7 +1,12 @@
-"""An arm of five joints that tilts its tool in one vertical plane and rolls it, after Xu et al. (paper 002).
+"""Pose tracking by a differential base with a five-joint pitch arm, after Xu et al. (paper 002), exact.
 
-A pivot, a shoulder and an elbow that pitch, a roll along the forearm, and a last joint that is kept at zero.
-Of a tool pose it takes the height and the vertical parts of the orientation; the base takes the rest.
+The arm has a pivot, a shoulder and an elbow that pitch, a roll along the forearm, and a last joint that is
+kept at zero. Of a tool pose it takes the height and the vertical parts of the orientation, joint 1 and the
+heading share the direction, and the base takes X and Y by rolling along one arc a step. All in closed form:
+every pose is met to rounding, and no wheel slips sideways.
+
+The paper sets the heading along the chord of the tool's path, where its own drive law makes the base slide
+(`benchmarks.tables.xu` measures that). Its base frame has Y ahead; here x is ahead (REP 103).
 """
 
 from __future__ import annotations
@@ -22,6 +27,8 @@ from regionik.worlds.errors import RegionikError
 VERTICAL = 1e-9  # horizontal part of the tool axis below which it is upright
 ROUNDING = 1e-12
 ALIKE = 1e-9  # tolerance to which a chain must be such an arm [m]
+SLACK = 1e-9  # beyond a joint's limit, for rounding [rad]
+SPREAD = 24  # headings of a full turn that a run is started with
 _POSTURES = np.array([[0.0, 0.0, 0.0, 0.0, 0.0], [0.7, -0.4, 0.9, 1.1, 0.0], [-1.9, 0.8, -1.3, -0.6, 0.0]])
 
 
@@ -45,6 +52,17 @@ class HeightError(PoseError):
         self.height, self.low, self.high = height, low, high
 
 
+class SaturationError(PoseError):
+    """A leaning tool that joint 1 cannot hold any longer, whatever the base does; ``index`` counts from 0."""
+
+    def __init__(self, index: int, pivot: float, limit: float) -> None:
+        super().__init__(
+            f"pose {index + 1}: joint 1 would stand at {np.degrees(pivot):.1f} deg, its limits are "
+            f"{np.degrees(limit):.1f} deg to either side; the tool must be lifted for the base to turn",
+            index,
+        )
+
+
 @dataclass(frozen=True)
 class PitchArm:
     """Five joints: pivot, shoulder, elbow, and two rolls of which the last is kept at zero.
@@ -61,6 +79,31 @@ class PitchArm:
     shoulder_up: float
     upper: float
     fore: float
+
+
+@dataclass(frozen=True, eq=False)
+class TrackingRobot:
+    """A differential base with a pitch arm straight ahead of its wheels.
+
+    Attributes
+    ----------
+    arm : PitchArm
+    ahead, lift : float
+        Arm's base frame before and above the middle of the wheels [m].
+    lower, upper : (5,) array
+        Joint limits; joint 1 keeps within the nearer of its two to either side [rad].
+    """
+
+    arm: PitchArm
+    ahead: float
+    lift: float
+    lower: Array
+    upper: Array
+
+    @property
+    def pivot_limit(self) -> float:
+        """Largest value of joint 1 to either side; beyond it the base turns instead [rad]."""
+        return float(min(-self.lower[0], self.upper[0], np.pi))
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,21 +212,6 @@ def arm_share(
     return ArmShare(np.array([shoulder, pitch - shoulder, roll]), out, turn, 0)
 
 
-SLACK = 1e-9  # beyond a joint's limit, for rounding [rad]
-SPREAD = 24  # headings of a full turn that a run is started with
-
-
-class SaturationError(PoseError):
-    """A leaning tool that joint 1 cannot hold any longer, whatever the base does; ``index`` counts from 0."""
-
-    def __init__(self, index: int, pivot: float, limit: float) -> None:
-        super().__init__(
-            f"pose {index + 1}: joint 1 would stand at {np.degrees(pivot):.1f} deg, its limits are "
-            f"{np.degrees(limit):.1f} deg to either side; the tool must be lifted for the base to turn",
-            index,
-        )
-
-
 @dataclass(frozen=True, eq=False)
 class TrackedRun:
     """States that follow tool poses; the step of a row leads to its pose.
@@ -220,26 +248,15 @@ class _Row(NamedTuple):
 
 
 def track(
-    arm: PitchArm,
-    poses: Sequence[Array],
-    *,
-    ahead: float,
-    lift: float,
-    pivot_limit: float = np.pi / 2,
-    heading: float | None = None,
-    elbow: int = 1,
+    robot: TrackingRobot, poses: Sequence[Array], *, heading: float | None = None, elbow: int = 1
 ) -> TrackedRun:
-    """Follow tool poses with a base that rolls along arcs.
+    """Follow tool poses with a base that rolls along arcs, whatever shoulder, elbow and roll come to.
 
     Parameters
     ----------
-    arm : PitchArm
+    robot : TrackingRobot
     poses : sequence of (4, 4) array
         Of the tool, in the world.
-    ahead, lift : float
-        Arm's base frame before and above the middle of the wheels [m].
-    pivot_limit : float
-        Joint 1 stays within plus and minus this; beyond it the base turns instead [rad].
     heading : float, optional
         Of the base at the first pose; by default along the tool's first step, or as near to it as joint 1
         allows [rad].
@@ -254,19 +271,12 @@ def track(
         When joint 1 would leave its limits under a leaning tool. Its axis then stands still over the floor,
         and no wheels turn the base about a point ahead of them: the tool has to be lifted.
     """
-    return _run_of(_rows(arm, poses, ahead, lift, pivot_limit, heading, elbow))
+    return _run_of(_rows(robot, poses, heading, elbow))
 
 
-def _rows(
-    arm: PitchArm,
-    poses: Sequence[Array],
-    ahead: float,
-    lift: float,
-    limit: float,
-    heading: float | None,
-    elbow: int,
-) -> Iterator[_Row]:
+def _rows(robot: TrackingRobot, poses: Sequence[Array], heading: float | None, elbow: int) -> Iterator[_Row]:
     """Rows of a run, one for each pose."""
+    arm, lift, limit = robot.arm, robot.lift, robot.pivot_limit
     yaw = _first_heading(poses) if heading is None else heading
     facing = 1 if abs(wrap(arm_share(arm, poses[0], lift, elbow=elbow).turn - yaw)) <= np.pi / 2 else -1
     share = arm_share(arm, poses[0], lift, elbow=elbow, facing=facing)
@@ -274,12 +284,12 @@ def _rows(
     if not share.upright:
         yaw = float(turn - np.clip(turn - yaw, -limit, limit))
     pivot = float(np.clip(turn - yaw, -limit, limit))
-    base = np.array([*(poses[0][:2, 3] - _lever(ahead, share.out, pivot, yaw)), yaw])
+    base = np.array([*(poses[0][:2, 3] - _lever(robot.ahead, share.out, pivot, yaw)), yaw])
     yield _Row(base, _joints(share, pivot, turn - yaw), 0.0, 0.0)
     for k in range(1, len(poses)):
         share = arm_share(arm, poses[k], lift, k, elbow=elbow, facing=facing)
         turn += wrap(share.turn - turn)
-        step, length, pivot = _step(share, turn, poses[k][:2, 3], base, ahead, limit, k)
+        step, length, pivot = _step(robot, share, turn, poses[k][:2, 3], base, k)
         base = np.array(arc_end(base[0], base[1], base[2], length, step))
         yield _Row(base, _joints(share, pivot, turn - base[2]), step, length)
 
@@ -294,13 +304,9 @@ def _run_of(rows: Iterable[_Row]) -> TrackedRun:
 
 
 def track_runs(
-    arm: PitchArm,
+    robot: TrackingRobot,
     poses: Sequence[Array],
     *,
-    ahead: float,
-    lift: float,
-    lower: Array,
-    upper: Array,
     heading: float | None = None,
     elbow: int = 1,
     most: float = np.inf,
@@ -309,7 +315,7 @@ def track_runs(
 
     Between two runs the tool must be lifted and the base driven from the last pose of one to the first of the
     next. The first run starts with ``heading``; each other with that of `start_headings` from which it goes
-    farthest. ``lower`` and ``upper`` (5,) are the joints' limits [rad]; the rest is as for `track`.
+    farthest. Parameters are as for `track`.
 
     Returns
     -------
@@ -317,48 +323,50 @@ def track_runs(
         Empty where some pose is beyond the limits from every heading, or more than ``most`` runs are needed.
     """
     for k, pose in enumerate(poses):
-        arm_share(arm, pose, lift, k, elbow=elbow)
-    limit = float(min(-lower[0], upper[0], np.pi))
-
-    def within(rows: Iterator[_Row]) -> Iterator[_Row]:
-        with suppress(SaturationError):
-            for row in rows:
-                if (row.joints < lower - SLACK).any() or (row.joints > upper + SLACK).any():
-                    return
-                yield row
+        arm_share(robot.arm, pose, robot.lift, k, elbow=elbow)
 
     def run(first: int, yaw: float | None) -> TrackedRun:
-        return _run_of(within(_rows(arm, poses[first:], ahead, lift, limit, yaw, elbow)))
+        return _run_of(_within_limits(robot, _rows(robot, poses[first:], yaw, elbow)))
 
     runs = [run(0, heading)]
     done = len(runs[0].base)
     while runs[-1].base.size and done < len(poses):
         if len(runs) >= most:
             return ()
-        tried = start_headings(arm, poses[done], lift, elbow)
+        tried = start_headings(robot, poses[done], elbow)
         runs.append(max((run(done, yaw) for yaw in tried), key=lambda found: len(found.base)))
         done += len(runs[-1].base)
     return tuple(runs) if runs[-1].base.size else ()
 
 
-def start_headings(arm: PitchArm, pose: Array, lift: float, elbow: int = 1) -> tuple[float | None, ...]:
+def _within_limits(robot: TrackingRobot, rows: Iterator[_Row]) -> Iterator[_Row]:
+    """Rows up to the first that leaves the joint limits."""
+    with suppress(SaturationError):
+        for row in rows:
+            if (row.joints < robot.lower - SLACK).any() or (row.joints > robot.upper + SLACK).any():
+                return
+            yield row
+
+
+def start_headings(robot: TrackingRobot, pose: Array, elbow: int = 1) -> tuple[float | None, ...]:
     """Headings of a base to start a run with: along the tool's first step (None), then all round.
 
     The nearer joint 1 is to zero, the earlier.
     """
-    turn = arm_share(arm, pose, lift, elbow=elbow).turn
+    turn = arm_share(robot.arm, pose, robot.lift, elbow=elbow).turn
     aside = sorted(range(SPREAD), key=lambda k: min(k, SPREAD - k))
     return (None, *(float(wrap(turn + 2 * np.pi * k / SPREAD)) for k in aside))
 
 
 def _step(
-    share: ArmShare, world_turn: float, spot: Array, base: Array, ahead: float, limit: float, index: int
+    robot: TrackingRobot, share: ArmShare, world_turn: float, spot: Array, base: Array, index: int
 ) -> tuple[float, float, float]:
     """Turn and length of the base's arc, and joint 1, that bring the tool to a spot.
 
     The lever from the wheels to the tool turns with the base by T; its end gets to (x, y), seen from the
     base, where the chord has the heading T / 2: tan(T / 2) = (y - lever_y) / (x + lever_x).
     """
+    ahead, limit = robot.ahead, robot.pivot_limit
     x, y = _seen_from(base, spot)
     facing = world_turn - base[2]
     if share.upright:  # the roll takes what joint 1 leaves: it follows the heading before the step

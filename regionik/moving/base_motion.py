@@ -162,6 +162,13 @@ class ShapedDriver:
 TURN_STRIDE = 0.1  # largest turn of the base between two states [rad]
 
 
+def arm_states(here: Pose, there: Pose) -> list[Pose]:
+    """States strictly between two postures, the base standing."""
+    change = there.joints - here.joints
+    count = max(1, int(np.ceil(float(np.abs(change).max()) / LARGEST_BEND * 1.001)))
+    return [Pose(here.base, here.joints + k / count * change) for k in range(1, count)]
+
+
 @dataclass(frozen=True, eq=False)
 class Interpolator:
     """States between poses, and whether the arm is clear on them."""
@@ -206,12 +213,6 @@ class Interpolator:
             rows += [*(Pose(*pose) for pose in inner), next_]
             last = next_
         return rows[:-1]
-
-    def still(self, here: Pose, there: Pose) -> list[Pose]:
-        """States strictly between two postures, the base standing."""
-        change = there.joints - here.joints
-        count = max(1, int(np.ceil(float(np.abs(change).max()) / LARGEST_BEND * 1.001)))
-        return [Pose(here.base, here.joints + k / count * change) for k in range(1, count)]
 
     def straight(self, here: Pose, there: Pose) -> list[Pose]:
         """States strictly between two poses, the axis moving straight."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from regionik.mfabrik import axis_of, pose_of
-from regionik.moving.base_motion import Driver, Interpolator
+from regionik.moving.base_motion import Driver, Interpolator, arm_states
 from regionik.planners.clearance.proximity import Touch
 from regionik.planners.driving.point_planner import NoPathError
 from regionik.planners.driving.sampling import PlanningProblem, State, connect
@@ -91,11 +91,11 @@ class TransitPlanner:
             return self.driver.states(here, there, route)
         lifted, lowered = self._lifted(here), self._lifted(there)
         return [
-            *self.interpolator.still(here, lifted),
+            *arm_states(here, lifted),
             lifted,
             *self.driver.states(lifted, lowered, route),
             lowered,
-            *self.interpolator.still(lowered, there),
+            *arm_states(lowered, there),
         ]
 
     def _driven(self, here: Pose, there: Pose, piece: int) -> list[Pose] | None:
@@ -114,7 +114,7 @@ class TransitPlanner:
         for far in WITHDRAWALS:
             for back in self.driver.retreats(here, far, piece):
                 folded = self._lifted(back[-1])
-                way = [*back, *self.interpolator.still(back[-1], folded), folded]
+                way = [*back, *arm_states(back[-1], folded), folded]
                 if self.interpolator.clear([here, *way]):
                     yield way
 

@@ -18,16 +18,17 @@ from shapely.geometry import Point
 from shapely.geometry.base import BaseGeometry
 
 from regionik.areas.ground import ground_of
+from regionik.areas.standing import room_for
 from regionik.explain.failures import invalid_plan
 from regionik.explain.sentences import no_way_to, setpoint_at
 from regionik.mfabrik import axis_of
-from regionik.planners.driving.footprint import FootprintScene, footprint_scene
+from regionik.moving.base_motion import arm_states
 from regionik.planners.driving.point_planner import NoPathError
 from regionik.planners.driving.pose_planner import drive_differential
 from regionik.planners.driving.pose_tracking import (
     HeightError,
-    PitchArm,
     TrackedRun,
+    TrackingRobot,
     arm_share,
     pitch_arm,
     start_headings,
@@ -44,37 +45,48 @@ from regionik.worlds.scene import Target, World
 
 Progress = Callable[[str, int, int], None]
 
+FINEST = 6  # halvings of the segment between two set-points at most
+SAME = 1e-9  # [rad] or [m]
 DRAWN = 0.005  # half the drawn width of the curves that the axis may stand on [m]
 
 
-def follows(world: World) -> bool:
+def can_track(world: World) -> bool:
     """True if the tracker can plan a world: wheels, a pitch arm ahead of them, and full orientations."""
     full = all(target.orientation is not None for target in world.task)
-    return full and arm_of(world.robot) is not None
+    return full and tracking_robot(world.robot) is not None
 
 
-def follow(world: World, seed: int, progress: Progress) -> Plan:
-    """Plan a world that the tracker can plan (`follows`).
+def tracking_robot(robot: Robot) -> TrackingRobot | None:
+    """Robot as the tracker sees it: a pitch arm straight ahead of two driven wheels; None for any other."""
+    x, y, lift, yaw = robot.mount.tolist()
+    if not isinstance(robot.drive, DifferentialDrive) or x <= 0 or y != 0 or yaw != 0:
+        return None
+    arm = pitch_arm(robot.chain)
+    return None if arm is None else TrackingRobot(arm, x, lift, robot.chain.lower, robot.chain.upper)
+
+
+def plan_tracked(world: World, seed: int, progress: Progress) -> Plan:
+    """Plan a world that the tracker can plan (`can_track`).
 
     Raises
     ------
     NoPlanFound
         When a height is out of reach, or no heading of the base at the first set-point leads to a valid plan.
     """
-    arm = arm_of(world.robot)
-    assert arm is not None, "asked of a world that the tracker follows"
+    robot = tracking_robot(world.robot)
+    assert robot is not None, "asked of a world that the tracker can plan"
     progress("tracker", 0, 0)
     rejected = _Rejected(world)
     joiner = _RunJoiner(world, seed)
     try:
-        for k, found in enumerate(tracked_paths(world, arm)):
+        for k, found in enumerate(tracked_paths(world, robot)):
             progress("tracker", k, 0)
             try:
                 motion = joiner.motion(found)
             except NoPathError as error:
                 rejected.no_way.append(str(error))
                 continue
-            made = _plan_of(world, seed, arm, motion, joiner.methods(found))
+            made = _plan_of(world, seed, robot, motion, joiner.methods(found))
             report = verify(made)
             if report.ok:
                 return replace(made, stats={**made.stats, "margins": report.margins})
@@ -120,26 +132,14 @@ class _RunJoiner:
         """States between two poses with the tool lifted: fold the arm, drive, and unfold it."""
         if same(here.base, here.joints, there.base, there.joints):
             return []
-        carry = self.world.robot.carry
-        way = drive_differential(self._room, here.base, there.base, seed=self.seed)
+        carry, room = self.world.robot.carry, room_for(self.world)
+        way = drive_differential(room, here.base, there.base, seed=self.seed)
         driven = [Pose(base, carry) for base in way.sample(self.world.rules.step * 0.999)]
-        unfolded = _bent(Pose(there.base, carry), there)
-        return [*_bent(here, driven[0]), *driven[:-1], *unfolded[:-1]]
-
-    @property
-    def _room(self) -> FootprintScene:
-        ground, robot = ground_of(self.world), self.world.robot
-        return footprint_scene(robot.footprint, ground.floor, ground.shadows, self.world.rules.clearance)
+        lifted = Pose(there.base, carry)
+        return [*arm_states(here, driven[0]), *driven[:-1], lifted, *arm_states(lifted, there)]
 
 
-def _bent(here: Pose, there: Pose) -> list[Pose]:
-    """States after the first up to the second, the base at rest."""
-    change = there.joints - here.joints
-    n = max(1, int(np.ceil(np.abs(change).max() / LARGEST_BEND)))
-    return [Pose(here.base, here.joints + k / n * change) for k in range(n + 1)][1:]
-
-
-def _plan_of(world: World, seed: int, arm: PitchArm, motion: Motion, methods: dict[str, int]) -> Plan:
+def _plan_of(world: World, seed: int, robot: TrackingRobot, motion: Motion, methods: dict[str, int]) -> Plan:
     at = np.flatnonzero(motion.kind == "setpoint")
     tools = world.robot.tool(motion.base[at], motion.joints[at])[:, :3, 3]
     found = tuple(
@@ -150,27 +150,25 @@ def _plan_of(world: World, seed: int, arm: PitchArm, motion: Motion, methods: di
     )
     free = shapely.union_all(ground_of(world).inner.pieces)
     areas = tuple(
-        _area(world, arm, target, free, axis_of(world.robot, one.base))
+        _area(world, robot, target, free, axis_of(world.robot, one.base))
         for target, one in zip(world.task, found, strict=True)
     )
     stats = figures(world.robot.drive, found, motion, methods)
     return Plan(world, seed, found, motion, areas, lift_offs(motion), (), stats)
 
 
-def _area(world: World, arm: PitchArm, target: Target, free: BaseGeometry, axis: Array) -> PlannedArea:
+def _area(world: World, robot: TrackingRobot, target: Target, free: BaseGeometry, axis: Array) -> PlannedArea:
     """Positions of the axis for a set-point: curves and points, drawn `DRAWN` to either side.
 
     Under an upright tool a circle for each elbow, under a leaning one a point. The area for the whole path is
     the point that the plan takes.
     """
-    T = np.eye(4)
-    T[:3, :3], T[:3, 3] = target.orientation, target.position
-    lower, upper = world.robot.chain.lower - SAME, world.robot.chain.upper + SAME
+    T = tool_frame(target)
     curves = []
     for elbow in (1, -1):
         for facing in (1, -1):
-            share = arm_share(arm, T, float(world.robot.mount[2]), elbow=elbow, facing=facing)
-            if (share.joints < lower[1:4]).any() or (share.joints > upper[1:4]).any():
+            share = arm_share(robot.arm, T, robot.lift, elbow=elbow, facing=facing)
+            if not _holds(robot, share.joints):
                 continue
             if share.upright:
                 ring = Point(T[:2, 3])
@@ -229,10 +227,6 @@ class _Rejected:
         return Explanation("no-posture", None, reason, (Cause("limits", self.world.robot.name),))
 
 
-FINEST = 6  # halvings of the segment between two set-points at most
-SAME = 1e-9  # [rad] or [m]
-
-
 @dataclass(frozen=True, eq=False)
 class PosePath:
     """Poses of the tool: all set-points, and some between.
@@ -259,15 +253,7 @@ class TrackedPath:
     runs: tuple[TrackedRun, ...]
 
 
-def arm_of(robot: Robot) -> PitchArm | None:
-    """Pitch arm of a robot that the tracker can plan for, straight ahead of two driven wheels; else None."""
-    x, y, _, yaw = robot.mount
-    if not isinstance(robot.drive, DifferentialDrive) or x <= 0 or y != 0 or yaw != 0:
-        return None
-    return pitch_arm(robot.chain)
-
-
-def tracked_paths(world: World, arm: PitchArm) -> Iterator[TrackedPath]:
+def tracked_paths(world: World, robot: TrackingRobot) -> Iterator[TrackedPath]:
     """Yield paths from all headings of the base and both elbows: fewest lift-offs first, then least travel.
 
     A new run begins where a joint would leave its limits; starts from which no runs follow are left out.
@@ -277,16 +263,15 @@ def tracked_paths(world: World, arm: PitchArm) -> Iterator[TrackedPath]:
     HeightError
         With the index of the set-point, or of the one before.
     """
-    first, lift = _pose(world.task[0]), float(world.robot.mount[2])
     given = () if world.start is None else (float(world.start.base[2]),)
     starts = [
         (heading, elbow)
         for elbow in (1, -1)
-        if _within_limits(world, arm, elbow)
-        for heading in (*given, *start_headings(arm, first, lift, elbow))
+        if _attains_all(world, robot, elbow)
+        for heading in (*given, *start_headings(robot, tool_frame(world.task[0]), elbow))
     ]
     for most in (1.0, np.inf):
-        found = [_tracked(world, arm, *start, most) for start in starts]
+        found = [_tracked(world, robot, *start, most) for start in starts]
         yield from sorted((one for one in found if one.runs), key=lambda one: _cost(world, one))
         starts = [start for start, one in zip(starts, found, strict=True) if not one.runs]
 
@@ -304,34 +289,31 @@ def same(base: Array, joints: Array, other: Array, others: Array) -> bool:
     return bool(max(np.abs(base - other).max(), np.abs(joints - others).max()) <= SAME)
 
 
-def _within_limits(world: World, arm: PitchArm, elbow: int) -> bool:
+def _attains_all(world: World, robot: TrackingRobot, elbow: int) -> bool:
     """True if shoulder and elbow are within limits at all set-points, the arm facing them or not."""
-    chain, lift = world.robot.chain, float(world.robot.mount[2])
-    for k, target in enumerate(world.task):
-        shares = [arm_share(arm, _pose(target), lift, k, elbow=elbow, facing=facing) for facing in (1, -1)]
-        joints = np.array([share.joints[:2] for share in shares])
-        if not ((joints >= chain.lower[1:3] - SAME) & (joints <= chain.upper[1:3] + SAME)).all(1).any():
-            return False
-    return True
+    frames = [tool_frame(target) for target in world.task]
+    shares = [
+        [arm_share(robot.arm, T, robot.lift, k, elbow=elbow, facing=side) for side in (1, -1)]
+        for k, T in enumerate(frames)
+    ]
+    return all(any(_holds(robot, share.joints[:2]) for share in both) for both in shares)
 
 
-def _tracked(world: World, arm: PitchArm, heading: float | None, elbow: int, most: float) -> TrackedPath:
+def _holds(robot: TrackingRobot, joints: Array) -> bool:
+    """True if the joints after the pivot, the first so many of them, are within limits."""
+    lower, upper = robot.lower[1 : 1 + len(joints)], robot.upper[1 : 1 + len(joints)]
+    return bool(((joints >= lower - SAME) & (joints <= upper + SAME)).all())
+
+
+def _tracked(
+    world: World, robot: TrackingRobot, heading: float | None, elbow: int, most: float
+) -> TrackedPath:
     """Runs along a path whose segments are halved until the motion between poses keeps the rules."""
-    robot, parts = world.robot, [1] * len(world.task)
+    parts = [1] * len(world.task)
     for _ in range(FINEST):
         path = _path(world.task, parts)
         try:
-            runs = track_runs(
-                arm,
-                path.poses,
-                ahead=float(robot.mount[0]),
-                lift=float(robot.mount[2]),
-                lower=robot.chain.lower,
-                upper=robot.chain.upper,
-                heading=heading,
-                elbow=elbow,
-                most=most,
-            )
+            runs = track_runs(robot, path.poses, heading=heading, elbow=elbow, most=most)
         except HeightError as error:  # between two set-points: named by the one before
             raise HeightError(path.owner[error.index], error.height, error.low, error.high) from None
         coarse = {path.owner[k] for k in _coarse_poses(world, path, runs)} if runs else set()
@@ -343,9 +325,9 @@ def _tracked(world: World, arm: PitchArm, heading: float | None, elbow: int, mos
 
 def _path(task: tuple[Target, ...], parts: list[int]) -> PosePath:
     """Path with the segment after each set-point in a number of parts, turned evenly."""
-    poses, owner = [_pose(task[0])], [0]
+    poses, owner = [tool_frame(task[0])], [0]
     for i, (a, b) in enumerate(pairwise(task)):
-        here, there = _pose(a), _pose(b)
+        here, there = tool_frame(a), tool_frame(b)
         turn = Rotation.from_matrix(here[:3, :3].T @ there[:3, :3]).as_rotvec()
         for k in range(1, parts[i]):
             s, T = k / parts[i], np.eye(4)
@@ -358,7 +340,7 @@ def _path(task: tuple[Target, ...], parts: list[int]) -> PosePath:
     return PosePath(poses, owner, exact)
 
 
-def _pose(target: Target) -> Array:
+def tool_frame(target: Target) -> Array:
     """Homogeneous transform (4, 4) of a set-point."""
     T = np.eye(4)
     assert target.orientation is not None, "the tracker needs full orientations"
