@@ -1,4 +1,4 @@
-"""Fewest stops for a world's set-points, without planning any motion."""
+"""Stops of a base without their motion: the best placement at each, and the order in which they are done."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from functools import lru_cache
 import numpy as np
 import shapely
 from shapely.geometry import Point
-from shapely.geometry.base import BaseGeometry
 
 from regionik.areas.standing import into_span
 from regionik.mfabrik import Solver, axis_of, pose_of, solver_for
@@ -23,6 +22,10 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError
 from regionik.worlds.pivoted_arm import pivot_index, with_pivot
 from regionik.worlds.scene import World
+
+PLACES = 24  # of a stop that a criterion is asked about before the best is bettered
+FINEST = 1e-3  # steps by which it is bettered, at the least [m]
+HEADING = 1e-9  # by which the pivot may be over its limits [rad]
 
 
 def stops(world: World) -> tuple[Stop, ...]:
@@ -59,7 +62,7 @@ def stops(world: World) -> tuple[Stop, ...]:
 
 
 def find(world: World) -> tuple[tuple[Stop, ...], Parking]:
-    """Stops as `stops` returns them, and the bound of their number."""
+    """Return the stops as `stops` does, and with them the bound of their number."""
     check(world)
     parking = park(world)
     sequence = in_sequence(world, parking)
@@ -69,7 +72,7 @@ def find(world: World) -> tuple[tuple[Stop, ...], Parking]:
 
 
 def check(world: World) -> None:
-    """Refuse what cannot be done standing still."""
+    """Refuse a world whose set-points cannot be done standing still."""
     if not world.task:
         raise InputError(f"{world.name}: task: expected at least one set-point")
     if world.rules.heading == "face_target":
@@ -77,9 +80,10 @@ def check(world: World) -> None:
             f"{world.name}: rules.heading: face_target turns the base at every set-point, "
             "with stops valid choices: free, fixed"
         )
-    flaw = check_arm(world)
-    if flaw is not None:
-        raise InputError(f"{world.name}: robot: stops expect {flaw}")
+    if with_pivot(world.robot.chain) is not world.robot.chain:
+        raise InputError(
+            f"{world.name}: robot: stops expect a vertical pivot: this arm turns as its base turns"
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +110,7 @@ class StopSequence:
     spots: tuple[Array | None, ...]
 
     def after(self, k: int, done: int) -> StopSequence:
-        """What is still to do where the place of stop k serves only what comes before set-point ``done``."""
+        """Sequence that is left where the place of stop k serves only the set-points before ``done``."""
         if self.world.rules.order == "given":
             groups = tuple(self.parking_areas.groups(done))
             return replace(self, groups=groups, spots=(None,) * len(groups))
@@ -116,10 +120,7 @@ class StopSequence:
 
 
 def in_sequence(world: World, parking: Parking) -> StopSequence:
-    """Stops in their order, along a short tour where set-points may be in any order.
-
-    Drives between stops count as straight.
-    """
+    """Put stops in their order: along a short tour, drives counted as straight, where any order will do."""
     parking_areas, groups, order = parking.parking_areas, parking.groups, tuple(range(len(world.task)))
     if world.rules.order == "any":
         groups = _along_tour(world, PlacementSearch(world, parking_areas), groups)
@@ -131,7 +132,8 @@ def in_sequence(world: World, parking: Parking) -> StopSequence:
         parking_areas = reordered(world, parking_areas)
     spots: tuple[Array | None, ...] = (None,) * len(groups)
     if world.rules.stop_criterion == "distance":
-        spots = tuple(short_tour_positions(world, groups))
+        regions = [max(group.places.values(), key=lambda area: area.area) for group in groups]
+        spots = tuple(short_tour(regions, _start_axis(world)))
     return StopSequence(world, order, parking_areas, groups, spots)
 
 
@@ -147,26 +149,28 @@ def placed(sequence: StopSequence) -> Iterator[BasePlacement]:
             sequence, k = sequence.after(k - 1, placement.setpoints[-1] + 1), 0
 
 
+def _start_axis(world: World) -> Array | None:
+    """Position of the arm axis at the start (2,), if the world has one [m]."""
+    return None if world.start is None else axis_of(world.robot, world.start.base)
+
+
 def _along_tour(
     world: World, placements: PlacementSearch, groups: tuple[StopGroup, ...]
 ) -> tuple[StopGroup, ...]:
     """Groups along a tour, their set-points in a short order too."""
     spots = np.array([placements.best(group).axis for group in groups])
     far = np.hypot(*(spots[:, None] - spots[None]).transpose(2, 0, 1))
-    lead = None if world.start is None else np.hypot(*(spots - axis_of(world.robot, world.start.base)).T)
+    start = _start_axis(world)
+    lead = None if start is None else np.hypot(*(spots - start).T)
     order, _ = shortest_order(far, lead)
     return tuple(_in_short_order(world, groups[n]) for n in order)
 
 
 def _in_short_order(world: World, group: StopGroup) -> StopGroup:
+    """Group with its set-points along a short tour of the tool."""
     spots = np.array([world.task[i].position for i in group.setpoints])
     order, _ = shortest_order(np.linalg.norm(spots[:, None] - spots[None], axis=2))
     return StopGroup(tuple(group.setpoints[n] for n in order), group.places)
-
-
-PLACES = 24  # of a stop that a criterion is asked about before the best is bettered
-FINEST = 1e-3  # steps by which it is bettered, at the least [m]
-HEADING = 1e-9  # by which the pivot may be over its limits [rad]
 
 
 @dataclass(frozen=True, eq=False)
@@ -195,6 +199,7 @@ class BasePlacement:
     tolerance: float
 
     def stop(self, world: World) -> Stop:
+        """The placement as a plan tells it."""
         return Stop(self.base, self.setpoints, self.tolerance, world.rules.stop_criterion)
 
 
@@ -229,20 +234,20 @@ class PlacementSearch:
                     yield placement
 
     def _best_of_side(self, group: StopGroup, side: int) -> BasePlacement | None:
+        """Best placement at one side of those that serve most set-points; None where there is none."""
         area = group.places[side]
-        circle = shapely.maximum_inscribed_circle(area)
-        middle = self.at(group, np.array(circle.coords[0]), side)
-        if self.world.rules.stop_criterion in ("tolerance", "distance"):
-            if middle is None or len(middle.setpoints) < len(group.setpoints):
-                return _most_served(
-                    [middle, *(self.at(group, spot, side) for spot in spread(area, PLACES, 0))]
-                )
+        middle = self.at(group, np.array(shapely.maximum_inscribed_circle(area).coords[0]), side)
+        central = self.world.rules.stop_criterion in ("tolerance", "distance")
+        if central and middle is not None and len(middle.setpoints) == len(group.setpoints):
             return middle
         tried = [middle, *(self.at(group, spot, side) for spot in spread(area, PLACES, 0))]
-        real = [placement for placement in tried if placement is not None]
-        most = max((len(placement.setpoints) for placement in real), default=0)
-        full = [placement for placement in real if len(placement.setpoints) == most]
-        return self._refined(group, side, max(full, key=self._score)) if full else None
+        found = [placement for placement in tried if placement is not None]
+        most = max((len(placement.setpoints) for placement in found), default=0)
+        full = [placement for placement in found if len(placement.setpoints) == most]
+        if not full:
+            return None
+        best = max(full, key=self._score)
+        return best if central else self._refined(group, side, best)
 
     def _refined(self, group: StopGroup, side: int, placement: BasePlacement) -> BasePlacement:
         """Best placement by pattern search: ever smaller steps in eight directions."""
@@ -281,11 +286,8 @@ class PlacementSearch:
 
     def _chain(self, group: StopGroup, axis: Array, side: int) -> tuple[int, ...] | None:
         """Deepest component of each set-point around a position, each linked to the next."""
-        ladder, narrow, linked = (
-            self.parking_areas.ladder,
-            self.parking_areas.narrow,
-            self.world.rules.order == "given",
-        )
+        ladder, narrow = self.parking_areas.ladder, self.parking_areas.narrow
+        linked = self.world.rules.order == "given"
         rungs, rows = ladder.rungs, list[dict[int, tuple[float, int]]]()
         for i in group.setpoints:
             row: dict[int, tuple[float, int]] = {}
@@ -385,33 +387,15 @@ _MEASURES: dict[str, Callable[[Array], float]] = {"manipulability": _volume, "ef
 
 @lru_cache(maxsize=256)
 def _any_heading_solver(world: World, family: Family) -> Solver:
-    solver = solver_for(world, family)
-    return replace(solver, heading="free")
-
-
-def _most_served(found: list[BasePlacement | None]) -> BasePlacement | None:
-    real = [placement for placement in found if placement is not None]
-    return max(real, key=lambda placement: (len(placement.setpoints), placement.tolerance)) if real else None
+    """Solver that takes no heed of the rule of heading."""
+    return replace(solver_for(world, family), heading="free")
 
 
 def _gathered(planes: Array) -> Array:
-    """Angles less whole turns, so that they lie across from their widest gap."""
+    """Angles (n,) by whole turns into the one turn that begins in the middle of their widest gap."""
     ordered = np.sort(np.mod(planes, 2 * np.pi))
     gaps = np.diff(np.append(ordered, ordered[0] + 2 * np.pi))
     widest = int(np.argmax(gaps))
     across = ordered[widest] + gaps[widest] / 2 + np.pi
     gathered: Array = across + np.mod(planes - across + np.pi, 2 * np.pi) - np.pi
     return gathered
-
-
-def short_tour_positions(world: World, groups: tuple[StopGroup, ...]) -> Array:
-    """Positions of the arm axis at the stops, (n, 2), on a short straight tour through all [m]."""
-    regions: list[BaseGeometry] = [max(group.places.values(), key=lambda area: area.area) for group in groups]
-    start = None if world.start is None else axis_of(world.robot, world.start.base)
-    return short_tour(regions, start)
-
-
-def check_arm(world: World) -> str | None:
-    """Flaw for which an arm cannot work while its base stands still; None where it can."""
-    chain = world.robot.chain
-    return None if with_pivot(chain) is chain else "a vertical pivot: this arm turns as its base turns"
