@@ -17,7 +17,7 @@ import numpy as np
 
 import regionik as rik
 from benchmarks.tables.xu import chord_heading_slip
-from regionik.tracker.pose_paths import arm_of
+from regionik.tracker import tracking_robot
 from regionik.worlds.arrays import Array
 from regionik.worlds.drives import wheel_travel
 
@@ -39,15 +39,14 @@ def _angle(wanted: Array | None, got: Array) -> float:
 
 def paper_slip(world: rik.World) -> Array:
     """Slip of every step where the heading follows the chords of the tool's path [m]."""
-    arm = arm_of(world.robot)
-    assert arm is not None
+    robot = tracking_robot(world.robot)
+    assert robot is not None
     poses = []
     for target in world.task:
         pose = np.eye(4)
         pose[:3, :3], pose[:3, 3] = target.orientation, target.position
         poses.append(pose)
-    ahead, _, lift, _ = world.robot.mount
-    return np.abs(chord_heading_slip(arm, poses, ahead=float(ahead), lift=float(lift)))
+    return np.abs(chord_heading_slip(robot, poses))
 
 
 def measure(name: str) -> bool:

@@ -16,7 +16,7 @@ import numpy as np
 
 from regionik.areas.standing import room_for
 from regionik.mfabrik import Method, Solver, configurations
-from regionik.planners.driving.footprint_scene import fits
+from regionik.planners.driving.footprint import fits
 from regionik.planners.rivals.genetic import Genetic
 from regionik.planners.rivals.iterative import CyclicDescent, DampedLeastSquares, PseudoInverse, Transpose
 from regionik.planners.rivals.method import ArmMethod, Fabrik, FabrikPolished, SearchResult

@@ -28,7 +28,7 @@ from regionik.reachability.reach import reach
 from regionik.reachability.witness import Quest
 from regionik.regions import has_no_known_place
 from regionik.timing.retime import retime
-from regionik.tracker import planner
+from regionik.tracker import can_track, plan_tracked
 from regionik.values import Configuration, Plan, PlannedArea, Stop
 from regionik.verification.verifier import verify
 from regionik.worlds.arms import reach_bound
@@ -148,7 +148,7 @@ def _why_path(world: World) -> Explanation | None:
 def _explained(world: World, quick: Explanation, seed: int = 0) -> Explanation:
     """Return an explanation with irreducible causes and repairs, where areas allow no plan."""
     i = quick.setpoint
-    if i is None or planner.follows(world):
+    if i is None or can_track(world):
         return quick
     if quick.verdict == "ladder-broken" and not spans(world):
         return explained(PathQuestion(world, i, spans, lambda changed: _can_be_planned(changed, seed)), quick)
@@ -193,11 +193,11 @@ class Strategy:
 
 
 def strategy_of(world: World) -> Strategy:
-    """Return stops where the rules ask for them, Xu's tracker where it applies, else the continuous path."""
+    """Return stops where the rules ask for them, Xu's tracker where it can, else the continuous path."""
     if world.rules.mode == "stops":
         return Strategy(_check_stops, _plan_stops)
-    if planner.follows(world):
-        return Strategy(lambda _: None, planner.follow)
+    if can_track(world):
+        return Strategy(lambda _: None, plan_tracked)
     return Strategy(_check_areas, _plan_path)
 
 

@@ -13,7 +13,7 @@ from regionik.areas.ground import united
 from regionik.areas.standing import PathAreas
 from regionik.postures.poses import axis_of
 from regionik.pruning import whole_path
-from regionik.tracker.planner import follows
+from regionik.tracker import can_track
 from regionik.values import Plan, PlannedArea, Report, Violation
 from regionik.worlds.errors import NoPlanFound
 from regionik.worlds.scene import World
@@ -51,7 +51,7 @@ def verify_areas(plan: Plan) -> Report:
     """
     if not plan.areas:
         return Report(True, {}, ())
-    depends_on_motion = plan.world.rules.mode == "stops" or follows(plan.world)
+    depends_on_motion = plan.world.rules.mode == "stops" or can_track(plan.world)
     violations = tuple(_bases_outside(plan) if depends_on_motion else _differences(plan))
     return Report(not violations, {}, violations)
 

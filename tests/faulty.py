@@ -110,7 +110,7 @@ def imported(_: Callable[..., Any]) -> Callable[..., Any]:
 
     import numpy as np
 
-    from regionik.planners.driving.sampling import connect
+    from regionik.planners.driving.sampling import PlanningProblem, connect
 
     def stage(*_: Any, **__: Any) -> None:
         create = enum.EnumType.__call__
@@ -122,7 +122,8 @@ def imported(_: Callable[..., Any]) -> Callable[..., Any]:
 
         setattr(enum.EnumType, "__call__", asked)  # noqa: B010
         ends = np.full(2, 0.1), np.full(2, 0.9)
-        connect(np.zeros(2), np.ones(2), *ends, lambda p: True, lambda p, q: True, seed=0, iterations=9)
+        problem = PlanningProblem(np.zeros(2), np.ones(2), *ends, lambda p: True, lambda p, q: True)
+        connect(problem, seed=0, iterations=9)
 
     return stage
 
@@ -131,16 +132,16 @@ def grown(_: Callable[..., Any]) -> Callable[..., Any]:
     """A stage in which a tree grows that may not get where it should."""
     import numpy as np
 
-    from regionik.planners.driving.sampling import connect
+    from regionik.planners.driving.sampling import PlanningProblem, connect
 
     def stage(*_: Any, **__: Any) -> None:
         _asked_soon()
-        ends = np.full(2, 0.1), np.full(2, 0.9)
+        problem = PlanningProblem(
+            np.zeros(2), np.ones(2), np.full(2, 0.1), np.full(2, 0.9), lambda p: abs(p[0] - 0.5) > 0.1,
+            lambda p, q: (p[0] < 0.5) == (q[0] < 0.5),
+        )  # fmt: skip
         while True:
-            connect(
-                np.zeros(2), np.ones(2), *ends, lambda p: abs(p[0] - 0.5) > 0.1,
-                lambda p, q: (p[0] < 0.5) == (q[0] < 0.5), seed=0, iterations=10**9,
-            )  # fmt: skip
+            connect(problem, seed=0, iterations=10**9)
 
     return stage
 

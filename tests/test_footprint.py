@@ -10,28 +10,31 @@ import shapely
 from shapely import affinity, box
 from shapely.geometry import LineString, MultiPolygon, Point, Polygon
 
-from regionik.planners.driving.arcs import arc_end, wrapped
-from regionik.planners.driving.footprint import footprint_width, rotation_core, rotation_hull
+from regionik.planners.driving.arcs import arc_end
+from regionik.planners.driving.footprint import (
+    FootprintScene,
+    arc_is_free,
+    fits,
+    footprint_scene,
+    footprint_width,
+    slide_is_free,
+)
 from regionik.planners.driving.footprint_planner import (
     FootprintPath,
     NarrowPassageError,
     drive_footprint,
     passage_width,
 )
-from regionik.planners.driving.footprint_scene import (
-    FootprintScene,
-    arc_is_free,
-    fits,
-    footprint_scene,
-    slide_is_free,
-)
 from regionik.planners.driving.heading_slabs import (
+    rotation_core,
+    rotation_hull,
     slab_areas,
     slab_free,
     slabs,
     slabs_along,
 )
 from regionik.planners.driving.point_planner import NoPathError
+from regionik.planners.geometry.angles import wrap
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError
 from regionik.worlds.obstacles import Shadow
@@ -84,7 +87,7 @@ def holds(
     np.testing.assert_allclose(answer.poses[[0, -1]], [start, goal], atol=1e-9)
     reach = float(np.hypot(*footprint.T).max())
     for p, q in zip(answer.poses[:-1], answer.poses[1:], strict=True):
-        change = np.array([*(q - p)[:2], wrapped(q[2] - p[2])])
+        change = np.array([*(q - p)[:2], wrap(q[2] - p[2])])
         count = int((np.hypot(*change[:2]) + reach * abs(change[2])) / 0.005) + 2
         for share in np.linspace(0, 1, count):
             assert floor.covers(placed(footprint, p + share * change))
@@ -180,7 +183,7 @@ def test_proven_motions_are_free(kind: str, footprint: Array) -> None:
         shares = np.linspace(0, 1, 80)
         if kind == "slide":
             proven = slide_is_free(room, start, goal)
-            poses = [start + s * np.array([*change[:2], wrapped(change[2])]) for s in shares]
+            poses = [start + s * np.array([*change[:2], wrap(change[2])]) for s in shares]
         else:
             proven = arc_is_free(room, start, length, turn)
             x, y, yaw = start

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import shapely
 
-from regionik.moving import whole_body
+from regionik.moving import transit
 from regionik.pipeline import plan
 from regionik.planners.geometry.angles import wrap
 from regionik.postures.poses import LARGEST_BEND
@@ -179,7 +179,7 @@ def bell() -> World:
 
 
 def test_postures_that_cannot_be_got_to_are_told_from_none(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(whole_body, "ITERATIONS", 200)
+    monkeypatch.setattr(transit, "ITERATIONS", 200)
     why = why_not(bell())
     assert (why.verdict, why.setpoint) == ("no-posture", 0)
     assert "no way to one of them" in why.reason

@@ -10,11 +10,9 @@ import pytest
 from shapely.geometry import Point
 
 from regionik.pipeline import check_world, plan
-from regionik.planners.driving.pitch_arm import arm_share
-from regionik.planners.driving.pose_tracking import SaturationError, track, track_runs
+from regionik.planners.driving.pose_tracking import SaturationError, arm_share, track, track_runs
 from regionik.postures.poses import axis_of
-from regionik.tracker.planner import DRAWN, follows
-from regionik.tracker.pose_paths import arm_of
+from regionik.tracker import DRAWN, can_track, tracking_robot
 from regionik.values import Plan
 from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array
@@ -145,12 +143,12 @@ def round_trip(count: int = 60) -> list[Array]:
 
 
 def test_where_joint_one_saturates_under_a_leaning_tool_a_new_run_begins() -> None:
-    arm = arm_of(ROBOT)
-    assert arm is not None
+    robot = tracking_robot(ROBOT)
+    assert robot is not None
     with pytest.raises(SaturationError, match=r"joint 1 would stand at .* must be lifted") as stop:
-        track(arm, round_trip(), ahead=0.155, lift=0.155, heading=0.0)
+        track(robot, round_trip(), heading=0.0)
     lower, upper = ROBOT.chain.lower, ROBOT.chain.upper
-    runs = track_runs(arm, round_trip(), ahead=0.155, lift=0.155, heading=0.0, lower=lower, upper=upper)
+    runs = track_runs(robot, round_trip(), heading=0.0)
     assert len(runs) > 1
     assert len(runs[0].base) == stop.value.index
     assert sum(len(run.base) for run in runs) == len(round_trip())
@@ -169,26 +167,28 @@ def test_a_base_that_must_turn_for_joint_one_lifts_the_tool_for_it() -> None:
 
 def test_worlds_that_the_tracker_does_not_follow() -> None:
     circle = load_world("circle")
-    assert follows(circle)
-    assert not follows(replace(circle, robot=replace(ROBOT, base="omni")))
-    assert not follows(replace(circle, robot=robot_named("youbot")))
-    assert not follows(replace(circle, robot=replace(ROBOT, mount=np.array([0.1, 0.05, 0.1, 0.0]))))
+    assert can_track(circle)
+    assert not can_track(replace(circle, robot=replace(ROBOT, base="omni")))
+    assert not can_track(replace(circle, robot=robot_named("youbot")))
+    assert not can_track(replace(circle, robot=replace(ROBOT, mount=np.array([0.1, 0.05, 0.1, 0.0]))))
     bare = replace(circle, task=tuple(Target(t.position) for t in circle.task))
-    assert not follows(bare)
+    assert not can_track(bare)
     check_world(bare)  # areas and M-FABRIK plan it
     with pytest.raises(InputError, match=r"rules\.heading: .* expected free, got fixed"):
         check_world(replace(circle, rules=replace(circle.rules, heading="fixed")))
 
 
 def test_the_arm_is_read_from_its_chain() -> None:
-    arm = arm_of(ROBOT)
-    assert arm is not None
+    robot = tracking_robot(ROBOT)
+    assert robot is not None
+    arm = robot.arm
+    assert (robot.ahead, robot.lift) == (0.155, 0.155)
     assert [arm.shoulder_out, arm.shoulder_up, arm.upper] == pytest.approx([0.06875, 0.12, 0.16])
     assert arm.fore == pytest.approx(0.13775 + 0.11321)
     joints = np.array([0.4, -0.5, 1.1, 0.6, 0.0])
     share = arm_share(arm, planar_pose(0, 0, 0, 0.155) @ ROBOT.chain.forward(joints), 0.155)
     np.testing.assert_allclose([*share.joints, share.turn], [-0.5, 1.1, 0.6, 0.4], atol=1e-12)
-    assert arm_of(robot_named("hinge5")) is None
+    assert tracking_robot(robot_named("hinge5")) is None
 
 
 def test_files_say_the_gauge_and_keep_every_orientation() -> None:

@@ -7,8 +7,14 @@ from hypothesis import strategies as st
 
 from benchmarks.tables.xu import circle
 from regionik.planners.driving.arcs import arc_end
-from regionik.planners.driving.pitch_arm import HeightError, PitchArm, heights
-from regionik.planners.driving.pose_tracking import TrackedRun, track
+from regionik.planners.driving.pose_tracking import (
+    HeightError,
+    PitchArm,
+    TrackedRun,
+    TrackingRobot,
+    heights,
+    track,
+)
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, planar_pose, rot_y, rot_z, translation
 
@@ -40,8 +46,14 @@ def door(height: float) -> list[Array]:
     return [rot_z(np.radians(k)) @ translation(0.23, 0, height) @ rot_z(-np.pi / 2) for k in range(91)]
 
 
+def robot(limit: float) -> TrackingRobot:
+    """The arm on its base, joint 1 alone with limits."""
+    upper = np.array([limit, *[np.inf] * 4])
+    return TrackingRobot(PARM, AHEAD, LIFT, -upper, upper)
+
+
 def follow(poses: list[Array], limit: float = LIMIT) -> TrackedRun:
-    return track(PARM, poses, ahead=AHEAD, lift=LIFT, pivot_limit=limit)
+    return track(robot(limit), poses)
 
 
 @pytest.mark.parametrize("limit", [LIMIT, 1e-9], ids=["pivot", "no-pivot"])
@@ -88,7 +100,7 @@ def test_tools_that_lean_are_followed_too(seed: int) -> None:
         base = np.array(arc_end(base[0], base[1], base[2], length, turn))
         q[:4] += rng.uniform(-0.02, 0.02, 4)
         poses.append(planar_pose(*base) @ mount @ chain.forward(q))
-    found = track(PARM, poses, ahead=AHEAD, lift=LIFT, heading=yaw)
+    found = track(robot(LIMIT), poses, heading=yaw)
     assert max(residuals(found, poses)) < 1e-9
     assert np.abs(found.joints[:, 0]).max() <= LIMIT
 

@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 
 from regionik.areas.ground import ground_of
 from regionik.areas.standing import anywhere
-from regionik.moving import whole_body
-from regionik.moving.drivers import driver_for
-from regionik.moving.interpolation import TURN_STRIDE, Interpolator
+from regionik.moving import transit
+from regionik.moving.base_motion import TURN_STRIDE, Interpolator
+from regionik.moving.path_search import driver_for
 from regionik.moving.transit import TransitPlanner
 from regionik.planners.geometry.angles import wrap
 from regionik.postures.arm_guard import guard_of
@@ -125,7 +125,7 @@ def test_sampled_ways_in_a_narrow_place(heading: Heading) -> None:
 
 
 def test_no_way_out_of_a_pen(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(whole_body, "ITERATIONS", 100)
+    monkeypatch.setattr(transit, "ITERATIONS", 100)
     pen = tuple(
         Box(name, np.array([*size, 1.0]), np.array([*middle, 0.7]))
         for name, size, middle in (

@@ -20,10 +20,9 @@ from benchmarks.bench_drive import MAPS, STEP, clutter, length, shortest
 from benchmarks.speed.harness import Row, Rows, Size, Spread, Wanted, Work, against, counted, timed
 from regionik.mfabrik import configurations
 from regionik.motion import connect
-from regionik.moving.drivers import driver_for
-from regionik.moving.interpolation import Interpolator
-from regionik.moving.transit import TransitPlanner
-from regionik.moving.whole_body import WholeBodyPlanner
+from regionik.moving.base_motion import Interpolator
+from regionik.moving.path_search import driver_for
+from regionik.moving.transit import TransitPlanner, WholeBodyPlanner
 from regionik.pipeline import search
 from regionik.planners.driving.point_planner import drive_point
 from regionik.postures.arm_guard import guard_of

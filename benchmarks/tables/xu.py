@@ -7,15 +7,14 @@ from its equations, stands beside ours.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from benchmarks.tables.table import Table
-from regionik.planners.driving.pitch_arm import PitchArm, arm_share, heights
-from regionik.planners.driving.pose_tracking import track
+from regionik.planners.driving.pose_tracking import TrackingRobot, arm_share, heights, track
 from regionik.planners.geometry.angles import wrap
-from regionik.tracker.pose_paths import arm_of
+from regionik.tracker import tracking_robot
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain, planar_pose
@@ -29,9 +28,9 @@ ROUNDING = 1e-9  # differences below are not told [mm] or [rad]
 RUNS, SEED = 1000, 1
 
 
-def arm() -> PitchArm:
-    """The arm as the tracker reads it."""
-    found = arm_of(ROBOT)
+def tracked_robot() -> TrackingRobot:
+    """The robot as the tracker reads it."""
+    found = tracking_robot(ROBOT)
     assert found is not None, "the paper's own robot"
     return found
 
@@ -65,19 +64,19 @@ class Simulation:
     paper_slip: Array
 
 
-def chord_heading_slip(arm: PitchArm, poses: Sequence[Array], *, ahead: float, lift: float) -> Array:
+def chord_heading_slip(robot: TrackingRobot, poses: Sequence[Array]) -> Array:
     """Sideways slip of each step under the paper's own rule for the heading, (n - 1,) [m].
 
     The heading at a pose lies along the chord of the tool's path that led there, and joint 1 stands at zero;
     no wheel can roll the part of the step across the mean of its two headings.
     """
-    shares = [arm_share(arm, pose, lift, k) for k, pose in enumerate(poses)]
+    shares = [arm_share(robot.arm, pose, robot.lift, k) for k, pose in enumerate(poses)]
     spots = np.array([pose[:2, 3] for pose in poses])
     way = np.diff(spots, axis=0)
     yaw = np.unwrap(np.arctan2(way[:, 1], way[:, 0]))
     yaw = np.insert(yaw, 0, yaw[0] - (yaw[1] - yaw[0] if len(yaw) > 1 else 0.0))
     out = np.array([share.out for share in shares])[:, None]
-    base = spots - (ahead + out) * np.column_stack([np.cos(yaw), np.sin(yaw)])
+    base = spots - (robot.ahead + out) * np.column_stack([np.cos(yaw), np.sin(yaw)])
     mean = (yaw[1:] + yaw[:-1]) / 2
     moved = np.diff(base, axis=0)
     slip: Array = moved[:, 1] * np.cos(mean) - moved[:, 0] * np.sin(mean)
@@ -107,9 +106,10 @@ def door() -> list[Array]:
 
 def simulation(poses: list[Array], pivot: float) -> Simulation:
     """Poses followed with joint 1 within plus and minus ``pivot`` [rad]."""
-    ahead, _, lift, _ = ROBOT.mount.tolist()
-    found = track(arm(), poses, ahead=ahead, lift=lift, pivot_limit=pivot)
-    mount = planar_pose(ahead, 0, 0, lift)
+    limits = np.array([pivot, *[np.inf] * 4])
+    robot = replace(tracked_robot(), lower=-limits, upper=limits)
+    found = track(robot, poses)
+    mount = planar_pose(robot.ahead, 0, 0, robot.lift)
     tools = [
         planar_pose(*base) @ mount @ ROBOT.chain.forward(joints)
         for base, joints in zip(found.base, found.joints, strict=True)
@@ -123,7 +123,7 @@ def simulation(poses: list[Array], pivot: float) -> Simulation:
         float(wheels.max()),
         float(wheels.sum() / SPEED),
         float(np.abs(sideways(found.base)).max()),
-        np.abs(chord_heading_slip(arm(), poses, ahead=ahead, lift=lift)),
+        np.abs(chord_heading_slip(robot, poses)),
     )
 
 
@@ -166,7 +166,7 @@ def _turned(angle: Array, joint: Array) -> Array:
 
 
 def _seven(q: Array, T: Array) -> Array:
-    part, q23 = arm(), q[:, 1] + q[:, 2]
+    part, q23 = tracked_robot().arm, q[:, 1] + q[:, 2]
     height = part.shoulder_up - part.fore * np.sin(q23) - part.upper * np.sin(q[:, 1])
     z = [np.cos(q23) * np.cos(q[:, 3]), -np.cos(q23) * np.sin(q[:, 3]), -np.sin(q23), height]
     return np.asarray(np.column_stack(z) - T[:, 2])
@@ -208,9 +208,9 @@ def _ten(q: Array, T: Array) -> Array:
 
 def knob_heights() -> tuple[float, float]:
     """Heights over the floor that the tool attains with its axis straight up [m]."""
-    low, high = heights(arm(), -1.0)
-    lift = float(ROBOT.mount[2])
-    return low + lift, high + lift
+    robot = tracked_robot()
+    low, high = heights(robot.arm, -1.0)
+    return low + robot.lift, high + robot.lift
 
 
 def tables() -> list[Table]:

@@ -15,6 +15,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
+from regionik.planners.geometry.angles import wrap
 from regionik.planners.geometry.polygons import compiled
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.errors import InputError
@@ -60,12 +61,6 @@ def arc_towards(
     chord, aside = c * (to_x - x) + s * (to_y - y), c * (to_y - y) - s * (to_x - x)
     length = chord / (1.0 - half * half / 6.0 if abs(half) < 1e-4 else math.sin(half) / half)
     return length, -s * aside, c * aside
-
-
-@compiled
-def wrapped(angle: float) -> float:
-    """Angle taken to [-pi, pi)."""
-    return angle - 2.0 * math.pi * math.floor(angle / (2.0 * math.pi) + 0.5)
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,7 +126,7 @@ class WheeledPath:
         here = self.start
         for k, segment in enumerate(self.segments):
             gap = segment.start - here
-            if max(*np.abs(gap[:2]), abs(wrapped(gap[2]))) > JOINED:
+            if max(*np.abs(gap[:2]), abs(wrap(gap[2]))) > JOINED:
                 raise InputError(f"path: segment {k} begins at {segment.start}, {k - 1} ends at {here}")
             here = segment.pose(1.0)
 

@@ -1,32 +1,53 @@
-"""Paths of a footprint that moves in any direction: it turns to pass where its circle would not."""
+"""Paths of a footprint that moves in any direction: it turns to pass where its circle would not.
+
+RRTConnect is asked first. Where it gives up or wanders, a roadmap of free areas by heading is searched: the
+base drives inside one slab of headings and turns where the areas of two overlap.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from heapq import heappop, heappush
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
 import shapely
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from shapely.geometry import MultiPolygon, Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from regionik.planners.driving.arcs import wrapped
-from regionik.planners.driving.footprint import footprint_width
-from regionik.planners.driving.footprint_scene import fits, footprint_scene
+from regionik.planners.driving.footprint import (
+    FootprintScene,
+    footprint_scene,
+    footprint_width,
+    slide_is_free,
+)
 from regionik.planners.driving.heading_slabs import Slab, slab_areas, slabs_along
-from regionik.planners.driving.point_planner import NoPathError
-from regionik.planners.driving.pose_planner import direct, plan_poses, pose_text, shortcut
-from regionik.planners.driving.slab_roadmap import connected, nodes_at, path_through_slabs, polygon_parts
-from regionik.planners.driving.steering import NEGLIGIBLE, SLIDE, Steering
+from regionik.planners.driving.point_planner import NoPathError, drive_point
+from regionik.planners.driving.pose_planner import (
+    SLIDE,
+    Steering,
+    checked_ends,
+    direct,
+    plan_poses,
+    pose_text,
+    same_pose,
+    shortcut,
+)
+from regionik.planners.geometry.angles import wrap
 from regionik.worlds.arrays import Array, frozen
-from regionik.worlds.errors import InputError
 from regionik.worlds.obstacles import Shadow
 
 SLABS = 48  # of heading, in the search that answers where sampling gave up or wandered
 GOOD = 1.5  # a path at most so much dearer than the straight one is kept without the slabs
 HALVINGS = 24  # of the bisection for the narrowest passage
+MARGIN = 1e-6  # from the edge of a slab's area, so that a path in it can be proven free [m]
+FAR = 1e3  # longer than any leg of a path [m]
+
+Node = tuple[int, int]  # slab, part of its area
+Parts = NDArray[np.object_]
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,6 +65,9 @@ class FootprintPath:
 
     poses: Array
     method: Literal["straight", "ompl", "slabs"]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "poses", frozen(self.poses, (None, 3), "path"))
 
 
 class NarrowPassageError(NoPathError):
@@ -82,22 +106,12 @@ def drive_footprint(
 
     Parameters
     ----------
-    footprint : (n, 2) array_like
-        Corners of a convex outline in the base frame; the origin may lie anywhere [m].
-    floor : Polygon or MultiPolygon
-        The whole footprint stays inside [m].
+    footprint, floor, obstacles, clearance
+        As for `footprint_scene`.
     start, goal : (3,) array_like
         x, y [m], yaw [rad].
-    obstacles : sequence of Shadow
-        The footprint stays farther than ``clearance`` from each of them.
-    clearance : float
-        [m]
     seed : int
         Of the sampling planner, 0 or above. Same input, same path.
-
-    Returns
-    -------
-    FootprintPath
 
     Raises
     ------
@@ -117,32 +131,27 @@ def drive_footprint(
     >>> drive_footprint(long, corridor, [0.5, 1, 1.57], [3.5, 0.95, 0], seed=0).method
     'ompl'
     """
-    if seed < 0:
-        raise InputError(f"seed: expected a whole number from 0 up, got {seed}")
-    a, b = np.array(frozen(start, (3,), "start")), np.array(frozen(goal, (3,), "goal"))
     scene = footprint_scene(footprint, floor, obstacles, clearance)
-    for what, pose in (("start", a), ("goal", b)):
-        if not fits(scene, *pose):
-            raise NoPathError(f"{what} {pose_text(pose)}: the footprint does not fit there", a[:2], b[:2])
-    if np.hypot(*(b - a)[:2]) <= NEGLIGIBLE and abs(wrapped(b[2] - a[2])) <= NEGLIGIBLE:
-        return FootprintPath(frozen([a], (None, 3), "path"), "straight")
+    a, b = checked_ends(scene, start, goal, seed)
+    if same_pose(a, b):
+        return FootprintPath(a[None], "straight")
     # A turn costs what it moves the outermost corner by.
     base = Steering(SLIDE, 0.0, float(np.hypot(*scene.corners.T).max()))
     if direct(scene, base, a, b) is not None:
-        return FootprintPath(frozen([a, b], (None, 3), "path"), "straight")
+        return FootprintPath(np.stack([a, b]), "straight")
     found, cost = plan_poses(scene, base, a, b, seed)
-    straight = float(np.hypot(*(b - a)[:2]) + base.weight * abs(wrapped(b[2] - a[2])))
+    straight = float(np.hypot(*(b - a)[:2]) + base.weight * abs(wrap(b[2] - a[2])))
     if found is not None and cost <= GOOD * straight:
-        return FootprintPath(frozen(found, (None, 3), "path"), "ompl")
+        return FootprintPath(found, "ompl")
     areas = slab_areas(footprint, floor, obstacles, clearance, slabs_along(scene, SLABS))
     other = path_through_slabs(scene, areas, a, b, seed)
     if other is not None:
         other, least = shortcut(scene, base, other)
         if least < cost:
-            return FootprintPath(frozen(other, (None, 3), "path"), "slabs")
+            return FootprintPath(other, "slabs")
     if found is None:
-        raise _refusal(footprint, floor, obstacles, clearance, areas, (a, b))
-    return FootprintPath(frozen(found, (None, 3), "path"), "ompl")
+        raise _refusal(scene, _passage(floor, obstacles, clearance, a, b), areas, a, b)
+    return FootprintPath(found, "ompl")
 
 
 def passage_width(free: BaseGeometry, start: BaseGeometry, goal: BaseGeometry) -> float:
@@ -165,24 +174,23 @@ def passage_width(free: BaseGeometry, start: BaseGeometry, goal: BaseGeometry) -
     return 2 * low
 
 
-def _refusal(
-    footprint: ArrayLike,
-    floor: Polygon | MultiPolygon,
-    obstacles: Sequence[Shadow],
-    clearance: float,
-    areas: Sequence[Slab],
-    ends: tuple[Array, Array],
-) -> NarrowPassageError:
-    """Error with the widths of the narrowest place and of the footprint."""
-    a, b = ends
+def _passage(
+    floor: Polygon | MultiPolygon, obstacles: Sequence[Shadow], clearance: float, start: Array, goal: Array
+) -> float:
+    """Width of the narrowest place on the widest way between two poses [m]."""
     grown = [s.core.buffer(clearance + s.radius) if clearance + s.radius > 0 else s.core for s in obstacles]
-    spots = (Point(a[:2]), Point(b[:2]))
-    passage = passage_width(shapely.difference(floor, shapely.union_all(grown)), *spots)
-    across = footprint_width(footprint)
+    free = shapely.difference(floor, shapely.union_all(grown))
+    return passage_width(free, Point(start[:2]), Point(goal[:2]))
+
+
+def _refusal(
+    scene: FootprintScene, passage: float, areas: Sequence[Slab], start: Array, goal: Array
+) -> NarrowPassageError:
+    """Error that compares the narrowest place with the footprint and says if no way is a proof."""
+    across = footprint_width(scene.corners)
     graph = [polygon_parts(slab.outer) for slab in areas]
-    proven = not connected(graph, *(nodes_at(areas, graph, pose) for pose in ends))
+    proven = not connected(graph, *(nodes_at(areas, graph, pose) for pose in (start, goal)))
     what = "no way" if proven else "no way was found"
-    where = f"from {pose_text(a)} to {pose_text(b)}"
     if passage < across:
         why = f"its narrowest place is {passage:.3f} m wide, the footprint nowhere less than {across:.3f} m"
     else:
@@ -190,4 +198,118 @@ def _refusal(
             f"its narrowest place is {passage:.3f} m wide and the footprint only {across:.3f} m across, but "
             "too long for the bends on the way"
         )
-    return NarrowPassageError(f"{what} {where}: {why}", a[:2], b[:2], passage, across, proven)
+    reason = f"{what} from {pose_text(start)} to {pose_text(goal)}: {why}"
+    return NarrowPassageError(reason, start[:2], goal[:2], passage, across, proven)
+
+
+def path_through_slabs(
+    scene: FootprintScene, areas: Sequence[Slab], start: Array, goal: Array, seed: int
+) -> Array | None:
+    """Poses (k, 3) from start to goal, driven inside slabs and turned where two overlap, or None."""
+    graph = [polygon_parts(slab.inner.buffer(-MARGIN)) for slab in areas]
+    entry, leave = (_entry(scene, areas, graph, pose) for pose in (start, goal))
+    if entry is None or leave is None:
+        return None
+    (first, a), (last, b) = entry, leave
+    route = _shortest_route(graph, first, last, a[:2])
+    if route is None:
+        return None
+    poses = [start, a]
+    for (k, part), to in zip(route, [*_turning_points(graph, route, a[:2]), b[:2]], strict=True):
+        path = drive_point(graph[k][part], poses[-1][:2], to, step=FAR, seed=seed)
+        poses += [np.array([*p, areas[k].middle]) for p in path.points]
+    poses += [b, goal]
+    kept = [p for k, p in enumerate(poses) if k == 0 or not np.array_equal(p, poses[k - 1])]
+    return np.array(kept)
+
+
+def polygon_parts(area: BaseGeometry) -> Parts:
+    """Polygons of an area, without parts that have none."""
+    found = shapely.get_parts(area)
+    solid: Parts = found[shapely.area(found) > 0]
+    return solid
+
+
+def nodes_at(areas: Sequence[Slab], graph: Sequence[Parts], pose: Array) -> list[Node]:
+    """Nodes whose slab and part hold a pose; at the border of slabs those of both."""
+    return [
+        (k, int(m))
+        for k, slab in enumerate(areas)
+        if abs(wrap(pose[2] - slab.middle)) <= (slab.high - slab.low) / 2 + 1e-9
+        for m in np.flatnonzero(shapely.distance(graph[k], Point(pose[:2])) <= 1e-9)
+    ]
+
+
+def connected(graph: Sequence[Parts], first: list[Node], last: list[Node]) -> bool:
+    """True if overlapping areas of neighbouring slabs lead from one set of nodes to another."""
+    seen, open_ = set(first), list(first)
+    while open_:
+        node = open_.pop()
+        new = [other for other in _neighbours(graph, node) if other not in seen]
+        seen.update(new)
+        open_ += new
+    return not seen.isdisjoint(last)
+
+
+def _neighbours(graph: Sequence[Parts], node: Node) -> list[Node]:
+    """Overlapping parts of the slabs on both sides."""
+    k, part = node
+    near = ((k - 1) % len(graph), (k + 1) % len(graph))
+    return [(j, int(m)) for j in near for m in np.flatnonzero(shapely.intersects(graph[j], graph[k][part]))]
+
+
+def _entry(
+    scene: FootprintScene, areas: Sequence[Slab], graph: Sequence[Parts], pose: Array
+) -> tuple[Node, Array] | None:
+    """Node and nearest pose in the middle of a slab that a straight motion from a pose leads to, or None."""
+    trials = []
+    for k, slab in enumerate(areas):
+        turn = float(wrap(slab.middle - pose[2]))
+        for part, area in enumerate(graph[k]):
+            spot = shapely.shortest_line(area, Point(pose[:2])).coords[0]
+            trials.append((np.hypot(*(spot - pose[:2])) + abs(turn), k, part, spot, pose[2] + turn))
+    for _, k, part, spot, yaw in sorted(trials, key=lambda trial: trial[:3]):
+        there = np.array([*spot, yaw])
+        if slide_is_free(scene, pose, there):
+            return (k, part), there
+    return None
+
+
+def _shortest_route(graph: Sequence[Parts], first: Node, last: Node, start: Array) -> list[Node] | None:
+    """Nodes from first to last, greedily shortest between nearest points of overlaps (Dijkstra)."""
+    heap: list[tuple[float, int, Node, tuple[float, float], Node | None]] = []
+    heappush(heap, (0.0, 0, first, (float(start[0]), float(start[1])), None))
+    came: dict[Node, Node | None] = {}
+    count = 0
+    while heap:
+        cost, _, node, spot, before = heappop(heap)
+        if node in came:
+            continue
+        came[node] = before
+        if node == last:
+            route = [node]
+            while (back := came[route[-1]]) is not None:
+                route.append(back)
+            return route[::-1]
+        for other in _neighbours(graph, node):
+            if other not in came:
+                to = _nearest_shared(graph, node, other, np.array(spot))
+                count += 1
+                # The turn counts a little, so that the base does not turn for nothing.
+                far = cost + float(np.hypot(*(to - spot))) + 0.01
+                heappush(heap, (far, count, other, (float(to[0]), float(to[1])), node))
+    return None
+
+
+def _turning_points(graph: Sequence[Parts], route: list[Node], start: Array) -> list[Array]:
+    """Points (2,) at which the base turns from each node to the next."""
+    points = [start]
+    for node, other in pairwise(route):
+        points.append(_nearest_shared(graph, node, other, points[-1]))
+    return points[1:]
+
+
+def _nearest_shared(graph: Sequence[Parts], node: Node, other: Node, spot: Array) -> Array:
+    """Point of the overlap of two nodes that is nearest to a spot."""
+    shared = shapely.intersection(graph[node[0]][node[1]], graph[other[0]][other[1]])
+    return np.array(shapely.shortest_line(shared, Point(spot)).coords[0])

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from shapely.geometry import MultiPolygon, Polygon
 
-from regionik.planners.driving.arcs import wrapped
+from regionik.planners.geometry.angles import wrap
 from regionik.planners.geometry.polygons import (
     FlatPolygon,
     Index,
@@ -195,7 +195,7 @@ def _visible_star(vertices: Array, starts: Index, bx: float, by: float, rho: flo
         if angles[k + 1] - angles[k] < SLIT:
             continue
         middle = 0.5 * (angles[k] + angles[k + 1])
-        if abs(wrapped(middle - ahead)) > BEHIND:
+        if abs(wrap(middle - ahead)) > BEHIND:
             star[n] = bx, by
             n += 1
             continue

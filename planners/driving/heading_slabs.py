@@ -1,5 +1,4 @@
-"""Free area of a footprint by slabs of heading: the configuration space in slices with inner and outer
-bounds.
+"""Free areas of a footprint by slabs of heading: its configuration space in slices, inner and outer.
 
 In the inner area of a slab the footprint is free at every heading of it, outside the outer area at none. Both
 are Minkowski sums with one convex shape (Lozano-Perez 1983): the hull of all rotations of the slab for the
@@ -18,18 +17,20 @@ from numpy.typing import ArrayLike, NDArray
 from shapely.geometry import MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from regionik.planners.driving.footprint import grown_by_disc, minkowski_sums, rotation_core, rotation_hull
-from regionik.planners.driving.footprint_scene import (
+from regionik.planners.driving.footprint import (
     FootprintScene,
     core_edges,
     edges_of,
     footprint_scene,
+    side_lines,
 )
 from regionik.planners.geometry.polygons import FlatPolygon
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.errors import InputError
 from regionik.worlds.obstacles import Shadow
 
+GUARD = 1e-9  # by which a hull of rotations is larger, a core smaller, against rounding [m]
+PIECE = 0.25  # ranges of headings are cut in pieces no wider than this [rad]
 SIDES = 48  # of the polygons that stand for discs
 MOST_WALLS = 12  # directions of walls that exact headings are taken from, the longest
 
@@ -283,7 +284,7 @@ def _rejection(scene: _ConvexScene, shape: Array, *, inner: bool) -> Rejection:
     """Floor and forbidden pieces: a shape is free where one point of it is and no edge comes too near."""
     point = shape.mean(axis=0)
     met = [
-        minkowski_sums(pieces, grown_by_disc(-shape, keep, scene.sides, outside=inner))
+        _minkowski_sums(pieces, _grown_by_disc(-shape, keep, scene.sides, outside=inner))
         for keep, pieces in scene.pieces
     ]
     solid = np.concatenate(met)
@@ -301,3 +302,92 @@ def _sum(area: BaseGeometry, shape: Array) -> BaseGeometry:
     grown = shapely.convex_hull(shapely.multipoints(spots))
     whole: BaseGeometry = shapely.union_all([shapely.transform(area, lambda p: p + shape[0]), *grown])
     return whole
+
+
+def _grown_by_disc(shape: Array, radius: float, sides: int, *, outside: bool) -> Array:
+    """Corners of a convex shape grown by a polygon round a disc, or inside it.
+
+    Corner by corner: shapely's buffer rounds the number of sides of a quarter.
+    """
+    if radius == 0:
+        return shape
+    turns = 2 * np.pi * np.arange(sides) / sides
+    corner = radius / np.cos(np.pi / sides) if outside else radius
+    disc = corner * np.column_stack([np.cos(turns), np.sin(turns)])
+    hull = shapely.convex_hull(shapely.multipoints((shape[:, None] + disc).reshape(-1, 2)))
+    corners: Array = shapely.get_coordinates(hull)
+    return corners
+
+
+def _minkowski_sums(pieces: Sequence[Array], shape: Array) -> NDArray[np.object_]:
+    """Minkowski sums of convex pieces with a convex shape."""
+    corners, owner = np.concatenate(pieces), np.repeat(np.arange(len(pieces)), [len(p) for p in pieces])
+    points = shapely.points((corners[:, None] + shape).reshape(-1, 2))
+    sums: NDArray[np.object_] = shapely.convex_hull(
+        shapely.multipoints(points, indices=np.repeat(owner, len(shape)))
+    )
+    return sums
+
+
+def rotation_hull(corners: Array, low: float, high: float) -> Array:
+    """Corners of a convex polygon round all rotations of a footprint; tangents close each corner's arc."""
+    middles, half = _pieces(low, high)
+    spots = [
+        _turned(corners, angle) * far
+        for m in middles
+        for angle, far in ((m - half, 1.0), (m, 1 / np.cos(half)), (m + half, 1.0))
+    ]
+    guard = GUARD * np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]])
+    points = (np.concatenate(spots)[:, None] + guard).reshape(-1, 2)
+    hull = shapely.orient_polygons(shapely.convex_hull(shapely.multipoints(points)))
+    return np.asarray(hull.exterior.coords)[:-1]
+
+
+def rotation_core(corners: Array, low: float, high: float) -> Array:
+    """Corners of a convex polygon inside all rotations of a footprint; none where they share no point.
+
+    The half-plane n x <= d turned through an angle leaves a disc of radius d between its two ends; a chord of
+    the disc keeps it a polygon. Where d is below 0 the two ends alone are the tightest.
+    """
+    if len(corners) == 1:
+        still = high == low or not corners.any()
+        return _turned(corners, low) if still else np.zeros((0, 2))
+    middles, half = _pieces(low, high)
+    normals, offsets = side_lines(corners)
+    reach = float(np.hypot(*corners.T).max()) + 1.0
+    left: Array = reach * np.array([[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]])
+    for m in middles:
+        for angle, share in ((m - half, 1.0), (m, np.cos(half)), (m + half, 1.0)):
+            bounds = np.where(offsets > 0, offsets * share, offsets if share == 1.0 else np.inf)
+            for normal, bound in zip(_turned(normals, angle), bounds - GUARD, strict=True):
+                left = _clipped(left, normal, bound)
+    return left
+
+
+def _turned(points: Array, angle: float) -> Array:
+    """Points turned about the origin."""
+    c, s = np.cos(angle), np.sin(angle)
+    turned: Array = points @ np.array([[c, s], [-s, c]])
+    return turned
+
+
+def _pieces(low: float, high: float) -> tuple[Array, float]:
+    """Middles of equal pieces of a range of headings, and half their width."""
+    count = max(1, int(np.ceil((high - low) / PIECE)))
+    half = (high - low) / (2 * count)
+    return np.asarray(low + half * (2.0 * np.arange(count) + 1.0), dtype=np.float64), half
+
+
+def _clipped(ring: Array, normal: Array, bound: float) -> Array:
+    """Part of a convex ring where ``normal`` x <= ``bound`` (Sutherland and Hodgman 1974)."""
+    if not len(ring) or not np.isfinite(bound):
+        return ring
+    over = ring @ normal - bound
+    kept = []
+    for k in range(len(ring)):
+        a, b = over[k - 1], over[k]
+        if (a > 0) != (b > 0):
+            kept.append(ring[k - 1] + (ring[k] - ring[k - 1]) * (a / (a - b)))
+        if b <= 0:
+            kept.append(ring[k])
+    return np.array(kept).reshape(-1, 2)

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from shapely.geometry import MultiPolygon, Polygon
 
 from regionik.planners.driving.greedy_steps import greedy_points
-from regionik.planners.driving.sampling import connect
+from regionik.planners.driving.sampling import PlanningProblem, connect
 from regionik.planners.geometry.polygons import (
     DEPTH,
     FlatPolygon,
@@ -174,13 +174,12 @@ def _attempts(flat: FlatPolygon, start: Array, goal: Array, seed: int) -> Iterat
 def _connect(flat: FlatPolygon, start: Array, goal: Array, seed: int) -> Array | None:
     """Path of RRTConnect, motions checked exactly; None when the iterations are used up."""
     vertices, starts = flat.vertices, flat.starts
-    return connect(
+    problem = PlanningProblem(
         vertices.min(axis=0),
         vertices.max(axis=0),
         start,
         goal,
         lambda p: contains(vertices, starts, p[0], p[1]),
         lambda p, q: segment_inside(vertices, starts, p[0], p[1], q[0], q[1]),
-        seed=seed,
-        iterations=ITERATIONS,
     )
+    return connect(problem, seed=seed, iterations=ITERATIONS)

@@ -1,22 +1,130 @@
-"""Paths between poses by RRTConnect, shortcut by steering, for every kind of base."""
+"""Paths between poses for every kind of base: steering, RRTConnect and shortcuts.
+
+Steering leads directly from pose to pose. A differential drive turns, drives straight and turns again; a
+car drives a Reeds-Shepp curve; an omnidirectional base slides and turns on the way. A steered path is at most
+five motions, each a signed length and a turn.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from regionik.planners.driving.arcs import arc_end, wrapped
-from regionik.planners.driving.footprint_scene import FootprintScene, fits
-from regionik.planners.driving.reeds_shepp import MOTIONS
-from regionik.planners.driving.sampling import Curves, connect_poses
-from regionik.planners.driving.steering import DUBINS, NEGLIGIBLE, REEDS_SHEPP, SLIDE, Steering, steer
+from regionik.planners.driving.arcs import Segment, WheeledPath, arc_end, path_of_motions
+from regionik.planners.driving.footprint import FootprintScene, arc_is_free, fits, slide_is_free
+from regionik.planners.driving.point_planner import NoPathError
+from regionik.planners.driving.reeds_shepp import MOTIONS, words_between
+from regionik.planners.driving.sampling import PlanningProblem, connect_poses
+from regionik.planners.geometry.angles import wrap
 from regionik.planners.geometry.polygons import Index, compiled
-from regionik.worlds.arrays import Array
+from regionik.worlds.arrays import Array, frozen
+from regionik.worlds.errors import InputError
 
+SLIDE, SPIN, REEDS_SHEPP = range(3)
+MOST_WORDS = 8  # of a car that are tried between two poses
+NEGLIGIBLE = 1e-12  # shorter motions and smaller turns are none [m], [rad]
 ITERATIONS = 8000  # of RRTConnect in an attempt
 ATTEMPTS = 3  # the cheapest is kept
 ROUNDS = (24, 31, 40)  # poses along a path between which shortcuts are tried, in turn
+TURN_WEIGHT = 0.2  # cost of a turn on the spot against driving [m/rad]
+
+
+class Steering(NamedTuple):
+    """Steering of a base, as values for kernels.
+
+    Attributes
+    ----------
+    kind : int
+        ``SLIDE`` in any direction, ``SPIN`` on the spot and drive straight, or ``REEDS_SHEPP`` curves.
+    radius : float
+        Turning radius of a car, 0 of others [m].
+    weight : float
+        Cost of turning on the spot or while sliding, as a length [m/rad].
+    """
+
+    kind: int
+    radius: float
+    weight: float
+
+
+@compiled
+def _slide(scene: FootprintScene, base: Steering, a: Array, b: Array, limit: float) -> float:
+    """Cost of the straight slide from a to b, infinite where it is not free or dearer than a limit."""
+    cost = math.hypot(b[0] - a[0], b[1] - a[1]) + base.weight * abs(wrap(b[2] - a[2]))
+    return cost if cost < limit and slide_is_free(scene, a, b) else np.inf
+
+
+@compiled
+def _path_is_free(scene: FootprintScene, a: Array, motions: Array) -> bool:
+    """True if every motion of a path is free."""
+    here = a.copy()
+    for k in range(len(motions)):
+        length, turn = motions[k]
+        if length != 0.0 or turn != 0.0:
+            if not arc_is_free(scene, here, length, turn):
+                return False
+            here[0], here[1], here[2] = arc_end(here[0], here[1], here[2], length, turn)
+    return True
+
+
+@compiled
+def _spin(scene: FootprintScene, base: Steering, a: Array, b: Array, limit: float, motions: Array) -> float:
+    """Cost of turn, drive, turn: nose first or tail first, whichever turns less and is free."""
+    far = math.hypot(b[0] - a[0], b[1] - a[1])
+    if far <= NEGLIGIBLE:
+        motions[:] = 0.0
+        motions[0, 1] = wrap(b[2] - a[2])
+        cost = base.weight * abs(motions[0, 1])
+        return cost if cost < limit and _path_is_free(scene, a, motions) else np.inf
+    ahead = math.atan2(b[1] - a[1], b[0] - a[0])
+    nose = abs(wrap(ahead - a[2])) + abs(wrap(b[2] - ahead))
+    tail = abs(wrap(ahead + math.pi - a[2])) + abs(wrap(b[2] - ahead - math.pi))
+    for back in (True, False) if tail < nose - NEGLIGIBLE else (False, True):
+        cost = far + base.weight * (tail if back else nose)
+        if cost >= limit:
+            break
+        heading = ahead + math.pi if back else ahead
+        motions[:] = 0.0
+        motions[0, 1], motions[1, 0] = wrap(heading - a[2]), -far if back else far
+        motions[2, 1] = wrap(b[2] - heading)
+        if _path_is_free(scene, a, motions):
+            return cost
+    return np.inf
+
+
+@compiled
+def steer(scene: FootprintScene, base: Steering, a: Array, b: Array, limit: float, motions: Array) -> float:
+    """Cost of the cheapest free steered path between two poses, infinite where none is below a limit.
+
+    Parameters
+    ----------
+    scene : FootprintScene
+    base : Steering
+    a, b : (3,) array
+        x, y [m], yaw [rad].
+    limit : float
+        [m]
+    motions : (5, 2) array
+        Overwritten with the signed length [m] and turn [rad] of each motion; left alone by bases that slide.
+    """
+    if base.kind == SLIDE:
+        return _slide(scene, base, a, b, limit)
+    if base.kind == SPIN:
+        return _spin(scene, base, a, b, limit, motions)
+    if math.hypot(b[0] - a[0], b[1] - a[1]) >= limit:
+        return np.inf
+    words, lengths = words_between(a, b, base.radius)
+    for m in range(min(MOST_WORDS, len(words))):
+        if lengths[m] >= limit:
+            break
+        if _path_is_free(scene, a, words[m]):
+            motions[:] = words[m]
+            return float(lengths[m])
+    return np.inf
 
 
 def direct(scene: FootprintScene, base: Steering, a: Array, b: Array) -> Array | None:
@@ -28,11 +136,9 @@ def direct(scene: FootprintScene, base: Steering, a: Array, b: Array) -> Array |
 def plan_poses(
     scene: FootprintScene, base: Steering, start: Array, goal: Array, seed: int
 ) -> tuple[Array | None, float]:
-    """Poses (k, 3) from start to goal, each steered freely to the next, and their cost; None if none is
-    found.
+    """Poses (k, 3) of the cheapest path from start to goal, each steered freely to the next, and its cost.
 
-    The cheapest of a few attempts with different seeds. An attempt that fails is the last: the next would
-    hardly do better.
+    The best of a few attempts; None where the first finds nothing.
     """
     best, least = None, np.inf
     for poses in _attempts(scene, base, start, goal, seed):
@@ -43,21 +149,19 @@ def plan_poses(
 
 
 def _attempts(scene: FootprintScene, base: Steering, start: Array, goal: Array, seed: int) -> Iterator[Array]:
-    """Paths of RRTConnect, up to the first attempt that finds none."""
+    """Paths of RRTConnect, up to the first attempt that finds none: the next would hardly do better."""
     motions = np.empty((MOTIONS, 2))
-    metric: Curves = {REEDS_SHEPP: "reeds-shepp", DUBINS: "dubins"}.get(base.kind, "straight")  # type: ignore[assignment]
+    problem = PlanningProblem(
+        scene.vertices.min(axis=0),
+        scene.vertices.max(axis=0),
+        start,
+        goal,
+        lambda p: fits(scene, p[0], p[1], p[2]),
+        lambda p, q: steer(scene, base, p, q, np.inf, motions) < np.inf,
+    )
     for k in range(ATTEMPTS):
         poses = connect_poses(
-            scene.vertices.min(axis=0),
-            scene.vertices.max(axis=0),
-            start,
-            goal,
-            lambda p: fits(scene, p[0], p[1], p[2]),
-            lambda p, q: steer(scene, base, p, q, np.inf, motions) < np.inf,
-            curves=metric,
-            radius=base.radius,
-            seed=seed * ATTEMPTS + k,
-            iterations=ITERATIONS,
+            problem, turning_radius=base.radius, seed=seed * ATTEMPTS + k, iterations=ITERATIONS
         )
         if poses is None:
             return
@@ -119,7 +223,7 @@ def _spread(scene: FootprintScene, base: Steering, poses: Array, count: int) -> 
 def _along(scene: FootprintScene, base: Steering, a: Array, b: Array, shares: Array) -> Array:
     """Poses at shares of the cost of the steered path between two poses."""
     if base.kind == SLIDE:
-        change = np.array([b[0] - a[0], b[1] - a[1], wrapped(b[2] - a[2])])
+        change = np.array([b[0] - a[0], b[1] - a[1], wrap(b[2] - a[2])])
         slid: Array = a + shares[:, None] * change
         return slid
     motions = np.zeros((MOTIONS, 2))
@@ -146,3 +250,131 @@ def pose_text(pose: Array) -> str:
     '(1.000, 0.500, 1.570 rad)'
     """
     return f"({pose[0]:z.3f}, {pose[1]:z.3f}, {pose[2]:z.3f} rad)"
+
+
+def checked_ends(scene: FootprintScene, start: ArrayLike, goal: ArrayLike, seed: int) -> tuple[Array, Array]:
+    """Both ends of a path as writable arrays (3,).
+
+    Raises
+    ------
+    NoPathError
+        When the footprint does not fit at start or goal.
+    InputError
+        When the seed is negative or a pose is not three numbers.
+    """
+    if seed < 0:
+        raise InputError(f"seed: expected a whole number from 0 up, got {seed}")
+    a, b = np.array(frozen(start, (3,), "start")), np.array(frozen(goal, (3,), "goal"))
+    for what, pose in (("start", a), ("goal", b)):
+        if not fits(scene, *pose):
+            raise NoPathError(f"{what} {pose_text(pose)}: the footprint does not fit there", a[:2], b[:2])
+    return a, b
+
+
+def same_pose(a: Array, b: Array) -> bool:
+    """True if two poses (3,) are the same but for rounding."""
+    return bool(np.hypot(*(b - a)[:2]) <= NEGLIGIBLE and abs(wrap(b[2] - a[2])) <= NEGLIGIBLE)
+
+
+def drive_differential(scene: FootprintScene, start: ArrayLike, goal: ArrayLike, *, seed: int) -> WheeledPath:
+    """Drive a base that turns on the spot: turns and straight lines, backwards where that turns less.
+
+    Parameters
+    ----------
+    scene : FootprintScene
+    start, goal : (3,) array_like
+        x, y [m], yaw [rad].
+    seed : int
+        Of the sampling planner, 0 or above. Same input, same path.
+
+    Returns
+    -------
+    WheeledPath
+        Lines and turns, each proven free.
+
+    Raises
+    ------
+    NoPathError
+        When none was found, or the footprint does not fit at start or goal.
+    InputError
+        When the seed is negative or a pose is not three numbers.
+
+    Examples
+    --------
+    >>> from shapely import box
+    >>> from regionik.planners.driving.footprint import footprint_scene
+    >>> scene = footprint_scene([[-0.1, -0.1], [0.1, -0.1], [0, 0.1]], box(0, 0, 2, 1))
+    >>> path = drive_differential(scene, [0.5, 0.5, 0], [1.5, 0.5, 1], seed=0)
+    >>> [segment.kind for segment in path.segments], path.length, path.turning
+    (['line', 'turn'], 1.0, 1.0)
+    """
+    return _driven(scene, Steering(SPIN, 0.0, TURN_WEIGHT), start, goal, seed)
+
+
+def drive_car(
+    scene: FootprintScene, start: ArrayLike, goal: ArrayLike, *, turning_radius: float, seed: int
+) -> WheeledPath:
+    """Drive a car: lines and arcs of its turning radius, forwards and backwards.
+
+    Parameters
+    ----------
+    scene : FootprintScene
+        The footprint's origin is the middle of the axle that does not steer.
+    start, goal : (3,) array_like
+        x, y [m], yaw [rad].
+    turning_radius : float
+        [m]
+    seed : int
+        Of the sampling planner, 0 or above. Same input, same path.
+
+    Returns
+    -------
+    WheeledPath
+        Lines and arcs, each proven free; the shortest Reeds-Shepp curve where that is free.
+
+    Raises
+    ------
+    NoPathError
+        When none was found, or the footprint does not fit at start or goal.
+    InputError
+        When the turning radius is not above 0, the seed is negative or a pose is not three numbers.
+
+    Examples
+    --------
+    >>> from shapely import box
+    >>> from regionik.planners.driving.footprint import footprint_scene
+    >>> scene = footprint_scene([[-0.1, -0.1], [0.1, -0.1], [0, 0.1]], box(0, 0, 4, 4))
+    >>> path = drive_car(scene, [1, 1, 0], [1, 1.5, 0], turning_radius=0.5, seed=0)
+    >>> round(path.length, 3), path.reversals
+    (1.318, 2)
+    """
+    if not 0 < turning_radius < np.inf:
+        raise InputError(f"turning_radius: expected a length above 0, got {turning_radius}")
+    return _driven(scene, Steering(REEDS_SHEPP, float(turning_radius), 0.0), start, goal, seed)
+
+
+def _driven(
+    scene: FootprintScene, base: Steering, start: ArrayLike, goal: ArrayLike, seed: int
+) -> WheeledPath:
+    """Direct motion of a base on wheels, or else the path that RRTConnect finds."""
+    a, b = checked_ends(scene, start, goal, seed)
+    if same_pose(a, b):
+        return WheeledPath(a, (), "still")
+    if direct(scene, base, a, b) is not None:
+        return _steered(scene, base, np.stack([a, b]), "straight")
+    poses, _ = plan_poses(scene, base, a, b, seed)
+    if poses is None:
+        kind = f"a turning radius of {base.radius:g} m" if base.radius else "turns on the spot"
+        ends = f"from {pose_text(a)} to {pose_text(b)}"
+        reason = f"no way with {kind} {ends} was found in {ITERATIONS} iterations"
+        raise NoPathError(reason, a[:2], b[:2])
+    return _steered(scene, base, poses, "ompl")
+
+
+def _steered(scene: FootprintScene, base: Steering, poses: Array, method: str) -> WheeledPath:
+    """Path steered from pose to pose; each part begins at its pose, so that rounding does not add up."""
+    segments: list[Segment] = []
+    for p, q in zip(poses[:-1], poses[1:], strict=True):
+        motions = direct(scene, base, p, q)
+        segments += path_of_motions(p, [] if motions is None else motions, method).segments
+    return WheeledPath(poses[0], tuple(segments), method)

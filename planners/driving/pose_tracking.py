@@ -1,8 +1,9 @@
-"""Pose tracking by a differential base with a five-joint arm, after Xu et al. (paper 002), exact.
+"""Pose tracking by a differential base with a five-joint pitch arm, after Xu et al. (paper 002), exact.
 
-The arm takes the height and the vertical parts of the orientation, joint 1 and the heading share the rest,
-and the base takes X and Y by rolling along one arc a step. All in closed form: every pose is met to rounding,
-and no wheel slips sideways.
+The arm has a pivot, a shoulder and an elbow that pitch, a roll along the forearm, and a last joint that is
+kept at zero. Of a tool pose it takes the height and the vertical parts of the orientation, joint 1 and the
+heading share the direction, and the base takes X and Y by rolling along one arc a step. All in closed form:
+every pose is met to rounding, and no wheel slips sideways.
 
 The paper sets the heading along the chord of the tool's path, where its own drive law makes the base slide
 (`benchmarks.tables.xu` measures that). Its base frame has Y ahead; here x is ahead (REP 103).
@@ -18,12 +19,37 @@ from typing import NamedTuple
 import numpy as np
 
 from regionik.planners.driving.arcs import arc_end
-from regionik.planners.driving.pitch_arm import ArmShare, PitchArm, PoseError, arm_share
 from regionik.planners.geometry.angles import wrap
 from regionik.worlds.arrays import Array
+from regionik.worlds.chain import Chain
+from regionik.worlds.errors import RegionikError
 
+VERTICAL = 1e-9  # horizontal part of the tool axis below which it is upright
+ROUNDING = 1e-12
+ALIKE = 1e-9  # tolerance to which a chain must be such an arm [m]
 SLACK = 1e-9  # beyond a joint's limit, for rounding [rad]
 SPREAD = 24  # headings of a full turn that a run is started with
+_POSTURES = np.array([[0.0, 0.0, 0.0, 0.0, 0.0], [0.7, -0.4, 0.9, 1.1, 0.0], [-1.9, 0.8, -1.3, -0.6, 0.0]])
+
+
+class PoseError(RegionikError):
+    """A tool pose out of reach; ``index`` counts from 0."""
+
+    def __init__(self, reason: str, index: int) -> None:
+        super().__init__(reason)
+        self.index = index
+
+
+class HeightError(PoseError):
+    """A tool pose at a height that the arm attains nowhere; heights over the floor [m]."""
+
+    def __init__(self, index: int, height: float, low: float, high: float) -> None:
+        super().__init__(
+            f"pose {index + 1}: height {height:.5f} m cannot be taken with this tool direction, "
+            f"attainable: {low:.5f} to {high:.5f} m",
+            index,
+        )
+        self.height, self.low, self.high = height, low, high
 
 
 class SaturationError(PoseError):
@@ -35,6 +61,155 @@ class SaturationError(PoseError):
             f"{np.degrees(limit):.1f} deg to either side; the tool must be lifted for the base to turn",
             index,
         )
+
+
+@dataclass(frozen=True)
+class PitchArm:
+    """Five joints: pivot, shoulder, elbow, and two rolls of which the last is kept at zero.
+
+    Attributes
+    ----------
+    shoulder_out, shoulder_up : float
+        From the arm's base frame to the shoulder: a1, d1 [m].
+    upper, fore : float
+        Shoulder to elbow, elbow to tool: a2, d4 + d6 [m].
+    """
+
+    shoulder_out: float
+    shoulder_up: float
+    upper: float
+    fore: float
+
+
+@dataclass(frozen=True, eq=False)
+class TrackingRobot:
+    """A differential base with a pitch arm straight ahead of its wheels.
+
+    Attributes
+    ----------
+    arm : PitchArm
+    ahead, lift : float
+        Arm's base frame before and above the middle of the wheels [m].
+    lower, upper : (5,) array
+        Joint limits; joint 1 keeps within the nearer of its two to either side [rad].
+    """
+
+    arm: PitchArm
+    ahead: float
+    lift: float
+    lower: Array
+    upper: Array
+
+    @property
+    def pivot_limit(self) -> float:
+        """Largest value of joint 1 to either side; beyond it the base turns instead [rad]."""
+        return float(min(-self.lower[0], self.upper[0], np.pi))
+
+
+@dataclass(frozen=True, eq=False)
+class ArmShare:
+    """Part of a tool pose that the arm takes, and the rest that is left to the base.
+
+    Attributes
+    ----------
+    joints : (3,) array
+        Shoulder, elbow, roll [rad]; the roll is that of joint 1 at ``turn`` where the tool stands upright.
+    out : float
+        Tool from the pivot axis, along the arm [m].
+    turn : float
+        Heading of the base plus joint 1 [rad]; where the tool stands upright, plus or minus the roll.
+    upright : int
+        +1 where the tool points down, -1 where up, 0 else: the sign with which the roll enters ``turn``.
+    """
+
+    joints: Array
+    out: float
+    turn: float
+    upright: int
+
+
+def pitch_arm(chain: Chain) -> PitchArm | None:
+    """Lengths of a chain that is such an arm with the paper's angles; None for any other.
+
+    Joint values are those of the table (q1, d1, a1, -90), (q2, 0, a2, 0), (q3 - 90, 0, 0, -90),
+    (q4, d4, 0, 90), (q5, 0, 0, -90) [deg], and d6 to the tool along its z axis.
+    """
+    if chain.dof != 5 or any(joint.kind != "revolute" for joint in chain.joints):
+        return None
+    first, elbow, *_, tool = chain.frames(np.zeros(5))[1:, :3, 3]
+    arm = PitchArm(
+        shoulder_out=float(first[0]),
+        shoulder_up=float(first[2]),
+        upper=float(elbow[0] - first[0]),
+        fore=float(tool[0] - elbow[0]),
+    )
+    apart = np.abs(chain.forward(_POSTURES) - _chain_of(arm).forward(_POSTURES)).max()
+    return arm if apart < ALIKE and arm.upper > 0 else None
+
+
+def _chain_of(arm: PitchArm) -> Chain:
+    """Chain of the table with the arm's lengths."""
+    h, inf = np.pi / 2, np.inf
+    rows = [
+        (0, arm.shoulder_up, arm.shoulder_out, -h),
+        (0, 0, arm.upper, 0),
+        (-h, 0, 0, -h),
+        (0, arm.fore, 0, h),
+        (0, 0, 0, -h),
+    ]
+    return Chain.from_dh([(*row, -inf, inf) for row in rows])
+
+
+def heights(arm: PitchArm, pitch_sine: float) -> tuple[float, float]:
+    """Least and greatest tool height over the arm's base frame for a sine of the pitch down [m]."""
+    middle = arm.shoulder_up - arm.fore * pitch_sine
+    return middle - arm.upper, middle + arm.upper
+
+
+def arm_share(
+    arm: PitchArm, pose: Array, lift: float, index: int = 0, *, elbow: int = 1, facing: int = 1
+) -> ArmShare:
+    """Return the arm's part of a tool pose: height and vertical components of the orientation.
+
+    Parameters
+    ----------
+    arm : PitchArm
+    pose : (4, 4) array
+        In the world.
+    lift : float
+        Height of the arm's base frame [m].
+    index : int
+        Of the pose, for the error.
+    elbow : int
+        +1 or -1: which of the two shoulder angles.
+    facing : int
+        -1 for a forearm that points back over the shoulder; of a leaning tool alone.
+
+    Raises
+    ------
+    HeightError
+        When the height is out of reach at this pitch.
+    """
+    n, o, a, p = pose[:3, 0], pose[:3, 1], pose[:3, 2], pose[:3, 3]
+    sine = -float(a[2])
+    low, high = heights(arm, sine)
+    rise = float(p[2]) - lift
+    if not low - ROUNDING <= rise <= high + ROUNDING:
+        raise HeightError(index, float(p[2]), low + lift, high + lift)
+    lifted = float(np.clip((arm.shoulder_up - arm.fore * sine - rise) / arm.upper, -1.0, 1.0))
+    shoulder = float(np.arcsin(lifted)) if elbow > 0 else np.pi - float(np.arcsin(lifted))
+    flat = float(np.hypot(a[0], a[1]))
+    if flat < VERTICAL:
+        upright = 1 if sine > 0 else -1
+        pitch = upright * np.pi / 2
+        turn = float(np.arctan2(n[1], n[0])) - (0.0 if upright > 0 else np.pi)
+        joints = np.array([shoulder, pitch - shoulder, 0.0])
+        return ArmShare(joints, arm.shoulder_out + arm.upper * np.cos(shoulder), wrap(turn), upright)
+    pitch = float(np.arctan2(sine, facing * flat))
+    roll = float(np.arctan2(-facing * o[2], facing * n[2]))
+    out = arm.shoulder_out + arm.upper * np.cos(shoulder) + arm.fore * facing * flat
+    turn = float(np.arctan2(facing * a[1], facing * a[0]))
+    return ArmShare(np.array([shoulder, pitch - shoulder, roll]), out, turn, 0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,26 +248,15 @@ class _Row(NamedTuple):
 
 
 def track(
-    arm: PitchArm,
-    poses: Sequence[Array],
-    *,
-    ahead: float,
-    lift: float,
-    pivot_limit: float = np.pi / 2,
-    heading: float | None = None,
-    elbow: int = 1,
+    robot: TrackingRobot, poses: Sequence[Array], *, heading: float | None = None, elbow: int = 1
 ) -> TrackedRun:
-    """Follow tool poses with a base that rolls along arcs.
+    """Follow tool poses with a base that rolls along arcs, whatever shoulder, elbow and roll come to.
 
     Parameters
     ----------
-    arm : PitchArm
+    robot : TrackingRobot
     poses : sequence of (4, 4) array
         Of the tool, in the world.
-    ahead, lift : float
-        Arm's base frame before and above the middle of the wheels [m].
-    pivot_limit : float
-        Joint 1 stays within plus and minus this; beyond it the base turns instead [rad].
     heading : float, optional
         Of the base at the first pose; by default along the tool's first step, or as near to it as joint 1
         allows [rad].
@@ -107,19 +271,12 @@ def track(
         When joint 1 would leave its limits under a leaning tool. Its axis then stands still over the floor,
         and no wheels turn the base about a point ahead of them: the tool has to be lifted.
     """
-    return _run_of(_rows(arm, poses, ahead, lift, pivot_limit, heading, elbow))
+    return _run_of(_rows(robot, poses, heading, elbow))
 
 
-def _rows(
-    arm: PitchArm,
-    poses: Sequence[Array],
-    ahead: float,
-    lift: float,
-    limit: float,
-    heading: float | None,
-    elbow: int,
-) -> Iterator[_Row]:
+def _rows(robot: TrackingRobot, poses: Sequence[Array], heading: float | None, elbow: int) -> Iterator[_Row]:
     """Rows of a run, one for each pose."""
+    arm, lift, limit = robot.arm, robot.lift, robot.pivot_limit
     yaw = _first_heading(poses) if heading is None else heading
     facing = 1 if abs(wrap(arm_share(arm, poses[0], lift, elbow=elbow).turn - yaw)) <= np.pi / 2 else -1
     share = arm_share(arm, poses[0], lift, elbow=elbow, facing=facing)
@@ -127,12 +284,12 @@ def _rows(
     if not share.upright:
         yaw = float(turn - np.clip(turn - yaw, -limit, limit))
     pivot = float(np.clip(turn - yaw, -limit, limit))
-    base = np.array([*(poses[0][:2, 3] - _lever(ahead, share.out, pivot, yaw)), yaw])
+    base = np.array([*(poses[0][:2, 3] - _lever(robot.ahead, share.out, pivot, yaw)), yaw])
     yield _Row(base, _joints(share, pivot, turn - yaw), 0.0, 0.0)
     for k in range(1, len(poses)):
         share = arm_share(arm, poses[k], lift, k, elbow=elbow, facing=facing)
         turn += wrap(share.turn - turn)
-        step, length, pivot = _step(share, turn, poses[k][:2, 3], base, ahead, limit, k)
+        step, length, pivot = _step(robot, share, turn, poses[k][:2, 3], base, k)
         base = np.array(arc_end(base[0], base[1], base[2], length, step))
         yield _Row(base, _joints(share, pivot, turn - base[2]), step, length)
 
@@ -147,13 +304,9 @@ def _run_of(rows: Iterable[_Row]) -> TrackedRun:
 
 
 def track_runs(
-    arm: PitchArm,
+    robot: TrackingRobot,
     poses: Sequence[Array],
     *,
-    ahead: float,
-    lift: float,
-    lower: Array,
-    upper: Array,
     heading: float | None = None,
     elbow: int = 1,
     most: float = np.inf,
@@ -162,7 +315,7 @@ def track_runs(
 
     Between two runs the tool must be lifted and the base driven from the last pose of one to the first of the
     next. The first run starts with ``heading``; each other with that of `start_headings` from which it goes
-    farthest. ``lower`` and ``upper`` (5,) are the joints' limits [rad]; the rest is as for `track`.
+    farthest. Parameters are as for `track`.
 
     Returns
     -------
@@ -170,48 +323,50 @@ def track_runs(
         Empty where some pose is beyond the limits from every heading, or more than ``most`` runs are needed.
     """
     for k, pose in enumerate(poses):
-        arm_share(arm, pose, lift, k, elbow=elbow)
-    limit = float(min(-lower[0], upper[0], np.pi))
-
-    def within(rows: Iterator[_Row]) -> Iterator[_Row]:
-        with suppress(SaturationError):
-            for row in rows:
-                if (row.joints < lower - SLACK).any() or (row.joints > upper + SLACK).any():
-                    return
-                yield row
+        arm_share(robot.arm, pose, robot.lift, k, elbow=elbow)
 
     def run(first: int, yaw: float | None) -> TrackedRun:
-        return _run_of(within(_rows(arm, poses[first:], ahead, lift, limit, yaw, elbow)))
+        return _run_of(_within_limits(robot, _rows(robot, poses[first:], yaw, elbow)))
 
     runs = [run(0, heading)]
     done = len(runs[0].base)
     while runs[-1].base.size and done < len(poses):
         if len(runs) >= most:
             return ()
-        tried = start_headings(arm, poses[done], lift, elbow)
+        tried = start_headings(robot, poses[done], elbow)
         runs.append(max((run(done, yaw) for yaw in tried), key=lambda found: len(found.base)))
         done += len(runs[-1].base)
     return tuple(runs) if runs[-1].base.size else ()
 
 
-def start_headings(arm: PitchArm, pose: Array, lift: float, elbow: int = 1) -> tuple[float | None, ...]:
+def _within_limits(robot: TrackingRobot, rows: Iterator[_Row]) -> Iterator[_Row]:
+    """Rows up to the first that leaves the joint limits."""
+    with suppress(SaturationError):
+        for row in rows:
+            if (row.joints < robot.lower - SLACK).any() or (row.joints > robot.upper + SLACK).any():
+                return
+            yield row
+
+
+def start_headings(robot: TrackingRobot, pose: Array, elbow: int = 1) -> tuple[float | None, ...]:
     """Headings of a base to start a run with: along the tool's first step (None), then all round.
 
     The nearer joint 1 is to zero, the earlier.
     """
-    turn = arm_share(arm, pose, lift, elbow=elbow).turn
+    turn = arm_share(robot.arm, pose, robot.lift, elbow=elbow).turn
     aside = sorted(range(SPREAD), key=lambda k: min(k, SPREAD - k))
     return (None, *(float(wrap(turn + 2 * np.pi * k / SPREAD)) for k in aside))
 
 
 def _step(
-    share: ArmShare, world_turn: float, spot: Array, base: Array, ahead: float, limit: float, index: int
+    robot: TrackingRobot, share: ArmShare, world_turn: float, spot: Array, base: Array, index: int
 ) -> tuple[float, float, float]:
     """Turn and length of the base's arc, and joint 1, that bring the tool to a spot.
 
     The lever from the wheels to the tool turns with the base by T; its end gets to (x, y), seen from the
     base, where the chord has the heading T / 2: tan(T / 2) = (y - lever_y) / (x + lever_x).
     """
+    ahead, limit = robot.ahead, robot.pivot_limit
     x, y = _seen_from(base, spot)
     facing = world_turn - base[2]
     if share.upright:  # the roll takes what joint 1 leaves: it follows the heading before the step

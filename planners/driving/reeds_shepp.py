@@ -1,10 +1,9 @@
-"""Shortest words_between of a car: Dubins (forward only) and Reeds-Shepp (with reversing), in closed form.
+"""Shortest curves of a car that can reverse, in closed form (Reeds and Shepp, Pacific J. Math. 145, 1990).
 
-A word is a row of at most five signed lengths and turns for a turning radius of 1. The formulas are those of
-Reeds and Shepp (Pacific J. Math. 145, 1990, section 8) and of Dubins (Amer. J. Math. 79, 1957). The quadrant
-that a formula holds in is not tested: each word is driven from its start, and those that do not end at the
-goal are dropped. Every word left is a valid curve; where an obstacle is on the shortest, a longer one may be
-free.
+A word is a row of at most five signed lengths and turns for a turning radius of 1. Formulas have their
+numbers in section 8 of the paper. The quadrant that a formula holds in is not tested: each word is driven
+from its start, and those that do not end at the goal are dropped. Every word left is a valid curve; where an
+obstacle is on the shortest, a longer one may be free.
 """
 
 from __future__ import annotations
@@ -13,7 +12,8 @@ import math
 
 import numpy as np
 
-from regionik.planners.driving.arcs import arc_end, wrapped
+from regionik.planners.driving.arcs import arc_end
+from regionik.planners.geometry.angles import wrap
 from regionik.planners.geometry.polygons import compiled
 from regionik.worlds.arrays import Array
 
@@ -47,12 +47,12 @@ def _write(words: Array, n: int, kind: int, a: float, b: float, c: float, d: flo
 @compiled
 def _tau_omega(u: float, v: float, xi: float, eta: float, phi: float) -> tuple[float, float]:
     """First and last arc of a word of four arcs (Reeds and Shepp, 8.7 and 8.8)."""
-    delta = wrapped(u - v)
+    delta = wrap(u - v)
     a, b = math.sin(u) - math.sin(delta), math.cos(u) - math.cos(delta) - 1.0
     tau = math.atan2(eta * a - xi * b, xi * a + eta * b)
     if 2.0 * (math.cos(delta) - math.cos(v) - math.cos(u)) + 3.0 < 0.0:
-        tau = wrapped(tau + math.pi)
-    return tau, wrapped(tau - u + v - phi)
+        tau = wrap(tau + math.pi)
+    return tau, wrap(tau - u + v - phi)
 
 
 @compiled
@@ -61,15 +61,15 @@ def _one_sided(x: float, y: float, phi: float, words: Array, n: int, forth: bool
     xi, eta = x - math.sin(phi), y - 1.0 + math.cos(phi)
     far, theta = math.hypot(xi, eta), math.atan2(eta, xi)
     if forth:
-        n = _write(words, n, LSL, theta, far, wrapped(phi - theta), 0.0, 0.0)  # 8.1
+        n = _write(words, n, LSL, theta, far, wrap(phi - theta), 0.0, 0.0)  # 8.1
     if far <= 4.0:
         u = -2.0 * math.asin(far / 4.0)
-        t = wrapped(theta + 0.5 * u + math.pi)
-        n = _write(words, n, LRL, t, u, wrapped(phi - t + u), 0.0, 0.0)  # 8.3
+        t = wrap(theta + 0.5 * u + math.pi)
+        n = _write(words, n, LRL, t, u, wrap(phi - t + u), 0.0, 0.0)  # 8.3
     if far >= 2.0:
         r = math.sqrt(far * far - 4.0)
-        t = wrapped(theta + math.atan2(r, -2.0))
-        v = wrapped(phi - 0.5 * math.pi - t)
+        t = wrap(theta + math.atan2(r, -2.0))
+        v = wrap(phi - 0.5 * math.pi - t)
         n = _write(words, n, LRSL, t, -0.5 * math.pi, 2.0 - r, v, 0.0)  # 8.9
     return n
 
@@ -82,16 +82,16 @@ def _two_sided(x: float, y: float, phi: float, words: Array, n: int, forth: bool
     half = 0.5 * math.pi
     if far >= 2.0:
         t = math.atan2(xi, -eta)
-        n = _write(words, n, LRSR, t, -half, 2.0 - far, wrapped(t + half - phi), 0.0)  # 8.10
+        n = _write(words, n, LRSR, t, -half, 2.0 - far, wrap(t + half - phi), 0.0)  # 8.10
     if not forth:
         return n
     if far >= 2.0:
         u = math.sqrt(far * far - 4.0)
-        t = wrapped(theta + math.atan2(2.0, u))
-        n = _write(words, n, LSR, t, u, wrapped(t - phi), 0.0, 0.0)  # 8.2
+        t = wrap(theta + math.atan2(2.0, u))
+        n = _write(words, n, LSR, t, u, wrap(t - phi), 0.0, 0.0)  # 8.2
         u = 4.0 - u
         t = math.atan2((4.0 - u) * xi - 2.0 * eta, -2.0 * xi + (u - 4.0) * eta)
-        n = _write(words, n, LRSLR, t, -half, u, -half, wrapped(t - phi))  # 8.11
+        n = _write(words, n, LRSLR, t, -half, u, -half, wrap(t - phi))  # 8.11
     else:
         u = math.acos((2.0 + far) / 4.0)
         t, v = _tau_omega(u, -u, xi, eta, phi)
@@ -119,7 +119,7 @@ def _reverse(words: Array, first: int, n: int) -> None:
 
 
 @compiled
-def reeds_shepp_words(x: float, y: float, phi: float) -> Array:
+def _words(x: float, y: float, phi: float) -> Array:
     """Candidate words (n, 5, 2) from the origin to a pose, by the symmetries of Reeds and Shepp."""
     words = np.empty((56, MOTIONS, 2))
     n = 0
@@ -142,51 +142,16 @@ def reeds_shepp_words(x: float, y: float, phi: float) -> Array:
 
 
 @compiled
-def _forward_turn(angle: float) -> float:
-    """Angle taken to [0, 2 pi); what rounding put below 0 is 0, not a full circle."""
-    angle = angle % (2.0 * math.pi)
-    return 0.0 if 2.0 * math.pi - angle < 1e-11 else angle
-
-
-@compiled
-def dubins_words(x: float, y: float, phi: float) -> Array:
-    """Candidate words (n, 5, 2) from the origin to a pose without reversing: LSL, LRL, LSR, mirrored."""
-    words = np.empty((8, MOTIONS, 2))
-    n = 0
-    for side in (1.0, -1.0):
-        first = n
-        gy, turn = side * y, side * phi
-        xi, eta = x - math.sin(turn), gy - 1.0 + math.cos(turn)
-        far, theta = math.hypot(xi, eta), math.atan2(eta, xi)
-        t = _forward_turn(theta) if far > 0.0 else 0.0
-        n = _write(words, n, LSL, t, far, _forward_turn(turn - t), 0.0, 0.0)
-        if far <= 4.0:
-            for beta in (math.acos(far / 4.0), -math.acos(far / 4.0)):
-                t, u = _forward_turn(theta + beta + 0.5 * math.pi), _forward_turn(math.pi + 2.0 * beta)
-                n = _write(words, n, LRL, t, u, _forward_turn(turn - theta + beta + 0.5 * math.pi), 0.0, 0.0)
-        xi, eta = x + math.sin(turn), gy - 1.0 - math.cos(turn)
-        far, theta = math.hypot(xi, eta), math.atan2(eta, xi)
-        if far >= 2.0:
-            u = math.sqrt(far * far - 4.0)
-            t = _forward_turn(theta + math.atan2(2.0, u))
-            n = _write(words, n, LSR, t, u, _forward_turn(t - turn), 0.0, 0.0)
-        for m in range(first, n):
-            for k in range(MOTIONS):
-                words[m, k, 1] *= side
-    return words[:n]
-
-
-@compiled
 def _ends_at(word: Array, x: float, y: float, phi: float) -> bool:
     """True if a word driven from the origin ends at a pose."""
     px, py, yaw = 0.0, 0.0, 0.0
     for k in range(MOTIONS):
         px, py, yaw = arc_end(px, py, yaw, word[k, 0], word[k, 1])
-    return max(abs(px - x), abs(py - y), abs(wrapped(yaw - phi))) <= _EXACT * (1.0 + abs(x) + abs(y))
+    return max(abs(px - x), abs(py - y), abs(wrap(yaw - phi))) <= _EXACT * (1.0 + abs(x) + abs(y))
 
 
 @compiled
-def words_between(start: Array, goal: Array, radius: float, reverse: bool) -> tuple[Array, Array]:
+def words_between(start: Array, goal: Array, radius: float) -> tuple[Array, Array]:
     """All words that lead from one pose to another, shortest first.
 
     Parameters
@@ -195,8 +160,6 @@ def words_between(start: Array, goal: Array, radius: float, reverse: bool) -> tu
         x, y [m], yaw [rad].
     radius : float
         Of every arc [m].
-    reverse : bool
-        Reeds-Shepp words, else Dubins words.
 
     Returns
     -------
@@ -207,8 +170,8 @@ def words_between(start: Array, goal: Array, radius: float, reverse: bool) -> tu
     """
     c, s = math.cos(start[2]), math.sin(start[2])
     dx, dy = (goal[0] - start[0]) / radius, (goal[1] - start[1]) / radius
-    x, y, phi = c * dx + s * dy, c * dy - s * dx, wrapped(goal[2] - start[2])
-    words = reeds_shepp_words(x, y, phi) if reverse else dubins_words(x, y, phi)
+    x, y, phi = c * dx + s * dy, c * dy - s * dx, wrap(goal[2] - start[2])
+    words = _words(x, y, phi)
     found, lengths = np.empty((len(words), MOTIONS, 2)), np.empty(len(words))
     n = 0
     for m in range(len(words)):

@@ -1,4 +1,4 @@
-"""Paths by OMPL's RRTConnect and RRT: between two points of a box, or two poses on a floor.
+"""Paths by OMPL's RRTConnect: between two points of a box, or two poses on a floor.
 
 The only file that imports ompl.
 """
@@ -8,8 +8,9 @@ from __future__ import annotations
 import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from threading import Lock, current_thread, main_thread
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
@@ -17,34 +18,42 @@ from regionik.worlds.arrays import Array
 
 _OMPL = Lock()  # its seed and its log level belong to the whole process
 
-Curves = Literal["straight", "reeds-shepp", "dubins"]
 State = Any  # of OMPL: read by index, valid during the call only
 
 
+@dataclass(frozen=True, eq=False)
+class PlanningProblem:
+    """Two states of a space to be connected.
+
+    Attributes
+    ----------
+    lower, upper : (n,) array
+        The box to sample; a side of no width is widened by 1e-6.
+    start, goal : (n,) array
+        Different states that are free.
+    state_is_free : callable
+        Says if a state is free.
+    motion_is_free : callable
+        Says if the motion from one state to another is free.
+    """
+
+    lower: Array
+    upper: Array
+    start: Array
+    goal: Array
+    state_is_free: Callable[[Any], bool]
+    motion_is_free: Callable[[Any, Any], bool]
+
+
 def connect(
-    lower: Array,
-    upper: Array,
-    start: Array,
-    goal: Array,
-    free: Callable[[State], bool],
-    clear: Callable[[State, State], bool],
-    *,
-    seed: int,
-    iterations: int,
-    stride: float | None = None,
+    problem: PlanningProblem, *, seed: int, iterations: int, stride: float | None = None
 ) -> Array | None:
     """Connect two points of a box by motions that are straight in its coordinates.
 
     Parameters
     ----------
-    lower, upper : (n,) array
-        The box; a side of no width is widened by 1e-6.
-    start, goal : (n,) array
-        Different points of the box that are free.
-    free : callable
-        Says if a state is free; its coordinates are ``state[i]``.
-    clear : callable
-        Says if the straight motion from one state to another is free.
+    problem : PlanningProblem
+        Its callables read the coordinates of a `State` as ``state[i]``.
     seed : int
         Same input, same path, whatever was planned before.
     iterations : int
@@ -57,61 +66,31 @@ def connect(
     (k, n) array or None
         From start to goal; None when the iterations are used up.
     """
-    count = len(lower)
+    count = len(problem.lower)
     with _ompl(seed) as (base, geometric):
         space = base.RealVectorStateSpace(count)
-        bounds = base.RealVectorBounds(count)
-        for axis in range(count):
-            bounds.setLow(axis, float(lower[axis]))
-            bounds.setHigh(axis, float(max(upper[axis], lower[axis] + 1e-6)))
-        space.setBounds(bounds)
-        setup = geometric.SimpleSetup(space)
-        information = setup.getSpaceInformation()
-        setup.setStateValidityChecker(lambda p: bool(free(p)))
-        information.setMotionValidator(_motions(base, information, clear))
-        setup.setStartAndGoalStates(_state(space, start), _state(space, goal))
-        planner = geometric.RRTConnect(information)
+        space.setBounds(_bounds(base, problem))
+        ends = [_point_state(space, point) for point in (problem.start, problem.goal)]
+        setup = _setup(base, geometric, space, ends, problem.state_is_free, problem.motion_is_free)
+        planner = geometric.RRTConnect(setup.getSpaceInformation())
         if stride is not None:
             planner.setRange(stride)
-        setup.setPlanner(planner)
-        status = setup.solve(base.PlannerTerminationCondition(_after(iterations)))
-        if status != base.PlannerStatus.EXACT_SOLUTION:
-            return None
-        states = setup.getSolutionPath().getStates()
-        path = np.array([[p[i] for i in range(count)] for p in states])
-    path[0], path[-1] = start, goal
-    return path
+        states = _solved(base, setup, planner, iterations)
+        return None if states is None else _path(problem, [[p[i] for i in range(count)] for p in states])
 
 
 def connect_poses(
-    lower: Array,
-    upper: Array,
-    start: Array,
-    goal: Array,
-    free: Callable[[Array], bool],
-    clear: Callable[[Array, Array], bool],
-    *,
-    curves: Curves,
-    radius: float = 1.0,
-    seed: int,
-    iterations: int,
+    problem: PlanningProblem, *, turning_radius: float, seed: int, iterations: int
 ) -> Array | None:
-    """Connect two poses (x, y [m], yaw [rad]) by motions that ``clear`` makes and checks.
+    """Connect two poses (x, y [m], yaw [rad]) by motions that the problem makes and checks.
 
     Parameters
     ----------
-    lower, upper : (2,) array
-        Box to sample in [m].
-    start, goal : (3,) array
-        Different poses that are free.
-    free : callable
-        Says if a pose (3,) is free.
-    clear : callable
-        Says if the motion from one pose to another is free.
-    curves : {"straight", "reeds-shepp", "dubins"}
-        Metric of the space: measures how near neighbours are and cuts motions short.
-    radius : float
-        Turning radius of the curves [m].
+    problem : PlanningProblem
+        Its box (2,) holds positions; its callables get poses (3,).
+    turning_radius : float
+        Of the Reeds-Shepp curves that measure how near poses are and cut motions short; 0 for straight
+        motions that turn evenly [m].
     seed, iterations
         As for `connect`.
 
@@ -121,43 +100,89 @@ def connect_poses(
         From start to goal, headings from -pi to pi; None when the iterations are used up.
     """
     with _ompl(seed) as (base, geometric):
-        space = _pose_space(base, curves, radius)
-        bounds = base.RealVectorBounds(2)
-        for axis in range(2):
-            bounds.setLow(axis, float(lower[axis]))
-            bounds.setHigh(axis, float(max(upper[axis], lower[axis] + 1e-6)))
-        space.setBounds(bounds)
-        setup = geometric.SimpleSetup(space)
-        information = setup.getSpaceInformation()
-        setup.setStateValidityChecker(lambda p: bool(free(_read(p))))
-        information.setMotionValidator(_motions(base, information, lambda p, q: clear(_read(p), _read(q))))
-        ends = [space.allocState(), space.allocState()]
-        for state, pose in zip(ends, (start, goal), strict=True):
-            state.setXY(float(pose[0]), float(pose[1]))
-            state.setYaw(float(pose[2]))
-        for state in ends:
-            space.enforceBounds(state)
-        setup.setStartAndGoalStates(*ends)
-        # A tree from the goal would need curves that end at its states; where there and back differ, one tree
-        # succeeds far more often.
-        both = space.hasSymmetricDistance()
-        setup.setPlanner((geometric.RRTConnect if both else geometric.RRT)(information))
-        status = setup.solve(base.PlannerTerminationCondition(_after(iterations)))
-        if status != base.PlannerStatus.EXACT_SOLUTION:
-            return None
-        path = np.array([_read(p) for p in setup.getSolutionPath().getStates()])
-    path[0], path[-1] = start, goal
+        space = base.ReedsSheppStateSpace(turning_radius) if turning_radius else base.SE2StateSpace()
+        space.setBounds(_bounds(base, problem))
+        ends = [_pose_state(space, pose) for pose in (problem.start, problem.goal)]
+        setup = _setup(
+            base,
+            geometric,
+            space,
+            ends,
+            lambda p: problem.state_is_free(_pose(p)),
+            lambda p, q: problem.motion_is_free(_pose(p), _pose(q)),
+        )
+        planner = geometric.RRTConnect(setup.getSpaceInformation())
+        states = _solved(base, setup, planner, iterations)
+        return None if states is None else _path(problem, [_pose(p) for p in states])
+
+
+def _bounds(base: Any, problem: PlanningProblem) -> Any:
+    """Bounds of the box to sample."""
+    bounds = base.RealVectorBounds(len(problem.lower))
+    for axis, (low, high) in enumerate(zip(problem.lower, problem.upper, strict=True)):
+        bounds.setLow(axis, float(low))
+        bounds.setHigh(axis, float(max(high, low + 1e-6)))
+    return bounds
+
+
+def _setup(
+    base: Any,
+    geometric: Any,
+    space: Any,
+    ends: list[State],
+    state_is_free: Callable[[State], bool],
+    motion_is_free: Callable[[State, State], bool],
+) -> Any:
+    """Problem of connecting two states; a motion is checked as a whole in one call."""
+
+    class Motions(base.MotionValidator):  # type: ignore[misc]
+        def checkMotion(self, p: State, q: State) -> bool:
+            return bool(motion_is_free(p, q))
+
+    setup = geometric.SimpleSetup(space)
+    information = setup.getSpaceInformation()
+    setup.setStateValidityChecker(lambda p: bool(state_is_free(p)))
+    information.setMotionValidator(Motions(information))
+    setup.setStartAndGoalStates(*ends)
+    return setup
+
+
+def _solved(base: Any, setup: Any, planner: Any, iterations: int) -> list[State] | None:
+    """States of the path that a planner finds; None when the iterations are used up."""
+    setup.setPlanner(planner)
+    left = iter(range(iterations))
+    status = setup.solve(base.PlannerTerminationCondition(lambda: next(left, None) is None))
+    if status != base.PlannerStatus.EXACT_SOLUTION:
+        return None
+    states: list[State] = setup.getSolutionPath().getStates()
+    return states
+
+
+def _path(problem: PlanningProblem, rows: list[Any]) -> Array:
+    """States as rows, both ends as they were given."""
+    path = np.array(rows)
+    path[0], path[-1] = problem.start, problem.goal
     return path
 
 
-def _pose_space(base: Any, curves: Curves, radius: float) -> Any:
-    """OMPL's state space of poses with a metric."""
-    if curves == "straight":
-        return base.SE2StateSpace()
-    return base.ReedsSheppStateSpace(radius) if curves == "reeds-shepp" else base.DubinsStateSpace(radius)
+def _point_state(space: Any, point: Array) -> State:
+    """State at a point of the box."""
+    state = space.allocState()
+    for i, value in enumerate(point.tolist()):
+        state[i] = value
+    return state
 
 
-def _read(state: State) -> Array:
+def _pose_state(space: Any, pose: Array) -> State:
+    """State at a pose (3,), its heading within a turn."""
+    state = space.allocState()
+    state.setXY(float(pose[0]), float(pose[1]))
+    state.setYaw(float(pose[2]))
+    space.enforceBounds(state)
+    return state
+
+
+def _pose(state: State) -> Array:
     """Pose (3,) of a state."""
     return np.array([state.getX(), state.getY(), state.getYaw()])
 
@@ -198,27 +223,3 @@ def _signals_held() -> Iterator[None]:
             signal.signal(number, handler)
         for one in caught:
             handlers[signal.Signals(one)](one, None)
-
-
-def _motions(base: Any, information: Any, clear: Callable[[State, State], bool]) -> Any:
-    """Motion validator that checks a whole motion in one call."""
-
-    class Motions(base.MotionValidator):  # type: ignore[misc]
-        def checkMotion(self, p: Any, q: Any) -> bool:
-            return bool(clear(p, q))
-
-    return Motions(information)
-
-
-def _state(space: Any, point: Array) -> Any:
-    """State at a point of the box."""
-    state = space.allocState()
-    for i, value in enumerate(point.tolist()):
-        state[i] = value
-    return state
-
-
-def _after(calls: int) -> Any:
-    """Condition that turns true after a number of calls."""
-    left = iter(range(calls))
-    return lambda: next(left, None) is None

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from shapely.geometry import Polygon
 
-from regionik.planners.driving.footprint_scene import core_edges
+from regionik.planners.driving.footprint import core_edges
 from regionik.planners.geometry.polygons import Index, compiled, nearest_on_segment
 from regionik.worlds.arrays import Array
 

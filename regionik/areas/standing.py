@@ -20,7 +20,7 @@ from shapely.geometry import Point, Polygon
 
 from regionik.areas.ground import EVERY, GUARD, Geometries, Side, disjoint, ground_of
 from regionik.areas.reachable import heeds_headings
-from regionik.planners.driving.footprint_scene import FootprintScene, footprint_scene
+from regionik.planners.driving.footprint import FootprintScene, footprint_scene
 from regionik.planners.driving.heading_slabs import slab_areas, slab_rejections, slabs_along
 from regionik.postures.families import Family
 from regionik.worlds.arrays import Array

@@ -21,13 +21,11 @@ from shapely.geometry.base import BaseGeometry
 from regionik.areas.ground import GUARD, Geometries, ground_of
 from regionik.areas.standing import Index, Standing, into_span, room_for
 from regionik.ladder import Ladder
-from regionik.moving.base_motion import BasePath, ShapedDriver, halting, together
-from regionik.moving.interpolation import Interpolator
-from regionik.planners.driving.footprint_planner import drive_footprint
-from regionik.planners.driving.footprint_scene import FootprintScene, footprint_scene, slide_is_free
+from regionik.moving.base_motion import BasePath, Interpolator, ShapedDriver, halting, together
+from regionik.planners.driving.footprint import FootprintScene, footprint_scene, slide_is_free
+from regionik.planners.driving.footprint_planner import drive_footprint, path_through_slabs
 from regionik.planners.driving.heading_slabs import Slab
 from regionik.planners.driving.point_planner import NoPathError, drive_point, drive_point_inside
-from regionik.planners.driving.slab_roadmap import path_through_slabs
 from regionik.planners.geometry.polygons import FlatPolygon, segment_in_either
 from regionik.postures.poses import Pose, axis_of, pose_of
 from regionik.worlds.arrays import Array

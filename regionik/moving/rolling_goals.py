@@ -10,7 +10,7 @@ import shapely
 
 from regionik.areas.standing import Mask, Standing, away, room_for
 from regionik.ladder import Ladder
-from regionik.planners.driving.footprint_scene import fits
+from regionik.planners.driving.footprint import fits
 from regionik.planners.geometry.angles import wrap
 from regionik.postures.poses import axis_of
 from regionik.values import Configuration

@@ -11,8 +11,8 @@ import numpy as np
 from regionik.ladder import Ladder
 from regionik.moving.base_motion import BasePath, ShapedDriver, halting, together
 from regionik.planners.driving.arcs import WheeledPath
-from regionik.planners.driving.footprint_scene import FootprintScene, arc_is_free
-from regionik.planners.driving.wheeled_planner import drive_car, drive_differential
+from regionik.planners.driving.footprint import FootprintScene, arc_is_free
+from regionik.planners.driving.pose_planner import drive_car, drive_differential
 from regionik.postures.poses import Pose
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import World

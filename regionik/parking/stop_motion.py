@@ -19,9 +19,8 @@ from regionik.explain.changes import one_lift_off
 from regionik.explain.constraints import setpoint
 from regionik.moving.configuration_sampling import PITCHES, Candidate
 from regionik.moving.path_search import HARD_TRIES, JoinedMotion, PathSearch, path_search
-from regionik.parking.base_placement import BasePlacement, PlacementSearch
 from regionik.parking.fewest_stops import StopGroup
-from regionik.parking.stops import StopSequence
+from regionik.parking.stops import BasePlacement, PlacementSearch, StopSequence
 from regionik.postures.poses import Pose, Row
 from regionik.values import Stop
 from regionik.worlds.arms import pivot_index

@@ -14,7 +14,7 @@ from regionik.mfabrik import Solver, solver_for
 from regionik.moving.configuration_sampling import spread
 from regionik.planners.avoidance.clear_posture import clear_posture
 from regionik.planners.collision.proximity import Touch
-from regionik.planners.driving.footprint_scene import fits
+from regionik.planners.driving.footprint import fits
 from regionik.postures.arm import goal_error
 from regionik.postures.arm_guard import SPARE, Guard, contact_for, guard_of
 from regionik.postures.families import Family

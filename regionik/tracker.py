@@ -1,0 +1,364 @@
+"""Plans by Xu's tracker: a differential base and a pitch arm follow set-points of full orientation.
+
+Every pose is met in closed form, so that only the heading of the base at the first pose and the elbow are
+searched, until `verify` finds a plan valid. That choice alone keeps clear of solids; the tracker avoids
+nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+
+import numpy as np
+import shapely
+from scipy.spatial.transform import Rotation
+from shapely.geometry import Point
+from shapely.geometry.base import BaseGeometry
+
+from regionik.areas.ground import ground_of
+from regionik.areas.standing import room_for
+from regionik.explain.constraints import no_way_to, setpoint_at
+from regionik.explain.failures import invalid_plan
+from regionik.moving.base_motion import arm_states
+from regionik.planners.driving.point_planner import NoPathError
+from regionik.planners.driving.pose_planner import drive_differential
+from regionik.planners.driving.pose_tracking import (
+    HeightError,
+    TrackedRun,
+    TrackingRobot,
+    arm_share,
+    pitch_arm,
+    start_headings,
+    track_runs,
+)
+from regionik.postures.poses import LARGEST_BEND, Pose, Row, axis_of, columns, lift_offs, motion_stats
+from regionik.values import Configuration, Motion, Plan, PlannedArea, Report
+from regionik.verification.verifier import verify
+from regionik.worlds.arrays import Array
+from regionik.worlds.drives import DifferentialDrive
+from regionik.worlds.errors import Cause, Explanation, NoPlanFound
+from regionik.worlds.robot import Robot
+from regionik.worlds.scene import Target, World
+
+Progress = Callable[[str, int, int], None]
+
+FINEST = 6  # halvings of the segment between two set-points at most
+SAME = 1e-9  # [rad] or [m]
+DRAWN = 0.005  # half the drawn width of the curves that the axis may stand on [m]
+
+
+def can_track(world: World) -> bool:
+    """True if the tracker can plan a world: wheels, a pitch arm ahead of them, and full orientations."""
+    full = all(target.orientation is not None for target in world.task)
+    return full and tracking_robot(world.robot) is not None
+
+
+def tracking_robot(robot: Robot) -> TrackingRobot | None:
+    """Robot as the tracker sees it: a pitch arm straight ahead of two driven wheels; None for any other."""
+    x, y, lift, yaw = robot.mount.tolist()
+    if not isinstance(robot.drive, DifferentialDrive) or x <= 0 or y != 0 or yaw != 0:
+        return None
+    arm = pitch_arm(robot.chain)
+    return None if arm is None else TrackingRobot(arm, x, lift, robot.chain.lower, robot.chain.upper)
+
+
+def plan_tracked(world: World, seed: int, progress: Progress) -> Plan:
+    """Plan a world that the tracker can plan (`can_track`).
+
+    Raises
+    ------
+    NoPlanFound
+        When a height is out of reach, or no heading of the base at the first set-point leads to a valid plan.
+    """
+    robot = tracking_robot(world.robot)
+    assert robot is not None, "asked of a world that the tracker can plan"
+    progress("tracker", 0, 0)
+    rejected = _Rejected(world)
+    joiner = _RunJoiner(world, seed)
+    try:
+        for k, found in enumerate(tracked_paths(world, robot)):
+            progress("tracker", k, 0)
+            try:
+                motion = joiner.motion(found)
+            except NoPathError as error:
+                rejected.no_way.append(str(error))
+                continue
+            made = _plan_of(world, seed, robot, motion, joiner.methods(found))
+            report = verify(made)
+            if report.ok:
+                return replace(made, stats={**made.stats, "margins": report.margins})
+            rejected.reports.append(report)
+    except HeightError as error:
+        raise NoPlanFound(_out_of_reach(world, error)) from None
+    raise NoPlanFound(rejected.explanation())
+
+
+@dataclass(frozen=True, eq=False)
+class _RunJoiner:
+    """Joins runs to one motion; between two the tool is lifted and the base driven."""
+
+    world: World
+    seed: int
+
+    def motion(self, found: TrackedPath) -> Motion:
+        """States of all runs and of the drives to them; raises NoPathError."""
+        start, rows, k = self.world.start, [], 0
+        here = None if start is None else Pose(start.base, start.joints)
+        if here is not None:
+            rows.append(Row(here, "transit", -1))
+        for run in found.runs:
+            poses = [Pose(base, joints) for base, joints in zip(run.base, run.joints, strict=True)]
+            if here is not None:
+                rows += [Row(pose, "transit", -1) for pose in self._between(here, poses[0])]
+            for pose in poses:
+                rows.append(Row(pose, "setpoint" if found.path.exact[k] else "step", found.path.owner[k]))
+                k += 1
+            here = poses[-1]
+        if start is not None and same(start.base, start.joints, rows[1].pose.base, rows[1].pose.joints):
+            del rows[0]
+        return columns(rows)
+
+    def methods(self, found: TrackedPath) -> dict[str, int]:
+        """Steps tracked and drives between runs."""
+        drives = len(found.runs) - (self.world.start is None)
+        return {"tracker": sum(len(run.base) - 1 for run in found.runs)} | (
+            {"drive": drives} if drives else {}
+        )
+
+    def _between(self, here: Pose, there: Pose) -> list[Pose]:
+        """States between two poses with the tool lifted: fold the arm, drive, and unfold it."""
+        if same(here.base, here.joints, there.base, there.joints):
+            return []
+        carry, room = self.world.robot.carry, room_for(self.world)
+        way = drive_differential(room, here.base, there.base, seed=self.seed)
+        driven = [Pose(base, carry) for base in way.sample(self.world.rules.step * 0.999)]
+        lifted = Pose(there.base, carry)
+        return [*arm_states(here, driven[0]), *driven[:-1], lifted, *arm_states(lifted, there)]
+
+
+def _plan_of(world: World, seed: int, robot: TrackingRobot, motion: Motion, methods: dict[str, int]) -> Plan:
+    at = np.flatnonzero(motion.kind == "setpoint")
+    tools = world.robot.tool(motion.base[at], motion.joints[at])[:, :3, 3]
+    found = tuple(
+        Configuration(
+            motion.base[k], motion.joints[k], float(np.linalg.norm(tool - target.position)), 0, True
+        )
+        for k, tool, target in zip(at.tolist(), tools, world.task, strict=True)
+    )
+    free = shapely.union_all(ground_of(world).inner.pieces)
+    areas = tuple(
+        _area(world, robot, target, free, axis_of(world.robot, one.base))
+        for target, one in zip(world.task, found, strict=True)
+    )
+    stats = motion_stats(world.robot.drive, found, motion, methods)
+    return Plan(world, seed, found, motion, areas, lift_offs(motion), (), stats)
+
+
+def _area(world: World, robot: TrackingRobot, target: Target, free: BaseGeometry, axis: Array) -> PlannedArea:
+    """Positions of the axis for a set-point: curves and points, drawn `DRAWN` to either side.
+
+    Under an upright tool a circle for each elbow, under a leaning one a point. The area for the whole path is
+    the point that the plan takes.
+    """
+    T = tool_frame(target)
+    curves = []
+    for elbow in (1, -1):
+        for facing in (1, -1):
+            share = arm_share(robot.arm, T, robot.lift, elbow=elbow, facing=facing)
+            if not _holds(robot, share.joints):
+                continue
+            if share.upright:
+                ring = Point(T[:2, 3])
+                curves.append(
+                    ring.buffer(abs(share.out) + DRAWN, 64) - ring.buffer(abs(share.out) - DRAWN, 64)
+                )
+            else:
+                way = np.array([np.cos(share.turn), np.sin(share.turn)])
+                curves.append(Point(T[:2, 3] - share.out * way).buffer(DRAWN))
+    reach, taken = shapely.union_all(curves), Point(axis).buffer(DRAWN)
+    return PlannedArea((reach & free) | taken, taken, reach - free - taken)
+
+
+def _out_of_reach(world: World, error: HeightError) -> Explanation:
+    """Explanation of a height that the arm does not attain."""
+    i = error.index
+    nearest = error.low if error.height < error.low else error.high
+    off, which = abs(nearest - error.height), "low" if error.height < error.low else "high"
+    low, high, asked, missing = (
+        f"{1000 * value:.2f}" for value in (error.low, error.high, error.height, off)
+    )
+    who = setpoint_at(world.task, i)
+    reason = (
+        f"{no_way_to(who)}: with this very tool direction and its last joint at zero, as the tracker "
+        f"keeps it, the arm attains heights of {low} to {high} mm, wherever the base stands; {asked} mm is "
+        f"asked for, {missing} mm too {which}. Other postures are not ruled out."
+    )
+    return Explanation("undecided", i, reason, (Cause("reach", world.robot.name, off),))
+
+
+@dataclass(frozen=True, eq=False)
+class _Rejected:
+    """Paths that gave no valid plan, and why."""
+
+    world: World
+    reports: list[Report] = field(default_factory=list)
+    no_way: list[str] = field(default_factory=list)
+
+    def explanation(self) -> Explanation:
+        """First violation of the plan that stays valid for longest, or the first drive without a path."""
+        tried = len(self.reports) + len(self.no_way)
+        many = (
+            f"{tried} ways to follow the set-points were tried, from all headings of the base and both elbows"
+        )
+        if self.reports:
+            first = [min(report.violations, key=lambda v: v.state or 0) for report in self.reports]
+            farthest = max(first, key=lambda violation: violation.state or 0)
+            told = invalid_plan(self.world, [farthest])
+            return replace(told, reason=f"{many}. Of the one that goes farthest: {farthest.text}.")
+        if self.no_way:
+            return Explanation("ladder-broken", 0, f"{many}. {self.no_way[0]}.", (Cause("floor", "floor"),))
+        reason = (
+            "No way was found to follow the set-points: from all headings of the base and both elbows that "
+            "were tried some joint leaves its limits."
+        )
+        return Explanation("no-posture", None, reason, (Cause("limits", self.world.robot.name),))
+
+
+@dataclass(frozen=True, eq=False)
+class PosePath:
+    """Poses of the tool: all set-points, and some between.
+
+    Attributes
+    ----------
+    poses : list of (4, 4) arrays
+    owner : list of int
+        The set-point, or the one before a pose between.
+    exact : list of bool
+        True for a set-point.
+    """
+
+    poses: list[Array]
+    owner: list[int]
+    exact: list[bool]
+
+
+@dataclass(frozen=True, eq=False)
+class TrackedPath:
+    """Runs that follow the poses of a path, the tool lifted between them; empty where none can."""
+
+    path: PosePath
+    runs: tuple[TrackedRun, ...]
+
+
+def tracked_paths(world: World, robot: TrackingRobot) -> Iterator[TrackedPath]:
+    """Yield paths from all headings of the base and both elbows: fewest lift-offs first, then least travel.
+
+    A new run begins where a joint would leave its limits; starts from which no runs follow are left out.
+
+    Raises
+    ------
+    HeightError
+        With the index of the set-point, or of the one before.
+    """
+    given = () if world.start is None else (float(world.start.base[2]),)
+    starts = [
+        (heading, elbow)
+        for elbow in (1, -1)
+        if _attains_all(world, robot, elbow)
+        for heading in (*given, *start_headings(robot, tool_frame(world.task[0]), elbow))
+    ]
+    for most in (1.0, np.inf):
+        found = [_tracked(world, robot, *start, most) for start in starts]
+        yield from sorted((one for one in found if one.runs), key=lambda one: _cost(world, one))
+        starts = [start for start, one in zip(starts, found, strict=True) if not one.runs]
+
+
+def _cost(world: World, found: TrackedPath) -> tuple[int, float]:
+    """Number of drives with the tool lifted, and travel of the faster wheel besides [m]."""
+    start, first = world.start, found.runs[0]
+    away = start is not None and not same(start.base, start.joints, first.base[0], first.joints[0])
+    ways = (np.abs(run.wheels(world.robot.gauge)).max(1).sum() for run in found.runs)
+    return len(found.runs) + away, float(sum(ways))
+
+
+def same(base: Array, joints: Array, other: Array, others: Array) -> bool:
+    """True if two states of the robot are the same."""
+    return bool(max(np.abs(base - other).max(), np.abs(joints - others).max()) <= SAME)
+
+
+def _attains_all(world: World, robot: TrackingRobot, elbow: int) -> bool:
+    """True if shoulder and elbow are within limits at all set-points, the arm facing them or not."""
+    frames = [tool_frame(target) for target in world.task]
+    shares = [
+        [arm_share(robot.arm, T, robot.lift, k, elbow=elbow, facing=side) for side in (1, -1)]
+        for k, T in enumerate(frames)
+    ]
+    return all(any(_holds(robot, share.joints[:2]) for share in both) for both in shares)
+
+
+def _holds(robot: TrackingRobot, joints: Array) -> bool:
+    """True if the joints after the pivot, the first so many of them, are within limits."""
+    lower, upper = robot.lower[1 : 1 + len(joints)], robot.upper[1 : 1 + len(joints)]
+    return bool(((joints >= lower - SAME) & (joints <= upper + SAME)).all())
+
+
+def _tracked(
+    world: World, robot: TrackingRobot, heading: float | None, elbow: int, most: float
+) -> TrackedPath:
+    """Runs along a path whose segments are halved until the motion between poses keeps the rules."""
+    parts = [1] * len(world.task)
+    for _ in range(FINEST):
+        path = _path(world.task, parts)
+        try:
+            runs = track_runs(robot, path.poses, heading=heading, elbow=elbow, most=most)
+        except HeightError as error:  # between two set-points: named by the one before
+            raise HeightError(path.owner[error.index], error.height, error.low, error.high) from None
+        coarse = {path.owner[k] for k in _coarse_poses(world, path, runs)} if runs else set()
+        if not coarse:
+            break
+        parts = [2 * n if i in coarse else n for i, n in enumerate(parts)]
+    return TrackedPath(path, runs)
+
+
+def _path(task: tuple[Target, ...], parts: list[int]) -> PosePath:
+    """Path with the segment after each set-point in a number of parts, turned evenly."""
+    poses, owner = [tool_frame(task[0])], [0]
+    for i, (a, b) in enumerate(pairwise(task)):
+        here, there = tool_frame(a), tool_frame(b)
+        turn = Rotation.from_matrix(here[:3, :3].T @ there[:3, :3]).as_rotvec()
+        for k in range(1, parts[i]):
+            s, T = k / parts[i], np.eye(4)
+            T[:3, :3] = here[:3, :3] @ Rotation.from_rotvec(s * turn).as_matrix()
+            T[:3, 3] = here[:3, 3] + s * (there[:3, 3] - here[:3, 3])
+            poses.append(T)
+        poses.append(there)
+        owner += [i] * (parts[i] - 1) + [i + 1]
+    exact = [k == 0 or i != owner[k - 1] for k, i in enumerate(owner)]
+    return PosePath(poses, owner, exact)
+
+
+def tool_frame(target: Target) -> Array:
+    """Homogeneous transform (4, 4) of a set-point."""
+    T = np.eye(4)
+    assert target.orientation is not None, "the tracker needs full orientations"
+    T[:3, :3], T[:3, 3] = target.orientation, target.position
+    return T
+
+
+def _coarse_poses(world: World, path: PosePath, runs: tuple[TrackedRun, ...]) -> list[int]:
+    """Indices of poses up to whose next the robot moves too far, or the tool leaves its path."""
+    rules, robot = world.rules, world.robot
+    base, joints = (np.concatenate([getattr(run, part) for run in runs]) for part in ("base", "joints"))
+    poses = np.array(path.poses)
+    bend, move = np.diff(joints, axis=0), np.diff(poses, axis=0)
+    cone = min(target.cone for target in world.task)
+    arc = np.concatenate([run.length for run in runs])[1:]
+    coarse = (np.abs(arc) > rules.step) | (np.abs(bend) > LARGEST_BEND).any(1)
+    for s in (0.25, 0.5, 0.75):
+        tool = robot.tool(robot.drive.between(base[:-1], base[1:], s), joints[:-1] + s * bend)
+        off = np.linalg.norm(tool - poses[:-1] - s * move, axis=1)
+        coarse |= (off[:, 3] > rules.path_tolerance / 2) | (off[:, 2] > cone / 2)
+    coarse[np.cumsum([len(run.base) for run in runs])[:-1] - 1] = False  # there the tool is lifted
+    return np.flatnonzero(coarse).tolist()
