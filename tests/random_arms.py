@@ -25,13 +25,14 @@ ARMS = (
     "slides",
     "tilted",
 )  # spherical wrists, links set off, a slide, a tilted first axis
+KINDS = (*ARMS, "urdf arms")  # of robots: the last have any of these arms, written as URDF and read back
 QUARTER = np.pi / 2
 SIDES = 24  # of a footprint that is as good as round
 
 
 def random_robot(kind: str, rng: np.random.Generator) -> Robot:
-    """Return a robot whose arm is of a kind of `ARMS`, or, of kind "urdf", of any, written and read back."""
-    if kind == "urdf":
+    """Return a robot of one of `KINDS`."""
+    if kind == "urdf arms":
         return through_urdf(random_robot(str(rng.choice(ARMS)), rng))
     chain = random_arm(kind, rng)
     base: BaseKind = rng.choice(get_args(BaseKind))
@@ -55,8 +56,10 @@ def random_arm(kind: str, rng: np.random.Generator) -> Chain:
             return Chain.from_dh([(*row, *_limits(rng)) for row in _wrist_rows(rng)])
         case "offsets":
             return Chain.from_dh([(*row, *_limits(rng)) for row in _offset_rows(rng)])
-        case _:
+        case "slides" | "tilted":
             return _joint_by_joint(kind, rng)
+        case _:
+            raise ValueError(f"expected one of {', '.join(ARMS)}, got {kind}")
 
 
 def _limits(rng: np.random.Generator) -> tuple[float, float]:

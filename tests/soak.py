@@ -38,12 +38,11 @@ from tests.opinion.judge import detours, objections, posture_objections
 from tests.opinion.machine import Facts, Machine
 from tests.opinion.moment import Moment
 from tests.opinion.search import find, find_clear
-from tests.random_arms import ARMS
+from tests.random_arms import KINDS as WITNESSED
 from tests.soaked import GROUND, KINDS, STOPS, soaked_world
 from tests.witnesses import traits_of, witness
 
 DRAWN = (*KINDS, *KINDS, STOPS, GROUND, GROUND)  # kinds in turn, of which some are rarer
-WITNESSED = (*ARMS, "urdf arms")
 KNOWN = ("bundled", *KINDS, STOPS, GROUND, *WITNESSED)
 GIVEN_UP = "given up"  # in place of a verdict
 LONGEST = 60.0  # processor time for a world, twice at the most [s]
@@ -160,7 +159,7 @@ def judged(kind: str, seed: int) -> Judged:
 
 def _judged(kind: str, seed: int) -> Judged:
     if kind in WITNESSED:
-        return _against_witness(witness(kind.split()[0], seed), kind, seed)
+        return _against_witness(witness(kind, seed), kind, seed)
     world = soaked_world(kind, seed)
     one = replace(_planned(world, kind, seed), asked=_asked(world))
     if kind not in SEARCHED or seed % EVERY:

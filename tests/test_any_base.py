@@ -31,6 +31,7 @@ from regionik.worlds.bundled import robot_named
 from regionik.worlds.obstacles import Box, Sphere
 from regionik.worlds.planar_arm import planar_arm
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
+from tests import examples
 from tests.test_random_worlds import random_world
 
 HALL = Floor(shapely.box(-3, -3, 3, 3))
@@ -162,7 +163,7 @@ def level(height: float, angle: float) -> Target:
     return Target(np.array([0.5, 0.2, height]), np.array([np.cos(angle), np.sin(angle), 0.0]), 0.05)
 
 
-@settings(max_examples=50)
+@settings(max_examples=examples(50))
 @given(st.integers(0, 10_000))
 def test_no_point_of_a_solid_is_deeper_than_its_depth(seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -180,7 +181,7 @@ def pieces(solid: Box | Sphere) -> tuple[Piece, ...]:
     return obstacles_from([solid]).pieces
 
 
-@settings(max_examples=100)
+@settings(max_examples=examples(100))
 @given(st.integers(0, 10_000))
 def test_a_footprint_that_is_surely_out_fits_at_no_pose_nearby(seed: int) -> None:
     rng = np.random.default_rng(seed)

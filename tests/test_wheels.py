@@ -27,6 +27,7 @@ from regionik.planners.geometry.string_pulling import tighten
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError
 from regionik.worlds.obstacles import Shadow
+from tests import examples
 
 RADIUS = 0.7
 SPOT = st.floats(-4, 4, allow_subnormal=False)
@@ -139,7 +140,7 @@ def test_curves_are_as_short_as_those_of_ompl(reverse: bool) -> None:
 
 
 @given(POSE, POSE)
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=examples(200))
 def test_reeds_shepp_is_symmetric_and_never_longer_than_dubins(a: Array, b: Array) -> None:
     there, back, forwards = shortest(a, b, True), shortest(b, a, True), shortest(a, b, False)
     assert there == pytest.approx(back, abs=1e-9)
@@ -147,7 +148,7 @@ def test_reeds_shepp_is_symmetric_and_never_longer_than_dubins(a: Array, b: Arra
 
 
 @given(POSE, POSE, st.floats(-2, 2), st.floats(-6, 6))
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=examples(100))
 def test_curves_do_not_care_where_the_world_is(a: Array, b: Array, shift: float, turn: float) -> None:
     c, s = np.cos(turn), np.sin(turn)
     ends = [np.array([c * p[0] - s * p[1] + shift, s * p[0] + c * p[1] - shift, p[2] + turn]) for p in (a, b)]
@@ -310,6 +311,7 @@ import json
 from shapely import box
 from regionik.planners.driving.footprint_scene import footprint_scene
 from regionik.planners.driving.wheeled_planner import drive_car
+from tests import examples
 free = footprint_scene([[0, 0]], box(0, 0, 6, 3) - box(1.8, 0, 2.1, 1.9) - box(3.8, 1.2, 4.1, 3))
 drive_car(free, [0.5, 0.5, 0], [1, 2, 1], turning_radius=0.3, seed=WARM)
 way = drive_car(free, [0.8, 0.6, 0.3], [5.2, 2.2, 1.5], turning_radius=0.4, seed=3)

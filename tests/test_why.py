@@ -32,6 +32,7 @@ from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import Explanation, InputError, NoPlanFound, Repair
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Sphere
 from regionik.worlds.scene import Floor, Rules, Target, World
+from tests import examples
 from tests.why_cases import as_small_as_brute_force, cases, proven_irreducible
 
 REACH = 0.033 + 0.155 + 0.135 + 0.2175  # of the youbot, stretched level
@@ -213,7 +214,7 @@ def test_confirmed_gives_up() -> None:
     assert confirmed(lambda a: False, 4.0, 4.0) is None
 
 
-@settings(max_examples=20)
+@settings(max_examples=examples(20))
 @given(st.floats(-np.pi, np.pi), st.floats(-1.2, 1.2))
 def test_the_shortest_step_to_a_plane(turn: float, rise: float) -> None:
     normal = np.array([np.cos(turn) * np.cos(rise), np.sin(turn) * np.cos(rise), np.sin(rise)])

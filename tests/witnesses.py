@@ -68,7 +68,7 @@ def witness(kind: str, seed: int) -> Plan:
     Parameters
     ----------
     kind : str
-        Of `tests.random_arms.ARMS`, or "urdf".
+        Of `tests.random_arms.KINDS`.
     seed : int
     """
     rng = np.random.default_rng([seed, *kind.encode()])
