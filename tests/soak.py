@@ -32,17 +32,18 @@ from regionik.worlds.documents.world_file import world_to_document
 from regionik.worlds.errors import InputError, NoPlanFound
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Target, World
+from tests import random_arms
 from tests.bounded import Ended, bounded_calls
 from tests.opinion.course import Course
 from tests.opinion.judge import detours, objections, posture_objections
 from tests.opinion.machine import Facts, Machine
 from tests.opinion.moment import Moment
 from tests.opinion.search import find, find_clear
-from tests.random_arms import KINDS as WITNESSED
 from tests.soaked import GROUND, KINDS, STOPS, soaked_world
 from tests.witnesses import traits_of, witness
 
 DRAWN = (*KINDS, *KINDS, STOPS, GROUND, GROUND)  # kinds in turn, of which some are rarer
+WITNESSED = random_arms.KINDS
 KNOWN = ("bundled", *KINDS, STOPS, GROUND, *WITNESSED)
 GIVEN_UP = "given up"  # in place of a verdict
 LONGEST = 60.0  # processor time for a world, twice at the most [s]

@@ -30,6 +30,7 @@ from regionik.worlds.obstacles import Shadow
 from tests import examples
 
 RADIUS = 0.7
+MORE = [0, 1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(2, 6))]
 SPOT = st.floats(-4, 4, allow_subnormal=False)
 POSE = st.tuples(SPOT, SPOT, st.floats(-np.pi, np.pi, allow_subnormal=False)).map(np.array)
 LONG = np.array([[0.4, -0.19], [0.4, 0.19], [-0.18, 0.19], [-0.18, -0.19]])  # axle near the tail
@@ -201,7 +202,7 @@ def test_arcs_come_near_all_sides(turn: float, inside: bool) -> None:
 
 
 @pytest.mark.parametrize("reverse", [True, False])
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", MORE)
 def test_cars_in_clutter(seed: int, reverse: bool) -> None:
     free = clutter(seed + 1)
     start, goal = two_poses(free, seed + 101)
@@ -215,7 +216,7 @@ def test_cars_in_clutter(seed: int, reverse: bool) -> None:
 
 
 @pytest.mark.parametrize("reverse", [True, False])
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", MORE)
 def test_differential_in_clutter(seed: int, reverse: bool) -> None:
     free = clutter(seed)
     start, goal = two_poses(free, seed + 100)
@@ -319,6 +320,7 @@ print(json.dumps([way.method, way.sample(0.05).tolist()]))
 """
 
 
+@pytest.mark.slow
 def test_same_seed_same_way_in_every_process() -> None:
     runs = [
         subprocess.run(
