@@ -72,7 +72,7 @@ def is_answer(world: World, target: Target, base: Array, q: Array) -> bool:
     return touch.kind == "none" and bool(fits(room_for(world), *base.tolist()))
 
 
-@pytest.mark.parametrize("robot", ["youbot", "youbot-real"])
+@pytest.mark.parametrize("robot", ["youbot", pytest.param("youbot-real", marks=pytest.mark.slow)])
 def test_a_cell_that_is_ruled_out_holds_no_answer(robot: str) -> None:
     rng, seen = np.random.default_rng(len(robot)), Counter[str]()
     for seed in range(30):
