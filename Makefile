@@ -1,8 +1,9 @@
 # make demo    plan a bundled world, verify the plan, write a page to look at
-# make test    the whole test suite, with the same random cases each time; pytest alone draws new ones
+# make test    the tests of daily work, with the same random cases each time; pytest alone draws new ones
+# make test-all  the whole suite: slow tests too, and three times as many random cases
 # make coverage  the lines that the suite runs, every kernel as plain Python too; fails under 95 in a hundred
-# make soak    all bundled worlds, WORLDS=500 random ones, a tenth as many done from stops, a fifth on floors of
-#              random outlines and maps, judged by other libraries
+# make soak    all bundled worlds and WORLDS=500 random ones, half of them round a motion known to be free,
+#              judged by other libraries
 # make fuzz    SECONDS=120 of broken files of each kind, after files made to do harm
 # make lint    style, types, import order
 # make bench   the table of speeds against others, into docs/benchmarks.md and docs/benchmarks.json (minutes)
@@ -25,7 +26,7 @@ BIN := .venv/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 NEEDS := pyproject.toml constraints.txt
 
-.PHONY: demo test coverage soak fuzz faults lint bench bench-history bench-all tables docs figures pages \
+.PHONY: demo test test-all coverage soak fuzz faults lint bench bench-history bench-all tables docs figures pages \
 	test-lowest test-newest clean
 
 demo: .venv/installed
@@ -33,8 +34,13 @@ demo: .venv/installed
 	$(BIN)/regionik verify plan.json
 	@echo "Look at it: file://$(CURDIR)/l_shape.html"
 
+PYTEST := $(BIN)/python -m pytest -q -n 2 --dist loadfile --hypothesis-seed=0
+
 test: .venv/installed-test,compare,distributed,geotiff,second
-	$(BIN)/python -m pytest -q -n 2 --dist loadfile --hypothesis-seed=0
+	$(PYTEST) -m "not slow"
+
+test-all: .venv/installed-test,compare,distributed,geotiff,second
+	$(PYTEST) --hypothesis-profile=long
 
 # What compiled kernels run cannot be counted line by line: tests.twice calls them as plain Python as well, and
 # a test fails where the two differ.
@@ -42,7 +48,7 @@ COVERED := COVERAGE_FILE=$(CURDIR)/.coverage $(BIN)/coverage
 
 coverage: .venv/installed-test,compare,distributed,geotiff,second
 	rm -f .coverage .coverage.*
-	$(COVERED) run -m pytest -q -n 2 --dist loadfile --hypothesis-seed=0 -p tests.twice
+	$(COVERED) run -m pytest -q -n 2 --dist loadfile --hypothesis-seed=0 --hypothesis-profile=long -p tests.twice
 	$(COVERED) combine -q
 	$(COVERED) report --skip-covered
 

@@ -1,6 +1,8 @@
-"""The tests. No law holds only on a fast machine: hypothesis sets no deadlines."""
+"""The tests."""
 
 from hypothesis import settings
 
-settings.register_profile("regionik", deadline=None)
-settings.load_profile("regionik")
+
+def examples(count: int) -> int:
+    """Return how many of ``count`` random examples the profile asks for, see `tests.conftest`."""
+    return max(1, round(count * settings().max_examples / 100))

@@ -29,8 +29,8 @@ def floor_of(seed: int) -> Floor:
     return mapped(rng) if seed % 3 == 0 else outlined(rng)
 
 
-def outlined(rng: np.random.Generator) -> Floor:
-    """A star of many corners, or a room with bays, with up to four holes in it."""
+def outlined(rng: np.random.Generator, home: BaseGeometry = HOME) -> Floor:
+    """A star of many corners, or a room with bays, with up to four holes; nearly always it holds ``home``."""
     if rng.random() < 0.5:
         angles = np.sort(rng.uniform(0, 2 * np.pi, rng.integers(5, 14)))
         reach = rng.uniform(1.2, 4.0, len(angles))
@@ -46,7 +46,7 @@ def outlined(rng: np.random.Generator) -> Floor:
         x, y = rng.uniform([-0.5, -1.5], [3.5, 1.5])
         ground = ground.difference(patch(rng, x, y, 0.5))
     if rng.random() < 0.9:
-        ground = ground.union(HOME)
+        ground = ground.union(home)
     parts = [part for part in shapely.get_parts(ground) if part.geom_type == "Polygon" and part.area > 0.1]
     return Floor(max(parts, key=lambda part: part.area))
 
@@ -64,8 +64,8 @@ def patch(rng: np.random.Generator, x: float, y: float, size: float) -> BaseGeom
     return placed
 
 
-def mapped(rng: np.random.Generator) -> Floor:
-    """Blocks and specks, and what was not seen, on a map that may lie askew."""
+def mapped(rng: np.random.Generator, home: BaseGeometry = HOME) -> Floor:
+    """Blocks and specks, and what was not seen, on a map that may lie askew; ``home`` is mostly free."""
     rows, columns = 50, 65
     cells = np.full((rows, columns), FREE, dtype=np.uint8)
     for _ in range(rng.integers(2, 9)):
@@ -81,7 +81,7 @@ def mapped(rng: np.random.Generator) -> Floor:
         ahead, aside = (np.indices(cells.shape)[::-1] + 0.5) * CELL  # of the lower left corner
         across = x + np.cos(yaw) * ahead - np.sin(yaw) * aside
         up = y + np.sin(yaw) * ahead + np.cos(yaw) * aside
-        cells[shapely.contains_xy(HOME, across, up)] = FREE
+        cells[shapely.contains_xy(home, across, up)] = FREE
     with TemporaryDirectory() as folder:
         path = Path(folder) / "map.yaml"
         path.write_text(MAP.format(CELL, x, y, yaw))

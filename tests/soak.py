@@ -1,5 +1,8 @@
 """All bundled worlds and some random ones, planned and judged by the second opinion.
 
+Half of the random ones may have no plan (`tests.soaked`). Half have arms of five to seven joints and are
+built round a motion that is free (`tests.witnesses`).
+
 Run: python -m tests.soak 500 -o docs/soak.md. Exits 1 where a plan or a claim was contradicted.
 """
 
@@ -10,10 +13,8 @@ import json
 import os
 import sys
 from collections import Counter
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import asdict, dataclass, replace
 from datetime import date
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -31,13 +32,23 @@ from regionik.worlds.documents.world_file import world_to_document
 from regionik.worlds.errors import InputError, NoPlanFound
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Target, World
+from tests import random_arms
+from tests.bounded import Ended, bounded_calls
 from tests.opinion.course import Course
 from tests.opinion.judge import detours, objections, posture_objections
 from tests.opinion.machine import Facts, Machine
 from tests.opinion.moment import Moment
 from tests.opinion.search import find, find_clear
 from tests.soaked import GROUND, KINDS, STOPS, soaked_world
+from tests.witnesses import traits_of, witness
 
+DRAWN = (*KINDS, *KINDS, STOPS, GROUND, GROUND)  # kinds in turn, of which some are rarer
+WITNESSED = random_arms.KINDS
+KNOWN = ("bundled", *KINDS, STOPS, GROUND, *WITNESSED)
+GIVEN_UP = "given up"  # in place of a verdict
+LONGEST = 60.0  # processor time for a world, twice at the most [s]
+PROVEN = ("unreachable", "start-blocked", "plan-invalid")  # verdicts that a witness contradicts
+PROOF = "This is a proof"  # in words
 SEARCHED, EVERY = ("floor", "overhead"), 2  # where single targets are asked for: in every second of these
 
 
@@ -53,6 +64,7 @@ class Judged:
     detours: tuple[float, ...] = ()  # lengths of its drives with the tool lifted, the shortest ones being 1
     asked: tuple[str, ...] = ()  # rules beyond the usual ones that the world has
     reach: tuple[str, ...] = ()  # verdicts on single targets
+    traits: tuple[str, ...] = ()  # of a world with a witness
 
 
 def _asked(world: World) -> tuple[str, ...]:
@@ -147,12 +159,32 @@ def judged(kind: str, seed: int) -> Judged:
 
 
 def _judged(kind: str, seed: int) -> Judged:
+    if kind in WITNESSED:
+        return _against_witness(witness(kind, seed), kind, seed)
     world = soaked_world(kind, seed)
     one = replace(_planned(world, kind, seed), asked=_asked(world))
     if kind not in SEARCHED or seed % EVERY:
         return one
     verdicts, wrong = against_reach(world, hard_targets(world, np.random.default_rng([seed, 2])))
     return replace(one, reach=verdicts, wrong=one.wrong + wrong)
+
+
+def _against_witness(known: Plan, kind: str, seed: int) -> Judged:
+    """Plan the world of a motion known to be free; whoever proves that there is none is wrong."""
+    world = known.world
+    wrong = tuple(f"its witness: {text}" for text in against(known))
+    try:
+        made = search(world)
+        made = made if world.speeds is None else retime(made)
+        verdict, wrong = "planned", wrong + against(made)
+    except NoPlanFound as failure:
+        why = failure.explanation
+        verdict = why.verdict
+        if verdict in PROVEN or PROOF in why.reason:
+            wrong += (f"said though there is a witness: {verdict}: {why.reason}",)
+    except InputError as refused:
+        verdict = f"refused: {refused}"
+    return Judged(kind, seed, verdict, wrong, asked=_asked(world), traits=traits_of(world))
 
 
 def _planned(world: World, kind: str, seed: int) -> Judged:
@@ -182,7 +214,10 @@ def _planned(world: World, kind: str, seed: int) -> Judged:
 
 def report(found: list[Judged]) -> str:
     """The results as Markdown."""
+    known = [one for one in found if one.kind in WITNESSED]
+    others = [one for one in found if one.kind not in WITNESSED]
     drawn = sum(one.kind != "bundled" for one in found)
+    wrong_ones = [one for one in found if one.wrong]
     lines = [
         "# Random worlds and the second opinion",
         "",
@@ -190,25 +225,72 @@ def report(found: list[Judged]) -> str:
         "Pinocchio and coal judged every plan and every blocked start, brute force every proven",
         "`unreachable` of a set-point: those are the claims tested.",
         "What dense samples do not show is not proven.",
+        f"A world that takes more than {LONGEST:g} s of processor time, twice, is given up.",
         "See `tests/soak.py` and `tests/opinion`.",
         "",
-        "| worlds | planned | no plan, by verdict | claims tested | drives | contradicted |",
-        "|---|---|---|---|---|---|",
+        *_drawn_table(others),
+        "",
+        *_figures(found),
+        "",
+        *_witness_tables(known),
+        "",
+        "Contradicted:" if wrong_ones else "None was contradicted.",
+        "",
+        *(f"- {_who(one)}: {text}" for one in wrong_ones for text in one.wrong),
     ]
+    return "\n".join(lines).rstrip() + "\n"
+
+
+def _drawn_table(found: list[Judged]) -> list[str]:
+    """Rows of worlds drawn with no plan in mind, by kind."""
+    lines = ["| worlds | planned | no plan, by verdict | claims tested | drives | contradicted |"]
+    lines.append("|---|---|---|---|---|---|")
     for kind in dict.fromkeys(one.kind for one in found):
         mine = [one for one in found if one.kind == kind]
         verdicts = Counter(one.verdict for one in mine)
         planned = verdicts.pop("planned", 0)
-        words = ", ".join(f"{verdict} {n}" for verdict, n in sorted(verdicts.items())) or "none"
         claims, wrong = sum(one.claimed for one in mine), sum(bool(one.wrong) for one in mine)
         ways = [way for one in mine for way in one.detours]
         drives = f"{len(ways)}: {np.median(ways):.3f}, {max(ways):.3f}" if ways else "none"
-        lines.append(f"| {kind}, {len(mine)} | {planned} | {words} | {claims} | {drives} | {wrong} |")
-    lines += ["", *_figures(found)]
-    wrong_ones = [one for one in found if one.wrong]
-    lines += ["", "Contradicted:" if wrong_ones else "None was contradicted.", ""]
-    lines += [f"- {_who(one)}: {text}" for one in wrong_ones for text in one.wrong]
-    return "\n".join(lines).rstrip() + "\n"
+        lines.append(
+            f"| {kind}, {len(mine)} | {planned} | {_counted(verdicts)} | {claims} | {drives} | {wrong} |"
+        )
+    return lines
+
+
+def _witness_tables(found: list[Judged]) -> list[str]:
+    """Rows of worlds with a witness, by kind of arm, then by what else they have."""
+    words = (
+        "| worlds | planned | unreachable | undecided | other no's | refused | given up | planned, of all |"
+    )
+    head = ["", "| {} " + words, "|---|---|---|---|---|---|---|---|---|"]
+    kinds = {kind: [one for one in found if one.kind == kind] for kind in WITNESSED}
+    traits = sorted({trait for one in found for trait in one.traits})
+    more = {trait: [one for one in found if trait in one.traits] for trait in traits}
+    lines = [
+        "## Arms of five to seven joints, round a motion that is free",
+        "",
+        "Each of these worlds was built round a witness: a motion of base and arm whose tool track is the",
+        "path, which `verify` and the second opinion accept. So each has a plan, and `unreachable`, which is",
+        "said of proofs only, or a blocked start would be false. The last column: how often a plan is found.",
+        *[line.format("arm") for line in head],
+        *(_witness_row(kind, mine) for kind, mine in kinds.items() if mine),
+        _witness_row("all", found),
+        *[line.format("with") for line in head],
+        *(_witness_row(trait, mine) for trait, mine in more.items()),
+    ]
+    reasons = Counter(one.verdict.removeprefix("refused: ") for one in found if "refused" in one.verdict)
+    refused = [f"Refused, {count}: {reason}" for reason, count in reasons.most_common()]
+    return [*lines, *(["", *refused] if refused else [])]
+
+
+def _witness_row(name: str, mine: list[Judged]) -> str:
+    verdicts = Counter("refused" if "refused" in one.verdict else one.verdict for one in mine)
+    first, last = ("planned", "unreachable", "undecided"), ("refused", GIVEN_UP)
+    rest = Counter({verdict: n for verdict, n in verdicts.items() if verdict not in (*first, *last)})
+    share = f"{100 * verdicts['planned'] / max(len(mine), 1):.0f} %"
+    cells = [*(verdicts[v] for v in first), _counted(rest), *(verdicts[v] for v in last), share]
+    return " | ".join([f"| {name}", str(len(mine)), *map(str, cells)]) + " |"
 
 
 def _figures(found: list[Judged]) -> list[str]:
@@ -252,24 +334,20 @@ def _read(path: Path | None) -> dict[tuple[str, int], Judged]:
 def main() -> int:
     """Exit code 1 where a plan or a claim was contradicted."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument(
-        "worlds", type=int, nargs="?", default=500, help="random ones, and more of rare kinds"
-    )
+    parser.add_argument("worlds", type=int, nargs="?", default=500, help="random ones")
+    parser.add_argument("--kinds", nargs="+", choices=KNOWN, help="of all these only")
     parser.add_argument("-o", "--output", type=Path)
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--kept", type=Path, help="worlds judged, a line each, which are not judged again")
     asked = parser.parse_args()
-    bundled, drawn = range(len(world_names())), range(asked.worlds)
-    worlds = [("bundled", n) for n in bundled] + [(KINDS[n % len(KINDS)], n) for n in drawn]
-    worlds += [(STOPS, n) for n in range(asked.worlds // 10)]
-    worlds += [(GROUND, n) for n in range(asked.worlds // 5)]
+    worlds = [(kind, n) for kind, n in asked_worlds(asked.worlds) if kind in (asked.kinds or [kind])]
     seen = _read(asked.kept)
     left = [world for world in worlds if world not in seen]
-    with ProcessPoolExecutor(asked.workers, get_context("spawn")) as pool, _lines(asked.kept) as lines:
-        coming = as_completed([pool.submit(judged, *world) for world in left])
-        for done in track(coming, "worlds", len(left)):
-            one = done.result()
-            seen[one.kind, one.seed] = one
+    with _lines(asked.kept) as lines:
+        coming = bounded_calls(judged, left, asked.workers, LONGEST)
+        for (kind, seed), answer in track(coming, "worlds", len(left)):
+            one = _ended(kind, seed, answer) if isinstance(answer, Ended) else answer
+            seen[kind, seed] = one
             print(json.dumps(asdict(one)), file=lines, flush=True)
     found = [seen[world] for world in worlds]
     text = report(found)
@@ -277,6 +355,20 @@ def main() -> int:
         asked.output.write_text(text)
     print(text)
     return int(any(one.wrong for one in found))
+
+
+def asked_worlds(count: int) -> list[tuple[str, int]]:
+    """Kind and seed of all bundled worlds and of ``count`` random ones, every second one with a witness."""
+    bundled = [("bundled", n) for n in range(len(world_names()))]
+    turns = [(DRAWN[n % len(DRAWN)], WITNESSED[n % len(WITNESSED)]) for n in range((count + 1) // 2)]
+    return bundled + [(kind, n) for n, turn in enumerate(turns) for kind in turn][:count]
+
+
+def _ended(kind: str, seed: int, ended: Ended) -> Judged:
+    """A world whose process ended: it took too long, or it crashed."""
+    if ended.overtime:
+        return Judged(kind, seed, GIVEN_UP, ())
+    return Judged(kind, seed, "failed", (f"its process ended with exit code {ended.exit_code}",))
 
 
 if __name__ == "__main__":

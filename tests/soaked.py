@@ -1,17 +1,13 @@
-"""Worlds for the second opinion: the bundled ones, and random ones of several kinds."""
+"""Worlds for the second opinion: the bundled ones, and random ones that may have no plan."""
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import replace
-from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import numpy as np
 import shapely
 
 from regionik.areas.reachable import model_of
-from regionik.output.urdf import robot_to_urdf
 from regionik.worlds.bundled import world_names
 from regionik.worlds.chain import Chain
 from regionik.worlds.criteria import Criteria
@@ -20,8 +16,8 @@ from regionik.worlds.drives import BaseKind
 from regionik.worlds.robot import Robot, capsules_along
 from regionik.worlds.scene import Heading, Order, Start, World
 from regionik.worlds.speeds import Speeds
-from regionik.worlds.urdf.loader import load_robot
 from tests.grounds import floor_of
+from tests.random_arms import through_urdf
 from tests.test_overhead_worlds import overhead_world
 from tests.test_random_worlds import random_world
 
@@ -120,14 +116,3 @@ def standing_still(world: World, seed: int) -> World:
     order: Order = "any" if seed % 2 else "given"
     heading: Heading = "free" if world.rules.heading == "face_target" else world.rules.heading
     return replace(world, rules=replace(world.rules, mode="stops", order=order, heading=heading))
-
-
-def through_urdf(robot: Robot) -> Robot:
-    """A robot written as URDF and read back; its base is the box that URDF has of it."""
-    with TemporaryDirectory() as folder:
-        path = Path(folder) / "robot.urdf"
-        path.write_text(robot_to_urdf(robot, shapely.box(-2, -2, 6, 2)))
-        with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", message=".*the tool point lies .* inside")
-            read = load_robot(path, base=robot.base, tip="tool", root="base")
-    return replace(read, carry=robot.carry)

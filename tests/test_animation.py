@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from regionik.values import Motion, Plan
 from regionik.view.plan_picture import LONGEST, MOST_FRAMES, REST, SHORTEST, key_frames, turn_quaternions
 from regionik.worlds.chain import Joint
+from tests import examples
 from tests.plans import every_solid, l_shape, synthetic_plan
 
 
@@ -97,7 +98,7 @@ def test_a_plan_that_rests_is_one_frame(plan: Plan) -> None:
     assert len(frames.times) == 1
 
 
-@settings(max_examples=50)
+@settings(max_examples=examples(50))
 @given(
     st.lists(st.floats(-0.99, 0.99), min_size=3, max_size=3).filter(lambda v: np.linalg.norm(v) > 0.1),
     st.floats(-9, 9),

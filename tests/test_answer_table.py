@@ -27,6 +27,7 @@ from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import InputError
 from regionik.worlds.readers.csv_path import CsvBlock, index_csv, read_csv
 from regionik.worlds.scene import World
+from tests import examples
 
 
 def table_of(folder: Path, count: int) -> Path:
@@ -50,7 +51,7 @@ def _small_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
 # Reading ------------------------------------------------------------------------------------------------
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60))
 @given(
     st.lists(st.sampled_from(["1,2,0.3", " 4 , 5e-1,6", "", "# a, b", "  ", "-0.5,.25,1_0"]), max_size=30),
     st.integers(1, 12),

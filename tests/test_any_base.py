@@ -29,6 +29,7 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.obstacles import Box, Sphere
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
+from tests import examples
 from tests.test_random_worlds import random_world
 
 HALL = Floor(shapely.box(-3, -3, 3, 3))
@@ -69,7 +70,7 @@ def is_answer(world: World, target: Target, base: Array, q: Array) -> bool:
     return touch.kind == "none" and bool(fits(room_for(world), *base.tolist()))
 
 
-@pytest.mark.parametrize("robot", ["youbot", "youbot-real"])
+@pytest.mark.parametrize("robot", ["youbot", pytest.param("youbot-real", marks=pytest.mark.slow)])
 def test_a_cell_that_is_ruled_out_holds_no_answer(robot: str) -> None:
     rng, seen = np.random.default_rng(len(robot)), Counter[str]()
     for seed in range(30):
@@ -160,7 +161,7 @@ def level(height: float, angle: float) -> Target:
     return Target(np.array([0.5, 0.2, height]), np.array([np.cos(angle), np.sin(angle), 0.0]), 0.05)
 
 
-@settings(max_examples=50)
+@settings(max_examples=examples(50))
 @given(st.integers(0, 10_000))
 def test_no_point_of_a_solid_is_deeper_than_its_depth(seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -178,7 +179,7 @@ def pieces(solid: Box | Sphere) -> tuple[Piece, ...]:
     return obstacles_from([solid]).pieces
 
 
-@settings(max_examples=100)
+@settings(max_examples=examples(100))
 @given(st.integers(0, 10_000))
 def test_a_footprint_that_is_surely_out_fits_at_no_pose_nearby(seed: int) -> None:
     rng = np.random.default_rng(seed)

@@ -30,6 +30,7 @@ from regionik.planners.search.box_search import (
     verdict_of,
 )
 from regionik.worlds.arrays import Array
+from tests import examples
 
 FINEST = 0.05
 EVERY = 10**6
@@ -78,7 +79,7 @@ def area(boxes: Boxes, slots: Index) -> float:
     return float((boxes.high[slots] - boxes.low[slots]).prod(1).sum())
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=examples(30))
 @given(st.floats(0.1, 0.6), st.floats(0.05, 0.4), st.integers(1, 5))
 def test_proven_and_open_boxes_enclose_the_set(near: float, width: float, first: int) -> None:
     ring = Ring(near, near + width)
@@ -95,7 +96,7 @@ def test_proven_and_open_boxes_enclose_the_set(near: float, width: float, first:
         assert (in_ring[held] if ok else held[in_ring]).all()
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=examples(20))
 @given(SEEDS)
 def test_python_and_kernel_agree(seed: int) -> None:
     rng = np.random.default_rng(seed)

@@ -118,7 +118,7 @@ def test_executors_do_not_show(pool: Any) -> None:
         assert same(reach(world, TARGETS, executor=executor, chunk=11), reach(world, TARGETS))
 
 
-@pytest.mark.parametrize("count", [1, 2, 3])
+@pytest.mark.parametrize("count", [2, *(pytest.param(n, marks=pytest.mark.slow) for n in (1, 3))])
 def test_processes_do_not_show(count: int) -> None:
     world = load_world("l_shape")
     targets: Sequence[Target] = [Target(row, [1, 0, 0], 0.4) for row in TARGETS[:20]]  # type: ignore[arg-type]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache
 
@@ -44,8 +45,13 @@ def solved(one: Scene, seed: int = 0) -> ClearPosture:
 
 
 @cache
-def answers() -> list[tuple[Scene, ClearPosture]]:
-    return [(scene(number), solved(scene(number), number)) for number in range(SCENES)]
+def answer_to(number: int) -> ClearPosture:
+    return solved(scene(number), number)
+
+
+def answers(count: int = SCENES) -> Iterator[tuple[Scene, ClearPosture]]:
+    """The first scenes and their answers."""
+    return ((scene(number), answer_to(number)) for number in range(count))
 
 
 def flat_robot(links: int = 4, radius: float = 1e-6) -> Robot:
@@ -54,6 +60,7 @@ def flat_robot(links: int = 4, radius: float = 1e-6) -> Robot:
     return Robot("flat", "omni", point, mount, chain, capsules_along(chain, radius), 0.1, np.zeros(links))
 
 
+@pytest.mark.slow
 def test_no_answer_collides() -> None:
     found = [(one, answer) for one, answer in answers() if answer.joints is not None]
     assert len(found) > 100
@@ -67,6 +74,7 @@ def test_no_answer_collides() -> None:
         assert answer.distance == touch.distance >= 0.0
 
 
+@pytest.mark.slow
 def test_every_stage_and_every_kind_has_its_part() -> None:
     told = Counter((answer.verdict, answer.steps[-1]) for _, answer in answers())
     assert all(told[Verdict.PROVEN, stage] >= 2 for stage in ("passes", "avoidance", "search"))
@@ -75,6 +83,7 @@ def test_every_stage_and_every_kind_has_its_part() -> None:
     assert undecided <= 0.15 * SCENES
 
 
+@pytest.mark.slow
 def test_no_sweep_finds_what_is_said_not_to_be() -> None:
     none = [one for one, answer in answers() if answer.verdict == Verdict.RULED_OUT and one.arm in PLANAR]
     assert len(none) >= PROOFS
@@ -82,6 +91,7 @@ def test_no_sweep_finds_what_is_said_not_to_be() -> None:
         assert free_posture(one, TOLERANCE, SWEEPS[one.arm]) is None
 
 
+@pytest.mark.slow
 def test_sweeps_find_what_is_there() -> None:
     free = [one for one, answer in answers() if answer.verdict == Verdict.PROVEN and one.arm in PLANAR]
     assert sum(free_posture(one, TOLERANCE, SWEEPS[one.arm]) is not None for one in free[:5]) >= 4
@@ -98,6 +108,7 @@ def test_sweeps_put_the_tool_on_the_target(arm: str) -> None:
     )
 
 
+@pytest.mark.slow
 def test_no_posture_comes_with_evidence() -> None:
     for one, answer in answers():
         if answer.verdict == Verdict.PROVEN:
@@ -114,7 +125,7 @@ def test_no_posture_comes_with_evidence() -> None:
 
 def test_same_seed_same_bits() -> None:
     for number in (0, 2, 5, 20, 30):
-        one, first = scene(number), answers()[number][1]
+        one, first = scene(number), answer_to(number)
         again = solved(one, number)
         assert again.note == first.note
         assert again.iterations == first.iterations
@@ -176,7 +187,7 @@ def test_wherever_the_robot_stands_the_answer_is_the_same() -> None:
         solids = [solid.transformed(T) for solid in one.solids]
         base = np.array([*(T @ [*one.base[:2], 0, 1])[:2], one.base[2] + 2.0])
         moved = replace_scene(one, solids, base, (T @ [*one.target, 1])[:3])
-        assert solved(moved, number).verdict == answers()[number][1].verdict
+        assert solved(moved, number).verdict == answer_to(number).verdict
 
 
 def replace_scene(one: Scene, solids: list, base: Array, target: Array) -> Scene:  # type: ignore[type-arg]
@@ -184,7 +195,7 @@ def replace_scene(one: Scene, solids: list, base: Array, target: Array) -> Scene
 
 
 def test_going_round_alone_is_quick_and_says_so() -> None:
-    for one, answer in answers()[:40]:
+    for one, answer in answers(40):
         bodies = bodies_from(one.robot, one.solids)
         quick = quick_clear_posture(bodies, one.base, one.target, one.joints, attempts=3)
         assert "search" not in quick.steps

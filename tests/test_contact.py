@@ -28,6 +28,7 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.chain import translation
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Solid, Sphere
 from regionik.worlds.robot import LinkBox, LinkCapsule, LinkSolid, Robot
+from tests import examples
 from tests.plans import youbot
 from tests.test_proximity import box_mesh
 from tests.test_verify import RULES, Q, motion_of, of_kind, only, plan_of, world_of
@@ -141,7 +142,7 @@ def points_of(solid: LinkSolid, rng: np.random.Generator, count: int = 4000) -> 
     return along
 
 
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 @given(st.integers(0, 100_000))
 def test_nothing_below_a_plane_is_farther_from_the_tool_than_told(seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -154,7 +155,7 @@ def test_nothing_below_a_plane_is_farther_from_the_tool_than_told(seed: int) -> 
     assert compiled_farthest(solid.corners, solid.radius, normal, height, tool) >= seen - 1e-12
 
 
-@settings(max_examples=60)
+@settings(max_examples=examples(60))
 @given(st.integers(0, 100_000), st.floats(0, 0.2))
 def test_what_is_left_of_a_solid_is_within_the_depth_of_all_of_it(seed: int, depth: float) -> None:
     rng = np.random.default_rng(seed)

@@ -28,6 +28,7 @@ from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import InputError, NoPlanFound
 from regionik.worlds.robot import GRAVITY, LinkMass, Robot, capsules_along
 from regionik.worlds.scene import Floor, Target, World
+from tests import examples
 
 SEEDS = st.integers(0, 10_000)
 FLOOR = Floor(shapely.box(-3, -3, 3, 3))
@@ -149,7 +150,7 @@ def test_a_weight_held_out_level() -> None:
     np.testing.assert_allclose(np.abs(efforts(robot, q)), 2.0 * GRAVITY * levers, atol=1e-9)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=examples(30))
 @given(SEEDS)
 def test_efforts_are_the_slope_of_the_weights_height(seed: int) -> None:
     robot = planar_robot(seed, aside=0.05)
@@ -165,7 +166,7 @@ def test_efforts_are_the_slope_of_the_weights_height(seed: int) -> None:
         assert efforts(robot, q)[k] == pytest.approx(slope, abs=1e-6)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60))
 @given(SEEDS)
 def test_the_plane_measures_what_space_does(seed: int) -> None:
     robot = planar_robot(seed)
@@ -217,7 +218,7 @@ def test_a_higher_threshold_never_adds_area(rising: list[Criteria]) -> None:
     assert wide.outer.area < 0.8 * first
 
 
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=8)
 @given(SEEDS, st.sampled_from([0.0, 0.04]))
 def test_postures_that_meet_all_lie_in_the_outer_rings(seed: int, aside: float) -> None:
     robot, rng = planar_robot(seed, aside), np.random.default_rng(seed)
@@ -230,7 +231,7 @@ def test_postures_that_meet_all_lie_in_the_outer_rings(seed: int, aside: float) 
         assert any(low - 1e-9 <= r <= high + 1e-9 for low, high in outer)
 
 
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=8)
 @given(SEEDS, st.sampled_from([0.0, 0.04]))
 @example(282, 0.0)  # a pitch between two of a coarse grid serves
 @example(7800, 0.0)

@@ -13,6 +13,7 @@ from regionik.worlds.chain import pose
 from regionik.worlds.robot import LinkBox, LinkSolid
 from regionik.worlds.urdf.bounding import bounding_solid, convex_hull, rough_volume, volume
 from regionik.worlds.urdf.decomposition import CollisionPart, clip_triangles, decompose, mesh_part
+from tests import examples
 from tests.urdfs import depth
 
 NO_SURFACE = np.empty((0, 3, 3))
@@ -53,7 +54,7 @@ def outermost(solids: tuple[LinkSolid, ...], points: Array) -> float:
 _POSE = st.tuples(*[st.floats(-3, 3)] * 6).map(lambda values: pose(values[:3], values[3:]))
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=examples(30))
 @given(_POSE, st.integers(2, 3))
 def test_cut_meshes_stay_inside_and_shrink(T: Array, arms: int) -> None:
     mesh = crook(arms)
@@ -104,7 +105,7 @@ def test_solids_that_are_known_are_taken() -> None:
     assert piece.solid is box
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60))
 @given(st.integers(0, 2**32 - 1), st.floats(-1, 1))
 def test_clipping_keeps_area_and_side(seed: int, offset: float) -> None:
     rng = np.random.default_rng(seed)
@@ -124,7 +125,7 @@ def test_corners_on_the_plane_belong_to_both_sides() -> None:
     assert np.ptp(below.reshape(-1, 3), axis=0).tolist() == [1, 0, 0]
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=examples(30))
 @given(st.integers(0, 2**32 - 1), st.tuples(*[st.floats(0.05, 1)] * 3), _POSE)
 def test_the_quick_volume_is_near(seed: int, sizes: tuple[float, ...], T: Array) -> None:
     cloud = convex_hull(np.random.default_rng(seed).normal(size=(60, 3)) * sizes)

@@ -32,6 +32,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> list[dict[str, object]]:
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_another_process_gives_the_same(name: str, made: list[dict[str, object]]) -> None:
     assert made[0][name] == made[1][name] == made[2][name]

@@ -26,6 +26,7 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Solid, Sphere
 from regionik.worlds.robot import LinkBox, LinkCapsule
+from tests import examples
 
 ELL = Polygon([(-0.4, -0.4), (0.4, -0.4), (0.4, 0.0), (0.0, 0.0), (0.0, 0.4), (-0.4, 0.4)])
 RING = Point(0, 0).buffer(0.4, quad_segs=8) - box(-0.2, -0.1, 0.2, 0.15)
@@ -241,7 +242,7 @@ def test_distances_of_boxes_are_lower_bounds() -> None:
 coordinate = st.integers(0, 12).map(lambda k: k * 0.05)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60))
 @given(
     st.lists(st.tuples(coordinate, coordinate, coordinate, coordinate), min_size=1, max_size=8), st.booleans()
 )

@@ -158,6 +158,7 @@ print(json.dumps([raw_paths(seeds), answer.points.tolist()]))
 """
 
 
+@pytest.mark.slow
 def test_same_seed_same_path_in_another_process() -> None:
     def run(seeds: list[int]) -> str:
         command = [sys.executable, "-c", SCRIPT, json.dumps(seeds)]

@@ -9,7 +9,7 @@ from typing import get_args
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from regionik.planners.driving.arcs import arc_end, arc_towards
@@ -44,7 +44,6 @@ def test_the_way_of_a_base_that_rolls(kind: BaseKind, start: Array, length: floa
     assert drive.travel(way[[0, -1]]) == pytest.approx(abs(length), abs=1e-5)
 
 
-@settings(deadline=None)  # the first call compiles
 @given(poses, arcs, turns)
 def test_lengths_come_back_from_where_they_lead(start: Array, length: float, turn: float) -> None:
     x, y, _ = arc_end(start[0], start[1], start[2], length, turn)

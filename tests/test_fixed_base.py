@@ -29,6 +29,7 @@ from regionik.worlds.chain import Chain, Joint, rot_x, rot_y, translation
 from regionik.worlds.errors import InputError
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Solid, Sphere
 from regionik.worlds.robot import LinkBox, LinkCapsule, capsules_along
+from tests import examples
 
 NOTHING = obstacles_from([])
 SOLIDS: dict[str, Solid] = {
@@ -94,7 +95,7 @@ def room_of(chain: Chain, solids: list[LinkCapsule], obstacles: Obstacles, q: Ar
     return min(nearest_solid(obstacles, a, b, s.radius).distance for s, (a, b) in pairs)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=examples(200))
 @given(seed=SEEDS, name=st.sampled_from(sorted(SOLIDS)))
 def test_signed_distance_is_that_of_the_solid(seed: int, name: str) -> None:
     solid = SOLIDS[name]
@@ -103,7 +104,7 @@ def test_signed_distance_is_that_of_the_solid(seed: int, name: str) -> None:
     assert signed_distance(flat, 0, *point) == pytest.approx(solid.distance(point), abs=1e-12)
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=examples(300))
 @given(seed=SEEDS, name=st.sampled_from(sorted(SOLIDS)))
 def test_least_along_is_the_least_of_samples(seed: int, name: str) -> None:
     rng, solid = np.random.default_rng(seed), SOLIDS[name]
@@ -117,7 +118,7 @@ def test_least_along_is_the_least_of_samples(seed: int, name: str) -> None:
     assert min(values) - spacing <= least <= min(values) + 1e-6
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=examples(300))
 @given(seed=SEEDS, name=st.sampled_from(sorted(CHAINS)))
 def test_no_point_moves_farther_than_told(seed: int, name: str) -> None:
     chain, rng = CHAINS[name], np.random.default_rng(seed)
@@ -149,7 +150,7 @@ def test_no_point_moves_farther_than_told(seed: int, name: str) -> None:
             )
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=examples(100))
 @given(seed=SEEDS, name=st.sampled_from(sorted(CHAINS)))
 def test_levers_bound_every_posture(seed: int, name: str) -> None:
     chain, rng = CHAINS[name], np.random.default_rng(seed)
@@ -165,7 +166,7 @@ def test_levers_bound_every_posture(seed: int, name: str) -> None:
             assert np.linalg.norm(off) <= levers[k] + 1e-12
 
 
-@settings(max_examples=400, deadline=None)
+@settings(max_examples=examples(400))
 @given(seed=SEEDS, name=st.sampled_from(sorted(CHAINS)))
 def test_no_free_posture_is_ever_thrown_away(seed: int, name: str) -> None:
     chain, rng = CHAINS[name], np.random.default_rng(seed)

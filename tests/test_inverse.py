@@ -19,6 +19,7 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain, Joint, rot_z, translation
 from regionik.worlds.errors import InputError
+from tests import examples
 
 FREE = (-np.inf, np.inf)
 
@@ -292,7 +293,7 @@ def test_a_lift_goes_where_the_arm_cannot() -> None:
     assert "0.2061 m beyond the arm's stretched length" in far.reason
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60))
 @given(
     st.lists(st.floats(0.0, 1.0), min_size=1, max_size=5),
     st.lists(st.sampled_from([0.0, np.pi / 2, -np.pi / 2, 0.7]), min_size=5, max_size=5),

@@ -28,9 +28,10 @@ from regionik.worlds.errors import NoPlanFound
 from regionik.worlds.obstacles import Box, Cylinder, Prism, Solid, Sphere
 from regionik.worlds.robot import LinkCapsule, Robot
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
+from tests import examples
 from tests.test_random_worlds import random_world
 
-FEW = settings(max_examples=12, deadline=None)
+FEW = settings(max_examples=examples(12))
 SEEDS = st.integers(0, 400)
 SOUND = [
     pytest.param(5, id="headings in a slab of no width are not that of the state before"),
@@ -211,7 +212,7 @@ def test_what_can_be_planned_can_be_planned_in_other_units(seed: int) -> None:
         assert verify(other).ok
 
 
-@settings(max_examples=6, deadline=None)
+@settings(max_examples=examples(6))
 @given(SEEDS, st.integers(0, 2**31))
 def test_an_obstacle_in_the_air_never_makes_a_target_reachable(seed: int, draw: int) -> None:
     """Whatever the arm has to go round besides, what was out of reach stays so."""

@@ -31,6 +31,7 @@ from regionik.worlds.arms import pivot_index, planar_arm, reach_bound
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain, Joint, rot_x, translation
+from tests import examples
 from tests.bodies import on_lift, with_lift
 
 SEEDS = st.integers(0, 10_000)
@@ -60,7 +61,7 @@ def tool_at(chain: Chain, rng: np.random.Generator) -> tuple[float, float]:
     return float(np.hypot(x, y)), float(z)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60))
 @given(SEEDS)
 def test_no_posture_is_outside_the_outer_reach(seed: int) -> None:
     chain = chain_of(seed)
@@ -68,7 +69,7 @@ def test_no_posture_is_outside_the_outer_reach(seed: int) -> None:
     assert any(low - 1e-9 <= r <= high + 1e-9 for low, high in outer_reach(chain, rise))
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60))
 @given(SEEDS, st.floats(0, 1), st.floats(-3, 3))
 @example(2040, 0.0, 0.0)  # all axes upright: the arm has one height, and walks along it do not start
 @example(2040, 0.5, 1.0)
@@ -126,7 +127,7 @@ def test_bounds_meet_where_the_arm_is_simple() -> None:
             assert outer_reach(chain, rise)[-1][1] <= high + 1e-3
 
 
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=examples(80))
 @given(SEEDS, st.floats(1e-3, 1.5))
 @example(5108, 0.125)  # past the axis the tool was farther away than told
 def test_a_box_bounds_all_of_its_postures(seed: int, width: float) -> None:
@@ -151,7 +152,7 @@ def test_a_box_bounds_all_of_its_postures(seed: int, width: float) -> None:
         assert (joints <= box.q + box.shift[1] + 1e-9).all()
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=examples(40))
 @given(SEEDS)
 def test_speeds_and_bends_are_those_of_small_moves(seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -176,7 +177,7 @@ def test_speeds_and_bends_are_those_of_small_moves(seed: int) -> None:
             assert bent <= one.bend[j, k] + 1e-6
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=examples(40))
 @given(SEEDS)
 def test_a_hop_that_holds_can_be_put_right_all_along(seed: int) -> None:
     rng = np.random.default_rng(seed)

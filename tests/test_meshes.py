@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from regionik.planners.collision.gjk import hull_distance
 from regionik.planners.collision.meshes import LEAF, nearest_triangle, triangle_tree
 from regionik.worlds.arrays import Array
+from tests import examples
 
 
 def soup(count: int, seed: int) -> tuple[Array, NDArray[np.int64]]:
@@ -28,7 +29,7 @@ def gap_of_all(vertices: Array, faces: NDArray[np.int64], hull: Array) -> float:
     return min(max(hull_distance(hull, vertices[f], 0.0, np.zeros(3), np.empty(3))[0], 0.0) for f in faces)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60))
 @given(st.integers(1, 150), st.integers(0, 10**6), st.sampled_from([2, 8]), st.sampled_from([0.2, 1.0, 3.0]))
 def test_the_tree_finds_what_all_triangles_say(count: int, seed: int, corners: int, far: float) -> None:
     vertices, faces = soup(count, seed)
@@ -48,7 +49,7 @@ def test_the_tree_finds_what_all_triangles_say(count: int, seed: int, corners: i
         np.testing.assert_array_equal(way, told)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=examples(40))
 @given(st.integers(1, 150), st.integers(0, 10**6))
 def test_every_triangle_hangs_once_in_boxes_that_hold_it(count: int, seed: int) -> None:
     vertices, faces = soup(count, seed)

@@ -6,7 +6,6 @@ import os
 import subprocess
 import sys
 from dataclasses import replace
-from functools import cache
 
 import numpy as np
 import pytest
@@ -28,15 +27,11 @@ from regionik.worlds.errors import Explanation, InputError, NoPlanFound
 from regionik.worlds.obstacles import Box, Cylinder
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
 from tests.bodies import with_lift
+from tests.planned import planned
 
 CROWDED = ("shelf", "pipe", "tao1", "tao2", "tao3")
 YOUBOT = robot_named("youbot")
 START = Start(np.zeros(3), YOUBOT.carry)
-
-
-@cache
-def planned(name: str) -> Plan:
-    return plan(load_world(name))
 
 
 def between(found: Plan, parts: int) -> tuple[Array, Array]:
@@ -123,6 +118,7 @@ def test_the_elbow_does_not_flip_on_the_path(name: str) -> None:
     assert not flips.any()
 
 
+@pytest.mark.slow
 def test_the_same_bytes_again_and_in_another_process() -> None:
     script = (
         "import sys\n"

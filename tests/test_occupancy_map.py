@@ -17,6 +17,7 @@ from regionik.worlds.bundled import DATA
 from regionik.worlds.errors import InputError
 from regionik.worlds.readers.occupancy_map import CELL_LIMIT, load_map
 from regionik.worlds.scene import Floor
+from tests import examples
 
 KEYS = {
     "image": "map.pgm",
@@ -86,7 +87,7 @@ def test_corners_do_not_join_and_holes_stay_open(tmp_path: Path) -> None:
     assert blocked_area(floor) == 9 * 0.25
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=examples(60))
 @given(st.integers(1, 12), st.integers(1, 12), st.integers(0, 2**32 - 1), st.sampled_from([0.0, 0.4, 2.9]))
 def test_every_cell_is_where_its_pixel_says(
     tmp_path_factory: pytest.TempPathFactory, rows: int, columns: int, seed: int, yaw: float

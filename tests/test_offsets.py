@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from regionik.planners.geometry.offsets import SHALLOW, grown, shrunk
+from tests import examples
 
 NEAR = 1e-9
 
@@ -34,7 +35,7 @@ def rim(shape: shapely.Geometry) -> np.ndarray:
     return points
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=examples(200))
 @given(st.integers(0, 10**9), st.floats(0.01, 0.6))
 def test_grown(seed: int, by: float) -> None:
     shape = blob(seed)
@@ -47,7 +48,7 @@ def test_grown(seed: int, by: float) -> None:
     assert shapely.distance(rim(shell), shape).min() >= (0.99 - SHALLOW) * by
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=examples(200))
 @given(st.integers(0, 10**9), st.floats(0.01, 0.3))
 def test_shrunk(seed: int, by: float) -> None:
     shape = blob(seed)

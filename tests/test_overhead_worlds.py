@@ -3,6 +3,7 @@
 from collections import Counter
 
 import numpy as np
+import pytest
 import shapely
 
 from regionik.areas.reachable import reach_model
@@ -96,6 +97,7 @@ def outcome(world: World) -> str:
     return "planned"
 
 
+@pytest.mark.slow
 def test_every_world_is_planned_or_explained() -> None:
     outcomes = Counter(outcome(overhead_world(seed, most=6)) for seed in range(18))
     assert outcomes["planned"] > 8

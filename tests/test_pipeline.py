@@ -1,5 +1,4 @@
 from dataclasses import replace
-from functools import cache
 
 import numpy as np
 import pytest
@@ -14,11 +13,7 @@ from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import InputError, NoPlanFound
 from regionik.worlds.obstacles import Box
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
-
-
-@cache
-def planned(name: str) -> Plan:
-    return plan(load_world(name))
+from tests.planned import planned
 
 
 def base_line(found: Plan) -> shapely.LineString:

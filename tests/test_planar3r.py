@@ -12,6 +12,7 @@ from regionik.planners.solvers.inverse_kinematics import Goal
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain
 from regionik.worlds.errors import InputError
+from tests import examples
 
 MOST = np.pi / 3
 
@@ -24,7 +25,7 @@ def arm(low: float = 0.0, high: float = MOST) -> Chain:
 shares = st.floats(0.0, 1.0)
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=examples(150))
 @given(st.tuples(shares, shares, shares), st.tuples(shares, shares, shares))
 def test_every_place_of_the_arm_is_met_exactly(posture: tuple[float, ...], start: tuple[float, ...]) -> None:
     """The law of the table: whatever posture made the target, to 1e-12 cm and within 0 to 60 degrees."""

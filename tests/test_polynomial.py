@@ -9,12 +9,13 @@ from hypothesis import strategies as st
 
 from benchmarks.tables.polynomial import ORDERS, blend, polynomial
 from regionik.worlds.errors import InputError
+from tests import examples
 
 numbers = st.floats(-5.0, 5.0)
 ends = st.tuples(*[st.tuples(numbers, numbers)] * 6)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60))
 @given(st.sampled_from(ORDERS), ends, st.floats(0.1, 20.0))
 def test_ends_are_met(order: int, asked: tuple[tuple[float, float], ...], duration: float) -> None:
     q0, q1, v0, v1, a0, a1 = (np.array(pair) for pair in asked)

@@ -296,7 +296,7 @@ def motions(bodies: Bodies, count: int, seed: int) -> list[tuple[Array, Array, A
 @pytest.mark.parametrize("name", [*ROBOTS, "on wheels"])
 def test_what_is_proven_clear_is_clear_in_every_sample(name: str) -> None:
     bodies = prepared(name)
-    clear, count = 0, 100 if name in ROBOTS else 40
+    clear, count = 0, 40
     for a, qa, b, qb in motions(bodies, count, 8):
         if motion_clear(bodies, a, qa, b, qb, MARGIN) is not None:
             continue

@@ -69,6 +69,7 @@ def outcome(world: World) -> str:
     return "planned"
 
 
+@pytest.mark.slow
 def test_every_world_is_planned_or_explained() -> None:
     outcomes = Counter(outcome(random_world(seed)) for seed in range(50, 200))
     assert outcomes["planned"] > 50

@@ -13,6 +13,7 @@ from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import InputError
 from regionik.worlds.obstacles import Box, Cylinder, Shadow, Solid
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
+from tests import examples
 
 FLOOR = Floor(shapely.box(-3, -3, 3, 3))
 
@@ -45,7 +46,7 @@ def test_inner_points_work_and_points_outside_outer_do_not(z: float) -> None:
     assert area.gap < 0.08
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=examples(25))
 @given(
     spots=st.lists(st.tuples(st.floats(-1, 1), st.floats(-1, 1)), max_size=6),
     less=st.floats(0.0, 0.3),

@@ -27,19 +27,21 @@ from regionik.worlds.drives import OmnidirectionalDrive, wheel_travel
 from regionik.worlds.errors import InputError
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
 from regionik.worlds.speeds import Speeds
+from tests.planned import planned
 from tests.soaked import soaked_world
 
 WHEELED = Speeds(wheel_velocity=0.5, base_velocity=1.0, turn_velocity=10.0)
 SLACK = 1 + 1e-6
+LONG = ("circle", "pipe", "tao1", "tao2")  # ways, of some seconds to plan or to time each
+TIMED = [
+    pytest.param(name, marks=pytest.mark.slow) if name in LONG else name
+    for name in world_names()
+    if name != "depot"
+]
 
 
 def speeds_for(name: str) -> Speeds:
     return WHEELED if name in ("circle", "door") else Speeds()
-
-
-@lru_cache(maxsize=20)
-def planned(name: str) -> Plan:
-    return plan(load_world(name))
 
 
 @lru_cache(maxsize=20)
@@ -52,7 +54,7 @@ def each_millisecond(found: Plan) -> TrajectorySample:
     return motion.sample(np.append(np.arange(0.0, motion.duration, 1e-3), motion.duration))
 
 
-@pytest.mark.parametrize("name", [name for name in world_names() if name != "depot"])
+@pytest.mark.parametrize("name", TIMED)
 def test_no_limit_is_exceeded_at_a_thousand_hertz(name: str) -> None:
     found, speeds = timed(name), speeds_for(name)
     robot, look = found.world.robot, each_millisecond(found)

@@ -14,6 +14,7 @@ from regionik.planners.driving.greedy_steps import step_area, step_to_goal
 from regionik.planners.geometry.polygons import FlatPolygon, clamp, nearest_on_boundary, segment_inside
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError
+from tests import examples
 
 SQUARE = box(-0.5, -1.5, 3, 1.5) - box(1.0, -0.2, 1.6, 0.4).buffer(0.2)  # experiment 2
 BLOCK = box(-0.5, -1.5, 3, 1.5) - box(1.175, -0.45, 1.425, 0.45).buffer(0.2)  # experiment 2b
@@ -54,7 +55,7 @@ def test_experiment_2b_stalls_before_the_opposite_face(rho: float) -> None:
     assert legs_inside(BLOCK, steps.points)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60))
 @given(
     seed=st.integers(0, 40), rho=st.floats(0.05, 1.0), ends=st.lists(st.floats(0, 4), min_size=4, max_size=4)
 )

@@ -238,6 +238,7 @@ def test_circles_that_end_where_the_cone_does_are_verified(span: slice) -> None:
     assert not verify(replace(found, world=replace(found.world, task=away))).ok
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [5, 12, 87, 98, 112])
 def test_worlds_done_from_stops_that_the_soak_found_are_planned(seed: int) -> None:
     """They were refused: at rims by a search that kept tools from rolling, at a start too tight to turn."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import lru_cache
 
 import numpy as np
 import pytest
@@ -13,7 +12,6 @@ from regionik.pipeline import check_world, plan
 from regionik.planners.driving.pose_tracking import SaturationError, arm_share, track, track_runs
 from regionik.postures.poses import axis_of
 from regionik.tracker import DRAWN, can_track, tracking_robot
-from regionik.values import Plan
 from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
@@ -23,14 +21,10 @@ from regionik.worlds.drives import wheel_travel
 from regionik.worlds.errors import InputError, NoPlanFound
 from regionik.worlds.obstacles import Box
 from regionik.worlds.scene import Start, Target, World
+from tests.planned import planned
 
 ROBOT = robot_named("pioneer-parm")
 SPEED = 0.5  # of a wheel [m/s]
-
-
-@lru_cache
-def planned(name: str) -> Plan:
-    return plan(load_world(name))
 
 
 def along(poses: list[Array], **changes: object) -> World:

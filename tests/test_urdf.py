@@ -24,6 +24,7 @@ from regionik.worlds.documents.world_file import load_world, world_from_document
 from regionik.worlds.errors import InputError
 from regionik.worlds.robot import Robot
 from regionik.worlds.urdf.loader import load_robot
+from tests import examples
 from tests.test_export import awkward
 from tests.urdfs import CRANE, crane, frames_of
 
@@ -153,7 +154,7 @@ def chains(draw: st.DrawFn) -> tuple[str, int]:
 
 
 @pytest.mark.filterwarnings("ignore:.*no arm link has a collision element", "ignore:.*the tool point lies")
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60))
 @given(chains())
 def test_any_chain_is_where_the_file_says(
     tmp_path_factory: pytest.TempPathFactory, made: tuple[str, int]
@@ -518,7 +519,7 @@ def test_broken_files_are_one_clear_line(
 
 
 @pytest.mark.filterwarnings("ignore::UserWarning")
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=examples(150))
 @given(st.integers(0, len(CRANE)), st.integers(0, 40), st.text(max_size=5))
 def test_a_spoilt_file_loads_or_is_refused(
     tmp_path_factory: pytest.TempPathFactory, start: int, length: int, put: str

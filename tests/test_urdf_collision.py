@@ -30,6 +30,7 @@ from regionik.worlds.urdf.bounding import (
     sphere_capsule,
 )
 from regionik.worlds.urdf.loader import load_robot
+from tests import examples
 from tests.urdfs import CRANE, UPPER_SIZE, crane, depth, frames_of
 
 
@@ -50,7 +51,7 @@ _SIZE = st.floats(1e-3, 3)
 _POSE = st.tuples(*[st.floats(-3, 3)] * 6).map(lambda values: pose(values[:3], values[3:]))
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=examples(50))
 @given(_POSE, _SIZE, _SIZE)
 def test_a_cylinder_is_inside_its_capsule(T: Array, radius: float, length: float) -> None:
     capsule = cylinder_capsule(0, "c", T, radius, length)
@@ -73,7 +74,7 @@ def test_a_sphere_is_inside_its_capsule() -> None:
     assert np.linalg.norm(capsule.end - capsule.start) > 0
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=examples(50))
 @given(st.integers(0, 2**32 - 1), st.integers(1, 40), st.tuples(*[st.floats(0, 1)] * 3), _POSE)
 @example(0, 14, (1.0, 1.0, 1e-14), np.eye(4))  # the hull engine lost corners of it
 @example(0, 14, (1.0, 1.0, 1e-13), np.eye(4))
@@ -337,7 +338,7 @@ def test_many_triangles_and_many_solids_take_seconds(tmp_path: Path) -> None:
     assert volume(body) < 1.1 * 4 / 3 * np.pi * 0.2**3
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=examples(30))
 @given(st.integers(0, 1000), st.tuples(*[st.floats(0.01, 1)] * 3))
 def test_an_outer_hull_contains_its_points_and_little_more(seed: int, sizes: tuple[float, ...]) -> None:
     points = np.random.default_rng(seed).normal(size=(300, 3)) * sizes

@@ -17,6 +17,7 @@ from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import NoPlanFound
 from regionik.worlds.obstacles import Box
 from regionik.worlds.scene import Floor, Rules, Target, World
+from tests import examples
 
 
 def crowded(seed: int = 0) -> World:
@@ -67,7 +68,7 @@ def assert_same(one: LiveAreas, other: LiveAreas) -> None:
         assert one.pruned.breaks == other.pruned.breaks
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=examples(25))
 @given(st.integers(0, 3), st.lists(st.integers(0, 10_000), min_size=1, max_size=4))
 def test_a_chain_of_changes_comes_to_what_is_made_from_nothing(seed: int, changes: list[int]) -> None:
     world = crowded(seed)

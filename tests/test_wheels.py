@@ -34,8 +34,10 @@ from regionik.planners.geometry.shortest_paths import tighten
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError
 from regionik.worlds.obstacles import Shadow
+from tests import examples
 
 RADIUS = 0.7
+MORE = [0, 1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(2, 6))]
 SPOT = st.floats(-4, 4, allow_subnormal=False)
 POSE = st.tuples(SPOT, SPOT, st.floats(-np.pi, np.pi, allow_subnormal=False)).map(np.array)
 LONG = np.array([[0.4, -0.19], [0.4, 0.19], [-0.18, 0.19], [-0.18, -0.19]])  # axle near the tail
@@ -145,7 +147,7 @@ def test_curves_are_as_short_as_those_of_ompl() -> None:
 
 
 @given(POSE, POSE)
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=examples(200))
 def test_reeds_shepp_is_symmetric(a: Array, b: Array) -> None:
     there, back = shortest(a, b), shortest(b, a)
     assert there == pytest.approx(back, abs=1e-9)
@@ -153,7 +155,7 @@ def test_reeds_shepp_is_symmetric(a: Array, b: Array) -> None:
 
 
 @given(POSE, POSE, st.floats(-2, 2), st.floats(-6, 6))
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=examples(100))
 def test_curves_do_not_care_where_the_world_is(a: Array, b: Array, shift: float, turn: float) -> None:
     c, s = np.cos(turn), np.sin(turn)
     ends = [np.array([c * p[0] - s * p[1] + shift, s * p[0] + c * p[1] - shift, p[2] + turn]) for p in (a, b)]
@@ -200,7 +202,7 @@ def test_arcs_come_near_but_do_not_touch(turn: float, inside: bool) -> None:
         assert arc_is_free(tight, np.zeros(3), abs(turn), turn) is (inside and turn < np.pi)
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", MORE)
 def test_cars_in_clutter(seed: int) -> None:
     free = clutter(seed + 1)
     start, goal = two_poses(free, seed + 101)
@@ -212,7 +214,7 @@ def test_cars_in_clutter(seed: int) -> None:
     assert tight - 1e-9 <= way.length <= 2 * tight + 2
 
 
-@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("seed", MORE)
 def test_differential_in_clutter(seed: int) -> None:
     free = clutter(seed)
     start, goal = two_poses(free, seed + 100)
@@ -325,6 +327,7 @@ import json
 from shapely import box
 from regionik.planners.driving.footprint import footprint_scene
 from regionik.planners.driving.pose_planner import drive_car
+from tests import examples
 free = footprint_scene([[0, 0]], box(0, 0, 6, 3) - box(1.8, 0, 2.1, 1.9) - box(3.8, 1.2, 4.1, 3))
 drive_car(free, [0.5, 0.5, 0], [1, 2, 1], turning_radius=0.3, seed=WARM)
 way = drive_car(free, [0.8, 0.6, 0.3], [5.2, 2.2, 1.5], turning_radius=0.4, seed=3)
@@ -332,6 +335,7 @@ print(json.dumps([way.method, way.sample(0.05).tolist()]))
 """
 
 
+@pytest.mark.slow
 def test_same_seed_same_way_in_every_process() -> None:
     runs = [
         subprocess.run(

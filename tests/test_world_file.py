@@ -32,6 +32,7 @@ from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Sphere
 from regionik.worlds.readers.text import JSON_LIMIT, YAML_LIMIT, read_document
 from regionik.worlds.robot import LinkBox, LinkCapsule, Robot, capsules_along
 from regionik.worlds.scene import Rules, World
+from tests import examples
 from tests.nasty import GOOD, NASTY, Nasty, broken
 
 ROOT = Path(__file__).parent.parent
@@ -229,7 +230,7 @@ def test_dh_robots() -> None:
     assert_round_trip(ignoring)
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=examples(40))
 @given(
     st.lists(
         st.tuples(*[st.floats(-3.1, 3.1), st.floats(-1, 1), st.floats(-1, 1), st.floats(-3.1, 3.1)]),
@@ -415,7 +416,7 @@ def test_numbers_too_large_to_square_are_refused(value: float) -> None:
         world_from_document(document, "here")
 
 
-@settings(deadline=None, max_examples=300)
+@settings(max_examples=examples(300))
 @given(st.data())
 def test_whatever_stands_anywhere_is_read_or_refused_in_one_line(data: st.DataObject) -> None:
     document: Any = good()
