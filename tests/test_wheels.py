@@ -202,7 +202,7 @@ def test_arcs_come_near_all_sides(turn: float, inside: bool) -> None:
 
 
 @pytest.mark.parametrize("reverse", [True, False])
-@pytest.mark.parametrize("seed", MORE)
+@pytest.mark.parametrize("seed", MORE[:4])
 def test_cars_in_clutter(seed: int, reverse: bool) -> None:
     free = clutter(seed + 1)
     start, goal = two_poses(free, seed + 101)
