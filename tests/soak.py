@@ -183,7 +183,7 @@ def _against_witness(known: Plan, kind: str, seed: int) -> Judged:
         if verdict in PROVEN or PROOF in why.reason:
             wrong += (f"said though there is a witness: {verdict}: {why.reason}",)
     except InputError as refused:
-        verdict = f"refused: {refused}"
+        verdict = "refused: " + str(refused).removeprefix(f"{world.name}: ")
     return Judged(kind, seed, verdict, wrong, asked=_asked(world), traits=traits_of(world))
 
 
@@ -221,19 +221,15 @@ def report(found: list[Judged]) -> str:
     lines = [
         "# Random worlds and the second opinion",
         "",
-        f"On {date.today()} `make soak` planned all bundled worlds and {drawn} random ones (seeds from 0).",
+        f"On {date.today()} `make soak` planned {len(found) - drawn} bundled worlds and {drawn} random ones.",
         "Pinocchio and coal judged every plan and every blocked start, brute force every proven",
         "`unreachable` of a set-point: those are the claims tested.",
         "What dense samples do not show is not proven.",
         f"A world that takes more than {LONGEST:g} s of processor time, twice, is given up.",
         "See `tests/soak.py` and `tests/opinion`.",
         "",
-        *_drawn_table(others),
-        "",
-        *_figures(found),
-        "",
-        *_witness_tables(known),
-        "",
+        *([*_drawn_table(others), "", *_figures(others), ""] if others else []),
+        *([*_witness_tables(known), ""] if known else []),
         "Contradicted:" if wrong_ones else "None was contradicted.",
         "",
         *(f"- {_who(one)}: {text}" for one in wrong_ones for text in one.wrong),

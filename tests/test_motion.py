@@ -151,6 +151,7 @@ def boards(middle: Array, inside: float, low: float, high: float, sides: str) ->
     return tuple(Box(name, np.array(places[name][0]), np.array(places[name][1])) for name in sides.split())
 
 
+@pytest.mark.slow
 def test_a_closed_cage_leaves_no_posture() -> None:
     cage = boards(np.array([0.8, 0.5]), 0.2, 0.3, 0.5, "north south east west top bottom")
     task = (Target(np.array([0.3, 0.5, 0.3])), Target(np.array([0.8, 0.5, 0.4])))

@@ -1,9 +1,7 @@
-"""The soak: witnesses are plans, a false no is contradicted, no world takes for ever, the report counts."""
+"""The soak: witnesses are plans, a false no is contradicted, the report counts."""
 
 from __future__ import annotations
 
-import os
-import signal
 from typing import Any
 
 import numpy as np
@@ -16,7 +14,6 @@ from regionik.worlds.errors import Explanation, InputError, NoPlanFound, Verdict
 from regionik.worlds.obstacles import Mesh, Solid
 from regionik.worlds.scene import World
 from tests import soak
-from tests.bounded import Ended, bounded_calls
 from tests.random_arms import ARMS, random_arm, random_robot
 from tests.soak import WITNESSED, Judged, against, asked_worlds, judged, report
 from tests.witnesses import random_solid, traits_of, witness
@@ -100,24 +97,6 @@ def test_a_refusal_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
 
     monkeypatch.setattr(soak, "search", search)
     assert judged("slides", 1).verdict == "refused: no"
-
-
-def ordeal(what: str, _seed: int) -> str:
-    """Answer, take for ever or crash."""
-    while what == "for ever":
-        pass
-    if what == "crash":
-        os.kill(os.getpid(), signal.SIGKILL)
-    return what
-
-
-def test_what_takes_for_ever_or_crashes_is_ended_and_the_rest_answered() -> None:
-    given = [("one", 1), ("for ever", 2), ("crash", 3), ("two", 4)]
-    found = {one: answer for (one, _), answer in bounded_calls(ordeal, given, 2, 0.2)}
-    assert found["one"] == "one"
-    assert found["two"] == "two"
-    assert found["for ever"] == Ended(True, -signal.SIGPROF)
-    assert found["crash"] == Ended(False, -signal.SIGKILL)
 
 
 def test_half_of_the_random_worlds_have_a_witness() -> None:

@@ -202,7 +202,7 @@ def test_arcs_come_near_but_do_not_touch(turn: float, inside: bool) -> None:
         assert arc_is_free(tight, np.zeros(3), abs(turn), turn) is (inside and turn < np.pi)
 
 
-@pytest.mark.parametrize("seed", MORE)
+@pytest.mark.parametrize("seed", MORE[:4])
 def test_cars_in_clutter(seed: int) -> None:
     free = clutter(seed + 1)
     start, goal = two_poses(free, seed + 101)

@@ -29,7 +29,7 @@ ROOM = 0.3  # about base and arm that maps leave free [m]
 
 
 @dataclass(frozen=True)
-class Course:
+class TimedMotion:
     """Joint values and base poses over time: set-points from 0 to 1, the way to the first before 0."""
 
     robot: Robot
@@ -73,11 +73,11 @@ def witness(kind: str, seed: int) -> Plan:
     """
     rng = np.random.default_rng([seed, *kind.encode()])
     for _ in range(DRAWN):
-        course = _course(random_robot(kind, rng), rng)
-        times = None if course is None else _setpoint_times(course)
-        if course is None or times is None:
+        motion = _random_motion(random_robot(kind, rng), rng)
+        times = None if motion is None else _setpoint_times(motion)
+        if motion is None or times is None:
             continue
-        empty = _plan(course, times, _world(f"{kind} {seed}", course, times, rng))
+        empty = _plan(motion, times, _world(f"{kind} {seed}", motion, times, rng))
         if verify(empty).ok:
             return _among_obstacles(empty, rng)
     raise RuntimeError(f"no witness of kind {kind} and seed {seed}")
@@ -99,7 +99,7 @@ def traits_of(world: World) -> tuple[str, ...]:
     )
 
 
-def _course(robot: Robot, rng: np.random.Generator) -> Course | None:
+def _random_motion(robot: Robot, rng: np.random.Generator) -> TimedMotion | None:
     """Return a motion within the limits that keeps the tool over the floor, None where that failed."""
     chain = robot.chain
     slide = np.array([joint.kind == "prismatic" for joint in chain.joints])
@@ -121,28 +121,28 @@ def _course(robot: Robot, rng: np.random.Generator) -> Course | None:
     if not robot.drive.rolls and rng.random() < 0.3:
         turn = 0.0
     base = np.array([*rng.uniform([0.2, -0.8], [2.2, 0.8]), rng.uniform(-np.pi, np.pi)])
-    course = Course(robot, base, np.array([ahead, aside, turn]), joints, bend, bool(rng.random() < 0.35))
-    height = course.tools(np.linspace(-0.5, 1, 13))[:, 2, 3]
-    return course if height.min() > 0.08 else None
+    motion = TimedMotion(robot, base, np.array([ahead, aside, turn]), joints, bend, bool(rng.random() < 0.35))
+    height = motion.tools(np.linspace(-0.5, 1, 13))[:, 2, 3]
+    return motion if height.min() > 0.08 else None
 
 
-def _setpoint_times(course: Course) -> Array | None:
+def _setpoint_times(motion: TimedMotion) -> Array | None:
     """Return times of so many set-points that lines from one to the next are near the tool's way."""
     count = 3
     while count <= MOST:
         times = np.linspace(0, 1, count)
-        ends = course.tools(times)[:, :3, 3]
-        middle = course.tools((times[:-1] + times[1:]) / 2)[:, :3, 3]
+        ends = motion.tools(times)[:, :3, 3]
+        middle = motion.tools((times[:-1] + times[1:]) / 2)[:, :3, 3]
         if np.linalg.norm(middle - (ends[:-1] + ends[1:]) / 2, axis=1).max() < BEND:
             return times if np.linalg.norm(np.diff(ends, axis=0), axis=1).min() > 0.005 else None
         count += 2
     return None
 
 
-def _world(name: str, course: Course, times: Array, rng: np.random.Generator) -> World:
+def _world(name: str, motion: TimedMotion, times: Array, rng: np.random.Generator) -> World:
     """Return a world without obstacles; rules, poses and floor are drawn."""
     begin = -0.5 if rng.random() < 0.6 else 0.0
-    is_fixed = begin < 0 and course.robot.base == "omni" and course.roll[2] == 0 and rng.random() < 0.5
+    is_fixed = begin < 0 and motion.robot.base == "omni" and motion.roll[2] == 0 and rng.random() < 0.5
     heading: Heading = "fixed" if is_fixed else "free"
     rules = Rules(
         clearance=float(rng.choice([0.0, rng.uniform(0.0, 0.15)])),
@@ -150,10 +150,10 @@ def _world(name: str, course: Course, times: Array, rng: np.random.Generator) ->
         step=float(rng.uniform(0.05, 0.25)),
         tolerance=float(rng.choice([1e-4, 1e-3])),
         heading=heading,
-        mode="stops" if course.stands and rng.random() < 0.6 else "continuous",
+        mode="stops" if motion.stands and rng.random() < 0.6 else "continuous",
         stop_tolerance=float(rng.uniform(0.0, 0.004)),
     )
-    frames, asked, cone = course.tools(times), rng.integers(3), float(rng.uniform(0.05, 0.4))
+    frames, asked, cone = motion.tools(times), rng.integers(3), float(rng.uniform(0.05, 0.4))
     task = tuple(
         Target(
             T[:3, 3],
@@ -164,18 +164,18 @@ def _world(name: str, course: Course, times: Array, rng: np.random.Generator) ->
         for T in frames
     )
     first = np.array([begin])
-    start = Start(course.bases(first)[0], course.arms(first)[0]) if begin < 0 or rng.random() < 0.5 else None
+    start = Start(motion.bases(first)[0], motion.arms(first)[0]) if begin < 0 or rng.random() < 0.5 else None
     speeds = None
     if rng.random() < 0.25:
         speeds = Speeds(
             joint_velocity=float(rng.uniform(0.3, 2.0)), base_velocity=float(rng.uniform(0.1, 1.0))
         )
-    return World(name, course.robot, _floor(course, rules, rng), (), task, rules, start, speeds=speeds)
+    return World(name, motion.robot, _floor(motion, rules, rng), (), task, rules, start, speeds=speeds)
 
 
-def _floor(course: Course, rules: Rules, rng: np.random.Generator) -> Floor:
+def _floor(motion: TimedMotion, rules: Rules, rng: np.random.Generator) -> Floor:
     """Return a hall, an outline with bays and holes, or a map, in which there is room for the motion."""
-    kept = _swept(course, rules.clearance + ROOM)
+    kept = _swept(motion, rules.clearance + ROOM)
     match rng.integers(3):
         case 0:
             return Floor(shapely.union_all([shapely.box(-1.5, -2.0, 4.0, 2.0), kept]).convex_hull)
@@ -185,30 +185,30 @@ def _floor(course: Course, rules: Rules, rng: np.random.Generator) -> Floor:
             return mapped(rng, kept)
 
 
-def _swept(course: Course, room: float) -> BaseGeometry:
+def _swept(motion: TimedMotion, room: float) -> BaseGeometry:
     """Return the floor under base and arm on their way, and ``room`` beyond [m]."""
     time = np.linspace(-0.5, 1, 31)
-    bases, joints = course.bases(time), course.arms(time)
-    frames = course.robot.frames(bases, joints)[..., :2, 3]
+    bases, joints = motion.bases(time), motion.arms(time)
+    frames = motion.robot.frames(bases, joints)[..., :2, 3]
     shapes = []
     for (x, y, yaw), links in zip(bases, frames, strict=True):
         c, s = np.cos(yaw), np.sin(yaw)
-        corners = course.robot.footprint @ np.array([[c, s], [-s, c]]) + [x, y]
+        corners = motion.robot.footprint @ np.array([[c, s], [-s, c]]) + [x, y]
         shapes.append(shapely.MultiPoint(np.vstack([corners, links])).convex_hull)
     return shapely.union_all(shapes).buffer(room)
 
 
-def _plan(course: Course, times: Array, world: World) -> Plan:
+def _plan(motion: TimedMotion, times: Array, world: World) -> Plan:
     """Return the motion as a plan of a world."""
-    on_path = np.linspace(0, 1, (len(times) - 1) * _pieces(course, times, world) + 1)
+    on_path = np.linspace(0, 1, (len(times) - 1) * _pieces(motion, times, world) + 1)
     kinds = ["setpoint" if np.isclose(times, t, atol=1e-9).any() else "step" for t in on_path]
     behind = np.searchsorted(times, on_path + 1e-9) - 1
     lead = np.empty(0)
-    if world.start is not None and not np.array_equal(world.start.joints, course.arms(np.zeros(1))[0]):
-        lead = np.linspace(-0.5, 0, int(np.ceil(0.5 * _length(course) / world.rules.step * 1.1)) + 3)[:-1]
+    if world.start is not None and not np.array_equal(world.start.joints, motion.arms(np.zeros(1))[0]):
+        lead = np.linspace(-0.5, 0, int(np.ceil(0.5 * _length(motion) / world.rules.step * 1.1)) + 3)[:-1]
     when = np.concatenate([lead, on_path])
-    bases, joints = course.bases(when), course.arms(when)
-    motion = Motion(
+    bases, joints = motion.bases(when), motion.arms(when)
+    states = Motion(
         base=bases,
         joints=joints,
         kind=np.array(["transit"] * len(lead) + kinds),
@@ -220,17 +220,17 @@ def _plan(course: Course, times: Array, world: World) -> Plan:
     rules, stops = world.rules, tuple[Stop, ...]()
     if rules.mode == "stops":
         stops = (Stop(bases[-1], tuple(range(len(times))), rules.stop_tolerance, rules.stop_criterion),)
-    return Plan(world, 0, found, motion, (), 0, stops)
+    return Plan(world, 0, found, states, (), 0, stops)
 
 
-def _length(course: Course) -> float:
+def _length(motion: TimedMotion) -> float:
     """Return what the base rolls and slides from 0 to 1 [m]."""
-    return float(np.hypot(*course.roll[:2]))
+    return float(np.hypot(*motion.roll[:2]))
 
 
-def _pieces(course: Course, times: Array, world: World) -> int:
+def _pieces(motion: TimedMotion, times: Array, world: World) -> int:
     """Return into how many hops the way to the next set-point is cut."""
-    hops = _length(course) / (len(times) - 1) / world.rules.step
+    hops = _length(motion) / (len(times) - 1) / world.rules.step
     return max(STATES, int(np.ceil(1.1 * hops)))
 
 
