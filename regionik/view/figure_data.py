@@ -23,6 +23,11 @@ from regionik.worlds.robot import Robot
 from regionik.worlds.scene import World
 
 SAMPLES = 1000  # of a timed plan, at even times besides its states
+POSES = 8  # at which the base is shown
+MARGIN, SHARE = 0.3, 0.15  # shown around all there is: this [m] and this share of its size
+EDGE = 0.1  # shown beyond the floor [m]
+RESOLUTION = 2000  # details across a picture
+TALL = 100.0  # above every solid [m]
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,13 +142,6 @@ def _lifted(motion: Motion, states: Array) -> Array:
     edges = np.flatnonzero(np.diff(np.concatenate([[False], lifted, [False]])))
     spans: Array = states[edges].reshape(-1, 2)
     return spans
-
-
-POSES = 8  # at which the base is shown
-MARGIN, SHARE = 0.3, 0.15  # shown around all there is: this [m] and this share of its size
-EDGE = 0.1  # shown beyond the floor [m]
-RESOLUTION = 2000  # details across a picture
-TALL = 100.0  # above every solid [m]
 
 
 @dataclass(frozen=True, eq=False)
@@ -279,7 +277,7 @@ def _heading_strokes(base: Array, outlines: BaseGeometry) -> Array:
 
 def _from_above(world: World) -> BaseGeometry:
     shadows = [solid.shadow(TALL) for solid in world.solids]
-    areas = [s.core.buffer(s.radius) if s.radius > 0 else s.core for s in shadows if s is not None]
+    areas = [shadow.grown() for shadow in shadows if shadow is not None]
     return shapely.union_all(areas) if areas else Polygon()
 
 
