@@ -162,7 +162,7 @@ class FloorView:
     low: Array  # (2,) corners of the window
     high: Array
     circles: BaseGeometry  # circles in which the base may park at its stops
-    driven: bool  # ``base_path`` is driven; else it connects stops in their order
+    driven: bool = True  # ``base_path`` is driven; else it connects stops in their order
 
     @property
     def width(self) -> float:
@@ -186,7 +186,6 @@ def plan_floor(plan: Plan) -> FloorView:
         tool_path=plan.tools()[:, :2],
         setpoints=np.array([target.position[:2] for target in world.task]).reshape(-1, 2),
         stops=plan.stops,
-        driven=True,
     )
 
 
@@ -194,7 +193,7 @@ def stops_floor(world: World, stops: Sequence[Stop]) -> FloorView:
     """Return the floor with stops as seen from above, straight lines between them."""
     base = np.array([stop.base for stop in stops])
     setpoints = np.array([world.task[i].position[:2] for stop in stops for i in stop.setpoints])
-    return _floor_view(
+    view = _floor_view(
         world,
         base=base,
         areas=(),
@@ -202,8 +201,8 @@ def stops_floor(world: World, stops: Sequence[Stop]) -> FloorView:
         tool_path=setpoints,
         setpoints=setpoints,
         stops=stops,
-        driven=False,
     )
+    return replace(view, driven=False)
 
 
 def _floor_view(
@@ -215,7 +214,6 @@ def _floor_view(
     tool_path: Array,
     setpoints: Array,
     stops: Sequence[Stop],
-    driven: bool,
 ) -> FloorView:
     floor, outlines, circles = world.floor.polygon, _outlines(world, base), parking_circles(stops)
     corners = shapely.bounds([area.admissible for area in areas if not area.admissible.is_empty])
@@ -240,7 +238,6 @@ def _floor_view(
         low=low,
         high=high,
         circles=circles,
-        driven=driven,
     )
 
 
