@@ -224,7 +224,7 @@ def reach_bound(chain: Chain) -> ReachBound:
     endless = [joint.name for joint in slides if not np.isfinite([joint.lower, joint.upper]).all()]
     if endless:
         raise InputError(f"robot: joint {endless[0]}: a sliding joint needs limits to be planned for")
-    steps = [joint.T_parent_joint[:3, 3] for joint in chain.joints[1:]] + [chain.T_last_tool[:3, 3]]
+    steps = chain.link_vectors
     middle = np.zeros(chain.dof)
     middle[:pivot] = (chain.lower[:pivot] + chain.upper[:pivot]) / 2
     T_pivot = chain.frames(middle)[pivot]

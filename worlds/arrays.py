@@ -74,6 +74,12 @@ def unit_vector(values: ArrayLike, what: str) -> Array:
     return vector if abs(norm - 1.0) <= 1e-12 else frozen(vector / norm, (3,), what)
 
 
+def transform_points(T: Array, points: Array) -> Array:
+    """Return points (n, 3), or one (3,), moved by a transform (4, 4)."""
+    moved: Array = points @ T[:3, :3].T + T[:3, 3]
+    return moved
+
+
 def scalar_or_tuple(values: Any) -> Any:
     """Return a sequence of numbers as a tuple, so that it can be hashed; a number, or None, as it is."""
     return tuple(map(float, values)) if isinstance(values, Sequence | np.ndarray) else values

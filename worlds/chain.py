@@ -201,6 +201,12 @@ class Chain:
         return tool
 
     @property
+    def link_vectors(self) -> Array:
+        """Origin of the next joint, of the tool at last, in the frame of each link, (dof, 3) [m]."""
+        T_next = [*(joint.T_parent_joint for joint in self.joints[1:]), self.T_last_tool]
+        return np.array([T[:3, 3] for T in T_next])
+
+    @property
     def has_velocity_limits(self) -> bool:
         """True where any joint has a speed limit."""
         return any(np.isfinite(joint.velocity) for joint in self.joints)

@@ -18,7 +18,7 @@ from shapely.affinity import affine_transform
 from shapely.geometry import Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from regionik.worlds.arrays import Array, freeze, frozen, one_line
+from regionik.worlds.arrays import Array, freeze, frozen, one_line, transform_points
 from regionik.worlds.errors import InputError
 
 
@@ -35,6 +35,11 @@ class Shadow:
     def distance(self, other: BaseGeometry) -> float:
         """Return the distance from a shape on the floor, 0 where they meet [m]."""
         return max(0.0, float(self.core.distance(other)) - self.radius)
+
+    def grown(self, distance: float = 0.0, quad_segs: int = 16) -> BaseGeometry:
+        """Return a shape of all points within ``distance`` [m], circles as polygons; for display."""
+        radius = self.radius + distance
+        return self.core.buffer(radius, quad_segs) if radius > 0 else self.core
 
 
 class Obstacle:
@@ -118,7 +123,7 @@ class Box(Obstacle):
 
     def transformed(self, T: Array) -> Self:
         turn = float(np.arctan2(T[1, 0], T[0, 0]))
-        return replace(self, center=_moved(self.center, T), yaw=self.yaw + turn)
+        return replace(self, center=transform_points(T, self.center), yaw=self.yaw + turn)
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -161,7 +166,7 @@ class Cylinder(Obstacle):
         return _box_distance(np.array([np.hypot(x, y) - self.radius, abs(z) - self.height / 2]))
 
     def transformed(self, T: Array) -> Self:
-        return replace(self, center=_moved(self.center, T))
+        return replace(self, center=transform_points(T, self.center))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -202,7 +207,7 @@ class Sphere(Obstacle):
         return float(np.linalg.norm(point - self.center) - self.radius)
 
     def transformed(self, T: Array) -> Self:
-        return replace(self, center=_moved(self.center, T))
+        return replace(self, center=transform_points(T, self.center))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -322,7 +327,7 @@ class Mesh(Obstacle):
         return bool(abs(np.arctan2(triple, scale).sum()) > np.pi)
 
     def transformed(self, T: Array) -> Self:
-        return replace(self, vertices=_moved(self.vertices, T))
+        return replace(self, vertices=transform_points(T, self.vertices))
 
     @cached_property
     def _trimesh(self) -> trimesh.Trimesh:
@@ -353,11 +358,6 @@ def _polygon(corners: Array, what: str) -> Polygon:
     if len(corners) < 3:
         raise InputError(f"{what}: expected at least 3 corners, got {len(corners)}")
     return Polygon(corners)
-
-
-def _moved(points: Array, T: Array) -> Array:
-    moved: Array = points @ T[:3, :3].T + T[:3, 3]
-    return moved
 
 
 def _dot(a: Array, b: Array) -> Array:

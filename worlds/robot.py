@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from shapely.geometry import MultiPoint, Polygon
 
-from regionik.worlds.arrays import Array, freeze, frozen, one_line
+from regionik.worlds.arrays import Array, freeze, frozen, one_line, transform_points
 from regionik.worlds.chain import Chain, planar_pose
 from regionik.worlds.drives import BaseDrive, BaseKind, drive_of
 from regionik.worlds.errors import InputError
@@ -19,6 +19,7 @@ from regionik.worlds.errors import InputError
 GRAVITY = 9.80665  # standard gravity [m/s2]
 BASE = -1  # the link of solids that are fixed to the base; its frame is the base frame
 BODY_HEIGHT = 0.14  # of a base of which nothing else is known [m]
+CUBE_CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])  # of side 2
 LINK_RADIUS = 0.035  # of a link of which nothing else is known [m]
 
 
@@ -123,9 +124,7 @@ class LinkBox:
     @property
     def corners(self) -> Array:
         """Corners in the link's frame (8, 3) [m]."""
-        signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
-        corners: Array = (signs * self.size / 2) @ self.T_link_box[:3, :3].T + self.T_link_box[:3, 3]
-        return corners
+        return transform_points(self.T_link_box, CUBE_CORNERS * self.size / 2)
 
     def depth(self, point: Array) -> float:
         """Return the depth of a point (3,) of the link's frame in the box, negative outside [m]."""
@@ -284,13 +283,11 @@ def without_limits(robot: Robot) -> Robot:
 
 def capsules_along(chain: Chain, radius: float = LINK_RADIUS) -> tuple[LinkCapsule, ...]:
     """Return one capsule a link, from its joint to the next or to the tool; links of no length have none."""
-    capsules = []
-    for k, joint in enumerate(chain.joints):
-        T_next = chain.joints[k + 1].T_parent_joint if k + 1 < chain.dof else chain.T_last_tool
-        end = T_next[:3, 3]
-        if np.linalg.norm(end) > 1e-9:
-            capsules.append(LinkCapsule(k, f"link {k + 1} ({joint.name})", np.zeros(3), end, radius))
-    return tuple(capsules)
+    return tuple(
+        LinkCapsule(k, f"link {k + 1} ({name})", np.zeros(3), end, radius)
+        for k, (name, end) in enumerate(zip(chain.names, chain.link_vectors, strict=True))
+        if np.linalg.norm(end) > 1e-9
+    )
 
 
 def check_turning_radius(base: BaseKind, radius: float) -> None:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from regionik.worlds.arrays import Array, freeze, frozen
+from regionik.worlds.arrays import Array, freeze, frozen, transform_points
 from regionik.worlds.errors import InputError
 from regionik.worlds.scene import Target
 
@@ -144,10 +144,10 @@ def rotation_from_quaternion(quaternion: ArrayLike) -> Array:
 
 def transform_path(path: ToolPath, T_world_path: Array, scale: float) -> ToolPath:
     """Return the path scaled, then moved into the world by a (4, 4) transform."""
-    R, p = T_world_path[:3, :3], T_world_path[:3, 3]
+    R = T_world_path[:3, :3]
     directions = None if path.directions is None else path.directions @ R.T
     orientations = None if path.orientations is None else R @ path.orientations
-    return ToolPath(path.points * scale @ R.T + p, directions, orientations)
+    return ToolPath(transform_points(T_world_path, path.points * scale), directions, orientations)
 
 
 def targets_along(path: ToolPath, cone: float) -> tuple[Target, ...]:

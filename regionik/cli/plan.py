@@ -221,7 +221,7 @@ def show_scene(
         progress("load", 0, 1)
         loaded = _plan_or_world(what)
     with _until_interrupted(show(loaded, open_browser=browser)):
-        print_message("Ctrl-C ends")
+        print_message("Ctrl-C ends it")
         Event().wait()
 
 

@@ -193,7 +193,7 @@ def find_stops(
         _print_stops(found)
     print_message(
         f"{scene.name}: {len(found)} stops for {len(scene.task)} set-points; "
-        f"no base does with fewer than {parking.lower}"
+        f"fewer than {parking.lower} are not possible"
     )
     for path in written:
         print_message(f"wrote {path}")

@@ -1,4 +1,4 @@
-"""Files that are written atomically: whole or not at all, long ones in parts that a later run resumes.
+"""Files written atomically, whole or not at all, long ones in parts that a later run resumes; JSON values.
 
 The parts of a long file lie in a folder beside it, each written atomically, with a manifest of what they were
 made from. Once all of them exist, they are joined, the file is moved into place, and the folder is removed.

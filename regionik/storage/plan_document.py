@@ -1,4 +1,7 @@
-"""GeoJSON (RFC 7946) in metres of the floor, not in longitude and latitude."""
+"""A plan as a JSON document: the same plan gives the same bytes.
+
+Areas are GeoJSON (RFC 7946) in metres of the floor, not in longitude and latitude.
+"""
 
 from __future__ import annotations
 
@@ -18,19 +21,23 @@ from regionik.worlds.documents.world_file import world_to_document
 if TYPE_CHECKING:
     from regionik.values import Plan, PlannedArea
 
+VERSION = 1
+CORNERS_LIMIT = 5_000_000  # of the areas in a file; with more it could not be read back
+PARTS = ("admissible", "pruned", "rejected")
+
 
 def feature(geometry: Mapping[str, Any], properties: Mapping[str, Any]) -> dict[str, Any]:
-    """A GeoJSON Feature."""
+    """Return a GeoJSON Feature."""
     return {"type": "Feature", "properties": dict(properties), "geometry": dict(geometry)}
 
 
 def feature_collection(features: Iterable[dict[str, Any]]) -> dict[str, Any]:
-    """A GeoJSON FeatureCollection."""
+    """Return a GeoJSON FeatureCollection."""
     return {"type": "FeatureCollection", "features": list(features)}
 
 
 def multipolygon(geometry: BaseGeometry) -> dict[str, Any]:
-    """The polygons of a geometry as a GeoJSON MultiPolygon, outer rings counter-clockwise."""
+    """Return the polygons of a geometry as a GeoJSON MultiPolygon, outer rings counter-clockwise."""
     polygons = _polygons(geometry)
     if not shapely.is_valid(MultiPolygon(polygons)):
         polygons = _polygons(shapely.union_all(shapely.make_valid(polygons)))
@@ -46,11 +53,6 @@ def _polygons(geometry: BaseGeometry) -> list[Polygon]:
     if isinstance(geometry, Polygon):
         return [] if geometry.is_empty else [geometry]
     return [polygon for part in getattr(geometry, "geoms", ()) for polygon in _polygons(part)]
-
-
-VERSION = 1
-CORNERS_LIMIT = 5_000_000  # of the areas in a file; with more it could not be read back
-PARTS = ("admissible", "pruned", "rejected")
 
 
 def plan_to_document(plan: Plan) -> dict[str, Any]:

@@ -23,6 +23,11 @@ from regionik.worlds.robot import Robot
 from regionik.worlds.scene import World
 
 SAMPLES = 1000  # of a timed plan, at even times besides its states
+POSES = 8  # at which the base is shown
+MARGIN, SHARE = 0.3, 0.15  # shown around all there is: this [m] and this share of its size
+EDGE = 0.1  # shown beyond the floor [m]
+RESOLUTION = 2000  # details across a picture
+TALL = 100.0  # above every solid [m]
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,13 +144,6 @@ def _lifted(motion: Motion, states: Array) -> Array:
     return spans
 
 
-POSES = 8  # at which the base is shown
-MARGIN, SHARE = 0.3, 0.15  # shown around all there is: this [m] and this share of its size
-EDGE = 0.1  # shown beyond the floor [m]
-RESOLUTION = 2000  # details across a picture
-TALL = 100.0  # above every solid [m]
-
-
 @dataclass(frozen=True, eq=False)
 class FloorView:
     """A floor seen from above; shapes and lengths in metres of the world."""
@@ -164,7 +162,7 @@ class FloorView:
     low: Array  # (2,) corners of the window
     high: Array
     circles: BaseGeometry  # circles in which the base may park at its stops
-    driven: bool  # ``base_path`` is driven; else it connects stops in their order
+    driven: bool = True  # ``base_path`` is driven; else it connects stops in their order
 
     @property
     def width(self) -> float:
@@ -188,7 +186,6 @@ def plan_floor(plan: Plan) -> FloorView:
         tool_path=plan.tools()[:, :2],
         setpoints=np.array([target.position[:2] for target in world.task]).reshape(-1, 2),
         stops=plan.stops,
-        driven=True,
     )
 
 
@@ -196,7 +193,7 @@ def stops_floor(world: World, stops: Sequence[Stop]) -> FloorView:
     """Return the floor with stops as seen from above, straight lines between them."""
     base = np.array([stop.base for stop in stops])
     setpoints = np.array([world.task[i].position[:2] for stop in stops for i in stop.setpoints])
-    return _floor_view(
+    view = _floor_view(
         world,
         base=base,
         areas=(),
@@ -204,8 +201,8 @@ def stops_floor(world: World, stops: Sequence[Stop]) -> FloorView:
         tool_path=setpoints,
         setpoints=setpoints,
         stops=stops,
-        driven=False,
     )
+    return replace(view, driven=False)
 
 
 def _floor_view(
@@ -217,7 +214,6 @@ def _floor_view(
     tool_path: Array,
     setpoints: Array,
     stops: Sequence[Stop],
-    driven: bool,
 ) -> FloorView:
     floor, outlines, circles = world.floor.polygon, _outlines(world, base), parking_circles(stops)
     corners = shapely.bounds([area.admissible for area in areas if not area.admissible.is_empty])
@@ -242,7 +238,6 @@ def _floor_view(
         low=low,
         high=high,
         circles=circles,
-        driven=driven,
     )
 
 
@@ -279,7 +274,7 @@ def _heading_strokes(base: Array, outlines: BaseGeometry) -> Array:
 
 def _from_above(world: World) -> BaseGeometry:
     shadows = [solid.shadow(TALL) for solid in world.solids]
-    areas = [s.core.buffer(s.radius) if s.radius > 0 else s.core for s in shadows if s is not None]
+    areas = [shadow.grown() for shadow in shadows if shadow is not None]
     return shapely.union_all(areas) if areas else Polygon()
 
 

@@ -43,6 +43,7 @@ from regionik.worlds.obstacles import Solid
 from regionik.worlds.scene import Floor, World
 
 Index = NDArray[np.intp]
+POLL_INTERVAL = 0.05  # [s]
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,9 +192,6 @@ def is_equal(a: Any, b: Any) -> bool:
     if is_dataclass(a):
         return all(is_equal(getattr(a, field.name), getattr(b, field.name)) for field in fields(a))
     return bool(a == b)
-
-
-POLL_INTERVAL = 0.05  # [s]
 
 
 def watch(

@@ -13,6 +13,13 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.scene import World
 
 TrackKind = Literal["position", "turn", "color", "faces"]
+VIEW_ANGLE = np.radians(42.0)  # from bottom to top of the window
+_ASPECT = 1.45  # narrower than common windows, which leaves room for the legend
+_MARGIN = 0.8  # about set-points and base [m]
+_LOW = 0.3  # obstacles below this height hide little [m]
+# From the south first, as on a drawing with north up; others, and steeper ones, only where they see more.
+_AZIMUTHS = np.radians([-100.0, -60.0, -140.0, 80.0, 120.0, 40.0, 0.0, 180.0])
+_ELEVATIONS = np.radians([48.0, 62.0, 76.0])
 
 
 class Color:
@@ -80,15 +87,6 @@ class Picture:
 def count_noun(count: int, noun: str) -> str:
     """A number and its noun, in the plural where there is not one."""
     return f"{count} {noun}" + ("" if count == 1 else "s")
-
-
-VIEW_ANGLE = np.radians(42.0)  # from bottom to top of the window
-_ASPECT = 1.45  # narrower than common windows, which leaves room for the legend
-_MARGIN = 0.8  # about set-points and base [m]
-_LOW = 0.3  # obstacles below this height hide little [m]
-# From the south first, as on a drawing with north up; others, and steeper ones, only where they see more.
-_AZIMUTHS = np.radians([-100.0, -60.0, -140.0, 80.0, 120.0, 40.0, 0.0, 180.0])
-_ELEVATIONS = np.radians([48.0, 62.0, 76.0])
 
 
 def camera_for(world: World, spots: Array) -> Camera:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
-from regionik.worlds.arrays import Array
+from regionik.worlds.arrays import Array, transform_points
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Solid, Sphere
 from regionik.worlds.robot import LinkBox, LinkCapsule, LinkSolid
 
@@ -42,7 +42,7 @@ def merge(parts: list[TriangleMesh]) -> TriangleMesh:
 
 def transform(part: TriangleMesh, T: Array) -> TriangleMesh:
     """Return a mesh moved by a transform (4, 4)."""
-    return TriangleMesh(part.vertices @ T[:3, :3].T + T[:3, 3], part.faces)
+    return TriangleMesh(transform_points(T, part.vertices), part.faces)
 
 
 def split_vertices(part: TriangleMesh) -> TriangleMesh:
@@ -162,9 +162,7 @@ def link_mesh(body: LinkSolid) -> TriangleMesh:
 def shadow_polygon(body: Solid) -> BaseGeometry:
     """The shadow of a whole obstacle on the floor, circles as polygons."""
     shadow = body.shadow(np.inf)
-    if shadow is None:
-        return Polygon()
-    return shadow.core.buffer(shadow.radius, _FACETS // 4) if shadow.radius else shadow.core
+    return Polygon() if shadow is None else shadow.grown(quad_segs=_FACETS // 4)
 
 
 def _from_corners(corners: Array) -> TriangleMesh:

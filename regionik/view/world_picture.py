@@ -1,4 +1,4 @@
-"""The picture of a world: floor, obstacles, rejection, tool path, and the robot where it starts."""
+"""The picture of a world, and of an explanation: why a target or the path of the world is out of reach."""
 
 from __future__ import annotations
 
@@ -27,6 +27,7 @@ TOOL = "tool/tip"
 _TALL = 0.6  # obstacles above this height are drawn translucent [m]
 # Floor areas are drawn to this [m], before one is cut from another, so that no gap shows between them.
 DETAIL = 0.002
+_SHAFT = 0.008  # radius of arrows [m]
 
 
 def picture_of_world(world: World) -> Picture:
@@ -78,7 +79,7 @@ def rejected_area(world: World) -> BaseGeometry:
     robot = world.robot
     distance = world.rules.clearance + float(np.hypot(*robot.footprint.T).max())
     shadows = [solid.shadow(robot.body_height) for solid in world.solids]
-    grown = [s.core.buffer(s.radius + distance, 24) for s in shadows if s is not None]
+    grown = [shadow.grown(distance, 24) for shadow in shadows if shadow is not None]
     return shapely.union_all(grown) if grown else Polygon()
 
 
@@ -179,9 +180,6 @@ def task_meshes(world: World, missing: NDArray[np.bool_] | None = None) -> list[
             if rows.any()
         ),
     ]
-
-
-_SHAFT = 0.008  # radius of arrows [m]
 
 
 def picture_of_explanation(world: World, explanation: Explanation, target: Target | None = None) -> Picture:

@@ -16,7 +16,7 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from regionik.worlds.arrays import Array
+from regionik.worlds.arrays import Array, transform_points
 from regionik.worlds.chain import Joint, translation
 from regionik.worlds.errors import InputError, located
 from regionik.worlds.readers.text import Element, clip, read_xml
@@ -119,7 +119,7 @@ def _placed_clouds(root: Element, clouds: dict[str, Array]) -> list[Array]:
             cloud = clouds.get(shown.attributes.get("url", ""))
             if cloud is None:
                 raise shown.error("instance_geometry: expected the id of a geometry")
-            placed.append(cloud @ T[:3, :3].T + T[:3, 3])
+            placed.append(transform_points(T, cloud))
         if sum(map(len, placed)) > _PLACED_LIMIT:
             raise node.error(f"expected at most {_PLACED_LIMIT} points")
         stack += [(child, T @ _transform(child)) for child in node.all("node")]
