@@ -200,7 +200,7 @@ class _AvoidingPasses:
         return float(np.arctan2(axis @ np.cross(link, line), link @ line))
 
     def _clear(self, body: int) -> bool:
-        """Whether a body, and what rides on it, is clear where it is."""
+        """True if a body, and what rides on it, is clear where it is."""
         T = np.eye(4)
         T[:3, :3] = self.posture.turns[body]
         T[:3, 3] = self.posture.inner[body + 1] + T[:3, :3] @ self.origin[body]

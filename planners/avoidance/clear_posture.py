@@ -126,7 +126,7 @@ def clear_posture(
     seed : int
         Same question and seed, same answer to the last bit.
     attempts : int
-        Of going round things, each with other random turns.
+        Runs of FABRIK with obstacle avoidance, each with other random rotations.
     most_boxes : int
         Budget of the exhaustive search.
 

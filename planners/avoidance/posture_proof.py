@@ -133,7 +133,7 @@ def _self_clearance(bodies: Bodies, margin: float) -> SelfClearance:
 
 
 def is_bounded(chain: Chain) -> bool:
-    """Whether all sliding joints have limits, as branch and bound needs."""
+    """True if all sliding joints have limits, as branch and bound needs."""
     slides = [joint for joint in chain.joints if joint.kind == "prismatic"]
     return bool(np.isfinite([(joint.lower, joint.upper) for joint in slides]).all())
 

@@ -117,7 +117,7 @@ def box_distance(a: Array, b: Array) -> float:
 
 @compiled
 def _rests(motion: MotionSegment, link: int, frame: int) -> bool:
-    """Whether no joint between a frame of the robot and a link moves."""
+    """True if no joint between a frame of the robot and a link moves."""
     return not motion.bend[max(frame, BASE) + 1 : link + 1].any()
 
 
@@ -169,7 +169,7 @@ def first_unproven_on_path(
 
 @compiled
 def _touches_as_allowed(scene: RobotScene, rest: MotionSegment, k: int, m: int, frames: Array) -> bool:
-    """Whether solid k may touch hull m, and does so as it may, in a state."""
+    """True if solid k may touch hull m, and does so as it may, in a state."""
     if (
         not scene.links.outermost[k]
         or range_left(scene.contact, scene.hulls.owner[m], frames[-2, :3, 3]) < 0.0
@@ -244,7 +244,7 @@ def _solid_distance(links: LinkHulls, hulls: Hulls, placed: Array, k: int, m: in
 
 @compiled
 def _self_clear(scene: RobotScene, rest: MotionSegment, margin: float, frames: Array, placed: Array) -> bool:
-    """True where solids keep their distance from one another and the base; both arrays are overwritten."""
+    """True if solids keep their distance from one another and the base; both arrays are overwritten."""
     robot, links, hulls, _ = scene
     for m in range(hulls.world, len(hulls.frame)):
         seen = False
@@ -261,9 +261,9 @@ def _self_clear(scene: RobotScene, rest: MotionSegment, margin: float, frames: A
 
 @compiled
 def is_clear(scene: RobotScene, margin: float, base: Array, joints: Array, tool_on: int) -> bool:
-    """True where every solid of the robot is proven to keep its distance in a state.
+    """True if every solid of the robot is proven to keep its distance in a state.
 
-    The tool works on obstacle ``tool_on``, wherever the spots of allowed contacts are. Lower bounds decide,
+    The tool works on obstacle ``tool_on``; the spots of allowed contacts do not matter. Lower bounds decide,
     and meshes count as their hulls: what is clear by a hair may be refused.
     """
     robot, links, hulls, _ = scene

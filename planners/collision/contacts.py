@@ -68,7 +68,7 @@ def time_to_plane(points: Array, n: Array, free: float, V: Array, W: Array, acce
 
 @compiled
 def range_left(contact: AllowedContact, owner: int, tool: Array) -> float:
-    """How far the tool is within the reach of a spot of an owner; negative beyond it [m]."""
+    """Reach of an owner's spots less the distance of the tool from the nearest; negative beyond [m]."""
     best = np.inf
     for k in range(len(contact.owner)):
         if contact.owner[k] == owner:

@@ -57,7 +57,7 @@ class Piece:
         return reach
 
     def contains(self, point: Array) -> bool:
-        """Whether a point (3,) is inside or on the surface (fcl overlooks a segment in one triangle)."""
+        """True if a point (3,) is inside or on the surface (fcl overlooks a segment in one triangle)."""
         if self.mesh is None or self.triangles is None:
             return bool((self.normals @ point <= self.support(self.normals) + TOUCH).all())
         low, high = self.triangles.boxes[1].reshape(2, 3)
@@ -162,7 +162,7 @@ def cylinder_distance(piece: Piece, a: Array, b: Array) -> tuple[float, Array, A
 
 
 def within_box(corners: Array, points: Array) -> NDArray[np.bool_]:
-    """Whether points (n, 3) lie in or on a box, given by its corners (8, 3) as `LinkBox` orders them."""
+    """True for points (n, 3) that lie in or on a box, given by its corners (8, 3) as in `LinkBox`."""
     sides = corners[[4, 2, 1]] - corners[0]
     shares = (points - corners[0]) @ sides.T / (sides**2).sum(1)
     slack = TOUCH / np.linalg.norm(sides, axis=1)

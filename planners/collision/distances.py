@@ -171,8 +171,8 @@ def hull_separation(piece: Piece, corners: Array) -> Separation:
     """Signed distance from a piece of a segment (2, 3), or of a box (8, 3) with corners as in `LinkBox`.
 
     A box that is within a mesh, or a mesh within a box, is as deep as their surfaces are apart; a box that
-    cuts the surface of a mesh counts as a nanometre deep. A cylinder and a box are never nearer than told,
-    and not a micrometre farther. The numbers must be finite.
+    cuts the surface of a mesh counts as a nanometre deep. The distance of a cylinder and a box is
+    never too large, and too small by less than a micrometre. The numbers must be finite.
     """
     if len(corners) == 2:
         return segment_separation(piece, corners[0], corners[1])

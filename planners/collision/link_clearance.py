@@ -19,7 +19,7 @@ from regionik.worlds.arrays import Array
 
 
 class _Near(NamedTuple):
-    """What one solid of a link keeps away from, all of it in one frame."""
+    """Surroundings of one solid of a link, all of them in one frame."""
 
     corners: Array  # (k, 3) of the solid, in its link's frame [m]
     apart: float  # between those corners' hull and each piece [m]
@@ -71,7 +71,7 @@ def links_clear(
 
 
 def whole_pieces(bodies: Bodies) -> Index:
-    """Rows of the world's pieces, each once: a mesh has a row for each of its triangles besides."""
+    """Rows of the world's pieces, each once, without the rows of a mesh's triangles."""
     rows, row = [], 0
     while row < bodies.hulls.world:
         rows.append(row)

@@ -1,7 +1,7 @@
 """Proximity of a robot's solids to obstacles, to each other and to its own base, in states and motions.
 
 Compiled lower bounds (`gjk`, `collision_checking`) say where nothing needs to be looked at; the distances
-that are told come from `distances`.
+returned come from `distances`.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ LOOK = 1e-3  # part of a motion between two looks for a link inside a mesh
 
 
 class Touch(NamedTuple):
-    """What comes nearest to the robot's solids; points in the world."""
+    """The nearest thing to the robot's solids; points in the world."""
 
     distance: float  # [m], negative where they overlap; infinite where there is nothing
     solid: int  # index into Robot.all_solids, -1 where there is nothing
@@ -101,7 +101,7 @@ def nearest(
 def state_clear(
     bodies: Bodies, base: Array, joints: Array, margin: float, contact: ContactTargets | None
 ) -> bool:
-    """Whether every link is proven to keep a distance from everything in a state; quicker than `nearest`."""
+    """True if every link is proven to keep a distance from everything in a state; quicker than `nearest`."""
     bases, both = np.array([base, base]), np.array([joints, joints])
     return _first_unproven(bodies, bases, both, margin, contact)[1] < 0
 
@@ -140,7 +140,7 @@ def path_clear(
 
 
 def describe(bodies: Bodies, touch: Touch) -> str:
-    """Which solid of the robot comes how near to what."""
+    """Text that names the solid of the robot, what comes near to it, and the distance."""
     if touch.kind == "none":
         return "nothing is near"
     link, what = bodies.robot.all_solids[touch.solid].name, name_of_other(bodies, touch)
@@ -176,7 +176,7 @@ def _first_unproven(
 
 
 def _touch(bodies: Bodies, rest: MotionSegment, k: int, m: int) -> Touch:
-    """A solid and the piece of a row in a state, as told to others."""
+    """The touch of a solid and the piece of a row in a state, in the world."""
     found, T = _measure(bodies, rest, k, m)
     frame = int(bodies.hulls.frame[m])
     on_solid = found.on_axis

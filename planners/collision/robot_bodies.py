@@ -59,7 +59,7 @@ class LinkHulls(NamedTuple):
 
 
 class Hulls(NamedTuple):
-    """What links keep away from: all points within a disc (level) and a ball of the hulls of corners.
+    """Solids that links keep away from: all points within a disc (level) and a ball of hulls of corners.
 
     The surface of a mesh is a row for its hull, which only bounds it, and a row for each triangle.
 
@@ -94,7 +94,7 @@ class Hulls(NamedTuple):
 
 
 class AllowedContact(NamedTuple):
-    """Where the outermost solids may touch an obstacle: the tool within ``reach`` of a spot it owns.
+    """Contacts allowed to the outermost solids: with obstacles, the tool within ``reach`` of their spots.
 
     What of them is farther than ``reach`` from the tool keeps the clearance.
     """
@@ -117,7 +117,7 @@ class RobotScene(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ContactTargets:
-    """Where the tool works: the solids of the last link that has one may touch what it works on.
+    """Spots that the tool works on: there the solids of the last link that has one may touch obstacles.
 
     Attributes
     ----------
@@ -182,7 +182,7 @@ class Bodies:
 
     @cached_property
     def has_meshes(self) -> bool:
-        """Whether some piece is a mesh, inside which a solid may lie without touching its surface."""
+        """True if some piece is a mesh, inside which a solid may lie without touching its surface."""
         return any(piece.mesh is not None for piece in self.pieces)
 
     def scene(self, contact: ContactTargets | None) -> RobotScene:
@@ -240,7 +240,7 @@ def bodies_from(robot: Robot, solids: Sequence[Solid], clearance: float = 0.0, d
 
 
 def _self_pairs(robot: Robot, body: int) -> NDArray[np.bool_]:
-    """Which solids of links are checked against the hulls of the base's body and of all solids."""
+    """Table of the solids of links that are checked against hulls of the base's body and of all solids."""
     count = len(robot.all_solids)
     pairs = np.zeros((count, body + count), dtype=np.bool_)
     for i, k in self_collision_pairs(robot):

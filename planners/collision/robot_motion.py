@@ -47,7 +47,7 @@ class MotionSegment(NamedTuple):
     drive : (3,) array
         Added to it evenly: all of the way of a base that slides, the turn alone of one that rolls.
     arc : float
-        Length rolled along the heading besides, below 0 in reverse [m].
+        Length rolled along the heading, negative in reverse [m].
     joints, bend : (dof,) array
         Joints at the start, and what is added to them evenly [rad] or [m].
     """

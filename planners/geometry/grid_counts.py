@@ -1,4 +1,4 @@
-"""How many of many rings each cell of a grid lies in."""
+"""Counts of the rings that each cell of a grid lies in."""
 
 from __future__ import annotations
 

@@ -111,11 +111,11 @@ class FlatPolygon:
         return cls(vertices, starts)
 
     def holds(self, spot: Array) -> bool:
-        """Whether a point (2,) is inside; see `contains`."""
+        """True if a point (2,) is inside; see `contains`."""
         return bool(contains(self.vertices, self.starts, spot[0], spot[1]))
 
     def sees(self, a: Array, b: Array) -> bool:
-        """Whether the segment between two points (2,) lies inside; see `segment_inside`."""
+        """True if the segment between two points (2,) lies inside; see `segment_inside`."""
         return bool(segment_inside(self.vertices, self.starts, a[0], a[1], b[0], b[1]))
 
 
@@ -183,7 +183,7 @@ def nearest_on_boundary(vertices: Array, starts: Index, x: float, y: float) -> t
 
 @compiled
 def near_boundary(vertices: Array, starts: Index, x: float, y: float, within: float) -> bool:
-    """Whether the boundary comes as near as ``within`` [m]."""
+    """True if the boundary comes as near as ``within`` [m]."""
     for r in range(len(starts) - 1):
         ax, ay = vertices[starts[r + 1] - 1]
         for k in range(starts[r], starts[r + 1]):
@@ -199,7 +199,7 @@ def near_boundary(vertices: Array, starts: Index, x: float, y: float, within: fl
 
 @compiled
 def _crossed_oddly(vertices: Array, starts: Index, x: float, y: float) -> bool:
-    """Whether a ray from the point crosses the rings an odd number of times."""
+    """True if a ray from the point crosses the rings an odd number of times."""
     inside = False
     for r in range(len(starts) - 1):
         ax, ay = vertices[starts[r + 1] - 1]
@@ -215,7 +215,7 @@ def _crossed_oddly(vertices: Array, starts: Index, x: float, y: float) -> bool:
 
 @compiled
 def contains(vertices: Array, starts: Index, x: float, y: float) -> bool:
-    """Whether the point lies inside or within 1e-12 m of the boundary."""
+    """True if the point lies inside or within 1e-12 m of the boundary."""
     inside: bool = _crossed_oddly(vertices, starts, x, y)
     return inside or near_boundary(vertices, starts, x, y, ON_EDGE)
 
@@ -322,7 +322,7 @@ def segment_in_either(
     bx: float,
     by: float,
 ) -> bool:
-    """Whether the whole segment lies in two closed polygons together, each bit of it in one of them.
+    """True if the whole segment lies in two closed polygons together, each bit of it in one of them.
 
     Neither lets it leave both by more than 0.5e-9 m, however short the bit.
     """
@@ -342,7 +342,7 @@ def segment_in_either(
 
 @compiled
 def segment_inside(vertices: Array, starts: Index, ax: float, ay: float, bx: float, by: float) -> bool:
-    """Whether the whole segment lies in the closed polygon.
+    """True if the whole segment lies in the closed polygon.
 
     Touching the boundary, running along it and passing a vertex are allowed. Segments that leave the
     polygon by more than 1e-9 m are refused, those that stay within 0.5e-9 m of it are taken, unless

@@ -250,7 +250,7 @@ def _corners(free: Polygon) -> tuple[Array, Array, Array]:
 
 @compiled
 def _is_tangent(at: Array, before: Array, after: Array, x: float, y: float) -> bool:
-    """Whether the line through a corner in a direction touches it: both neighbours lie on one side."""
+    """True if the line through a corner in a direction touches it: both neighbours lie on one side."""
     one = x * (before[1] - at[1]) - y * (before[0] - at[0])
     other = x * (after[1] - at[1]) - y * (after[0] - at[0])
     return bool(min(one, other) >= -GRAZE or max(one, other) <= GRAZE)

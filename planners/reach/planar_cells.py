@@ -1,4 +1,4 @@
-"""Cells of postures of an arm in one plane, wherever its base stands: bounds that hold all over a cell.
+"""Cells of postures of an arm in one plane with its base anywhere: bounds that hold all over a cell.
 
 A posture with its tool on the target is given by the plane's yaw, the pitch of the last link, how far the
 pivot axis is from the target (negative where the arm works over its back), the turn of the pivot, and which

@@ -47,7 +47,7 @@ class Guard:
 
     @property
     def on(self) -> bool:
-        """Whether the rules ask for the arm to avoid obstacles."""
+        """True if the rules ask for the arm to avoid obstacles."""
         return self.world.rules.avoidance
 
     def touch(self, pose: Pose) -> Touch:
@@ -61,7 +61,7 @@ class Guard:
         return room_of(self.bodies, touch)
 
     def clear(self, pose: Pose) -> bool:
-        """Whether every link keeps clear."""
+        """True if every link keeps clear."""
         return not self.on or self.touch(pose).kind == "none"
 
     def stop(self, poses: Sequence[Pose]) -> Touch | None:
@@ -69,13 +69,13 @@ class Guard:
         return self.proven(*arrays(poses))[1] if len(poses) > 1 else None
 
     def proven(self, bases: Array, joints: Array) -> tuple[int, Touch | None]:
-        """How many motions between states (n + 1, ...) are proven clear, and what stops the next one."""
+        """Number of motions between states (n + 1, ...) proven clear, and what stops the next one."""
         if not self.on:
             return len(bases) - 1, None
         return path_clear(self.bodies, bases, joints, SPARE, self.contact)
 
     def led(self, bases: Array, joints: Array, line: Array, shares: Array, stray: float) -> int:
-        """How many motions jump nowhere and lead the tool along a line; see `count_on_line`."""
+        """Number of motions that jump nowhere and lead the tool along a line; see `count_on_line`."""
         most = stray, LARGEST_BEND, float(self.world.rules.step)
         return int(count_on_line(self.bodies.mobile, bases, joints, line, shares, most))
 
@@ -85,7 +85,7 @@ class Guard:
         return frames
 
     def words(self, touch: Touch) -> str:
-        """Which link comes how near to what, and how it might touch what the tool works on."""
+        """Text of a touch, with how the link might touch what the tool works on."""
         said, rules = describe(self.bodies, touch), self.world.rules
         if (
             touch.kind == "obstacle"
