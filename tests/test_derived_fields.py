@@ -85,6 +85,7 @@ def test_an_error_that_is_not_the_distance_of_the_tool(error: float, tmp_path: P
         ("stats.margins.path", 0.02),
         ("stats.margins.clearance", 0.3),
         ("stats.margins.setpoint", "wide"),
+        ("stats.margins.step", 10**400),
         ("stats.largest_error", 0.0),
         ("stats.setpoints", 3),
         ("stats.states", 3),

@@ -109,7 +109,9 @@ def verify(path: PlanPath, as_json: AsJson = False) -> None:
         from regionik.planned_areas import verify_areas
         from regionik.verification.verifier import verify as check
 
-        checked, areas = check(found), verify_areas(found)
+        checked = check(found)
+        progress("areas", 0, 0)
+        areas = verify_areas(found)
         ok, violations = checked.ok and areas.ok, checked.violations + areas.violations
         report = replace(checked, ok=ok, violations=violations)
     print_message(report_summary(str(path), report))
