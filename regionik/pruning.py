@@ -16,7 +16,7 @@ from shapely.geometry.base import BaseGeometry
 
 from regionik.areas.ground import united
 from regionik.areas.standing import Standing, into_span
-from regionik.explain.failures import cut_off, no_place, too_many_lifts
+from regionik.explain.failures import cut_off, no_places, too_many_lifts
 from regionik.ladder import Ladder, Mask, build_ladder
 from regionik.mfabrik import axis_of
 from regionik.planners.geometry.polygons import FlatPolygon, clamp
@@ -114,7 +114,7 @@ def cut_path(world: World, standing: Standing, areas: PathAreas) -> Pruned:
     """
     ladder = build_ladder(areas, len(world.task), standing)
     if ladder.empty:
-        raise NoPlanFound(no_place(world, ladder.empty[0], others=len(ladder.empty) - 1))
+        raise NoPlanFound(no_places(world, ladder.empty))
     pruned = _best_pruned(world, standing, ladder)
     if pruned.gap is not None:
         raise NoPlanFound(_cut_off(world, standing, pruned, pruned.gap))

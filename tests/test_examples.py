@@ -38,4 +38,10 @@ def test_readme_example_runs(tmp_path: Path) -> None:
         "\n".join(blocks) + "\nassert answer.reachable.all() and area.polygon.area > 0 and report.ok\n"
     )
     run_script(script, tmp_path)
-    assert {path.name for path in tmp_path.iterdir()} == {"readme.py", "plan.json", "plan.html", "plan.svg"}
+    assert {path.name for path in tmp_path.iterdir()} == {
+        "readme.py",
+        "plan.json",
+        "plan.html",
+        "plan.svg",
+        "arm.yaml",
+    }

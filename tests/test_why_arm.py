@@ -19,9 +19,9 @@ from tests.why_cases import smaller
 SPOT = np.array([0.0, 0.0, 0.3])
 
 
-def in_a_ball(radius: float, arm_clearance: float = 0.0) -> World:
-    """A target that the last link may reach into, and no other; see `tests.test_any_base`."""
-    rules = Rules(clearance=0.05, tool_contact=0.3, arm_clearance=arm_clearance)
+def in_a_ball(radius: float, arm_clearance: float = 0.0, depth: float = 0.3) -> World:
+    """A target that the last link may reach into as deep as told, and no other; see `tests.test_any_base`."""
+    rules = Rules(clearance=0.05, tool_contact=0.3, contact_depth=depth, arm_clearance=arm_clearance)
     ball = Sphere("ball", radius, SPOT)
     return World("ball", robot_named("youbot"), HALL, (ball,), (Target(SPOT),), rules)
 
@@ -37,6 +37,11 @@ CASES = {
         in_a_ball(0.17, arm_clearance=0.05),
         {"ball", ARM_CLEARANCE},
         {"clearance", "move-obstacle", "move-target"},
+    ),
+    "in a ball that nothing may enter": (
+        in_a_ball(0.17, arm_clearance=0.05, depth=0.0),
+        {"ball"},
+        {"move-obstacle", "move-target"},
     ),
 }
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import shapely
@@ -30,7 +31,19 @@ from regionik.worlds.pivoted_arm import reach_bound
 from regionik.worlds.scene import Target, World
 
 
-def no_place(world: World, i: int, targets: Sequence[Target] | None = None, others: int = 0) -> Explanation:
+def no_places(world: World, empty: Sequence[int]) -> Explanation:
+    """Explain set-points without a known place for the base, by the first that is proven to have none."""
+    outer = outer_areas(world, [world.task[i] for i in empty])
+    proven = (i for i, area in zip(empty, outer, strict=True) if area.is_empty)
+    found = no_place(world, next(proven, empty[0]))
+    if len(empty) == 1:
+        return found
+    have = "set-points have" if len(empty) > 2 else "set-point has"
+    more = f" {len(empty) - 1} more {have} no known place for the base either."
+    return replace(found, reason=found.reason + more)
+
+
+def no_place(world: World, i: int, targets: Sequence[Target] | None = None) -> Explanation:
     """Explain why set-point i has no known place for the base: "unreachable" where its outer area is empty.
 
     Else the verdict is "undecided": an empty inner area is no proof.
@@ -42,8 +55,6 @@ def no_place(world: World, i: int, targets: Sequence[Target] | None = None, othe
         Counts from 0.
     targets : sequence of Target, optional
         The world's task by default.
-    others : int
-        How many more set-points have empty areas.
     """
     every = world.task if targets is None else targets
     target = every[i]
@@ -63,9 +74,6 @@ def no_place(world: World, i: int, targets: Sequence[Target] | None = None, othe
         causes = (Cause("criteria", "rules.criteria"), *causes)
     if not proven:
         reason += f" It is not ruled out either: {_left_open(world, target)}."
-    if others:
-        have = "set-points have" if others > 1 else "set-point has"
-        reason += f" {others} more {have} no known place for the base either."
     return Explanation("unreachable" if proven else "undecided", i, reason, causes, repairs)
 
 

@@ -16,12 +16,13 @@ from regionik.planners.clearance.any_base import AnyBase, BaseFloor, ToolDemand,
 from regionik.planners.clearance.arm_clearance import MOST_RINGS
 from regionik.planners.clearance.planar_capsules import NearObstacles, PlaneCapsules, plane_capsules
 from regionik.planners.clearance.planar_cells import ArmMount, cell_for
+from regionik.planners.clearance.posture_proof import solid_at_target
 from regionik.planners.geometry.distances import obstacles_from
 from regionik.planners.geometry.polygons import Index
 from regionik.planners.geometry.upright_bodies import Uprights, depths, uprights_from
 from regionik.planners.search.box_search import Verdict
 from regionik.planners.solvers.planar_arm import reach_intervals
-from regionik.postures.arm_guard import contact_for
+from regionik.postures.arm_guard import contact_for, guard_of
 from regionik.postures.poses import Pose
 from regionik.reachability.planar_world import floor_of, keep_of, own, reach_of, stance_of
 from regionik.worlds.arrays import Array
@@ -67,6 +68,9 @@ def search_any_base(world: World, target: Target, most: int) -> AnyBaseResult:
     most : int
         Budget of cells of postures.
     """
+    bodies, contact = guard_of(world).bodies, contact_for(world, [target])
+    if name := solid_at_target(bodies, target.position, world.rules.tolerance, 0.0, contact):
+        return AnyBaseResult(Verdict.RULED_OUT, None, 0.0, (name,))
     task = any_base_of(world, target)
     reach, plane = reach_of(world), task.mount.plane
     rings = np.empty((MOST_RINGS, 2))

@@ -129,7 +129,8 @@ def reach_slice(world: World, height: float, cell: float = 0.05) -> Field:
     Returns
     -------
     Field
-        Its values are 0 where the tool provably cannot be, 2 where it can, 1 where neither is known.
+        Its values are 0 where the tool provably cannot be, 2 where base and arm can stand with the tool there
+        (what the arm would touch is not looked at: `reach` does), 1 where neither is known.
 
     Raises
     ------

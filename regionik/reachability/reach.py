@@ -233,7 +233,7 @@ def _everywhere(quest: Quest) -> _Result:
 
 _NO_WAY = "from no place of the floor and in no posture does the arm keep off {}"
 _CLOSELY = "heading by heading and pitch by pitch, each place for the base is ruled out"
-_IN = "whatever the posture, the end of the arm is in {} there, or too near to it"
+_IN = "whatever the posture, the end of the arm is in {} there, or nearer to it than the rules allow"
 
 
 def _ruled_out(world: World, target: Target) -> _Result:

@@ -180,9 +180,10 @@ def _least_solid(link: int, name: str, points: Array, T_link_box: Array, size: A
 
 def _circle_center(points: Array) -> Array:
     """Return the centre of the smallest circle around points (n, 2)."""
-    circle = shapely.minimum_bounding_circle(shapely.multipoints(points))
+    with np.errstate(invalid="ignore"):  # points that are one but for rounding have a circle of NaN
+        circle = shapely.minimum_bounding_circle(shapely.multipoints(points))
     found = shapely.get_coordinates(shapely.centroid(circle))
-    center: Array = found[0] if len(found) else points[0]  # no circle where all points are one
+    center: Array = found[0] if np.isfinite(found).all() and len(found) else points[0]
     return center
 
 
