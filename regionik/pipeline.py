@@ -20,12 +20,12 @@ from regionik.parking.fewest_stops import park
 from regionik.parking.stop_motion import connect_stops
 from regionik.parking.stops import check as check_stops
 from regionik.parking.stops import in_sequence
-from regionik.planned_areas import planned_areas
 from regionik.postures.poses import figures, lift_offs
 from regionik.pruning import choose_chain, spans, start_place, start_pose, whole_path
 from regionik.reachability.any_base import can_search, search_any_base
 from regionik.reachability.reach import reach
 from regionik.reachability.witness import Quest
+from regionik.regions import planned_areas
 from regionik.timing.retime import retime
 from regionik.tracker import planner
 from regionik.values import Configuration, Plan, PlannedArea, Stop

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
-from regionik.areas.ground import GUARD, Geometries, Side, ground_of, grow
+from regionik.areas.ground import GUARD, Geometries, Side, ground_of, grow, united
 from regionik.areas.reachable import reach_rows
 from regionik.areas.standing import (
     Standing,
@@ -27,6 +27,7 @@ from regionik.areas.standing import (
     turns_matter,
 )
 from regionik.postures.families import BACK, FRONT, Family
+from regionik.values import PlannedArea
 from regionik.worlds.arrays import frozen
 from regionik.worlds.criteria import Criteria
 from regionik.worlds.errors import CauseKind
@@ -260,3 +261,16 @@ def largest_clearance(world: World, target: Target) -> float | None:
         middle = (low + high) / 2
         low, high = (middle, high) if open_at(middle) else (low, middle)
     return low if ground.shadows else np.inf
+
+
+def planned_areas(
+    world: World, areas: PathAreas, pruned: Callable[[int], BaseGeometry]
+) -> tuple[PlannedArea, ...]:
+    """Admissible, pruned and rejected parts of every set-point, as a plan carries them."""
+    found = []
+    bounds = np.searchsorted(areas.target, np.arange(len(world.task) + 1))
+    for i, (a, b) in enumerate(zip(bounds[:-1], bounds[1:], strict=True)):
+        reach, admissible = united(areas.reach[a:b]), united(areas.inner[a:b])
+        rejected = Polygon() if admissible is reach else reach - admissible
+        found.append(PlannedArea(admissible, pruned(i), rejected))
+    return tuple(found)

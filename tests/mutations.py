@@ -159,7 +159,7 @@ FAULTS = (
     ),
     Fault(
         "verify: areas of another shape are believed",
-        "regionik/planned_areas.py",
+        "regionik/area_verification.py",
         "if off > ROUNDING:",
         "if off > 10.0:",
         ("tests/test_derived_fields.py",),

@@ -14,10 +14,10 @@ from shapely.affinity import scale, translate
 from shapely.geometry import mapping, shape
 from typer.testing import CliRunner
 
+from regionik.area_verification import verify_areas
 from regionik.cli.app import app
 from regionik.output.plan_file import load_plan
 from regionik.pipeline import plan
-from regionik.planned_areas import verify_areas
 from regionik.storage.plan_document import plan_to_document
 from regionik.timing.retime import retime
 from regionik.values import Plan, Report

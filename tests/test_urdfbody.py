@@ -78,9 +78,7 @@ def test_a_sphere_is_inside_its_capsule() -> None:
 @example(0, 14, (1.0, 1.0, 1e-14), np.eye(4))  # the hull engine lost corners of it
 @example(0, 14, (1.0, 1.0, 1e-13), np.eye(4))
 @example(0, 14, (1e-7, 1e-8, 1e-10), np.eye(4))  # the box engine found none
-@example(
-    2, 4, (1.0, 0.0, 2.3e-186), pose((0, 0, 0), (0, 0, 1e-14))
-)  # a circle of NaN
+@example(2, 4, (1.0, 0.0, 2.3e-186), pose((0, 0, 0), (0, 0, 1e-14)))  # a circle of NaN
 def test_points_are_inside_their_bounding_solid(
     seed: int, count: int, sizes: tuple[float, ...], T: Array
 ) -> None:

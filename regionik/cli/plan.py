@@ -106,7 +106,7 @@ def verify(path: PlanPath, as_json: AsJson = False) -> None:
     with DelayedProgress() as progress:
         found = read_plan(path, progress)
         progress("verify", 0, 0)
-        from regionik.planned_areas import verify_areas
+        from regionik.area_verification import verify_areas
         from regionik.verification.verifier import verify as check
 
         checked = check(found)

@@ -1,7 +1,7 @@
 """Check of the fields of a plan that follow from others: whoever reads a plan file relies on those.
 
 Tool positions, errors, figures and margins are computed again. Areas cannot be computed without the planner's
-own stages (`regionik.pipeline.verify_areas` does that); what is checked here is that they fit one another.
+own stages (`regionik.area_verification` does that); what is checked here is that they fit one another.
 """
 
 from __future__ import annotations
