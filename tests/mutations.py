@@ -127,7 +127,7 @@ FAULTS = (
         "regionik/verification/motion.py",
         "return acceleration * part**2 / 8",
         "return acceleration * part**2 / 80",
-        ("tests/test_journey.py", "tests/test_verify.py"),
+        ("tests/test_motion_bounds.py", "tests/test_verify.py"),
     ),
     Fault(
         "verify: a car turns on half its radius",
