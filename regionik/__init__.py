@@ -14,6 +14,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from regionik.area_verification import verify_areas
     from regionik.comparison import compare
     from regionik.mfabrik import Solver
     from regionik.output.export import export
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
     from regionik.output.plan_file import load_plan
     from regionik.parking.stops import stops
     from regionik.pipeline import plan, why
-    from regionik.planned_areas import verify_areas
     from regionik.reachability.field import reach_field, reach_slice
     from regionik.reachability.reach import reach
     from regionik.regions import admissible_area
@@ -133,7 +133,7 @@ _HOME = {
     "trajectory": "regionik.timing.trajectory",
     "verify": "regionik.verification.verifier",
     "verify_answers": "regionik.verification.verifier",
-    "verify_areas": "regionik.planned_areas",
+    "verify_areas": "regionik.area_verification",
     "why": "regionik.pipeline",
     "write_field": "regionik.output.field_file",
 }

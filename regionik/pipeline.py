@@ -20,13 +20,12 @@ from regionik.parking.fewest_stops import park
 from regionik.parking.stop_motion import connect_stops
 from regionik.parking.stops import check as check_stops
 from regionik.parking.stops import in_sequence
-from regionik.planned_areas import planned_areas
 from regionik.postures.poses import lift_offs, motion_stats
 from regionik.pruning import choose_chain, solvers_along, spans, start_place, start_pose, whole_path
 from regionik.reachability.any_base import can_search, search_any_base
 from regionik.reachability.reach import reach
 from regionik.reachability.witness import Quest
-from regionik.regions import has_no_known_place
+from regionik.regions import has_no_known_place, planned_areas
 from regionik.timing.retime import retime
 from regionik.tracker import can_track, plan_tracked
 from regionik.values import Configuration, Plan, PlannedArea, Stop

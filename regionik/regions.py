@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
-from regionik.areas.ground import GUARD, Side, ground_of, grow
+from regionik.areas.ground import GUARD, Side, ground_of, grow, united
 from regionik.areas.reachable import reach_rows
 from regionik.areas.standing import (
     LEAST_AREA,
@@ -29,6 +29,7 @@ from regionik.areas.standing import (
     turns_matter,
 )
 from regionik.postures.families import BACK, FRONT
+from regionik.values import PlannedArea
 from regionik.worlds.arms import reach_bound
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.criteria import Criteria
@@ -275,3 +276,16 @@ def have_known_places(world: World, targets: Sequence[Target]) -> NDArray[np.boo
     found = np.zeros(len(targets), dtype=bool)
     found[areas.target[shapely.area(areas.inner) > LEAST_AREA]] = True
     return found
+
+
+def planned_areas(
+    world: World, areas: PathAreas, pruned: Callable[[int], BaseGeometry]
+) -> tuple[PlannedArea, ...]:
+    """Admissible, pruned and rejected parts of every set-point, as a plan carries them."""
+    found = []
+    bounds = np.searchsorted(areas.target, np.arange(len(world.task) + 1))
+    for i, (a, b) in enumerate(zip(bounds[:-1], bounds[1:], strict=True)):
+        reach, admissible = united(areas.reach[a:b]), united(areas.inner[a:b])
+        rejected = Polygon() if admissible is reach else reach - admissible
+        found.append(PlannedArea(admissible, pruned(i), rejected))
+    return tuple(found)

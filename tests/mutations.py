@@ -128,7 +128,7 @@ FAULTS = (
         "regionik/verification/motion.py",
         "return acceleration * part**2 / 8",
         "return acceleration * part**2 / 80",
-        ("tests/test_journey.py", "tests/test_verify.py"),
+        ("tests/test_motion_bounds.py", "tests/test_verify.py"),
     ),
     Fault(
         "verify: a car turns on half its radius",
@@ -160,7 +160,7 @@ FAULTS = (
     ),
     Fault(
         "verify: areas of another shape are believed",
-        "regionik/planned_areas.py",
+        "regionik/area_verification.py",
         "if off > ROUNDING:",
         "if off > 10.0:",
         ("tests/test_derived_fields.py",),

@@ -14,10 +14,10 @@ from shapely.affinity import scale, translate
 from shapely.geometry import mapping, shape
 from typer.testing import CliRunner
 
+from regionik.area_verification import verify_areas
 from regionik.cli.app import app
 from regionik.output.plan_file import load_plan
 from regionik.pipeline import plan
-from regionik.planned_areas import verify_areas
 from regionik.storage.plan_document import plan_to_document
 from regionik.timing.retime import retime
 from regionik.values import Plan, Report
@@ -85,6 +85,7 @@ def test_an_error_that_is_not_the_distance_of_the_tool(error: float, tmp_path: P
         ("stats.margins.path", 0.02),
         ("stats.margins.clearance", 0.3),
         ("stats.margins.setpoint", "wide"),
+        ("stats.margins.step", 10**400),
         ("stats.largest_error", 0.0),
         ("stats.setpoints", 3),
         ("stats.states", 3),

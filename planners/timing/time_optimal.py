@@ -82,7 +82,7 @@ def time_optimal_velocities(
     samples : sequence of PathDerivatives
         Where accelerations of k coordinates are kept within limits.
     limits : (k,) array
-        Of these accelerations, either way.
+        Of these accelerations, in both directions.
     most : (m + 1,) array
         Limits of the squared path velocity.
 

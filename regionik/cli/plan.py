@@ -115,10 +115,12 @@ def verify_plan(path: PlanPath, as_json: AsJson = False) -> None:
     with DelayedProgress() as progress:
         found = read_plan(path, progress)
         progress("verify", 0, 0)
-        from regionik.planned_areas import verify_areas
+        from regionik.area_verification import verify_areas
         from regionik.verification.verifier import verify
 
-        checked, areas = verify(found), verify_areas(found)
+        checked = verify(found)
+        progress("areas", 0, 0)
+        areas = verify_areas(found)
         ok, violations = checked.ok and areas.ok, checked.violations + areas.violations
         report = replace(checked, ok=ok, violations=violations)
     print_message(report_summary(str(path), report))

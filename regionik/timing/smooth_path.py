@@ -131,7 +131,7 @@ class RollingPath(SmoothPath):
     @property
     def _largest_change(self) -> Array:
         """Motion of the wheels, or of the joints where these stand."""
-        rolled, turn, swing = (np.abs(way) for way in self._changes)
+        rolled, turn, swing = (np.abs(change) for change in self._changes)
         change: Array = np.choose(np.abs(self._wheel_mode), [swing, rolled, turn])
         return change
 

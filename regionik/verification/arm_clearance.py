@@ -96,7 +96,7 @@ def verify_arm_clearance(world: World, segments: MotionSegments, names: StateNam
 def _depth(piece: Piece, corners: Array) -> float:
     """Length by which a box that cuts a mesh must shrink on all sides to be free of it [m].
 
-    Surfaces that cross have no distance that would tell a graze from a cut.
+    The distance of surfaces that cross is 0 for a graze as for a cut.
     """
     middle, half = corners.mean(0), (corners[[4, 2, 1]] - corners[0]) / 2
     sizes = np.linalg.norm(half, axis=1)

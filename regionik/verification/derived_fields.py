@@ -1,12 +1,13 @@
 """Check of the fields of a plan that follow from others: whoever reads a plan file relies on those.
 
 Tool positions, errors, figures and margins are computed again. Areas cannot be computed without the planner's
-own stages (`regionik.pipeline.verify_areas` does that); what is checked here is that they fit one another.
+own stages (`regionik.area_verification` does that); what is checked here is that they fit one another.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -81,25 +82,29 @@ def _wrong_figures(plan: Plan, segments: MotionSegments) -> Iterator[Violation]:
             yield from _differing(f"stats.{key}.{inner}", stats[key].get(inner), value)
 
 
-def _wrong_margins(told: Any, margins: dict[str, float]) -> Iterator[Violation]:
+def _wrong_margins(stated: Any, margins: dict[str, float]) -> Iterator[Violation]:
     """Margins in ``stats`` that the checks did not find."""
-    if not isinstance(told, dict):
+    if not isinstance(stated, dict):
         return
-    for kind, value in told.items():
+    for kind, value in stated.items():
         if kind not in margins:
-            text = f"the plan's stats.margins.{kind} is {value!r}, nothing of the kind was measured"
+            text = f"the plan's stats.margins.{kind} is {value!s:.40}, nothing of the kind was measured"
             yield Violation("derived", None, None, 0.0, text)
         else:
             yield from _differing(f"stats.margins.{kind}", value, margins[kind])
 
 
-def _differing(name: str, told: Any, computed: float) -> Iterator[Violation]:
-    """Violation where a number is told, and not the one computed."""
-    if told is None:
+def _differing(name: str, stated: Any, computed: float) -> Iterator[Violation]:
+    """Violation where the plan states a number, and not the one computed."""
+    if stated is None:
         return
-    off = abs(float(told) - computed) if isinstance(told, int | float) else np.inf
+    off = np.inf
+    if isinstance(stated, int | float):
+        with suppress(OverflowError):  # of integers that files may hold
+            off = abs(float(stated) - computed)
     if not off <= ROUNDING * max(1.0, abs(computed)):
-        yield Violation("derived", None, None, off, f"the plan's {name} is {told!r}, found {computed:.6g}")
+        text = f"the plan's {name} is {stated!s:.40}, found {computed:.6g}"
+        yield Violation("derived", None, None, off, text)
 
 
 def _contradicting_areas(plan: Plan, names: StateNames) -> Iterator[Violation]:

@@ -12,22 +12,24 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.drives import BaseKind
 from tests.bodies import motion_through, random_robot
 
-H = 1e-4  # step of the differences [hops]
-HOPS = 8
+H = 1e-4  # step of the differences [segments]
+SEGMENTS = 8
 
 
 def random_segments(seed: int, dof: int, kind: BaseKind = "omni") -> MotionSegments:
     rng = np.random.default_rng([seed, dof])
-    base = rng.uniform(-1, 1, (HOPS + 1, 3)) * [0.3, 0.3, 2.0]
-    joints = rng.normal(scale=rng.choice([0.1, 0.5, 1.5], size=dof), size=(HOPS + 1, dof))
+    base = rng.uniform(-1, 1, (SEGMENTS + 1, 3)) * [0.3, 0.3, 2.0]
+    joints = rng.normal(scale=rng.choice([0.1, 0.5, 1.5], size=dof), size=(SEGMENTS + 1, dof))
     return MotionSegments(replace(random_robot(rng, dof), base=kind), motion_through(base, joints))
 
 
-def seen(segments: MotionSegments, lower: int | None, link: int, point: Array, hop: int, s: Array) -> Array:
+def seen(
+    segments: MotionSegments, lower: int | None, link: int, point: Array, segment: int, s: Array
+) -> Array:
     """Positions of a point fixed to a link, in a lower link's frame or in the world (None)."""
-    hops = np.full(len(s), hop)
-    frames = segments.frames_at(hops, s)
-    T = frames[:, link] if lower is None else segments.link_pose(lower, link, segments.joints_at(hops, s))
+    rows = np.full(len(s), segment)
+    frames = segments.frames_at(rows, s)
+    T = frames[:, link] if lower is None else segments.link_pose(lower, link, segments.joints_at(rows, s))
     if lower is not None and lower >= 0:
         assert pytest.approx(np.linalg.inv(frames[:, lower]) @ frames[:, link], abs=1e-12) == T
     positions: Array = T[:, :3, :3] @ point + T[:, :3, 3]
@@ -46,16 +48,16 @@ def test_no_point_is_faster_or_sharper_than_its_bounds(seed: int, dof: int, kind
         point = rng.uniform(-0.4, 0.4, 3)
         bounds = segments.relative_bounds(-1 if lower is None else lower, link, point)
         limit = segments.acceleration_bound(link, point) if lower is None else bounds.acceleration
-        for hop in range(HOPS):
-            before, now, after = (seen(segments, lower, link, point, hop, s + d) for d in (-H, 0, H))
+        for segment in range(SEGMENTS):
+            before, now, after = (seen(segments, lower, link, point, segment, s + d) for d in (-H, 0, H))
             bent = np.linalg.norm(before - 2 * now + after, axis=1).max() / H**2
-            assert bent <= limit[hop] * (1 + 1e-6) + 1e-6
+            assert bent <= limit[segment] * (1 + 1e-6) + 1e-6
             if lower is None:
                 continue
             fast = np.linalg.norm(after - before, axis=1).max() / (2 * H)
-            assert fast <= bounds.speed[hop] * (1 + 1e-6) + 1e-9
+            assert fast <= bounds.speed[segment] * (1 + 1e-6) + 1e-9
             mount = float(np.linalg.norm(segments.robot.mount[:3])) if lower < 0 else 0.0
-            assert np.linalg.norm(now, axis=1).max() <= bounds.distance[hop] + mount + 1e-12
+            assert np.linalg.norm(now, axis=1).max() <= bounds.distance[segment] + mount + 1e-12
 
 
 @pytest.mark.parametrize("kind", ["omni", "differential"])
@@ -67,12 +69,12 @@ def test_bounds_are_of_the_size_of_the_motion(kind: BaseKind) -> None:
         point = np.array([0.1, 0.2, 0.0])
         limit = chord_deviation(segments.acceleration_bound(2, point), np.ones(1))
         s = np.linspace(0, 1, 60)
-        for hop in range(HOPS):
-            points = seen(segments, None, 2, point, hop, s)
+        for segment in range(SEGMENTS):
+            points = seen(segments, None, 2, point, segment, s)
             chord = points[0] + s[:, None] * (points[-1] - points[0])
             off = np.linalg.norm(points - chord, axis=1).max()
-            assert off <= limit[hop] + 1e-12
-            tightest = max(tightest, float(off / limit[hop]))
+            assert off <= limit[segment] + 1e-12
+            tightest = max(tightest, float(off / limit[segment]))
     assert tightest > 0.3
 
 

@@ -1,37 +1,21 @@
-"""Areas that a plan carries: parts of every set-point's floor area, and their check against the world."""
+"""Check of the areas that a plan carries, by the stages that plan them."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
-import numpy as np
 import shapely
-from shapely.geometry import Point, Polygon
-from shapely.geometry.base import BaseGeometry
+from shapely.geometry import Point
 
-from regionik.areas.ground import united
-from regionik.areas.standing import PathAreas
+from regionik.parking.stops import check
 from regionik.postures.poses import axis_of
 from regionik.pruning import whole_path
+from regionik.regions import planned_areas
 from regionik.tracker import can_track
-from regionik.values import Plan, PlannedArea, Report, Violation
+from regionik.values import Plan, Report, Violation
 from regionik.worlds.errors import NoPlanFound
-from regionik.worlds.scene import World
 
 ROUNDING = 1e-6  # by which areas may differ [m2], or a base may stand outside [m]
-
-
-def planned_areas(
-    world: World, areas: PathAreas, pruned: Callable[[int], BaseGeometry]
-) -> tuple[PlannedArea, ...]:
-    """Admissible, pruned and rejected parts of every set-point."""
-    found = []
-    bounds = np.searchsorted(areas.target, np.arange(len(world.task) + 1))
-    for i, (a, b) in enumerate(zip(bounds[:-1], bounds[1:], strict=True)):
-        reach, admissible = united(areas.reach[a:b]), united(areas.inner[a:b])
-        rejected = Polygon() if admissible is reach else reach - admissible
-        found.append(PlannedArea(admissible, pruned(i), rejected))
-    return tuple(found)
 
 
 def verify_areas(plan: Plan) -> Report:
@@ -48,6 +32,11 @@ def verify_areas(plan: Plan) -> Report:
     -------
     Report
         Without margins. It is ok for a plan without areas (those of very long paths are not kept in files).
+
+    Raises
+    ------
+    InputError
+        For a world that cannot be planned for.
     """
     if not plan.areas:
         return Report(True, {}, ())
@@ -59,6 +48,7 @@ def verify_areas(plan: Plan) -> Report:
 def _differences(plan: Plan) -> Iterator[Violation]:
     """Parts of areas that are not as the world gives them."""
     try:
+        check(plan.world)
         _, areas, pruned = whole_path(plan.world)
     except NoPlanFound as no:
         yield Violation("areas", None, no.explanation.setpoint, 0.0, no.explanation.reason)
