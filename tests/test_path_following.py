@@ -12,8 +12,8 @@ import shapely
 from regionik.mfabrik import Solver, axis_of, pose_of
 from regionik.moving.base_motion import BasePath, Interpolator
 from regionik.moving.configuration_sampling import Candidate
+from regionik.moving.drivers import driver_for
 from regionik.moving.path_following import PathFollower, PathSegment, SegmentPoint, _solve
-from regionik.moving.path_search import driver_for
 from regionik.planners.clearance.path_segments import between as between_knots
 from regionik.planners.clearance.path_segments import leg_lengths
 from regionik.planners.geometry.angles import wrap

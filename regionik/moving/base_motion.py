@@ -40,12 +40,12 @@ class BasePath(NamedTuple):
     tool: Array
 
     def places(self, leg: Index, share: Array) -> Array:
-        """As the knots are, at shares (n,) of legs (n,): leg k goes from knot k to the next, (n, 3)."""
+        """Poses (n, 3) at shares (n,) of legs (n,); leg k goes from knot k to the next."""
         places: Array = bases_between(self.knots, leg, share, self.rolls)
         return places
 
 
-def together(rolls: bool, knots: Array) -> BasePath:
+def simultaneous(rolls: bool, knots: Array) -> BasePath:
     """The tool goes on as the base does; a base that is there already stands while it does."""
     if len(knots) == 1:
         knots = np.concatenate([knots, knots])
@@ -82,7 +82,7 @@ class StandingPaths:
     def between(self, k: int, j: int, here: Array, goal: Array) -> Iterator[BasePath]:
         """See `BasePaths`."""
         if np.array_equal(here, goal):
-            yield together(self.world.robot.drive.rolls, np.stack([here, here]))
+            yield simultaneous(self.world.robot.drive.rolls, np.stack([here, here]))
 
 
 class Driver(Protocol):
@@ -90,11 +90,11 @@ class Driver(Protocol):
 
     @property
     def methods(self) -> dict[str, int]:
-        """How many moves each method made."""
+        """Number of moves that each method made."""
 
     @property
     def seed(self) -> int:
-        """Of sampling planners."""
+        """Seed of sampling planners."""
 
     def onto(self, here: Pose, label: int) -> list[Pose]:
         """From a pose onto the free floor of a piece, the arm still; the pose alone where it is there.
@@ -112,7 +112,7 @@ class Driver(Protocol):
         """States of the straight motion between two poses; None where it leaves the floor."""
 
     def inside(self, at: Pose, label: int) -> bool:
-        """Whether the base may stand there."""
+        """True if the base may stand there."""
 
     def extent(self, label: int) -> Array:
         """Least and greatest x and y of the arm axis on a piece of floor, (2, 2) [m]."""
@@ -136,6 +136,7 @@ class ShapedDriver:
 
     @property
     def room(self) -> FootprintScene:
+        """The footprint and all it keeps away from."""
         return room_for(self.world)
 
     def onto(self, here: Pose, label: int) -> list[Pose]:
@@ -171,7 +172,7 @@ def arm_states(here: Pose, there: Pose) -> list[Pose]:
 
 @dataclass(frozen=True, eq=False)
 class Interpolator:
-    """States between poses, and whether the arm is clear on them."""
+    """States between poses, and the proof that the arm is clear on them."""
 
     world: World
     guard: Guard
@@ -220,5 +221,5 @@ class Interpolator:
         return self.along(here, there, np.array(ends))
 
     def clear(self, poses: Sequence[Pose]) -> bool:
-        """Whether a motion is proven clear, its two ends aside."""
+        """True if a motion is proven clear, its two ends aside."""
         return self.guard.stop(poses) is None
