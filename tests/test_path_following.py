@@ -10,8 +10,7 @@ import pytest
 import shapely
 
 from regionik.mfabrik import Solver, axis_of, pose_of
-from regionik.moving.base_motion import BasePath, Interpolator
-from regionik.moving.configuration_sampling import Candidate
+from regionik.moving.base_motion import BasePath, Candidate, Interpolator
 from regionik.moving.drivers import driver_for
 from regionik.moving.path_following import PathFollower, PathSegment, SegmentPoint, _solve
 from regionik.planners.clearance.path_segments import between as between_knots

@@ -11,7 +11,8 @@ from shapely.geometry import Point
 
 from regionik.mfabrik import axis_of
 from regionik.pipeline import check, plan
-from regionik.planners.driving.pose_tracking import SaturationError, arm_share, track, track_runs
+from regionik.planners.driving.pitch_arm import arm_share
+from regionik.planners.driving.pose_tracking import SaturationError, track, track_runs
 from regionik.tracker import DRAWN, can_track, tracking_robot
 from regionik.values import Plan
 from regionik.verification.verifier import verify

@@ -15,11 +15,25 @@ from regionik.planners.clearance.path_segments import bases_between, leg_lengths
 from regionik.planners.driving.footprint import FootprintScene, fits
 from regionik.planners.geometry.string_pulling import spread_along
 from regionik.postures.arm_guard import Guard
-from regionik.postures.poses import LARGEST_BEND, Pose, turn_to
+from regionik.postures.poses import LARGEST_BEND, Pose, pose, turn_to
+from regionik.values import Configuration
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import World
 
 EVENLY = np.array([0.0, 1.0])  # from one knot to another
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """A configuration at a set-point, and the component its base stands in."""
+
+    found: Configuration
+    component: int
+
+    @property
+    def pose(self) -> Pose:
+        """Base and arm."""
+        return pose(self.found)
 
 
 class BasePath(NamedTuple):

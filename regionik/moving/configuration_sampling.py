@@ -22,15 +22,15 @@ from regionik.areas.reachable import model_of, reach_model
 from regionik.areas.standing import Standing, away, into_span
 from regionik.ladder import Ladder
 from regionik.mfabrik import Solver, axis_of, pose_of, solver_for
+from regionik.moving.base_motion import Candidate
 from regionik.moving.rolling_goals import RollingGoals
 from regionik.planners.clearance.clear_posture import ClearPosture, clear_posture, go_round
 from regionik.planners.clearance.posture_search import look_round
 from regionik.planners.clearance.proximity import Touch
 from regionik.planners.search.box_search import Verdict
 from regionik.postures.arm_guard import SPARE, Guard
-from regionik.postures.poses import Pose, pose
+from regionik.postures.poses import Pose
 from regionik.postures.serial_solver import serial_solver
-from regionik.values import Configuration
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
 from regionik.worlds.pivoted_arm import pivot_index, with_pivot
@@ -46,19 +46,6 @@ NEAREST = 4  # components by heading that are looked through
 TURN_WEIGHT = 0.3  # what a turn of the base counts against driving to them [m/rad]
 GIVEN_UP = 16  # tries in a row at one component that led round nothing, after which no more are made
 KEPT = 2  # postures that a place offers to one that asks
-
-
-@dataclass(frozen=True, eq=False)
-class Candidate:
-    """A configuration at a set-point, and the component its base stands in."""
-
-    found: Configuration
-    component: int
-
-    @property
-    def pose(self) -> Pose:
-        """Base and arm."""
-        return pose(self.found)
 
 
 @dataclass(eq=False)

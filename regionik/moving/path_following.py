@@ -14,8 +14,7 @@ import numpy as np
 
 from regionik.ladder import Ladder
 from regionik.mfabrik import Solver, pose_of, solver_between
-from regionik.moving.base_motion import BasePath, BasePaths
-from regionik.moving.configuration_sampling import Candidate
+from regionik.moving.base_motion import BasePath, BasePaths, Candidate
 from regionik.planners.clearance.path_segments import between, laid_out
 from regionik.planners.clearance.proximity import Touch
 from regionik.planners.driving.point_planner import NoPathError

@@ -16,8 +16,8 @@ import numpy as np
 from regionik.areas.standing import Standing
 from regionik.explain import arm_failures
 from regionik.ladder import Ladder
-from regionik.moving.base_motion import Interpolator, StandingPaths
-from regionik.moving.configuration_sampling import Candidate, ConfigurationSampler, Evidence
+from regionik.moving.base_motion import Candidate, Interpolator, StandingPaths
+from regionik.moving.configuration_sampling import ConfigurationSampler, Evidence
 from regionik.moving.drivers import driver_for
 from regionik.moving.path_following import PathFollower
 from regionik.moving.rolling_goals import rolling_goals_for

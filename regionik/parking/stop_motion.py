@@ -17,7 +17,8 @@ from shapely.geometry.base import BaseGeometry
 
 from regionik.explain.changes import one_lift_off
 from regionik.explain.sentences import setpoint
-from regionik.moving.configuration_sampling import PITCHES, Candidate
+from regionik.moving.base_motion import Candidate
+from regionik.moving.configuration_sampling import PITCHES
 from regionik.moving.path_search import HARD_TRIES, JoinedMotion, PathSearch, path_search
 from regionik.parking.fewest_stops import StopGroup
 from regionik.parking.stops import BasePlacement, PlacementSearch, StopSequence
