@@ -12,7 +12,7 @@ from itertools import islice
 
 from regionik.areas.standing import Standing
 from regionik.explain import failures
-from regionik.moving.configuration_sampling import Candidate
+from regionik.moving.base_motion import Candidate
 from regionik.moving.path_search import JoinedMotion, PathSearch, path_search
 from regionik.postures.poses import Pose, Row
 from regionik.pruning import Pruned

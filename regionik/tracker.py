@@ -22,17 +22,10 @@ from regionik.areas.standing import room_for
 from regionik.explain.constraints import no_way_to, setpoint_at
 from regionik.explain.failures import invalid_plan
 from regionik.moving.base_motion import arm_states
+from regionik.planners.driving.pitch_arm import HeightError, arm_share, pitch_arm
 from regionik.planners.driving.point_planner import NoPathError
 from regionik.planners.driving.pose_planner import drive_differential
-from regionik.planners.driving.pose_tracking import (
-    HeightError,
-    TrackedRun,
-    TrackingRobot,
-    arm_share,
-    pitch_arm,
-    start_headings,
-    track_runs,
-)
+from regionik.planners.driving.pose_tracking import TrackedRun, TrackingRobot, start_headings, track_runs
 from regionik.postures.poses import LARGEST_BEND, Pose, Row, axis_of, columns, lift_offs, motion_stats
 from regionik.values import Configuration, Motion, Plan, PlannedArea, Report
 from regionik.verification.verifier import verify

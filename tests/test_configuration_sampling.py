@@ -12,14 +12,8 @@ import shapely
 
 from regionik.areas.standing import anywhere
 from regionik.mfabrik import configurations
-from regionik.moving.configuration_sampling import (
-    KEPT,
-    PLACES,
-    Candidate,
-    ConfigurationSampler,
-    Evidence,
-    spread,
-)
+from regionik.moving.base_motion import Candidate
+from regionik.moving.configuration_sampling import KEPT, PLACES, ConfigurationSampler, Evidence, spread
 from regionik.planners.collision.proximity import Touch
 from regionik.postures.arm_guard import guard_of
 from regionik.postures.poses import Pose, axis_of

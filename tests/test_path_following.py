@@ -10,10 +10,9 @@ import pytest
 import shapely
 
 from regionik.mfabrik import Solver
-from regionik.moving.base_motion import BasePath, Interpolator
-from regionik.moving.configuration_sampling import Candidate
+from regionik.moving.base_motion import BasePath, Candidate, Interpolator
+from regionik.moving.drivers import driver_for
 from regionik.moving.path_following import PathFollower, PathSegment, SegmentPoint, _solve
-from regionik.moving.path_search import driver_for
 from regionik.planners.geometry.angles import wrap
 from regionik.planners.geometry.polylines import between as between_knots
 from regionik.planners.geometry.polylines import leg_lengths

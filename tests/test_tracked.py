@@ -9,7 +9,8 @@ import pytest
 from shapely.geometry import Point
 
 from regionik.pipeline import check_world, plan
-from regionik.planners.driving.pose_tracking import SaturationError, arm_share, track, track_runs
+from regionik.planners.driving.pitch_arm import arm_share
+from regionik.planners.driving.pose_tracking import SaturationError, track, track_runs
 from regionik.postures.poses import axis_of
 from regionik.tracker import DRAWN, can_track, tracking_robot
 from regionik.verification.verifier import verify

@@ -7,14 +7,8 @@ from hypothesis import strategies as st
 
 from benchmarks.tables.xu import circle
 from regionik.planners.driving.arcs import arc_end
-from regionik.planners.driving.pose_tracking import (
-    HeightError,
-    PitchArm,
-    TrackedRun,
-    TrackingRobot,
-    heights,
-    track,
-)
+from regionik.planners.driving.pitch_arm import HeightError, PitchArm, heights
+from regionik.planners.driving.pose_tracking import TrackedRun, TrackingRobot, track
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, planar_pose, rot_y, rot_z, translation
 

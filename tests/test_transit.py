@@ -14,7 +14,7 @@ from regionik.areas.ground import ground_of
 from regionik.areas.standing import anywhere
 from regionik.moving import transit
 from regionik.moving.base_motion import TURN_STRIDE, Interpolator
-from regionik.moving.path_search import driver_for
+from regionik.moving.drivers import driver_for
 from regionik.moving.transit import TransitPlanner
 from regionik.planners.geometry.angles import wrap
 from regionik.postures.arm_guard import guard_of

@@ -21,7 +21,7 @@ from benchmarks.speed.harness import Row, Rows, Size, Spread, Wanted, Work, agai
 from regionik.mfabrik import configurations
 from regionik.motion import connect
 from regionik.moving.base_motion import Interpolator
-from regionik.moving.path_search import driver_for
+from regionik.moving.drivers import driver_for
 from regionik.moving.transit import TransitPlanner, WholeBodyPlanner
 from regionik.pipeline import search
 from regionik.planners.driving.point_planner import drive_point

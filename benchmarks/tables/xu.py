@@ -12,7 +12,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from benchmarks.tables.table import Table
-from regionik.planners.driving.pose_tracking import TrackingRobot, arm_share, heights, track
+from regionik.planners.driving.pitch_arm import arm_share, heights
+from regionik.planners.driving.pose_tracking import TrackingRobot, track
 from regionik.planners.geometry.angles import wrap
 from regionik.tracker import tracking_robot
 from regionik.worlds.arrays import Array

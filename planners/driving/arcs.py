@@ -86,7 +86,7 @@ class Segment:
 
     @property
     def kind(self) -> Literal["line", "arc", "turn"]:
-        """What it looks like on the floor."""
+        """Shape on the floor."""
         if self.turn == 0:
             return "line"
         return "arc" if self.length != 0 else "turn"

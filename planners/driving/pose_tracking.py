@@ -1,9 +1,8 @@
 """Pose tracking by a differential base with a five-joint pitch arm, after Xu et al. (paper 002), exact.
 
-The arm has a pivot, a shoulder and an elbow that pitch, a roll along the forearm, and a last joint that is
-kept at zero. Of a tool pose it takes the height and the vertical parts of the orientation, joint 1 and the
-heading share the direction, and the base takes X and Y by rolling along one arc a step. All in closed form:
-every pose is met to rounding, and no wheel slips sideways.
+The arm takes the height and the vertical parts of the orientation, joint 1 and the heading share the
+direction, and the base takes X and Y by rolling along one arc a step. All in closed form: every pose is met
+to rounding, and no wheel slips sideways.
 
 The paper sets the heading along the chord of the tool's path, where its own drive law makes the base slide
 (`benchmarks.tables.xu` measures that). Its base frame has Y ahead; here x is ahead (REP 103).
@@ -19,37 +18,12 @@ from typing import NamedTuple
 import numpy as np
 
 from regionik.planners.driving.arcs import arc_end
+from regionik.planners.driving.pitch_arm import ArmShare, PitchArm, PoseError, arm_share
 from regionik.planners.geometry.angles import wrap
 from regionik.worlds.arrays import Array
-from regionik.worlds.chain import Chain
-from regionik.worlds.errors import RegionikError
 
-VERTICAL = 1e-9  # horizontal part of the tool axis below which it is upright
-ROUNDING = 1e-12
-ALIKE = 1e-9  # tolerance to which a chain must be such an arm [m]
 SLACK = 1e-9  # beyond a joint's limit, for rounding [rad]
 SPREAD = 24  # headings of a full turn that a run is started with
-_POSTURES = np.array([[0.0, 0.0, 0.0, 0.0, 0.0], [0.7, -0.4, 0.9, 1.1, 0.0], [-1.9, 0.8, -1.3, -0.6, 0.0]])
-
-
-class PoseError(RegionikError):
-    """A tool pose out of reach; ``index`` counts from 0."""
-
-    def __init__(self, reason: str, index: int) -> None:
-        super().__init__(reason)
-        self.index = index
-
-
-class HeightError(PoseError):
-    """A tool pose at a height that the arm attains nowhere; heights over the floor [m]."""
-
-    def __init__(self, index: int, height: float, low: float, high: float) -> None:
-        super().__init__(
-            f"pose {index + 1}: height {height:.5f} m cannot be taken with this tool direction, "
-            f"attainable: {low:.5f} to {high:.5f} m",
-            index,
-        )
-        self.height, self.low, self.high = height, low, high
 
 
 class SaturationError(PoseError):
@@ -61,24 +35,6 @@ class SaturationError(PoseError):
             f"{np.degrees(limit):.1f} deg to either side; the tool must be lifted for the base to turn",
             index,
         )
-
-
-@dataclass(frozen=True)
-class PitchArm:
-    """Five joints: pivot, shoulder, elbow, and two rolls of which the last is kept at zero.
-
-    Attributes
-    ----------
-    shoulder_out, shoulder_up : float
-        From the arm's base frame to the shoulder: a1, d1 [m].
-    upper, fore : float
-        Shoulder to elbow, elbow to tool: a2, d4 + d6 [m].
-    """
-
-    shoulder_out: float
-    shoulder_up: float
-    upper: float
-    fore: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,112 +60,6 @@ class TrackingRobot:
     def pivot_limit(self) -> float:
         """Largest value of joint 1 to either side; beyond it the base turns instead [rad]."""
         return float(min(-self.lower[0], self.upper[0], np.pi))
-
-
-@dataclass(frozen=True, eq=False)
-class ArmShare:
-    """Part of a tool pose that the arm takes, and the rest that is left to the base.
-
-    Attributes
-    ----------
-    joints : (3,) array
-        Shoulder, elbow, roll [rad]; the roll is that of joint 1 at ``turn`` where the tool stands upright.
-    out : float
-        Tool from the pivot axis, along the arm [m].
-    turn : float
-        Heading of the base plus joint 1 [rad]; where the tool stands upright, plus or minus the roll.
-    upright : int
-        +1 where the tool points down, -1 where up, 0 else: the sign with which the roll enters ``turn``.
-    """
-
-    joints: Array
-    out: float
-    turn: float
-    upright: int
-
-
-def pitch_arm(chain: Chain) -> PitchArm | None:
-    """Lengths of a chain that is such an arm with the paper's angles; None for any other.
-
-    Joint values are those of the table (q1, d1, a1, -90), (q2, 0, a2, 0), (q3 - 90, 0, 0, -90),
-    (q4, d4, 0, 90), (q5, 0, 0, -90) [deg], and d6 to the tool along its z axis.
-    """
-    if chain.dof != 5 or any(joint.kind != "revolute" for joint in chain.joints):
-        return None
-    first, elbow, *_, tool = chain.frames(np.zeros(5))[1:, :3, 3]
-    arm = PitchArm(
-        shoulder_out=float(first[0]),
-        shoulder_up=float(first[2]),
-        upper=float(elbow[0] - first[0]),
-        fore=float(tool[0] - elbow[0]),
-    )
-    apart = np.abs(chain.forward(_POSTURES) - _chain_of(arm).forward(_POSTURES)).max()
-    return arm if apart < ALIKE and arm.upper > 0 else None
-
-
-def _chain_of(arm: PitchArm) -> Chain:
-    """Chain of the table with the arm's lengths."""
-    h, inf = np.pi / 2, np.inf
-    rows = [
-        (0, arm.shoulder_up, arm.shoulder_out, -h),
-        (0, 0, arm.upper, 0),
-        (-h, 0, 0, -h),
-        (0, arm.fore, 0, h),
-        (0, 0, 0, -h),
-    ]
-    return Chain.from_dh([(*row, -inf, inf) for row in rows])
-
-
-def heights(arm: PitchArm, pitch_sine: float) -> tuple[float, float]:
-    """Least and greatest tool height over the arm's base frame for a sine of the pitch down [m]."""
-    middle = arm.shoulder_up - arm.fore * pitch_sine
-    return middle - arm.upper, middle + arm.upper
-
-
-def arm_share(
-    arm: PitchArm, pose: Array, lift: float, index: int = 0, *, elbow: int = 1, facing: int = 1
-) -> ArmShare:
-    """Return the arm's part of a tool pose: height and vertical components of the orientation.
-
-    Parameters
-    ----------
-    arm : PitchArm
-    pose : (4, 4) array
-        In the world.
-    lift : float
-        Height of the arm's base frame [m].
-    index : int
-        Of the pose, for the error.
-    elbow : int
-        +1 or -1: which of the two shoulder angles.
-    facing : int
-        -1 for a forearm that points back over the shoulder; of a leaning tool alone.
-
-    Raises
-    ------
-    HeightError
-        When the height is out of reach at this pitch.
-    """
-    n, o, a, p = pose[:3, 0], pose[:3, 1], pose[:3, 2], pose[:3, 3]
-    sine = -float(a[2])
-    low, high = heights(arm, sine)
-    rise = float(p[2]) - lift
-    if not low - ROUNDING <= rise <= high + ROUNDING:
-        raise HeightError(index, float(p[2]), low + lift, high + lift)
-    lifted = float(np.clip((arm.shoulder_up - arm.fore * sine - rise) / arm.upper, -1.0, 1.0))
-    shoulder = float(np.arcsin(lifted)) if elbow > 0 else np.pi - float(np.arcsin(lifted))
-    flat = float(np.hypot(a[0], a[1]))
-    if flat < VERTICAL:
-        upright = 1 if sine > 0 else -1
-        pitch = upright * np.pi / 2
-        turn = float(np.arctan2(n[1], n[0])) - (0.0 if upright > 0 else np.pi)
-        joints = np.array([shoulder, pitch - shoulder, 0.0])
-        return ArmShare(joints, arm.shoulder_out + arm.upper * np.cos(shoulder), wrap(turn), upright)
-    pitch = float(np.arctan2(sine, facing * flat))
-    roll = float(np.arctan2(-facing * o[2], facing * n[2]))
-    out = arm.shoulder_out + arm.upper * np.cos(shoulder) + arm.fore * facing * flat
-    turn = float(np.arctan2(facing * a[1], facing * a[0]))
-    return ArmShare(np.array([shoulder, pitch - shoulder, roll]), out, turn, 0)
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,11 +14,25 @@ from regionik.planners.collision.robot_motion import bases_between
 from regionik.planners.driving.footprint import FootprintScene, fits
 from regionik.planners.geometry.polylines import leg_lengths, spread_along
 from regionik.postures.arm_guard import Guard
-from regionik.postures.poses import LARGEST_BEND, Pose, axis_of, turn_to
+from regionik.postures.poses import LARGEST_BEND, Pose, axis_of, pose, turn_to
+from regionik.values import Configuration
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import World
 
 EVENLY = np.array([0.0, 1.0])  # from one knot to another
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """A configuration at a set-point, and the component its base stands in."""
+
+    found: Configuration
+    component: int
+
+    @property
+    def pose(self) -> Pose:
+        """Base and arm."""
+        return pose(self.found)
 
 
 class BasePath(NamedTuple):
@@ -39,12 +53,12 @@ class BasePath(NamedTuple):
     tool: Array
 
     def places(self, leg: Index, share: Array) -> Array:
-        """As the knots are, at shares (n,) of legs (n,): leg k goes from knot k to the next, (n, 3)."""
+        """Poses (n, 3) at shares (n,) of legs (n,); leg k goes from knot k to the next."""
         places: Array = bases_between(self.knots, leg, share, self.rolls)
         return places
 
 
-def together(rolls: bool, knots: Array) -> BasePath:
+def simultaneous(rolls: bool, knots: Array) -> BasePath:
     """The tool goes on as the base does; a base that is there already stands while it does."""
     if len(knots) == 1:
         knots = np.concatenate([knots, knots])
@@ -81,7 +95,7 @@ class StandingPaths:
     def between(self, k: int, j: int, here: Array, goal: Array) -> Iterator[BasePath]:
         """See `BasePaths`."""
         if np.array_equal(here, goal):
-            yield together(self.world.robot.drive.rolls, np.stack([here, here]))
+            yield simultaneous(self.world.robot.drive.rolls, np.stack([here, here]))
 
 
 class Driver(Protocol):
@@ -89,11 +103,11 @@ class Driver(Protocol):
 
     @property
     def methods(self) -> dict[str, int]:
-        """How many moves each method made."""
+        """Number of moves that each method made."""
 
     @property
     def seed(self) -> int:
-        """Of sampling planners."""
+        """Seed of sampling planners."""
 
     def onto(self, here: Pose, label: int) -> list[Pose]:
         """From a pose onto the free floor of a piece, the arm still; the pose alone where it is there.
@@ -111,7 +125,7 @@ class Driver(Protocol):
         """States of the straight motion between two poses; None where it leaves the floor."""
 
     def inside(self, at: Pose, label: int) -> bool:
-        """Whether the base may stand there."""
+        """True if the base may stand there."""
 
     def extent(self, label: int) -> Array:
         """Least and greatest x and y of the arm axis on a piece of floor, (2, 2) [m]."""
@@ -135,6 +149,7 @@ class ShapedDriver:
 
     @property
     def room(self) -> FootprintScene:
+        """The footprint and all it keeps away from."""
         return room_for(self.world)
 
     def onto(self, here: Pose, label: int) -> list[Pose]:
@@ -170,7 +185,7 @@ def arm_states(here: Pose, there: Pose) -> list[Pose]:
 
 @dataclass(frozen=True, eq=False)
 class Interpolator:
-    """States between poses, and whether the arm is clear on them."""
+    """States between poses, and the proof that the arm is clear on them."""
 
     world: World
     guard: Guard
@@ -219,5 +234,5 @@ class Interpolator:
         return self.along(here, there, np.array(ends))
 
     def clear(self, poses: Sequence[Pose]) -> bool:
-        """Whether a motion is proven clear, its two ends aside."""
+        """True if a motion is proven clear, its two ends aside."""
         return self.guard.stop(poses) is None

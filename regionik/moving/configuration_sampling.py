@@ -22,6 +22,7 @@ from regionik.areas.reachable import model_of, reach_model
 from regionik.areas.standing import Standing, away, into_span
 from regionik.ladder import Ladder
 from regionik.mfabrik import Solver, solver_for
+from regionik.moving.base_motion import Candidate
 from regionik.moving.rolling_goals import RollingGoals
 from regionik.planners.avoidance.clear_posture import (
     ClearPosture,
@@ -32,9 +33,8 @@ from regionik.planners.avoidance.clear_posture import (
 from regionik.planners.collision.proximity import Touch
 from regionik.planners.search.box_search import Verdict
 from regionik.postures.arm_guard import SPARE, Guard
-from regionik.postures.poses import Pose, axis_of, pose, pose_of
+from regionik.postures.poses import Pose, axis_of, pose_of
 from regionik.postures.serial_solver import serial_solver
-from regionik.values import Configuration
 from regionik.worlds.arms import pivot_index, with_pivot
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
@@ -52,21 +52,9 @@ GIVEN_UP = 16  # tries in a row at one component that led round nothing, after w
 KEPT = 2  # postures that a place offers to one that asks
 
 
-@dataclass(frozen=True, eq=False)
-class Candidate:
-    """A configuration at a set-point, and the component its base stands in."""
-
-    found: Configuration
-    component: int
-
-    @property
-    def pose(self) -> Pose:
-        return pose(self.found)
-
-
 @dataclass(eq=False)
 class Evidence:
-    """What a search at one set-point looked at.
+    """Record of a search at one set-point.
 
     Attributes
     ----------
@@ -90,6 +78,7 @@ class Evidence:
     room: float = -np.inf
 
     def add(self, touch: Touch, room: float) -> None:
+        """Note a posture that was tried."""
         self.postures += 1
         self.clear += touch.kind == "none"
         if room > self.room:
@@ -144,7 +133,7 @@ class ConfigurationSampler:
         return (candidate for candidate in found if self.meets(candidate.pose))
 
     def meets(self, at: Pose) -> bool:
-        """Whether a posture at a set-point meets the rules' criteria; those of `Solver` do anyway."""
+        """True if a posture at a set-point meets the rules' criteria; those of `Solver` do anyway."""
         criteria = self.world.rules.criteria
         return criteria is None or reach_model(self.world.robot, "point").meets(criteria, at.joints)
 
@@ -173,7 +162,7 @@ class ConfigurationSampler:
             yield from self._mended(i, components)
 
     def _near(self, components: Sequence[int], here: Pose) -> Sequence[int]:
-        """All components of areas that hold at every heading; of those by heading the few nearest."""
+        """Components to look through: all that hold at every heading, the few nearest of those by heading."""
         if len(self.standing.sides) == 1:
             return components
         axis, parts = Point(axis_of(self.world.robot, here.base)), self.ladder.component[list(components)]
@@ -184,9 +173,9 @@ class ConfigurationSampler:
     def arrivals(
         self, i: int, components: Sequence[int], here: Pose, nominal: Candidate
     ) -> Iterator[Candidate]:
-        """As `options`, for a base that comes with the tool lifted.
+        """Clear configurations as `options` has them, for a base that comes with the tool lifted.
 
-        On wheels it looks along its way, where most of the path can be done from first.
+        On wheels, headings along the way on come first, by how much of the path can be done from there.
         """
         k, ahead = nominal.component, self._ahead(i)
         if self.rolling is not None and ahead:
@@ -201,8 +190,7 @@ class ConfigurationSampler:
     ) -> Iterator[Candidate]:
         """Clear postures with the base at given poses, each in a component."""
         for base, k in poses:
-            solver = replace(self.solver(k), span=(float(base[2]), float(base[2])))
-            found = solver.hold(self.world.task[i], base, here.joints)
+            found = self.solver(k, float(base[2])).hold(self.world.task[i], base, here.joints)
             candidate = Candidate(replace(found, base=base), k)
             if found.converged and k in components and self.clear(i, candidate.pose):
                 yield candidate
@@ -227,11 +215,11 @@ class ConfigurationSampler:
             yield replace(candidate, found=replace(found, joints=far))
 
     def clear(self, i: int, at: Pose) -> bool:
-        """Whether the arm keeps clear; what it comes near to is kept as evidence."""
+        """True if the arm keeps clear; what it comes near to is kept as evidence."""
         return not self.guard.on or self._room(i, at) == np.inf
 
     def _room(self, i: int, at: Pose) -> float:
-        """By how much the arm keeps its distance, infinite where it is clear; kept as evidence [m]."""
+        """Margin of the arm's distance, infinite where it is clear; kept as evidence [m]."""
         touch = self.guard.touch(at)
         room = self.guard.room(touch)
         self.evidence.setdefault(i, Evidence()).add(touch, room)
@@ -344,11 +332,13 @@ class ConfigurationSampler:
         return into_span(yaw, self._span(k))
 
     def _span(self, k: int) -> tuple[float, float]:
+        """Headings of a component [rad]."""
         return self.standing.sides[int(self.ladder.side[k])].span
 
-    def solver(self, k: int) -> Solver:
-        """M-FABRIK inside a component."""
-        return solver_for(self.world, self.ladder.family[k], self.ladder.flat(k), self._span(k))
+    def solver(self, k: int, heading: float | None = None) -> Solver:
+        """M-FABRIK inside a component, at any heading of its slab or at one."""
+        solver = solver_for(self.world, self.ladder.family[k], self.ladder.flat(k), self._span(k))
+        return solver if heading is None else replace(solver, span=(heading, heading))
 
     def _spread(self, k: int) -> Array:
         """Places spread over a component."""
@@ -371,5 +361,5 @@ def spread(area: BaseGeometry, count: int, seed: int) -> Array:
 
 @lru_cache(maxsize=64)
 def _endless(chain: Chain) -> NDArray[np.bool_]:
-    """Which joints turn without end."""
+    """Mask of the joints that turn without end, (dof,)."""
     return np.array([np.isinf(one.upper - one.lower) and one.kind == "revolute" for one in chain.joints])

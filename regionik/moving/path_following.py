@@ -14,8 +14,7 @@ import numpy as np
 
 from regionik.ladder import Ladder
 from regionik.mfabrik import Solver, solver_between
-from regionik.moving.base_motion import BasePath, BasePaths
-from regionik.moving.configuration_sampling import Candidate
+from regionik.moving.base_motion import BasePath, BasePaths, Candidate
 from regionik.planners.collision.proximity import Touch
 from regionik.planners.driving.point_planner import NoPathError
 from regionik.planners.geometry.angles import wrap
@@ -59,7 +58,7 @@ class SegmentPoint(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class PathSegment:
-    """What base, tool and arm do from one set-point to the next, evenly from knot to knot of the base's way.
+    """Motion of base, tool and arm from one set-point to the next, even from knot to knot of the base's way.
 
     Attributes
     ----------
@@ -81,12 +80,12 @@ class PathSegment:
 
     @property
     def bare(self) -> bool:
-        """Whether the tool may be turned as it will."""
+        """True if the tool may be turned as it will."""
         return self.asked[0].direction is None and self.asked[1].direction is None
 
     @property
     def points(self) -> Array:
-        """Where the tool is at every knot, (k, 3) [m]."""
+        """Positions of the tool at every knot, (k, 3) [m]."""
         return self._laid[0]
 
     @property
@@ -95,7 +94,7 @@ class PathSegment:
         return self._laid[1]
 
     def places(self) -> list[SegmentPoint]:
-        """A stride apart at most, all knots but the first among them."""
+        """Places a stride apart at most, all knots but the first among them."""
         leg, share = self._laid[2:]
         return [SegmentPoint(*one) for one in zip(leg.tolist(), share.tolist(), strict=True)]
 
@@ -105,20 +104,21 @@ class PathSegment:
         return laid_out(self.base.knots, self.base.tool, spots, self.joints, self.stride)
 
     def target(self, at: SegmentPoint) -> Target:
-        """What the tool is asked at a place; its axis or frame turns evenly."""
+        """Target of the tool at a place; its axis or frame turns evenly."""
         first, last = (goal_between(*self.asked, tool) for tool in self._tool(at))
         return goal_between(first, last, at.share)
 
     def families(self, at: SegmentPoint) -> list[Family]:
-        """At both ends of a leg."""
+        """Posture families at both ends of a leg."""
         return [self.family[round(tool)] for tool in self._tool(at)]
 
     def pitch(self, at: SegmentPoint) -> float:
-        """Of the last link."""
+        """Pitch of the last link at a place [rad]."""
         first, last = (family.pitch for family in self.families(at))
         return first + at.share * wrap(last - first)
 
     def _tool(self, at: SegmentPoint) -> list[float]:
+        """Shares of the tool's way at both ends of a leg."""
         tool: list[float] = self.base.tool[at.leg : at.leg + 2].tolist()
         return tool
 
@@ -204,7 +204,7 @@ class PathFollower:
     def _proven(
         self, segment: PathSegment, places: list[SegmentPoint], poses: list[Pose]
     ) -> tuple[int, Touch | None]:
-        """How many hops lead the tool as asked, jump nowhere and are clear; what stops the next one."""
+        """Number of hops that lead the tool as asked, jump nowhere and are clear, and what stops the next."""
         (leg, share), (bases, joints) = _columns(places), arrays(poses)
         line, sag = between(segment.points, leg, share), SAG_SHARE * self.world.rules.path_tolerance
         count = self.guard.led(bases, joints, line, LOOKED_AT, sag)
@@ -224,7 +224,7 @@ class PathFollower:
 
 
 def _turned(p: Target, q: Target, tools: Array) -> bool:
-    """Whether tool frames on the way between two targets are turned as asked."""
+    """True if tool frames on the way between two targets are turned as asked."""
     if p.direction is None or q.direction is None:
         return True
     asked = [goal_between(p, q, share) for share in LOOKED_AT.tolist()]

@@ -16,19 +16,17 @@ import numpy as np
 from regionik.areas.standing import Standing
 from regionik.explain import failures
 from regionik.ladder import Ladder
-from regionik.moving.base_motion import Driver, Interpolator, StandingPaths
-from regionik.moving.configuration_sampling import Candidate, ConfigurationSampler, Evidence
-from regionik.moving.omnidirectional import AnyHeadingDriver, ByHeadingDriver
+from regionik.moving.base_motion import Candidate, Interpolator, StandingPaths
+from regionik.moving.configuration_sampling import ConfigurationSampler, Evidence
+from regionik.moving.drivers import driver_for
 from regionik.moving.path_following import PathFollower
 from regionik.moving.rolling_goals import rolling_goals_for
 from regionik.moving.transit import TransitPlanner
-from regionik.moving.wheeled import CarDriver, DifferentialDriver
 from regionik.planners.driving.point_planner import NoPathError
 from regionik.postures.arm_guard import Guard, guard_of
 from regionik.postures.poses import Pose, Row, arrays, columns, pose_between
 from regionik.values import Configuration, Motion
 from regionik.worlds.arrays import Array
-from regionik.worlds.drives import BaseKind
 from regionik.worlds.errors import Cause, Explanation, NoPlanFound
 from regionik.worlds.scene import World
 
@@ -194,21 +192,3 @@ def path_search(
         PathFollower(world, ladder, guard, paths),
         TransitPlanner(world, guard, interpolator, driver),
     )
-
-
-def driver_for(world: World, interpolator: Interpolator, standing: Standing, seed: int) -> Driver:
-    """Return the driver that suits a base and where it may stand."""
-    return DRIVERS[world.robot.drive.kind](world, interpolator, standing, seed)
-
-
-def _omnidirectional(world: World, interpolator: Interpolator, standing: Standing, seed: int) -> Driver:
-    """By heading only where not all headings are free alike."""
-    driver = AnyHeadingDriver if len(standing.sides) == 1 else ByHeadingDriver
-    return driver(world, interpolator, standing, seed)
-
-
-DRIVERS: dict[BaseKind, Callable[[World, Interpolator, Standing, int], Driver]] = {
-    "omni": _omnidirectional,
-    "differential": DifferentialDriver,
-    "car": CarDriver,
-}

@@ -10,6 +10,7 @@ import shapely
 
 from regionik.areas.standing import Mask, Standing, away, room_for
 from regionik.ladder import Ladder
+from regionik.planners.driving.arcs import arc_end
 from regionik.planners.driving.footprint import fits
 from regionik.planners.geometry.angles import wrap
 from regionik.postures.poses import axis_of
@@ -77,7 +78,7 @@ class RollingGoals:
             yield bases[m], int(owner[m])
 
     def gains(self, i: int, bases: Array) -> Array:
-        """How much of the tool path from set-point i on each base pose (n, 3) serves, (n,) [m]."""
+        """Length of the tool path from set-point i on that each base pose (n, 3) serves, (n,) [m]."""
         rungs, spots = self.ladder.rungs, [target.position for target in self.world.task]
         serving, gain = np.ones(len(bases), dtype=bool), np.zeros(len(bases))
         for j in range(i, min(i + HORIZON, self.ladder.count - 1)):
@@ -87,7 +88,7 @@ class RollingGoals:
         return gain
 
     def _holds(self, k: int, bases: Array) -> Mask:
-        """Which poses a component holds."""
+        """Mask of the poses that a component holds."""
         axes, span = axis_of(self.world.robot, bases), self.standing.sides[int(self.ladder.side[k])].span
         turned = np.array([away(yaw, span) < 1e-9 for yaw in bases[:, 2].tolist()], dtype=bool)
         held: Mask = shapely.contains_xy(self.ladder.component[k], axes) & turned
@@ -128,12 +129,10 @@ def _motions(drive: BaseDrive, here: Array, ahead: float | None) -> tuple[Array,
         else:
             turns = [(0.0, share * length / drive.turning_radius) for share in CURVES]
         for spin, turn in turns:
-            start = here + (0.0, 0.0, spin)
-            half = start[2] + turn / 2
-            chord = length * np.sinc(turn / (2 * np.pi))
-            bases.append(start + (chord * np.cos(half), chord * np.sin(half), turn))
+            x, y, yaw = here + (0.0, 0.0, spin)
+            bases.append(np.array(arc_end(x, y, yaw, length, turn)))
             efforts.append(abs(length) + TURN_WEIGHT * (abs(spin) + abs(turn)))
             if drive.turns_on_the_spot and ahead is not None:
                 bases.append(np.array([*bases[-1][:2], ahead]))
-                efforts.append(efforts[-1] + TURN_WEIGHT * abs(wrap(ahead - start[2])))
+                efforts.append(efforts[-1] + TURN_WEIGHT * abs(wrap(ahead - yaw)))
     return np.array(bases), np.array(efforts)

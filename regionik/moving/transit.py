@@ -1,4 +1,7 @@
-"""Motion with the tool lifted: the arm is folded, the base drives over free floor, the arm unfolds."""
+"""Motion with the tool lifted: the arm is folded, the base drives over free floor, the arm unfolds.
+
+Where nothing so simple gets there, RRTConnect looks for ways of base and arm together.
+"""
 
 from __future__ import annotations
 
@@ -19,6 +22,8 @@ from regionik.worlds.scene import World
 
 WITHDRAWALS = (0.0, 0.1, 0.2, 0.4, 0.6)  # how far the base draws back before the arm folds [m]
 BERTHS = (0.0, 0.04, 0.08, 0.16)  # kept from the edge of the free floor beyond what the base needs [m]
+ITERATIONS = 3000  # of RRTConnect
+STRIDE = 1.0  # its longest motion, metres and radians together
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +81,7 @@ class TransitPlanner:
         return None if drive is None else [*lead[1:], *out, *drive, *back[::-1]]
 
     def obstruction(self, here: Pose, there: Pose, piece: int) -> Touch | None:
-        """What the arm meets first where it is folded, driven and unfolded without looking."""
+        """First touch of an arm that is folded, driven and unfolded without looking."""
         poses = [here, *self._carried(here, there, piece), there]
         met = next((touch for touch in map(self.guard.touch, poses) if touch.kind != "none"), None)
         if met is not None:  # tells how deep, where a proof only tells that it ended
@@ -126,10 +131,6 @@ class TransitPlanner:
         return Pose(at.base, q)
 
 
-ITERATIONS = 3000  # of RRTConnect
-STRIDE = 1.0  # its longest motion, metres and radians together
-
-
 @dataclass(frozen=True, eq=False)
 class WholeBodyPlanner:
     """The space of arm axis, heading and joints over one piece of free floor, for an omnidirectional base."""
@@ -157,7 +158,7 @@ class WholeBodyPlanner:
         return self._shortened([here, *(self._pose(self._read(q)) for q in path[1:-1]), there])
 
     def _goes(self, here: Pose, there: Pose) -> bool:
-        """Whether a straight motion stays on the free floor, and keeps the arm clear."""
+        """True if a straight motion stays on the free floor and keeps the arm clear."""
         states = self.driver.direct(here, there, self.piece)
         return states is not None and self.interpolator.clear([here, *states, there])
 
@@ -176,16 +177,18 @@ class WholeBodyPlanner:
         return np.array([*axis_of(self.world.robot, pose.base), yaw, *pose.joints])
 
     def _pose(self, q: Array) -> Pose:
+        """Pose of a row as `_row` makes them."""
         return Pose(pose_of(self.world.robot, q[:2], float(q[2])), q[3:])
 
     def _read(self, state: State) -> Array:
+        """Row of a sampled state, its heading the fixed one where the rules ask for that."""
         q = np.array([state[i] for i in range(3 + self.world.robot.chain.dof)])
         if self.world.rules.heading == "fixed" and self.world.start is not None:
             q[2] = self.world.start.base[2]
         return q
 
     def _box(self, start: Array, goal: Array) -> tuple[Array, Array]:
-        """Where to sample: the floor's extent, a turn about the start's heading, joint limits."""
+        """Bounds to sample within: the floor's extent, a turn about the start's heading, joint limits."""
         chain = self.world.robot.chain
         ends = np.stack([start, goal])
         low, high = ends.min(axis=0), ends.max(axis=0)

@@ -17,7 +17,8 @@ from shapely.geometry.base import BaseGeometry
 
 from regionik.explain.changes import one_lift_off
 from regionik.explain.constraints import setpoint
-from regionik.moving.configuration_sampling import PITCHES, Candidate
+from regionik.moving.base_motion import Candidate
+from regionik.moving.configuration_sampling import PITCHES
 from regionik.moving.path_search import HARD_TRIES, JoinedMotion, PathSearch, path_search
 from regionik.parking.fewest_stops import StopGroup
 from regionik.parking.stops import BasePlacement, PlacementSearch, StopSequence
@@ -70,7 +71,7 @@ def connect_stops(sequence: StopSequence, seed: int, progress: Progress | None =
 
 @dataclass(frozen=True, eq=False)
 class _Attempt:
-    """What was done from one place: states, and a candidate for each set-point done."""
+    """Work done from one place: states, and a candidate for each set-point done."""
 
     placement: BasePlacement
     rows: list[Row]
@@ -195,9 +196,9 @@ class _StopConnection:
 
     def _postures(self, i: int, components: list[int], base: Array, near: Array) -> Iterator[Candidate]:
         """Clear postures on a set-point with the base where it is, the least changed first."""
-        target, yaw = self.world.task[i], float(base[2])
+        target = self.world.task[i]
         for k in components:
-            solver = replace(self.search.sampler.solver(k), span=(yaw, yaw))
+            solver = self.search.sampler.solver(k, float(base[2]))
             plain = [solver.hold(target, base, near), solver.least_change(target, base, near)]
             some = [one for one in plain if one is not None and one.converged]
             for found in chain(some, solver.self_motion(target, base, near, PITCHES)):
@@ -207,7 +208,7 @@ class _StopConnection:
 
     def _round(self, i: int, components: list[int], base: Array, near: Array) -> Iterator[Candidate]:
         """A posture on a set-point led round what it touches, where all others touch something."""
-        solver = replace(self.search.sampler.solver(components[0]), span=(float(base[2]), float(base[2])))
+        solver = self.search.sampler.solver(components[0], float(base[2]))
         found = solver.hold(self.world.task[i], base, near)
         if self.search.guard.on and found.converged:
             yield from self.search.sampler.around(i, Candidate(replace(found, base=base), components[0]))

@@ -245,10 +245,8 @@ class PlacementSearch:
         found = [placement for placement in tried if placement is not None]
         most = max((len(placement.setpoints) for placement in found), default=0)
         full = [placement for placement in found if len(placement.setpoints) == most]
-        if not full:
-            return None
-        best = max(full, key=self._score)
-        return best if central else self._refined(group, side, best)
+        best = max(full, key=self._score, default=None)
+        return best if central or best is None else self._refined(group, side, best)
 
     def _refined(self, group: StopGroup, side: int, placement: BasePlacement) -> BasePlacement:
         """Best placement by pattern search: ever smaller steps in eight directions."""

@@ -1,16 +1,17 @@
-"""An omnidirectional base, its arm axis driven as a point where every heading is free, else its footprint.
+"""Drivers of bases: omnidirectional at any heading or by heading, and on wheels.
 
+An omnidirectional base has its arm axis driven as a point where every heading is free, else its footprint.
 While the tool goes on from one set-point to the next, the base first tries to go straight. Else it moves
 inside the area of the first set-point to a place that both share, and from there inside the area of the
 second: at the same time as the tool, where the area holds at every heading, or halting at that place while
-the tool goes on.
+the tool goes on. A base on wheels rolls to its next pose, and the tool goes on during that, before or after.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import islice
 
 import numpy as np
@@ -21,11 +22,13 @@ from shapely.geometry.base import BaseGeometry
 from regionik.areas.ground import GUARD, Geometries, ground_of
 from regionik.areas.standing import Index, Standing, into_span, room_for
 from regionik.ladder import Ladder
-from regionik.moving.base_motion import BasePath, Interpolator, ShapedDriver, halting, together
-from regionik.planners.driving.footprint import FootprintScene, footprint_scene, slide_is_free
+from regionik.moving.base_motion import BasePath, Driver, Interpolator, ShapedDriver, halting, simultaneous
+from regionik.planners.driving.arcs import WheeledPath, arc_end
+from regionik.planners.driving.footprint import FootprintScene, arc_is_free, footprint_scene, slide_is_free
 from regionik.planners.driving.footprint_planner import drive_footprint, path_through_slabs
 from regionik.planners.driving.heading_slabs import Slab
 from regionik.planners.driving.point_planner import NoPathError, drive_point, drive_point_inside
+from regionik.planners.driving.pose_planner import drive_car, drive_differential
 from regionik.planners.geometry.polygons import FlatPolygon, segment_in_either
 from regionik.postures.poses import Pose, axis_of, pose_of
 from regionik.worlds.arrays import Array
@@ -34,6 +37,14 @@ from regionik.worlds.scene import World
 WAYS = 16  # directions of drawing back
 INSET = 0.002  # kept from the edge of what two areas share, where there is room [m]
 TURN_PART = 0.1  # of a turn about the arm axis, which a base frame elsewhere does by short slides [rad]
+
+
+def driver_for(world: World, interpolator: Interpolator, standing: Standing, seed: int) -> Driver:
+    """Return the driver that suits a base and where it may stand."""
+    if world.robot.drive.rolls:
+        return WheeledDriver(world, interpolator, standing, seed)
+    at_any_heading = len(standing.sides) == 1
+    return (AnyHeadingDriver if at_any_heading else ByHeadingDriver)(world, interpolator, standing, seed)
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +61,7 @@ class AnyHeadingDriver:
     def onto(self, here: Pose, label: int) -> list[Pose]:
         """A robot may start where only its heading keeps it clear; see `Driver`."""
         axis = axis_of(self.world.robot, here.base)
-        spot = into(self._piece(label), axis)
+        spot = _nearest_inside(self._piece(label), axis)
         if spot is axis:
             return [here]
         there = Pose(pose_of(self.world.robot, spot, here.base[2]), here.joints)
@@ -70,7 +81,7 @@ class AnyHeadingDriver:
     def within(self, free: BaseGeometry, flat: FlatPolygon, a: Array, b: Array) -> Array:
         """Way of the arm axis from a to b inside a polygon, also given for kernels, (k, 2)."""
         # Ends may lie outside by rounding, or by the gap between the exact and the inner area.
-        spots = [p if flat.holds(p) else into(free, p) for p in (a, b)]
+        spots = [p if flat.holds(p) else _nearest_inside(free, p) for p in (a, b)]
         if math.dist(*spots) < 1e-9:
             return np.array([a, b])
         step = self.world.rules.step
@@ -109,6 +120,7 @@ class AnyHeadingDriver:
         return AnyHeadingPaths(self.world, ladder, self)
 
     def _piece(self, label: int) -> BaseGeometry:
+        """A piece of the free floor."""
         piece: BaseGeometry = self.standing.pieces.polygon[label]
         return piece
 
@@ -153,6 +165,42 @@ class ByHeadingDriver(ShapedDriver):
 
 
 @dataclass(frozen=True, eq=False)
+class WheeledDriver(ShapedDriver):
+    """A base that rolls along lines and arcs, or turns on the spot."""
+
+    def path(self, room: FootprintScene, a: Array, b: Array) -> WheeledPath:
+        """Path on wheels from one pose to another; raises NoPathError."""
+        drive = self.world.robot.drive
+        if drive.turns_on_the_spot:
+            return drive_differential(room, a, b, seed=self.seed)
+        return drive_car(room, a, b, turning_radius=drive.turning_radius, seed=self.seed)
+
+    def route(self, here: Pose, there: Pose, label: int, berth: float = 0.0) -> Array:
+        """Of the base, (n, 3), each hop a line, an arc or a turn on the spot; see `Driver`."""
+        room = self.room._replace(clearance=self.room.clearance + berth) if berth else self.room
+        path = self.path(room, here.base, there.base)
+        self.count(path.method)
+        return path.sample(self.world.rules.step)
+
+    def direct(self, here: Pose, there: Pose, label: int) -> list[Pose] | None:
+        """Straight motions of base and arm are no rolling; see `Driver`."""
+        still = np.array_equal(here.base, there.base)
+        return self.interpolator.over(here, there, np.stack([here.base, there.base])) if still else None
+
+    def retreats(self, at: Pose, far: float, label: int) -> Iterator[list[Pose]]:
+        """Straight back and straight ahead; see `Driver`."""
+        x, y, yaw = at.base
+        for length in (-far, far) if far else (0.0,):
+            if arc_is_free(self.room, at.base, length, 0.0):
+                back = replace(at, base=np.array(arc_end(x, y, yaw, length, 0.0)))
+                yield [*self.interpolator.over(at, back, np.stack([at.base, back.base])), back]
+
+    def paths(self, ladder: Ladder) -> WheeledPaths:
+        """See `Driver`."""
+        return WheeledPaths(self.world, self)
+
+
+@dataclass(frozen=True, eq=False)
 class AnyHeadingPaths:
     """The arm axis is led through areas that hold at every heading."""
 
@@ -164,12 +212,12 @@ class AnyHeadingPaths:
         """See `BasePaths`."""
         a, b = (axis_of(self.world.robot, pose) for pose in (here, goal))
         if self._within(k, j, a, b):
-            yield together(False, _at_any_heading(np.array([a, b])))
+            yield simultaneous(False, _at_any_heading(np.array([a, b])))
         for over in self._handovers(k, j, a, b):
             before, after = (
                 _at_any_heading(way) for way in (self._inside(k, a, over), self._inside(j, over, b))
             )
-            yield together(False, np.concatenate([before, after[1:]]))
+            yield simultaneous(False, np.concatenate([before, after[1:]]))
             yield halting(False, before, after)
 
     def _handovers(self, k: int, j: int, a: Array, b: Array) -> Iterator[Array]:
@@ -183,7 +231,7 @@ class AnyHeadingPaths:
         return a[None] if a is b else self.driver.within(self.ladder.component[k], self.ladder.flat(k), a, b)
 
     def _within(self, k: int, j: int, a: Array, b: Array) -> bool:
-        """Whether the straight way lies in two components together; most ways lie in one of them."""
+        """True if the straight way lies in two components together; most ways lie in one of them."""
         one, other = self.ladder.flat(k), self.ladder.flat(j)
         if one.sees(a, b) or other.sees(a, b):
             return True
@@ -203,7 +251,7 @@ class ByHeadingPaths:
     def between(self, k: int, j: int, here: Array, goal: Array) -> Iterator[BasePath]:
         """See `BasePaths`."""
         if slide_is_free(room_for(self.world), here, goal):
-            yield together(False, np.stack([here, goal]))
+            yield simultaneous(False, np.stack([here, goal]))
         over = self._shared(k, j, here, goal)
         if over is None:
             return
@@ -212,7 +260,7 @@ class ByHeadingPaths:
             yield halting(False, before, after)
 
     def _shared(self, k: int, j: int, here: Array, goal: Array) -> Array | None:
-        """The pose nearest to the way that components of both groups hold."""
+        """Pose that components of both groups hold, the nearest to the way; None where they share none."""
         ladder, sides = self.ladder, self.standing.sides
         ends = [axis_of(self.world.robot, pose) for pose in (here, goal)]
         best: tuple[float, Array] | None = None
@@ -237,13 +285,13 @@ class ByHeadingPaths:
         found = path_through_slabs(_axis_room(self.world), self._group(k), seen[0], seen[1], self.seed)
         if found is None:
             return None
-        poses = np.array([pose_of(robot, p[:2], float(p[2])) for p in _parted(found)])
+        poses = np.array([pose_of(robot, p[:2], float(p[2])) for p in _short_turns(found)])
         poses[0], poses[-1] = a, b
         free = all(slide_is_free(room, p, q) for p, q in zip(poses[:-1], poses[1:], strict=True))
         return poses if free else None
 
     def _group(self, k: int) -> tuple[Slab, ...]:
-        """What the components of a group cover, slab by slab."""
+        """Areas that the components of a group cover, slab by slab."""
         group = int(self.ladder.group[k])
         if group not in self._slabs:
             members = np.flatnonzero(self.ladder.group == group)
@@ -254,17 +302,39 @@ class ByHeadingPaths:
         return self._slabs[group]
 
     def _of_side(self, members: Index, s: int) -> Geometries:
+        """Components of one side among the members of a group."""
         part: Geometries = self.ladder.component[members[self.ladder.side[members] == s]]
         return part
 
 
+@dataclass(frozen=True, eq=False)
+class WheeledPaths:
+    """A base that rolls: while the tool goes on, after it, or before."""
+
+    world: World
+    driver: WheeledDriver
+
+    def between(self, k: int, j: int, here: Array, goal: Array) -> Iterator[BasePath]:
+        """See `BasePaths`."""
+        if np.array_equal(here, goal):
+            yield simultaneous(True, np.stack([here, here]))
+            return
+        path = self.driver.path(self.driver.room, here, goal)
+        poses = np.array(path.sample(self.world.rules.step))
+        poses[-1] = goal
+        yield simultaneous(True, poses)
+        yield halting(True, here[None], poses)
+        yield halting(True, poses, goal[None])
+
+
 def _axis_room(world: World) -> FootprintScene:
+    """Scene of the footprint as seen from the arm axis."""
     ground, robot = ground_of(world), world.robot
     return footprint_scene(robot.footprint - robot.mount[:2], ground.floor, ground.shadows, ground.clearance)
 
 
-def _parted(poses: Array) -> Array:
-    """Poses with turns cut to short ones; headings on without jumps."""
+def _short_turns(poses: Array) -> Array:
+    """Poses (n, 3) with long turns cut into short ones, headings continuous."""
     rows = [poses[0]]
     for pose in poses[1:]:
         last = rows[-1]
@@ -274,8 +344,8 @@ def _parted(poses: Array) -> Array:
     return np.array(rows)
 
 
-def into(free: BaseGeometry, spot: Array) -> Array:
-    """The spot, or the nearest point of the polygon."""
+def _nearest_inside(free: BaseGeometry, spot: Array) -> Array:
+    """The spot itself where the area covers it, else the nearest point of the area."""
     point = Point(spot)
     if free.covers(point):
         return spot
