@@ -19,7 +19,7 @@ from regionik.explain import failures as arm_failures
 from regionik.explain.questions import ArmQuestion, Oracles, PathQuestion
 from regionik.explain.why import explained, explained_target, target_name
 from regionik.mfabrik import configurations
-from regionik.motion import connect
+from regionik.motion import connect_configurations
 from regionik.moving.path_search import JoinedMotion
 from regionik.parking.fewest_stops import park
 from regionik.parking.stop_motion import connect_stops
@@ -214,7 +214,7 @@ def _plan_path(world: World, seed: int, tell: Progress) -> Plan:
     solvers = solvers_along(world, pruned.ladder, standing, chain)
     goals = configurations(world.task, solvers, start_pose(world, pruned, chain))
     _refuse(_not_converged(world, goals))
-    joined = connect(world, pruned, chain, goals, standing, seed, tell)
+    joined = connect_configurations(world, pruned, chain, goals, standing, seed, tell)
     shown = _planned_areas(world, areas, pruned.area)
     return _verified(_finished(world, seed, joined, shown), tell)
 

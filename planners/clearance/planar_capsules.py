@@ -33,7 +33,7 @@ from regionik.planners.geometry.upright_bodies import (
     least_along,
     uprights_from,
 )
-from regionik.planners.search.box_search import Verdict, together
+from regionik.planners.search.box_search import Verdict, both
 from regionik.planners.search.self_clearance import segment_distance
 from regionik.planners.solvers.planar_kinematics import PlanarLinkage
 from regionik.worlds.arrays import Array
@@ -279,7 +279,7 @@ def judge_obstacles(
                 return Verdict.RULED_OUT
             if not all_over:
                 _widen(capsules.rank[s], plane, cell, s, FROM_TARGET, one == Verdict.OPEN, turned, YAW)
-            verdict = together(verdict, one)
+            verdict = both(verdict, one)
     return verdict
 
 
@@ -303,7 +303,7 @@ def judge_self(capsules: PlaneCapsules, mount: ArmMount, cell: PlanarCell) -> Ve
             if not all_over:
                 rank = capsules.rank[s]
                 _widen(rank, mount.plane, cell, s, FROM_AXIS, one == Verdict.OPEN, turned, TURN)
-            verdict = together(verdict, one)
+            verdict = both(verdict, one)
     return verdict
 
 

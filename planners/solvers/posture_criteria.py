@@ -126,7 +126,7 @@ def spare(
 
 @compiled
 def posture_spare(arm: PlanarLinkage, thresholds: Thresholds, bends: Array) -> float:
-    """As `spare`, of bends (3,)."""
+    """`spare` of a posture given by its bends (3,)."""
     r, z, angle = arm.shoulder_r, arm.shoulder_z, 0.0
     for k in range(3):
         angle += bends[k]

@@ -96,7 +96,7 @@ class SerialSolver:
         return goal.reached(place, q, error, angle, passes)
 
     def _walked(self, target: Target, missed: Reached, yaw: float) -> Reached:
-        """By a walk at the target's height, where that comes nearer."""
+        """Solve by a walk at the target's height, where that comes nearer."""
         point = in_arm_frame(missed.axis, yaw, self.height, aim_of(target)).position
         joints = posture_at(self.endless, point, missed.joints)
         off = float(np.linalg.norm(self.chain.forward(joints)[:3, 3] - point))
