@@ -29,7 +29,7 @@ from regionik.postures.poses import lift_offs, motion_stats
 from regionik.pruning import choose_chain, solvers_along, spans, start_place, start_pose, whole_path
 from regionik.reachability.any_base import can_search, search_any_base
 from regionik.reachability.reach import reach
-from regionik.reachability.witness import Quest
+from regionik.reachability.target_search import TargetSearch
 from regionik.regions import has_no_known_place
 from regionik.timing.retime import retime
 from regionik.tracker import planner
@@ -44,7 +44,7 @@ Progress = Callable[[str, int, int], None]
 
 ORACLES = Oracles(
     reach=lambda world: reach(world, world.task),
-    seen=lambda world: Quest(world, world.task[0]).in_areas() is not None,
+    seen=lambda world: TargetSearch(world, world.task[0]).in_areas() is not None,
     look=lambda world, cells: search_any_base(world, world.task[0], cells).verdict,
 )
 

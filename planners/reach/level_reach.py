@@ -24,7 +24,7 @@ NEWS = 1e-4  # what a batch must add for another to follow [m]
 MOST_STEPS = 300  # of one walk
 MOST_BOXES = 20_000  # weighed for an outer bound, a few microseconds each
 LEVEL = 1e-9  # by which the tool of an arm that cannot rise may be off its height [m]
-LOOKS, NARROWINGS = 128, 80  # postures looked at, ever nearer to the farthest and the nearest of them
+SAMPLES, NARROWINGS = 128, 80  # random postures, ever nearer to the farthest and the nearest of them
 HALVINGS = 60  # of the straight way between those two
 ENOUGH = 1e-3  # what the outer bound may stand off from the inner one [m]
 
@@ -94,7 +94,7 @@ def outer_reach(chain: Chain, rise: float) -> Intervals:
 @lru_cache(maxsize=256)
 def _is_level(chain: Chain) -> bool:
     """True where the tool's height never changes, as all axes stand upright."""
-    heights = chain.forward(_drawn(chain, np.random.default_rng(0), LOOKS))[:, 2, 3]
+    heights = chain.forward(_drawn(chain, np.random.default_rng(0), SAMPLES))[:, 2, 3]
     return bool(np.ptp(heights) < LEVEL)
 
 
@@ -114,7 +114,7 @@ def _level_ends(chain: Chain) -> tuple[Array, Array]:
     for sign in (1.0, -1.0):
         best, spread = _drawn(chain, rng, 1)[0], np.pi
         for _ in range(NARROWINGS):
-            near = best + spread * rng.normal(size=(LOOKS, chain.dof))
+            near = best + spread * rng.normal(size=(SAMPLES, chain.dof))
             tried = np.vstack([best, np.clip(near, chain.lower, chain.upper)])
             far = np.linalg.norm(chain.forward(tried)[:, :2, 3], axis=1)
             best, spread = tried[int(np.argmin(sign * far))], 0.8 * spread

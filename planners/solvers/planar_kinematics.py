@@ -195,7 +195,7 @@ def intervals_at_height(
     circles : (n, 3) array
         Center r, z and radius of the circles on which the reach can begin or end [m].
     front, back : bool
-        Which of r > 0 and r < 0 to look at.
+        Which of r > 0 and r < 0 to take.
     """
     breaks = np.empty(2 * len(circles) + 1)
     n = 0

@@ -149,7 +149,7 @@ def swings(
     yaw, pitch : float
         Of plane and last link, the tool's axis as wanted [rad].
     half : float
-        Swings looked at: -half to half [rad].
+        Swings considered: -half to half [rad].
     turn : (3, 3) array
         Wanted orientation.
     slack : float

@@ -62,8 +62,8 @@ class SerialSolver:
     ) -> Reached:
         """Bring the tool to a target; see `Arm`.
 
-        A pose is asked for where the base stands first, as that changes least; then come passes, the postures
-        that the reach is made of, and restarts.
+        For a pose, the posture nearest to the present one is tried first, the base held; then passes, the
+        postures that the reach was sampled by, and restarts.
         """
         goal = self.goal_for(target)
         if target.direction is None:
