@@ -184,7 +184,7 @@ def _untold(stage: str, done: int, total: int) -> None:
 def search(world: World, seed: int = 0, tell: Progress = _untold) -> Plan:
     """Return a verified plan, not timed; raise `NoPlanFound` with a quick explanation where there is none."""
     check_world(world)
-    _refuse(arm_failures.buried(world))
+    _refuse(arm_failures.target_in_solid(world))
     return strategy_of(world).plan(world, seed, tell)
 
 

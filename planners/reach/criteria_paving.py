@@ -70,7 +70,7 @@ class Distances(NamedTuple):
     far: float
 
 
-def paved(
+def distances_within_thresholds(
     arm: PlanarLinkage, asked: Thresholds, pitches: tuple[float, float], z: float, known: Array
 ) -> tuple[Array, Array]:
     """Signed distances at a height with a posture that meets limits and thresholds.

@@ -11,7 +11,13 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike
 
-from regionik.planners.reach.meridian_plane import Meridian, meridian_of, posture_on, tool_for, walks
+from regionik.planners.reach.meridian_plane import (
+    Meridian,
+    meridian_of,
+    tool_for,
+    walk_both_ways,
+    walk_to_posture,
+)
 from regionik.planners.reach.outer_bounds import outer_distances
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
@@ -62,7 +68,7 @@ def inner_reach(chain: Chain, rise: float) -> Intervals:
     found: Intervals = ()
     for starts in np.split(_starts(meridian), MOST_BATCHES):
         passed = np.empty((BATCH, 2))
-        count = walks(meridian, rise, starts, tool, MOST_STEPS, passed)
+        count = walk_both_ways(meridian, rise, starts, tool, MOST_STEPS, passed)
         more = merged([*found, *passed[:count].tolist()])
         news = _length(more) - _length(found)
         found = more
@@ -163,7 +169,7 @@ def posture_at(chain: Chain, point: ArrayLike, joints: ArrayLike) -> Array:
     elif meridian is not None:
         found = q[meridian.which]
         starts, tool = _starts(meridian), tool_for(meridian)
-        posture_on(meridian, float(p[2]), float(np.hypot(p[0], p[1])), starts, tool, MOST_STEPS, found)
+        walk_to_posture(meridian, float(p[2]), float(np.hypot(p[0], p[1])), starts, tool, MOST_STEPS, found)
         q[meridian.which] = found
         _unwind(chain, q)
     here = chain.forward(q)[:2, 3]

@@ -340,7 +340,7 @@ def _uphill(meridian: Meridian, outwards: float, joints: Array, tool: Tool, free
 
 
 @compiled
-def walks(meridian: Meridian, z: float, starts: Array, tool: Tool, most: int, found: Array) -> int:
+def walk_both_ways(meridian: Meridian, z: float, starts: Array, tool: Tool, most: int, found: Array) -> int:
     """Write distances passed by walks from starts (s, m) as rows of ``found`` (s, 2); returns how many."""
     free, last = weights(meridian), np.empty(starts.shape[1])
     count = 0
@@ -356,7 +356,7 @@ def walks(meridian: Meridian, z: float, starts: Array, tool: Tool, most: int, fo
 
 
 @compiled
-def posture_on(
+def walk_to_posture(
     meridian: Meridian, z: float, goal: float, starts: Array, tool: Tool, most: int, joints: Array
 ) -> float:
     """Walk to a posture at a height and a distance, from one start after the other; returns its error [m].
