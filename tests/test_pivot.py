@@ -17,12 +17,7 @@ from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain, Joint, rot_x, translation
 from regionik.worlds.drives import BaseKind
 from regionik.worlds.errors import InputError
-from regionik.worlds.pivoted_arm import (
-    pivot_index,
-    pivot_joints,
-    reach_bound,
-    with_pivot,
-)
+from regionik.worlds.pivoted_arm import pivot_index, pivot_joints, reach_bound, with_pivot
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Heading, Rules, Start, Target, World
 from tests.bodies import on_lift, with_lift
