@@ -32,6 +32,9 @@ from regionik.planners.solvers.rigid_bodies import RigidBodies
 from regionik.planners.solvers.serial_chain import rotate_about
 from regionik.worlds.arrays import Array
 
+NOTHING = 1e-13  # lengths, and products of lengths, that are rounding and give no direction [m, m^2]
+TIE = 1e-9  # candidates this near to each other are equally good [m, rad]
+
 
 class Posture(NamedTuple):
     """Poses of the bodies in the arm's base frame; passes write into it.
@@ -282,10 +285,6 @@ def _axis_in(bodies: RigidBodies, k: int, behind: int) -> Vector:
     for i in range(behind, k):
         v = turned_back(bodies.arm.fixed[i + 1], v)
     return v
-
-
-NOTHING = 1e-13  # lengths, and products of lengths, that are rounding and give no direction [m, m^2]
-TIE = 1e-9  # candidates this near to each other are equally good [m, rad]
 
 
 @compiled

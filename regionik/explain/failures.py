@@ -25,6 +25,8 @@ from regionik.worlds.obstacles import Shadow
 from regionik.worlds.pivoted_arm import reach_bound
 from regionik.worlds.scene import Target, World
 
+CORNER = 3**0.5  # how much deeper than its sides the corner of a box may be in a mesh
+
 
 def no_place(world: World, i: int, targets: Sequence[Target] | None = None, others: int = 0) -> Explanation:
     """Explain why set-point i has no known place for the base: "unreachable" where its outer area is empty.
@@ -279,9 +281,6 @@ def _depth(shadow: Shadow, outline: BaseGeometry) -> float:
     if shadow.radius:
         return shadow.radius - float(shadow.core.distance(outline))
     return float(shadow.core.boundary.distance(outline)) if shadow.core.covers(outline) else 0.0
-
-
-CORNER = 3**0.5  # how much deeper than its sides the corner of a box may be in a mesh
 
 
 def target_in_solid(world: World) -> Explanation | None:

@@ -30,6 +30,9 @@ from regionik.worlds.scene import Target, World
 
 CELLS = 200_000  # of postures looked at for one target
 CHUNK = 2000  # targets that a worker is given at once
+_NO_WAY = "from no place of the floor and in no posture does the arm keep off {}"
+_CLOSELY = "heading by heading and pitch by pitch, each place for the base is ruled out"
+_IN = "whatever the posture, the end of the arm is in {} there, or too near to it"
 
 
 @dataclass(frozen=True, eq=False)
@@ -220,11 +223,6 @@ def _everywhere(search: TargetSearch) -> _Result:
         return _Result("reachable", seen.pose, 0.0, "")
     gap = np.inf if seen.pose is not None else seen.gap  # an unconfirmed pose bounds nothing
     return _Result("undecided", None, gap, "")
-
-
-_NO_WAY = "from no place of the floor and in no posture does the arm keep off {}"
-_CLOSELY = "heading by heading and pitch by pitch, each place for the base is ruled out"
-_IN = "whatever the posture, the end of the arm is in {} there, or too near to it"
 
 
 def _ruled_out(world: World, target: Target) -> _Result:
