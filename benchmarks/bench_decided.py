@@ -26,7 +26,7 @@ from regionik.planners.driving.footprint import FootprintScene, fits
 from regionik.planners.geometry.angles import fit, wrap
 from regionik.planners.geometry.polygons import compiled
 from regionik.planners.reach.planar_cells import Stance
-from regionik.planners.solvers.planar_kinematics import triangle
+from regionik.planners.solvers.planar_kinematics import two_link_angles
 from regionik.postures.arm_guard import contact_for, guard_of
 from regionik.reachability.any_base import scene_of, stance_of, writable
 from regionik.reachability.reach import reach
@@ -60,7 +60,7 @@ def placed(stance: Stance, asked: Question, at: Array, base: Array, q: Array) ->
     plane = stance.plane
     x = at[2] - plane.shoulder_r - plane.lengths[2] * np.cos(at[1])
     z = asked.target[2] - plane.shoulder_z - plane.lengths[2] * np.sin(at[1])
-    lead, root, tip, ok = triangle(plane.lengths[0], plane.lengths[1], x, z)
+    lead, root, tip, ok = two_link_angles(plane.lengths[0], plane.lengths[1], x, z)
     if not ok:
         return np.inf
     elbow = 1.0 if at[4] > 0.0 else -1.0

@@ -25,7 +25,7 @@ from ik_peers import Ask, bounds, pink, toolbox, trac_ik
 from scipy.spatial.transform import Rotation
 
 import regionik as rik
-from regionik.planners.solvers.inverse_kinematics import ArmSolver, Goal, aim_of
+from regionik.planners.solvers.inverse_kinematics import ArmSolver, Goal
 from regionik.planners.solvers.multistart_ik import solve_ik, spread_postures
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
@@ -51,7 +51,7 @@ def kernel(chain: Chain, posed: bool) -> Ask:
     solver = ArmSolver(chain, POSITION, ANGLE)
 
     def ask(T: Array, start: Array, _turn: Array) -> Array | None:
-        aim, q = aim_of(Goal(T[:3, 3], orientation=T[:3, :3] if posed else None)), start.copy()
+        aim, q = Goal(T[:3, 3], orientation=T[:3, :3] if posed else None).aim, start.copy()
         bodies = solver.bodies(aim.kind)
         begun = time.perf_counter()
         solve_ik(bodies, aim, np.ascontiguousarray(solver.starts[:, : len(bodies.slide)]), solver.effort, q)

@@ -36,6 +36,12 @@ from regionik.worlds.scene import Target, World
 
 REFERENCE = "mfabrik"
 BASE_JOINTS = 2  # before those of the arm
+MAX_RUNS = 40  # of a method along the path, of which the fastest counts
+TIME_BUDGET = 0.5  # after which a method is not run again [s]
+ROUNDING = 1e-9  # allowed at tolerances, cones and limits
+TIE_RATIO = 1.05  # of iterations, times or errors below which no method is called better
+TIE_ERROR = 1e-6  # difference of errors below which no method is called better [m]
+Progress = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,15 +163,6 @@ def prepare_methods(world: World, names: Sequence[str]) -> dict[str, Methods]:
         got = unknown[0] if unknown else "none"
         raise InputError(f"methods: expected some of {', '.join(METHODS)}, got {got}")
     return {name: METHODS[name](world) for name in dict.fromkeys(names)}
-
-
-MAX_RUNS = 40  # of a method along the path, of which the fastest counts
-TIME_BUDGET = 0.5  # after which a method is not run again [s]
-ROUNDING = 1e-9  # allowed at tolerances, cones and limits
-TIE_RATIO = 1.05  # of iterations, times or errors below which no method is called better
-TIE_ERROR = 1e-6  # difference of errors below which no method is called better [m]
-
-Progress = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True, eq=False)

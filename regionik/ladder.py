@@ -16,7 +16,7 @@ import shapely
 from numpy.typing import NDArray
 
 from regionik.areas.ground import Geometries
-from regionik.areas.standing import LEAST_AREA, PathAreas, Standing, groups
+from regionik.areas.standing import LEAST_AREA, PathAreas, Standing, component_labels
 from regionik.planners.geometry.polygons import FlatPolygon, flats_of
 from regionik.postures.families import Family
 
@@ -130,7 +130,7 @@ def build_ladder(areas: PathAreas, count: int, standing: Standing) -> Ladder:
     turns = _overlaps(standing, parts, spots, target, side, kinds, count, ahead=0)
     floor = _pieces(spots, side, standing)
     shapely.destroy_prepared(parts)  # as much memory again as the components themselves
-    return Ladder(count, parts, target, kinds, side, floor, forward, groups(len(parts), turns))
+    return Ladder(count, parts, target, kinds, side, floor, forward, component_labels(len(parts), turns))
 
 
 def _pieces(spots: Geometries, side: Index, standing: Standing) -> Index:

@@ -25,7 +25,7 @@ TRIES = 16  # candidates at the next set-point tried from one
 Progress = Callable[[str, int, int], None]
 
 
-def connect(
+def connect_configurations(
     world: World,
     pruned: Pruned,
     chain: list[int],

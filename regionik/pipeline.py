@@ -14,7 +14,7 @@ from regionik.explain import failures as arm_failures
 from regionik.explain.questions import ArmQuestion, Oracles, PathQuestion
 from regionik.explain.why import explained, explained_target, target_name
 from regionik.mfabrik import configurations
-from regionik.motion import connect
+from regionik.motion import connect_configurations
 from regionik.moving.path_search import JoinedMotion
 from regionik.parking.fewest_stops import park
 from regionik.parking.stop_motion import connect_stops
@@ -24,7 +24,7 @@ from regionik.postures.poses import lift_offs, motion_stats
 from regionik.pruning import choose_chain, solvers_along, spans, start_place, start_pose, whole_path
 from regionik.reachability.any_base import can_search, search_any_base
 from regionik.reachability.reach import reach
-from regionik.reachability.witness import Quest
+from regionik.reachability.target_search import TargetSearch
 from regionik.regions import has_no_known_place, planned_areas
 from regionik.timing.retime import retime
 from regionik.tracker import can_track, plan_tracked
@@ -39,7 +39,7 @@ Progress = Callable[[str, int, int], None]
 
 ORACLES = Oracles(
     reach=lambda world: reach(world, world.task),
-    seen=lambda world: Quest(world, world.task[0]).in_areas() is not None,
+    seen=lambda world: TargetSearch(world, world.task[0]).in_areas() is not None,
     look=lambda world, cells: search_any_base(world, world.task[0], cells).verdict,
 )
 
@@ -179,7 +179,7 @@ def _untold(stage: str, done: int, total: int) -> None:
 def search(world: World, seed: int = 0, tell: Progress = _untold) -> Plan:
     """Return a verified plan, not timed; raise `NoPlanFound` with a quick explanation where there is none."""
     check_world(world)
-    _refuse(arm_failures.buried(world))
+    _refuse(arm_failures.target_in_solid(world))
     return strategy_of(world).plan(world, seed, tell)
 
 
@@ -209,7 +209,7 @@ def _plan_path(world: World, seed: int, tell: Progress) -> Plan:
     solvers = solvers_along(world, pruned.ladder, standing, chain)
     goals = configurations(world.task, solvers, start_pose(world, pruned, chain))
     _refuse(_not_converged(world, goals))
-    joined = connect(world, pruned, chain, goals, standing, seed, tell)
+    joined = connect_configurations(world, pruned, chain, goals, standing, seed, tell)
     shown = planned_areas(world, areas, pruned.area)
     return _verified(_finished(world, seed, joined, shown), tell)
 

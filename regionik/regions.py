@@ -38,7 +38,7 @@ from regionik.worlds.scene import Target, World
 
 
 @dataclass(frozen=True, eq=False)
-class TakenAway:
+class RejectedPart:
     """A part of the reach that is not admissible, and its cause."""
 
     kind: CauseKind
@@ -81,9 +81,9 @@ class Area:
         return float(self.outer.area - self.inner.area)
 
     @cached_property
-    def causes(self) -> tuple[TakenAway, ...]:
+    def causes(self) -> tuple[RejectedPart, ...]:
         """Causes that took the rest of the stretched-arm disc away, each with name and polygon."""
-        return what_took_away(self.world, self.target)
+        return rejected_parts(self.world, self.target)
 
     @cached_property
     def clearance(self) -> float | None:
@@ -191,27 +191,27 @@ def reach_of(world: World, target: Target) -> BaseGeometry:
     return shapely.union_all(rings) if len(rings) else Polygon()
 
 
-def what_took_away(world: World, target: Target) -> tuple[TakenAway, ...]:
+def rejected_parts(world: World, target: Target) -> tuple[RejectedPart, ...]:
     """Obstacles, floor edge and limits that make the area smaller than a stretched arm's disc."""
     ground = ground_of(world)
     span = reach_bound(world.robot.chain)
     rise = target.position[2] - span.height - world.robot.mount[2]
     stretched = span.length**2 - rise**2
     if stretched <= 0:
-        return (TakenAway("reach", "height of the target", Polygon()),)
+        return (RejectedPart("reach", "height of the target", Polygon()),)
     disc = shapely.Point(target.position[:2]).buffer(span.radius + np.sqrt(stretched))
     reach = reach_of(world, target)
     rules = replace(world.rules, criteria=None)
     wide = reach if world.rules.criteria is None else reach_of(replace(world, rules=rules), target)
     kind: CauseKind = "limits" if target.direction is None else "direction"
     name = "tool direction" if target.orientation is None else "tool orientation"
-    taken = [TakenAway(kind, "joint limits" if kind == "limits" else name, disc - wide)]
-    taken.append(TakenAway("criteria", "criteria", wide - reach))
-    taken.append(TakenAway("floor", "edge of the floor", reach - ground.inner.floor))
+    taken = [RejectedPart(kind, "joint limits" if kind == "limits" else name, disc - wide)]
+    taken.append(RejectedPart("criteria", "criteria", wide - reach))
+    taken.append(RejectedPart("floor", "edge of the floor", reach - ground.inner.floor))
     by = ground.clearance + ground.far + GUARD
     for k in ground.within(reach, by):
         part = reach & grow(ground.shadows[k], by, inner=True)
-        taken.append(TakenAway("obstacle", ground.names[k], part))
+        taken.append(RejectedPart("obstacle", ground.names[k], part))
     return tuple(part for part in taken if part.polygon.area > 1e-12)
 
 

@@ -196,8 +196,8 @@ FAULTS = (
     Fault(
         "areas: no margin at the ends of the reach",
         "regionik/areas/planar_reach.py",
-        "_ahead(family, spans, query.margin, query.arcs)",
-        "_ahead(family, spans, query.margin and 0.0, query.arcs)",
+        "_ahead(family, spans, query)",
+        "_ahead(family, spans, query._replace(margin=query.margin and 0.0))",
         ("tests/test_regions.py", "tests/test_laws.py"),
     ),
     Fault(

@@ -19,7 +19,7 @@ from regionik.planners.driving.footprint import fits, fits_nowhere_near, footpri
 from regionik.planners.reach.any_base import bound_cell
 from regionik.planners.reach.planar_cells import AWAY, PITCH, TURN, YAW
 from regionik.planners.search.box_search import Verdict
-from regionik.planners.solvers.planar_kinematics import triangle
+from regionik.planners.solvers.planar_kinematics import two_link_angles
 from regionik.postures.arm_guard import contact_for, guard_of
 from regionik.reachability.any_base import any_base_of, prepared, search_any_base, stance_of, writable
 from regionik.reachability.reach import reach
@@ -41,7 +41,7 @@ def posture(world: World, target: Target, mid: Array, elbow: float) -> tuple[Arr
     a, b, c = arm.lengths
     x = mid[AWAY] - arm.shoulder[0] - c * np.cos(mid[PITCH])
     z = target.position[2] - arm.shoulder[1] - robot.mount[2] - c * np.sin(mid[PITCH])
-    lead, root, tip, ok = triangle(a, b, x, z)
+    lead, root, tip, ok = two_link_angles(a, b, x, z)
     if not ok:
         return None
     first, second = lead + elbow * root, lead - elbow * tip

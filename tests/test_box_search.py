@@ -21,12 +21,12 @@ from regionik.planners.search.box_search import (
     Verdict,
     begin,
     begin_in_kernel,
+    both,
     explore,
     explore_in_kernel,
     left_open,
     proven,
     reopen,
-    together,
     verdict_of,
 )
 from regionik.worlds.arrays import Array
@@ -169,5 +169,5 @@ def test_verdicts() -> None:
     none = np.zeros((0, 2))
     assert verdict_of(begin(judge, Ring(0.0, 1.0), none, none)) == Verdict.RULED_OUT
     for a in Verdict:
-        assert together(a, Verdict.PROVEN) == together(Verdict.PROVEN, a) == a
-        assert together(a, Verdict.RULED_OUT) == Verdict.RULED_OUT
+        assert both(a, Verdict.PROVEN) == both(Verdict.PROVEN, a) == a
+        assert both(a, Verdict.RULED_OUT) == Verdict.RULED_OUT

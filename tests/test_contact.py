@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from regionik.explain.failures import buried
+from regionik.explain.failures import target_in_solid
 from regionik.planners.collision.contacts import farthest_below as compiled_farthest
 from regionik.planners.collision.distances import obstacles_from
 from regionik.planners.collision.robot_bodies import core_of
@@ -234,8 +234,8 @@ def of_kinds(report: Report, *kinds: str) -> list[str]:
 def test_a_set_point_that_the_tip_cannot_touch_is_explained() -> None:
     motion = motion_of([(STANDING, Q, "setpoint", 0)])
     world = world_of(motion, facing())
-    found = buried(world)
+    found = target_in_solid(world)
     assert found is not None
     assert "contact_depth" in found.reason
     assert found.causes[0].margin == pytest.approx(0.034, abs=1e-6)
-    assert buried(replace(world, rules=replace(RULES, contact_depth=0.034))) is None
+    assert target_in_solid(replace(world, rules=replace(RULES, contact_depth=0.034))) is None

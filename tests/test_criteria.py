@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 from regionik.areas.reachable import planar_reach, reach_model
 from regionik.mfabrik import Solver
 from regionik.pipeline import plan
-from regionik.planners.reach.criteria_paving import paved
+from regionik.planners.reach.criteria_paving import distances_within_thresholds
 from regionik.planners.reach.rings import FREE
-from regionik.planners.solvers.posture_criteria import Thresholds, posture_spare, thresholds_of
+from regionik.planners.solvers.posture_criteria import Thresholds, posture_margin, thresholds_of
 from regionik.regions import admissible_area
 from regionik.verification.limits import efforts, joint_margins, manipulability
 from regionik.verification.verifier import verify
@@ -173,10 +173,10 @@ def test_the_plane_measures_what_space_does(seed: int) -> None:
     q = postures(robot, np.random.default_rng(seed), 1)[0]
     arm = planar_arm(robot.chain)
     (both, _), w = thresholds_of(arm, robot, Criteria(manipulability=0.01)), float(manipulability(robot, q))
-    assert posture_spare(plane(robot), both, arm.bends(q)) == pytest.approx(w / 0.01 - 1, abs=1e-6)
+    assert posture_margin(plane(robot), both, arm.bends(q)) == pytest.approx(w / 0.01 - 1, abs=1e-6)
     asked, _ = thresholds_of(arm, robot, Criteria(effort=3.0))
     torques = np.abs(efforts(robot, q))[1:4]
-    assert posture_spare(plane(robot), asked, arm.bends(q)) == pytest.approx((1 - torques / 3).min())
+    assert posture_margin(plane(robot), asked, arm.bends(q)) == pytest.approx((1 - torques / 3).min())
 
 
 def plane(robot: Robot):  # type: ignore[no-untyped-def]  # a named tuple of the kernels
@@ -334,7 +334,7 @@ def test_a_load_that_a_roll_turns_is_taken_at_its_worst_and_at_its_best() -> Non
 def test_nothing_is_paved_where_nothing_is_in_reach() -> None:
     robot = robot_named("youbot")
     asked = Thresholds(0.01, np.zeros((3, 2)), np.full(3, np.inf))
-    inner, outer = paved(plane(robot), asked, FREE, 0.3, np.empty((0, 2)))
+    inner, outer = distances_within_thresholds(plane(robot), asked, FREE, 0.3, np.empty((0, 2)))
     assert inner.shape == outer.shape == (0, 2)
 
 

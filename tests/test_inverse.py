@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from benchmarks.tables.batch import solve_batch
 from regionik.planners.solvers.damped_least_squares import polish
-from regionik.planners.solvers.inverse_kinematics import ArmPosture, ArmSolver, Goal, aim_of
+from regionik.planners.solvers.inverse_kinematics import ArmPosture, ArmSolver, Goal
 from regionik.planners.solvers.multistart_ik import solve_ik
 from regionik.planners.solvers.serial_chain import serial_arm
 from regionik.worlds.arrays import Array
@@ -314,7 +314,7 @@ def test_polishing_alone_from_nearby(name: str) -> None:
     for q in postures(chain, 20, 10):
         T = chain.forward(q)
         near = np.clip(q + 0.02, chain.lower, chain.upper)
-        aim = aim_of(Goal(T[:3, 3], orientation=T[:3, :3]))
+        aim = Goal(T[:3, 3], orientation=T[:3, :3]).aim
         error, angle, steps = polish(arm, aim, near, 1.0, 1e-8, 1e-8, 100)
         assert error <= 1e-8
         assert angle <= 1e-8
@@ -339,7 +339,7 @@ def test_the_kernel_solves_without_the_facade() -> None:
     chain = CHAINS["pioneer7"]
     solver, q = ArmSolver(chain), np.zeros(7)
     error, angle, passes, restarts, polished = solve_ik(
-        solver.pointing, aim_of(Goal([0.2, 0.1, 0.3])), solver.starts, solver.effort, q
+        solver.pointing, Goal([0.2, 0.1, 0.3]).aim, solver.starts, solver.effort, q
     )
     answer = solver(Goal([0.2, 0.1, 0.3]), np.zeros(7))
     assert (passes, restarts, polished, angle) == (answer.iterations, 0, False, 0.0)

@@ -12,10 +12,10 @@ from regionik.planners.reach.level_reach import finite_limits, inner_reach, merg
 from regionik.planners.reach.meridian_plane import (
     Meridian,
     hop_holds,
-    look,
     meridian_of,
     to_level,
     tool_for,
+    tool_motion,
     weights,
 )
 from regionik.planners.reach.outer_bounds import (
@@ -140,7 +140,7 @@ def test_a_box_bounds_all_of_its_postures(seed: int, width: float) -> None:
     bound(one, low, high, box)
     for _ in range(20):
         joints = rng.uniform(low, high)
-        look(one, joints, tool)
+        tool_motion(one, joints, tool)
         r, z = tool.at
         near, far, _, _ = spanned(box, z)
         assert near <= r <= far
@@ -164,10 +164,10 @@ def test_speeds_and_bends_are_those_of_small_moves(seed: int) -> None:
         for side in (-1, 1):
             moved = joints.copy()
             moved[k] += side * step
-            look(one, moved, tool)
+            tool_motion(one, moved, tool)
             ends.append((*tool.at, *tool.J[:3].T.copy()))
         ways.append(ends)
-    look(one, joints, tool)
+    tool_motion(one, joints, tool)
     for k, (a, b) in enumerate(ways):
         if tool.at[0] > 0.05:
             assert (b[0] - a[0]) / (2 * step) == pytest.approx(tool.out[k], abs=1e-6)
@@ -184,7 +184,7 @@ def test_a_hop_that_holds_can_be_put_right_all_along(seed: int) -> None:
     one = meridian(chain_of(seed))
     tool, free, spare = tool_for(one), weights(one), np.empty(len(one.levers))
     here = posture(one, rng)
-    look(one, here, tool)
+    tool_motion(one, here, tool)
     z = float(tool.at[1])
     there = np.clip(here + rng.uniform(-0.2, 0.2, len(here)), *finite_limits(one))
     if not to_level(one, z, there, tool, free, spare) or not hop_holds(one, here, there, tool, free):

@@ -9,7 +9,7 @@ from regionik.areas.ground import Side
 from regionik.areas.standing import Standing, anywhere
 from regionik.ladder import Ladder, build_ladder
 from regionik.mfabrik import configurations
-from regionik.motion import connect
+from regionik.motion import connect_configurations
 from regionik.postures.families import FRONT, Family
 from regionik.postures.poses import lift_offs
 from regionik.pruning import choose_chain, prune, solvers_along, start_place, whole_path
@@ -118,7 +118,7 @@ def test_l_shape_without_pruning_lifts_off() -> None:
     solvers = solvers_along(world, ladder, standing, chain)
     goals = configurations(world.task, solvers, (world.start.base, world.start.joints))
     everything = prune(ladder, np.ones(len(ladder.component), dtype=bool))
-    joined = connect(world, replace(everything, breaks=breaks), chain, goals, standing, 0)
+    joined = connect_configurations(world, replace(everything, breaks=breaks), chain, goals, standing, 0)
     assert lift_offs(joined.motion) >= 1
 
 

@@ -1,4 +1,4 @@
-"""Fewest points that hit all areas: set cover over the faces of the areas' overlay."""
+"""Fewest points that hit all areas: set cover over their overlay, interval cover in a given order."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ ROUNDING = 1e-6
 
 Geometries = NDArray[np.object_]
 Mask = NDArray[np.bool_]
+Index = NDArray[np.intp]
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,9 +158,6 @@ def _independent(inside: Mask) -> int:
             left &= ~near[k]
             count += 1
     return count
-
-
-Index = NDArray[np.intp]
 
 
 @dataclass(frozen=True, eq=False)

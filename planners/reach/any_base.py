@@ -43,10 +43,10 @@ from regionik.planners.search.box_search import (
     Boxes,
     Verdict,
     begin_in_kernel,
+    both,
     explore_in_kernel,
     left_open,
     proven,
-    together,
     verdict_of,
 )
 from regionik.worlds.arrays import Array
@@ -210,7 +210,7 @@ def bound_cell(task: AnyBase, low: Array, high: Array) -> Verdict:
         return Verdict.RULED_OUT
     if not np.isnan(mount.yaw):  # its pivot turns with the plane
         cell.open[YAW], cell.open[TURN] = max(cell.open[YAW], cell.open[TURN]), 0.0
-    return together(together(points, bent), together(stands, together(own, off)))
+    return both(both(points, bent), both(stands, both(own, off)))
 
 
 @compiled

@@ -19,10 +19,10 @@ from regionik.planners.search.box_search import (
     Boxes,
     Verdict,
     begin_in_kernel,
+    both,
     explore_in_kernel,
     left_open,
     proven,
-    together,
     verdict_of,
 )
 from regionik.planners.search.intervals import (
@@ -70,7 +70,7 @@ class Distances(NamedTuple):
     far: float
 
 
-def paved(
+def distances_within_thresholds(
     arm: PlanarLinkage, asked: Thresholds, pitches: tuple[float, float], z: float, known: Array
 ) -> tuple[Array, Array]:
     """Signed distances at a height with a posture that meets limits and thresholds.
@@ -164,21 +164,21 @@ def judge_pitch_box(distances: Distances, low: float, high: float, elbow: float)
     # The bend at the elbow is the third side's alone: pi less the angle across from it.
     across0, across1 = _across(a, b, d0, d1)
     bend0, bend1 = (-across1, -across0) if elbow > 0.0 else (across0, across1)
-    verdict = together(
+    verdict = both(
         Verdict.PROVEN if sure else Verdict.OPEN,
         within_limits(first0, first1, arm.lower[0], arm.upper[0], LIMIT_SLACK),
     )
-    verdict = together(verdict, within_limits(bend0, bend1, arm.lower[1], arm.upper[1], LIMIT_SLACK))
-    verdict = together(
+    verdict = both(verdict, within_limits(bend0, bend1, arm.lower[1], arm.upper[1], LIMIT_SLACK))
+    verdict = both(
         verdict, within_limits(low - second1, high - second0, arm.lower[2], arm.upper[2], LIMIT_SLACK)
     )
     if verdict == Verdict.RULED_OUT:
         return Verdict.RULED_OUT
     links = LinkAngles((first0, first1), (second0, second1), (low, high))
-    verdict = together(verdict, _manipulable(distances, links))
+    verdict = both(verdict, _manipulable(distances, links))
     if verdict == Verdict.RULED_OUT:
         return Verdict.RULED_OUT
-    return together(verdict, _within_torques(asked, links))
+    return both(verdict, _within_torques(asked, links))
 
 
 @compiled

@@ -11,7 +11,13 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike
 
-from regionik.planners.reach.meridian_plane import Meridian, meridian_of, posture_on, tool_for, walks
+from regionik.planners.reach.meridian_plane import (
+    Meridian,
+    meridian_of,
+    tool_for,
+    walk_both_ways,
+    walk_to_posture,
+)
 from regionik.planners.reach.outer_bounds import outer_distances
 from regionik.worlds.arms import pivot_index, reach_bound
 from regionik.worlds.arrays import Array
@@ -24,7 +30,7 @@ NEWS = 1e-4  # what a batch must add for another to follow [m]
 MOST_STEPS = 300  # of one walk
 MOST_BOXES = 20_000  # weighed for an outer bound, a few microseconds each
 LEVEL = 1e-9  # by which the tool of an arm that cannot rise may be off its height [m]
-LOOKS, NARROWINGS = 128, 80  # postures looked at, ever nearer to the farthest and the nearest of them
+SAMPLES, NARROWINGS = 128, 80  # random postures, ever nearer to the farthest and the nearest of them
 HALVINGS = 60  # of the straight way between those two
 ENOUGH = 1e-3  # what the outer bound may stand off from the inner one [m]
 
@@ -62,7 +68,7 @@ def inner_reach(chain: Chain, rise: float) -> Intervals:
     found: Intervals = ()
     for starts in np.split(_starts(meridian), MOST_BATCHES):
         passed = np.empty((BATCH, 2))
-        count = walks(meridian, rise, starts, tool, MOST_STEPS, passed)
+        count = walk_both_ways(meridian, rise, starts, tool, MOST_STEPS, passed)
         more = merged([*found, *passed[:count].tolist()])
         news = _length(more) - _length(found)
         found = more
@@ -94,7 +100,7 @@ def outer_reach(chain: Chain, rise: float) -> Intervals:
 @lru_cache(maxsize=256)
 def _is_level(chain: Chain) -> bool:
     """True where the tool's height never changes, as all axes stand upright."""
-    heights = chain.forward(_drawn(chain, np.random.default_rng(0), LOOKS))[:, 2, 3]
+    heights = chain.forward(_drawn(chain, np.random.default_rng(0), SAMPLES))[:, 2, 3]
     return bool(np.ptp(heights) < LEVEL)
 
 
@@ -114,7 +120,7 @@ def _level_ends(chain: Chain) -> tuple[Array, Array]:
     for sign in (1.0, -1.0):
         best, spread = _drawn(chain, rng, 1)[0], np.pi
         for _ in range(NARROWINGS):
-            near = best + spread * rng.normal(size=(LOOKS, chain.dof))
+            near = best + spread * rng.normal(size=(SAMPLES, chain.dof))
             tried = np.vstack([best, np.clip(near, chain.lower, chain.upper)])
             far = np.linalg.norm(chain.forward(tried)[:, :2, 3], axis=1)
             best, spread = tried[int(np.argmin(sign * far))], 0.8 * spread
@@ -163,7 +169,7 @@ def posture_at(chain: Chain, point: ArrayLike, joints: ArrayLike) -> Array:
     elif meridian is not None:
         found = q[meridian.which]
         starts, tool = _starts(meridian), tool_for(meridian)
-        posture_on(meridian, float(p[2]), float(np.hypot(p[0], p[1])), starts, tool, MOST_STEPS, found)
+        walk_to_posture(meridian, float(p[2]), float(np.hypot(p[0], p[1])), starts, tool, MOST_STEPS, found)
         q[meridian.which] = found
         _unwind(chain, q)
     here = chain.forward(q)[:2, 3]

@@ -71,7 +71,7 @@ class Meridian(NamedTuple):
 
 
 class Tool(NamedTuple):
-    """Position and velocities of the tool in its meridian; scratch space that `look` fills.
+    """Position and velocities of the tool in its meridian; scratch space that `tool_motion` fills.
 
     Attributes
     ----------
@@ -157,7 +157,7 @@ def _hub(before: Joint, joint: Joint) -> float:
 
 
 def tool_for(meridian: Meridian) -> Tool:
-    """Scratch space for `look`."""
+    """Scratch space for `tool_motion`."""
     m = len(meridian.levers)
     return Tool(
         np.zeros(2), np.zeros(m), np.zeros(m), np.zeros(m), UNIT.copy(), np.zeros((m, 3)),
@@ -166,7 +166,7 @@ def tool_for(meridian: Meridian) -> Tool:
 
 
 @compiled
-def look(meridian: Meridian, joints: Array, tool: Tool) -> None:
+def tool_motion(meridian: Meridian, joints: Array, tool: Tool) -> None:
     """Compute position and velocities of the tool in a posture (m,)."""
     arm, m = meridian.arm, len(joints)
     chain_frames(arm, joints, tool.frames)
@@ -191,7 +191,7 @@ def to_level(meridian: Meridian, z: float, joints: Array, tool: Tool, free: Arra
     ``free`` (m,) weighs the joints; ``trial`` (m,) is scratch space.
     """
     share = 1.0
-    look(meridian, joints, tool)
+    tool_motion(meridian, joints, tool)
     miss = z - tool.at[1]
     for _ in range(CORRECTIONS):
         if abs(miss) <= LEVEL:
@@ -209,13 +209,13 @@ def to_level(meridian: Meridian, z: float, joints: Array, tool: Tool, free: Arra
             step = share * free[k] * tool.up[k] * miss / square
             trial[k] = joints[k] + max(-1.0, min(1.0, step))
             trial[k] = max(meridian.lower[k], min(meridian.upper[k], trial[k]))
-        look(meridian, trial, tool)
+        tool_motion(meridian, trial, tool)
         left = z - tool.at[1]
         if abs(left) < abs(miss):
             joints[:], miss, share = trial, left, min(1.0, 2.0 * share)
         else:
             share *= 0.25
-            look(meridian, joints, tool)
+            tool_motion(meridian, joints, tool)
     return False
 
 
@@ -229,7 +229,7 @@ def hop_holds(meridian: Meridian, a: Array, b: Array, tool: Tool, free: Array) -
     m = len(a)
     hop, d = np.abs(b - a), np.zeros(m)
     off = _bent(meridian.bend, hop, hop) / 8.0 + 4.0 * LEVEL + ROUNDING
-    look(meridian, 0.5 * (a + b), tool)
+    tool_motion(meridian, 0.5 * (a + b), tool)
     held = np.zeros(m, dtype=np.bool_)
     for _ in range(m + 1):
         rise = 0.0
@@ -281,10 +281,10 @@ def walk(
     free = weights(meridian)
     d, trial, spare = np.empty(m), np.empty(m), np.empty(m)
     last[:] = joints
-    look(meridian, joints, tool)
+    tool_motion(meridian, joints, tool)
     r, stride = float(tool.at[0]), FIRST_STEP
     for _ in range(most):
-        look(meridian, joints, tool)
+        tool_motion(meridian, joints, tool)
         gain = _uphill(meridian, outwards, joints, tool, free, d)
         longest = np.abs(d).max()
         if gain <= 0.0 or (goal - r) * outwards <= 0.0 or r + outwards * GAIN < 0.0:
@@ -340,7 +340,7 @@ def _uphill(meridian: Meridian, outwards: float, joints: Array, tool: Tool, free
 
 
 @compiled
-def walks(meridian: Meridian, z: float, starts: Array, tool: Tool, most: int, found: Array) -> int:
+def walk_both_ways(meridian: Meridian, z: float, starts: Array, tool: Tool, most: int, found: Array) -> int:
     """Write distances passed by walks from starts (s, m) as rows of ``found`` (s, 2); returns how many."""
     free, last = weights(meridian), np.empty(starts.shape[1])
     count = 0
@@ -356,7 +356,7 @@ def walks(meridian: Meridian, z: float, starts: Array, tool: Tool, most: int, fo
 
 
 @compiled
-def posture_on(
+def walk_to_posture(
     meridian: Meridian, z: float, goal: float, starts: Array, tool: Tool, most: int, joints: Array
 ) -> float:
     """Walk to a posture at a height and a distance, from one start after the other; returns its error [m].

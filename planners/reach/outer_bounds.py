@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from regionik.planners.geometry.polygons import compiled
-from regionik.planners.reach.meridian_plane import Meridian, Tool, look, tool_for
+from regionik.planners.reach.meridian_plane import Meridian, Tool, tool_for, tool_motion
 from regionik.planners.search.box_search import WHOLE, Boxes, Verdict, begin, explore_in_kernel, left_open
 from regionik.planners.search.intervals import contract, cut_to
 from regionik.planners.search.motion_bounds import chords, displacement, from_axis
@@ -128,7 +128,7 @@ def bound(meridian: Meridian, low: Array, high: Array, box: ToolBounds) -> None:
     m, tool, arm = len(low), box.tool, meridian.arm
     for k in range(m):
         box.q[k], box.half[k] = 0.5 * (low[k] + high[k]), 0.5 * (high[k] - low[k])
-    look(meridian, box.q, tool)
+    tool_motion(meridian, box.q, tool)
     chords(arm, box.half, box.chord)
     p = tool.frames[m, :3, 3]
     for k in range(m - 1, -1, -1):  # as `tool_displacement`, kept for each joint

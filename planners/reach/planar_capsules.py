@@ -24,7 +24,7 @@ from regionik.planners.collision.upright_solids import (
 )
 from regionik.planners.geometry.polygons import Index, compiled
 from regionik.planners.reach.planar_cells import AWAY, PITCH, SLACK, TURN, YAW, ArmMount, PlanarCell, chord
-from regionik.planners.search.box_search import Verdict, together
+from regionik.planners.search.box_search import Verdict, both
 from regionik.planners.search.self_clearance import segment_distance
 from regionik.planners.solvers.planar_kinematics import PlanarLinkage
 from regionik.worlds.arms import PlanarArm
@@ -283,7 +283,7 @@ def judge_obstacles(
                 return Verdict.RULED_OUT
             if not all_over:
                 _widen(capsules.rank[s], plane, cell, s, FROM_TARGET, one == Verdict.OPEN, (YAW, turned))
-            verdict = together(verdict, one)
+            verdict = both(verdict, one)
     return verdict
 
 
@@ -306,7 +306,7 @@ def judge_self(capsules: PlaneCapsules, mount: ArmMount, cell: PlanarCell) -> Ve
             if not all_over:
                 rank = capsules.rank[s]
                 _widen(rank, mount.plane, cell, s, FROM_AXIS, one == Verdict.OPEN, (TURN, turned))
-            verdict = together(verdict, one)
+            verdict = both(verdict, one)
     return verdict
 
 

@@ -98,7 +98,7 @@ def reach_intervals(
     pitches : (low, high)
         Angles that the last link may take in the plane [rad]; equal where it is fixed.
     front, back : bool
-        Which of r > 0 and r < 0 to look at.
+        Which of r > 0 and r < 0 to take.
 
     Returns
     -------

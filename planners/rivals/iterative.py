@@ -21,8 +21,8 @@ from regionik.planners.solvers.damped_least_squares import (
     Aim,
     limited_step,
     polish,
+    scale_angles,
     tool_error,
-    weigh,
 )
 from regionik.planners.solvers.fabrikr import held
 from regionik.planners.solvers.multistart_ik import spread_postures
@@ -166,7 +166,7 @@ def _line_search(
     while tried < limits.steps and (error > limits.tolerance or angle > limits.angle_tolerance):
         chain_frames(arm, joints, frames)
         chain_jacobian(arm, frames, J)
-        weigh(frames[n], aim.kind, weight, J)
+        scale_angles(frames[n], aim.kind, weight, J)
         for i in range(6):
             left[i] = miss[i] if i < 3 else weight * miss[i]
         if kernel == PSEUDO_INVERSE:

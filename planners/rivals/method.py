@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from regionik.planners.solvers.damped_least_squares import Aim
-from regionik.planners.solvers.inverse_kinematics import ArmPosture, ArmSolver, Goal, aim_of, confirm
+from regionik.planners.solvers.inverse_kinematics import ArmPosture, ArmSolver, Goal, confirm
 from regionik.planners.solvers.rigid_bodies import span
 from regionik.planners.solvers.serial_chain import serial_arm
 from regionik.worlds.arrays import Array, frozen
@@ -62,7 +62,7 @@ class ArmMethod(ABC):
             For joints that do not fit, and for goals that the method cannot take.
         """
         start = np.clip(frozen(joints, (self.chain.dof,), "joints"), self.chain.lower, self.chain.upper)
-        aim = aim_of(goal)
+        aim = goal.aim
         found = self.search(aim, start)
         error, angle = confirm(self.chain, aim, found.joints)
         converged = error <= self.tolerance and angle <= self.angle_tolerance

@@ -109,7 +109,7 @@ class Network(ArmMethod):
         return outputs * spread + mean
 
     def nearest_learnt(self, position: Array) -> Array:
-        """Of the positions learnt at about this height, the one nearest on the floor plan (3,) [m]."""
+        """Nearest on the floor of the positions learnt at about this height, (3,) [m]."""
         heading, local = self._at_heading_zero(position)
         off = np.abs(self.learnt[:, 2] - local[2])
         near = self.learnt[off <= max(SLICE * arm_length(self.chain), float(off.min()))]

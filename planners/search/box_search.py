@@ -151,7 +151,7 @@ def verdict_of(boxes: Boxes) -> Verdict:
 
 
 @_shared
-def together(a: Verdict, b: Verdict) -> Verdict:
+def both(a: Verdict, b: Verdict) -> Verdict:
     """Verdict on two conditions together: ruled out where either is, proven where both are."""
     return a if a < b else b
 

@@ -91,15 +91,14 @@ def search_fixed_base(
     chain : Chain
         Turning joints without a limit may turn all round; sliding joints need both limits.
     solids : sequence of LinkCapsule
-        Solids of the links.
     obstacles : Obstacles
         In the arm's base frame. Meshes keep postures from being found, but rule no box out.
     target : (3,) array_like
         In the arm's base frame [m].
     tolerance : float
-        How far from the target the tool may be [m].
+        Allowed distance of the tool from the target [m].
     clearance : float
-        Least distance of the links from the obstacles [m].
+        Of the links from the obstacles [m].
     most : int
         Budget of boxes.
     own : SelfClearance
@@ -115,7 +114,6 @@ def search_fixed_base(
     Examples
     --------
     >>> from regionik.planners.collision.distances import obstacles_from
-    >>> from regionik.worlds.chain import Chain
     >>> arm = Chain.from_dh([(0, 0, 1, 0, -3, 3), (0, 0, 1, 0, -3, 3)])
     >>> search_fixed_base(arm, [], obstacles_from([]), [1.2, 0.9, 0.0], 1e-3).verdict.name
     'PROVEN'
@@ -124,13 +122,11 @@ def search_fixed_base(
     """
     goal = frozen(target, (3,), "target")
     _check(chain, solids, tolerance, clearance, most)
-    why = _out_of_reach(chain, goal, tolerance + ROUNDING)
-    if why:
+    if why := _out_of_reach(chain, goal, tolerance + ROUNDING):
         return FixedBaseResult(Verdict.RULED_OUT, None, 0, -np.inf, f"none: {why}")
     whole = uprights_from([piece for piece in obstacles.pieces if piece.mesh is None])
-    task = fixed_base_for(
-        _bounded(chain), link_capsules(chain, solids), whole, goal, tolerance, clearance, own
-    )
+    arm, capsules = _bounded(chain), link_capsules(chain, solids)
+    task = fixed_base_for(arm, capsules, whole, goal, tolerance, clearance, own)
 
     def checked(q: Array) -> tuple[float, bool]:
         room, met = _clearance(chain, solids, obstacles, q), _off(chain, goal, q) <= tolerance

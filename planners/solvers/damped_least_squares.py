@@ -95,7 +95,7 @@ def polish(
             return error, angle, tried
         chain_frames(arm, joints, frames)
         chain_jacobian(arm, frames, J)
-        weigh(frames[n], aim.kind, weight, J)
+        scale_angles(frames[n], aim.kind, weight, J)
         for i in range(6):
             left[i] = miss[i] if i < 3 else weight * miss[i]
         limited_step(arm, J, left, rows, damping * reach * reach, joints, step)
@@ -119,7 +119,7 @@ def tool_error(arm: SerialArm, aim: Aim, joints: Array, frames: Array, miss: Arr
 
 
 @compiled
-def weigh(tool: Array, kind: int, weight: float, J: Array) -> None:
+def scale_angles(tool: Array, kind: int, weight: float, J: Array) -> None:
     """Turn the Jacobian's angles into lengths; a free roll about the tool's axis is left out."""
     axis = (tool[0, 2], tool[1, 2], tool[2, 2])
     for k in range(J.shape[1]):

@@ -32,6 +32,9 @@ from regionik.planners.solvers.rigid_bodies import RigidBodies
 from regionik.planners.solvers.serial_chain import rotate_about
 from regionik.worlds.arrays import Array
 
+NOTHING = 1e-13  # lengths, and products of lengths, that are rounding and give no direction [m, m^2]
+TIE = 1e-9  # candidates this near to each other are equally good [m, rad]
+
 
 class Posture(NamedTuple):
     """Poses of the bodies in the arm's base frame; passes write into it.
@@ -56,12 +59,12 @@ def posture_of(bodies: RigidBodies, joints: Array) -> Posture:
     """Posture with the joints at ``joints``, which are copied."""
     n = len(bodies.slide)
     posture = Posture(joints[:n].copy(), np.empty((n, 3, 3)), np.empty((n + 1, 3)), np.empty((n + 1, 3)))
-    settle(bodies, posture)
+    forward_kinematics(bodies, posture)
     return posture
 
 
 @compiled
-def settle(bodies: RigidBodies, posture: Posture) -> None:
+def forward_kinematics(bodies: RigidBodies, posture: Posture) -> None:
     """Place every body from the joints: forward kinematics."""
     for k in range(len(posture.joints)):
         backward_place(bodies, k, posture.joints[k], posture)
@@ -116,7 +119,7 @@ def backward_choice(bodies: RigidBodies, k: int, posture: Posture) -> float:
     ahead = aim if aim >= 0 else bodies.outward_plane[k]
     link = turned(base, _span_out(bodies, k, ahead, posture.joints))
     if aim >= 0:
-        wanted = pointing(axis, link, minus(row(posture.outer, aim), here), now)
+        wanted = pointing_turn(axis, link, minus(row(posture.outer, aim), here), now)
         return held(wanted, now, arm.lower[k], arm.upper[k])
     normal = turned(base, _axis_out(bodies, k, ahead))
     line = minus(here, row(posture.outer, bodies.outward_goal[k]))
@@ -195,7 +198,7 @@ def forward_choice(bodies: RigidBodies, k: int, posture: Posture) -> float:
         return slid
     # Seen from body k, the body before it turns the other way.
     if aim >= 0:
-        wanted = -pointing(axis, link, minus(row(posture.inner, aim), here), -now)
+        wanted = -pointing_turn(axis, link, minus(row(posture.inner, aim), here), -now)
         return held(wanted, now, arm.lower[k], arm.upper[k])
     normal = turned(posture.turns[k], _axis_in(bodies, k, behind))
     line = minus(here, row(posture.inner, bodies.inward_goal[k]))
@@ -284,10 +287,6 @@ def _axis_in(bodies: RigidBodies, k: int, behind: int) -> Vector:
     return v
 
 
-NOTHING = 1e-13  # lengths, and products of lengths, that are rounding and give no direction [m, m^2]
-TIE = 1e-9  # candidates this near to each other are equally good [m, rad]
-
-
 @compiled
 def held(wanted: float, now: float, lower: float, upper: float) -> float:
     """The turn of ``wanted`` within the limits, nearest to ``now``; else the nearer limit [rad]."""
@@ -301,7 +300,7 @@ def held(wanted: float, now: float, lower: float, upper: float) -> float:
 
 
 @compiled
-def pointing(axis: Vector, link: Vector, line: Vector, now: float) -> float:
+def pointing_turn(axis: Vector, link: Vector, line: Vector, now: float) -> float:
     """Turn about ``axis`` that points ``link`` along ``line`` as far as it can; ``now`` where none does."""
     link, line = across(link, axis), across(line, axis)
     c, s = dot(link, line), dot(axis, cross(link, line))

@@ -50,6 +50,16 @@ class Goal:
         object.__setattr__(self, "direction", None if direction is None else _unit(direction))
         object.__setattr__(self, "orientation", None if orientation is None else _rotation(orientation))
 
+    @property
+    def aim(self) -> Aim:
+        """The goal as kernels take it."""
+        turn, kind = np.eye(3), POSITION
+        if self.orientation is not None:
+            turn, kind = np.array(self.orientation), ORIENTATION
+        elif self.direction is not None:
+            turn[:, 2], kind = self.direction, DIRECTION
+        return Aim(np.array(self.position), kind, turn)
+
 
 @dataclass(frozen=True, eq=False)
 class ArmPosture:
@@ -122,7 +132,7 @@ class ArmSolver:
 
     def __call__(self, goal: Goal, joints: ArrayLike) -> ArmPosture:
         """Solve one goal from a start posture, which is taken into the limits first."""
-        chain, aim = self.chain, aim_of(goal)
+        chain, aim = self.chain, goal.aim
         q = np.clip(frozen(joints, (chain.dof,), "joints"), chain.lower, chain.upper)
         _, _, passes, restarts, polished = self.solve(aim, q)
         error, angle = confirm(chain, aim, q)
@@ -142,16 +152,6 @@ class ArmSolver:
         starts = np.ascontiguousarray(self.starts[:, : len(bodies.slide)])
         found: tuple[float, float, int, int, bool] = solve_ik(bodies, aim, starts, self.effort, joints)
         return found
-
-
-def aim_of(goal: Goal) -> Aim:
-    """The goal as kernels take it."""
-    turn, kind = np.eye(3), POSITION
-    if goal.orientation is not None:
-        turn, kind = np.array(goal.orientation), ORIENTATION
-    elif goal.direction is not None:
-        turn[:, 2], kind = goal.direction, DIRECTION
-    return Aim(np.array(goal.position), kind, turn)
 
 
 def confirm(chain: Chain, aim: Aim, joints: Array) -> tuple[float, float]:

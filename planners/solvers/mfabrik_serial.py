@@ -14,7 +14,13 @@ from regionik.planners.geometry.polygons import compiled
 from regionik.planners.solvers.base_placement import BaseArea, move_to_area
 from regionik.planners.solvers.damped_least_squares import Aim
 from regionik.planners.solvers.fabrikr import Posture, backward_pass, posture_of
-from regionik.planners.solvers.multistart_ik import Effort, inward_pass, posture_error, share_of, solve_ik
+from regionik.planners.solvers.multistart_ik import (
+    Effort,
+    inward_pass,
+    posture_error,
+    solve_ik,
+    tolerance_share,
+)
 from regionik.planners.solvers.rigid_bodies import RigidBodies
 from regionik.worlds.arrays import Array
 
@@ -76,7 +82,7 @@ def solve_serial(
         posture = posture_of(bodies, trial)
         error, angle, used = serial_passes(bodies, stand, area, place, aim, effort, posture)
         passes += used
-        share = share_of(error, angle, effort)
+        share = tolerance_share(error, angle, effort)
         if share <= 1.0:
             for k in range(n):
                 joints[k] = posture.joints[k]
@@ -105,7 +111,7 @@ def serial_passes(
     goal, miss = in_arm_frame(place, stand.yaw, stand.rise, aim), np.empty(6)
     error, angle = posture_error(bodies, goal, posture, miss)  # M-FABRIK, Alg. 1 l. 8
     # A base that has become inadmissible must move even where the tool is in place already.
-    if share_of(error, angle, effort) <= 1.0 and move_to_area(area, place[0], place[1]) == (
+    if tolerance_share(error, angle, effort) <= 1.0 and move_to_area(area, place[0], place[1]) == (
         place[0],
         place[1],
     ):
@@ -122,7 +128,7 @@ def serial_passes(
         _shift(posture, goal, by_x, by_y)
         backward_pass(bodies, posture)  # l. 21
         error, angle = posture_error(bodies, goal, posture, miss)  # l. 23
-        if share_of(error, angle, effort) <= 1.0:
+        if tolerance_share(error, angle, effort) <= 1.0:
             break
     return error, angle, passes
 

@@ -81,14 +81,14 @@ def solve_ik(
     for i in range(2 * count - 1 if effort.polishing else count):
         drawn = i - 1 if i < count else i - count
         end[:] = joints[:n] if i == 0 else starts[drawn]
-        error, angle, used = follow_passes(bodies, aim, effort if i < count else still, end, i == count - 1)
+        error, angle, used = passes_from(bodies, aim, effort if i < count else still, end, i == count - 1)
         passes += used
-        polished = effort.polishing and share_of(error, angle, effort) > 1.0
+        polished = effort.polishing and tolerance_share(error, angle, effort) > 1.0
         if polished:
             error, angle, _ = polish(
                 bodies.arm, aim, end, effort.reach, effort.tolerance, effort.angle_tolerance, MOST_STEPS
             )
-        share = share_of(error, angle, effort)
+        share = tolerance_share(error, angle, effort)
         if share < best:
             best, best_error, best_angle = share, error, angle
             answer[:] = end
@@ -100,7 +100,7 @@ def solve_ik(
 
 
 @compiled
-def follow_passes(
+def passes_from(
     bodies: RigidBodies, aim: Aim, effort: Effort, joints: Array, to_the_end: bool
 ) -> tuple[float, float, int]:
     """Passes from one start; ``joints`` (n,) becomes the best posture met.
@@ -114,7 +114,7 @@ def follow_passes(
     best, best_error, best_angle, used = np.inf, np.inf, np.inf, 0
     for used in range(effort.most_passes + 1):
         error, angle = posture_error(bodies, aim, posture, miss)
-        share = share_of(error, angle, effort)
+        share = tolerance_share(error, angle, effort)
         if share < best:
             best, best_error, best_angle = share, error, angle
             joints[:] = posture.joints
@@ -172,7 +172,7 @@ def posture_error(bodies: RigidBodies, aim: Aim, posture: Posture, miss: Array) 
 
 
 @compiled
-def share_of(error: float, angle: float, effort: Effort) -> float:
+def tolerance_share(error: float, angle: float, effort: Effort) -> float:
     """Larger of both errors as a share of its tolerance, rounded up so that it cannot exceed 1 later."""
     return (1.0 + 1e-9) * max(error / effort.tolerance, angle / effort.angle_tolerance)
 

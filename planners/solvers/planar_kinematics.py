@@ -30,7 +30,7 @@ class PlanarLinkage(NamedTuple):
 
 
 @compiled
-def triangle(length_a: float, length_b: float, x: float, z: float) -> tuple[float, float, float, bool]:
+def two_link_angles(length_a: float, length_b: float, x: float, z: float) -> tuple[float, float, float, bool]:
     """Two links that end at (x, z): direction of the end, angles at root and end, False where out of reach.
 
     With the elbow on side e (+1 or -1) the links lie at ``lead + e * root`` and ``lead - e * tip``.
@@ -47,10 +47,10 @@ def triangle(length_a: float, length_b: float, x: float, z: float) -> tuple[floa
 
 @compiled
 def wrist_triangle(arm: PlanarLinkage, r: float, z: float, pitch: float) -> tuple[float, float, float, bool]:
-    """`triangle` of the first two links, the tool at (r, z) and the last link at a pitch."""
+    """`two_link_angles` of the first two links, the tool at (r, z) and the last link at a pitch."""
     x, y = r - arm.shoulder_r, z - arm.shoulder_z
     a, b, c = arm.lengths[0], arm.lengths[1], arm.lengths[2]
-    return triangle(a, b, x - c * np.cos(pitch), y - c * np.sin(pitch))
+    return two_link_angles(a, b, x - c * np.cos(pitch), y - c * np.sin(pitch))
 
 
 @compiled
@@ -64,7 +64,7 @@ def fitted_bends(arm: PlanarLinkage, a: float, b: float, c: float) -> tuple[floa
 
 
 @compiled
-def slack(lower: Array, upper: Array, a: float, b: float, c: float) -> float:
+def limit_margin(lower: Array, upper: Array, a: float, b: float, c: float) -> float:
     """Least distance of the three bends to their limits, from absolute link angles; negative outside."""
     least = np.inf
     previous = 0.0
@@ -109,7 +109,7 @@ def critical_posture(
         tool = pitch_low if side == 0 else pitch_high
         if not np.isfinite(tool):
             tool = 0.0
-        lead, root, tip, ok = triangle(a, b, x - c * np.cos(tool), y - c * np.sin(tool))
+        lead, root, tip, ok = two_link_angles(a, b, x - c * np.cos(tool), y - c * np.sin(tool))
         if ok:
             for e in (-1.0, 1.0):
                 if fits_limits(lower, upper, lead + e * root, lead - e * tip, tool, pitch_low, pitch_high):
@@ -119,7 +119,7 @@ def critical_posture(
     for side in range(2):
         first = lower[0] if side == 0 else upper[0]
         if np.isfinite(first):
-            lead, root, tip, ok = triangle(b, c, x - a * np.cos(first), y - a * np.sin(first))
+            lead, root, tip, ok = two_link_angles(b, c, x - a * np.cos(first), y - a * np.sin(first))
             if ok:
                 for e in (-1.0, 1.0):
                     if fits_limits(
@@ -130,7 +130,7 @@ def critical_posture(
         bend = lower[1] if kind == 0 else (upper[1] if kind == 1 else (0.0 if kind == 2 else np.pi))
         if np.isfinite(bend):
             er, ez = a + b * np.cos(bend), b * np.sin(bend)
-            lead, root, tip, ok = triangle(np.hypot(er, ez), c, x, y)
+            lead, root, tip, ok = two_link_angles(np.hypot(er, ez), c, x, y)
             if ok:
                 turn = np.arctan2(ez, er)
                 for e in (-1.0, 1.0):
@@ -141,7 +141,7 @@ def critical_posture(
         bend = lower[2] if side == 0 else upper[2]
         if np.isfinite(bend):
             er, ez = b + c * np.cos(bend), c * np.sin(bend)
-            lead, root, tip, ok = triangle(a, np.hypot(er, ez), x, y)
+            lead, root, tip, ok = two_link_angles(a, np.hypot(er, ez), x, y)
             if ok:
                 turn = np.arctan2(ez, er)
                 for e in (-1.0, 1.0):
@@ -170,7 +170,7 @@ def widest_posture(
         for elbow in (-1.0, 1.0):
             first, second = lead + elbow * root, lead - elbow * tip
             if ok:
-                room = min(slack(arm.lower, arm.upper, first, second, tool), np.pi)
+                room = min(limit_margin(arm.lower, arm.upper, first, second, tool), np.pi)
                 if room > best:
                     best, found = room, True
                     bends[0], bends[1], bends[2] = fitted_bends(arm, first, second, tool)
@@ -195,7 +195,7 @@ def intervals_at_height(
     circles : (n, 3) array
         Center r, z and radius of the circles on which the reach can begin or end [m].
     front, back : bool
-        Which of r > 0 and r < 0 to look at.
+        Which of r > 0 and r < 0 to take.
     """
     breaks = np.empty(2 * len(circles) + 1)
     n = 0
@@ -250,7 +250,7 @@ def nearest_posture(
         lead, root, tip, ok = wrist_triangle(arm, r, z, tool)
         for elbow in (-1.0, 1.0):
             first, second = lead + elbow * root, lead - elbow * tip
-            if ok and slack(arm.lower, arm.upper, first, second, tool) >= 0.0:
+            if ok and limit_margin(arm.lower, arm.upper, first, second, tool) >= 0.0:
                 a, b, c = fitted_bends(arm, first, second, tool)
                 change = max(abs(a - old_a), abs(b - old_b), abs(c - old_c))
                 if change < best:
@@ -271,7 +271,7 @@ def self_motion(arm: PlanarLinkage, pitch: float, r: float, z: float, tries: int
         lead, root, tip, ok = wrist_triangle(arm, r, z, tool)
         for elbow in (-1.0, 1.0):
             first, second = lead + elbow * root, lead - elbow * tip
-            if ok and slack(arm.lower, arm.upper, first, second, tool) >= 0.0:
+            if ok and limit_margin(arm.lower, arm.upper, first, second, tool) >= 0.0:
                 out[count, 0], out[count, 1], out[count, 2] = fitted_bends(arm, first, second, tool)
                 count += 1
     return count

@@ -13,7 +13,12 @@ import numpy as np
 
 from regionik.planners.geometry.angles import TWO_PI
 from regionik.planners.geometry.polygons import compiled
-from regionik.planners.solvers.planar_kinematics import PlanarLinkage, fitted_bends, slack, wrist_triangle
+from regionik.planners.solvers.planar_kinematics import (
+    PlanarLinkage,
+    fitted_bends,
+    limit_margin,
+    wrist_triangle,
+)
 from regionik.worlds.arms import PlanarArm
 from regionik.worlds.arrays import Array
 from regionik.worlds.criteria import Criteria
@@ -92,7 +97,7 @@ def _placed(load: LinkMass, frames: Array) -> Array:
 
 
 @compiled
-def spare(
+def threshold_margin(
     arm: PlanarLinkage, thresholds: Thresholds, r: float, z: float, a: float, b: float, c: float
 ) -> float:
     """Least margin of a posture to the thresholds, as a share of them; negative where one is not met.
@@ -125,32 +130,32 @@ def spare(
 
 
 @compiled
-def posture_spare(arm: PlanarLinkage, thresholds: Thresholds, bends: Array) -> float:
-    """As `spare`, of bends (3,)."""
+def posture_margin(arm: PlanarLinkage, thresholds: Thresholds, bends: Array) -> float:
+    """`threshold_margin` of a posture given by its bends (3,)."""
     r, z, angle = arm.shoulder_r, arm.shoulder_z, 0.0
     for k in range(3):
         angle += bends[k]
         r += arm.lengths[k] * np.cos(angle)
         z += arm.lengths[k] * np.sin(angle)
     a, b = bends[0], bends[0] + bends[1]
-    return spare(arm, thresholds, r, z, a, b, angle)
+    return threshold_margin(arm, thresholds, r, z, a, b, angle)
 
 
 @compiled
 def _at(
     arm: PlanarLinkage, thresholds: Thresholds, r: float, z: float, pitch: float, elbow: float, bends: Array
 ) -> float:
-    """`spare` of the one posture with a pitch and elbow, its bends filled in; -inf where there is none."""
+    """`threshold_margin` of the posture with a pitch and elbow, its bends filled in; -inf for none."""
     lead, root, tip, ok = wrist_triangle(arm, r, z, pitch)
     first, second = lead + elbow * root, lead - elbow * tip
-    if not ok or slack(arm.lower, arm.upper, first, second, pitch) < 0.0:
+    if not ok or limit_margin(arm.lower, arm.upper, first, second, pitch) < 0.0:
         return -np.inf
     bends[0], bends[1], bends[2] = fitted_bends(arm, first, second, pitch)
-    return spare(arm, thresholds, r, z, first, second, pitch)
+    return threshold_margin(arm, thresholds, r, z, first, second, pitch)
 
 
 @compiled
-def meeting_posture(
+def posture_within_thresholds(
     arm: PlanarLinkage,
     thresholds: Thresholds,
     pitch: float,

@@ -86,7 +86,7 @@ def chain_frames(arm: SerialArm, joints: Array, frames: Array) -> None:
 
 @compiled
 def chain_on(arm: SerialArm, joints: Array, frames: Array) -> None:
-    """As `chain_frames`, seen from elsewhere: ``frames[0]`` holds the pose of the chain's base at first."""
+    """`chain_frames` in another frame, in which ``frames[0]`` is the pose of the chain's base at first."""
     n = len(arm.axis)
     for k in range(n + 1):
         last, step = frames[max(k - 1, 0)], arm.fixed[k] if k < n else arm.tool

@@ -25,10 +25,10 @@ from regionik.areas.reach_model import (
     sector_polygons,
     wide_enough,
 )
-from regionik.planners.reach.criteria_paving import paved
+from regionik.planners.reach.criteria_paving import distances_within_thresholds
 from regionik.planners.reach.rings import FREE, reach_intervals, reach_spans
 from regionik.planners.solvers.planar_kinematics import PlanarLinkage
-from regionik.planners.solvers.posture_criteria import Thresholds, posture_spare, thresholds_of
+from regionik.planners.solvers.posture_criteria import Thresholds, posture_margin, thresholds_of
 from regionik.postures.arm import Arm
 from regionik.postures.families import BACK, FRONT, Family, families_of
 from regionik.postures.planar_solver import PlanarSolver
@@ -200,7 +200,7 @@ class PlanarReach(ReachModel):
         asked = self.thresholds(criteria)
         if not super().meets(criteria, joints):
             return False
-        return asked is None or bool(posture_spare(self.plane, asked[0], self.arm.bends(joints)) >= 0.0)
+        return asked is None or bool(posture_margin(self.plane, asked[0], self.arm.bends(joints)) >= 0.0)
 
     def turns_freely(self, rules: Rules, span: tuple[float, float]) -> bool:
         """True where headings and pivot together turn the plane all round; see `ReachModel`."""
@@ -235,7 +235,7 @@ def _paved(
     known: tuple[tuple[float, float], ...],
 ) -> tuple[Array, Array]:
     asked = thresholds_of(model.arm, model.robot, criteria)[side]
-    return paved(model.plane, asked, pitches, z, np.array(known).reshape(-1, 2))
+    return distances_within_thresholds(model.plane, asked, pitches, z, np.array(known).reshape(-1, 2))
 
 
 def _ahead(family: Family, spans: Array, query: ReachQuery) -> tuple[Index, Array, Array]:

@@ -91,7 +91,11 @@ class Standing:
         polygon: Geometries = np.concatenate(found)
         if len(found) == 1:  # pieces of one side are apart
             return Pieces(polygon, side, np.arange(len(polygon)))
-        return Pieces(polygon, side, groups(len(polygon), meeting(self, polygon, polygon, side, side)))
+        return Pieces(
+            polygon,
+            side,
+            component_labels(len(polygon), overlapping_pairs(self, polygon, polygon, side, side)),
+        )
 
     def whole(self, label: int) -> Geometries:
         """Return all parts with one label."""
@@ -136,7 +140,9 @@ def into_span(yaw: float, span: tuple[float, float]) -> float:
     return yaw if abs(off) <= half else yaw - off + half * float(np.sign(off))
 
 
-def meeting(standing: Standing, one: Geometries, other: Geometries, first: Index, second: Index) -> Index:
+def overlapping_pairs(
+    standing: Standing, one: Geometries, other: Geometries, first: Index, second: Index
+) -> Index:
     """Pairs of overlapping areas, of the same side or of neighbouring ones, (k, 2)."""
     if not len(one) or not len(other):
         return np.empty((0, 2), dtype=np.intp)
@@ -147,7 +153,7 @@ def meeting(standing: Standing, one: Geometries, other: Geometries, first: Index
     return np.column_stack([a[real], b[real]]).astype(np.intp)
 
 
-def groups(count: int, pairs: Index) -> Index:
+def component_labels(count: int, pairs: Index) -> Index:
     """Connected components of a graph of ``count`` nodes: the label of each, (count,)."""
     ones = np.ones(len(pairs), dtype=bool)
     graph = coo_array((ones, (pairs[:, 0], pairs[:, 1])), shape=(count, count))

@@ -73,7 +73,7 @@ def constraints_of(world: World) -> tuple[Constraint, ...]:
         found.append(Constraint("direction", direction_name(world), without_direction))
     if world.rules.criteria is not None:
         found.append(Constraint("criteria", CRITERIA, partial(with_rules, criteria=None)))
-    found.append(Constraint("limits", JOINT_LIMITS, without_limits))
+    found.append(Constraint("limits", JOINT_LIMITS, without_joint_limits))
     return tuple(found)
 
 
@@ -156,7 +156,7 @@ def without_direction(world: World) -> World:
     return replace(world, task=bare)
 
 
-def without_limits(world: World) -> World:
+def without_joint_limits(world: World) -> World:
     """Revolute joints without limits; prismatic ones keep theirs."""
     return replace(world, robot=replace(world.robot, chain=_endless(world.robot.chain)))
 

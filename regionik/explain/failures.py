@@ -19,12 +19,14 @@ from regionik.planners.collision.distances import obstacles_from, solids_within
 from regionik.planners.driving.footprint import footprint_width
 from regionik.planners.driving.footprint_planner import NarrowPassageError, passage_width
 from regionik.planners.driving.point_planner import NoPathError
-from regionik.regions import TakenAway, largest_clearance, outer_areas, reach_of, what_took_away
+from regionik.regions import RejectedPart, largest_clearance, outer_areas, reach_of, rejected_parts
 from regionik.values import Violation
 from regionik.worlds.arms import reach_bound
 from regionik.worlds.errors import Cause, CauseKind, Explanation, Repair
 from regionik.worlds.obstacles import Shadow
 from regionik.worlds.scene import Target, World
+
+CORNER = 3**0.5  # how much deeper than its sides the corner of a box may be in a mesh
 
 
 def no_places(world: World, empty: Sequence[int]) -> Explanation:
@@ -60,7 +62,7 @@ def no_place(world: World, i: int, targets: Sequence[Target] | None = None) -> E
     if open_clearance is None:
         reason, causes, repairs = _out_of_reach(world, target, lead, proven)
     else:
-        taken = what_took_away(world, target)
+        taken = rejected_parts(world, target)
         reason, causes, repairs = _crowded_out(world, lead, taken, open_clearance, proven)
     if world.rules.criteria is not None:
         bare = largest_clearance(with_rules(world, criteria=None), target)
@@ -117,7 +119,7 @@ def _out_of_reach(
         reason = (
             f"{lead}: it lies {off:.3f} m beyond the places {beyond}, and the arm of {world.robot.name} does "
             "not reach that far."
-        ) + tight(world, places, Point(target.position[:2]))
+        ) + narrow_passage(world, places, Point(target.position[:2]))
         return reason, (Cause("floor", "edge of the floor", off),), ()
     kind: CauseKind = "limits" if target.direction is None else "direction"
     anywhere, known = (" from anywhere", "") if reach_of(world, target).is_empty else ("", " is known that")
@@ -141,7 +143,7 @@ def _wanted(world: World, target: Target) -> str:
 
 
 def _crowded_out(
-    world: World, lead: str, taken: tuple[TakenAway, ...], open_clearance: float, proven: bool
+    world: World, lead: str, taken: tuple[RejectedPart, ...], open_clearance: float, proven: bool
 ) -> tuple[str, tuple[Cause, ...], tuple[Repair, ...]]:
     wanted = world.rules.clearance
     missing = wanted - open_clearance
@@ -184,12 +186,12 @@ def cut_off(world: World, i: int, here: BaseGeometry, areas: BaseGeometry) -> Ex
         f"it off. The nearest such place is {gap:.3f} m beyond the floor the base can drive on, at a "
         f"clearance of {world.rules.clearance:.3f} m."
     )
-    reason += tight(world, here, areas)
+    reason += narrow_passage(world, here, areas)
     causes = tuple(Cause("obstacle", name, gap) for name in blockers)
     return Explanation("ladder-broken", i, reason, causes or (Cause("floor", names, gap),))
 
 
-def tight(world: World, here: BaseGeometry, there: BaseGeometry) -> str:
+def narrow_passage(world: World, here: BaseGeometry, there: BaseGeometry) -> str:
     """A sentence on the narrowest passage between parts of the floor, where the base is too wide for it."""
     across = footprint_width(world.robot.footprint)
     if across == 0:
@@ -289,10 +291,7 @@ def _depth(shadow: Shadow, outline: BaseGeometry) -> float:
     return float(shadow.core.boundary.distance(outline)) if shadow.core.covers(outline) else 0.0
 
 
-CORNER = 3**0.5  # how much deeper than its sides the corner of a box may be in a mesh
-
-
-def buried(world: World) -> Explanation | None:
+def target_in_solid(world: World) -> Explanation | None:
     """Explain which set-point is too near to a solid for any posture; None where none is.
 
     Where the tool point lies inside its link, the ball of the link about it must keep the arm's clearance

@@ -12,6 +12,8 @@ from regionik.explain.questions import Oracles, Question, TargetQuestion
 from regionik.worlds.errors import Cause, Explanation
 from regionik.worlds.scene import World
 
+Closed = Callable[[World], bool]
+
 if TYPE_CHECKING:
     from regionik.reachability.reach import Answer
 
@@ -71,9 +73,6 @@ def _by_itself(quick: Explanation, answer: Answer, who: str) -> Explanation:
     else:
         told = f"{places_open(answer.gap[0])}: a posture from one of them would decide it."
     return replace(quick, reason=f"{quick.reason} {told}")
-
-
-Closed = Callable[[World], bool]
 
 
 def irreducible(world: World, constraints: Iterable[Constraint], closed: Closed) -> tuple[Constraint, ...]:

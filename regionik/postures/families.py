@@ -1,4 +1,8 @@
-"""Posture families of an arm in one vertical plane: how its plane and its last link may lie for a target."""
+"""Posture families of an arm in one vertical plane, and its roll.
+
+A family is a facing, a direction of the arm's plane and a pitch of the last link that suit a target. They
+take the tool's axis; what is left of an orientation is a turn about it, for the roll joint if there is one.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +24,7 @@ ROUNDING = 1e-6  # by which inner families keep within their cone [rad]
 
 @dataclass(frozen=True)
 class Family:
-    """Postures of one kind for one target: how the arm's plane and last link lie.
+    """Postures of one kind for one target.
 
     Attributes
     ----------
@@ -149,7 +153,7 @@ def swings(
     yaw, pitch : float
         Of plane and last link, the tool's axis as wanted [rad].
     half : float
-        Swings looked at: -half to half [rad].
+        Swings considered: -half to half [rad].
     turn : (3, 3) array
         Wanted orientation.
     slack : float

@@ -14,7 +14,12 @@ from regionik.planners.solvers.fabrik import limit_vectors
 from regionik.planners.solvers.mfabrik_planar import least_change, solve_planar
 from regionik.planners.solvers.planar_kinematics import PlanarLinkage, self_motion
 from regionik.planners.solvers.planar_setup import PlanarSetup, Record, record_of
-from regionik.planners.solvers.posture_criteria import COMFORT, Thresholds, meeting_posture, posture_spare
+from regionik.planners.solvers.posture_criteria import (
+    COMFORT,
+    Thresholds,
+    posture_margin,
+    posture_within_thresholds,
+)
 from regionik.postures.arm import ANGLE_SLACK, MOST_PASSES, Reached, deviation
 from regionik.postures.families import Family, families_of, roll_for, roll_within_limits, tool_turn
 from regionik.worlds.arms import PlanarArm
@@ -116,7 +121,9 @@ class PlanarSolver:
             return found
         r, plane_yaw = self._seen(target.position, found.axis)
         near, bends, z = self.arm.bends(joints), np.empty(3), float(target.position[2])
-        if not meeting_posture(self.plane, self.asked, kind.pitch, r, z, near, bends, THRESHOLD_PITCHES):
+        if not posture_within_thresholds(
+            self.plane, self.asked, kind.pitch, r, z, near, bends, THRESHOLD_PITCHES
+        ):
             return replace(found, meets=False)
         q, angle = self._turned(target, bends, plane_yaw, yaw, joints)
         return replace(found, joints=q, error=0.0, angle=angle)
@@ -124,7 +131,7 @@ class PlanarSolver:
     def _meets(self, found: Reached, room: float) -> bool:
         if self.asked is None:
             return True
-        return bool(posture_spare(self.plane, self.asked, self.arm.bends(found.joints)) > room)
+        return bool(posture_margin(self.plane, self.asked, self.arm.bends(found.joints)) > room)
 
     def least_change(self, target: Target, axis: Array, yaw: float, joints: Array) -> Reached | None:
         """The posture on target whose bends change least; see `Arm`."""

@@ -62,8 +62,8 @@ class SerialSolver:
     ) -> Reached:
         """Bring the tool to a target; see `Arm`.
 
-        A pose is asked for where the base stands first, as that changes least; then come passes, the postures
-        that the reach is made of, and restarts.
+        For a pose, the posture nearest to the present one is tried first, the base held; then passes, the
+        postures that the reach was sampled by, and restarts.
         """
         goal = self.goal_for(target)
         if target.direction is None:
@@ -96,7 +96,7 @@ class SerialSolver:
         return goal.reached(place, q, error, angle, passes)
 
     def _walked(self, target: Target, missed: Reached, yaw: float) -> Reached:
-        """By a walk at the target's height, where that comes nearer."""
+        """Solve by a walk at the target's height, where that comes nearer."""
         point = in_arm_frame(missed.axis, yaw, self.height, aim_of(target)).position
         joints = posture_at(self.endless, point, missed.joints)
         off = float(np.linalg.norm(self.chain.forward(joints)[:3, 3] - point))

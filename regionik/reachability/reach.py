@@ -22,7 +22,7 @@ from regionik.planners.search.box_search import Verdict
 from regionik.postures.poses import Pose, axis_of, pose_of
 from regionik.reachability.any_base import can_search, search_any_base
 from regionik.reachability.refinement import diameter, refine
-from regionik.reachability.witness import Quest
+from regionik.reachability.target_search import TargetSearch
 from regionik.regions import checked_targets, outer_areas, path_areas
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError
@@ -30,6 +30,9 @@ from regionik.worlds.scene import Target, World
 
 CELLS = 200_000  # of postures looked at for one target
 CHUNK = 2000  # targets that a worker is given at once
+_NO_WAY = "from no place of the floor and in no posture does the arm keep off {}"
+_CLOSELY = "heading by heading and pitch by pitch, each place for the base is ruled out"
+_IN = "whatever the posture, the end of the arm is in {} there, or nearer to it than the rules allow"
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,35 +182,35 @@ def _at_hand(world: World, targets: Sequence[Target]) -> dict[int, Pose]:
         solver = solver_for(world, areas.family[row], areas.inner[row], span)
         reached = solver(targets[i], pose_of(world.robot, np.array(spot), base[2]), joints)
         pose = Pose(reached.base, reached.joints)
-        if reached.converged and Quest(world, targets[i]).confirms(pose):
+        if reached.converged and TargetSearch(world, targets[i]).confirms(pose):
             found[i] = pose
     return found
 
 
 def _closely(world: World, target: Target) -> _Result:
     """Result for a target that coarse areas do not decide."""
-    quest = Quest(world, target)
-    if quest.guard.on:
-        bodies, contact = quest.guard.bodies, quest.guard.contact
+    search = TargetSearch(world, target)
+    if search.guard.on:
+        bodies, contact = search.guard.bodies, search.guard.contact
         name = solid_at_target(bodies, target.position, world.rules.tolerance, 0.0, contact)
         if name:
             return _Result("unreachable", None, 0.0, f"{_who(target)} cannot be reached: {_IN.format(name)}")
-    seen = _everywhere(quest)
+    seen = _everywhere(search)
     if seen.verdict != "undecided":
         return seen
-    pose, left, tried = refine(world, target, quest.within)
-    pose = pose or quest.search()
+    pose, left, tried = refine(world, target, search.within)
+    pose = pose or search.search()
     if pose is not None:
         return _Result("reachable", pose, 0.0, "")
     if left.is_empty:
         return _Result("unreachable", None, 0.0, f"{_who(target)} cannot be reached: {_CLOSELY}")
     gap = min(diameter(left), seen.gap)
-    return _Result("undecided", None, gap, _doubt(quest, gap, tried))
+    return _Result("undecided", None, gap, _doubt(search, gap, tried))
 
 
-def _everywhere(quest: Quest) -> _Result:
+def _everywhere(search: TargetSearch) -> _Result:
     """Result of a search of all postures from all places, for arms that avoid obstacles."""
-    world, target = quest.world, quest.target
+    world, target = search.world, search.target
     if not can_search(world):
         return _Result("undecided", None, np.inf, "")
     seen = search_any_base(world, target, CELLS)
@@ -216,29 +219,24 @@ def _everywhere(quest: Quest) -> _Result:
         return _Result(
             "unreachable", None, 0.0, f"{_who(target)} cannot be reached: {_NO_WAY.format(around)}"
         )
-    if seen.pose is not None and quest.confirms(seen.pose):
+    if seen.pose is not None and search.confirms(seen.pose):
         return _Result("reachable", seen.pose, 0.0, "")
     gap = np.inf if seen.pose is not None else seen.gap  # an unconfirmed pose bounds nothing
     return _Result("undecided", None, gap, "")
-
-
-_NO_WAY = "from no place of the floor and in no posture does the arm keep off {}"
-_CLOSELY = "heading by heading and pitch by pitch, each place for the base is ruled out"
-_IN = "whatever the posture, the end of the arm is in {} there, or nearer to it than the rules allow"
 
 
 def _ruled_out(world: World, target: Target) -> _Result:
     return _Result("unreachable", None, 0.0, no_place(world, 0, [target]).reason)
 
 
-def _doubt(quest: Quest, gap: float, tried: int) -> str:
+def _doubt(search: TargetSearch, gap: float, tried: int) -> str:
     """Sentence on why a target stays undecided."""
-    lead, touch = no_way_to(_who(quest.target)), quest.touch
+    lead, touch = no_way_to(_who(search.target)), search.touch
     left = places_open(gap)
     if touch is not None:
         return (
-            f"{lead}: each of {quest.met} postures looked at touches something; in the best of them, "
-            f"{quest.guard.words(touch)}. {left}: a clear posture from one of them would decide it."
+            f"{lead}: each of {search.met} postures looked at touches something; in the best of them, "
+            f"{search.guard.words(touch)}. {left}: a clear posture from one of them would decide it."
         )
     looked = "no posture was found in the areas looked at" if tried else "no place for the base is known"
     return f"{lead}: {looked}. {left}: a posture from one of them would decide it."

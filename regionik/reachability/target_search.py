@@ -31,7 +31,7 @@ SLACK = 1e-9  # rounding allowed at a bound [m] or [rad]
 
 
 @dataclass(eq=False)
-class Quest:
+class TargetSearch:
     """Search for one target's configuration, and the contacts met.
 
     Attributes
