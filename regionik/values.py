@@ -11,8 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-from regionik.storage.files import write_atomic
-from regionik.storage.plan_document import plan_to_text
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.errors import InputError
 from regionik.worlds.scene import StopCriterion, World
@@ -215,6 +213,9 @@ class Plan:
         InputError
             When the file cannot be written.
         """
+        from regionik.storage.files import write_atomic  # values know no files until one is asked for
+        from regionik.storage.plan_document import plan_to_text
+
         write_atomic(path, plan_to_text(self))
 
 
