@@ -24,7 +24,7 @@ from regionik.planners.collision.proximity import nearest
 from regionik.planners.collision.robot_bodies import RobotScene
 from regionik.planners.driving.footprint import FootprintScene, fits
 from regionik.planners.geometry.angles import fit, wrap
-from regionik.planners.geometry.polygons import compiled
+from regionik.planners.kernels import compiled
 from regionik.planners.reach.planar_cells import Stance
 from regionik.planners.solvers.planar_kinematics import two_link_angles
 from regionik.postures.arm_guard import contact_for, guard_of

@@ -87,7 +87,7 @@ def _asked_soon() -> None:
 
 def compiled(_: Callable[..., Any]) -> Callable[..., Any]:
     """A stage that is in one compiled call for ever."""
-    from regionik.planners.geometry.polygons import compiled as compile_kernel
+    from regionik.planners.kernels import compiled as compile_kernel
 
     def endless(x: float) -> float:
         while x > 0.0:

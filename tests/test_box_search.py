@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from regionik.planners.geometry.polygons import Index, compiled
+from regionik.planners.kernels import compiled
 from regionik.planners.search.box_search import (
     CLOSED,
     JUDGED,
@@ -29,7 +29,7 @@ from regionik.planners.search.box_search import (
     reopen,
     verdict_of,
 )
-from regionik.worlds.arrays import Array
+from regionik.worlds.arrays import Array, Index
 from tests import examples
 
 FINEST = 0.05

@@ -23,7 +23,7 @@ from numba.core.caching import FunctionCache
 
 import regionik
 from regionik.cli import app
-from regionik.planners.geometry import polygons
+from regionik.planners import kernels
 from regionik.storage.files import is_leftover, write_atomic
 from regionik.view import viewer
 from regionik.worlds.bundled import world_path
@@ -256,12 +256,12 @@ def test_kernels_work_where_no_folder_can_be_written(monkeypatch: pytest.MonkeyP
     def nowhere(self: object, function: object) -> None:
         raise RuntimeError("cannot cache function: no locator available")
 
-    monkeypatch.setattr(polygons._Kept, "__init__", nowhere)
-    polygons._warn_uncached.cache_clear()
+    monkeypatch.setattr(kernels._Kept, "__init__", nowhere)
+    kernels._warn_uncached.cache_clear()
     with pytest.warns(UserWarning, match="set NUMBA_CACHE_DIR") as warned:
-        kernels = [polygons.compiled(_double) for _ in range(2)]
+        doubles = [kernels.compiled(_double) for _ in range(2)]
     assert len(warned) == 1
-    assert [kernel(2.0) for kernel in kernels] == [4.0, 4.0]
+    assert [double(2.0) for double in doubles] == [4.0, 4.0]
 
 
 def test_an_installation_that_is_read_only_works_without_a_home(tmp_path: Path) -> None:
@@ -298,7 +298,7 @@ def test_kernels_work_where_the_disk_is_full(monkeypatch: pytest.MonkeyPatch) ->
 
     monkeypatch.setattr(FunctionCache, "save_overload", full)
     monkeypatch.setattr(FunctionCache, "load_overload", full)
-    assert polygons.compiled(_double)(2.0) == 4.0
+    assert kernels.compiled(_double)(2.0) == 4.0
 
 
 def test_margins_are_never_less_than_nothing_by_rounding() -> None:

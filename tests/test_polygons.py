@@ -12,13 +12,13 @@ from shapely.geometry import LineString, MultiPolygon, Point, Polygon
 from regionik.planners.geometry.polygons import (
     FlatPolygon,
     clamp,
-    compiled,
     contains,
     flats_of,
     nearest_on_boundary,
     segment_in_either,
     segment_inside,
 )
+from regionik.planners.kernels import compiled
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError
 

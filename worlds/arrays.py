@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from regionik.worlds.errors import InputError
 
 Array = NDArray[np.float64]
+Index = NDArray[np.int64]
 
 _SHOWN = 6  # numbers of an array, or items of a tuple, that fit on a line
 

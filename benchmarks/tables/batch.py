@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from regionik.planners.geometry.polygons import compiled
+from regionik.planners.kernels import compiled
 from regionik.planners.rivals.iterative import DescentLimits, IterativeMethod, descend
 from regionik.planners.solvers.damped_least_squares import POSITION, Aim
 from regionik.planners.solvers.inverse_kinematics import ArmSolver

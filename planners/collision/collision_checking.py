@@ -34,7 +34,7 @@ from regionik.planners.collision.robot_motion import (
     tool_speed,
     transform_points,
 )
-from regionik.planners.geometry.polygons import compiled
+from regionik.planners.kernels import compiled
 from regionik.worlds.arrays import Array
 
 MOST_STEPS = 1000

@@ -20,7 +20,7 @@ from regionik.planners.collision.robot_motion import (
     tool_speed,
     transform_points,
 )
-from regionik.planners.geometry.polygons import compiled
+from regionik.planners.kernels import compiled
 from regionik.worlds.arrays import Array
 
 SHORTEST = 1e-5  # part of a motion; shorter steps mean that the gap is used up

@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from regionik.planners.geometry.polygons import compiled
+from regionik.planners.kernels import compiled
 from regionik.worlds.arrays import Array
 
 MOST_STEPS = 64  # polytopes take less than ten; only discs need more

@@ -14,8 +14,7 @@ from regionik.planners.collision.convex_bodies import Piece
 from regionik.planners.collision.distances import bounding_boxes, hull_separation
 from regionik.planners.collision.robot_bodies import NO_CONTACT, Bodies, ContactTargets
 from regionik.planners.collision.robot_motion import BASE
-from regionik.planners.geometry.polygons import Index
-from regionik.worlds.arrays import Array
+from regionik.worlds.arrays import Array, Index
 
 
 class _Near(NamedTuple):

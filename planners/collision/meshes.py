@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from regionik.planners.collision.gjk import hull_distance, support_points
-from regionik.planners.geometry.polygons import compiled
+from regionik.planners.kernels import compiled
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError
 

@@ -13,9 +13,8 @@ from numpy.typing import NDArray
 from regionik.planners.collision.convex_bodies import Piece, link_piece
 from regionik.planners.collision.distances import obstacles_from
 from regionik.planners.collision.robot_motion import BASE, WORLD, MobileArm
-from regionik.planners.geometry.polygons import Index
 from regionik.planners.solvers.serial_chain import serial_arm
-from regionik.worlds.arrays import Array, frozen
+from regionik.worlds.arrays import Array, Index, frozen
 from regionik.worlds.errors import InputError
 from regionik.worlds.obstacles import Solid
 from regionik.worlds.robot import LinkSolid, Robot

@@ -12,9 +12,9 @@ from typing import NamedTuple
 import numpy as np
 
 from regionik.planners.driving.arcs import arc_end, arc_towards
-from regionik.planners.geometry.polygons import Index, compiled
+from regionik.planners.kernels import compiled
 from regionik.planners.solvers.serial_chain import SerialArm, chain_frames, chain_on
-from regionik.worlds.arrays import Array
+from regionik.worlds.arrays import Array, Index
 
 WORLD, BASE = -2, -1  # frames of hulls that no link carries
 _HERE = np.eye(4)

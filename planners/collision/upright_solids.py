@@ -12,8 +12,9 @@ from typing import NamedTuple
 import numpy as np
 
 from regionik.planners.collision.convex_bodies import Piece
-from regionik.planners.geometry.polygons import Index, compiled, nearest_on_segment
-from regionik.worlds.arrays import Array
+from regionik.planners.geometry.polygons import nearest_on_segment
+from regionik.planners.kernels import compiled
+from regionik.worlds.arrays import Array, Index
 from regionik.worlds.errors import InputError
 
 GOLDEN = (5.0**0.5 - 1.0) / 2.0

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from regionik.planners.geometry.angles import wrap
-from regionik.planners.geometry.polygons import compiled
+from regionik.planners.kernels import compiled
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.errors import InputError
 

@@ -19,8 +19,9 @@ from shapely.geometry import MultiPolygon, Polygon
 
 from regionik.planners.driving.arcs import arc_end
 from regionik.planners.geometry.angles import wrap
-from regionik.planners.geometry.polygons import FlatPolygon, Index, compiled, contains, nearest_on_segment
-from regionik.worlds.arrays import Array, frozen
+from regionik.planners.geometry.polygons import FlatPolygon, contains, nearest_on_segment
+from regionik.planners.kernels import compiled
+from regionik.worlds.arrays import Array, Index, frozen
 from regionik.worlds.errors import InputError
 from regionik.worlds.obstacles import Shadow
 

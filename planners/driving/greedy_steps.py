@@ -12,16 +12,15 @@ from shapely.geometry import MultiPolygon, Polygon
 from regionik.planners.geometry.angles import wrap
 from regionik.planners.geometry.polygons import (
     FlatPolygon,
-    Index,
     clamp,
-    compiled,
     contains,
     near_boundary,
     nearest_on_boundary,
     nearest_on_segment,
     segment_inside,
 )
-from regionik.worlds.arrays import Array, frozen
+from regionik.planners.kernels import compiled
+from regionik.worlds.arrays import Array, Index, frozen
 from regionik.worlds.errors import InputError
 
 STALL = 1e-4  # a shorter step than this is no progress [m]

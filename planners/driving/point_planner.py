@@ -16,16 +16,15 @@ from regionik.planners.driving.sampling import PlanningProblem, connect
 from regionik.planners.geometry.polygons import (
     DEPTH,
     FlatPolygon,
-    Index,
     checked_polygon,
     clamp,
-    compiled,
     contains,
     segment_inside,
 )
 from regionik.planners.geometry.polylines import cut, resample
 from regionik.planners.geometry.shortest_paths import route, shorter_path, tighten
-from regionik.worlds.arrays import Array, frozen
+from regionik.planners.kernels import compiled
+from regionik.worlds.arrays import Array, Index, frozen
 from regionik.worlds.errors import InputError, RegionikError
 
 Method = Literal["straight", "steps", "ompl", "triangles"]

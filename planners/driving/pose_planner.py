@@ -20,8 +20,8 @@ from regionik.planners.driving.point_planner import NoPathError
 from regionik.planners.driving.reeds_shepp import MOTIONS, words_between
 from regionik.planners.driving.sampling import PlanningProblem, connect_poses
 from regionik.planners.geometry.angles import wrap
-from regionik.planners.geometry.polygons import Index, compiled
-from regionik.worlds.arrays import Array, frozen
+from regionik.planners.kernels import compiled
+from regionik.worlds.arrays import Array, Index, frozen
 from regionik.worlds.errors import InputError
 
 SLIDE, SPIN, REEDS_SHEPP = range(3)

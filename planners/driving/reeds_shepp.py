@@ -14,7 +14,7 @@ import numpy as np
 
 from regionik.planners.driving.arcs import arc_end
 from regionik.planners.geometry.angles import wrap
-from regionik.planners.geometry.polygons import compiled
+from regionik.planners.kernels import compiled
 from regionik.worlds.arrays import Array
 
 MOTIONS = 5  # motions of a word, at most

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from regionik.planners.geometry.polygons import compiled
+from regionik.planners.kernels import compiled
 
 TWO_PI = 2.0 * np.pi
 _PER_TURN = 1.0 / TWO_PI

@@ -7,8 +7,8 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from regionik.planners.geometry.polygons import Index, compiled
-from regionik.worlds.arrays import Array, frozen
+from regionik.planners.kernels import compiled
+from regionik.worlds.arrays import Array, Index, frozen
 from regionik.worlds.errors import InputError
 
 

@@ -18,7 +18,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 from shapely.geometry import MultiPolygon, Polygon
 
-from regionik.planners.geometry.polygons import DEPTH, FlatPolygon, Index, compiled, segment_inside
+from regionik.planners.geometry.polygons import DEPTH, FlatPolygon, segment_inside
 from regionik.planners.geometry.triangulation import (
     Triangulation,
     gap_to,
@@ -28,7 +28,8 @@ from regionik.planners.geometry.triangulation import (
     search_through,
     triangulate,
 )
-from regionik.worlds.arrays import Array, frozen
+from regionik.planners.kernels import compiled
+from regionik.worlds.arrays import Array, Index, frozen
 from regionik.worlds.errors import InputError
 
 ON_IT = 1e-11  # a point this near to a triangle is in it, too [m]

@@ -11,8 +11,9 @@ import numpy as np
 import shapely
 from shapely.geometry import MultiPolygon, Polygon
 
-from regionik.planners.geometry.polygons import DEPTH, FlatPolygon, Index, compiled, nearest_on_segment
-from regionik.worlds.arrays import Array
+from regionik.planners.geometry.polygons import DEPTH, FlatPolygon, nearest_on_segment
+from regionik.planners.kernels import compiled
+from regionik.worlds.arrays import Array, Index
 from regionik.worlds.errors import EngineError
 
 SLACK = 1e-10  # triangles are grown by this when a leg is cut at their edges [m]

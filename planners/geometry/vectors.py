@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from regionik.planners.geometry.polygons import compiled
+from regionik.planners.kernels import compiled
 from regionik.worlds.arrays import Array
 
 Vector = tuple[float, float, float]

@@ -17,7 +17,7 @@ from regionik.planners.collision.robot_bodies import RobotScene
 from regionik.planners.collision.upright_solids import Uprights, signed_distance
 from regionik.planners.driving.footprint import FootprintScene, fits, fits_nowhere_near
 from regionik.planners.geometry.angles import fit, wrap
-from regionik.planners.geometry.polygons import Index, compiled
+from regionik.planners.kernels import compiled
 from regionik.planners.reach.floor_distances import FloorParts, inside, is_near
 from regionik.planners.reach.planar_capsules import (
     NearObstacles,
@@ -49,7 +49,7 @@ from regionik.planners.search.box_search import (
     proven,
     verdict_of,
 )
-from regionik.worlds.arrays import Array
+from regionik.worlds.arrays import Array, Index
 
 MOST_REFUSED = 200  # postures that the collision check refused
 NARROW = 1e-6  # cells that leave no more than this open are not bisected [m]

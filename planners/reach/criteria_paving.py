@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from regionik.planners.geometry.polygons import compiled
+from regionik.planners.kernels import compiled
 from regionik.planners.search.box_search import (
     WHOLE,
     Boxes,

@@ -10,8 +10,9 @@ import numpy as np
 from shapely.geometry import Polygon
 
 from regionik.planners.driving.footprint import core_edges
-from regionik.planners.geometry.polygons import Index, compiled, nearest_on_segment
-from regionik.worlds.arrays import Array
+from regionik.planners.geometry.polygons import nearest_on_segment
+from regionik.planners.kernels import compiled
+from regionik.worlds.arrays import Array, Index
 
 ROWS = 256  # bands of the floor that edges are looked up by
 

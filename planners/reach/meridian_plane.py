@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from regionik.planners.geometry.polygons import Index, compiled
+from regionik.planners.kernels import compiled
 from regionik.planners.search.motion_bounds import longest_levers
 from regionik.planners.solvers.serial_chain import (
     SerialArm,
@@ -28,7 +28,7 @@ from regionik.planners.solvers.serial_chain import (
     serial_arm,
 )
 from regionik.worlds.arms import pivot_index
-from regionik.worlds.arrays import Array
+from regionik.worlds.arrays import Array, Index
 from regionik.worlds.chain import Chain, Joint
 
 STILL = 1e-12  # a lever below this does not move the tool [m]; limits closer than this hold still

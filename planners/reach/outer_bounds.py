@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from regionik.planners.geometry.polygons import compiled
+from regionik.planners.kernels import compiled
 from regionik.planners.reach.meridian_plane import Meridian, Tool, tool_for, tool_motion
 from regionik.planners.search.box_search import WHOLE, Boxes, Verdict, begin, explore_in_kernel, left_open
 from regionik.planners.search.intervals import contract, cut_to

@@ -22,13 +22,13 @@ from regionik.planners.collision.upright_solids import (
     least_along,
     uprights_from,
 )
-from regionik.planners.geometry.polygons import Index, compiled
+from regionik.planners.kernels import compiled
 from regionik.planners.reach.planar_cells import AWAY, PITCH, SLACK, TURN, YAW, ArmMount, PlanarCell, chord
 from regionik.planners.search.box_search import Verdict, both
 from regionik.planners.search.self_clearance import segment_distance
 from regionik.planners.solvers.planar_kinematics import PlanarLinkage
 from regionik.worlds.arms import PlanarArm
-from regionik.worlds.arrays import Array
+from regionik.worlds.arrays import Array, Index
 from regionik.worlds.robot import Robot
 from regionik.worlds.self_collision import BODY, base_body, self_collision_pairs
 

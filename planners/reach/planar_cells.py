@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from regionik.planners.geometry.angles import fit, wrap
-from regionik.planners.geometry.polygons import compiled
+from regionik.planners.kernels import compiled
 from regionik.planners.search.box_search import Verdict
 from regionik.planners.solvers.planar_kinematics import LIMIT_SLACK, PlanarLinkage
 from regionik.worlds.arrays import Array

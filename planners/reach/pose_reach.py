@@ -16,7 +16,7 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-from regionik.planners.geometry.polygons import compiled
+from regionik.planners.kernels import compiled
 from regionik.planners.reach.level_reach import outer_reach
 from regionik.planners.solvers.damped_least_squares import DIRECTION, Aim, polish
 from regionik.planners.solvers.multistart_ik import Effort, solve_ik, spread_postures

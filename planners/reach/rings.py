@@ -7,7 +7,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from regionik.planners.geometry.polygons import compiled
+from regionik.planners.kernels import compiled
 from regionik.planners.solvers.planar_kinematics import Pair, PlanarLinkage, intervals_at_height
 from regionik.worlds.arms import PlanarArm
 from regionik.worlds.arrays import Array

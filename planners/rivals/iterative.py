@@ -12,8 +12,8 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from regionik.planners.geometry.polygons import compiled
 from regionik.planners.geometry.vectors import Vector, cross, dot, minus, plus, rotated, turned
+from regionik.planners.kernels import compiled
 from regionik.planners.rivals.method import RESTARTS, ArmMethod, SearchResult, arm_length
 from regionik.planners.solvers.damped_least_squares import (
     DIRECTION,

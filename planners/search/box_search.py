@@ -36,8 +36,7 @@ import numpy as np
 from numba import njit
 from numba.extending import register_jitable
 
-from regionik.planners.geometry.polygons import Index
-from regionik.worlds.arrays import Array
+from regionik.worlds.arrays import Array, Index
 
 FIRST_SLOTS = 16  # for boxes; doubled when they are full
 WHOLE = -1  # in place of a side: the box is not to be bisected

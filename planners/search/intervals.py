@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from regionik.planners.geometry.polygons import compiled
+from regionik.planners.kernels import compiled
 from regionik.planners.search.box_search import Verdict
 from regionik.worlds.arrays import Array
 

@@ -12,9 +12,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from regionik.planners.geometry.polygons import Index, compiled
+from regionik.planners.kernels import compiled
 from regionik.planners.solvers.serial_chain import SerialArm
-from regionik.worlds.arrays import Array
+from regionik.worlds.arrays import Array, Index
 from regionik.worlds.chain import Chain
 from regionik.worlds.robot import LinkCapsule
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from regionik.planners.collision.upright_solids import Uprights, distance_along, least_along
-from regionik.planners.geometry.polygons import compiled
+from regionik.planners.kernels import compiled
 from regionik.planners.search.box_search import WHOLE, Boxes, Verdict, explore_in_kernel
 from regionik.planners.search.intervals import contract, cut_to
 from regionik.planners.search.motion_bounds import (

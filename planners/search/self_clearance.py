@@ -11,10 +11,10 @@ from typing import NamedTuple
 import numpy as np
 
 from regionik.planners.collision.upright_solids import Uprights, least_along, uprights_from
-from regionik.planners.geometry.polygons import Index, compiled
+from regionik.planners.kernels import compiled
 from regionik.planners.search.motion_bounds import LinkCapsules, displacement
 from regionik.planners.solvers.serial_chain import SerialArm
-from regionik.worlds.arrays import Array
+from regionik.worlds.arrays import Array, Index
 
 FINE = 20  # golden sections along a link where its distance from the base is measured
 NOTHING = 1e-14  # squared sine of the angle between axes that count as parallel

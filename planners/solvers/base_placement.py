@@ -10,8 +10,9 @@ from typing import NamedTuple
 import numpy as np
 
 from regionik.planners.geometry.angles import fit, wrap
-from regionik.planners.geometry.polygons import Index, clamp, compiled
-from regionik.worlds.arrays import Array
+from regionik.planners.geometry.polygons import clamp
+from regionik.planners.kernels import compiled
+from regionik.worlds.arrays import Array, Index
 
 FREE, FACE_TARGET, FIXED = range(3)  # policies for the heading of the base
 ROUNDING = 1e-9  # by which a heading may be outside its span [rad]

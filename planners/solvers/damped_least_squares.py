@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from regionik.planners.geometry.polygons import compiled
 from regionik.planners.geometry.vectors import Vector, cross, dot, norm, scaled
+from regionik.planners.kernels import compiled
 from regionik.planners.solvers.serial_chain import SerialArm, chain_frames, chain_jacobian
 from regionik.worlds.arrays import Array
 

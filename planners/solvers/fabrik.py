@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from regionik.planners.geometry.polygons import compiled
+from regionik.planners.kernels import compiled
 from regionik.worlds.arrays import Array
 
 Pair = tuple[float, float]

@@ -12,7 +12,6 @@ from typing import NamedTuple
 import numpy as np
 
 from regionik.planners.geometry.angles import TWO_PI, wrap
-from regionik.planners.geometry.polygons import compiled
 from regionik.planners.geometry.vectors import (
     Vector,
     across,
@@ -28,6 +27,7 @@ from regionik.planners.geometry.vectors import (
     turned,
     turned_back,
 )
+from regionik.planners.kernels import compiled
 from regionik.planners.solvers.rigid_bodies import RigidBodies
 from regionik.planners.solvers.serial_chain import rotate_about
 from regionik.worlds.arrays import Array

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from regionik.planners.geometry.angles import wrap
-from regionik.planners.geometry.polygons import Index, compiled
+from regionik.planners.kernels import compiled
 from regionik.planners.solvers.base_placement import BaseArea, Turning, move_to_area
 from regionik.planners.solvers.fabrik import (
     ANY,
@@ -44,7 +44,7 @@ from regionik.planners.solvers.planar_setup import (
     turning_of,
     write_state,
 )
-from regionik.worlds.arrays import Array
+from regionik.worlds.arrays import Array, Index
 
 PATIENCE, STALLED = 10, 0.9  # passes in which the error must come down to this share, for a start to go on
 STRAIGHT = 1e-12  # a target so near to the axis, seen from above, does not turn the plane [m]

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from regionik.planners.geometry.polygons import compiled
+from regionik.planners.kernels import compiled
 from regionik.planners.solvers.base_placement import BaseArea, move_to_area
 from regionik.planners.solvers.damped_least_squares import Aim
 from regionik.planners.solvers.fabrikr import Posture, backward_pass, posture_of

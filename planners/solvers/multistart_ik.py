@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from regionik.planners.geometry.angles import wrap
-from regionik.planners.geometry.polygons import compiled
+from regionik.planners.kernels import compiled
 from regionik.planners.solvers.damped_least_squares import DIRECTION, POSITION, Aim, polish, pose_error
 from regionik.planners.solvers.fabrikr import (
     Posture,

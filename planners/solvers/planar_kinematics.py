@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from regionik.planners.geometry.angles import TWO_PI, fit
-from regionik.planners.geometry.polygons import compiled
+from regionik.planners.kernels import compiled
 from regionik.worlds.arrays import Array
 
 LIMIT_SLACK = 1e-10  # rounding allowed when a bend is held against its limit [rad]

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from regionik.planners.geometry.angles import wrap
-from regionik.planners.geometry.polygons import compiled
+from regionik.planners.kernels import compiled
 from regionik.planners.solvers.base_placement import Turning, share_turn
 from regionik.planners.solvers.fabrik import Pair, PlanarLinks, Triple, bend_limits, unit_vector
 from regionik.planners.solvers.planar_kinematics import PlanarLinkage

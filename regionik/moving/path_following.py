@@ -18,7 +18,6 @@ from regionik.moving.base_motion import BasePath, BasePaths, Candidate
 from regionik.planners.collision.proximity import Touch
 from regionik.planners.driving.point_planner import NoPathError
 from regionik.planners.geometry.angles import wrap
-from regionik.planners.geometry.polygons import Index
 from regionik.planners.geometry.polylines import between, laid_out
 from regionik.postures.arm import deviation, goal_between
 from regionik.postures.arm_guard import Guard
@@ -26,7 +25,7 @@ from regionik.postures.families import Family
 from regionik.postures.poses import LARGEST_BEND, Pose, Row, arrays, pose, pose_of
 from regionik.values import Configuration
 from regionik.worlds.arms import pivot_index, with_pivot
-from regionik.worlds.arrays import Array
+from regionik.worlds.arrays import Array, Index
 from regionik.worlds.errors import RegionikError
 from regionik.worlds.scene import Target, World
 

@@ -16,7 +16,6 @@ from regionik.planners.avoidance.posture_proof import solid_at_target
 from regionik.planners.collision.distances import obstacles_from
 from regionik.planners.collision.robot_bodies import RobotScene
 from regionik.planners.collision.upright_solids import Uprights, inradii, uprights_from
-from regionik.planners.geometry.polygons import Index
 from regionik.planners.reach.any_base import AnyBase, BaseFloor, ToolDemand, near_solids, search_cells
 from regionik.planners.reach.floor_distances import FloorParts, parts_of
 from regionik.planners.reach.planar_capsules import NearObstacles, PlaneCapsules, plane_capsules
@@ -26,7 +25,7 @@ from regionik.planners.search.box_search import Verdict
 from regionik.planners.solvers.planar_kinematics import intervals_at_height
 from regionik.postures.arm_guard import SPARE, contact_for, guard_of
 from regionik.postures.poses import Pose
-from regionik.worlds.arrays import Array
+from regionik.worlds.arrays import Array, Index
 from regionik.worlds.scene import Target, World
 
 FEWEST = 64  # cells that a search has at least: those that it may begin with
