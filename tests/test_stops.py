@@ -32,6 +32,7 @@ from regionik.worlds.obstacles import Cylinder, Sphere
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
 from tests.soaked import soaked_world
+from tests.witnesses import witness
 
 STOPS = Rules(clearance=0.05, mode="stops", step=0.2)
 TAU = STOPS.stop_tolerance
@@ -347,3 +348,12 @@ def test_what_is_missing_changes_as_the_jacobian_says() -> None:
                 for x in steps
             )
             assert (behind - ahead) / (2 * small) == pytest.approx(J[0].T, abs=1e-5)
+
+
+@pytest.mark.slow
+def test_a_circle_to_park_in_ends_where_the_limits_of_the_arm_do() -> None:
+    """Areas of seven joints do not know what the base, kept at one heading, leaves to the pivot."""
+    found = plan(witness("urdf arms", 19).world)
+    assert verify(found).ok
+    by_areas = stops(found.world)[0].tolerance
+    assert found.world.rules.stop_tolerance <= found.stops[0].tolerance < 0.9 * by_areas

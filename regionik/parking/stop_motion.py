@@ -15,6 +15,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
+from regionik.areas.reachable import model_of
 from regionik.explain.changes import one_lift_off
 from regionik.explain.constraints import setpoint
 from regionik.moving.base_motion import Candidate
@@ -27,11 +28,15 @@ from regionik.values import Stop
 from regionik.worlds.arms import pivot_index
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Cause, Explanation, NoPlanFound
-from regionik.worlds.scene import World
+from regionik.worlds.scene import Target, World
 
 PLACES = 8  # of a stop that are tried
 HARD_PLACES = 2  # of these, how many of a stop with more set-points are worth a search for the way there
 POSTURES = 8  # at one set-point that are tried from the one before
+RIM = np.arange(8) * np.pi / 4  # directions in which a circle to park in is tried [rad]
+SHARES = np.arange(1, 5) / 4  # of the way out to its rim, each posture the start of the next
+SHRINK = 0.7  # of a circle whose rim is not reached all round
+LEAST = 1e-4  # radius below which a circle is only its middle [m]
 
 Progress = Callable[[str, int, int], None]
 
@@ -154,7 +159,42 @@ class _StopConnection:
             here = rows[-1].pose
             if self.world.rules.order == "given":
                 break
-        return _Attempt(placement, rows, done)
+        radius = self._parking_radius(placement, done)
+        if radius is None:
+            return _Attempt(placement, [], [])
+        return _Attempt(replace(placement, tolerance=radius), rows, done)
+
+    def _parking_radius(self, placement: BasePlacement, done: list[Candidate]) -> float | None:
+        """Radius of a circle all round which postures are found; None where it is less than the rules ask.
+
+        Areas of arms in one plane know it. Those of other arms do not know the limits of a pivot on a base
+        that keeps its heading, and are sampled where the tool is oriented: there it is tried on the rim.
+        """
+        wanted, radius = self.world.rules.stop_tolerance, placement.tolerance
+        tried = [
+            (self.world.task[i], candidate)
+            for i, candidate in zip(placement.setpoints, done, strict=False)
+            if not model_of(self.world, self.world.task[i]).exact
+        ]
+        while not all(self._reaches_rim(target, candidate, radius) for target, candidate in tried):
+            if radius <= wanted:
+                return None
+            radius = max(wanted, SHRINK * radius if radius > LEAST else 0.0)
+        return radius
+
+    def _reaches_rim(self, target: Target, candidate: Candidate, radius: float) -> bool:
+        """Return True where postures on target lead out to the rim of a circle in all directions."""
+        base = candidate.found.base
+        solver = self.search.sampler.solver(candidate.component, float(base[2]))
+        for angle in RIM:
+            out, joints = radius * np.array([np.cos(angle), np.sin(angle), 0.0]), candidate.found.joints
+            for share in SHARES:
+                found = solver.least_change(target, base + share * out, joints)
+                found = found or solver.hold(target, base + share * out, joints)
+                if not found.converged:
+                    return False
+                joints = found.joints
+        return True
 
     def _arrive(
         self, placement: BasePlacement, i: int, here: Pose | None, hard: int
