@@ -10,7 +10,6 @@ from numpy.typing import ArrayLike
 
 from regionik.areas.reachable import heeds_headings
 from regionik.explain import failures
-from regionik.explain import failures as arm_failures
 from regionik.explain.questions import ArmQuestion, Oracles, PathQuestion
 from regionik.explain.why import explained, explained_target, target_name
 from regionik.mfabrik import configurations
@@ -179,7 +178,7 @@ def _untold(stage: str, done: int, total: int) -> None:
 def search(world: World, seed: int = 0, tell: Progress = _untold) -> Plan:
     """Return a verified plan, not timed; raise `NoPlanFound` with a quick explanation where there is none."""
     check_world(world)
-    _refuse(arm_failures.target_in_solid(world))
+    _refuse(failures.target_in_solid(world))
     return strategy_of(world).plan(world, seed, tell)
 
 
