@@ -195,7 +195,8 @@ def test_a_plan_holds_in_any_unit(seed: int) -> None:
             Configuration(unit * one.base, one.joints, by * one.error, one.iterations, one.converged)
             for one in made.setpoints
         )
-        report = verify(replace(made, world=in_units(made.world, by), motion=motion, setpoints=done))
+        world = in_units(made.world, by)
+        report = verify(replace(made, world=world, motion=motion, setpoints=done, stats={}))
         assert report.ok, report.violations
         assert report.margins.keys() == margins.keys()
         for kind in margins.keys() & {"floor", "clearance", "setpoint", "path", "step"}:
