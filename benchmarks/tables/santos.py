@@ -117,8 +117,8 @@ def table_4(followed: Mapping[str, Followed]) -> Table:
             "In brackets, and for ours: as a multiple of M-FABRIK's mean time in the same run.",
             f"The paper's text makes M-FABRIK about 47 times faster than the pseudo-inverse; its totals say "
             f"{speedup:.1f}.",
-            "Ours are single calls from Python; what a call costs is most of every time here, and more for the "
-            "rivals.",
+            "Ours are single calls from Python; what a call costs is most of every time here, and more for "
+            "the rivals.",
             ahead(OURS, {name: way.seconds.sum() for name, way in followed.items()}, "total time"),
         ),
     )
