@@ -160,7 +160,7 @@ def fine_reach(
 class PivotedReach(ReachModel):
     """Reach of the tool's point of any arm.
 
-    R(z) is bounded from within by the distances that walks at the height z pass (`level_walk`), and from
+    R(z) is bounded from within by the distances that walks at the height z pass (`meridian_plane`), and from
     outside by those that boxes of joint values do not rule out (`outer_bounds`).
     """
 

@@ -232,7 +232,7 @@ def _turned(p: Target, q: Target, tools: Array) -> bool:
 
 
 def _solve(solver: Solver, segment: PathSegment, at: SegmentPoint, near: Pose) -> Pose | None:
-    """Pose at one place, as near as may be to the wished posture; see `mfabrik_planar.solve_along`."""
+    """Pose at one place, as near as may be to the wished posture; see `mfabrik_planar.solve_planar_along`."""
     leg, share = _columns([at])
     place, wished = segment.base.places(leg, share)[0], between(segment.wished, leg, share)[0]
     tool, pitch, bound = segment.target(at), segment.pitch(at), not np.isnan(place[2])
