@@ -191,7 +191,7 @@ def _across(a: float, b: float, d0: float, d1: float) -> tuple[float, float]:
 
 @compiled
 def _manipulable(distances: Distances, links: LinkAngles) -> Verdict:
-    """Judge the manipulability of a box against its threshold; terms as in `posture_criteria.threshold_margin`."""
+    """Judge the manipulability of a box against its threshold; terms as in `threshold_margin`."""
     arm, asked = distances.thresholds.arm, distances.thresholds.asked
     if asked.least <= 0.0:
         return Verdict.PROVEN

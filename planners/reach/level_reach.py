@@ -39,8 +39,8 @@ ENOUGH = 1e-3  # what the outer bound may stand off from the inner one [m]
 def inner_reach(chain: Chain, rise: float) -> Intervals:
     """Distances between pivot axis and target that are proven to be in reach, as ascending intervals.
 
-    Every distance of an interval is that of some posture within the limits (`meridian_plane`), but for rounding
-    far below a nanometre. Distances that no walk from some 50 to 150 postures met are missing.
+    Every distance of an interval is that of some posture within the limits (`meridian_plane`), but for
+    rounding far below a nanometre. Distances that no walk from some 50 to 150 postures met are missing.
 
     Parameters
     ----------
