@@ -59,7 +59,7 @@ def postures(robot: Robot, count: int) -> Array:
 
 def pinocchio_tools(path: Path, root: str | None, tip: str, names: tuple[str, ...], joints: Array) -> Array:
     """Tool frames (n, 4, 4) in the root link, by pinocchio; all other joints at zero."""
-    import pinocchio as pin  # type: ignore[import-not-found, unused-ignore]
+    import pinocchio as pin
 
     model = pin.buildModelFromUrdf(str(path))
     data = model.createData()

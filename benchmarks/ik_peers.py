@@ -28,7 +28,7 @@ def bounds(chain: Chain) -> tuple[Array, Array]:
 
 def trac_ik(chain: Chain, tolerance: float, timeout: float) -> Ask:
     """TRAC-IK (C++): Newton steps with restarts beside sequential quadratic programming, two threads."""
-    import pytracik  # type: ignore[import-not-found, unused-ignore]
+    import pytracik
 
     eps = tolerance / np.sqrt(3)  # it asks it of every component of position and turn
     solver = pytracik.TRAC_IK("l0", "tip", _urdf(chain), timeout, eps, pytracik.SolveType.Speed)
@@ -47,8 +47,8 @@ def toolbox(
 
     It weighs angles against lengths by ``turn_weight``, and so ends where both are within the tolerance.
     """
-    import roboticstoolbox as rtb  # type: ignore[import-not-found, unused-ignore]
-    from spatialmath import SE3  # type: ignore[import-not-found, unused-ignore]
+    import roboticstoolbox as rtb
+    from spatialmath import SE3
 
     lower, upper = bounds(chain)
     ets = rtb.ETS()
@@ -73,11 +73,11 @@ def pink(
     chain: Chain, tolerance: float, angle_tolerance: float, posed: bool, starts: Array, steps: int
 ) -> Ask:
     """Pink's differential inverse kinematics by quadratic programs, stepped until there, with restarts."""
-    import pinocchio as pin  # type: ignore[import-not-found, unused-ignore]
-    from pink import Configuration, solve_ik  # type: ignore[import-not-found, unused-ignore]
-    from pink.exceptions import PinkError  # type: ignore[import-not-found, unused-ignore]
-    from pink.limits import ConfigurationLimit  # type: ignore[import-not-found, unused-ignore]
-    from pink.tasks import FrameTask  # type: ignore[import-not-found, unused-ignore]
+    import pinocchio as pin
+    from pink import Configuration, solve_ik
+    from pink.exceptions import PinkError
+    from pink.limits import ConfigurationLimit
+    from pink.tasks import FrameTask
 
     model = pinocchio_model(chain, pin)
     data = model.createData()  # type: ignore[attr-defined]

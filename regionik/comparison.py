@@ -25,7 +25,7 @@ from regionik.planners.solvers.damped_least_squares import Aim
 from regionik.planners.solvers.mfabrik_serial import in_arm_frame
 from regionik.postures.arm import aim_of, goal_error
 from regionik.postures.arm_guard import guard_of
-from regionik.postures.poses import axis_of, pose, pose_of
+from regionik.postures.poses import axis_of, configuration_pose, pose_of
 from regionik.pruning import choose_chain, solvers_along, start_place, whole_path
 from regionik.values import Configuration
 from regionik.worlds.arrays import Array
@@ -321,7 +321,7 @@ def _score(world: World, name: str, answers: Sequence[Configuration], seconds: f
         median_error=float(np.median(missed[:, 0])),
         worst_error=float(missed[:, 0].max()),
         over_limits=int(over.sum()),
-        collisions=sum(guard.touch(pose(one)).kind != "none" for one in answers),
+        collisions=sum(guard.touch(configuration_pose(one)).kind != "none" for one in answers),
         off_floor=sum(not fits(room, *one.base.tolist()) for one in answers),
     )
 

@@ -25,10 +25,14 @@ from contextlib import contextmanager
 from multiprocessing import connection, parent_process
 from multiprocessing.context import SpawnContext, SpawnProcess
 from threading import Lock, Thread
-from typing import Generic, TypeVar
+from typing import TYPE_CHECKING, Generic, ParamSpec, TypeVar
 
 from regionik.worlds.errors import EngineError, InputError
 from regionik.worlds.scene import World
+
+if TYPE_CHECKING:
+    from distributed import Client
+    from distributed import Future as DaskFuture
 
 AHEAD = 32  # chunks handed out before the first of them is back
 FRESH_POOLS = 3  # tried one after the other without a result
@@ -40,6 +44,7 @@ _TRACKER_WARNING = "ignore:resource_tracker:UserWarning"
 Pool = Executor | Callable[[], Executor]
 Item = TypeVar("Item")
 Result = TypeVar("Result")
+Call = ParamSpec("Call")
 
 
 class _WorldNeeded:
@@ -209,6 +214,33 @@ def _end_with_parent() -> None:
 # --- a Dask cluster
 
 
+class _DaskExecutor(Executor):
+    """A Dask client as an executor.
+
+    The client's own one takes a result for an error when its worker is lost just as it is fetched.
+    """
+
+    def __init__(self, client: Client) -> None:
+        self._client = client
+
+    def submit(
+        self, fn: Callable[Call, Result], /, *args: Call.args, **kwargs: Call.kwargs
+    ) -> Future[Result]:
+        future: Future[Result] = Future()
+        task = self._client.submit(fn, *args, **kwargs, pure=False)
+        task.add_done_callback(lambda done: _pass_on(done, future))
+        return future
+
+
+def _pass_on(task: DaskFuture[Result], future: Future[Result]) -> None:
+    """Give a future the result of a task; asking for it waits until a lost one is computed again."""
+    if future.set_running_or_notify_cancel():
+        try:
+            future.set_result(task.result())
+        except BaseException as error:
+            future.set_exception(error)
+
+
 @contextmanager
 def dask_executor(address: str) -> Iterator[tuple[Executor, int]]:
     """Yield the workers of a Dask scheduler as an executor, and how many chunks to hand out ahead.
@@ -238,9 +270,9 @@ def dask_executor(address: str) -> Iterator[tuple[Executor, int]]:
     except (OSError, ValueError, CommClosedError) as error:
         raise InputError(f"{address}: expected the address of a Dask scheduler: {error}") from None
     try:
-        with client, client.get_executor(pure=False) as executor:
+        with client:
             threads = sum(client.nthreads().values())
-            yield executor, max(AHEAD, CHUNKS_PER_THREAD * threads)
+            yield _DaskExecutor(client), max(AHEAD, CHUNKS_PER_THREAD * threads)
     except KilledWorker as error:
         raise EngineError(f"{address}: a chunk ended worker after worker: {error}") from None
     except (CancelledError, CommClosedError) as error:

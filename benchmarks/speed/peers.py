@@ -36,7 +36,7 @@ def toolbox_lm(chain: Chain) -> Iterator[tuple[str, Ask]]:
 
 def pinocchio_loop(chain: Chain) -> Iterator[tuple[str, Ask]]:
     """Damped least squares in Python on pinocchio's Jacobians, joints clipped to their limits."""
-    import pinocchio as pin  # type: ignore[import-not-found, import-untyped, unused-ignore]
+    import pinocchio as pin
 
     model = pinocchio_model(chain, pin)
     data, tip = model.createData(), model.getFrameId("tip")  # type: ignore[attr-defined]
@@ -59,10 +59,10 @@ def pinocchio_loop(chain: Chain) -> Iterator[tuple[str, Ask]]:
 
 def pink_loop(chain: Chain) -> Iterator[tuple[str, Ask]]:
     """Pink's quadratic programs, stepped until there, by daqp: limits in the program, or clipped."""
-    import pinocchio as pin  # type: ignore[import-not-found, import-untyped, unused-ignore]
-    from pink import Configuration, solve_ik  # type: ignore[import-not-found, unused-ignore]
-    from pink.limits import ConfigurationLimit  # type: ignore[import-not-found, unused-ignore]
-    from pink.tasks import FrameTask  # type: ignore[import-not-found, unused-ignore]
+    import pinocchio as pin
+    from pink import Configuration, solve_ik
+    from pink.limits import ConfigurationLimit
+    from pink.tasks import FrameTask
 
     model = pinocchio_model(chain, pin)
     data = model.createData()  # type: ignore[attr-defined]
@@ -87,8 +87,8 @@ def pink_loop(chain: Chain) -> Iterator[tuple[str, Ask]]:
 
 def mink_loop(chain: Chain) -> Iterator[tuple[str, Ask]]:
     """Mink's quadratic programs on MuJoCo, stepped until there by daqp: limits kept in them, or clipped."""
-    import mink  # type: ignore[import-not-found, unused-ignore]
-    import mujoco  # type: ignore[import-not-found, unused-ignore]
+    import mink
+    import mujoco
 
     model = mujoco.MjModel.from_xml_string(_mjcf(chain))
     state = mink.Configuration(model)
@@ -113,8 +113,8 @@ def mink_loop(chain: Chain) -> Iterator[tuple[str, Ask]]:
 
 def ikpy_search(chain: Chain) -> Iterator[tuple[str, Ask]]:
     """ikpy's minimisation by SciPy, bounds and all."""
-    from ikpy.chain import Chain as Peer  # type: ignore[import-not-found, unused-ignore]
-    from ikpy.link import OriginLink, URDFLink  # type: ignore[import-not-found, unused-ignore]
+    from ikpy.chain import Chain as Peer
+    from ikpy.link import OriginLink, URDFLink
 
     lower, upper = bounds(chain)
     links = [OriginLink()]

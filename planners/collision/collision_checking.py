@@ -32,7 +32,7 @@ from regionik.planners.collision.robot_motion import (
     segment_between,
     speed_bounds,
     tool_speed,
-    transform_points,
+    transform_into,
 )
 from regionik.planners.kernels import compiled
 from regionik.worlds.arrays import Array
@@ -58,7 +58,7 @@ def advance(scene: RobotScene, motion: MotionSegment, k: int, m: int, margin: fl
     s = 0.0
     for _ in range(MOST_STEPS):
         link_frames(robot, motion, s, frame, frames)
-        transform_points(frames[link], A, placed)
+        transform_into(frames[link], A, placed)
         free = hull_distance(placed, B, hulls.disc[m], normal, spot)[0] - need
         step = 0.0
         if free > 0.0:
@@ -93,7 +93,7 @@ def swept_boxes(robot: MobileArm, links: LinkHulls, motion: MotionSegment, boxes
         link_frames(robot, motion, c / chords, WORLD, frames)
         for k in range(len(links.link)):
             a, b = links.first[k], links.first[k + 1]
-            transform_points(frames[links.link[k]], links.corners[a:b], placed[a:b])
+            transform_into(frames[links.link[k]], links.corners[a:b], placed[a:b])
             for d in range(3):
                 for j in range(a, b):
                     boxes[k, 0, d] = min(boxes[k, 0, d], placed[j, d])
@@ -229,7 +229,7 @@ def _bound_by_hulls(
 def _place_solid(links: LinkHulls, k: int, frames: Array, placed: Array) -> None:
     """Write the corners of a solid as its link's frame has them, among those of all solids (c, 3)."""
     a, b = links.first[k], links.first[k + 1]
-    transform_points(frames[links.link[k]], links.corners[a:b], placed[a:b])
+    transform_into(frames[links.link[k]], links.corners[a:b], placed[a:b])
 
 
 @compiled

@@ -18,7 +18,7 @@ from regionik.planners.collision.robot_motion import (
     link_twist,
     speed_bounds,
     tool_speed,
-    transform_points,
+    transform_into,
 )
 from regionik.planners.kernels import compiled
 from regionik.worlds.arrays import Array
@@ -159,8 +159,8 @@ def contact_time(
     a, b, link = links.first[k], links.first[k + 1], links.link[k]
     A, B = links.corners[a:b], hulls.corners[hulls.first[m] : hulls.first[m + 1]]
     core, placed = np.empty_like(A), np.empty_like(A)
-    transform_points(frames[link], links.core[a:b], core)
-    transform_points(frames[link], A, placed)
+    transform_into(frames[link], links.core[a:b], core)
+    transform_into(frames[link], A, placed)
     n, spot = np.zeros(3), np.empty(3)
     ball = hulls.ball[m] - contact.clearance
     gap = _triangle_distance(core, B, n) if len(B) == 3 else 0.0

@@ -202,7 +202,7 @@ def count_on_line(
 
 
 @compiled
-def transform_points(frame: Array, points: Array, out: Array) -> None:
+def transform_into(frame: Array, points: Array, out: Array) -> None:
     """Write points (n, 3) of a frame, seen from where the frame is seen."""
     for k in range(len(points)):
         x, y, z = points[k]

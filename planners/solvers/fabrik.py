@@ -71,7 +71,7 @@ def bend_limits(row: Array) -> BendLimits:
 
 
 @compiled
-def unit_vector(angle: float) -> Pair:
+def direction(angle: float) -> Pair:
     """Unit vector of an angle [rad]."""
     return math.cos(angle), math.sin(angle)
 
@@ -79,8 +79,8 @@ def unit_vector(angle: float) -> Pair:
 @compiled
 def knots_at(links: PlanarLinks, bends: Triple) -> Knots:
     """Forward kinematics in the plane."""
-    u, v = unit_vector(bends[0]), unit_vector(bends[0] + bends[1])
-    return _knots(links, u, v, unit_vector(bends[0] + bends[1] + bends[2]))
+    u, v = direction(bends[0]), direction(bends[0] + bends[1])
+    return _knots(links, u, v, direction(bends[0] + bends[1] + bends[2]))
 
 
 @compiled

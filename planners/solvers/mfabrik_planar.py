@@ -23,9 +23,9 @@ from regionik.planners.solvers.fabrik import (
     Triple,
     backward_reaching,
     bends_of,
+    direction,
     forward_reaching,
     knots_at,
-    unit_vector,
 )
 from regionik.planners.solvers.planar_kinematics import (
     PlanarLinkage,
@@ -73,8 +73,8 @@ def planar_passes(
     It ends after ``most`` passes, or ``patience`` of them without progress.
     """
     x, y, z = start.x, start.y, goal.target[2]
-    u, v = unit_vector(start.yaw)
-    tool = unit_vector(goal.pitch) if np.isfinite(goal.pitch) else ANY
+    u, v = direction(start.yaw)
+    tool = direction(goal.pitch) if np.isfinite(goal.pitch) else ANY
     knots = knots_at(links, start.bends)
     ex, ey, ez = x + knots[4] * u - goal.target[0], y + knots[4] * v - goal.target[1], knots[5] - z
     error = math.sqrt(ex * ex + ey * ey + ez * ez)  # M-FABRIK, Alg. 1 l. 8

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from regionik.planners.geometry.angles import wrap
 from regionik.planners.kernels import compiled
 from regionik.planners.solvers.base_placement import Turning, share_turn
-from regionik.planners.solvers.fabrik import Pair, PlanarLinks, Triple, bend_limits, unit_vector
+from regionik.planners.solvers.fabrik import Pair, PlanarLinks, Triple, bend_limits, direction
 from regionik.planners.solvers.planar_kinematics import PlanarLinkage
 from regionik.worlds.arrays import Array
 
@@ -124,7 +124,7 @@ def state_of(setup: PlanarSetup, base: Array, joints: Array) -> PlanarState:
 @compiled
 def to_axis(setup: PlanarSetup, yaw: float) -> Pair:
     """From the base to the arm axis [m]."""
-    c, s = unit_vector(yaw)
+    c, s = direction(yaw)
     return c * setup.mount[0] - s * setup.mount[1], s * setup.mount[0] + c * setup.mount[1]
 
 

@@ -14,7 +14,7 @@ from regionik.planners.collision.robot_motion import bases_between
 from regionik.planners.driving.footprint import FootprintScene, fits
 from regionik.planners.geometry.polylines import leg_lengths, spread_along
 from regionik.postures.arm_guard import Guard
-from regionik.postures.poses import LARGEST_BEND, Pose, axis_of, pose, turn_to
+from regionik.postures.poses import LARGEST_BEND, Pose, axis_of, configuration_pose, turn_to
 from regionik.values import Configuration
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import World
@@ -32,7 +32,7 @@ class Candidate:
     @property
     def pose(self) -> Pose:
         """Base and arm."""
-        return pose(self.found)
+        return configuration_pose(self.found)
 
 
 class BasePath(NamedTuple):

@@ -22,7 +22,7 @@ from regionik.planners.geometry.polylines import between, laid_out
 from regionik.postures.arm import deviation, goal_between
 from regionik.postures.arm_guard import Guard
 from regionik.postures.families import Family
-from regionik.postures.poses import LARGEST_BEND, Pose, Row, arrays, pose, pose_of
+from regionik.postures.poses import LARGEST_BEND, Pose, Row, arrays, configuration_pose, pose_of
 from regionik.values import Configuration
 from regionik.worlds.arms import pivot_index, with_pivot
 from regionik.worlds.arrays import Array, Index
@@ -249,7 +249,7 @@ def _solve(solver: Solver, segment: PathSegment, at: SegmentPoint, near: Pose) -
         found = solver.least_change(tool, base, wished)
     if found is None:
         return None
-    return Pose(base, found.joints) if bound else pose(found)
+    return Pose(base, found.joints) if bound else configuration_pose(found)
 
 
 def _columns(places: list[SegmentPoint]) -> tuple[Index, Array]:

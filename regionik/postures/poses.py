@@ -34,7 +34,7 @@ class Row:
     setpoint: int
 
 
-def pose(configuration: Configuration) -> Pose:
+def configuration_pose(configuration: Configuration) -> Pose:
     """Base and arm of a configuration."""
     return Pose(configuration.base, configuration.joints)
 
