@@ -25,6 +25,7 @@ from regionik.reachability.any_base import can_search, search_any_base
 from regionik.reachability.reach import reach
 from regionik.reachability.target_search import TargetSearch
 from regionik.regions import has_no_known_place, planned_areas
+from regionik.smoothing import smooth_motion
 from regionik.timing.retime import retime
 from regionik.tracker import can_track, plan_tracked
 from regionik.values import Configuration, Plan, PlannedArea, Stop
@@ -210,7 +211,9 @@ def _plan_path(world: World, seed: int, tell: Progress) -> Plan:
     _refuse(_not_converged(world, goals))
     joined = connect_configurations(world, pruned, chain, goals, standing, seed, tell)
     shown = planned_areas(world, areas, pruned.area)
-    return _verified(_finished(world, seed, joined, shown), tell)
+    found = _verified(_finished(world, seed, joined, shown), tell)
+    tell("smoothing", 0, 1)
+    return smooth_motion(found, standing)
 
 
 def _plan_stops(world: World, seed: int, tell: Progress) -> Plan:

@@ -15,6 +15,7 @@ ENGINES = {
     "ompl": {"planners/driving/sampling.py"},
     "fcl": {"planners/collision/meshes.py"},
     "meshcat": {"regionik/view/viewer.py"},
+    "piqp": {"planners/smoothing/quadratic_program.py"},
     "toppra": {"planners/timing/time_optimal.py"},
     "matplotlib": {"regionik/view/figures.py"},
     "typer": {

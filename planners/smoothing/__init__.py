@@ -1,0 +1,1 @@
+"""Smooth motion of base and arm along a whole path."""

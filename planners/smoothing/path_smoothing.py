@@ -1,0 +1,204 @@
+"""Base and arm along a whole path, made smooth together: the tool stays on its path, the redundancy is free.
+
+Sequential quadratic programming. The second differences of the robot's coordinates along the path are made
+small, which are its accelerations at an even speed of the tool. What holds the tool on its path is linear in
+each round, and limits, areas and clearances are half-spaces there; a trust region keeps the rounds honest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import block_diag, csc_array, csr_array, diags_array, kron
+from scipy.spatial.transform import Rotation
+
+from regionik.planners.smoothing.quadratic_program import minimize_quadratic
+from regionik.planners.solvers.damped_least_squares import DIRECTION, ORIENTATION
+from regionik.worlds.arrays import Array, Index
+from regionik.worlds.robot import Robot
+
+ROUNDS, REFINEMENTS = 25, 6  # of the programs; of the tool at last
+LEAST_GAIN = 2e-3  # part of the cost, for another round
+FIRST_TRUST, LEAST_TRUST = 0.3, 1e-3  # largest change of a coordinate in a round [m] or [rad]
+TOOL_WEIGHT = 1e4  # of the tool's error against the mean of the roughness
+ANGLE_LENGTH = 0.3  # weighs angles of the tool against lengths [m/rad]
+LENGTH_COST = 0.05  # of motion itself, against its bending along a metre of path
+CORNER_WEIGHT = 0.02  # of bending where the tool's own path has a corner
+FLAT = 1e-6  # singular values below this part of the largest are left out
+
+
+@dataclass(frozen=True, eq=False)
+class HalfSpaces:
+    """Linear constraints on changes of states: ``normal @ change`` of a ``state`` is at least ``least``."""
+
+    state: Index  # (k,)
+    normal: Array  # (k, m)
+    least: Array  # (k,)
+
+
+@dataclass(frozen=True, eq=False)
+class PathProblem:
+    """States along a path of the tool, of coordinates x, y, yaw and joints (n, m).
+
+    Attributes
+    ----------
+    robot : Robot
+    parameter : (n,) array
+        Place of each state along the path, ascending [m].
+    corner : (n,) array of bool
+        States in which the tool's own path turns sharply.
+    position : (n, 3) array
+        Of the tool [m].
+    kind : (n,) array of int
+        What is asked of the tool's axes, see `damped_least_squares.Aim`.
+    turn : (n, 3, 3) array
+    cone : (n,) array
+        [rad]
+    scale : (m,) array
+        Weight of each coordinate: the inverse of the acceleration that it may have.
+    lower, upper : (n, m) array
+        Limits of the coordinates; equal where a coordinate is held.
+    keep : callable
+        Half-spaces that hold near given states (n, m).
+    """
+
+    robot: Robot
+    parameter: Array
+    corner: NDArray[np.bool_]
+    position: Array
+    kind: Index
+    turn: Array
+    cone: Array
+    scale: Array
+    lower: Array
+    upper: Array
+    keep: Callable[[Array], HalfSpaces]
+
+
+def smooth_path(problem: PathProblem, states: Array) -> Array:
+    """Return the states (n, m) made smooth, the tool on its path to rounding where the arm lets it."""
+    rough = _roughness(problem)
+    states = _on_path(problem, states)
+    trust, best = FIRST_TRUST, _cost(problem, rough, states)
+    for _ in range(ROUNDS):
+        step = _step(problem, rough, states, trust)
+        if step is None:
+            break
+        tried = _on_path(problem, states + step)
+        cost = _cost(problem, rough, tried)
+        if cost < best:
+            gain, states, best = best - cost, tried, cost
+            trust = min(2.0 * trust, FIRST_TRUST)
+            if gain < LEAST_GAIN * best:
+                break
+        else:
+            trust *= 0.3
+            if trust < LEAST_TRUST:
+                break
+    return states
+
+
+def _roughness(problem: PathProblem) -> csc_array:
+    """Quadratic form of all coordinates, its mean curvature 1: bending, and a little of length."""
+    t, n = problem.parameter, len(problem.parameter)
+    h = np.diff(t)
+    weight = np.sqrt(np.where(problem.corner[1:-1], CORNER_WEIGHT, 1.0) * (h[:-1] + h[1:]) / 2)
+    mean = (h[:-1] + h[1:]) / 2
+    inner = np.arange(n - 2)
+    values = np.concatenate([1 / h[:-1], -(1 / h[:-1] + 1 / h[1:]), 1 / h[1:]]) * np.tile(weight / mean, 3)
+    columns = np.concatenate([inner, inner + 1, inner + 2])
+    bend = csr_array((values, (np.tile(inner, 3), columns)), shape=(n - 2, n))
+    hop, slope = np.arange(n - 1), np.sqrt(LENGTH_COST / h)
+    length = csr_array(
+        (np.concatenate([-slope, slope]), (np.tile(hop, 2), np.concatenate([hop, hop + 1]))), shape=(n - 1, n)
+    )
+    form = kron(bend.T @ bend + length.T @ length, diags_array(problem.scale**2), format="csc")
+    return csc_array(form / form.diagonal().mean())
+
+
+def _cost(problem: PathProblem, rough: csc_array, states: Array) -> float:
+    miss, _ = _tool(problem, states)
+    flat = states.ravel()
+    return float(0.5 * flat @ (rough @ flat) + 0.5 * TOOL_WEIGHT * np.sum(miss**2))
+
+
+def _step(problem: PathProblem, rough: csc_array, states: Array, trust: float) -> Array | None:
+    """Change of all states that one quadratic program finds best within the trust region."""
+    miss, J = _tool(problem, states)
+    blocks = np.einsum("nij,nik->njk", J, J)
+    hessian = rough + TOOL_WEIGHT * block_diag(list(blocks), format="csc")
+    gradient = rough @ states.ravel() - TOOL_WEIGHT * np.einsum("nij,ni->nj", J, miss).ravel()
+    kept = problem.keep(states)
+    n, m = states.shape
+    columns = kept.state[:, None] * m + np.arange(m)
+    rows = csc_array(
+        (kept.normal.ravel(), (np.repeat(np.arange(len(kept.least)), m), columns.ravel())),
+        shape=(len(kept.least), n * m),
+    )
+    lower = np.clip(problem.lower - states, -trust, 0.0).ravel()
+    upper = np.clip(problem.upper - states, 0.0, trust).ravel()
+    found = minimize_quadratic(csc_array(hessian), gradient, rows, kept.least, lower, upper)
+    return None if found is None else np.clip(found, lower, upper).reshape(n, m)
+
+
+def _tool(problem: PathProblem, states: Array) -> tuple[Array, Array]:
+    """What the tool misses at each state, angles as lengths (n, 6), and how states change it (n, 6, m)."""
+    frame, J = tool_jacobians(problem.robot, states)
+    miss = np.zeros((len(states), 6))
+    miss[:, :3] = problem.position - frame[:, :3, 3]
+    miss[:, 3:] = _turn_left(problem, frame[:, :3, :3])
+    angle = np.linalg.norm(miss[:, 3:], axis=1)
+    beyond = np.maximum(angle - problem.cone, 0.0) / np.maximum(angle, 1e-300)
+    miss[:, 3:] *= ANGLE_LENGTH * beyond[:, None]
+    asked = np.where((problem.kind > 0) & ((problem.cone == 0) | (beyond > 0)), ANGLE_LENGTH, 0.0)
+    J[:, 3:] *= asked[:, None, None]
+    axis = frame[:, :3, 2] * (problem.kind == DIRECTION)[:, None]
+    J[:, 3:] -= axis[:, :, None] * np.einsum("ni,nij->nj", axis, J[:, 3:])[:, None]  # its roll is free
+    return miss, J
+
+
+def _turn_left(problem: PathProblem, turned: Array) -> Array:
+    """Rotation vectors (n, 3) from tool frames to what is asked of them; zero where nothing is."""
+    left = np.zeros((len(turned), 3))
+    whole, pointed = problem.kind == ORIENTATION, problem.kind == DIRECTION
+    if whole.any():
+        way = problem.turn[whole] @ np.swapaxes(turned[whole], 1, 2)
+        left[whole] = Rotation.from_matrix(way).as_rotvec()
+    if pointed.any():
+        axis, asked = turned[pointed, :, 2], problem.turn[pointed, :, 2]
+        normal = np.cross(axis, asked)
+        sine = np.linalg.norm(normal, axis=1)
+        angle = np.arctan2(sine, np.einsum("ni,ni->n", axis, asked))
+        left[pointed] = normal * (angle / np.maximum(sine, 1e-300))[:, None]
+    return left
+
+
+def _on_path(problem: PathProblem, states: Array) -> Array:
+    """Bring the tool onto its path by the least changes of the coordinates that are free."""
+    free = (problem.upper > problem.lower) / problem.scale
+    for _ in range(REFINEMENTS):
+        miss, J = _tool(problem, states)
+        step = free * np.einsum("nij,nj->ni", np.linalg.pinv(J * free[:, None, :], rcond=FLAT), miss)
+        states = np.clip(states + step, problem.lower, problem.upper)
+    return states
+
+
+def tool_jacobians(robot: Robot, states: Array) -> tuple[Array, Array]:
+    """Tool frames (n, 4, 4) and how coordinates x, y, yaw and joints move and turn them, (n, 6, m)."""
+    base, joints = states[:, :3], states[:, 3:]
+    frames = robot.frames(base, joints)
+    tool = frames[:, -1, :3, 3]
+    J = np.zeros((len(states), 6, states.shape[1]))
+    J[:, 0, 0] = J[:, 1, 1] = 1.0
+    up, origin = np.array([0.0, 0.0, 1.0]), np.column_stack([base[:, :2], np.zeros(len(base))])
+    J[:, :3, 2], J[:, 3:, 2] = np.cross(up, tool - origin), up
+    for k, joint in enumerate(robot.chain.joints):
+        axis = frames[:, k, :3, :3] @ joint.axis
+        if joint.kind == "revolute":
+            J[:, :3, 3 + k], J[:, 3:, 3 + k] = np.cross(axis, tool - frames[:, k, :3, 3]), axis
+        else:
+            J[:, :3, 3 + k] = axis
+    return frames[:, -1], J
