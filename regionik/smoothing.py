@@ -21,7 +21,7 @@ from regionik.areas.ground import Geometries
 from regionik.areas.standing import Standing
 from regionik.planners.collision.proximity import Touch, nearest, state_clear
 from regionik.planners.geometry.angles import wrap
-from regionik.planners.smoothing.path_smoothing import HalfSpaces, PathProblem, smooth_path
+from regionik.planners.smoothing.path_smoothing import HalfSpaces, PathProblem, on_path, smooth_states
 from regionik.postures.arm import aim_of, goal_between
 from regionik.postures.arm_guard import Guard, guard_of
 from regionik.postures.poses import axis_of
@@ -44,6 +44,7 @@ SHORTEST_RUN = 3  # states
 AREA_MARGIN, ARM_MARGIN = 0.03, 0.01  # kept where there is room [m]
 JOINT_MARGIN = math.radians(2)  # [rad]
 NEAR = 0.05  # distance from which a link's clearance is looked after [m]
+OUTSIDE = 1e-9  # of its area, by rounding [m]
 RECOVERY = 0.01  # by which a state outside is asked to come back in a round [m]
 TRIES = 6  # of proving a smoothed plan
 BESIDE = 6  # states on either side of one that fails which are held closer
@@ -76,7 +77,7 @@ def smooth_motion(plan: Plan, standing: Standing) -> Plan:
 def _proven(plan: Plan, runs: list[_Run]) -> tuple[Plan, bool]:
     """The plan with those runs smoothed that can be proven so, and whether all of them were."""
     tubes = [np.full(len(run.states), np.inf) for run in runs]
-    smoothed = [run.smoothed(tube) for run, tube in zip(runs, tubes, strict=True)]
+    smoothed = [run.smoothed(tube, run.states) for run, tube in zip(runs, tubes, strict=True)]
     failed = dict[int, list[int]]()
     for _ in range(TRIES):
         found, failed = _checked(plan, runs, smoothed)
@@ -84,7 +85,7 @@ def _proven(plan: Plan, runs: list[_Run]) -> tuple[Plan, bool]:
             return found, True
         for k, rows in failed.items():
             tubes[k] = _held_closer(runs[k], smoothed[k], tubes[k], rows)
-            smoothed[k] = runs[k].smoothed(tubes[k])
+            smoothed[k] = runs[k].smoothed(tubes[k], smoothed[k])
     kept = [k for k in range(len(runs)) if k not in failed]
     found, _ = _checked(plan, [runs[k] for k in kept], [smoothed[k] for k in kept])
     return found or plan, False
@@ -115,6 +116,8 @@ class _Run:
         States that are set-points.
     states : (n, m) array
         x, y, yaw and joints, before smoothing.
+    areas : (k,) array of geometry
+        Of the arm axis at the set-points.
     problem : PathProblem
         With the coordinates held that must be.
     """
@@ -124,14 +127,28 @@ class _Run:
     owner: Index
     worked: NDArray[np.bool_]
     states: Array
+    areas: Geometries
     problem: PathProblem
 
-    def smoothed(self, tube: Array) -> Array:
-        """The states smoothed, each within its ``tube`` (n,) of what it was [m] or [rad]."""
-        states, problem = self.states, self.problem
-        lower = np.maximum(problem.lower, states - tube[:, None])
-        upper = np.minimum(problem.upper, states + tube[:, None])
-        return smooth_path(replace(problem, lower=lower, upper=upper), states)
+    def smoothed(self, tube: Array, start: Array) -> Array:
+        """States from a start on smoothed, each within its ``tube`` (n,) of what it was [m] or [rad]."""
+        lower = np.maximum(self.problem.lower, self.states - tube[:, None])
+        upper = np.minimum(self.problem.upper, self.states + tube[:, None])
+        problem = replace(self.problem, lower=lower, upper=upper)
+        return self._within(problem, smooth_states(problem, np.clip(start, lower, upper)))
+
+    def _within(self, problem: PathProblem, states: Array) -> Array:
+        """States whose arm axis stands in its area to rounding, where it was there before."""
+        axis = axis_of(problem.robot, states[:, :3])
+        lines = shapely.shortest_line(self.areas, shapely.points(axis[self.worked]))
+        back = shapely.get_coordinates(lines).reshape(-1, 2, 2)[:, 0] - axis[self.worked]
+        if not back.any():
+            return states
+        moved = states.copy()
+        moved[self.worked, :2] += back
+        held = np.arange(states.shape[1]) < 3
+        lower, upper = (np.where(held, moved, ends) for ends in (problem.lower, problem.upper))
+        return on_path(replace(problem, lower=lower, upper=upper), moved)
 
 
 def _runs(plan: Plan, standing: Standing, evenly: bool) -> Iterator[_Run]:
@@ -171,7 +188,9 @@ class _Layout:
             states = np.stack([np.interp(at, places[unique], column) for column in before[unique].T], axis=1)
             states[0], states[-1] = before[0], before[-1]
         held = first > 0, last < len(motion) - 1
-        return _Run(first, last, owner, worked, states, self._problem(states, owner, worked, at, held))
+        areas = np.array([self.plan.areas[i].pruned for i in owner[worked]])
+        problem = self._problem(states, owner, worked, at, held)
+        return _Run(first, last, owner, worked, states, areas, problem)
 
     def _places(self, first: int, last: int) -> Array:
         """Places of old states along the path: the set-point, and the share of the way to the next."""
@@ -412,10 +431,9 @@ def _failures(
                 yield k, min(max(violation.state - start, 0), len(states) - 1)
     for k, (run, states) in enumerate(zip(runs, smoothed, strict=True)):
         worked = np.flatnonzero(run.worked)
-        areas = np.array([found.areas[i].pruned for i in run.owner[worked]])
         axis = shapely.points(axis_of(found.world.robot, states[worked, :3]))
         moved = (states[worked] != run.states[worked]).any(axis=1)
-        yield from ((k, int(row)) for row in worked[moved & (shapely.distance(areas, axis) > 1e-9)])
+        yield from ((k, int(row)) for row in worked[moved & (shapely.distance(run.areas, axis) > OUTSIDE)])
 
 
 def _held_closer(run: _Run, smoothed: Array, tube: Array, rows: list[int]) -> Array:

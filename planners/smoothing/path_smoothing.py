@@ -78,16 +78,16 @@ class PathProblem:
     keep: Callable[[Array], HalfSpaces]
 
 
-def smooth_path(problem: PathProblem, states: Array) -> Array:
+def smooth_states(problem: PathProblem, states: Array) -> Array:
     """Return the states (n, m) made smooth, the tool on its path to rounding where the arm lets it."""
     rough = _roughness(problem)
-    states = _on_path(problem, states)
+    states = on_path(problem, states)
     trust, best = FIRST_TRUST, _cost(problem, rough, states)
     for _ in range(ROUNDS):
         step = _step(problem, rough, states, trust)
         if step is None:
             break
-        tried = _on_path(problem, states + step)
+        tried = on_path(problem, states + step)
         cost = _cost(problem, rough, tried)
         if cost < best:
             gain, states, best = best - cost, tried, cost
@@ -176,7 +176,7 @@ def _turn_left(problem: PathProblem, turned: Array) -> Array:
     return left
 
 
-def _on_path(problem: PathProblem, states: Array) -> Array:
+def on_path(problem: PathProblem, states: Array) -> Array:
     """Bring the tool onto its path by the least changes of the coordinates that are free."""
     free = (problem.upper > problem.lower) / problem.scale
     for _ in range(REFINEMENTS):

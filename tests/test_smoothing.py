@@ -1,0 +1,163 @@
+"""Smoothing of whole runs: proven, on the path, less bent than before, and never at the cost of the plan."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+import pytest
+import shapely
+from scipy.optimize import lsq_linear
+from scipy.sparse import csc_array
+
+from regionik import pipeline, smoothing
+from regionik.planners.smoothing.path_smoothing import tool_jacobians
+from regionik.planners.smoothing.quadratic_program import minimize_quadratic
+from regionik.postures.poses import axis_of
+from regionik.pruning import whole_path
+from regionik.smoothing import smooth_motion
+from regionik.timing.retime import retime
+from regionik.values import Plan, Report, Violation
+from regionik.verification.verifier import verify
+from regionik.worlds.arrays import Array
+from regionik.worlds.bundled import robot_named
+from regionik.worlds.documents.world_file import load_world
+from regionik.worlds.scene import World
+from regionik.worlds.speeds import Speeds
+
+SMOOTHED = ("free", "l_shape", "pillar", "shelf", "slab", "wall")
+
+
+def as_found(world: World) -> Plan:
+    """The plan before it is smoothed."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(pipeline, "smooth_motion", lambda plan, standing: plan)
+        return pipeline.search(world)
+
+
+@lru_cache
+def both(name: str) -> tuple[Plan, Plan]:
+    world = load_world(name)
+    found = as_found(world)
+    return found, smooth_motion(found, whole_path(world)[0])
+
+
+def way_of_path(plan: Plan, k: int) -> float:
+    """Distance of the tool from its path at a state [m]."""
+    i, task = int(plan.motion.setpoint[k]), plan.world.task
+    tool, line = plan.tools()[k], [task[i].position, task[min(i + 1, len(task) - 1)].position]
+    way = line[1] - line[0]
+    share = np.clip((tool - line[0]) @ way / max(way @ way, 1e-12), 0, 1)
+    return float(np.linalg.norm(tool - line[0] - share * way))
+
+
+@pytest.mark.parametrize("name", SMOOTHED)
+def test_a_smoothed_plan_holds_and_lifts_the_tool_no_more(name: str) -> None:
+    found, smooth = both(name)
+    assert verify(smooth).ok
+    assert smooth is not found
+    assert smooth.lift_offs == found.lift_offs
+    transits = [plan.motion.base[plan.motion.kind == "transit"] for plan in (found, smooth)]
+    assert np.array_equal(*transits)
+
+
+@pytest.mark.parametrize("name", SMOOTHED)
+def test_the_tool_is_on_its_path_and_the_base_in_its_areas(name: str) -> None:
+    found, smooth = both(name)
+    old = {row.tobytes() for row in np.hstack([found.motion.base, found.motion.joints])}
+    rows = np.hstack([smooth.motion.base, smooth.motion.joints])
+    moved = [k for k, row in enumerate(rows) if row.tobytes() not in old]
+    assert len(moved) > 10
+    assert max(way_of_path(smooth, k) for k in moved) < 1e-6
+    for setpoint, area in zip(smooth.setpoints, smooth.areas, strict=True):
+        spot = shapely.Point(axis_of(smooth.world.robot, setpoint.base))
+        assert area.pruned.distance(spot) < 1e-6
+
+
+@pytest.mark.parametrize("name", SMOOTHED)
+def test_it_is_driven_sooner_and_holds_the_tools_speed_longer(name: str) -> None:
+    before, after = (retime(plan, Speeds(tool_velocity=0.2)) for plan in both(name))
+    assert after.motion.time[-1] < before.motion.time[-1]
+    assert after.stats["timing"]["tool"]["held"] > before.stats["timing"]["tool"]["held"]
+
+
+def test_the_same_bytes_again() -> None:
+    found, smooth = both("l_shape")
+    again = smooth_motion(found, whole_path(found.world)[0])
+    assert np.array_equal(again.motion.base, smooth.motion.base)
+    assert np.array_equal(again.motion.joints, smooth.motion.joints)
+
+
+def test_what_cannot_be_proven_stays_as_it_was(monkeypatch: pytest.MonkeyPatch) -> None:
+    found, _ = both("pillar")
+    refusal = Report(False, {}, (Violation("arm", 5, 0, 1.0, "no"),))
+    monkeypatch.setattr(smoothing, "verify", lambda plan: refusal)
+    assert smooth_motion(found, whole_path(found.world)[0]) is found
+
+
+def test_a_state_that_fails_is_held_closer(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A check that wants the base near to where it was is met in the end."""
+    found, free = both("l_shape")
+    near = np.array([configuration.base[:2] for configuration in found.setpoints])
+
+    def strict(plan: Plan) -> Report:
+        report = verify(plan)
+        for k in np.flatnonzero(plan.motion.kind == "setpoint").tolist():
+            i = int(plan.motion.setpoint[k])
+            if i == 20 and np.linalg.norm(plan.motion.base[k, :2] - near[i]) > 0.02:
+                far = Violation("base", k, i, 1.0, "too far")
+                return replace(report, ok=False, violations=(*report.violations, far))
+        return report
+
+    monkeypatch.setattr(smoothing, "verify", strict)
+    kept = smooth_motion(found, whole_path(found.world)[0])
+    assert np.linalg.norm(free.setpoints[20].base[:2] - near[20]) > 0.02
+    assert np.linalg.norm(kept.setpoints[20].base[:2] - near[20]) <= 0.02
+    assert kept is not found
+
+
+def test_a_base_on_wheels_keeps_its_way() -> None:
+    world = load_world("l_shape")
+    wheels = replace(world, robot=replace(world.robot, base="differential"))
+    found = as_found(wheels)
+    smooth = smooth_motion(found, whole_path(wheels)[0])
+    assert np.array_equal(smooth.motion.base, found.motion.base)
+    assert not np.array_equal(smooth.motion.joints, found.motion.joints)
+    assert verify(smooth).ok
+
+
+@pytest.mark.parametrize("name", ["youbot-real", "hinge5", "pioneer7"])
+def test_jacobians_are_differences(name: str) -> None:
+    robot = robot_named(name)
+    rng = np.random.default_rng(3)
+    states = rng.uniform(-1, 1, (20, 3 + robot.chain.dof))
+    frames, J = tool_jacobians(robot, states)
+    h = 1e-6
+    for c in range(states.shape[1]):
+        step = h * (np.arange(states.shape[1]) == c)
+        ahead, behind = (robot.tool(s[:, :3], s[:, 3:]) for s in (states + step, states - step))
+        assert np.abs((ahead - behind)[:, :3, 3] / (2 * h) - J[:, :3, c]).max() < 1e-8
+        turn = (ahead - behind)[:, :3, :3] / (2 * h) @ np.swapaxes(frames[:, :3, :3], 1, 2)
+        rate = np.stack([turn[:, 2, 1], turn[:, 0, 2], turn[:, 1, 0]], axis=1)
+        assert np.abs(rate - J[:, 3:, c]).max() < 1e-8
+
+
+def test_programs_are_solved_as_least_squares_within_bounds() -> None:
+    rng = np.random.default_rng(1)
+    for _ in range(20):
+        A, b = rng.normal(size=(9, 6)), rng.normal(size=9)
+        lower, upper = -rng.uniform(0, 1, 6), rng.uniform(0, 1, 6)
+        hessian, none = csc_array(A.T @ A), csc_array((0, 6))
+        found = minimize_quadratic(hessian, -A.T @ b, none, np.empty(0), lower, upper)
+        assert found is not None
+        wanted: Array = lsq_linear(A, b, (lower, upper), tol=1e-14).x
+        assert np.abs(found - wanted).max() < 1e-5
+
+
+def test_programs_without_an_answer_have_none() -> None:
+    row = csc_array(np.array([[1.0, 0.0]]))
+    assert (
+        minimize_quadratic(csc_array(np.eye(2)), np.zeros(2), row, np.ones(1), -np.ones(2), np.zeros(2))
+        is None
+    )
