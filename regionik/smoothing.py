@@ -42,6 +42,7 @@ SHARP = 0.35  # turn of the tool's path that is a corner [rad]
 MOST_STATES = 1500  # smoothed at once
 SHORTEST_RUN = 3  # states
 AREA_MARGIN, ARM_MARGIN = 0.03, 0.01  # kept where there is room [m]
+AREA_COST, ARM_COST = 1.0, 0.02  # of what is missing; where an arm is too near the proof will say [1/m]
 JOINT_MARGIN = math.radians(2)  # [rad]
 NEAR = 0.05  # distance from which a link's clearance is looked after [m]
 OUTSIDE = 1e-9  # of its area, by rounding [m]
@@ -289,9 +290,9 @@ class _Keeper:
         parts = [self._inside(states)] if not self.robot.drive.rolls else []
         parts += self._clear(states) if self.guard.on else []
         if not parts:
-            return HalfSpaces(np.empty(0, np.int64), np.empty((0, states.shape[1])), np.empty(0))
-        state, normal, least = zip(*((one.state, one.normal, one.least) for one in parts), strict=True)
-        return HalfSpaces(np.concatenate(state), np.concatenate(normal), np.concatenate(least))
+            return HalfSpaces(np.empty(0, np.int64), np.empty((0, states.shape[1])), np.empty(0), np.empty(0))
+        columns = ((one.state, one.normal, one.least, one.cost) for one in parts)
+        return HalfSpaces(*(np.concatenate(column) for column in zip(*columns, strict=True)))
 
     def _inside(self, states: Array) -> HalfSpaces:
         """The arm axis stays on its side of the nearest edge of its area."""
@@ -305,7 +306,8 @@ class _Keeper:
         normal = np.zeros(states.shape)
         normal[:, :2] = unit
         normal[:, 2] = unit[:, 1] * (axis - states[:, :2])[:, 0] - unit[:, 0] * (axis - states[:, :2])[:, 1]
-        return HalfSpaces(np.arange(len(states)), normal, _least(sign * depth, AREA_MARGIN))
+        least = _least(sign * depth, AREA_MARGIN)
+        return HalfSpaces(np.arange(len(states)), normal, least, np.full(len(states), AREA_COST))
 
     def _clear(self, states: Array) -> list[HalfSpaces]:
         """Links that are near to something come no nearer than they may."""
@@ -319,7 +321,8 @@ class _Keeper:
             if touch.kind != "none":
                 room = np.array([self.guard.room(touch)])
                 normal = self._approach(touch, base, joints)[None]
-                rows.append(HalfSpaces(np.array([k]), normal, _least(room, ARM_MARGIN)))
+                least = _least(room, ARM_MARGIN)
+                rows.append(HalfSpaces(np.array([k]), normal, least, np.array([ARM_COST])))
         return rows
 
     def _approach(self, touch: Touch, base: Array, joints: Array) -> Array:

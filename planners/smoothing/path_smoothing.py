@@ -32,11 +32,22 @@ FLAT = 1e-6  # singular values below this part of the largest are left out
 
 @dataclass(frozen=True, eq=False)
 class HalfSpaces:
-    """Linear constraints on changes of states: ``normal @ change`` of a ``state`` is at least ``least``."""
+    """Linear constraints on changes of states: ``normal @ change`` of a ``state`` is at least ``least``.
 
-    state: Index  # (k,)
-    normal: Array  # (k, m)
-    least: Array  # (k,)
+    Attributes
+    ----------
+    state : (k,) array of int
+    normal : (k, m) array
+    least : (k,) array
+        Above 0 where a constraint does not hold yet [m].
+    cost : (k,) array
+        Of such a constraint [1/m].
+    """
+
+    state: Index
+    normal: Array
+    least: Array
+    cost: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,15 +93,17 @@ def smooth_states(problem: PathProblem, states: Array) -> Array:
     """Return the states (n, m) made smooth, the tool on its path to rounding where the arm lets it."""
     rough = _roughness(problem)
     states = on_path(problem, states)
-    trust, best = FIRST_TRUST, _cost(problem, rough, states)
+    kept = problem.keep(states)
+    trust, best = FIRST_TRUST, _cost(problem, rough, states, kept)
     for _ in range(ROUNDS):
-        step = _step(problem, rough, states, trust)
+        step = _step(problem, rough, states, kept, trust)
         if step is None:
             break
         tried = on_path(problem, states + step)
-        cost = _cost(problem, rough, tried)
+        kept_there = problem.keep(tried)
+        cost = _cost(problem, rough, tried, kept_there)
         if cost < best:
-            gain, states, best = best - cost, tried, cost
+            gain, states, kept, best = best - cost, tried, kept_there, cost
             trust = min(2.0 * trust, FIRST_TRUST)
             if gain < LEAST_GAIN * best:
                 break
@@ -119,19 +132,22 @@ def _roughness(problem: PathProblem) -> csc_array:
     return csc_array(form / form.diagonal().mean())
 
 
-def _cost(problem: PathProblem, rough: csc_array, states: Array) -> float:
+def _cost(problem: PathProblem, rough: csc_array, states: Array, kept: HalfSpaces) -> float:
+    """Roughness of states, and what the tool and the half-spaces miss."""
     miss, _ = _tool(problem, states)
     flat = states.ravel()
-    return float(0.5 * flat @ (rough @ flat) + 0.5 * TOOL_WEIGHT * np.sum(miss**2))
+    beyond = float(kept.cost @ np.maximum(kept.least, 0.0))
+    return float(0.5 * flat @ (rough @ flat) + 0.5 * TOOL_WEIGHT * np.sum(miss**2)) + beyond
 
 
-def _step(problem: PathProblem, rough: csc_array, states: Array, trust: float) -> Array | None:
+def _step(
+    problem: PathProblem, rough: csc_array, states: Array, kept: HalfSpaces, trust: float
+) -> Array | None:
     """Change of all states that one quadratic program finds best within the trust region."""
     miss, J = _tool(problem, states)
     blocks = np.einsum("nij,nik->njk", J, J)
     hessian = rough + TOOL_WEIGHT * block_diag(list(blocks), format="csc")
     gradient = rough @ states.ravel() - TOOL_WEIGHT * np.einsum("nij,ni->nj", J, miss).ravel()
-    kept = problem.keep(states)
     n, m = states.shape
     columns = kept.state[:, None] * m + np.arange(m)
     rows = csc_array(
