@@ -53,8 +53,8 @@ def retime(plan: Plan, speeds: Speeds | None = None, *, blend: float = BLEND, ho
     Returns
     -------
     Plan
-        With the time of every state, and verified. ``stats["timing"]`` has the duration, the share used of
-        each limit, and where an asked tool speed is not held.
+        With the time of every state, and these speeds in its world; verified. ``stats["timing"]`` has the
+        duration, the share used of each limit, and where an asked tool speed is not held.
 
     Raises
     ------
@@ -78,6 +78,7 @@ def retime(plan: Plan, speeds: Speeds | None = None, *, blend: float = BLEND, ho
     limits = motion_limits(plan.world.robot, asked)
     motion = _with_rests(plan.motion, path_of(limits.robot, plan.motion).corners)
     stats = {key: value for key, value in plan.stats.items() if key not in ("margins", "timing")}
+    plan = replace(plan, world=replace(plan.world, speeds=asked))
     for _ in range(TRIES):
         timed = replace(plan, motion=_timed(limits, motion, blend), stats=stats)
         report = verify(timed)
