@@ -27,12 +27,13 @@ import numpy as np
 
 from regionik.output.plan_file import load_plan
 from regionik.output.urdf import robot_to_urdf
+from regionik.storage.files import open_partial
 from regionik.worlds.documents.world_file import load_world, world_to_document
 from regionik.worlds.errors import InputError
 from regionik.worlds.readers.csv_path import index_csv, read_csv
 from regionik.worlds.readers.occupancy_map import load_map
 from regionik.worlds.urdf.loader import load_robot
-from tests.hostile import KINDS, READ, Files, bombs, mutated, samples, write
+from tests.hostile import KINDS, MANIFEST, READ, Files, bombs, mutated, samples, write
 
 LONGEST = 10.0  # of the processor; a machine with more to do gives it less at a time [s]
 PATIENCE = 6  # times as long on the clock
@@ -73,6 +74,9 @@ def read(kind: str, path: Path) -> None:
         case "urdf":
             robot = load_robot(path, tip="tool")
             robot.tool(np.zeros(3), robot.carry)
+        case "parts":
+            with open_partial(path.parent.with_suffix(""), MANIFEST):
+                pass
         case _:
             load_map(path, 1.0)
 

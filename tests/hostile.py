@@ -22,8 +22,10 @@ from tests.plans import every_solid, synthetic_plan
 from tests.urdfs import CRANE
 
 Files = Mapping[str, bytes]
-KINDS = ("world", "plan", "csv", "urdf", "map")
+KINDS = ("world", "plan", "csv", "urdf", "map", "parts")
 READ = {"world": "w.yaml", "plan": "plan.json", "csv": "p.csv", "urdf": "r.urdf", "map": "m.yaml"}
+READ["parts"] = "t.csv.parts/manifest.json"  # of a run of many targets that goes on
+MANIFEST = {"world": "a digest", "targets": "another", "versions": {"regionik": "0.1.0"}}
 
 TOKENS = [
     word.encode()
@@ -160,13 +162,25 @@ def samples(kind: str) -> list[Files]:
         case "plan":
             worlds = (load_world("l_shape"), every_solid())
             plans = [plan_to_document(synthetic_plan(world)) for world in worlds]
+            timed = json.loads(json.dumps(plans[0]))
+            timed["world"]["speeds"] = {"joint_velocity": 1.0, "steering_velocity": 0.5}
+            timed["states"] = [{**state, "time": 0.1 * k} for k, state in enumerate(timed["states"])]
+            plans.append(timed)
             return [{"plan.json": json.dumps(one).encode()} for one in plans]
         case "csv":
-            points = ("x,y,z\n# a\n1,2,3\n\n0.5,-1e-3,2\n", "1,2,3,0,0,1\n4,5,6,0,1,1\n", "1,2,3,0,0,0,1\n")
+            points = (
+                "x,y,z\n# a\n1,2,3\n\n0.5,-1e-3,2\n",
+                "1,2,3,0,0,1\n4,5,6,0,1,1\n",
+                "1,2,3,0,0,0,1\n",
+                "x,y,z,qx,qy,qz,qw\r\n# a\r\n1,2,3,0,0,0.6,0.8\r\n",
+                "x,y,z,dx,dy,dz\n1,2,3,0,0,-1\n",
+            )
             return [{"p.csv": text.encode()} for text in points]
         case "urdf":
             return [{"r.urdf": CRANE.replace("upper.stl", file).encode(), f"meshes/{file}": mesh}
                     for file, mesh in meshes().items()]  # fmt: skip
+        case "parts":
+            return [{READ[kind]: json.dumps(MANIFEST).encode()}]
         case _:
             return [
                 {"m.yaml": MAP.replace("m.pgm", file).encode(), file: image}
@@ -248,10 +262,24 @@ def bombs(kind: str) -> dict[str, Files]:
         "csv": _csv_bombs,
         "urdf": _urdf_bombs,
         "map": _map_bombs,
+        "parts": _parts_bombs,
     }
     return {
         name: {READ[kind]: files} if isinstance(files, bytes) else files
         for name, files in made[kind]().items()
+    }
+
+
+def _parts_bombs() -> dict[str, bytes | Files]:
+    return {
+        "deep": b"[" * 1_000_000,
+        "deep mapping": b'{"world":' * 1_000_000,
+        "a long number": b'{"world": ' + b"1" * 1_000_000 + b"}",
+        "no text": b"\xff\xfe\x00",
+        "a part that is none": {
+            READ["parts"]: json.dumps(MANIFEST).encode(),
+            "t.csv.parts/0_1_1.csv": b"\x00",
+        },
     }
 
 

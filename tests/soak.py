@@ -26,6 +26,7 @@ from regionik.pipeline import search
 from regionik.reachability.reach import reach
 from regionik.storage.plan_document import plan_to_document
 from regionik.timing.retime import retime
+from regionik.timing.trajectory import is_timed, sample_plan
 from regionik.values import Plan
 from regionik.worlds.bundled import world_names
 from regionik.worlds.documents.world_file import world_to_document
@@ -49,6 +50,7 @@ GIVEN_UP = "given up"  # in place of a verdict
 LONGEST = 60.0  # processor time for a world, twice at the most [s]
 PROVEN = ("unreachable", "start-blocked", "plan-invalid")  # verdicts that a witness contradicts
 PROOF = "This is a proof"  # in words
+RATE, LONG = 1000.0, 900_000  # rows of a trajectory, a second and at the most
 SEARCHED, EVERY = ("floor", "overhead"), 2  # where single targets are asked for: in every second of these
 
 
@@ -91,7 +93,15 @@ def _told(made: Plan) -> tuple[dict[str, Any], str, Facts]:
 
 def against(made: Plan) -> tuple[str, ...]:
     """What the second opinion has against a plan."""
-    return tuple(objections(*_told(made)))
+    return tuple(objections(*_told(made), track_of(made)))
+
+
+def track_of(made: Plan) -> np.ndarray | None:
+    """Rows of a timed plan's trajectory, as its exports have them: time, base and joints."""
+    if not is_timed(made.motion):
+        return None
+    sample = sample_plan(made, min(RATE, LONG / max(float(made.motion.time[-1]), 1.0))).sample
+    return np.column_stack([sample.time, sample.base, sample.joints])
 
 
 def machine_of(world: World) -> Machine:
@@ -208,8 +218,7 @@ def _planned(world: World, kind: str, seed: int) -> Judged:
         return Judged(kind, seed, why.verdict, wrong, claimed or blocked)
     except InputError as refused:
         return Judged(kind, seed, f"refused: {refused}", ())
-    told = _told(made)
-    return Judged(kind, seed, "planned", tuple(objections(*told)), detours=tuple(detours(*told)))
+    return Judged(kind, seed, "planned", against(made), detours=tuple(detours(*_told(made))))
 
 
 def report(found: list[Judged]) -> str:

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 from regionik.output.plan_file import load_plan
+from regionik.storage.files import open_partial
 from regionik.worlds.documents.world_file import load_world, world_to_document
 from regionik.worlds.errors import InputError
 from regionik.worlds.readers.csv_path import LENGTH_LIMIT, LINES_LIMIT, index_csv, read_csv
@@ -157,3 +158,12 @@ def test_numbers_of_a_map_are_bounded(tmp_path: Path) -> None:
     write({**samples("map")[0], READ["map"]: text.encode()}, tmp_path)
     with pytest.raises(InputError, match="resolution: expected a number of at most"):
         load_map(tmp_path / READ["map"], 1.0)
+
+
+def test_a_manifest_nested_without_end_is_refused(tmp_path: Path) -> None:
+    write({READ["parts"]: b"[" * 100_000}, tmp_path)
+    with (
+        pytest.raises(InputError, match="is not the manifest of parts"),
+        open_partial(tmp_path / "t.csv", {}),
+    ):
+        pass

@@ -7,11 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain, Joint, translation
 from regionik.worlds.robot import LinkBox, LinkCapsule, LinkSolid, Robot, without_limits
 from regionik.worlds.self_collision import BODY, base_body, self_collision_pairs
+from tests.test_verify import motion_of, only, plan_of, world_of
 
 SQUARE = np.array([[0.2, 0.2], [-0.2, 0.2], [-0.2, -0.2], [0.2, -0.2]])
 POINT = np.zeros((1, 2))
@@ -54,9 +56,18 @@ def test_solids_of_one_link_and_of_neighbours_belong_together() -> None:
     assert self_collision_pairs(robot) == ((0, 3), (0, 4), (1, 4), (2, 4))
 
 
-def test_links_without_solids_are_passed_over() -> None:
-    assert self_collision_pairs(arm((rod(0), rod(3)))) == ()
-    assert self_collision_pairs(arm((rod(0), rod(2), rod(3)))) == ((0, 2),)
+def test_links_on_either_side_of_one_without_solids_are_no_neighbours() -> None:
+    """Two joints fold one rod onto the other."""
+    assert self_collision_pairs(arm((rod(0), rod(3)))) == ((0, 1),)
+    assert self_collision_pairs(arm((rod(0), rod(2), rod(3)))) == ((0, 1), (0, 2))
+
+
+def test_a_plan_in_which_such_links_overlap_is_refused() -> None:
+    folded = np.array([0.0, 2.0, 2.0, 0.0])
+    robot = arm((rod(0), rod(2)), height=1.0)
+    motion = motion_of([(np.zeros(3), folded, "setpoint", 0), (np.zeros(3), folded, "step", 0)])
+    assert only(verify(plan_of(world_of(motion, robot=robot), motion)), "self").text
+    assert verify(plan_of(world_of(motion, robot=replace(robot, solids=(rod(0),))), motion)).ok
 
 
 def test_order_of_the_solids_does_not_matter() -> None:
@@ -90,9 +101,9 @@ def test_the_base_body_is_the_footprint_raised() -> None:
     assert base_body(arm(())) is None
 
 
-def test_the_base_against_all_links_but_the_first_with_a_solid() -> None:
+def test_the_base_against_all_links_but_the_first() -> None:
     solids = (rod(1), rod(2), block(3, (0.3, 0.1, 0.1)))
-    assert self_collision_pairs(arm(solids, footprint=SQUARE)) == ((BODY, 1), (BODY, 2), (0, 2))
+    assert self_collision_pairs(arm(solids, footprint=SQUARE)) == ((BODY, 0), (BODY, 1), (BODY, 2), (0, 2))
     assert self_collision_pairs(arm(solids)) == ((0, 2),)
 
 

@@ -163,7 +163,7 @@ class Robot:
         Other solids fixed to the base, such as a mast. They keep their distance from obstacles, and from the
         arm, as the arm's links do.
     unchecked : tuple of (str, str)
-        Names of solids that need not keep apart, though they do not follow one another. The base's own body
+        Names of solids that need not keep apart, though no joint connects them. The base's own body
         is called "base of" and the robot's name.
     masses : tuple of LinkMass
         Of the arm's links; empty where they are not known.

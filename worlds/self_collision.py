@@ -77,9 +77,9 @@ def base_body(robot: Robot) -> Prism | None:
 def self_collision_pairs(robot: Robot) -> tuple[tuple[int, int], ...]:
     """Return the pairs of solids that must keep apart.
 
-    Left out are solids of one link, and of links that follow one another among those that carry solids; of
-    the base, with what is fixed to it, and the first such link; pairs that touch in every one of `POSTURES`
-    postures within the limits; and those that ``robot.unchecked`` names.
+    Left out are solids of one link, and of links that one joint connects; of the base, with what is fixed to
+    it, and the first link; pairs that touch in every one of `POSTURES` postures within the limits; and those
+    that ``robot.unchecked`` names.
 
     Parameters
     ----------
@@ -91,15 +91,18 @@ def self_collision_pairs(robot: Robot) -> tuple[tuple[int, int], ...]:
         Indices into ``robot.all_solids``, the smaller first; -1 is the base's own body.
     """
     solids, body, frames = robot.all_solids, base_body(robot), _link_frames(robot, POSTURES)
-    links = sorted({BASE, *(solid.link for solid in solids)})
-    order = [links.index(solid.link) for solid in solids]
+    order = [solid.link for solid in solids]
     bodies = [ConvexBody(solid.corners, solid.radius) for solid in solids]
     poses = [frames[:, solid.link] for solid in solids]
     allowed = {frozenset(names) for names in robot.unchecked}
     pairs: list[tuple[int, int]] = []
     if body is not None:
         block, still = _block(body), frames[:, BASE]
-        far = (k for k in range(len(solids)) if order[k] > 1 and {body.name, solids[k].name} not in allowed)
+        far = (
+            k
+            for k in range(len(solids))
+            if order[k] - BASE > 1 and {body.name, solids[k].name} not in allowed
+        )
         pairs += [(BODY, k) for k in far if separated(block, still, bodies[k], poses[k]).any()]
     for i, k in combinations(range(len(solids)), 2):
         if abs(order[i] - order[k]) < 2 or {solids[i].name, solids[k].name} in allowed:

@@ -28,6 +28,9 @@ class Speeds:
         Of the base's origin [m/s], [m/s2].
     turn_velocity, turn_acceleration : float
         Of its heading [rad/s], [rad/s2].
+    steering_velocity : float
+        Of a car's steering, which turns while the car stands: of a wheel one turning radius ahead of the
+        axle, which is turned by 45 degrees on the tightest arc [rad/s].
     wheel_velocity : float, optional
         Of the rim of either driven wheel of a differential base whose ``gauge`` is known [m/s].
     tool_velocity : float, optional
@@ -45,6 +48,7 @@ class Speeds:
     base_acceleration: float = 1.0
     turn_velocity: float = 1.0
     turn_acceleration: float = 2.0
+    steering_velocity: float = 1.0
     wheel_velocity: float | None = None
     tool_velocity: float | None = None
 

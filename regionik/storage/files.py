@@ -188,7 +188,7 @@ def _check_manifest(folder: Path, manifest: Mapping[str, object]) -> None:
         return
     try:
         written = json.loads(path.read_bytes())
-    except (OSError, ValueError):
+    except (OSError, ValueError, RecursionError):
         written = None
     if not isinstance(written, dict):
         raise InputError(f"{path}: is not the manifest of parts; remove the folder {folder} to start again")

@@ -20,6 +20,7 @@ from regionik.worlds.speeds import Speeds
 Mask = NDArray[np.bool_]
 
 RATE = 1000.0  # at which limits are checked [Hz]
+SHARES = (0.0, 0.25, 0.5, 0.75, 1 - 1e-6)  # of each segment, at which they are checked too
 CHUNK = 50_000  # of these instants at a time
 HELD = 0.99  # share of the asked tool speed from which it counts as held
 MAX_PLACES = 20  # where it is not, that are reported
@@ -178,8 +179,14 @@ def tool_velocity(robot: Robot, q: Array, velocity: Array) -> Array:
 
 
 def largest_slowdown(limits: MotionLimits, motion: Motion) -> float:
-    """Factor by which a motion must be slower to keep all limits, at a thousand instants a second."""
-    factors = (float(limits.slowdown(*one.columns, on).max()) for one, on in _sampled(limits, motion))
+    """Factor by which a motion must be slower to keep all limits.
+
+    At a thousand instants a second, and at some of each segment, as many are shorter.
+    """
+    span = np.diff(motion.time)
+    within = [motion.time[:-1] + share * span for share in SHARES]
+    times = np.sort(np.concatenate([_instants(motion), *within]))
+    factors = (float(limits.slowdown(*one.columns, on).max()) for one, on in _sampled(limits, motion, times))
     return max(factors, default=1.0)
 
 
@@ -189,7 +196,7 @@ def timing_figures(limits: MotionLimits, motion: Motion, blend: float) -> dict[s
     time: list[Array] = []
     speed: list[Array] = []
     asked = limits.speeds.tool_velocity
-    for sample, on_path in _sampled(limits, motion):
+    for sample, on_path in _sampled(limits, motion, _instants(motion)):
         q, velocity, _ = sample.columns
         usage = limits.usage(*sample.columns, on_path)
         used = {name: max(used.get(name, 0.0), float(share.max())) for name, share in usage.items()}
@@ -213,7 +220,7 @@ def check_tool_speed(limits: MotionLimits, motion: Motion) -> None:
     asked = limits.speeds.tool_velocity
     if asked is None:
         raise InputError("hold: expected a tool speed to hold; give tool_velocity")
-    for sample, on_path in _sampled(limits, motion):
+    for sample, on_path in _sampled(limits, motion, _instants(motion)):
         q, velocity, _ = sample.columns
         speed = np.linalg.norm(tool_velocity(limits.robot, q, velocity), axis=1)
         moves = on_path & (speed > AT_REST)
@@ -228,11 +235,15 @@ def check_tool_speed(limits: MotionLimits, motion: Motion) -> None:
             )
 
 
-def _sampled(limits: MotionLimits, motion: Motion) -> Iterator[tuple[TrajectorySample, Mask]]:
-    """The motion at a thousand instants a second, chunk by chunk, and where the tool is on its path."""
+def _instants(motion: Motion) -> Array:
+    """A thousand instants a second, and the end [s]."""
+    return np.append(np.arange(0.0, motion.time[-1], 1 / RATE), motion.time[-1])
+
+
+def _sampled(limits: MotionLimits, motion: Motion, times: Array) -> Iterator[tuple[TrajectorySample, Mask]]:
+    """The motion at instants, chunk by chunk, and where the tool is on its path."""
     trajectory = Trajectory(limits.robot, motion)
     on_path = segments_on_path(motion) if len(motion) > 1 else np.zeros(1, dtype=bool)
-    times = np.append(np.arange(0.0, trajectory.duration, 1 / RATE), trajectory.duration)
     for some in np.array_split(times, 1 + len(times) // CHUNK):
         segment = np.searchsorted(motion.time, some, side="right") - 1
         yield trajectory.sample(some), on_path[np.clip(segment, 0, len(on_path) - 1)]

@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from regionik.planners.timing.time_optimal import PathDerivatives, time_optimal_velocities
 from regionik.timing.limits import Mask, MotionLimits, segments_on_path
-from regionik.timing.smooth_path import SmoothPath, smooth_path
+from regionik.timing.smooth_path import STEERED, SmoothPath, smooth_path
 from regionik.values import Motion
 from regionik.worlds.arrays import Array
 from regionik.worlds.robot import Robot
@@ -33,7 +34,24 @@ def fastest_times(limits: MotionLimits, motion: Motion, tightenings: int = TIGHT
     """Times of a motion's states, (n,) [s]."""
     position, rate = fastest_rates(limits, motion, tightenings)
     length, twice = np.diff(position), rate[1:] + rate[:-1]
-    return np.concatenate([[0.0], np.cumsum(2 * length / np.where(length > 0, twice, 1.0))])
+    span = 2 * length / np.where(length > 0, twice, 1.0)
+    steering = path_of(limits.robot, motion).steering
+    span += _steering_pauses(steering, span, limits.speeds.steering_velocity)
+    return np.concatenate([[0.0], np.cumsum(span)])
+
+
+def _steering_pauses(steering: Array, span: Array, velocity: float) -> Array:
+    """Time for which a car rests on each segment besides, until its steering is turned, (n - 1,) [s].
+
+    The steering turns while the car stands, with the arm moving or not.
+    """
+    pauses = np.zeros(len(span))
+    end = np.concatenate([[0.0], np.cumsum(span)])
+    for before, after in pairwise(np.flatnonzero(~np.isnan(steering)).tolist()):
+        turned = abs(steering[after] - steering[before])
+        if turned > STEERED and after > before + 1:
+            pauses[after - 1] = max(0.0, turned / velocity - (end[after] - end[before + 1]))
+    return pauses
 
 
 def fastest_rates(limits: MotionLimits, motion: Motion, tightenings: int) -> tuple[Array, Array]:

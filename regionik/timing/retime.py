@@ -53,8 +53,8 @@ def retime(plan: Plan, speeds: Speeds | None = None, *, blend: float = BLEND, ho
     Returns
     -------
     Plan
-        With the time of every state, and verified. ``stats["timing"]`` has the duration, the share used of
-        each limit, and where an asked tool speed is not held.
+        With the time of every state, and these speeds in its world; verified. ``stats["timing"]`` has the
+        duration, the share used of each limit, and where an asked tool speed is not held.
 
     Raises
     ------
@@ -78,6 +78,7 @@ def retime(plan: Plan, speeds: Speeds | None = None, *, blend: float = BLEND, ho
     limits = motion_limits(plan.world.robot, asked)
     motion = _with_rests(plan.motion, path_of(limits.robot, plan.motion).corners)
     stats = {key: value for key, value in plan.stats.items() if key not in ("margins", "timing")}
+    plan = replace(plan, world=replace(plan.world, speeds=asked))
     for _ in range(TRIES):
         timed = replace(plan, motion=_timed(limits, motion, blend), stats=stats)
         report = verify(timed)
@@ -127,7 +128,8 @@ def _refined(limits: MotionLimits, motion: Motion) -> Motion:
     alone[[a for a, b in path.runs if b == a + 1]] = 1
     motion = _subdivided(limits.robot, motion, alone)
     span = np.diff(fastest_times(limits, motion, tightenings=0))
-    count = np.maximum(np.ceil(span / PERIOD).astype(np.int64) - 1, 0)
+    whole = ~path_of(limits.robot, motion).subdividable
+    count = np.where(whole, 0, np.maximum(np.ceil(span / PERIOD).astype(np.int64) - 1, 0))
     fine = _subdivided(limits.robot, motion, count)
     position, rate = fastest_rates(limits, fine, tightenings=0)
     first = np.concatenate([[0], np.cumsum(count + 1)])  # where the motion's own states are
@@ -183,14 +185,13 @@ def _with_rests(motion: Motion, states: NDArray[np.int64]) -> Motion:
 
 
 def _subdivided(robot: Robot, motion: Motion, count: NDArray[np.int64]) -> Motion:
-    """Motion with so many states inserted in each segment (n - 1,), on its smooth path."""
+    """Motion with so many states inserted in each segment (n - 1,), next to its smooth path."""
     path = path_of(robot, motion)
     if not count.any():
         return motion
     segment = np.repeat(np.arange(len(count)), count)
     share = np.concatenate([np.arange(1, n + 1) / (n + 1) for n in count[count > 0].tolist()])
-    q, _, _ = path.evaluate(path.position[segment] + share * path.lengths[segment], segment)
-    return _with_states(motion, segment, q[:, :3], q[:, 3:])
+    return _with_states(motion, segment, *path.states_at(segment, share))
 
 
 def _with_states(motion: Motion, segment: NDArray[np.int64], base: Array, joints: Array) -> Motion:

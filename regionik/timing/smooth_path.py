@@ -1,8 +1,8 @@
 """Smooth path of a timed motion: through all states, and close to the segments between them.
 
 Joints, and an omnidirectional base, follow a monotone piecewise cubic through the states, coordinate by
-coordinate (Fritsch and Butland). A base on wheels keeps to its arcs and lines. The path is divided into runs,
-at whose ends the robot rests.
+coordinate (Fritsch and Butland). A base on wheels rolls through them along its heading, which turns smoothly
+from one arc to the next. The path is divided into runs, at whose ends the robot rests.
 """
 
 from __future__ import annotations
@@ -19,6 +19,10 @@ from regionik.worlds.drives import BaseDrive
 SAME = 1e-9  # states that differ by less are the same [m], [rad]
 CORNER = np.radians(30)  # at sharper corners the robot stops, others are rounded
 STANDING = 1e-3  # share of the joints' motion below which a base on wheels counts as standing
+STEERED = 1e-6  # angle of steering that a car need not stop for [rad]
+BENT = 1e-3  # turn per path position by which a base on wheels may leave an arc that is subdivided
+STEPS = 6  # of Newton's method, which converges from a small deviation
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,28 +80,48 @@ class SmoothPath:
 
     @cached_property
     def corners(self) -> NDArray[np.int64]:
-        """States within runs where the robot must rest: sharp corners, and changes of the wheel mode."""
-        tangents = np.concatenate([self._base_changes, np.diff(self.joints, axis=0)], axis=1)
+        """States within runs where the robot must rest.
+
+        At sharp corners, where the mode of its wheels changes, and where a car turns its steering.
+        """
+        tangents = np.diff(self._coordinates, axis=0)
         tangents = tangents / np.maximum(np.linalg.norm(tangents, axis=1), SAME)[:, None]
         turned = (tangents[:-1] * tangents[1:]).sum(1) <= np.cos(CORNER)
-        changed = (np.diff(self._wheel_mode) != 0) | turned
+        changed = (np.diff(self._wheel_mode) != 0) | turned | (np.abs(np.diff(self.steering)) > STEERED)
         return 1 + np.flatnonzero(changed & (self.lengths[:-1] > 0) & (self.lengths[1:] > 0))
 
-    @property
-    def _base_changes(self) -> Array:
-        """Changes of the base on each segment that count for corners, (n - 1, k)."""
-        changes: Array = np.diff(self.base, axis=0)
-        return changes
+    @cached_property
+    def _coordinates(self) -> Array:
+        """Coordinates that follow the cubics, (n, k): of the base, then the joints."""
+        return np.concatenate([self.base, self.joints], axis=1)
+
+    @cached_property
+    def steering(self) -> Array:
+        """Steering angle of a car on each segment, NaN where it does not roll, (n - 1,) [rad].
+
+        That of a wheel one turning radius ahead of the axle: 45 degrees on the tightest arc.
+        """
+        return np.full(len(self.base) - 1, np.nan)
+
+    @cached_property
+    def subdividable(self) -> NDArray[np.bool_]:
+        """Segments on which states may be inserted without another path, (n - 1,)."""
+        return np.ones(len(self.base) - 1, dtype=np.bool_)
+
+    def states_at(self, segment: NDArray[np.int64], share: Array) -> tuple[Array, Array]:
+        """Base (m, 3) and joints (m, dof) of states to insert at shares of segments."""
+        q, _, _ = self.evaluate(self.position[segment] + share * self.lengths[segment], segment)
+        return q[:, :3], q[:, 3:]
 
     @cached_property
     def _cubics(self) -> tuple[Array, Array, Array, Array]:
-        """Coefficients of base and joints on each segment, constant first, (n - 1, 3 + dof) each.
+        """Coefficients of the coordinates on each segment, constant first, (n - 1, k) each.
 
         Slopes at states are weighted harmonic means of those of the two segments, and 0 where these have
         opposite signs, so that nothing goes beyond its states (Fritsch and Butland, SIAM J. Sci. Stat.
         Comput. 1984).
         """
-        z = np.concatenate([self.base, self.joints], axis=1)
+        z = self._coordinates
         far = np.where(self.lengths > 0, self.lengths, np.inf)[:, None]
         secant, width = np.diff(z, axis=0) / far, np.where(self.lengths > 0, self.lengths, 0.0)[:, None]
         before, after = secant[:-1], secant[1:]
@@ -119,7 +143,10 @@ class SmoothPath:
 
 @dataclass(frozen=True, eq=False)
 class RollingPath(SmoothPath):
-    """Smooth path of a robot on wheels, whose base keeps to its arcs and lines."""
+    """Smooth path of a robot on wheels: what its base rolls and its heading are smooth, and it never slips.
+
+    A car rests wherever it has to turn its steering.
+    """
 
     @cached_property
     def _wheel_mode(self) -> NDArray[np.int64]:
@@ -135,31 +162,108 @@ class RollingPath(SmoothPath):
         change: Array = np.choose(np.abs(self._wheel_mode), [swing, rolled, turn])
         return change
 
-    @property
-    def _base_changes(self) -> Array:
-        """Roll and turn on the spot: where the base rolls on along another arc there is no corner."""
+    @cached_property
+    def _coordinates(self) -> Array:
+        """Way rolled, heading and joints, (n, 2 + dof)."""
+        rolled = np.concatenate([[0.0], np.cumsum(self._changes[0])])
+        return np.column_stack([rolled, self.base[:, 2], self.joints])
+
+    @cached_property
+    def steering(self) -> Array:
+        """See `SmoothPath.steering`."""
         rolled, turn, _ = self._changes
-        return np.column_stack([rolled, np.where(np.abs(self._wheel_mode) == 1, 0.0, turn)])
+        stands = (self.lengths == 0) | (np.abs(rolled) <= SAME)
+        angle = np.arctan(self.drive.turning_radius * turn / np.where(stands, 1.0, rolled))
+        return np.where(stands, np.nan, angle)
+
+    @cached_property
+    def subdividable(self) -> NDArray[np.bool_]:
+        """Segments that are arcs: of another way between two states a part is no arc."""
+        _, start, second, third = (power[:, 1] for power in self._cubics)
+        secant = start + self.lengths * (second + self.lengths * third)
+        end = start + self.lengths * (2 * second + 3 * self.lengths * third)
+        return np.maximum(np.abs(start - secant), np.abs(end - secant)) <= BENT
+
+    def states_at(self, segment: NDArray[np.int64], share: Array) -> tuple[Array, Array]:
+        """See `SmoothPath.states_at`; the base is on the arc, as every hop of a plan is one."""
+        _, joints = super().states_at(segment, share)
+        return self.drive.between(self.base[segment], self.base[segment + 1], share), joints
+
+    @cached_property
+    def _rolling(self) -> Array:
+        """Coefficients of way rolled and heading by shares of segments, constant first, (5, n - 1, 2).
+
+        To the cubics a way of 3 u^2 - 2 u^3 and a heading of u^2 (1 - u)^2 are added, which leave the rates
+        at the ends as they are, so much of both that the base comes to the next state.
+        """
+        powers = np.stack([*(power[:, :2] for power in self._cubics), np.zeros((len(self.lengths), 2))])
+        powers *= self.lengths[:, None] ** np.arange(5)[:, None, None]
+        rolled, turn, _ = self._changes
+        middle = self.base[:-1, 2] + turn / 2
+        chord = rolled * np.sinc(turn / 2 / np.pi)
+        some = np.flatnonzero((np.abs(rolled) > SAME) & (self.lengths > 0))
+        share, weight = (_NODES + 1) / 2, _WEIGHTS / 2
+        for _ in range(STEPS):
+            value, slope, _ = _polynomials(powers[:, some], np.tile(share, (len(some), 1)))
+            along = np.exp(1j * (value[..., 1] - middle[some, None]))
+            by_way = (6 * share * (1 - share) * along) @ weight
+            by_heading = (1j * share**2 * (1 - share) ** 2 * slope[..., 0] * along) @ weight
+            missing = chord[some] - (slope[..., 0] * along) @ weight
+            whole = by_way.real * by_heading.imag - by_way.imag * by_heading.real
+            way = (missing.real * by_heading.imag - missing.imag * by_heading.real) / whole
+            heading = (by_way.real * missing.imag - by_way.imag * missing.real) / whole
+            powers[2:4, some, 0] += np.outer([3.0, -2.0], way)
+            powers[2:5, some, 1] += np.outer([1.0, -2.0, 1.0], heading)
+        return powers
+
+    @cached_property
+    def _slip(self) -> Array:
+        """What is left of the base's motion on each segment when all is rolled, (n - 1, 2) [m]."""
+        whole = np.ones(len(self.lengths))
+        rolled: Array = np.diff(self.base[:, :2], axis=0) - _way(self._rolling, whole)
+        return rolled
 
     def evaluate(self, position: Array, segment: NDArray[np.int64]) -> tuple[Array, Array, Array]:
         """Return base and joints with derivatives, as `SmoothPath.evaluate` does."""
         q, q_s, q_ss = super().evaluate(position, segment)
-        q[:, :3], q_s[:, :3], q_ss[:, :3] = self._evaluate_base(position, segment)
-        return q, q_s, q_ss
-
-    def _evaluate_base(self, position: Array, segment: NDArray[np.int64]) -> tuple[Array, Array, Array]:
-        """Base poses on arcs and lines, with their derivatives."""
-        length = np.where(self.lengths > 0, self.lengths, np.inf)[segment]
-        rolled, turn = (change[segment] / length for change in self._changes[:2])
-        share = np.clip((position - self.position[segment]) / length, 0.0, 1.0)
-        base = self.drive.between(self.base[segment], self.base[segment + 1], share)
-        c, s, zero = np.cos(base[:, 2]), np.sin(base[:, 2]), np.zeros(len(base))
-        centripetal = rolled * turn
+        length = np.where(self.lengths > 0, self.lengths, np.inf)[segment, None]
+        share = np.clip((position - self.position[segment]) / length[:, 0], 0.0, 1.0)
+        powers, slip = self._rolling[:, segment], self._slip[segment]
+        value, slope, bend = (one[:, 0] for one in _polynomials(powers, share[:, None]))
+        (roll, turn), (gain, twist) = (slope / length).T, (bend / length**2).T
+        yaw = value[:, 1]
+        ahead = np.column_stack([np.cos(yaw), np.sin(yaw)])
+        left = np.column_stack([-ahead[:, 1], ahead[:, 0]])
+        place = self.base[segment, :2] + _way(powers, share) + share[:, None] * slip
+        flat = roll[:, None] * ahead + slip / length
+        bent = gain[:, None] * ahead + (roll * turn)[:, None] * left
         return (
-            base,
-            np.column_stack([rolled * c, rolled * s, turn]),
-            np.column_stack([-centripetal * s, centripetal * c, zero]),
+            np.column_stack([place, yaw, q[:, 2:]]),
+            np.column_stack([flat, turn, q_s[:, 2:]]),
+            np.column_stack([bent, twist, q_ss[:, 2:]]),
         )
+
+
+def _way(powers: Array, share: Array) -> Array:
+    """Way rolled on the floor from the starts of m segments to shares of them, (m, 2) [m].
+
+    By Gauss and Legendre's quadrature of the heading's cosine and sine.
+    """
+    value, slope, _ = _polynomials(powers, share[:, None] * (_NODES + 1) / 2)
+    weight = share[:, None] * _WEIGHTS / 2 * slope[..., 0]
+    yaw = value[..., 1]
+    return np.column_stack([(weight * np.cos(yaw)).sum(1), (weight * np.sin(yaw)).sum(1)])
+
+
+def _polynomials(powers: Array, share: Array) -> tuple[Array, Array, Array]:
+    """Values of polynomials (5, m, 2) at shares (m, k), with first and second derivatives, (m, k, 2) each."""
+    a, b, c, d, e = powers[:, :, None]
+    u = share[..., None]
+    return (
+        a + u * (b + u * (c + u * (d + u * e))),
+        b + u * (2 * c + u * (3 * d + u * 4 * e)),
+        2 * c + u * (6 * d + u * 12 * e),
+    )
 
 
 def smooth_path(drive: BaseDrive, base: Array, joints: Array) -> SmoothPath:

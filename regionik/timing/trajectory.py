@@ -103,7 +103,9 @@ class Trajectory:
         elapsed = np.clip(times - time[segment], 0.0, span)
         travelled = elapsed * (rate[segment] + elapsed * acceleration / 2)
         q, q_s, q_ss = self._path.evaluate(self._path.position[segment] + travelled, segment)
-        velocity, acceleration = (rate[segment] + elapsed * acceleration)[:, None], acceleration[:, None]
+        goes = (times <= time[segment + 1])[:, None]  # else it rests, until a car's steering is turned
+        velocity = goes * (rate[segment] + elapsed * acceleration)[:, None]
+        acceleration = goes * acceleration[:, None]
         return q, q_s * velocity, q_s * acceleration + q_ss * velocity**2
 
     @cached_property

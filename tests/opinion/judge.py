@@ -11,7 +11,7 @@ import numpy as np
 from tests.opinion.course import Course, angle_between, wrapped
 from tests.opinion.machine import Array, Facts, Machine
 from tests.opinion.moment import Moment
-from tests.opinion.pace import pace
+from tests.opinion.pace import differences, pace
 from tests.opinion.quality import shortfalls
 from tests.opinion.shortest import Ground, driven, drives
 
@@ -22,7 +22,7 @@ NEAR = 0.1  # a drive that could be shorter than this is none to be compared [m]
 SAVED = 1e-4  # that free floor and edges are taken wider than they are, at the most [m]
 
 
-def objections(document: dict[str, Any], urdf: str, facts: Facts) -> list[str]:
+def objections(document: dict[str, Any], urdf: str, facts: Facts, track: Array | None = None) -> list[str]:
     """All that is wrong with a plan's document; of a kind the first few.
 
     Parameters
@@ -32,10 +32,13 @@ def objections(document: dict[str, Any], urdf: str, facts: Facts) -> list[str]:
     urdf : str
         The robot, its base on the joints ``base_x``, ``base_y`` and ``base_yaw``, its tool the link ``tool``.
     facts : Facts
+    track : (n, 4 + dof) array, optional
+        Rows of a timed plan's trajectory: time, base and joints, at even steps but for the last.
     """
     judge = _Judge(Course(document, Machine(urdf, facts)))
     kinds = (judge.order, judge.limits, judge.targets, judge.hops, judge.pace, judge.criteria, judge.samples)
-    return [text for kind in (*kinds, judge.lengths) for text in _first(kind())]
+    found = [text for kind in (*kinds, judge.lengths) for text in _first(kind())]
+    return found if track is None else [*found, *differences(judge.course, track)]
 
 
 def posture_objections(document: dict[str, Any], urdf: str, facts: Facts) -> list[str]:

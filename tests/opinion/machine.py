@@ -155,11 +155,10 @@ class Machine:
     def rivals(self) -> list[tuple[int, int]]:
         """Pairs of parts that must keep apart, -1 for the base's body.
 
-        Not those of one link nor of neighbours among links that carry any, not those that the robot's maker
-        excuses, not those that touch however the arm is held.
+        Not those of one link nor of links that one joint connects, not those that the robot's maker excuses,
+        not those that touch however the arm is held.
         """
-        links = sorted({-1, *(part.link for part in self.parts)})
-        rank = [links.index(part.link) for part in self.parts]
+        rank = [part.link for part in self.parts]
         pairs = [
             (i, k)
             for i, k in combinations(range(len(self.parts)), 2)
@@ -167,7 +166,7 @@ class Machine:
             and frozenset((self.parts[i].solid, self.parts[k].solid)) not in self.facts.unchecked
         ]
         if self.body() is not None:
-            pairs += [(-1, k) for k in range(len(self.parts)) if rank[k] > 1]
+            pairs += [(-1, k) for k in range(len(self.parts)) if rank[k] > 0]
         names = {pair: frozenset((self._solid(pair[0]), self._solid(pair[1]))) for pair in pairs}
         met = [self._touching(pairs, joints) for joints in self._postures()]
         always = frozenset.intersection(*(frozenset(names[pair] for pair in one) for one in met))

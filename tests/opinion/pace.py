@@ -1,4 +1,4 @@
-"""What is wrong with the times of a plan: speeds and accelerations as its states tell them."""
+"""What is wrong with the times of a plan: speeds and accelerations as states and trajectory tell them."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ OVER = 1e-3  # of a limit, for what lies between the instants that a timing look
 Index = NDArray[np.int64]
 STILL = 1e-8  # motion that takes no time [m] or [rad]
 RISE = 0.5  # from rest to full speed, where no acceleration is given [s]
+TURNED = 1e-5  # of a car's steering, that a hop does not tell [rad]
 
 
 def pace(course: Course) -> Iterator[str]:
@@ -39,6 +40,38 @@ def pace(course: Course) -> Iterator[str]:
         return
     yield from _speeds(course, moved[on], spans[on], on)
     yield from _accelerations(course, moved[on] / spans[on, None], spans[on], on)
+    yield from _steering(course, moved, times)
+
+
+def differences(course: Course, track: Array) -> Iterator[str]:
+    """Objections to rows (n, 4 + dof) of a trajectory: time, base and joints, at even steps but for the last.
+
+    A difference is the mean of a velocity, and one of differences the mean of an acceleration, so neither is
+    beyond a limit that is kept at every moment.
+    """
+    even = track[:-1]
+    if len(even) < 3:
+        return
+    step = float(even[1, 0] - even[0, 0])
+    told = {
+        "goes": np.diff(even[:, 1:], axis=0) / step,
+        "gains speed": np.diff(even[:, 1:], 2, axis=0) / step**2,
+    }
+    asked = course.world.get("speeds") or {}
+    plain = {"base_velocity": 0.5, "turn_velocity": 1.0, "base_acceleration": 1.0, "turn_acceleration": 2.0}
+    limits = {**plain, **{key: value for key, value in asked.items() if value is not None}}
+    for (does, rows), word, most in zip(
+        told.items(), ("velocity", "acceleration"), joint_limits(course), strict=True
+    ):
+        shares = {
+            "the base": np.hypot(*rows[:, :2].T) / limits[f"base_{word}"],
+            "the heading": np.abs(rows[:, 2]) / limits[f"turn_{word}"],
+            "a joint": (np.abs(rows[:, 3:]) / most).max(axis=1),
+        }
+        for who, share in shares.items():
+            k = int(np.argmax(share))
+            if share[k] > 1 + OVER:
+                yield f"differences: {who} {does} at {share[k]:.4f} of its limit after {even[k, 0]:.4f} s"
 
 
 def joint_limits(course: Course) -> tuple[Array, Array]:
@@ -87,10 +120,29 @@ def _accelerations(course: Course, mean: Array, spans: Array, hops: Index) -> It
     shares = {
         "the base": np.hypot(*gained[:, :2].T) / asked.get("base_acceleration", 1.0),
         "a joint": (gained[:, 3:] / joint_limits(course)[1]).max(axis=1),
+        "the heading": gained[:, 2] / asked.get("turn_acceleration", 2.0),
     }
-    if course.machine.facts.base == "omni":  # on wheels turning begins at once where arcs meet
-        shares["the heading"] = gained[:, 2] / asked.get("turn_acceleration", 2.0)
     for who, share in shares.items():
         for k in np.flatnonzero(share > 1 + OVER):
             at = hops[min(int(k), len(hops) - 1)]
             yield f"pace: {who} gains speed at {share[k]:.4f} of its limit about state {at}"
+
+
+def _steering(course: Course, moved: Array, times: Array) -> Iterator[str]:
+    """Objections to a car that is on another arc before its steering can have turned.
+
+    Of a wheel one turning radius ahead of the axle.
+    """
+    facts, asked = course.machine.facts, course.world.get("speeds") or {}
+    if facts.base != "car":
+        return
+    length = np.hypot(*moved[:, :2].T) / np.sinc(moved[:, 2] / 2 / np.pi)
+    middle = course.base[:-1, 2] + moved[:, 2] / 2
+    ahead = moved[:, 0] * np.cos(middle) + moved[:, 1] * np.sin(middle)
+    length = np.copysign(length, ahead)
+    rolling = np.flatnonzero(np.abs(length) > STILL)
+    angle = np.arctan(facts.turning_radius * moved[rolling, 2] / length[rolling])
+    for here, there, turned in zip(rolling[:-1], rolling[1:], np.abs(np.diff(angle)), strict=True):
+        least = turned / asked.get("steering_velocity", 1.0)
+        if turned > TURNED and times[there] - times[here + 1] < least * (1 - OVER):
+            yield f"pace: the steering turns by {turned:.4f} in too little time after state {here + 1}"

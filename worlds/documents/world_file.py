@@ -108,6 +108,7 @@ class SpeedsPart(Strict):
     base_acceleration: Positive = Speeds.base_acceleration
     turn_velocity: Positive = Speeds.turn_velocity
     turn_acceleration: Positive = Speeds.turn_acceleration
+    steering_velocity: Positive = Speeds.steering_velocity
     wheel_velocity: Positive | None = Speeds.wheel_velocity
     tool_velocity: Positive | None = Speeds.tool_velocity
 

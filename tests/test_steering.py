@@ -1,0 +1,135 @@
+"""Timed plans of bases on wheels: their turning rate has no jumps, and a car's steering takes its time."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from shapely.geometry import box
+
+from regionik.planners.driving.arcs import arc_end
+from regionik.timing.retime import BLEND, retime
+from regionik.timing.trajectory import trajectory
+from regionik.values import Plan
+from regionik.worlds.arrays import Array
+from regionik.worlds.drives import BaseKind
+from regionik.worlds.scene import Floor, Rules
+from regionik.worlds.speeds import Speeds
+from tests import examples
+from tests.plans import youbot
+from tests.soak import against
+from tests.test_retime import SLACK, timed
+from tests.test_verify import drive, plan_of, world_of
+
+RADIUS = 0.4  # of the car's tightest arc [m]
+SPEEDS = Speeds(base_velocity=0.6, turn_velocity=1.2, turn_acceleration=1.5, steering_velocity=0.7)
+STEP = 1e-3  # of time, at which trajectories are differentiated [s]
+SAME = 1e-7  # of angles of steering [rad]
+
+Arc = tuple[float, bool, float]
+ARCS = st.lists(st.tuples(st.floats(0.02, 0.25), st.booleans(), st.floats(-1.0, 1.0)), min_size=2, max_size=7)
+
+
+def driven(kind: BaseKind, parts: list[Arc]) -> Plan:
+    """A plan that drives along arcs: lengths, whether in reverse, parts of the car's largest curvature."""
+    base, swing = [(0.0, 0.0, 0.3)], np.zeros((len(parts) + 1, 5))
+    for length, reverse, bend in parts:
+        base.append(arc_end(*base[-1], -length if reverse else length, bend * length / RADIUS))
+    swing[:, 0] = 0.1 * np.arange(len(base))
+    motion = drive(*base)
+    motion = replace(motion, joints=motion.joints + swing)
+    robot = replace(youbot(), base=kind, turning_radius=RADIUS if kind == "car" else 0.0)
+    world = world_of(motion, robot=robot, rules=Rules(clearance=0.0, step=0.3))
+    floor = Floor(box(-4.0, -4.0, 4.0, 4.0))
+    return plan_of(replace(world, floor=floor, speeds=SPEEDS), motion, 1)
+
+
+def rows(found: Plan) -> Array:
+    moving = trajectory(found)
+    return moving.sample(np.arange(0.0, moving.duration, STEP)).columns[0]
+
+
+@pytest.mark.parametrize("kind", ["car", "differential"])
+@settings(max_examples=examples(8))
+@given(ARCS)
+def test_limits_hold_for_what_is_differentiated_by_numbers(kind: BaseKind, parts: list[Arc]) -> None:
+    """A second difference is a mean of accelerations."""
+    q = rows(retime(driven(kind, parts)))
+    gained = np.diff(q, 2, axis=0) / STEP**2
+    assert np.abs(gained[:, 2]).max() <= SPEEDS.turn_acceleration * SLACK
+    assert np.hypot(*gained[:, :2].T).max() <= SPEEDS.base_acceleration * SLACK
+    assert np.abs(np.diff(q[:, 2])).max() <= SPEEDS.turn_velocity * STEP * SLACK
+
+
+@pytest.mark.parametrize("kind", ["car", "differential"])
+@settings(max_examples=examples(4))
+@given(ARCS)
+def test_no_wheel_slips_between_states_and_all_stay_next_to_the_arcs(
+    kind: BaseKind, parts: list[Arc]
+) -> None:
+    plan = driven(kind, parts)
+    found = retime(plan)
+    moving = trajectory(found)
+    sample = moving.sample(np.linspace(0.0, moving.duration, 500))
+    yaw, (x, y) = sample.base[:, 2], sample.base_velocity[:, :2].T
+    assert np.abs(y * np.cos(yaw) - x * np.sin(yaw)).max() < 1e-6
+    shares = np.linspace(0, 1, 400)
+    ways = [plan.world.robot.drive.between(a, b, s) for a, b in pairwise(plan.motion.base) for s in shares]
+    off = np.linalg.norm(np.array(ways)[:, None, :2] - sample.base[::10, :2], axis=2).min(axis=0)
+    assert off.max() < 2 * BLEND + 0.25 / 400
+
+
+def test_a_car_stands_while_it_steers_and_its_arcs_stay_as_tight_as_they_are() -> None:
+    """Half lock to the left, full lock to the right: 45 degrees and 26.6 degrees of steering."""
+    found = retime(driven("car", [(0.2, False, 0.5), (0.2, False, -1.0), (0.2, True, 1.0)]))
+    time, base = found.motion.time, found.motion.base
+    stands = [(a, b) for (a, p), (b, q) in pairwise(zip(time, base, strict=True)) if (p == q).all() and b > a]
+    assert [b - a for a, b in stands] == [pytest.approx((np.arctan(0.5) + np.pi / 4) / 0.7, abs=1e-9)]
+    (began, ended) = stands[0]
+    still = trajectory(found).sample(np.linspace(began, ended, 5)[1:-1])
+    assert not still.base_velocity.any()
+    assert not still.joint_velocity.any()
+    assert not still.base_acceleration.any()
+    q = rows(found)
+    went, turned = np.hypot(*np.diff(q[:, :2], axis=0).T), np.abs(np.diff(q[:, 2]))
+    fast = went > 1e-5
+    assert (turned[fast] / went[fast]).max() <= 1 / RADIUS + 1e-6
+
+
+def test_a_car_turns_its_steering_while_the_arm_moves() -> None:
+    plan = driven("car", [(0.2, False, 1.0), (0.0, False, 0.0), (0.2, False, -1.0)])
+    joints = plan.motion.joints.copy()
+    joints[2:, 0] += 1.0  # takes longer than the steering
+    found = retime(
+        replace(plan, motion=replace(plan.motion, joints=joints)), replace(SPEEDS, steering_velocity=5.0)
+    )
+    still = (np.diff(found.motion.base, axis=0) == 0).all(1) & (
+        np.diff(found.motion.joints, axis=0) == 0
+    ).all(1)
+    assert still.any()
+    assert (np.diff(found.motion.time)[still] == 0).all()
+
+
+@pytest.mark.parametrize(
+    ("kind", "less", "told"),
+    [
+        ("differential", {"turn_acceleration": 1.0}, "differences: the heading gains"),
+        ("car", {"steering_velocity": 0.5}, "pace: the steering turns"),
+    ],
+)
+def test_the_second_opinion_objects_to_lower_limits_alone(
+    kind: BaseKind, less: dict[str, float], told: str
+) -> None:
+    found = retime(driven(kind, [(0.2, False, 0.5), (0.2, False, -1.0), (0.2, True, 0.3)]))
+    assert against(found) == ()
+    world = replace(found.world, speeds=replace(SPEEDS, **less))
+    assert any(text.startswith(told) for text in against(replace(found, world=world)))
+
+
+def test_small_changes_of_curvature_cost_little_time() -> None:
+    """A base that stopped at each of the 88 changes would take 18 s."""
+    assert timed("door").motion.time[-1] < 8.0

@@ -1,0 +1,124 @@
+"""Speeds and accelerations of timed plans as `verify` bounds them: at every moment, by code of its own."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+from regionik.timing.retime import retime
+from regionik.timing.trajectory import trajectory
+from regionik.values import Motion, Plan
+from regionik.verification.motion import MotionSegments
+from regionik.verification.speeds import TimedSegments
+from regionik.verification.verifier import verify
+from regionik.worlds.arrays import Array
+from regionik.worlds.drives import BaseKind
+from regionik.worlds.speeds import Speeds
+from tests.plans import youbot
+from tests.test_steering import driven
+from tests.test_verify import of_kind, plan_of, straight, world_of
+
+PARTS = [(0.2, False, 0.3), (0.2, False, 0.4), (0.15, False, -0.2), (0.2, True, 0.8), (0.1, True, 0.7)]
+LIMITED = ["base_velocity", "base_acceleration", "turn_velocity", "turn_acceleration"]
+LIMITED += ["joint_velocity", "joint_acceleration"]
+
+
+@cache
+def timed(kind: BaseKind) -> Plan:
+    return retime(driven(kind, PARTS))
+
+
+@pytest.mark.parametrize("kind", ["omni", "differential", "car"])
+def test_the_polynomials_are_those_of_the_trajectory(kind: BaseKind) -> None:
+    """Two codes of one definition: derivatives of joints, heading, and what the base rolls or slides."""
+    found = timed(kind)
+    course = TimedSegments(MotionSegments(found.world.robot, found.motion))
+    base, joints = course.polynomials()
+    share = np.linspace(0.1, 0.9, 5)
+    k, moving = course.moving, trajectory(found)
+    for one in share:
+        sample = moving.sample(found.motion.time[k] + one * course.span[k])
+        powers = np.arange(1, 9) * one ** np.arange(8) / course.span[k, None]
+        rate = np.einsum("mn,mnk->mk", powers, base[:, 1:])
+        assert np.abs(np.einsum("mn,mnk->mk", powers, joints[:, 1:]) - sample.joint_velocity).max() < 1e-6
+        assert np.abs(rate[:, -1] - sample.base_velocity[:, 2]).max() < 1e-6
+        went = np.hypot(*sample.base_velocity[:, :2].T)
+        assert np.abs(np.linalg.norm(rate[:, :-1], axis=1) - went).max() < 1e-6
+
+
+@pytest.mark.parametrize("kind", ["omni", "differential", "car"])
+@pytest.mark.parametrize("limit", LIMITED)
+def test_what_goes_beyond_a_limit_is_named(kind: BaseKind, limit: str) -> None:
+    """A hundredth below what is used of the limit."""
+    found = timed(kind)
+    assert verify(found).ok
+    assert 0 < verify(found).margins["speeds"] < 1
+    used = found.stats["timing"]["used"][limit]
+    speeds = found.world.speeds
+    assert speeds is not None
+    own = dict(
+        zip(
+            ("joint_velocity", "joint_acceleration"),
+            speeds.joint_limits(found.world.robot.chain),
+            strict=True,
+        )
+    )
+    asked: Any = own[limit][0] if limit in own else getattr(speeds, limit)
+    less = replace(
+        found, stats={}, world=replace(found.world, speeds=replace(speeds, **{limit: 0.99 * used * asked}))
+    )
+    report = verify(less)
+    assert {one.kind for one in report.violations} == {"speeds"}
+    word = "speed" if "velocity" in limit else "acceleration"
+    assert any(
+        "of its limit between states" in one.text and (word in one.text or "turning" in one.text)
+        for one in report.violations
+    )
+
+
+def test_a_car_that_steers_too_fast_is_named() -> None:
+    found = timed("car")
+    quick = replace(found.world, speeds=replace(found.world.speeds, steering_velocity=0.6))  # type: ignore[type-var]
+    told = of_kind(verify(replace(found, stats={}, world=quick)), "speeds")
+    assert all("the steering reaches" in one.text for one in told)
+
+
+def hasty(span: float, bend: float) -> Plan:
+    """A plan at rest for a second, whose first joint then moves for no more than that span, and back."""
+    motion = straight(1, 0)
+    states = [np.zeros(5), np.eye(5)[0] * bend / 2, np.eye(5)[0] * bend]
+    joints = np.array([motion.joints[0] + one for one in [states[0], *states]])
+    time = np.array([0.0, 1.0, 1.0 + span / 2, 1.0 + span])
+    kind, owner = np.array(["setpoint", "step", "step", "step"]), np.zeros(4, dtype=np.int64)
+    moved = Motion(np.repeat(motion.base, 4, axis=0), joints, kind, owner, time)
+    world = world_of(moved, robot=youbot())
+    return plan_of(replace(world, rules=replace(world.rules, tolerance=0.1, path_tolerance=0.1)), moved)
+
+
+def test_what_happens_within_a_millisecond_counts() -> None:
+    """From rest to rest over x in t takes an acceleration of 4 x / t2."""
+    x, t = 1e-7, 4e-4
+    reached: Array = np.array([4 * x / t**2])
+    for limit, is_ok in ((1.01 * reached[0], True), (0.99 * reached[0], False)):
+        plan = hasty(t, x)
+        world = replace(plan.world, speeds=Speeds(joint_acceleration=float(limit)))
+        assert verify(replace(plan, world=world)).ok == is_ok
+
+
+def test_times_that_fit_no_motion_are_named() -> None:
+    found = timed("omni")
+    time = found.motion.time.copy()
+    time[len(time) // 2 :] += 0.5
+    late = replace(found, stats={}, motion=replace(found.motion, time=time))
+    assert "passes at these times" in of_kind(verify(late), "speeds")[0].text
+
+
+def test_a_plan_carries_the_speeds_that_it_was_timed_by() -> None:
+    found = timed("omni")
+    slow = Speeds(base_velocity=0.05)
+    assert retime(found, slow).world.speeds == slow
+    assert not verify(replace(found, stats={}, world=replace(found.world, speeds=slow))).ok
