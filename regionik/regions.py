@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
-from regionik.areas.ground import GUARD, Side, ground_of, grow, united
+from regionik.areas.ground import GUARD, Side, ground_of, united
 from regionik.areas.reachable import reach_rows
 from regionik.areas.standing import (
     LEAST_AREA,
@@ -134,6 +134,8 @@ def path_areas(
     targets: Sequence[Target] | None = None,
     facings: Sequence[int] = (FRONT, BACK),
     standing: Standing | None = None,
+    *,
+    coarse: bool = False,
 ) -> PathAreas:
     """Inner areas of a whole path at once.
 
@@ -146,10 +148,12 @@ def path_areas(
         Which of `FRONT` and `BACK` to take.
     standing : Standing, optional
         Free floor of the base; by default that of every heading.
+    coarse : bool
+        See `ReachQuery`: areas are likely then, not proven.
     """
     asked = world.task if targets is None else targets
     sides = (standing or anywhere(world)).sides
-    found = [reach_rows(world, asked, facings, inner=True, span=side.span) for side in sides]
+    found = [reach_rows(world, asked, facings, inner=True, span=side.span, coarse=coarse) for side in sides]
     areas = [side.subtract(rings) for side, (_, _, rings) in zip(sides, found, strict=True)]
     target = np.concatenate([rows for rows, _, _ in found])
     order = np.argsort(target, kind="stable")
@@ -175,19 +179,25 @@ def outer_areas(world: World, targets: Sequence[Target]) -> list[BaseGeometry]:
 
     Those that are not empty for the circle inside the footprint are cut to what its headings leave.
     """
-    side = ground_of(world).outer
-    rows, _, rings = reach_rows(world, targets, (FRONT, BACK), inner=False, span=span_of_rules(world))
-    left = side.subtract(rings)
-    found = [shapely.union_all(left[rows == i]) for i in range(len(targets))]
+    found = round_outer_areas(world, targets)
     return [
         area if area.is_empty else area & _whole_area(world, target, inner=False)
         for area, target in zip(found, targets, strict=True)
     ]
 
 
-def reach_of(world: World, target: Target) -> BaseGeometry:
+def round_outer_areas(world: World, targets: Sequence[Target], *, coarse: bool = False) -> list[BaseGeometry]:
+    """Outer area of each target for the circle inside the footprint; see `ReachQuery` for ``coarse``."""
+    span, side = span_of_rules(world), ground_of(world).outer
+    rows, _, rings = reach_rows(world, targets, (FRONT, BACK), inner=False, span=span, coarse=coarse)
+    left, bounds = side.subtract(rings), np.searchsorted(rows, np.arange(len(targets) + 1))
+    return [shapely.union_all(left[a:b]) for a, b in zip(bounds[:-1], bounds[1:], strict=True)]
+
+
+def reach_of(world: World, target: Target, *, coarse: bool = False) -> BaseGeometry:
     """Outer reach of a target: places of the arm axis if nothing were in the way."""
-    _, _, rings = reach_rows(world, [target], (FRONT, BACK), inner=False, span=span_of_rules(world))
+    span = span_of_rules(world)
+    _, _, rings = reach_rows(world, [target], (FRONT, BACK), inner=False, span=span, coarse=coarse)
     return shapely.union_all(rings) if len(rings) else Polygon()
 
 
@@ -208,11 +218,16 @@ def rejected_parts(world: World, target: Target) -> tuple[RejectedPart, ...]:
     taken = [RejectedPart(kind, "joint limits" if kind == "limits" else name, disc - wide)]
     taken.append(RejectedPart("criteria", "criteria", wide - reach))
     taken.append(RejectedPart("floor", "edge of the floor", reach - ground.inner.floor))
-    by = ground.clearance + ground.far + GUARD
-    for k in ground.within(reach, by):
-        part = reach & grow(ground.shadows[k], by, inner=True)
-        taken.append(RejectedPart("obstacle", ground.names[k], part))
+    taken += rejected_by_obstacles(world, reach)
     return tuple(part for part in taken if part.polygon.area > 1e-12)
+
+
+def rejected_by_obstacles(world: World, reach: BaseGeometry) -> list[RejectedPart]:
+    """Parts of a reach in which the base would come too near to obstacles, one for each of these."""
+    ground = ground_of(world)
+    by = ground.clearance + ground.far + GUARD
+    near = ground.grown_about(reach, by, inner=True)
+    return [RejectedPart("obstacle", name, reach & shadow) for name, shadow in near]
 
 
 def largest_clearance(world: World, target: Target) -> float | None:
@@ -226,7 +241,7 @@ def largest_clearance(world: World, target: Target) -> float | None:
 
     def open_at(clearance: float) -> bool:
         by = clearance + ground.far + GUARD
-        grown = [grow(ground.shadows[k], by, inner=True) for k in ground.within(reach, by)]
+        grown = [shadow for _, shadow in ground.grown_about(reach, by, inner=True)]
         return float((reach - shapely.union_all(grown)).area) > 1e-12
 
     low, high = 0.0, 1.0

@@ -26,6 +26,7 @@ from regionik.planners.driving.footprint_planner import (
     passage_width,
 )
 from regionik.planners.driving.heading_slabs import (
+    _minkowski_sums,
     rotation_core,
     rotation_hull,
     slab_areas,
@@ -356,3 +357,16 @@ def test_rooms_are_values_of_one_kind() -> None:
         [(part.dtype, part.ndim, part.flags.writeable, part.flags.c_contiguous) for part in r] for r in rooms
     ]
     assert kinds[0] == kinds[1]
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_sums_of_edges_are_hulls_of_all_sums_of_corners(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    corners = shapely.get_coordinates(shapely.convex_hull(shapely.multipoints(rng.normal(size=(9, 2)))))[:-1]
+    pieces = list(rng.normal(size=(30, 2, 2)).round(1))
+    pieces += [np.tile(rng.normal(size=(1, 2)), (2, 1)), np.array([corners[0], corners[1]])]
+    for shape in (corners, corners[::-1]):
+        sums = _minkowski_sums(pieces, shape)
+        for piece, found in zip(pieces, sums, strict=True):
+            spots = (piece[:, None] + shape).reshape(-1, 2)
+            assert found.symmetric_difference(shapely.multipoints(spots).convex_hull).area < 1e-9

@@ -8,14 +8,23 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from benchmarks.pivoted import EXACT, KINDS, case, points_in, searched, solved
-from regionik.planners.reach.level_reach import finite_limits, inner_reach, merged, outer_reach, posture_at
+from regionik.planners.reach.level_reach import (
+    finite_limits,
+    inner_reach,
+    likely_reach,
+    merged,
+    outer_layer,
+    outer_reach,
+    posture_at,
+)
 from regionik.planners.reach.meridian_plane import (
     Meridian,
-    hop_holds,
+    hop_stray,
     meridian_of,
     to_level,
     tool_for,
     tool_motion,
+    walk,
     weights,
 )
 from regionik.planners.reach.outer_bounds import (
@@ -142,12 +151,14 @@ def test_a_box_bounds_all_of_its_postures(seed: int, width: float) -> None:
         joints = rng.uniform(low, high)
         tool_motion(one, joints, tool)
         r, z = tool.at
-        near, far, _, _ = spanned(box, z)
+        half = rng.uniform(0.0, 0.05)
+        about = z + rng.uniform(-half, half)
+        near, far, _, _ = spanned(box, about, half)
         assert near <= r <= far
         away = np.linalg.norm(tool.frames[-1, :3, 3] - box.hub, axis=1)
         assert (box.keeps[:, 0] - 1e-9 <= away).all()
         assert (away <= box.keeps[:, 1] + 1e-9).all()
-        assert contract_to(box, z, max(0.0, r - 1e-4), r + 1e-4)
+        assert contract_to(box, about, half, max(0.0, r - 1e-4), r + 1e-4)
         assert (box.q + box.shift[0] - 1e-9 <= joints).all()
         assert (joints <= box.q + box.shift[1] + 1e-9).all()
 
@@ -187,13 +198,50 @@ def test_a_hop_that_holds_can_be_put_right_all_along(seed: int) -> None:
     tool_motion(one, here, tool)
     z = float(tool.at[1])
     there = np.clip(here + rng.uniform(-0.2, 0.2, len(here)), *finite_limits(one))
-    if not to_level(one, z, there, tool, free, spare) or not hop_holds(one, here, there, tool, free):
+    if not to_level(one, z, there, tool, free, spare) or hop_stray(one, here, there, tool, free) < 0:
         return
     for share in np.linspace(0, 1, 11):
         middle = here + share * (there - here)
         assert to_level(one, z, middle, tool, free, spare)
         assert (one.lower <= middle).all()
         assert (middle <= one.upper).all()
+
+
+@settings(max_examples=examples(20))
+@given(SEEDS)
+def test_a_walk_turns_the_tool_no_farther_than_it_says(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    one = meridian(chain_of(seed))
+    tool, m = tool_for(one), len(one.levers)
+    start = posture(one, rng)
+    tool_motion(one, start, tool)
+    z, away = float(tool.at[1]), tool.away.copy()
+    if tool.at[0] < 1e-6:
+        return
+    turns, last = np.empty(3), np.empty(m)
+    walk(one, z, 1.0, start.copy(), tool, 40, np.inf, last, turns)
+    for steps in (1, 2, 5, 20):
+        there = start.copy()
+        walk(one, z, 1.0, there, tool, steps, np.inf, last, np.empty(3))
+        tool_motion(one, there, tool)
+        turn = np.arctan2(away[0] * tool.away[1] - away[1] * tool.away[0], away @ tool.away)
+        if tool.at[0] <= turns[0]:
+            assert turns[1] - 1e-9 <= turn <= turns[2] + 1e-9
+
+
+@settings(max_examples=examples(6))
+@given(SEEDS)
+def test_a_layer_holds_the_reach_of_each_of_its_heights(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    chain = chain_of(seed)
+    for joints in [posture(meridian(chain), rng) for _ in range(3)]:
+        one = meridian(chain)
+        tool = tool_for(one)
+        tool_motion(one, joints, tool)
+        r, z = tool.at
+        assert any(low - 1e-9 <= r <= high + 1e-9 for low, high in outer_layer(chain, float(z)))
+        for low, high in likely_reach(chain, float(z)):
+            assert any(a - 1e-9 <= low and high <= b + 1e-9 for a, b in outer_layer(chain, float(z)))
 
 
 def test_no_hop_leads_across_a_limit_or_a_summit() -> None:
@@ -208,7 +256,7 @@ def test_no_hop_leads_across_a_limit_or_a_summit() -> None:
     one = meridian(chain)
     z = float(np.sin(np.pi / 2 - 0.05))
     a, b = np.array([np.pi / 2 - 0.05]), np.array([np.pi / 2 + 0.05])
-    assert not hop_holds(one, a, b, tool_for(one), weights(one))
+    assert hop_stray(one, a, b, tool_for(one), weights(one)) < 0
     assert inner_reach(chain, z) == ()  # two distances, and nothing between them
     assert [round(high, 3) for _, high in outer_reach(chain, z)] == [0.05]
 

@@ -11,7 +11,13 @@ import shapely
 from shapely.geometry import Polygon
 
 from regionik.planners.collision.proximity import Touch, nearest, path_clear, state_clear
-from regionik.planners.collision.robot_bodies import Bodies, ContactTargets, bodies_from
+from regionik.planners.collision.robot_bodies import (
+    Bodies,
+    ContactTargets,
+    bodies_from,
+    near_bodies,
+    span_about_tool,
+)
 from regionik.planners.collision.robot_motion import count_on_line
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
@@ -245,6 +251,19 @@ def test_moving_everything_changes_nothing(name: str) -> None:
         assert other.distance == pytest.approx(one.distance, abs=2e-3 if one.distance < 0 else 1e-6)
         if one.distance > 1e-3 and one.kind == other.kind:
             assert np.linalg.norm(other.on_solid - other.on_other) == pytest.approx(one.distance, abs=1e-6)
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_what_is_beyond_the_span_about_the_tool_touches_nothing(name: str) -> None:
+    bodies = prepared(name)
+    far = span_about_tool(bodies.robot) + 0.01
+    for base, joints in zip(*states(bodies.robot, 20, 7), strict=True):
+        tool = bodies.robot.tool(base, joints)[:3, 3]
+        near = near_bodies(bodies, tool, far)
+        assert len(near.pieces) <= len(bodies.pieces)
+        one, other = (nearest(some, base, joints, within=0.005) for some in (bodies, near))
+        assert (one.kind, one.other, one.solid) == (other.kind, other.other, other.solid)
+        assert one.distance == other.distance
 
 
 def moved(solid: Solid, T: Array, yaw: float) -> Solid:

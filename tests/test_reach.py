@@ -12,7 +12,7 @@ from regionik.worlds.arms import planar_arm
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import InputError
-from regionik.worlds.obstacles import Sphere
+from regionik.worlds.obstacles import Box, Sphere
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
 from tests.test_random_worlds import random_world
 
@@ -103,6 +103,16 @@ def test_a_target_in_two_solids_is_told_apart() -> None:
     assert "ball" in answer.reason[0] or "bell" in answer.reason[0]
     ghost = replace(world, rules=Rules(avoidance=False))
     assert reach(ghost, [1.0, 0.02, 0.4]).verdict.tolist() == ["reachable"]
+
+
+def test_a_target_that_takes_its_link_below_a_surface_is_ruled_out() -> None:
+    """However deep the tool may touch, a point that is deeper than its link is thick is out of reach."""
+    block = Box("block", np.array([2.0, 2.0, 0.6]), np.array([2.0, 0.0, 0.3]))
+    robot = robot_named("pioneer7")
+    world = World("block", robot, Floor(shapely.box(-2, -2, 3, 2)), (block,), rules=Rules(clearance=0.0))
+    answer = reach(world, [[1.25, 0.0, 0.3]])
+    assert answer.verdict.tolist() == ["unreachable"]
+    assert "block" in answer.reason[0]
 
 
 def test_one_bare_point_is_enough() -> None:

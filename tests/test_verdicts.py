@@ -13,6 +13,7 @@ import shapely
 from regionik.cli import app
 from regionik.pipeline import plan, why
 from regionik.reachability.reach import reach
+from regionik.verification.verifier import verify
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain
 from regionik.worlds.documents.world_file import world_to_document
@@ -62,13 +63,35 @@ def test_an_empty_inner_area_is_no_proof() -> None:
     check_undecided(refused(world))
 
 
-def test_a_target_that_is_reached_by_itself_is_not_ruled_out_by_a_plan() -> None:
+def test_a_plan_turns_the_base_as_reach_does() -> None:
     world = lane()
     assert reach(world, world.task).reachable.all()
     assert why(world, world.task[0]) is None
-    found = refused(world)
-    check_undecided(found)
-    assert "By itself it can be reached, with the base at (" in found.reason
+    assert why(world) is None
+    assert verify(plan(world)).ok
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_no_answer_contradicts_another(seed: int) -> None:
+    """What `reach` finds nobody rules out, and what a plan rules out `reach` does not find."""
+    rng = np.random.default_rng(seed)
+    first, *rest = PIONEER7.chain.joints
+    half = float(rng.uniform(0.5, 3.1))
+    chain = Chain((replace(first, lower=-half, upper=half), *rest), PIONEER7.chain.T_last_tool)
+    long, wide = rng.uniform([0.2, 0.1], [0.45, 0.2])
+    corners = np.array([[long, wide], [-long, wide], [-long, -wide], [long, -wide]])
+    robot = replace(PIONEER7, chain=chain, footprint=corners)
+    room = shapely.box(-1.5, 0, 1.5, float(rng.uniform(1.8, 3.0)) * wide)
+    spot = rng.uniform([-1.5, -0.6, 0.1], [1.5, 0.6, 0.9])
+    world = World("random", robot, Floor(room), (), (Target(spot),), Rules(avoidance=False))
+    answer, cause = reach(world, world.task).verdict[0], why(world, spot)
+    told = "reachable" if cause is None else cause.verdict
+    try:
+        planned = "reachable" if verify(plan(world)).ok else "wrong"
+    except NoPlanFound as no:
+        planned = no.explanation.verdict
+    assert planned != "wrong"
+    assert not {"reachable", "unreachable"} <= {answer, told, planned}
 
 
 def test_a_proof_is_the_same_everywhere() -> None:

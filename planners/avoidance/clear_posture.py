@@ -172,6 +172,24 @@ def quick_clear_posture(
     return found or search.answer(Verdict.OPEN, "no search was made")
 
 
+def sampled_clear_posture(
+    bodies: Bodies,
+    base: ArrayLike,
+    target: ArrayLike,
+    joints: ArrayLike,
+    *,
+    contact: ContactTargets | None = None,
+    tolerance: float = 1e-3,
+    margin: float = 0.0,
+    seed: int = 0,
+) -> ClearPosture:
+    """The samples of `clear_posture` alone, for one of many targets: found or undecided."""
+    place, goal = frozen(base, (3,), "base"), frozen(target, (3,), "target")
+    search = _Search(PostureTask(bodies, place, goal, contact, tolerance, margin), joints, seed)
+    found = search.by_passes() or search.by_sampling()
+    return found or search.answer(Verdict.OPEN, "no search was made")
+
+
 def clear_posture_at_pose(
     bodies: Bodies,
     base: Array,

@@ -109,8 +109,8 @@ def solid_at_target(
             end = max(end, solid.radius - tolerance - float(off))
     for k, one in enumerate(bodies.obstacles):
         gap, near = one.distance(target), end + margin + bodies.clearance
-        if k in free:
-            gap, near = max(0.0, gap), end - bodies.depth
+        if k in free:  # a tool below the surface takes its link along, deeper by as much
+            near = end - bodies.depth - (tolerance if gap < 0 else 0.0)
         if gap < near - LEVER:
             return one.name
     return ""

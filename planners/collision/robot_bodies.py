@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -236,6 +236,57 @@ def bodies_from(robot: Robot, solids: Sequence[Solid], clearance: float = 0.0, d
         clearance,
         depth,
     )
+
+
+def near_bodies(bodies: Bodies, point: Array, far: float) -> Bodies:
+    """The same bodies without the pieces of obstacles that are farther from a point than ``far``.
+
+    Parameters
+    ----------
+    bodies : Bodies
+    point : (3,) array
+        [m]
+    far : float
+        From the boxes round the pieces, their clearance included [m].
+    """
+    hulls = bodies.hulls
+    apart = np.maximum(np.maximum(hulls.boxes[:, 0] - point, point - hulls.boxes[:, 1]), 0.0)
+    keep: NDArray[np.bool_] = np.linalg.norm(apart, axis=1) <= far
+    keep[hulls.world :] = True
+    skips = hulls.next - np.arange(len(keep)) - 1
+    for m in np.flatnonzero(skips):  # triangles go with the hull that bounds them
+        keep[m + 1 : hulls.next[m]] = keep[m]
+    kept, counts = np.flatnonzero(keep), np.diff(hulls.first)
+    left = Hulls(
+        hulls.corners[np.repeat(keep, counts)],
+        np.concatenate([[0], np.cumsum(counts[kept])]),
+        hulls.disc[kept],
+        hulls.ball[kept],
+        hulls.frame[kept],
+        hulls.owner[kept],
+        np.arange(len(kept)) + 1 + skips[kept],
+        hulls.boxes[kept],
+        int(np.count_nonzero(keep[: hulls.world])),
+    )
+    return replace(bodies, hulls=left, pieces=tuple(bodies.pieces[m] for m in kept.tolist()))
+
+
+@lru_cache(maxsize=64)
+def span_about_tool(robot: Robot) -> float:
+    """Bound of the distance of the tool from any point of the robot's solids, in any posture [m]."""
+    chain = robot.chain
+    travel = [
+        0.0 if joint.kind == "revolute" else max(abs(joint.lower), abs(joint.upper)) for joint in chain.joints
+    ]
+    steps = [*(joint.T_parent_joint[:3, 3] for joint in chain.joints), chain.T_last_tool[:3, 3]]
+    lengths = np.linalg.norm(steps, axis=1) + [*travel, 0.0]
+    to_tool = np.cumsum(lengths[::-1])[::-1]  # from the arm's base frame, then from each link's
+    to_tool[0] += float(np.linalg.norm(robot.T_base_arm[:3, 3]))
+    reached = (
+        to_tool[max(solid.link, -1) + 1] + solid.radius + np.linalg.norm(solid.corners, axis=1).max()
+        for solid in robot.all_solids
+    )
+    return float(max(reached, default=0.0))
 
 
 def _self_pairs(robot: Robot, body: int) -> NDArray[np.bool_]:

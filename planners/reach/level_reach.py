@@ -7,6 +7,7 @@ pivot axis. Lifts before the pivot are joints like the others.
 from __future__ import annotations
 
 from functools import lru_cache
+from math import floor
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -27,11 +28,14 @@ Intervals = tuple[tuple[float, float], ...]
 
 BATCH, MOST_BATCHES = 24, 6  # postures that walks start from; the last batch is one that adds nothing
 NEWS = 1e-4  # what a batch must add for another to follow [m]
+MOST_SECTORS, UNLIKE = 6, 1.0  # walks whose azimuths are told, and how far apart they are [rad]
 MOST_STEPS = 300  # of one walk
 MOST_BOXES = 20_000  # weighed for an outer bound, a few microseconds each
 LEVEL = 1e-9  # by which the tool of an arm that cannot rise may be off its height [m]
 SAMPLES, NARROWINGS = 128, 80  # random postures, ever nearer to the farthest and the nearest of them
 HALVINGS = 60  # of the straight way between those two
+LAYER = 0.01  # height of a layer, whose targets are looked at together at first [m]
+LAYER_BOXES = 5_000  # weighed for the outer bound of one
 ENOUGH = 1e-3  # what the outer bound may stand off from the inner one [m]
 
 
@@ -59,22 +63,50 @@ def inner_reach(chain: Chain, rise: float) -> Intervals:
     >>> [[round(end, 3) for end in ring] for ring in inner_reach(robot_named("hinge5").chain, 0.068)]
     [[0.0, 0.272]]
     """
-    meridian = _meridian(chain)
-    if meridian is None:
-        return ()
-    tool = tool_for(meridian)
-    if _is_level(chain):
+    if _meridian(chain) is not None and _is_level(chain):
         return _level_reach(chain, rise)
-    found: Intervals = ()
-    for starts in np.split(_starts(meridian), MOST_BATCHES):
-        passed = np.empty((BATCH, 2))
-        count = walk_both_ways(meridian, rise, starts, tool, MOST_STEPS, passed)
-        more = merged([*found, *passed[:count].tolist()])
-        news = _length(more) - _length(found)
-        found = more
-        if found and news < NEWS:
-            break
+    found = merged(_walks(chain, rise)[:, :2].tolist())
     return tuple(ring for ring in found if ring[1] - ring[0] > NEWS)
+
+
+@lru_cache(maxsize=4096)
+def _walks(chain: Chain, rise: float) -> Array:
+    """Distances and azimuths that walks at a height pass, rows as of `walk_both_ways`, (n, 6)."""
+    meridian, passed = _meridian(chain), np.empty((0, 6))
+    if meridian is None or _is_level(chain):
+        return passed
+    tool, length = tool_for(meridian), 0.0
+    for starts in np.split(_starts(meridian), MOST_BATCHES):
+        more = np.empty((BATCH, 6))
+        count = walk_both_ways(meridian, rise, starts, tool, MOST_STEPS, more)
+        passed = np.concatenate([passed, more[:count]])
+        before, length = length, _length(merged(passed[:, :2].tolist()))
+        if len(passed) and length - before < NEWS:
+            break
+    return passed
+
+
+@lru_cache(maxsize=4096)
+def inner_sectors(chain: Chain, rise: float) -> tuple[tuple[float, float, float, float], ...]:
+    """Distances proven to be in reach with the tool's azimuth, the pivot at zero, proven within bounds.
+
+    Rows of low, high [m] and of bounds of the azimuth [rad]: of all walks a few, of wide rings and unlike
+    azimuths. A pivot that turns from a to b reaches all azimuths from a + the upper bound to b + the lower
+    one at every distance of a row.
+    """
+    walks = _walks(chain, rise)[:, 2:]
+    walks = walks[walks[:, 1] - walks[:, 0] > NEWS]
+    worth = (walks[:, 1] ** 2 - walks[:, 0] ** 2) * (2 * np.pi - (walks[:, 3] - walks[:, 2]))
+    walks = walks[np.argsort(-worth, kind="stable")]
+    chosen: list[tuple[float, float, float, float]] = []
+    while len(walks) and len(chosen) < MOST_SECTORS:
+        low, high, right, left = best = walks[0]
+        chosen.append((float(low), float(high), float(right), float(left)))
+        off = np.abs(
+            np.remainder(walks[:, 2:].sum(axis=1) / 2 - best[2:].sum() / 2 + np.pi, 2 * np.pi) - np.pi
+        )
+        walks = walks[(walks[:, 0] < low - NEWS) | (walks[:, 1] > high + NEWS) | (off > UNLIKE)]
+    return tuple(chosen)
 
 
 @lru_cache(maxsize=4096)
@@ -92,8 +124,40 @@ def outer_reach(chain: Chain, rise: float) -> Intervals:
     known = np.array(inner_reach(chain, rise)).reshape(-1, 2)
     if meridian is None:
         return ((0.0, cap),)
-    low, high = finite_limits(meridian)
-    left = outer_distances(meridian, rise, low, high, known, cap, ENOUGH, MOST_BOXES)
+    limits = finite_limits(meridian)
+    left = outer_distances(meridian, (rise, rise), limits, known, cap, ENOUGH, MOST_BOXES)
+    return merged([*known.tolist(), *left.tolist()])
+
+
+def likely_reach(chain: Chain, rise: float) -> Intervals:
+    """Distances that are in reach just below a height and just above it: very likely there too, not proven.
+
+    The heights looked at are the same for all targets, so that many targets ask for few of them.
+    """
+    if _is_level(chain):
+        return inner_reach(chain, rise)
+    k = floor(rise / LAYER)
+    below, above = inner_reach(chain, k * LAYER), inner_reach(chain, (k + 1) * LAYER)
+    both = [(max(a[0], b[0]), min(a[1], b[1])) for a in below for b in above]
+    return merged([ring for ring in both if ring[0] < ring[1]])
+
+
+def outer_layer(chain: Chain, rise: float) -> Intervals:
+    """As `outer_reach`, for all heights of the layer that a height is in: larger, and the same for them."""
+    return _outer_layer(chain, floor(rise / LAYER))
+
+
+@lru_cache(maxsize=4096)
+def _outer_layer(chain: Chain, k: int) -> Intervals:
+    meridian, span, heights = _meridian(chain), reach_bound(chain), (k * LAYER, (k + 1) * LAYER)
+    off = max(0.0, abs(sum(heights) / 2 - span.height) - LAYER / 2)
+    if off > span.length:
+        return ()
+    cap = span.radius + float(np.sqrt(span.length**2 - off**2))
+    if meridian is None:
+        return ((0.0, cap),)
+    known = np.array(merged([ring for z in heights for ring in inner_reach(chain, z)])).reshape(-1, 2)
+    left = outer_distances(meridian, heights, finite_limits(meridian), known, cap, ENOUGH, LAYER_BOXES)
     return merged([*known.tolist(), *left.tolist()])
 
 

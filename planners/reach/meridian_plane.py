@@ -37,6 +37,7 @@ LEVEL = 1e-12  # how near to the height a posture of a walk is [m]
 ROUNDING = 1e-12  # added to bounds [m]
 CORRECTIONS = 40  # Newton steps to the height
 FIRST_STEP, LEAST_STEP = 0.3, 1e-5  # of a walk, as largest change of a joint [rad] or [m]
+SWING = 0.5  # of the tool about the pivot axis, as far as the bounds of a walk are kept [rad]
 HALVINGS = 40  # of the last hop of a walk that is to end at a distance
 NEAR = 1e-9  # [m]
 GAIN = 1e-5  # a walk ends where the next step promises no more [m]
@@ -220,11 +221,12 @@ def to_level(meridian: Meridian, z: float, joints: Array, tool: Tool, free: Arra
 
 
 @compiled
-def hop_holds(meridian: Meridian, a: Array, b: Array, tool: Tool, free: Array) -> bool:
-    """True where a motion at one height is proven to lead from one posture (m,) at it to another.
+def hop_stray(meridian: Meridian, a: Array, b: Array, tool: Tool, free: Array) -> float:
+    """Most that a motion at one height from one posture (m,) to another strays from its chord [m].
 
-    Along the straight hop the height is off by at most E. Along a direction d it rises at least half as fast
-    as in the middle of the hop, within 2 E of the hop: so every posture of it can be corrected.
+    It is -1 where there is not proven to be one. Along the straight hop the height is off by at most E.
+    Along a direction d it rises at least half as fast as in the middle of the hop, within 2 E of the hop: so
+    every posture of it can be corrected.
     """
     m = len(a)
     hop, d = np.abs(b - a), np.zeros(m)
@@ -237,19 +239,19 @@ def hop_holds(meridian: Meridian, a: Array, b: Array, tool: Tool, free: Array) -
             d[k] = 0.0 if held[k] else free[k] * tool.up[k]
             rise += d[k] * tool.up[k]
         if rise < 1e-9:
-            return False
+            return -1.0
         d /= rise  # now the height rises by 1 for each unit of d, in the middle of the hop
         size = np.abs(d)
         if _bent(meridian.bend, size, 0.5 * hop + 2.0 * off * size) > 0.5:
-            return False
+            return -1.0
         fits = True
         for k in range(m):
             room = min(min(a[k], b[k]) - meridian.lower[k], meridian.upper[k] - max(a[k], b[k]))
             if not held[k] and room < 2.0 * off * size[k]:
                 held[k], fits = True, False
         if fits:
-            return True
-    return False
+            return float(off + 2.0 * off * (size * meridian.levers).sum())
+    return -1.0
 
 
 @compiled
@@ -272,19 +274,24 @@ def walk(
     most: int,
     goal: float,
     last: Array,
+    turns: Array,
 ) -> float:
     """Walk at one height out (``outwards`` 1) or in (-1), to a distance or as far as it goes; where to [m].
 
     ``joints`` (m,) starts at the height and becomes the last posture of the walk, ``last`` the one before.
+    ``turns`` (3,) becomes the distance to which the tool's turn about the pivot axis is within ``SWING``, and
+    bounds of that turn, from the start on.
     """
     m = len(joints)
     free = weights(meridian)
     d, trial, spare = np.empty(m), np.empty(m), np.empty(m)
     last[:] = joints
     tool_motion(meridian, joints, tool)
-    r, stride = float(tool.at[0]), FIRST_STEP
+    r, stride, turn = float(tool.at[0]), FIRST_STEP, 0.0
+    turns[0], turns[1], turns[2] = r, 0.0, 0.0
     for _ in range(most):
         tool_motion(meridian, joints, tool)
+        x, y = tool.away
         gain = _uphill(meridian, outwards, joints, tool, free, d)
         longest = np.abs(d).max()
         if gain <= 0.0 or (goal - r) * outwards <= 0.0 or r + outwards * GAIN < 0.0:
@@ -295,8 +302,19 @@ def walk(
                 step = stride / longest * d[k]
                 trial[k] = max(meridian.lower[k], min(meridian.upper[k], joints[k] + step))
             if to_level(meridian, z, trial, tool, free, spare):
-                far = float(tool.at[0])
-                if (far - r) * outwards > 0.0 and hop_holds(meridian, joints, trial, tool, free):
+                far, c = float(tool.at[0]), x * tool.away[0] + y * tool.away[1]
+                s = x * tool.away[1] - y * tool.away[0]
+                stray = -1.0
+                if (far - r) * outwards > 0.0:
+                    stray = hop_stray(meridian, joints, trial, tool, free)
+                if stray >= 0.0:
+                    swing, near = np.arctan2(s, c), max(0.0, c) * min(r, far)
+                    aside = np.arcsin(stray / near) if stray < near else np.pi
+                    right = min(turns[1], turn + min(0.0, swing) - aside)
+                    left = max(turns[2], turn + max(0.0, swing) + aside)
+                    if turns[0] == r and left - right <= SWING:
+                        turns[0], turns[1], turns[2] = far, right, left
+                    turn += swing
                     last[:], joints[:] = joints, trial
                     r, moved = far, True
                     break
@@ -341,16 +359,24 @@ def _uphill(meridian: Meridian, outwards: float, joints: Array, tool: Tool, free
 
 @compiled
 def walk_both_ways(meridian: Meridian, z: float, starts: Array, tool: Tool, most: int, found: Array) -> int:
-    """Write distances passed by walks from starts (s, m) as rows of ``found`` (s, 2); returns how many."""
-    free, last = weights(meridian), np.empty(starts.shape[1])
+    """Write what walks from starts (s, m) pass as rows of ``found`` (s, 6); returns how many.
+
+    A row is the least and largest distance; then those between which the tool's azimuth, with the pivot at
+    zero, has bounds, and these.
+    """
+    free, last, turns = weights(meridian), np.empty(starts.shape[1]), np.empty(3)
     count = 0
     for start in starts:
         here = start.copy()
         if not to_level(meridian, z, here, tool, free, last):
             continue
-        there = here.copy()
-        found[count, 0] = walk(meridian, z, -1.0, here, tool, most, -np.inf, last)
-        found[count, 1] = walk(meridian, z, 1.0, there, tool, most, np.inf, last)
+        there, azimuth = here.copy(), np.arctan2(tool.away[1], tool.away[0])
+        found[count, 0] = walk(meridian, z, -1.0, here, tool, most, -np.inf, last, turns)
+        found[count, 2], found[count, 4], found[count, 5] = turns[0], azimuth + turns[1], azimuth + turns[2]
+        found[count, 1] = walk(meridian, z, 1.0, there, tool, most, np.inf, last, turns)
+        found[count, 3] = turns[0]
+        found[count, 4] = min(found[count, 4], azimuth + turns[1])
+        found[count, 5] = max(found[count, 5], azimuth + turns[2])
         count += 1
     return count
 
@@ -364,14 +390,14 @@ def walk_to_posture(
     ``joints`` (m,) becomes that posture. The last hop of a walk is halved until it ends at the distance.
     """
     free, m = weights(meridian), starts.shape[1]
-    last, middle, spare = np.empty(m), np.empty(m), np.empty(m)
+    last, middle, spare, turns = np.empty(m), np.empty(m), np.empty(m), np.empty(3)
     least = np.inf
     for start in starts:
         here = start.copy()
         if not to_level(meridian, z, here, tool, free, spare):
             continue
         outwards = 1.0 if goal > tool.at[0] else -1.0
-        off = abs(walk(meridian, z, outwards, here, tool, most, goal, last) - goal)
+        off = abs(walk(meridian, z, outwards, here, tool, most, goal, last, turns) - goal)
         for _ in range(HALVINGS):
             middle[:] = 0.5 * (last + here)
             if off <= LEVEL or not to_level(meridian, z, middle, tool, free, spare):

@@ -50,22 +50,29 @@ class OuterReach(NamedTuple):
 
     meridian: Meridian
     z: float  # height of the tool over the arm's base frame [m]
+    half: float  # by which it may be above or below [m]
     known: Array  # (k, 2) distances known to be in reach, as ascending intervals [m]
     enough: float  # boxes that stick out by no more than this are not bisected [m]
     bounds: ToolBounds  # overwritten
 
 
 def outer_distances(
-    meridian: Meridian, z: float, low: Array, high: Array, known: Array, cap: float, enough: float, most: int
+    meridian: Meridian,
+    heights: tuple[float, float],
+    limits: tuple[Array, Array],
+    known: Array,
+    cap: float,
+    enough: float,
+    most: int,
 ) -> Array:
     """Distances left open, as intervals (k, 2); no posture has any outside them and the known ones.
 
     Parameters
     ----------
     meridian : Meridian
-    z : float
-        Height of the tool over the arm's base frame [m].
-    low, high : (m,) array
+    heights : (low, high)
+        Of the tool over the arm's base frame, the same or rising [m].
+    limits : (low, high) arrays (m,)
         The box of all postures.
     known : (k, 2) array
         Distances known to be in reach, as ascending intervals [m].
@@ -76,7 +83,10 @@ def outer_distances(
     most : int
         Budget of boxes.
     """
-    asked = OuterReach(meridian, z, known, enough, bounds_for(meridian))
+    (bottom, top), (low, high) = heights, limits
+    asked = OuterReach(
+        meridian, 0.5 * (bottom + top), 0.5 * (top - bottom), known, enough, bounds_for(meridian)
+    )
     boxes = begin(judge_reach, asked, np.array([[*low, 0.0]]), np.array([[*high, cap]]))
     boxes = _explore(asked, boxes, most)
     slots = left_open(boxes)
@@ -91,17 +101,17 @@ def _explore(asked: OuterReach, boxes: Boxes, budget: int) -> Boxes:
 @compiled
 def judge_reach(asked: OuterReach, low: Array, high: Array) -> tuple[Verdict, float, int]:
     """Contract a box of m joint values and, last, of distances; its key is their largest excess."""
-    m, z, known, box = len(low) - 1, asked.z, asked.known, asked.bounds
+    m, z, half, known, box = len(low) - 1, asked.z, asked.half, asked.known, asked.bounds
     tells_low = tells_high = -1
     for i in range(PASSES):
         bound(asked.meridian, low[:m], high[:m], box)
-        near, far, tells_low, tells_high = spanned(box, z)
+        near, far, tells_low, tells_high = spanned(box, z, half)
         low[m], high[m] = in_question(known, max(near, low[m]), min(far, high[m]))
         if low[m] > high[m]:
             return Verdict.RULED_OUT, 0.0, WHOLE
         if i == PASSES - 1:
             break
-        if not contract_to(box, z, low[m], high[m]):
+        if not contract_to(box, z, half, low[m], high[m]):
             return Verdict.RULED_OUT, 0.0, WHOLE
         if not cut_to(low, high, box.q, box.shift):
             break
@@ -173,8 +183,10 @@ def aside(box: ToolBounds) -> float:
 
 
 @compiled
-def spanned(box: ToolBounds, z: float) -> tuple[float, float, int, int]:
-    """Distances that the tool may have at a height, and the hubs that bound them; low > high for none.
+def spanned(box: ToolBounds, z: float, half: float) -> tuple[float, float, int, int]:
+    """Distances that the tool may have within ``half`` of a height, and the hubs that bound them.
+
+    None where low > high.
 
     Outwards the tool moves by out . d and upwards by up . d, which the height fixes. For any factor s,
     out - s up bounds the motion outwards; one s for each joint is tried, as the least bound is at one of
@@ -194,20 +206,21 @@ def spanned(box: ToolBounds, z: float) -> tuple[float, float, int, int]:
         total = bent * np.sqrt(1.0 + s * s)
         for k in range(m):
             total += box.half[k] * abs(tool.out[k] - s * tool.up[k])
+        total += abs(s) * half
         most, least = min(most, total + s * c), min(least, total - s * c)
-    if abs(c) > rise + SLACK or most + least < -SLACK:
+    if abs(c) > rise + half + SLACK or most + least < -SLACK:
         return 1.0, 0.0, -1, -1
     # Past the pivot axis the tool is on the other side, as far away as it went beyond.
     low = max(0.0, tool.at[0] - least)
     high = np.hypot(max(0.0, tool.at[0] + most, least - tool.at[0]), aside(box))
     tells_low = tells_high = -1
     for k in range(m):
-        r, rise = np.hypot(box.hub[k, 0], box.hub[k, 1]), z - box.hub[k, 2]
-        square = box.keeps[k, 1] ** 2 - rise * rise
+        r, rise = np.hypot(box.hub[k, 0], box.hub[k, 1]), abs(z - box.hub[k, 2])
+        square = box.keeps[k, 1] ** 2 - max(0.0, rise - half) ** 2
         if square < -SLACK:
             return 1.0, 0.0, -1, -1
         wide = np.sqrt(max(0.0, square))
-        narrow = np.sqrt(max(0.0, box.keeps[k, 0] ** 2 - rise * rise))
+        narrow = np.sqrt(max(0.0, box.keeps[k, 0] ** 2 - (rise + half) ** 2))
         if r + wide < high:
             high, tells_high = r + wide, k
         if max(narrow - r, r - wide) > low:
@@ -236,14 +249,17 @@ def to_bisect(meridian: Meridian, box: ToolBounds, hub: int) -> int:
 
 
 @compiled
-def contract_to(box: ToolBounds, z: float, low: float, high: float) -> bool:
-    """Contract ``box.shift`` to a height and distances in (low, high); False where nothing is left."""
+def contract_to(box: ToolBounds, z: float, half: float, low: float, high: float) -> bool:
+    """Contract ``box.shift`` to heights within ``half`` of z and distances in (low, high).
+
+    False where nothing is left.
+    """
     m, tool, row = len(box.q), box.tool, box.row
     c, bent, moved = z - tool.at[1], box.bent[0] + SLACK, box.moved[0]
     for k in range(m):
         box.shift[0, k], box.shift[1, k] = -box.half[k], box.half[k]
         row[k] = tool.up[k]
-    if not contract(box.shift, box.row, c - bent, c + bent):
+    if not contract(box.shift, box.row, c - bent - half, c + bent + half):
         return False
     from_, to, wide = -moved, min(moved, high - tool.at[0]), aside(box)
     if tool.at[0] > moved and low > wide:
@@ -256,25 +272,25 @@ def contract_to(box: ToolBounds, z: float, low: float, high: float) -> bool:
             s = tool.out[i] / tool.up[i]
         for k in range(m):
             row[k] = tool.out[k] - s * tool.up[k]
-        slack = bent * np.sqrt(1.0 + s * s)
+        slack = bent * np.sqrt(1.0 + s * s) + abs(s) * half
         if not contract(box.shift, box.row, from_ - s * c - slack, to - s * c + slack):
             return False
-    return _contract_by_hubs(box, z, low, high)
+    return _contract_by_hubs(box, z, half, low, high)
 
 
 @compiled
-def _contract_by_hubs(box: ToolBounds, z: float, low: float, high: float) -> bool:
+def _contract_by_hubs(box: ToolBounds, z: float, half: float, low: float, high: float) -> bool:
     """Contract by how near to each hub the tool may come, and how far from it."""
     m = len(box.q)
     p = box.tool.frames[m, :3, 3]
     for k in range(m - 1):
-        r, rise = np.hypot(box.hub[k, 0], box.hub[k, 1]), z - box.hub[k, 2]
+        r, rise = np.hypot(box.hub[k, 0], box.hub[k, 1]), abs(z - box.hub[k, 2])
         length = np.sqrt(((p - box.hub[k]) ** 2).sum())
         moved, slack = box.moved[k + 1], box.bent[k + 1] + box.loose[k] + SLACK
         if slack > length or moved > length:
             continue
-        most = np.hypot(high + r, rise)
-        least = np.hypot(max(0.0, max(low - r, r - high)), rise) - box.loose[k]
+        most = np.hypot(high + r, rise + half)
+        least = np.hypot(max(0.0, max(low - r, r - high)), max(0.0, rise - half)) - box.loose[k]
         least = np.sqrt(max(0.0, least * least - moved * moved)) if least > 0.0 else 0.0
         box.row[:] = box.along[k]
         if not contract(box.shift, box.row, least - length - box.bent[k + 1] - SLACK, most - length + slack):

@@ -129,7 +129,7 @@ def reach_spans(
     return np.repeat(np.arange(len(heights)), counts), out[real]
 
 
-@lru_cache(maxsize=256)
+@lru_cache(maxsize=4096)
 def _boundary(arm: PlanarArm, shoulder_z: float, pitches: Pair) -> tuple[Array, Array]:
     """Boundary circles and their turning heights."""
     circles = boundary_circles(arm, shoulder_z, pitches)

@@ -7,14 +7,14 @@ keeps ``clearance`` plus the footprint's largest distance from the axis, and at 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 from shapely import STRtree
-from shapely.geometry import Point, Polygon
+from shapely.geometry import MultiPolygon, Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from regionik.planners.geometry.offsets import grown, shrunk
@@ -22,6 +22,8 @@ from regionik.worlds.obstacles import Shadow, Solid
 from regionik.worlds.scene import World
 
 GUARD = 1e-6  # margin of inner areas at every bound, against rounding [m]
+
+LARGE = 400  # vertices, from which on a shape is cut to what is looked at before it is worked on
 
 EVERY = (-np.inf, np.inf)  # heading of the base
 
@@ -90,7 +92,7 @@ class Side:
     def _local(self, shapes: Geometries, which: NDArray[np.intp], part: NDArray[np.intp]) -> Geometries:
         """Parts that intersect shapes, large ones clipped to the shape's surroundings."""
         pieces: Geometries = self.parts[part]
-        for k in np.flatnonzero(shapely.get_num_coordinates(self.parts)[part] > 400):
+        for k in np.flatnonzero(shapely.get_num_coordinates(self.parts)[part] > LARGE):
             x0, y0, x1, y1 = shapely.bounds(shapes[which[k]])
             pieces[k] = shapely.clip_by_rect(pieces[k], x0 - 0.1, y0 - 0.1, x1 + 0.1, y1 + 0.1)
         return pieces
@@ -102,7 +104,7 @@ class Ground:
 
     Attributes
     ----------
-    floor : Polygon
+    floor : Polygon or MultiPolygon
     names : tuple of str
     shadows : tuple of Shadow
     clearance : float
@@ -111,7 +113,7 @@ class Ground:
         Largest and smallest distance of the footprint's edge from the arm axis [m].
     """
 
-    floor: Polygon
+    floor: Polygon | MultiPolygon
     names: tuple[str, ...]
     shadows: tuple[Shadow, ...]
     clearance: float
@@ -132,6 +134,37 @@ class Ground:
         """Every shadow grown by clearance and footprint: circumscribed for inner areas, else inscribed."""
         spare = self.far if inner else self.near
         return np.array([grow(shadow, clearance + spare, inner) for shadow in self.shadows], dtype=object)
+
+    def cut_to(self, box: BaseGeometry) -> Ground:
+        """The ground with what matters to a footprint within a box alone: floor and shadows are cut to it."""
+        x0, y0, x1, y1 = box.bounds
+        shadows, names = [], []
+        for k in self.within(box, self.clearance):
+            by = self.clearance + self.shadows[k].radius + GUARD
+            core = self.shadows[k].core
+            if shapely.get_num_coordinates(core) > LARGE:
+                core = shapely.intersection(core, shapely.box(x0 - by, y0 - by, x1 + by, y1 + by))
+            if not core.is_empty:
+                shadows.append(replace(self.shadows[k], core=core))
+                names.append(self.names[k])
+        parts = shapely.get_parts(shapely.intersection(self.floor, box))
+        floor = MultiPolygon([part for part in parts if part.area > 0])
+        return replace(self, floor=floor, names=tuple(names), shadows=tuple(shadows))
+
+    def grown_about(self, shape: BaseGeometry, by: float, *, inner: bool) -> list[tuple[str, BaseGeometry]]:
+        """Shadows that meet a shape once grown by ``by`` [m]: names, and what of them is about the shape."""
+        x0, y0, x1, y1 = shape.bounds
+        found = []
+        for k in self.within(shape, by):
+            shadow = self.shadows[k]
+            if shapely.get_num_coordinates(shadow.core) > LARGE:
+                wide = 2 * (by + shadow.radius) + GUARD
+                around = shapely.box(x0 - wide, y0 - wide, x1 + wide, y1 + wide)
+                cut = shapely.intersection(shadow.core, around)
+                found.append((self.names[k], grown(cut, shadow.radius + by, outside=inner)))
+            else:
+                found.append((self.names[k], grow(shadow, by, inner)))
+        return found
 
     @cached_property
     def cores(self) -> STRtree:

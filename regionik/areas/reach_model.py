@@ -44,6 +44,9 @@ class ReachQuery(NamedTuple):
         Which of `FRONT` and `BACK` to take.
     arcs : int
         Vertices of a full circle.
+    coarse : bool
+        Whether heights near to each other may share a reach where that saves work: outer rings are larger
+        then, and inner ones likely, not proven.
     """
 
     rules: Rules
@@ -51,6 +54,7 @@ class ReachQuery(NamedTuple):
     span: tuple[float, float]
     facings: tuple[int, ...] = (FRONT, BACK)
     arcs: int = ARC_POINTS
+    coarse: bool = False
 
     @property
     def inner(self) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import ClassVar
@@ -20,18 +20,26 @@ from regionik.areas.reach_model import (
     sector_polygons,
     wide_enough,
 )
-from regionik.planners.reach.level_reach import inner_reach, outer_reach
+from regionik.planners.reach.level_reach import (
+    Intervals,
+    inner_reach,
+    inner_sectors,
+    likely_reach,
+    outer_layer,
+    outer_reach,
+)
 from regionik.planners.reach.pose_reach import pose_reach
 from regionik.planners.solvers.posture_criteria import Thresholds
 from regionik.postures.arm import Arm, Goal, aim_of, goal_of
 from regionik.postures.families import FRONT, Family
 from regionik.postures.serial_solver import serial_solver
-from regionik.worlds.arms import planar_arm
+from regionik.worlds.arms import pivot_index, planar_arm
 from regionik.worlds.arrays import Array
+from regionik.worlds.chain import Chain
 from regionik.worlds.criteria import Criteria, with_joint_margin
 from regionik.worlds.errors import InputError
 from regionik.worlds.robot import Robot
-from regionik.worlds.scene import Target, World
+from regionik.worlds.scene import Rules, Target, World
 
 
 def reach_model(robot: Robot, goal: Goal) -> ReachModel:
@@ -104,8 +112,11 @@ def reach_rows(
     *,
     inner: bool,
     span: tuple[float, float] = EVERY,
+    coarse: bool = False,
 ) -> Rows:
     """Reach of targets as rings and ring sectors, before rejection, the base's heading within a span.
+
+    See `ReachQuery` for ``coarse``.
 
     Returns
     -------
@@ -115,7 +126,8 @@ def reach_rows(
         One for each row.
     shape : (m,) array of geometry
     """
-    query = ReachQuery(world.rules, world.rules.reach_margin if inner else None, span, tuple(facings))
+    margin = world.rules.reach_margin if inner else None
+    query = ReachQuery(world.rules, margin, span, tuple(facings), coarse=coarse)
     alike: dict[ReachModel, list[int]] = {}
     for i, target in enumerate(targets):
         alike.setdefault(model_of(world, target), []).append(i)
@@ -150,9 +162,9 @@ def fine_reach(
     arcs : int
         Vertices of a full circle.
     inner : bool
-        True for shapes within the true reach, False for shapes around it.
+        True for shapes within the true reach, False for shapes around it, by the layer of the height.
     """
-    query = ReachQuery(world.rules, GUARD if inner else None, span, arcs=arcs)
+    query = ReachQuery(world.rules, GUARD if inner else None, span, arcs=arcs, coarse=not inner)
     return reach_model(world.robot, goal_of(target)).fine_rows(target, kinds, query)
 
 
@@ -169,7 +181,10 @@ class PivotedReach(ReachModel):
         return False
 
     def rows(self, targets: Sequence[Target], query: ReachQuery) -> Rows:
-        """Whole rings; see `ReachModel`. Facings and headings do not matter."""
+        """Whole rings, or sectors of headings that the pivot cannot make up for; see `ReachModel`.
+
+        Facings do not matter.
+        """
         self.thresholds(query.rules.criteria)
         return self._rings(targets, query)
 
@@ -179,7 +194,9 @@ class PivotedReach(ReachModel):
 
     def _rings(self, targets: Sequence[Target], query: ReachQuery) -> Rows:
         positions = np.array([target.position for target in targets]).reshape(-1, 3)
-        spans = self.distances(None, positions[:, 2], inner=query.inner)
+        if query.inner and not self.turns_freely(query.rules, query.span):
+            return self._sectors(positions, query)
+        spans = self._distances(self._bound(query), positions[:, 2])
         which = np.repeat(np.arange(len(spans)), [len(some) for some in spans])
         low, high = np.concatenate([np.empty((0, 2)), *spans]).T
         real = wide_enough(low, high, query)
@@ -187,11 +204,45 @@ class PivotedReach(ReachModel):
         rings = Sectors(positions[which, :2], low, high, np.zeros(len(which)), np.full(len(which), np.pi))
         return which, (Family(FRONT),) * len(which), sector_polygons(rings, query)
 
+    def _sectors(self, positions: Array, query: ReachQuery) -> Rows:
+        """Rings cut to the azimuths that pivot and base turn the tool to; see `inner_sectors`."""
+        found = [inner_sectors(self.chain, z - self.height) for z in positions[:, 2].tolist()]
+        which = np.repeat(np.arange(len(found)), [len(some) for some in found])
+        low, high, right, left = np.array([row for some in found for row in some]).reshape(-1, 4).T
+        pivot, span = self._pivot(query.rules), query.span
+        half = (pivot[1] - pivot[0] + span[1] - span[0] - (left - right)) / 2 - query.guard
+        middle = float(self.robot.mount[3]) + (sum(pivot) + sum(span) + right + left) / 2
+        real = wide_enough(low, high, query) & (half > 0)
+        rings = Sectors(positions[which, :2], low, high, middle + np.pi, half)
+        rings = Sectors(*(part[real] for part in rings))
+        return which[real], (Family(FRONT),) * int(real.sum()), sector_polygons(rings, query)
+
+    def turns_freely(self, rules: Rules, span: tuple[float, float]) -> bool:
+        """True where headings and pivot together turn the tool all round; see `ReachModel`."""
+        low, high = self._pivot(rules)
+        return span == EVERY or bool(high - low + span[1] - span[0] >= 2 * np.pi)
+
+    def _pivot(self, rules: Rules) -> tuple[float, float]:
+        """Turns of the pivot that the rules leave [rad]."""
+        pivot = self.chain.joints[pivot_index(self.chain)]
+        low, high = float(pivot.lower), float(pivot.upper)
+        if rules.heading == "face_target":
+            low = high = min(max(0.0, low), high)
+        return low, high
+
     def distances(self, criteria: Criteria | None, heights: Array, *, inner: bool) -> list[Array]:
         """R(z) at each height; see `ReachModel`."""
         self.thresholds(criteria)
-        reach, chain, base = inner_reach if inner else outer_reach, self.chain, self.height
-        return [np.array(reach(chain, z - base)).reshape(-1, 2) for z in heights.tolist()]
+        return self._distances(inner_reach if inner else outer_reach, heights)
+
+    def _distances(self, bound: Callable[[Chain, float], Intervals], heights: Array) -> list[Array]:
+        chain, base = self.chain, self.height
+        return [np.array(bound(chain, z - base)).reshape(-1, 2) for z in heights.tolist()]
+
+    def _bound(self, query: ReachQuery) -> Callable[[Chain, float], Intervals]:
+        if query.coarse:
+            return likely_reach if query.inner else outer_layer
+        return inner_reach if query.inner else outer_reach
 
     def families(self, target: Target, facings: tuple[int, ...], *, inner: bool) -> tuple[Family, ...]:
         """The one family there is; see `ReachModel`."""

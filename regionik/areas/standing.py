@@ -19,7 +19,6 @@ from scipy.sparse.csgraph import connected_components
 from shapely.geometry import Point, Polygon
 
 from regionik.areas.ground import EVERY, GUARD, Geometries, Side, disjoint, ground_of
-from regionik.areas.reachable import heeds_headings
 from regionik.planners.driving.footprint import FootprintScene, footprint_scene
 from regionik.planners.driving.heading_slabs import slab_areas, slab_rejections, slabs_along
 from regionik.postures.families import Family
@@ -179,8 +178,8 @@ def by_heading(world: World) -> Standing:
 
 
 def turns_matter(world: World) -> bool:
-    """True where the free floor depends on the heading, and the model of reach heeds headings."""
-    return world.rules.heading != "fixed" and not _round(world) and heeds_headings(world)
+    """True where the free floor depends on the heading."""
+    return world.rules.heading != "fixed" and not _round(world)
 
 
 def span_of_rules(world: World) -> tuple[float, float]:

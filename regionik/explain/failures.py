@@ -19,7 +19,13 @@ from regionik.planners.collision.distances import obstacles_from, solids_within
 from regionik.planners.driving.footprint import footprint_width
 from regionik.planners.driving.footprint_planner import NarrowPassageError, passage_width
 from regionik.planners.driving.point_planner import NoPathError
-from regionik.regions import RejectedPart, largest_clearance, outer_areas, reach_of, rejected_parts
+from regionik.regions import (
+    largest_clearance,
+    outer_areas,
+    reach_of,
+    rejected_by_obstacles,
+    round_outer_areas,
+)
 from regionik.values import Violation
 from regionik.worlds.arms import reach_bound
 from regionik.worlds.errors import Cause, CauseKind, Explanation, Repair
@@ -51,19 +57,24 @@ def no_place(world: World, i: int, targets: Sequence[Target] | None = None) -> E
     world : World
     i : int
     targets : sequence of Target, optional
-        The world's task by default.
+        The world's task by default. Of others it is not said how wide the ways to them are.
     """
     every = world.task if targets is None else targets
     target = every[i]
     who = setpoint_at(every, i)
-    proven = outer_areas(world, [target])[0].is_empty
+    # The layer of a height rules out most of what can be ruled out, and serves many targets.
+    coarse = round_outer_areas(world, [target], coarse=True)[0].is_empty
+    proven = coarse or outer_areas(world, [target])[0].is_empty
+    reach = reach_of(world, target, coarse=coarse)
     lead = f"{who} cannot be reached" if proven else no_way_to(who)
     open_clearance = largest_clearance(world, target)
     if open_clearance is None:
-        reason, causes, repairs = _out_of_reach(world, target, lead, proven)
+        reason, causes, repairs = _out_of_reach(world, target, lead, reach, proven=proven)
+        if targets is None and causes[0].kind == "floor" and causes[0].margin is not None:
+            places = _places(world, reach, proven=proven)
+            reason += narrow_passage(world, places, Point(target.position[:2]))
     else:
-        taken = rejected_parts(world, target)
-        reason, causes, repairs = _crowded_out(world, lead, taken, open_clearance, proven)
+        reason, causes, repairs = _crowded_out(world, lead, reach, open_clearance, proven=proven)
     if world.rules.criteria is not None:
         bare = largest_clearance(with_rules(world, criteria=None), target)
         if bare is not None and bare >= world.rules.clearance:
@@ -86,7 +97,7 @@ def _left_open(world: World, target: Target) -> str:
 
 
 def _out_of_reach(
-    world: World, target: Target, lead: str, proven: bool
+    world: World, target: Target, lead: str, reach: BaseGeometry, *, proven: bool
 ) -> tuple[str, tuple[Cause, ...], tuple[Repair, ...]]:
     span = reach_bound(world.robot.chain)
     shoulder, length = span.height + float(world.robot.mount[2]), span.length
@@ -103,9 +114,7 @@ def _out_of_reach(
             (Cause("reach", world.robot.name, over),),
             (Repair("move-target", "target", over, text),),
         )
-    ground = ground_of(world)
-    sides = (outer_by_heading if proven and ground.inner.floor.is_empty else by_heading)(world).sides
-    places = shapely.union_all([side.free for side in sides])
+    ground, places = ground_of(world), _places(world, reach, proven=proven)
     if places.is_empty:
         room = "room" if proven else "known room"
         reason = (
@@ -114,18 +123,27 @@ def _out_of_reach(
         )
         return reason, (Cause("floor", "edge of the floor", None),), ()
     off = places.distance(Point(target.position[:2]))
-    if off > 0 and reach_of(world, target).disjoint(places):
+    if off > 0 and reach.disjoint(places):
         beyond = "where the base may stand" if proven else "known for the base"
         reason = (
             f"{lead}: it lies {off:.3f} m beyond the places {beyond}, and the arm of {world.robot.name} does "
             "not reach that far."
-        ) + narrow_passage(world, places, Point(target.position[:2]))
+        )
         return reason, (Cause("floor", "edge of the floor", off),), ()
     kind: CauseKind = "limits" if target.direction is None else "direction"
-    anywhere, known = (" from anywhere", "") if reach_of(world, target).is_empty else ("", " is known that")
+    anywhere, known = (" from anywhere", "") if reach.is_empty else ("", " is known that")
     posture = f"no posture {_wanted(world, target)}{known}"
     reason = f"{lead}{anywhere}: {posture} brings the tool of {world.robot.name} there."
     return reason, (Cause(kind, world.robot.name),), ()
+
+
+def _places(world: World, reach: BaseGeometry, *, proven: bool) -> BaseGeometry:
+    """Places where the base may stand, those for some headings only where these matter, or is known to."""
+    free = ground_of(world).outer.free
+    if proven and reach.disjoint(free):
+        return free
+    sides = (outer_by_heading if proven else by_heading)(world).sides
+    return shapely.union_all([side.free for side in sides])
 
 
 def _wanted(world: World, target: Target) -> str:
@@ -143,12 +161,12 @@ def _wanted(world: World, target: Target) -> str:
 
 
 def _crowded_out(
-    world: World, lead: str, taken: tuple[RejectedPart, ...], open_clearance: float, proven: bool
+    world: World, lead: str, outer: BaseGeometry, open_clearance: float, *, proven: bool
 ) -> tuple[str, tuple[Cause, ...], tuple[Repair, ...]]:
     wanted = world.rules.clearance
     missing = wanted - open_clearance
-    blockers = sorted((part for part in taken if part.kind == "obstacle"), key=lambda p: -p.polygon.area)
-    names = list(dict.fromkeys(part.name for part in blockers))
+    blockers = sorted(rejected_by_obstacles(world, outer), key=lambda part: -part.polygon.area)
+    names = list(dict.fromkeys(part.name for part in blockers if part.polygon.area > 1e-12))
     reach, is_near = ("could reach", "is") if proven else ("is known to reach", "is or may be")
     reason = (
         f"{lead}: wherever the arm {reach} it from, the base {is_near} nearer than its clearance of "

@@ -19,7 +19,13 @@ from regionik.planners.collision.proximity import (
     room_of,
     state_clear,
 )
-from regionik.planners.collision.robot_bodies import Bodies, ContactTargets, bodies_from
+from regionik.planners.collision.robot_bodies import (
+    Bodies,
+    ContactTargets,
+    bodies_from,
+    near_bodies,
+    span_about_tool,
+)
 from regionik.planners.collision.robot_motion import count_on_line, tool_frames
 from regionik.postures.poses import LARGEST_BEND, Pose, arrays
 from regionik.worlds.arrays import Array
@@ -63,6 +69,10 @@ class Guard:
     def clear(self, pose: Pose) -> bool:
         """True if every link keeps clear."""
         return not self.on or self.touch(pose).kind == "none"
+
+    def proves(self, pose: Pose) -> bool:
+        """True if every link is quickly proven to keep clear."""
+        return not self.on or state_clear(self.bodies, pose.base, pose.joints, SPARE, self.contact)
 
     def stop(self, poses: Sequence[Pose]) -> Touch | None:
         """The first thing that keeps the motion through poses from being proven clear."""
@@ -113,6 +123,14 @@ def guard_of(world: World) -> Guard:
     rules = world.rules
     bodies = bodies_from(world.robot, world.solids, rules.arm_clearance, rules.deepest_contact)
     return Guard(world, bodies, contact_for(world, world.task))
+
+
+def guard_at(world: World, target: Target) -> Guard:
+    """The guard of a world for postures with the tool at one target: of solids within the robot's reach."""
+    whole, rules = guard_of(world), world.rules
+    far = span_about_tool(world.robot) + rules.tolerance + 2 * SPARE
+    bodies = near_bodies(whole.bodies, target.position, far)
+    return Guard(world, bodies, contact_for(world, [target]))
 
 
 def contact_for(world: World, targets: Sequence[Target]) -> ContactTargets:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
+from functools import lru_cache
 from itertools import chain
 from typing import Any, Literal, NamedTuple
 
@@ -16,20 +17,22 @@ from regionik.areas.standing import PathAreas, anywhere
 from regionik.executors import Pool, map_unordered
 from regionik.explain.constraints import no_way_to, places_open, spot
 from regionik.explain.failures import no_place
-from regionik.mfabrik import solver_for
+from regionik.mfabrik import Solver, solver_for
 from regionik.planners.avoidance.posture_proof import solid_at_target
 from regionik.planners.search.box_search import Verdict
+from regionik.postures.families import Family
 from regionik.postures.poses import Pose, axis_of, pose_of
 from regionik.reachability.any_base import can_search, search_any_base
 from regionik.reachability.refinement import diameter, refine
 from regionik.reachability.target_search import TargetSearch
-from regionik.regions import checked_targets, outer_areas, path_areas
+from regionik.regions import checked_targets, path_areas, reach_of, round_outer_areas
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError
 from regionik.worlds.scene import Target, World
 
 CELLS = 200_000  # of postures looked at for one target
-CHUNK = 2000  # targets that a worker is given at once
+CHUNK = 500  # targets that a worker is given at once
+KNOWN = 0.05  # cells of distance and height for which one posture is known [m]
 _NO_WAY = "from no place of the floor and in no posture does the arm keep off {}"
 _CLOSELY = "heading by heading and pitch by pitch, each place for the base is ruled out"
 _IN = "whatever the posture, the end of the arm is in {} there, or nearer to it than the rules allow"
@@ -131,9 +134,9 @@ def reach(
 
 def _joined(parts: Sequence[Answer]) -> Answer:
     columns: dict[str, Any] = {}
-    for field in fields(Answer):
-        values = [getattr(part, field.name) for part in parts]
-        columns[field.name] = list(chain(*values)) if isinstance(values[0], list) else np.concatenate(values)
+    for column in fields(Answer):
+        values = [getattr(part, column.name) for part in parts]
+        columns[column.name] = list(chain(*values)) if isinstance(values[0], list) else np.concatenate(values)
     return Answer(**columns)
 
 
@@ -164,7 +167,7 @@ def _decided(world: World, targets: Sequence[Target]) -> list[_Result]:
     """Decide by coarse areas of all targets at once, then closely for each target in doubt."""
     found = _at_hand(world, targets)
     rest = [i for i in range(len(targets)) if i not in found]
-    outer = outer_areas(world, [targets[i] for i in rest])
+    outer = round_outer_areas(world, [targets[i] for i in rest], coarse=True)
     results = {i: _Result("reachable", pose, 0.0, "") for i, pose in found.items()}
     for i, area in zip(rest, outer, strict=True):
         results[i] = _ruled_out(world, targets[i]) if area.is_empty else _closely(world, targets[i])
@@ -173,18 +176,62 @@ def _decided(world: World, targets: Sequence[Target]) -> list[_Result]:
 
 def _at_hand(world: World, targets: Sequence[Target]) -> dict[int, Pose]:
     """Configurations that M-FABRIK finds in coarse inner areas, at places nearest to the start."""
-    areas = path_areas(world, targets)
+    areas = path_areas(world, targets, coarse=True)
     found: dict[int, Pose] = {}
     for i, row in _nearest_rows(world, areas, len(targets)).items():
         span = anywhere(world).sides[int(areas.side[row])].span
         base, joints = _start(world)
         spot = shapely.shortest_line(areas.inner[row], Point(axis_of(world.robot, base))).coords[0]
-        solver = solver_for(world, areas.family[row], areas.inner[row], span)
-        reached = solver(targets[i], pose_of(world.robot, np.array(spot), base[2]), joints)
-        pose = Pose(reached.base, reached.joints)
-        if reached.converged and TargetSearch(world, targets[i]).confirms(pose):
-            found[i] = pose
+        place = pose_of(world.robot, np.array(spot), base[2])
+        search, solver = TargetSearch(world, targets[i]), solver_for(world, areas.family[row], None, span)
+        pose = None if solver.compiled else _carried(search, solver, place, areas.family[row])
+        if pose is None:
+            reached = solver.inside(areas.inner[row])(targets[i], place, joints)
+            pose = Pose(reached.base, reached.joints)
+            if not (reached.converged and search.confirms(pose)):
+                continue
+        found[i] = pose
     return found
+
+
+def _carried(search: TargetSearch, solver: Solver, place: Array, family: Family) -> Pose | None:
+    """A confirmed posture that a known one for about the same distance and height is led on to."""
+    world, target = search.world, search.target
+    if target.direction is not None:
+        return None
+    away = target.position[:2] - axis_of(world.robot, place)
+    cells = round(float(np.hypot(*away)) / KNOWN), round(float(target.position[2]) / KNOWN)
+    known = _known_postures(world).at(family, *cells)
+    if known is None:
+        return None
+    if world.rules.heading != "fixed":
+        place = pose_of(world.robot, axis_of(world.robot, place), float(np.arctan2(away[1], away[0])))
+    reached = solver.least_change(target, place, known)
+    pose = None if reached is None else Pose(reached.base, reached.joints)
+    return pose if pose is not None and search.confirms(pose) else None
+
+
+@dataclass(frozen=True, eq=False)
+class _KnownPostures:
+    """Postures with the tool at cells of distance and height, the same whichever target asks for them."""
+
+    world: World
+    _found: dict[tuple[Family, int, int], Array | None] = field(default_factory=dict)
+
+    def at(self, family: Family, out: int, up: int) -> Array | None:
+        """A posture with the tool so many cells out and up; None where none is known."""
+        key = family, out, up
+        if key not in self._found:
+            base, carry = pose_of(self.world.robot, np.zeros(2), 0.0), self.world.robot.carry
+            spot = np.array([KNOWN * out, 0.0, KNOWN * up])
+            reached = solver_for(self.world, family).hold(spot, base, carry)
+            self._found[key] = reached.joints if reached.converged else None
+        return self._found[key]
+
+
+@lru_cache(maxsize=8)
+def _known_postures(world: World) -> _KnownPostures:
+    return _KnownPostures(world)
 
 
 def _closely(world: World, target: Target) -> _Result:
@@ -202,6 +249,8 @@ def _closely(world: World, target: Target) -> _Result:
     pose = pose or search.search()
     if pose is not None:
         return _Result("reachable", pose, 0.0, "")
+    if not left.is_empty:  # by its layer of heights; the height itself leaves less
+        left = shapely.intersection(left, reach_of(world, target))
     if left.is_empty:
         return _Result("unreachable", None, 0.0, f"{_who(target)} cannot be reached: {_CLOSELY}")
     gap = min(diameter(left), seen.gap)

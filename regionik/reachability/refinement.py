@@ -13,10 +13,10 @@ from typing import NamedTuple
 
 import numpy as np
 import shapely
-from shapely.geometry import MultiPolygon, Polygon
+from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
-from regionik.areas.ground import EVERY, GUARD, ground_of
+from regionik.areas.ground import EVERY, GUARD, Ground, ground_of
 from regionik.areas.reach_model import ReachModel
 from regionik.areas.reachable import fine_reach, reach_model
 from regionik.areas.standing import span_of_rules
@@ -27,7 +27,6 @@ from regionik.postures.families import BACK, FRONT, Family, families_along
 from regionik.postures.poses import Pose
 from regionik.worlds.arms import reach_bound
 from regionik.worlds.arrays import Array
-from regionik.worlds.obstacles import Shadow
 from regionik.worlds.scene import Target, World
 
 ARCS = 768  # vertices of a full circle
@@ -219,27 +218,22 @@ class _CloseAreas:
         return outline
 
     @cached_property
-    def _near(self) -> tuple[BaseGeometry, list[Shadow]]:
+    def _near(self) -> Ground:
         """Floor and shadows that matter to places within reach."""
         ground, span = ground_of(self.world), reach_bound(self.world.robot.chain)
         x, y, by = *self.target.position[:2], span.radius + span.length + 2 * ground.far + GUARD
-        box = shapely.box(x - by, y - by, x + by, y + by)
-        floor = shapely.intersection(ground.floor, box)
-        parts = [part for part in shapely.get_parts(floor) if part.area > 0]
-        near = ground.within(box, ground.clearance)
-        return MultiPolygon(parts), [ground.shadows[k] for k in near]
+        return ground.cut_to(shapely.box(x - by, y - by, x + by, y + by))
 
     def _free(self, heading: Span) -> tuple[BaseGeometry, BaseGeometry]:
         """Places of the axis at all headings of a range, from within, and at some, from outside."""
         if heading not in self._known:
-            floor, shadows = self._near
+            near = self._near
             low, high = (0.0, 0.0) if heading == EVERY else heading
-            if floor.is_empty:
+            if near.floor.is_empty:
                 self._known[heading] = Polygon(), Polygon()
             else:
-                clearance = ground_of(self.world).clearance
                 sides = SIDES if high - low > NARROW else MOST_SIDES
-                slab = slab_free(self._outline, floor, shadows, clearance, low, high, sides)
+                slab = slab_free(self._outline, near.floor, near.shadows, near.clearance, low, high, sides)
                 inner = shapely.buffer(slab.inner, -2 * GUARD, join_style="mitre")
                 self._known[heading] = inner, slab.outer
         return self._known[heading]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 import shapely
@@ -12,11 +12,11 @@ from regionik.areas.reachable import model_of, reach_model
 from regionik.areas.standing import LEAST_AREA, anywhere, into_span, room_for, span_of_rules
 from regionik.mfabrik import Solver, solver_for
 from regionik.moving.configuration_sampling import spread
-from regionik.planners.avoidance.clear_posture import clear_posture
+from regionik.planners.avoidance.clear_posture import sampled_clear_posture
 from regionik.planners.collision.proximity import Touch
 from regionik.planners.driving.footprint import fits
 from regionik.postures.arm import goal_error
-from regionik.postures.arm_guard import SPARE, Guard, contact_for, guard_of
+from regionik.postures.arm_guard import SPARE, Guard, guard_at
 from regionik.postures.families import Family
 from regionik.postures.poses import Pose, pose_of
 from regionik.regions import path_areas
@@ -25,8 +25,9 @@ from regionik.worlds.scene import Target, World
 
 PLACES = 12  # of the base, tried in an area where the arm touches something
 PITCHES = 24  # of the last link, tried at every place
-SEARCHED = 2  # places at which all postures of the arm are searched
-BOXES = 5_000  # budget of that search
+SEARCHED = 2  # places at which more postures of the arm are sampled
+MOST_MET = 600  # postures that touch something, after which no other place is tried
+MEASURED = 4  # of those at one place, whose distances are measured
 SLACK = 1e-9  # rounding allowed at a bound [m] or [rad]
 
 
@@ -39,7 +40,7 @@ class TargetSearch:
     world : World
     target : Target
     met : int
-        Postures on target with the base on free floor.
+        Postures on target with the base on free floor that touch something.
     touch : Touch or None
         Contact of the posture among them nearest to being clear.
     nearly : list of (float, Pose)
@@ -54,16 +55,22 @@ class TargetSearch:
     guard: Guard = field(init=False)
 
     def __post_init__(self) -> None:
-        self.guard = replace(guard_of(self.world), contact=contact_for(self.world, [self.target]))
+        self.guard = guard_at(self.world, self.target)
 
     def within(self, area: BaseGeometry, family: Family, span: tuple[float, float]) -> Pose | None:
         """A confirmed configuration with the arm axis in an area, the heading in a span, if one is found."""
         solver = solver_for(self.world, family, None, span)
         for axis in self._places(area):
             base = pose_of(self.world.robot, axis, into_span(self._yaw(axis), span))
+            if self.met >= MOST_MET:
+                break
             standing = [q for q in self._postures(solver, base) if self.stands(q)]
-            rooms = [self._room(q) for q in standing]
-            if standing:
+            clear = next((q for q in standing if self.guard.proves(q)), None)
+            if clear is not None:
+                return clear
+            self.met += len(standing)
+            rooms = [self._room(q) for q in standing[:MEASURED]]
+            if rooms:
                 best = int(np.argmax(rooms))
                 if rooms[best] == np.inf:
                     return standing[best]
@@ -80,7 +87,7 @@ class TargetSearch:
         return None
 
     def search(self) -> Pose | None:
-        """Search all postures of the arm at the places nearest to a clear one.
+        """Sample postures of the arm at the places nearest to a clear one.
 
         This is not for arms whose self-motion has shown all kinds of them already.
         """
@@ -100,7 +107,7 @@ class TargetSearch:
 
     def confirms(self, q: Pose) -> bool:
         """True where a configuration is an answer."""
-        return self.stands(q) and self._room(q) == np.inf
+        return self.stands(q) and self.guard.clear(q)
 
     def _places(self, area: BaseGeometry) -> Array:
         """The middle of the area's largest part, then places spread over all of it."""
@@ -121,10 +128,10 @@ class TargetSearch:
         return poses
 
     def _searched(self, q: Pose) -> Pose | None:
-        """Search every posture of the arm, the base held."""
-        found = clear_posture(
+        """Search postures of the arm about the nearest one, the base held."""
+        found = sampled_clear_posture(
             self.guard.bodies, q.base, self.target.position, q.joints,
-            contact=self.guard.contact, tolerance=self.world.rules.tolerance, margin=SPARE, most_boxes=BOXES,
+            contact=self.guard.contact, tolerance=self.world.rules.tolerance, margin=SPARE,
         )  # fmt: skip
         if found.joints is None:
             return None
@@ -132,12 +139,9 @@ class TargetSearch:
         return pose if self.confirms(pose) else None
 
     def _room(self, q: Pose) -> float:
-        """Clearance of the arm beyond what is asked, infinite where it is clear or need not be [m]."""
-        if not self.guard.on:
-            return np.inf
+        """Clearance of the arm beyond what is asked, infinite where it is clear [m]."""
         touch = self.guard.touch(q)
         room = self.guard.room(touch)
-        self.met += 1
         if self.touch is None or room > self.guard.room(self.touch):
             self.touch = touch
         return room
