@@ -82,6 +82,11 @@ class LinkCapsule:
         """Ends of the segment (2, 3): the solid is all points within ``radius`` of their hull [m]."""
         return np.stack([self.start, self.end])
 
+    def moved(self, link: int, T: Array) -> LinkCapsule:
+        """Return the same solid on a link, moved by a transform (4, 4)."""
+        start, end = transform_points(T, self.corners)
+        return LinkCapsule(link, self.name, start, end, self.radius)
+
     def depth(self, point: Array) -> float:
         """Return the depth of a point (3,) of the link's frame in the solid, negative outside [m]."""
         along = self.end - self.start
@@ -126,6 +131,10 @@ class LinkBox:
         """Corners in the link's frame (8, 3) [m]."""
         return transform_points(self.T_link_box, CUBE_CORNERS * self.size / 2)
 
+    def moved(self, link: int, T: Array) -> LinkBox:
+        """Return the same solid on a link, moved by a transform (4, 4)."""
+        return LinkBox(link, self.name, T @ self.T_link_box, self.size)
+
     def depth(self, point: Array) -> float:
         """Return the depth of a point (3,) of the link's frame in the box, negative outside [m]."""
         seen = (point - self.T_link_box[:3, 3]) @ self.T_link_box[:3, :3]
@@ -133,6 +142,28 @@ class LinkBox:
 
 
 LinkSolid = LinkCapsule | LinkBox
+
+
+@dataclass(frozen=True, eq=False)
+class Tool:
+    """What is mounted on a robot's flange, the tool frame that it has without it.
+
+    Attributes
+    ----------
+    T_flange_tool : (4, 4) array
+        The new tool frame in the flange.
+    solids : tuple of LinkCapsule or LinkBox
+        In the flange; whatever link they name, they move with the last one.
+    """
+
+    T_flange_tool: Array
+    solids: tuple[LinkSolid, ...] = ()
+
+    def __post_init__(self) -> None:
+        freeze(self, "tool", T_flange_tool=(4, 4))
+        object.__setattr__(self, "solids", tuple(self.solids))
+
+    __repr__ = one_line
 
 
 @dataclass(frozen=True, eq=False)
@@ -279,6 +310,22 @@ def without_limits(robot: Robot) -> Robot:
     """Return the same robot with joints that turn without end (experiment 1 of the M-FABRIK paper)."""
     joints = tuple(replace(joint, lower=-np.inf, upper=np.inf) for joint in robot.chain.joints)
     return replace(robot, chain=Chain(joints, robot.chain.T_last_tool))
+
+
+def with_tool(robot: Robot, tool: Tool) -> Robot:
+    """Return the same robot with a tool on its flange.
+
+    Examples
+    --------
+    >>> from regionik.worlds.bundled import robot_named
+    >>> pen = Tool(planar_pose(0.0, 0.0, 0.0, 0.1))
+    >>> with_tool(robot_named("youbot"), pen).chain.forward(np.zeros(5))[2, 3].round(3)
+    0.724
+    """
+    last, T = robot.chain.dof - 1, robot.chain.T_last_tool
+    mounted = tuple(solid.moved(last, T) for solid in tool.solids)
+    chain = Chain(robot.chain.joints, T @ tool.T_flange_tool)
+    return replace(robot, chain=chain, solids=(*robot.solids, *mounted))
 
 
 def capsules_along(chain: Chain, radius: float = LINK_RADIUS) -> tuple[LinkCapsule, ...]:
