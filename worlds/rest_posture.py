@@ -9,7 +9,7 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.robot import Robot
 from regionik.worlds.self_collision import postures_clear, seeded_postures, solid_frames
 
-CLEAR = 0.01  # kept between solids, where that can be had [m]
+CLEAR = (0.01, 0.003, 0.0)  # kept between solids, the first that can be had [m]
 NEAR_ENOUGH = 0.02  # by which zeros may be worse than the best posture that was found [m]
 _POSTURES, _TRIED = 2000, 40  # drawn at first; the best of a draw that are checked
 _SPREADS = (0.5, 0.25, 0.1, 0.05, 0.02)  # of draws about the best posture [rad] or [m]
@@ -27,7 +27,7 @@ def rest_posture(robot: Robot) -> Array | None:
     """
     dof = robot.chain.dof
     zeros = np.clip(np.zeros((1, dof)), robot.chain.lower, robot.chain.upper)
-    for margin in (CLEAR, 0.0):
+    for margin in CLEAR:
         found = _best(robot, np.concatenate([zeros, seeded_postures(robot.chain, _POSTURES)]), margin)
         if found is None:
             continue

@@ -14,12 +14,14 @@ from shapely.geometry import MultiPoint, Polygon
 from regionik.worlds.arrays import Array, freeze, frozen, one_line, transform_points
 from regionik.worlds.chain import Chain, planar_pose
 from regionik.worlds.drives import BaseDrive, BaseKind, drive_of
-from regionik.worlds.errors import InputError
+from regionik.worlds.errors import InputError, located
+from regionik.worlds.polytopes import Polytope, polytope
 
 GRAVITY = 9.80665  # standard gravity [m/s2]
 BASE = -1  # the link of solids that are fixed to the base; its frame is the base frame
 BODY_HEIGHT = 0.14  # of a base of which nothing else is known [m]
 CUBE_CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])  # of side 2
+HULL_ROWS, HULL_LIMIT = 9, 256  # corners of a hull, at least and at most
 LINK_RADIUS = 0.035  # of a link of which nothing else is known [m]
 
 
@@ -141,7 +143,56 @@ class LinkBox:
         return float((self.size / 2 - np.abs(seen)).min())
 
 
-LinkSolid = LinkCapsule | LinkBox
+@dataclass(frozen=True, eq=False)
+class LinkHull:
+    """A convex hull that moves with one arm link.
+
+    Attributes
+    ----------
+    link : int
+        Index into ``Chain.frames``: the link that joint ``link`` moves; `BASE` for what is fixed to the base.
+    name : str
+    corners : (n, 3) array
+        In the link's frame [m]. At least `HULL_ROWS` rows, the first again where fewer are given: two rows
+        are a segment, and eight a box, wherever corners stand for a solid.
+    """
+
+    link: int
+    name: str
+    corners: Array
+
+    def __post_init__(self) -> None:
+        freeze(self, self.name, corners=(None, 3))
+        if not 4 <= len(self.corners) <= HULL_LIMIT:
+            raise InputError(f"{self.name}: expected 4 to {HULL_LIMIT} corners, got {len(self.corners)}")
+        again = np.repeat(self.corners[:1], max(0, HULL_ROWS - len(self.corners)), axis=0)
+        object.__setattr__(self, "corners", np.concatenate([self.corners, again]))
+        freeze(self, self.name, corners=(None, 3))
+        with located("", self.name):
+            _ = self.polytope
+
+    __repr__ = one_line
+
+    @cached_property
+    def polytope(self) -> Polytope:
+        """Faces and edges."""
+        return polytope(self.corners)
+
+    @property
+    def radius(self) -> float:
+        """Zero: the solid is the hull of its corners."""
+        return 0.0
+
+    def moved(self, link: int, T: Array) -> LinkHull:
+        """Return the same solid on a link, moved by a transform (4, 4)."""
+        return LinkHull(link, self.name, transform_points(T, self.corners))
+
+    def depth(self, point: Array) -> float:
+        """Return the depth of a point (3,) of the link's frame in the hull, negative outside [m]."""
+        return float(self.polytope.depth(point))
+
+
+LinkSolid = LinkCapsule | LinkBox | LinkHull
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,7 +203,7 @@ class Tool:
     ----------
     T_flange_tool : (4, 4) array
         The new tool frame in the flange.
-    solids : tuple of LinkCapsule or LinkBox
+    solids : tuple of LinkCapsule, LinkBox or LinkHull
         In the flange; whatever link they name, they move with the last one.
     """
 
@@ -179,7 +230,7 @@ class Robot:
     mount : (4,) array
         Arm base frame in the base frame: x, y, z [m], yaw [rad].
     chain : Chain
-    solids : tuple of LinkCapsule or LinkBox
+    solids : tuple of LinkCapsule, LinkBox or LinkHull
         Of the arm's links.
     body_height : float
         The base is its footprint up to this height [m].
@@ -190,7 +241,7 @@ class Robot:
     carry : (dof,) array
         Joint values with which the arm is driven about, the tool lifted; by default zero, or the limits
         nearest to it.
-    base_solids : tuple of LinkCapsule or LinkBox
+    base_solids : tuple of LinkCapsule, LinkBox or LinkHull
         Other solids fixed to the base, such as a mast. They keep their distance from obstacles, and from the
         arm, as the arm's links do.
     unchecked : tuple of (str, str)

@@ -31,9 +31,11 @@ from regionik.worlds.rest_posture import rest_posture
 from regionik.worlds.robot import (
     BASE,
     BODY_HEIGHT,
+    HULL_LIMIT,
     LINK_RADIUS,
     LinkBox,
     LinkCapsule,
+    LinkHull,
     LinkMass,
     LinkSolid,
     Robot,
@@ -122,16 +124,30 @@ class FramedBox(_OnLink):
         return LinkBox(self.link, self.name, _transform(self.frame, "frame"), np.array(self.size))
 
 
+class HullPart(_OnLink):
+    """The convex hull of corners in the link's frame."""
+
+    name: OneLine = Field(description="a name")
+    corners: Annotated[list[Vec3], Field(min_length=4, max_length=HULL_LIMIT)] = Field(
+        description="corners x, y, z [m]"
+    )
+
+    def solid(self) -> LinkHull:
+        return LinkHull(self.link, self.name, np.array(self.corners))
+
+
 def _tool_solid_kind(value: Any) -> str | None:
     kind = _solid_kind(value)
-    return None if kind == "<framed>" else kind
+    return kind if kind in ("<capsule>", "<posed>") else None
 
 
 def _solid_kind(value: Any) -> str | None:
     keys = set(value) if isinstance(value, dict) else set()
     capsule, box = keys & {"start", "end", "radius"}, keys & {"size", "position", "rpy", "frame"}
-    if bool(capsule) == bool(box):
+    if bool(capsule) + bool(box) + ("corners" in keys) != 1:
         return None
+    if "corners" in keys:
+        return "<hull>"
     if capsule:
         return "<capsule>"
     return "<framed>" if "frame" in keys else "<posed>"
@@ -140,12 +156,13 @@ def _solid_kind(value: Any) -> str | None:
 LinkSolidPart = Annotated[
     Annotated[CapsulePart, Tag("<capsule>")]
     | Annotated[PosedBox, Tag("<posed>")]
-    | Annotated[FramedBox, Tag("<framed>")],
+    | Annotated[FramedBox, Tag("<framed>")]
+    | Annotated[HullPart, Tag("<hull>")],
     Discriminator(
         _solid_kind,
         custom_error_type="kind",
         custom_error_message="expected link, name and either start, end, radius (a capsule)"
-        " or size, position, rpy (a box)",
+        " or size, position, rpy (a box) or corners (a hull)",
     ),
 ]
 
@@ -469,4 +486,6 @@ def _link_solid(solid: LinkSolid) -> dict[str, Any]:
     if isinstance(solid, LinkCapsule):
         ends = {"start": solid.start.tolist(), "end": solid.end.tolist()}
         return {**document, **ends, "radius": float(solid.radius)}
+    if isinstance(solid, LinkHull):
+        return {**document, "corners": solid.corners.tolist()}
     return {**document, "size": solid.size.tolist(), "frame": solid.T_link_box.tolist()}

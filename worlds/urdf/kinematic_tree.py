@@ -222,6 +222,8 @@ def _virtual_joints(path: tuple[UrdfJoint, ...]) -> int:
     turn, count, slides = np.eye(3), 0, 0
     for k, joint in enumerate(path):
         turn = turn @ joint.T_parent_joint[:3, :3]
+        if joint.kind == "fixed":
+            continue
         rise = abs(float((turn @ joint.axis)[2]) / float(np.linalg.norm(joint.axis)))
         room = (joint.upper or 0.0) - (joint.lower or 0.0)
         endless = joint.kind == "prismatic" and rise < _LEVEL and room >= ENDLESS
@@ -230,7 +232,7 @@ def _virtual_joints(path: tuple[UrdfJoint, ...]) -> int:
             count, slides = k + 1, slides + 1
         elif joint.kind in ("revolute", "continuous") and rise > 1 - _LEVEL:
             count = k + 1 if slides > 1 and room >= ENDLESS else count
-        elif joint.kind != "fixed":
+        else:
             break
     return count
 
