@@ -24,6 +24,7 @@ TOUCH = 1e-6  # [m]
 DEGENERATE = 1e-12  # length that counts as zero [m]
 DEPTH_STEP = 1e-6  # to which depths in meshes are found [m]
 DEEPEST = 1.0  # depth in a mesh that is reported [m]
+SPECK = 1e-3  # of the size of a hull that is shrunk, so that it stays a solid
 SPHERES = 33  # that cover a capsule
 SIGNS = np.array(
     [[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)]
@@ -95,10 +96,10 @@ def shrunk_weights(corners: Array, inset: float, tool: Array) -> Array:
     """Weights (k, k) of the corners of a box, segment or hull in the corners of the same shrunk on all sides.
 
     Where nothing would be left, it is a point as far from the tool as it may be. A hull is drawn in towards
-    the mean of its corners.
+    the mean of its corners, to a speck at most.
     """
     if len(corners) > len(SIGNS):
-        left = max(0.0, 1.0 - inset / float(polytope(corners).depth(corners.mean(0))))
+        left = max(SPECK, 1.0 - inset / float(polytope(corners).depth(corners.mean(0))))
         return left * np.eye(len(corners)) + (1.0 - left) / len(corners)
     sides = (corners[[4, 2, 1] if len(corners) == 8 else [1]] - corners[0]) / 2
     square = np.maximum((sides * sides).sum(1), DEGENERATE**2)
