@@ -52,7 +52,7 @@ def seam(robot: Robot) -> str:
         return f"seam {error.explanation.verdict}, {time.process_time() - begun:.1f} s"
     took = time.process_time() - begun
     held = "holds" if rik.verify(plan).ok else "does not hold"
-    return f"seam {held}, {plan.stats['lift_offs']} lift-offs, {took:.1f} s"
+    return f"seam {held}, {plan.lift_offs} lift-offs, {took:.1f} s"
 
 
 def line(path: Path, tip: str | None, with_seam: bool) -> str:
