@@ -17,7 +17,7 @@ FORMATS = {
 SECTIONS = {
     "Worlds": ("load_world", "World", "Floor", "Start", "Target", "Rules", "Criteria", "Speeds"),
     "Obstacles": ("Box", "Cylinder", "Sphere", "Prism", "Mesh"),
-    "Robots": ("load_robot", "Robot", "Chain", "Joint", "LinkBox", "LinkCapsule"),
+    "Robots": ("load_robot", "Robot", "Chain", "Joint", "LinkBox", "LinkCapsule", "LinkHull", "Tool"),
     "Areas and reach": (
         "admissible_area",
         "reach",

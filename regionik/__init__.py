@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from regionik.worlds.documents.world_file import load_world
     from regionik.worlds.errors import InputError, NoPlanFound, RegionikError
     from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Sphere
-    from regionik.worlds.robot import LinkBox, LinkCapsule, Robot
+    from regionik.worlds.robot import LinkBox, LinkCapsule, LinkHull, Robot, Tool
     from regionik.worlds.scene import Floor, Rules, Start, Target, World
     from regionik.worlds.speeds import Speeds
     from regionik.worlds.urdf.loader import load_robot
@@ -54,6 +54,7 @@ __all__ = [
     "Joint",
     "LinkBox",
     "LinkCapsule",
+    "LinkHull",
     "Mesh",
     "NoPlanFound",
     "Plan",
@@ -66,6 +67,7 @@ __all__ = [
     "Sphere",
     "Start",
     "Target",
+    "Tool",
     "World",
     "admissible_area",
     "compare",
@@ -101,6 +103,7 @@ _HOME = {
     "Joint": "regionik.worlds.chain",
     "LinkBox": "regionik.worlds.robot",
     "LinkCapsule": "regionik.worlds.robot",
+    "LinkHull": "regionik.worlds.robot",
     "Mesh": "regionik.worlds.obstacles",
     "NoPlanFound": "regionik.worlds.errors",
     "Plan": "regionik.values",
@@ -113,6 +116,7 @@ _HOME = {
     "Sphere": "regionik.worlds.obstacles",
     "Start": "regionik.worlds.scene",
     "Target": "regionik.worlds.scene",
+    "Tool": "regionik.worlds.robot",
     "World": "regionik.worlds.scene",
     "admissible_area": "regionik.regions",
     "compare": "regionik.comparison",

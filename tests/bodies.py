@@ -14,7 +14,7 @@ from regionik.planners.collision.robot_bodies import Bodies, ContactTargets
 from regionik.values import Motion
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, Joint, rot_x, rot_y, rot_z, translation
-from regionik.worlds.robot import LinkBox, LinkCapsule, LinkSolid, Robot, capsules_along
+from regionik.worlds.robot import LinkBox, LinkCapsule, LinkHull, LinkSolid, Robot, capsules_along
 
 HEAVY = 1e4  # weight of "the parts add up to one" against distances
 
@@ -43,7 +43,10 @@ def random_frame(rng: np.random.Generator, reach: float) -> Array:
 def random_solid(rng: np.random.Generator, link: int) -> LinkSolid:
     name = f"part {link}"
     if rng.random() < 0.5:
-        return LinkBox(link, name, random_frame(rng, 0.1), rng.uniform(0.02, 0.3, 3))
+        box = LinkBox(link, name, random_frame(rng, 0.1), rng.uniform(0.02, 0.3, 3))
+        middle, taper = box.corners.mean(0), np.array([1, 1, 1, 1, 0.5, 0.6, 0.7, 0.8])
+        tapered = LinkHull(link, name, middle + taper[:, None] * (box.corners - middle))
+        return tapered if box.size[0] > 0.2 else box
     start, end = rng.uniform(-0.2, 0.2, (2, 3))
     return LinkCapsule(link, name, start, end, rng.uniform(0.01, 0.08))
 

@@ -31,7 +31,7 @@ from regionik.values import Plan
 from regionik.worlds.bundled import world_names
 from regionik.worlds.documents.world_file import world_to_document
 from regionik.worlds.errors import InputError, NoPlanFound
-from regionik.worlds.robot import Robot
+from regionik.worlds.robot import LinkHull, Robot
 from regionik.worlds.scene import Target, World
 from tests import random_arms
 from tests.bounded import Ended, bounded_calls
@@ -81,7 +81,8 @@ def facts_of(robot: Robot) -> Facts:
     unchecked = frozenset(frozenset(pair) for pair in robot.unchecked)
     loads = tuple((one.link, one.mass, tuple(one.center.tolist())) for one in robot.loads)
     shape = (robot.base, robot.footprint, robot.body_height, robot.turning_radius)
-    return Facts(*shape, unchecked, robot.gauge, loads)
+    hulls = {solid.name: solid.corners for solid in robot.all_solids if isinstance(solid, LinkHull)}
+    return Facts(*shape, unchecked, robot.gauge, loads, hulls)
 
 
 def _told(made: Plan) -> tuple[dict[str, Any], str, Facts]:

@@ -17,7 +17,7 @@ from regionik.verification.convex_distance import (
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import translation
 from regionik.worlds.obstacles import Prism
-from regionik.worlds.robot import LinkBox, LinkCapsule
+from regionik.worlds.robot import LinkBox, LinkCapsule, LinkHull
 from tests.bodies import random_frame, signed_distance
 
 HEPTAGON = Prism("body", Polygon(Point(0, 0).buffer(0.2, 2).exterior.coords[:-2]), 0.0, 0.15)
@@ -36,14 +36,16 @@ def some_hull(rng: np.random.Generator, kind: str) -> RoundedHull:
         return prism_hull(HEPTAGON)
     if kind == "box":
         return link_hull(LinkBox(0, "box", random_frame(rng, 0.1), rng.uniform(0.01, 0.5, 3)))
+    if kind == "hull":
+        return link_hull(LinkHull(0, "hull", rng.uniform(-0.2, 0.2, (20, 3))))
     ends = rng.uniform(-0.3, 0.3, (2, 3))
     if kind == "point":
         ends[1] = ends[0]
     return link_hull(LinkCapsule(0, "capsule", ends[0], ends[1], 0.05))
 
 
-@pytest.mark.parametrize("moving", ["capsule", "box", "point"])
-@pytest.mark.parametrize("still", ["capsule", "box", "prism", "point"])
+@pytest.mark.parametrize("moving", ["capsule", "box", "point", "hull"])
+@pytest.mark.parametrize("still", ["capsule", "box", "prism", "point", "hull"])
 def test_distance_is_that_of_the_difference_body(still: str, moving: str) -> None:
     rng = np.random.default_rng(4)
     one, other = some_hull(rng, still), some_hull(rng, moving)

@@ -130,5 +130,5 @@ def test_corners_on_the_plane_belong_to_both_sides() -> None:
 def test_the_quick_volume_is_near(seed: int, sizes: tuple[float, ...], T: Array) -> None:
     cloud = convex_hull(np.random.default_rng(seed).normal(size=(60, 3)) * sizes)
     points = cloud @ T[:3, :3].T + T[:3, 3]
-    least = volume(bounding_solid(0, "cloud", points))
-    assert least <= rough_volume(points) * (1 + 1e-6) <= 1.5 * least
+    bound = volume(bounding_solid(0, "cloud", points))
+    assert rough_volume(points) <= bound * (1 + 1e-6) <= 2.5 * rough_volume(points)

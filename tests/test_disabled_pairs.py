@@ -74,6 +74,7 @@ def test_a_file_names_pairs() -> None:
     assert world_to_document(read) == document
     document["robot"]["unchecked"] = [[names[0], "elbow"]]
     with pytest.raises(
-        InputError, match=r"robot.unchecked\[0\]: expected names of solids \(link 1.*got 'elbow'"
+        InputError,
+        match=r"robot.unchecked\[0\]: expected names of solids \(link 1.*\) or 'base of youbot', got 'elbow'",
     ):
         world_from_document(document)

@@ -20,7 +20,7 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.chain import pose
 from regionik.worlds.errors import InputError
 from regionik.worlds.readers.meshes import read_points
-from regionik.worlds.robot import BODY_HEIGHT, LINK_RADIUS, LinkBox, LinkCapsule, LinkSolid, Robot
+from regionik.worlds.robot import BODY_HEIGHT, LINK_RADIUS, LinkBox, LinkCapsule, LinkHull, LinkSolid, Robot
 from regionik.worlds.urdf.bounding import (
     bounding_solid,
     convex_hull,
@@ -41,6 +41,8 @@ def solid(robot: Robot, name: str) -> LinkSolid:
 def volume(solid: LinkSolid) -> float:
     if isinstance(solid, LinkBox):
         return float(np.prod(solid.size))
+    if isinstance(solid, LinkHull):
+        return float(ConvexHull(solid.corners).volume)
     length = float(np.linalg.norm(solid.end - solid.start))
     return float(np.pi * solid.radius**2 * (length + 4 / 3 * solid.radius))
 

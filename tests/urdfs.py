@@ -8,10 +8,11 @@ from xml.etree import ElementTree
 
 import numpy as np
 import trimesh
+from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
 from regionik.worlds.arrays import Array
-from regionik.worlds.robot import LinkBox, LinkSolid
+from regionik.worlds.robot import LinkBox, LinkHull, LinkSolid
 
 CRANE = """\
 <?xml version="1.0"?>
@@ -133,6 +134,10 @@ def depth(solid: LinkSolid, points: Array) -> Array:
         local = (points - solid.T_link_box[:3, 3]) @ solid.T_link_box[:3, :3]
         outside: Array = (np.abs(local) - solid.size / 2).max(1)
         return outside
+    if isinstance(solid, LinkHull):
+        planes = ConvexHull(solid.corners).equations
+        beyond: Array = (points @ planes[:, :3].T + planes[:, 3]).max(1)
+        return beyond
     along = solid.end - solid.start
     share = np.clip((points - solid.start) @ along / (along @ along), 0, 1)
     away: Array = np.linalg.norm(points - solid.start - share[:, None] * along, axis=1)

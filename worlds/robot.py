@@ -14,12 +14,14 @@ from shapely.geometry import MultiPoint, Polygon
 from regionik.worlds.arrays import Array, freeze, frozen, one_line, transform_points
 from regionik.worlds.chain import Chain, planar_pose
 from regionik.worlds.drives import BaseDrive, BaseKind, drive_of
-from regionik.worlds.errors import InputError
+from regionik.worlds.errors import InputError, located
+from regionik.worlds.polytopes import Polytope, polytope
 
 GRAVITY = 9.80665  # standard gravity [m/s2]
 BASE = -1  # the link of solids that are fixed to the base; its frame is the base frame
 BODY_HEIGHT = 0.14  # of a base of which nothing else is known [m]
 CUBE_CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])  # of side 2
+HULL_ROWS, HULL_LIMIT = 9, 256  # corners of a hull, at least and at most
 LINK_RADIUS = 0.035  # of a link of which nothing else is known [m]
 
 
@@ -82,6 +84,11 @@ class LinkCapsule:
         """Ends of the segment (2, 3): the solid is all points within ``radius`` of their hull [m]."""
         return np.stack([self.start, self.end])
 
+    def moved(self, link: int, T: Array) -> LinkCapsule:
+        """Return the same solid on a link, moved by a transform (4, 4)."""
+        start, end = transform_points(T, self.corners)
+        return LinkCapsule(link, self.name, start, end, self.radius)
+
     def depth(self, point: Array) -> float:
         """Return the depth of a point (3,) of the link's frame in the solid, negative outside [m]."""
         along = self.end - self.start
@@ -126,13 +133,88 @@ class LinkBox:
         """Corners in the link's frame (8, 3) [m]."""
         return transform_points(self.T_link_box, CUBE_CORNERS * self.size / 2)
 
+    def moved(self, link: int, T: Array) -> LinkBox:
+        """Return the same solid on a link, moved by a transform (4, 4)."""
+        return LinkBox(link, self.name, T @ self.T_link_box, self.size)
+
     def depth(self, point: Array) -> float:
         """Return the depth of a point (3,) of the link's frame in the box, negative outside [m]."""
         seen = (point - self.T_link_box[:3, 3]) @ self.T_link_box[:3, :3]
         return float((self.size / 2 - np.abs(seen)).min())
 
 
-LinkSolid = LinkCapsule | LinkBox
+@dataclass(frozen=True, eq=False)
+class LinkHull:
+    """A convex hull that moves with one arm link.
+
+    Attributes
+    ----------
+    link : int
+        Index into ``Chain.frames``: the link that joint ``link`` moves; `BASE` for what is fixed to the base.
+    name : str
+    corners : (n, 3) array
+        In the link's frame [m]. At least `HULL_ROWS` rows, the first again where fewer are given: two rows
+        are a segment, and eight a box, wherever corners stand for a solid.
+    """
+
+    link: int
+    name: str
+    corners: Array
+
+    def __post_init__(self) -> None:
+        freeze(self, self.name, corners=(None, 3))
+        if not 4 <= len(self.corners) <= HULL_LIMIT:
+            raise InputError(f"{self.name}: expected 4 to {HULL_LIMIT} corners, got {len(self.corners)}")
+        again = np.repeat(self.corners[:1], max(0, HULL_ROWS - len(self.corners)), axis=0)
+        object.__setattr__(self, "corners", np.concatenate([self.corners, again]))
+        freeze(self, self.name, corners=(None, 3))
+        with located("", self.name):
+            _ = self.polytope
+
+    __repr__ = one_line
+
+    @cached_property
+    def polytope(self) -> Polytope:
+        """Faces and edges."""
+        return polytope(self.corners)
+
+    @property
+    def radius(self) -> float:
+        """Zero: the solid is the hull of its corners."""
+        return 0.0
+
+    def moved(self, link: int, T: Array) -> LinkHull:
+        """Return the same solid on a link, moved by a transform (4, 4)."""
+        return LinkHull(link, self.name, transform_points(T, self.corners))
+
+    def depth(self, point: Array) -> float:
+        """Return the depth of a point (3,) of the link's frame in the hull, negative outside [m]."""
+        return float(self.polytope.depth(point))
+
+
+LinkSolid = LinkCapsule | LinkBox | LinkHull
+
+
+@dataclass(frozen=True, eq=False)
+class Tool:
+    """What is mounted on a robot's flange, the tool frame that it has without it.
+
+    Attributes
+    ----------
+    T_flange_tool : (4, 4) array
+        The new tool frame in the flange.
+    solids : tuple of LinkCapsule, LinkBox or LinkHull
+        In the flange; whatever link they name, they move with the last one.
+    """
+
+    T_flange_tool: Array
+    solids: tuple[LinkSolid, ...] = ()
+
+    def __post_init__(self) -> None:
+        freeze(self, "tool", T_flange_tool=(4, 4))
+        object.__setattr__(self, "solids", tuple(self.solids))
+
+    __repr__ = one_line
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,7 +230,7 @@ class Robot:
     mount : (4,) array
         Arm base frame in the base frame: x, y, z [m], yaw [rad].
     chain : Chain
-    solids : tuple of LinkCapsule or LinkBox
+    solids : tuple of LinkCapsule, LinkBox or LinkHull
         Of the arm's links.
     body_height : float
         The base is its footprint up to this height [m].
@@ -159,7 +241,7 @@ class Robot:
     carry : (dof,) array
         Joint values with which the arm is driven about, the tool lifted; by default zero, or the limits
         nearest to it.
-    base_solids : tuple of LinkCapsule or LinkBox
+    base_solids : tuple of LinkCapsule, LinkBox or LinkHull
         Other solids fixed to the base, such as a mast. They keep their distance from obstacles, and from the
         arm, as the arm's links do.
     unchecked : tuple of (str, str)
@@ -279,6 +361,22 @@ def without_limits(robot: Robot) -> Robot:
     """Return the same robot with joints that turn without end (experiment 1 of the M-FABRIK paper)."""
     joints = tuple(replace(joint, lower=-np.inf, upper=np.inf) for joint in robot.chain.joints)
     return replace(robot, chain=Chain(joints, robot.chain.T_last_tool))
+
+
+def with_tool(robot: Robot, tool: Tool) -> Robot:
+    """Return the same robot with a tool on its flange.
+
+    Examples
+    --------
+    >>> from regionik.worlds.bundled import robot_named
+    >>> pen = Tool(planar_pose(0.0, 0.0, 0.0, 0.1))
+    >>> with_tool(robot_named("youbot"), pen).chain.forward(np.zeros(5))[2, 3].round(3)
+    0.724
+    """
+    last, T = robot.chain.dof - 1, robot.chain.T_last_tool
+    mounted = tuple(solid.moved(last, T) for solid in tool.solids)
+    chain = Chain(robot.chain.joints, T @ tool.T_flange_tool)
+    return replace(robot, chain=chain, solids=(*robot.solids, *mounted))
 
 
 def capsules_along(chain: Chain, radius: float = LINK_RADIUS) -> tuple[LinkCapsule, ...]:

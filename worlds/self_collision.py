@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from itertools import combinations
 
 import numpy as np
@@ -26,6 +26,7 @@ STEPS = 60  # bodies some hundredths of their size apart need a few; after all, 
 POSTURES, MANY_POSTURES = 64, 2000  # sampled: to find pairs, and to disable some
 OFTEN, NEARLY_ALWAYS = 0.1, 0.95  # of the postures
 _SEED = 0
+_PARALLEL = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,6 +64,11 @@ def separated(one: ConvexBody, T_one: Array, other: ConvexBody, T_other: Array) 
     return found
 
 
+def base_name(robot: Robot) -> str:
+    """Return the name of the base's own body, in messages and in ``robot.unchecked``."""
+    return f"base of {robot.name}"
+
+
 def base_body(robot: Robot) -> Prism | None:
     """Return the base as a solid in its own frame: the footprint from the floor to ``body_height``.
 
@@ -70,7 +76,7 @@ def base_body(robot: Robot) -> Prism | None:
     """
     if len(robot.footprint) < 3:
         return None
-    return Prism(f"base of {robot.name}", Polygon(robot.footprint), 0.0, robot.body_height)
+    return Prism(base_name(robot), Polygon(robot.footprint), 0.0, robot.body_height)
 
 
 @lru_cache(maxsize=64)
@@ -90,7 +96,8 @@ def self_collision_pairs(robot: Robot) -> tuple[tuple[int, int], ...]:
     tuple of (int, int)
         Indices into ``robot.all_solids``, the smaller first; -1 is the base's own body.
     """
-    solids, body, frames = robot.all_solids, base_body(robot), _link_frames(robot, POSTURES)
+    solids, body = robot.all_solids, base_body(robot)
+    frames = solid_frames(robot, seeded_postures(robot.chain, POSTURES))
     order = [solid.link for solid in solids]
     bodies = [ConvexBody(solid.corners, solid.radius) for solid in solids]
     poses = [frames[:, solid.link] for solid in solids]
@@ -112,14 +119,46 @@ def self_collision_pairs(robot: Robot) -> tuple[tuple[int, int], ...]:
     return tuple(pairs)
 
 
-def disabled_pairs(robot: Robot, points: Sequence[Array]) -> tuple[list[tuple[str, str]], list[str]]:
-    """Return pairs of solids whose bounds touch often though the bodies inside hardly do, and notes on them.
+def postures_clear(robot: Robot, joints: Array, margin: float) -> NDArray[np.bool_]:
+    """Return True for postures (n, dof) in which all pairs are seen to be apart, by a margin [m], (n,)."""
+    frames, clear = solid_frames(robot, joints), np.ones(len(joints), dtype=bool)
+    for i, k in self_collision_pairs(robot):
+        (one, on), (other, at) = _solid_of(robot, i, margin), _solid_of(robot, k)
+        left = np.flatnonzero(clear)
+        clear[left] = separated(one, frames[left, on], other, frames[left, at])
+    return clear
+
+
+def bodies_clear(robot: Robot, points: Sequence[Array], joints: Array) -> bool:
+    """Return True where of no pair that must keep apart both the solids and the bodies inside touch.
+
+    Parameters
+    ----------
+    robot : Robot
+    points : sequence of (n, 3) arrays
+        As `disabled_pairs` has them.
+    joints : (dof,) array
+    """
+    pairs = _SolidPairs(robot, points, joints[None])
+    return not any(pairs.touching(*pair).any() and pairs.meeting(*pair).any() for pair in pairs.checked)
+
+
+def disabled_pairs(
+    robot: Robot, points: Sequence[Array], rest: Array | None = None
+) -> tuple[list[tuple[str, str]], list[str]]:
+    """Return pairs of solids that are no use to check, and notes on those whose bodies may touch.
+
+    That are, of the pairs that must keep apart: those between which all joints slide along one line and which
+    touch somewhere, as tubes of a telescope do; those that touch often, or in the rest posture, though the
+    bodies inside them do not in the same postures; and those that touch nearly always.
 
     Parameters
     ----------
     robot : Robot
     points : sequence of (n, 3) arrays
         Of each of ``robot.all_solids``, corners of the hull of the body inside it, in its link's frame [m].
+    rest : (dof,) array, optional
+        A posture that the robot is known to take.
 
     Returns
     -------
@@ -128,28 +167,74 @@ def disabled_pairs(robot: Robot, points: Sequence[Array]) -> tuple[list[tuple[st
     notes : list of str
         One for each of these pairs whose bodies may touch.
     """
-    frames, solids = _link_frames(robot, MANY_POSTURES), robot.all_solids
-    bounds = [ConvexBody(solid.corners, solid.radius) for solid in solids]
+    postures = _SolidPairs(robot, points, seeded_postures(robot.chain, MANY_POSTURES))
+    at_rest = _SolidPairs(robot, points, np.zeros((0, robot.chain.dof)) if rest is None else rest[None])
     pairs: list[tuple[str, str]] = []
     notes: list[str] = []
-    for i, k in self_collision_pairs(robot):
-        if i == BODY:
+    for i, k in postures.checked:
+        name, other = (base_name(robot) if n == BODY else robot.all_solids[n].name for n in (i, k))
+        if at_rest.touching(i, k).any() and not at_rest.meeting(i, k).any():
+            pairs.append((name, other))
+        if i == BODY or pairs[-1:] == [(name, other)]:
             continue
-        T_i, T_k = frames[:, solids[i].link], frames[:, solids[k].link]
-        touching = ~separated(bounds[i], T_i, bounds[k], T_k)
-        share = touching.mean()
-        if share < OFTEN:
+        touching = postures.touching(i, k)
+        nested = touching.any() and _slides_along_one_line(robot.chain, *postures.links(i, k))
+        if touching.mean() < OFTEN and not nested:
             continue
-        real = ~separated(ConvexBody(points[i]), T_i[touching], ConvexBody(points[k]), T_k[touching])
-        if real.any() and share < NEARLY_ALWAYS:
+        real = 0 if nested else int((postures.meeting(i, k) & touching).sum())
+        if real and touching.mean() < NEARLY_ALWAYS:
             continue
-        pairs.append((solids[i].name, solids[k].name))
-        if real.any():
+        pairs.append((name, other))
+        if real:
             notes.append(
-                f"the bounds of {solids[i].name} and {solids[k].name} touch in {share:.0%} of postures, the "
-                f"links themselves in up to {real.sum() / MANY_POSTURES:.0%}: this pair is not checked"
+                f"the bounds of {name} and {other} touch in {touching.mean():.0%} of postures, the "
+                f"links themselves in up to {real / MANY_POSTURES:.0%}: this pair is not checked"
             )
     return pairs, notes
+
+
+@dataclass(frozen=True, eq=False)
+class _SolidPairs:
+    """The solids of a robot, and the bodies inside them, in postures."""
+
+    robot: Robot
+    points: Sequence[Array]  # corners of the hulls of the bodies
+    joints: Array  # (n, dof)
+
+    @cached_property
+    def frames(self) -> Array:
+        return solid_frames(self.robot, self.joints)
+
+    @property
+    def checked(self) -> tuple[tuple[int, int], ...]:
+        return self_collision_pairs(self.robot)
+
+    def links(self, i: int, k: int) -> tuple[int, int]:
+        """Return the links of two solids."""
+        return _solid_of(self.robot, i)[1], _solid_of(self.robot, k)[1]
+
+    def touching(self, i: int, k: int) -> NDArray[np.bool_]:
+        """Return True for postures in which two solids are not seen to be apart."""
+        return self._touching(_solid_of(self.robot, i)[0], _solid_of(self.robot, k)[0], (i, k))
+
+    def meeting(self, i: int, k: int) -> NDArray[np.bool_]:
+        """Return True for postures in which the bodies inside two solids are not."""
+        one = _solid_of(self.robot, i)[0] if i == BODY else ConvexBody(self.points[i])
+        return self._touching(one, ConvexBody(self.points[k]), (i, k))
+
+    def _touching(self, one: ConvexBody, other: ConvexBody, pair: tuple[int, int]) -> NDArray[np.bool_]:
+        on, at = self.links(*pair)
+        return ~separated(one, self.frames[:, on], other, self.frames[:, at])
+
+
+def _slides_along_one_line(chain: Chain, one: int, other: int) -> bool:
+    """Return True where all joints between two links slide, and in one direction."""
+    between = slice(min(one, other) + 1, max(one, other) + 1)
+    if any(joint.kind != "prismatic" for joint in chain.joints[between]):
+        return False
+    frames = chain.frames(np.zeros(chain.dof))[:-1][between]
+    axes = np.array([T[:3, :3] @ joint.axis for T, joint in zip(frames, chain.joints[between], strict=True)])
+    return bool((np.abs(axes @ axes[0]) > 1 - _PARALLEL).all())
 
 
 def _transformed(points: Array, T: Array) -> Array:
@@ -158,14 +243,23 @@ def _transformed(points: Array, T: Array) -> Array:
     return moved
 
 
-def _link_frames(robot: Robot, count: int) -> Array:
-    """Return link frames in the base frame in postures within the limits, (count, dof + 1, 4, 4).
+def solid_frames(robot: Robot, joints: Array) -> Array:
+    """Return link frames in the base frame in postures (n, dof), (n, dof + 1, 4, 4).
 
     The last is the base frame itself, instead of the tool's, which carries no solid: index `BASE` finds it.
     """
-    frames: Array = robot.T_base_arm @ robot.chain.frames(_postures(robot.chain, count))
+    frames: Array = robot.T_base_arm @ robot.chain.frames(joints)
     frames[:, BASE] = np.eye(4)
     return frames
+
+
+def _solid_of(robot: Robot, index: int, margin: float = 0.0) -> tuple[ConvexBody, int]:
+    """Return a solid of the robot, or the base's own body, grown by a margin [m], and its link."""
+    body = base_body(robot)
+    if index == BODY and body is not None:
+        return ConvexBody(_block(body).corners, margin), BASE
+    solid = robot.all_solids[index]
+    return ConvexBody(solid.corners, solid.radius + margin), solid.link
 
 
 def _block(body: Prism) -> ConvexBody:
@@ -173,7 +267,7 @@ def _block(body: Prism) -> ConvexBody:
     return ConvexBody(np.concatenate([np.c_[outline, np.full(len(outline), z)] for z in body.z_range]))
 
 
-def _postures(chain: Chain, count: int) -> Array:
+def seeded_postures(chain: Chain, count: int) -> Array:
     """Return postures within the limits, (count, dof); without limits, half a turn or a metre each way."""
     span = np.array([np.pi if joint.kind == "revolute" else 1.0 for joint in chain.joints])
     lower, upper = chain.lower, chain.upper

@@ -80,12 +80,12 @@ def range_left(contact: AllowedContact, owner: int, tool: Array) -> float:
 
 @compiled
 def farthest_below(points: Array, radius: float, n: Array, height: float, tool: Array) -> float:
-    """Upper bound of the distance from the tool of what lies below a height of a capsule, or of a box [m].
+    """Upper bound of the distance from the tool of what lies below a height of a capsule, box or hull [m].
 
     Parameters
     ----------
-    points : (2, 3) or (8, 3) array
-        Ends of the capsule's axis, or corners of the box [m].
+    points : (2, 3) or (k, 3) array
+        Ends of the capsule's axis, or corners of the box or hull [m].
     radius : float
         [m]
     n : (3,) array

@@ -4,22 +4,27 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import linprog
 
 from regionik.planners.collision.gjk import hull_distance
 from regionik.planners.collision.meshes import BOX, TriangleTree, surface, triangle_tree
 from regionik.planners.geometry.convex_decomposition import convex_pieces
 from regionik.worlds.arrays import Array
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Solid, Sphere
-from regionik.worlds.robot import LinkCapsule, LinkSolid
+from regionik.worlds.polytopes import polytope
+from regionik.worlds.robot import LinkCapsule, LinkHull, LinkSolid
 
 TOUCH = 1e-9  # [m]
+BOX_ROWS = 8  # corners of a `LinkBox`; segments have 2, hulls more
 UP = np.array([0.0, 0.0, 1.0])
 NONE = np.zeros((0, 3))
 HALVINGS = 44  # of a segment of some metres: far below a nanometre
+INNER = 0.9  # of the radius of the largest ball in a hull: that of the capsule inside it
 THICKEST = 0.999  # of half a box's least side: radius of the capsule inside it, which keeps some length
 FAN = np.linspace(0.0, 2 * np.pi, 64, endpoint=False)  # directions out of a cylinder [rad]
 
@@ -68,6 +73,9 @@ class Piece:
 def link_piece(solid: LinkSolid) -> Piece:
     """Prepare a link's solid as what others keep away from, in the link's frame."""
     corners = solid.corners
+    if isinstance(solid, LinkHull):
+        whole = solid.polytope
+        return Piece(corners, whole.normals, whole.edges, surface=surface(corners, whole.triangles))
     if len(corners) == 2:
         return Piece(corners, NONE, np.diff(corners, axis=0), ball=solid.radius)
     sides = corners[[4, 2, 1]] - corners[0]
@@ -111,15 +119,31 @@ def _prism(outline: Array, bottom: float, top: float) -> Piece:
     return Piece(corners, normals, edges, surface=surface(corners, np.array(fan + lid + sides)))
 
 
+@lru_cache(maxsize=512)
 def inner_capsule(solid: LinkSolid) -> LinkCapsule:
-    """Return a capsule as it is, and of a box the capsule along its middle."""
+    """Return a capsule as it is, of a box the capsule along its middle, and of a hull one inside."""
     if isinstance(solid, LinkCapsule):
         return solid
+    if isinstance(solid, LinkHull):
+        return _capsule_in_hull(solid)
     longest = int(np.argmax(solid.size))
     radius = THICKEST * float(solid.size.min()) / 2
     half = solid.T_link_box[:3, longest] * (solid.size[longest] / 2 - radius)
     middle = solid.T_link_box[:3, 3]
     return LinkCapsule(solid.link, solid.name, middle - half, middle + half, radius)
+
+
+def _capsule_in_hull(solid: LinkHull) -> LinkCapsule:
+    """Return a capsule, a little thinner than the largest ball in a hull, along the hull's longest axis."""
+    whole = solid.polytope
+    rows = np.column_stack([whole.normals, np.ones(len(whole.normals))])
+    best = linprog([0, 0, 0, -1], rows, whole.offsets, bounds=[(None, None)] * 3 + [(0, None)])
+    center, radius = best.x[:3], INNER * float(whole.depth(best.x[:3]))
+    along = np.linalg.svd(solid.corners - solid.corners.mean(0), full_matrices=False)[2][0]
+    rise, room = whole.normals @ along, whole.offsets - whole.normals @ center - radius
+    ends = [min(room[rise * sign > TOUCH] / np.abs(rise[rise * sign > TOUCH])) for sign in (1.0, -1.0)]
+    start, end = center - ends[1] * along, center + ends[0] * along
+    return LinkCapsule(solid.link, solid.name, start, end, THICKEST * radius)
 
 
 def ball_separation(piece: Piece, a: Array, b: Array) -> Separation:
@@ -161,8 +185,11 @@ def cylinder_distance(piece: Piece, a: Array, b: Array) -> tuple[float, Array, A
     return float(np.linalg.norm(gap)), on_axis, on_axis - gap
 
 
-def within_box(corners: Array, points: Array) -> NDArray[np.bool_]:
-    """True for points (n, 3) that lie in or on a box, given by its corners (8, 3) as in `LinkBox`."""
+def within_hull(corners: Array, points: Array) -> NDArray[np.bool_]:
+    """True for points (n, 3) that lie in or on a box or hull, by its corners as `LinkSolid` has them."""
+    if len(corners) != BOX_ROWS:
+        within: NDArray[np.bool_] = polytope(corners).depth(points) >= -TOUCH
+        return within
     sides = corners[[4, 2, 1]] - corners[0]
     shares = (points - corners[0]) @ sides.T / (sides**2).sum(1)
     slack = TOUCH / np.linalg.norm(sides, axis=1)
@@ -171,7 +198,7 @@ def within_box(corners: Array, points: Array) -> NDArray[np.bool_]:
 
 
 def penetration(piece: Piece, corners: Array) -> Separation:
-    """Penetration of a segment or box: least push out along a face normal, or square to an edge of each."""
+    """Penetration of a segment, box or hull: least push out along a face normal, or square to two edges."""
     if piece.disc:
         level = np.column_stack([np.cos(FAN), np.sin(FAN), np.zeros(len(FAN))])
         normals = np.vstack([level, UP, -UP])
@@ -179,10 +206,13 @@ def penetration(piece: Piece, corners: Array) -> Separation:
     else:
         normals = piece.normals
         edges = piece.edges
-    sides = corners[[4, 2, 1] if len(corners) == 8 else [1]] - corners[0]
-    square = np.cross(edges[:, None], sides).reshape(-1, 3)
-    if len(corners) == 8:
-        square = np.vstack([square, sides])
+    if len(corners) > BOX_ROWS:
+        own = polytope(corners)
+        sides, faces = own.edges, own.normals
+    else:
+        sides = corners[[4, 2, 1] if len(corners) == BOX_ROWS else [1]] - corners[0]
+        faces = sides if len(corners) == BOX_ROWS else NONE
+    square = np.vstack([np.cross(edges[:, None], sides).reshape(-1, 3), faces])
     size = np.linalg.norm(square, axis=1)
     square = square[size > 1e-12] / size[size > 1e-12, None]
     normals = np.vstack([normals, square, -square])

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from regionik.planners.collision.convex_bodies import (
+    BOX_ROWS,
     TOUCH,
     UP,
     Piece,
@@ -23,7 +24,7 @@ from regionik.planners.collision.convex_bodies import (
     cylinder_distance,
     penetration,
     solid_pieces,
-    within_box,
+    within_hull,
 )
 from regionik.planners.collision.gjk import hull_distance
 from regionik.planners.collision.meshes import (
@@ -168,21 +169,25 @@ def segment_separation(piece: Piece, start: Array, end: Array) -> Separation:
 
 
 def hull_separation(piece: Piece, corners: Array) -> Separation:
-    """Signed distance from a piece of a segment (2, 3), or of a box (8, 3) with corners as in `LinkBox`.
+    """Signed distance from a piece of a segment (2, 3), box (8, 3) or hull, by the corners of `LinkSolid`.
 
     A box that is within a mesh, or a mesh within a box, is as deep as their surfaces are apart; a box that
-    cuts the surface of a mesh counts as a nanometre deep. The distance of a cylinder and a box is
-    never too large, and too small by less than a micrometre. The numbers must be finite.
+    cuts the surface of a mesh counts as a nanometre deep. So do hulls. The distance of a cylinder and a box
+    is never too large, and too small by less than a micrometre. The numbers must be finite.
     """
     if len(corners) == 2:
         return segment_separation(piece, corners[0], corners[1])
-    if piece.disc:
+    if len(corners) > BOX_ROWS and piece.mesh is not None:
+        return _hull_from_mesh(piece, corners)
+    if piece.disc or len(corners) > BOX_ROWS:
         way, on_box = np.zeros(3), np.empty(3)
         distance = hull_distance(corners, piece.corners, piece.disc, way, on_box)[0]
-        return Separation(distance, way, on_box) if distance > TOUCH else penetration(piece, corners)
+        if distance > TOUCH:
+            return Separation(distance - piece.ball, way, on_box)
+        return penetration(piece, corners)
     other = segment(piece.corners[0], piece.corners[-1]) if piece.ball else piece.surface
     distance, on_box, on_piece = surface_distance(box(corners), other)
-    engulfed = distance > 0 and bool(within_box(corners, piece.corners).any())
+    engulfed = distance > 0 and bool(within_hull(corners, piece.corners).any())
     inside = engulfed or (distance > 0 and not piece.ball and piece.contains(corners[0]))
     if distance > 0 and not inside:
         return _proven(piece, corners, distance, on_box, on_piece)
@@ -190,6 +195,20 @@ def hull_separation(piece: Piece, corners: Array) -> Separation:
         return penetration(piece, corners)
     normal = (on_piece - on_box) / distance if distance > 0 else -UP
     return Separation(-max(distance, TOUCH), normal, on_box)
+
+
+def _hull_from_mesh(piece: Piece, corners: Array) -> Separation:
+    """Signed distance of a hull, by its corners, from a mesh: by the tree of its triangles alone."""
+    assert piece.mesh is not None
+    assert piece.triangles is not None
+    normal, on_hull = corners[0] - piece.mesh.vertices[0], corners[0].copy()
+    normal /= max(float(np.linalg.norm(normal)), TOUCH)
+    most = float(np.linalg.norm(corners[0] - piece.mesh.vertices[piece.mesh.faces[0, 0]])) + 2 * TOUCH
+    distance = nearest_triangle(piece.triangles, np.ascontiguousarray(corners), most, normal, on_hull)
+    engulfed = distance > 0 and bool(within_hull(corners, piece.mesh.vertices).any())
+    if distance <= 0 or engulfed or piece.contains(corners[0]):
+        return Separation(-max(distance, TOUCH), -normal, on_hull)
+    return Separation(distance, normal, on_hull)
 
 
 def _proven(piece: Piece, corners: Array, distance: float, on_link: Array, on_piece: Array) -> Separation:

@@ -17,9 +17,10 @@ from regionik.planners.solvers.serial_chain import serial_arm
 from regionik.worlds.arrays import Array, Index, frozen
 from regionik.worlds.errors import InputError
 from regionik.worlds.obstacles import Solid
-from regionik.worlds.robot import LinkSolid, Robot
+from regionik.worlds.robot import LinkHull, LinkSolid, Robot
 from regionik.worlds.self_collision import BODY, base_body, self_collision_pairs
 
+LEFT = 1e-3  # of the size of a hull that is drawn in, so that it stays a solid
 SPARE, SHARE = 5e-4, 0.2  # that contacts keep from their depth: a length, or a share if that is less [m]
 
 
@@ -335,9 +336,12 @@ def _planned(depth: float) -> float:
 def core_of(solid: LinkSolid, depth: float, tool: Array) -> tuple[Array, float]:
     """Corners (k, 3) and radius of what is left of a solid that is taken off to a depth on all sides [m].
 
-    Where nothing would be left, it is a point as far from the tool, (3,) in the link's frame, as it may be.
+    Where nothing would be left, it is a point as far from the tool, (3,) in the link's frame, as it may be. A
+    hull is drawn in towards the mean of its corners, to a speck at most.
     """
     corners, middle = solid.corners, solid.corners.mean(0)
+    if isinstance(solid, LinkHull):
+        return middle + (corners - middle) * max(LEFT, 1.0 - depth / solid.depth(middle)), 0.0
     sides = corners[[4, 2, 1] if len(corners) == 8 else [1]] - corners[0]
     half = np.maximum(np.linalg.norm(sides, axis=1) / 2, 1e-12)
     axes = sides / (2 * half[:, None])

@@ -11,7 +11,8 @@ from shapely.geometry import Polygon
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Joint, translation
 from regionik.worlds.errors import InputError
-from regionik.worlds.robot import LinkBox, LinkCapsule, LinkSolid, Robot
+from regionik.worlds.robot import LinkBox, LinkCapsule, LinkHull, LinkSolid, Robot
+from regionik.worlds.urdf.bounding import oriented_box
 
 _UNLIMITED = 1e6  # URDF demands a number where a limit is infinite
 _VIRTUAL_JOINTS = ("base_x", "base_y", "base_yaw", "mount", "tool_fixed")
@@ -23,7 +24,8 @@ def robot_to_urdf(robot: Robot, floor: Polygon) -> str:
     The base is three virtual joints: ``base_x``, ``base_y`` (prismatic, limited to the floor's extent)
     and ``base_yaw`` (continuous). The arm's joints keep their names; the link that joint ``j`` moves is
     ``j_link``; the tool is the link ``tool``. A link's box stays a box, a capsule becomes a cylinder and two
-    spheres, a footprint its bounding box up to ``body_height``; a point base has no solid.
+    spheres, a hull the box around it, as URDF has no word for it, a footprint its bounding box up to
+    ``body_height``; a point base has no solid.
 
     Raises
     ------
@@ -110,6 +112,10 @@ def _add_solid(link: ElementTree.Element, solid: LinkSolid) -> None:
         case LinkBox():
             shape = _collision(link, solid.name, solid.T_link_box, roll_pitch_yaw(solid.T_link_box))
             ElementTree.SubElement(shape, "box", size=_numbers(solid.size))
+        case LinkHull():
+            T, size = oriented_box(solid.corners)
+            shape = _collision(link, solid.name, T, roll_pitch_yaw(T))
+            ElementTree.SubElement(shape, "box", size=_numbers(size))
 
 
 def _add_capsule(link: ElementTree.Element, capsule: LinkCapsule) -> None:

@@ -23,11 +23,13 @@ from regionik.verification.contact import (
     ToolContact,
     is_allowed,
     mesh_depth,
+    shrunk_weights,
     tool_contact,
 )
 from regionik.verification.motion import Indices, Mask, MotionSegments, chord_deviation
 from regionik.verification.proofs import Finding, Intervals, IntervalVerdicts, StateNames, bisect, finding
 from regionik.worlds.arrays import Array
+from regionik.worlds.polytopes import polytope
 from regionik.worlds.scene import World
 
 SHORTEST = 1e-4  # motion of a link over half an interval below which it is not bisected [m]
@@ -94,18 +96,23 @@ def verify_arm_clearance(world: World, segments: MotionSegments, names: StateNam
 
 
 def _depth(piece: Piece, corners: Array) -> float:
-    """Length by which a box that cuts a mesh must shrink on all sides to be free of it [m].
+    """Length by which a box or hull that cuts a mesh must shrink on all sides to be free of it [m].
 
     The distance of surfaces that cross is 0 for a graze as for a cut.
     """
-    middle, half = corners.mean(0), (corners[[4, 2, 1]] - corners[0]) / 2
-    sizes = np.linalg.norm(half, axis=1)
-    low, high = 0.0, float(sizes.min())
+    low, high = 0.0, _thickness(corners)
     while high - low > DEPTH_STEP:
         inset = (low + high) / 2
-        shrunk = middle + SIGNS @ (half * (1 - inset / sizes)[:, None])
+        shrunk = shrunk_weights(corners, inset, corners.mean(0)) @ corners
         low, high = (low, inset) if hull_separation(piece, shrunk).distance > 0 else (inset, high)
     return low
+
+
+def _thickness(corners: Array) -> float:
+    """Length by which a box or hull, by its corners, shrinks to nothing [m]."""
+    if len(corners) > len(SIGNS):
+        return float(polytope(corners).depth(corners.mean(0)))
+    return float(np.linalg.norm(corners[[4, 2, 1]] - corners[0], axis=1).min()) / 2
 
 
 @dataclass(frozen=True, eq=False)

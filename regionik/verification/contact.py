@@ -17,12 +17,14 @@ from regionik.planners.collision.distances import Obstacles, box_distances
 from regionik.planners.collision.gjk import hull_distance
 from regionik.verification.motion import Indices, Mask
 from regionik.worlds.arrays import Array
+from regionik.worlds.polytopes import polytope
 from regionik.worlds.scene import World
 
 TOUCH = 1e-6  # [m]
 DEGENERATE = 1e-12  # length that counts as zero [m]
 DEPTH_STEP = 1e-6  # to which depths in meshes are found [m]
 DEEPEST = 1.0  # depth in a mesh that is reported [m]
+SPECK = 1e-3  # of the size of a hull that is shrunk, so that it stays a solid
 SPHERES = 33  # that cover a capsule
 SIGNS = np.array(
     [[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)]
@@ -91,10 +93,14 @@ def tool_contact(world: World, obstacles: Obstacles) -> ToolContact:
 
 
 def shrunk_weights(corners: Array, inset: float, tool: Array) -> Array:
-    """Weights (k, k) of the corners of a box or segment in the corners of the same shrunk on all sides.
+    """Weights (k, k) of the corners of a box, segment or hull in the corners of the same shrunk on all sides.
 
-    Where nothing would be left, it is a point as far from the tool as it may be.
+    Where nothing would be left, it is a point as far from the tool as it may be. A hull is drawn in towards
+    the mean of its corners, to a speck at most.
     """
+    if len(corners) > len(SIGNS):
+        left = max(SPECK, 1.0 - inset / float(polytope(corners).depth(corners.mean(0))))
+        return left * np.eye(len(corners)) + (1.0 - left) / len(corners)
     sides = (corners[[4, 2, 1] if len(corners) == 8 else [1]] - corners[0]) / 2
     square = np.maximum((sides * sides).sum(1), DEGENERATE**2)
     shares = inset / np.sqrt(square)
@@ -172,10 +178,10 @@ def _plane_proves(contact: ToolContact, swept: SweptSolid, cores: Array, piece: 
 def farthest_below_plane(corners: Array, radius: float, plane: tuple[Array, float], tool: Array) -> float:
     """Upper bound for the distance from the tool of what of a solid lies below a plane (n, n . p) [m].
 
-    A box is cut by the plane; a capsule is covered by spheres along its axis.
+    A box or hull is cut by the plane; a capsule is covered by spheres along its axis.
     """
     normal, height = plane
-    if len(corners) == 8:
+    if len(corners) > 2:
         above = corners @ normal - height
         i, j = np.nonzero((above[:, None] < 0) & (above > 0))
         share = (above[i] / (above[i] - above[j]))[:, None]

@@ -8,15 +8,16 @@ the first two kinds.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from regionik.planners.collision.gjk import hull_distance
 from regionik.worlds.arrays import Array
 from regionik.worlds.obstacles import Prism
-from regionik.worlds.robot import LinkBox, LinkCapsule, LinkSolid
+from regionik.worlds.robot import LinkBox, LinkCapsule, LinkHull, LinkSolid
 
 BLOCK = 200_000  # directions or pairs of edges measured together, so that memory stays small
 DEGENERATE = 1e-9  # length below which a direction is lost in rounding
@@ -31,7 +32,7 @@ class RoundedHull:
     corners : (k, 3) array
         [m]
     edges : (e, 2) array of int
-        Indices into ``corners``.
+        Indices into ``corners``; none of hulls with so many that the walk of GJK is faster.
     axes : (a, 3) array
         Unit directions of the edges, parallel ones once.
     normals : (f, 3) array
@@ -68,6 +69,10 @@ def link_hull(solid: LinkSolid) -> RoundedHull:
             axes = solid.T_link_box[:3, :3].T
             edges = [(k, k + bit) for k in range(8) for bit in (1, 2, 4) if not k & bit]
             return RoundedHull(solid.corners, np.array(edges), axes, np.vstack([axes, -axes]), solid.radius)
+        case LinkHull():
+            whole = solid.polytope
+            none = np.zeros((0, 2), dtype=np.int64)
+            return RoundedHull(solid.corners, none, whole.edges, whole.normals, solid.radius)
 
 
 def prism_hull(prism: Prism) -> RoundedHull:
@@ -107,7 +112,8 @@ def gap_along(fixed: RoundedHull, corners: Array, normal: Array) -> Array:
 def face_distances(fixed: RoundedHull, moving: RoundedHull, T: Array) -> SignedDistances:
     """Largest gaps along face normals and cross products of edges.
 
-    They are minus the penetration depth where the hulls overlap, and at most the distance elsewhere.
+    They are minus the penetration depth where the hulls overlap, and at most the distance elsewhere. Of hulls
+    whose edges are not listed only faces count, so that depths may be told too large.
 
     Parameters
     ----------
@@ -115,6 +121,8 @@ def face_distances(fixed: RoundedHull, moving: RoundedHull, T: Array) -> SignedD
     T : (m, 4, 4) array
         Poses of the moving hull in the frame of the fixed one.
     """
+    if not _has_edges(fixed, moving):
+        fixed, moving = (replace(hull, axes=np.zeros((0, 3))) for hull in (fixed, moving))
     many = 2 * (len(fixed.normals) + len(moving.normals) + len(fixed.axes) * len(moving.axes))
     blocks = [_face_distances(fixed, moving, T[rows]) for rows in _blocks(len(T), 8 * many)]
     return SignedDistances(*(np.concatenate(column) for column in zip(*blocks, strict=True)))
@@ -130,6 +138,8 @@ def signed_distances(fixed: RoundedHull, moving: RoundedHull, T: Array) -> Signe
         Poses of the moving hull in the frame of the fixed one.
     """
     found, corners = face_distances(fixed, moving, T), moving.corners_in(T)
+    if not _has_edges(fixed, moving):
+        return _with_planes(fixed, moving, T, found)
     blocks = _blocks(len(T), len(fixed.edges) * len(moving.edges))
     line = np.concatenate([_shortest_between_edges(fixed, corners[rows], moving) for rows in blocks])
     length = np.linalg.norm(line, axis=1, keepdims=True)
@@ -140,6 +150,30 @@ def signed_distances(fixed: RoundedHull, moving: RoundedHull, T: Array) -> Signe
     return SignedDistances(distance, np.where(better[:, None], normal, found.normal))
 
 
+def _has_edges(fixed: RoundedHull, moving: RoundedHull) -> bool:
+    return len(fixed.edges) > 0 and len(moving.edges) > 0
+
+
+def _with_planes(
+    fixed: RoundedHull, moving: RoundedHull, T: Array, found: SignedDistances
+) -> SignedDistances:
+    """Signed distances, by the plane between the hulls where they are apart: the walk of GJK finds it.
+
+    Where their cores overlap all cross products of edges are looked at.
+    """
+    distance, normal = found.distance.copy(), found.normal.copy()
+    one = np.ascontiguousarray(fixed.corners)
+    for k, placed in enumerate(moving.corners_in(T)):
+        along, spot = normal[k].copy(), np.empty(3)
+        hull_distance(np.ascontiguousarray(placed), one, 0.0, along, spot)
+        gap = gap_along(fixed, placed[None], along[None])[0] - fixed.radius - moving.radius
+        if gap <= -fixed.radius - moving.radius:
+            (gap,), (along,) = _face_distances(fixed, moving, T[k : k + 1])
+        if gap > distance[k]:
+            distance[k], normal[k] = gap, along
+    return SignedDistances(distance, normal)
+
+
 def _face_distances(fixed: RoundedHull, moving: RoundedHull, T: Array) -> SignedDistances:
     R = T[:, :3, :3].swapaxes(1, 2)
     cross = np.cross(fixed.axes[None, :, None], (moving.axes @ R)[:, None])
@@ -147,7 +181,7 @@ def _face_distances(fixed: RoundedHull, moving: RoundedHull, T: Array) -> Signed
     size = np.linalg.norm(cross, axis=-1, keepdims=True)
     cross = np.where(size > DEGENERATE, cross / np.maximum(size, DEGENERATE), 0.0)
     faces = np.broadcast_to(fixed.normals, (len(T), *fixed.normals.shape))
-    directions = np.concatenate([faces, moving.normals @ R, cross, -cross], axis=1)
+    directions = np.concatenate([faces, -moving.normals @ R, cross, -cross], axis=1)
     near = (directions @ moving.corners_in(T).swapaxes(1, 2)).min(-1)
     gap = near - (directions @ fixed.corners.T).max(-1)
     gap = np.where(directions.any(-1), gap, -np.inf)

@@ -12,7 +12,7 @@ from shapely.geometry.base import BaseGeometry
 
 from regionik.worlds.arrays import Array, transform_points
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Solid, Sphere
-from regionik.worlds.robot import LinkBox, LinkCapsule, LinkSolid
+from regionik.worlds.robot import LinkBox, LinkCapsule, LinkHull, LinkSolid
 
 _FACETS = 24  # facets round a circle
 TUBE_SIDES = 5
@@ -157,6 +157,8 @@ def link_mesh(body: LinkSolid) -> TriangleMesh:
             return capsule(body.start, body.end, body.radius)
         case LinkBox():
             return _from_corners(body.corners[_BOX_SIDES])
+        case LinkHull():
+            return _from_corners(body.corners[body.polytope.triangles])
 
 
 def shadow_polygon(body: Solid) -> BaseGeometry:

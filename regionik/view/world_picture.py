@@ -19,7 +19,7 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.chain import planar_pose
 from regionik.worlds.errors import Explanation
 from regionik.worlds.obstacles import Solid
-from regionik.worlds.robot import LinkBox, Robot
+from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Target, World
 
 MARK_RADIUS = 0.014  # of set-points [m]
@@ -118,7 +118,7 @@ def tool_radius(robot: Robot) -> float:
     """Radius of the sphere that marks the tool, so that it shows outside the last link with a solid [m]."""
     last = max((solid.link for solid in robot.solids), default=0)
     solids = [solid for solid in robot.solids if solid.link == last]
-    half = [float(s.size.min()) / 2 if isinstance(s, LinkBox) else s.radius for s in solids]
+    half = [s.radius or float(np.ptp(s.corners, axis=0).min()) / 2 for s in solids]
     return 1.25 * max([MARK_RADIUS, *half])
 
 

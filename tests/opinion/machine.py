@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from itertools import combinations
 from typing import Any
 from xml.etree import ElementTree
@@ -32,6 +33,8 @@ class Facts:
     unchecked: frozenset[frozenset[str]]
     gauge: float = 0.0
     loads: tuple[tuple[int, float, tuple[float, ...]], ...] = ()  # link, mass [kg], its centre [m]
+    # corners in their links' frames (n, 3) [m], by name: URDF has no word for hulls
+    hulls: Mapping[str, Array] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -90,9 +93,11 @@ class Machine:
             solid = next((title.removesuffix(end) for end in PARTS if title.endswith(end)), title)
             if one.parentJoint == self.ids[2] and title == "footprint":
                 continue  # a bounding box; the outline itself is among the facts
-            link = self.ids.index(one.parentJoint) - 3
-            where = one.placement.homogeneous
-            parts.append(Part(solid, max(link, -1), Shape(one.geometry, where)))
+            link = max(self.ids.index(one.parentJoint) - 3, -1)
+            if solid in self.facts.hulls:
+                parts.append(Part(solid, link, hull_shape(self.facts.hulls[solid])))
+                continue
+            parts.append(Part(solid, link, Shape(one.geometry, one.placement.homogeneous)))
         return parts
 
     def configuration(self, base: Array, joints: Array) -> Array:
@@ -166,7 +171,10 @@ class Machine:
             and frozenset((self.parts[i].solid, self.parts[k].solid)) not in self.facts.unchecked
         ]
         if self.body() is not None:
-            pairs += [(-1, k) for k in range(len(self.parts)) if rank[k] > 0]
+            spared = {name for pair in self.facts.unchecked if _names_base(pair) for name in pair}
+            pairs += [
+                (-1, k) for k in range(len(self.parts)) if rank[k] > 0 and self.parts[k].solid not in spared
+            ]
         names = {pair: frozenset((self._solid(pair[0]), self._solid(pair[1]))) for pair in pairs}
         met = [self._touching(pairs, joints) for joints in self._postures()]
         always = frozenset.intersection(*(frozenset(names[pair] for pair in one) for one in met))
@@ -193,6 +201,10 @@ class Machine:
         high = np.where(np.isfinite(self.upper), self.upper, low + 2 * np.pi)
         drawn: Array = np.random.default_rng(5).uniform(low, high, (POSTURES, self.dof))
         return drawn
+
+
+def _names_base(pair: frozenset[str]) -> bool:
+    return any(name.startswith("base of ") for name in pair)
 
 
 def jacobian(machine: Machine, q: Array) -> Any:

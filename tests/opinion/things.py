@@ -31,6 +31,7 @@ class Shape:
 
     solid: Any
     where: Array  # (4, 4)
+    corners: Array | None = None  # of a hull, (n, 3) [m]
 
     @cached_property
     def ball(self) -> tuple[Array, float]:
@@ -59,6 +60,8 @@ class Shape:
                 found = np.column_stack([level, self.solid.halfLength * rng.uniform(-1, 1, POINTS)])
             case coal.Box():
                 found = self.solid.halfSide * ways / np.abs(ways).max(1, keepdims=True)
+            case _ if self.corners is not None:
+                found = rng.dirichlet(np.full(len(self.corners), 0.2), POINTS) @ self.corners
             case _:
                 raise TypeError(f"no points of a {type(self.solid).__name__}")
         return found
@@ -118,7 +121,7 @@ def hull_shape(corners: Array) -> Shape:
     """The hull of some points."""
     points = coal.StdVec_Vec3s()
     points.extend(list(corners))
-    return Shape(coal.Convex.convexHull(points, False, None), np.eye(4))
+    return Shape(coal.Convex.convexHull(points, False, None), np.eye(4), corners)
 
 
 def things_of(world: dict[str, Any], below: float) -> list[Thing]:

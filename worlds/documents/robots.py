@@ -27,19 +27,25 @@ from regionik.worlds.readers.validation import (
     Vec3,
     Vec4,
 )
+from regionik.worlds.rest_posture import rest_posture
 from regionik.worlds.robot import (
     BASE,
     BODY_HEIGHT,
+    HULL_LIMIT,
     LINK_RADIUS,
     LinkBox,
     LinkCapsule,
+    LinkHull,
     LinkMass,
     LinkSolid,
     Robot,
+    Tool,
     capsules_along,
     check_turning_radius,
+    with_tool,
     without_limits,
 )
+from regionik.worlds.self_collision import base_name
 from regionik.worlds.urdf.elements import join_names
 from regionik.worlds.urdf.loader import load_robot
 
@@ -49,8 +55,142 @@ DhRow = Annotated[
 ]
 Names = Annotated[
     list[OneLine],
-    Field(min_length=2, max_length=2, description="names of two solids that need not keep apart"),
+    Field(
+        min_length=2,
+        max_length=2,
+        description="names of two solids, or links of a URDF file, that need not keep apart",
+    ),
 ]
+
+
+class _Named(Strict):
+    name: OneLine = Field(description="a name")
+
+
+class _OnLink(Strict):
+    link: Annotated[int, Field(ge=BASE)] = Field(
+        description="the number of a joint, from 0; -1 for what is fixed to the base"
+    )
+
+
+class _Capsule(_Named):
+    start: Vec3 = Field(description="x, y, z [m]")
+    end: Vec3 = Field(description="x, y, z [m]")
+    radius: Positive = Field(description="a length [m]")
+
+    def on(self, link: int) -> LinkCapsule:
+        return LinkCapsule(link, self.name, np.array(self.start), np.array(self.end), self.radius)
+
+
+class _Box(_Named):
+    size: Size3 = Field(description="three lengths [m]")
+    position: Vec3 = Field(default=[0.0, 0.0, 0.0])
+    rpy: Vec3 = Field(default=[0.0, 0.0, 0.0])
+
+    def on(self, link: int) -> LinkBox:
+        return LinkBox(link, self.name, pose(self.position, self.rpy), np.array(self.size))
+
+
+class CapsulePart(_Capsule, _OnLink):
+    """All points within ``radius`` of a segment in the link's frame."""
+
+    def solid(self) -> LinkCapsule:
+        return self.on(self.link)
+
+
+class PosedBox(_Box, _OnLink):
+    """A box by the position of its middle and its roll, pitch, yaw in the link's frame."""
+
+    def solid(self) -> LinkBox:
+        return self.on(self.link)
+
+
+class ToolCapsule(_Capsule):
+    """All points within ``radius`` of a segment in the flange's frame."""
+
+
+class ToolBox(_Box):
+    """A box by the position of its middle and its roll, pitch, yaw in the flange's frame."""
+
+
+class FramedBox(_OnLink):
+    """A box as `regionik.worlds.documents.world_file.world_to_document` writes it, exact to the last bit."""
+
+    name: OneLine = Field(description="a name")
+    size: Size3 = Field(description="three lengths [m]")
+    frame: Matrix4 = Field(description="the box's frame in the link, as a 4 x 4 matrix")
+
+    def solid(self) -> LinkBox:
+        return LinkBox(self.link, self.name, _transform(self.frame, "frame"), np.array(self.size))
+
+
+class HullPart(_OnLink):
+    """The convex hull of corners in the link's frame."""
+
+    name: OneLine = Field(description="a name")
+    corners: Annotated[list[Vec3], Field(min_length=4, max_length=HULL_LIMIT)] = Field(
+        description="corners x, y, z [m]"
+    )
+
+    def solid(self) -> LinkHull:
+        return LinkHull(self.link, self.name, np.array(self.corners))
+
+
+def _tool_solid_kind(value: Any) -> str | None:
+    kind = _solid_kind(value)
+    return kind if kind in ("<capsule>", "<posed>") else None
+
+
+def _solid_kind(value: Any) -> str | None:
+    keys = set(value) if isinstance(value, dict) else set()
+    capsule, box = keys & {"start", "end", "radius"}, keys & {"size", "position", "rpy", "frame"}
+    if bool(capsule) + bool(box) + ("corners" in keys) != 1:
+        return None
+    if "corners" in keys:
+        return "<hull>"
+    if capsule:
+        return "<capsule>"
+    return "<framed>" if "frame" in keys else "<posed>"
+
+
+LinkSolidPart = Annotated[
+    Annotated[CapsulePart, Tag("<capsule>")]
+    | Annotated[PosedBox, Tag("<posed>")]
+    | Annotated[FramedBox, Tag("<framed>")]
+    | Annotated[HullPart, Tag("<hull>")],
+    Discriminator(
+        _solid_kind,
+        custom_error_type="kind",
+        custom_error_message="expected link, name and either start, end, radius (a capsule)"
+        " or size, position, rpy (a box) or corners (a hull)",
+    ),
+]
+
+
+ToolSolidPart = Annotated[
+    Annotated[ToolCapsule, Tag("<capsule>")] | Annotated[ToolBox, Tag("<posed>")],
+    Discriminator(
+        _tool_solid_kind,
+        custom_error_type="kind",
+        custom_error_message="expected name and either start, end, radius (a capsule)"
+        " or size, position, rpy (a box)",
+    ),
+]
+
+
+class ToolPart(Strict):
+    """A tool on the robot's flange, which is the tool frame that it has without one."""
+
+    position: Vec3 = Field(default=[0.0, 0.0, 0.0], description="of the tool point in the flange [m]")
+    rpy: Vec3 = Field(default=[0.0, 0.0, 0.0], description="roll, pitch, yaw of the tool frame [rad]")
+    solids: list[ToolSolidPart] = Field(default=[], description="what the tool consists of")
+
+    def tool(self) -> Tool:
+        solids = []
+        for k, part in enumerate(self.solids):
+            with located("", f"solids[{k}]."):
+                solids.append(part.on(0))
+        return Tool(pose(self.position, self.rpy), tuple(solids))
 
 
 class MassPart(Strict):
@@ -62,77 +202,16 @@ class MassPart(Strict):
 
 
 class _WithMasses(Strict):
-    """Masses; `rules.criteria.effort` needs them."""
+    """Masses, which `rules.criteria.effort` needs, and a tool."""
 
     masses: list[MassPart] = Field(default=[], description="masses of the arm's links")
     payload: NotNegative = Field(default=0.0, description="mass held by the tool [kg]")
+    tool: ToolPart | None = None
 
 
 class NamedRobot(_WithMasses):
     name: OneLine
     limits: Literal["ignore"] | None = None
-
-
-class _OnLink(Strict):
-    link: Annotated[int, Field(ge=BASE)] = Field(
-        description="the number of a joint, from 0; -1 for what is fixed to the base"
-    )
-    name: OneLine = Field(description="a name")
-
-
-class CapsulePart(_OnLink):
-    """All points within ``radius`` of a segment in the link's frame."""
-
-    start: Vec3 = Field(description="x, y, z [m]")
-    end: Vec3 = Field(description="x, y, z [m]")
-    radius: Positive = Field(description="a length [m]")
-
-    def solid(self) -> LinkCapsule:
-        return LinkCapsule(self.link, self.name, np.array(self.start), np.array(self.end), self.radius)
-
-
-class PosedBox(_OnLink):
-    """A box by the position of its middle and its roll, pitch, yaw in the link's frame."""
-
-    size: Size3 = Field(description="three lengths [m]")
-    position: Vec3 = Field(default=[0.0, 0.0, 0.0])
-    rpy: Vec3 = Field(default=[0.0, 0.0, 0.0])
-
-    def solid(self) -> LinkBox:
-        return LinkBox(self.link, self.name, pose(self.position, self.rpy), np.array(self.size))
-
-
-class FramedBox(_OnLink):
-    """A box as `regionik.worlds.documents.world_file.world_to_document` writes it, exact to the last bit."""
-
-    size: Size3 = Field(description="three lengths [m]")
-    frame: Matrix4 = Field(description="the box's frame in the link, as a 4 x 4 matrix")
-
-    def solid(self) -> LinkBox:
-        return LinkBox(self.link, self.name, _transform(self.frame, "frame"), np.array(self.size))
-
-
-def _solid_kind(value: Any) -> str | None:
-    keys = set(value) if isinstance(value, dict) else set()
-    capsule, box = keys & {"start", "end", "radius"}, keys & {"size", "position", "rpy", "frame"}
-    if bool(capsule) == bool(box):
-        return None
-    if capsule:
-        return "<capsule>"
-    return "<framed>" if "frame" in keys else "<posed>"
-
-
-LinkSolidPart = Annotated[
-    Annotated[CapsulePart, Tag("<capsule>")]
-    | Annotated[PosedBox, Tag("<posed>")]
-    | Annotated[FramedBox, Tag("<framed>")],
-    Discriminator(
-        _solid_kind,
-        custom_error_type="kind",
-        custom_error_message="expected link, name and either start, end, radius (a capsule)"
-        " or size, position, rpy (a box)",
-    ),
-]
 
 
 class _OwnRobot(_WithMasses):
@@ -204,7 +283,12 @@ class UrdfRobot(Strict):
     turning_radius: NotNegative = 0.0
     body_height: Positive | None = None
     payload: NotNegative = Field(default=0.0, description="mass held by the tool [kg]")
-    carry: list[float] | None = None
+    tool: ToolPart | None = None
+    carry: list[float] | OneLine | None = Field(
+        default=None, description="a posture, by joint values or by its name in the SRDF file"
+    )
+    srdf: FileName | None = None
+    unchecked: list[Names] = Field(default=[])
     limits: Literal["ignore"] | None = None
 
 
@@ -242,8 +326,11 @@ def read_robot(part: str | NamedRobot | DhRobot | ChainRobot | UrdfRobot, where:
         with located(where, "robot"):
             return robot_named(part)
     if isinstance(part, UrdfRobot):
-        options = part.model_dump(exclude={"urdf", "turning_radius"})
+        options = part.model_dump(exclude={"urdf", "turning_radius", "tool", "srdf"})
+        with located(where, "robot.tool."):
+            options["tool"] = None if part.tool is None else part.tool.tool()
         with located(where, "robot"):
+            options["srdf"] = None if part.srdf is None else folder / part.srdf
             return load_robot(folder / part.urdf, **options, turning_radius=part.turning_radius or None)
     if isinstance(part, NamedRobot):
         with located(where, "robot.name"):
@@ -253,22 +340,16 @@ def read_robot(part: str | NamedRobot | DhRobot | ChainRobot | UrdfRobot, where:
             robot = _own_robot(part)
     with located(where, "robot."):
         masses = tuple(LinkMass(mass.link, mass.mass, np.array(mass.center)) for mass in part.masses)
-        robot = replace(robot, masses=masses, payload=part.payload)
+        robot = _with_tool(replace(robot, masses=masses, payload=part.payload), part.tool)
+        if isinstance(part, DhRobot | ChainRobot):
+            robot = _carried(_unchecked(robot, part.unchecked), part.carry)
     return without_limits(robot) if part.limits == "ignore" else robot
 
 
 def _own_robot(part: DhRobot | ChainRobot) -> Robot:
     check_turning_radius(part.base, part.turning_radius)
     chain = part.arm()
-    if part.carry is not None:
-        chain.check_limits(part.carry, "carry")
     solids = _solids(part, chain)
-    names = {solid.name for solid in solids}
-    for k, pair in enumerate(part.unchecked):
-        unknown = next((name for name in pair if name not in names), None)
-        if unknown is not None:
-            text = f"expected names of solids ({join_names(sorted(names), 8)}), got {unknown!r}"
-            raise InputError(f"unchecked[{k}]: {text}")
     return Robot(
         name=part.name,
         base=part.base,
@@ -277,12 +358,35 @@ def _own_robot(part: DhRobot | ChainRobot) -> Robot:
         chain=chain,
         solids=tuple(solid for solid in solids if solid.link != BASE),
         body_height=part.body_height,
-        carry=np.array(part.carry or ()),
         turning_radius=part.turning_radius,
         gauge=part.gauge,
         base_solids=tuple(solid for solid in solids if solid.link == BASE),
-        unchecked=tuple((one, other) for one, other in part.unchecked),
     )
+
+
+def _with_tool(robot: Robot, part: ToolPart | None) -> Robot:
+    with located("", "tool."):
+        return robot if part is None else with_tool(robot, part.tool())
+
+
+def _unchecked(robot: Robot, pairs: list[list[str]]) -> Robot:
+    names = {solid.name for solid in robot.all_solids} | {base_name(robot)}
+    for k, pair in enumerate(pairs):
+        unknown = next((name for name in pair if name not in names), None)
+        if unknown is not None:
+            known = join_names(sorted(names - {base_name(robot)}), 8)
+            text = f"expected names of solids ({known}) or {base_name(robot)!r}, got {unknown!r}"
+            raise InputError(f"unchecked[{k}]: {text}")
+    return replace(robot, unchecked=tuple((one, other) for one, other in pairs))
+
+
+def _carried(robot: Robot, carry: list[float] | None) -> Robot:
+    """Return a robot with the carry posture of its document, else with one that is clear."""
+    if carry is not None:
+        robot.chain.check_limits(carry, "carry")
+        return replace(robot, carry=np.array(carry))
+    rest = rest_posture(robot)
+    return robot if rest is None else replace(robot, carry=rest)
 
 
 def _solids(part: DhRobot | ChainRobot, chain: Chain) -> tuple[LinkSolid, ...]:
@@ -382,4 +486,6 @@ def _link_solid(solid: LinkSolid) -> dict[str, Any]:
     if isinstance(solid, LinkCapsule):
         ends = {"start": solid.start.tolist(), "end": solid.end.tolist()}
         return {**document, **ends, "radius": float(solid.radius)}
+    if isinstance(solid, LinkHull):
+        return {**document, "corners": solid.corners.tolist()}
     return {**document, "size": solid.size.tolist(), "frame": solid.T_link_box.tolist()}

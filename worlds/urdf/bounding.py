@@ -16,7 +16,7 @@ from scipy.spatial import ConvexHull, HalfspaceIntersection, QhullError
 
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import rot_x, rot_y, rot_z
-from regionik.worlds.robot import LinkBox, LinkCapsule, LinkSolid
+from regionik.worlds.robot import LinkBox, LinkCapsule, LinkHull, LinkSolid
 
 _FLAT = 1e-4  # thickness [m], or share of the width where that is more than a metre
 _HULL_FLAT = 1e-7  # as _FLAT: of a cloud much thinner Qhull loses corners without an error
@@ -27,6 +27,9 @@ _RADII = 65
 _THIN = 1e-4  # least side and radius [m]
 _SHORT = 1e-6  # least length of a segment, as engines want a direction [m]
 _GROWN = 1 + 1e-9  # against rounding
+_GROWTH, _DIGITS = 1e-9, 10  # of hulls, against rounding to that many decimals [m]
+TIGHT = 1e-3  # by which a solid may stand out of what it bounds, if few corners do [m]
+MOST_CORNERS = 48  # of a hull, as collision checks take each of them
 
 
 def convex_hull(points: Array) -> Array:
@@ -104,18 +107,65 @@ def sphere_capsule(link: int, name: str, center: Array, radius: float) -> LinkCa
 
 
 def bounding_solid(link: int, name: str, points: Array) -> LinkSolid:
-    """Return the least by volume of a few boxes and capsules around points (n, 3) in the link's frame."""
+    """Return a solid around points (n, 3) in the link's frame: a hull of few corners where that is tighter.
+
+    The least by volume of a few boxes and capsules is taken where it stands out by `TIGHT` at most, or by no
+    more than the hull.
+    """
     found = [_least_solid(link, name, points, *box(points)) for box in (oriented_box, fast_oriented_box)]
-    return min(found, key=volume)
+    least = min(found, key=volume)
+    hull = _hull(points)
+    if hull is None or _excess(least, hull) <= TIGHT:
+        return least
+    tight = LinkHull(link, name, _few_corners(hull, oriented_box(points)[0][:3, :3]))
+    return tight if _excess(tight, hull) < _excess(least, hull) else least
+
+
+def _excess(solid: LinkSolid, hull: ConvexHull) -> float:
+    """Return how far a solid stands out beyond the face of a hull that it stands out of most [m]."""
+    reach = (hull.equations[:, :3] @ solid.corners.T).max(1) + solid.radius
+    return float((reach + hull.equations[:, 3]).max())
+
+
+def _few_corners(hull: ConvexHull, axes: Array) -> Array:
+    """Return the corners of a polytope around a hull whose faces are some of the hull's, and of a box's.
+
+    Of the hull's faces those are taken, one at a time, beyond which the polytope stands out most, until that
+    is `TIGHT`, or the corners are `MOST_CORNERS`.
+    """
+    normals, offsets = hull.equations[:, :3], -hull.equations[:, 3]
+    points, middle = hull.points[hull.vertices], hull.points[hull.vertices].mean(0)
+    chosen = np.vstack([axes.T, -axes.T])
+    corners = _bounded_by(chosen, points, middle)
+    while True:
+        beyond = corners @ normals.T - offsets
+        worst = int(beyond.max(0).argmax())
+        if beyond.max() <= TIGHT:
+            return corners
+        chosen = np.vstack([chosen, normals[worst]])
+        finer = _bounded_by(chosen, points, middle)
+        if len(finer) > MOST_CORNERS:
+            return corners
+        corners = finer
+
+
+def _bounded_by(normals: Array, points: Array, middle: Array) -> Array:
+    """Return the corners of the polytope of supporting planes of points (n, 3), ``middle`` being inside."""
+    reach = ((points - middle) @ normals.T).max(0) * _GROWN + _GROWTH
+    body = HalfspaceIntersection(np.column_stack([normals, -reach]), np.zeros(3))
+    return convex_hull(np.round(body.intersections, _DIGITS)) + middle
 
 
 def rough_volume(points: Array) -> float:
-    """Return the volume of a solid around points (n, 3), found fast [m^3]."""
-    return volume(_least_solid(0, "rough", points, *fast_oriented_box(points)))
+    """Return the volume of the hull of points (n, 3), of flat ones that of a box around them [m^3]."""
+    hull = _hull(points)
+    return float(np.prod(fast_oriented_box(points)[1])) if hull is None else float(hull.volume)
 
 
 def volume(solid: LinkSolid) -> float:
     """Return the volume of a link's solid [m^3]."""
+    if isinstance(solid, LinkHull):
+        return float(ConvexHull(solid.corners).volume)
     if isinstance(solid, LinkBox):
         return float(np.prod(solid.size))
     length = float(np.linalg.norm(solid.end - solid.start))

@@ -10,7 +10,7 @@ from the cut upwards), and below it they are in the footprint too: nothing is le
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import pi
 
 import numpy as np
@@ -72,28 +72,30 @@ def collision_model(
     parts: list[CollisionPart] = []
     fixed: list[CollisionPart] = []
     notes: list[str] = []
-    lacking: set[int] = set()
+    lacking: dict[int, set[str]] = {}
     for link in links:
         shapes = model.links[link.name]
         for k, shape in enumerate(shapes):
             surface = meshes.surface(shape) if shape.kind == "mesh" else np.empty((0, 3, 3))
             if isinstance(surface, str):
                 notes.append(_missing(shape, surface, link.owner, chain))
-                lacking.add(link.owner)
+                lacking.setdefault(link.owner, set()).add(link.name)
                 continue
             T = link.T_owner_link @ shape.T_link_shape
             name = link.name if len(shapes) == 1 else f"{link.name} {k + 1}"
-            part = _part(link.owner, name, shape, transform_points(T, surface), T)
+            part = _part(link, name, shape, transform_points(T, surface), T)
             (fixed if link.owner == BASE else parts).append(part)
-    pieces = [
-        *decompose(parts),
-        *(_capsule_part(_stand_in(chain, owner)) for owner in sorted(lacking - {BASE})),
+    stand_ins = [
+        replace(solid_part(_stand_in(chain, owner)), sources=frozenset(names))
+        for owner, names in sorted(lacking.items())
+        if owner != BASE
     ]
+    pieces = [*decompose(parts), *stand_ins]
     if not pieces:
         notes.append(
             f"no arm link has a collision element: capsules of radius {LINK_RADIUS:g} m replace them"
         )
-        pieces += [_capsule_part(capsule) for capsule in capsules_along(chain, LINK_RADIUS)]
+        pieces += [solid_part(capsule) for capsule in capsules_along(chain, LINK_RADIUS)]
     ordered = sorted(pieces, key=lambda part: part.link)
     return CollisionModel(tuple(ordered), base_shape(fixed, height), tuple(notes))
 
@@ -115,18 +117,18 @@ def _stand_in(chain: Chain, owner: int) -> LinkCapsule:
     return LinkCapsule(owner, name, np.zeros(3), end, LINK_RADIUS)
 
 
-def _capsule_part(capsule: LinkCapsule) -> CollisionPart:
-    """Return a capsule as a part."""
-    around = np.concatenate([end + capsule.radius * CUBE_CORNERS for end in (capsule.start, capsule.end)])
-    return CollisionPart(capsule.link, capsule.name, around, np.empty((0, 3, 3)), capsule)
+def solid_part(solid: LinkSolid) -> CollisionPart:
+    """Return a solid as a part."""
+    around = np.concatenate([corner + solid.radius * CUBE_CORNERS for corner in solid.corners])
+    return CollisionPart(solid.link, solid.name, around, np.empty((0, 3, 3)), solid)
 
 
-def _part(owner: int, name: str, shape: CollisionShape, surface: Array, T: Array) -> CollisionPart:
+def _part(link: PlacedLink, name: str, shape: CollisionShape, surface: Array, T: Array) -> CollisionPart:
+    owner, sources = link.owner, frozenset((link.name,))
     if shape.kind == "mesh":
-        return mesh_part(owner, name, surface)
-    return CollisionPart(
-        owner, name, transform_points(T, _corners(shape, T)), surface, _solid(owner, name, shape, T)
-    )
+        return mesh_part(owner, name, surface, sources)
+    points, solid = transform_points(T, _corners(shape, T)), _solid(owner, name, shape, T)
+    return CollisionPart(owner, name, points, surface, solid, sources)
 
 
 def _solid(owner: int, name: str, shape: CollisionShape, T: Array) -> LinkSolid:
@@ -164,6 +166,7 @@ class BaseShape:
     outline: Array  # (n, 2) convex footprint [m]; no rows where nothing is low
     height: float  # height up to which the footprint counts [m]; 0 for a base without parts
     parts: tuple[CollisionPart, ...] = ()  # parts that stand higher
+    sources: frozenset[str] = frozenset()  # names of the links that it is of
 
 
 def base_shape(parts: Sequence[CollisionPart], height: float | None) -> BaseShape:
@@ -173,7 +176,8 @@ def base_shape(parts: Sequence[CollisionPart], height: float | None) -> BaseShap
     surface = np.concatenate([_surface(part) for part in parts])
     cut = _best_height(parts, surface) if height is None else height
     high = [_upper(part, cut) for part in parts if part.points[:, 2].max() > cut + _LEAST / 2]
-    return BaseShape(convex_outline(_lower(surface, cut)), cut, decompose(high, MOST_SOLIDS))
+    sources = frozenset().union(*(part.sources for part in parts))
+    return BaseShape(convex_outline(_lower(surface, cut)), cut, decompose(high, MOST_SOLIDS), sources)
 
 
 def _surface(part: CollisionPart) -> Array:
@@ -189,7 +193,7 @@ def _upper(part: CollisionPart, cut: float) -> CollisionPart:
     """Return the part of a mesh above a height; other parts whole."""
     if not len(part.triangles) or part.points[:, 2].min() >= cut:
         return part
-    return mesh_part(part.link, part.name, clip_triangles(part.triangles, _UP, cut))
+    return mesh_part(part.link, part.name, clip_triangles(part.triangles, _UP, cut), part.sources)
 
 
 def _best_height(parts: Sequence[CollisionPart], surface: Array) -> float:

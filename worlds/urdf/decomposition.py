@@ -41,6 +41,7 @@ class CollisionPart:
     points: Array  # (n, 3) corners of a hull that contains it [m]
     triangles: Array  # (m, 3, 3) surface of a mesh; empty for parts that are not to be cut [m]
     exact: LinkSolid | None = None  # its solid, where that is known
+    sources: frozenset[str] = frozenset()  # names of the file's links that it is of
 
     @cached_property
     def rough(self) -> float:
@@ -53,9 +54,9 @@ class CollisionPart:
         return self.exact or bounding_solid(self.link, self.name, self.points)
 
 
-def mesh_part(link: int, name: str, triangles: Array) -> CollisionPart:
+def mesh_part(link: int, name: str, triangles: Array, sources: frozenset[str] = frozenset()) -> CollisionPart:
     """Return a mesh, given by its triangles (m, 3, 3), as a part."""
-    return CollisionPart(link, name, convex_hull(triangles.reshape(-1, 3)), triangles)
+    return CollisionPart(link, name, convex_hull(triangles.reshape(-1, 3)), triangles, sources=sources)
 
 
 def decompose(parts: Iterable[CollisionPart], most: int = MOST) -> tuple[CollisionPart, ...]:
@@ -121,7 +122,8 @@ def _halves(part: CollisionPart, turn: Array) -> list[CollisionPart]:
             boxes = sum(_box(half.reshape(-1, 3) @ axes) for half in _sides(some, normal, offset))
             if boxes < least:
                 least, cut = boxes, (normal, offset)
-    return [mesh_part(part.link, part.name, half) for half in _sides(part.triangles, *cut)]
+    halves = _sides(part.triangles, *cut)
+    return [mesh_part(part.link, part.name, half, part.sources) for half in halves]
 
 
 def _sides(triangles: Array, normal: Array, offset: float) -> list[Array]:
@@ -200,4 +202,6 @@ def _merge_group(group: list[CollisionPart]) -> CollisionPart:
     if len(group) == 1:
         return group[0]
     points = convex_hull(np.concatenate([part.points for part in group]))
-    return CollisionPart(group[0].link, f"{group[0].name} and more", points, np.empty((0, 3, 3)))
+    sources = frozenset().union(*(part.sources for part in group))
+    name = f"{group[0].name} and more"
+    return CollisionPart(group[0].link, name, points, np.empty((0, 3, 3)), sources=sources)

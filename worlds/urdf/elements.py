@@ -131,11 +131,11 @@ def _refuse_xacro(root: Element, path: Path) -> None:
 
 
 def _model(root: Element, path: Path) -> UrdfModel:
-    name = _name(root, "robot")
+    name = name_of(root, "robot")
     links: dict[str, tuple[CollisionShape, ...]] = {}
     inertials: dict[str, tuple[float, Array]] = {}
     for element in root.all("link"):
-        link = _name(element, "link")
+        link = name_of(element, "link")
         place = f"line {element.line}: link {link}"
         if link in links:
             raise InputError(f"{place}: this name is given twice")
@@ -175,7 +175,7 @@ def _check_joints(joints: tuple[UrdfJoint, ...], links: dict[str, tuple[Collisio
 
 
 def _joint(element: Element) -> UrdfJoint:
-    name = _name(element, "joint")
+    name = name_of(element, "joint")
     place = f"line {element.line}: joint {name}"
     kind = element.attributes.get("type", "")
     if kind not in JOINT_TYPES:
@@ -256,7 +256,7 @@ def _shape(element: Element, link: str) -> CollisionShape:
     size: tuple[float, ...] = ()
     for key in _SIZES[kind]:
         count = 3 if kind == "box" else 1
-        size += _values(inner.attributes.get(key, ""), count, f"{place}: {kind} {key}")
+        size += finite_numbers(inner.attributes.get(key, ""), count, f"{place}: {kind} {key}")
     if not min(size) > 0:
         got = join_names(f"{s:g}" for s in size)
         raise InputError(f"{place}: {kind}: every size must be above 0, got {got}")
@@ -265,7 +265,7 @@ def _shape(element: Element, link: str) -> CollisionShape:
 
 def _mesh(element: Element, T: Array, place: str) -> CollisionShape:
     scale = element.attributes.get("scale", "1 1 1")
-    factors = _values(scale * 3 if len(scale.split()) == 1 else scale, 3, f"{place}: mesh scale")
+    factors = finite_numbers(scale * 3 if len(scale.split()) == 1 else scale, 3, f"{place}: mesh scale")
     file = element.attributes.get("filename", "").strip()
     if not file or not file.isprintable():
         raise InputError(f"{place}: mesh: expected a filename, got {clip(file)}")
@@ -290,7 +290,7 @@ def _link_of(element: Element, role: str, place: str) -> str:
     return link
 
 
-def _name(element: Element, what: str) -> str:
+def name_of(element: Element, what: str) -> str:
     """Return the name of an element, printable on one line."""
     name = element.attributes.get("name", "").strip()
     if not name or not name.isprintable() or len(name) > _NAME_LIMIT:
@@ -304,10 +304,10 @@ def _numbers(element: Element | None, key: str, place: str, default: tuple[float
     text = None if element is None else element.attributes.get(key)
     if element is None or text is None:
         return default
-    return _values(text, len(default), f"{place}: {element.tag} {key}")
+    return finite_numbers(text, len(default), f"{place}: {element.tag} {key}")
 
 
-def _values(text: str, count: int, place: str) -> tuple[float, ...]:
+def finite_numbers(text: str, count: int, place: str) -> tuple[float, ...]:
     """Return exactly ``count`` finite numbers, small enough to square."""
     words = text.split()
     plain = len(words) == count and all(_NUMBER.fullmatch(word) for word in words)

@@ -16,6 +16,9 @@ from regionik.worlds.errors import located, located_error
 from regionik.worlds.robot import BASE, LinkMass
 from regionik.worlds.urdf.elements import UrdfJoint, UrdfModel, join_names
 
+ENDLESS = 200.0  # travel of a slide that is a base's, or of a turn [m] or [rad]
+_LEVEL = 1e-6
+
 _KINDS: dict[str, Literal["revolute", "prismatic"]] = {
     "revolute": "revolute",
     "continuous": "revolute",
@@ -55,6 +58,9 @@ class LinkPlacement:
 def kinematic_path(model: UrdfModel, root: str | None, tip: str | None) -> KinematicPath:
     """Return the path from ``root`` (the file's by default) to ``tip`` (by default, of the longest arm).
 
+    Joints by which a file moves its base over the floor are left out where no root is given: see
+    `_virtual_joints`.
+
     Raises
     ------
     InputError
@@ -78,6 +84,12 @@ def kinematic_path(model: UrdfModel, root: str | None, tip: str | None) -> Kinem
         moved = [link for link in model.links if _moving_count(_path(above, start, link) or ())]
         text = f"no joint moves between {start} and {end}, valid tips: {join_names(moved) or 'none'}"
         raise located_error(model.where, "tip", text)
+    virtual = _virtual_joints(path) if root is None else 0
+    if virtual:
+        start, path = path[virtual - 1].child, path[virtual:]
+        if not _moving_count(path):
+            text = f"only the joints of a virtual base move {end}, expected a tip behind joints of an arm"
+            raise located_error(model.where, "tip", text)
     return KinematicPath(start, end, path)
 
 
@@ -199,6 +211,30 @@ def _path(above: dict[str, UrdfJoint], root: str, tip: str) -> tuple[UrdfJoint, 
         joints.append(above[here])
         here = above[here].parent
     return tuple(reversed(joints))
+
+
+def _virtual_joints(path: tuple[UrdfJoint, ...]) -> int:
+    """Return how many joints of a path, from its root on, stand for the motion of a base over the floor.
+
+    These are planar and floating joints, level slides of `ENDLESS` and more, and turns about the vertical
+    between them, or without limits behind them.
+    """
+    turn, count, slides = np.eye(3), 0, 0
+    for k, joint in enumerate(path):
+        turn = turn @ joint.T_parent_joint[:3, :3]
+        if joint.kind == "fixed":
+            continue
+        rise = abs(float((turn @ joint.axis)[2]) / float(np.linalg.norm(joint.axis)))
+        room = (joint.upper or 0.0) - (joint.lower or 0.0)
+        endless = joint.kind == "prismatic" and rise < _LEVEL and room >= ENDLESS
+        free = joint.kind in ("planar", "floating") and not _moving_count(path[count:k])
+        if endless or free:
+            count, slides = k + 1, slides + 1
+        elif joint.kind in ("revolute", "continuous") and rise > 1 - _LEVEL:
+            count = k + 1 if slides > 1 and room >= ENDLESS else count
+        else:
+            break
+    return count
 
 
 def _moving_count(joints: Iterable[UrdfJoint]) -> int:

@@ -17,9 +17,10 @@ stands higher, such as a mast, becomes solids of its own.
 from __future__ import annotations
 
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -31,10 +32,20 @@ from regionik.worlds.drives import BaseKind, drive_of
 from regionik.worlds.errors import InputError, located, located_error
 from regionik.worlds.readers.text import is_file_name
 from regionik.worlds.readers.validation import LARGEST
-from regionik.worlds.robot import BASE, BODY_HEIGHT, Robot, check_turning_radius, without_limits
-from regionik.worlds.self_collision import disabled_pairs
-from regionik.worlds.urdf.collision import collision_model
-from regionik.worlds.urdf.elements import SUFFIXES, join_names, read_urdf
+from regionik.worlds.rest_posture import rest_posture
+from regionik.worlds.robot import (
+    BASE,
+    BODY_HEIGHT,
+    Robot,
+    Tool,
+    check_turning_radius,
+    with_tool,
+    without_limits,
+)
+from regionik.worlds.self_collision import bodies_clear, disabled_pairs
+from regionik.worlds.urdf.allowed_collisions import named_pairs, semantic_pairs
+from regionik.worlds.urdf.collision import CollisionModel, collision_model, solid_part
+from regionik.worlds.urdf.elements import SUFFIXES, UrdfModel, join_names, read_urdf
 from regionik.worlds.urdf.kinematic_tree import (
     LinkPlacement,
     chain_along,
@@ -42,6 +53,7 @@ from regionik.worlds.urdf.kinematic_tree import (
     link_masses,
     place_links,
 )
+from regionik.worlds.urdf.srdf import NO_SEMANTICS, SemanticModel, read_srdf, srdf_beside
 
 _UPRIGHT = 1e-9
 DEEP_TIP = 1e-3  # of the tool point in its own link, from which on it is told [m]
@@ -56,9 +68,12 @@ def load_robot(
     mount: ArrayLike | None = None,
     turning_radius: float | None = None,
     body_height: float | None = None,
-    carry: ArrayLike | None = None,
+    carry: ArrayLike | str | None = None,
     limits: Literal["ignore"] | None = None,
     payload: float = 0.0,
+    srdf: str | Path | None = None,
+    unchecked: Sequence[Sequence[str]] = (),
+    tool: Tool | None = None,
 ) -> Robot:
     """Return a bundled robot by its name, or the robot of a URDF file.
 
@@ -78,12 +93,19 @@ def load_robot(
         Least turning radius, which a car needs [m].
     body_height : float, optional
         The base is its footprint up to this height [m].
-    carry : (dof,) array_like, optional
-        Joint values with which the arm is driven about; by default zero, or the limits nearest to it.
+    carry : (dof,) array_like or str, optional
+        Joint values with which the arm is driven about, or the name of a posture of the SRDF file; by default
+        the first resting one of these that is clear, else `regionik.worlds.rest_posture.rest_posture`.
     limits : "ignore", optional
         Leave out all joint limits.
     payload : float
         Mass held at the tool frame's origin [kg].
+    srdf : str or Path, optional
+        SRDF file; by default the one beside the URDF file (`regionik.worlds.urdf.srdf.srdf_beside`), if any.
+    unchecked : sequence of (str, str), optional
+        Pairs of links, or of solids, that need not keep apart besides.
+    tool : Tool, optional
+        What is mounted on the tip.
 
     Raises
     ------
@@ -102,10 +124,12 @@ def load_robot(
     """
     path, where = Path(name_or_path), str(name_or_path)
     with located(where, ""):
-        given = _Overrides(base, footprint, mount, turning_radius, body_height, carry, limits, payload)
+        given = _Overrides(base, footprint, mount, turning_radius, body_height, carry, limits, payload, tool)
     if is_file_name(name_or_path, (*SUFFIXES, ".xacro")):
-        return given.applied(_from_urdf(path, tip, root, given), where)
-    return given.applied(_bundled(where, tip, root, given), where)
+        companion = None if srdf is None else Path(srdf)
+        return given.applied(_from_urdf(path, tip, root, given, companion, unchecked), where)
+    refused = {"tip": tip, "root": root, "srdf": srdf, "unchecked": unchecked or None}
+    return given.applied(_bundled(where, refused, given), where)
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,9 +141,10 @@ class _Overrides:
     mount: ArrayLike | None
     turning_radius: float | None
     body_height: float | None
-    carry: ArrayLike | None
+    carry: ArrayLike | str | None
     limits: Literal["ignore"] | None
     payload: float
+    tool: Tool | None
 
     def __post_init__(self) -> None:
         if self.base is not None and self.base not in get_args(BaseKind):
@@ -127,14 +152,15 @@ class _Overrides:
         if self.limits not in (None, "ignore"):
             raise InputError(f"limits: expected ignore, got {self.limits!r}")
         for key, shape in (("footprint", (None, 2)), ("mount", (4,)), ("carry", (None,))):
-            if getattr(self, key) is not None:
+            named = key == "carry" and isinstance(self.carry, str)
+            if getattr(self, key) is not None and not named:
                 object.__setattr__(self, key, _numbers(getattr(self, key), shape, key))
         for key in ("turning_radius", "body_height"):
             if getattr(self, key) is not None:
                 object.__setattr__(self, key, _above_zero(getattr(self, key), key))
 
     def applied(self, robot: Robot, where: str) -> Robot:
-        """Return a robot with what is given here; its mount is set when it is made."""
+        """Return a robot with what is given here; its mount and tool, and named postures, are set before."""
         robot = robot if self.limits is None else without_limits(robot)
         kind = robot.base if self.base is None else self.base
         radius = drive_of(kind, robot.turning_radius).turning_radius
@@ -142,14 +168,25 @@ class _Overrides:
         replaced = {key: getattr(self, key) for key in ("footprint", "carry", "body_height")}
         given = {key: value for key, value in replaced.items() if value is not None}
         with located(where, ""):
-            if self.carry is not None:
+            if isinstance(self.carry, str):
+                del given["carry"]
+            elif self.carry is not None:
                 robot.chain.check_limits(np.asarray(self.carry).tolist(), "carry")
             check_turning_radius(kind, radius)
             return replace(robot, base=kind, turning_radius=radius, payload=self.payload, **given)
 
 
-def _from_urdf(path: Path, tip: str | None, root: str | None, given: _Overrides) -> Robot:
+def _from_urdf(
+    path: Path,
+    tip: str | None,
+    root: str | None,
+    given: _Overrides,
+    srdf: Path | None,
+    unchecked: Sequence[Sequence[str]],
+) -> Robot:
     model = read_urdf(path)
+    companion = srdf_beside(path) if srdf is None else srdf
+    semantics = NO_SEMANTICS if companion is None else read_srdf(companion, model)
     kinematic = kinematic_path(model, root, tip)
     chain = chain_along(model, kinematic, limited=given.limits is None)
     x, y, z, yaw = np.zeros(4) if given.mount is None else np.asarray(given.mount)
@@ -159,22 +196,56 @@ def _from_urdf(path: Path, tip: str | None, root: str | None, given: _Overrides)
     measured = given.footprint is None or given.body_height is None
     links = [link for link in placement.links if measured or link.owner != BASE]
     body = collision_model(model, links, chain, given.body_height)
-    outline = body.base.outline if given.footprint is None else np.empty((0, 2))
-    robot = Robot(
+    notes = [*body.notes, *_notes(placement, measured)]
+    with located(model.where, ""):
+        robot = _robot(model, mount, chain, body, given)
+    robot = replace(robot, masses=link_masses(model, placement))
+    if given.tool is not None:
+        robot = with_tool(robot, given.tool)
+        body = replace(body, parts=(*body.parts, *map(solid_part, robot.solids[len(body.parts) :])))
+    with located(model.where, ""):
+        known = [*semantic_pairs(robot, body, semantics.disabled), *named_pairs(robot, body, unchecked)]
+        robot = replace(robot, unchecked=tuple(known))
+        robot, touching = _at_rest(robot, body, semantics, given.carry)
+    for note in (*notes, *_tip_notes(robot), *touching):
+        warnings.warn(f"{model.where}: {note}", stacklevel=3)
+    return robot
+
+
+def _robot(model: UrdfModel, mount: Array, chain: Chain, body: CollisionModel, given: _Overrides) -> Robot:
+    outline = body.base.outline if given.footprint is None else np.asarray(given.footprint)
+    height = body.base.height if given.body_height is None else given.body_height
+    return Robot(
         name=model.name,
         base="omni",
         footprint=outline if len(outline) else np.zeros((1, 2)),
         mount=mount,
         chain=chain,
         solids=tuple(part.solid for part in body.parts),
-        body_height=body.base.height if body.base.height > 0 else BODY_HEIGHT,
+        body_height=height if height > 0 else BODY_HEIGHT,
         base_solids=tuple(part.solid for part in body.base.parts),
-        masses=link_masses(model, placement),
     )
-    unchecked, touching = disabled_pairs(robot, [part.points for part in (*body.parts, *body.base.parts)])
-    for note in (*body.notes, *_notes(placement, measured), *_tip_notes(robot), *touching):
-        warnings.warn(f"{model.where}: {note}", stacklevel=3)
-    return replace(robot, unchecked=tuple(unchecked))
+
+
+def _at_rest(
+    robot: Robot, body: CollisionModel, semantics: SemanticModel, carry: ArrayLike | str | None
+) -> tuple[Robot, list[str]]:
+    """Return a robot with its carry posture and the pairs that are no use to check, and notes on both."""
+    points = [part.points for part in (*body.parts, *body.base.parts)]
+    named = semantics.resting_postures(robot.chain) if carry is None else []
+    postures = [semantics.posture(name, robot.chain) for name in named]
+    rest = next((posture for posture in postures if bodies_clear(robot, points, posture)), None)
+    if isinstance(carry, str):
+        rest = semantics.posture(carry, robot.chain)
+    pairs, notes = disabled_pairs(robot, points, rest)
+    robot = replace(robot, unchecked=(*robot.unchecked, *pairs))
+    if named and rest is None:
+        notes.append(f"links touch in posture {named[0]} of the SRDF file: the arm is carried in another")
+    if rest is None and carry is None:
+        rest = rest_posture(robot)
+        if rest is None:
+            notes.append("no posture was found in which the arm keeps off itself: it is carried at zeros")
+    return (robot if rest is None else replace(robot, carry=rest)), notes
 
 
 def _mounted(chain: Chain, T_base_root: Array, yaw: float) -> tuple[Array, Chain]:
@@ -223,15 +294,18 @@ def _tip_notes(robot: Robot) -> list[str]:
     ]
 
 
-def _bundled(name: str, tip: str | None, root: str | None, given: _Overrides) -> Robot:
+def _bundled(name: str, refused: dict[str, Any], given: _Overrides) -> Robot:
     if name not in robot_names():
         choices = f"a path that ends in {', '.join(SUFFIXES)}, or one of {', '.join(robot_names())}"
         raise InputError(f"unknown robot {name!r}: expected {choices}")
-    for what, link in (("tip", tip), ("root", root)):
-        if link is not None:
+    for what, value in refused.items():
+        if value is not None:
             raise located_error(name, what, "a bundled robot has no links to choose from")
+    if isinstance(given.carry, str):
+        raise located_error(name, "carry", "expected joint values, as a bundled robot has no named postures")
     robot = robot_named(name)
-    return robot if given.mount is None else replace(robot, mount=np.asarray(given.mount))
+    robot = robot if given.mount is None else replace(robot, mount=np.asarray(given.mount))
+    return robot if given.tool is None else with_tool(robot, given.tool)
 
 
 def _above_zero(value: float, what: str) -> float:

@@ -1,0 +1,89 @@
+"""Convex polytopes by their corners: faces, edges, and how deep a point lies in one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull, QhullError
+
+from regionik.worlds.arrays import Array
+from regionik.worlds.errors import InputError
+
+_SAME = 9  # decimals to which directions are told apart
+
+
+@dataclass(frozen=True, eq=False)
+class Polytope:
+    """The convex hull of corners, with all that its corners tell.
+
+    Attributes
+    ----------
+    corners : (n, 3) array
+        As given; some may lie inside [m].
+    triangles : (m, 3) array of int
+        Rows of ``corners``, counter-clockwise seen from outside.
+    normals : (f, 3) array
+        Outward unit normals of the faces.
+    offsets : (f,) array
+        Points x inside have ``normals @ x <= offsets`` [m].
+    edges : (e, 3) array
+        Unit directions of the edges, each once.
+    """
+
+    corners: Array
+    triangles: NDArray[np.int64]
+    normals: Array
+    offsets: Array
+    edges: Array
+
+    def depth(self, points: Array) -> Array:
+        """Return the depth of points (..., 3) below the nearest plane of a face, negative outside [m]."""
+        below: Array = (self.offsets - points @ self.normals.T).min(-1)
+        return below
+
+
+def polytope(corners: Array) -> Polytope:
+    """Return the polytope with given corners (n, 3).
+
+    Raises
+    ------
+    InputError
+        Where the corners are fewer than four, or lie in one plane.
+    """
+    try:
+        hull = ConvexHull(corners)
+    except (QhullError, ValueError):
+        raise InputError("expected at least four corners that do not lie in one plane") from None
+    normals, offsets = hull.equations[:, :3], -hull.equations[:, 3]
+    ends = corners[hull.simplices]
+    turned = (np.cross(ends[:, 1] - ends[:, 0], ends[:, 2] - ends[:, 0]) * normals).sum(1) < 0
+    triangles = np.where(turned[:, None], hull.simplices[:, ::-1], hull.simplices)
+    faces = np.unique(np.round(hull.equations, _SAME), axis=0, return_index=True)[1]
+    beyond = (corners @ normals.T).max(0)  # Qhull's planes may miss a corner by rounding
+    return Polytope(
+        corners,
+        triangles.astype(np.int64),
+        normals[faces],
+        np.maximum(offsets, beyond)[faces],
+        _edge_directions(corners, hull),
+    )
+
+
+def _edge_directions(corners: Array, hull: ConvexHull) -> Array:
+    """Return the directions (e, 3) of edges between faces that are not in one plane."""
+    found = []
+    for k, simplex in enumerate(hull.simplices):
+        for corner in range(3):
+            other = hull.neighbors[k, corner]
+            if other > k and hull.equations[k, :3] @ hull.equations[other, :3] < 1 - 10.0**-_SAME:
+                a, b = np.delete(simplex, corner)
+                found.append(corners[b] - corners[a])
+    directions = np.array(found)
+    directions /= np.linalg.norm(directions, axis=1)[:, None]
+    lead = directions[np.arange(len(found)), np.argmax(np.abs(directions), axis=1)]
+    directions *= np.sign(lead)[:, None]
+    once = np.unique(np.round(directions, _SAME), axis=0)
+    units: Array = once / np.linalg.norm(once, axis=1)[:, None]
+    return units
