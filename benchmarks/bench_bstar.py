@@ -1,7 +1,7 @@
-"""One stop for a whole path of full poses: success and time on the paths of B*, beside the times it prints.
+"""One stop for a whole path of full poses: success and time on the paths of B*, beside what it prints.
 
-B* (base placement for a path of full poses, RA-L 2025) gives four arms on a floor of their own and hundreds of
-paths for each. A path counts where `plan` finds one stop, every pose is met within 1e-5 m, and `verify`
+B* (base placement for a path of full poses, RA-L 2025) gives four arms on a free floor and hundreds of paths
+for each. A path counts where `plan` finds one stop, every pose is met within 1e-5 m, and `verify`
 accepts the plan: joint limits, links off each other all the way, a circle to park in. B* tells no circle, and
 proves nothing between two poses. Links that its files let touch may touch here. Robots and
 paths: DATA/robots and DATA/ARM.npz, converted from its repository. Times are seconds of the processor, the
@@ -44,8 +44,8 @@ def robot_of(data: Path, arm: str) -> Robot:
         robot = load_robot(robots / f"{arm}_description" / f"{arm}.urdf", tip=TIPS[arm], base="omni")
     given = yaml.safe_load((robots / f"{arm}.yml").read_text())["robot_cfg"]["kinematics"]
     ignored = given["self_collision_ignore"]
-    body = f"base of {robot.name}"
-    link = {solid.name: solid.name.split(" part ")[0] for solid in robot.all_solids} | {body: next(iter(ignored))}
+    link = {solid.name: solid.name.split(" part ")[0] for solid in robot.all_solids}
+    link[f"base of {robot.name}"] = next(iter(ignored))
     free = [
         (a, b)
         for a, b in combinations(link, 2)
@@ -81,7 +81,7 @@ def published(count: int) -> float:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(description="One stop for each path of B*.")
     parser.add_argument("data", type=Path)
     parser.add_argument("--paths", type=int, default=50, help="of each arm and level")
     parser.add_argument("--levels", type=int, nargs="+", default=[4, 16, 64], help="poses of a path")
@@ -95,8 +95,8 @@ def main() -> None:
             names = [f"{count}_{k}" for k in range(asked.paths)]
             rows = [solved(world_of(robot, f"{arm} {name}", paths[name])) for name in names]
             times, good = np.array([row[1] for row in rows]), sum(not row[0] for row in rows)
-            line = f"{arm:<12} {count:>5} {good:>4}/{len(rows):<4} {np.median(times):>9.2f} {times.max():>8.2f}"
-            print(f"{line} {published(count):>9.2f}", flush=True)
+            seconds = f"{np.median(times):>9.2f} {times.max():>8.2f} {published(count):>9.2f}"
+            print(f"{arm:<12} {count:>5} {good:>4}/{len(rows):<4} {seconds}", flush=True)
             for name, (why, _) in zip(names, rows, strict=True):
                 if why:
                     print(f"  {name}: {why}", flush=True)

@@ -25,11 +25,9 @@ from regionik.verification.verifier import verify
 from regionik.view.figure_data import plan_floor
 from regionik.view.plan_picture import picture_of_plan
 from regionik.worlds.bundled import robot_named
-from regionik.worlds.chain import Chain
 from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import InputError, NoPlanFound
 from regionik.worlds.obstacles import Cylinder, Sphere
-from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
 from tests.soaked import soaked_world
 from tests.witnesses import witness

@@ -25,7 +25,7 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
 
 SAMPLES = 4096
-NEAREST, MORE = 48, 512  # that are moved to a pose; so many where none of the nearest comes to it
+NEAREST, MORE = 128, 512  # that are moved to a pose; so many where the reach is small
 STEPS = 20  # of damped least squares from a sample
 
 
@@ -80,7 +80,7 @@ def nearest_samples(samples: PostureSamples, rise: float, aim: Aim, count: int) 
 
 
 def posture_seeds(
-    chain: Chain, samples: PostureSamples, rise: float, aim: Aim, within: Tolerances
+    chain: Chain, samples: PostureSamples, rise: float, aim: Aim, within: Tolerances, count: int
 ) -> tuple[Array, Array]:
     """Postures that meet an aim from somewhere, and where from.
 
@@ -95,6 +95,8 @@ def posture_seeds(
     aim : Aim
         Its position does not matter.
     within : Tolerances
+    count : int
+        Of the samples that are tried.
 
     Returns
     -------
@@ -104,13 +106,10 @@ def posture_seeds(
         Distance of pivot axis and tool [m], and bearing of the pivot axis as seen from the tool [rad].
     """
     arm = serial_arm(chain)
-    for count in (NEAREST, MORE):
-        chosen = nearest_samples(samples, rise, aim, count)
-        postures, places = samples.postures[chosen], np.empty((len(chosen), 2))
-        level = Aim(np.array([0.0, 0.0, rise]), aim.kind, aim.turn, aim.cone)
-        met = _moved(arm, level, samples.tools[chosen], within, pivot_index(chain), postures, places)
-        if met.any():
-            break
+    chosen = nearest_samples(samples, rise, aim, count)
+    postures, places = samples.postures[chosen], np.empty((len(chosen), 2))
+    level = Aim(np.array([0.0, 0.0, rise]), aim.kind, aim.turn, aim.cone)
+    met = _moved(arm, level, samples.tools[chosen], within, pivot_index(chain), postures, places)
     return postures[met], places[met]
 
 
@@ -124,7 +123,7 @@ def _moved(
     postures: Array,
     places: Array,
 ) -> NDArray[np.bool_]:
-    """Move postures to an aim, each at the place that is nearest to it; they and the places are overwritten."""
+    """Move postures to an aim, each where it is nearest to it; they and the places are overwritten."""
     met = np.zeros(len(postures), dtype=np.bool_)
     for k in range(len(postures)):
         spin = _nearest_spin(tools[k], aim)

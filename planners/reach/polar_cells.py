@@ -70,7 +70,7 @@ class PolarCells:
 
     @cached_property
     def _vertices(self) -> tuple[Array, Mask]:
-        """Corners and cuts of each cell round it (m, 8, 2), as shares of the cell, and which of them it has."""
+        """Corners and cuts round each cell (m, 8, 2), as shares of it, and which of them it has."""
         r, b = self.cells
         after = (b + 1) % len(self.bearings)
         corners = self._corners[:, r, b]

@@ -2,9 +2,9 @@
 
 Samples of the arm's postures are moved to the target (`inverse_reachability`); from each that meets it, and
 from each grid point found, damped least squares leads on to the neighbours, so that the postures of one area
-are connected as far as they can be. Where a grid point is found and its neighbour is not, the edge is halved a
-few times. A cell, cut at these points, counts where a posture was found at its corners and in its middle: this
-is sampled, not proven.
+are connected as far as they can be. Where a grid point is found and its neighbour is not, the edge is halved
+a few times. A cell, cut at these points, counts where a posture was found at its corners and in its middle:
+this is sampled, not proven.
 """
 
 from __future__ import annotations
@@ -20,6 +20,8 @@ from shapely.geometry.base import BaseGeometry
 
 from regionik.planners.kernels import compiled
 from regionik.planners.reach.inverse_reachability import (
+    MORE,
+    NEAREST,
     Tolerances,
     aim_at,
     posture_samples,
@@ -35,6 +37,7 @@ from regionik.worlds.chain import Chain
 
 DISTANCES, BEARINGS = 18, 32  # cells of the grid
 FINER = 3  # times as many cells, where the reach is thin
+SMALL = 0.25  # share of the grid found, below which more samples are tried
 THIN = 0.25  # whole cells for each posture found, below which the reach counts as thin
 STEPS = 8  # of damped least squares from a neighbour
 HALVINGS = 3  # of an edge at the rim
@@ -109,11 +112,15 @@ def _sampled(chain: Chain, rise: float, kind: int, key: tuple[float, ...], cone:
     arm = serial_arm(endless)
     within = Tolerances(TOLERANCE, max(ANGLE_SHARE * cone, 1e-9), span(arm))
     aim = Aim(np.array([0.0, 0.0, rise]), kind, np.array(key).reshape(3, 3), cone)
-    seeds = posture_seeds(endless, posture_samples(endless, within.reach), rise, aim, within)
+    samples = posture_samples(endless, within.reach)
     bound = reach_bound(chain)
     far = bound.radius + np.sqrt(max(bound.length**2 - (rise - bound.height) ** 2, 0.0))
     grid = _grid(arm, aim, within, far, 1)
-    _fill(grid, *seeds)
+    for count in (NEAREST, MORE):
+        seeds = posture_seeds(endless, samples, rise, aim, within, count)
+        _fill(grid, *seeds)
+        if np.count_nonzero(grid.found) >= SMALL * grid.found.size:
+            break
     cells = _cells(grid)
     if len(seeds[0]) and cells.whole < THIN * np.count_nonzero(grid.found):
         grid = _grid(arm, aim, within, far, FINER)
@@ -219,7 +226,7 @@ def _cells(grid: _Grid) -> PolarCells:
 
 @compiled
 def _cut_edges(grid: _Grid) -> tuple[Array, Array]:
-    """Where edges leave the reach, as shares of them: outward (r - 1, b), and on to the next bearing (r, b)."""
+    """Where edges leave the reach, as shares of them: outward (r - 1, b) and to the next bearing (r, b)."""
     rows, columns, _ = grid.postures.shape
     outward, onward = np.zeros((rows - 1, columns)), np.zeros((rows, columns))
     for i in range(rows):

@@ -1,9 +1,9 @@
 """All postures of arms of six joints at a pose, in closed form; of seven, with one joint swept.
 
 Arms with three axes that meet, at the wrist or at the shoulder, and arms with three parallel axes before two
-that meet have closed forms. Seven joints have one where any of them, held, leaves such an arm. Axes that meet
-but for a millimetre count as meeting: damped least squares on the true chain brings every posture to its pose,
-and what is not there to rounding is left out.
+that meet have closed forms. Seven joints have one where any of them, held, leaves such an arm. Axes that miss
+each other by a millimetre count as meeting: damped least squares on the true chain brings every posture to
+its pose, and what is not there to rounding is left out.
 
 Source: Pieper, The kinematics of manipulators under computer control (1968); Elias and Wen, IK-Geo (2025).
 """
@@ -157,10 +157,10 @@ def _solved(
 
 
 def _within_limits(chain: Chain, angles: Array) -> Array:
-    """Angles by whole turns nearest to the middle of their limits; a little beyond is brought back, more is NaN."""
+    """Angles by whole turns within their limits; a little beyond is put back, more is NaN."""
     lower, upper = chain.lower, chain.upper
-    bounded = np.isfinite(lower) & np.isfinite(upper)
-    middle = np.where(bounded, (lower + upper) / 2, np.clip(0.0, lower, upper))
+    middle, bounded = np.clip(0.0, lower, upper), np.isfinite(lower) & np.isfinite(upper)
+    middle[bounded] = (lower[bounded] + upper[bounded]) / 2
     near = middle + np.remainder(angles - middle + np.pi, 2 * np.pi) - np.pi
     held = np.clip(near, lower, upper)
     found: Array = np.where(np.abs(near - held) <= 2 * NEARLY, held, np.nan)
@@ -201,8 +201,7 @@ def _lines(chain: Chain, tools: Array, swept: int | None, values: Array) -> _Lin
 def _kind(lines: _Lines) -> Kind | None:
     """The kind of closed form that lines (of one arm) have, if any."""
     axes, points = lines.axes[0], lines.points[0]
-    center, off = _center(lines)
-    if off[0] <= NEARLY:
+    if _center(lines)[1][0] <= NEARLY:
         return "meeting"
     h = axes[1]
     aligned = np.linalg.norm(np.cross(axes[2:4], h), axis=1).max() <= NEARLY

@@ -159,7 +159,7 @@ def _outer(a: Array, b: Array) -> Array:
 
 
 def nearest_points(p1: Array, h1: Array, p2: Array, h2: Array) -> tuple[Array, Array]:
-    """Points (..., 3) of two lines at which they come nearest; of parallel ones those nearest to the first."""
+    """Points (..., 3) at which two lines come nearest; on parallel ones those nearest to the first point."""
     apart, c = p2 - p1, dot(h1, h2)
     square = 1.0 - c * c
     crossing = square > MEETING**2

@@ -117,7 +117,7 @@ class SerialSolver:
     def self_motion(
         self, target: Target, axis: Array, yaw: float, joints: Array, tries: int
     ) -> list[Reached]:
-        """Postures on target: all that a closed form knows, or those come to from ``tries`` starts; see `Arm`.
+        """Postures on target: all that a closed form knows, or those come to from some starts; see `Arm`.
 
         For a direction every other start lies about the given posture, and damped least squares alone leads
         on: passes that must meet one wander, and arms that curl up come near to themselves.

@@ -143,7 +143,7 @@ def _solve(world: World, targets: Sequence[Target], poses: Array, joints: Array)
         _Goals.of(targets, close),
         np.arange(len(joints)),
     )
-    # Six joints and more turn the tool the shortest way at first, then by its angle alone, as fewer always do.
+    # Six joints and more turn the tool the shortest way at first, then by its angle alone, as fewer do.
     whole = ITERATIONS // 2 if chain.dof >= 6 else 0
     for n in range(ITERATIONS):
         residual, J = _residual_and_jacobian(world, goals.only(left), poses[left], q[left])
@@ -192,7 +192,13 @@ class _Goals(NamedTuple):
         )
 
     def only(self, some: NDArray[np.intp]) -> _Goals:
-        return _Goals(*(column[some] for column in self))
+        return _Goals(
+            self.positions[some],
+            self.frames[some],
+            self.framed[some],
+            self.directed[some],
+            self.cones[some],
+        )
 
 
 def _damped_step(J: Array, residual: Array) -> Array:
