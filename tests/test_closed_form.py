@@ -13,26 +13,26 @@ from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain
 
 H = np.pi / 2
-UR = [
+UR: list[tuple[float, ...]] = [
     (0, 0.1807, 0, H, -6.2, 6.2), (0, 0, -0.6127, 0, -6.2, 6.2), (0, 0, -0.57155, 0, -3.1, 3.1),
     (0, 0.17415, 0, H, -6.2, 6.2), (0, 0.11985, 0, -H, -6.2, 6.2), (0, 0.11655, 0, 0, -6.2, 6.2),
 ]  # fmt: skip
-PUMA = [
+PUMA: list[tuple[float, ...]] = [
     (0, 0, 0, H, -2.8, 2.8), (0, 0, 0.4318, 0, -3, 3), (0, 0.15, 0.0203, -H, -3, 3),
     (0, 0.4318, 0, H, -3, 3), (0, 0, 0, -H, -2, 2), (0, 0.06, 0, 0, -3, 3),
 ]  # fmt: skip
-PANDA = [
+PANDA: list[tuple[float, ...]] = [
     (0, 0.333, 0, -H, -2.9, 2.9), (0, 0, 0, H, -1.76, 1.76), (0, 0.316, 0.0825, H, -2.9, 2.9),
     (0, 0, -0.0825, -H, -3.07, -0.07), (0, 0.384, 0, H, -2.9, 2.9), (0, 0, 0.088, H, -0.02, 3.75),
     (0, 0.107, 0, 0, -2.9, 2.9),
 ]  # fmt: skip
 # Three axes that meet at the wrist, behind three of which no two meet or are parallel.
-SKEWED = [
+SKEWED: list[tuple[float, ...]] = [
     (0, 0.2, 0.1, 1.0, -3, 3), (0, 0.1, 0.35, 0.8, -3, 3), (0, 0.05, 0.06, -H, -3, 3),
     (0, 0.3, 0, H, -3, 3), (0, 0, 0, -H, -3, 3), (0, 0.1, 0, 0, -3, 3),
 ]  # fmt: skip
-ARMS = {name: Chain.from_dh(rows) for name, rows in
-        {"ur": UR, "puma": PUMA, "panda": PANDA, "skewed": SKEWED}.items()}  # fmt: skip
+ROWS: dict[str, list[tuple[float, ...]]] = {"ur": UR, "puma": PUMA, "panda": PANDA, "skewed": SKEWED}
+ARMS = {name: Chain.from_dh(rows) for name, rows in ROWS.items()}
 
 
 def posture(chain: Chain, seed: int) -> Array:

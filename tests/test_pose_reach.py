@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import shapely
+from numpy.typing import NDArray
 
 from regionik.pipeline import plan
 from regionik.planners.reach import pose_reach as sampled
@@ -98,8 +99,9 @@ def test_cells_are_cut_where_their_edges_leave_the_set(columns: int) -> None:
         length: Array = np.linalg.norm(away, axis=-1)
         return length
 
-    def inside(r: Array, b: Array) -> Array:
-        return (size(r, b) > low) & (size(r, b) < high)
+    def inside(r: Array, b: Array) -> NDArray[np.bool_]:
+        within: NDArray[np.bool_] = (size(r, b) > low) & (size(r, b) < high)
+        return within
 
     def cut(r: tuple[Array, Array], b: tuple[Array, Array]) -> Array:
         shares = np.linspace(0, 1, 401)[:, None, None]

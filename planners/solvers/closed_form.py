@@ -70,7 +70,8 @@ class _Lines(NamedTuple):
 
     def reversed(self) -> _Lines:
         """The arm seen from its tool, its joints in the other order and sense."""
-        return _Lines(-self.axes[:, ::-1], self.points[:, ::-1], np.linalg.inv(self.X))
+        back: Array = np.linalg.inv(self.X)
+        return _Lines(-self.axes[:, ::-1], self.points[:, ::-1], back)
 
 
 @lru_cache(maxsize=64)
