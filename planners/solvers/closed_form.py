@@ -70,7 +70,7 @@ class _Lines(NamedTuple):
 
     def reversed(self) -> _Lines:
         """The arm seen from its tool, its joints in the other order and sense."""
-        back: Array = np.linalg.inv(self.X)
+        back = np.asarray(np.linalg.inv(self.X), dtype=np.float64)
         return _Lines(-self.axes[:, ::-1], self.points[:, ::-1], back)
 
 
