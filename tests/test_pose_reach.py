@@ -23,6 +23,7 @@ from regionik.worlds.chain import Chain, rot_x, rot_y
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Rules, Target, World
 from tests.test_closed_form import ARMS, posture
+from tests.witnesses import witness
 
 HEIGHT = 0.4  # of the arm's base frame [m]
 FLOOR = Floor(shapely.box(-3, -3, 3, 3))
@@ -148,3 +149,9 @@ def test_one_stop_serves_poses_that_one_place_is_known_for(name: str, turn: Arra
     found = plan(World("poses", robot, FLOOR, (), posed_task(robot, 3, 8), rules))
     assert len(found.stops) == 1
     assert verify(found).ok
+
+
+@pytest.mark.parametrize(("kind", "seed"), [("offsets", 61), ("offsets", 96)])
+def test_worlds_with_a_witness_that_were_not_planned(kind: str, seed: int) -> None:
+    """No place was known from which their tools are turned as asked."""
+    assert verify(plan(witness(kind, seed).world)).ok
