@@ -12,7 +12,7 @@ import shapely
 from regionik.mfabrik import Solver
 from regionik.moving.base_motion import BasePath, Candidate, Interpolator
 from regionik.moving.drivers import driver_for
-from regionik.moving.path_following import PathFollower, PathSegment, SegmentPoint, _solve
+from regionik.moving.path_following import PathFollower, PathSegment, SegmentPoint, _solve, _turned
 from regionik.planners.geometry.angles import wrap
 from regionik.planners.geometry.polylines import between as between_knots
 from regionik.planners.geometry.polylines import leg_lengths
@@ -21,6 +21,7 @@ from regionik.postures.families import FRONT, Family
 from regionik.postures.poses import LARGEST_BEND, Pose, Row, axis_of, pose_between, pose_of
 from regionik.pruning import whole_path
 from regionik.worlds.bundled import robot_named
+from regionik.worlds.chain import rot_x
 from regionik.worlds.drives import BaseKind, drive_of
 from regionik.worlds.errors import NoPlanFound
 from regionik.worlds.obstacles import Box, Solid
@@ -205,3 +206,12 @@ def test_a_base_on_wheels_that_is_there_but_for_rounding_stands_while_the_tool_g
     for way in paths.between(0, 1, here, here + [1e-12, 0.0, 0.0]):
         assert len(way.knots) >= 2
         assert way.tool[[0, -1]].tolist() == [0.0, 1.0]
+
+
+def test_a_tool_that_leans_out_between_two_looks_is_seen() -> None:
+    """It was met at three places on the way, and rose past its cone between them; found on a path of B*."""
+    cone = 1e-3
+    here, there = (Target(np.array([x, 0.0, 0.5]), cone=cone, orientation=np.eye(3)) for x in (0.0, 0.01))
+    for shares, good in (((0.7, 0.997, 0.7), False), ((0.99, 0.99, 0.99), True), ((0.5, 0.7, 0.6), True)):
+        tools = np.array([rot_x(share * cone) for share in shares])
+        assert _turned(here, there, tools) is good

@@ -20,16 +20,14 @@ from regionik.pipeline import plan
 from regionik.postures.families import BACK, FRONT
 from regionik.regions import path_areas
 from regionik.values import Plan
-from regionik.verification.stops import _excess, _residual_and_jacobian
+from regionik.verification.stops import _excess, _Goals, _residual_and_jacobian
 from regionik.verification.verifier import verify
 from regionik.view.figure_data import plan_floor
 from regionik.view.plan_picture import picture_of_plan
 from regionik.worlds.bundled import robot_named
-from regionik.worlds.chain import Chain
 from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import InputError, NoPlanFound
 from regionik.worlds.obstacles import Cylinder, Sphere
-from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
 from tests.soaked import soaked_world
 from tests.witnesses import witness
@@ -286,10 +284,8 @@ def test_an_arm_that_is_clear_in_no_posture_is_told() -> None:
 def test_what_cannot_be_done_standing_is_refused() -> None:
     with pytest.raises(InputError, match="expected at least one set-point"):
         stops(replace(wave(0), task=()))
-    fixed = Chain(wave(0).robot.chain.joints[1:], wave(0).robot.chain.T_last_tool)
-    robot = Robot("lever", "omni", np.zeros((1, 2)), np.zeros(4), fixed, (), 0.1, np.zeros(4))
-    with pytest.raises(InputError, match="stops expect a vertical pivot"):
-        stops(replace(wave(0), robot=robot, start=None))
+    with pytest.raises(InputError, match="face_target turns the base at every set-point"):
+        stops(ruled(wave(0), heading="face_target"))
 
 
 def test_the_command_tells_writes_and_draws(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -341,13 +337,15 @@ def test_what_is_missing_changes_as_the_jacobian_says() -> None:
             Target(spot, direction=tool[:3, 2], cone=0.1),
             Target(spot, cone=0.1, orientation=tool[:3, :3]),
         ):
-            _, J = _residual_and_jacobian(world, [target], base, q)
+            missed, J = _residual_and_jacobian(world, _Goals.of([target], 0.0), base, q)
             steps = q + small * np.eye(chain.dof), q - small * np.eye(chain.dof)
-            ahead, behind = (
-                _residual_and_jacobian(world, [target] * chain.dof, np.tile(base, (chain.dof, 1)), x)[0]
-                for x in steps
-            )
-            assert (behind - ahead) / (2 * small) == pytest.approx(J[0].T, abs=1e-5)
+            many = _Goals.of([target] * chain.dof, 0.0), np.tile(base, (chain.dof, 1))
+            ahead, behind = (_residual_and_jacobian(world, many[0], many[1], x)[0] for x in steps)
+            assert (behind - ahead)[:, :3] / (2 * small) == pytest.approx(J[0, :3].T, abs=1e-5)
+            left = (np.linalg.norm(side[:, 3:], axis=1) for side in (behind, ahead))
+            size = np.linalg.norm(missed[0, 3:])
+            changed = missed[0, 3:] @ J[0, 3:] / size if size > 0 else np.zeros(chain.dof)
+            assert np.subtract(*left) / (2 * small) == pytest.approx(changed, abs=1e-5)
 
 
 @pytest.mark.slow

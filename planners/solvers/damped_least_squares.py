@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from regionik.planners.geometry.vectors import Vector, cross, dot, norm, scaled
 from regionik.planners.kernels import compiled
@@ -39,6 +40,26 @@ class Aim(NamedTuple):
     kind: int
     turn: Array
     cone: float = 0.0
+
+
+class Aims(NamedTuple):
+    """Goals of the tool one after the other, for kernels; see `Aim`.
+
+    Attributes
+    ----------
+    positions : (m, 3) array
+    kinds : (m,) array of int
+    turns : (m, 3, 3) array
+    cones : (m,) array
+    angle_tolerances : (m,) array
+        What may be left of each direction or orientation beyond its cone [rad].
+    """
+
+    positions: Array
+    kinds: NDArray[np.int64]
+    turns: Array
+    cones: Array
+    angle_tolerances: Array
 
 
 @compiled
@@ -90,25 +111,55 @@ def polish(
     trial, step = np.empty(n), np.empty(n)
     weight, damping = 0.5 * reach, 1e-3
     error, angle = tool_error(arm, aim, joints, frames, miss)
+    moved = True
     for tried in range(most):
         if (error <= tolerance and angle <= angle_tolerance) or damping > MOST_DAMPING:
             return error, angle, tried
-        chain_frames(arm, joints, frames)
-        chain_jacobian(arm, frames, J)
-        scale_angles(frames[n], aim.kind, weight, J)
+        if moved:  # the frames are those of the joints
+            chain_jacobian(arm, frames, J)
+            scale_angles(frames[n], aim.kind, weight, J)
         for i in range(6):
             left[i] = miss[i] if i < 3 else weight * miss[i]
         limited_step(arm, J, left, rows, damping * reach * reach, joints, step)
         for k in range(n):
             trial[k] = min(max(joints[k] + step[k], arm.lower[k]), arm.upper[k])
         new_error, new_angle = tool_error(arm, aim, trial, frames, left)
-        if new_error**2 + (weight * new_angle) ** 2 < error**2 + (weight * angle) ** 2:
+        moved = new_error**2 + (weight * new_angle) ** 2 < error**2 + (weight * angle) ** 2
+        if moved:
             joints[:], miss[:] = trial, left
             error, angle = new_error, new_angle
             damping = max(0.2 * damping, LEAST_DAMPING)
         else:
             damping *= 8.0
     return error, angle, most
+
+
+@compiled
+def polish_along(arm: SerialArm, aims: Aims, reach: float, tolerance: float, most: int, joints: Array) -> int:
+    """Carry a posture from aim to aim, each polished from the one before.
+
+    Parameters
+    ----------
+    arm : SerialArm
+    aims : Aims
+    reach, tolerance, most
+        As of `polish`.
+    joints : (m, n) array
+        A posture at the first aim in its first row; overwritten with one for each aim that is met.
+
+    Returns
+    -------
+    int
+        Number of aims met before the first that is not.
+    """
+    for i in range(len(aims.positions)):
+        if i > 0:
+            joints[i] = joints[i - 1]
+        aim = Aim(aims.positions[i], aims.kinds[i], aims.turns[i], aims.cones[i])
+        error, angle, _ = polish(arm, aim, joints[i], reach, tolerance, aims.angle_tolerances[i], most)
+        if error > tolerance or angle > aims.angle_tolerances[i]:
+            return i
+    return len(aims.positions)
 
 
 @compiled

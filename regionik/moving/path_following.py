@@ -227,8 +227,9 @@ def _turned(p: Target, q: Target, tools: Array) -> bool:
     if p.direction is None or q.direction is None:
         return True
     asked = [goal_between(p, q, share) for share in LOOKED_AT.tolist()]
-    pairs = zip(asked, tools, strict=True)
-    return all(deviation(one, tool[:3, :3]) <= one.cone + TURN_SLACK for one, tool in pairs)
+    off = [deviation(one, tool[:3, :3]) for one, tool in zip(asked, tools, strict=True)]
+    between_them = abs(off[0] - 2 * off[1] + off[2]) / 8  # that a parabola rises above these three
+    return all(angle + between_them <= one.cone + TURN_SLACK for angle, one in zip(off, asked, strict=True))
 
 
 def _solve(solver: Solver, segment: PathSegment, at: SegmentPoint, near: Pose) -> Pose | None:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 import shapely
@@ -164,7 +164,6 @@ def park_in_order(world: World) -> Parking:
 
     Ways to stand and to face come in one after the other until the bound from outer areas is met.
     """
-    lower = _lower_bound_in_order(world)
     best: Parking | None = None
     refused: NoPlanFound | None = None
     for standing, facings in ways_to_stand(world):
@@ -174,11 +173,12 @@ def park_in_order(world: World) -> Parking:
             if done < len(world.task):
                 refused = refused or NoPlanFound(no_room(world, done, parking_areas))
             elif best is None or len(groups) < len(best.groups):
-                best = Parking(parking_areas, tuple(groups), lower)
-        if best is not None and len(best.groups) <= lower:
+                best = Parking(parking_areas, tuple(groups), 1)
+        if best is not None and len(best.groups) <= _lower_bound_in_order(world, best.groups):
             break
     if best is None:
         raise refused or NoPlanFound(no_place(world, 0))
+    lower = _lower_bound_in_order(world, best.groups)
     stats: dict[str, int | bool | str] = {
         "count": len(best.groups),
         "lower_bound": lower,
@@ -308,8 +308,16 @@ def _shrunk(shapes: Geometries, world: World, *, outside: bool) -> Geometries:
     return np.array([shrunk(shape, by, outside=outside) for shape in shapes], dtype=object)
 
 
-def _lower_bound_in_order(world: World) -> int:
-    """Lower bound of the stops, whatever the headings and postures: fewest runs of outer areas."""
+def _lower_bound_in_order(world: World, known: Sequence[StopGroup]) -> int:
+    """Lower bound of the stops, whatever the headings and postures: fewest runs of outer areas.
+
+    No stop is known to be saved where there is only one, so nothing is asked of the areas then.
+    """
+    return 1 if len(known) == 1 else _fewest_outer_runs(world)
+
+
+@lru_cache(maxsize=8)
+def _fewest_outer_runs(world: World) -> int:
     areas = _shrunk(_outer(world), world, outside=True)
     count = len(areas)
     back = [[i - 1] if i else [] for i in range(count)]

@@ -18,14 +18,15 @@ from shapely.geometry.base import BaseGeometry
 from regionik.areas.reachable import model_of
 from regionik.explain.changes import one_lift_off
 from regionik.explain.constraints import setpoint
+from regionik.mfabrik import Solver
 from regionik.moving.base_motion import Candidate
 from regionik.moving.configuration_sampling import PITCHES
 from regionik.moving.path_search import HARD_TRIES, JoinedMotion, PathSearch, path_search
 from regionik.parking.fewest_stops import StopGroup
+from regionik.parking.held_postures import PostureCarrier
 from regionik.parking.stops import BasePlacement, PlacementSearch, StopSequence
 from regionik.postures.poses import Pose, Row
-from regionik.values import Stop
-from regionik.worlds.arms import pivot_index
+from regionik.values import Configuration, Stop
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Cause, Explanation, NoPlanFound
 from regionik.worlds.scene import Target, World
@@ -33,8 +34,6 @@ from regionik.worlds.scene import Target, World
 PLACES = 8  # of a stop that are tried
 HARD_PLACES = 2  # of these, how many of a stop with more set-points are worth a search for the way there
 POSTURES = 8  # at one set-point that are tried from the one before
-RIM = np.arange(8) * np.pi / 4  # directions in which a circle to park in is tried [rad]
-SHARES = np.arange(1, 5) / 4  # of the way out to its rim, each posture the start of the next
 SHRINK = 0.7  # of a circle whose rim is not reached all round
 LEAST = 1e-4  # radius below which a circle is only its middle [m]
 
@@ -127,9 +126,8 @@ class _StopConnection:
             part = group
             if count < len(group.setpoints):
                 part = self.sequence.parking_areas.group(group.setpoints[:count], self.world.rules.order)
-            for n, placement in enumerate(
-                islice(chain([placements.best(part, spot)], placements.others(part)), PLACES)
-            ):
+            first = (one for one in [placements.best(part, spot)] if one is not None)
+            for n, placement in enumerate(islice(chain(first, placements.others(part)), PLACES)):
                 tried = self._attempt(placement, here, HARD_TRIES if n < HARD_PLACES or count == 1 else 0)
                 if best is None or len(tried.candidates) > len(best.candidates):
                     best = tried
@@ -171,37 +169,22 @@ class _StopConnection:
         that keeps its heading, and are sampled where the tool is oriented: there it is tried on the rim.
         """
         wanted, radius = self.world.rules.stop_tolerance, placement.tolerance
-        tried = [
-            (self.world.task[i], candidate)
-            for i, candidate in zip(placement.setpoints, done, strict=False)
-            if not model_of(self.world, self.world.task[i]).exact
-        ]
-        while not all(self._reaches_rim(target, candidate, radius) for target, candidate in tried):
-            if radius <= wanted:
-                return None
-            radius = max(wanted, SHRINK * radius if radius > LEAST else 0.0)
+        task = [self.world.task[i] for i in placement.setpoints]
+        carrier = PostureCarrier(self.world, self.search.guard, task)
+        for n, candidate in enumerate(done):
+            if model_of(self.world, task[n]).exact:
+                continue
+            while not carrier.reaches_rim(n, placement.base, candidate.found.joints, radius):
+                if radius <= wanted:
+                    return None
+                radius = max(wanted, SHRINK * radius if radius > LEAST else 0.0)
         return radius
-
-    def _reaches_rim(self, target: Target, candidate: Candidate, radius: float) -> bool:
-        """Return True where postures on target lead out to the rim of a circle in all directions."""
-        base = candidate.found.base
-        solver = self.search.sampler.solver(candidate.component, float(base[2]))
-        for angle in RIM:
-            out, joints = radius * np.array([np.cos(angle), np.sin(angle), 0.0]), candidate.found.joints
-            for share in SHARES:
-                found = solver.least_change(target, base + share * out, joints)
-                found = found or solver.hold(target, base + share * out, joints)
-                if not found.converged:
-                    return False
-                joints = found.joints
-        return True
 
     def _arrive(
         self, placement: BasePlacement, i: int, here: Pose | None, hard: int
     ) -> tuple[list[Row], Candidate] | None:
         """Get to a set-point of a stop with the tool lifted; the base stays but on the way to the first."""
-        first, near = i == placement.setpoints[0], np.array(self.world.robot.carry)
-        near[pivot_index(self.world.robot.chain)] = placement.pivot[placement.setpoints.index(i)]
+        first, near = i == placement.setpoints[0], placement.near[placement.setpoints.index(i)].copy()
         components = self._components(placement, i)
         postures = list(islice(self._postures(i, components, placement.base, near), POSTURES))
         if not postures and len(placement.setpoints) == 1:
@@ -239,9 +222,7 @@ class _StopConnection:
         target = self.world.task[i]
         for k in components:
             solver = self.search.sampler.solver(k, float(base[2]))
-            plain = [solver.hold(target, base, near), solver.least_change(target, base, near)]
-            some = [one for one in plain if one is not None and one.converged]
-            for found in chain(some, solver.self_motion(target, base, near, PITCHES)):
+            for found in _on_target(solver, target, base, near):
                 candidate = Candidate(replace(found, base=base), k)
                 if self.search.sampler.clear(i, candidate.pose):
                     yield candidate
@@ -263,3 +244,11 @@ class _StopConnection:
         )
         causes, repairs = (Cause("reach", "room to park", None),), (one_lift_off(self.world, i),)
         return Explanation("ladder-broken", i, reason, causes, repairs)
+
+
+def _on_target(solver: Solver, target: Target, base: Array, near: Array) -> Iterator[Configuration]:
+    """Postures on a target with the base where it is: those that change least, then those of every kind."""
+    for found in (solver.hold(target, base, near), solver.least_change(target, base, near)):
+        if found is not None and found.converged:
+            yield found
+    yield from solver.self_motion(target, base, near, PITCHES)

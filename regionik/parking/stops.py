@@ -5,23 +5,28 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 import shapely
 from shapely.geometry import Point
 
+from regionik.areas.reachable import model_of
 from regionik.areas.standing import into_span
+from regionik.explain.failures import no_posture
 from regionik.mfabrik import Solver, solver_for
 from regionik.moving.configuration_sampling import spread
 from regionik.parking.fewest_stops import Parking, ParkingAreas, StopGroup, depth, park, reordered
+from regionik.parking.held_postures import PostureCarrier
 from regionik.planners.coverage.tours import short_tour, shortest_order
 from regionik.planners.solvers.serial_chain import chain_frames, chain_jacobian, serial_arm
+from regionik.postures.arm_guard import guard_of
 from regionik.postures.families import Family
 from regionik.postures.poses import axis_of, pose_of
 from regionik.values import Configuration, Stop
-from regionik.worlds.arms import pivot_index, with_pivot
+from regionik.worlds.arms import pivot_index
 from regionik.worlds.arrays import Array
-from regionik.worlds.errors import InputError
+from regionik.worlds.errors import InputError, NoPlanFound
 from regionik.worlds.scene import World
 
 PLACES = 24  # of a stop that a criterion is asked about before the best is bettered
@@ -51,7 +56,7 @@ def stops(world: World) -> tuple[Stop, ...]:
     NoPlanFound
         Where a set-point has no place to park.
     InputError
-        For a world without a task, a heading that turns with the target, or an arm without a vertical pivot.
+        For a world without a task, or a heading that turns with the target.
 
     Examples
     --------
@@ -80,10 +85,6 @@ def check(world: World) -> None:
         raise InputError(
             f"{world.name}: rules.heading: face_target turns the base at every set-point, "
             "with stops valid choices: free, fixed"
-        )
-    if with_pivot(world.robot.chain) is not world.robot.chain:
-        raise InputError(
-            f"{world.name}: robot: stops expect a vertical pivot: this arm turns as its base turns"
         )
 
 
@@ -144,6 +145,8 @@ def placed(sequence: StopSequence) -> Iterator[BasePlacement]:
     k = 0
     while k < len(sequence.groups):
         placement = placements.best(sequence.groups[k], sequence.spots[k])
+        if placement is None:
+            raise NoPlanFound(no_posture(sequence.world, sequence.groups[k].setpoints[0]))
         yield placement
         k += 1
         if len(placement.setpoints) < len(sequence.groups[k - 1].setpoints):
@@ -159,12 +162,21 @@ def _along_tour(
     world: World, placements: PlacementSearch, groups: tuple[StopGroup, ...]
 ) -> tuple[StopGroup, ...]:
     """Groups along a tour, their set-points in a short order too."""
-    spots = np.array([placements.best(group).axis for group in groups])
+    spots = np.array([_middle(placements, group) for group in groups])
     far = np.hypot(*(spots[:, None] - spots[None]).transpose(2, 0, 1))
     start = _start_axis(world)
     lead = None if start is None else np.hypot(*(spots - start).T)
     order, _ = shortest_order(far, lead)
     return tuple(_in_short_order(world, groups[n]) for n in order)
+
+
+def _middle(placements: PlacementSearch, group: StopGroup) -> Array:
+    """Position of the arm axis at the best placement of a stop, or in the middle of it."""
+    best = placements.best(group)
+    if best is not None:
+        return best.axis
+    area = max(group.places.values(), key=lambda area: float(area.area))
+    return np.array(shapely.maximum_inscribed_circle(area).coords[0])
 
 
 def _in_short_order(world: World, group: StopGroup) -> StopGroup:
@@ -186,8 +198,8 @@ class BasePlacement:
         Of the arm [m].
     base : (3,) array
         x, y [m], yaw [rad].
-    pivot : (n,) array
-        Value of the pivot at each set-point, running on from one to the next [rad].
+    near : (n, dof) array
+        Posture that the arm begins from at each set-point, its pivot running on from one to the next.
     tolerance : float
         Radius of the circle in which all this holds [m].
     """
@@ -196,12 +208,20 @@ class BasePlacement:
     chain: tuple[int, ...]
     axis: Array
     base: Array
-    pivot: Array
+    near: Array
     tolerance: float
 
     def stop(self, world: World) -> Stop:
         """The placement as a plan tells it."""
         return Stop(self.base, self.setpoints, self.tolerance, world.rules.stop_criterion)
+
+
+class _Heading(NamedTuple):
+    """Pose of the base at a place, postures (n, dof) at the first n set-points, and room for both [m]."""
+
+    base: Array
+    near: Array
+    room: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -211,8 +231,10 @@ class PlacementSearch:
     world: World
     parking_areas: ParkingAreas
 
-    def best(self, group: StopGroup, at: Array | None = None) -> BasePlacement:
+    def best(self, group: StopGroup, at: Array | None = None) -> BasePlacement | None:
         """Best placement of a stop; it serves only the first of the set-points where none serves all.
+
+        None where no posture was found from any place of a sampled area.
 
         Parameters
         ----------
@@ -224,7 +246,9 @@ class PlacementSearch:
         if not any(found):
             found = [self._best_of_side(group, s) for s in sorted(group.places)]
         served = [placement for placement in found if placement is not None]
-        return max(served, key=lambda placement: (len(placement.setpoints), self._score(placement)))
+        return max(
+            served, key=lambda placement: (len(placement.setpoints), self._score(placement)), default=None
+        )
 
     def others(self, group: StopGroup) -> Iterator[BasePlacement]:
         """Yield other placements, spread over a stop."""
@@ -272,16 +296,39 @@ class PlacementSearch:
         chain = self._chain(group, axis, side)
         if chain is None:
             return None
-        planes = self._planes(group, chain, axis)
         span = self.parking_areas.standing.sides[side].span
-        yaw, pivot, count = self._base_heading(planes, span)
+        turned = self._by_pivot if self._gives_posture(group) else self._by_carrying
+        held = turned(group, chain, axis, span)
+        if held is None:
+            return None
+        count = len(held.near)
+        room = min(held.room, *(depth(self.parking_areas.ladder.component[k], axis) for k in chain[:count]))
+        return BasePlacement(group.setpoints[:count], chain[:count], axis, held.base, held.near, room)
+
+    def _gives_posture(self, group: StopGroup) -> bool:
+        """True where a place gives the arm its posture at every set-point, but for a few families."""
+        return all(model_of(self.world, self.world.task[i]).exact for i in group.setpoints)
+
+    def _by_pivot(
+        self, group: StopGroup, chain: tuple[int, ...], axis: Array, span: tuple[float, float]
+    ) -> _Heading | None:
+        """The heading that suits the pivot at most set-points."""
+        yaw, pivot, count = self._base_heading(self._planes(group, chain, axis), span)
         if count == 0:
             return None
-        some, held = group.setpoints[:count], chain[:count]
-        room = min(depth(self.parking_areas.ladder.component[k], axis) for k in held)
-        room = min(room, self._pivot_margin(some, axis, pivot[:count]))
         base = pose_of(self.world.robot, axis, float(np.arctan2(np.sin(yaw), np.cos(yaw))))
-        return BasePlacement(some, held, axis, base, pivot[:count], room)
+        near = np.tile(self.world.robot.carry, (count, 1))
+        near[:, pivot_index(self.world.robot.chain)] = pivot[:count]
+        return _Heading(base, near, self._pivot_margin(group.setpoints[:count], axis, pivot[:count]))
+
+    def _by_carrying(
+        self, group: StopGroup, chain: tuple[int, ...], axis: Array, span: tuple[float, float]
+    ) -> _Heading | None:
+        """The heading from which one posture is carried along most set-points."""
+        solver = _any_heading_solver(self.world, self.parking_areas.ladder.family[chain[0]])
+        targets = [self.world.task[i] for i in group.setpoints]
+        found = PostureCarrier(self.world, guard_of(self.world), targets).best(solver, axis, span)
+        return None if found is None else _Heading(found.base, found.joints, np.inf)
 
     def _chain(self, group: StopGroup, axis: Array, side: int) -> tuple[int, ...] | None:
         """Deepest component of each set-point around a position, each linked to the next."""
@@ -356,17 +403,18 @@ class PlacementSearch:
             side = self.parking_areas.standing.sides[int(self.parking_areas.ladder.side[placement.chain[0]])]
             return float(shapely.distance(shapely.boundary(side.free), Point(placement.axis)))
         if criterion in _MEASURES:
-            pairs = zip(placement.setpoints, placement.chain, strict=True)
-            values = [_MEASURES[criterion](self._jacobian(i, k, placement)) for i, k in pairs]
-            return min(values)
+            return min(_MEASURES[criterion](self._jacobian(n, placement)) for n in range(len(placement.near)))
         return placement.tolerance
 
-    def _jacobian(self, i: int, k: int, placement: BasePlacement) -> Array:
-        """Of the tool's velocity by the joints, at a posture on the set-point, (3, dof)."""
-        found, arm = self.posture(i, k, placement.base), serial_arm(self.world.robot.chain)
+    def _jacobian(self, at: int, placement: BasePlacement) -> Array:
+        """Of the tool's velocity by the joints, at a posture on one of the set-points, (3, dof)."""
+        i, joints = placement.setpoints[at], placement.near[at]
+        if model_of(self.world, self.world.task[i]).exact:
+            joints = self.posture(i, placement.chain[at], placement.base).joints
+        arm = serial_arm(self.world.robot.chain)
         n = len(arm.axis)
         frames, J = np.empty((n + 1, 4, 4)), np.empty((6, n))
-        chain_frames(arm, found.joints, frames)
+        chain_frames(arm, joints, frames)
         chain_jacobian(arm, frames, J)
         return J[:3]
 

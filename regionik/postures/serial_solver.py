@@ -11,7 +11,8 @@ from regionik.planners.geometry.polygons import FlatPolygon, clamp, contains
 from regionik.planners.reach.level_reach import posture_at
 from regionik.planners.reach.pose_reach import ANGLE_SHARE, pose_reach
 from regionik.planners.solvers.base_placement import BaseArea
-from regionik.planners.solvers.damped_least_squares import Aim, polish
+from regionik.planners.solvers.closed_form import decomposition, postures_at
+from regionik.planners.solvers.damped_least_squares import ORIENTATION, Aim, polish
 from regionik.planners.solvers.mfabrik_serial import ArmStand, in_arm_frame, solve_serial
 from regionik.planners.solvers.multistart_ik import Effort, solve_ik, spread_postures
 from regionik.planners.solvers.rigid_bodies import RigidBodies, pointing_bodies, posing_bodies, span
@@ -116,12 +117,14 @@ class SerialSolver:
     def self_motion(
         self, target: Target, axis: Array, yaw: float, joints: Array, tries: int
     ) -> list[Reached]:
-        """Postures on target come to from ``tries`` starts; see `Arm`.
+        """Postures on target: all that a closed form knows, or those come to from some starts; see `Arm`.
 
-        For a pose every other start lies about the given posture, and damped least squares alone leads on:
-        passes that must meet a direction wander, and arms that curl up come near to themselves.
+        For a direction every other start lies about the given posture, and damped least squares alone leads
+        on: passes that must meet one wander, and arms that curl up come near to themselves.
         """
         goal, rng = self.goal_for(target), np.random.default_rng(0)
+        if goal.aim.kind == ORIENTATION and decomposition(self.endless) is not None:
+            return self._all_postures(goal, axis, yaw, joints)
         arm, n = goal.bodies.arm, len(goal.bodies.slide)
         low = np.where(np.isfinite(arm.lower), arm.lower, -np.pi)
         high = np.where(np.isfinite(arm.upper), arm.upper, np.pi)
@@ -134,6 +137,15 @@ class SerialSolver:
             if one is not None and all(np.abs(one.joints - other.joints).max() > ALIKE for other in found):
                 found.append(one)
         return found
+
+    def _all_postures(self, goal: SerialGoal, axis: Array, yaw: float, joints: Array) -> list[Reached]:
+        """Every posture at the pose itself, its joints the turns nearest to the given ones."""
+        aim, tool = in_arm_frame(axis, yaw, self.height, goal.aim), np.eye(4)
+        tool[:3, :3], tool[:3, 3] = aim.turn, aim.position
+        found = postures_at(self.endless, tool[None])[0]
+        near = found + 2 * np.pi * np.round((joints - found) / (2 * np.pi))
+        found = np.where((self.endless.lower <= near) & (near <= self.endless.upper), near, found)
+        return [goal.reached(axis, q, 0.0, 0.0, 0) for q in found]
 
     def _on_target(
         self, target: Target, goal: SerialGoal, axis: Array, yaw: float, start: Array

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
@@ -15,6 +18,8 @@ from regionik.verification.proofs import Finding, StateNames, finding
 from regionik.verification.tool_path import rotation_to
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import Target, World
+
+Mask = NDArray[np.bool_]
 
 EXACT = 1e-9  # [m] or [rad]
 TOUCH = 1e-6  # by which a footprint may pass the floor's edge or a clearance [m]
@@ -132,17 +137,68 @@ def _restarted(world: World, targets: Sequence[Target], poses: Array) -> Array:
 
 def _solve(world: World, targets: Sequence[Target], poses: Array, joints: Array) -> tuple[Array, Array]:
     """Postures led to targets with the base held, and by how much they miss beyond the tolerances."""
-    chain = world.robot.chain
-    q = np.clip(joints, chain.lower, chain.upper)
-    for _ in range(ITERATIONS):
-        residual, J = _residual_and_jacobian(world, targets, poses, q)
-        if np.abs(residual).max() < CLOSE * world.rules.tolerance:
+    chain, close = world.robot.chain, CLOSE * world.rules.tolerance
+    q, goals, left = (
+        np.clip(joints, chain.lower, chain.upper),
+        _Goals.of(targets, close),
+        np.arange(len(joints)),
+    )
+    # Six joints and more turn the tool the shortest way at first, then by its angle alone, as fewer do.
+    whole = ITERATIONS // 2 if chain.dof >= 6 else 0
+    for n in range(ITERATIONS):
+        residual, J = _residual_and_jacobian(world, goals.only(left), poses[left], q[left])
+        J = J if n < whole else _angle_alone(residual, J)
+        open_ = np.abs(residual).max(axis=1) >= close
+        left, residual, J = left[open_], residual[open_], J[open_]
+        if not len(left):
             break
-        step = _damped_step(J, residual)
-        blocked = ((q <= chain.lower) & (step < 0)) | ((q >= chain.upper) & (step > 0))
-        step = _damped_step(np.where(blocked[:, None, :], 0.0, J), residual)
-        q = np.clip(q + np.clip(step, -LONGEST_STEP, LONGEST_STEP), chain.lower, chain.upper)
+        here, step = q[left], _damped_step(J, residual)
+        for _ in range(chain.dof):
+            blocked = ((here <= chain.lower) & (step < 0)) | ((here >= chain.upper) & (step > 0))
+            if not blocked.any():
+                break
+            J = np.where(blocked[:, None, :], 0.0, J)
+            step = _damped_step(J, residual)
+        q[left] = np.clip(here + np.clip(step, -LONGEST_STEP, LONGEST_STEP), chain.lower, chain.upper)
     return q, _excess(world, targets, poses, q)
+
+
+class _Goals(NamedTuple):
+    """Targets as arrays."""
+
+    positions: Array  # (n, 3) [m]
+    frames: Array  # (n, 3, 3) asked tool frame, or a direction in its last column
+    framed: Mask  # (n,) a frame is asked
+    directed: Mask  # (n,) a direction or a frame is asked
+    cones: (
+        Array  # (n,) hardly narrower than asked: at the end of the reach no tool may turn any further [rad]
+    )
+
+    @classmethod
+    def of(cls, targets: Sequence[Target], close: float) -> _Goals:
+        frames = np.zeros((len(targets), 3, 3))
+        for k, target in enumerate(targets):
+            if target.orientation is not None:
+                frames[k] = target.orientation
+            elif target.direction is not None:
+                frames[k, :, 2] = target.direction
+        cones = np.array([target.cone for target in targets])
+        return cls(
+            np.array([target.position for target in targets]),
+            frames,
+            np.array([target.orientation is not None for target in targets]),
+            np.array([target.direction is not None for target in targets]),
+            np.maximum(cones - 2 * close, cones / 2),
+        )
+
+    def only(self, some: NDArray[np.intp]) -> _Goals:
+        return _Goals(
+            self.positions[some],
+            self.frames[some],
+            self.framed[some],
+            self.directed[some],
+            self.cones[some],
+        )
 
 
 def _damped_step(J: Array, residual: Array) -> Array:
@@ -153,33 +209,48 @@ def _damped_step(J: Array, residual: Array) -> Array:
     return step
 
 
-def _residual_and_jacobian(
-    world: World, targets: Sequence[Target], poses: Array, q: Array
-) -> tuple[Array, Array]:
-    """Position residual and angle to turn the tool by, (n, 4), and their Jacobian, (n, 4, dof)."""
+def _residual_and_jacobian(world: World, goals: _Goals, poses: Array, q: Array) -> tuple[Array, Array]:
+    """Position residual and turn left beyond the cone, (n, 6), and their Jacobian, (n, 6, dof)."""
     chain, frames = world.robot.chain, world.robot.frames(poses, q)
-    tool, tolerance = frames[:, -1], world.rules.tolerance
-    off = np.array([target.position for target in targets]) - tool[:, :3, 3]
-    turns = [_turn_to(target, R, tolerance) for target, R in zip(targets, tool[:, :3, :3], strict=True)]
-    axes, angles = (np.array(part) for part in zip(*turns, strict=True))
-    joint_axes = np.stack([frames[:, k, :3, :3] @ joint.axis for k, joint in enumerate(chain.joints)], axis=1)
-    revolute = np.array([joint.kind == "revolute" for joint in chain.joints])[None, :, None]
-    turning = np.einsum("nka,na->nk", np.where(revolute, joint_axes, 0.0), axes)
+    tool = frames[:, -1]
+    turn = _turn_left(goals, tool[:, :3, :3])
+    joint_axes = np.stack([frames[:, k, :3, :3] @ joint.axis for k, joint in enumerate(chain.joints)], axis=2)
+    slides = np.array([joint.kind == "prismatic" for joint in chain.joints])
+    z = tool[:, :3, 2]
+    rolls = np.where(goals.framed[:, None], 0.0, np.einsum("na,nak->nk", z, joint_axes))
+    turning = joint_axes - z[:, :, None] * rolls[:, None]  # a roll about a direction is free
+    turning[(turn == 0.0).all(axis=1)] = 0.0
+    turning[:, :, slides] = 0.0
     linear = point_jacobian(chain, frames, tool[:, :3, 3], chain.dof).transpose(0, 2, 1)
-    J: Array = np.concatenate([linear, turning[:, None]], axis=1)
-    return np.column_stack([off, angles]), J
+    J: Array = np.concatenate([linear, turning], axis=1)
+    return np.column_stack([goals.positions - tool[:, :3, 3], turn]), J
 
 
-def _turn_to(target: Target, R: Array, tolerance: float) -> tuple[Array, float]:
-    """Unit axis and angle by which a tool must turn to be in its cone; zeros where it is.
+def _angle_alone(residual: Array, J: Array) -> Array:
+    """The Jacobian with only that part of each turn that changes the angle which is left."""
+    size = np.linalg.norm(residual[:, 3:], axis=1)
+    axis = residual[:, 3:] / np.maximum(size, 1e-300)[:, None]
+    turning = axis[:, :, None] * np.einsum("na,nak->nk", axis, J[:, 3:])[:, None]
+    alone: Array = np.concatenate([J[:, :3], turning], axis=1)
+    return alone
 
-    The aim lies hardly more inside the cone than a close enough answer may be off: at the end of the reach no
-    posture may turn the tool any further.
-    """
-    axis, angle = _rotation_off(target, R)
-    aim = max(target.cone - 2 * CLOSE * tolerance, target.cone / 2)
-    size = float(np.linalg.norm(axis))
-    return (axis / size, angle - aim) if size > 0 and angle > aim else (np.zeros(3), 0.0)
+
+def _turn_left(goals: _Goals, R: Array) -> Array:
+    """Rotation vectors (n, 3) that bring tool frames (n, 3, 3) into their cones; zeros where they are."""
+    turn = np.zeros((len(R), 3))
+    framed, pointed = goals.framed, goals.directed & ~goals.framed
+    if framed.any():
+        turn[framed] = Rotation.from_matrix(goals.frames[framed] @ R[framed].transpose(0, 2, 1)).as_rotvec()
+    if pointed.any():
+        z, asked = R[pointed, :, 2], goals.frames[pointed, :, 2]
+        axis = np.cross(z, asked)
+        sine = np.linalg.norm(axis, axis=1)
+        angle = np.arctan2(sine, (z * asked).sum(axis=1))
+        turn[pointed] = axis * (angle / np.maximum(sine, 1e-300))[:, None]
+    size = np.linalg.norm(turn, axis=1)
+    beyond = np.maximum(size - goals.cones, 0.0) / np.maximum(size, 1e-300)
+    left: Array = turn * beyond[:, None]
+    return left
 
 
 def _rotation_off(target: Target, R: Array) -> tuple[Array, float]:

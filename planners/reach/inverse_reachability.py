@@ -1,0 +1,164 @@
+"""Places of an arm's base from which it meets a pose: samples of its postures, nearest to the pose first.
+
+A base that stands upright on the floor and may go and turn anywhere leaves three numbers of a tool's pose to
+the arm: its height, and which way is up in its frame. Postures drawn within the limits are kept with both;
+those nearest to a pose, moved by damped least squares, meet it from places all over its reach.
+
+Source: the inverse reachability distribution of Vahrenkamp, Asfour and Dillmann, Robot placement based on
+reachability inversion (ICRA 2013), here without voxels.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from regionik.planners.kernels import compiled
+from regionik.planners.solvers.damped_least_squares import DIRECTION, Aim, polish
+from regionik.planners.solvers.multistart_ik import spread_postures
+from regionik.planners.solvers.serial_chain import SerialArm, serial_arm
+from regionik.worlds.arms import pivot_index
+from regionik.worlds.arrays import Array
+from regionik.worlds.chain import Chain
+
+SAMPLES = 4096
+NEAREST, MORE = 128, 512  # that are moved to a pose; so many where the reach is small
+STEPS = 20  # of damped least squares from a sample
+
+
+class PostureSamples(NamedTuple):
+    """Postures drawn within the limits, the pivot at zero.
+
+    Attributes
+    ----------
+    postures : (m, n) array
+    tools : (m, 4, 4) array
+        Tool frame of each in the arm's base frame.
+    reach : float
+        Length that heights are weighed by [m].
+    """
+
+    postures: Array
+    tools: Array
+    reach: float
+
+
+class Tolerances(NamedTuple):
+    """Largest errors of a posture on target [m], [rad], and the arm's length [m]."""
+
+    error: float
+    angle: float
+    reach: float
+
+
+@lru_cache(maxsize=32)
+def posture_samples(chain: Chain, reach: float) -> PostureSamples:
+    """Draw the samples of a chain with a vertical pivot; kept for the last few chains."""
+    postures = spread_postures(chain, reach, SAMPLES, 0)
+    postures[:, pivot_index(chain)] = 0.0
+    return PostureSamples(postures, np.ascontiguousarray(chain.forward(postures)), reach)
+
+
+def nearest_samples(samples: PostureSamples, rise: float, aim: Aim, count: int) -> NDArray[np.intp]:
+    """Indices of the samples (count,) whose height and upward direction are nearest to an aim's.
+
+    Parameters
+    ----------
+    samples : PostureSamples
+    rise : float
+        Height of the aim over the arm's base frame [m].
+    aim : Aim
+        Of kind DIRECTION or ORIENTATION.
+    """
+    upward = slice(2, 3) if aim.kind == DIRECTION else slice(0, 3)
+    away = np.square(samples.tools[:, 2, upward] - aim.turn[2, upward]).sum(axis=1)
+    away += np.square((samples.tools[:, 2, 3] - rise) / (0.5 * samples.reach))
+    return np.argpartition(away, count)[:count] if count < len(away) else np.arange(len(away))
+
+
+def posture_seeds(
+    chain: Chain, samples: PostureSamples, rise: float, aim: Aim, within: Tolerances, count: int
+) -> tuple[Array, Array]:
+    """Postures that meet an aim from somewhere, and where from.
+
+    Parameters
+    ----------
+    chain : Chain
+        With a vertical pivot that has no limits.
+    samples : PostureSamples
+        Of the chain.
+    rise : float
+        Height of the aim over the arm's base frame [m].
+    aim : Aim
+        Its position does not matter.
+    within : Tolerances
+    count : int
+        Of the samples that are tried.
+
+    Returns
+    -------
+    postures : (k, n) array
+        From an arm's base frame that faces the tool.
+    places : (k, 2) array
+        Distance of pivot axis and tool [m], and bearing of the pivot axis as seen from the tool [rad].
+    """
+    arm = serial_arm(chain)
+    chosen = nearest_samples(samples, rise, aim, count)
+    postures, places = samples.postures[chosen], np.empty((len(chosen), 2))
+    level = Aim(np.array([0.0, 0.0, rise]), aim.kind, aim.turn, aim.cone)
+    met = _moved(arm, level, samples.tools[chosen], within, pivot_index(chain), postures, places)
+    return postures[met], places[met]
+
+
+@compiled
+def _moved(
+    arm: SerialArm,
+    aim: Aim,
+    tools: Array,
+    within: Tolerances,
+    pivot: int,
+    postures: Array,
+    places: Array,
+) -> NDArray[np.bool_]:
+    """Move postures to an aim, each where it is nearest to it; they and the places are overwritten."""
+    met = np.zeros(len(postures), dtype=np.bool_)
+    for k in range(len(postures)):
+        spin = _nearest_spin(tools[k], aim)
+        azimuth = np.arctan2(tools[k, 1, 3], tools[k, 0, 3])
+        places[k, 0] = np.hypot(tools[k, 0, 3], tools[k, 1, 3])
+        places[k, 1] = (azimuth - spin - np.pi) % (2 * np.pi)
+        postures[k, pivot] -= azimuth
+        there = aim_at(aim, places[k, 0], places[k, 1])
+        error, angle, _ = polish(arm, there, postures[k], within.reach, within.error, within.angle, STEPS)
+        met[k] = error <= within.error and angle <= within.angle
+    return met
+
+
+@compiled
+def _nearest_spin(tool: Array, aim: Aim) -> float:
+    """Turn of an aim about the vertical that brings it nearest to a tool frame [rad]."""
+    T, R = aim.turn, tool
+    if aim.kind == DIRECTION:
+        if np.hypot(T[0, 2], T[1, 2]) < 1e-9:
+            return 0.0
+        return float(np.arctan2(R[1, 2], R[0, 2]) - np.arctan2(T[1, 2], T[0, 2]))
+    sine, cosine = 0.0, 0.0
+    for i in range(3):
+        cosine += T[0, i] * R[0, i] + T[1, i] * R[1, i]
+        sine += T[0, i] * R[1, i] - T[1, i] * R[0, i]
+    return float(np.arctan2(sine, cosine))
+
+
+@compiled
+def aim_at(aim: Aim, distance: float, bearing: float) -> Aim:
+    """An aim as an arm sees it whose base frame faces it, from a distance [m] and a bearing [rad]."""
+    c, s = np.cos(-bearing - np.pi), np.sin(-bearing - np.pi)
+    turn = np.empty((3, 3))
+    for i in range(3):
+        turn[0, i] = c * aim.turn[0, i] - s * aim.turn[1, i]
+        turn[1, i] = s * aim.turn[0, i] + c * aim.turn[1, i]
+        turn[2, i] = aim.turn[2, i]
+    return Aim(np.array([distance, 0.0, aim.position[2]]), aim.kind, turn, aim.cone)

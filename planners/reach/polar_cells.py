@@ -1,0 +1,170 @@
+"""Cells of a polar grid, cut where their edges leave a set: an area from samples (marching squares)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely.geometry import Polygon
+from shapely.geometry.base import BaseGeometry
+
+from regionik.worlds.arrays import Array
+
+AROUND = 48  # bearings of a set that is the same at all of them
+
+Mask = NDArray[np.bool_]
+Index = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class PolarCells:
+    """Cells between neighbouring distances and bearings that have a corner in a set.
+
+    Attributes
+    ----------
+    distances : (r,) array
+        Ascending from 0 [m].
+    bearings : (b,) array
+        Evenly round the full turn [rad]; one stands for all.
+    found : (r, b) array of bool
+        Grid points in the set.
+    outward : (r - 1, b) array
+        Share of the edge to the next distance at which it leaves the set.
+    onward : (r, b) array
+        The same of the edge to the next bearing.
+    counted : (r - 1, b) array of bool, optional
+        Cells that count; by default all with corners in the set that share an edge.
+    """
+
+    distances: Array
+    bearings: Array
+    found: Mask
+    outward: Array
+    onward: Array
+    counted: Mask | None = None
+
+    @cached_property
+    def _corners(self) -> Mask:
+        """Corners in the set (4, r - 1, b), in their order round the cell."""
+        after = np.roll(self.found, -1, axis=1)
+        return np.stack([self.found[:-1], self.found[1:], after[1:], after[:-1]])
+
+    @cached_property
+    def cells(self) -> tuple[Index, Index]:
+        """Indices of the cells that count, of distance and of bearing."""
+        if self.counted is not None:
+            some = self.counted
+        else:
+            a, b, c, d = self._corners
+            some = (a | b | c | d) & ~((a == c) & (b == d) & (a != b))
+        r, b = np.nonzero(some)
+        return r.astype(np.int64), b.astype(np.int64)
+
+    @property
+    def whole(self) -> int:
+        """Number of the cells with all four corners in the set."""
+        return int(np.count_nonzero(self._corners[:, *self.cells].all(axis=0)))
+
+    @cached_property
+    def _vertices(self) -> tuple[Array, Mask]:
+        """Corners and cuts round each cell (m, 8, 2), as shares of it, and which of them it has."""
+        r, b = self.cells
+        after = (b + 1) % len(self.bearings)
+        corners = self._corners[:, r, b]
+        cut = corners != np.roll(corners, -1, axis=0)
+        zero, one = np.zeros(len(r)), np.ones(len(r))
+        out, there = self.outward[r, b], self.outward[r, after]
+        near, far = self.onward[r, b], self.onward[r + 1, b]
+        rows = [
+            (zero, zero),
+            (out, zero),
+            (one, zero),
+            (one, far),
+            (one, one),
+            (there, one),
+            (zero, one),
+            (zero, near),
+        ]
+        shares = np.array(rows).transpose(2, 0, 1)
+        real = np.stack([corners, cut], axis=1).reshape(8, -1).T
+        return shares, real
+
+    @property
+    def middles(self) -> tuple[Index, Index, Array]:
+        """Cells that count, and the middle of each: distance [m] and bearing [rad], (m, 2)."""
+        (r, b), (shares, real) = self.cells, self._vertices
+        middle = (shares * real[:, :, None]).sum(axis=1) / real.sum(axis=1)[:, None]
+        wide, turn = self.distances[1], 2 * np.pi / len(self.bearings)
+        return (
+            r,
+            b,
+            np.column_stack(
+                [self.distances[r] + wide * middle[:, 0], self.bearings[b] + turn * middle[:, 1]]
+            ),
+        )
+
+    def kept(self, some: Mask) -> PolarCells:
+        """Only those of the cells that a mask (m,) names."""
+        r, b = self.cells
+        counted = np.zeros((len(self.distances) - 1, len(self.bearings)), dtype=np.bool_)
+        counted[r[some], b[some]] = True
+        return replace(self, counted=counted)
+
+    @property
+    def area(self) -> BaseGeometry:
+        """All cells that count as one shape about the origin, straight from vertex to vertex [m]."""
+        if len(self.bearings) == 1:
+            return self._round_about.area
+        (r, b), (shares, real) = self.cells, self._vertices
+        if not len(r):
+            return Polygon()
+        wide, turn = self.distances[1], 2 * np.pi / len(self.bearings)
+        # What two cells share is computed from the same numbers, so that their edges are the same.
+        distance = np.where(
+            shares[..., 0] == 1.0,
+            self.distances[r + 1][:, None],
+            self.distances[r][:, None] + wide * shares[..., 0],
+        )
+        step = np.where(
+            shares[..., 1] == 1.0,
+            ((b + 1) % len(self.bearings))[:, None] * turn,
+            b[:, None] * turn + turn * shares[..., 1],
+        )
+        points = distance[..., None] * np.stack([np.cos(step), np.sin(step)], axis=-1)
+        return _joined(points, real)
+
+    @property
+    def _round_about(self) -> PolarCells:
+        """The same set with a bearing for every side of the circle."""
+
+        def spun(values: NDArray) -> NDArray:  # type: ignore[type-arg]
+            return np.repeat(values, AROUND, axis=1)
+
+        return PolarCells(
+            self.distances,
+            np.linspace(0.0, 2 * np.pi, AROUND, endpoint=False),
+            spun(self.found),
+            spun(self.outward),
+            spun(self.onward),
+            None if self.counted is None else spun(self.counted),
+        )
+
+
+def _joined(points: Array, real: Mask) -> BaseGeometry:
+    """Polygons of those of their points (m, 8, 2) that are real, as one shape; they share whole edges."""
+    ring, corner = np.repeat(np.arange(len(points)), real.sum(axis=1)), points[real]
+    first = np.searchsorted(ring, np.arange(len(points)))
+    before = np.arange(len(ring)) - 1
+    before[first] = np.searchsorted(ring, np.arange(len(points)), side="right") - 1
+    own = (corner != corner[before]).any(
+        axis=1
+    )  # a cut may be at a corner, and corners at the origin are one
+    own &= np.bincount(ring[own], minlength=len(points))[ring] >= 3
+    if not own.any():
+        return Polygon()
+    ring = np.unique(ring[own], return_inverse=True)[1]
+    rings = shapely.linearrings(corner[own], indices=ring)
+    return shapely.coverage_union_all(shapely.polygons(rings))

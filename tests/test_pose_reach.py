@@ -1,0 +1,157 @@
+"""Reach of oriented tools: what is found is there, what is there is found, and no path is too long."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import shapely
+from numpy.typing import NDArray
+
+from regionik.pipeline import plan
+from regionik.planners.reach import pose_reach as sampled
+from regionik.planners.reach.polar_cells import PolarCells
+from regionik.planners.reach.pose_reach import pose_reach
+from regionik.planners.solvers.closed_form import postures_at
+from regionik.planners.solvers.damped_least_squares import DIRECTION, ORIENTATION, Aim
+from regionik.planners.solvers.inverse_kinematics import confirm
+from regionik.planners.solvers.mfabrik_serial import in_arm_frame
+from regionik.verification.verifier import verify
+from regionik.worlds.arrays import Array
+from regionik.worlds.chain import Chain, rot_x, rot_y
+from regionik.worlds.robot import Robot
+from regionik.worlds.scene import Floor, Rules, Target, World
+from tests.test_closed_form import ARMS, posture
+from tests.witnesses import witness
+
+HEIGHT = 0.4  # of the arm's base frame [m]
+FLOOR = Floor(shapely.box(-3, -3, 3, 3))
+
+
+def aim_of_posture(chain: Chain, seed: int, kind: int, cone: float) -> tuple[Aim, Array]:
+    """What a random posture does whose base frame stands at the origin."""
+    q = posture(chain, seed)
+    tool = chain.forward(q)
+    spot = tool[:3, 3] + [0.0, 0.0, HEIGHT]
+    return Aim(spot, kind, np.ascontiguousarray(tool[:3, :3]), cone), q
+
+
+@pytest.mark.parametrize("kind", [DIRECTION, ORIENTATION])
+@pytest.mark.parametrize("name", ["ur", "panda"])
+def test_every_place_has_a_posture_that_meets_the_aim(name: str, kind: int) -> None:
+    chain = ARMS[name]
+    for seed in range(3):
+        aim, _ = aim_of_posture(chain, seed, kind, 0.05)
+        found = pose_reach(chain, HEIGHT, aim)
+        for k in range(0, len(found.places), 7):
+            seen = in_arm_frame(found.places[k], float(found.yaws[k]), HEIGHT, aim)
+            error, angle = confirm(chain, seen, found.postures[k])
+            assert error <= 1.1e-4
+            assert angle <= 0.05 + 0.006
+            held = found.postures[k][1:]
+            assert ((held >= chain.lower[1:]) & (held <= chain.upper[1:])).all()
+
+
+@pytest.mark.parametrize("name", ["ur", "panda", "puma"])
+def test_the_place_of_a_posture_lies_in_the_reach_of_its_pose(name: str) -> None:
+    chain, missed = ARMS[name], 0
+    for seed in range(20):
+        aim, _ = aim_of_posture(chain, seed, ORIENTATION, 1e-3)
+        area = pose_reach(chain, HEIGHT, aim).area
+        missed += area.distance(shapely.Point(0.0, 0.0)) > 0.02
+    assert missed <= 1  # sampled
+
+
+def test_places_within_the_area_are_reached() -> None:
+    """Closed forms at places that no sample stood at; the pivot, which the base turns for, has no limits."""
+    first, *others = ARMS["panda"].joints
+    endless = Chain((replace(first, lower=-np.inf, upper=np.inf), *others), ARMS["panda"].T_last_tool)
+    rng = np.random.default_rng(1)
+    for seed in range(4):
+        aim, _ = aim_of_posture(endless, seed, ORIENTATION, 1e-3)
+        area = pose_reach(endless, HEIGHT, aim).area.buffer(-0.005)
+        x0, y0, x1, y1 = area.bounds
+        points = rng.uniform((x0, y0), (x1, y1), (200, 2))
+        points = points[shapely.contains_xy(area, points)][:20]
+        tools = np.tile(np.eye(4), (len(points), 1, 1))
+        tools[:, :3, :3], tools[:, :3, 3] = aim.turn, aim.position - [0.0, 0.0, HEIGHT]
+        tools[:, :2, 3] -= points
+        assert len(np.unique(postures_at(endless, tools)[1])) >= 0.95 * len(points)
+
+
+def test_no_path_is_too_long_to_be_kept() -> None:
+    """A path of 437 poses was sampled anew each time that it was asked for: 256 were kept."""
+    kept = sampled._sampled.cache_info().maxsize
+    assert kept is not None
+    assert kept >= 4000
+
+
+@pytest.mark.parametrize("columns", [1, 32])
+def test_cells_are_cut_where_their_edges_leave_the_set(columns: int) -> None:
+    """A ring, and a disc beside the origin: their areas to the error of chords."""
+    distances = np.linspace(0.0, 1.0, 19)
+    bearings = np.linspace(0.0, 2 * np.pi, columns, endpoint=False)
+    center = np.array([0.0 if columns == 1 else 0.1, 0.0])
+    low, high = 0.31, 0.77
+
+    def size(r: Array, b: Array) -> Array:
+        away = r[..., None] * np.stack([np.cos(b), np.sin(b)], axis=-1) - center
+        length: Array = np.linalg.norm(away, axis=-1)
+        return length
+
+    def inside(r: Array, b: Array) -> NDArray[np.bool_]:
+        within: NDArray[np.bool_] = (size(r, b) > low) & (size(r, b) < high)
+        return within
+
+    def cut(r: tuple[Array, Array], b: tuple[Array, Array]) -> Array:
+        shares = np.linspace(0, 1, 401)[:, None, None]
+        at = inside(r[0] + shares * (r[1] - r[0]), b[0] + shares * (b[1] - b[0]))
+        change = np.argmax(at != at[:1], axis=0)
+        return np.where((at != at[:1]).any(axis=0), (change - 0.5) / 400, 0.0)
+
+    r, b = np.meshgrid(distances, bearings, indexing="ij")
+    beyond = b + 2 * np.pi / columns
+    outward = cut((r[:-1], r[1:]), (b[:-1], b[:-1]))
+    onward = cut((r, r), (b, beyond)) if columns > 1 else np.zeros_like(r)
+    area = PolarCells(distances, bearings, inside(r, b), outward, onward).area
+    assert area.is_valid
+    assert area.area == pytest.approx(np.pi * (high**2 - low**2), rel=0.02)
+
+
+def posed_task(robot: Robot, seed: int, count: int) -> tuple[Target, ...]:
+    """Poses that the arm meets one after the other with its base at the origin."""
+    rng, chain = np.random.default_rng(seed), robot.chain
+    q = posture(chain, seed) * 0.6
+    bend = rng.uniform(-0.02, 0.02, chain.dof)
+    tools = robot.tool(
+        np.zeros((count, 3)), np.clip(q + np.arange(count)[:, None] * bend, chain.lower, chain.upper)
+    )
+    return tuple(Target(T[:3, 3], cone=5e-3, orientation=T[:3, :3]) for T in tools)
+
+
+def robot_on(name: str, turn: Array, height: float) -> Robot:
+    """An arm whose first axis is turned away from the vertical."""
+    first, *others = ARMS[name].joints
+    first = replace(first, T_parent_joint=turn @ first.T_parent_joint)
+    chain = Chain((first, *others), ARMS[name].T_last_tool)
+    return Robot(name, "omni", np.zeros((1, 2)), np.array([0, 0, height, 0]), chain, (), 0.1)
+
+
+@pytest.mark.parametrize(
+    ("name", "turn"),
+    [("ur", np.eye(4)), ("panda", rot_x(np.pi)), ("puma", rot_y(0.4)), ("panda", rot_x(1e-5))],
+)
+def test_one_stop_serves_poses_that_one_place_is_known_for(name: str, turn: Array) -> None:
+    """Also where the first axis is not vertical, and the base turns in its place; this was refused."""
+    robot = robot_on(name, turn, 0.9)
+    rules = Rules(mode="stops", avoidance=False, tolerance=1e-4)
+    found = plan(World("poses", robot, FLOOR, (), posed_task(robot, 3, 8), rules))
+    assert len(found.stops) == 1
+    assert verify(found).ok
+
+
+@pytest.mark.parametrize(("kind", "seed"), [("offsets", 61), ("offsets", 96)])
+def test_worlds_with_a_witness_that_were_not_planned(kind: str, seed: int) -> None:
+    """No place was known from which their tools are turned as asked."""
+    assert verify(plan(witness(kind, seed).world)).ok
