@@ -122,11 +122,11 @@ def admissible_area(world: World, target: Target | ArrayLike, criteria: Criteria
 
 def _whole_area(world: World, target: Target, *, inner: bool) -> BaseGeometry:
     """Area of a target at any heading, from within or from outside."""
-    parts = [Polygon()]
+    parts = [np.array([Polygon()])]
     for side in (by_heading(world) if inner else outer_by_heading(world)).sides:
         _, _, rings = reach_rows(world, [target], (FRONT, BACK), inner=inner, span=side.span)
-        parts += side.subtract(rings).tolist()
-    return shapely.union_all(parts)
+        parts.append(side.subtract(rings))
+    return united(np.concatenate(parts))
 
 
 def path_areas(
@@ -191,7 +191,7 @@ def round_outer_areas(world: World, targets: Sequence[Target], *, coarse: bool =
     span, side = span_of_rules(world), ground_of(world).outer
     rows, _, rings = reach_rows(world, targets, (FRONT, BACK), inner=False, span=span, coarse=coarse)
     left, bounds = side.subtract(rings), np.searchsorted(rows, np.arange(len(targets) + 1))
-    return [shapely.union_all(left[a:b]) for a, b in zip(bounds[:-1], bounds[1:], strict=True)]
+    return [united(left[a:b]) for a, b in zip(bounds[:-1], bounds[1:], strict=True)]
 
 
 def reach_of(world: World, target: Target, *, coarse: bool = False) -> BaseGeometry:

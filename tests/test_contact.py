@@ -136,6 +136,7 @@ def points_of(solid: LinkSolid, rng: np.random.Generator, count: int = 4000) -> 
         inside = rng.uniform(-0.5, 0.5, (count, 3)) * solid.size
         points: Array = inside @ solid.T_link_box[:3, :3].T + solid.T_link_box[:3, 3]
         return points
+    assert isinstance(solid, LinkCapsule)
     ball = rng.normal(size=(count, 3))
     ball *= solid.radius / np.linalg.norm(ball, axis=1, keepdims=True)
     along: Array = solid.start + rng.random((count, 1)) * (solid.end - solid.start) + ball
@@ -169,6 +170,7 @@ def test_what_is_left_of_a_solid_is_within_the_depth_of_all_of_it(seed: int, dep
         left = LinkCapsule(0, "left", corners[0], corners[1], max(radius, 1e-9))
         assert min(left.depth(p) for p in points_of(solid, rng, 200)) >= -depth - 2e-9
     else:
+        assert isinstance(solid, LinkBox)
         axes = solid.T_link_box[:3, :3]
         low, high = (corners @ axes).min(0), (corners @ axes).max(0)
         off = points_of(solid, rng) @ axes

@@ -16,7 +16,7 @@ from regionik.pipeline import plan
 from regionik.planners.reach.criteria_paving import distances_within_thresholds
 from regionik.planners.reach.rings import FREE
 from regionik.planners.solvers.posture_criteria import Thresholds, posture_margin, thresholds_of
-from regionik.regions import admissible_area
+from regionik.regions import admissible_area, outer_areas
 from regionik.verification.limits import efforts, joint_margins, manipulability
 from regionik.verification.verifier import verify
 from regionik.worlds.arms import planar_arm
@@ -29,6 +29,7 @@ from regionik.worlds.errors import InputError, NoPlanFound
 from regionik.worlds.robot import GRAVITY, LinkMass, Robot, capsules_along
 from regionik.worlds.scene import Floor, Target, World
 from tests import examples
+from tests.soaked import soaked_world
 
 SEEDS = st.integers(0, 10_000)
 FLOOR = Floor(shapely.box(-3, -3, 3, 3))
@@ -336,6 +337,24 @@ def test_nothing_is_paved_where_nothing_is_in_reach() -> None:
     asked = Thresholds(0.01, np.zeros((3, 2)), np.full(3, np.inf))
     inner, outer = distances_within_thresholds(plane(robot), asked, FREE, 0.3, np.empty((0, 2)))
     assert inner.shape == outer.shape == (0, 2)
+
+
+@pytest.mark.parametrize("z", [0.2, 0.35, 0.5])
+def test_intervals_end_at_the_axis(z: float) -> None:
+    """A posture in front of the axis and one behind it are of two families, whatever criteria leave."""
+    model = planar_reach(weighed(robot_named("youbot-real")))
+    assert model is not None
+    for effort in (3.0, 4.6, 6.0, 9.0):
+        _, spans = model.intervals(Criteria(effort=effort), np.array([z]), inner=False)
+        assert not ((spans[:, 0] < 0) & (spans[:, 1] > 0)).any()
+        assert (spans[1:, 0] >= spans[:-1, 1] - 1e-12).all()
+
+
+@pytest.mark.parametrize(("kind", "seed"), [("floor", 91), ("ground", 89)])
+def test_outer_areas_under_criteria_are_valid(kind: str, seed: int) -> None:
+    """Worlds of the soak whose sectors crossed the axis and themselves."""
+    world = soaked_world(kind, seed)
+    assert all(area.is_valid for area in outer_areas(world, world.task))
 
 
 # --- solvers, plans, verify

@@ -151,14 +151,14 @@ def test_a_box_bounds_all_of_its_postures(seed: int, width: float) -> None:
         joints = rng.uniform(low, high)
         tool_motion(one, joints, tool)
         r, z = tool.at
-        half = rng.uniform(0.0, 0.05)
-        about = z + rng.uniform(-half, half)
-        near, far, _, _ = spanned(box, about, half)
+        layer = float(rng.uniform(0.0, 0.05))
+        about = z + rng.uniform(-layer, layer)
+        near, far, _, _ = spanned(box, about, layer)
         assert near <= r <= far
         away = np.linalg.norm(tool.frames[-1, :3, 3] - box.hub, axis=1)
         assert (box.keeps[:, 0] - 1e-9 <= away).all()
         assert (away <= box.keeps[:, 1] + 1e-9).all()
-        assert contract_to(box, about, half, max(0.0, r - 1e-4), r + 1e-4)
+        assert contract_to(box, about, layer, max(0.0, r - 1e-4), r + 1e-4)
         assert (box.q + box.shift[0] - 1e-9 <= joints).all()
         assert (joints <= box.q + box.shift[1] + 1e-9).all()
 

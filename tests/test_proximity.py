@@ -24,7 +24,7 @@ from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain, Joint, planar_pose, rot_x, rot_y, translation
 from regionik.worlds.errors import InputError
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Solid, Sphere
-from regionik.worlds.robot import LinkBox, LinkCapsule, Robot
+from regionik.worlds.robot import LinkBox, LinkCapsule, LinkSolid, Robot
 from regionik.worlds.self_collision import base_body, self_collision_pairs
 from tests.bodies import motion_clear
 
@@ -104,7 +104,7 @@ def core(solid: LinkCapsule | LinkBox) -> Array:
     return points
 
 
-def place(frames: Array, solid: LinkCapsule | LinkBox) -> Array:
+def place(frames: Array, solid: LinkSolid) -> Array:
     """Points of a solid in each of many frames (n, links, 4, 4), as (n, points, 3)."""
     T = frames[:, solid.link]
     placed: Array = core(solid) @ T[:, :3, :3].swapaxes(1, 2) + T[:, None, :3, 3]
@@ -216,6 +216,7 @@ def distance_of(robot: Robot, frames: Array, k: int, point: Array) -> float:
         way = solid.end - solid.start
         t = np.clip((local - solid.start) @ way / (way @ way), 0, 1)
         return float(np.linalg.norm(local - solid.start - t * way)) - solid.radius
+    assert isinstance(solid, LinkBox)
     inner = (np.linalg.inv(solid.T_link_box) @ [*local, 1.0])[:3]
     return float(np.linalg.norm(np.maximum(np.abs(inner) - solid.size / 2, 0.0)))
 

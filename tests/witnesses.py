@@ -271,7 +271,8 @@ def random_solid(name: str, place: Array, rng: np.random.Generator) -> Solid:
         case 4:
             angles = np.sort(rng.uniform(0, 2 * np.pi, 8))
             rim = rng.uniform(0.05, 0.35, (8, 1)) * np.column_stack([np.cos(angles), np.sin(angles)])
-            return Prism(name, shapely.Polygon(rim + [x, y]).buffer(0.01, 1), z, z + tall)
+            parts = shapely.get_parts(shapely.Polygon(rim + [x, y]).buffer(0.01, 1))
+            return Prism(name, parts[np.argmax(shapely.area(parts))], z, z + tall)
         case 5:
             rock = trimesh.convex.convex_hull(rng.uniform(-0.25, 0.25, (12, 3)) + middle)
             return Mesh(name, rock.vertices, rock.faces)

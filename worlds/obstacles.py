@@ -235,6 +235,9 @@ class Prism(Obstacle):
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "polygon", as_polygon(self.polygon, f"{self.name}: polygon"))
+        if not isinstance(self.polygon, Polygon):
+            parts = shapely.get_num_geometries(self.polygon)
+            raise InputError(f"{self.name}: polygon: expected one polygon, got {parts}: a prism for each")
         _check_positive(self.name, "height (z from low to high)", self.top - self.bottom)
 
     @property

@@ -21,6 +21,7 @@ from regionik.planners.geometry.offsets import grown, shrunk
 from regionik.worlds.obstacles import Shadow, Solid
 from regionik.worlds.scene import World
 
+GRID = 1e-11  # of corners where a union fails without one, far below the guard [m]
 GUARD = 1e-6  # margin of inner areas at every bound, against rounding [m]
 
 LARGE = 400  # vertices, from which on a shape is cut to what is looked at before it is worked on
@@ -222,8 +223,13 @@ def ground_of(world: World) -> Ground:
 
 def united(shapes: Geometries) -> BaseGeometry:
     """Union of shapes; a single one is itself, not a copy."""
-    one: BaseGeometry = shapes[0] if len(shapes) == 1 else shapely.union_all(shapes)
-    return one
+    if len(shapes) == 1:
+        one: BaseGeometry = shapes[0]
+        return one
+    try:
+        return shapely.union_all(shapes)
+    except shapely.GEOSException:  # slivers where many edges nearly meet
+        return shapely.union_all(shapes, grid_size=GRID)
 
 
 def disjoint(shapes: Geometries) -> Geometries:

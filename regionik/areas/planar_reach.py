@@ -169,7 +169,7 @@ class PlanarReach(ReachModel):
         found = [np.empty((0, 2))]
         for z, a, b in zip(heights.tolist(), bounds[:-1], bounds[1:], strict=True):
             known = tuple((low, high) for low, high in reach[a:b].tolist())
-            found.append(_paved(self, criteria, side, pitches, z, known)[0 if inner else 1])
+            found.append(_split(_paved(self, criteria, side, pitches, z, known)[0 if inner else 1]))
         return np.repeat(np.arange(len(heights)), [len(rows) for rows in found[1:]]), np.concatenate(found)
 
     def distances(self, criteria: Criteria | None, heights: Array, *, inner: bool) -> list[Array]:
@@ -236,6 +236,16 @@ def _paved(
 ) -> tuple[Array, Array]:
     asked = thresholds_of(model.arm, model.robot, criteria)[side]
     return distances_within_thresholds(model.plane, asked, pitches, z, np.array(known).reshape(-1, 2))
+
+
+def _split(spans: Array) -> Array:
+    """Spans (m, 2) of signed distance, ascending, of which none crosses the axis."""
+    low, high = spans.T
+    across = (low < 0) & (high > 0)
+    behind = np.column_stack([low, np.where(across, 0.0, high)])
+    ahead = np.column_stack([np.zeros(int(across.sum())), high[across]])
+    both: Array = np.concatenate([behind, ahead])
+    return both[np.argsort(both[:, 0], kind="stable")]
 
 
 def _ahead(family: Family, spans: Array, query: ReachQuery) -> tuple[Index, Array, Array]:
