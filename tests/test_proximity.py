@@ -94,10 +94,11 @@ def states(robot: Robot, count: int, seed: int) -> tuple[Array, Array]:
     return base, rng.uniform(robot.chain.lower, robot.chain.upper, (count, robot.chain.dof))
 
 
-def core(solid: LinkCapsule | LinkBox) -> Array:
+def core(solid: LinkSolid) -> Array:
     """Points all over the hull of a solid's corners, in its link's frame."""
     if isinstance(solid, LinkCapsule):
         return solid.start + np.linspace(0, 1, 9)[:, None] * (solid.end - solid.start)
+    assert isinstance(solid, LinkBox)
     t = np.linspace(0, 1, 4)
     shares = np.stack(np.meshgrid(t, t, t), axis=-1).reshape(-1, 3) - 0.5
     points: Array = (shares * solid.size) @ solid.T_link_box[:3, :3].T + solid.T_link_box[:3, 3]
