@@ -71,7 +71,7 @@ class Meridian(NamedTuple):
     hub: Array
 
 
-class Tool(NamedTuple):
+class MeridianTool(NamedTuple):
     """Position and velocities of the tool in its meridian; scratch space that `tool_motion` fills.
 
     Attributes
@@ -157,17 +157,17 @@ def _hub(before: Joint, joint: Joint) -> float:
     return float(np.cross(p, u) @ normal) / square
 
 
-def tool_for(meridian: Meridian) -> Tool:
+def tool_for(meridian: Meridian) -> MeridianTool:
     """Scratch space for `tool_motion`."""
     m = len(meridian.levers)
-    return Tool(
+    return MeridianTool(
         np.zeros(2), np.zeros(m), np.zeros(m), np.zeros(m), UNIT.copy(), np.zeros((m, 3)),
         np.zeros((m + 1, 4, 4)), np.zeros((6, m)),
     )  # fmt: skip
 
 
 @compiled
-def tool_motion(meridian: Meridian, joints: Array, tool: Tool) -> None:
+def tool_motion(meridian: Meridian, joints: Array, tool: MeridianTool) -> None:
     """Compute position and velocities of the tool in a posture (m,)."""
     arm, m = meridian.arm, len(joints)
     chain_frames(arm, joints, tool.frames)
@@ -186,7 +186,9 @@ def tool_motion(meridian: Meridian, joints: Array, tool: Tool) -> None:
 
 
 @compiled
-def to_level(meridian: Meridian, z: float, joints: Array, tool: Tool, free: Array, trial: Array) -> bool:
+def to_level(
+    meridian: Meridian, z: float, joints: Array, tool: MeridianTool, free: Array, trial: Array
+) -> bool:
     """Bring the tool of a posture to a height, by Newton steps within the limits; ``tool`` is that posture's.
 
     ``free`` (m,) weighs the joints; ``trial`` (m,) is scratch space.
@@ -221,7 +223,7 @@ def to_level(meridian: Meridian, z: float, joints: Array, tool: Tool, free: Arra
 
 
 @compiled
-def hop_stray(meridian: Meridian, a: Array, b: Array, tool: Tool, free: Array) -> float:
+def hop_stray(meridian: Meridian, a: Array, b: Array, tool: MeridianTool, free: Array) -> float:
     """Most that a motion at one height from one posture (m,) to another strays from its chord [m].
 
     It is -1 where there is not proven to be one. Along the straight hop the height is off by at most E.
@@ -270,7 +272,7 @@ def walk(
     z: float,
     outwards: float,
     joints: Array,
-    tool: Tool,
+    tool: MeridianTool,
     most: int,
     goal: float,
     last: Array,
@@ -332,7 +334,9 @@ def weights(meridian: Meridian) -> Array:
 
 
 @compiled
-def _uphill(meridian: Meridian, outwards: float, joints: Array, tool: Tool, free: Array, d: Array) -> float:
+def _uphill(
+    meridian: Meridian, outwards: float, joints: Array, tool: MeridianTool, free: Array, d: Array
+) -> float:
     """Write the direction of steepest ascent at one height within limits into ``d``; returns its gain."""
     m = len(joints)
     held = np.zeros(m, dtype=np.bool_)
@@ -358,7 +362,9 @@ def _uphill(meridian: Meridian, outwards: float, joints: Array, tool: Tool, free
 
 
 @compiled
-def walk_both_ways(meridian: Meridian, z: float, starts: Array, tool: Tool, most: int, found: Array) -> int:
+def walk_both_ways(
+    meridian: Meridian, z: float, starts: Array, tool: MeridianTool, most: int, found: Array
+) -> int:
     """Write what walks from starts (s, m) pass as rows of ``found`` (s, 6); returns how many.
 
     A row is the least and largest distance; then those between which the tool's azimuth, with the pivot at
@@ -383,7 +389,7 @@ def walk_both_ways(meridian: Meridian, z: float, starts: Array, tool: Tool, most
 
 @compiled
 def walk_to_posture(
-    meridian: Meridian, z: float, goal: float, starts: Array, tool: Tool, most: int, joints: Array
+    meridian: Meridian, z: float, goal: float, starts: Array, tool: MeridianTool, most: int, joints: Array
 ) -> float:
     """Walk to a posture at a height and a distance, from one start after the other; returns its error [m].
 

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from regionik.planners.kernels import compiled
-from regionik.planners.reach.meridian_plane import Meridian, Tool, tool_for, tool_motion
+from regionik.planners.reach.meridian_plane import Meridian, MeridianTool, tool_for, tool_motion
 from regionik.planners.search.box_search import WHOLE, Boxes, Verdict, begin, explore_in_kernel, left_open
 from regionik.planners.search.intervals import contract, cut_to
 from regionik.planners.search.motion_bounds import chords, displacement, from_axis
@@ -30,7 +30,7 @@ EVEN = 0.1  # weight of a joint's own lever when a joint to bisect is chosen
 class ToolBounds(NamedTuple):
     """Bounds of the tool over a box of m joints; scratch space that `bound` fills."""
 
-    tool: Tool
+    tool: MeridianTool
     q: Array  # (m,) its centre
     half: Array  # (m,) half widths
     chord: Array  # (m,)

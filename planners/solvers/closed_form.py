@@ -24,10 +24,10 @@ from regionik.planners.solvers.serial_chain import SerialArm, serial_arm
 from regionik.planners.solvers.subproblems import (
     angle_to,
     angles_onto_plane,
-    dot,
     nearest_points,
     position_angles,
-    turned,
+    rotated,
+    row_dot,
 )
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, Joint
@@ -190,11 +190,11 @@ def _lines(chain: Chain, tools: Array, swept: int | None, values: Array) -> _Lin
     axis, point = axes[:, swept, None], points[:, swept, None]
     turn = values[:, None]
     after = slice(swept + 1, None)
-    axes[:, after] = turned(axis, turn, axes[:, after])
-    points[:, after] = point + turned(axis, turn, points[:, after] - point)
+    axes[:, after] = rotated(axis, turn, axes[:, after])
+    points[:, after] = point + rotated(axis, turn, points[:, after] - point)
     T = np.repeat(np.eye(4)[None], len(tools), axis=0)
-    T[:, :3, :3] = turned(axis, turn, np.eye(3)).transpose(0, 2, 1)
-    T[:, :3, 3] = (point - turned(axis, turn, point))[:, 0]
+    T[:, :3, :3] = rotated(axis, turn, np.eye(3)).transpose(0, 2, 1)
+    T[:, :3, 3] = (point - rotated(axis, turn, point))[:, 0]
     left = np.delete(np.arange(chain.dof), swept)
     return _Lines(axes[:, left], points[:, left], tools @ np.linalg.inv(T @ T_zero))
 
@@ -230,10 +230,10 @@ def _meeting(lines: _Lines) -> tuple[Array, Which]:
     M = R[which]
     for k in range(3):
         M = _back(h[:, k], first[:, k], M)
-    fifth = angles_onto_plane(h[:, 3], h[:, 4], h[:, 5], dot(h[:, 3], _times(M, h[:, 5])))
+    fifth = angles_onto_plane(h[:, 3], h[:, 4], h[:, 5], row_dot(h[:, 3], _times(M, h[:, 5])))
     found = []
     for x5 in fifth:
-        x4 = angle_to(h[:, 3], turned(h[:, 4], x5, h[:, 5]), _times(M, h[:, 5]))
+        x4 = angle_to(h[:, 3], rotated(h[:, 4], x5, h[:, 5]), _times(M, h[:, 5]))
         x6 = _last_turn(h[:, 5], _back(h[:, 4], x5, _back(h[:, 3], x4, M)))
         found.append(np.column_stack([first, x4, x5, x6]))
     return np.concatenate(found), np.tile(which, 2)
@@ -246,17 +246,17 @@ def _parallel(lines: _Lines) -> tuple[Array, Which]:
     center = np.mean(nearest_points(o[:, 4], h[:, 4], o[:, 5], h[:, 5]), axis=0)
     p = _times(R, center) + lines.X[:, :3, 3] - o[:, 0]
     found, owner = [], []
-    for x1 in angles_onto_plane(same, -h[:, 0], p, dot(same, center - o[:, 0])):
+    for x1 in angles_onto_plane(same, -h[:, 0], p, row_dot(same, center - o[:, 0])):
         M = _back(h[:, 0], x1, R)
-        for x5 in angles_onto_plane(same, h[:, 4], h[:, 5], dot(same, _times(M, h[:, 5]))):
-            bent = turned(h[:, 4], -x5, same)
+        for x5 in angles_onto_plane(same, h[:, 4], h[:, 5], row_dot(same, _times(M, h[:, 5]))):
+            bent = rotated(h[:, 4], -x5, same)
             x6 = angle_to(h[:, 5], _times(M.transpose(0, 2, 1), same), bent)
             across = np.cross(same, h[:, 4])
             # R2 R3 R4 takes what stands across them, seen through joints 5 and 6, to where M takes it.
-            seen = turned(h[:, 5], -x6, turned(h[:, 4], -x5, across))
+            seen = rotated(h[:, 5], -x6, rotated(h[:, 4], -x5, across))
             total = angle_to(same, across, _times(M, seen))
-            wrist = turned(same, total, center - o[:, 3])
-            g = turned(-h[:, 0], x1, p) + o[:, 0] - o[:, 1] - wrist
+            wrist = rotated(same, total, center - o[:, 3])
+            g = rotated(-h[:, 0], x1, p) + o[:, 0] - o[:, 1] - wrist
             for row in _two_links(same, o[:, 2] - o[:, 1], o[:, 3] - o[:, 2], g):
                 found.append(np.column_stack([x1, row[0], row[1], total - row[0] - row[1], x5, x6]))
                 owner.append(np.arange(len(p)))
@@ -265,10 +265,10 @@ def _parallel(lines: _Lines) -> tuple[Array, Which]:
 
 def _two_links(axis: Array, b: Array, d: Array, g: Array) -> list[tuple[Array, Array]]:
     """Both pairs of angles that bring R1 (b + R2 d) to a point across the axis."""
-    b, d, g = (one - dot(axis, one)[:, None] * axis for one in (b, d, g))
+    b, d, g = (one - row_dot(axis, one)[:, None] * axis for one in (b, d, g))
     pairs = []
-    for x in angles_onto_plane(b, axis, d, 0.5 * (dot(g, g) - dot(b, b) - dot(d, d))):
-        pairs.append((angle_to(axis, b + turned(axis, x, d), g), x))
+    for x in angles_onto_plane(b, axis, d, 0.5 * (row_dot(g, g) - row_dot(b, b) - row_dot(d, d))):
+        pairs.append((angle_to(axis, b + rotated(axis, x, d), g), x))
     return pairs
 
 
@@ -279,7 +279,7 @@ def _times(M: Array, vector: Array) -> Array:
 
 def _back(axis: Array, angle: Array, M: Array) -> Array:
     """M with a turn about an axis taken off its left."""
-    found: Array = turned(axis[:, None], -angle[:, None], M.transpose(0, 2, 1)).transpose(0, 2, 1)
+    found: Array = rotated(axis[:, None], -angle[:, None], M.transpose(0, 2, 1)).transpose(0, 2, 1)
     return found
 
 

@@ -16,24 +16,24 @@ MEETING = 1e-6  # distances and sines below which two axes count as meeting, or 
 SHIFT = 0.7  # of the unknown angle, so that half a turn, which no polynomial has, is rare [rad]
 
 
-def dot(a: Array, b: Array) -> Array:
+def row_dot(a: Array, b: Array) -> Array:
     """Inner products (..., ) of vectors (..., 3)."""
     found: Array = (a * b).sum(axis=-1)
     return found
 
 
-def turned(axis: Array, angle: Array, vector: Array) -> Array:
+def rotated(axis: Array, angle: Array, vector: Array) -> Array:
     """Vectors (..., 3) turned about unit axes: Rodrigues' formula."""
     c, s = np.cos(angle)[..., None], np.sin(angle)[..., None]
-    along = dot(axis, vector)[..., None] * axis
+    along = row_dot(axis, vector)[..., None] * axis
     found: Array = along + c * (vector - along) + s * np.cross(axis, vector)
     return found
 
 
 def angle_to(axis: Array, vector: Array, wanted: Array) -> Array:
     """Angles (...,) that turn vectors about axes to others, or nearest to them (subproblem 1)."""
-    flat = dot(vector, wanted) - dot(axis, vector) * dot(axis, wanted)
-    return np.arctan2(dot(axis, np.cross(vector, wanted)), flat)
+    flat = row_dot(vector, wanted) - row_dot(axis, vector) * row_dot(axis, wanted)
+    return np.arctan2(row_dot(axis, np.cross(vector, wanted)), flat)
 
 
 def angles_onto_plane(normal: Array, axis: Array, vector: Array, height: Array) -> Array:
@@ -41,8 +41,8 @@ def angles_onto_plane(normal: Array, axis: Array, vector: Array, height: Array) 
 
     normal . R(axis, angle) vector = height.
     """
-    still = dot(normal, axis) * dot(axis, vector)
-    cosine, sine = dot(normal, vector) - still, dot(normal, np.cross(axis, vector))
+    still = row_dot(normal, axis) * row_dot(axis, vector)
+    cosine, sine = row_dot(normal, vector) - still, row_dot(normal, np.cross(axis, vector))
     return linear_roots(cosine, sine, still - height)
 
 
@@ -100,16 +100,16 @@ def position_angles(axes: Array, points: Array, end: Array, goal: Array) -> tupl
     row, which = np.nonzero(np.isfinite(third))
     x3 = third[row, which]
     h1, h2, h3, a, b, d, p, s, far = (one[which] for one in (h1, h2, h3, a, b, d, p, s, far))
-    v = b + turned(h3, x3, d)
+    v = b + rotated(h3, x3, d)
     # w is R2 v but for its part along h2; across and ahead are its parts along the common normal and h1.
-    across = dot(p, p) - dot(a, a) - dot(v, v)
-    ahead = dot(h1, p) - dot(h1, h2) * dot(h2, v)
-    flat = dot(v, v) - dot(h2, v) ** 2
-    lead = np.where((s > MEETING)[:, None], h1 - dot(h1, h2)[:, None] * h2, np.cross(a, h2))
+    across = row_dot(p, p) - row_dot(a, a) - row_dot(v, v)
+    ahead = row_dot(h1, p) - row_dot(h1, h2) * row_dot(h2, v)
+    flat = row_dot(v, v) - row_dot(h2, v) ** 2
+    lead = np.where((s > MEETING)[:, None], h1 - row_dot(h1, h2)[:, None] * h2, np.cross(a, h2))
     lead /= np.maximum(np.linalg.norm(lead, axis=1), 1e-300)[:, None]
     side = np.cross(h2, lead)
     with np.errstate(invalid="ignore", divide="ignore"):
-        by_side = across / (2 * dot(a, side))
+        by_side = across / (2 * row_dot(a, side))
         by_lead = ahead / s
     meets, parallel = far <= MEETING, s <= MEETING
     rest = np.where(meets, flat - by_lead**2, flat - by_side**2)
@@ -120,7 +120,7 @@ def position_angles(axes: Array, points: Array, end: Array, goal: Array) -> tupl
         y = np.where(meets, sign * root, by_side)
         w = x[:, None] * lead + y[:, None] * side
         x2 = angle_to(h2, v, w)
-        x1 = angle_to(h1, a + turned(h2, x2, v), p)
+        x1 = angle_to(h1, a + rotated(h2, x2, v), p)
         own = np.isfinite(x2) & np.isfinite(x1) & ((sign > 0) | meets | parallel)
         found.append(np.column_stack([x1, x2, x3])[own])
         owner.append(which[own])
@@ -132,15 +132,15 @@ def _third_angles(
 ) -> Array:
     """Angles (4, m) about the third line at which the other two can do the rest; NaN for none."""
     h1, h2, h3 = axes
-    still = dot(h3, d)[:, None] * h3
+    still = row_dot(h3, d)[:, None] * h3
     basis = np.stack([d - still, np.cross(h3, d), still + b], axis=2)  # v as a form of (cos x, sin x, 1)
     one = np.zeros((len(a), 3))
     one[:, 2] = 1.0
     squared = 2 * np.einsum("mi,mij->mj", b, basis)  # |v|^2 = |b|^2 + |d|^2 + 2 b . R3 d
-    squared[:, 2] += dot(d, d) - dot(b, b)
+    squared[:, 2] += row_dot(d, d) - row_dot(b, b)
     up = np.einsum("mi,mij->mj", h2, basis)
-    across = (dot(p, p) - dot(a, a))[:, None] * one - squared
-    ahead = dot(h1, p)[:, None] * one - dot(h1, h2)[:, None] * up
+    across = (row_dot(p, p) - row_dot(a, a))[:, None] * one - squared
+    ahead = row_dot(h1, p)[:, None] * one - row_dot(h1, h2)[:, None] * up
     form = (s**2)[:, None, None] * _outer(across, across)
     form += (4 * far**2)[:, None, None] * (
         _outer(ahead, ahead) - (s**2)[:, None, None] * (_outer(squared, one) - _outer(up, up))
@@ -160,10 +160,10 @@ def _outer(a: Array, b: Array) -> Array:
 
 def nearest_points(p1: Array, h1: Array, p2: Array, h2: Array) -> tuple[Array, Array]:
     """Points (..., 3) at which two lines come nearest; on parallel ones those nearest to the first point."""
-    apart, c = p2 - p1, dot(h1, h2)
+    apart, c = p2 - p1, row_dot(h1, h2)
     square = 1.0 - c * c
     crossing = square > MEETING**2
     with np.errstate(invalid="ignore", divide="ignore"):
-        t1 = np.where(crossing, (dot(h1, apart) - c * dot(h2, apart)) / square, 0.0)
-        t2 = np.where(crossing, (c * dot(h1, apart) - dot(h2, apart)) / square, -dot(h2, apart))
+        t1 = np.where(crossing, (row_dot(h1, apart) - c * row_dot(h2, apart)) / square, 0.0)
+        t2 = np.where(crossing, (c * row_dot(h1, apart) - row_dot(h2, apart)) / square, -row_dot(h2, apart))
     return p1 + t1[..., None] * h1, p2 + t2[..., None] * h2
