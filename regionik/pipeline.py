@@ -25,7 +25,7 @@ from regionik.reachability.any_base import can_search, search_any_base
 from regionik.reachability.reach import reach
 from regionik.reachability.target_search import TargetSearch
 from regionik.regions import has_no_known_place, planned_areas
-from regionik.smoothing import smooth_motion
+from regionik.smoothing.smooth_motion import smooth_motion
 from regionik.timing.retime import retime
 from regionik.tracker import can_track, plan_tracked
 from regionik.values import Configuration, Plan, PlannedArea, Stop

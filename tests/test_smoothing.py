@@ -11,12 +11,13 @@ import shapely
 from scipy.optimize import lsq_linear
 from scipy.sparse import csc_array
 
-from regionik import pipeline, smoothing
+from regionik import pipeline
 from regionik.planners.smoothing.path_smoothing import tool_jacobians
 from regionik.planners.smoothing.quadratic_program import minimize_quadratic
 from regionik.postures.poses import axis_of
 from regionik.pruning import whole_path
-from regionik.smoothing import smooth_motion
+from regionik.smoothing import smooth_motion as stage
+from regionik.smoothing.smooth_motion import smooth_motion
 from regionik.timing.retime import retime
 from regionik.values import Plan, Report, Violation
 from regionik.verification.verifier import verify
@@ -92,7 +93,7 @@ def test_the_same_bytes_again() -> None:
 def test_what_cannot_be_proven_stays_as_it_was(monkeypatch: pytest.MonkeyPatch) -> None:
     found, _ = both("pillar")
     refusal = Report(False, {}, (Violation("arm", 5, 0, 1.0, "no"),))
-    monkeypatch.setattr(smoothing, "verify", lambda plan: refusal)
+    monkeypatch.setattr(stage, "verify", lambda plan: refusal)
     assert smooth_motion(found, whole_path(found.world)[0]) is found
 
 
@@ -110,7 +111,7 @@ def test_a_state_that_fails_is_held_closer(monkeypatch: pytest.MonkeyPatch) -> N
                 return replace(report, ok=False, violations=(*report.violations, far))
         return report
 
-    monkeypatch.setattr(smoothing, "verify", strict)
+    monkeypatch.setattr(stage, "verify", strict)
     kept = smooth_motion(found, whole_path(found.world)[0])
     assert np.linalg.norm(free.setpoints[20].base[:2] - near[20]) > 0.02
     assert np.linalg.norm(kept.setpoints[20].base[:2] - near[20]) <= 0.02

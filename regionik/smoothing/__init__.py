@@ -1,0 +1,1 @@
+"""The motion with the tool on its path, made smooth and proven anew."""

@@ -1,0 +1,225 @@
+"""Runs of a plan, states with the tool on its path from one lift-off to the next, laid out to be smoothed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from regionik.areas.ground import Geometries
+from regionik.areas.standing import Standing
+from regionik.planners.smoothing.path_smoothing import HalfSpaces, PathProblem, on_path, smooth_states
+from regionik.postures.arm import aim_of, goal_between
+from regionik.postures.arm_guard import guard_of
+from regionik.postures.poses import axis_of
+from regionik.smoothing.state_keeper import StateKeeper
+from regionik.timing.limits import motion_limits
+from regionik.values import Plan
+from regionik.worlds.arms import pivot_index, with_pivot
+from regionik.worlds.arrays import Array, Index
+from regionik.worlds.criteria import with_joint_margin
+from regionik.worlds.scene import World
+from regionik.worlds.speeds import Speeds
+
+STRIDE = 0.025  # of the tool between two states [m]
+LEAST_STRIDE = 1e-3  # along the path, where the tool rests or nearly so [m]
+BASE_SHARE = 0.4  # of the base's way that counts as way along the path, where the tool rests
+SHARP = 0.35  # turn of the tool's path that is a corner [rad]
+MOST_STATES = 1500  # smoothed at once
+JOINT_MARGIN = math.radians(2)  # [rad]
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """States with the tool on its path, from one lift-off to the next, laid out to be smoothed.
+
+    Attributes
+    ----------
+    first, last : int
+        Rows of the plan's motion that the run takes the place of.
+    owner : (n,) array of int
+        Set-point of each state.
+    worked : (n,) array of bool
+        States that are set-points.
+    states : (n, m) array
+        x, y, yaw and joints, before smoothing.
+    areas : (k,) array of geometry
+        Of the arm axis at the set-points.
+    problem : PathProblem
+        With the coordinates held that must be.
+    """
+
+    first: int
+    last: int
+    owner: Index
+    worked: NDArray[np.bool_]
+    states: Array
+    areas: Geometries
+    problem: PathProblem
+
+    def smoothed(self, tube: Array, start: Array) -> Array:
+        """States from a start on smoothed, each within its ``tube`` (n,) of what it was [m] or [rad]."""
+        lower = np.maximum(self.problem.lower, self.states - tube[:, None])
+        upper = np.minimum(self.problem.upper, self.states + tube[:, None])
+        problem = replace(self.problem, lower=lower, upper=upper)
+        return self._within(problem, smooth_states(problem, np.clip(start, lower, upper)))
+
+    def _within(self, problem: PathProblem, states: Array) -> Array:
+        """States whose arm axis stands in its area to rounding, where it was there before."""
+        axis = axis_of(problem.robot, states[:, :3])
+        lines = shapely.shortest_line(self.areas, shapely.points(axis[self.worked]))
+        back = shapely.get_coordinates(lines).reshape(-1, 2, 2)[:, 0] - axis[self.worked]
+        if not back.any():
+            return states
+        moved = states.copy()
+        moved[self.worked, :2] += back
+        held = np.arange(states.shape[1]) < 3
+        lower, upper = (np.where(held, moved, ends) for ends in (problem.lower, problem.upper))
+        return on_path(replace(problem, lower=lower, upper=upper), moved)
+
+
+def runs_of(plan: Plan, standing: Standing, evenly: bool) -> Iterator[Run]:
+    """Runs of a plan; long ones in parts, which begin and end where they did."""
+    layout = _Layout(plan, standing, evenly and not plan.world.robot.drive.rolls)
+    working = plan.motion.kind != "transit"
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], working, [False]])))
+    for first, end in edges.reshape(-1, 2).tolist():
+        yield from layout.parts(first, end - 1)
+
+
+@dataclass(frozen=True, eq=False)
+class _Layout:
+    """Lays out the runs of a plan."""
+
+    plan: Plan
+    standing: Standing
+    evenly: bool
+
+    def parts(self, first: int, last: int) -> Iterator[Run]:
+        count = 1 + (last - first) // MOST_STATES
+        cuts = np.linspace(first, last, count + 1).astype(int).tolist()
+        for a, b in zip(cuts[:-1], cuts[1:], strict=True):
+            yield self._run(a, b)
+
+    def _run(self, first: int, last: int) -> Run:
+        motion, rows = self.plan.motion, slice(first, last + 1)
+        before = np.column_stack(
+            [motion.base[rows, :2], np.unwrap(motion.base[rows, 2]), motion.joints[rows]]
+        )
+        owner, worked = motion.setpoint[rows], motion.kind[rows] == "setpoint"
+        places = self._places(first, last)
+        at, states = places, before
+        if self.evenly:
+            at, owner, worked = self._even(owner, places)
+            unique = np.append(np.diff(places) > 0, True)
+            states = np.stack([np.interp(at, places[unique], column) for column in before[unique].T], axis=1)
+            states[0], states[-1] = before[0], before[-1]
+        held = first > 0, last < len(motion) - 1
+        areas = np.array([self.plan.areas[i].pruned for i in owner[worked]])
+        problem = self._problem(states, owner, worked, at, held)
+        return Run(first, last, owner, worked, states, areas, problem)
+
+    def _places(self, first: int, last: int) -> Array:
+        """Places of old states along the path: the set-point, and the share of the way to the next."""
+        task, motion = self.plan.world.task, self.plan.motion
+        places = motion.setpoint[first : last + 1].astype(float)
+        tools = self._tools[first : last + 1]
+        for k in np.flatnonzero(motion.kind[first : last + 1] == "step").tolist():
+            i = int(places[k])
+            way = task[i + 1].position - task[i].position
+            share = (tools[k] - task[i].position) @ way / max(float(way @ way), 1e-12)
+            places[k] = i + min(max(float(share), 0.0), 1.0)
+        kept: Array = np.maximum.accumulate(places)
+        return kept
+
+    def _even(self, owner: Index, places: Array) -> tuple[Array, Index, NDArray[np.bool_]]:
+        """Evenly laid out places, each with its set-point and whether it is one."""
+        task = self.plan.world.task
+        at = [places[0]]
+        for i in range(int(owner[0]), math.ceil(places[-1])):
+            count = max(1, math.ceil(math.dist(task[i].position, task[i + 1].position) / STRIDE))
+            at += [p for p in (i + np.arange(1, count + 1) / count) if places[0] < p < places[-1]]
+        if places[-1] > places[0]:
+            at.append(places[-1])
+        rows = np.array(at)
+        return rows, np.floor(rows).astype(np.int64), rows == np.floor(rows)
+
+    def _problem(
+        self, states: Array, owner: Index, worked: NDArray[np.bool_], at: Array, held: tuple[bool, bool]
+    ) -> PathProblem:
+        world = self.plan.world
+        task, ends = world.task, len(world.task) - 1
+        aims = [
+            aim_of(goal_between(task[i], task[min(i + 1, ends)], float(p) - i))
+            for i, p in zip(np.floor(at).astype(int).tolist(), at, strict=True)
+        ]
+        position = np.array([aim.position for aim in aims])
+        lower, upper = self._limits(states, held)
+        return PathProblem(
+            world.robot,
+            self._parameter(position, states),
+            _corners(position),
+            position,
+            np.array([aim.kind for aim in aims]),
+            np.array([aim.turn for aim in aims]),
+            np.array([aim.cone for aim in aims]),
+            _scale(world),
+            lower,
+            upper,
+            self._keeper(owner, worked),
+        )
+
+    def _parameter(self, position: Array, states: Array) -> Array:
+        tool = np.linalg.norm(np.diff(position, axis=0), axis=1)
+        base = BASE_SHARE * np.linalg.norm(np.diff(states[:, :2], axis=0), axis=1)
+        way = tool if self.evenly else np.maximum(tool, base)
+        return np.concatenate([[0.0], np.cumsum(np.maximum(way, LEAST_STRIDE))])
+
+    def _limits(self, states: Array, held: tuple[bool, bool]) -> tuple[Array, Array]:
+        """Bounds of all coordinates: limits with a margin where there is room, and what is held."""
+        world = self.plan.world
+        chain = with_joint_margin(world.robot, world.rules.criteria).chain
+        lower, upper = np.full(states.shape, -np.inf), np.full(states.shape, np.inf)
+        spare = np.minimum(JOINT_MARGIN, 0.1 * (chain.upper - chain.lower))
+        lower[:, 3:] = np.minimum(chain.lower + spare, states[:, 3:])
+        upper[:, 3:] = np.maximum(chain.upper - spare, states[:, 3:])
+        fixed = np.zeros(states.shape, dtype=bool)
+        fixed[:, :3] = world.robot.drive.rolls
+        fixed[:, 2] |= world.rules.heading == "fixed"
+        if world.rules.heading == "face_target" and with_pivot(chain) is chain:
+            fixed[:, 3 + pivot_index(chain)] = True
+        fixed[0], fixed[-1] = fixed[0] | held[0], fixed[-1] | held[1]
+        return np.where(fixed, states, lower), np.where(fixed, states, upper)
+
+    def _keeper(self, owner: Index, worked: NDArray[np.bool_]) -> Callable[[Array], HalfSpaces]:
+        world, areas = self.plan.world, self.plan.areas
+        floor = shapely.union_all(self.standing.pieces.polygon)
+        within = np.array([areas[i].pruned if at else floor for i, at in zip(owner, worked, strict=True)])
+        keeper = StateKeeper(world.robot, guard_of(world), within)
+        return keeper.half_spaces
+
+    @cached_property
+    def _tools(self) -> Array:
+        return self.plan.tools()
+
+
+def _corners(position: Array) -> NDArray[np.bool_]:
+    """States in which a path (n, 3) turns sharply."""
+    way = np.diff(position, axis=0)
+    length = np.linalg.norm(way, axis=1)
+    unit = way / np.maximum(length, 1e-12)[:, None]
+    cosine = np.einsum("ni,ni->n", unit[:-1], unit[1:])
+    turned = (cosine < math.cos(SHARP)) & (length[:-1] > 1e-9) & (length[1:] > 1e-9)
+    return np.concatenate([[False], turned, [False]])
+
+
+def _scale(world: World) -> Array:
+    """Weight of each coordinate: the inverse of its limit of acceleration."""
+    limits = motion_limits(world.robot, world.speeds or Speeds())
+    base = limits.speeds.base_acceleration
+    return 1 / np.concatenate([[base, base, limits.speeds.turn_acceleration], limits.joint_acceleration])

@@ -1,0 +1,154 @@
+"""The motion with the tool on its path, made smooth: base and arm of a whole run optimised together.
+
+What the search found is a way round things, not a way to drive: it goes to the nearest place again and
+again. Here each run is laid out evenly along the tool's path and smoothed by `path_smoothing`, and the plan
+is proven anew. Where a check fails, the states near it are held closer to what was proven before; a run that
+cannot be proven stays as it was.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+import shapely
+
+from regionik.areas.standing import Standing
+from regionik.planners.geometry.angles import wrap
+from regionik.postures.poses import axis_of
+from regionik.smoothing.runs import Run, runs_of
+from regionik.values import Configuration, Motion, Plan, Report
+from regionik.verification.verifier import verify
+from regionik.worlds.arrays import Array
+from regionik.worlds.scene import World
+
+SHORTEST_RUN = 3  # states
+OUTSIDE = 1e-9  # of its area, by rounding [m]
+TRIES = 6  # of proving a smoothed plan
+BESIDE = 6  # states on either side of one that fails which are held closer
+CLOSER = 0.5  # by this factor
+
+
+def smooth_motion(plan: Plan, standing: Standing) -> Plan:
+    """Return a plan with smoother motion while the tool is on its path, proven like the one it came from.
+
+    Parameters
+    ----------
+    plan : Plan
+        Verified, not timed.
+    standing : Standing
+        Where the base may stand.
+
+    Returns
+    -------
+    Plan
+        The plan itself where nothing could be made smoother.
+    """
+    for evenly in (True, False):  # where states laid out evenly fail, those that were found may do
+        runs = [run for run in runs_of(plan, standing, evenly) if len(run.states) >= SHORTEST_RUN]
+        plan, complete = _proven(plan, runs)
+        if complete:
+            break
+    return plan
+
+
+def _proven(plan: Plan, runs: list[Run]) -> tuple[Plan, bool]:
+    """The plan with those runs smoothed that can be proven so, and whether all of them were."""
+    tubes = [np.full(len(run.states), np.inf) for run in runs]
+    smoothed = [run.smoothed(tube, run.states) for run, tube in zip(runs, tubes, strict=True)]
+    failed = dict[int, list[int]]()
+    for _ in range(TRIES):
+        found, failed = _checked(plan, runs, smoothed)
+        if found is not None:
+            return found, True
+        for k, rows in failed.items():
+            tubes[k] = _held_closer(runs[k], smoothed[k], tubes[k], rows)
+            smoothed[k] = runs[k].smoothed(tubes[k], smoothed[k])
+    kept = [k for k in range(len(runs)) if k not in failed]
+    found, _ = _checked(plan, [runs[k] for k in kept], [smoothed[k] for k in kept])
+    return found or plan, False
+
+
+def _checked(plan: Plan, runs: list[Run], smoothed: list[Array]) -> tuple[Plan | None, dict[int, list[int]]]:
+    """The plan with smoothed runs, if it holds, and the states of each run where it does not."""
+    found = _rebuilt(plan, runs, smoothed)
+    report, failed = verify(found), dict[int, list[int]]()
+    for k, row in _failures(found, report, runs, smoothed):
+        failed.setdefault(k, []).append(row)
+    if failed or not report.ok:
+        return None, failed
+    return replace(found, stats={**found.stats, "margins": report.margins}), failed
+
+
+def _rebuilt(plan: Plan, runs: list[Run], smoothed: list[Array]) -> Plan:
+    """The plan with the states of runs in the place of its own."""
+    old, done, parts = plan.motion, 0, list[Motion]()
+    setpoints = list(plan.setpoints)
+    for run, states in zip(runs, smoothed, strict=True):
+        parts.append(_cut(old, done, run.first))
+        parts.append(_columns(run, states))
+        done = run.last + 1
+        for k in np.flatnonzero(run.worked).tolist():
+            setpoints[run.owner[k]] = _moved_to(plan.world, int(run.owner[k]), setpoints, states[k])
+    parts.append(_cut(old, done, len(old)))
+    columns = ("base", "joints", "kind", "setpoint", "time")
+    motion = Motion(*(np.concatenate([getattr(part, key) for part in parts]) for key in columns))
+    stats = {key: value for key, value in plan.stats.items() if key != "margins"}
+    stats["states"], stats["base_travel"] = len(motion), plan.world.robot.drive.travel(motion.base)
+    stats["largest_error"] = float(max(found.error for found in setpoints))
+    return replace(plan, motion=motion, setpoints=tuple(setpoints), stats=stats)
+
+
+def _moved_to(world: World, i: int, setpoints: list[Configuration], state: Array) -> Configuration:
+    base, joints = _wrapped(state[None])[0], state[3:]
+    error = math.dist(world.robot.tool(base, joints)[:3, 3], world.task[i].position)
+    return replace(setpoints[i], base=base, joints=joints, error=error)
+
+
+def _cut(motion: Motion, a: int, b: int) -> Motion:
+    rows = slice(a, b)
+    return Motion(
+        motion.base[rows], motion.joints[rows], motion.kind[rows], motion.setpoint[rows], motion.time[rows]
+    )
+
+
+def _columns(run: Run, states: Array) -> Motion:
+    kind = np.where(run.worked, "setpoint", "step")
+    return Motion(_wrapped(states), states[:, 3:], kind, run.owner, np.full(len(states), np.nan))
+
+
+def _wrapped(states: Array) -> Array:
+    base = states[:, :3].copy()
+    base[:, 2] = [wrap(yaw) for yaw in base[:, 2].tolist()]
+    return base
+
+
+def _failures(
+    found: Plan, report: Report, runs: list[Run], smoothed: list[Array]
+) -> Iterator[tuple[int, int]]:
+    """Runs and states in them that a report is about, or that stand outside their area."""
+    shift, starts = 0, list[int]()
+    for run, states in zip(runs, smoothed, strict=True):
+        starts.append(run.first + shift)
+        shift += len(states) - (run.last + 1 - run.first)
+    for violation in report.violations:
+        for k, (start, states) in enumerate(zip(starts, smoothed, strict=True)):
+            if violation.state is not None and start - 1 <= violation.state <= start + len(states):
+                yield k, min(max(violation.state - start, 0), len(states) - 1)
+    for k, (run, states) in enumerate(zip(runs, smoothed, strict=True)):
+        worked = np.flatnonzero(run.worked)
+        axis = shapely.points(axis_of(found.world.robot, states[worked, :3]))
+        moved = (states[worked] != run.states[worked]).any(axis=1)
+        yield from ((k, int(row)) for row in worked[moved & (shapely.distance(run.areas, axis) > OUTSIDE)])
+
+
+def _held_closer(run: Run, smoothed: Array, tube: Array, rows: list[int]) -> Array:
+    """The tube narrower about states that failed."""
+    changed = np.abs(smoothed - run.states).max(axis=1)
+    narrow = tube.copy()
+    for row in rows:
+        beside = slice(max(0, row - BESIDE), row + BESIDE + 1)
+        narrow[beside] = np.minimum(narrow[beside], CLOSER * changed[beside])
+    return narrow

@@ -1,0 +1,105 @@
+"""Areas and clearances as half-spaces about given states, for programs that are linear in each round."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import shapely
+
+from regionik.areas.ground import Geometries
+from regionik.planners.collision.proximity import Touch, nearest, state_clear
+from regionik.planners.smoothing.path_smoothing import HalfSpaces
+from regionik.postures.arm_guard import Guard
+from regionik.postures.poses import axis_of
+from regionik.worlds.arrays import Array
+from regionik.worlds.robot import Robot
+
+AREA_MARGIN, ARM_MARGIN = 0.03, 0.01  # kept where there is room [m]
+AREA_COST, ARM_COST = 1.0, 0.02  # of what is missing; where an arm is too near the proof will say [1/m]
+NEAR = 0.05  # distance from which a link's clearance is looked after [m]
+RECOVERY = 0.01  # by which a state outside is asked to come back in a round [m]
+
+
+@dataclass(frozen=True, eq=False)
+class StateKeeper:
+    """Keeps the arm axis in its areas and the links clear."""
+
+    robot: Robot
+    guard: Guard
+    within: Geometries
+
+    def half_spaces(self, states: Array) -> HalfSpaces:
+        """Half-spaces about given states, see `path_smoothing`."""
+        parts = [self._inside(states)] if not self.robot.drive.rolls else []
+        parts += self._clear(states) if self.guard.on else []
+        if not parts:
+            return HalfSpaces(np.empty(0, np.int64), np.empty((0, states.shape[1])), np.empty(0), np.empty(0))
+        columns = ((one.state, one.normal, one.least, one.cost) for one in parts)
+        return HalfSpaces(*(np.concatenate(column) for column in zip(*columns, strict=True)))
+
+    def _inside(self, states: Array) -> HalfSpaces:
+        """The arm axis stays on its side of the nearest edge of its area."""
+        axis = axis_of(self.robot, states[:, :3])
+        points = shapely.points(axis)
+        lines = shapely.shortest_line(self._edges, points)
+        away = axis - shapely.get_coordinates(lines).reshape(-1, 2, 2)[:, 0]
+        depth = np.linalg.norm(away, axis=1)
+        sign = np.where(shapely.covers(self.within, points), 1.0, -1.0)
+        unit = away * (sign / np.maximum(depth, 1e-12))[:, None]
+        normal = np.zeros(states.shape)
+        normal[:, :2] = unit
+        normal[:, 2] = unit[:, 1] * (axis - states[:, :2])[:, 0] - unit[:, 0] * (axis - states[:, :2])[:, 1]
+        least = _least(sign * depth, AREA_MARGIN)
+        return HalfSpaces(np.arange(len(states)), normal, least, np.full(len(states), AREA_COST))
+
+    def _clear(self, states: Array) -> list[HalfSpaces]:
+        """Links that are near to something come no nearer than they may."""
+        bodies, contact = self.guard.bodies, self.guard.contact
+        rows = []
+        for k, state in enumerate(states):
+            base, joints = state[:3].copy(), state[3:].copy()
+            if state_clear(bodies, base, joints, NEAR, contact):
+                continue
+            touch = nearest(bodies, base, joints, contact=contact, within=NEAR)
+            if touch.kind != "none":
+                room = np.array([self.guard.room(touch)])
+                normal = self._approach(touch, base, joints)[None]
+                least = _least(room, ARM_MARGIN)
+                rows.append(HalfSpaces(np.array([k]), normal, least, np.array([ARM_COST])))
+        return rows
+
+    def _approach(self, touch: Touch, base: Array, joints: Array) -> Array:
+        """How the distance of a touch changes with each coordinate, (m,)."""
+        apart = touch.on_solid - touch.on_other
+        unit = apart / max(float(np.linalg.norm(apart)), 1e-12) * (1.0 if touch.distance >= 0 else -1.0)
+        frames, solids = self.robot.frames(base, joints), self.robot.all_solids
+        moved = self._moved(frames, base, solids[touch.solid].link, touch.on_solid)
+        if touch.kind == "self":
+            moved = moved - self._moved(frames, base, solids[touch.other].link, touch.on_other)
+        if touch.kind == "base":
+            moved = moved - self._moved(frames, base, -1, touch.on_other)
+        rate: Array = unit @ moved
+        return rate
+
+    def _moved(self, frames: Array, base: Array, link: int, point: Array) -> Array:
+        """Velocity of a point of a link for each coordinate's unit speed, (3, m)."""
+        J = np.zeros((3, 3 + self.robot.chain.dof))
+        J[0, 0] = J[1, 1] = 1.0
+        J[:2, 2] = base[1] - point[1], point[0] - base[0]
+        for k, joint in enumerate(self.robot.chain.joints[: link + 1]):
+            axis = frames[k, :3, :3] @ joint.axis
+            revolute = joint.kind == "revolute"
+            J[:, 3 + k] = np.cross(axis, point - frames[k, :3, 3]) if revolute else axis
+        return J
+
+    @cached_property
+    def _edges(self) -> Geometries:
+        edges: Geometries = shapely.boundary(self.within)
+        return edges
+
+
+def _least(room: Array, margin: float) -> Array:
+    """Least change of a distance: it may shrink to the margin, and grows a little where it is negative."""
+    return np.where(room < 0, np.minimum(-room, RECOVERY), np.minimum(margin - room, 0.0))
