@@ -101,7 +101,7 @@ def test_reach_of_other_arms_is_asked_for(first: Joint) -> None:
         area = admissible_area(world, tool)
         assert area.outer.distance(shapely.Point(axis_of(robot, np.array([0.0, 0.0, yaw])))) < 1e-6
         answer = reach(world, tool[None])
-        assert answer.verdict[0] == ("reachable" if area.inner.area > 0 else "undecided")
+        assert answer.verdict[0] in (["reachable"] if area.inner.area > 0 else ["reachable", "undecided"])
 
 
 def test_lifts_alone_are_refused() -> None:

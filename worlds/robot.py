@@ -370,8 +370,10 @@ def with_tool(robot: Robot, tool: Tool) -> Robot:
     --------
     >>> from regionik.worlds.bundled import robot_named
     >>> pen = Tool(planar_pose(0.0, 0.0, 0.0, 0.1))
-    >>> with_tool(robot_named("youbot"), pen).chain.forward(np.zeros(5))[2, 3].round(3)
-    0.724
+    >>> one = robot_named("youbot")
+    >>> bare, tipped = (robot.chain.forward(np.zeros(5))[2, 3] for robot in (one, with_tool(one, pen)))
+    >>> round(float(bare - tipped), 6)  # it points down
+    0.1
     """
     last, T = robot.chain.dof - 1, robot.chain.T_last_tool
     mounted = tuple(solid.moved(last, T) for solid in tool.solids)

@@ -84,8 +84,8 @@ def self_collision_pairs(robot: Robot) -> tuple[tuple[int, int], ...]:
     """Return the pairs of solids that must keep apart.
 
     Left out are solids of one link, and of links that one joint connects; of the base, with what is fixed to
-    it, and the first link; pairs that touch in every one of `POSTURES` postures within the limits; and those
-    that ``robot.unchecked`` names.
+    it, and the first link that carries any; pairs that touch in every one of `POSTURES` postures within the
+    limits; and those that ``robot.unchecked`` names.
 
     Parameters
     ----------
@@ -99,6 +99,7 @@ def self_collision_pairs(robot: Robot) -> tuple[tuple[int, int], ...]:
     solids, body = robot.all_solids, base_body(robot)
     frames = solid_frames(robot, seeded_postures(robot.chain, POSTURES))
     order = [solid.link for solid in solids]
+    first = min((link for link in order if link > BASE), default=BASE)  # it stands on the base
     bodies = [ConvexBody(solid.corners, solid.radius) for solid in solids]
     poses = [frames[:, solid.link] for solid in solids]
     allowed = {frozenset(names) for names in robot.unchecked}
@@ -106,9 +107,7 @@ def self_collision_pairs(robot: Robot) -> tuple[tuple[int, int], ...]:
     if body is not None:
         block, still = _block(body), frames[:, BASE]
         far = (
-            k
-            for k in range(len(solids))
-            if order[k] - BASE > 1 and {body.name, solids[k].name} not in allowed
+            k for k in range(len(solids)) if order[k] > first and {body.name, solids[k].name} not in allowed
         )
         pairs += [(BODY, k) for k in far if separated(block, still, bodies[k], poses[k]).any()]
     for i, k in combinations(range(len(solids)), 2):

@@ -172,8 +172,11 @@ class Machine:
         ]
         if self.body() is not None:
             spared = {name for pair in self.facts.unchecked if _names_base(pair) for name in pair}
+            first = min((link for link in rank if link >= 0), default=-1)
             pairs += [
-                (-1, k) for k in range(len(self.parts)) if rank[k] > 0 and self.parts[k].solid not in spared
+                (-1, k)
+                for k in range(len(self.parts))
+                if rank[k] > first and self.parts[k].solid not in spared
             ]
         names = {pair: frozenset((self._solid(pair[0]), self._solid(pair[1]))) for pair in pairs}
         met = [self._touching(pairs, joints) for joints in self._postures()]
