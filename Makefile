@@ -34,7 +34,7 @@ demo: .venv/installed
 	$(BIN)/regionik verify plan.json
 	@echo "Look at it: file://$(CURDIR)/l_shape.html"
 
-PYTEST := $(BIN)/python -m pytest -q -n 2 --dist loadfile --hypothesis-seed=0
+PYTEST := $(BIN)/python -m pytest -q -n 2 --dist loadfile --no-loadscope-reorder --hypothesis-seed=0
 
 test: .venv/installed-test,compare,distributed,geotiff,second
 	$(PYTEST) -m "not slow"

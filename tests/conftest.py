@@ -1,9 +1,23 @@
 """Profiles of hypothesis: three in ten of the examples, or with ``--hypothesis-profile=long`` all of them.
 
-No law holds only on a fast machine: neither sets deadlines.
+No law holds only on a fast machine: neither sets deadlines. The longest files come first, so that two workers
+end together.
 """
 
+from pathlib import Path
+
+import pytest
 from hypothesis import settings
+
+LONGEST = (
+    "opinion doctests touching stops cli rivals posture motion bulk footprint retime wheels arms criteria"
+)
+_FIRST = {f"test_{name}": k for k, name in enumerate(LONGEST.split())}
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    items.sort(key=lambda item: _FIRST.get(Path(item.path).stem, len(_FIRST)))
+
 
 settings.register_profile("quick", deadline=None, max_examples=30)
 settings.register_profile("long", deadline=None, max_examples=100)
