@@ -10,7 +10,7 @@ import pytest
 from hypothesis import settings
 
 LONGEST = (
-    "opinion doctests touching stops cli rivals posture motion bulk footprint retime wheels arms criteria"
+    "opinion doctests proximity stops cli rivals clear_posture motion bulk footprint retime wheels arms criteria"
 )
 _FIRST = {f"test_{name}": k for k, name in enumerate(LONGEST.split())}
 
