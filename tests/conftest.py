@@ -9,9 +9,8 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
-LONGEST = (
-    "opinion doctests proximity stops cli rivals clear_posture motion bulk footprint retime wheels arms criteria"
-)
+LONGEST = """opinion doctests proximity stops cli rivals clear_posture motion bulk footprint retime wheels
+    arms criteria"""
 _FIRST = {f"test_{name}": k for k, name in enumerate(LONGEST.split())}
 
 
