@@ -26,7 +26,7 @@ from regionik.planners.solvers.subproblems import (
     angles_onto_plane,
     nearest_points,
     position_angles,
-    rotated,
+    rotated_about,
     row_dot,
 )
 from regionik.worlds.arrays import Array
@@ -190,11 +190,11 @@ def _lines(chain: Chain, tools: Array, swept: int | None, values: Array) -> _Lin
     axis, point = axes[:, swept, None], points[:, swept, None]
     turn = values[:, None]
     after = slice(swept + 1, None)
-    axes[:, after] = rotated(axis, turn, axes[:, after])
-    points[:, after] = point + rotated(axis, turn, points[:, after] - point)
+    axes[:, after] = rotated_about(axis, turn, axes[:, after])
+    points[:, after] = point + rotated_about(axis, turn, points[:, after] - point)
     T = np.repeat(np.eye(4)[None], len(tools), axis=0)
-    T[:, :3, :3] = rotated(axis, turn, np.eye(3)).transpose(0, 2, 1)
-    T[:, :3, 3] = (point - rotated(axis, turn, point))[:, 0]
+    T[:, :3, :3] = rotated_about(axis, turn, np.eye(3)).transpose(0, 2, 1)
+    T[:, :3, 3] = (point - rotated_about(axis, turn, point))[:, 0]
     left = np.delete(np.arange(chain.dof), swept)
     return _Lines(axes[:, left], points[:, left], tools @ np.linalg.inv(T @ T_zero))
 
@@ -233,7 +233,7 @@ def _meeting(lines: _Lines) -> tuple[Array, Which]:
     fifth = angles_onto_plane(h[:, 3], h[:, 4], h[:, 5], row_dot(h[:, 3], _times(M, h[:, 5])))
     found = []
     for x5 in fifth:
-        x4 = angle_to(h[:, 3], rotated(h[:, 4], x5, h[:, 5]), _times(M, h[:, 5]))
+        x4 = angle_to(h[:, 3], rotated_about(h[:, 4], x5, h[:, 5]), _times(M, h[:, 5]))
         x6 = _last_turn(h[:, 5], _back(h[:, 4], x5, _back(h[:, 3], x4, M)))
         found.append(np.column_stack([first, x4, x5, x6]))
     return np.concatenate(found), np.tile(which, 2)
@@ -249,14 +249,14 @@ def _parallel(lines: _Lines) -> tuple[Array, Which]:
     for x1 in angles_onto_plane(same, -h[:, 0], p, row_dot(same, center - o[:, 0])):
         M = _back(h[:, 0], x1, R)
         for x5 in angles_onto_plane(same, h[:, 4], h[:, 5], row_dot(same, _times(M, h[:, 5]))):
-            bent = rotated(h[:, 4], -x5, same)
+            bent = rotated_about(h[:, 4], -x5, same)
             x6 = angle_to(h[:, 5], _times(M.transpose(0, 2, 1), same), bent)
             across = np.cross(same, h[:, 4])
             # R2 R3 R4 takes what stands across them, seen through joints 5 and 6, to where M takes it.
-            seen = rotated(h[:, 5], -x6, rotated(h[:, 4], -x5, across))
+            seen = rotated_about(h[:, 5], -x6, rotated_about(h[:, 4], -x5, across))
             total = angle_to(same, across, _times(M, seen))
-            wrist = rotated(same, total, center - o[:, 3])
-            g = rotated(-h[:, 0], x1, p) + o[:, 0] - o[:, 1] - wrist
+            wrist = rotated_about(same, total, center - o[:, 3])
+            g = rotated_about(-h[:, 0], x1, p) + o[:, 0] - o[:, 1] - wrist
             for row in _two_links(same, o[:, 2] - o[:, 1], o[:, 3] - o[:, 2], g):
                 found.append(np.column_stack([x1, row[0], row[1], total - row[0] - row[1], x5, x6]))
                 owner.append(np.arange(len(p)))
@@ -268,7 +268,7 @@ def _two_links(axis: Array, b: Array, d: Array, g: Array) -> list[tuple[Array, A
     b, d, g = (one - row_dot(axis, one)[:, None] * axis for one in (b, d, g))
     pairs = []
     for x in angles_onto_plane(b, axis, d, 0.5 * (row_dot(g, g) - row_dot(b, b) - row_dot(d, d))):
-        pairs.append((angle_to(axis, b + rotated(axis, x, d), g), x))
+        pairs.append((angle_to(axis, b + rotated_about(axis, x, d), g), x))
     return pairs
 
 
@@ -279,7 +279,7 @@ def _times(M: Array, vector: Array) -> Array:
 
 def _back(axis: Array, angle: Array, M: Array) -> Array:
     """M with a turn about an axis taken off its left."""
-    found: Array = rotated(axis[:, None], -angle[:, None], M.transpose(0, 2, 1)).transpose(0, 2, 1)
+    found: Array = rotated_about(axis[:, None], -angle[:, None], M.transpose(0, 2, 1)).transpose(0, 2, 1)
     return found
 
 

@@ -22,7 +22,7 @@ def row_dot(a: Array, b: Array) -> Array:
     return found
 
 
-def rotated(axis: Array, angle: Array, vector: Array) -> Array:
+def rotated_about(axis: Array, angle: Array, vector: Array) -> Array:
     """Vectors (..., 3) turned about unit axes: Rodrigues' formula."""
     c, s = np.cos(angle)[..., None], np.sin(angle)[..., None]
     along = row_dot(axis, vector)[..., None] * axis
@@ -100,7 +100,7 @@ def position_angles(axes: Array, points: Array, end: Array, goal: Array) -> tupl
     row, which = np.nonzero(np.isfinite(third))
     x3 = third[row, which]
     h1, h2, h3, a, b, d, p, s, far = (one[which] for one in (h1, h2, h3, a, b, d, p, s, far))
-    v = b + rotated(h3, x3, d)
+    v = b + rotated_about(h3, x3, d)
     # w is R2 v but for its part along h2; across and ahead are its parts along the common normal and h1.
     across = row_dot(p, p) - row_dot(a, a) - row_dot(v, v)
     ahead = row_dot(h1, p) - row_dot(h1, h2) * row_dot(h2, v)
@@ -120,7 +120,7 @@ def position_angles(axes: Array, points: Array, end: Array, goal: Array) -> tupl
         y = np.where(meets, sign * root, by_side)
         w = x[:, None] * lead + y[:, None] * side
         x2 = angle_to(h2, v, w)
-        x1 = angle_to(h1, a + rotated(h2, x2, v), p)
+        x1 = angle_to(h1, a + rotated_about(h2, x2, v), p)
         own = np.isfinite(x2) & np.isfinite(x1) & ((sign > 0) | meets | parallel)
         found.append(np.column_stack([x1, x2, x3])[own])
         owner.append(which[own])

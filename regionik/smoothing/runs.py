@@ -35,7 +35,7 @@ JOINT_MARGIN = math.radians(2)  # [rad]
 
 
 @dataclass(frozen=True, eq=False)
-class Run:
+class PathRun:
     """States with the tool on its path, from one lift-off to the next, laid out to be smoothed.
 
     Attributes
@@ -83,7 +83,7 @@ class Run:
         return on_path(replace(problem, lower=lower, upper=upper), moved)
 
 
-def runs_of(plan: Plan, standing: Standing, evenly: bool) -> Iterator[Run]:
+def runs_of(plan: Plan, standing: Standing, evenly: bool) -> Iterator[PathRun]:
     """Runs of a plan; long ones in parts, which begin and end where they did."""
     layout = _Layout(plan, standing, evenly and not plan.world.robot.drive.rolls)
     working = plan.motion.kind != "transit"
@@ -100,13 +100,13 @@ class _Layout:
     standing: Standing
     evenly: bool
 
-    def parts(self, first: int, last: int) -> Iterator[Run]:
+    def parts(self, first: int, last: int) -> Iterator[PathRun]:
         count = 1 + (last - first) // MOST_STATES
         cuts = np.linspace(first, last, count + 1).astype(int).tolist()
         for a, b in zip(cuts[:-1], cuts[1:], strict=True):
             yield self._run(a, b)
 
-    def _run(self, first: int, last: int) -> Run:
+    def _run(self, first: int, last: int) -> PathRun:
         motion, rows = self.plan.motion, slice(first, last + 1)
         before = np.column_stack(
             [motion.base[rows, :2], np.unwrap(motion.base[rows, 2]), motion.joints[rows]]
@@ -122,7 +122,7 @@ class _Layout:
         held = first > 0, last < len(motion) - 1
         areas = np.array([self.plan.areas[i].pruned for i in owner[worked]])
         problem = self._problem(states, owner, worked, at, held)
-        return Run(first, last, owner, worked, states, areas, problem)
+        return PathRun(first, last, owner, worked, states, areas, problem)
 
     def _places(self, first: int, last: int) -> Array:
         """Places of old states along the path: the set-point, and the share of the way to the next."""

@@ -18,7 +18,7 @@ import shapely
 from regionik.areas.standing import Standing
 from regionik.planners.geometry.angles import wrap
 from regionik.postures.poses import axis_of
-from regionik.smoothing.runs import Run, runs_of
+from regionik.smoothing.runs import PathRun, runs_of
 from regionik.values import Configuration, Motion, Plan, Report
 from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array
@@ -29,6 +29,8 @@ OUTSIDE = 1e-9  # of its area, by rounding [m]
 TRIES = 6  # of proving a smoothed plan
 BESIDE = 6  # states on either side of one that fails which are held closer
 CLOSER = 0.5  # by this factor
+
+Failed = dict[int, list[int]]  # states that failed, by run
 
 
 def smooth_motion(plan: Plan, standing: Standing) -> Plan:
@@ -54,11 +56,11 @@ def smooth_motion(plan: Plan, standing: Standing) -> Plan:
     return plan
 
 
-def _proven(plan: Plan, runs: list[Run]) -> tuple[Plan, bool]:
+def _proven(plan: Plan, runs: list[PathRun]) -> tuple[Plan, bool]:
     """The plan with those runs smoothed that can be proven so, and whether all of them were."""
     tubes = [np.full(len(run.states), np.inf) for run in runs]
     smoothed = [run.smoothed(tube, run.states) for run, tube in zip(runs, tubes, strict=True)]
-    failed = dict[int, list[int]]()
+    failed = Failed()
     for _ in range(TRIES):
         found, failed = _checked(plan, runs, smoothed)
         if found is not None:
@@ -71,10 +73,10 @@ def _proven(plan: Plan, runs: list[Run]) -> tuple[Plan, bool]:
     return found or plan, False
 
 
-def _checked(plan: Plan, runs: list[Run], smoothed: list[Array]) -> tuple[Plan | None, dict[int, list[int]]]:
+def _checked(plan: Plan, runs: list[PathRun], smoothed: list[Array]) -> tuple[Plan | None, Failed]:
     """The plan with smoothed runs, if it holds, and the states of each run where it does not."""
     found = _rebuilt(plan, runs, smoothed)
-    report, failed = verify(found), dict[int, list[int]]()
+    report, failed = verify(found), Failed()
     for k, row in _failures(found, report, runs, smoothed):
         failed.setdefault(k, []).append(row)
     if failed or not report.ok:
@@ -82,7 +84,7 @@ def _checked(plan: Plan, runs: list[Run], smoothed: list[Array]) -> tuple[Plan |
     return replace(found, stats={**found.stats, "margins": report.margins}), failed
 
 
-def _rebuilt(plan: Plan, runs: list[Run], smoothed: list[Array]) -> Plan:
+def _rebuilt(plan: Plan, runs: list[PathRun], smoothed: list[Array]) -> Plan:
     """The plan with the states of runs in the place of its own."""
     old, done, parts = plan.motion, 0, list[Motion]()
     setpoints = list(plan.setpoints)
@@ -114,7 +116,7 @@ def _cut(motion: Motion, a: int, b: int) -> Motion:
     )
 
 
-def _columns(run: Run, states: Array) -> Motion:
+def _columns(run: PathRun, states: Array) -> Motion:
     kind = np.where(run.worked, "setpoint", "step")
     return Motion(_wrapped(states), states[:, 3:], kind, run.owner, np.full(len(states), np.nan))
 
@@ -126,7 +128,7 @@ def _wrapped(states: Array) -> Array:
 
 
 def _failures(
-    found: Plan, report: Report, runs: list[Run], smoothed: list[Array]
+    found: Plan, report: Report, runs: list[PathRun], smoothed: list[Array]
 ) -> Iterator[tuple[int, int]]:
     """Runs and states in them that a report is about, or that stand outside their area."""
     shift, starts = 0, list[int]()
@@ -144,7 +146,7 @@ def _failures(
         yield from ((k, int(row)) for row in worked[moved & (shapely.distance(run.areas, axis) > OUTSIDE)])
 
 
-def _held_closer(run: Run, smoothed: Array, tube: Array, rows: list[int]) -> Array:
+def _held_closer(run: PathRun, smoothed: Array, tube: Array, rows: list[int]) -> Array:
     """The tube narrower about states that failed."""
     changed = np.abs(smoothed - run.states).max(axis=1)
     narrow = tube.copy()

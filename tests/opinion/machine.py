@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from itertools import combinations
@@ -17,7 +18,7 @@ from tests.opinion.things import Shape, distance_of, hull_shape, placed
 Array = NDArray[np.float64]
 PARTS = (" start", " end", " side")  # of a capsule, which URDF has no word for
 VIRTUAL = ("base_x", "base_y", "base_yaw")
-POSTURES = 64
+POSTURES, NEARLY_ALWAYS = 64, 0.95
 GRAVITY = 9.80665  # [m/s2]
 UNLIMITED = 1e6  # stands for no limit in the URDF
 
@@ -161,7 +162,8 @@ class Machine:
         """Pairs of parts that must keep apart, -1 for the base's body.
 
         Not those of one link nor of links that one joint connects, not those that the robot's maker excuses,
-        not those that touch however the arm is held.
+        not those that touch however the arm is held, or nearly so: which of these a seeded sample finds apart
+        is chance.
         """
         rank = [part.link for part in self.parts]
         pairs = [
@@ -179,9 +181,12 @@ class Machine:
                 if rank[k] > first and self.parts[k].solid not in spared
             ]
         names = {pair: frozenset((self._solid(pair[0]), self._solid(pair[1]))) for pair in pairs}
-        met = [self._touching(pairs, joints) for joints in self._postures()]
-        always = frozenset.intersection(*(frozenset(names[pair] for pair in one) for one in met))
-        return [pair for pair in pairs if names[pair] not in always]
+        met = Counter(
+            name
+            for joints in self._postures()
+            for name in {names[pair] for pair in self._touching(pairs, joints)}
+        )
+        return [pair for pair in pairs if met[names[pair]] < NEARLY_ALWAYS * POSTURES]
 
     def _solid(self, k: int) -> str:
         return "" if k < 0 else f"{self.parts[k].link} {self.parts[k].solid}"
