@@ -10,8 +10,9 @@ from functools import cached_property
 import numpy as np
 import shapely
 from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
 
-from regionik.areas.ground import Geometries
+from regionik.areas.ground import Geometries, united
 from regionik.areas.standing import Standing
 from regionik.planners.smoothing.path_smoothing import HalfSpaces, PathProblem, on_path, smooth_states
 from regionik.postures.arm import aim_of, goal_between
@@ -197,11 +198,14 @@ class _Layout:
         return np.where(fixed, states, lower), np.where(fixed, states, upper)
 
     def _keeper(self, owner: Index, worked: NDArray[np.bool_]) -> Callable[[Array], HalfSpaces]:
-        world, areas = self.plan.world, self.plan.areas
-        floor = shapely.union_all(self.standing.pieces.polygon)
+        world, areas, floor = self.plan.world, self.plan.areas, self._floor
         within = np.array([areas[i].pruned if at else floor for i, at in zip(owner, worked, strict=True)])
         keeper = StateKeeper(world.robot, guard_of(world), within)
         return keeper.half_spaces
+
+    @cached_property
+    def _floor(self) -> BaseGeometry:
+        return united(self.standing.pieces.polygon)
 
     @cached_property
     def _tools(self) -> Array:
