@@ -59,15 +59,14 @@ def smooth_motion(plan: Plan, standing: Standing) -> Plan:
 def _proven(plan: Plan, runs: list[PathRun]) -> tuple[Plan, bool]:
     """The plan with those runs smoothed that can be proven so, and whether all of them were."""
     tubes = [np.full(len(run.states), np.inf) for run in runs]
-    smoothed = [run.smoothed(tube, run.states) for run, tube in zip(runs, tubes, strict=True)]
-    failed = Failed()
+    smoothed, failed = [run.states for run in runs], Failed({k: [] for k in range(len(runs))})
     for _ in range(TRIES):
-        found, failed = _checked(plan, runs, smoothed)
-        if found is not None:
-            return found, True
         for k, rows in failed.items():
             tubes[k] = _held_closer(runs[k], smoothed[k], tubes[k], rows)
             smoothed[k] = runs[k].smoothed(tubes[k], smoothed[k])
+        found, failed = _checked(plan, runs, smoothed)
+        if found is not None:
+            return found, True
     kept = [k for k in range(len(runs)) if k not in failed]
     found, _ = _checked(plan, [runs[k] for k in kept], [smoothed[k] for k in kept])
     return found or plan, False
