@@ -19,6 +19,7 @@ import numpy as np
 
 from regionik.planners.avoidance.avoiding_fabrik import avoid_obstacles
 from regionik.planners.avoidance.clear_posture import clear_posture
+from regionik.planners.avoidance.posture_proof import PostureTask
 from regionik.planners.collision.distances import Obstacles, obstacles_from
 from regionik.planners.collision.link_clearance import links_clear
 from regionik.planners.collision.robot_bodies import Bodies, bodies_from
@@ -156,15 +157,9 @@ def with_search(number: int, scenes: int, feasible: list[bool]) -> int:
     for seed in range(scenes):
         middles, radii = circles(corner, seed)
         bodies = bodies_of(posts(middles, radii))
-        answer = clear_posture(
-            bodies,
-            np.zeros(3),
-            [target, target, 0.0],
-            UPRIGHT,
-            tolerance=TOLERANCE,
-            seed=seed,
-            most_boxes=MOST_BOXES,
-        )
+        place = np.array([target, target, 0.0])
+        task = PostureTask(bodies, np.zeros(3), place, tolerance=TOLERANCE)
+        answer = clear_posture(task, UPRIGHT, seed=seed, most_boxes=MOST_BOXES)
         kinds.append(WORDS[answer.verdict])
         stages.append(answer.steps[-1])
         right = WORDS[answer.verdict] == ("found" if feasible[seed] else "none")

@@ -18,6 +18,7 @@ from clutter import ARMS, faults, free_posture, scene
 from sweeps import SWEEPS
 
 from regionik.planners.avoidance.clear_posture import ClearPosture, clear_posture
+from regionik.planners.avoidance.posture_proof import PostureTask
 from regionik.planners.collision.robot_bodies import bodies_from
 from regionik.planners.search.box_search import Verdict
 from regionik.planners.search.fixed_base import WORDS
@@ -29,7 +30,8 @@ EVERY = 100  # scenes between two lines of progress
 def solved(number: int) -> ClearPosture:
     one = scene(number)
     bodies = bodies_from(one.robot, one.solids)
-    return clear_posture(bodies, one.base, one.target, one.joints, tolerance=TOLERANCE, seed=number)
+    task = PostureTask(bodies, one.base, one.target, tolerance=TOLERANCE)
+    return clear_posture(task, one.joints, seed=number)
 
 
 def main(scenes: int, sample: int, first: int) -> int:

@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from shapely.geometry import Point
 from benchmarks.clutter import CERTAIN, ROBOTS, Scene, faults, free_posture, scene
 from benchmarks.sweeps import SWEEPS
 from regionik.planners.avoidance.clear_posture import ClearPosture, clear_posture, quick_clear_posture
-from regionik.planners.avoidance.posture_proof import is_bounded, redundant_joints
+from regionik.planners.avoidance.posture_proof import PostureTask, is_bounded, redundant_joints
 from regionik.planners.collision.distances import obstacles_from
 from regionik.planners.collision.proximity import nearest
 from regionik.planners.collision.robot_bodies import ContactTargets, bodies_from
@@ -38,10 +39,8 @@ YOUBOT = robot_named("youbot")
 
 
 def solved(one: Scene, seed: int = 0) -> ClearPosture:
-    bodies = bodies_from(one.robot, one.solids)
-    return clear_posture(
-        bodies, one.base, one.target, one.joints, tolerance=TOLERANCE, seed=seed, most_boxes=BUDGET
-    )
+    task = PostureTask(bodies_from(one.robot, one.solids), one.base, one.target, tolerance=TOLERANCE)
+    return clear_posture(task, one.joints, seed=seed, most_boxes=BUDGET)
 
 
 @cache
@@ -139,13 +138,14 @@ def test_a_target_inside_an_obstacle_is_none_for_any_arm() -> None:
         robot = ROBOTS[arm]
         target = robot.chain.forward(np.full(robot.chain.dof, 0.7))[:3, 3]
         bodies = bodies_from(robot, [Sphere("ball", 0.05, target)])
-        answer = clear_posture(bodies, HERE, target, robot.carry)
+        answer = clear_posture(PostureTask(bodies, HERE, target), robot.carry)
         assert (answer.verdict, answer.steps) == (Verdict.RULED_OUT, ("passes",))
         assert "in ball" in answer.note
 
 
 def test_a_target_out_of_reach_is_none() -> None:
-    answer = clear_posture(bodies_from(YOUBOT, []), HERE, [1.5, 0, 0.3], YOUBOT.carry)
+    task = PostureTask(bodies_from(YOUBOT, []), HERE, np.array([1.5, 0, 0.3]))
+    answer = clear_posture(task, YOUBOT.carry)
     assert answer.verdict == Verdict.RULED_OUT
     assert "the arm reaches" in answer.note
     assert answer.distance == -np.inf
@@ -155,28 +155,27 @@ def test_contact_lets_the_tool_in() -> None:
     ball = Sphere("ball", 0.05, np.array([0.45, 0.0, 0.2]))
     bodies = bodies_from(YOUBOT, [ball], 0.0, 0.1)
     contact = ContactTargets(ball.center[None], np.array([0]), 0.1)
-    assert clear_posture(bodies, HERE, ball.center, YOUBOT.carry).verdict == Verdict.RULED_OUT
-    assert clear_posture(bodies, HERE, ball.center, YOUBOT.carry, contact=contact).verdict == Verdict.PROVEN
-    shallow = bodies_from(YOUBOT, [ball], 0.0, 0.03)
-    assert (
-        clear_posture(shallow, HERE, ball.center, YOUBOT.carry, contact=contact).verdict == Verdict.RULED_OUT
-    )
+    touching, shy = PostureTask(bodies, HERE, ball.center, contact), PostureTask(bodies, HERE, ball.center)
+    assert clear_posture(shy, YOUBOT.carry).verdict == Verdict.RULED_OUT
+    assert clear_posture(touching, YOUBOT.carry).verdict == Verdict.PROVEN
+    shallow = PostureTask(bodies_from(YOUBOT, [ball], 0.0, 0.03), HERE, ball.center, contact)
+    assert clear_posture(shallow, YOUBOT.carry).verdict == Verdict.RULED_OUT
 
 
 def test_margin_is_kept() -> None:
     wall = Box("wall", np.array([0.05, 2.0, 2.0]), np.array([0.545, 0.0, 0.0]))
     bodies = bodies_from(YOUBOT, [wall], 0.01)
-    answer = clear_posture(bodies, HERE, [0.46, 0, 0.3], YOUBOT.carry, margin=0.005)
+    off, beside = (PostureTask(bodies, HERE, np.array([x, 0, 0.3]), margin=0.005) for x in (0.46, 0.48))
+    answer = clear_posture(off, YOUBOT.carry)
     assert answer.verdict == Verdict.PROVEN
     assert answer.distance >= 0.005
-    assert (
-        clear_posture(bodies, HERE, [0.48, 0, 0.3], YOUBOT.carry, margin=0.005).verdict == Verdict.RULED_OUT
-    )
+    assert clear_posture(beside, YOUBOT.carry).verdict == Verdict.RULED_OUT
 
 
 def test_an_arm_that_must_run_into_its_base_is_told() -> None:
     robot = robot_named("youbot-real")
-    answer = clear_posture(bodies_from(robot, []), HERE, [-0.05, 0.0, 0.1], robot.carry)
+    task = PostureTask(bodies_from(robot, []), HERE, np.array([-0.05, 0.0, 0.1]))
+    answer = clear_posture(task, robot.carry)
     assert answer.verdict == Verdict.RULED_OUT
     assert "the base" in answer.note
 
@@ -196,8 +195,8 @@ def replace_scene(one: Scene, solids: list, base: Array, target: Array) -> Scene
 
 def test_going_round_alone_is_quick_and_says_so() -> None:
     for one, answer in answers(40):
-        bodies = bodies_from(one.robot, one.solids)
-        quick = quick_clear_posture(bodies, one.base, one.target, one.joints, attempts=3)
+        task = PostureTask(bodies_from(one.robot, one.solids), one.base, one.target)
+        quick = quick_clear_posture(task, one.joints, attempts=3)
         assert "search" not in quick.steps
         if answer.steps[-1] == "passes" and answer.verdict == Verdict.PROVEN:
             assert quick.verdict == Verdict.PROVEN
@@ -215,9 +214,8 @@ def test_a_slide_without_limits_is_undecided() -> None:
     robot = replace(robot, chain=chain)
     assert not is_bounded(chain)
     ring = Point(1.0, 0.0).buffer(0.4) - Point(1.0, 0.0).buffer(0.2)
-    answer = clear_posture(
-        bodies_from(robot, [Prism("ring", ring, -9.0, 9.0)]), HERE, [1.0, 0.0, 0.2], robot.carry
-    )
+    bodies = bodies_from(robot, [Prism("ring", ring, -9.0, 9.0)])
+    answer = clear_posture(PostureTask(bodies, HERE, np.array([1.0, 0.0, 0.2])), robot.carry)
     assert answer.verdict == Verdict.OPEN
     assert "sliding joint" in answer.note
 
@@ -272,10 +270,12 @@ def test_segments_apart_as_dense_points_say() -> None:
     ],
 )
 def test_bad_input_is_told(changed: dict[str, object], message: str) -> None:
-    given: dict[str, object] = {"base": HERE, "target": [0.4, 0, 0.3], "joints": YOUBOT.carry} | changed
-    places = (given.pop(name) for name in ("base", "target", "joints"))
+    task: dict[str, Any] = {"base": HERE, "target": [0.4, 0, 0.3], "tolerance": 1e-3, "margin": 0.0}
+    asked: dict[str, Any] = {"joints": YOUBOT.carry}
+    for name, value in changed.items():
+        (task if name in task else asked)[name] = value
     with pytest.raises(InputError, match=message):
-        clear_posture(bodies_from(YOUBOT, []), *places, **given)  # type: ignore[arg-type]
+        clear_posture(PostureTask(bodies_from(YOUBOT, []), **task), **asked)
 
 
 def test_faults_are_seen() -> None:

@@ -135,10 +135,7 @@ def test_the_command_finds_areas_of_another_shape(
     part: int, change: Callable[[Any], Any], tmp_path: Path
 ) -> None:
     path = tmp_path / "plan.json"
-    document = tampered(replaced(part, change))
-    if shape(document["areas"]["features"][7]["geometry"]["geometries"][part]).is_empty:
-        pytest.skip("nothing was rejected there")
-    path.write_text(json.dumps(document))
+    path.write_text(json.dumps(tampered(replaced(part, change))))
     outcome = CliRunner().invoke(app, ["verify", str(path), "--json"])
     assert outcome.exit_code == 1
     assert "set-point 8 of" in outcome.output

@@ -10,9 +10,9 @@ chain's own forward kinematics and by `proximity.nearest`.
 >>> from regionik.worlds.obstacles import Sphere
 >>> robot = robot_named("youbot")
 >>> bodies = bodies_from(robot, [Sphere("ball", 0.1, np.array([0.3, 0.0, 0.45]))])
->>> clear_posture(bodies, [0, 0, 0], [0.45, 0.0, 0.3], robot.carry).verdict.name
+>>> clear_posture(PostureTask(bodies, np.zeros(3), np.array([0.45, 0.0, 0.3])), robot.carry).verdict.name
 'PROVEN'
->>> clear_posture(bodies, [0, 0, 0], [0.3, 0.0, 0.45], robot.carry).verdict.name
+>>> clear_posture(PostureTask(bodies, np.zeros(3), np.array([0.3, 0.0, 0.45])), robot.carry).verdict.name
 'RULED_OUT'
 """
 
@@ -92,14 +92,9 @@ class ClearPosture:
 
 
 def clear_posture(
-    bodies: Bodies,
-    base: ArrayLike,
-    target: ArrayLike,
+    task: PostureTask,
     joints: ArrayLike,
     *,
-    contact: ContactTargets | None = None,
-    tolerance: float = 1e-3,
-    margin: float = 0.0,
     seed: int = 0,
     attempts: int = 3,
     most_boxes: int = MOST_BOXES,
@@ -108,21 +103,9 @@ def clear_posture(
 
     Parameters
     ----------
-    bodies : Bodies
-        Robot and obstacles.
-    base : (3,) array_like
-        x, y [m], yaw [rad]; it stands still.
-    target : (3,) array_like
-        In the world [m].
+    task : PostureTask
     joints : (dof,) array_like
         Posture to start from, clear or not.
-    contact : ContactTargets, optional
-        What may be touched.
-    tolerance : float
-        How far from the target the tool may be [m].
-    margin : float
-        Of the robot's solids from each other, from its own base, and from obstacles beyond the bodies'
-        clearance [m].
     seed : int
         Same question and seed, same answer to the last bit.
     attempts : int
@@ -139,8 +122,7 @@ def clear_posture(
     InputError
         When a number is out of its range.
     """
-    place, goal = frozen(base, (3,), "base"), frozen(target, (3,), "target")
-    search = _Search(PostureTask(bodies, place, goal, contact, tolerance, margin), joints, seed)
+    search = _Search(task, joints, seed)
     _at_least_one("attempts", attempts)
     _at_least_one("most_boxes", most_boxes)
     return (
@@ -153,39 +135,18 @@ def clear_posture(
 
 
 def quick_clear_posture(
-    bodies: Bodies,
-    base: ArrayLike,
-    target: ArrayLike,
-    joints: ArrayLike,
-    *,
-    contact: ContactTargets | None = None,
-    tolerance: float = 1e-3,
-    margin: float = 0.0,
-    seed: int = 0,
-    attempts: int = 1,
+    task: PostureTask, joints: ArrayLike, *, seed: int = 0, attempts: int = 1
 ) -> ClearPosture:
     """The passes of `clear_posture` alone, without the search: found or undecided, and soon."""
-    place, goal = frozen(base, (3,), "base"), frozen(target, (3,), "target")
-    search = _Search(PostureTask(bodies, place, goal, contact, tolerance, margin), joints, seed)
+    search = _Search(task, joints, seed)
     _at_least_one("attempts", attempts)
     found = search.by_passes() or search.by_avoidance(attempts)
     return found or search.answer(Verdict.OPEN, "no search was made")
 
 
-def sampled_clear_posture(
-    bodies: Bodies,
-    base: ArrayLike,
-    target: ArrayLike,
-    joints: ArrayLike,
-    *,
-    contact: ContactTargets | None = None,
-    tolerance: float = 1e-3,
-    margin: float = 0.0,
-    seed: int = 0,
-) -> ClearPosture:
+def sampled_clear_posture(task: PostureTask, joints: ArrayLike, *, seed: int = 0) -> ClearPosture:
     """The samples of `clear_posture` alone, for one of many targets: found or undecided."""
-    place, goal = frozen(base, (3,), "base"), frozen(target, (3,), "target")
-    search = _Search(PostureTask(bodies, place, goal, contact, tolerance, margin), joints, seed)
+    search = _Search(task, joints, seed)
     found = search.by_passes() or search.by_sampling()
     return found or search.answer(Verdict.OPEN, "no search was made")
 

@@ -14,7 +14,7 @@ from regionik.planners.collision.upright_solids import uprights_from
 from regionik.planners.search.fixed_base import FixedBaseResult, search_fixed_base
 from regionik.planners.search.motion_bounds import longest_levers
 from regionik.planners.search.self_clearance import SelfClearance
-from regionik.worlds.arrays import Array
+from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.chain import Chain
 from regionik.worlds.errors import InputError
 from regionik.worlds.obstacles import Mesh
@@ -37,7 +37,7 @@ class PostureTask:
         x, y [m], yaw [rad].
     target : (3,) array
         In the world [m].
-    contact : ContactTargets or None
+    contact : ContactTargets, optional
         What may be touched.
     tolerance : float
         How far from the target the tool may be [m].
@@ -48,11 +48,13 @@ class PostureTask:
     bodies: Bodies
     base: Array
     target: Array
-    contact: ContactTargets | None
-    tolerance: float
-    margin: float
+    contact: ContactTargets | None = None
+    tolerance: float = 1e-3
+    margin: float = 0.0
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "base", frozen(self.base, (3,), "base"))
+        object.__setattr__(self, "target", frozen(self.target, (3,), "target"))
         object.__setattr__(self, "tolerance", float(self.tolerance))
         object.__setattr__(self, "margin", float(self.margin))
         if not 0 <= self.margin < np.inf:

@@ -30,6 +30,7 @@ from regionik.planners.avoidance.clear_posture import (
     clear_posture_at_pose,
     quick_clear_posture,
 )
+from regionik.planners.avoidance.posture_proof import PostureTask
 from regionik.planners.collision.proximity import Touch
 from regionik.planners.search.box_search import Verdict
 from regionik.postures.arm_guard import SPARE, Guard
@@ -257,17 +258,10 @@ class ConfigurationSampler:
             yield from self._faced(i, candidate, *found[:2])
 
     def _asked(self, i: int, candidate: Candidate, ask: Callable[..., ClearPosture]) -> Iterator[Candidate]:
-        target, bodies, base = self.world.task[i], self.guard.bodies, candidate.found.base
-        found = ask(
-            bodies,
-            base,
-            target.position,
-            candidate.found.joints,
-            contact=self.guard.contact,
-            tolerance=self.world.rules.tolerance,
-            margin=SPARE,
-            seed=self.seed,
-        )
+        base, target = candidate.found.base, self.world.task[i].position
+        guard, tolerance = self.guard, self.world.rules.tolerance
+        task = PostureTask(guard.bodies, base, target, guard.contact, tolerance, SPARE)
+        found = ask(task, candidate.found.joints, seed=self.seed)
         self.evidence.setdefault(i, Evidence()).proven += found.verdict == Verdict.RULED_OUT
         if found.joints is not None:
             yield from self._faced(i, candidate, found.joints, found.error)

@@ -13,6 +13,7 @@ from regionik.areas.standing import LEAST_AREA, anywhere, into_span, room_for, s
 from regionik.mfabrik import Solver, solver_for
 from regionik.moving.configuration_sampling import spread
 from regionik.planners.avoidance.clear_posture import sampled_clear_posture
+from regionik.planners.avoidance.posture_proof import PostureTask
 from regionik.planners.collision.proximity import Touch
 from regionik.planners.driving.footprint import fits
 from regionik.postures.arm import goal_error
@@ -129,10 +130,9 @@ class TargetSearch:
 
     def _searched(self, q: Pose) -> Pose | None:
         """Search postures of the arm about the nearest one, the base held."""
-        found = sampled_clear_posture(
-            self.guard.bodies, q.base, self.target.position, q.joints,
-            contact=self.guard.contact, tolerance=self.world.rules.tolerance, margin=SPARE,
-        )  # fmt: skip
+        guard, tolerance = self.guard, self.world.rules.tolerance
+        task = PostureTask(guard.bodies, q.base, self.target.position, guard.contact, tolerance, SPARE)
+        found = sampled_clear_posture(task, q.joints)
         if found.joints is None:
             return None
         pose = Pose(q.base, np.array(found.joints))
