@@ -7,11 +7,9 @@ shorter, as its round ends reach further past the ends of its segment.
 from __future__ import annotations
 
 from math import pi
-from typing import Any
 
 import numpy as np
 import shapely
-import trimesh
 from scipy.spatial import ConvexHull, HalfspaceIntersection, QhullError
 
 from regionik.worlds.arrays import Array
@@ -75,7 +73,8 @@ def oriented_box(points: Array) -> tuple[Array, Array]:
     widths, axes = _principal_axes(points)
     turns = [np.eye(3), axes]
     if 3 < len(points) <= _MANY and not _is_flat(widths):  # trimesh fails on flat clouds
-        engine: Any = trimesh.bounds
+        import trimesh.bounds as engine  # takes long to load
+
         turns.append(np.asarray(engine.oriented_bounds(points)[0], dtype=np.float64)[:3, :3].T)
     return _smallest_box(points, turns)
 
