@@ -6,7 +6,7 @@ import ast
 import inspect
 import textwrap
 from collections.abc import Callable
-from types import CodeType, FunctionType
+from types import CodeType
 from typing import Any
 
 _COUNTER = "_work_of_kernels"
@@ -33,7 +33,7 @@ class CountedFunctions:
     (1, [0])
     """
 
-    def __init__(self, unwrap: Callable[[Any], FunctionType | None]) -> None:
+    def __init__(self, unwrap: Callable[[Any], Callable[..., Any] | None]) -> None:
         self.work = [0]
         self._unwrap = unwrap
         self._twins: dict[Any, Callable[..., Any]] = {}

@@ -47,7 +47,7 @@ class _Kept(FunctionCache):
     def holds(self, kernel: Kernel, arguments: tuple[Any, ...]) -> bool:
         """True if there is machine code for arguments of these types."""
         with suppress(OSError):
-            known = self._cache_file._load_index()
+            known = self._cache_file._load_index()  # type: ignore[no-untyped-call]
             if known:
                 types = tuple(kernel.typeof_pyval(value) for value in arguments)
                 key = self._index_key(types, kernel.targetctx.codegen())  # type: ignore[no-untyped-call]
@@ -55,7 +55,10 @@ class _Kept(FunctionCache):
         return False
 
 
-class Kernel(CPUDispatcher):
+_Dispatcher: Any = CPUDispatcher  # it has more than its types say
+
+
+class Kernel(_Dispatcher):  # type: ignore[misc]
     """A function that runs as plain Python until it has done as much work as compiling it costs."""
 
     _work = 0  # done as plain Python
@@ -63,19 +66,19 @@ class Kernel(CPUDispatcher):
 
     def compile(self, sig: Any) -> Any:
         self._open()
-        return super().compile(sig)  # type: ignore[no-untyped-call]
+        return super().compile(sig)
 
     def _compile_for_args(self, *args: Any, **kws: Any) -> Any:
         """Return what to call for arguments that there is no machine code for in memory."""
         if self._is_stored(args):
-            return super()._compile_for_args(*args, **kws)  # type: ignore[no-untyped-call]
+            return super()._compile_for_args(*args, **kws)
         if not _at_once and self._work < COMPILING * _plain.size(self.py_func):
             return self._run_plainly
         if not isinstance(self._cache, _Kept):
             _warn_uncached()
         for listener in _listeners:
             listener(self.__name__)
-        return super()._compile_for_args(*args, **kws)  # type: ignore[no-untyped-call]
+        return super()._compile_for_args(*args, **kws)
 
     def _run_plainly(self, *args: Any) -> Any:
         given = [value.value if isinstance(value, OmittedArg) else value for value in args]
@@ -103,10 +106,10 @@ def compiled(function: Function, error_model: Literal["python", "numpy"] = "pyth
     While machine code runs others may: the thread that ends the process after Ctrl-C, for one. All that
     decides on rounding is said, as a kernel else takes it from the one that calls it first, and keeps it.
     """
-    if config.DISABLE_JIT:
+    if config.DISABLE_JIT:  # type: ignore[attr-defined]
         return function
     options = {"nopython": True, "nogil": True, "error_model": error_model, "fastmath": False}
-    return cast(Function, Kernel(function, targetoptions=options))  # type: ignore[no-untyped-call]
+    return cast(Function, Kernel(function, targetoptions=options))
 
 
 @contextmanager

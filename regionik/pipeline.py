@@ -125,6 +125,9 @@ def why(world: World, target: Target | ArrayLike | None = None) -> Explanation |
     if not isinstance(target, Target):
         target = Target(frozen(target, (3,), "target"))
     asked = replace(world, task=(target,))
+    buried = failures.target_in_solid(asked)
+    if buried is not None:
+        return _explained_arm(asked, 0, buried)
     answer = reach(asked, asked.task)
     if answer.reachable[0]:
         return None

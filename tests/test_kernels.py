@@ -178,7 +178,7 @@ def _square(k: int) -> int:
 
 
 def test_counted_functions_do_the_same_and_count_their_loops() -> None:
-    counted = CountedFunctions(lambda value: value if value is _square else None)
+    counted = CountedFunctions(lambda value: _square if value is _square else None)
     twin = counted.counted(_squares)
     work = []
     for count in (0, 10, 20):

@@ -129,7 +129,8 @@ def _farthest_of_ball(center: Array, r: float, n: Array, height: float, tool: Ar
         return 0.0
     if room >= r or up * r <= room * size:
         return size + r
-    return np.hypot(up + room, math.sqrt(max(0.0, size * size - up * up)) + math.sqrt(r * r - room * room))
+    aside = math.sqrt(max(0.0, size * size - up * up)) + math.sqrt(r * r - room * room)
+    return float(np.hypot(up + room, aside))
 
 
 @compiled

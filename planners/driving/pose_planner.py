@@ -74,7 +74,7 @@ def _path_is_free(scene: FootprintScene, a: Array, motions: Array) -> bool:
 @compiled
 def _spin(scene: FootprintScene, base: Steering, a: Array, b: Array, limit: float, motions: Array) -> float:
     """Cost of turn, drive, turn: nose first or tail first, whichever turns less and is free."""
-    far = np.hypot(b[0] - a[0], b[1] - a[1])
+    far: float = np.hypot(b[0] - a[0], b[1] - a[1])
     if far <= NEGLIGIBLE:
         motions[:] = 0.0
         motions[0, 1] = wrap(b[2] - a[2])

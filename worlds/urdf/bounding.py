@@ -7,6 +7,7 @@ shorter, as its round ends reach further past the ends of its segment.
 from __future__ import annotations
 
 from math import pi
+from typing import Any
 
 import numpy as np
 import shapely
@@ -73,8 +74,9 @@ def oriented_box(points: Array) -> tuple[Array, Array]:
     widths, axes = _principal_axes(points)
     turns = [np.eye(3), axes]
     if 3 < len(points) <= _MANY and not _is_flat(widths):  # trimesh fails on flat clouds
-        import trimesh.bounds as engine  # takes long to load
+        import trimesh  # takes long to load
 
+        engine: Any = trimesh.bounds
         turns.append(np.asarray(engine.oriented_bounds(points)[0], dtype=np.float64)[:3, :3].T)
     return _smallest_box(points, turns)
 
