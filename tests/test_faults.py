@@ -257,6 +257,7 @@ def test_kernels_work_where_no_folder_can_be_written(monkeypatch: pytest.MonkeyP
         raise RuntimeError("cannot cache function: no locator available")
 
     monkeypatch.setattr(kernels._Kept, "__init__", nowhere)
+    monkeypatch.setattr(kernels, "_at_once", False)
     kernels._warn_uncached.cache_clear()
     doubles = [kernels.compiled(_double) for _ in range(2)]
     assert [double(2.0) for double in doubles] == [4.0, 4.0]  # as plain Python, without a word

@@ -71,6 +71,14 @@ def test_what_is_rounded_otherwise_is_found() -> None:
     assert len(list(rounded_otherwise(bad))) == 4
 
 
+@pytest.fixture(scope="module", autouse=True)
+def as_users_have_it() -> Iterator[None]:
+    """Kernels run as plain Python first, as they do outside of tests."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(kernels, "_at_once", False)
+        yield
+
+
 def unkept(function: Any) -> Any:
     """A kernel that looks for no machine code on disk."""
     kernel: Any = compiled(function)
