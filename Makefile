@@ -74,6 +74,7 @@ bench-history: .venv/installed-test,bench
 	$(BIN)/pytest-benchmark --storage=.benchmarks compare --columns=median,iqr --group-by=name --sort=fullname
 
 bench-all: .venv/installed
+	$(BIN)/regionik warm-up
 	@for script in benchmarks/bench_*.py; do echo "$$script"; $(BIN)/python $$script || exit 1; done
 
 tables: .venv/installed

@@ -5,7 +5,7 @@ No peers and no verdicts: pytest-benchmark saves every run and shows the last on
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -15,12 +15,19 @@ from benchmarks.speed.areas import meander
 from benchmarks.speed.mobile import TOLERANCE, task
 from regionik.mfabrik import Solver
 from regionik.pipeline import search
+from regionik.planners.kernels import compiled_at_once
 from regionik.pruning import whole_path
 from regionik.reachability.reach import reach
 from regionik.verification.verifier import verify
 from regionik.worlds.documents.world_file import load_world
 
 Timed = Callable[..., Any]  # pytest-benchmark's fixture: calls what it is given, many times
+
+
+@pytest.fixture(scope="module", autouse=True)
+def compiled_kernels() -> Iterator[None]:
+    with compiled_at_once():
+        yield
 
 
 def test_one_solve(benchmark: Timed) -> None:

@@ -1,18 +1,35 @@
-"""Kernels compiled by numba, their machine code kept on disk."""
+"""Kernels: plain Python at first, compiled by numba where they prove hot, their machine code kept on disk.
+
+numba takes seconds to compile what plain Python does in milliseconds. So a kernel that Python calls runs its
+machine code where there is some, in memory or on disk; else it runs as plain Python that counts its own work
+(`counted_work`), and is compiled once that has cost about half of what compiling does. No clock decides. Both
+ways give the same bits: what a kernel may use for that stands in `tests/test_kernels.py`.
+"""
 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from functools import cache
 from multiprocessing import parent_process
 from typing import Any, Literal, TypeVar, cast
 
-from numba import njit
+import numpy as np
+from numba.core import config
 from numba.core.caching import FunctionCache
+from numba.core.dispatcher import Dispatcher, OmittedArg
+from numba.core.registry import CPUDispatcher
 
-Kernel = TypeVar("Kernel", bound=Callable[..., Any])
+from regionik.planners.counted_work import CountedFunctions
+
+COMPILING = 50_000  # expressions that plain Python evaluates while one of a kernel is compiled, about half
+
+Function = TypeVar("Function", bound=Callable[..., Any])
+
+_plain = CountedFunctions(lambda value: value.py_func if isinstance(value, Dispatcher) else None)
+_at_once = False  # kernels are compiled before their first call
+_listeners: list[Callable[[str], None]] = []
 
 
 class _Kept(FunctionCache):
@@ -27,19 +44,110 @@ class _Kept(FunctionCache):
             return super().load_overload(sig, target_context)  # type: ignore[no-untyped-call]
         return None
 
+    def holds(self, kernel: Kernel, arguments: tuple[Any, ...]) -> bool:
+        """True if there is machine code for arguments of these types."""
+        with suppress(OSError):
+            known = self._cache_file._load_index()  # type: ignore[no-untyped-call]
+            if known:
+                types = tuple(kernel.typeof_pyval(value) for value in arguments)
+                key = self._index_key(types, kernel.targetctx.codegen())  # type: ignore[no-untyped-call]
+                return key in known
+        return False
 
-def compiled(function: Kernel, error_model: Literal["python", "numpy"] = "python") -> Kernel:
-    """Compile with numba and keep the machine code on disk; type checkers still see the function.
 
-    While it runs others may: the thread that ends the process after Ctrl-C, for one. All that decides on
-    rounding is said, as a kernel else takes it from the one that calls it first, and keeps it.
+_Dispatcher: Any = CPUDispatcher  # it has more than its types say
+
+
+class Kernel(_Dispatcher):  # type: ignore[misc]
+    """A function that runs as plain Python until it has done as much work as compiling it costs."""
+
+    _work = 0  # done as plain Python
+    _opened = False  # its place on disk was looked for
+
+    def compile(self, sig: Any) -> Any:
+        self._open()
+        return super().compile(sig)
+
+    def _compile_for_args(self, *args: Any, **kws: Any) -> Any:
+        """Return what to call for arguments that there is no machine code for in memory."""
+        if self._is_stored(args):
+            return super()._compile_for_args(*args, **kws)
+        if not _at_once and self._work < COMPILING * _plain.size(self.py_func):
+            return self._run_plainly
+        if not isinstance(self._cache, _Kept):
+            _warn_uncached()
+        for listener in _listeners:
+            listener(self.__name__)
+        return super()._compile_for_args(*args, **kws)
+
+    def _run_plainly(self, *args: Any) -> Any:
+        given = [value.value if isinstance(value, OmittedArg) else value for value in args]
+        before = _plain.work[0]
+        with np.errstate(all="ignore"):  # what is compiled does not warn
+            result = _plain.counted(self.py_func)(*given)
+        self._work += _plain.work[0] - before
+        return _as_compiled(result)
+
+    def _is_stored(self, arguments: tuple[Any, ...]) -> bool:
+        self._open()
+        return isinstance(self._cache, _Kept) and self._cache.holds(self, arguments)
+
+    def _open(self) -> None:
+        """Find the place on disk on first use: to look for one that can be written takes time."""
+        if not self._opened:
+            self._opened = True
+            with suppress(RuntimeError):  # there is no folder that can be written
+                self._cache = _Kept(self.py_func)  # type: ignore[no-untyped-call]
+
+
+def compiled(function: Function, error_model: Literal["python", "numpy"] = "python") -> Function:
+    """Make a kernel of a function; type checkers still see the function.
+
+    While machine code runs others may: the thread that ends the process after Ctrl-C, for one. All that
+    decides on rounding is said, as a kernel else takes it from the one that calls it first, and keeps it.
     """
-    kernel: Any = njit(nogil=True, error_model=error_model, fastmath=False)(function)
+    if config.DISABLE_JIT:  # type: ignore[attr-defined]
+        return function
+    options = {"nopython": True, "nogil": True, "error_model": error_model, "fastmath": False}
+    return cast(Function, Kernel(function, targetoptions=options))
+
+
+@contextmanager
+def compiled_at_once(listener: Callable[[str], None] | None = None) -> Iterator[None]:
+    """Compile every kernel that is called before it runs; ``listener`` is told its name."""
+    global _at_once
+    before, _at_once = _at_once, True
+    heard = [] if listener is None else [listener]
+    _listeners.extend(heard)
     try:
-        kernel._cache = _Kept(function)  # type: ignore[no-untyped-call]
-    except RuntimeError:  # there is no folder that can be written
-        _warn_uncached()
-    return cast(Kernel, kernel)
+        yield
+    finally:
+        _at_once = before
+        for one in heard:
+            _listeners.remove(one)
+
+
+def tell_compiling(listener: Callable[[str], None]) -> None:
+    """Tell a listener the name of every kernel that is compiled from now on."""
+    _listeners.append(listener)
+
+
+def cache_folder() -> str | None:
+    """Return the folder in which machine code is kept; None where no folder can be written."""
+    try:
+        return str(_Kept(_as_compiled).cache_path)  # type: ignore[no-untyped-call]
+    except RuntimeError:
+        return None
+
+
+def _as_compiled(result: Any) -> Any:
+    """Scalars as machine code returns them: numbers of Python, not of numpy."""
+    if isinstance(result, np.generic):
+        return result.item()
+    if isinstance(result, tuple):
+        parts = map(_as_compiled, result)
+        return type(result)(*parts) if hasattr(result, "_fields") else tuple(parts)
+    return result
 
 
 @cache

@@ -26,7 +26,6 @@ from regionik.reachability.reach import reach
 from regionik.reachability.target_search import TargetSearch
 from regionik.regions import has_no_known_place, planned_areas
 from regionik.smoothing.smooth_motion import smooth_motion
-from regionik.timing.retime import retime
 from regionik.tracker import can_track, plan_tracked
 from regionik.values import Configuration, Plan, PlannedArea, Stop
 from regionik.verification.verifier import verify
@@ -82,6 +81,8 @@ def plan(world: World, *, seed: int = 0, progress: Progress | None = None) -> Pl
     if world.speeds is None and not world.robot.chain.has_velocity_limits:
         return found
     tell("timing", 0, 1)
+    from regionik.timing.retime import retime  # takes long to load
+
     return retime(found)
 
 
@@ -124,6 +125,9 @@ def why(world: World, target: Target | ArrayLike | None = None) -> Explanation |
     if not isinstance(target, Target):
         target = Target(frozen(target, (3,), "target"))
     asked = replace(world, task=(target,))
+    buried = failures.target_in_solid(asked)
+    if buried is not None:
+        return _explained_arm(asked, 0, buried)
     answer = reach(asked, asked.task)
     if answer.reachable[0]:
         return None

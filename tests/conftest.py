@@ -1,13 +1,16 @@
 """Profiles of hypothesis: three in ten of the examples, or with ``--hypothesis-profile=long`` all of them.
 
 No law holds only on a fast machine: neither sets deadlines. The longest files come first, so that two workers
-end together.
+end together. Kernels are compiled before they run, as tests run them for long.
 """
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from hypothesis import settings
+
+from regionik.planners.kernels import compiled_at_once
 
 LONGEST = """opinion doctests proximity stops cli rivals clear_posture motion bulk footprint retime wheels
     arms criteria"""
@@ -16,6 +19,12 @@ _FIRST = {f"test_{name}": k for k, name in enumerate(LONGEST.split())}
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     items.sort(key=lambda item: _FIRST.get(Path(item.path).stem, len(_FIRST)))
+
+
+@pytest.fixture(scope="session", autouse=True)
+def compiled_kernels() -> Iterator[None]:
+    with compiled_at_once():
+        yield
 
 
 settings.register_profile("quick", deadline=None, max_examples=30)

@@ -160,11 +160,18 @@ WRONG: list[tuple[Sequence[str], str]] = [
     (["plan", "pillar", "--speed", "9"], "--speed"),
     (["plan", "pillar", "--seed", "red"], "--seed"),
     (["plan", "pillar", "--seed", "-1"], "--seed"),
-    (["plan", "pilar"], "pillar"),
+    (["plan", "pilar"], "did you mean 'pillar'?"),
+    (["plan", "pillar", "--sed", "1"], "regionik plan --help"),
+    (["plan", "pillar", "-o", "plan.txt"], "ending in .json"),
+    (["plan", "pillar", "--html", "pillar"], "ending in .html"),
+    (["why", "pillar", "--html", "pillar"], "ending in .html"),
+    (["retime", "plan.json", "-o", "timed"], "ending in .json"),
+    (["reach", "pillar", "--target", "1", "2", "3", "4"], "six with a tool axis"),
+    (["reach", "pillar", "--target", "1", "2", "3", "0", "0", "0"], "direction"),
     (["plan", "nowhere.yaml"], "nowhere.yaml"),
     (["plan", "pillar", "-o", "no/such/folder/plan.json"], "no/such/folder"),
     (["plan", "pillar", "-o", "."], "folder"),
-    (["plan", "pillar", "-o", "a.json", "--html", "./a.json"], "two different files"),
+    (["plan", "pillar", "-o", "a.json", "--html", "./a.json"], "ending in .html"),
     (["reach", "pillar", "--target", "1", "2"], "three finite numbers"),
     (["reach", "pillar", "--target", "1", "2", "nan"], "three finite numbers"),
     (["reach", "pillar", "--target", "1", "2", "--json"], "three finite numbers"),
@@ -195,6 +202,41 @@ def test_wrong_input_is_one_line(
     assert len(done.err.splitlines()) == 1
     assert word in done.err
     assert not list(tmp_path.iterdir())
+
+
+def test_plan_and_page_are_two_files(run: Run, tmp_path: Path) -> None:
+    page = tmp_path / "page.html"
+    page.symlink_to(tmp_path / "plan.json")
+    done = run("plan", "pillar", "-o", tmp_path / "plan.json", "--html", page)
+    assert done.code == 2
+    assert "two different files" in done.err
+
+
+def test_a_plan_is_told_from_a_world(run: Run, planned: Path, tmp_path: Path) -> None:
+    done = run("plan", planned)
+    assert (done.code, done.out) == (2, "")
+    assert f"this is a plan: regionik show {planned} shows it" in done.err
+    world = tmp_path / "world.json"
+    world.write_text('{"version": 1, "robot": "youbot"}')
+    assert "this is a world: regionik plan" in run("verify", world).err
+
+
+def test_a_target_has_a_direction_or_an_orientation(run: Run) -> None:
+    asked = ["reach", "free", "--json"]
+    free = run(*asked, "--target", 0.5, 0, 0.3)
+    down = run(*asked, "--target", 0.5, 0, 0.3, 1, 0, 0, "--target", 0.5, 0, 0.3)
+    assert (free.code, down.code) == (0, 0), down.err
+    first, second = json.loads(down.out)["answers"]
+    assert second == json.loads(free.out)["answers"][0]
+    assert first["joints"] != second["joints"]
+    assert run(*asked, "--target", 0.5, 0, 0.3, 0, 0, 0, 2).code == 2
+
+
+def test_shells_complete_words() -> None:
+    words = {"_REGIONIK_COMPLETE": "complete_bash", "COMP_WORDS": "regionik plan pil", "COMP_CWORD": "2"}
+    command = [sys.executable, "-c", "from regionik.cli.app import run_process; run_process()"]
+    done = subprocess.run(command, env={**os.environ, **words}, capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["pillar"]
 
 
 @pytest.mark.parametrize("nasty", NASTY, ids=lambda nasty: nasty.name)
@@ -377,7 +419,8 @@ def test_worlds_are_one_line_each(run: Run) -> None:
 
 
 def test_version_and_help(run: Run) -> None:
-    assert run("--version").out == f"regionik {__version__}\n"
+    for option in ("--version", "-V"):
+        assert run(option).out == f"regionik {__version__}\n"
     for arguments in ([], ["--help"], ["-h"]):
         done = run(*arguments)
         assert done.code == 0

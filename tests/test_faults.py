@@ -257,11 +257,16 @@ def test_kernels_work_where_no_folder_can_be_written(monkeypatch: pytest.MonkeyP
         raise RuntimeError("cannot cache function: no locator available")
 
     monkeypatch.setattr(kernels._Kept, "__init__", nowhere)
+    monkeypatch.setattr(kernels, "_at_once", False)
     kernels._warn_uncached.cache_clear()
-    with pytest.warns(UserWarning, match="set NUMBA_CACHE_DIR") as warned:
-        doubles = [kernels.compiled(_double) for _ in range(2)]
+    doubles = [kernels.compiled(_double) for _ in range(2)]
+    assert [double(2.0) for double in doubles] == [4.0, 4.0]  # as plain Python, without a word
+    with (
+        pytest.warns(UserWarning, match="set NUMBA_CACHE_DIR") as warned,
+        kernels.compiled_at_once(),
+    ):
+        assert [double(2.0) for double in doubles] == [4.0, 4.0]
     assert len(warned) == 1
-    assert [double(2.0) for double in doubles] == [4.0, 4.0]
 
 
 def test_an_installation_that_is_read_only_works_without_a_home(tmp_path: Path) -> None:
@@ -289,7 +294,7 @@ def test_an_installation_that_is_read_only_works_without_a_home(tmp_path: Path) 
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     assert done.stdout.split() == [str(copy / "__init__.py"), "True"]
-    assert done.stderr.count("Warning") == done.stderr.count("set NUMBA_CACHE_DIR") == 1, done.stderr
+    assert "Warning" not in done.stderr, done.stderr
 
 
 def test_kernels_work_where_the_disk_is_full(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -298,7 +303,8 @@ def test_kernels_work_where_the_disk_is_full(monkeypatch: pytest.MonkeyPatch) ->
 
     monkeypatch.setattr(FunctionCache, "save_overload", full)
     monkeypatch.setattr(FunctionCache, "load_overload", full)
-    assert kernels.compiled(_double)(2.0) == 4.0
+    with kernels.compiled_at_once():
+        assert kernels.compiled(_double)(2.0) == 4.0
 
 
 def test_margins_are_never_less_than_nothing_by_rounding() -> None:

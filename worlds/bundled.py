@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from regionik.worlds.chain import Chain, translation
-from regionik.worlds.errors import InputError
+from regionik.worlds.errors import InputError, suggestion
 from regionik.worlds.robot import BODY_HEIGHT, LINK_RADIUS, Robot, capsules_along
 
 DATA = Path(__file__).parent / "data"
@@ -109,7 +109,8 @@ def robot_named(name: str) -> Robot:
         return _bare_arm(name)
     if name == "pioneer-parm":
         return _pioneer_parm(name)
-    raise InputError(f"unknown robot {name!r}, valid names: {', '.join(robot_names())}")
+    near = suggestion(name, robot_names())
+    raise InputError(f"unknown robot {name!r}{near or ','} valid names: {', '.join(robot_names())}")
 
 
 def world_names() -> tuple[str, ...]:
@@ -127,7 +128,8 @@ def world_path(name: str) -> Path:
     """
     if name not in world_names():
         raise InputError(
-            f"unknown world {name!r}: expected a path that ends in .yaml, .yml or .json, "
+            f"unknown world {name!r}{suggestion(name, world_names()) or ':'} "
+            "expected a path that ends in .yaml, .yml or .json, "
             f"or one of {', '.join(world_names())}"
         )
     return DATA / f"{name}{WORLD_SUFFIX}"

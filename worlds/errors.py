@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from difflib import get_close_matches
 from typing import Literal
 
 Verdict = Literal["unreachable", "undecided", "ladder-broken", "no-posture", "start-blocked", "plan-invalid"]
@@ -111,6 +112,16 @@ def located_error(where: str, place: str, text: str) -> InputError:
     """
     parts = (where, place + text) if place.endswith(".") else (where, place, text)
     return InputError(": ".join(" ".join(part.split()) for part in parts if part))
+
+
+def suggestion(name: str, choices: Iterable[str]) -> str:
+    """Return ``, did you mean 'pillar'?`` for the choice nearest to a name; empty where none is near.
+
+    >>> suggestion("piller", ["free", "pillar"])
+    ", did you mean 'pillar'?"
+    """
+    near = get_close_matches(name, list(choices), n=1)
+    return f", did you mean {near[0]!r}?" if near else ""
 
 
 @contextmanager

@@ -8,11 +8,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 import shapely
-import trimesh
 from numpy.typing import ArrayLike, NDArray
 from shapely.affinity import affine_transform
 from shapely.geometry import Point, Polygon
@@ -20,6 +19,9 @@ from shapely.geometry.base import BaseGeometry
 
 from regionik.worlds.arrays import Array, freeze, frozen, one_line, transform_points
 from regionik.worlds.errors import InputError
+
+if TYPE_CHECKING:
+    import trimesh  # takes long to load: imported by the functions that need it
 
 
 @dataclass(frozen=True)
@@ -308,6 +310,8 @@ class Mesh(Obstacle):
         return bool(self._trimesh.is_watertight)
 
     def _shadow(self, below: float) -> Shadow:
+        import trimesh
+
         part = trimesh.intersections.slice_mesh_plane(  # type: ignore[no-untyped-call]
             self._trimesh, plane_normal=[0, 0, -1], plane_origin=[0, 0, below]
         )
@@ -315,6 +319,8 @@ class Mesh(Obstacle):
         return Shadow(shapely.union_all(triangles[shapely.is_valid(triangles)]))
 
     def distance(self, point: Array) -> float:
+        import trimesh
+
         corners = self.vertices[self.faces]
         spots = np.broadcast_to(point, (len(corners), 3))
         nearest = trimesh.triangles.closest_point(corners, spots)  # type: ignore[no-untyped-call]
@@ -334,6 +340,8 @@ class Mesh(Obstacle):
 
     @cached_property
     def _trimesh(self) -> trimesh.Trimesh:
+        import trimesh
+
         return trimesh.Trimesh(self.vertices, self.faces, process=False)
 
 

@@ -18,6 +18,7 @@ from typing import Any
 
 from benchmarks.speed.harness import Row, Size, Spread, Wanted
 from benchmarks.speed.report import MARKS, as_json, as_markdown, machine
+from regionik.planners.kernels import compiled_at_once
 
 GROUPS = {  # module -> heading
     "solver": "One solve, against others",
@@ -77,7 +78,8 @@ def main() -> None:
     if hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
     data, text = given.out.with_suffix(".json"), given.out.with_suffix(".md")
-    found = kept(data) | measured(names, Size(given.rounds, given.share))
+    with compiled_at_once():
+        found = kept(data) | measured(names, Size(given.rounds, given.share))
     groups = {title: found[title] for title in GROUPS.values() if title in found}
     about = machine()
     data.write_text(json.dumps(as_json(groups, about), indent=1, ensure_ascii=False) + "\n", encoding="utf-8")

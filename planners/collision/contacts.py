@@ -20,6 +20,7 @@ from regionik.planners.collision.robot_motion import (
     tool_speed,
     transform_into,
 )
+from regionik.planners.geometry.vectors import squared
 from regionik.planners.kernels import compiled
 from regionik.worlds.arrays import Array
 
@@ -98,7 +99,7 @@ def farthest_below(points: Array, radius: float, n: Array, height: float, tool: 
     far = 0.0
     if len(points) == 2:  # balls cover it, each as large as their distance asks
         way = (points[1] - points[0]) / BALLS
-        r = radius + 0.5 * math.sqrt(way[0] ** 2 + way[1] ** 2 + way[2] ** 2)
+        r = radius + 0.5 * math.sqrt(squared(way[0]) + squared(way[1]) + squared(way[2]))
         for i in range(BALLS + 1):
             far = max(far, _farthest_of_ball(points[0] + i * way, r, n, height, tool))
         return far
@@ -128,7 +129,8 @@ def _farthest_of_ball(center: Array, r: float, n: Array, height: float, tool: Ar
         return 0.0
     if room >= r or up * r <= room * size:
         return size + r
-    return math.hypot(up + room, math.sqrt(max(0.0, size * size - up * up)) + math.sqrt(r * r - room * room))
+    aside = math.sqrt(max(0.0, size * size - up * up)) + math.sqrt(r * r - room * room)
+    return float(np.hypot(up + room, aside))
 
 
 @compiled

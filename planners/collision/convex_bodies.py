@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linprog
 
 from regionik.planners.collision.gjk import hull_distance
 from regionik.planners.collision.meshes import BOX, TriangleTree, surface, triangle_tree
@@ -135,6 +134,8 @@ def inner_capsule(solid: LinkSolid) -> LinkCapsule:
 
 def _capsule_in_hull(solid: LinkHull) -> LinkCapsule:
     """Return a capsule, a little thinner than the largest ball in a hull, along the hull's longest axis."""
+    from scipy.optimize import linprog  # takes long to load
+
     whole = solid.polytope
     rows = np.column_stack([whole.normals, np.ones(len(whole.normals))])
     best = linprog([0, 0, 0, -1], rows, whole.offsets, bounds=[(None, None)] * 3 + [(0, None)])

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from regionik.planners.driving.arcs import arc_end, arc_towards
+from regionik.planners.geometry.vectors import squared
 from regionik.planners.kernels import compiled
 from regionik.planners.solvers.serial_chain import SerialArm, chain_frames, chain_on
 from regionik.worlds.arrays import Array, Index
@@ -189,13 +190,13 @@ def count_on_line(
     for n in range(len(bases) - 1):
         motion = segment_between(bases[n], joints[n], bases[n + 1], joints[n + 1], robot.rolls)
         way = bases[n + 1] - bases[n]
-        if math.hypot(way[0], way[1]) > step or max(abs(motion.drive[2]), np.abs(motion.bend).max()) > bend:
+        if np.hypot(way[0], way[1]) > step or max(abs(motion.drive[2]), np.abs(motion.bend).max()) > bend:
             return n
         for s in shares:
             link_frames(robot, motion, s, WORLD, frames)
             off = 0.0
             for i in range(3):
-                off += (frames[-2, i, 3] - s * (line[n + 1, i] - line[n, i]) - line[n, i]) ** 2
+                off += squared(frames[-2, i, 3] - s * (line[n + 1, i] - line[n, i]) - line[n, i])
             if off > stray * stray:
                 return n
     return len(bases) - 1
@@ -237,13 +238,13 @@ def speed_bounds(
             speed += rate
             far += max(abs(motion.joints[k]), abs(motion.joints[k] + motion.bend[k]))
         step = arm.fixed[k]
-        far += math.sqrt(step[0, 3] ** 2 + step[1, 3] ** 2 + step[2, 3] ** 2)
+        far += math.sqrt(squared(step[0, 3]) + squared(step[1, 3]) + squared(step[2, 3]))
         lever = far
     if frame == WORLD:
         rate = abs(motion.drive[2])
-        lever = far + math.hypot(mount[0, 3], mount[1, 3])
+        lever = far + np.hypot(mount[0, 3], mount[1, 3])
         acceleration += rate * (rate * lever + 2 * speed + abs(motion.arc))
-        speed += rate * lever + math.hypot(motion.drive[0], motion.drive[1]) + abs(motion.arc)
+        speed += rate * lever + np.hypot(motion.drive[0], motion.drive[1]) + abs(motion.arc)
     return speed, acceleration
 
 

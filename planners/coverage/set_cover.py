@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 from numpy.typing import NDArray
-from scipy.optimize import Bounds, LinearConstraint, milp
 from scipy.sparse import csr_array
 from shapely.geometry.base import BaseGeometry
 
@@ -113,6 +112,8 @@ def least_cover(inside: Mask, nodes: int = NODES) -> SetCover:
     SetCover
         The greedy one where branch and bound ends without a better one.
     """
+    from scipy.optimize import Bounds, LinearConstraint, milp  # takes long to load
+
     greedy = _greedy(inside)
     incidence = csr_array(inside.T.astype(np.float64))
     ones = np.ones(len(inside))

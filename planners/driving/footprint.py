@@ -20,6 +20,7 @@ from shapely.geometry import MultiPolygon, Polygon
 from regionik.planners.driving.arcs import arc_end
 from regionik.planners.geometry.angles import wrap
 from regionik.planners.geometry.polygons import FlatPolygon, contains, nearest_on_segment
+from regionik.planners.geometry.vectors import squared
 from regionik.planners.kernels import compiled
 from regionik.worlds.arrays import Array, Index, frozen
 from regionik.worlds.errors import InputError
@@ -198,10 +199,10 @@ def _squared_distance(ax: float, ay: float, bx: float, by: float, edge: Array) -
     least = np.inf
     for x, y in ((ax, ay), (bx, by)):
         px, py = nearest_on_segment(edge[0], edge[1], edge[2], edge[3], x, y)
-        least = min(least, (px - x) ** 2 + (py - y) ** 2)
+        least = min(least, squared(px - x) + squared(py - y))
     for k in (0, 2):
         px, py = nearest_on_segment(ax, ay, bx, by, edge[k], edge[k + 1])
-        least = min(least, (px - edge[k]) ** 2 + (py - edge[k + 1]) ** 2)
+        least = min(least, squared(px - edge[k]) + squared(py - edge[k + 1]))
     return least
 
 
@@ -307,7 +308,7 @@ def _motion_free(
     bulge = 0.0  # an eighth of the largest acceleration of a point bounds its distance from the chord
     for k in range(n):
         sideways = length * turn - turn * turn * scene.corners[k, 1]
-        bulge = max(bulge, 0.125 * math.hypot(turn * turn * scene.corners[k, 0], sideways))
+        bulge = max(bulge, 0.125 * np.hypot(turn * turn * scene.corners[k, 0], sideways))
     cell, depth = 0, 0  # the motion is split in 2**depth parts; this is the part being proven
     while True:
         width = 0.5**depth

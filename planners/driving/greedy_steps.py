@@ -19,6 +19,7 @@ from regionik.planners.geometry.polygons import (
     nearest_on_segment,
     segment_inside,
 )
+from regionik.planners.geometry.vectors import squared
 from regionik.planners.kernels import compiled
 from regionik.worlds.arrays import Array, Index, frozen
 from regionik.worlds.errors import InputError
@@ -132,7 +133,7 @@ def _directions(edges: Array, rho: float) -> Array:
     n = 0
     for e in range(len(edges)):
         px, py, qx, qy = edges[e]
-        angles[n], angles[n + 1] = np.arctan2(py, px), np.arctan2(qy, qx)
+        angles[n], angles[n + 1] = math.atan2(py, px), math.atan2(qy, qx)
         n += 2
         dx, dy = qx - px, qy - py
         length = np.hypot(dx, dy)
@@ -141,7 +142,7 @@ def _directions(edges: Array, rho: float) -> Array:
         for sign in (-1.0, 1.0):
             t = foot + sign * np.sqrt(max(half2, 0.0))
             if 0.0 < t < length:
-                angles[n] = np.arctan2(py + t * dy / length, px + t * dx / length)
+                angles[n] = math.atan2(py + t * dy / length, px + t * dx / length)
                 n += 1
     for k in range(SIDES + 1):
         angles[n] = -np.pi + 2.0 * np.pi * k / SIDES
@@ -198,16 +199,16 @@ def _visible_star(vertices: Array, starts: Index, bx: float, by: float, rho: flo
             star[n] = bx, by
             n += 1
             continue
-        cx, cy = np.cos(middle), np.sin(middle)
+        cx, cy = math.cos(middle), math.sin(middle)
         hit, reach = _first_edge(edges, cx, cy, rho)
         if not interior and not contains(vertices, starts, bx + 0.5 * reach * cx, by + 0.5 * reach * cy):
             star[n] = bx, by
             n += 1
             continue
         for angle in (angles[k], angles[k + 1]):
-            x, y = rho * np.cos(angle), rho * np.sin(angle)
+            x, y = rho * math.cos(angle), rho * math.sin(angle)
             if hit >= 0:
-                x, y = _ray_on_edge(edges[hit], np.cos(angle), np.sin(angle), rho)
+                x, y = _ray_on_edge(edges[hit], math.cos(angle), math.sin(angle), rho)
             star[n] = bx + x, by + y
             n += 1
     return star[:n]
@@ -218,12 +219,12 @@ def _best_step(
     vertices: Array, starts: Index, x: float, y: float, goal_x: float, goal_y: float, rho: float
 ) -> tuple[float, float]:
     """Point of the step area that is nearest to the straight step (M-FABRIK, Alg. 2)."""
-    part = min(1.0, rho / math.sqrt((goal_x - x) ** 2 + (goal_y - y) ** 2))
+    part = min(1.0, rho / math.sqrt(squared(goal_x - x) + squared(goal_y - y)))
     # Alg. 2, l. 8: MoveOneStep
     hat_x, hat_y = x + (goal_x - x) * part, y + (goal_y - y) * part
     if segment_inside(vertices, starts, x, y, hat_x, hat_y):  # l. 10, 13
         return hat_x, hat_y
-    star = _visible_star(vertices, starts, x, y, rho, np.arctan2(goal_y - y, goal_x - x))
+    star = _visible_star(vertices, starts, x, y, rho, math.atan2(goal_y - y, goal_x - x))
     # l. 11: MoveToStepArea
     next_x, next_y = nearest_on_boundary(star, np.array([0, len(star)]), hat_x, hat_y)
     if segment_inside(vertices, starts, x, y, next_x, next_y):
@@ -236,21 +237,21 @@ def greedy_points(
     vertices: Array, starts: Index, x: float, y: float, goal_x: float, goal_y: float, rho: float
 ) -> tuple[Array, bool]:
     """Positions of Algorithm 2, (k, 2), and True if the last of them is the goal."""
-    far = math.sqrt((goal_x - x) ** 2 + (goal_y - y) ** 2)
+    far = math.sqrt(squared(goal_x - x) + squared(goal_y - y))
     # Sliding past an obstacle takes a few times the straight number of steps; far more is creeping.
     most = 100 + 20 * math.ceil(far / rho)
     points = np.empty((most + 2, 2))
     points[0, 0], points[0, 1] = x, y
     for k in range(1, most + 1):
         # Alg. 2, l. 6 and 20: the last step
-        if math.sqrt((goal_x - x) ** 2 + (goal_y - y) ** 2) <= rho and segment_inside(
+        if math.sqrt(squared(goal_x - x) + squared(goal_y - y)) <= rho and segment_inside(
             vertices, starts, x, y, goal_x, goal_y
         ):
             points[k, 0], points[k, 1] = goal_x, goal_y
             return points[: k + 1], True
         # Alg. 2, l. 8 to 14
         next_x, next_y = _best_step(vertices, starts, x, y, goal_x, goal_y, rho)
-        if math.sqrt((next_x - x) ** 2 + (next_y - y) ** 2) < STALL:
+        if math.sqrt(squared(next_x - x) + squared(next_y - y)) < STALL:
             return points[:k], False
         x, y = next_x, next_y
         points[k, 0], points[k, 1] = x, y

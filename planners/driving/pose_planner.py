@@ -54,7 +54,7 @@ class Steering(NamedTuple):
 @compiled
 def _slide(scene: FootprintScene, base: Steering, a: Array, b: Array, limit: float) -> float:
     """Cost of the straight slide from a to b, infinite where it is not free or dearer than a limit."""
-    cost = math.hypot(b[0] - a[0], b[1] - a[1]) + base.weight * abs(wrap(b[2] - a[2]))
+    cost = np.hypot(b[0] - a[0], b[1] - a[1]) + base.weight * abs(wrap(b[2] - a[2]))
     return cost if cost < limit and slide_is_free(scene, a, b) else np.inf
 
 
@@ -74,7 +74,7 @@ def _path_is_free(scene: FootprintScene, a: Array, motions: Array) -> bool:
 @compiled
 def _spin(scene: FootprintScene, base: Steering, a: Array, b: Array, limit: float, motions: Array) -> float:
     """Cost of turn, drive, turn: nose first or tail first, whichever turns less and is free."""
-    far = math.hypot(b[0] - a[0], b[1] - a[1])
+    far: float = np.hypot(b[0] - a[0], b[1] - a[1])
     if far <= NEGLIGIBLE:
         motions[:] = 0.0
         motions[0, 1] = wrap(b[2] - a[2])
@@ -115,7 +115,7 @@ def steer(scene: FootprintScene, base: Steering, a: Array, b: Array, limit: floa
         return _slide(scene, base, a, b, limit)
     if base.kind == SPIN:
         return _spin(scene, base, a, b, limit, motions)
-    if math.hypot(b[0] - a[0], b[1] - a[1]) >= limit:
+    if np.hypot(b[0] - a[0], b[1] - a[1]) >= limit:
         return np.inf
     words, lengths = words_between(a, b, base.radius)
     for m in range(min(MOST_WORDS, len(words))):

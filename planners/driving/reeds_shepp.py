@@ -59,7 +59,7 @@ def _tau_omega(u: float, v: float, xi: float, eta: float, phi: float) -> tuple[f
 def _one_sided(x: float, y: float, phi: float, words: Array, n: int, forth: bool) -> int:
     """Words whose first and last arc turn to the same side; ``forth`` with those symmetric in time."""
     xi, eta = x - math.sin(phi), y - 1.0 + math.cos(phi)
-    far, theta = math.hypot(xi, eta), math.atan2(eta, xi)
+    far, theta = np.hypot(xi, eta), math.atan2(eta, xi)
     if forth:
         n = _write(words, n, LSL, theta, far, wrap(phi - theta), 0.0, 0.0)  # 8.1
     if far <= 4.0:
@@ -78,7 +78,7 @@ def _one_sided(x: float, y: float, phi: float, words: Array, n: int, forth: bool
 def _two_sided(x: float, y: float, phi: float, words: Array, n: int, forth: bool) -> int:
     """Words whose first and last arc turn to opposite sides; ``forth`` with those symmetric in time."""
     xi, eta = x + math.sin(phi), y - 1.0 - math.cos(phi)
-    far, theta = math.hypot(xi, eta), math.atan2(eta, xi)
+    far, theta = np.hypot(xi, eta), math.atan2(eta, xi)
     half = 0.5 * math.pi
     if far >= 2.0:
         t = math.atan2(xi, -eta)

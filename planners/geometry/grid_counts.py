@@ -50,7 +50,7 @@ def count_rings(
         for row in range(low, high):
             for column in range(left, right):
                 if free[row, column]:
-                    off = math.hypot(x[column] - cx, y[row] - cy)
+                    off = np.hypot(x[column] - cx, y[row] - cy)
                     for s in range(starts[i], starts[i + 1]):
                         if spans[s, 0] <= off <= spans[s, 1]:
                             count[row, column] += 1

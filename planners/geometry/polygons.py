@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from shapely.geometry import MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
+from regionik.planners.geometry.vectors import squared
 from regionik.planners.kernels import compiled
 from regionik.worlds.arrays import Array, Index
 from regionik.worlds.errors import InputError
@@ -178,7 +179,7 @@ def clamp(vertices: Array, starts: Index, x: float, y: float) -> tuple[float, fl
     if _crossed_oddly(vertices, starts, x, y):
         return x, y
     near_x, near_y = nearest_on_boundary(vertices, starts, x, y)
-    if (near_x - x) ** 2 + (near_y - y) ** 2 <= ON_EDGE * ON_EDGE:
+    if squared(near_x - x) + squared(near_y - y) <= ON_EDGE * ON_EDGE:
         return x, y
     return near_x, near_y
 

@@ -7,6 +7,7 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
+from regionik.planners.geometry.vectors import minus, norm, row
 from regionik.planners.kernels import compiled
 from regionik.worlds.arrays import Array, Index, frozen
 from regionik.worlds.errors import InputError
@@ -19,7 +20,7 @@ def leg_lengths(knots: Array) -> Array:
     for n in range(len(lengths)):
         x, y, turn = knots[n + 1] - knots[n]
         turn = (turn + math.pi) % (2 * math.pi) - math.pi
-        lengths[n] = math.hypot(x, y) + (0.0 if math.isnan(turn) else abs(turn))
+        lengths[n] = np.hypot(x, y) + (0.0 if math.isnan(turn) else abs(turn))
     return lengths
 
 
@@ -49,13 +50,13 @@ def laid_out(
     leg, share : (n,) arrays
         Leg and share of it of cuts that are a stride apart at most, all knots but the first among them.
     """
-    count, base, goes = len(knots), leg_lengths(knots), np.linalg.norm(spots[1] - spots[0])
+    count, base, goes = len(knots), leg_lengths(knots), norm(minus(row(spots, 1), row(spots, 0)))
     far, pieces = np.zeros(count), np.empty(count - 1, dtype=np.int64)
     for n in range(count - 1):
         moves = (tool[n + 1] - tool[n]) * goes
         far[n + 1] = far[n] + base[n] + moves
         pieces[n] = max(1, math.ceil(max(base[n], moves) / stride))
-    far = far / far[-1] if far[-1] > 0.0 else np.linspace(0.0, 1.0, count)
+    far = far / far[-1] if far[-1] > 0.0 else np.arange(count) / max(count - 1, 1)
     leg, share = np.empty(pieces.sum(), dtype=np.int64), np.empty(pieces.sum())
     at = 0
     for n in range(count - 1):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from regionik.planners.kernels import compiled
@@ -53,6 +55,12 @@ def cross(a: Vector, b: Vector) -> Vector:
 
 
 @compiled
+def squared(x: float) -> float:
+    """Product x x: a power may be rounded otherwise."""
+    return x * x
+
+
+@compiled
 def norm(a: Vector) -> float:
     """Length |a|."""
     length: float = np.sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2])
@@ -88,7 +96,7 @@ def turned_back(R: Array, a: Vector) -> Vector:
 @compiled
 def rotated(axis: Vector, angle: float, a: Vector) -> Vector:
     """Rotation of a about a unit axis n: cos(t) a + sin(t) n x a + (1 - cos(t)) (n . a) n (Rodrigues)."""
-    c, s = np.cos(angle), np.sin(angle)
+    c, s = math.cos(angle), math.sin(angle)
     lift = (1.0 - c) * dot(axis, a)
     x, y, z = cross(axis, a)
     return (

@@ -225,7 +225,7 @@ def _judge_direction(demand: ToolDemand, cell: PlanarCell) -> Verdict:
     )
     angle = math.acos(min(1.0, max(-1.0, along)))
     # About the vertical the tool turns by no more than its distance from it, and so may the direction.
-    yawed = half[YAW] * min(abs(level) + half[PITCH], math.hypot(d[0], d[1]))
+    yawed = half[YAW] * min(abs(level) + half[PITCH], np.hypot(d[0], d[1]))
     if angle > demand.cone + yawed + half[PITCH] + SLACK:
         return Verdict.RULED_OUT
     if angle > demand.cone - yawed - half[PITCH] + SLACK:  # cells begin as wide as the cone

@@ -8,6 +8,7 @@ is bisected down to `FINEST`.
 
 from __future__ import annotations
 
+import math
 import sys
 from typing import NamedTuple
 
@@ -186,7 +187,7 @@ def _across(a: float, b: float, d0: float, d1: float) -> tuple[float, float]:
     """Bend between two links whose ends are (d0, d1) apart: 0 when stretched, pi when folded [rad]."""
     low = (d1 * d1 - a * a - b * b) / (2.0 * a * b)
     high = (d0 * d0 - a * a - b * b) / (2.0 * a * b)
-    return np.arccos(min(1.0, max(-1.0, low))), np.arccos(min(1.0, max(-1.0, high)))
+    return math.acos(min(1.0, max(-1.0, low))), math.acos(min(1.0, max(-1.0, high)))
 
 
 @compiled

@@ -94,6 +94,6 @@ def is_near(parts: FloorParts, x: float, y: float, by: float) -> bool:
             ax, ay, bx, end = parts.edges[parts.listed[i]]
             if min(ax, bx) - x <= by and x - max(ax, bx) <= by:
                 px, py = nearest_on_segment(ax, ay, bx, end, x, y)
-                if math.hypot(px - x, py - y) <= by:
+                if np.hypot(px - x, py - y) <= by:
                     return True
     return False

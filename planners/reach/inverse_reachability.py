@@ -10,6 +10,7 @@ reachability inversion (ICRA 2013), here without voxels.
 
 from __future__ import annotations
 
+import math
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -127,7 +128,7 @@ def _moved(
     met = np.zeros(len(postures), dtype=np.bool_)
     for k in range(len(postures)):
         spin = _nearest_spin(tools[k], aim)
-        azimuth = np.arctan2(tools[k, 1, 3], tools[k, 0, 3])
+        azimuth = math.atan2(tools[k, 1, 3], tools[k, 0, 3])
         places[k, 0] = np.hypot(tools[k, 0, 3], tools[k, 1, 3])
         places[k, 1] = (azimuth - spin - np.pi) % (2 * np.pi)
         postures[k, pivot] -= azimuth
@@ -144,18 +145,18 @@ def _nearest_spin(tool: Array, aim: Aim) -> float:
     if aim.kind == DIRECTION:
         if np.hypot(T[0, 2], T[1, 2]) < 1e-9:
             return 0.0
-        return float(np.arctan2(R[1, 2], R[0, 2]) - np.arctan2(T[1, 2], T[0, 2]))
+        return float(math.atan2(R[1, 2], R[0, 2]) - math.atan2(T[1, 2], T[0, 2]))
     sine, cosine = 0.0, 0.0
     for i in range(3):
         cosine += T[0, i] * R[0, i] + T[1, i] * R[1, i]
         sine += T[0, i] * R[1, i] - T[1, i] * R[0, i]
-    return float(np.arctan2(sine, cosine))
+    return float(math.atan2(sine, cosine))
 
 
 @compiled
 def aim_at(aim: Aim, distance: float, bearing: float) -> Aim:
     """An aim as an arm sees it whose base frame faces it, from a distance [m] and a bearing [rad]."""
-    c, s = np.cos(-bearing - np.pi), np.sin(-bearing - np.pi)
+    c, s = math.cos(-bearing - np.pi), math.sin(-bearing - np.pi)
     turn = np.empty((3, 3))
     for i in range(3):
         turn[0, i] = c * aim.turn[0, i] - s * aim.turn[1, i]

@@ -11,6 +11,7 @@ it passes all distances from the axis between those at its ends.
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from functools import lru_cache
 from itertools import pairwise
@@ -252,7 +253,10 @@ def hop_stray(meridian: Meridian, a: Array, b: Array, tool: MeridianTool, free: 
             if not held[k] and room < 2.0 * off * size[k]:
                 held[k], fits = True, False
         if fits:
-            return float(off + 2.0 * off * (size * meridian.levers).sum())
+            lever = 0.0
+            for k in range(m):
+                lever += size[k] * meridian.levers[k]
+            return float(off + 2.0 * off * lever)
     return -1.0
 
 
@@ -310,8 +314,8 @@ def walk(
                 if (far - r) * outwards > 0.0:
                     stray = hop_stray(meridian, joints, trial, tool, free)
                 if stray >= 0.0:
-                    swing, near = np.arctan2(s, c), max(0.0, c) * min(r, far)
-                    aside = np.arcsin(stray / near) if stray < near else np.pi
+                    swing, near = math.atan2(s, c), max(0.0, c) * min(r, far)
+                    aside = math.asin(stray / near) if stray < near else np.pi
                     right = min(turns[1], turn + min(0.0, swing) - aside)
                     left = max(turns[2], turn + max(0.0, swing) + aside)
                     if turns[0] == r and left - right <= SWING:
@@ -376,7 +380,7 @@ def walk_both_ways(
         here = start.copy()
         if not to_level(meridian, z, here, tool, free, last):
             continue
-        there, azimuth = here.copy(), np.arctan2(tool.away[1], tool.away[0])
+        there, azimuth = here.copy(), math.atan2(tool.away[1], tool.away[0])
         found[count, 0] = walk(meridian, z, -1.0, here, tool, most, -np.inf, last, turns)
         found[count, 2], found[count, 4], found[count, 5] = turns[0], azimuth + turns[1], azimuth + turns[2]
         found[count, 1] = walk(meridian, z, 1.0, there, tool, most, np.inf, last, turns)

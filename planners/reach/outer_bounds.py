@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from regionik.planners.geometry.vectors import minus, norm, row, squared
 from regionik.planners.kernels import compiled
 from regionik.planners.reach.meridian_plane import Meridian, MeridianTool, tool_for, tool_motion
 from regionik.planners.search.box_search import WHOLE, Boxes, Verdict, begin, explore_in_kernel, left_open
@@ -170,7 +171,7 @@ def _keep(box: ToolBounds, k: int, p: Array) -> None:
     moved = box.moved[k + 1]
     out = min(out, moved)
     box.keeps[k, 0] = max(0.0, length - out - box.loose[k])
-    box.keeps[k, 1] = min(np.sqrt((length + out) ** 2 + moved * moved), length + moved) + box.loose[k]
+    box.keeps[k, 1] = min(np.sqrt(squared(length + out) + moved * moved), length + moved) + box.loose[k]
 
 
 @compiled
@@ -216,11 +217,11 @@ def spanned(box: ToolBounds, z: float, half: float) -> tuple[float, float, int, 
     tells_low = tells_high = -1
     for k in range(m):
         r, rise = np.hypot(box.hub[k, 0], box.hub[k, 1]), abs(z - box.hub[k, 2])
-        square = box.keeps[k, 1] ** 2 - max(0.0, rise - half) ** 2
-        if square < -SLACK:
+        over = squared(box.keeps[k, 1]) - squared(max(0.0, rise - half))
+        if over < -SLACK:
             return 1.0, 0.0, -1, -1
-        wide = np.sqrt(max(0.0, square))
-        narrow = np.sqrt(max(0.0, box.keeps[k, 0] ** 2 - (rise + half) ** 2))
+        wide = np.sqrt(max(0.0, over))
+        narrow = np.sqrt(max(0.0, squared(box.keeps[k, 0]) - squared(rise + half)))
         if r + wide < high:
             high, tells_high = r + wide, k
         if max(narrow - r, r - wide) > low:
@@ -285,7 +286,7 @@ def _contract_by_hubs(box: ToolBounds, z: float, half: float, low: float, high: 
     p = box.tool.frames[m, :3, 3]
     for k in range(m - 1):
         r, rise = np.hypot(box.hub[k, 0], box.hub[k, 1]), abs(z - box.hub[k, 2])
-        length = np.sqrt(((p - box.hub[k]) ** 2).sum())
+        length = norm(minus((p[0], p[1], p[2]), row(box.hub, k)))
         moved, slack = box.moved[k + 1], box.bent[k + 1] + box.loose[k] + SLACK
         if slack > length or moved > length:
             continue

@@ -22,6 +22,7 @@ from regionik.planners.collision.upright_solids import (
     least_along,
     uprights_from,
 )
+from regionik.planners.geometry.vectors import squared
 from regionik.planners.kernels import compiled
 from regionik.planners.reach.planar_cells import AWAY, PITCH, SLACK, TURN, YAW, ArmMount, PlanarCell, chord
 from regionik.planners.search.box_search import Verdict, both
@@ -182,7 +183,7 @@ def place_capsules(
                 from_target = at_last + lever * chord(vary[1])
                 from_axis = half[AWAY] + from_target
                 if whole:  # as a point beyond the elbow
-                    beyond = math.hypot(along + plane.lengths[1], across)
+                    beyond = np.hypot(along + plane.lengths[1], across)
                     from_axis = min(from_axis, a * chord(vary[0]) + beyond * chord(vary[1]))
             elif rank == LAST:
                 from_target = lever * chord(vary[2])
@@ -201,7 +202,7 @@ def _judge_pair(
     """
     a, b, at_a, at_b = ends[0], ends[1], moves[0], moves[1]
     most = max(at_a, at_b)
-    half = 0.5 * math.sqrt((b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2 + (b[2] - a[2]) ** 2)
+    half = 0.5 * math.sqrt(squared(b[0] - a[0]) + squared(b[1] - a[1]) + squared(b[2] - a[2]))
     if distance_along(solids, k, a, b, 0.5) - half >= reach + most:
         return Verdict.PROVEN, True
     if min(at_a, at_b) >= reach + deep[k]:
@@ -235,7 +236,7 @@ def _widen(
     cell.open[AWAY] = max(cell.open[AWAY], (move - known) * share)
     cell.open[PITCH] = max(cell.open[PITCH], known + (move - known) * (1.0 - share))
     side, turned = turn
-    cell.open[side] = max(cell.open[side], turned * math.hypot(r, cell.points[s, e, 2]))
+    cell.open[side] = max(cell.open[side], turned * np.hypot(r, cell.points[s, e, 2]))
 
 
 @compiled
@@ -260,7 +261,7 @@ def _turn_capsule(
         r, w = cell.points[s, e, 0] - away, cell.points[s, e, 2]
         ends[e, 0], ends[e, 1] = x + cos * r - sin * w, y + sin * r + cos * w
         ends[e, 2] = cell.points[s, e, 1]
-        moves[e] = swung(cell.moves[s, e, seen], math.hypot(r, w), abs(w), turned)
+        moves[e] = swung(cell.moves[s, e, seen], np.hypot(r, w), abs(w), turned)
 
 
 @compiled

@@ -8,11 +8,12 @@ Sources: Wolovich and Elliott (1984) for the transpose, Wang and Chen (1991) for
 
 from __future__ import annotations
 
+import math
 from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from regionik.planners.geometry.vectors import Vector, cross, dot, minus, plus, rotated, turned
+from regionik.planners.geometry.vectors import Vector, cross, dot, minus, plus, rotated, squared, turned
 from regionik.planners.kernels import compiled
 from regionik.planners.rivals.method import RESTARTS, ArmMethod, SearchResult, arm_length
 from regionik.planners.solvers.damped_least_squares import (
@@ -173,13 +174,13 @@ def _line_search(
             limited_step(arm, J, left, rows, TRACE * limits.reach * limits.reach, joints, step)
         else:
             _transpose_step(arm, J, left, rows, joints, step)
-        before, helped = error**2 + (weight * angle) ** 2, False
+        before, helped = squared(error) + squared(weight * angle), False
         for _ in range(HALVINGS):
             tried += 1
             for k in range(n):
                 trial[k] = min(max(joints[k] + step[k], arm.lower[k]), arm.upper[k])
             new_error, new_angle = tool_error(arm, aim, trial, frames, left)
-            if new_error**2 + (weight * new_angle) ** 2 < before:
+            if squared(new_error) + squared(weight * new_angle) < before:
                 joints[:], miss[:] = trial, left
                 error, angle, helped = new_error, new_angle, True
                 break
@@ -221,12 +222,12 @@ def _cyclic_descent(
     for sweep in range(limits.steps):
         if error <= limits.tolerance and angle <= limits.angle_tolerance:
             return error, angle, sweep
-        before = error**2 + (weight * angle) ** 2
+        before = squared(error) + squared(weight * angle)
         tool = frames[n]
         for k in range(n - 1, -1, -1):
             _move_joint(arm, aim, frames[k], k, weight, joints, tool)
         error, angle = tool_error(arm, aim, joints, frames, miss)
-        if error**2 + (weight * angle) ** 2 > (1.0 - STALLED) * before:
+        if squared(error) + squared(weight * angle) > (1.0 - STALLED) * before:
             return error, angle, sweep + 1
     return error, angle, limits.steps
 
@@ -257,7 +258,7 @@ def _move_joint(
             c, s = c + share * dc, s + share * ds
     if c == 0.0 and s == 0.0:
         return
-    value = held(now + np.arctan2(s, c), now, arm.lower[k], arm.upper[k])
+    value = held(now + math.atan2(s, c), now, arm.lower[k], arm.upper[k])
     joints[k] = value
     tip = plus(origin, rotated(axis, value - now, lever))
     for i in range(3):

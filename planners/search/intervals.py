@@ -6,6 +6,8 @@ contractors (4.2).
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from regionik.planners.kernels import compiled
@@ -21,7 +23,7 @@ def interval_cos(low: float, high: float) -> tuple[float, float]:
     """Cosine of an interval of angles [rad]."""
     if high - low >= TWO_PI:
         return -1.0, 1.0
-    a, b = np.cos(low), np.cos(high)
+    a, b = math.cos(low), math.cos(high)
     least, most = min(a, b), max(a, b)
     if np.ceil(low / TWO_PI) * TWO_PI <= high:
         most = 1.0
@@ -58,7 +60,7 @@ def opening(own: float, other: float, low: float, high: float) -> tuple[float, f
     least, most = min(a, b), max(a, b)
     if spread > 0.0 and low * low < spread < high * high:  # convex in the third side
         least = np.sqrt(spread) / own
-    return np.arccos(min(1.0, max(-1.0, most))), np.arccos(min(1.0, max(-1.0, least)))
+    return math.acos(min(1.0, max(-1.0, most))), math.acos(min(1.0, max(-1.0, least)))
 
 
 @compiled
@@ -66,12 +68,12 @@ def polar_angle(x0: float, x1: float, y0: float, y1: float) -> tuple[float, floa
     """Angle of all points of a box, seen from the origin, as an interval that may pass pi [rad]."""
     if x0 <= 0.0 <= x1 and y0 <= 0.0 <= y1:
         return -np.pi, np.pi
-    middle = np.arctan2(0.5 * (y0 + y1), 0.5 * (x0 + x1))
-    c, s = np.cos(middle), np.sin(middle)
+    middle = math.atan2(0.5 * (y0 + y1), 0.5 * (x0 + x1))
+    c, s = math.cos(middle), math.sin(middle)
     low = high = 0.0
     for x in (x0, x1):
         for y in (y0, y1):
-            off = np.arctan2(c * y - s * x, c * x + s * y)
+            off = math.atan2(c * y - s * x, c * x + s * y)
             low, high = min(low, off), max(high, off)
     return middle + low, middle + high
 

@@ -7,6 +7,7 @@ plus the motion by the joints behind. A turn by an angle moves a point by the ch
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -87,7 +88,7 @@ def _across(axis: Array, x: float, y: float, z: float) -> float:
 def chords(arm: SerialArm, half: Array, chord: Array) -> None:
     """Longest chord of the unit circle that each joint's half width spans, or the half width of a slide."""
     for k in range(len(half)):
-        chord[k] = 2.0 * np.sin(0.5 * min(half[k], np.pi)) if arm.revolute[k] else half[k]
+        chord[k] = 2.0 * math.sin(0.5 * min(half[k], np.pi)) if arm.revolute[k] else half[k]
 
 
 @compiled

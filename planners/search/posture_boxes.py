@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from regionik.planners.collision.upright_solids import Uprights, distance_along, least_along
+from regionik.planners.geometry.vectors import squared
 from regionik.planners.kernels import compiled
 from regionik.planners.search.box_search import WHOLE, Boxes, Verdict, explore_in_kernel
 from regionik.planners.search.intervals import contract, cut_to
@@ -197,7 +198,7 @@ def _hits_obstacle(task: FixedBase, off: float) -> bool:
         link = capsules.link[s]
         a, b = posed.ends[s, 0], posed.ends[s, 1]
         reach = capsules.radius[s] + task.clearance - SLACK
-        length = np.sqrt((b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2 + (b[2] - a[2]) ** 2)
+        length = np.sqrt(squared(b[0] - a[0]) + squared(b[1] - a[1]) + squared(b[2] - a[2]))
         known = False
         base_a = base_b = tool_a = tool_b = 0.0
         for k in range(len(task.solids.disc)):
@@ -235,10 +236,10 @@ def place_arm(task: FixedBase) -> float:
             x, y, z = capsules.ends[s, end]
             for i in range(3):
                 posed.ends[s, end, i] = frame[i, 0] * x + frame[i, 1] * y + frame[i, 2] * z + frame[i, 3]
-    square = 0.0
+    off = 0.0
     for i in range(3):
-        square += (posed.frames[n, i, 3] - task.target[i]) ** 2
-    return float(np.sqrt(square))
+        off += squared(posed.frames[n, i, 3] - task.target[i])
+    return float(np.sqrt(off))
 
 
 @compiled
@@ -247,7 +248,7 @@ def clearance_of(task: FixedBase) -> float:
     least = np.inf
     for s in range(len(task.capsules.link)):
         a, b, radius = task.posed.ends[s, 0], task.posed.ends[s, 1], task.capsules.radius[s]
-        length = np.sqrt((b[0] - a[0]) ** 2 + (b[1] - a[1]) ** 2 + (b[2] - a[2]) ** 2)
+        length = np.sqrt(squared(b[0] - a[0]) + squared(b[1] - a[1]) + squared(b[2] - a[2]))
         for k in range(len(task.solids.disc)):
             if distance_along(task.solids, k, a, b, 0.5) - 0.5 * length - radius < least:
                 least = min(
@@ -261,7 +262,7 @@ def to_target(task: FixedBase) -> float:
     """Damped least squares from ``posed.q`` towards the target, within limits; the distance left [m]."""
     posed, n = task.posed, len(task.posed.q)
     off = place_arm(task)
-    damping = DAMPING * np.max(task.capsules.levers[0]) ** 2 + 1e-300
+    damping = DAMPING * squared(np.max(task.capsules.levers[0])) + 1e-300
     A, e = np.empty((3, 3)), np.empty(3)
     for _ in range(STEPS):
         if off <= task.tolerance:

@@ -6,12 +6,13 @@ a limit and would be pushed through it are held while the others move.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from regionik.planners.geometry.vectors import Vector, cross, dot, norm, scaled
+from regionik.planners.geometry.vectors import Vector, cross, dot, norm, scaled, squared
 from regionik.planners.kernels import compiled
 from regionik.planners.solvers.serial_chain import SerialArm, chain_frames, chain_jacobian
 from regionik.worlds.arrays import Array
@@ -124,7 +125,7 @@ def polish(
         for k in range(n):
             trial[k] = min(max(joints[k] + step[k], arm.lower[k]), arm.upper[k])
         new_error, new_angle = tool_error(arm, aim, trial, frames, left)
-        moved = new_error**2 + (weight * new_angle) ** 2 < error**2 + (weight * angle) ** 2
+        moved = squared(new_error) + squared(weight * new_angle) < squared(error) + squared(weight * angle)
         if moved:
             joints[:], miss[:] = trial, left
             error, angle = new_error, new_angle
@@ -240,7 +241,7 @@ def _turn_between(z: Vector, wanted: Vector, miss: Array) -> None:
         axis = cross(z, (1.0, 0.0, 0.0) if abs(z[0]) < 0.7 else (0.0, 1.0, 0.0))
         s, c = norm(axis), -np.inf
     if s > 0.0:
-        factor = (np.pi if c == -np.inf else np.arctan2(s, c)) / s
+        factor = (np.pi if c == -np.inf else math.atan2(s, c)) / s
         miss[3], miss[4], miss[5] = scaled(axis, factor)
 
 
@@ -271,4 +272,4 @@ def _turn_vector(turn: Array, wanted: Array, miss: Array) -> None:
     axis = (q[1], q[2], q[3])
     s = norm(axis)
     if s > 0.0:
-        miss[3], miss[4], miss[5] = scaled(axis, 2.0 * np.arctan2(s, q[0]) / s)
+        miss[3], miss[4], miss[5] = scaled(axis, 2.0 * math.atan2(s, q[0]) / s)

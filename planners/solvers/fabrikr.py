@@ -7,6 +7,7 @@ old. Every body stays rigid, so joint values are exact after each backward pass.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -306,7 +307,7 @@ def pointing_turn(axis: Vector, link: Vector, line: Vector, now: float) -> float
     c, s = dot(link, line), dot(axis, cross(link, line))
     if np.hypot(c, s) <= NOTHING * norm(link):
         return now
-    angle: float = np.arctan2(s, c)
+    angle: float = math.atan2(s, c)
     return angle
 
 
@@ -333,8 +334,8 @@ def planar_turn(
     R = np.hypot(a, K3)
     if R <= NOTHING:
         return held(now, now, lower, upper)
-    delta = np.arctan2(K3, a)
-    half = np.arctan2(np.sqrt(max(0.0, (R - K2) * (R + K2))), -K2)
+    delta = math.atan2(K3, a)
+    half = math.atan2(np.sqrt(max(0.0, (R - K2) * (R + K2))), -K2)
     best, best_out, best_gap, best_turn = now, np.inf, np.inf, np.inf
     for side in (1.0, -1.0):
         wanted = sense * (delta + side * half)

@@ -200,7 +200,7 @@ def _widest(
         if widest_posture(arm, goal.pitch, facing * rho, z, bends, 1440 if k == 0 else 360):
             found = PlanarState(x, y, yaw, (bends[0], bends[1], bends[2]))
             knots = knots_at(links, found.bends)
-            return math.hypot(knots[4] - facing * rho, knots[5] - z), found
+            return np.hypot(knots[4] - facing * rho, knots[5] - z), found
     return np.inf, start
 
 
@@ -258,7 +258,7 @@ def _least_change(
     start, bends, near = state_of(setup, base, joints), np.empty(3), np.empty(3)
     near[0], near[1], near[2] = start.bends
     dx, dy = target[0] - start.x, target[1] - start.y
-    r, yaw = setup.facing * math.hypot(dx, dy), math.atan2(setup.facing * dy, setup.facing * dx)
+    r, yaw = setup.facing * np.hypot(dx, dy), math.atan2(setup.facing * dy, setup.facing * dx)
     change = nearest_posture(linkage_of(setup), setup.pitch, r, target[2], near, bends, PITCHES, TILT)
     if not np.isfinite(change):
         return change, False

@@ -6,6 +6,7 @@ FABRIK-R (paper 001).
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -107,7 +108,7 @@ def serial_passes(
     posture: Posture,
 ) -> tuple[float, float, int]:
     """M-FABRIK, Algorithm 1, from one posture: misses [m], [rad] and passes; overwrites place and posture."""
-    c, s, passes = np.cos(stand.yaw), np.sin(stand.yaw), 0
+    c, s, passes = math.cos(stand.yaw), math.sin(stand.yaw), 0
     goal, miss = in_arm_frame(place, stand.yaw, stand.rise, aim), np.empty(6)
     error, angle = posture_error(bodies, goal, posture, miss)  # M-FABRIK, Alg. 1 l. 8
     # A base that has become inadmissible must move even where the tool is in place already.
@@ -148,7 +149,7 @@ def _shift(posture: Posture, goal: Aim, x: float, y: float) -> None:
 @compiled
 def in_arm_frame(place: Array, yaw: float, rise: float, aim: Aim) -> Aim:
     """An aim in the base frame of an arm whose axis stands at a place."""
-    c, s = np.cos(yaw), np.sin(yaw)
+    c, s = math.cos(yaw), math.sin(yaw)
     dx, dy = aim.position[0] - place[0], aim.position[1] - place[1]
     position = np.array([c * dx + s * dy, c * dy - s * dx, aim.position[2] - rise])
     turn = np.empty((3, 3))

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
 from regionik.planners.geometry.angles import wrap
+from regionik.planners.geometry.vectors import squared
 from regionik.planners.kernels import compiled
 from regionik.planners.solvers.damped_least_squares import DIRECTION, POSITION, Aim, polish, pose_error
 from regionik.planners.solvers.fabrikr import (
@@ -122,8 +124,8 @@ def passes_from(
         if best <= 1.0:
             break
         if used >= WINDOW + 2:
-            gain = np.log(trail[used - WINDOW] / best)
-            if gain <= 1e-4 or (not to_the_end and gain * PATIENCE < WINDOW * np.log(best)):
+            gain = math.log(trail[used - WINDOW] / best)
+            if gain <= 1e-4 or (not to_the_end and gain * PATIENCE < WINDOW * math.log(best)):
                 break
         if used < effort.most_passes:
             inward_pass(bodies, aim, posture)
@@ -152,7 +154,7 @@ def _wanted_last(bodies: RigidBodies, aim: Aim, posture: Posture, turn: Array) -
         now, miss, spin = np.empty((3, 3)), np.empty(6), np.empty((3, 3))
         matmul3(last, bodies.arm.tool, now)
         pose_error((0.0, 0.0, 0.0), now, aim, miss)
-        angle = np.sqrt(miss[3] ** 2 + miss[4] ** 2 + miss[5] ** 2)
+        angle = np.sqrt(squared(miss[3]) + squared(miss[4]) + squared(miss[5]))
         wanted[:] = now
         if angle > 0.0:
             rotate_about(miss[3:] / angle, angle, spin)

@@ -6,6 +6,7 @@ against the one before it (the first against the r axis), counter-clockwise from
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -42,7 +43,7 @@ def two_link_angles(length_a: float, length_b: float, x: float, z: float) -> tup
     root = (d2 + length_a * length_a - length_b * length_b) / (2.0 * d * length_a)
     tip = (d2 + length_b * length_b - length_a * length_a) / (2.0 * d * length_b)
     root, tip = min(1.0, max(-1.0, root)), min(1.0, max(-1.0, tip))
-    return np.arctan2(z, x), np.arccos(root), np.arccos(tip), True
+    return math.atan2(z, x), math.acos(root), math.acos(tip), True
 
 
 @compiled
@@ -50,7 +51,7 @@ def wrist_triangle(arm: PlanarLinkage, r: float, z: float, pitch: float) -> tupl
     """`two_link_angles` of the first two links, the tool at (r, z) and the last link at a pitch."""
     x, y = r - arm.shoulder_r, z - arm.shoulder_z
     a, b, c = arm.lengths[0], arm.lengths[1], arm.lengths[2]
-    return two_link_angles(a, b, x - c * np.cos(pitch), y - c * np.sin(pitch))
+    return two_link_angles(a, b, x - c * math.cos(pitch), y - c * math.sin(pitch))
 
 
 @compiled
@@ -109,7 +110,7 @@ def critical_posture(
         tool = pitch_low if side == 0 else pitch_high
         if not np.isfinite(tool):
             tool = 0.0
-        lead, root, tip, ok = two_link_angles(a, b, x - c * np.cos(tool), y - c * np.sin(tool))
+        lead, root, tip, ok = two_link_angles(a, b, x - c * math.cos(tool), y - c * math.sin(tool))
         if ok:
             for e in (-1.0, 1.0):
                 if fits_limits(lower, upper, lead + e * root, lead - e * tip, tool, pitch_low, pitch_high):
@@ -119,7 +120,7 @@ def critical_posture(
     for side in range(2):
         first = lower[0] if side == 0 else upper[0]
         if np.isfinite(first):
-            lead, root, tip, ok = two_link_angles(b, c, x - a * np.cos(first), y - a * np.sin(first))
+            lead, root, tip, ok = two_link_angles(b, c, x - a * math.cos(first), y - a * math.sin(first))
             if ok:
                 for e in (-1.0, 1.0):
                     if fits_limits(
@@ -129,10 +130,10 @@ def critical_posture(
     for kind in range(4):
         bend = lower[1] if kind == 0 else (upper[1] if kind == 1 else (0.0 if kind == 2 else np.pi))
         if np.isfinite(bend):
-            er, ez = a + b * np.cos(bend), b * np.sin(bend)
+            er, ez = a + b * math.cos(bend), b * math.sin(bend)
             lead, root, tip, ok = two_link_angles(np.hypot(er, ez), c, x, y)
             if ok:
-                turn = np.arctan2(ez, er)
+                turn = math.atan2(ez, er)
                 for e in (-1.0, 1.0):
                     first = lead + e * root - turn
                     if fits_limits(lower, upper, first, first + bend, lead - e * tip, pitch_low, pitch_high):
@@ -140,10 +141,10 @@ def critical_posture(
     for side in range(2):
         bend = lower[2] if side == 0 else upper[2]
         if np.isfinite(bend):
-            er, ez = b + c * np.cos(bend), c * np.sin(bend)
+            er, ez = b + c * math.cos(bend), c * math.sin(bend)
             lead, root, tip, ok = two_link_angles(a, np.hypot(er, ez), x, y)
             if ok:
-                turn = np.arctan2(ez, er)
+                turn = math.atan2(ez, er)
                 for e in (-1.0, 1.0):
                     first, second = lead + e * root, lead - e * tip - turn
                     if fits_limits(lower, upper, first, second, second + bend, pitch_low, pitch_high):

@@ -6,6 +6,7 @@ one side there is one posture, so that the postures on a target are two curves o
 
 from __future__ import annotations
 
+import math
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -113,15 +114,15 @@ def threshold_margin(
     if thresholds.least > 0.0:
         x, y = r - arm.shoulder_r, z - arm.shoulder_z
         # Manipulability, w = sqrt(det(J J^T)): Yoshikawa, Int. J. Robotics Research 4 (1985).
-        first = arm.lengths[0] * (np.cos(a) * y - np.sin(a) * x)
-        last = arm.lengths[2] * (x * np.sin(c) - y * np.cos(c))
-        bent = arm.lengths[1] * arm.lengths[2] * np.sin(c - b)
+        first = arm.lengths[0] * (math.cos(a) * y - math.sin(a) * x)
+        last = arm.lengths[2] * (x * math.sin(c) - y * math.cos(c))
+        bent = arm.lengths[1] * arm.lengths[2] * math.sin(c - b)
         # Cauchy-Binet: the sum of the squares of all minors of the hinges' columns; the pivot's is r.
         least = abs(r) * np.sqrt(first * first + last * last + bent * bent) / thresholds.least - 1.0
     torque = 0.0
     for k in range(2, -1, -1):
         angle = a if k == 0 else (b if k == 1 else c)
-        torque += thresholds.pull[k, 0] * np.cos(thresholds.pull[k, 1] + angle)
+        torque += thresholds.pull[k, 0] * math.cos(thresholds.pull[k, 1] + angle)
         if not thresholds.most[k] > 0.0:
             return -np.inf
         if thresholds.most[k] < np.inf:
@@ -135,8 +136,8 @@ def posture_margin(arm: PlanarLinkage, thresholds: Thresholds, bends: Array) -> 
     r, z, angle = arm.shoulder_r, arm.shoulder_z, 0.0
     for k in range(3):
         angle += bends[k]
-        r += arm.lengths[k] * np.cos(angle)
-        z += arm.lengths[k] * np.sin(angle)
+        r += arm.lengths[k] * math.cos(angle)
+        z += arm.lengths[k] * math.sin(angle)
     a, b = bends[0], bends[0] + bends[1]
     return threshold_margin(arm, thresholds, r, z, a, b, angle)
 

@@ -30,13 +30,13 @@ from regionik.cli.plan import (
     verify_plan,
 )
 from regionik.cli.reach import explain_world, find_stops, map_reach, reach_targets
+from regionik.cli.warm_up import warm_up
 from regionik.worlds.errors import InputError, RegionikError
 
 WRONG_INPUT, ENGINE_FAILED = 2, 3
 DISK_ERRORS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)  # of stdout; files have their own message
 
 app = typer.Typer(
-    add_completion=False,
     rich_markup_mode=None,
     context_settings={"help_option_names": ["-h", "--help"]},
     help="Exact base areas and whole-path planning for mobile manipulators.",
@@ -59,12 +59,16 @@ def run(arguments: Sequence[str]) -> int:
     except (KeyboardInterrupt, typer.Abort):
         code = INTERRUPTED
     except typer.TyperException as error:
-        print_error(f"{error.format_message()} (regionik --help lists what there is)")
+        context = getattr(error, "ctx", None)
+        command = "regionik" if context is None else context.command_path
+        print_error(f"{error.format_message()} ({command} --help lists what there is)")
         return WRONG_INPUT
     except InputError as error:
         print_error(str(error))
         return WRONG_INPUT
     except (SystemExit, OSError) as error:
+        if isinstance(error, SystemExit) and error.code == DONE and error.__context__ is None:
+            return DONE  # a shell was told how words go on
         return _end_without_stdout(error)
     except Exception as error:
         if not is_interrupted():
@@ -102,22 +106,31 @@ def _is_reader_gone() -> bool:
 
 
 def _fold_targets(arguments: Sequence[str]) -> list[str]:
-    """Join the three numbers after each ``--target``: typer cannot repeat an option of three values."""
+    """Join the numbers after each ``--target``: typer cannot repeat an option of several values."""
     folded: list[str] = []
     rest = list(arguments)
     while rest:
         word = rest.pop(0)
         folded.append(word)
         if word == "--target":
-            folded.append(" ".join(rest[:3]))
-            del rest[:3]
+            count = next((k for k, word in enumerate(rest[:7]) if not _is_number(word)), len(rest[:7]))
+            folded.append(" ".join(rest[: max(count, 1)]))
+            del rest[: max(count, 1)]
     return folded
+
+
+def _is_number(word: str) -> bool:
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
 
 
 @app.callback(invoke_without_command=True)
 def _start(
     context: typer.Context,
-    version: Annotated[bool, typer.Option("--version", help="Print the version and leave.")] = False,
+    version: Annotated[bool, typer.Option("--version", "-V", help="Print the version and leave.")] = False,
 ) -> None:
     if version:
         print(f"regionik {__version__}")
@@ -139,6 +152,7 @@ COMMANDS: dict[str, Callable[..., None]] = {
     "plot": plot_plan,
     "retime": retime_plan,
     "why": explain_world,
+    "warm-up": warm_up,
 }
 for name, command in COMMANDS.items():
     app.command(name)(command)

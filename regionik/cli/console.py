@@ -31,8 +31,22 @@ if TYPE_CHECKING:
 DONE, NO = 0, 1  # exit codes
 PROGRESS_DELAY = 1.0  # shorter work shows no progress bar [s]
 _SHOWN = 20  # violations listed
+PAGES = (".html", ".htm")  # endings
 
-WorldName = Annotated[str, typer.Argument(metavar="WORLD", help="A bundled world's name, or a world file.")]
+
+def bundled_worlds(incomplete: str) -> list[str]:
+    """Names of bundled worlds that begin so, for shells that complete words; files are left to the shell."""
+    from regionik.worlds.bundled import world_names
+
+    return [name for name in world_names() if name.startswith(incomplete)]
+
+
+WorldName = Annotated[
+    str,
+    typer.Argument(
+        metavar="WORLD", help="A bundled world's name, or a world file.", autocompletion=bundled_worlds
+    ),
+]
 PlanPath = Annotated[Path, typer.Argument(metavar="PLAN", help="A plan.json.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON document, and only it, on stdout.")]
 
@@ -78,10 +92,10 @@ def check_output(
     if path is None:
         return
     choices = tuple(suffixes)
-    if choices and path.suffix.lower() not in choices:
-        raise InputError(f"{path}: expected a file name ending in {', '.join(choices)}")
     if path.is_dir():
         raise InputError(f"{path}: expected a file to write, this is a folder")
+    if choices and path.suffix.lower() not in choices and not _is_device(path):
+        raise InputError(f"{path}: expected a file name ending in {', '.join(choices)}")
     if not path.parent.is_dir():
         raise InputError(f"{path}: expected an existing folder, {path.parent} is not there")
     folder = os.path.dirname(os.path.realpath(path))
@@ -89,6 +103,11 @@ def check_output(
         raise InputError(f"{path}: nothing can be written in that folder")
     if path.is_file() and any(read is not None and _is_same_file(path, read) for read in reads):
         raise InputError(f"{path}: is the file to read, expected another to write")
+
+
+def _is_device(path: Path) -> bool:
+    """Return True for what is there and no file: a pipe, or ``/dev/stdout``."""
+    return path.exists() and not path.is_file()
 
 
 def _is_same_file(path: Path, other: Path | str) -> bool:
@@ -108,6 +127,7 @@ class DelayedProgress:
         self._bars: Progress | None = None
         self._tasks: dict[str, TaskID] = {}
         self._lock = Lock()
+        self._compiled = 0  # kernels
         self._timer: Timer | None = None
 
     def __enter__(self) -> DelayedProgress:
@@ -129,6 +149,15 @@ class DelayedProgress:
                 self._tasks[stage] = self._bars.add_task(stage, total=total or None)
             self._bars.update(self._tasks[stage], completed=done, total=total or None)
 
+    def compiling(self, kernel: str) -> None:
+        """Say once that kernels are compiled, and count them."""
+        if self._bars is None:
+            return
+        if not self._compiled:
+            self._bars.console.print("compiling what is worth it; later runs have it")
+        self._compiled += 1
+        self("compile", self._compiled, 0)
+
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
@@ -146,6 +175,9 @@ def read_world(name: str, progress: DelayedProgress) -> World:
 
     world = load_world(name)
     progress("load", 1, 1)
+    from regionik.planners.kernels import tell_compiling
+
+    tell_compiling(progress.compiling)
     return world
 
 

@@ -15,6 +15,7 @@ import typer
 
 from regionik.cli.console import (
     NO,
+    PAGES,
     AsJson,
     DelayedProgress,
     PlanPath,
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
 
 EXPORT_FORMATS = ("csv", "ros2", "joint-trajectory", "path", "geojson", "urdf")
 PICTURES = (".svg", ".png")
+PLANS = (".json",)
 
 
 def list_worlds(as_json: AsJson = False) -> None:
@@ -62,8 +64,8 @@ def plan_world(
     as_json: AsJson = False,
 ) -> None:
     """Plan the whole tool path of WORLD and verify the plan."""
-    for path in (output, html):
-        check_output(path, reads=[world])
+    check_output(output, PLANS, [world])
+    check_output(html, PAGES, [world])
     if output is not None and html is not None and output.resolve() == html.resolve():
         raise InputError(f"{html}: the plan and the page need two different files")
     began = time.monotonic()
@@ -144,7 +146,7 @@ def retime_plan(
 
     Speeds that are not given are the world's, or the robot's.
     """
-    check_output(output)
+    check_output(output, PLANS)
     with DelayedProgress() as progress:
         found = read_plan(path, progress)
         progress("timing", 0, 0)

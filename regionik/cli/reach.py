@@ -13,6 +13,7 @@ import typer
 
 from regionik.cli.console import (
     NO,
+    PAGES,
     AsJson,
     DelayedProgress,
     WorldName,
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
     from regionik.values import Stop
     from regionik.worlds.scene import StopCriterion, World
 
+TARGET = "X Y Z [DX DY DZ]"
 FIELD_SUFFIXES = (".npz", ".tif", ".tiff", ".png", ".svg")
 STOP_CRITERIA = "tolerance, clearance, manipulability, effort, distance"
 
@@ -39,7 +41,8 @@ STOP_CRITERIA = "tolerance, clearance, manipulability, effort, distance"
 def reach_targets(
     world: WorldName,
     target: Annotated[
-        list[str] | None, typer.Option("--target", metavar="X Y Z", help="A target [m]; may be repeated.")
+        list[str] | None,
+        typer.Option("--target", metavar=TARGET, help="A target [m]; may be repeated."),
     ] = None,
     table: Annotated[Path | None, typer.Option("--csv", help="Targets from a CSV file: x, y, z.")] = None,
     output: Annotated[
@@ -232,7 +235,8 @@ def _print_stops(found: tuple[Stop, ...]) -> None:
 def explain_world(
     world: WorldName,
     target: Annotated[
-        list[str] | None, typer.Option("--target", metavar="X Y Z", help="A target [m]; else the whole path.")
+        list[str] | None,
+        typer.Option("--target", metavar=TARGET, help="A target [m]; else the whole path."),
     ] = None,
     html: Annotated[
         Path | None, typer.Option("--html", help="File for an offline page of what stands in the way.")
@@ -244,7 +248,7 @@ def explain_world(
     The smallest changes that mend it are named; each was applied and checked. The exit code is 1 if
     something stands in the way.
     """
-    check_output(html, reads=[world])
+    check_output(html, PAGES, [world])
     with DelayedProgress() as progress:
         if len(target or []) > 1:
             raise InputError(f"--target: expected one target, got {len(target or [])}")

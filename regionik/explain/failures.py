@@ -32,6 +32,7 @@ from regionik.worlds.errors import Cause, CauseKind, Explanation, Repair
 from regionik.worlds.obstacles import Shadow
 from regionik.worlds.scene import Target, World
 
+NO_WAY = 1e-3  # a narrower one is rounding of the floor [m]
 CORNER = 3**0.5  # how much deeper than its sides the corner of a box may be in a mesh
 
 
@@ -217,8 +218,8 @@ def narrow_passage(world: World, here: BaseGeometry, there: BaseGeometry) -> str
     ground = ground_of(world)
     taken = [grow(shadow, ground.clearance, inner=False) for shadow in ground.shadows]
     passage = passage_width(ground.floor - shapely.union_all(taken), here, there)
-    if passage >= across:
-        return ""
+    if passage >= across or passage < NO_WAY:
+        return ""  # where there is no way at all, something else has been said
     return (
         f" The widest way there is {passage:.3f} m wide at its narrowest, clearance taken off, and the base "
         f"nowhere less than {across:.3f} m."
@@ -313,11 +314,12 @@ def target_in_solid(world: World) -> Explanation | None:
     """Explain which set-point is too near to a solid for any posture; None where none is.
 
     Where the tool point lies inside its link, the ball of the link about it must keep the arm's clearance
-    from every solid; into the one that the tool may touch it may sink no deeper than the rules allow.
+    from every solid; into the one that the tool may touch it may sink no deeper than the rules allow. Where
+    the tool point lies outside, a target deeper in a solid than the link is away brings the link into it.
     """
     tip, _ = world.robot.tip_depth
     if not tip:
-        return None
+        return _target_buried(world)
     rules = world.rules
     need = tip + rules.arm_clearance - rules.tolerance
     look, obstacles = max(need, rules.tool_contact), obstacles_from(world.solids)
@@ -341,6 +343,29 @@ def target_in_solid(world: World) -> Explanation | None:
         )
         repair = Repair("move-target", f"set-point {i + 1}", missing, f"move it {missing:.4f} m from {name}")
         return Explanation("no-posture", i, reason, (Cause("obstacle", name, missing),), (repair,))
+    return None
+
+
+def _target_buried(world: World) -> Explanation | None:
+    """Explain which set-point lies so deep in a solid that the tool's link would be in it too."""
+    robot, rules = world.robot, world.rules
+    tool = robot.chain.T_last_tool[:3, 3]
+    own = [solid for solid in robot.solids if solid.link == robot.chain.dof - 1]
+    away = [float(np.linalg.norm(one.corners - tool, axis=1).min()) - one.radius for one in own]  # at most
+    if not away:
+        return None
+    need = min(away) + CORNER * (rules.deepest_contact + rules.tolerance)
+    for i, target in enumerate(world.task):
+        for solid in world.solids:
+            depth = -float(solid.distance(target.position))
+            if depth <= need:
+                continue
+            reason = (
+                f"{setpoint_at(world.task, i)} lies {depth:.4f} m deep in {solid.name}: in every posture the "
+                f"last link, {min(away):.4f} m from the tool point, is in it too. The set-point would have "
+                f"to lie at least {depth - need:.4f} m farther out."
+            )
+            return Explanation("no-posture", i, reason, (Cause("obstacle", solid.name, depth - need),))
     return None
 
 

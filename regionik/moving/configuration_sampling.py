@@ -14,7 +14,6 @@ from functools import lru_cache, partial
 import numpy as np
 import shapely
 from numpy.typing import NDArray
-from scipy.stats import qmc
 from shapely.geometry import Point
 from shapely.geometry.base import BaseGeometry
 
@@ -343,6 +342,8 @@ class ConfigurationSampler:
 
 def spread(area: BaseGeometry, count: int, seed: int) -> Array:
     """Points (n, 2) spread evenly over a polygon, at most ``count`` of them and at least one."""
+    from scipy.stats import qmc  # takes long to load
+
     x0, y0, x1, y1 = area.bounds
     share = area.area / max((x1 - x0) * (y1 - y0), 1e-12)
     draws = int(np.ceil(count / max(share, 0.02)))

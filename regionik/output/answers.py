@@ -23,12 +23,11 @@ from regionik.reachability.reach import CHUNK, Answer, reach
 from regionik.storage.files import json_text, json_values, open_partial, write_atomic
 from regionik.storage.plan_document import feature, feature_collection
 from regionik.values import Stop
-from regionik.worlds.arrays import Array
 from regionik.worlds.documents.world_file import world_to_document
-from regionik.worlds.errors import InputError
+from regionik.worlds.errors import InputError, located
 from regionik.worlds.readers.csv_path import CsvBlock, CsvTable, index_csv, read_csv
 from regionik.worlds.scene import Target, World
-from regionik.worlds.toolpath import targets_along
+from regionik.worlds.toolpath import rotation_from_quaternion, targets_along
 
 FORMATS = (".csv", ".json", ".geojson")
 MEMORY_LIMIT = 100_000  # targets whose answers are held in memory, as documents are
@@ -37,14 +36,16 @@ _DEPENDENCIES = ("regionik", "numpy", "scipy", "shapely", "numba", "llvmlite")  
 
 
 def parse_targets(world: World, positions: Sequence[str], table: Path | None) -> list[Target]:
-    """Targets written as "X Y Z", then those of a CSV file; the world's own where neither is given.
+    """Targets written as numbers, then those of a CSV file; the world's own where neither is given.
+
+    Numbers are x, y, z, or with a tool axis dx, dy, dz behind them, or with an orientation qx, qy, qz, qw.
 
     Raises
     ------
     InputError
         One line: place and what was expected.
     """
-    targets = [Target(_position(text)) for text in positions]
+    targets = [_target(text) for text in positions]
     if table is not None:
         path = read_csv(table)
         if len(path.points) > MEMORY_LIMIT:
@@ -56,14 +57,22 @@ def parse_targets(world: World, positions: Sequence[str], table: Path | None) ->
     return targets or list(world.task)
 
 
-def _position(text: str) -> Array:
+def _target(text: str) -> Target:
     try:
-        position = np.array([float(word) for word in text.replace(",", " ").split()])
+        numbers = np.array([float(word) for word in text.replace(",", " ").split()])
     except ValueError:
-        position = np.empty(0)
-    if position.shape != (3,) or not np.isfinite(position).all():
-        raise InputError(f"--target: expected three finite numbers X Y Z, got {text!r}")
-    return position
+        numbers = np.empty(0)
+    if len(numbers) not in (3, 6, 7) or not np.isfinite(numbers).all():
+        raise InputError(
+            f"--target: expected three finite numbers X Y Z, six with a tool axis DX DY DZ, or seven with an "
+            f"orientation QX QY QZ QW, got {text!r}"
+        )
+    position, rest = numbers[:3], numbers[3:]
+    with located("--target", ""):
+        if len(rest) == 4:
+            turn = rotation_from_quaternion(rest)
+            return Target(position, turn[:, 2], orientation=turn)
+        return Target(position, rest if len(rest) else None)
 
 
 def answers_document(answer: Answer) -> dict[str, Any]:

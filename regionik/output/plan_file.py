@@ -176,6 +176,8 @@ def _refuse_constant(constant: str) -> None:
 def _record(document: Any, where: str) -> PlanRecord:
     if not isinstance(document, dict):
         raise InputError(f"{where}: expected a plan, a JSON object, got {type(document).__name__}")
+    if "robot" in document and "states" not in document:
+        raise InputError(f"{where}: expected a plan, this is a world: regionik plan {where} makes one of it")
     version = document.get("version")
     if version != VERSION or isinstance(version, bool):
         raise InputError(f"{where}: version: expected {VERSION}, got {json.dumps(version)[:40]}")

@@ -21,7 +21,7 @@ from regionik.worlds.documents.environment import (
 )
 from regionik.worlds.documents.robots import RobotPart, read_robot, robot_to_document
 from regionik.worlds.documents.tasks import PiecePart, read_task, task_to_document
-from regionik.worlds.errors import located, located_error
+from regionik.worlds.errors import InputError, located, located_error
 from regionik.worlds.obstacles import Solid
 from regionik.worlds.readers.text import SUFFIXES, is_file_name, plain_mapping, read_document
 from regionik.worlds.readers.validation import (
@@ -146,7 +146,10 @@ def load_world(name_or_path: str | Path) -> World:
     """
     is_file = is_file_name(name_or_path, SUFFIXES)
     path = Path(name_or_path) if is_file else world_path(str(name_or_path))
-    return world_from_document(read_document(path), str(path), path.parent)
+    document = read_document(path)
+    if {"states", "setpoints"} <= set(document):
+        raise InputError(f"{path}: expected a world, this is a plan: regionik show {path} shows it")
+    return world_from_document(document, str(path), path.parent)
 
 
 def world_from_document(document: dict[str, Any], where: str = "world", folder: Path | None = None) -> World:

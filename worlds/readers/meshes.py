@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
 
 from regionik.worlds.arrays import Array, transform_points
@@ -42,7 +41,7 @@ _ENGINE_ERRORS = (  # that trimesh's readers raise on files that are cut short o
 )
 
 # trimesh logs its findings, with tracebacks; whoever gave the file gets one line.
-logging.getLogger(trimesh.__name__).addHandler(logging.NullHandler())
+logging.getLogger("trimesh").addHandler(logging.NullHandler())
 
 
 def read_mesh(path: Path) -> tuple[Array, NDArray[np.int64]]:
@@ -64,6 +63,8 @@ def read_mesh(path: Path) -> tuple[Array, NDArray[np.int64]]:
         if kind in (".obj", ".off"):
             _check_line_count(path)
         with path.open("rb") as stream, np.errstate(all="ignore"):  # non-finite numbers are for the caller
+            import trimesh  # takes long to load
+
             mesh: Any = trimesh.load(stream, file_type=kind[1:], force="mesh", skip_materials=True)
     except _ENGINE_ERRORS as error:
         why = "it is not text" if isinstance(error, ImportError) else " ".join(str(error).split())[:80]

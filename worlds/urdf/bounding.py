@@ -11,7 +11,6 @@ from typing import Any
 
 import numpy as np
 import shapely
-import trimesh
 from scipy.spatial import ConvexHull, HalfspaceIntersection, QhullError
 
 from regionik.worlds.arrays import Array
@@ -75,6 +74,8 @@ def oriented_box(points: Array) -> tuple[Array, Array]:
     widths, axes = _principal_axes(points)
     turns = [np.eye(3), axes]
     if 3 < len(points) <= _MANY and not _is_flat(widths):  # trimesh fails on flat clouds
+        import trimesh  # takes long to load
+
         engine: Any = trimesh.bounds
         turns.append(np.asarray(engine.oriented_bounds(points)[0], dtype=np.float64)[:3, :3].T)
     return _smallest_box(points, turns)

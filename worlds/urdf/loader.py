@@ -29,7 +29,7 @@ from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.bundled import robot_named, robot_names
 from regionik.worlds.chain import Chain, planar_pose
 from regionik.worlds.drives import BaseKind, drive_of
-from regionik.worlds.errors import InputError, located, located_error
+from regionik.worlds.errors import InputError, located, located_error, suggestion
 from regionik.worlds.readers.text import is_file_name
 from regionik.worlds.readers.validation import LARGEST
 from regionik.worlds.rest_posture import rest_posture
@@ -297,7 +297,8 @@ def _tip_notes(robot: Robot) -> list[str]:
 def _bundled(name: str, refused: dict[str, Any], given: _Overrides) -> Robot:
     if name not in robot_names():
         choices = f"a path that ends in {', '.join(SUFFIXES)}, or one of {', '.join(robot_names())}"
-        raise InputError(f"unknown robot {name!r}: expected {choices}")
+        near = suggestion(name, robot_names()) or ":"
+        raise InputError(f"unknown robot {name!r}{near} expected {choices}")
     for what, value in refused.items():
         if value is not None:
             raise located_error(name, what, "a bundled robot has no links to choose from")
