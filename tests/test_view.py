@@ -21,7 +21,7 @@ from regionik.view import viewer
 from regionik.view.picture import camera_for
 from regionik.view.plan_picture import MOST_FRAMES, picture_of_plan
 from regionik.view.viewer import to_html
-from regionik.view.world_picture import MARK_RADIUS, picture_of_world, start_state, tool_radius
+from regionik.view.world_picture import MARK_RADIUS, picture_of_world, start_pose, tool_radius
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import pose
 from regionik.worlds.errors import InputError
@@ -71,7 +71,7 @@ def test_a_page_is_one_small_file_made_without_a_server(
     text = (tmp_path / "plan.html").read_text(encoding="utf-8")
     assert not re.findall(r"<(?:script|link|img)[^>]*(?:src|href)=", text)
     assert "<title>l_shape - regionik</title>" in text
-    assert "40 set-points · 1 lift-off<" in text
+    assert "40 set-points · 1 lift-off · not timed<" in text
     to_html(plan, tmp_path / "again.html")
     assert (tmp_path / "again.html").read_bytes() == (tmp_path / "plan.html").read_bytes()
 
@@ -133,7 +133,7 @@ def test_the_picture_holds_what_the_plan_has(plan: Plan) -> None:
     assert tracks["tool/trace", "faces"].values[-1, 1] == len(bodies["tool/trace"].mesh.faces)
     nexts = tracks["areas/next", "faces"].values
     assert nexts.sum(axis=1).max() == len(bodies["areas/next"].mesh.faces)
-    assert any(words == "tool lifted" for _, words in picture.legend)
+    assert any(entry.label == "tool lifted" for entry in picture.legend)
 
 
 def test_a_world_without_task_start_or_obstacles_is_drawn() -> None:
@@ -152,7 +152,9 @@ def test_boxes_on_links_are_drawn_where_the_robot_has_them() -> None:
     robot = dataclasses.replace(world.robot, solids=(*world.robot.solids[:2], box, other))
     picture = picture_of_world(dataclasses.replace(world, robot=robot))
     (drawn,) = (body for body in picture.bodies if body.path.endswith("joint_3/link"))
-    base, joints = start_state(world)
+    pose_at = start_pose(dataclasses.replace(world, robot=robot))
+    assert pose_at is not None
+    base, joints = pose_at
     T_world_link = robot.frames(base, joints)[3]
     T_world_drawn = _pose(picture.poses, drawn.path.rsplit("/", 1)[0])
     seen, true = (
@@ -174,7 +176,7 @@ def test_the_ball_at_the_tool_shows_outside_the_last_solid() -> None:
 
 def test_the_camera_avoids_a_wall() -> None:
     world = l_shape()
-    spots = np.array([[0.0, 0.0], [3.0, 1.0]])
+    spots = np.array([[0.0, 0.0, 0.0], [3.0, 1.0, 0.0]])
     open_view = camera_for(world, spots)
     wall = Box("wall", np.array([4.5, 0.1, 2.0]), np.array([1.75, -0.4, 1.0]))
     walled = camera_for(dataclasses.replace(world, obstacles=(wall,)), spots)
