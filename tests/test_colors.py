@@ -141,7 +141,7 @@ def test_fields_show_floor_solids_and_targets_by_a_scale_that_fits() -> None:
     field = reach_field(world, [t.position for t in world.task[:3]], cell=0.2)
     assert np.allclose(field.targets, [t.position for t in world.task[:3]])
     words = field_image(field, ".svg").decode()
-    for word in ("targets reached", "floor", "obstacles", "targets"):
+    for word in ("targets reached", "edge of the floor", "obstacles", "targets"):
         assert f"<!-- {word} -->" in words
     sliced = field_image(reach_slice(world, 0.25, cell=0.2), ".svg").decode()
     assert "<!-- reachable -->" in sliced

@@ -125,15 +125,14 @@ def _field_figure(field: Field) -> Figure:
     figure = Figure(figsize=(_RIGHT, deep + 1.8))
     ax = figure.add_subplot()
     key: list[Patch | Line2D] = []
-
-    def area(shape: BaseGeometry, color: int, label: str, zorder: float) -> None:
-        if not shape.is_empty:
-            _area(ax, shape, facecolor=_hex(color), zorder=zorder)
-            key.append(Patch(facecolor=_hex(color), label=label))
-
-    area(floor, Color.FLOOR, "floor", 0)
+    _area(ax, floor, facecolor=_hex(Color.FLOOR), zorder=0)
+    edge = shapely.get_coordinates(floor.exterior).T
+    key += ax.plot(*edge, color=_hex(Color.ROBOT), linewidth=0.9, zorder=2, label="edge of the floor")
     key += _field_values(ax, field)
-    area(seen_from_above(field.scene), Color.SOLID, "obstacles", 3)
+    solids = seen_from_above(field.scene)
+    if not solids.is_empty:
+        _area(ax, solids, facecolor=_hex(Color.SOLID), zorder=3)
+        key.append(Patch(facecolor=_hex(Color.SOLID), label="obstacles"))
     if len(task):
         size = max(2.0, 4.0 * _crowding(60, task))
         key += ax.plot(
@@ -155,7 +154,7 @@ def _field_values(ax: Axes, field: Field) -> list[Patch]:
         most = max(1, int(field.values.max(initial=0)))
         counts = np.ma.masked_equal(field.values, 0)
         shown = ax.imshow(counts, cmap="viridis", vmin=min(1, most - 1), vmax=most, **place)
-        scale = ax.figure.colorbar(shown, ax=ax, label="targets reached")
+        scale = ax.figure.colorbar(shown, ax=ax, label="targets reached", shrink=0.8)
         scale.ax.yaxis.set_major_locator(MaxNLocator(8, integer=True))
         return []
     key = []
@@ -339,7 +338,9 @@ def _floor(ax: Axes, floor: FloorView) -> None:
     line, width, label = (
         ("-", 1.6, "path of the arm's axis") if floor.driven else (":", 1.0, "order of the stops")
     )
-    key += ax.plot(*floor.axis_path.T, line, color=_hex(Color.AXIS_PATH), linewidth=width, label=label)
+    key += ax.plot(
+        *floor.axis_path.T, line, color=_hex(Color.AXIS_PATH), linewidth=width, label=label, zorder=5
+    )
     size = max(2.0, 4.0 * _crowding(60, floor.setpoints))
     key += ax.plot(
         *floor.setpoints.T, "o", color=_hex(Color.AHEAD), markersize=size, mew=0, label="set-points"

@@ -307,7 +307,7 @@ def live_picture(areas: LiveAreas) -> Picture:
     world = areas.world
     first = areas.areas.inner[areas.areas.target == 0]
     pose = start_pose(world, shapely.union_all(first))
-    robot, poses = ([], {}) if pose is None else robot_meshes(world.robot, *pose, ghost=world.start is None)
+    robot, poses = ([], {}) if pose is None else robot_meshes(world, *pose, ghost=world.start is None)
     camera = camera_for(world, np.empty((0, 3)) if pose is None else robot_points(world.robot, *pose))
     bodies = (*live_meshes(areas), *robot)
     return Picture(world.name, (), bodies, poses, camera, floor_radius(world, camera))

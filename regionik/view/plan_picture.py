@@ -148,7 +148,7 @@ def turn_quaternions(axis: Array, angles: Array) -> Array:
 def picture_of_plan(plan: Plan) -> Picture:
     """Return the picture of a plan, animated."""
     world, frames = plan.world, key_frames(plan)
-    robot, poses = robot_meshes(world.robot, frames.base[0], frames.joints[0])
+    robot, poses = robot_meshes(world, frames.base[0], frames.joints[0])
     covered = drawn_union([area.admissible for area in plan.areas])
     areas, area_tracks = _areas(plan, frames, covered)
     marks, mark_tracks = _passed_setpoints(plan, frames)

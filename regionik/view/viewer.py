@@ -368,7 +368,14 @@ def _transform(path: str, T: Array) -> _Command:
 def to_html(what: Plan | World | Picture, path: str | os.PathLike[str]) -> None:
     """Write a plan, animated, or a world as one HTML file that needs no server and no network.
 
-    The same plan gives the same bytes.
+    The page has a time bar, curves of joints, speeds and clearances, the figures at each set-point, layers
+    to switch off and a view from above. The same plan gives the same bytes.
+
+    Parameters
+    ----------
+    what : Plan, World or Picture
+    path : path
+        The page; written whole or not at all.
 
     Raises
     ------

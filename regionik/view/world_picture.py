@@ -39,12 +39,14 @@ _TALL = 0.6  # obstacles above this height are drawn translucent [m]
 # Floor areas are drawn to this [m], before one is cut from another, so that no gap shows between them.
 DETAIL = 0.002
 _SHAFT = 0.008  # radius of arrows [m]
+_WHEEL = 0.05  # radius of wheels at most [m]
+_POINT_RADII = (0.03, 0.16)  # of the body of a base that is a point [m]
 
 
 def picture_of_world(world: World) -> Picture:
     """The picture of a world before anything is planned."""
     pose = start_pose(world)
-    robot, poses = ([], {}) if pose is None else robot_meshes(world.robot, *pose, ghost=world.start is None)
+    robot, poses = ([], {}) if pose is None else robot_meshes(world, *pose, ghost=world.start is None)
     camera = camera_for(world, np.empty((0, 3)) if pose is None else robot_points(world.robot, *pose))
     return Picture(
         title=world.name,
@@ -143,10 +145,11 @@ def robot_points(robot: Robot, base: Array, joints: Array) -> Array:
 
 
 def robot_meshes(
-    robot: Robot, base: Array, joints: Array, ghost: bool = False
+    world: World, base: Array, joints: Array, ghost: bool = False
 ) -> tuple[list[SceneMesh], dict[str, Array]]:
     """Meshes of a robot and the poses of their nodes, each joint a node inside the one before."""
-    bodies = [*_base_meshes(robot)]
+    robot = world.robot
+    bodies = _base_meshes(robot, world.rules.clearance)
     poses = {"robot": planar_pose(*base), "robot/arm": robot.T_base_arm}
     for k, joint in enumerate(robot.chain.joints):
         node = joint_node(k)
@@ -183,12 +186,17 @@ def floor_radius(world: World, camera: Camera) -> float:
     return float(np.hypot(*corners.T).max())
 
 
-def _base_meshes(robot: Robot) -> list[SceneMesh]:
-    """Footprint extruded to the body's height, or a disc for a point, its front marked; solids on it."""
+def _base_meshes(robot: Robot, room: float) -> list[SceneMesh]:
+    """Body and wheels within the footprint, the front marked, and solids on it.
+
+    A base that is a point in the model is drawn as wide as the ``room`` round it that plans keep free [m].
+    """
+    outline, top = shapely.convex_hull(shapely.MultiPoint(robot.footprint)), robot.body_height
+    name = "base"
     if len(robot.footprint) == 1:
-        outline, top = shapely.Point(robot.footprint[0]).buffer(0.06), 0.02
-    else:
-        outline, top = shapely.convex_hull(shapely.MultiPoint(robot.footprint)), robot.body_height
+        outline, top = outline.buffer(float(np.clip(room, *_POINT_RADII))), 0.7 * top
+        name = "base, a point in the model"
+    wheel = min(_WHEEL, top / 3)
     x_low, y_low, x_high, y_high = outline.bounds
     front, size = x_high, 0.25 * min(x_high - x_low, y_high - y_low)
     middle = (y_low + y_high) / 2
@@ -196,11 +204,28 @@ def _base_meshes(robot: Robot) -> list[SceneMesh]:
         [(front, middle), (front - 1.5 * size, middle + size), (front - 1.5 * size, middle - size)]
     )
     mast = [triangle_meshes.link_mesh(solid) for solid in robot.base_solids]
+    parts = {
+        "base": (triangle_meshes.extrude(outline, wheel, top), Color.ROBOT),
+        "wheels": (triangle_meshes.merge(list(_wheels(outline, wheel))), Color.WHEEL),
+        "front": (triangle_meshes.extrude(mark & outline, top, top + 0.004), Color.HEADING),
+        "mast": (triangle_meshes.merge(mast), Color.ROBOT),
+    }
     return [
-        SceneMesh("robot/base", triangle_meshes.extrude(outline, 0.005, top), Color.ROBOT, name="base"),
-        SceneMesh("robot/front", triangle_meshes.extrude(mark, top, top + 0.004), Color.HEADING, name="base"),
-        *([SceneMesh("robot/mast", triangle_meshes.merge(mast), Color.ROBOT, name="base")] if mast else []),
+        SceneMesh(f"robot/{part}", mesh, color, name=name)
+        for part, (mesh, color) in parts.items()
+        if len(mesh.faces)
     ]
+
+
+def _wheels(outline: Polygon, radius: float) -> Iterator[triangle_meshes.TriangleMesh]:
+    """Two wheels before the middle of an outline and two behind it, at its sides but within it."""
+    x_low, y_low, x_high, y_high = outline.bounds
+    for share in (0.25, 0.75):
+        x = x_low + share * (x_high - x_low)
+        across = outline & shapely.LineString([(x, y_low), (x, y_high)])
+        width = 0.5 * radius
+        for y in (across.bounds[1] + width, across.bounds[3] - width):
+            yield triangle_meshes.wheel(np.array([x, y, radius]), radius, width)
 
 
 def scene_obstacle(path: str, solid: Solid) -> SceneMesh:
