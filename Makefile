@@ -10,9 +10,9 @@
 # make bench-history  our own kernels and stages timed, kept in .benchmarks/, beside the runs before
 # make bench-all  areas, base motion, clear postures and real robots, measured and checked in the same run
 # make tables  recompute every table of the papers into docs/tables.md, beside the printed figures
-# make docs    build the documentation into site/
-# make figures draw the figures of docs/method.md anew
-# make pages   write anew what the commands in docs/ say
+# make docs    build the documentation into site/, all bundled worlds planned for its gallery
+# make figures draw the figures of docs/method.md and the tutorial again (with Chromium)
+# make pages   write the outputs of the commands in docs/ again
 # make test-lowest  the quick tests with the lowest direct dependencies that pyproject.toml allows
 # make test-newest  the same with the newest versions of everything that it stands on
 # make faults  TIMES=30 long commands ended at random moments by SIGNAL=INT, TERM or KILL
@@ -85,7 +85,7 @@ docs: .venv/installed-docs
 	@echo "Look at it: file://$(CURDIR)/site/index.html"
 
 figures: .venv/installed
-	$(BIN)/python docs/figures.py
+	$(BIN)/python -m docs.figures
 
 pages: .venv/installed
 	$(BIN)/python -m tests.pages

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import sys
+from io import BytesIO
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import matplotlib as mpl
@@ -15,14 +17,18 @@ import shapely
 from matplotlib import pyplot as plt
 from matplotlib.patches import PathPatch
 from matplotlib.path import Path as Outline
+from PIL import Image
 
 import regionik as rik
 from regionik.areas.reachable import reach_rows
 from regionik.areas.standing import anywhere
 from regionik.postures.families import BACK, FRONT
 from regionik.pruning import Pruned, whole_path
+from regionik.view.browser import opened
+from tests.pages import DOCS, play
 
 REACH, KEPT, CUT, SOLID, GROWN, UNDECIDED = "#cfd8dc", "#2e7d32", "#a5d6a7", "#546e7a", "#ffab91", "#c62828"
+SIZE = (1100, 720)  # of pictures of pages [pixels]
 SHOWN = 16  # the set-point of l_shape whose components are shown on the floor, counted from 0
 
 
@@ -33,6 +39,32 @@ def main(folder: Path) -> None:
         figure = draw()
         figure.savefig(folder / f"{name}.svg", metadata={"Date": None}, bbox_inches="tight")
         plt.close(figure)
+    shoot_tutorial(folder)
+
+
+def shoot_tutorial(folder: Path) -> None:
+    """Pictures of the tutorial's pages, as Chromium shows them, and of its figure."""
+    with TemporaryDirectory() as scratch:
+        for _ in play((DOCS / "tutorial.md").read_text("utf-8"), Path(scratch)):
+            pass
+        for name in ("free", "cell", "plan"):
+            with opened(Path(scratch, f"{name}.html"), *SIZE) as page:
+                page.evaluate("window.scrollTo(0, 0), motion && (play(false), seek(0.55 * end))")
+                page.evaluate("new Promise((done) => setTimeout(done, 500))")
+                save(page.screenshot(), folder / f"tutorial_{name}.png")
+        rik.plot(rik.load_plan(Path(scratch, "timed.json")), Path(scratch, "timed.png"))
+        save(Path(scratch, "timed.png").read_bytes(), folder / "tutorial_timed.png")
+        with opened(Path(scratch, "plan.html")) as page:
+            page.evaluate("jump(4)")
+            page.evaluate("new Promise((done) => setTimeout(done, 500))")
+            save(page.screenshot(), folder / "page.png")
+
+
+def save(picture: bytes, path: Path) -> None:
+    """Write a PNG with few colours, a third as large."""
+    Image.open(BytesIO(picture)).convert("RGB").quantize(128, dither=Image.Dither.NONE).save(
+        path, optimize=True
+    )
 
 
 def area() -> Any:

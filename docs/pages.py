@@ -1,4 +1,4 @@
-"""Pages that the build of the site writes: Python names, and both file formats from their schemas."""
+"""Pages that the build of the site writes: Python names, file formats, the plans of the gallery."""
 
 from __future__ import annotations
 
@@ -65,6 +65,17 @@ def on_files(files: Files, config: Any) -> Files:
     for name, text in pages.items():
         files.append(File.generated(config, name, content=text))
     return files
+
+
+def on_post_build(config: Any) -> None:
+    """Plan all bundled worlds and write the pages of the gallery."""
+    import regionik as rik
+    from regionik.worlds.bundled import world_names
+
+    folder = Path(config["site_dir"]) / "gallery"
+    folder.mkdir(exist_ok=True)
+    for name in world_names():
+        rik.to_html(rik.plan(rik.load_world(name)), folder / f"{name}.html")
 
 
 def api_page() -> str:

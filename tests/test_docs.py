@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 import yaml
 
+from regionik.worlds.bundled import world_names
 from tests.pages import DOCS, PLAYED, blocks, play
 
 ROOT = DOCS.parent
@@ -36,7 +37,7 @@ def test_a_page_says_what_its_commands_say(name: str, tmp_path: Path) -> None:
 
 def test_pages_have_something_to_run() -> None:
     without = {name for name in PLAYED if not blocks((DOCS / name).read_text("utf-8"))}
-    assert without == {"howto/live.md"}  # it watches a file until Ctrl-C
+    assert without == {"howto/live.md", "howto/coming_from.md"}  # a watch until Ctrl-C; tables of words
 
 
 def test_alike_is_strict_where_it_matters() -> None:
@@ -82,6 +83,11 @@ def test_the_menu_names_all_pages() -> None:
     menu = re.findall(r"[\w/-]+\.md", str(yaml.safe_load((ROOT / "mkdocs.yml").read_text("utf-8"))["nav"]))
     assert len(menu) == len(set(menu))
     assert set(menu) == set(PAGES) | WRITTEN
+
+
+def test_the_gallery_has_all_bundled_worlds() -> None:
+    page = (DOCS / "gallery.md").read_text("utf-8")
+    assert set(re.findall(r'<a href="gallery/(\w+)\.html" target="live">', page)) == set(world_names())
 
 
 def test_lowest_versions_are_the_bounds_of_the_project() -> None:

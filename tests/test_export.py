@@ -135,6 +135,20 @@ def test_a_box_stays_a_box_on_its_link() -> None:
         assert np.abs(_frame(shape) - box.T_link_box).max() < 1e-12
 
 
+@pytest.mark.parametrize("robot", [awkward(), youbot()])
+def test_what_collides_is_seen_in_colour(robot: Robot) -> None:
+    root = ElementTree.fromstring(robot_to_urdf(robot, shapely.box(-5, -5, 5, 5)))
+    assert root.find("link/visual") is not None
+    for link in root.iter("link"):
+        seen, solid = link.findall("visual"), link.findall("collision")
+        assert len(seen) == len(solid)
+        for one, other in zip(seen, solid, strict=True):
+            assert one.find("material/color") is not None
+            for part in ("origin", "geometry"):
+                texts = (ElementTree.tostring(element.find(part)) for element in (one, other))
+                assert len({ElementTree.canonicalize(text, strip_text=True) for text in texts}) == 1
+
+
 def test_urdf_limits_and_base() -> None:
     root = ElementTree.fromstring(robot_to_urdf(awkward(), shapely.box(-1, -2, 3, 4)))
     kinds = {j.attrib["name"]: j.attrib["type"] for j in root.iter("joint")}

@@ -27,6 +27,7 @@ from regionik.planners import kernels
 from regionik.storage.files import is_leftover, write_atomic
 from regionik.view import viewer
 from regionik.worlds.bundled import world_path
+from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import EngineError, InputError
 from tests.faulty import CASES
 
@@ -308,11 +309,18 @@ def test_kernels_work_where_the_disk_is_full(monkeypatch: pytest.MonkeyPatch) ->
 
 
 def test_margins_are_never_less_than_nothing_by_rounding() -> None:
-    from regionik.cli.console import _margins
+    from regionik.cli.console import spare_text
 
-    assert _margins({"joints": -1e-17, "floor": -0.00004, "step": -0.5}) == (
-        "joints 0.0000 rad, floor 0.0000 m, step -0.5000 m"
+    assert spare_text({"joints": -1e-17, "floor": -0.00004, "step": -0.5}, load_world("pillar")) == (
+        "joints 0.0000 rad, floor 0.0000 m, step -0.5000 m of 0.25 m"
     )
+
+
+def test_what_is_spare_stands_beside_what_was_asked_for_and_beyond_the_range_is_at_least_that() -> None:
+    from regionik.cli.console import spare_text
+
+    found = spare_text({"clearance": 0.3, "arm": 0.05, "self": 0.049}, load_world("pipe"))
+    assert found == "clearance 0.3000 m over 0.1 m, arm at least 0.0500 m over 0.01 m, self 0.0490 m"
 
 
 def test_a_run_that_ends_with_workers_at_work_says_nothing_of_what_is_freed_then() -> None:

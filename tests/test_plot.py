@@ -17,7 +17,8 @@ import regionik as rik
 from regionik.planners.collision.proximity import nearest
 from regionik.planners.collision.robot_bodies import bodies_from
 from regionik.values import Plan
-from regionik.view.figure_data import POSES, clearances, footprints, plan_curves, plan_floor
+from regionik.view.clearance import clearances, footprints
+from regionik.view.figure_data import POSES, plan_curves, plan_floor
 from regionik.worlds.chain import Chain
 from regionik.worlds.errors import InputError
 from regionik.worlds.scene import World
@@ -35,7 +36,8 @@ def words(path: Path) -> str:
 
 
 def test_clearances_are_those_of_each_state(plan: Plan) -> None:
-    found, world, motion = clearances(plan), plan.world, plan.motion
+    world, motion = plan.world, plan.motion
+    found = clearances(world, motion.base, motion.joints)
     shadows = [solid.shadow(world.robot.body_height) for solid in world.solids]
     bodies = bodies_from(world.robot, world.solids)
     outlines = footprints(world.robot, motion.base)
@@ -48,7 +50,8 @@ def test_clearances_are_those_of_each_state(plan: Plan) -> None:
 
 def test_where_there_are_no_solids_clearance_is_infinite() -> None:
     empty = replace(l_shape(), obstacles=())
-    found = clearances(synthetic_plan(empty))
+    motion = synthetic_plan(empty).motion
+    found = clearances(empty, motion.base, motion.joints)
     assert np.isinf(found.base).all()
     assert np.isinf(found.arm).all()
 
@@ -84,12 +87,12 @@ def test_lifted_spans_are_the_transits_with_their_ends(plan: Plan) -> None:
 
 def test_the_floor_is_parted(plan: Plan) -> None:
     view = plan_floor(plan)
-    parts = [view.free, view.rejected, view.pale, view.strong]
+    parts = [view.free, view.turning, view.rejected, view.pale, view.strong]
     assert sum(part.area for part in parts) == pytest.approx(view.all.area, rel=0.01)
     assert shapely.union_all(parts).area == pytest.approx(view.all.area, rel=0.01)
     assert len(view.footprints) == len(view.headings) == min(POSES, len(plan.setpoints))
     everything = shapely.box(*view.low, *view.high)
-    assert everything.covers(shapely.multipoints(np.vstack([view.base_path, view.tool_path, view.setpoints])))
+    assert everything.covers(shapely.multipoints(np.vstack([view.axis_path, view.tool_path, view.setpoints])))
 
 
 def test_a_picture_names_what_it_shows(plan: Plan, tmp_path: Path) -> None:

@@ -87,7 +87,15 @@ def test_results_show_themselves_in_one_line() -> None:
             ONE[None], np.array([True]), np.array(["reachable"]), ONE[None], ONE[None], [""], NONE[:1]
         ),
         "Field(hall: 2 x 1 cells of 0.1 m, the best place reaches 1 of 1 targets)": Field(
-            "hall", np.zeros(2), np.zeros(1), 0.1, np.ones((1, 2), dtype=np.int32), 1, np.zeros((1, 2))
+            "hall",
+            np.zeros(2),
+            np.zeros(1),
+            0.1,
+            np.ones((1, 2), dtype=np.int32),
+            1,
+            np.zeros((1, 2)),
+            l_shape(),
+            ONE[None],
         ),
         "Comparison(hall: dls 8/9)": Comparison("hall", (score,), {}),
     }

@@ -5,9 +5,7 @@ import dataclasses
 import io
 import os
 import re
-import shutil
 import subprocess
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -16,37 +14,27 @@ import pytest
 import umsgpack
 from PIL import Image
 
+from regionik.cli.app import run
 from regionik.values import Plan
-from regionik.view import viewer
+from regionik.view import film, viewer
+from regionik.view.browser import BrowserPage, chromium, opened
+from regionik.view.clearance import clearances
 from regionik.view.picture import camera_for
 from regionik.view.plan_picture import MOST_FRAMES, picture_of_plan
 from regionik.view.viewer import to_html
-from regionik.view.world_picture import MARK_RADIUS, picture_of_world, start_state, tool_radius
+from regionik.view.world_picture import MARK_RADIUS, picture_of_world, start_pose, tool_radius
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import pose
 from regionik.worlds.errors import InputError
 from regionik.worlds.obstacles import Box
 from regionik.worlds.robot import LinkBox
 from regionik.worlds.scene import World
-from tests.plans import every_solid, l_shape, synthetic_plan
+from tests.plans import every_solid, l_shape, synthetic_plan, timed
 
-BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 REQUIRED = os.environ.get("REGIONIK_REQUIRE_BROWSER") == "1"
-FLAGS = [
-    "--headless",
-    "--no-sandbox",
-    "--use-angle=swiftshader",
-    "--enable-unsafe-swiftshader",
-    "--disable-gpu-sandbox",
-    "--no-first-run",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-    "--hide-scrollbars",
-    "--window-size=1280,800",
-    "--enable-logging=stderr",
-    "--v=0",
-]
+needs_browser = pytest.mark.skipif(
+    chromium() is None and not REQUIRED, reason="no Chromium; REGIONIK_REQUIRE_BROWSER=1 demands one"
+)
 
 
 @pytest.fixture(scope="module")
@@ -71,7 +59,7 @@ def test_a_page_is_one_small_file_made_without_a_server(
     text = (tmp_path / "plan.html").read_text(encoding="utf-8")
     assert not re.findall(r"<(?:script|link|img)[^>]*(?:src|href)=", text)
     assert "<title>l_shape - regionik</title>" in text
-    assert "40 set-points · 1 lift-off<" in text
+    assert "40 set-points · 1 lift-off · not timed<" in text
     to_html(plan, tmp_path / "again.html")
     assert (tmp_path / "again.html").read_bytes() == (tmp_path / "plan.html").read_bytes()
 
@@ -133,7 +121,7 @@ def test_the_picture_holds_what_the_plan_has(plan: Plan) -> None:
     assert tracks["tool/trace", "faces"].values[-1, 1] == len(bodies["tool/trace"].mesh.faces)
     nexts = tracks["areas/next", "faces"].values
     assert nexts.sum(axis=1).max() == len(bodies["areas/next"].mesh.faces)
-    assert any(words == "tool lifted" for _, words in picture.legend)
+    assert any(entry.label == "tool lifted" for entry in picture.legend)
 
 
 def test_a_world_without_task_start_or_obstacles_is_drawn() -> None:
@@ -152,7 +140,9 @@ def test_boxes_on_links_are_drawn_where_the_robot_has_them() -> None:
     robot = dataclasses.replace(world.robot, solids=(*world.robot.solids[:2], box, other))
     picture = picture_of_world(dataclasses.replace(world, robot=robot))
     (drawn,) = (body for body in picture.bodies if body.path.endswith("joint_3/link"))
-    base, joints = start_state(world)
+    pose_at = start_pose(dataclasses.replace(world, robot=robot))
+    assert pose_at is not None
+    base, joints = pose_at
     T_world_link = robot.frames(base, joints)[3]
     T_world_drawn = _pose(picture.poses, drawn.path.rsplit("/", 1)[0])
     seen, true = (
@@ -174,7 +164,7 @@ def test_the_ball_at_the_tool_shows_outside_the_last_solid() -> None:
 
 def test_the_camera_avoids_a_wall() -> None:
     world = l_shape()
-    spots = np.array([[0.0, 0.0], [3.0, 1.0]])
+    spots = np.array([[0.0, 0.0, 0.0], [3.0, 1.0, 0.0]])
     open_view = camera_for(world, spots)
     wall = Box("wall", np.array([4.5, 0.1, 2.0]), np.array([1.75, -0.4, 1.0]))
     walled = camera_for(dataclasses.replace(world, obstacles=(wall,)), spots)
@@ -220,38 +210,141 @@ def shares(image: Image.Image) -> dict[str, float]:
     }
 
 
-@pytest.mark.skipif(
-    BROWSER is None and not REQUIRED, reason="no Chromium; REGIONIK_REQUIRE_BROWSER=1 demands one"
-)
-@pytest.mark.parametrize(
-    ("what", "milliseconds", "least"),
-    [
-        (lambda: synthetic_plan(l_shape()), 6000, {"green": 0.05, "red": 0.03, "blue": 0.2, "grey": 0.005}),
-        (every_solid, 1500, {"red": 0.1, "blue": 0.2, "grey": 0.03}),
-    ],
-    ids=["plan", "world"],
-)
-def test_a_browser_shows_it(
-    what: Callable[[], Any], milliseconds: int, least: dict[str, float], tmp_path: Path
-) -> None:
-    assert BROWSER is not None, "no Chromium found, and REGIONIK_REQUIRE_BROWSER=1"
-    to_html(what(), tmp_path / "page.html")
-    shot = tmp_path / "page.png"
-    run = subprocess.run(
-        [
-            BROWSER,
-            *FLAGS,
-            f"--user-data-dir={tmp_path / 'profile'}",
-            f"--virtual-time-budget={milliseconds}",
-            f"--screenshot={shot}",
-            (tmp_path / "page.html").as_uri(),
-        ],
-        capture_output=True,
-        timeout=120,
-        check=False,
-    )
-    words = run.stderr.decode("utf-8", "replace")
-    assert shot.exists(), words
-    assert "CONSOLE" not in words, [line for line in words.splitlines() if "CONSOLE" in line]
-    found = shares(Image.open(io.BytesIO(shot.read_bytes())))
+@needs_browser
+def test_a_browser_shows_a_world(tmp_path: Path) -> None:
+    to_html(every_solid(), tmp_path / "page.html")
+    with opened(tmp_path / "page.html") as browser:
+        settle(browser)
+        assert_colors(browser, red=0.04, blue=0.1, grey=0.02)
+        assert not browser.evaluate("!document.getElementById('dock').hidden")
+        assert browser.complaints == []
+
+
+def settle(browser: BrowserPage) -> None:
+    """Wait until what was asked for is drawn."""
+    browser.evaluate("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+
+
+def told(browser: BrowserPage) -> dict[str, str]:
+    """The lines of the read-outs."""
+    lines = browser.evaluate("document.getElementById('readout').innerText").splitlines()
+    return dict(line.split("\t") for line in lines)
+
+
+def assert_colors(browser: BrowserPage, **least: float) -> None:
+    found = shares(Image.open(io.BytesIO(browser.screenshot())))
     assert all(found[color] >= share for color, share in least.items()), found
+
+
+def place(browser: BrowserPage, element: str) -> tuple[float, float, float, float]:
+    """Left, top, width and height of an element [pixels]."""
+    browser.evaluate(f"found = {element}.getBoundingClientRect()")
+    x, y, width, height = browser.evaluate("[found.x, found.y, found.width, found.height]")
+    return x, y, width, height
+
+
+def number(text: str) -> float:
+    return float(text.split()[0])
+
+
+@needs_browser
+def test_the_controls_of_a_page_tell_what_the_plan_holds(tmp_path: Path) -> None:
+    plan = timed(synthetic_plan(l_shape()))
+    to_html(plan, tmp_path / "page.html")
+    motion, end = plan.motion, float(plan.motion.time[-1])
+    distances = clearances(plan.world, motion.base, motion.joints)
+    with opened(tmp_path / "page.html") as browser:
+        settle(browser)
+        assert_colors(browser, green=0.03, red=0.01, blue=0.1)
+
+        x, y, width, height = place(browser, "document.getElementById('bar')")
+        browser.drag(*((x + share * width, y + height / 2) for share in (0.01, 0.3, 0.5)))
+        lines = told(browser)
+        assert number(lines["time"]) == pytest.approx(end / 2, abs=2 * end / width)
+        at = np.interp(number(lines["time"]), motion.time, distances.base)
+        assert number(lines["base to solids"]) == pytest.approx(at, abs=0.03)
+        assert number(lines["tool speed"]) > 0
+
+        browser.evaluate("jump(11)")
+        for i in (11, 12):  # the arrow goes on to the next
+            k = int(np.flatnonzero(motion.setpoint == i)[0])
+            lines = told(browser)
+            assert lines["at set-point"] == f"{i + 1} of 40"
+            assert number(lines["time"]) == pytest.approx(motion.time[k], abs=0.006)
+            assert number(lines["base to solids"]) == pytest.approx(distances.base[k], abs=0.0006)
+            assert number(lines["arm to solids"]) == pytest.approx(distances.arm[k], abs=0.0006)
+            assert number(lines["area"]) == pytest.approx(plan.areas[i].pruned.area, abs=0.0006)
+            assert number(lines["joint_2"].replace("\u00b0", "")) == pytest.approx(
+                np.degrees(motion.joints[k, 1]), abs=0.06
+            )
+            browser.press("ArrowRight")
+
+        browser.press(" ")
+        browser.evaluate(PLAYED_ON)
+        assert number(told(browser)["time"]) > motion.time[k]
+
+        browser.evaluate("document.querySelector('#layers input').click()")
+        first = picture_of_plan(plan).legend[0].paths[0]
+        assert browser.evaluate(f"nodeOf({first!r}).visible") is False
+
+        browser.press("t")
+        settle(browser)
+        assert browser.evaluate("viewer.camera.position.y > 100 * Math.abs(viewer.camera.position.z)")
+        x, y = browser.evaluate(PROJECTED)
+        browser.drag((x, y))
+        assert browser.evaluate("document.getElementById('tip').innerText") == "set-point 30"
+        assert told(browser)["at set-point"] == "30 of 40"
+        assert browser.complaints == []
+
+
+# Done when time has gone on.
+PLAYED_ON = """new Promise((done) => {
+  const begun = player.time, look = () => player.time > begun ? done() : requestAnimationFrame(look);
+  look();
+})"""
+# Where in the window the mark of set-point 30 is, from its vertices.
+PROJECTED = """(() => {
+  const mark = nodeOf("task/ahead"), all = mark.geometry.attributes.position, own = all.count / 40;
+  const middle = new MeshCat.THREE.Vector3(), corner = new MeshCat.THREE.Vector3();
+  for (let k = 29 * own; k < 30 * own; k++) middle.add(corner.fromBufferAttribute(all, k));
+  middle.divideScalar(own).applyMatrix4(mark.matrixWorld).project(viewer.camera);
+  const box = pane.getBoundingClientRect();
+  return [box.x + box.width * (1 + middle.x) / 2, box.y + box.height * (1 - middle.y) / 2];
+})()"""
+
+
+@needs_browser
+def test_a_film_is_a_moving_picture(tmp_path: Path) -> None:
+    plan = synthetic_plan(l_shape())
+    brief = dataclasses.replace(timed(plan, rate=9.0))
+    film.film(brief, tmp_path / "plan.gif")
+    with Image.open(tmp_path / "plan.gif") as image:
+        assert getattr(image, "n_frames", 1) >= 2
+        assert image.size == film.SIZE
+    with pytest.raises(InputError, match=r"expected a file name ending in \.gif, \.mp4"):
+        film.film(brief, tmp_path / "plan.avi")
+
+
+def test_without_a_browser_a_film_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PATH", "")
+    with pytest.raises(InputError, match="this needs Chromium: expected one of chromium"):
+        film.film(synthetic_plan(l_shape()), tmp_path / "plan.gif")
+    with pytest.raises(InputError, match="an MP4 needs ffmpeg"):
+        film.film(synthetic_plan(l_shape()), tmp_path / "plan.mp4")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_command_writes_a_page_of_a_world_and_refuses_what_it_cannot(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    page = tmp_path / "pillar.html"
+    assert run(["show", "pillar", "-o", str(page)]) == 0
+    assert "<title>pillar - regionik</title>" in page.read_text("utf-8")
+    refused = {
+        ("pillar", "-o", "x.txt"): "expected a file name ending in .html, .gif, .mp4",
+        ("pillar", "-o", "x.gif"): "expected a plan to film, this is a world",
+        ("pillar", "-o", "x.html", "--live"): "--live watches a world file and writes none",
+    }
+    for arguments, words in refused.items():
+        assert run(["show", *arguments]) == 2
+        assert words in capsys.readouterr().err

@@ -32,6 +32,9 @@ DONE, NO = 0, 1  # exit codes
 PROGRESS_DELAY = 1.0  # shorter work shows no progress bar [s]
 _SHOWN = 20  # violations listed
 PAGES = (".html", ".htm")  # endings
+_UNITS = dict.fromkeys(("direction", "orientation", "joints"), " rad")
+_UNITS |= {"manipulability": " m3", "joint_margin": " of the range", "effort": " N m"}
+_UNITS["speeds"] = " of the limit"
 
 
 def bundled_worlds(incomplete: str) -> list[str]:
@@ -233,7 +236,7 @@ def plan_summary(plan: Plan, seconds: float, written: Iterable[Path]) -> str:
     ]
     margins = plan.stats.get("margins")
     if margins:
-        lines.append(f"  margins: {_margins(margins)}")
+        lines.append(f"  to spare: {spare_text(margins, plan.world)}")
     lines.append(f"  planned and verified in {seconds:.1f} s")
     lines += [f"  wrote {path}" for path in written]
     if not keeps_areas(plan):
@@ -241,12 +244,12 @@ def plan_summary(plan: Plan, seconds: float, written: Iterable[Path]) -> str:
     return "\n".join(lines)
 
 
-def report_summary(name: str, report: Report) -> str:
+def report_summary(name: str, report: Report, world: World) -> str:
     """Return a verification report for people."""
     from regionik.view.picture import count_noun
 
     if report.ok:
-        return f"{name}: the plan holds\n  margins: {_margins(report.margins)}"
+        return f"{name}: the plan holds\n  to spare: {spare_text(report.margins, world)}"
     lines = [f"{name}: the plan does not hold, {count_noun(len(report.violations), 'violation')}"]
     lines += [f"  {violation.text}" for violation in report.violations[:_SHOWN]]
     if len(report.violations) > _SHOWN:
@@ -254,11 +257,45 @@ def report_summary(name: str, report: Report) -> str:
     return "\n".join(lines)
 
 
-def _margins(margins: Mapping[str, float]) -> str:
-    unit = dict.fromkeys(("direction", "orientation", "joints"), " rad")
-    unit |= {"manipulability": " m3", "joint_margin": " of the range", "effort": " N m"}
-    unit["speeds"] = " of the limit"
-    return ", ".join(f"{name} {value:z.4f}{unit.get(name, ' m')}" for name, value in margins.items())
+def spare_text(margins: Mapping[str, float], world: World) -> str:
+    """Return what a plan has to spare, beside what was asked for.
+
+    "Of" stands before what was allowed at most, "over" before what was demanded at least. Distances are
+    measured up to `MARGIN_RANGE`: what is farther has "at least" that to spare.
+    """
+    from regionik.verification.self_collision import MARGIN_RANGE
+
+    asked = _asked(world)
+    parts = []
+    for name, value in margins.items():
+        capped = name in ("arm", "self", "contact") and value >= MARGIN_RANGE
+        unit = _UNITS.get(name, " m")
+        text = f"{name} {'at least ' if capped else ''}{value:z.4f}{unit}"
+        parts.append(text + (f" {asked[name][0]} {asked[name][1]:g}{unit}" if name in asked else ""))
+    return ", ".join(parts)
+
+
+def _asked(world: World) -> dict[str, tuple[str, float]]:
+    """What a world allows at most ("of") and demands at least ("over"), where that is one number above 0."""
+    rules, criteria = world.rules, world.rules.criteria
+    cones = {target.cone for target in world.task if target.direction is not None}
+    cone = next(iter(cones)) if len(cones) == 1 else 0.0
+    found = {
+        "step": ("of", rules.step),
+        "setpoint": ("of", rules.tolerance),
+        "path": ("of", rules.path_tolerance),
+        "direction": ("of", cone),
+        "orientation": ("of", cone),
+        "contact": ("of", rules.deepest_contact),
+        "clearance": ("over", rules.clearance),
+        "arm": ("over", rules.arm_clearance),
+    }
+    if criteria is not None:
+        found["manipulability"] = ("over", criteria.manipulability or 0.0)
+        found["joint_margin"] = ("over", criteria.joint_margin or 0.0)
+        if isinstance(criteria.effort, float):
+            found["effort"] = ("of", criteria.effort)
+    return {name: bound for name, bound in found.items() if bound[1] > 0}
 
 
 def print_answers(answer: Answer) -> None:

@@ -40,6 +40,7 @@ if TYPE_CHECKING:
 EXPORT_FORMATS = ("csv", "ros2", "joint-trajectory", "path", "geojson", "urdf")
 PICTURES = (".svg", ".png")
 PLANS = (".json",)
+VIEWS = (".html", ".gif", ".mp4")
 
 
 def list_worlds(as_json: AsJson = False) -> None:
@@ -125,7 +126,7 @@ def verify_plan(path: PlanPath, as_json: AsJson = False) -> None:
         areas = verify_areas(found)
         ok, violations = checked.ok and areas.ok, checked.violations + areas.violations
         report = replace(checked, ok=ok, violations=violations)
-    print_message(report_summary(str(path), report))
+    print_message(report_summary(str(path), report, found.world))
     if as_json:
         print_json(report_document(report))
     if not report.ok:
@@ -214,10 +215,17 @@ def show_scene(
     what: Annotated[str, typer.Argument(metavar="PLAN|WORLD", help="A plan.json, a world's name or file.")],
     browser: Annotated[bool, typer.Option(help="Open a browser at the address.")] = True,
     live: Annotated[bool, typer.Option("--live", help="Watch a world file; redraw changes.")] = False,
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", help="Write an offline .html page, or a .gif or .mp4 film, instead."),
+    ] = None,
 ) -> None:
-    """Show a plan or a world in the browser until Ctrl-C."""
+    """Show a plan or a world in the browser until Ctrl-C, or write a page or a film of it."""
     from regionik.view.viewer import show
 
+    if output is not None:
+        _write_view(what, output, live)
+        return
     if live:
         _watch(what, browser)
         return
@@ -227,6 +235,29 @@ def show_scene(
     with _until_interrupted(show(loaded, open_browser=browser)):
         print_message("Ctrl-C ends it")
         Event().wait()
+
+
+def _write_view(what: str, output: Path, live: bool) -> None:
+    """Write the page of a plan or a world, or a film of a plan."""
+    if live:
+        raise InputError("--live watches a world file and writes none, expected it without --output")
+    check_output(output, VIEWS, [what])
+    with DelayedProgress() as progress:
+        progress("load", 0, 1)
+        loaded = _plan_or_world(what)
+        progress("load", 1, 1)
+        if output.suffix.lower() == ".html":
+            from regionik.view.viewer import to_html
+
+            to_html(loaded, output)
+        else:
+            from regionik.values import Plan
+            from regionik.view.film import film
+
+            if not isinstance(loaded, Plan):
+                raise InputError(f"{what}: expected a plan to film, this is a world; an .html page shows it")
+            film(loaded, output, progress)
+    print_message(f"wrote {output}")
 
 
 def _watch(what: str, browser: bool) -> None:

@@ -123,6 +123,16 @@ def load_plan(path: str | os.PathLike[str]) -> Plan:
 
     Only the form of the file is checked; `regionik.verify` checks the plan.
 
+    Parameters
+    ----------
+    path : path
+        A plan file: JSON, which holds the world and the robot in full.
+
+    Returns
+    -------
+    Plan
+        The plan with the world that it was made for. Its areas are empty where the file has none.
+
     Raises
     ------
     InputError

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from copy import deepcopy
 from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import ArrayLike
 from shapely.geometry import Polygon
 
+from regionik.view.picture import Color
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Joint, translation
 from regionik.worlds.errors import InputError
@@ -25,7 +27,7 @@ def robot_to_urdf(robot: Robot, floor: Polygon) -> str:
     and ``base_yaw`` (continuous). The arm's joints keep their names; the link that joint ``j`` moves is
     ``j_link``; the tool is the link ``tool``. A link's box stays a box, a capsule becomes a cylinder and two
     spheres, a hull the box around it, as URDF has no word for it, a footprint its bounding box up to
-    ``body_height``; a point base has no solid.
+    ``body_height``; a point base has no solid. What collides is also what is seen.
 
     Raises
     ------
@@ -63,6 +65,8 @@ def robot_to_urdf(robot: Robot, floor: Polygon) -> str:
         parent = child
     _joint_element(root, "tool_fixed", "fixed", robot.chain.T_last_tool, parent, "tool")
     _link(root, "tool")
+    for link in root.iter("link"):
+        _add_visuals(link)
     ElementTree.indent(root)
     return '<?xml version="1.0"?>\n' + ElementTree.tostring(root, encoding="unicode") + "\n"
 
@@ -140,6 +144,18 @@ def _collision(
     collision = ElementTree.SubElement(link, "collision", name=name)
     _origin(collision, T[:3, 3], np.asarray(rpy))
     return ElementTree.SubElement(collision, "geometry")
+
+
+def _add_visuals(link: ElementTree.Element) -> None:
+    """Make each collision element of a link a visual one too, with its colour."""
+    color = Color.ROBOT if link.get("name") == "base" else Color.ARM
+    rgb = [(color >> shift & 255) / 255 for shift in (16, 8, 0)]
+    for k, collision in enumerate(link.findall("collision")):
+        visual = ElementTree.Element("visual", name=collision.get("name", ""))
+        visual.extend(deepcopy(list(collision)))
+        material = ElementTree.SubElement(visual, "material", name=f"{color:06x}")
+        ElementTree.SubElement(material, "color", rgba=_numbers(np.array([*rgb, 1.0])))
+        link.insert(k, visual)
 
 
 def _origin(element: ElementTree.Element, xyz: Array, rpy: Array) -> None:

@@ -44,6 +44,10 @@ class Field:
         Targets in all; 2 of a slice.
     heading : (ny, nx) array
         Heading of the base that reaches so many; NaN where every one does, or nothing is reached [rad].
+    scene : World
+        Where it was counted.
+    targets : (n, 3) array
+        Positions that were asked for; none of a slice [m].
     height : float or None
         Of the tool, of a slice [m]; None for places of the arm axis.
     """
@@ -55,6 +59,8 @@ class Field:
     values: NDArray[np.int32]
     most: int
     heading: Array
+    scene: World
+    targets: Array
     height: float | None = None
 
     def __repr__(self) -> str:
@@ -112,7 +118,8 @@ def reach_field(world: World, targets: ArrayLike | Sequence[Target], cell: float
         better = count > best
         best[better] = count[better]
         heading[better] = np.mean(side.span) if np.isfinite(side.span).all() else np.nan
-    return Field(world.name, x, y, cell, best, len(asked), heading)
+    points = np.array([target.position for target in _as_targets(asked)]).reshape(-1, 3)
+    return Field(world.name, x, y, cell, best, len(asked), heading, world, points)
 
 
 def reach_slice(world: World, height: float, cell: float = 0.05) -> Field:
@@ -150,7 +157,8 @@ def reach_slice(world: World, height: float, cell: float = 0.05) -> Field:
         values[_met(side, inner, x, y)] = REACHABLE
     else:
         values[_met_one_by_one(world, float(z[0]), values, x, y)] = REACHABLE
-    return Field(world.name, x, y, cell, values, REACHABLE, np.full(values.shape, np.nan), float(z[0]))
+    nowhere, none = np.full(values.shape, np.nan), np.empty((0, 3))
+    return Field(world.name, x, y, cell, values, REACHABLE, nowhere, world, none, float(z[0]))
 
 
 def _axes(bounds: tuple[float, float, float, float], cell: float) -> tuple[Array, Array]:

@@ -142,6 +142,17 @@ class Trajectory:
 def trajectory(plan: Plan) -> Trajectory:
     """Return a timed plan as a function of time.
 
+    Parameters
+    ----------
+    plan : Plan
+        A plan with times: from `regionik.retime`, or from `regionik.plan` where world or robot limit speeds.
+
+    Returns
+    -------
+    Trajectory
+        Its ``sample(times)`` gives base, joints, velocities and accelerations at any instants [s]; its
+        ``duration`` is the time of the last state [s].
+
     Raises
     ------
     InputError

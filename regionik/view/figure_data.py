@@ -4,22 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
 
 import numpy as np
 import shapely
 from shapely.geometry import MultiPolygon, Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from regionik.planners.collision.proximity import nearest
-from regionik.planners.collision.robot_bodies import Bodies, ContactTargets, bodies_from
-from regionik.postures.arm_guard import guard_of
+from regionik.postures.poses import axis_of
 from regionik.timing.limits import tool_velocity
 from regionik.timing.trajectory import is_timed, trajectory
-from regionik.values import Motion, Plan, PlannedArea, Stop
-from regionik.view.world_picture import DETAIL, rejected_area
+from regionik.values import Plan, Stop
+from regionik.view.clearance import Clearances, clearances, footprints
+from regionik.view.timeline import lifted_intervals
+from regionik.view.world_picture import DETAIL, floor_parts
 from regionik.worlds.arrays import Array
-from regionik.worlds.robot import Robot
 from regionik.worlds.scene import World
 
 SAMPLES = 1000  # of a timed plan, at even times besides its states
@@ -40,15 +38,6 @@ class SpeedCurves:
 
 
 @dataclass(frozen=True, eq=False)
-class ClearanceCurves:
-    """Distances at every state, (n,) each [m]; infinite where there is nothing to avoid."""
-
-    base: Array  # footprint to the shadow of the nearest solid that the base could hit
-    arm: Array  # the robot's solids to the nearest of the world, apart from allowed contact of the tool
-    own: Array  # the robot's solids to each other and to its base, where these have to keep apart
-
-
-@dataclass(frozen=True, eq=False)
 class PlanCurves:
     """Curves of a plan along its motion."""
 
@@ -57,7 +46,7 @@ class PlanCurves:
     along: Array  # (m,) abscissas of ``joints`` and ``speeds``
     joints: Array  # (m, dof)
     speeds: SpeedCurves | None  # None where the plan is not timed
-    clearances: ClearanceCurves
+    clearances: Clearances
     setpoints: Array  # (k,) abscissas of set-points
     lifted: Array  # (l, 2) intervals in which the tool is lifted
 
@@ -82,66 +71,10 @@ def plan_curves(plan: Plan) -> PlanCurves:
         along=along,
         joints=joints,
         speeds=speeds,
-        clearances=clearances(plan),
+        clearances=clearances(plan.world, motion.base, motion.joints),
         setpoints=states[motion.kind == "setpoint"],
-        lifted=_lifted(motion, states),
+        lifted=lifted_intervals(motion, states),
     )
-
-
-def clearances(plan: Plan) -> ClearanceCurves:
-    """Return the distances at every state of a plan."""
-    world, motion = plan.world, plan.motion
-    contact = guard_of(world).contact
-    around = bodies_from(_without_self_collision(world.robot), world.solids)
-    return ClearanceCurves(
-        base=_base_clearance(world, motion),
-        arm=_distances(around, motion, contact) if world.solids else np.full(len(motion), np.inf),
-        own=_distances(bodies_from(world.robot, ()), motion, None),
-    )
-
-
-def _distances(bodies: Bodies, motion: Motion, contact: ContactTargets | None) -> Array:
-    """Least distance at every state, negative where something overlaps, (n,) [m]."""
-    pairs = zip(motion.base, motion.joints, strict=True)
-    return np.array([nearest(bodies, base, joints, contact=contact).distance for base, joints in pairs])
-
-
-def _without_self_collision(robot: Robot) -> Robot:
-    """A robot whose solids may touch each other, so that only distances to the world count."""
-    names = [solid.name for solid in robot.all_solids]
-    pairs = tuple(combinations(names, 2))
-    return replace(robot, footprint=np.zeros((1, 2)), unchecked=pairs)
-
-
-def _base_clearance(world: World, motion: Motion) -> Array:
-    """Footprint to the nearest shadow at every state, 0 where they meet, (n,) [m]."""
-    shadows = [solid.shadow(world.robot.body_height) for solid in world.solids]
-    shown = [shadow for shadow in shadows if shadow is not None and not shadow.core.is_empty]
-    nearest_shadow = np.full(len(motion), np.inf)
-    prints = footprints(world.robot, motion.base)
-    for radius in sorted({shadow.radius for shadow in shown}):
-        cores = shapely.STRtree([shadow.core for shadow in shown if shadow.radius == radius])
-        which, distance = cores.query_nearest(prints, return_distance=True, all_matches=False)
-        nearest_shadow[which[0]] = np.minimum(nearest_shadow[which[0]], distance - radius)
-    clearance: Array = np.maximum(nearest_shadow, 0.0)
-    return clearance
-
-
-def footprints(robot: Robot, base: Array) -> shapely.Geometry:
-    """Return the outlines of the base at poses (n, 3), an (n,) array of polygons."""
-    c, s = np.cos(base[:, 2]), np.sin(base[:, 2])
-    turn = np.stack([np.stack([c, s], -1), np.stack([-s, c], -1)], 1)
-    corners = robot.footprint @ turn + base[:, None, :2]
-    return shapely.convex_hull(shapely.multipoints(corners))
-
-
-def _lifted(motion: Motion, states: Array) -> Array:
-    """Intervals of transits, the motions to and from them included, (l, 2)."""
-    transit = motion.kind == "transit"
-    lifted = transit[:-1] | transit[1:]
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], lifted, [False]])))
-    spans: Array = states[edges].reshape(-1, 2)
-    return spans
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,11 +83,13 @@ class FloorView:
 
     all: BaseGeometry
     free: BaseGeometry
-    rejected: BaseGeometry  # too close to solids
+    turning: BaseGeometry  # the base may have room at some headings
+    rejected: BaseGeometry  # it has none at any
     pale: BaseGeometry  # admissible for a set-point, but not for the whole path
     strong: BaseGeometry  # admissible for the whole path
+    words: tuple[str, str]  # for what is strong, and what is pale
     solids: BaseGeometry
-    base_path: Array  # (n, 2)
+    axis_path: Array  # (n, 2) of the arm's axis
     tool_path: Array  # (n, 2)
     setpoints: Array  # (n, 2)
     footprints: BaseGeometry  # (p,) outlines of the base at some set-points, first and last among them
@@ -162,7 +97,7 @@ class FloorView:
     low: Array  # (2,) corners of the window
     high: Array
     circles: BaseGeometry  # circles in which the base may park at its stops
-    driven: bool = True  # ``base_path`` is driven; else it connects stops in their order
+    driven: bool = True  # ``axis_path`` is driven; else it connects stops in their order
 
     @property
     def width(self) -> float:
@@ -181,12 +116,48 @@ def plan_floor(plan: Plan) -> FloorView:
     return _floor_view(
         world,
         base=np.array([stop.base for stop in plan.stops]) if plan.stops else shown,
-        areas=plan.areas,
-        base_path=world.robot.drive.trace(motion.base),
+        areas=[area.admissible for area in plan.areas],
+        used=(used_areas(plan), area_words(plan)),
+        axis_path=axis_path(plan),
         tool_path=plan.tools()[:, :2],
         setpoints=np.array([target.position[:2] for target in world.task]).reshape(-1, 2),
         stops=plan.stops,
     )
+
+
+def used_areas(plan: Plan) -> list[BaseGeometry]:
+    """Areas of the set-points as far as the plan can use them.
+
+    What is left of an area for the whole path, and of a plan that is not parked the whole components in
+    which it has its arm's axis: ladders are those of a base that goes every way, and one on wheels, or a
+    tracker, may work elsewhere.
+    """
+    if plan.stops:
+        return [area.pruned for area in plan.areas]
+    places = shapely.points(axis_of(plan.world.robot, np.array([one.base for one in plan.setpoints])))
+    rolls, found = plan.world.robot.drive.rolls, []
+    for area, place in zip(plan.areas, places, strict=False):
+        parts = shapely.get_parts(area.admissible)
+        held = parts[shapely.dwithin(parts, place, DETAIL)]
+        holds = shapely.dwithin(area.pruned, place, DETAIL) and not rolls
+        found.append(area.pruned if holds else shapely.union_all([area.pruned, *held]))
+    return found
+
+
+def area_words(plan: Plan) -> tuple[str, str]:
+    """Words for areas that a plan can use, and for the rest of what is admissible."""
+    rest = "admissible for some set-point"
+    if plan.stops:
+        return "places to park for the next set-points", rest
+    if plan.world.robot.drive.rolls:
+        return "areas that the plan works in", rest
+    return "areas for the whole path", "admissible, but a dead end"
+
+
+def axis_path(plan: Plan) -> Array:
+    """Path of the arm's axis on the floor, (n, 2) [m]."""
+    motion, drive = plan.motion, plan.world.robot.drive
+    return axis_of(plan.world.robot, drive.sampled(motion.base, drive.cuts(motion.base)))
 
 
 def stops_floor(world: World, stops: Sequence[Stop]) -> FloorView:
@@ -197,7 +168,8 @@ def stops_floor(world: World, stops: Sequence[Stop]) -> FloorView:
         world,
         base=base,
         areas=(),
-        base_path=base[:, :2],
+        used=((), ("", "")),
+        axis_path=axis_of(world.robot, base),
         tool_path=setpoints,
         setpoints=setpoints,
         stops=stops,
@@ -209,28 +181,30 @@ def _floor_view(
     world: World,
     *,
     base: Array,
-    areas: Sequence[PlannedArea],
-    base_path: Array,
+    areas: Sequence[BaseGeometry],
+    used: tuple[Sequence[BaseGeometry], tuple[str, str]],
+    axis_path: Array,
     tool_path: Array,
     setpoints: Array,
     stops: Sequence[Stop],
 ) -> FloorView:
-    floor, outlines, circles = world.floor.polygon, _outlines(world, base), parking_circles(stops)
-    corners = shapely.bounds([area.admissible for area in areas if not area.admissible.is_empty])
+    floor, outlines, circles = world.floor.polygon, _outlines(world, base), parking_circles(world, stops)
+    corners = shapely.bounds([area for area in areas if not area.is_empty])
     shapes = map(shapely.get_coordinates, (outlines, circles))
-    low, high = _window(floor, [corners.reshape(-1, 2), base_path, tool_path, setpoints, *shapes])
+    low, high = window(floor, [corners.reshape(-1, 2), axis_path, tool_path, setpoints, *shapes])
     detail = max(DETAIL, float((high - low).max()) / RESOLUTION)
-    rejected = rejected_area(world).simplify(detail) & floor
-    admissible = _union([area.admissible for area in areas], detail)
-    strong = _union([area.pruned for area in areas], detail)
+    parts = floor_parts(world, detail)
+    admissible, strong = drawn_union(areas, detail), drawn_union(used[0], detail)
     return FloorView(
         all=floor,
-        free=_visible(floor - rejected - admissible, detail),
-        rejected=_visible(rejected - admissible, detail),
+        free=_visible(parts.free - admissible, detail),
+        turning=_visible(parts.turning - admissible, detail),
+        rejected=_visible(parts.rejected - admissible, detail),
         pale=_visible(admissible - strong, detail),
         strong=_visible(strong, detail),
-        solids=_from_above(world),
-        base_path=base_path,
+        words=used[1],
+        solids=seen_from_above(world),
+        axis_path=axis_path,
         tool_path=tool_path,
         setpoints=setpoints,
         footprints=outlines,
@@ -241,9 +215,10 @@ def _floor_view(
     )
 
 
-def parking_circles(stops: Sequence[Stop]) -> BaseGeometry:
-    """Circles in which the base may park, one for each stop."""
-    return MultiPolygon([Point(stop.base[:2]).buffer(stop.tolerance) for stop in stops])
+def parking_circles(world: World, stops: Sequence[Stop]) -> BaseGeometry:
+    """Circles in which the arm's axis may park, one for each stop."""
+    places = [Point(axis_of(world.robot, stop.base)) for stop in stops]
+    return MultiPolygon([at.buffer(stop.tolerance) for at, stop in zip(places, stops, strict=True)])
 
 
 def _outlines(world: World, base: Array) -> BaseGeometry:
@@ -252,7 +227,7 @@ def _outlines(world: World, base: Array) -> BaseGeometry:
     return shapely.buffer(shapely.points(base[:, :2]), 0.06)
 
 
-def _union(areas: list[BaseGeometry], detail: float) -> BaseGeometry:
+def drawn_union(areas: Sequence[BaseGeometry], detail: float = DETAIL) -> BaseGeometry:
     """The union of many areas, as fine as it is drawn."""
     union = shapely.union_all([area.simplify(detail) for area in areas])
     # Overlapping rings leave thousands of holes: simplify and repair is far faster than to stay valid.
@@ -272,13 +247,14 @@ def _heading_strokes(base: Array, outlines: BaseGeometry) -> Array:
     return np.stack([base[:, :2] + 0.4 * along, base[:, :2] + along], 1)
 
 
-def _from_above(world: World) -> BaseGeometry:
+def seen_from_above(world: World) -> BaseGeometry:
+    """Solids as seen from above."""
     shadows = [solid.shadow(TALL) for solid in world.solids]
     areas = [shadow.grown() for shadow in shadows if shadow is not None]
     return shapely.union_all(areas) if areas else Polygon()
 
 
-def _window(floor: Polygon, lines: list[Array]) -> tuple[Array, Array]:
+def window(floor: Polygon, lines: list[Array]) -> tuple[Array, Array]:
     """Corners of the window: around all points, but not far beyond the floor."""
     points = np.vstack(lines)
     low, high = points.min(axis=0), points.max(axis=0)

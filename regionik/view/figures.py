@@ -12,6 +12,7 @@ import matplotlib.style
 import numpy as np
 import shapely
 from matplotlib.axes import Axes
+from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from matplotlib.gridspec import SubplotSpec
 from matplotlib.lines import Line2D
@@ -20,11 +21,20 @@ from matplotlib.path import Path
 from matplotlib.ticker import MaxNLocator
 from shapely.geometry.base import BaseGeometry
 
-from regionik.reachability.field import Field
+from regionik.reachability.field import REACHABLE, UNDECIDED, Field
 from regionik.storage.files import write_atomic
 from regionik.values import Plan, Stop
-from regionik.view.figure_data import FloorView, PlanCurves, plan_curves, plan_floor, stops_floor
+from regionik.view.figure_data import (
+    FloorView,
+    PlanCurves,
+    plan_curves,
+    plan_floor,
+    seen_from_above,
+    stops_floor,
+    window,
+)
 from regionik.view.picture import Color, count_noun
+from regionik.view.world_picture import TURNING_WORDS
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError
 from regionik.worlds.scene import World
@@ -106,19 +116,57 @@ def _render(make: Callable[[], Figure], suffix: str) -> bytes:
 
 
 def _field_figure(field: Field) -> Figure:
+    """A field over its floor, with solids and targets, around all that is not zero."""
+    floor, task, half = field.scene.floor.polygon, field.targets[:, :2], field.cell / 2
+    rows, columns = np.nonzero(field.values)
+    points = np.column_stack([field.x[columns], field.y[rows]])
+    low, high = window(floor, [points - half, points + half, task, shapely.get_coordinates(floor)])
+    deep = (_RIGHT - 1.2) * float(np.clip((high[1] - low[1]) / (high[0] - low[0]), 0.2, 2.0))
+    figure = Figure(figsize=(_RIGHT, deep + 1.8))
+    ax = figure.add_subplot()
+    key: list[Patch | Line2D] = []
+    _area(ax, floor, facecolor=_hex(Color.FLOOR), zorder=0)
+    edge = shapely.get_coordinates(floor.exterior).T
+    key += ax.plot(*edge, color=_hex(Color.ROBOT), linewidth=0.9, zorder=2, label="edge of the floor")
+    key += _field_values(ax, field)
+    solids = seen_from_above(field.scene)
+    if not solids.is_empty:
+        _area(ax, solids, facecolor=_hex(Color.SOLID), zorder=3)
+        key.append(Patch(facecolor=_hex(Color.SOLID), label="obstacles"))
+    if len(task):
+        size = max(2.0, 4.0 * _crowding(60, task))
+        key += ax.plot(
+            *task.T, "o", color=_hex(Color.AHEAD), markersize=size, mew=0, zorder=4, label="targets"
+        )
+    ax.grid(visible=False)
+    ax.set(title=f"{field.world}: {field.meaning}", xlabel="x [m]", ylabel="y [m]", aspect="equal")
+    ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
+    ax.legend(handles=key, loc="upper center", bbox_to_anchor=(0.5, 0.0), borderaxespad=4.5, ncols=5)
+    return figure
+
+
+def _field_values(ax: Axes, field: Field) -> list[Patch]:
+    """Draw the cells that are not zero: counts by a scale up to the largest, verdicts by a legend."""
     half = field.cell / 2
     edges = (field.x[0] - half, field.x[-1] + half, field.y[0] - half, field.y[-1] + half)
-    high = (_RIGHT - 1.2) * float(np.clip((edges[3] - edges[2]) / (edges[1] - edges[0]), 0.2, 2.0))
-    figure = Figure(figsize=(_RIGHT, high + 1.2))
-    ax = figure.add_subplot()
-    shown = ax.imshow(
-        field.values, origin="lower", extent=edges, cmap="viridis", vmin=0, vmax=max(1, field.most),
-        interpolation="nearest",
-    )  # fmt: skip
-    ax.grid(visible=False)
-    ax.set(title=f"{field.world}: {field.meaning}", xlabel="x [m]", ylabel="y [m]")
-    figure.colorbar(shown, ax=ax).ax.yaxis.set_major_locator(MaxNLocator(6, integer=True))
-    return figure
+    place: dict[str, Any] = {"origin": "lower", "extent": edges, "interpolation": "nearest"}
+    if field.height is None:
+        most = max(1, int(field.values.max(initial=0)))
+        counts = np.ma.masked_equal(field.values, 0)
+        shown = ax.imshow(counts, cmap="viridis", vmin=min(1, most - 1), vmax=most, **place)
+        scale = ax.figure.colorbar(shown, ax=ax, label="targets reached", shrink=0.8)
+        scale.ax.yaxis.set_major_locator(MaxNLocator(8, integer=True))
+        return []
+    key = []
+    for value, label, color in (
+        (UNDECIDED, "undecided", Color.TURNING),
+        (REACHABLE, "reachable", Color.STRONG),
+    ):
+        if (field.values == value).any():
+            cells = np.ma.masked_not_equal(field.values, value)
+            ax.imshow(cells, cmap=ListedColormap([_hex(color)]), **place)
+            key.append(Patch(facecolor=_hex(color), label=label))
+    return key
 
 
 def _stops_figure(world: World, stops: Sequence[Stop]) -> Figure:
@@ -197,7 +245,7 @@ def _curve(ax: Axes, curves: PlanCurves, values: Array, limits: tuple[float, flo
     ax.plot(
         curves.along,
         values,
-        color=_hex(Color.BASE_PATH),
+        color=_hex(Color.AXIS_PATH),
         linewidth=0.6 + 0.6 * _crowding(1500, curves.states),
     )
     ax.yaxis.set_major_locator(MaxNLocator(4))
@@ -233,7 +281,7 @@ def _key_to_marks(figure: Figure, curves: PlanCurves) -> None:
 def _speeds(ax: Axes, curves: PlanCurves) -> None:
     assert curves.speeds is not None
     ax.plot(curves.along, curves.speeds.tool, color=_hex(Color.PASSED), linewidth=1.6, label="tool")
-    ax.plot(curves.along, curves.speeds.base, color=_hex(Color.BASE_PATH), linewidth=0.8, label="base")
+    ax.plot(curves.along, curves.speeds.base, color=_hex(Color.AXIS_PATH), linewidth=0.8, label="base")
     ax.set_title("speed")
     ax.set_ylabel("[m/s]")
     ax.set_ylim(bottom=0.0)
@@ -244,7 +292,7 @@ def _speeds(ax: Axes, curves: PlanCurves) -> None:
 def _clearance(ax: Axes, plan: Plan, curves: PlanCurves) -> None:
     rules, found = plan.world.rules, curves.clearances
     lines = (
-        ("base to solids", found.base, Color.BASE_PATH, "-", rules.clearance),
+        ("base to solids", found.base, Color.AXIS_PATH, "-", rules.clearance),
         ("arm to solids", found.arm, Color.AHEAD, "-", rules.arm_clearance),
         ("arm to itself", found.own, Color.ARM, ":", 0.0),
     )
@@ -269,30 +317,36 @@ def _legend(ax: Axes) -> None:
 
 def _floor(ax: Axes, floor: FloorView) -> None:
     """The floor from above, drawn from below upwards."""
+    strong, pale = floor.words
     layers = (
-        ("free floor", floor.free, Color.NAVIGABLE, 0.3, None),
-        ("rejected: too close to a solid", floor.rejected, Color.REJECTION, 0.3, "////"),
-        ("admissible, but a dead end", floor.pale, Color.PALE, 0.9, None),
-        ("areas for the whole path", floor.strong, Color.STRONG, 0.75, None),
-        ("obstacles", floor.solids, Color.SOLID, 1.0, None),
+        ("free floor", floor.free, Color.NAVIGABLE, None),
+        (TURNING_WORDS, floor.turning, Color.TURNING, None),
+        ("rejected: too close to a solid", floor.rejected, Color.REJECTION, "////"),
+        (pale, floor.pale, Color.PALE, None),
+        (strong, floor.strong, Color.STRONG, None),
+        ("obstacles", floor.solids, Color.SOLID, None),
     )
     _area(ax, floor.all, facecolor=_hex(Color.FLOOR))
     key: list[Patch | Line2D] = []
-    for label, area, color, opacity, hatch in layers:
+    for label, area, color, hatch in layers:
         if not area.is_empty:
-            paint: dict[str, Any] = {"facecolor": _hex(color), "alpha": opacity, "hatch": hatch}
-            paint |= {"edgecolor": _hex(color)} if hatch else {}
+            paint: dict[str, Any] = {"facecolor": _hex(color), "hatch": hatch}
+            paint |= {"edgecolor": "#ffffff80"} if hatch else {}
             _area(ax, area, **paint)
             key.append(Patch(linewidth=0, label=label, **paint))
     key += ax.plot(*floor.tool_path.T, color=_hex(Color.PASSED), linewidth=1.0, label="path of the tool")
-    line, width, label = ("-", 1.6, "path of the base") if floor.driven else (":", 1.0, "order of the stops")
-    key += ax.plot(*floor.base_path.T, line, color=_hex(Color.BASE_PATH), linewidth=width, label=label)
+    line, width, label = (
+        ("-", 1.6, "path of the arm's axis") if floor.driven else (":", 1.0, "order of the stops")
+    )
+    key += ax.plot(
+        *floor.axis_path.T, line, color=_hex(Color.AXIS_PATH), linewidth=width, label=label, zorder=5
+    )
     size = max(2.0, 4.0 * _crowding(60, floor.setpoints))
     key += ax.plot(
         *floor.setpoints.T, "o", color=_hex(Color.AHEAD), markersize=size, mew=0, label="set-points"
     )
     if not floor.circles.is_empty:
-        paint = {"facecolor": _hex(Color.CURRENT), "alpha": 0.8}
+        paint = {"facecolor": _hex(Color.PARKING)}
         _area(ax, floor.circles, zorder=5, **paint)
         key.append(Patch(linewidth=0, label="circles to park in", **paint))
     for outline, stroke in zip(floor.footprints, floor.headings, strict=True):
@@ -302,6 +356,7 @@ def _floor(ax: Axes, floor: FloorView) -> None:
     key.append(Line2D([], [], color=_hex(Color.ROBOT), linewidth=0.9, label="the base at some set-points"))
     (x_low, y_low), (x_high, y_high) = floor.low, floor.high
     ax.set(xlim=(x_low, x_high), ylim=(y_low, y_high), aspect="equal", xlabel="x [m]", ylabel="y [m]")
+    ax.set_title("floor, by places of the arm's axis")
     ax.grid(visible=False)
     ax.legend(handles=key, loc="upper center", bbox_to_anchor=(0.5, 0.0), borderaxespad=4.5, ncols=3)
 

@@ -18,10 +18,9 @@ from typing import Any
 import numpy as np
 import shapely
 from numpy.typing import NDArray
-from shapely.geometry.base import BaseGeometry
 
 from regionik.areas.ground import GUARD, Geometries, ground_of, grow, shadow_of
-from regionik.areas.standing import PathAreas, anywhere
+from regionik.areas.standing import PathAreas, anywhere, by_heading, turns_matter
 from regionik.pruning import Pruned, cut_path, prune_path
 from regionik.regions import path_areas, ways_to_stand
 from regionik.view import triangle_meshes
@@ -33,8 +32,9 @@ from regionik.view.world_picture import (
     floor_radius,
     map_meshes,
     robot_meshes,
+    robot_points,
     scene_obstacle,
-    start_state,
+    start_pose,
     task_meshes,
 )
 from regionik.worlds.documents.world_file import load_world
@@ -218,12 +218,11 @@ def watch(
         When the file cannot be used at the start.
     """
     areas = live_areas(_load(path))
-    camera = camera_for(areas.world, start_state(areas.world)[0][None, :2])
-    set_scene(
-        visualizer, Picture(areas.world.name, (), (), (), {}, camera, floor_radius(areas.world, camera))
-    )
-    shown = redraw(visualizer, {}, areas)
-    draw_message(visualizer, verdict(areas), camera)
+    picture = live_picture(areas)
+    camera = picture.camera
+    set_scene(visualizer, picture)
+    shown = redraw(visualizer, {}, picture)
+    draw_message(visualizer, verdict(areas), camera, picture.legend)
     report(verdict(areas))
     gc.freeze()  # what lives as long as the process: scanning it again takes a tenth of a second each time
     for _ in file_changes(path) if changes is None else changes:
@@ -234,8 +233,9 @@ def watch(
             draw_message(visualizer, str(error), camera)
             report(str(error))
             continue
-        shown = redraw(visualizer, shown, areas)
-        draw_message(visualizer, verdict(areas), camera)
+        picture = live_picture(areas)
+        shown = redraw(visualizer, shown, picture)
+        draw_message(visualizer, verdict(areas), camera, picture.legend)
         seconds = time.perf_counter() - began
         count = f"{len(areas.recomputed)} of {len(areas.world.task)} areas recomputed"
         report(f"{verdict(areas)} ({count}, {seconds:.2f} s)")
@@ -252,15 +252,13 @@ def file_changes(path: Path) -> Iterator[None]:
             yield
 
 
-def redraw(visualizer: Any, shown: dict[str, SceneMesh], areas: LiveAreas) -> dict[str, SceneMesh]:
+def redraw(visualizer: Any, shown: dict[str, SceneMesh], picture: Picture) -> dict[str, SceneMesh]:
     """Send the meshes that differ from those shown; return those shown afterwards, by their paths."""
-    base, joints = start_state(areas.world)
-    robot, poses = robot_meshes(areas.world.robot, base, joints)
-    wanted = {mesh.path: mesh for mesh in (*live_meshes(areas), *robot) if len(mesh.mesh.faces)}
+    wanted = {mesh.path: mesh for mesh in picture.bodies if len(mesh.mesh.faces)}
     for path in shown.keys() - wanted.keys():
         delete_node(visualizer, path)
     changed = [mesh for path, mesh in wanted.items() if not _is_same(shown.get(path), mesh)]
-    draw_meshes(visualizer, changed, poses)
+    draw_meshes(visualizer, changed, picture.poses)
     return wanted
 
 
@@ -301,32 +299,63 @@ def verdict(areas: LiveAreas) -> str:
     return f"All {count} set-points can be reached {how}; a plan also checks the arm for collisions."
 
 
+def live_picture(areas: LiveAreas) -> Picture:
+    """The picture of areas and verdict.
+
+    The robot stands at its start, or at the edge of the first set-point's area.
+    """
+    world = areas.world
+    first = areas.areas.inner[areas.areas.target == 0]
+    pose = start_pose(world, shapely.union_all(first))
+    robot, poses = ([], {}) if pose is None else robot_meshes(world, *pose, ghost=world.start is None)
+    camera = camera_for(world, np.empty((0, 3)) if pose is None else robot_points(world.robot, *pose))
+    bodies = (*live_meshes(areas), *robot)
+    return Picture(world.name, (), bodies, poses, camera, floor_radius(world, camera))
+
+
 def live_meshes(areas: LiveAreas) -> list[SceneMesh]:
     """Floor, obstacles with what they reject, areas, and the tool path, but not the robot.
 
     Meshes of what has not changed since the areas before are the very same objects.
     """
     world = areas.world
-    distance = world.rules.clearance + float(np.hypot(*world.robot.footprint.T).max())
-    has_area = np.zeros(len(world.task), dtype=bool)
-    has_area[areas.areas.target[~shapely.is_empty(areas.areas.inner)]] = True
+    ground = ground_of(world)
     obstacles = (
-        _obstacle_meshes(solid, k, world.robot.body_height, distance)
+        _obstacle_meshes(solid, k, world.robot.body_height, ground.clearance + ground.near)
         for k, solid in enumerate(world.obstacles)
     )
     return [
+        *_area_meshes(areas),
         *_floor_meshes(world.floor),
         *(mesh for meshes in obstacles for mesh in meshes),
-        *_area_meshes(areas),
-        *task_meshes(world, missing=~has_area),
+        *task_meshes(world, missing=failing_setpoints(areas)),
     ]
+
+
+def failing_setpoints(areas: LiveAreas) -> NDArray[np.bool_]:
+    """Mask of the set-points that the verdict speaks against, (n,): none where the path can be done.
+
+    Else the one that the explanation names, and those without a place for the base.
+    """
+    count = len(areas.world.task)
+    if areas.explanation is None:
+        return np.zeros(count, dtype=bool)
+    world = areas.world
+    failing = np.ones(count, dtype=bool)
+    failing[areas.areas.target[~shapely.is_empty(areas.areas.inner)]] = False
+    if failing.any() and turns_matter(world):  # some headings may do where the circle round the base does not
+        rows = np.flatnonzero(failing)
+        turned = path_areas(world, [world.task[i] for i in rows], standing=by_heading(world))
+        failing[rows[turned.target[~shapely.is_empty(turned.inner)]]] = False
+    failing[0 if areas.explanation.setpoint is None else areas.explanation.setpoint] = True
+    return failing
 
 
 @lru_cache(maxsize=4)
 def _floor_meshes(floor: Floor) -> tuple[SceneMesh, ...]:
     return (
         SceneMesh("floor/all", triangle_meshes.floor_mesh(floor.polygon), Color.FLOOR, 1.0, 0),
-        floor_layer("floor/free", floor.polygon, Color.NAVIGABLE, 0.55, 1),
+        floor_layer("floor/free", floor.polygon, Color.NAVIGABLE, 1, "other floor"),
         *map_meshes(floor),
     )
 
@@ -338,15 +367,19 @@ def _obstacle_meshes(solid: Solid, k: int, height: float, distance: float) -> tu
     if shadow is None:
         return (mesh,)
     rejected = grow(shadow, distance, inner=False).simplify(DETAIL)
-    return mesh, floor_layer(f"floor/rejected/{k}", rejected, Color.REJECTED, 1.0, 2)
+    words = "rejected: too close to a solid"
+    return mesh, floor_layer(f"floor/rejected/{k}", rejected, Color.REJECTION, 2, words)
 
 
 def _area_meshes(areas: LiveAreas) -> list[SceneMesh]:
     every = shapely.union_all(areas.areas.inner).simplify(DETAIL)
-    strong: BaseGeometry = shapely.Polygon()
-    if areas.pruned is not None:
-        strong = shapely.union_all(areas.pruned.ladder.component[areas.pruned.keep]).simplify(DETAIL)
+    if areas.pruned is None:
+        return [floor_layer("areas/pale", every, Color.PALE, 3, "admissible for some set-point")]
+    strong = shapely.union_all(areas.pruned.ladder.component[areas.pruned.keep]).simplify(DETAIL)
+    rolls = areas.world.robot.drive.rolls
+    whole = "areas for the whole path" + (", if it drove every way" if rolls else "")
+    rest = "admissible for some set-point" if rolls else "admissible, but a dead end"
     return [
-        floor_layer("areas/pale", every - strong, Color.PALE, 0.8, 3),
-        floor_layer("areas/strong", strong, Color.STRONG, 0.62, 4),
+        floor_layer("areas/strong", strong, Color.STRONG, 4, whole),
+        floor_layer("areas/pale", every - strong, Color.PALE, 3, rest),
     ]

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from regionik.view.timeline import Timeline
 from regionik.view.triangle_meshes import TriangleMesh, shadow_polygon
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import World
@@ -23,14 +24,14 @@ _ELEVATIONS = np.radians([48.0, 62.0, 76.0])
 
 
 class Color:
-    """The colours of pictures, 0xRRGGBB."""
+    """The colours of pictures, 0xRRGGBB; what lies on the floor is opaque, as swatches are."""
 
-    FLOOR, NAVIGABLE, REJECTION = 0xF6F4EE, 0x4F93E8, 0xE5352B
-    PALE, STRONG, CURRENT = 0xB9E6AC, 0x43B14E, 0x0B7A31  # areas: admissible, whole path, next set-point
-    SOLID, ROBOT, ARM, HEADING = 0x9AA0A6, 0x2B3440, 0x39434F, 0xF4F6F8
+    FLOOR, NAVIGABLE, TURNING, REJECTION = 0xF6F4EE, 0x9ABFEB, 0xF3CF8E, 0xEC8179
+    PALE, STRONG, CURRENT = 0xC5E9B9, 0x87CB8B, 0x439E59  # areas: admissible, whole path, next set-point
+    SOLID, ROBOT, WHEEL = 0x9AA0A6, 0x44546A, 0x1A1E24
+    ARM, HEADING = 0x39434F, 0xF4F6F8
     PATH, AHEAD, PASSED, MISSING = 0x7A5230, 0xFF8A1F, 0x12A347, 0xC1121F  # the tool path, its set-points
-    BASE_PATH, LIFTED = 0x1B3F8B, 0x9B30D9
-    REJECTED = 0xEFA39E  # opaque, as rejection looks on the floor
+    AXIS_PATH, LIFTED, PARKING = 0x1B3F8B, 0x9B30D9, 0x0FA3A3
     CAUSE, REPAIR = 0xC2185B, 0x00838F
 
 
@@ -45,6 +46,17 @@ class SceneMesh:
     layer: int | None = None  # floor areas lie in this order and hide no higher layer; None: a solid
     lit: bool = True  # light and shadow fall on it
     colors: Array | None = None  # (m, 3) of faces, from 0 to 1; they replace ``color``
+    label: str = ""  # in the legend; meshes of one label are one layer, those without are always shown
+    name: str = ""  # told when it is clicked, by default the label
+    numbers: tuple[int, ...] = ()  # of the set-points that follow one another in the mesh, all as large
+
+
+class LegendEntry(NamedTuple):
+    """A line of the legend: the colour drawn, its words, and the nodes that bear it."""
+
+    color: int
+    label: str
+    paths: tuple[str, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +80,7 @@ class Camera:
 
     eye: Array  # (3,) [m]
     center: Array  # (3,) [m]
+    half: Array  # (2,) half of the floor that it sees, along x and y [m]
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,13 +88,25 @@ class Picture:
     """All that a viewer needs: meshes, poses of nodes, motion, camera and the text beside them."""
 
     title: str
-    facts: tuple[str, ...]
-    legend: tuple[tuple[int, str], ...]  # colours and what they mean
+    facts: tuple[str, ...]  # a few words each
     bodies: tuple[SceneMesh, ...]
-    poses: dict[str, Array]  # (4, 4) by path; other nodes stand at the identity of their parent
+    poses: dict[str, Array]  # (4, 4) of nodes, in their parent node
     camera: Camera
     extent: float  # radius about the camera's centre that holds the floor [m]
-    tracks: tuple[KeyframeTrack, ...] = ()  # empty where nothing moves; all have the same duration
+    tracks: tuple[KeyframeTrack, ...] = ()  # all end at the same time
+    timeline: Timeline | None = None  # None where nothing moves
+
+    @property
+    def legend(self) -> tuple[LegendEntry, ...]:
+        """What is drawn and has a label, in the order of the bodies."""
+        found: dict[str, list[SceneMesh]] = {}
+        for body in self.bodies:
+            if body.label and len(body.mesh.faces):
+                found.setdefault(body.label, []).append(body)
+        return tuple(
+            LegendEntry(some[0].color, label, tuple(body.path for body in some))
+            for label, some in found.items()
+        )
 
 
 def count_noun(count: int, noun: str) -> str:
@@ -89,26 +114,28 @@ def count_noun(count: int, noun: str) -> str:
     return f"{count} {noun}" + ("" if count == 1 else "s")
 
 
-def camera_for(world: World, spots: Array) -> Camera:
-    """Return a camera for a world in which the base visits ``spots`` (n, 2) [m]."""
+def camera_for(world: World, points: Array) -> Camera:
+    """Return a camera for a world that sees its set-points and points (n, 3) of its robot [m]."""
     targets = np.array([t.position for t in world.task]).reshape(-1, 3)
-    low, high = _ground_of_interest(world, np.vstack([targets[:, :2], spots]))
-    top = max(0.3, float(targets[:, 2].max(initial=0.0)))
+    seen = np.vstack([targets, points])
+    low, high = _ground_of_interest(world, seen[:, :2] if len(targets) else targets[:, :2])
+    top = max(0.3, float(seen[:, 2].max(initial=0.0)))
     corners = np.array([[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (0.0, top)])
     center = np.array([*(low + high) / 2, 0.0])
     directions = [_toward(azimuth, elevation) for elevation in _ELEVATIONS for azimuth in _AZIMUTHS]
     eyes = [center + _distance(corners - center, back) * back for back in directions]
-    some = targets[:: 1 + len(targets) // 60]
-    floor = np.vstack([some[:, :2], spots[:: 1 + len(spots) // 60]])
-    sights = np.vstack([some, np.column_stack([floor, np.zeros(len(floor))])])
+    some = np.vstack([part[:: 1 + len(part) // 60] for part in (targets, points)])
+    sights = np.vstack([some, some * (1.0, 1.0, 0.0)])
     boxes = _boxes(world)
     hidden = [_hidden(boxes, eye, sights) for eye in eyes]
-    return Camera(eyes[int(np.argmin(hidden))], center)
+    return Camera(eyes[int(np.argmin(hidden))], center, (high - low) / 2)
 
 
 def _ground_of_interest(world: World, spots: Array) -> tuple[Array, Array]:
-    """Corners of the floor around all set-points and base positions."""
+    """Corners of the floor around all spots (n, 2); of the whole floor where there are none."""
     x_low, y_low, x_high, y_high = world.floor.polygon.bounds
+    if not len(spots):
+        return np.array([x_low, y_low]), np.array([x_high, y_high])
     first, last = spots.min(axis=0), spots.max(axis=0)
     low = np.minimum(np.maximum(first - _MARGIN, [x_low, y_low]), first)
     high = np.maximum(np.minimum(last + _MARGIN, [x_high, y_high]), last)

@@ -5,15 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import shapely
 from numpy.typing import NDArray
 from shapely.geometry import LineString
 from shapely.geometry.base import BaseGeometry
 
+from regionik.timing.trajectory import is_timed, trajectory
 from regionik.values import Plan
-from regionik.view.figure_data import parking_circles
+from regionik.view.figure_data import area_words, axis_path, drawn_union, parking_circles, used_areas
 from regionik.view.picture import Color, KeyframeTrack, Picture, SceneMesh, camera_for, count_noun
-from regionik.view.triangle_meshes import TUBE_SIDES, floor_mesh, merge, spheres, tubes
+from regionik.view.timeline import timeline
+from regionik.view.triangle_meshes import TUBE_SIDES, TriangleMesh, floor_mesh, merge, spheres, tubes
 from regionik.view.world_picture import (
     DETAIL,
     MARK_RADIUS,
@@ -22,6 +23,7 @@ from regionik.view.world_picture import (
     floor_radius,
     joint_node,
     robot_meshes,
+    robot_points,
     world_meshes,
 )
 from regionik.worlds.arrays import Array
@@ -30,7 +32,7 @@ from regionik.worlds.robot import Robot
 SPEED = 0.25  # of base or tool, whichever moves farther [m/s]
 SHORTEST, LONGEST = 10.0, 60.0  # [s]
 REST = 1.5  # at the end, before the animation starts again [s]
-MOST_FRAMES = 2000
+MOST_FRAMES, RATE = 2000, 15  # at most in all, and a second of a timed plan besides its states
 _TURN_RADIUS = 0.2  # a turn counts as the motion of a point at this distance from the axis [m]
 _LEAST_STEP = 0.002  # [m], so that no two states have the same time
 
@@ -51,26 +53,48 @@ class KeyFrames:
 
 
 def key_frames(plan: Plan) -> KeyFrames:
-    """Return at most about `MOST_FRAMES` key frames, all set-points among them."""
-    motion, drive = plan.motion, plan.world.robot.drive
-    states = np.column_stack([motion.base[:, :2], np.unwrap(motion.base[:, 2])])
-    clock = _display_times(states, motion.joints, plan.tools())
-    index = drive.cuts(states)
-    times, base = _interpolated(index, clock), drive.sampled(states, index)
-    at_setpoint = np.isin(index, np.flatnonzero(motion.kind == "setpoint"))
-    keep = _selected(at_setpoint)
-    dof = motion.joints.shape[1]
+    """Return at most about `MOST_FRAMES` key frames, all set-points among them.
+
+    A timed plan keeps its times, and goes between its states as `regionik.trajectory` does.
+    """
+    motion = plan.motion
+    if is_timed(motion):
+        kept = motion.time[_selected(motion.kind == "setpoint")]
+        end = float(motion.time[-1])
+        even = np.linspace(0.0, end, int(np.clip(RATE * end, 2, MOST_FRAMES)))
+        times = np.union1d(kept, even) if end > 0 else kept[:1]
+        sample = trajectory(plan).sample(times)
+        lifted = (motion.kind == "transit")[np.searchsorted(motion.time, times)]
+        return _frames(times, np.column_stack([sample.base, sample.joints, lifted]), shown_times(plan)[1])
+    states = _unwrapped(motion.base)
+    index = plan.world.robot.drive.cuts(states)
+    clock, passed = shown_times(plan)
+    times, base = _interpolated(index, clock), plan.world.robot.drive.sampled(states, index)
+    keep = _selected(np.isin(index, np.flatnonzero(motion.kind == "setpoint")))
     # A row between two states belongs to the motion to the second.
     lifted = (motion.kind == "transit")[np.ceil(index).astype(int)]
-    table = np.column_stack([base, *(_interpolated(index, joint) for joint in motion.joints.T), lifted])[keep]
-    fine = _refined(times[keep], table)
+    table = np.column_stack([base, *(_interpolated(index, joint) for joint in motion.joints.T), lifted])
+    return _frames(times[keep], table[keep], passed)
+
+
+def _frames(times: Array, table: Array, passed: Array) -> KeyFrames:
+    """Key frames of rows base, joints, lifted at some times."""
+    fine = _refined(times, table)
     return KeyFrames(
-        times=fine[:, 0],
-        base=fine[:, 1:4],
-        joints=fine[:, 4 : 4 + dof],
-        lifted=fine[:, -1] > 0.5,
-        passed=times[at_setpoint],
+        times=fine[:, 0], base=fine[:, 1:4], joints=fine[:, 4:-1], lifted=fine[:, -1] > 0.5, passed=passed
     )
+
+
+def shown_times(plan: Plan) -> tuple[Array, Array]:
+    """When each state is shown (n,), and when each set-point is reached (k,) [s]."""
+    motion = plan.motion
+    timed = is_timed(motion)
+    clock = motion.time if timed else _display_times(_unwrapped(motion.base), motion.joints, plan.tools())
+    return clock, clock[motion.kind == "setpoint"]
+
+
+def _unwrapped(base: Array) -> Array:
+    return np.column_stack([base[:, :2], np.unwrap(base[:, 2])])
 
 
 def _interpolated(index: Array, column: Array) -> Array:
@@ -124,57 +148,46 @@ def turn_quaternions(axis: Array, angles: Array) -> Array:
 def picture_of_plan(plan: Plan) -> Picture:
     """Return the picture of a plan, animated."""
     world, frames = plan.world, key_frames(plan)
-    robot, poses = robot_meshes(world.robot, frames.base[0], frames.joints[0])
-    covered = shapely.union_all([area.admissible for area in plan.areas]).simplify(DETAIL)
+    robot, poses = robot_meshes(world, frames.base[0], frames.joints[0])
+    covered = drawn_union([area.admissible for area in plan.areas])
     areas, area_tracks = _areas(plan, frames, covered)
     marks, mark_tracks = _passed_setpoints(plan, frames)
     trace, trace_tracks = _tool_trace(plan, frames)
     tracks = [*_robot_tracks(world.robot, frames), *area_tracks, *mark_tracks, *trace_tracks]
-    tools = world.robot.tool(plan.motion.base, plan.motion.joints)[:, :2, 3]
-    camera = camera_for(world, np.vstack([world.robot.drive.trace(plan.motion.base), tools]))
+    some = slice(None, None, 1 + len(frames.times) // 300)
+    camera = camera_for(world, robot_points(world.robot, frames.base[some], frames.joints[some]))
+    moves = len(frames.times) > 1
     return Picture(
         title=world.name,
-        facts=(count_noun(len(plan.setpoints), "set-point"), count_noun(plan.lift_offs, "lift-off")),
-        legend=(*_legend(frames), *(((Color.HEADING, "circles to park in"),) if plan.stops else ())),
-        bodies=(*world_meshes(world, covered), *areas, *_parking_meshes(plan), *robot, *marks, *trace),
+        facts=_facts(plan),
+        bodies=(*areas, *_parking_meshes(plan), *world_meshes(world, covered), *marks, *trace, *robot),
         poses=poses,
         camera=camera,
         extent=floor_radius(world, camera),
-        tracks=tuple(_extended(track, frames.duration) for track in tracks) if len(frames.times) > 1 else (),
+        tracks=tuple(_extended(track, frames.duration) for track in tracks) if moves else (),
+        timeline=timeline(plan, shown_times(plan)[0]) if moves else None,
     )
 
 
-def _legend(frames: KeyFrames) -> tuple[tuple[int, str], ...]:
-    lifted = ((Color.LIFTED, "tool lifted"),) if frames.lifted.any() else ()
-    return (
-        (Color.CURRENT, "area of the next set-point"),
-        (Color.STRONG, "areas for the whole path"),
-        (Color.PALE, "admissible, but a dead end"),
-        (Color.NAVIGABLE, "free floor"),
-        (Color.REJECTION, "rejected: too close to a solid"),
-        (Color.SOLID, "obstacles"),
-        (Color.BASE_PATH, "path of the base"),
-        (Color.AHEAD, "set-points ahead"),
-        (Color.PASSED, "set-points passed, path of the tool"),
-        *lifted,
-    )
+def _facts(plan: Plan) -> tuple[str, ...]:
+    counts = (count_noun(len(plan.setpoints), "set-point"), count_noun(plan.lift_offs, "lift-off"))
+    return (*counts, *((f"{plan.motion.time[-1]:.1f} s",) if is_timed(plan.motion) else ("not timed",)))
 
 
 def _areas(
     plan: Plan, frames: KeyFrames, covered: BaseGeometry
 ) -> tuple[list[SceneMesh], list[KeyframeTrack]]:
-    """Pale and strong unions, the area of the next set-point, and the base's path over them."""
-    pruned = [area.pruned for area in plan.areas]
-    strong = shapely.union_all(pruned).simplify(DETAIL)
-    pale = covered - strong
-    single = [floor_mesh(area.simplify(DETAIL)) for area in pruned]
-    track = plan.world.robot.drive.trace(plan.motion.base)
-    path = LineString(np.vstack([track, track[-1:]]))
+    """Unions of what is used and of what is not, the area of the next set-point, and the axis' path."""
+    used, (strong_words, pale_words) = used_areas(plan), area_words(plan)
+    strong = drawn_union(used)
+    single = [floor_mesh(area.simplify(DETAIL)) for area in used]
+    path = axis_path(plan)
+    line = LineString(np.vstack([path, path[-1:]])).buffer(0.007)
     bodies = [
-        floor_layer("areas/pale", pale, Color.PALE, 0.8, 3),
-        floor_layer("areas/strong", strong, Color.STRONG, 0.62, 4),
-        SceneMesh("areas/next", merge(single), Color.CURRENT, 0.55, 5, lit=False),
-        floor_layer("areas/base path", path.buffer(0.007), Color.BASE_PATH, 0.95, 6),
+        SceneMesh("areas/next", merge(single), Color.CURRENT, 1.0, 5, label="area of the next set-point"),
+        floor_layer("areas/strong", strong, Color.STRONG, 4, strong_words),
+        floor_layer("areas/pale", covered - strong, Color.PALE, 3, pale_words),
+        floor_layer("areas/axis path", line, Color.AXIS_PATH, 6, "path of the arm's axis"),
     ]
     if not single:
         return bodies, []
@@ -186,10 +199,11 @@ def _areas(
 
 
 def _parking_meshes(plan: Plan) -> list[SceneMesh]:
-    """The circles in which the base may park at its stops."""
+    """The circles in which the arm's axis may park at its stops."""
     if not plan.stops:
         return []
-    return [floor_layer("areas/parking", parking_circles(plan.stops), Color.HEADING, 0.9, 7)]
+    circles = parking_circles(plan.world, plan.stops)
+    return [floor_layer("areas/parking", circles, Color.PARKING, 7, "circles to park in")]
 
 
 def _passed_setpoints(plan: Plan, frames: KeyFrames) -> tuple[list[SceneMesh], list[KeyframeTrack]]:
@@ -198,20 +212,29 @@ def _passed_setpoints(plan: Plan, frames: KeyFrames) -> tuple[list[SceneMesh], l
     times = np.concatenate([[0.0], frames.passed])
     counts = len(marks.faces) // len(plan.world.task) * np.arange(len(times))
     track = KeyframeTrack("task/passed", "faces", times, _from_first(counts))
-    return [SceneMesh("task/passed", marks, Color.PASSED)], [track]
+    numbers, label = tuple(range(len(plan.world.task))), "set-points passed"
+    drawn = SceneMesh("task/passed", marks, Color.PASSED, label=label, name="set-point", numbers=numbers)
+    return [drawn], [track]
 
 
 def _tool_trace(plan: Plan, frames: KeyFrames) -> tuple[list[SceneMesh], list[KeyframeTrack]]:
-    """The path the tool has taken, green at work and violet where it is lifted."""
+    """The path the tool has taken, at work and where it is lifted."""
     if len(frames.times) < 2:
         return [], []
     tools = plan.world.robot.tool(frames.base, frames.joints)[:, :3, 3]
-    mesh = tubes(tools, 0.006)
-    lifted = np.repeat(frames.lifted[1:], 2 * TUBE_SIDES)
-    colors = np.where(lifted[:, None], _rgb(Color.LIFTED), _rgb(Color.PASSED))
-    body = SceneMesh("tool/trace", mesh, Color.PASSED, lit=False, colors=colors)
-    counts = 2 * TUBE_SIDES * np.arange(len(tools))
-    return [body], [KeyframeTrack("tool/trace", "faces", frames.times, _from_first(counts))]
+    whole, lifted = tubes(tools, 0.006), frames.lifted[1:]
+    bodies, tracks = [], []
+    for path, rows, color, label in (
+        ("tool/trace", ~lifted, Color.PASSED, "path of the tool"),
+        ("tool/lifted", lifted, Color.LIFTED, "tool lifted"),
+    ):
+        faces = whole.faces[np.repeat(rows, 2 * TUBE_SIDES)]
+        counts = 2 * TUBE_SIDES * np.concatenate([[0], np.cumsum(rows)])
+        if rows.any():
+            mesh = TriangleMesh(whole.vertices, faces)
+            bodies.append(SceneMesh(path, mesh, color, lit=False, label=label))
+            tracks.append(KeyframeTrack(path, "faces", frames.times, _from_first(counts)))
+    return bodies, tracks
 
 
 def _robot_tracks(robot: Robot, frames: KeyFrames) -> list[KeyframeTrack]:

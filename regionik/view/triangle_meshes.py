@@ -137,6 +137,16 @@ def spheres(centers: Array, radius: float) -> TriangleMesh:
     return TriangleMesh(vertices, faces.reshape(-1, 3).astype(np.uint32))
 
 
+def wheel(center: Array, radius: float, width: float) -> TriangleMesh:
+    """A wheel at a centre (3,) that rolls along x."""
+    half = width / 2
+    rim, side = radius * np.array([0.0, 1.0, 1.0, 0.0]), np.array([-half, -half, half, half])
+    T = np.eye(4)
+    T[:3, :3], T[:3, 3] = [[1, 0, 0], [0, 0, 1], [0, -1, 0]], center
+    flat = transform(_revolve(rim, side), T)
+    return split_vertices(flat)
+
+
 def obstacle_mesh(body: Solid) -> TriangleMesh:
     """The surface of an obstacle."""
     match body:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import atexit
 import base64
 import io
+import json
 import os
 import subprocess
 import sys
@@ -26,15 +27,24 @@ from PIL import Image, ImageDraw, ImageFont
 from regionik.storage.files import write_atomic
 from regionik.values import Plan
 from regionik.view import triangle_meshes
-from regionik.view.picture import VIEW_ANGLE, Camera, KeyframeTrack, Picture, SceneMesh, camera_axes
+from regionik.view.picture import (
+    VIEW_ANGLE,
+    Camera,
+    KeyframeTrack,
+    LegendEntry,
+    Picture,
+    SceneMesh,
+    camera_axes,
+)
 from regionik.view.plan_picture import picture_of_plan
+from regionik.view.timeline import timeline_document
 from regionik.view.world_picture import picture_of_world
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import translation
 from regionik.worlds.errors import EngineError
 from regionik.worlds.scene import World
 
-_PAGE = Path(__file__).with_name("page.html")
+_PAGE, _SCRIPT = (Path(__file__).with_name(name) for name in ("page.html", "page.js"))
 _ROOT = "/meshcat"
 _BOARD_WIDTH = 1.6  # of the message board, in half heights of the view
 _FOREVER = 1_000_000  # repetitions of the animation
@@ -49,6 +59,7 @@ _THREE = {
 }
 _FONT_SIZE, _LINE_HEIGHT, _PADDING = 30, 40, 14  # [pixels]
 _LINE, _MOST_LINES = 74, 5  # letters in a line, lines
+_KEYS, _KEY_SIZE = 3, 24  # entries of a legend in a row, height of their letters [pixels]
 _INK, _PAPER = (31, 41, 55), (250, 249, 245)
 _DEFAULT_VIEW_ANGLE = np.radians(75.0)  # of MeshCat's camera
 # The server exits with this process: its stdin closes, however the parent ends.
@@ -161,10 +172,10 @@ def draw_meshes(visualizer: Any, meshes: Sequence[SceneMesh], poses: Mapping[str
             visualizer.window.send(command)
 
 
-def draw_message(visualizer: Any, text: str, camera: Camera) -> None:
-    """Draw a text on a board near the eye, in place of the one before."""
+def draw_message(visualizer: Any, text: str, camera: Camera, legend: Sequence[LegendEntry] = ()) -> None:
+    """Draw a text, and a legend below it, on a board near the eye, in place of the one before."""
     geometry = _meshcat("meshcat.geometry")
-    png, aspect = text_image(text)
+    png, aspect = text_image(text, legend)
     offset = camera.eye - camera.center
     distance = float(np.linalg.norm(offset))
     right, up, back = camera_axes(offset / distance)
@@ -179,8 +190,8 @@ def draw_message(visualizer: Any, text: str, camera: Camera) -> None:
     visualizer.window.send(_transform(f"{_ROOT}/message", T))
 
 
-def text_image(text: str) -> tuple[bytes, float]:
-    """A PNG of a text, broken into lines, and its width over its height.
+def text_image(text: str, legend: Sequence[LegendEntry] = ()) -> tuple[bytes, float]:
+    """A PNG of a text, broken into lines, with a legend below it, and its width over its height.
 
     Examples
     --------
@@ -191,14 +202,19 @@ def text_image(text: str) -> tuple[bytes, float]:
     lines = textwrap.wrap(text, _LINE, max_lines=_MOST_LINES, placeholder=" ...") or [""]
     font = ImageFont.load_default(_FONT_SIZE)
     width = 2 * _PADDING + int(max(font.getlength("n" * _LINE) * 0.95, *map(font.getlength, lines)))
-    height = 2 * _PADDING + _LINE_HEIGHT * len(lines)
-    image = Image.new("RGB", (width, height), _PAPER)
+    rows = len(lines) + -(-len(legend) // _KEYS)
+    image = Image.new("RGB", (width, 2 * _PADDING + _LINE_HEIGHT * rows), _PAPER)
     pen = ImageDraw.Draw(image)
     for k, line in enumerate(lines):
         pen.text((_PADDING, _PADDING + k * _LINE_HEIGHT), line, font=font, fill=_INK)
+    for k, entry in enumerate(legend):
+        x = _PADDING + k % _KEYS * (width // _KEYS)
+        y = _PADDING + (len(lines) + k // _KEYS) * _LINE_HEIGHT
+        pen.rectangle((x, y + 8, x + 24, y + 32), fill=f"#{entry.color:06x}")
+        pen.text((x + 34, y + 4), entry.label, font=ImageFont.load_default(_KEY_SIZE), fill=_INK)
     data = io.BytesIO()
     image.save(data, "PNG")
-    return data.getvalue(), width / height
+    return data.getvalue(), image.width / image.height
 
 
 def delete_node(visualizer: Any, path: str) -> None:
@@ -209,7 +225,7 @@ def delete_node(visualizer: Any, path: str) -> None:
 def packed_commands(picture: Picture) -> list[bytes]:
     """The commands that draw a picture, as MeshCat's viewer reads them."""
     pack = import_module("umsgpack").packb
-    return [pack(command.lower()) for command in scene_commands(picture)]
+    return [pack(command.lower()) for command in scene_commands(picture, play=False)]
 
 
 def viewer_script() -> str:
@@ -241,15 +257,18 @@ class _Command:
         return {"type": self.type, "path": self.path, **self.content}
 
 
-def scene_commands(picture: Picture) -> Iterator[_Command]:
-    """Yield all commands in order; the animation last, for it binds to nodes that exist."""
+def scene_commands(picture: Picture, play: bool = True) -> Iterator[_Command]:
+    """Yield all commands in order; the animation last, for it binds to nodes that exist.
+
+    MeshCat plays it by its own clock, or leaves that to others.
+    """
     yield from _lights_and_camera(picture)
     for path, T in picture.poses.items():
         yield _transform(f"{_ROOT}/{path}", T)
     for k, body in enumerate(b for b in picture.bodies if len(b.mesh.faces)):
         yield from _mesh_commands(body, k)
     if picture.tracks:
-        yield _animation(picture.tracks)
+        yield _animation(picture.tracks, play)
 
 
 def _lights_and_camera(picture: Picture) -> Iterator[_Command]:
@@ -309,7 +328,7 @@ def _mesh_commands(body: SceneMesh, k: int | str) -> Iterator[_Command]:
         yield _property(f"{path}/<object>", "castShadow", False)
 
 
-def _animation(tracks: tuple[KeyframeTrack, ...]) -> _Command:
+def _animation(tracks: tuple[KeyframeTrack, ...], play: bool) -> _Command:
     by_path: dict[str, list[KeyframeTrack]] = {}
     for track in tracks:
         by_path.setdefault(track.path, []).append(track)
@@ -321,7 +340,7 @@ def _animation(tracks: tuple[KeyframeTrack, ...]) -> _Command:
         clip = {"fps": 1, "name": "default", "tracks": [_track_document(track) for track in group]}
         animations.append({"path": target, "clip": clip})
     # A live server sends nodes in the order of their creation: this one is the last.
-    options = {"play": True, "repetitions": _FOREVER}
+    options = {"play": play, "repetitions": _FOREVER}
     return _Command("set_animation", "/animation", {"animations": animations, "options": options})
 
 
@@ -349,7 +368,14 @@ def _transform(path: str, T: Array) -> _Command:
 def to_html(what: Plan | World | Picture, path: str | os.PathLike[str]) -> None:
     """Write a plan, animated, or a world as one HTML file that needs no server and no network.
 
-    The same plan gives the same bytes.
+    The page has a time bar, curves of joints, speeds and clearances, the figures at each set-point, layers
+    to switch off and a view from above. The same plan gives the same bytes.
+
+    Parameters
+    ----------
+    what : Plan, World or Picture
+    path : path
+        The page; written whole or not at all.
 
     Raises
     ------
@@ -362,14 +388,33 @@ def to_html(what: Plan | World | Picture, path: str | os.PathLike[str]) -> None:
 def html_page(what: Plan | World | Picture) -> str:
     """Return the text of the file that `to_html` writes."""
     picture = picture_of(what)
-    legend = (
-        f'<li><i style="background:#{color:06x}"></i>{escape(text)}</li>' for color, text in picture.legend
-    )
     commands = (base64.b64encode(command).decode("ascii") for command in packed_commands(picture))
     return Template(_PAGE.read_text("utf-8")).substitute(
         title=escape(picture.title),
         facts=escape(" · ".join(picture.facts)),
-        legend="\n".join(legend),
         viewer=viewer_script(),
         commands=",\n".join(f'"{command}"' for command in commands),
+        # Nothing in a name may end the script that it stands in.
+        data=json.dumps(page_document(picture), separators=(",", ":")).replace("<", "\\u003c"),
+        script=_SCRIPT.read_text("utf-8"),
     )
+
+
+def page_document(picture: Picture) -> dict[str, Any]:
+    """Return what the script of a page knows of its picture, as JSON."""
+    layers = [
+        {"color": f"#{color:06x}", "label": label, "paths": list(paths)}
+        for color, label, paths in picture.legend
+    ]
+    names = {
+        body.path: [body.name or body.label, list(body.numbers)]
+        for body in picture.bodies
+        if len(body.mesh.faces) and (body.name or body.label)
+    }
+    motion = None if picture.timeline is None else timeline_document(picture.timeline)
+    return {
+        "layers": layers,
+        "names": names,
+        "half": picture.camera.half.tolist(),
+        "motion": motion,
+    }

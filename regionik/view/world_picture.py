@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -11,9 +12,13 @@ from numpy.typing import NDArray
 from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
+from regionik.areas.ground import ground_of
 from regionik.explain.changes import repaired
+from regionik.planners.collision.proximity import nearest
+from regionik.postures.poses import pose_of
 from regionik.regions import admissible_area, reach_of
 from regionik.view import triangle_meshes
+from regionik.view.clearance import bodies_around
 from regionik.view.picture import Camera, Color, Picture, SceneMesh, camera_for, count_noun
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import planar_pose
@@ -24,26 +29,28 @@ from regionik.worlds.scene import Floor, Target, World
 
 MARK_RADIUS = 0.014  # of set-points [m]
 TOOL = "tool/tip"
+REJECTED_WORDS = "rejected: too close to a solid"
+TURNING_WORDS = "room at some headings only"
+_CAUSE_WORDS = "in the way; the set-point"
+GHOST_WORDS = "robot, where it may stand: the world gives no start"
+_GHOST = 0.35  # opacity of a robot that stands nowhere in particular
+_PLACES, _STEP = 48, 0.3  # places that are tried, and their least distance from the first set-point [m]
 _TALL = 0.6  # obstacles above this height are drawn translucent [m]
 # Floor areas are drawn to this [m], before one is cut from another, so that no gap shows between them.
 DETAIL = 0.002
 _SHAFT = 0.008  # radius of arrows [m]
+_WHEEL = 0.05  # radius of wheels at most [m]
+_POINT_RADII = (0.03, 0.16)  # of the body of a base that is a point [m]
 
 
 def picture_of_world(world: World) -> Picture:
     """The picture of a world before anything is planned."""
-    base, joints = start_state(world)
-    robot, poses = robot_meshes(world.robot, base, joints)
-    camera = camera_for(world, base[None, :2])
+    pose = start_pose(world)
+    robot, poses = ([], {}) if pose is None else robot_meshes(world, *pose, ghost=world.start is None)
+    camera = camera_for(world, np.empty((0, 3)) if pose is None else robot_points(world.robot, *pose))
     return Picture(
         title=world.name,
         facts=tuple(line for line in (world.about, count_noun(len(world.task), "set-point")) if line),
-        legend=(
-            (Color.NAVIGABLE, "free floor"),
-            (Color.REJECTION, "rejected: too close to a solid"),
-            (Color.SOLID, "obstacles"),
-            (Color.AHEAD, "set-points"),
-        ),
         bodies=(*world_meshes(world), *robot),
         poses=poses,
         camera=camera,
@@ -52,48 +59,97 @@ def picture_of_world(world: World) -> Picture:
 
 
 def world_meshes(world: World, covered: BaseGeometry | None = None) -> list[SceneMesh]:
-    """Floor, obstacles and tool path; the free floor is left out where ``covered`` by other areas."""
+    """Floor, obstacles and tool path; floor areas are left out where ``covered`` by other areas."""
     covered = Polygon() if covered is None else covered
-    rejected = rejected_area(world).simplify(DETAIL)
-    floor = world.floor.polygon
+    floor = floor_parts(world)
+    rim = " or the floor's edge" if ground_of(world).near > 0 else ""
     return [
-        SceneMesh("floor/all", triangle_meshes.floor_mesh(floor), Color.FLOOR, 1.0, 0),
-        floor_layer("floor/free", floor - rejected - covered, Color.NAVIGABLE, 0.55, 1),
-        floor_layer("floor/rejected", (rejected & floor) - covered, Color.REJECTION, 0.6, 2),
+        SceneMesh("floor/all", triangle_meshes.floor_mesh(world.floor.polygon), Color.FLOOR, 1.0, 0),
+        floor_layer("floor/free", floor.free - covered, Color.NAVIGABLE, 1, "free floor"),
+        floor_layer("floor/turning", floor.turning - covered, Color.TURNING, 1, TURNING_WORDS),
+        floor_layer("floor/rejected", floor.rejected - covered, Color.REJECTION, 2, REJECTED_WORDS + rim),
         *(scene_obstacle(f"obstacles/{k}", solid) for k, solid in enumerate(world.obstacles)),
         *map_meshes(world.floor),
         *task_meshes(world),
     ]
 
 
-def floor_layer(path: str, area: BaseGeometry, color: int, opacity: float, order: int) -> SceneMesh:
-    """A floor area as a flat mesh."""
-    return SceneMesh(path, triangle_meshes.floor_mesh(area), color, opacity, order, lit=False)
+def floor_layer(path: str, area: BaseGeometry, color: int, order: int, label: str) -> SceneMesh:
+    """A floor area as a flat mesh, in the colour of its swatch but for shadows."""
+    return SceneMesh(path, triangle_meshes.floor_mesh(area), color, 1.0, order, label=label)
 
 
-def rejected_area(world: World) -> BaseGeometry:
-    """The area where the base is too close to a solid at any heading: shadows grown by clearance and base.
+class FloorParts(NamedTuple):
+    """Disjoint parts of the floor, by places of the arm's axis."""
 
-    For display only; the areas of the planner are exact for every heading.
+    free: BaseGeometry  # the footprint has room at every heading
+    turning: BaseGeometry  # it may have room at some
+    rejected: BaseGeometry  # it has none at any heading, for solids or the floor's edge
+
+
+def floor_parts(world: World, detail: float = DETAIL) -> FloorParts:
+    """The floor in the parts that pictures show, as fine as ``detail`` [m].
+
+    No place in the part that is rejected is one where a plan that holds has its arm's axis: the part is
+    drawn a little too small.
     """
-    robot = world.robot
-    distance = world.rules.clearance + float(np.hypot(*robot.footprint.T).max())
-    shadows = [solid.shadow(robot.body_height) for solid in world.solids]
-    grown = [shadow.grown(distance, 24) for shadow in shadows if shadow is not None]
-    return shapely.union_all(grown) if grown else Polygon()
+    ground, floor = ground_of(world), world.floor.polygon
+    room = ground.outer.free
+    rejected = shapely.simplify(shapely.buffer(floor - room, -detail), detail)
+    turning: BaseGeometry = Polygon()
+    if ground.far > ground.near:
+        turning = shapely.simplify(shapely.buffer(room - ground.inner.free, -detail), detail)
+        turning = shapely.buffer(turning, detail, quad_segs=2) & floor - rejected
+    return FloorParts(floor - rejected - turning, turning, rejected)
 
 
-def start_state(world: World) -> tuple[Array, Array]:
-    """Base (3,) and joints (dof,) at the start, or near the first set-point where no start is given."""
+def start_pose(world: World, area: BaseGeometry | None = None) -> tuple[Array, Array] | None:
+    """Base (3,) and joints (dof,) at the start.
+
+    Where the world gives none: at the edge of an ``area`` of the arm's axis, by default of the floor on
+    which the base has room at every heading, a step from the first set-point; where the robot, as it is
+    carried, is farthest from all solids. None where it touches one everywhere.
+    """
     if world.start is not None:
         return world.start.base, world.start.joints
-    spot = world.task[0].position[:2] if world.task else np.array(world.floor.polygon.centroid.coords[0])
-    return np.array([*spot, 0.0]), world.robot.carry
+    robot = world.robot
+    edge = _standing_places(world) if area is None else shapely.get_coordinates(shapely.boundary(area))
+    bases = [pose_of(robot, spot, 0.0) for spot in edge[:: 1 + len(edge) // _PLACES]]
+    if not bases:
+        return None
+    bodies = bodies_around(world)
+    gaps = [nearest(bodies, base, robot.carry).distance for base in bases]
+    best = int(np.argmax(gaps))
+    return (bases[best], robot.carry) if gaps[best] > 0 else None
 
 
-def robot_meshes(robot: Robot, base: Array, joints: Array) -> tuple[list[SceneMesh], dict[str, Array]]:
+def _standing_places(world: World) -> Array:
+    """Free places (n, 2) round the first set-point, else one in the middle of the floor."""
+    free = ground_of(world).inner.free
+    if not world.task:
+        middle: Array = shapely.get_coordinates(shapely.point_on_surface(free))
+        return middle
+    step = max(_STEP, 0.6 * float(np.linalg.norm(world.robot.chain.link_vectors, axis=1).sum()))
+    angles = np.radians(np.arange(0.0, 360.0, 360.0 / _PLACES))
+    ring = world.task[0].position[:2] + step * np.column_stack([np.cos(angles), np.sin(angles)])
+    places: Array = ring[shapely.contains_xy(free, *ring.T)]
+    return places
+
+
+def robot_points(robot: Robot, base: Array, joints: Array) -> Array:
+    """Points (..., 3) that show where a robot is, on the floor and along its arm, at poses (..., 3) [m]."""
+    frames = robot.frames(base, joints)[..., :3, 3]
+    floor = np.concatenate([np.asarray(base)[..., :2], np.zeros((*np.shape(base)[:-1], 1))], axis=-1)
+    points: Array = np.concatenate([frames, floor[..., None, :]], axis=-2).reshape(-1, 3)
+    return points
+
+
+def robot_meshes(
+    world: World, base: Array, joints: Array, ghost: bool = False
+) -> tuple[list[SceneMesh], dict[str, Array]]:
     """Meshes of a robot and the poses of their nodes, each joint a node inside the one before."""
-    bodies = [*_base_meshes(robot)]
+    robot = world.robot
+    bodies = _base_meshes(robot, world.rules.clearance)
     poses = {"robot": planar_pose(*base), "robot/arm": robot.T_base_arm}
     for k, joint in enumerate(robot.chain.joints):
         node = joint_node(k)
@@ -101,12 +157,14 @@ def robot_meshes(robot: Robot, base: Array, joints: Array) -> tuple[list[SceneMe
         poses[node] = joint.transform(joints[k])
         links = [triangle_meshes.link_mesh(solid) for solid in robot.solids if solid.link == k]
         if links:
-            bodies.append(SceneMesh(f"{node}/link", triangle_meshes.merge(links), Color.ARM))
+            name = f"link that {joint.name} moves"
+            bodies.append(SceneMesh(f"{node}/link", triangle_meshes.merge(links), Color.ARM, name=name))
     last = joint_node(robot.chain.dof - 1)
     poses[f"{last}/tool"] = robot.chain.T_last_tool
     tip = triangle_meshes.capsule(np.zeros(3), np.zeros(3), tool_radius(robot))
-    bodies.append(SceneMesh(f"{last}/{TOOL}", tip, Color.PASSED))
-    return bodies, poses
+    bodies.append(SceneMesh(f"{last}/{TOOL}", tip, Color.PASSED, name="tool point"))
+    label, opacity = (GHOST_WORDS, _GHOST) if ghost else ("robot", 1.0)
+    return [replace(body, label=label, opacity=opacity) for body in bodies], poses
 
 
 def joint_node(k: int) -> str:
@@ -128,12 +186,17 @@ def floor_radius(world: World, camera: Camera) -> float:
     return float(np.hypot(*corners.T).max())
 
 
-def _base_meshes(robot: Robot) -> list[SceneMesh]:
-    """Footprint extruded to the body's height, or a disc for a point, its front marked; solids on it."""
+def _base_meshes(robot: Robot, room: float) -> list[SceneMesh]:
+    """Body and wheels within the footprint, the front marked, and solids on it.
+
+    A base that is a point in the model is drawn as wide as the ``room`` round it that plans keep free [m].
+    """
+    outline, top = shapely.convex_hull(shapely.MultiPoint(robot.footprint)), robot.body_height
+    name = "base"
     if len(robot.footprint) == 1:
-        outline, top = shapely.Point(robot.footprint[0]).buffer(0.06), 0.02
-    else:
-        outline, top = shapely.convex_hull(shapely.MultiPoint(robot.footprint)), robot.body_height
+        outline, top = outline.buffer(float(np.clip(room, *_POINT_RADII))), 0.7 * top
+        name = "base, a point in the model"
+    wheel = min(_WHEEL, top / 3)
     x_low, y_low, x_high, y_high = outline.bounds
     front, size = x_high, 0.25 * min(x_high - x_low, y_high - y_low)
     middle = (y_low + y_high) / 2
@@ -141,16 +204,33 @@ def _base_meshes(robot: Robot) -> list[SceneMesh]:
         [(front, middle), (front - 1.5 * size, middle + size), (front - 1.5 * size, middle - size)]
     )
     mast = [triangle_meshes.link_mesh(solid) for solid in robot.base_solids]
+    parts = {
+        "base": (triangle_meshes.extrude(outline, wheel, top), Color.ROBOT),
+        "wheels": (triangle_meshes.merge(list(_wheels(outline, wheel))), Color.WHEEL),
+        "front": (triangle_meshes.extrude(mark & outline, top, top + 0.004), Color.HEADING),
+        "mast": (triangle_meshes.merge(mast), Color.ROBOT),
+    }
     return [
-        SceneMesh("robot/base", triangle_meshes.extrude(outline, 0.005, top), Color.ROBOT),
-        SceneMesh("robot/front", triangle_meshes.extrude(mark, top, top + 0.004), Color.HEADING),
-        *([SceneMesh("robot/mast", triangle_meshes.merge(mast), Color.ROBOT)] if mast else []),
+        SceneMesh(f"robot/{part}", mesh, color, name=name)
+        for part, (mesh, color) in parts.items()
+        if len(mesh.faces)
     ]
+
+
+def _wheels(outline: Polygon, radius: float) -> Iterator[triangle_meshes.TriangleMesh]:
+    """Two wheels before the middle of an outline and two behind it, at its sides but within it."""
+    x_low, y_low, x_high, y_high = outline.bounds
+    for share in (0.25, 0.75):
+        x = x_low + share * (x_high - x_low)
+        across = outline & shapely.LineString([(x, y_low), (x, y_high)])
+        width = 0.5 * radius
+        for y in (across.bounds[1] + width, across.bounds[3] - width):
+            yield triangle_meshes.wheel(np.array([x, y, radius]), radius, width)
 
 
 def scene_obstacle(path: str, solid: Solid) -> SceneMesh:
     """An obstacle; a tall one is translucent, so that the robot behind it shows."""
-    return _grey(path, triangle_meshes.obstacle_mesh(solid), solid.z_range[1])
+    return _grey(path, triangle_meshes.obstacle_mesh(solid), solid.z_range[1], solid.name)
 
 
 def map_meshes(floor: Floor) -> list[SceneMesh]:
@@ -158,25 +238,35 @@ def map_meshes(floor: Floor) -> list[SceneMesh]:
     meshes = []
     for k, (bottom, top) in enumerate(sorted({cell.z_range for cell in floor.cells})):
         area = shapely.union_all([c.polygon for c in floor.cells if c.z_range == (bottom, top)])
-        meshes.append(_grey(f"map/{k}", triangle_meshes.extrude(area, bottom, top), top))
+        meshes.append(_grey(f"map/{k}", triangle_meshes.extrude(area, bottom, top), top, "cells of the map"))
     return meshes
 
 
-def _grey(path: str, mesh: triangle_meshes.TriangleMesh, top: float) -> SceneMesh:
-    return SceneMesh(path, mesh, Color.SOLID, 1.0 if top <= _TALL else 0.5)
+def _grey(path: str, mesh: triangle_meshes.TriangleMesh, top: float, name: str) -> SceneMesh:
+    return SceneMesh(path, mesh, Color.SOLID, 1.0 if top <= _TALL else 0.5, label="obstacles", name=name)
 
 
 def task_meshes(world: World, missing: NDArray[np.bool_] | None = None) -> list[SceneMesh]:
-    """The tool path and its set-points; those that are ``missing`` (n,) an area are marked."""
+    """The tool path and its set-points; those that are ``missing`` (n,) a place for the base are marked."""
     points = np.array([target.position for target in world.task]).reshape(-1, 3)
     missing = np.zeros(len(points), dtype=bool) if missing is None else missing
-    tubes = [triangle_meshes.tubes(points, 0.004)] if len(points) > 1 else []
-    marks = (("task/ahead", ~missing, Color.AHEAD, 1.0), ("task/missing", missing, Color.MISSING, 1.6))
+    path = triangle_meshes.tubes(points, 0.004) if len(points) > 1 else triangle_meshes.merge([])
+    marks = (
+        ("task/ahead", ~missing, Color.AHEAD, 1.0, "set-points"),
+        ("task/missing", missing, Color.MISSING, 1.6, "set-points that fail"),
+    )
     return [
-        *(SceneMesh("task/path", mesh, Color.PATH, lit=False) for mesh in tubes),
+        SceneMesh("task/path", path, Color.PATH, lit=False, label="tool path asked for"),
         *(
-            SceneMesh(path, triangle_meshes.spheres(points[rows], size * MARK_RADIUS), color)
-            for path, rows, color, size in marks
+            SceneMesh(
+                node,
+                triangle_meshes.spheres(points[rows], size * MARK_RADIUS),
+                color,
+                label=label,
+                name="set-point",
+                numbers=tuple(np.flatnonzero(rows).tolist()),
+            )
+            for node, rows, color, size, label in marks
             if rows.any()
         ),
     ]
@@ -198,7 +288,9 @@ def picture_of_explanation(world: World, explanation: Explanation, target: Targe
     names = {cause.name for cause in explanation.causes if cause.kind == "obstacle"}
     causes = {f"obstacles/{k}" for k, solid in enumerate(scene.obstacles) if solid.name in names}
     bodies = [
-        replace(body, color=Color.CAUSE, opacity=max(0.75, body.opacity)) if body.path in causes else body
+        replace(body, color=Color.CAUSE, opacity=max(0.75, body.opacity), label=_CAUSE_WORDS)
+        if body.path in causes
+        else body
         for body in before.bodies
     ]
     if explanation.setpoint is not None:
@@ -208,16 +300,6 @@ def picture_of_explanation(world: World, explanation: Explanation, target: Targe
         before,
         title=f"{world.name}: why not",
         facts=(f"in the way: {blamed}", *(repair.text for repair in explanation.repairs)),
-        legend=(
-            (Color.CAUSE, "what stands in the way; the set-point"),
-            (Color.REPAIR, "what a repair moves"),
-            (Color.PALE, "reach, were nothing in the way"),
-            (Color.STRONG, "area after the smallest repair"),
-            (Color.NAVIGABLE, "free floor"),
-            (Color.REJECTION, "rejected: too close to a solid"),
-            (Color.SOLID, "other obstacles"),
-            (Color.AHEAD, "set-points"),
-        ),
         bodies=tuple(bodies),
     )
 
@@ -225,20 +307,23 @@ def picture_of_explanation(world: World, explanation: Explanation, target: Targe
 def _areas(world: World, explanation: Explanation, i: int) -> Iterator[SceneMesh]:
     """Reach and area before, and the area after the smallest repair."""
     target = world.task[i]
-    area = admissible_area(world, target).inner
-    yield floor_layer("why/reach", reach_of(world, target).simplify(DETAIL), Color.PALE, 0.5, 3)
-    yield floor_layer("why/before", area.simplify(DETAIL), Color.STRONG, 0.4, 4)
+    area = admissible_area(world, target).inner.simplify(DETAIL)
+    reach = reach_of(world, target).simplify(DETAIL)
+    yield floor_layer("why/reach", reach, Color.PALE, 3, "reach, were nothing in the way")
+    yield floor_layer("why/before", area, Color.STRONG, 4, "area as it is")
     if explanation.repairs:
         mended = repaired(world, explanation.repairs[0], i)
         after = admissible_area(mended, mended.task[i]).inner
         # The area after a smallest repair is next to nothing: a rim makes it visible.
-        yield floor_layer("why/after", after.buffer(0.01).simplify(DETAIL), Color.STRONG, 0.85, 5)
+        shown = after.buffer(0.01).simplify(DETAIL)
+        yield floor_layer("why/after", shown, Color.CURRENT, 5, "area after the first repair")
 
 
 def _changes(world: World, explanation: Explanation, i: int) -> Iterator[SceneMesh]:
     """The set-point, and targets and obstacles where repairs move them, with arrows."""
     position = world.task[i].position
-    yield SceneMesh("why/target", triangle_meshes.spheres(position[None], 1.8 * MARK_RADIUS), Color.CAUSE)
+    mark = triangle_meshes.spheres(position[None], 1.8 * MARK_RADIUS)
+    yield SceneMesh("why/target", mark, Color.CAUSE, label=_CAUSE_WORDS, name=f"set-point {i + 1}")
     for k, repair in enumerate(explanation.repairs):
         if repair.kind == "move-target":
             start, move = position, np.array(repair.vector)
@@ -252,8 +337,8 @@ def _changes(world: World, explanation: Explanation, i: int) -> Iterator[SceneMe
         else:
             continue
         arrow = triangle_meshes.arrow(start, start + move, _SHAFT)
-        yield SceneMesh(f"why/move {k}", arrow, Color.REPAIR)
-        yield SceneMesh(f"why/moved {k}", mesh, Color.REPAIR, opacity)
+        for path, part, seen in ((f"why/move {k}", arrow, 1.0), (f"why/moved {k}", mesh, opacity)):
+            yield SceneMesh(path, part, Color.REPAIR, seen, label="what a repair moves", name=repair.text)
 
 
 def _obstacle(world: World, name: str) -> Solid:

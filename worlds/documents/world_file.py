@@ -133,6 +133,16 @@ class WorldDocument(Strict):
 def load_world(name_or_path: str | Path) -> World:
     """Return a bundled world by its name, or the world of a .yaml, .yml or .json file.
 
+    Parameters
+    ----------
+    name_or_path : str or Path
+        One of the names that ``regionik worlds`` lists, or a path with one of these suffixes. Files that a
+        world file names (URDF, maps, CSV) are relative to it.
+
+    Returns
+    -------
+    World
+
     Raises
     ------
     InputError

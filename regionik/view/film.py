@@ -1,0 +1,92 @@
+"""Films of plans: the page of a plan, shot frame by frame in a browser."""
+
+from __future__ import annotations
+
+import io
+import os
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+from regionik.storage.files import write_atomic
+from regionik.values import Plan
+from regionik.view.browser import BrowserPage, opened
+from regionik.view.plan_picture import picture_of_plan
+from regionik.view.viewer import html_page
+from regionik.worlds.errors import EngineError, InputError
+
+FILMS = (".gif", ".mp4")
+RATE, LONGEST = 10, 15.0  # frames a second, length of a film [s]
+SIZE = (960, 600)  # [pixels]
+
+
+def film(
+    plan: Plan, path: str | os.PathLike[str], progress: Callable[[str, int, int], None] | None = None
+) -> None:
+    """Write a film of a plan, an animated GIF or an MP4.
+
+    Motions longer than `LONGEST` are shown faster. Both need Chromium, an MP4 needs ffmpeg too.
+
+    Parameters
+    ----------
+    plan : Plan
+    path : path
+        Ends in ``.gif`` or ``.mp4``; written whole or not at all.
+    progress : callable, optional
+        Called with stage, done, total.
+
+    Raises
+    ------
+    InputError
+        When the path ends otherwise, a program is missing, or the file cannot be written.
+    """
+    suffix = Path(path).suffix.lower()
+    if suffix not in FILMS:
+        raise InputError(f"{path}: expected a file name ending in {', '.join(FILMS)}")
+    if suffix == ".mp4" and shutil.which("ffmpeg") is None:
+        raise InputError(f"{path}: an MP4 needs ffmpeg, which is not installed; a .gif does not")
+    with tempfile.TemporaryDirectory(prefix="regionik") as folder:
+        page = Path(folder, "plan.html")
+        page.write_text(html_page(picture_of_plan(plan)), "utf-8")
+        with opened(page, *SIZE) as browser:
+            frames = list(_frames(browser, progress or (lambda *_: None)))
+        write_atomic(path, _gif(frames) if suffix == ".gif" else _mp4(frames, Path(folder, "film.mp4")))
+
+
+def _frames(browser: BrowserPage, progress: Callable[[str, int, int], None]) -> Iterator[bytes]:
+    """Shoot the page at even times, each frame a PNG."""
+    browser.evaluate("film()")
+    end = float(browser.evaluate("end"))
+    count = max(2, round(RATE * min(end, LONGEST)))
+    for k, moment in enumerate(np.linspace(0.0, end, count).tolist()):
+        progress("film", k, count)
+        browser.evaluate(
+            f"seek({moment}); new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
+        )
+        yield browser.screenshot()
+
+
+def _gif(frames: list[bytes]) -> bytes:
+    images = [Image.open(io.BytesIO(frame)).convert("RGB") for frame in frames]
+    palette = images[len(images) // 2].quantize(256)  # one for all: colours do not flicker
+    drawn = [image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images]
+    data = io.BytesIO()
+    drawn[0].save(
+        data, "GIF", save_all=True, append_images=drawn[1:], duration=1000 // RATE, loop=0, optimize=False
+    )
+    return data.getvalue()
+
+
+def _mp4(frames: list[bytes], scratch: Path) -> bytes:
+    command = ["ffmpeg", "-y", "-f", "image2pipe", "-framerate", str(RATE), "-c:v", "png", "-i", "-"]
+    command += ["-pix_fmt", "yuv420p", "-movflags", "+faststart", str(scratch)]
+    done = subprocess.run(command, input=b"".join(frames), capture_output=True, check=False)
+    if done.returncode:
+        words = done.stderr.decode("utf-8", "replace").strip().splitlines()
+        raise EngineError(f"ffmpeg: {words[-1] if words else 'it failed'}")
+    return scratch.read_bytes()

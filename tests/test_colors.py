@@ -1,0 +1,148 @@
+"""Colours agree with verdicts: no robot of a plan that holds stands in red, no fine set-point is red."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from shapely.geometry.base import BaseGeometry
+
+from regionik.pipeline import search
+from regionik.planners.collision.proximity import nearest
+from regionik.postures.poses import axis_of
+from regionik.reachability.field import reach_field, reach_slice
+from regionik.values import Plan
+from regionik.view.clearance import bodies_around
+from regionik.view.figure_data import plan_floor
+from regionik.view.figures import field_image
+from regionik.view.live import failing_setpoints, live_areas, live_picture
+from regionik.view.picture import Color, Picture
+from regionik.view.plan_picture import picture_of_plan
+from regionik.view.world_picture import DETAIL, GHOST_WORDS, floor_parts, picture_of_world, start_pose
+from regionik.worlds.bundled import robot_named, world_names
+from regionik.worlds.documents.world_file import load_world
+from regionik.worlds.errors import NoPlanFound
+from regionik.worlds.scene import World
+from tests import examples
+from tests.planned import planned
+from tests.test_random_worlds import random_world
+from tests.test_whatif import crowded
+
+
+def drawn(picture: Picture, path: str) -> BaseGeometry:
+    """What of the floor a mesh covers."""
+    corners = [body.mesh.vertices[body.mesh.faces][..., :2] for body in picture.bodies if body.path == path]
+    return shapely.union_all(shapely.polygons(np.concatenate(corners))) if corners else shapely.Polygon()
+
+
+def assert_true(plan: Plan) -> None:
+    picture, floor = picture_of_plan(plan), plan_floor(plan)
+    motion = plan.motion
+    places = shapely.points(axis_of(plan.world.robot, motion.base))
+    at_work = places[motion.kind == "setpoint"]
+    for red in (drawn(picture, "floor/rejected"), floor.rejected):
+        assert not shapely.contains(red, places).any()
+    for used, dead_end in (
+        (drawn(picture, "areas/strong"), drawn(picture, "areas/pale")),
+        (floor.strong, floor.pale),
+    ):
+        detail = 3 * max(DETAIL, float((floor.high - floor.low).max()) / 2000)
+        assert shapely.dwithin(used, at_work, detail).all()
+        assert not shapely.contains(dead_end.buffer(-detail), at_work).any()
+    assert_swatches(picture)
+
+
+def assert_swatches(picture: Picture) -> None:
+    """The legend has the colours that are drawn, all of them, and no others."""
+    shown = [body for body in picture.bodies if len(body.mesh.faces)]
+    assert [entry.label for entry in picture.legend] == list(dict.fromkeys(b.label for b in shown if b.label))
+    for body in shown:
+        if body.layer is not None:
+            assert body.opacity == 1.0  # else what lies below would change it
+        if body.label and body.label not in ("robot", GHOST_WORDS):
+            assert body.color == next(e.color for e in picture.legend if e.label == body.label)
+            assert body.colors is None
+
+
+@pytest.mark.parametrize("name", ["pillar", "shelf", "door"])
+def test_a_plan_that_holds_stands_in_no_red_and_in_no_dead_end(name: str) -> None:
+    assert_true(planned(name))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", sorted(set(world_names()) - {"pillar", "shelf", "door"}))
+def test_so_do_the_plans_of_all_bundled_worlds(name: str) -> None:
+    assert_true(planned(name))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(0, 100, 4))
+def test_so_do_plans_of_random_worlds(seed: int) -> None:
+    try:
+        found = search(random_world(seed))
+    except NoPlanFound:
+        return
+    assert_true(found)
+
+
+@settings(max_examples=examples(12), deadline=None)
+@given(st.integers(0, 400))
+def test_a_robot_without_a_start_stands_in_nothing(seed: int) -> None:
+    world = replace(random_world(seed), start=None)
+    picture = picture_of_world(world)
+    assert_swatches(picture)
+    pose = start_pose(world)
+    ghosts = {body.label for body in picture.bodies if body.path.startswith("robot")}
+    assert ghosts == (set() if pose is None else {GHOST_WORDS})
+    if pose is not None:
+        assert nearest(bodies_around(world), *pose).distance > 0
+        place = shapely.points(axis_of(world.robot, pose[0]))
+        assert floor_parts(world).free.buffer(3 * DETAIL).contains(place)
+
+
+def test_a_robot_hemmed_in_is_not_drawn() -> None:
+    world = crowded()
+    walled = replace(world, start=None, rules=replace(world.rules, clearance=5.0))
+    assert start_pose(walled) is None
+    assert not any(body.path.startswith("robot") for body in picture_of_world(walled).bodies)
+
+
+def spoiled(seed: int) -> World:
+    """A crowded hall of which some versions can be done and some cannot."""
+    rng = np.random.default_rng(seed)
+    world = crowded(seed)
+    task = list(world.task)
+    if seed % 2:
+        k = int(rng.integers(len(task)))
+        task[k] = replace(task[k], position=task[k].position + (0.0, 0.0, 2.0))
+    robot = robot_named("youbot-real" if seed % 3 == 0 else "youbot")
+    return replace(world, robot=robot, task=tuple(task))
+
+
+@settings(max_examples=examples(8), deadline=None)
+@given(st.integers(0, 400))
+def test_a_live_set_point_is_red_if_and_only_if_the_verdict_is_no(seed: int) -> None:
+    areas = live_areas(spoiled(seed))
+    failing = failing_setpoints(areas)
+    assert failing.any() == (areas.explanation is not None)
+    if areas.explanation is not None and areas.explanation.setpoint is not None:
+        assert failing[areas.explanation.setpoint]
+    picture = live_picture(areas)
+    red = [entry for entry in picture.legend if entry.color == Color.MISSING]
+    assert bool(red) == bool(failing.any())
+
+
+def test_fields_show_floor_solids_and_targets_by_a_scale_that_fits() -> None:
+    world = load_world("pillar")
+    field = reach_field(world, [t.position for t in world.task[:3]], cell=0.2)
+    assert np.allclose(field.targets, [t.position for t in world.task[:3]])
+    words = field_image(field, ".svg").decode()
+    for word in ("targets reached", "edge of the floor", "obstacles", "targets"):
+        assert f"<!-- {word} -->" in words
+    sliced = field_image(reach_slice(world, 0.25, cell=0.2), ".svg").decode()
+    assert "<!-- reachable -->" in sliced
+    assert "<!-- targets -->" not in sliced
