@@ -36,28 +36,28 @@ demo: .venv/installed
 
 PYTEST := $(BIN)/python -m pytest -q -n 2 --dist loadfile --no-loadscope-reorder --hypothesis-seed=0
 
-test: .venv/installed-test,compare,distributed,geotiff,second
+test: .venv/installed-test,compare,distributed,geotiff,second,simulate
 	$(PYTEST) -m "not slow"
 
-test-slow: .venv/installed-test,compare,distributed,geotiff,second
+test-slow: .venv/installed-test,compare,distributed,geotiff,second,simulate
 	$(PYTEST) --hypothesis-profile=long -m "slow or hypothesis"
 
 # What compiled kernels run cannot be counted line by line: tests.twice calls them as plain Python as well, and
 # a test fails where the two differ.
 COVERED := COVERAGE_FILE=$(CURDIR)/.coverage $(BIN)/coverage
 
-coverage: .venv/installed-test,compare,distributed,geotiff,second
+coverage: .venv/installed-test,compare,distributed,geotiff,second,simulate
 	rm -f .coverage .coverage.*
 	$(COVERED) run -m pytest -q -n 2 --dist loadfile --hypothesis-seed=0 --hypothesis-profile=long -p tests.twice
 	$(COVERED) combine -q
 	$(COVERED) report --skip-covered
 
 WORLDS ?= 500
-soak: .venv/installed-test,compare,distributed,geotiff,second
+soak: .venv/installed-test,compare,distributed,geotiff,second,simulate
 	$(BIN)/python -m tests.soak $(WORLDS) -o docs/soak.md
 
 SECONDS ?= 120
-fuzz: .venv/installed-test,compare,distributed,geotiff,second
+fuzz: .venv/installed-test,compare,distributed,geotiff,second,simulate
 	$(BIN)/python -m tests.fuzz $(SECONDS)
 
 lint: .venv/installed-lint
@@ -73,7 +73,7 @@ bench-history: .venv/installed-test,bench
 	$(BIN)/python -m pytest -q -p benchmark benchmarks/history.py --benchmark-storage=.benchmarks --benchmark-autosave --benchmark-quiet
 	$(BIN)/pytest-benchmark --storage=.benchmarks compare --columns=median,iqr --group-by=name --sort=fullname
 
-bench-all: .venv/installed
+bench-all: .venv/installed-simulate
 	$(BIN)/regionik warm-up
 	@for script in benchmarks/bench_*.py; do echo "$$script"; $(BIN)/python $$script || exit 1; done
 
@@ -107,7 +107,7 @@ test-newest:
 
 TIMES ?= 30
 SIGNAL ?= INT
-faults: .venv/installed-test,compare,distributed,geotiff,second
+faults: .venv/installed-test,compare,distributed,geotiff,second,simulate
 	$(BIN)/python -m tests.faults $(TIMES) --signal $(SIGNAL)
 
 .venv-lowest/installed: pyproject.toml .ci/lowest.py

@@ -25,6 +25,8 @@ if TYPE_CHECKING:
     from regionik.reachability.field import reach_field, reach_slice
     from regionik.reachability.reach import reach
     from regionik.regions import admissible_area
+    from regionik.simulation.noise import Noise
+    from regionik.simulation.simulate import simulate
     from regionik.timing.point_to_point import point_to_point
     from regionik.timing.retime import retime
     from regionik.timing.trajectory import trajectory
@@ -57,6 +59,7 @@ __all__ = [
     "LinkHull",
     "Mesh",
     "NoPlanFound",
+    "Noise",
     "Plan",
     "Prism",
     "RegionikError",
@@ -83,6 +86,7 @@ __all__ = [
     "reach_slice",
     "retime",
     "show",
+    "simulate",
     "stops",
     "to_html",
     "trajectory",
@@ -106,6 +110,7 @@ _HOME = {
     "LinkHull": "regionik.worlds.robot",
     "Mesh": "regionik.worlds.obstacles",
     "NoPlanFound": "regionik.worlds.errors",
+    "Noise": "regionik.simulation.noise",
     "Plan": "regionik.values",
     "Prism": "regionik.worlds.obstacles",
     "RegionikError": "regionik.worlds.errors",
@@ -132,6 +137,7 @@ _HOME = {
     "reach_slice": "regionik.reachability.field",
     "retime": "regionik.timing.retime",
     "show": "regionik.view.viewer",
+    "simulate": "regionik.simulation.simulate",
     "stops": "regionik.parking.stops",
     "to_html": "regionik.view.viewer",
     "trajectory": "regionik.timing.trajectory",

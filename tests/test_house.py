@@ -24,11 +24,13 @@ ENGINES = {
         "regionik/cli/console.py",
         "regionik/cli/plan.py",
         "regionik/cli/reach.py",
+        "regionik/cli/simulate.py",
     },
     "pygad": {"planners/rivals/genetic.py"},
     "sklearn": {"planners/rivals/network.py"},
     "distributed": {"regionik/executors.py"},
     "rasterio": {"regionik/output/field_file.py"},
+    "mujoco": {"regionik/simulation/physics.py"},
 }
 
 

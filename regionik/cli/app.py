@@ -30,6 +30,7 @@ from regionik.cli.plan import (
     verify_plan,
 )
 from regionik.cli.reach import explain_world, find_stops, map_reach, reach_targets
+from regionik.cli.simulate import simulate_plan
 from regionik.cli.warm_up import warm_up
 from regionik.worlds.errors import InputError, RegionikError
 
@@ -151,6 +152,7 @@ COMMANDS: dict[str, Callable[..., None]] = {
     "export": export_plan,
     "plot": plot_plan,
     "retime": retime_plan,
+    "simulate": simulate_plan,
     "why": explain_world,
     "warm-up": warm_up,
 }

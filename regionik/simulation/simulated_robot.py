@@ -1,0 +1,109 @@
+"""A robot in a physics simulation: its drives, servos and odometry, and what it touches."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from regionik.simulation.drives import BaseDrives
+from regionik.simulation.physics import STEP, Physics, Touch
+from regionik.simulation.reference import PERIOD, Reference
+from regionik.simulation.run import Contact
+from regionik.simulation.tracking import Command
+from regionik.timing.trajectory import Trajectory
+from regionik.worlds.arrays import Array
+from regionik.worlds.scene import World
+from regionik.worlds.self_collision import BODY, base_name
+from regionik.worlds.speeds import Speeds
+
+SERVO = 100.0  # natural frequency of the joints' servos [rad/s]
+SUBSTEPS = round(PERIOD / STEP)
+POSTURES = 50  # of the plan, for which the servos are made
+
+
+class SimulatedRobot:
+    """A robot that carries out commands, one each `PERIOD`.
+
+    Attributes
+    ----------
+    physics : Physics
+    contacts : dict
+        `Contact` by the names of the two solids.
+    """
+
+    def __init__(self, world: World, way: Reference, slips: Array, tolerance: float) -> None:
+        rows = np.linspace(0, len(way.time) - 1, min(len(way.time), POSTURES)).astype(int)
+        self.physics = Physics(world, way.base[0], way.joints[rows], SERVO)
+        self.contacts: dict[tuple[str, str], Contact] = {}
+        self._world, self._deepest = world, world.rules.contact_depth + tolerance
+        self._drives = BaseDrives(world.robot, world.speeds or Speeds(), slips, way.curvature[0])
+        last = world.robot.chain.dof - 1
+        self._tips = {k for k, solid in enumerate(world.robot.solids) if solid.link == last}
+        self._spots: dict[int, Array] = {}
+        self._added = np.zeros(world.robot.chain.dof)
+
+    @property
+    def twist(self) -> Array:
+        """What the wheels say of the base's motion in its own frame, (3,) [m/s], [rad/s]."""
+        return self._drives.twist
+
+    def setpoints(self, way: Trajectory, rows: int) -> Array:
+        """Set-points that the servos need for a plan of so many rows, one each step, (n, dof)."""
+        times = np.minimum(STEP * np.arange((rows - 1) * SUBSTEPS), way.duration)
+        return self.physics.setpoints(*way.sample(times).columns)
+
+    def run(self, command: Command, setpoints: Array, time: float) -> Array:
+        """Carry out a command from a time on; the mean twist that the wheels say meanwhile, (3,).
+
+        Parameters
+        ----------
+        command : Command
+        setpoints : (SUBSTEPS, dof) array
+            That the servos need for the plan; what the command adds, they add evenly.
+        time : float
+            [s]
+        """
+        physics, travelled = self.physics, np.zeros(3)
+        rate = (command.added - self._added) / PERIOD
+        first = self._added + rate / SERVO  # half of its lag is made up for: with all of it, it overshoots
+        for j, setpoint in enumerate(setpoints):
+            velocity = self._drives.step(command.twist, command.curvature, float(physics.position[2]))
+            physics.step(velocity, setpoint + first + rate * (j * STEP))
+            travelled += self.twist
+            if physics.touching:
+                self._keep_contacts(time + (j + 1) * STEP)
+        self._added = command.added
+        return travelled / len(setpoints)
+
+    def _keep_contacts(self, time: float) -> None:
+        for touch in self.physics.touches():
+            if self._is_allowed(touch):
+                continue
+            names = self._robot_solid(touch.robot), self._other_solid(touch)
+            known = self.contacts.setdefault(names, Contact(time, *names, touch.depth))
+            self.contacts[names] = replace(known, depth=max(known.depth, touch.depth))
+
+    def _is_allowed(self, touch: Touch) -> bool:
+        """True where the last link touches what a set-point at hand lies on, near the tool and not deep."""
+        reach, tool = self._world.rules.tool_contact, self.physics.tool
+        if touch.own or touch.robot not in self._tips or touch.depth > self._deepest:
+            return False
+        spots = np.linalg.norm(self._worked_on(touch.other) - tool, axis=1)
+        return bool(spots.min(initial=np.inf) <= reach and np.linalg.norm(touch.point - tool) <= reach)
+
+    def _worked_on(self, solid: int) -> Array:
+        """Set-points that lie on a solid, or within ``tool_contact`` of it, (n, 3) [m]."""
+        if solid not in self._spots:
+            reach, one = self._world.rules.tool_contact, self._world.solids[solid]
+            spots = [target.position for target in self._world.task]
+            near = [spot for spot in spots if one.distance(spot) <= reach]
+            self._spots[solid] = np.array(near).reshape(-1, 3)
+        return self._spots[solid]
+
+    def _robot_solid(self, index: int) -> str:
+        robot = self._world.robot
+        return base_name(robot) if index == BODY else robot.all_solids[index].name
+
+    def _other_solid(self, touch: Touch) -> str:
+        return self._robot_solid(touch.other) if touch.own else self._world.solids[touch.other].name

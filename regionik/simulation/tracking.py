@@ -1,0 +1,156 @@
+"""Tracking of a timed plan by a mobile manipulator whose base is never quite where it should be.
+
+The base follows the plan's speeds and is led back to its way; the arm takes up what the base is off, so that
+the tool is where the plan has it. The control law needs an estimate of the base pose, the arm's kinematics
+and the plan, and nothing of the simulation.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from regionik.planners.solvers.serial_chain import chain_frames, chain_jacobian, serial_arm
+from regionik.simulation.noise import twist_step
+from regionik.simulation.reference import PERIOD, Reference
+from regionik.worlds.arrays import Array
+from regionik.worlds.robot import Robot
+from regionik.worlds.speeds import Speeds
+
+LAG = 0.1  # in which the base takes on a speed: the time constant of its drives [s]
+TAKEN_ON = 1 - math.exp(-PERIOD / LAG)  # share of a change of speed in one period
+SLOW = 1e-2  # speed at which a car's steering leaves the plan's [m/s]
+GAIN = 2.0  # at which the base is led back to its place [1/s]
+LEAD_BACK = 0.3  # way on which a base that rolls comes back to its path [m]
+TURN_WEIGHT = 0.05  # length that counts as much as a radian of the tool's orientation [m]
+DAMPING = 0.01  # length that counts as much as a radian of the arm's deviation from the plan [m]
+
+
+@dataclass(frozen=True, eq=False)
+class Command:
+    """Command of a controller for one `PERIOD`.
+
+    Attributes
+    ----------
+    twist : (3,) array
+        Of the base in its own frame [m/s], [rad/s].
+    curvature : float
+        That a car steers to [1/m].
+    joints : (dof,) array
+        To be reached at the end.
+    added : (dof,) array
+        What they have to those of the plan.
+    """
+
+    twist: Array
+    curvature: float
+    joints: Array
+    added: Array
+
+
+@dataclass(frozen=True, eq=False)
+class TrackingController:
+    """Controller of base and arm, once each `PERIOD`.
+
+    Attributes
+    ----------
+    robot : Robot
+    speeds : Speeds
+        Limits that its commands keep.
+    plan : Reference
+    """
+
+    robot: Robot
+    speeds: Speeds
+    plan: Reference
+
+    def command(self, k: int, pose: Array, twist: Array, joints: Array) -> Command:
+        """Command for the time from row k to the next.
+
+        Parameters
+        ----------
+        k : int
+        pose : (3,) array
+            Where the base is taken to be: x, y [m], yaw [rad].
+        twist : (3,) array
+            What its wheels say of its motion, in its own frame.
+        joints : (dof,) array
+            Of the command before.
+        """
+        asked = self._base_twist(k, pose)
+        mean = twist + (asked - twist) * TAKEN_ON / 2
+        ahead = pose + twist_step(pose[2], mean, PERIOD)
+        wanted = self._arm_joints(k + 1, ahead, joints)
+        bend = 0.0 if self.robot.drive.turns_on_the_spot else self._curvature(k, asked)
+        return Command(asked, bend, wanted, wanted - self.plan.joints[k + 1])
+
+    def _base_twist(self, k: int, pose: Array) -> Array:
+        """Twist (3,) to ask of the base in its own frame at row k, estimated at a pose (3,)."""
+        plan = self.plan
+        velocity, following = plan.twist[k], plan.twist[k + 1]
+        asked = velocity + (following - velocity) / TAKEN_ON  # by which the drives' lag is made up for
+        off = plan.base[k] - pose
+        off[2] = np.remainder(off[2] + np.pi, 2 * np.pi) - np.pi
+        off[:2] = _turned(off[:2], -pose[2])
+        if not self.robot.drive.rolls:
+            asked[:2] = _turned(asked[:2], off[2])
+            return self._limited(asked + GAIN * off)
+        # The way back to the path is critically damped in the way that is driven, whatever the speed.
+        back = velocity[0] * off[1] / LEAD_BACK**2 + 2 * abs(velocity[0]) * off[2] / LEAD_BACK
+        spin = GAIN * off[2] if self.robot.drive.turns_on_the_spot else 0.0
+        return self._limited(np.array([asked[0] + GAIN * off[0], 0.0, asked[2] + back + spin]))
+
+    def _curvature(self, k: int, twist: Array) -> float:
+        """Curvature to steer a car by, where it is asked for a twist (3,) at row k [1/m]."""
+        plan, most = self.plan, 1 / self.robot.turning_radius
+        velocity, following = plan.twist[k], plan.twist[k + 1]
+        bend = plan.curvature[k]
+        if abs(velocity[0]) > SLOW:  # slower ones do not bring it back
+            planned = velocity[2] + (following[2] - velocity[2]) / TAKEN_ON
+            bend += (twist[2] - planned) / velocity[0]
+        return float(np.clip(bend, -most, most))
+
+    def _arm_joints(self, k: int, pose: Array, joints: Array) -> Array:
+        """Joint values (dof,) for row k, from those of the row before and the base pose (3,) expected then.
+
+        One step of damped least squares on the tool's frame, drawn to the plan's posture.
+        """
+        arm, plan = serial_arm(self.robot.chain), self.plan
+        n = len(joints)
+        frames, J = np.empty((n + 1, 4, 4)), np.empty((6, n))
+        chain_frames(arm, joints, frames)
+        chain_jacobian(arm, frames, J)
+        T_world_arm = self.robot.T_world_arm(pose)
+        wanted = np.linalg.solve(T_world_arm, plan.T_tool[k])
+        error = np.concatenate([wanted[:3, 3] - frames[n, :3, 3], TURN_WEIGHT * _turn(frames[n], wanted)])
+        J[3:] *= TURN_WEIGHT
+        away = joints - plan.joints[k]
+        step = np.linalg.solve(J.T @ J + DAMPING**2 * np.eye(n), J.T @ error - DAMPING**2 * away)
+        most = self._joint_velocity * PERIOD
+        wished = joints + np.clip(step, -most, most)
+        limited: Array = np.clip(wished, self.robot.chain.lower, self.robot.chain.upper)
+        return limited
+
+    def _limited(self, twist: Array) -> Array:
+        """Slow down a twist (3,) that is beyond the base's limits, in all its parts alike."""
+        most = self.speeds.base_velocity, self.speeds.turn_velocity
+        used = max(float(np.hypot(twist[0], twist[1])) / most[0], abs(float(twist[2])) / most[1], 1.0)
+        return twist / used
+
+    @cached_property
+    def _joint_velocity(self) -> Array:
+        return self.speeds.joint_limits(self.robot.chain)[0]
+
+
+def _turned(vector: Array, angle: float) -> Array:
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([c * vector[0] - s * vector[1], s * vector[0] + c * vector[1]])
+
+
+def _turn(T: Array, wanted: Array) -> Array:
+    """Rotation vector (3,) of a small turn from one frame's axes to another's [rad]."""
+    turn: Array = np.cross(T[:3, :3].T, wanted[:3, :3].T).sum(0) / 2
+    return turn

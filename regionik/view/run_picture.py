@@ -1,0 +1,51 @@
+"""The picture of a simulated run: the robot as it moved, over the areas and the tool path of its plan."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from regionik.simulation.run import SimulatedRun
+from regionik.values import Motion, Plan
+from regionik.view.picture import Color, Picture, SceneMesh
+from regionik.view.plan_picture import picture_of_plan
+from regionik.view.triangle_meshes import tubes
+
+FRAMES = 1500  # of the animation, at most
+_THIN = 0.003  # radius of the planned tool path [m]
+
+
+def picture_of_run(run: SimulatedRun) -> Picture:
+    """Return the picture of a run, animated, with the tool path that was planned beside the one made."""
+    picture, figures = picture_of_plan(_as_plan(run)), run.figures
+    error = {key: 1000 * value for key, value in figures["tool_error"].items()}
+    facts = (
+        f"simulated, {figures['duration']:.1f} s",
+        f"tool error: 95 % below {error['p95']:.2f} mm, worst {error['worst']:.2f} mm",
+        *([run.failure] if run.failure else []),
+    )
+    planned = tubes(run.reference.T_tool[_frames(len(run.time)), :3, 3], _THIN)
+    return replace(
+        picture,
+        facts=(*picture.facts, *facts),
+        legend=(*picture.legend, (Color.AHEAD, "path of the tool as planned")),
+        bodies=(*picture.bodies, SceneMesh("tool/planned", planned, Color.AHEAD, lit=False)),
+    )
+
+
+def _frames(rows: int) -> list[int]:
+    frames: list[int] = np.unique(np.linspace(0, rows - 1, min(rows, FRAMES)).astype(int)).tolist()
+    return frames
+
+
+def _as_plan(run: SimulatedRun) -> Plan:
+    """The plan with the motion that was made; each set-point is the frame nearest to its time."""
+    plan, frames = run.plan, np.array(_frames(len(run.time)))
+    kind = np.where(run.reference.on_path[frames], "step", "transit").astype("<U8")
+    setpoint = run.reference.setpoint[frames].copy()
+    states = np.flatnonzero(plan.motion.kind == "setpoint")
+    at = np.searchsorted(run.time[frames], plan.motion.time[states]).clip(0, len(frames) - 1)
+    kind[at], setpoint[at] = "setpoint", plan.motion.setpoint[states]
+    motion = Motion(run.base[frames], run.joints[frames], kind, setpoint, run.time[frames])
+    return replace(plan, motion=motion)
