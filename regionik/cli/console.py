@@ -225,7 +225,7 @@ def report_summary(name: str, report: Report) -> str:
 def _margins(margins: Mapping[str, float]) -> str:
     unit = dict.fromkeys(("direction", "orientation", "joints"), " rad")
     unit |= {"manipulability": " m3", "joint_margin": " of the range", "effort": " N m"}
-    unit["speeds"] = " of the limit"
+    unit |= {"speeds": " of the limit", "jerk": " of the limit"}
     return ", ".join(f"{name} {value:z.4f}{unit.get(name, ' m')}" for name, value in margins.items())
 
 
