@@ -264,6 +264,20 @@ FAULTS = (
         ("tests/test_steering.py",),
     ),
     Fault(
+        "timing: jerks may be twice their limits",
+        "regionik/timing/limits.py",
+        "np.hypot(*jerk[:, :2].T) / s.base_jerk",
+        "np.hypot(*jerk[:, :2].T) / s.base_jerk / 2",
+        ("tests/test_jerk_limits.py",),
+    ),
+    Fault(
+        "verify: jerk across the heading is left out",
+        "regionik/verification/speeds.py",
+        "across = product(v, twist) + 2 * product(gain, w)",
+        "across = 0.0 * product(v, twist)",
+        ("tests/test_jerk_limits.py",),
+    ),
+    Fault(
         "verify: speeds twice their limits",
         "regionik/verification/speeds.py",
         "np.flatnonzero(share > 1 + OVER)",

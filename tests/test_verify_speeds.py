@@ -13,7 +13,7 @@ from regionik.timing.retime import retime
 from regionik.timing.trajectory import trajectory
 from regionik.values import Motion, Plan
 from regionik.verification.motion import MotionSegments
-from regionik.verification.speeds import TimedSegments
+from regionik.verification.timed_segments import TimedSegments
 from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array
 from regionik.worlds.drives import BaseKind

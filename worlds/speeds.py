@@ -1,4 +1,4 @@
-"""Limits of speed and acceleration by which plans are timed."""
+"""Limits of speed, acceleration and jerk by which plans are timed."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ RISE_TIME = 0.5  # from rest to full speed, where no acceleration is given [s]
 
 @dataclass(frozen=True)
 class Speeds:
-    """Limits of speed and acceleration; None stands for the robot's own, or for a default.
+    """Limits of speed, acceleration and jerk; None stands for the robot's own, or for a default.
 
     Attributes
     ----------
@@ -24,10 +24,13 @@ class Speeds:
         Of all joints, or of each; by default the robot's, and 1 rad/s or 0.1 m/s where it has none.
     joint_acceleration : float or sequence of float, optional
         By default full speed within half a second.
-    base_velocity, base_acceleration : float
-        Of the base's origin [m/s], [m/s2].
-    turn_velocity, turn_acceleration : float
-        Of its heading [rad/s], [rad/s2].
+    joint_jerk : float or sequence of float, optional
+        Of all joints, or of each [rad/s3] or [m/s3]; None for no limit. With any limit of jerk a plan's
+        accelerations have no jumps.
+    base_velocity, base_acceleration, base_jerk : float
+        Of the base's origin [m/s], [m/s2], [m/s3]; jerk None for no limit.
+    turn_velocity, turn_acceleration, turn_jerk : float
+        Of its heading [rad/s], [rad/s2], [rad/s3]; jerk None for no limit.
     steering_velocity : float
         Of a car's steering, which turns while the car stands: of a wheel one turning radius ahead of the
         axle, which is turned by 45 degrees on the tightest arc [rad/s].
@@ -44,10 +47,13 @@ class Speeds:
 
     joint_velocity: float | tuple[float, ...] | None = None
     joint_acceleration: float | tuple[float, ...] | None = None
+    joint_jerk: float | tuple[float, ...] | None = None
     base_velocity: float = 0.5
     base_acceleration: float = 1.0
+    base_jerk: float | None = None
     turn_velocity: float = 1.0
     turn_acceleration: float = 2.0
+    turn_jerk: float | None = None
     steering_velocity: float = 1.0
     wheel_velocity: float | None = None
     tool_velocity: float | None = None
@@ -55,12 +61,17 @@ class Speeds:
     __repr__ = one_line
 
     def __post_init__(self) -> None:
-        for key in ("joint_velocity", "joint_acceleration"):
+        for key in ("joint_velocity", "joint_acceleration", "joint_jerk"):
             object.__setattr__(self, key, scalar_or_tuple(getattr(self, key)))
         for key, value in vars(self).items():
             for one in value if isinstance(value, tuple) else (value,):
                 if one is not None and not one > 0:
                     raise InputError(f"speeds: {key}: must be above 0, got {one:g}")
+
+    @property
+    def limit_jerk(self) -> bool:
+        """There is a limit of jerk, so that accelerations have no jumps."""
+        return any(one is not None for one in (self.joint_jerk, self.base_jerk, self.turn_jerk))
 
     def joint_limits(self, chain: Chain) -> tuple[Array, Array]:
         """Return the velocity and acceleration limits of each joint, (dof,) each.
@@ -79,6 +90,16 @@ class Speeds:
         return velocity, _per_joint(
             self.joint_acceleration, velocity / RISE_TIME, chain, "joint_acceleration"
         )
+
+    def joint_jerks(self, chain: Chain) -> Array:
+        """Return the limit of jerk of each joint, (dof,), infinite for none.
+
+        Raises
+        ------
+        InputError
+            When there are not as many as joints.
+        """
+        return _per_joint(self.joint_jerk, np.full(chain.dof, np.inf), chain, "joint_jerk")
 
 
 def _per_joint(values: float | tuple[float, ...] | None, default: Array, chain: Chain, what: str) -> Array:

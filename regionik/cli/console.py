@@ -34,7 +34,7 @@ _SHOWN = 20  # violations listed
 PAGES = (".html", ".htm")  # endings
 _UNITS = dict.fromkeys(("direction", "orientation", "joints"), " rad")
 _UNITS |= {"manipulability": " m3", "joint_margin": " of the range", "effort": " N m"}
-_UNITS["speeds"] = " of the limit"
+_UNITS |= {"speeds": " of the limit", "jerk": " of the limit"}
 
 
 def bundled_worlds(incomplete: str) -> list[str]:

@@ -1,4 +1,4 @@
-"""Limits of speed and acceleration, and how much of them a timed motion uses."""
+"""Limits of speed, acceleration and jerk, and how much of them a timed motion uses."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from regionik.planners.search.motion_bounds import longest_levers
-from regionik.timing.trajectory import Trajectory, TrajectorySample
+from regionik.timing.trajectory import TrajectorySample, trajectory_within
 from regionik.values import Motion
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError
@@ -24,6 +24,7 @@ SHARES = (0.0, 0.25, 0.5, 0.75, 1 - 1e-6)  # of each segment, at which they are 
 CHUNK = 50_000  # of these instants at a time
 HELD = 0.99  # share of the asked tool speed from which it counts as held
 MAX_PLACES = 20  # where it is not, that are reported
+ROOTS = {"velocity": 1.0, "acceleration": 1 / 2, "jerk": 1 / 3}  # by which time stretches with a share
 AT_REST = 1e-6  # tool speed below which the tool stays at a set-point [m/s]
 
 _ANGLES = np.arange(4) * np.pi / 4  # of an octagon inside the disc of the base's accelerations
@@ -38,7 +39,8 @@ class MotionLimits:
     ----------
     robot : Robot
     speeds : Speeds
-    joint_velocity, joint_acceleration : (dof,) arrays
+    joint_velocity, joint_acceleration, joint_jerk : (dof,) arrays
+        Infinite where there is no limit of jerk.
     levers : (dof,) array
         Upper bounds for the motion of any point behind a joint per unit of the joint [m].
     reach : float
@@ -49,6 +51,7 @@ class MotionLimits:
     speeds: Speeds
     joint_velocity: Array
     joint_acceleration: Array
+    joint_jerk: Array
     levers: Array
     reach: float
 
@@ -68,41 +71,69 @@ class MotionLimits:
             most: Array = np.minimum(1.0 / shares.max(0) ** 2, 1e6)
         return most
 
-    def usage(self, q: Array, velocity: Array, acceleration: Array, on_path: Mask) -> dict[str, Array]:
+    @property
+    def ramp(self) -> float:
+        """Time in which every limited jerk brings its acceleration from zero to its limit [s]."""
+        s = self.speeds
+        times = [self.joint_acceleration / self.joint_jerk]
+        for most, jerk in ((s.base_acceleration, s.base_jerk), (s.turn_acceleration, s.turn_jerk)):
+            times.append(np.array([0.0 if jerk is None else most / jerk]))
+        return float(np.concatenate(times).max())
+
+    def usage(
+        self, q: Array, velocity: Array, acceleration: Array, on_path: Mask, jerk: Array | None = None
+    ) -> dict[str, Array]:
         """Share of each limit that a motion uses, (n,) each.
 
         Parameters
         ----------
-        q, velocity, acceleration : (n, 3 + dof) arrays
-            Of base and joints.
+        q, velocity, acceleration, jerk : (n, 3 + dof) arrays
+            Of base and joints; no jerk where it is not limited.
         on_path : (n,) array of bool
             Where the tool is on its path.
         """
         joints = np.abs(acceleration[:, 3:]) / self.joint_acceleration
-        return {
+        used = {
             **self._velocity_usage(q, velocity, on_path),
             "joint_acceleration": joints.max(1, initial=0.0),
             "base_acceleration": np.hypot(*acceleration[:, :2].T) / self.speeds.base_acceleration,
             "turn_acceleration": np.abs(acceleration[:, 2]) / self.speeds.turn_acceleration,
         }
+        return used if jerk is None else {**used, **self._jerk_usage(jerk)}
 
-    def slowdown(self, q: Array, velocity: Array, acceleration: Array, on_path: Mask) -> Array:
+    def _jerk_usage(self, jerk: Array) -> dict[str, Array]:
+        s, usage = self.speeds, dict[str, Array]()
+        if s.joint_jerk is not None:
+            usage["joint_jerk"] = (np.abs(jerk[:, 3:]) / self.joint_jerk).max(1, initial=0.0)
+        if s.base_jerk is not None:
+            usage["base_jerk"] = np.hypot(*jerk[:, :2].T) / s.base_jerk
+        if s.turn_jerk is not None:
+            usage["turn_jerk"] = np.abs(jerk[:, 2]) / s.turn_jerk
+        return usage
+
+    def slowdown(
+        self, q: Array, velocity: Array, acceleration: Array, on_path: Mask, jerk: Array | None = None
+    ) -> Array:
         """Factors (n,) by which a motion must be slower to keep all limits; below 1 it may be faster."""
-        usage = self.usage(q, velocity, acceleration, on_path)
-        factors = [np.sqrt(one) if "acceleration" in name else one for name, one in usage.items()]
+        usage = self.usage(q, velocity, acceleration, on_path, jerk)
+        factors = [share ** ROOTS[name.rpartition("_")[2]] for name, share in usage.items()]
         found: Array = np.max(factors, axis=0)
         return found
 
-    def most_used(self, q: Array, velocity: Array, acceleration: Array) -> list[str]:
+    def most_used(
+        self, q: Array, velocity: Array, acceleration: Array, jerk: Array | None = None
+    ) -> list[str]:
         """Limit that a motion uses most at each instant (n,), but for the tool's speed."""
-        usage = self.usage(q, velocity, acceleration, np.zeros(len(q), dtype=bool))
+        usage = self.usage(q, velocity, acceleration, np.zeros(len(q), dtype=bool), jerk)
         names = list(usage)
         joints = np.array(self.robot.chain.names)
+        limits = {"joint_velocity": (velocity, self.joint_velocity)}
+        limits["joint_acceleration"] = (acceleration, self.joint_acceleration)
+        if jerk is not None:
+            limits["joint_jerk"] = (jerk, self.joint_jerk)
         joint = {
-            "joint_velocity": joints[np.argmax(np.abs(velocity[:, 3:]) / self.joint_velocity, axis=1)],
-            "joint_acceleration": joints[
-                np.argmax(np.abs(acceleration[:, 3:]) / self.joint_acceleration, axis=1)
-            ],
+            name: joints[np.argmax(np.abs(rate[:, 3:]) / limit, axis=1)]
+            for name, (rate, limit) in limits.items()
         }
         found = [names[row] for row in np.argmax(np.stack(list(usage.values())), axis=0).tolist()]
         return [f"{name} of {joint[name][k]}" if name in joint else name for k, name in enumerate(found)]
@@ -146,7 +177,8 @@ def motion_limits(robot: Robot, speeds: Speeds) -> MotionLimits:
     levers, reach = longest_levers(robot.chain, robot.chain.dof - 1, robot.chain.T_last_tool[:3, 3])
     from_axis = float(np.hypot(*robot.mount[:2])) + reach
     corners = float(np.hypot(*robot.footprint.T).max())
-    return MotionLimits(robot, speeds, velocity, acceleration, levers, max(from_axis, corners))
+    jerks = speeds.joint_jerks(robot.chain)
+    return MotionLimits(robot, speeds, velocity, acceleration, jerks, levers, max(from_axis, corners))
 
 
 def segments_on_path(motion: Motion) -> Mask:
@@ -186,7 +218,8 @@ def largest_slowdown(limits: MotionLimits, motion: Motion) -> float:
     span = np.diff(motion.time)
     within = [motion.time[:-1] + share * span for share in SHARES]
     times = np.sort(np.concatenate([_instants(motion), *within]))
-    factors = (float(limits.slowdown(*one.columns, on).max()) for one, on in _sampled(limits, motion, times))
+    sampled = _sampled(limits, motion, times)
+    factors = (float(limits.slowdown(*one.columns, on, jerk).max()) for one, on, jerk in sampled)
     return max(factors, default=1.0)
 
 
@@ -196,9 +229,9 @@ def timing_figures(limits: MotionLimits, motion: Motion, blend: float) -> dict[s
     time: list[Array] = []
     speed: list[Array] = []
     asked = limits.speeds.tool_velocity
-    for sample, on_path in _sampled(limits, motion, _instants(motion)):
+    for sample, on_path, jerk in _sampled(limits, motion, _instants(motion)):
         q, velocity, _ = sample.columns
-        usage = limits.usage(*sample.columns, on_path)
+        usage = limits.usage(*sample.columns, on_path, jerk)
         used = {name: max(used.get(name, 0.0), float(share.max())) for name, share in usage.items()}
         if asked is not None:
             time.append(sample.time[on_path])
@@ -220,7 +253,7 @@ def check_tool_speed(limits: MotionLimits, motion: Motion) -> None:
     asked = limits.speeds.tool_velocity
     if asked is None:
         raise InputError("hold: expected a tool speed to hold; give tool_velocity")
-    for sample, on_path in _sampled(limits, motion, _instants(motion)):
+    for sample, on_path, _ in _sampled(limits, motion, _instants(motion)):
         q, velocity, _ = sample.columns
         speed = np.linalg.norm(tool_velocity(limits.robot, q, velocity), axis=1)
         moves = on_path & (speed > AT_REST)
@@ -240,13 +273,15 @@ def _instants(motion: Motion) -> Array:
     return np.append(np.arange(0.0, motion.time[-1], 1 / RATE), motion.time[-1])
 
 
-def _sampled(limits: MotionLimits, motion: Motion, times: Array) -> Iterator[tuple[TrajectorySample, Mask]]:
-    """The motion at instants, chunk by chunk, and where the tool is on its path."""
-    trajectory = Trajectory(limits.robot, motion)
+def _sampled(
+    limits: MotionLimits, motion: Motion, times: Array
+) -> Iterator[tuple[TrajectorySample, Mask, Array | None]]:
+    """The motion at instants, chunk by chunk, where the tool is on its path, and jerk where it is limited."""
+    trajectory = trajectory_within(limits.robot, motion, limits.speeds)
     on_path = segments_on_path(motion) if len(motion) > 1 else np.zeros(1, dtype=bool)
     for some in np.array_split(times, 1 + len(times) // CHUNK):
         segment = np.searchsorted(motion.time, some, side="right") - 1
-        yield trajectory.sample(some), on_path[np.clip(segment, 0, len(on_path) - 1)]
+        yield trajectory.sample(some), on_path[np.clip(segment, 0, len(on_path) - 1)], trajectory.jerk(some)
 
 
 def _held_speed(
@@ -259,7 +294,8 @@ def _held_speed(
     ends = np.flatnonzero(slow[:-1] & (~slow[1:] | apart))
     longest = np.argsort(time[starts] - time[ends - 1], kind="stable")[:MAX_PLACES]
     slowest = [a + int(np.argmin(speed[a:b])) for a, b in zip(starts[longest], ends[longest], strict=True)]
-    names = limits.most_used(*Trajectory(limits.robot, motion).sample(time[slowest]).columns)
+    trajectory = trajectory_within(limits.robot, motion, limits.speeds)
+    names = limits.most_used(*trajectory.sample(time[slowest]).columns, trajectory.jerk(time[slowest]))
     places = [
         {"from": float(time[starts[k]]), "to": float(time[ends[k] - 1]), "least": float(speed[m]), "by": name}
         for k, m, name in zip(longest.tolist(), slowest, names, strict=True)

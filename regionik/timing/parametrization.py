@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from regionik.planners.timing.time_optimal import PathDerivatives, time_optimal_velocities
 from regionik.timing.limits import Mask, MotionLimits, segments_on_path
-from regionik.timing.smooth_path import STEERED, SmoothPath, smooth_path
+from regionik.timing.smooth_path import STEERED, SmoothPath, smooth_path, spline_path
 from regionik.values import Motion
 from regionik.worlds.arrays import Array
 from regionik.worlds.robot import Robot
@@ -30,17 +30,23 @@ def path_of(robot: Robot, motion: Motion) -> SmoothPath:
     return smooth_path(robot.drive, motion.base, motion.joints)
 
 
+def timed_path(limits: MotionLimits, motion: Motion) -> SmoothPath:
+    """Return the path along which a motion is timed: without jumps of curvature where jerk is limited."""
+    path = spline_path if limits.speeds.limit_jerk else smooth_path
+    return path(limits.robot.drive, motion.base, motion.joints)
+
+
 def fastest_times(limits: MotionLimits, motion: Motion, tightenings: int = TIGHTENINGS) -> Array:
     """Times of a motion's states, (n,) [s]."""
     position, rate = fastest_rates(limits, motion, tightenings)
     length, twice = np.diff(position), rate[1:] + rate[:-1]
     span = 2 * length / np.where(length > 0, twice, 1.0)
     steering = path_of(limits.robot, motion).steering
-    span += _steering_pauses(steering, span, limits.speeds.steering_velocity)
+    span += steering_pauses(steering, span, limits.speeds.steering_velocity)
     return np.concatenate([[0.0], np.cumsum(span)])
 
 
-def _steering_pauses(steering: Array, span: Array, velocity: float) -> Array:
+def steering_pauses(steering: Array, span: Array, velocity: float) -> Array:
     """Time for which a car rests on each segment besides, until its steering is turned, (n - 1,) [s].
 
     The steering turns while the car stands, with the arm moving or not.
@@ -54,15 +60,18 @@ def _steering_pauses(steering: Array, span: Array, velocity: float) -> Array:
     return pauses
 
 
-def fastest_rates(limits: MotionLimits, motion: Motion, tightenings: int) -> tuple[Array, Array]:
+def fastest_rates(
+    limits: MotionLimits, motion: Motion, tightenings: int, tightened: Array | None = None
+) -> tuple[Array, Array]:
     """Path positions and velocities of a motion's states, (n,).
 
     Limits are kept at both ends and in the middle of each segment; where they are exceeded elsewhere, they
-    are tightened over that run.
+    are tightened over that run. They may be ``tightened`` by factors on segments (n - 1,) to begin with.
     """
-    path = path_of(limits.robot, motion)
+    path = timed_path(limits, motion)
     moving = np.flatnonzero(path.lengths > 0)
-    rate, factor, todo = np.zeros(len(motion)), np.ones(len(moving)), np.arange(len(moving))
+    rate, todo = np.zeros(len(motion)), np.arange(len(moving))
+    factor = np.ones(len(moving)) if tightened is None else tightened[moving]
     if not len(moving):
         return path.position, rate
     every = _MovingSegments(limits, path, moving, segments_on_path(motion)[moving])

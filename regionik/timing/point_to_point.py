@@ -37,9 +37,10 @@ def point_to_point(
     start, goal : (dof,) array_like
         Joints [rad] or [m].
     speeds : Speeds, optional
-        Limits of velocity and acceleration; by default those of the robot.
+        Limits of velocity, acceleration and jerk; by default those of the robot.
     jerk : float or (dof,) array_like, optional
-        Limits [rad/s3] or [m/s3]; by default full acceleration within a quarter of a second.
+        Limits [rad/s3] or [m/s3]; by default those of the speeds, else full acceleration within a quarter of
+        a second.
     start_velocity, goal_velocity : float or (dof,) array_like
         [rad/s] or [m/s]
 
@@ -58,7 +59,8 @@ def point_to_point(
     """
     chain = robot.chain
     velocity, acceleration = (speeds or Speeds()).joint_limits(chain)
-    jerks = acceleration / RAMP if jerk is None else _each(jerk, chain.dof, "jerk")
+    asked = (speeds or Speeds()).joint_jerk if jerk is None else jerk
+    jerks = acceleration / RAMP if asked is None else _each(asked, chain.dof, "jerk")
     first, last = (
         KinematicState(
             frozen(joints, (chain.dof,), name),

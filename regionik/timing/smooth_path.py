@@ -12,6 +12,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import solve_banded
 
 from regionik.worlds.arrays import Array
 from regionik.worlds.drives import BaseDrive
@@ -84,14 +85,14 @@ class SmoothPath:
 
         At sharp corners, where the mode of its wheels changes, and where a car turns its steering.
         """
-        tangents = np.diff(self._coordinates, axis=0)
+        tangents = np.diff(self.coordinates, axis=0)
         tangents = tangents / np.maximum(np.linalg.norm(tangents, axis=1), SAME)[:, None]
         turned = (tangents[:-1] * tangents[1:]).sum(1) <= np.cos(CORNER)
         changed = (np.diff(self._wheel_mode) != 0) | turned | (np.abs(np.diff(self.steering)) > STEERED)
         return 1 + np.flatnonzero(changed & (self.lengths[:-1] > 0) & (self.lengths[1:] > 0))
 
     @cached_property
-    def _coordinates(self) -> Array:
+    def coordinates(self) -> Array:
         """Coordinates that follow the cubics, (n, k): of the base, then the joints."""
         return np.concatenate([self.base, self.joints], axis=1)
 
@@ -121,7 +122,7 @@ class SmoothPath:
         opposite signs, so that nothing goes beyond its states (Fritsch and Butland, SIAM J. Sci. Stat.
         Comput. 1984).
         """
-        z = self._coordinates
+        z = self.coordinates
         far = np.where(self.lengths > 0, self.lengths, np.inf)[:, None]
         secant, width = np.diff(z, axis=0) / far, np.where(self.lengths > 0, self.lengths, 0.0)[:, None]
         before, after = secant[:-1], secant[1:]
@@ -139,6 +140,56 @@ class SmoothPath:
         t = (position - self.position[segment])[:, None]
         a, b, c, d = (power[segment] for power in self._cubics)
         return a + t * (b + t * (c + t * d)), b + t * (2 * c + 3 * t * d), 2 * c + 6 * t * d
+
+
+@dataclass(frozen=True, eq=False)
+class SplinePath(SmoothPath):
+    """Path through states by cubic splines, whose curvature has no jumps; its position is arc length."""
+
+    @property
+    def _largest_change(self) -> Array:
+        """Euclidean length of the segments, in metres and radians alike."""
+        far: Array = np.linalg.norm(np.diff(self.coordinates, axis=0), axis=1)
+        return far
+
+    @cached_property
+    def _cubics(self) -> tuple[Array, Array, Array, Array]:
+        """See `SmoothPath._cubics`; at the ends of runs the path is straight."""
+        moving = self.lengths > 0
+        h, change = np.where(moving, self.lengths, 1.0)[:, None], np.diff(self.coordinates, axis=0)
+        bend = knot_curvatures(h[:, 0], change / h, moving, np.zeros((2, len(h)), dtype=np.bool_))
+        a, b = bend[:-1], bend[1:]
+        rest = (change / h - h * (2 * a + b) / 6, a / 2, (b - a) / (6 * h))
+        slope, half, third = (np.where(moving[:, None], one, 0.0) for one in rest)
+        return self.coordinates[:-1], slope, half, third
+
+
+def knot_curvatures(h: Array, secant: Array, moving: NDArray[np.bool_], halved: NDArray[np.bool_]) -> Array:
+    """Second derivatives of cubic splines at states (n, k), zero where they rest.
+
+    Parameters
+    ----------
+    h : (n - 1,) array
+        Lengths of the segments, by whatever the splines are functions of.
+    secant : (n - 1, k) array
+        Mean slopes over them.
+    moving : (n - 1,) array of bool
+        Segments that belong to a run; others separate runs.
+    halved : (2, n - 1) array of bool
+        First and last segments of runs that have a knot halfway, so that slopes at rest are zero too.
+    """
+    (first, last), inner = halved, moving[:-1] & moving[1:]
+    banded = np.zeros((3, len(h) + 1))
+    before, after = h[:-1] * np.where(first[:-1], 1, 2) / 6, h[1:] * np.where(last[1:], 1, 2) / 6
+    banded[1] = 1.0
+    banded[1, 1:-1] = np.where(inner, before + after, 1.0)
+    banded[0, 2:] = np.where(inner & ~last[1:], h[1:] / 6, 0.0)
+    banded[2, :-2] = np.where(inner & ~first[:-1], h[:-1] / 6, 0.0)
+    right = np.zeros((len(h) + 1, secant.shape[1]))
+    change = np.where(last, 2, 1)[1:, None] * secant[1:] - np.where(first, 2, 1)[:-1, None] * secant[:-1]
+    right[1:-1] = np.where(inner[:, None], change, 0.0)
+    found: Array = solve_banded((1, 1), banded, right)
+    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,7 +214,7 @@ class RollingPath(SmoothPath):
         return change
 
     @cached_property
-    def _coordinates(self) -> Array:
+    def coordinates(self) -> Array:
         """Way rolled, heading and joints, (n, 2 + dof)."""
         rolled = np.concatenate([[0.0], np.cumsum(self._changes[0])])
         return np.column_stack([rolled, self.base[:, 2], self.joints])
@@ -268,8 +319,17 @@ def _polynomials(powers: Array, share: Array) -> tuple[Array, Array, Array]:
 
 def smooth_path(drive: BaseDrive, base: Array, joints: Array) -> SmoothPath:
     """Return the path through states whose headings turn the shorter way from one to the next."""
+    return (RollingPath if drive.rolls else SmoothPath)(drive, _unwrapped(base), joints)
+
+
+def spline_path(drive: BaseDrive, base: Array, joints: Array) -> SmoothPath:
+    """Return the same without jumps of curvature, but for a base on wheels, of which its ways are smooth."""
+    return (RollingPath if drive.rolls else SplinePath)(drive, _unwrapped(base), joints)
+
+
+def _unwrapped(base: Array) -> Array:
+    """Poses (n, 3) whose headings run on."""
     turn = np.diff(base[:, 2])
     turn -= 2 * np.pi * np.ceil((turn - np.pi) / (2 * np.pi))
     yaw = base[0, 2] + np.concatenate([[0.0], np.cumsum(turn)])
-    kind = RollingPath if drive.rolls else SmoothPath
-    return kind(drive, np.column_stack([base[:, :2], yaw]), joints)
+    return np.column_stack([base[:, :2], yaw])

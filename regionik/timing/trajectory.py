@@ -9,10 +9,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from regionik.timing.smooth_path import SmoothPath, smooth_path
+from regionik.timing.time_spline import TimeSpline, time_spline
 from regionik.values import Motion, Plan
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.errors import InputError
 from regionik.worlds.robot import Robot
+from regionik.worlds.speeds import Speeds
 
 AT_REST = 1e-6  # path velocity at the end of a run, as a share of the largest
 MAX_ROWS = 1_000_000  # of a file
@@ -85,12 +87,16 @@ class Trajectory:
         t = frozen(np.atleast_1d(np.asarray(times)), (None,), "times")
         if len(t) and (t.min() < 0 or t.max() > self.duration):
             raise InputError(f"times: expected from 0 to {self.duration:g} s, got {t.min():g} to {t.max():g}")
-        q, velocity, acceleration = self._evaluate(t)
+        q, velocity, acceleration = self._rates(t)
         return TrajectorySample(
             t, q[:, :3], q[:, 3:], velocity[:, :3], velocity[:, 3:], acceleration[:, :3], acceleration[:, 3:]
         )
 
-    def _evaluate(self, times: Array) -> tuple[Array, Array, Array]:
+    def jerk(self, times: Array) -> Array | None:
+        """Of base and joints at instants (n,), (n, 3 + dof); None where accelerations have jumps."""
+        return None
+
+    def _rates(self, times: Array) -> tuple[Array, Array, Array]:
         """Base and joints q (n, 3 + dof) at instants, with q' = q_s s' and q'' = q_s s'' + q_ss s'^2."""
         time, lengths, rate = self.motion.time, self._path.lengths, self.rates
         if not lengths.any():  # nothing moves
@@ -138,6 +144,43 @@ class Trajectory:
         return np.where(ends, 0.0, np.maximum(rate, 0.0))
 
 
+@dataclass(frozen=True, eq=False)
+class SplineTrajectory(Trajectory):
+    """The same where jerk is limited: each coordinate is a cubic spline of time through all states.
+
+    At rest velocities and accelerations are zero, see `regionik.timing.time_spline`.
+    """
+
+    def __post_init__(self) -> None:
+        lengths, span = self._path.lengths, np.diff(self.motion.time)
+        wrong = (lengths > 0) & ((span <= 0) | self.spline.single)
+        if wrong.any():
+            at = self.motion.time[int(np.argmax(wrong))]
+            raise InputError(f"times: no motion without jumps has these at {at:g} s; time the plan anew")
+
+    @cached_property
+    def spline(self) -> TimeSpline:
+        """Through the states."""
+        return time_spline(self._path, self.motion.time)
+
+    def jerk(self, times: Array) -> Array | None:
+        """See `Trajectory.jerk`."""
+        if len(self.motion) == 1:
+            return np.zeros((len(times), 3 + self.robot.chain.dof))
+        return self.spline.evaluate(times).jerk
+
+    def _rates(self, times: Array) -> tuple[Array, Array, Array]:
+        if len(self.motion) == 1:
+            return super()._rates(times)
+        return self.spline.evaluate(times)[:3]
+
+
+def trajectory_within(robot: Robot, motion: Motion, speeds: Speeds | None) -> Trajectory:
+    """Return a timed motion as a function of time, without jumps of acceleration where jerk is limited."""
+    kind = SplineTrajectory if speeds is not None and speeds.limit_jerk else Trajectory
+    return kind(robot, motion)
+
+
 @lru_cache(maxsize=8)
 def trajectory(plan: Plan) -> Trajectory:
     """Return a timed plan as a function of time.
@@ -160,7 +203,7 @@ def trajectory(plan: Plan) -> Trajectory:
     """
     if not is_timed(plan.motion):
         raise InputError("plan: it is not timed; `regionik.retime` or the command retime does that")
-    return Trajectory(plan.world.robot, plan.motion)
+    return trajectory_within(plan.world.robot, plan.motion, plan.world.speeds)
 
 
 def is_timed(motion: Motion) -> bool:

@@ -27,7 +27,7 @@ from regionik.verification.limits import (
 from regionik.verification.motion import MotionSegments, wrap_angle
 from regionik.verification.proofs import Finding, StateNames, finding
 from regionik.verification.self_collision import verify_self_collision
-from regionik.verification.speeds import verify_speeds
+from regionik.verification.speeds import verify_jerk, verify_speeds
 from regionik.verification.stops import verify_stops
 from regionik.verification.structure import inconsistencies, malformations
 from regionik.verification.tool_path import (
@@ -58,7 +58,8 @@ def verify(plan: Plan) -> Report:
         ``step``, ``wheels``, ``setpoint``, ``path``, ``floor``, ``clearance``, ``arm``, ``contact``,
         ``self``, ``stops`` [m], ``direction``, ``orientation`` [rad], and of criteria that the rules ask for
         ``manipulability`` [m3], ``joint_margin`` (a share of the range), ``effort`` [N m] or [N]; of a timed
-        plan ``speeds`` (a share of the limit of speed or acceleration that is used most). Those of
+        plan ``speeds`` (a share of the limit of speed or acceleration that is used most), and ``jerk`` where
+        that is limited. Those of
         ``arm``, ``contact`` and ``self`` go up to 0.05; that of ``contact`` is how much deeper the tool might
         sink in. Violations of kind ``structure`` or ``derived`` are of the plan's form, or of fields that its
         states contradict. Of many violations of a kind the first 20 are listed, and the rest in one.
@@ -90,6 +91,7 @@ def _findings(plan: Plan, segments: MotionSegments, names: StateNames) -> Iterat
     yield verify_stops(plan, names)
     yield from verify_criteria(world, segments, names)
     yield verify_speeds(world, segments, names)
+    yield verify_jerk(world, segments, names)
 
 
 def _report(findings: Sequence[Finding]) -> Report:

@@ -1,4 +1,4 @@
-"""What is wrong with the times of a plan: speeds and accelerations as states and trajectory tell them."""
+"""What is wrong with the times of a plan: speeds, accelerations and jerks that states and trajectory tell."""
 
 from __future__ import annotations
 
@@ -46,26 +46,28 @@ def pace(course: Course) -> Iterator[str]:
 def differences(course: Course, track: Array) -> Iterator[str]:
     """Objections to rows (n, 4 + dof) of a trajectory: time, base and joints, at even steps but for the last.
 
-    A difference is the mean of a velocity, and one of differences the mean of an acceleration, so neither is
-    beyond a limit that is kept at every moment.
+    A difference is the mean of a velocity, one of differences the mean of an acceleration, and a third one
+    that of a jerk, so none is beyond a limit that is kept at every moment.
     """
     even = track[:-1]
-    if len(even) < 3:
+    if len(even) < 4:
         return
     step = float(even[1, 0] - even[0, 0])
     told = {
         "goes": np.diff(even[:, 1:], axis=0) / step,
         "gains speed": np.diff(even[:, 1:], 2, axis=0) / step**2,
+        "jerks": np.diff(even[:, 1:], 3, axis=0) / step**3,
     }
     asked = course.world.get("speeds") or {}
     plain = {"base_velocity": 0.5, "turn_velocity": 1.0, "base_acceleration": 1.0, "turn_acceleration": 2.0}
     limits = {**plain, **{key: value for key, value in asked.items() if value is not None}}
+    joints = (*joint_limits(course), _each(asked.get("joint_jerk"), np.full(even.shape[1] - 4, np.inf)))
     for (does, rows), word, most in zip(
-        told.items(), ("velocity", "acceleration"), joint_limits(course), strict=True
+        told.items(), ("velocity", "acceleration", "jerk"), joints, strict=True
     ):
         shares = {
-            "the base": np.hypot(*rows[:, :2].T) / limits[f"base_{word}"],
-            "the heading": np.abs(rows[:, 2]) / limits[f"turn_{word}"],
+            "the base": np.hypot(*rows[:, :2].T) / limits.get(f"base_{word}", np.inf),
+            "the heading": np.abs(rows[:, 2]) / limits.get(f"turn_{word}", np.inf),
             "a joint": (np.abs(rows[:, 3:]) / most).max(axis=1),
         }
         for who, share in shares.items():

@@ -104,10 +104,13 @@ class SpeedsPart(Strict):
 
     joint_velocity: Positive | list[Positive] | None = None
     joint_acceleration: Positive | list[Positive] | None = None
+    joint_jerk: Positive | list[Positive] | None = None
     base_velocity: Positive = Speeds.base_velocity
     base_acceleration: Positive = Speeds.base_acceleration
+    base_jerk: Positive | None = Speeds.base_jerk
     turn_velocity: Positive = Speeds.turn_velocity
     turn_acceleration: Positive = Speeds.turn_acceleration
+    turn_jerk: Positive | None = Speeds.turn_jerk
     steering_velocity: Positive = Speeds.steering_velocity
     wheel_velocity: Positive | None = Speeds.wheel_velocity
     tool_velocity: Positive | None = Speeds.tool_velocity
@@ -241,6 +244,7 @@ def _speeds(part: SpeedsPart, robot: Robot, where: str) -> Speeds:
     with located(where, "speeds"):
         speeds = Speeds(**part.model_dump())
         speeds.joint_limits(robot.chain)
+        speeds.joint_jerks(robot.chain)
     return speeds
 
 

@@ -1,0 +1,111 @@
+"""States inserted in a motion: where its smooth path must keep to it, or its path acceleration changes."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from regionik.timing.limits import MotionLimits
+from regionik.timing.parametrization import fastest_rates, fastest_times, timed_path
+from regionik.values import Motion
+from regionik.worlds.arrays import Array
+from regionik.worlds.errors import InputError
+
+ROUNDS = 30  # of inserting states until the smooth path keeps to the plan
+COMPARED_SHARES = (0.25, 0.5, 0.75)  # of a segment, where the smooth path is compared with it
+PERIOD = 0.02  # of the fine timing that shows where states are needed [s]
+VELOCITY_ERROR = 0.002  # share of the squared path velocity by which it may be off the fine one
+
+
+def refined(limits: MotionLimits, motion: Motion) -> Motion:
+    """Motion with states inserted on its smooth path where the path acceleration changes.
+
+    A fine timing shows where: between two states that are kept its acceleration is nearly constant.
+    """
+    path = timed_path(limits, motion)
+    alone = np.zeros(len(motion) - 1, dtype=np.int64)  # from rest to rest takes two segments
+    alone[[a for a, b in path.runs if b == a + 1]] = 1
+    motion = _subdivided(limits, motion, alone)
+    span = np.diff(fastest_times(limits, motion, tightenings=0))
+    whole = ~timed_path(limits, motion).subdividable
+    count = np.where(whole, 0, np.maximum(np.ceil(span / PERIOD).astype(np.int64) - 1, 0))
+    fine = _subdivided(limits, motion, count)
+    position, rate = fastest_rates(limits, fine, tightenings=0)
+    first = np.concatenate([[0], np.cumsum(count + 1)])  # where the motion's own states are
+    keep = np.zeros(len(fine), dtype=bool)
+    for a, b in pairwise(first.tolist()):
+        keep[a + np.array(_knots(position[a : b + 1], rate[a : b + 1] ** 2))] = True
+    return Motion(fine.base[keep], fine.joints[keep], fine.kind[keep], fine.setpoint[keep], fine.time[keep])
+
+
+def _knots(x: Array, y: Array) -> list[int]:
+    """Points (n,) that a polyline through them must keep to be near all, both ends among them.
+
+    The points are halved at the farthest one from the chord (Douglas and Peucker, 1973).
+    """
+    line = y[0] + (y[-1] - y[0]) * (x - x[0]) / max(x[-1] - x[0], np.finfo(float).tiny)
+    off = np.abs(y - line) / np.maximum(y, line.max() * 1e-2 + np.finfo(float).tiny)
+    k = int(np.argmax(off))
+    if off[k] <= VELOCITY_ERROR or not 0 < k < len(x) - 1:
+        return [0, len(x) - 1]
+    return [*_knots(x[: k + 1], y[: k + 1]), *(k + j for j in _knots(x[k:], y[k:])[1:])]
+
+
+def blended(limits: MotionLimits, motion: Motion, blend: float) -> Motion:
+    """Motion with states inserted halfway until the smooth path keeps to the segments between all."""
+    for _ in range(ROUNDS):
+        far = np.flatnonzero(_deviation(limits, motion) > blend)
+        if not len(far):
+            return motion
+        base = limits.robot.drive.between(motion.base[far], motion.base[far + 1], np.full(len(far), 0.5))
+        joints = (motion.joints[far] + motion.joints[far + 1]) / 2
+        motion = with_states(motion, far, base, joints)
+    raise InputError(
+        f"blend: the smooth path does not come within {blend:g} m of the plan's motion; ask for more"
+    )
+
+
+def _deviation(limits: MotionLimits, motion: Motion) -> Array:
+    """Upper bound for any point's distance on the smooth path from each segment, (n - 1,) [m]."""
+    off = np.zeros(len(motion) - 1)
+    path, segment = timed_path(limits, motion), np.arange(len(off))
+    for share in COMPARED_SHARES:
+        q, _, _ = path.evaluate(path.position[:-1] + share * path.lengths, segment)
+        base = limits.robot.drive.between(path.base[:-1], path.base[1:], np.full(len(off), share))
+        joints = path.joints[:-1] + share * np.diff(path.joints, axis=0)
+        off = np.maximum(off, limits.displacement_bound(q[:, :3] - base, q[:, 3:] - joints))
+    return off
+
+
+def with_rests(motion: Motion, states: NDArray[np.int64]) -> Motion:
+    """Motion that gives some states twice, at which the robot then rests."""
+    inner = states[states < len(motion) - 1]
+    return with_states(motion, inner, motion.base[inner], motion.joints[inner])
+
+
+def _subdivided(limits: MotionLimits, motion: Motion, count: NDArray[np.int64]) -> Motion:
+    """Motion with so many states inserted in each segment (n - 1,), next to its smooth path."""
+    path = timed_path(limits, motion)
+    if not count.any():
+        return motion
+    segment = np.repeat(np.arange(len(count)), count)
+    share = np.concatenate([np.arange(1, n + 1) / (n + 1) for n in count[count > 0].tolist()])
+    return with_states(motion, segment, *path.states_at(segment, share))
+
+
+def with_states(motion: Motion, segment: NDArray[np.int64], base: Array, joints: Array) -> Motion:
+    """Motion with states inserted in segments, in the order given, of the kind that the segment is."""
+    from_setpoint = np.asarray(motion.kind[segment] == "setpoint")  # then the next state says the kind
+    lead = np.where(from_setpoint, segment + 1, segment)
+    between = from_setpoint & (motion.kind[lead] == "setpoint")
+    kind = np.where(between, "step", motion.kind[lead])
+    setpoint = np.where(between, motion.setpoint[segment], motion.setpoint[lead])
+    return Motion(
+        base=np.insert(motion.base, segment + 1, base, axis=0),
+        joints=np.insert(motion.joints, segment + 1, joints, axis=0),
+        kind=np.insert(motion.kind, segment + 1, kind),
+        setpoint=np.insert(motion.setpoint, segment + 1, setpoint),
+        time=np.full(len(motion) + len(segment), np.nan),
+    )

@@ -1,0 +1,239 @@
+"""Jerk-limited timing of a motion: a time-optimal one, its path position averaged over time.
+
+The average of a path position over a window as long as a limited jerk needs to build up the acceleration has
+the same velocities, and accelerations without jumps. What this or the path's own bends exceed is made slower
+where it does, by tightening the limits of the time-optimal timing there.
+Source: Biagiotti and Melchiorri, FIR filters for online trajectory planning with time- and frequency-domain
+specifications (Control Engineering Practice 2012), sections 2 and 3.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from regionik.timing.inserted_states import with_states
+from regionik.timing.limits import MotionLimits, segments_on_path
+from regionik.timing.parametrization import fastest_rates, path_of, steering_pauses, timed_path
+from regionik.timing.smooth_path import SmoothPath
+from regionik.timing.time_spline import time_spline
+from regionik.values import Motion
+from regionik.worlds.arrays import Array, Index
+
+ROUNDS = 12  # of tightening limits
+EXCESS = 1e-3  # by which limits may be exceeded, before the whole motion is slowed
+PERIOD = 0.1  # between knots, at most [s]
+HALVINGS = 6  # of the time between states, until the splines keep to the path
+BISECTIONS = 50  # for the time at which a state is passed
+CHECKED_SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)  # of the time of each piece, at which limits are checked
+
+
+def jerk_limited(limits: MotionLimits, fine: Motion, blend: float) -> Motion:
+    """Motion timed within limits of jerk.
+
+    Parameters
+    ----------
+    limits : MotionLimits
+    fine : Motion
+        With states inserted so that path accelerations are constant between them.
+    blend : float
+        By which any point of the robot may leave the path of that motion, and then the segments between the
+        states that are found [m].
+    """
+    path, factor = timed_path(limits, fine), np.ones(len(fine) - 1)
+    best, shortest = fine, np.inf
+    for _ in range(ROUNDS):
+        position, rate = fastest_rates(limits, fine, 0, factor)
+        timed, places = _resampled(limits, fine, _TimeLaw(path, rate, limits.ramp), blend)
+        excess = np.maximum(_excess(limits, timed), 1.0)
+        duration = float(timed.time[-1] * np.sqrt(excess.max(initial=1.0)))
+        best, shortest = (timed, duration) if duration < shortest else (best, shortest)
+        if excess.max(initial=1.0) <= 1 + EXCESS:
+            break
+        factor *= _on_segments(position, places, excess)
+    timed = best if limits.robot.drive.rolls else _densely(limits, best, blend)
+    turned = path_of(limits.robot, timed).steering
+    pauses = steering_pauses(turned, np.diff(timed.time), limits.speeds.steering_velocity)
+    return replace(timed, time=timed.time + np.concatenate([[0.0], np.cumsum(pauses)]))
+
+
+@dataclass(frozen=True, eq=False)
+class _TimeLaw:
+    """Path position as a function of time: with constant path accelerations, then averaged over a window.
+
+    Attributes
+    ----------
+    path : SmoothPath
+    rate : (n,) array
+        Path velocities at its states.
+    window : float
+        [s]
+    """
+
+    path: SmoothPath
+    rate: Array
+    window: float
+
+    @cached_property
+    def _moving(self) -> NDArray[np.bool_]:
+        """Segments with a length, between two that have none, (n + 1,)."""
+        return np.concatenate([[False], self.path.lengths > 0, [False]])
+
+    @property
+    def rests(self) -> NDArray[np.bool_]:
+        """States at which the robot rests, (n,)."""
+        return ~(self._moving[:-1] & self._moving[1:])
+
+    @cached_property
+    def _start(self) -> Array:
+        """Times of the states before averaging, with a rest of a window behind each run, (n + 1,) [s]."""
+        twice = np.where(self.path.lengths > 0, self.rate[1:] + self.rate[:-1], 1.0)
+        span = np.append(2 * self.path.lengths / twice, 0.0)
+        span[self._moving[:-1] & ~self._moving[1:]] = self.window
+        return np.concatenate([[0.0], np.cumsum(span)])
+
+    def _integral(self, times: Array) -> Array:
+        """Integral of the path position before averaging, from 0 to times (m,)."""
+        moving = self._moving[1:]
+        span = np.where(moving, np.diff(self._start), 1.0)
+        gain = np.where(moving, np.diff(self.rate, append=0.0) / span, 0.0)
+        powers = np.stack([self.path.position, self.rate * moving / 2, gain / 6])
+        t = np.diff(self._start)
+        whole = np.concatenate([[0.0], np.cumsum(t * (powers[0] + t * (powers[1] + t * powers[2])))])
+        segment = np.clip(np.searchsorted(self._start, times, side="right") - 1, 0, len(moving) - 1)
+        t, (a, b, c) = times - self._start[segment], powers[:, segment]
+        found: Array = whole[segment] + t * (a + t * (b + t * c))
+        return found
+
+    def at(self, times: Array) -> Array:
+        """Averaged path positions at times (m,)."""
+        before = np.maximum(times - self.window, 0.0)  # where the position is 0
+        found: Array = (self._integral(times) - self._integral(before)) / self.window
+        return found
+
+    def times_of(self, states: Index) -> Array:
+        """Times (m,) at which states are passed, or left where the robot rests."""
+        low, wanted = self._start[states], self.path.position[states]
+        high = low + self.window
+        starts, ends = ~self._moving[states], ~self._moving[states + 1]
+        for _ in range(BISECTIONS):
+            middle = (low + high) / 2
+            late = self.at(middle) > wanted
+            low, high = np.where(late, low, middle), np.where(late, middle, high)
+        found: Array = np.where(starts, self._start[states], (low + high) / 2)
+        return np.where(ends & ~starts, self._start[states] + self.window, found)
+
+
+def _resampled(limits: MotionLimits, fine: Motion, law: _TimeLaw, blend: float) -> tuple[Motion, Array]:
+    """Motion timed by a law: few states of its path, whose splines stay near it, and their path positions."""
+    path, rows = law.path, np.flatnonzero(_kept(fine, law.path))
+    own = Motion(fine.base[rows], fine.joints[rows], fine.kind[rows], fine.setpoint[rows], fine.time[rows])
+    times, moves = law.times_of(rows), np.diff(path.position[rows]) > 0
+    alone = moves & law.rests[rows[:-1]] & law.rests[rows[1:]]
+    divisible = moves & path.subdividable[rows[:-1]]
+    count = np.where(divisible, np.maximum(np.ceil(np.diff(times) / PERIOD).astype(np.int64) - 1, alone), 0)
+    for left in range(HALVINGS, -1, -1):
+        gap, between = _within_gaps(times, count)
+        position = law.at(between)
+        segment = np.searchsorted(path.position, position, side="right") - 1
+        segment = np.clip(segment, rows[gap], rows[gap + 1] - 1)
+        part = np.clip((position - path.position[segment]) / path.lengths[segment], 0.0, 1.0)
+        found = with_states(own, gap, *path.states_at(segment, part))
+        found = replace(found, time=np.insert(times, gap + 1, between))
+        far = np.zeros(len(count), dtype=bool)
+        far[np.repeat(np.arange(len(count)), count + 1)[_strayed(limits, found, law) > blend]] = True
+        if not left or not (far & divisible).any():
+            break
+        count = np.where(far & divisible, 2 * count + 1, count)
+    return found, np.insert(path.position[rows], gap + 1, position)
+
+
+def _within_gaps(times: Array, count: Index) -> tuple[Index, Array]:
+    """So many instants (n - 1,) evenly between successive times (n,), and the gap that each is in."""
+    gap = np.repeat(np.arange(len(count)), count)
+    share = [np.arange(1, n + 1) / (n + 1) for n in count[count > 0].tolist()]
+    return gap, times[gap] + np.concatenate([np.empty(0), *share]) * np.diff(times)[gap]
+
+
+def _kept(fine: Motion, path: SmoothPath) -> NDArray[np.bool_]:
+    """States that stay: set-points, ends of runs and transits, and those beside segments that stay whole."""
+    lifted = fine.kind == "transit"
+    cut = (lifted[1:] != lifted[:-1]) | (path.lengths == 0) | ~path.subdividable
+    cut = np.concatenate([[True], cut, [True]])
+    found: NDArray[np.bool_] = cut[:-1] | cut[1:] | (fine.kind == "setpoint")
+    return found
+
+
+def _strayed(limits: MotionLimits, timed: Motion, law: _TimeLaw) -> Array:
+    """Upper bound for any point's distance on the splines from the path, (n - 1,) [m]."""
+    spline, off = time_spline(path_of(limits.robot, timed), timed.time), np.zeros(len(timed) - 1)
+    segment = np.flatnonzero(spline.path.lengths > 0)
+    for share in CHECKED_SHARES[1:-1]:
+        times = timed.time[segment] + share * np.diff(timed.time)[segment]
+        position = law.at(times)
+        at = np.searchsorted(law.path.position, position, side="right") - 1
+        q, ahead, _ = law.path.evaluate(position, np.clip(at, 0, len(law.rate) - 2))
+        apart = spline.evaluate(times).q - q
+        apart -= ((apart * ahead).sum(1) / (ahead**2).sum(1))[:, None] * ahead  # sooner or later is no matter
+        off[segment] = np.maximum(off[segment], limits.displacement_bound(apart[:, :3], apart[:, 3:]))
+    return off
+
+
+def _densely(limits: MotionLimits, timed: Motion, blend: float) -> Motion:
+    """The same motion with states inserted until its splines keep to the segments between all."""
+    count = np.zeros(len(timed) - 1, dtype=np.int64)
+    spline = time_spline(path_of(limits.robot, timed), timed.time)
+    for _ in range(HALVINGS):
+        gap, between = _within_gaps(timed.time, count)
+        q = spline.evaluate(between).q
+        found = with_states(timed, gap, q[:, :3], q[:, 3:])
+        found = replace(found, time=np.insert(timed.time, gap + 1, between))
+        far = np.zeros(len(count), dtype=bool)
+        far[np.repeat(np.arange(len(count)), count + 1)[_deviation(limits, found) > blend]] = True
+        if not far.any():
+            break
+        count = np.where(far, 2 * count + 1, count)  # halves, so that knots stay knots
+    return found
+
+
+def _deviation(limits: MotionLimits, timed: Motion) -> Array:
+    """Upper bound for any point's distance on the splines from each segment, (n - 1,) [m]."""
+    path = path_of(limits.robot, timed)
+    segment = np.flatnonzero(path.lengths > 0)
+    spline, off = time_spline(path, timed.time), np.zeros(len(timed) - 1)
+    change = np.column_stack([np.diff(path.base, axis=0), np.diff(path.joints, axis=0)])[segment]
+    start = np.column_stack([path.base, path.joints])[segment]
+    for share in CHECKED_SHARES[1:-1]:
+        times = timed.time[segment] + share * np.diff(timed.time)[segment]
+        q = spline.evaluate(times).q
+        part = ((q - start) * change).sum(1) / (change**2).sum(1)
+        base = limits.robot.drive.between(path.base[segment], path.base[segment + 1], part)
+        joints = start[:, 3:] + part[:, None] * change[:, 3:]
+        off[segment] = np.maximum(off[segment], limits.displacement_bound(q[:, :3] - base, q[:, 3:] - joints))
+    return off
+
+
+def _excess(limits: MotionLimits, timed: Motion) -> Array:
+    """Factor by which the squared path velocity is too large on each segment, (n - 1,)."""
+    path = path_of(limits.robot, timed)
+    spline, excess = time_spline(path, timed.time), np.zeros(len(timed) - 1)
+    on_path, piece = segments_on_path(timed), np.arange(len(spline.segments))
+    for share in CHECKED_SHARES:
+        times = spline.instants[:-1] + share * np.diff(spline.instants)
+        q, velocity, acceleration, jerk = spline.evaluate(times, piece)
+        factor = limits.slowdown(q, velocity, acceleration, on_path[spline.segments], jerk)
+        np.maximum.at(excess, spline.segments, factor**2)
+    return excess
+
+
+def _on_segments(position: Array, places: Array, values: Array) -> Array:
+    """Largest of the values of segments between ``places`` over segments between path positions."""
+    cuts = np.unique(np.concatenate([position, places]))
+    middle = (cuts[1:] + cuts[:-1]) / 2
+    found = np.ones(len(position) - 1)
+    here, there = (np.searchsorted(ends, middle, side="right") - 1 for ends in (position, places))
+    np.maximum.at(found, here, values[np.clip(there, 0, len(values) - 1)])
+    return found
