@@ -131,7 +131,7 @@ def _moved(
         places[k, 0] = np.hypot(tools[k, 0, 3], tools[k, 1, 3])
         places[k, 1] = (azimuth - spin - np.pi) % (2 * np.pi)
         postures[k, pivot] -= azimuth
-        there = aim_at(aim, places[k, 0], places[k, 1])
+        there = aim_at(aim, places[k, 0], places[k, 1], places[k, 1] + np.pi)
         error, angle, _ = polish(arm, there, postures[k], within.reach, within.error, within.angle, STEPS)
         met[k] = error <= within.error and angle <= within.angle
     return met
@@ -153,12 +153,14 @@ def _nearest_spin(tool: Array, aim: Aim) -> float:
 
 
 @compiled
-def aim_at(aim: Aim, distance: float, bearing: float) -> Aim:
-    """An aim as an arm sees it whose base frame faces it, from a distance [m] and a bearing [rad]."""
-    c, s = np.cos(-bearing - np.pi), np.sin(-bearing - np.pi)
+def aim_at(aim: Aim, distance: float, bearing: float, yaw: float) -> Aim:
+    """An aim as an arm sees it from a distance [m] and a bearing [rad], its base frame at a heading [rad]."""
+    c, s = np.cos(-yaw), np.sin(-yaw)
     turn = np.empty((3, 3))
     for i in range(3):
         turn[0, i] = c * aim.turn[0, i] - s * aim.turn[1, i]
         turn[1, i] = s * aim.turn[0, i] + c * aim.turn[1, i]
         turn[2, i] = aim.turn[2, i]
-    return Aim(np.array([distance, 0.0, aim.position[2]]), aim.kind, turn, aim.cone)
+    away = bearing + np.pi - yaw
+    position = np.array([distance * np.cos(away), distance * np.sin(away), aim.position[2]])
+    return Aim(position, aim.kind, turn, aim.cone)
