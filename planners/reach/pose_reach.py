@@ -36,7 +36,7 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
 
 DISTANCES, BEARINGS = 18, 32  # cells of the grid
-FINER = 3  # times as many cells, where the reach is thin
+FINER = (3, 9)  # times as many cells, while the reach is thin
 SMALL = 0.25  # share of the grid found, below which more samples are tried
 THIN = 0.25  # whole cells for each posture found, below which the reach counts as thin
 STEPS = 8  # of damped least squares from a neighbour
@@ -138,8 +138,10 @@ def _sampled(
         if np.count_nonzero(grid.found) >= SMALL * grid.found.size:
             break
     cells = _cells(grid)
-    if len(seeds[0]) and cells.whole < THIN * np.count_nonzero(grid.found):
-        grid = _grid(arm, aim, within, far, FINER, kept)
+    for finer in FINER if len(seeds[0]) else ():
+        if cells.whole >= max(1.0, THIN * np.count_nonzero(grid.found)):
+            break
+        grid = _grid(arm, aim, within, far, finer, kept)
         _fill(grid, *seeds)
         cells = _cells(grid)
     r, b = np.nonzero(grid.found)
