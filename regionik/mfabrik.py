@@ -92,7 +92,7 @@ class Solver:
             raise InputError(f"solver: tolerance must be above 0, got {self.tolerance}")
         if self.heading not in HEADINGS:
             raise InputError(f"solver: heading must be one of {', '.join(HEADINGS)}, got {self.heading}")
-        model, turns = reach_model(self._kept, "point"), not self._bound
+        model, turns = reach_model(self._kept, "point"), self._turns
         arm = model.solver(self.family, self.tolerance, turns=turns, criteria=self.criteria)
         object.__setattr__(self, "_model", model)
         object.__setattr__(self, "_arm", arm)
@@ -227,7 +227,7 @@ class Solver:
         model = reach_model(self._kept, goal_of(target))
         if model is self._model:
             return self._arm
-        return model.solver(self.family, self.tolerance, turns=not self._bound)
+        return model.solver(self.family, self.tolerance, turns=self._turns)
 
     def _yaw(self, base: Array) -> float:
         """Heading of the arm's base frame."""
@@ -236,8 +236,13 @@ class Solver:
 
     @property
     def _bound(self) -> bool:
-        """True where the base must keep one heading."""
+        """True where the base must take one heading, whichever it has."""
         return self.heading != "fixed" and self.span[0] == self.span[1]
+
+    @property
+    def _turns(self) -> bool:
+        """True where the base turns for the arm."""
+        return self.heading != "fixed" and not self._bound
 
     @property
     def _kept(self) -> Robot:

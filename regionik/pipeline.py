@@ -8,7 +8,6 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
-from regionik.areas.reachable import heeds_headings
 from regionik.explain import failures
 from regionik.explain.questions import ArmQuestion, Oracles, PathQuestion
 from regionik.explain.why import explained, explained_target, target_name
@@ -277,14 +276,8 @@ def _check_stops(world: World) -> None:
 
 
 def _check_areas(world: World) -> None:
-    """Refuse robots and rules that areas and M-FABRIK do not cover."""
+    """Refuse robots that areas do not cover."""
     reach_bound(world.robot.chain)
-    if world.rules.heading == "fixed" and not heeds_headings(world):
-        raise InputError(
-            f"{world.name}: rules.heading: fixed can be planned only for an arm in one vertical plane, "
-            "its tool along the last link where a direction is asked, or with a pivot that turns all round, "
-            "valid choices: free, face_target"
-        )
 
 
 def _finished(

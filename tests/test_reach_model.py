@@ -1,5 +1,6 @@
 """Models of reach: which arm gets which, and what they promise of each other."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -11,24 +12,27 @@ from regionik.areas.reach_model import ReachModel
 from regionik.areas.reachable import (
     PivotedReach,
     PosedReach,
-    heeds_headings,
     model_of,
     reach_model,
     reach_rows,
 )
+from regionik.mfabrik import solver_for
+from regionik.moving.configuration_sampling import spread
 from regionik.pipeline import plan
 from regionik.planners.solvers.damped_least_squares import DIRECTION
 from regionik.postures.arm import Goal, aim_of, goal_of
 from regionik.postures.families import BACK, FRONT, Family
 from regionik.postures.planar_solver import PlanarSolver
+from regionik.postures.poses import axis_of, pose_of
 from regionik.postures.serial_solver import SerialSolver
+from regionik.regions import admissible_area
 from regionik.verification.verifier import verify
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain, rot_x
 from regionik.worlds.criteria import Criteria
 from regionik.worlds.errors import InputError
 from regionik.worlds.robot import Robot
-from regionik.worlds.scene import Floor, Rules, Target, World
+from regionik.worlds.scene import Floor, Rules, Start, Target, World
 
 GOALS: tuple[Goal, ...] = ("point", "direction", "orientation")
 FLOOR = Floor(shapely.box(-2, -2, 2, 2))
@@ -47,7 +51,8 @@ def bounded(robot: Robot, half: float) -> Robot:
 
 
 def traits(model: ReachModel) -> set[str]:
-    return {name for name in ("exact", "proven", "exhaustible", "shows_all_postures") if getattr(model, name)}
+    found = {name for name in ("exact", "exhaustible", "shows_all_postures") if getattr(model, name)}
+    return found | ({"proven"} if model.is_proven(Rules()) else set())
 
 
 def targets(position: tuple[float, float, float]) -> dict[Goal, Target]:
@@ -127,18 +132,36 @@ def test_rows_of_mixed_goals_are_those_of_each() -> None:
         assert tuple(families[k] for k in np.flatnonzero(which == i)) == some
 
 
-@pytest.mark.parametrize("heading", ["free", "fixed"])
-def test_headings_are_heeded_by_arms_in_a_plane_and_by_pivots_that_turn_all_round(heading: str) -> None:
-    rules, spot = Rules(heading=heading), (Target(np.array([0.1, 0.0, 0.3])),)  # type: ignore[arg-type]
-    for robot, heeds in (
-        (robot_named("pioneer7"), True),
-        (bounded(robot_named("pioneer7"), np.pi), True),
-        (bounded(robot_named("pioneer7"), 1.0), False),
-        (bounded(robot_named("youbot"), 1.0), True),
-    ):
-        assert heeds_headings(World("test", robot, FLOOR, task=spot, rules=rules)) == heeds
-    crossed = (targets((0.1, 0.0, 0.3))["direction"],)
-    assert not heeds_headings(World("test", across(bounded(robot_named("youbot"), 1.0)), FLOOR, task=crossed))
+def still(robot: Robot) -> Robot:
+    """The robot with its arm on a first axis that leans."""
+    first, *others = robot.chain.joints
+    leaning = replace(first, T_parent_joint=rot_x(0.3) @ first.T_parent_joint)
+    return replace(robot, chain=Chain((leaning, *others), robot.chain.T_last_tool))
+
+
+@pytest.mark.parametrize("yaw", [0.0, 2.0])
+@pytest.mark.parametrize("kind", ["point", "direction"])
+@pytest.mark.parametrize("arm", [lambda robot: bounded(robot, 0.6), still])
+def test_areas_at_a_fixed_heading_hold_postures_within_the_limits(
+    arm: Callable[[Robot], Robot], kind: str, yaw: float
+) -> None:
+    """Such headings were refused. From places all over the area the arm reaches, the base as it stands."""
+    robot = arm(robot_named("pioneer7"))
+    base = np.array([0.3, -0.2, yaw])
+    q = np.clip(robot.carry + 0.2, robot.chain.lower, robot.chain.upper)
+    tool = robot.tool(base, q)
+    target = Target(tool[:3, 3], direction=tool[:3, 2] if kind == "direction" else None, cone=0.2)
+    world = World("test", robot, FLOOR, task=(target,), rules=Rules(heading="fixed"), start=Start(base, q))
+    area = admissible_area(world, target).inner
+    assert area.distance(shapely.Point(axis_of(robot, base))) < 0.03
+    solver = replace(solver_for(world, Family(FRONT)), span=(yaw, yaw))
+    places = spread(area, 12, 0)
+    met = [solver.self_motion(target, pose_of(robot, place, yaw), q, 24) for place in places]
+    assert sum(map(bool, met)) >= 0.9 * len(places)
+    for found in (one for some in met for one in some):
+        assert found.base[2] == pytest.approx(yaw)
+        assert (robot.chain.lower - 1e-9 <= found.joints).all()
+        assert (found.joints <= robot.chain.upper + 1e-9).all()
 
 
 def test_a_pivot_that_turns_once_round_plans_with_a_fixed_heading() -> None:

@@ -124,6 +124,24 @@ def test_sampled_ways_in_a_narrow_place(heading: Heading) -> None:
         assert max(abs(pose.base[2]) for pose in way) < 1e-5
 
 
+def test_the_arm_of_a_base_on_wheels_is_led_round_things(monkeypatch: pytest.MonkeyPatch) -> None:
+    """From under a lid it cannot fold straight away, nor the base draw back: no way was looked for."""
+    monkeypatch.setattr(transit, "WITHDRAWALS", (0.0,))
+    lid = Box("lid", np.array([0.6, 0.6, 0.02]), np.array([0.6, 0.0, 0.4]))
+    world = world_of("youbot", lid)
+    world = replace(world, robot=replace(world.robot, base="differential"))
+    here = Pose(np.array([0.25, 0.0, 0.0]), np.array([0.0, 0.3, 0.0, 1.2, 0.0]))
+    there = posed(world, np.array([-0.8, 0.5, 0.0]))
+    assert carrier(world).folded(here, there, 0) is None
+    one, again = carrier(world), carrier(world)
+    way, same = one.sampled(here, there, 0), again.sampled(here, there, 0)
+    assert way is not None
+    assert same is not None
+    check(world, here, way, there)
+    assert one.driver.methods["arm alone"] == 1
+    assert [pose.joints.tolist() for pose in same] == [pose.joints.tolist() for pose in way]
+
+
 def test_no_way_out_of_a_pen(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(transit, "ITERATIONS", 100)
     pen = tuple(

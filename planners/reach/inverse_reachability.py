@@ -23,7 +23,7 @@ from regionik.planners.solvers.multistart_ik import spread_postures
 from regionik.planners.solvers.serial_chain import SerialArm, serial_arm
 from regionik.worlds.arms import pivot_index
 from regionik.worlds.arrays import Array
-from regionik.worlds.chain import Chain
+from regionik.worlds.chain import Chain, Joint
 
 SAMPLES = 4096
 NEAREST, MORE = 128, 512  # that are moved to a pose; so many where the reach is small
@@ -106,12 +106,20 @@ def posture_seeds(
     places : (k, 2) array
         Distance of pivot axis and tool [m], and bearing of the pivot axis as seen from the tool [rad].
     """
-    arm = serial_arm(chain)
     chosen = nearest_samples(samples, rise, aim, count)
     postures, places = samples.postures[chosen], np.empty((len(chosen), 2))
     level = Aim(np.array([0.0, 0.0, rise]), aim.kind, aim.turn, aim.cone)
-    met = _moved(arm, level, samples.tools[chosen], within, pivot_index(chain), postures, places)
+    met = _moved(_sliding(chain), level, samples.tools[chosen], within, pivot_index(chain), postures, places)
     return postures[met], places[met]
+
+
+@lru_cache(maxsize=32)
+def _sliding(chain: Chain) -> SerialArm:
+    """A chain on two slides without limits, which take its base frame along x and y."""
+    x, y, _ = np.eye(3)
+    ways = (("(base x)", x), ("(base y)", y))
+    slides = [Joint(name, "prismatic", -np.inf, np.inf, np.eye(4), axis) for name, axis in ways]
+    return serial_arm(Chain((*slides, *chain.joints), chain.T_last_tool))
 
 
 @compiled
@@ -124,17 +132,27 @@ def _moved(
     postures: Array,
     places: Array,
 ) -> NDArray[np.bool_]:
-    """Move postures to an aim, each where it is nearest to it; they and the places are overwritten."""
-    met = np.zeros(len(postures), dtype=np.bool_)
+    """Move postures to an aim, each where it is nearest to it; they and the places are overwritten.
+
+    The base goes along, on the two slides that the arm begins with: of an arm of few joints only some places
+    meet the aim.
+    """
+    met, joints = np.zeros(len(postures), dtype=np.bool_), np.zeros(len(arm.axis))
     for k in range(len(postures)):
         spin = _nearest_spin(tools[k], aim)
         azimuth = math.atan2(tools[k, 1, 3], tools[k, 0, 3])
         places[k, 0] = np.hypot(tools[k, 0, 3], tools[k, 1, 3])
         places[k, 1] = (azimuth - spin - np.pi) % (2 * np.pi)
         postures[k, pivot] -= azimuth
-        there = aim_at(aim, places[k, 0], places[k, 1])
-        error, angle, _ = polish(arm, there, postures[k], within.reach, within.error, within.angle, STEPS)
+        there = aim_at(aim, places[k, 0], places[k, 1], places[k, 1] + np.pi)
+        joints[:2], joints[2:] = 0.0, postures[k]
+        error, angle, _ = polish(arm, there, joints, within.reach, within.error, within.angle, STEPS)
         met[k] = error <= within.error and angle <= within.angle
+        dx, dy = places[k, 0] - joints[0], -joints[1]  # the tool as seen from where the base has come to
+        turn = np.arctan2(dy, dx)
+        places[k, 0], places[k, 1] = np.hypot(dx, dy), (places[k, 1] + turn) % (2 * np.pi)
+        postures[k] = joints[2:]
+        postures[k, pivot] -= turn
     return met
 
 
@@ -154,12 +172,14 @@ def _nearest_spin(tool: Array, aim: Aim) -> float:
 
 
 @compiled
-def aim_at(aim: Aim, distance: float, bearing: float) -> Aim:
-    """An aim as an arm sees it whose base frame faces it, from a distance [m] and a bearing [rad]."""
-    c, s = math.cos(-bearing - np.pi), math.sin(-bearing - np.pi)
+def aim_at(aim: Aim, distance: float, bearing: float, yaw: float) -> Aim:
+    """An aim as an arm sees it from a distance [m] and a bearing [rad], its base frame at a heading [rad]."""
+    c, s = math.cos(-yaw), math.sin(-yaw)
     turn = np.empty((3, 3))
     for i in range(3):
         turn[0, i] = c * aim.turn[0, i] - s * aim.turn[1, i]
         turn[1, i] = s * aim.turn[0, i] + c * aim.turn[1, i]
         turn[2, i] = aim.turn[2, i]
-    return Aim(np.array([distance, 0.0, aim.position[2]]), aim.kind, turn, aim.cone)
+    away = bearing + np.pi - yaw
+    position = np.array([distance * math.cos(away), distance * math.sin(away), aim.position[2]])
+    return Aim(position, aim.kind, turn, aim.cone)

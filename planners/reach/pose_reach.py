@@ -1,10 +1,10 @@
-"""Reach of any arm for a tool direction or orientation, sampled on a polar grid about the target.
+"""Reach of any arm for a tool direction or orientation, or at one heading, sampled on a polar grid.
 
-Samples of the arm's postures are moved to the target (`inverse_reachability`); from each that meets it, and
-from each grid point found, damped least squares leads on to the neighbours, so that the postures of one area
-are connected as far as they can be. Where a grid point is found and its neighbour is not, the edge is halved
-a few times. A cell, cut at these points, counts where a posture was found at its corners and in its middle:
-this is sampled, not proven.
+The grid lies about the target. Samples of the arm's postures are moved to it (`inverse_reachability`); from
+each that meets it, and from each grid point found, damped least squares leads on to the neighbours, so that
+the postures of one area are connected as far as they can be. Where a grid point is found and its neighbour is
+not, the edge is halved a few times. A cell, cut at these points, counts where a posture was found at its
+corners and in its middle: this is sampled, not proven.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from regionik.planners.reach.inverse_reachability import (
     posture_seeds,
 )
 from regionik.planners.reach.polar_cells import PolarCells
-from regionik.planners.solvers.damped_least_squares import DIRECTION, Aim, polish
+from regionik.planners.solvers.damped_least_squares import DIRECTION, POSITION, Aim, polish
 from regionik.planners.solvers.rigid_bodies import span
 from regionik.planners.solvers.serial_chain import SerialArm, serial_arm
 from regionik.worlds.arms import pivot_index, reach_bound
@@ -36,13 +36,15 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
 
 DISTANCES, BEARINGS = 18, 32  # cells of the grid
-FINER = 3  # times as many cells, where the reach is thin
+FINER = (3, 9)  # times as many cells, while the reach is thin
 SMALL = 0.25  # share of the grid found, below which more samples are tried
 THIN = 0.25  # whole cells for each posture found, below which the reach counts as thin
 STEPS = 8  # of damped least squares from a neighbour
 HALVINGS = 3  # of an edge at the rim
 TOLERANCE = 1e-4  # [m]
 ANGLE_SHARE = 0.1  # of the cone, which a posture may miss it by
+TURNED = 0.5  # about the vertical, by which samples may miss a heading that is kept [rad]
+GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)  # multiples of it, but for whole ones, are spread evenly
 DIGITS = 12  # of a turn: targets that differ by less are one
 
 Mask = NDArray[np.bool_]
@@ -70,15 +72,15 @@ class PoseReach:
 
 
 class _Sampled(NamedTuple):
-    """Reach of a target at the origin, its axis along +x as seen from above."""
+    """Reach of a target at the origin: its axis along +x as seen from above, or the heading kept zero."""
 
     places: Array  # (m, 2) distance [m] and bearing [rad]
-    postures: Array  # (m, dof) from an arm's base frame that faces the target
+    postures: Array  # (m, dof) from an arm's base frame that faces the target, or at the heading kept
     area: BaseGeometry
 
 
-def pose_reach(chain: Chain, height: float, aim: Aim) -> PoseReach:
-    """Return the places of the pivot axis from which some posture meets an aim; the pivot has no limits.
+def pose_reach(chain: Chain, height: float, aim: Aim, heading: float | None = None) -> PoseReach:
+    """Return the places of the pivot axis from which some posture meets an aim.
 
     Parameters
     ----------
@@ -86,44 +88,60 @@ def pose_reach(chain: Chain, height: float, aim: Aim) -> PoseReach:
     height : float
         Of the arm's base frame over the floor [m].
     aim : Aim
-        In the world, of kind DIRECTION or ORIENTATION.
+        In the world; of kind POSITION only with a heading.
+    heading : float, optional
+        That the arm's base frame keeps, the pivot within its limits; without, the base turns for the pivot,
+        which has none [rad].
     """
-    turn, azimuth = _level(aim)
+    kept = heading is not None
+    turn, azimuth = _level(aim) if heading is None else (_about_vertical(-heading) @ aim.turn, heading)
     key = tuple(np.round(turn, DIGITS).ravel().tolist())
-    found = _sampled(chain, round(float(aim.position[2]) - height, DIGITS), aim.kind, key, float(aim.cone))
+    rise = round(float(aim.position[2]) - height, DIGITS)
+    found = _sampled(chain, rise, aim.kind, key, float(aim.cone), kept)
     away = azimuth + found.places[:, 1]
     places = aim.position[:2] + found.places[:, :1] * np.column_stack([np.cos(away), np.sin(away)])
     c, s = np.cos(azimuth), np.sin(azimuth)
     area = transform(found.area, lambda p: p @ np.array([[c, s], [-s, c]]) + aim.position[:2])
-    return PoseReach(places, away + np.pi, found.postures, area)
+    yaws = np.full(len(places), heading) if kept else away + np.pi
+    return PoseReach(places, yaws, found.postures, area)
 
 
 def _level(aim: Aim) -> tuple[Array, float]:
     """The aim's turn, brought about the vertical to azimuth zero, and its azimuth."""
     lead = aim.turn[:, 2] if np.hypot(*aim.turn[:2, 2]) > 1e-9 else aim.turn[:, 0]
     azimuth = float(np.arctan2(lead[1], lead[0]))
-    c, s = np.cos(-azimuth), np.sin(-azimuth)
-    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]) @ aim.turn, azimuth
+    return _about_vertical(-azimuth) @ aim.turn, azimuth
+
+
+def _about_vertical(angle: float) -> Array:
+    """Rotation (3, 3) about the vertical."""
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
 @lru_cache(maxsize=4096)  # some 20 kB each
-def _sampled(chain: Chain, rise: float, kind: int, key: tuple[float, ...], cone: float) -> _Sampled:
+def _sampled(
+    chain: Chain, rise: float, kind: int, key: tuple[float, ...], cone: float, kept: bool
+) -> _Sampled:
     endless = _endless(chain)
-    arm = serial_arm(endless)
+    arm = serial_arm(chain if kept else endless)
     within = Tolerances(TOLERANCE, max(ANGLE_SHARE * cone, 1e-9), span(arm))
     aim = Aim(np.array([0.0, 0.0, rise]), kind, np.array(key).reshape(3, 3), cone)
     samples = posture_samples(endless, within.reach)
     bound = reach_bound(chain)
     far = bound.radius + np.sqrt(max(bound.length**2 - (rise - bound.height) ** 2, 0.0))
-    grid = _grid(arm, aim, within, far, 1)
-    for count in (NEAREST, MORE):
+    grid = _grid(arm, aim, within, far, 1, kept)
+    for count in (MORE,) if kept else (NEAREST, MORE):
         seeds = posture_seeds(endless, samples, rise, aim, within, count)
+        seeds = _at_heading(chain, aim, *seeds) if kept else seeds
         _fill(grid, *seeds)
         if np.count_nonzero(grid.found) >= SMALL * grid.found.size:
             break
     cells = _cells(grid)
-    if len(seeds[0]) and cells.whole < THIN * np.count_nonzero(grid.found):
-        grid = _grid(arm, aim, within, far, FINER)
+    for finer in FINER if len(seeds[0]) else ():
+        if cells.whole >= max(1.0, THIN * np.count_nonzero(grid.found)):
+            break
+        grid = _grid(arm, aim, within, far, finer, kept)
         _fill(grid, *seeds)
         cells = _cells(grid)
     r, b = np.nonzero(grid.found)
@@ -139,6 +157,26 @@ def _endless(chain: Chain) -> Chain:
     return Chain(tuple(joints), chain.T_last_tool)
 
 
+def _at_heading(chain: Chain, aim: Aim, postures: Array, places: Array) -> tuple[Array, Array]:
+    """Seeds as of `posture_seeds` for a base frame at heading zero, their pivot within its limits.
+
+    A point is met at any turn of the whole arm about the vertical through it, a pose nearly at a small one.
+    """
+    pivot = pivot_index(chain)
+    lower, upper = float(chain.lower[pivot]), float(chain.upper[pivot])
+    turned = postures[:, pivot] + places[:, 1] + np.pi
+    if aim.kind == POSITION:
+        fitting = lower + (GOLDEN * np.arange(len(postures))) % 1.0 * (upper - lower)
+    else:
+        middle = (lower + upper) / 2
+        turned = middle + np.remainder(turned - middle + np.pi, 2 * np.pi) - np.pi
+        fitting = np.clip(turned, lower, upper)
+    near = (np.abs(fitting - turned) <= TURNED) | (aim.kind == POSITION)
+    postures, places = postures.copy(), places.copy()
+    postures[:, pivot], places[:, 1] = fitting, np.mod(places[:, 1] + fitting - turned, 2 * np.pi)
+    return postures[near], places[near]
+
+
 class _Grid(NamedTuple):
     """Poses found about a target, by distance and bearing of the pivot axis.
 
@@ -151,12 +189,13 @@ class _Grid(NamedTuple):
     distances: Array  # (r,) [m]
     bearings: Array  # (b,) [rad]
     found: Mask  # (r, b) overwritten
-    postures: Array  # (r, b, n) overwritten, from an arm's base frame that faces the target
+    postures: Array  # (r, b, n) overwritten, from an arm's base frame that faces the target, or as it is kept
+    kept: bool  # at heading zero
 
 
-def _grid(arm: SerialArm, aim: Aim, within: Tolerances, far: float, finer: int) -> _Grid:
+def _grid(arm: SerialArm, aim: Aim, within: Tolerances, far: float, finer: int, kept: bool) -> _Grid:
     """An empty grid, its cells divided."""
-    round_about = aim.kind == DIRECTION and np.hypot(*aim.turn[:2, 2]) < 1e-9
+    round_about = not kept and aim.kind == DIRECTION and np.hypot(*aim.turn[:2, 2]) < 1e-9
     rows, columns = DISTANCES * finer + 1, 1 if round_about else BEARINGS * finer
     return _Grid(
         arm,
@@ -166,6 +205,7 @@ def _grid(arm: SerialArm, aim: Aim, within: Tolerances, far: float, finer: int) 
         np.linspace(0.0, 2 * np.pi, columns, endpoint=False),
         np.zeros((rows, columns), dtype=np.bool_),
         np.zeros((rows, columns, len(arm.axis))),
+        kept,
     )
 
 
@@ -212,7 +252,8 @@ def _reached(grid: _Grid, i: int, j: int, posture: Array) -> bool:
 
 @compiled
 def _come_to(grid: _Grid, distance: float, bearing: float, joints: Array) -> bool:
-    within, aim = grid.within, aim_at(grid.aim, distance, bearing)
+    within = grid.within
+    aim = aim_at(grid.aim, distance, bearing, 0.0 if grid.kept else bearing + np.pi)
     error, angle, _ = polish(grid.arm, aim, joints, within.reach, within.error, within.angle, STEPS)
     return bool(error <= within.error and angle <= within.angle)
 

@@ -59,10 +59,6 @@ class PlanarReach(ReachModel):
     def exhaustible(self) -> bool:
         return True
 
-    @property
-    def heeds_headings(self) -> bool:
-        return True
-
     @cached_property
     def plane(self) -> PlanarLinkage:
         """The arm for kernels, heights counted from the floor; its arrays are writable, as they expect."""

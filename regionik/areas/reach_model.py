@@ -16,7 +16,7 @@ from regionik.planners.solvers.planar_kinematics import LIMIT_SLACK
 from regionik.planners.solvers.posture_criteria import Thresholds
 from regionik.postures.arm import Arm
 from regionik.postures.families import BACK, FRONT, Family
-from regionik.worlds.arms import pivot_index, with_pivot
+from regionik.worlds.arms import with_pivot
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
 from regionik.worlds.criteria import Criteria, with_joint_margin
@@ -81,8 +81,6 @@ class ReachModel(ABC):
         With the limits that postures must keep.
     exact : bool
         Inner and outer areas are the true reach at every height and cone, but for the chords of circles.
-    proven : bool
-        Every place of an inner area is proven to work.
     shows_all_postures : bool
         The self-motion of the solver shows postures of every kind.
     exhaustible : bool
@@ -92,7 +90,6 @@ class ReachModel(ABC):
     robot: Robot
 
     exact: ClassVar[bool] = False
-    proven: ClassVar[bool] = True
     shows_all_postures: ClassVar[bool] = False
 
     @property
@@ -154,11 +151,9 @@ class ReachModel(ABC):
         """True where areas are the same for a base that keeps its headings within a span."""
         return True
 
-    @property
-    def heeds_headings(self) -> bool:
-        """True where areas hold for a base that keeps its heading, as the pivot turns all round."""
-        pivot = self.chain.joints[pivot_index(self.chain)]
-        return bool(pivot.upper - pivot.lower >= 2 * np.pi)
+    def is_proven(self, rules: Rules) -> bool:
+        """True where every place of an inner area is proven to work."""
+        return True
 
     @property
     def chain(self) -> Chain:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import ClassVar
 
 import numpy as np
 
@@ -98,13 +97,6 @@ def model_of(world: World, target: Target) -> ReachModel:
     return reach_model(with_joint_margin(world.robot, world.rules.criteria), goal_of(target))
 
 
-def heeds_headings(world: World) -> bool:
-    """True where areas of the world's task hold for a base that keeps to some headings."""
-    robot = with_joint_margin(world.robot, world.rules.criteria)
-    goals: set[Goal] = {"point", *map(goal_of, world.task)}
-    return all(reach_model(robot, goal).heeds_headings for goal in goals)
-
-
 def reach_rows(
     world: World,
     targets: Sequence[Target],
@@ -173,7 +165,8 @@ class PivotedReach(ReachModel):
     """Reach of the tool's point of any arm.
 
     R(z) is bounded from within by the distances that walks at the height z pass (`meridian_plane`), and from
-    outside by those that boxes of joint values do not rule out (`outer_bounds`).
+    outside by those that boxes of joint values do not rule out (`outer_bounds`). At a heading that the rules
+    fix, inner areas are sampled on a grid of places (`pose_reach`) where the pivot does not turn all round.
     """
 
     @property
@@ -186,11 +179,29 @@ class PivotedReach(ReachModel):
         Facings do not matter.
         """
         self.thresholds(query.rules.criteria)
-        return self._rings(targets, query)
+        return self._sampled(targets, query) if self._is_sampled(query) else self._rings(targets, query)
 
     def fine_rows(self, target: Target, kinds: Sequence[Family], query: ReachQuery) -> FineRows:
         """See `ReachModel`; of one family only."""
-        return self._rings([target], query)[1:]
+        return (self._sampled if self._is_sampled(query) else self._rings)([target], query)[1:]
+
+    def is_proven(self, rules: Rules) -> bool:
+        """True where the base, or the pivot at a heading that the rules fix, turns all round."""
+        return self.turns_freely(rules, EVERY if rules.heading != "fixed" else (0.0, 0.0))
+
+    def _is_sampled(self, query: ReachQuery) -> bool:
+        """True where a query is answered by cells of a grid."""
+        return query.inner and not self.is_proven(query.rules)
+
+    def _sampled(self, targets: Sequence[Target], query: ReachQuery) -> Rows:
+        bound = not PivotedReach.is_proven(self, query.rules)
+        heading = query.span[0] + float(self.robot.mount[3]) if bound else None
+        shapes = [pose_reach(self.chain, self.height, aim_of(target), heading).area for target in targets]
+        shapes = [shape.buffer(-query.rules.reach_margin, join_style="mitre") for shape in shapes]
+        real = [i for i, shape in enumerate(shapes) if not shape.is_empty]
+        rows = np.empty(len(real), dtype=object)
+        rows[:] = [shapes[i] for i in real]
+        return np.array(real, dtype=np.intp), (Family(FRONT),) * len(real), rows
 
     def _rings(self, targets: Sequence[Target], query: ReachQuery) -> Rows:
         positions = np.array([target.position for target in targets]).reshape(-1, 3)
@@ -285,30 +296,15 @@ class PosedReach(PivotedReach):
 
     planar: bool = False
 
-    proven: ClassVar[bool] = False
-
     @property
     def exhaustible(self) -> bool:
         return self.planar  # a proof for the tool's point is one for its poses
 
-    def rows(self, targets: Sequence[Target], query: ReachQuery) -> Rows:
-        """Cells of the grid, or rings around them; see `ReachModel`."""
-        if not query.inner:
-            return super().rows(targets, query)
-        self.thresholds(query.rules.criteria)
-        return self._sampled(targets, query)
+    def is_proven(self, rules: Rules) -> bool:
+        return False
 
-    def _sampled(self, targets: Sequence[Target], query: ReachQuery) -> Rows:
-        shapes = [pose_reach(self.chain, self.height, aim_of(target)).area for target in targets]
-        shapes = [shape.buffer(-query.rules.reach_margin, join_style="mitre") for shape in shapes]
-        real = [i for i, shape in enumerate(shapes) if not shape.is_empty]
-        rows = np.empty(len(real), dtype=object)
-        rows[:] = [shapes[i] for i in real]
-        return np.array(real, dtype=np.intp), (Family(FRONT),) * len(real), rows
-
-    def fine_rows(self, target: Target, kinds: Sequence[Family], query: ReachQuery) -> FineRows:
-        """Inner areas are those of `rows`; see `ReachModel`."""
-        return self._sampled([target], query)[1:] if query.inner else super().fine_rows(target, kinds, query)
+    def _is_sampled(self, query: ReachQuery) -> bool:
+        return query.inner
 
     @property
     def _refusal(self) -> str:

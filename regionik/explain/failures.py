@@ -90,8 +90,8 @@ def _left_open(world: World, target: Target) -> str:
     """Reasons why inner areas are smaller than outer ones."""
     ground = ground_of(world)
     why = [f"inner areas keep {world.rules.reach_margin:g} m off the edge of reach"]
-    if not model_of(world, target).proven:
-        why.append("places for a tool turned as asked are sampled, pose by pose")
+    if not model_of(world, target).is_proven(world.rules):
+        why.append("places are sampled, pose by pose")
     if world.rules.heading != "fixed" and not turns_matter(world) and ground.far > ground.near:
         why.append(f"the base is taken as the circle of {ground.far:.3f} m about the arm's axis")
     return join(why)

@@ -148,7 +148,7 @@ class TargetQuestion(_OneTarget):
         if model.exact:  # any other arm needs a search for each height
             height = float(target.position[2] - world.robot.mount[2]) - span.height
             yield raise_arm(world, max(0.0, height) + span.length)
-        if model.proven:  # other reach is sampled pose by pose
+        if model.is_proven(world.rules):  # other reach is sampled pose by pose
             yield move_target(world, self.who)
         yield from _obstacles(world, causes)
 

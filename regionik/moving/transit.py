@@ -1,12 +1,14 @@
 """Motion with the tool lifted: the arm is folded, the base drives over free floor, the arm unfolds.
 
-Where nothing so simple gets there, RRTConnect looks for ways of base and arm together.
+Where nothing so simple gets there, RRTConnect looks for ways of base and arm together, unless the base is on
+wheels, then for ways of the arm alone before a drive and after it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from itertools import islice, pairwise, product
 
 import numpy as np
 
@@ -18,12 +20,14 @@ from regionik.postures.arm_guard import Guard
 from regionik.postures.poses import Pose, axis_of, pose_of, turn_to
 from regionik.worlds.arms import pivot_index, with_pivot
 from regionik.worlds.arrays import Array
+from regionik.worlds.chain import Chain
 from regionik.worlds.scene import World
 
 WITHDRAWALS = (0.0, 0.1, 0.2, 0.4, 0.6)  # how far the base draws back before the arm folds [m]
 BERTHS = (0.0, 0.04, 0.08, 0.16)  # kept from the edge of the free floor beyond what the base needs [m]
-ITERATIONS = 3000  # of RRTConnect
+ITERATIONS, ARM_ITERATIONS = 3000, 1000  # of RRTConnect, for the whole robot and for the arm alone
 STRIDE = 1.0  # its longest motion, metres and radians together
+STATIONS = 3  # places to fold at that are looked at, from where the robot is on
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,22 +47,60 @@ class TransitPlanner:
     refusals: list[NoPathError] = field(default_factory=list)
 
     def sampled(self, here: Pose, there: Pose, piece: int) -> list[Pose] | None:
-        """States strictly between two poses, on a way found in the space of the whole robot."""
-        if self.world.robot.drive.rolls:
-            return None
+        """States strictly between two poses, on a way found in the space of the whole robot or of its arm."""
         try:
             lead = self.driver.onto(here, piece)
         except NoPathError:
             return None
         if not self.interpolator.clear(lead):
             return None
-        way = WholeBodyPlanner(self.world, self.interpolator, self.driver, piece).way(lead[-1], there)
+        if self.world.robot.drive.rolls:
+            way, method = None, ""
+        else:
+            way, method = self._whole_body(lead[-1], there, piece), "whole body"
+        if way is None:
+            way, method = self._arm_first(lead[-1], there, piece), "arm alone"
         if way is None:
             return None
-        self.driver.methods["whole body"] = self.driver.methods.get("whole body", 0) + 1
+        self.driver.methods[method] = self.driver.methods.get(method, 0) + 1
+        return [*lead[1:], *way]
+
+    def _whole_body(self, here: Pose, there: Pose, piece: int) -> list[Pose] | None:
+        """States strictly between two poses, base and arm moving together."""
+        way = WholeBodyPlanner(self.world, self.interpolator, self.driver, piece).way(here, there)
+        if way is None:
+            return None
         pairs = zip(way[:-1], way[1:], strict=True)
         rows = [row for a, b in pairs for row in [*(self.driver.direct(a, b, piece) or []), b]]
-        return [*lead[1:], *rows[:-1]]
+        return rows[:-1]
+
+    def _arm_first(self, here: Pose, there: Pose, piece: int) -> list[Pose] | None:
+        """States strictly between two poses: the arm moves, the base drives with it still, the arm moves on.
+
+        The arm is driven as it is carried, or as it is at either end; it moves where the robot stands, or
+        where the base has drawn back to.
+        """
+        arm = ArmPlanner(self.world, self.interpolator, self.driver.seed)
+        leaving, coming = (list(islice(self._stations(at, piece), STATIONS)) for at in (here, there))
+        for joints in (self.world.robot.carry, here.joints, there.joints):
+            for out, back in product(leaving, coming):
+                start, end = Pose(out[-1].base, joints), Pose(back[-1].base, joints)
+                if not (self.guard.clear(start) and self.guard.clear(end)):
+                    continue
+                drive = self._driven(start, end, piece)
+                fold = None if drive is None else arm.way(out[-1], joints)
+                unfold = None if fold is None else arm.way(back[-1], joints)
+                if drive is not None and fold is not None and unfold is not None:
+                    way = [*out, *fold, *drive, *unfold[::-1], *back[::-1]]
+                    return way[1:-1]
+        return None
+
+    def _stations(self, at: Pose, piece: int) -> Iterator[list[Pose]]:
+        """Clear motions of the base with a still arm, from a pose on: none first, then the nearest back."""
+        yield [at]
+        for far in WITHDRAWALS[1:]:
+            ways = ([at, *back] for back in self.driver.retreats(at, far, piece))
+            yield from islice((way for way in ways if self.interpolator.clear(way)), 1)
 
     def folded(self, here: Pose, there: Pose, piece: int) -> list[Pose] | None:
         """States strictly between two poses on one piece of free floor; None where the arm cannot pass so.
@@ -132,6 +174,58 @@ class TransitPlanner:
 
 
 @dataclass(frozen=True, eq=False)
+class ArmPlanner:
+    """The space of the joints, for a base that stands still."""
+
+    world: World
+    interpolator: Interpolator
+    seed: int
+
+    def way(self, here: Pose, joints: Array) -> list[Pose] | None:
+        """States after a pose, to the last with other joints, proven clear; None where none were found."""
+
+        def pose(state: State) -> Pose:
+            return Pose(here.base, np.array([state[i] for i in range(len(joints))]))
+
+        there = Pose(here.base, joints)
+        if np.array_equal(here.joints, joints):
+            return []
+        if self._goes(here, there):
+            return [*arm_states(here, there), there]
+        problem = PlanningProblem(
+            *joint_box(self.world.robot.chain, here.joints, joints), here.joints, joints,
+            lambda state: self.interpolator.guard.clear(pose(state)),
+            lambda p, q: self._goes(pose(p), pose(q)),
+        )  # fmt: skip
+        path = connect(problem, seed=self.seed, iterations=ARM_ITERATIONS, stride=STRIDE)
+        if path is None:
+            return None
+        poses = shortened([Pose(here.base, q) for q in path], self._goes)
+        return [row for a, b in pairwise(poses) for row in [*arm_states(a, b), b]]
+
+    def _goes(self, here: Pose, there: Pose) -> bool:
+        """True if a straight motion keeps the arm clear."""
+        return self.interpolator.clear([here, *arm_states(here, there), there])
+
+
+def joint_box(chain: Chain, start: Array, goal: Array) -> tuple[Array, Array]:
+    """Bounds to sample joints within: their limits, or half a turn beyond both ends."""
+    low, high = np.minimum(start, goal), np.maximum(start, goal)
+    unbounded = ~(np.isfinite(chain.lower) & np.isfinite(chain.upper))
+    return np.where(unbounded, low - np.pi, chain.lower), np.where(unbounded, high + np.pi, chain.upper)
+
+
+def shortened(poses: list[Pose], goes: Callable[[Pose, Pose], bool]) -> list[Pose]:
+    """Poses without those that a straight motion which ``goes`` can leave out."""
+    kept, k = [poses[0]], 0
+    while k < len(poses) - 1:
+        ahead = range(len(poses) - 1, k + 1, -1)
+        k = next((m for m in ahead if goes(poses[k], poses[m])), k + 1)
+        kept.append(poses[k])
+    return kept
+
+
+@dataclass(frozen=True, eq=False)
 class WholeBodyPlanner:
     """The space of arm axis, heading and joints over one piece of free floor, for an omnidirectional base."""
 
@@ -155,21 +249,12 @@ class WholeBodyPlanner:
         path = connect(problem, seed=self.driver.seed, iterations=ITERATIONS, stride=STRIDE)
         if path is None:
             return None
-        return self._shortened([here, *(self._pose(self._read(q)) for q in path[1:-1]), there])
+        return shortened([here, *(self._pose(self._read(q)) for q in path[1:-1]), there], self._goes)
 
     def _goes(self, here: Pose, there: Pose) -> bool:
         """True if a straight motion stays on the free floor and keeps the arm clear."""
         states = self.driver.direct(here, there, self.piece)
         return states is not None and self.interpolator.clear([here, *states, there])
-
-    def _shortened(self, poses: list[Pose]) -> list[Pose]:
-        """Poses without those that a straight motion, proven clear, can leave out."""
-        kept, k = [poses[0]], 0
-        while k < len(poses) - 1:
-            ahead = range(len(poses) - 1, k + 1, -1)
-            k = next((m for m in ahead if self._goes(poses[k], poses[m])), k + 1)
-            kept.append(poses[k])
-        return kept
 
     def _row(self, pose: Pose, near: Pose) -> Array:
         """A pose as axis, heading and joints in one row, the heading within half a turn of another's."""
@@ -189,13 +274,10 @@ class WholeBodyPlanner:
 
     def _box(self, start: Array, goal: Array) -> tuple[Array, Array]:
         """Bounds to sample within: the floor's extent, a turn about the start's heading, joint limits."""
-        chain = self.world.robot.chain
         ends = np.stack([start, goal])
         low, high = ends.min(axis=0), ends.max(axis=0)
         low[:2], high[:2] = self.driver.extent(self.piece)
         if self.world.rules.heading != "fixed":
             low[2], high[2] = start[2] - np.pi, start[2] + np.pi
-        unbounded = ~(np.isfinite(chain.lower) & np.isfinite(chain.upper))
-        low[3:] = np.where(unbounded, low[3:] - np.pi, chain.lower)
-        high[3:] = np.where(unbounded, high[3:] + np.pi, chain.upper)
+        low[3:], high[3:] = joint_box(self.world.robot.chain, start[3:], goal[3:])
         return low, high

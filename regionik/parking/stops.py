@@ -326,6 +326,8 @@ class PlacementSearch:
     ) -> _Heading | None:
         """The heading from which one posture is carried along most set-points."""
         solver = _any_heading_solver(self.world, self.parking_areas.ladder.family[chain[0]])
+        if self.world.rules.heading == "fixed":
+            solver = replace(solver, span=span)
         targets = [self.world.task[i] for i in group.setpoints]
         found = PostureCarrier(self.world, guard_of(self.world), targets).best(solver, axis, span)
         return None if found is None else _Heading(found.base, found.joints, np.inf)
