@@ -230,7 +230,7 @@ def _plan_stops(world: World, seed: int, tell: Progress) -> Plan:
     stops = {**parking.stats, "count": len(done.stops), "split_before": list(done.split)}
     stats: dict[str, Any] = {"stops": stops}
     if world.rules.order == "any":
-        stats["order"] = list(work.order)
+        stats |= {"order": list(work.order), "tour": dict(work.tours)}
     return _verified(_finished(work.world, seed, done.joined, shown, done.stops, stats), tell)
 
 

@@ -25,9 +25,10 @@ from regionik.verification.verifier import verify
 from regionik.view.figure_data import plan_floor
 from regionik.view.plan_picture import picture_of_plan
 from regionik.worlds.bundled import robot_named
+from regionik.worlds.chain import Chain
 from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import InputError, NoPlanFound
-from regionik.worlds.obstacles import Cylinder, Sphere
+from regionik.worlds.obstacles import Box, Cylinder, Sphere
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
 from tests.soaked import soaked_world
 from tests.witnesses import witness
@@ -113,6 +114,51 @@ def test_every_circle_lies_in_every_area(order: str, criterion: str) -> None:
         circle = Point(stop.base[:2]).buffer(stop.tolerance - 1e-6)  # the arm stands on the base's middle
         for i in stop.setpoints:
             assert shapely.union_all(areas.inner[areas.target == i]).covers(circle)
+
+
+CRITERIA = ("tolerance", "clearance", "manipulability", "effort", "distance")
+
+
+def narrow(world: World, half: float) -> World:
+    """The world with a pivot that turns no farther than this to either side."""
+    joints, chain = list(world.robot.chain.joints), world.robot.chain
+    joints[0] = replace(joints[0], lower=-half, upper=half)
+    robot = replace(world.robot, chain=Chain(tuple(joints), chain.T_last_tool))
+    return replace(world, robot=robot)
+
+
+@pytest.mark.parametrize("order", ["given", "any"])
+@pytest.mark.parametrize("seed", range(3))
+def test_the_criterion_chooses_among_fewest_stops(order: str, seed: int) -> None:
+    """A pivot that hardly turns once split stops by one criterion and not by another."""
+    world = narrow(wave(seed, count=10), 1.0)
+    found = [stops(ruled(world, order=order, stop_criterion=criterion)) for criterion in CRITERIA]
+    served = [sorted(stop.setpoints for stop in some) for some in found]
+    assert all(some == served[0] for some in served)
+    assert min(stop.tolerance for some in found for stop in some) >= TAU * 0.999
+
+
+@pytest.mark.parametrize("criterion", ["clearance", "distance"])
+def test_plans_have_as_many_stops_whatever_the_criterion(criterion: str) -> None:
+    world = narrow(wave(0, count=8), 1.0)
+    found, other = (plan(ruled(world, order="any", stop_criterion=one)) for one in ("tolerance", criterion))
+    assert [stop.setpoints for stop in found.stops] == [stop.setpoints for stop in other.stops]
+    tour = found.stats["tour"]
+    assert tour["tool_lower_bound"] <= tour["tool"]
+    assert tour["drive_lower_bound"] <= tour["drive"]
+
+
+def test_stops_on_both_sides_of_a_wall_are_done_side_by_side() -> None:
+    """A straight line through the wall is shorter than the way along it, which the base has to take."""
+    wall = Box("wall", np.array([4.0, 0.02, 0.5]), np.array([0.0, 0.0, 0.25]))
+    spots = [[x, y, 0.3] for x in (-1.8, -0.6, 0.6, 1.8) for y in (-0.3, 0.3)]
+    floor, task = Floor(shapely.box(-3, -1.2, 2, 1.2)), tuple(Target(np.array(spot)) for spot in spots)
+    start = Start(np.array([-2.5, -0.8, 0.0]), robot_named("youbot").carry)
+    rules = replace(STOPS, order="any", stop_tolerance=0.1)
+    world = World("wall", robot_named("youbot"), floor, (wall,), task, rules, start)
+    sides = [int(np.sign(stop.base[1])) for stop in stops(world)]
+    assert set(sides) == {-1, 1}
+    assert np.count_nonzero(np.diff(sides)) == 1
 
 
 def test_any_order_never_needs_more_stops() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -11,20 +12,39 @@ from numpy.typing import ArrayLike, NDArray
 from shapely.geometry import LineString, Point
 from shapely.geometry.base import BaseGeometry
 
+from regionik.planners.coverage.or_opt import improved_tour, one_tree_bound
 from regionik.worlds.arrays import Array
 
 MOST_EXACT = 12  # points whose best order is found by dynamic programming over subsets
-ROUNDS = 50  # of improvement
+ROUNDS = 50  # in which points of a tour through polygons are moved
 GAIN = 1e-12  # below which a tour counts as no shorter [m]
 
 Index = NDArray[np.intp]
 
 
-def shortest_order(distance: ArrayLike, lead: ArrayLike | None = None) -> tuple[list[int], bool]:
-    """Order in which to visit all points, each once, without going back to the first.
+@dataclass(frozen=True)
+class VisitingOrder:
+    """An order in which to visit points, each once, without going back to the first.
 
-    Few points by dynamic programming over subsets (Held and Karp 1962), more by the nearest neighbour from
-    every point, improved by 2-opt (Croes 1958).
+    Attributes
+    ----------
+    order : tuple of int
+    length : float
+        From the start, if there is one, to the last point [m].
+    lower : float
+        No order is shorter [m].
+    """
+
+    order: tuple[int, ...]
+    length: float
+    lower: float
+
+
+def shortest_order(distance: ArrayLike, lead: ArrayLike | None = None) -> VisitingOrder:
+    """Order in which to visit all points, and a lower bound of its length.
+
+    Few points by dynamic programming over subsets (Held and Karp 1962), which is exact; more by local search
+    (`or_opt`) on the closed tour through one node besides, as far from every point as the start is.
 
     Parameters
     ----------
@@ -33,24 +53,39 @@ def shortest_order(distance: ArrayLike, lead: ArrayLike | None = None) -> tuple[
     lead : (n,) array_like, optional
         Distance from the start to each point; 0 by default [m].
 
-    Returns
-    -------
-    order : list of int
-    exact : bool
-        True if the order is proven the shortest.
-
     Examples
     --------
     >>> shortest_order(np.abs(np.subtract.outer([3.0, 1.0, 2.0], [3.0, 1.0, 2.0])))
-    ([1, 2, 0], True)
+    VisitingOrder(order=(1, 2, 0), length=2.0, lower=2.0)
     """
     far = np.asarray(distance, dtype=np.float64)
     first = np.zeros(len(far)) if lead is None else np.asarray(lead, dtype=np.float64)
     if len(far) <= MOST_EXACT:
-        return _held_karp(far, first), True
-    begins = range(len(far)) if lead is None else [int(np.argmin(first))]
-    ways = [_two_opt(_nearest_neighbour(far, begin), far, first) for begin in begins]
-    return min(ways, key=lambda way: _tour_length(way, far, first)), False
+        order = _held_karp(far, first)
+        length = _open_length(order, far, first)
+        return VisitingOrder(tuple(order), length, length)
+    closed = _closed(far, first)
+    tour = improved_tour(closed, 0)
+    tour = np.roll(tour, -int(np.flatnonzero(tour == 0)[0]))
+    order = (tour[:1:-1] if tour[1] == 1 else tour[1:-1]) - 2
+    length = _open_length(order, far, first)
+    shift = closed[0, 1] + closed[1, 2]
+    lower = one_tree_bound(closed, length + shift) - shift
+    return VisitingOrder(tuple(order.tolist()), length, max(0.0, min(length, lower)))
+
+
+def _closed(far: Array, first: Array) -> Array:
+    """Weights of closed tours that stand for open ones: a start, and an end that is no way from any point.
+
+    The way from the end back to the start costs so much less than nothing that all short tours take it.
+    """
+    weights = np.zeros((len(far) + 2, len(far) + 2))
+    longest = float(far.max())
+    weights[0, 2:] = weights[2:, 0] = first
+    weights[1, 2:] = weights[2:, 1] = longest  # once in every tour, so that trees have the end for a leaf
+    weights[2:, 2:] = far
+    weights[0, 1] = weights[1, 0] = -4.0 * (longest + float(first.max()) + 1.0)
+    return weights
 
 
 def _held_karp(far: Array, first: Array) -> list[int]:
@@ -75,41 +110,9 @@ def _held_karp(far: Array, first: Array) -> list[int]:
     return order[::-1]
 
 
-def _nearest_neighbour(far: Array, begin: int) -> list[int]:
-    """Order that always goes on to the nearest point left."""
-    left = np.ones(len(far), dtype=bool)
-    order = [begin]
-    left[begin] = False
-    while left.any():
-        order.append(int(np.argmin(np.where(left, far[order[-1]], np.inf))))
-        left[order[-1]] = False
-    return order
-
-
-def _two_opt(order: list[int], far: Array, first: Array) -> list[int]:
-    """Order with parts reversed until that makes it no shorter."""
-    n = len(order)
-    for _ in range(ROUNDS):
-        better = False
-        for i in range(n - 1):
-            way = np.array(order)
-            after = np.append(far[way[i + 1 : -1], way[i + 2 :]], 0.0)  # from each end of a part onwards
-            j = np.arange(i + 1, n)
-            enter = first[way] if i == 0 else far[way[i - 1]][way]
-            onward = np.array([far[way[i], way[k + 1]] if k + 1 < n else 0.0 for k in j.tolist()])
-            gain = enter[way[i] == way][0] + after - enter[j] - onward
-            best = int(np.argmax(gain))
-            if gain[best] > GAIN:
-                stop = i + 1 + best
-                order = [*order[:i], *order[i : stop + 1][::-1], *order[stop + 1 :]]
-                better = True
-        if not better:
-            break
-    return order
-
-
-def _tour_length(order: list[int], far: Array, first: Array) -> float:
-    return float(first[order[0]] + far[order[:-1], order[1:]].sum())
+def _open_length(order: Sequence[int] | Index, far: Array, first: Array) -> float:
+    way = np.asarray(order, dtype=np.intp)
+    return float(first[way[0]] + far[way[:-1], way[1:]].sum()) if len(way) else 0.0
 
 
 def short_tour(regions: Sequence[BaseGeometry], start: Array | None) -> Array:

@@ -81,6 +81,12 @@ class ParkingAreas:
     narrow: Geometries
     back: tuple[tuple[int, ...], ...]
 
+    @cached_property
+    def floor(self) -> BaseGeometry:
+        """The piece of floor that the base gets to, at any heading."""
+        floor: BaseGeometry = shapely.union_all(self.standing.whole(self.piece))
+        return floor
+
     def groups(self, begin: int = 0) -> list[StopGroup]:
         """Fewest groups of set-points in their order, from one of them on, with their places."""
         return self._groups(begin, self.ladder.count)
@@ -167,7 +173,7 @@ def park_in_order(world: World) -> Parking:
     best: Parking | None = None
     refused: NoPlanFound | None = None
     for standing, facings in ways_to_stand(world):
-        for parking_areas in _parking_areas(world, standing(world), facings):
+        for parking_areas in _parking_areas(world, standing(world), facings, None):
             groups = parking_areas.groups()
             done = groups[-1].setpoints[-1] + 1 if groups else 0
             if done < len(world.task):
@@ -195,7 +201,7 @@ def park_in_any_order(world: World) -> Parking:
     refused: NoPlanFound | None = None
     for standing, facings in list(ways_to_stand(world))[1::2]:
         found: list[Parking] = []
-        for parking_areas in _parking_areas(world, standing(world), facings):
+        for parking_areas in _parking_areas(world, standing(world), facings, None):
             empty = np.flatnonzero(_component_counts(parking_areas) == 0)
             if len(empty):
                 refused = refused or NoPlanFound(no_room(world, int(empty[0]), parking_areas))
@@ -261,9 +267,11 @@ def _assigned(
     return groups
 
 
-def _parking_areas(world: World, standing: Standing, facings: tuple[int, ...]) -> list[ParkingAreas]:
+def _parking_areas(
+    world: World, standing: Standing, facings: tuple[int, ...], known: PathAreas | None
+) -> list[ParkingAreas]:
     """Areas on each piece of floor that the base may be on."""
-    areas = path_areas(world, facings=facings, standing=standing)
+    areas = known or path_areas(world, facings=facings, standing=standing)
     ladder = build_ladder(areas, len(world.task), standing)
     narrow = _shrunk(ladder.component, world, outside=False)
     back: list[list[int]] = [[] for _ in ladder.component]
@@ -280,9 +288,23 @@ def _parking_areas(world: World, standing: Standing, facings: tuple[int, ...]) -
     return found
 
 
-def reordered(world: World, parking_areas: ParkingAreas) -> ParkingAreas:
-    """Parking areas for a world of the same set-points in another order."""
-    found = _parking_areas(world, parking_areas.standing, parking_areas.facings)
+def reordered(world: World, parking_areas: ParkingAreas, order: Sequence[int]) -> ParkingAreas:
+    """Parking areas for a world of the same set-points in another order.
+
+    Parameters
+    ----------
+    world : World
+        Its set-points in that order.
+    parking_areas : ParkingAreas
+    order : sequence of int
+        Index of each as they were.
+    """
+    areas = parking_areas.areas
+    target = np.argsort(order)[areas.target]
+    by = np.argsort(target, kind="stable")
+    family = tuple(areas.family[k] for k in by.tolist())
+    moved = PathAreas(target[by], family, areas.side[by], areas.reach[by], areas.inner[by])
+    found = _parking_areas(world, parking_areas.standing, parking_areas.facings, moved)
     return next(one for one in found if one.piece == parking_areas.piece)
 
 

@@ -24,7 +24,8 @@ from regionik.moving.configuration_sampling import PITCHES
 from regionik.moving.path_search import HARD_TRIES, JoinedMotion, PathSearch, path_search
 from regionik.parking.fewest_stops import StopGroup
 from regionik.parking.held_postures import PostureCarrier
-from regionik.parking.stops import BasePlacement, PlacementSearch, StopSequence
+from regionik.parking.placements import BasePlacement, PlacementSearch
+from regionik.parking.stops import StopSequence
 from regionik.postures.poses import Pose, Row
 from regionik.values import Configuration, Stop
 from regionik.worlds.arrays import Array
@@ -63,14 +64,30 @@ class StopMotion:
 def connect_stops(sequence: StopSequence, seed: int, progress: Progress | None = None) -> StopMotion:
     """Go from stop to stop and do their set-points.
 
+    The stops are found with the place of the largest circle at each; the criterion of the rules then chooses
+    among the places from which the same set-points are done, so that no other number of stops comes of it.
+
     Raises
     ------
     NoPlanFound
         Where the arm touches something in every posture that was looked at, the base finds no way, or
         the tool is lifted more often than the rules allow.
     """
+    tell = progress or (lambda *_: None)
+    found = _connection(sequence.widest(), seed).made(tell)
+    if sequence.world.rules.stop_criterion == "tolerance":
+        return found
+    asked = _connection(sequence.divided([stop.setpoints for stop in found.stops]), seed)
+    try:
+        chosen = asked.made(tell)
+    except NoPlanFound:
+        return found
+    return replace(chosen, split=found.split) if len(chosen.stops) == len(found.stops) else found
+
+
+def _connection(sequence: StopSequence, seed: int) -> _StopConnection:
     search = path_search(sequence.world, sequence.parking_areas.ladder, sequence.parking_areas.standing, seed)
-    return _StopConnection(sequence, search).made(progress or (lambda *_: None))
+    return _StopConnection(sequence, search)
 
 
 @dataclass(frozen=True, eq=False)

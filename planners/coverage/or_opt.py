@@ -1,0 +1,287 @@
+"""Closed tours through all nodes of a weighted graph: local search with kicks, and a bound from 1-trees.
+
+The search is 2-opt (Croes 1958) and Or-opt (Or 1976) over near neighbours, restarted at the ends of random
+double bridges (Martin, Otto and Felten 1991). The bound is that of Held and Karp (1970): a 1-tree under any
+prices of the nodes costs no more than the shortest tour, and subgradient steps raise the prices.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from regionik.planners.kernels import compiled
+from regionik.worlds.arrays import Array
+
+Index = NDArray[np.int64]
+
+NEIGHBOURS = 12  # of a node that it may be joined to
+LONGEST = 3  # of a part that Or-opt moves
+KICKS = 60  # for each node
+SPREAD = 40  # nodes within which a double bridge lies
+GAIN = 1e-10  # below which a tour counts as no shorter
+ASCENTS = 400  # of the prices
+SHRINK = 0.97  # of a step that did not raise the bound
+
+
+def improved_tour(far: Array, seed: int) -> Index:
+    """Return a short closed tour through all nodes, from the nearest-neighbour tour on.
+
+    Parameters
+    ----------
+    far : (n, n) array
+        Symmetric weights, n at least 8.
+    seed : int
+        Of the kicks.
+
+    Returns
+    -------
+    (n,) array of int
+    """
+    n = len(far)
+    near = np.argsort(far + np.diag(np.full(n, np.inf)), axis=1, kind="stable")[:, : min(NEIGHBOURS, n - 1)]
+    tour = _nearest_neighbour(far)
+    rng = np.random.default_rng(seed)
+    cuts = np.sort(rng.integers(1, min(SPREAD, n - 1), (KICKS * n, 3)), axis=1)
+    cuts[:, 0] = rng.integers(0, n, len(cuts))
+    _search(far, np.ascontiguousarray(near), tour, cuts)
+    return tour
+
+
+@compiled
+def one_tree_bound(far: Array, upper: float) -> float:
+    """Lower bound of the length of every closed tour.
+
+    Parameters
+    ----------
+    far : (n, n) array
+        Symmetric.
+    upper : float
+        Length of a tour that is known.
+    """
+    n = len(far)
+    price, best, scale = np.zeros(n), -np.inf, 1.0
+    degree = np.zeros(n, dtype=np.int64)
+    for _ in range(ASCENTS):
+        bound = _one_tree(far, price, degree)
+        off = 0.0
+        for i in range(n):
+            off += (degree[i] - 2) ** 2
+        if bound > best:
+            best = bound
+        else:
+            scale *= SHRINK
+        if off == 0.0 or upper - bound <= GAIN:
+            break
+        step = scale * (upper - bound) / off
+        for i in range(n):
+            price[i] += step * (degree[i] - 2)
+    return best
+
+
+@compiled
+def _one_tree(far: Array, price: Array, degree: Index) -> float:
+    """Least 1-tree under prices, less twice their sum: a tree on all but node 0 (Prim), two edges at 0."""
+    n = len(far)
+    cost, root = np.full(n, np.inf), np.full(n, 1)
+    degree[:] = 0
+    total = -2.0 * price.sum()
+    inside = np.zeros(n, dtype=np.bool_)
+    inside[0] = inside[1] = True
+    for i in range(2, n):
+        cost[i] = far[1, i] + price[1] + price[i]
+    for _ in range(n - 2):
+        k, least = -1, np.inf
+        for i in range(2, n):
+            if not inside[i] and cost[i] < least:
+                k, least = i, cost[i]
+        inside[k] = True
+        total += least
+        degree[k] += 1
+        degree[root[k]] += 1
+        for i in range(2, n):
+            edge = far[k, i] + price[k] + price[i]
+            if not inside[i] and edge < cost[i]:
+                cost[i], root[i] = edge, k
+    for _ in range(2):
+        k, least = -1, np.inf
+        for i in range(1, n):
+            edge = far[0, i] + price[0] + price[i]
+            if inside[i] and edge < least:
+                k, least = i, edge
+        inside[k] = False
+        total += least
+        degree[k] += 1
+        degree[0] += 1
+    return total
+
+
+@compiled
+def _nearest_neighbour(far: Array) -> Index:
+    """Tour that always goes on to the nearest node left."""
+    n = len(far)
+    tour, left = np.zeros(n, dtype=np.int64), np.ones(n, dtype=np.bool_)
+    left[0] = False
+    for m in range(1, n):
+        k, least = -1, np.inf
+        for i in range(n):
+            if left[i] and (k < 0 or far[tour[m - 1], i] < least):
+                k, least = i, far[tour[m - 1], i]
+        tour[m] = k
+        left[k] = False
+    return tour
+
+
+@compiled
+def _search(far: Array, near: Index, tour: Index, cuts: Index) -> None:
+    """Improve a tour, then kick it at each row of cuts and keep what comes out no longer."""
+    n = len(tour)
+    place = np.empty(n, dtype=np.int64)
+    place[tour] = np.arange(n)
+    awake = np.ones(n, dtype=np.bool_)
+    queue = tour.copy()
+    _improve(far, near, tour, place, awake, queue, n)
+    kept, part = tour.copy(), np.empty(SPREAD, dtype=np.int64)
+    for k in range(len(cuts)):
+        first, p, q = cuts[k]
+        if p == q:
+            continue
+        change = _double_bridge(far, tour, place, part, first, p, q)
+        for m, at in enumerate(
+            (first, first + 1, first + q - p, first + q - p + 1, first + q, first + q + 1)
+        ):
+            queue[m] = tour[at % n]
+            awake[queue[m]] = True
+        change -= _improve(far, near, tour, place, awake, queue, 6)
+        if change <= 0.0:
+            kept[:] = tour
+        else:
+            tour[:] = kept
+            for i in range(n):
+                place[kept[i]] = i
+
+
+@compiled
+def _double_bridge(far: Array, tour: Index, place: Index, part: Index, first: int, p: int, q: int) -> float:
+    """Swap the p nodes after a place with those from there up to q after it; how much longer that is."""
+    n = len(tour)
+    a, b = tour[first], tour[(first + 1) % n]
+    c, d = tour[(first + p) % n], tour[(first + p + 1) % n]
+    e, f = tour[(first + q) % n], tour[(first + q + 1) % n]
+    for m in range(q):
+        part[m] = tour[(first + 1 + (m + p) % q) % n]
+    for m in range(q):
+        at = (first + 1 + m) % n
+        tour[at] = part[m]
+        place[part[m]] = at
+    return far[a, d] + far[e, b] + far[c, f] - far[a, b] - far[c, d] - far[e, f]
+
+
+@compiled
+def _improve(
+    far: Array, near: Index, tour: Index, place: Index, awake: NDArray[np.bool_], queue: Index, count: int
+) -> float:
+    """Make the best first move at every node of the queue until none is left; what is gained."""
+    n, first, gained = len(tour), 0, 0.0
+    ends = np.empty(6, dtype=np.int64)
+    while count > 0:
+        a = queue[first]
+        first, count = (first + 1) % n, count - 1
+        awake[a] = False
+        gain = _uncross(far, near, tour, place, a, ends)
+        if gain == 0.0:
+            gain = _move(far, near, tour, place, a, ends)
+        if gain > 0.0:
+            gained += gain
+            for k in ends:
+                if not awake[k]:
+                    awake[k] = True
+                    queue[(first + count) % n] = k
+                    count += 1
+    return gained
+
+
+@compiled
+def _uncross(far: Array, near: Index, tour: Index, place: Index, a: int, ends: Index) -> float:
+    """2-opt at a node: join it to a near one, if that is shorter; what is gained."""
+    n = len(tour)
+    for turn in (1, -1):
+        b = tour[(place[a] + turn) % n]
+        for c in near[a]:
+            if far[a, b] - far[a, c] <= GAIN:
+                break
+            d = tour[(place[c] + turn) % n]
+            gain = far[a, b] + far[c, d] - far[a, c] - far[b, d]
+            if gain > GAIN:
+                if turn == 1:
+                    _reverse(tour, place, place[b], place[c])
+                else:
+                    _reverse(tour, place, place[a], place[d])
+                ends[:] = (a, b, c, d, a, b)
+                return gain
+    return 0.0
+
+
+@compiled
+def _reverse(tour: Index, place: Index, i: int, j: int) -> None:
+    """Reverse the tour from place i on to place j, or, which is the same tour, the rest of it."""
+    n = len(tour)
+    length = (j - i) % n + 1
+    if 2 * length > n:
+        i, j, length = (j + 1) % n, (i - 1) % n, n - length
+    for _ in range(length // 2):
+        tour[i], tour[j] = tour[j], tour[i]
+        place[tour[i]], place[tour[j]] = i, j
+        i, j = (i + 1) % n, (j - 1) % n
+
+
+@compiled
+def _move(far: Array, near: Index, tour: Index, place: Index, a: int, ends: Index) -> float:
+    """Or-opt at a node: move it, with up to two that follow, next to a near one; what is gained."""
+    n = len(tour)
+    for turn in (1, -1):
+        before = tour[(place[a] - turn) % n]
+        for length in range(1, LONGEST + 1):
+            last = tour[(place[a] + turn * (length - 1)) % n]
+            after = tour[(place[last] + turn) % n]
+            off = far[before, a] + far[last, after] - far[before, after]
+            for c in near[a]:
+                if off - far[a, c] <= GAIN:
+                    break
+                if (place[c] - place[a]) * turn % n < length:
+                    continue
+                for side in (1, -1):
+                    d = tour[(place[c] + side) % n]
+                    if (place[d] - place[a]) * turn % n < length:
+                        continue
+                    gain = off + far[c, d] - far[c, a] - far[d, last]
+                    if gain > GAIN:
+                        _insert(tour, place, a, turn, length, c, side)
+                        ends[:] = (before, a, last, after, c, d)
+                        return gain
+    return 0.0
+
+
+@compiled
+def _insert(tour: Index, place: Index, a: int, turn: int, length: int, c: int, side: int) -> None:
+    """Take out the nodes from a on, and put them back beside c on one side, a next to c."""
+    n, start = len(tour), place[a]
+    part = np.empty(length, dtype=np.int64)
+    for m in range(length):
+        part[m] = tour[(start + turn * m) % n]
+    rest, m = np.empty(n, dtype=np.int64), 0
+    for k in range(length, n):  # all others, on from the last of them, in the direction of the part
+        node = tour[(start + turn * k) % n]
+        if node == c and side != turn:
+            for i in range(length):
+                rest[m + i] = part[length - 1 - i]
+            m += length
+        rest[m] = node
+        m += 1
+        if node == c and side == turn:
+            for i in range(length):
+                rest[m + i] = part[i]
+            m += length
+    for k in range(n):
+        tour[k] = rest[k]
+        place[rest[k]] = k

@@ -1,0 +1,327 @@
+"""Best placements of the base at a stop: the place, the heading, and postures that the arm begins from."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+import shapely
+from shapely.geometry import Point
+
+from regionik.areas.reachable import model_of
+from regionik.areas.standing import into_span
+from regionik.mfabrik import Solver, solver_for
+from regionik.moving.configuration_sampling import spread
+from regionik.parking.fewest_stops import ParkingAreas, StopGroup, depth
+from regionik.parking.held_postures import PostureCarrier
+from regionik.planners.solvers.serial_chain import chain_frames, chain_jacobian, serial_arm
+from regionik.postures.arm_guard import guard_of
+from regionik.postures.families import Family
+from regionik.postures.poses import pose_of
+from regionik.values import Configuration, Stop
+from regionik.worlds.arms import pivot_index
+from regionik.worlds.arrays import Array
+from regionik.worlds.scene import World
+
+PLACES = 24  # of a stop that are looked at before the best is bettered
+FINEST = 1e-3  # steps by which it is bettered, at the least [m]
+HEADING = 1e-9  # by which the pivot may be over its limits [rad]
+ROUNDING = 1e-9  # by which a circle may be smaller than asked [m]
+
+
+@dataclass(frozen=True, eq=False)
+class BasePlacement:
+    """Pose of the base at a stop and the set-points that it serves.
+
+    Attributes
+    ----------
+    setpoints, chain : tuple of int
+        Set-points, and the component of each that the base stands in.
+    axis : (2,) array
+        Of the arm [m].
+    base : (3,) array
+        x, y [m], yaw [rad].
+    near : (n, dof) array
+        Posture that the arm begins from at each set-point, its pivot running on from one to the next.
+    tolerance : float
+        Radius of the circle in which all this holds [m].
+    """
+
+    setpoints: tuple[int, ...]
+    chain: tuple[int, ...]
+    axis: Array
+    base: Array
+    near: Array
+    tolerance: float
+
+    def stop(self, world: World) -> Stop:
+        """The placement as a plan tells it."""
+        return Stop(self.base, self.setpoints, self.tolerance, world.rules.stop_criterion)
+
+
+class _Heading(NamedTuple):
+    """Pose of the base at a place, postures (n, dof) at the first n set-points, and room for both [m]."""
+
+    base: Array
+    near: Array
+    room: float
+
+
+@dataclass(frozen=True, eq=False)
+class PlacementSearch:
+    """Search for the placements of a world's stops.
+
+    The set-points that a stop serves do not depend on the criterion of the rules: those of its `widest`
+    placement are served, and the criterion chooses among placements that serve just these.
+    """
+
+    world: World
+    parking_areas: ParkingAreas
+    _widest: dict[StopGroup, BasePlacement | None] = field(default_factory=dict)
+
+    def best(self, group: StopGroup, at: Array | None = None) -> BasePlacement | None:
+        """Best placement of a stop; it serves only the first of the set-points where none serves all.
+
+        None where no posture was found from any place of a sampled area.
+
+        Parameters
+        ----------
+        group : StopGroup
+        at : (2,) array, optional
+            Position of the arm axis that the criterion wants [m].
+        """
+        widest = self.widest(group)
+        if widest is None:
+            return None
+        part, criterion = StopGroup(widest.setpoints, group.places), self.world.rules.stop_criterion
+        if at is not None:
+            return self._served([self.at(part, at, s) for s in part.places], part) or widest
+        if criterion in ("tolerance", "distance"):
+            return widest
+        found = [widest, *(self._best_of_side(part, s) for s in sorted(part.places))]
+        return self._served(found, part)
+
+    def widest(self, group: StopGroup) -> BasePlacement | None:
+        """The placement that serves most set-points, and of those the one with the largest circle found."""
+        if group not in self._widest:
+            found = [one for s in sorted(group.places) for one in self._wide(group, s)]
+            most = max(found, key=lambda one: (len(one.setpoints), one.tolerance), default=None)
+            self._widest[group] = most
+        return self._widest[group]
+
+    def _wide(self, group: StopGroup, side: int) -> list[BasePlacement]:
+        """Placement in the middle of the largest circle of a side; others too where it does not serve all."""
+        area = group.places[side]
+        middle = self.at(group, np.array(shapely.maximum_inscribed_circle(area).coords[0]), side)
+        if middle is not None and len(middle.setpoints) == len(group.setpoints):
+            return [middle]
+        return [one for one in [middle, *self._spread(group, side)] if one is not None]
+
+    def others(self, group: StopGroup) -> Iterator[BasePlacement]:
+        """Yield other placements, spread over a stop."""
+        for s in sorted(group.places):
+            yield from self._spread(group, s)
+
+    def _spread(self, group: StopGroup, side: int) -> Iterator[BasePlacement]:
+        """Yield placements spread over one side of a stop."""
+        for spot in spread(group.places[side], PLACES, 0):
+            placement = self.at(group, spot, side)
+            if placement is not None:
+                yield placement
+
+    def _served(self, found: Sequence[BasePlacement | None], group: StopGroup) -> BasePlacement | None:
+        """Of placements that serve a whole stop the best by the criterion."""
+        whole = [one for one in found if one is not None and len(one.setpoints) == len(group.setpoints)]
+        return max(whole, key=self._score, default=None)
+
+    def _best_of_side(self, group: StopGroup, side: int) -> BasePlacement | None:
+        """Best placement at one side of those that serve all set-points; None where there is none."""
+        best = self._served(list(self._spread(group, side)), group)
+        return None if best is None else self._refined(group, side, best)
+
+    def _refined(self, group: StopGroup, side: int, placement: BasePlacement) -> BasePlacement:
+        """Best placement by pattern search: ever smaller steps in eight directions."""
+        x0, y0, x1, y1 = group.places[side].bounds
+        step, score = max(x1 - x0, y1 - y0) / 8, self._score(placement)
+        turns = np.arange(8) * np.pi / 4
+        while step > FINEST:
+            for move in step * np.column_stack([np.cos(turns), np.sin(turns)]):
+                other = self.at(group, placement.axis + move, side)
+                if other is not None and len(other.setpoints) == len(group.setpoints):
+                    better = self._score(other)
+                    if better > score + 1e-9:
+                        placement, score = other, better
+                        break
+            else:
+                step /= 2
+        return placement
+
+    def at(self, group: StopGroup, axis: Array, side: int) -> BasePlacement | None:
+        """Placement with the arm axis at a position of a stop; None where it is outside."""
+        if depth(group.places[side], axis) < -1e-9:
+            return None
+        chain = self._chain(group, axis, side)
+        if chain is None:
+            return None
+        span = self.parking_areas.standing.sides[side].span
+        turned = self._by_pivot if self._gives_posture(group) else self._by_carrying
+        held = turned(group, chain, axis, span)
+        if held is None:
+            return None
+        count = len(held.near)
+        room = min(held.room, *(depth(self.parking_areas.ladder.component[k], axis) for k in chain[:count]))
+        return BasePlacement(group.setpoints[:count], chain[:count], axis, held.base, held.near, room)
+
+    def _gives_posture(self, group: StopGroup) -> bool:
+        """True where a place gives the arm its posture at every set-point, but for a few families."""
+        return all(model_of(self.world, self.world.task[i]).exact for i in group.setpoints)
+
+    def _by_pivot(
+        self, group: StopGroup, chain: tuple[int, ...], axis: Array, span: tuple[float, float]
+    ) -> _Heading | None:
+        """The heading that suits the pivot at most set-points."""
+        planes, count = self._planes(group, chain, axis), len(group.setpoints)
+        while True:
+            yaw, pivot, count = self._base_heading(planes[:count], span)
+            if count == 0:
+                return None
+            room = self._pivot_margin(group.setpoints[:count], axis, pivot[:count])
+            if room >= self.world.rules.stop_tolerance - ROUNDING:
+                break
+            count -= 1
+        base = pose_of(self.world.robot, axis, float(np.arctan2(np.sin(yaw), np.cos(yaw))))
+        near = np.tile(self.world.robot.carry, (count, 1))
+        near[:, pivot_index(self.world.robot.chain)] = pivot[:count]
+        return _Heading(base, near, room)
+
+    def _by_carrying(
+        self, group: StopGroup, chain: tuple[int, ...], axis: Array, span: tuple[float, float]
+    ) -> _Heading | None:
+        """The heading from which one posture is carried along most set-points."""
+        solver = _any_heading_solver(self.world, self.parking_areas.ladder.family[chain[0]])
+        if self.world.rules.heading == "fixed":
+            solver = replace(solver, span=span)
+        targets = [self.world.task[i] for i in group.setpoints]
+        found = PostureCarrier(self.world, guard_of(self.world), targets).best(solver, axis, span)
+        return None if found is None else _Heading(found.base, found.joints, np.inf)
+
+    def _chain(self, group: StopGroup, axis: Array, side: int) -> tuple[int, ...] | None:
+        """Deepest component of each set-point around a position, each linked to the next."""
+        ladder, narrow = self.parking_areas.ladder, self.parking_areas.narrow
+        linked = self.world.rules.order == "given"
+        rungs, rows = ladder.rungs, list[dict[int, tuple[float, int]]]()
+        for i in group.setpoints:
+            row: dict[int, tuple[float, int]] = {}
+            for k in range(int(rungs[i]), int(rungs[i + 1])):
+                if ladder.side[k] != side or depth(narrow[k], axis) < -1e-7:
+                    continue
+                room, before = depth(ladder.component[k], axis), -1
+                if rows:
+                    last = rows[-1]
+                    options = [m for m in self.parking_areas.back[k] if m in last] if linked else list(last)
+                    if not options:
+                        continue
+                    before = max(options, key=lambda m: last[m][0])
+                    room = min(room, last[before][0])
+                row[k] = (room, before)
+            if not row:
+                return None
+            rows.append(row)
+        k = max(rows[-1], key=lambda m: rows[-1][m][0])
+        chain = [k]
+        for row in rows[:0:-1]:
+            k = row[k][1]
+            chain.append(k)
+        return tuple(chain[::-1])
+
+    def _planes(self, group: StopGroup, chain: tuple[int, ...], axis: Array) -> Array:
+        """Sum of base yaw and pivot that each set-point asks for, continuous along the path [rad]."""
+        base, pivot = pose_of(self.world.robot, axis, 0.0), pivot_index(self.world.robot.chain)
+        planes = []
+        for i, k in zip(group.setpoints, chain, strict=True):
+            found = self.posture(i, k, base)
+            planes.append(found.base[2] + found.joints[pivot])
+        return np.unwrap(planes) if self.world.rules.order == "given" else _gathered(np.array(planes))
+
+    def posture(self, i: int, k: int, base: Array) -> Configuration:
+        """Posture on set-point i with the arm axis held, whatever the heading."""
+        solver = _any_heading_solver(self.world, self.parking_areas.ladder.family[k])
+        return solver.hold(self.world.task[i], base, self.world.robot.carry)
+
+    def _base_heading(self, planes: Array, span: tuple[float, float]) -> tuple[float, Array, int]:
+        """Heading, pivot values, and number of first set-points within the pivot's limits.
+
+        The pivot is as near as may be to the middle of its limits.
+        """
+        joint = self.world.robot.chain.joints[pivot_index(self.world.robot.chain)]
+        endless = not np.isfinite(joint.upper - joint.lower)
+        middle = 0.0 if endless else (joint.lower + joint.upper) / 2
+        for count in range(len(planes), 0, -1):
+            some = planes[:count]
+            yaw = into_span((some.max() + some.min()) / 2 - middle, span)
+            pivot = some - yaw
+            if joint.lower - HEADING <= pivot.min() and pivot.max() <= joint.upper + HEADING:
+                return float(yaw), planes - yaw, count
+        return 0.0, planes, 0
+
+    def _pivot_margin(self, setpoints: tuple[int, ...], axis: Array, pivot: Array) -> float:
+        """Offset of the base at which the pivot gets to a limit, for arms in one plane [m]."""
+        joint = self.world.robot.chain.joints[pivot_index(self.world.robot.chain)]
+        spots = np.array([self.world.task[i].position[:2] for i in setpoints])
+        left = np.minimum(pivot - joint.lower, joint.upper - pivot)
+        off = np.hypot(*(spots - axis).T) * np.sin(np.clip(left, 0.0, np.pi / 2))
+        return float(np.where(left >= np.pi, np.inf, off).min())
+
+    def _score(self, placement: BasePlacement) -> float:
+        """Score of a placement by the criterion of the rules; higher is better."""
+        criterion = self.world.rules.stop_criterion
+        if criterion == "clearance":
+            side = self.parking_areas.standing.sides[int(self.parking_areas.ladder.side[placement.chain[0]])]
+            return float(shapely.distance(shapely.boundary(side.free), Point(placement.axis)))
+        if criterion in _MEASURES:
+            return min(_MEASURES[criterion](self._jacobian(n, placement)) for n in range(len(placement.near)))
+        return placement.tolerance
+
+    def _jacobian(self, at: int, placement: BasePlacement) -> Array:
+        """Of the tool's velocity by the joints, at a posture on one of the set-points, (3, dof)."""
+        i, joints = placement.setpoints[at], placement.near[at]
+        if model_of(self.world, self.world.task[i]).exact:
+            joints = self.posture(i, placement.chain[at], placement.base).joints
+        arm = serial_arm(self.world.robot.chain)
+        n = len(arm.axis)
+        frames, J = np.empty((n + 1, 4, 4)), np.empty((6, n))
+        chain_frames(arm, joints, frames)
+        chain_jacobian(arm, frames, J)
+        return J[:3]
+
+
+def _volume(J: Array) -> float:
+    """Manipulability sqrt(det J J^T) (Yoshikawa 1985): volume of the velocity ellipsoid but for a factor."""
+    return float(np.sqrt(max(np.linalg.det(J @ J.T), 0.0)))
+
+
+def _load_capacity(J: Array) -> float:
+    """Negative of the largest joint torque for each newton of load at the tool [N m / N]."""
+    return -float(np.abs(J[2]).max())
+
+
+_MEASURES: dict[str, Callable[[Array], float]] = {"manipulability": _volume, "effort": _load_capacity}
+
+
+@lru_cache(maxsize=256)
+def _any_heading_solver(world: World, family: Family) -> Solver:
+    """Solver that takes no heed of the rule of heading."""
+    return replace(solver_for(world, family), heading="free")
+
+
+def _gathered(planes: Array) -> Array:
+    """Angles (n,) by whole turns into the one turn that begins in the middle of their widest gap."""
+    ordered = np.sort(np.mod(planes, 2 * np.pi))
+    gaps = np.diff(np.append(ordered, ordered[0] + 2 * np.pi))
+    widest = int(np.argmax(gaps))
+    across = ordered[widest] + gaps[widest] / 2 + np.pi
+    gathered: Array = across + np.mod(planes - across + np.pi, 2 * np.pi) - np.pi
+    return gathered
