@@ -63,6 +63,45 @@ def test_where_next_to_nothing_is_left_it_is_said() -> None:
     )
 
 
+def telescope(*ways: tuple[float, float, float]) -> Robot:
+    """Tubes of 0.3 m, each of which slides by 0.25 m at most out of the one before."""
+    joints = tuple(
+        Joint(f"j{k}", "prismatic", 0.0, 0.25, np.eye(4), np.array(way)) for k, way in enumerate(ways)
+    )
+    tubes = tuple(
+        LinkBox(k, f"tube {k}", np.eye(4), np.array([0.3, 0.06 - 0.01 * k, 0.06 - 0.01 * k]))
+        for k in range(len(ways))
+    )
+    chain = Chain(joints, np.eye(4))
+    return Robot("telescope", "omni", np.zeros((1, 2)), np.zeros(4), chain, tubes, 0.2, np.zeros(len(ways)))
+
+
+def test_tubes_of_a_telescope_are_not_asked() -> None:
+    along = (1.0, 0.0, 0.0)
+    robot = telescope(along, along, along, along)
+    assert self_collision_pairs(robot) == ((0, 2), (0, 3), (1, 3))
+    pairs, notes = disabled_pairs(robot, bodies(robot))
+    assert pairs == [("tube 0", "tube 2"), ("tube 0", "tube 3"), ("tube 1", "tube 3")]
+    assert notes == []
+
+
+def test_slides_that_cross_are_asked() -> None:
+    """The last tube goes aside, and may run into those before the one that carries it."""
+    along, aside = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
+    robot = telescope(along, along, along, aside)
+    pairs, notes = disabled_pairs(robot, bodies(robot))
+    assert pairs == [("tube 0", "tube 2")]
+    assert notes == []
+
+
+def test_links_that_touch_mostly_are_not_asked_and_told() -> None:
+    robot = arm(1.0, limit=2.2)
+    pairs, (note,) = disabled_pairs(robot, bodies(robot))
+    assert pairs == [("box 0", "box 2")]
+    assert note.endswith("the links themselves in up to 84%: this pair is not checked")
+    assert disabled_pairs(robot, bodies(arm(0.2, limit=2.2))) == ([], [])
+
+
 def test_a_file_names_pairs() -> None:
     youbot = robot_named("youbot")
     names = [solid.name for solid in youbot.solids]

@@ -191,6 +191,16 @@ def test_a_base_without_solids_is_a_point(tmp_path: Path) -> None:
     assert robot.body_height == BODY_HEIGHT
 
 
+def test_a_box_of_no_size_is_nothing(tmp_path: Path) -> None:
+    whole = load_robot(crane(tmp_path), tip="tool")
+    bare = '<collision><geometry><box size="0 0 0"/></geometry></collision>'
+    robot = load_robot(
+        crane(tmp_path, ('<link name="floor"/>', f'<link name="floor">{bare}</link>')), tip="tool"
+    )
+    assert np.array_equal(robot.footprint, whole.footprint)
+    assert len(robot.all_solids) == len(whole.all_solids)
+
+
 def test_outlines_of_many_corners_are_coarser_and_contain_the_fine_one(tmp_path: Path) -> None:
     disc = trimesh.creation.cylinder(radius=0.3, height=0.2, sections=200)
     path = crane(tmp_path, ('<box size="0.6 0.4 0.2"/>', '<mesh filename="meshes/disc.stl"/>'))

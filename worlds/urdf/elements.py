@@ -139,7 +139,8 @@ def _model(root: Element, path: Path) -> UrdfModel:
         place = f"line {element.line}: link {link}"
         if link in links:
             raise InputError(f"{place}: this name is given twice")
-        links[link] = tuple(_shape(solid, link) for solid in element.all("collision"))
+        shapes = (_shape(solid, link) for solid in element.all("collision"))
+        links[link] = tuple(shape for shape in shapes if shape is not None)
         inertial = _inertial(element.first("inertial"), link)
         if inertial is not None:
             inertials[link] = inertial
@@ -241,7 +242,8 @@ def _inertial(element: Element | None, link: str) -> tuple[float, Array] | None:
     return (mass, _origin(element, place)[:3, 3]) if mass > 0 else None
 
 
-def _shape(element: Element, link: str) -> CollisionShape:
+def _shape(element: Element, link: str) -> CollisionShape | None:
+    """Return a collision element; None for a box of no size at all, which some files have in a bare link."""
     place = f"line {element.line}: link {link}"
     geometry = element.first("geometry")
     found = [] if geometry is None else geometry.children
@@ -257,6 +259,8 @@ def _shape(element: Element, link: str) -> CollisionShape:
     for key in _SIZES[kind]:
         count = 3 if kind == "box" else 1
         size += finite_numbers(inner.attributes.get(key, ""), count, f"{place}: {kind} {key}")
+    if kind == "box" and not any(size):
+        return None
     if not min(size) > 0:
         got = join_names(f"{s:g}" for s in size)
         raise InputError(f"{place}: {kind}: every size must be above 0, got {got}")
