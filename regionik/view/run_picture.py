@@ -26,11 +26,11 @@ def picture_of_run(run: SimulatedRun) -> Picture:
         *([run.failure] if run.failure else []),
     )
     planned = tubes(run.reference.T_tool[_frames(len(run.time)), :3, 3], _THIN)
+    shown = SceneMesh("tool/planned", planned, Color.AHEAD, lit=False, label="path of the tool as planned")
     return replace(
         picture,
         facts=(*picture.facts, *facts),
-        legend=(*picture.legend, (Color.AHEAD, "path of the tool as planned")),
-        bodies=(*picture.bodies, SceneMesh("tool/planned", planned, Color.AHEAD, lit=False)),
+        bodies=(*picture.bodies, shown),
     )
 
 
