@@ -195,7 +195,7 @@ def test_a_target_deep_in_a_solid_is_told_before_any_search() -> None:
     world = load_world("free")
     far = with_tool(world.robot, Tool(translation(0.0, 0.0, 0.1)))
     assert far.tip_depth[0] == 0.0
-    middle, side = Target([1.3, 0.1, 0.4]), Target([1.05, 0.1, 0.4])  # 0.3 m deep, and 0.05 m
+    middle, side = (Target(np.array([x, 0.1, 0.4])) for x in (1.3, 1.05))  # 0.3 m deep, and 0.05 m
     asked = replace(world, robot=far, obstacles=(crate,), task=(side, middle))
     found = target_in_solid(asked)
     assert found is not None
@@ -214,15 +214,15 @@ def test_a_target_deep_in_a_solid_is_told_before_any_search() -> None:
 
 
 def test_a_repair_says_which_set_point_it_leaves_out_of_reach() -> None:
-    high = [Target([0.5, 0.0, 0.7]), Target([0.6, 0.0, 0.75])]
-    world = replace(load_world("pillar"), task=(*high, Target([0.6, 0.0, 0.3])))
+    places = np.array([[0.5, 0.0, 0.7], [0.6, 0.0, 0.75], [0.6, 0.0, 0.3]])
+    world = replace(load_world("pillar"), task=tuple(map(Target, places)))
     with pytest.raises(NoPlanFound) as refused:
         plan(world)
     texts = [repair.text for repair in refused.value.explanation.repairs]
     assert texts
     assert all(text.endswith("with which set-point 2 still has no known place") for text in texts)
     with pytest.raises(NoPlanFound) as refused:
-        plan(replace(world, task=(high[0], world.task[2])))
+        plan(replace(world, task=world.task[::2]))
     assert not any("still" in repair.text for repair in refused.value.explanation.repairs)
 
 

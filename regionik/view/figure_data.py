@@ -163,6 +163,7 @@ class FloorView:
     high: Array
     circles: BaseGeometry  # circles in which the base may park at its stops
     driven: bool = True  # ``base_path`` is driven; else it connects stops in their order
+    strong_name: str = "areas for the whole path"
 
     @property
     def width(self) -> float:
@@ -203,6 +204,22 @@ def stops_floor(world: World, stops: Sequence[Stop]) -> FloorView:
         stops=stops,
     )
     return replace(view, driven=False)
+
+
+def world_floor(world: World, area: BaseGeometry | None = None) -> FloorView:
+    """Return the floor of a world as seen from above, with its start and an area of one of its targets."""
+    setpoints = np.array([target.position[:2] for target in world.task]).reshape(-1, 2)
+    base = np.empty((0, 3)) if world.start is None else world.start.base[None]
+    view = _floor_view(
+        world,
+        base=base,
+        areas=() if area is None else (PlannedArea(area, area, Polygon()),),
+        base_path=np.empty((0, 2)),
+        tool_path=setpoints,
+        setpoints=setpoints,
+        stops=(),
+    )
+    return replace(view, strong_name="admissible area")
 
 
 def _floor_view(
@@ -281,6 +298,7 @@ def _from_above(world: World) -> BaseGeometry:
 def _window(floor: Polygon, lines: list[Array]) -> tuple[Array, Array]:
     """Corners of the window: around all points, but not far beyond the floor."""
     points = np.vstack(lines)
+    points = points if len(points) else np.reshape(floor.bounds, (2, 2))
     low, high = points.min(axis=0), points.max(axis=0)
     margin = MARGIN + SHARE * (high - low).max()
     bounds = np.array(floor.bounds)
