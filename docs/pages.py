@@ -37,7 +37,7 @@ SECTIONS = {
         "why",
     ),
     "Time": ("retime", "trajectory", "point_to_point"),
-    "To look at": ("show", "to_html", "plot"),
+    "To look at": ("show", "to_html", "plot", "plot_floor"),
     "Inverse kinematics": ("Solver", "compare"),
     "Errors": ("RegionikError", "InputError", "NoPlanFound"),
 }

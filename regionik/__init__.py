@@ -10,6 +10,7 @@ The names below are looked up when they are first used, so that ``import regioni
 
 from __future__ import annotations
 
+import sys
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -32,7 +33,7 @@ if TYPE_CHECKING:
     from regionik.timing.trajectory import trajectory
     from regionik.values import Plan
     from regionik.verification.verifier import verify, verify_answers
-    from regionik.view.figures import plot
+    from regionik.view.figures import plot, plot_floor
     from regionik.view.viewer import show, to_html
     from regionik.worlds.chain import Chain, Joint
     from regionik.worlds.criteria import Criteria
@@ -80,6 +81,7 @@ __all__ = [
     "load_world",
     "plan",
     "plot",
+    "plot_floor",
     "point_to_point",
     "reach",
     "reach_field",
@@ -131,6 +133,7 @@ _HOME = {
     "load_world": "regionik.worlds.documents.world_file",
     "plan": "regionik.pipeline",
     "plot": "regionik.view.figures",
+    "plot_floor": "regionik.view.figures",
     "point_to_point": "regionik.timing.point_to_point",
     "reach": "regionik.reachability.reach",
     "reach_field": "regionik.reachability.field",
@@ -149,6 +152,14 @@ _HOME = {
 }
 
 
+_SHOWN = {
+    "Answer": "regionik.reachability.reach",
+    "Area": "regionik.regions",
+    "Plan": "regionik.values",
+    "World": "regionik.worlds.scene",
+}
+
+
 def __getattr__(name: str) -> Any:
     if name not in _HOME:
         raise AttributeError(f"module 'regionik' has no attribute {name!r}")
@@ -157,5 +168,24 @@ def __getattr__(name: str) -> Any:
     return value
 
 
+def _show_in_notebooks() -> None:
+    """Let a notebook that imports regionik show plans, worlds, areas and answers as pictures."""
+    shell = sys.modules["IPython"].get_ipython()
+    if shell is not None:
+        html = shell.display_formatter.formatters["text/html"]
+        for name, home in _SHOWN.items():
+            html.for_type_by_name(home, name, _as_html)
+
+
+def _as_html(value: Any) -> str:
+    from regionik.view.notebook import as_html
+
+    return as_html(value)
+
+
 def __dir__() -> list[str]:
     return sorted({*globals(), *__all__})
+
+
+if "IPython" in sys.modules:
+    _show_in_notebooks()

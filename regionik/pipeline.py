@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from regionik.explain import failures
 from regionik.explain.questions import ArmQuestion, Oracles, PathQuestion
-from regionik.explain.why import explained, explained_target, target_name
+from regionik.explain.why import SILENT, Listener, Progress, Say, explained, explained_target, target_name
 from regionik.mfabrik import configurations
 from regionik.motion import connect_configurations
 from regionik.moving.path_search import JoinedMotion
@@ -32,8 +32,6 @@ from regionik.worlds.arms import reach_bound
 from regionik.worlds.arrays import frozen
 from regionik.worlds.errors import Cause, Explanation, InputError, NoPlanFound
 from regionik.worlds.scene import Target, World
-
-Progress = Callable[[str, int, int], None]
 
 ORACLES = Oracles(
     reach=lambda world: reach(world, world.task),
@@ -76,7 +74,8 @@ def plan(world: World, *, seed: int = 0, progress: Progress | None = None) -> Pl
         found = search(world, seed, tell)
     except NoPlanFound as no:
         tell("why", 0, 1)
-        raise NoPlanFound(_explained(world, no.explanation, seed)) from None
+        listener = Listener(progress=tell)
+        raise NoPlanFound(_explained(world, no.explanation, seed, listener)) from None
     if world.speeds is None and not world.robot.chain.has_velocity_limits:
         return found
     tell("timing", 0, 1)
@@ -85,7 +84,13 @@ def plan(world: World, *, seed: int = 0, progress: Progress | None = None) -> Pl
     return retime(found)
 
 
-def why(world: World, target: Target | ArrayLike | None = None) -> Explanation | None:
+def why(
+    world: World,
+    target: Target | ArrayLike | None = None,
+    *,
+    say: Say | None = None,
+    progress: Progress | None = None,
+) -> Explanation | None:
     """Explain why a target or a whole path is out of reach, and which smallest changes would mend it.
 
     Causes are irreducible: together they rule it out, and without any one of them the rest does not. For a
@@ -101,6 +106,10 @@ def why(world: World, target: Target | ArrayLike | None = None) -> Explanation |
         A bare point leaves the tool direction free [m]. By default the world's whole path is explained: its
         start, the first set-point with an empty area, floor cut off, or more lift-offs than are allowed.
         Motion is left to `plan`: what only obstacles of the arm or wheels of the base forbid.
+    say : callable, optional
+        Called with each sentence as soon as it is known: what failed, its causes, every repair.
+    progress : callable, optional
+        Called with stage, done, total.
 
     Returns
     -------
@@ -119,52 +128,57 @@ def why(world: World, target: Target | ArrayLike | None = None) -> Explanation |
     >>> [(cause.kind, repair.kind) for cause, repair in zip(found.causes, found.repairs)]
     [('reach', 'move-target')]
     """
+    listener = Listener(say or SILENT.say, progress or SILENT.progress)
     if target is None:
-        return _why_path(world)
+        return _why_path(world, listener)
     if not isinstance(target, Target):
         target = Target(frozen(target, (3,), "target"))
     asked = replace(world, task=(target,))
     buried = failures.target_in_solid(asked)
     if buried is not None:
-        return _explained_arm(asked, 0, buried)
+        return _explained_arm(asked, 0, buried, listener)
     answer = reach(asked, asked.task)
     if answer.reachable[0]:
         return None
     if has_no_known_place(asked):
-        return explained_target(asked, 0, failures.no_place(asked, 0), ORACLES)
+        return explained_target(asked, 0, failures.no_place(asked, 0), ORACLES, listener)
     reason, causes = f"{answer.reason[0].rstrip('.')}.", (Cause("limits", world.robot.name),)
     if answer.verdict[0] == "undecided":
         return Explanation("undecided", 0, reason, causes)
-    return _explained_arm(asked, 0, Explanation("unreachable", 0, reason, causes))
+    return _explained_arm(asked, 0, Explanation("unreachable", 0, reason, causes), listener)
 
 
-def _why_path(world: World) -> Explanation | None:
+def _why_path(world: World, listener: Listener) -> Explanation | None:
     try:
         check_world(world)
         whole_path(world)
     except NoPlanFound as no:
-        return _explained(world, no.explanation)
+        return _explained(world, no.explanation, 0, listener)
     return None
 
 
-def _explained(world: World, quick: Explanation, seed: int = 0) -> Explanation:
+def _explained(world: World, quick: Explanation, seed: int, listener: Listener) -> Explanation:
     """Return an explanation with irreducible causes and repairs, where areas allow no plan."""
     i = quick.setpoint
     if i is None or can_track(world):
         return quick
     if quick.verdict == "ladder-broken" and not spans(world):
-        return explained(PathQuestion(world, i, spans, lambda changed: _can_be_planned(changed, seed)), quick)
+        question = PathQuestion(world, i, spans, lambda changed: _can_be_planned(changed, seed))
+        return explained(question, quick, listener)
     if quick.verdict in ("unreachable", "undecided") and has_no_known_place(
         replace(world, task=(world.task[i],))
     ):
-        return explained_target(world, i, quick, ORACLES)  # otherwise there is no room to park
-    return _explained_arm(world, i, quick) if quick.verdict == "no-posture" else quick
+        return explained_target(world, i, quick, ORACLES, listener)  # otherwise there is no room to park
+    return _explained_arm(world, i, quick, listener) if quick.verdict == "no-posture" else quick
 
 
-def _explained_arm(world: World, i: int, quick: Explanation) -> Explanation:
+def _explained_arm(world: World, i: int, quick: Explanation, listener: Listener) -> Explanation:
     """Return an explanation with causes and repairs, where no posture from any place is proven clear."""
-    question = ArmQuestion(replace(world, task=(world.task[i],)), target_name(world, i), ORACLES)
-    return explained(question, quick) if can_search(world) and question.closed(question.world) else quick
+    asked = replace(world, task=(world.task[i],))
+    question = ArmQuestion(asked, target_name(world, i), ORACLES, (world, i))
+    if not (can_search(world) and question.closed(asked)):
+        return quick
+    return explained(question, quick, listener)
 
 
 def _can_be_planned(world: World, seed: int) -> bool:

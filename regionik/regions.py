@@ -64,6 +64,12 @@ class Area:
     outer: BaseGeometry
     world: World
 
+    def __repr__(self) -> str:
+        spot = ", ".join(f"{value:z.3f}" for value in self.target.position)
+        parts = len(self.components)
+        size = f"{self.inner.area:.3f} m2 in {parts} part{'' if parts == 1 else 's'}"
+        return f"Area(of ({spot}): {size}, at most {self.outer.area:.3f} m2)"
+
     @property
     def polygon(self) -> BaseGeometry:
         """The inner area."""

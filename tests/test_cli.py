@@ -232,6 +232,19 @@ def test_a_target_has_a_direction_or_an_orientation(run: Run) -> None:
     assert run(*asked, "--target", 0.5, 0, 0.3, 0, 0, 0, 2).code == 2
 
 
+def test_warm_up_says_what_it_does(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("regionik.worlds.bundled.world_names", lambda: ("free",))
+    done = run("warm-up")
+    assert (done.code, done.out) == (0, "")
+    first, last = done.err.splitlines()
+    assert first.startswith("1 of 1: free, ")
+    assert last.startswith("kept in ")
+    monkeypatch.setattr("regionik.planners.kernels.cache_folder", lambda: None)
+    done = run("warm-up")
+    assert done.code == 2
+    assert "NUMBA_CACHE_DIR" in done.err
+
+
 def test_shells_complete_words() -> None:
     words = {"_REGIONIK_COMPLETE": "complete_bash", "COMP_WORDS": "regionik plan pil", "COMP_CWORD": "2"}
     command = [sys.executable, "-c", "from regionik.cli.app import run_process; run_process()"]

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from regionik.cli.app import run
 from regionik.explain.changes import move_obstacle, repaired, share
 from regionik.explain.constraints import Constraint, constraints_of
+from regionik.explain.failures import target_in_solid
 from regionik.explain.minimal_change import (
     FINE,
     circle,
@@ -28,9 +29,11 @@ from regionik.reachability.reach import reach
 from regionik.view.picture import Color
 from regionik.view.world_picture import picture_of_explanation
 from regionik.worlds.bundled import robot_named
+from regionik.worlds.chain import translation
 from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import Explanation, InputError, NoPlanFound, Repair
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Sphere
+from regionik.worlds.robot import Tool, with_tool
 from regionik.worlds.scene import Floor, Rules, Target, World
 from tests import examples
 from tests.why_cases import as_small_as_brute_force, cases, proven_irreducible
@@ -174,6 +177,53 @@ def test_the_command_says_why(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     assert "nothing stands in the way" in capsys.readouterr().err
     assert run(["why", "pillar", *high, *high]) == 2
     assert "expected one target" in capsys.readouterr().err
+
+
+def test_the_command_says_causes_first_and_repairs_as_they_are_found(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert run(["why", "pillar", "--target", "0.5", "0", "0.7"]) == 1
+    failed, causes, *repairs, smallest = capsys.readouterr().err.splitlines()
+    assert "above all that youbot reaches" in failed
+    assert "too short" in causes
+    assert [line[:20] for line in repairs] == ["This would mend it: "] * 2
+    assert smallest.removeprefix("The smallest change: ") in {line[20:] for line in repairs}
+
+
+def test_a_target_deep_in_a_solid_is_told_before_any_search() -> None:
+    crate = Box("crate", np.array([0.6, 0.6, 0.8]), np.array([1.3, 0.1, 0.4]))
+    world = load_world("free")
+    far = with_tool(world.robot, Tool(translation(0.0, 0.0, 0.1)))
+    assert far.tip_depth[0] == 0.0
+    middle, side = (Target(np.array([x, 0.1, 0.4])) for x in (1.3, 1.05))  # 0.3 m deep, and 0.05 m
+    asked = replace(world, robot=far, obstacles=(crate,), task=(side, middle))
+    found = target_in_solid(asked)
+    assert found is not None
+    assert (found.setpoint, [cause.name for cause in found.causes]) == (1, ["crate"])
+    assert "m deep in crate" in found.reason
+    assert target_in_solid(replace(asked, task=(side,))) is None
+
+    class EnoughError(Exception):
+        """Ends the explanation at its first sentence."""
+
+    def say(sentence: str) -> None:
+        raise EnoughError(sentence)
+
+    with pytest.raises(EnoughError, match="into crate"):
+        why(replace(world, obstacles=(crate,)), middle, say=say)
+
+
+def test_a_repair_says_which_set_point_it_leaves_out_of_reach() -> None:
+    places = np.array([[0.5, 0.0, 0.7], [0.6, 0.0, 0.75], [0.6, 0.0, 0.3]])
+    world = replace(load_world("pillar"), task=tuple(map(Target, places)))
+    with pytest.raises(NoPlanFound) as refused:
+        plan(world)
+    texts = [repair.text for repair in refused.value.explanation.repairs]
+    assert texts
+    assert all(text.endswith("with which set-point 2 still has no known place") for text in texts)
+    with pytest.raises(NoPlanFound) as refused:
+        plan(replace(world, task=world.task[::2]))
+    assert not any("still" in repair.text for repair in refused.value.explanation.repairs)
 
 
 def test_the_picture_shows_causes_and_moves() -> None:

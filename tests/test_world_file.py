@@ -346,7 +346,7 @@ def test_json_and_yaml_give_the_same_world(tmp_path: Path) -> None:
 
 def test_unknown_names_and_files() -> None:
     known = ", ".join(world_names())
-    with pytest.raises(InputError, match=f"unknown world 'pilar': .*or one of {known}"):
+    with pytest.raises(InputError, match=f"'pilar', did you mean 'pillar'. .*or one of {known}"):
         load_world("pilar")
     with pytest.raises(InputError, match="no such file"):
         load_world("nowhere/pillar.yaml")
@@ -451,3 +451,16 @@ def test_criteria_and_masses_go_both_ways(tmp_path: Path) -> None:
     assert [(one.link, one.mass) for one in world.robot.loads] == [(1, 1.5), (4, 0.5)]
     assert_round_trip(world)
     jsonschema.validate(world_to_document(world), world_schema())
+
+
+def test_every_key_of_a_world_file_is_described() -> None:
+    schema = world_schema()
+    parts = {"": schema, **schema["$defs"]}
+    assert not [
+        (part, key)
+        for part, content in parts.items()
+        for key, value in content.get("properties", {}).items()
+        if not value.get("description") and "$ref" not in value
+    ]
+    rules = schema["$defs"]["RulesPart"]["properties"]
+    assert rules["clearance"]["description"].startswith("least distance of the base from every solid")

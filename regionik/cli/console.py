@@ -152,6 +152,13 @@ class DelayedProgress:
                 self._tasks[stage] = self._bars.add_task(stage, total=total or None)
             self._bars.update(self._tasks[stage], completed=done, total=total or None)
 
+    def say(self, text: str) -> None:
+        """Write text for people on stderr, above the bars."""
+        if self._bars is None:
+            print_message(text)
+        else:
+            self._bars.console.print(text, markup=False, highlight=False, soft_wrap=True)
+
     def compiling(self, kernel: str) -> None:
         """Say once that kernels are compiled, and count them."""
         if self._bars is None:

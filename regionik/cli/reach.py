@@ -258,7 +258,13 @@ def explain_world(
         from regionik.pipeline import why
 
         chosen = parse_targets(scene, target, None)[0] if target else None
-        found = why(scene, chosen)
+        said: list[str] = []
+
+        def say(sentence: str) -> None:
+            said.append(sentence)
+            progress.say(sentence)
+
+        found = why(scene, chosen, say=None if as_json else say, progress=progress)
     if html is not None:
         from regionik.view.viewer import to_html
         from regionik.view.world_picture import picture_of_explanation
@@ -270,7 +276,8 @@ def explain_world(
     if found is None:
         print_message(f"{scene.name}: nothing stands in the way")
         return
-    print_message(found.reason)
-    for repair in found.repairs[1:]:
-        print_message(f"  or: {repair.text}")
+    if not said:
+        print_message(found.reason)
+    elif len(found.repairs) > 1:
+        print_message(f"The smallest change: {found.repairs[0].text}.")
     raise typer.Exit(NO)

@@ -104,6 +104,16 @@ class _OneTarget:
     world: World
     who: str  # the target's name
     oracles: Oracles
+    path: tuple[World, int]  # the world whose set-point this is, and which
+
+    def leaves(self, repair: Repair) -> str:
+        """Words on the first other set-point that a repair leaves without a known place, if any."""
+        world, i = self.path
+        after = repaired(world, repair, i)
+        for j in np.flatnonzero(~have_known_places(after, after.task)).tolist():
+            if j != i and has_no_known_place(replace(after, task=(after.task[j],))):
+                return f", with which set-point {j + 1} still has no known place"
+        return ""
 
     def enters(self, after: World) -> bool:
         """Return True where the target is in a solid that it was not in."""
@@ -257,6 +267,10 @@ class PathQuestion:
     spans: Callable[[World], bool]  # True where the areas of a world span its path
     plans: Callable[[World], bool]  # True where the path of a world can be planned
     proof = ""
+
+    def leaves(self, repair: Repair) -> str:
+        """Nothing: the path was planned with it."""
+        return ""
 
     @property
     def constraints(self) -> tuple[Constraint, ...]:

@@ -2,23 +2,44 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from dataclasses import replace
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from regionik.explain.changes import Move, smallest_first
 from regionik.explain.constraints import Constraint, joint_causes, mended, places_open, setpoint
 from regionik.explain.questions import Oracles, Question, TargetQuestion
-from regionik.worlds.errors import Cause, Explanation
+from regionik.worlds.errors import Cause, Explanation, Repair
 from regionik.worlds.scene import World
 
 Closed = Callable[[World], bool]
+Say = Callable[[str], None]
+Progress = Callable[[str, int, int], None]
 
 if TYPE_CHECKING:
     from regionik.reachability.reach import Answer
 
 
-def explained(question: Question, quick: Explanation) -> Explanation:
+@dataclass(frozen=True)
+class Listener:
+    """Told what is known of an explanation while the rest is looked for.
+
+    Attributes
+    ----------
+    say : callable
+        Takes a sentence: what failed, then its causes, then each repair as it is found, in no order.
+    progress : callable
+        Takes stage, done, total.
+    """
+
+    say: Say = lambda sentence: None
+    progress: Progress = lambda stage, done, total: None
+
+
+SILENT = Listener()
+
+
+def explained(question: Question, quick: Explanation, listener: Listener = SILENT) -> Explanation:
     """Return an explanation with its causes and repairs.
 
     Parameters
@@ -27,31 +48,43 @@ def explained(question: Question, quick: Explanation) -> Explanation:
         One whose answer is no.
     quick : Explanation
         By the stage that failed; its verdict and margins are kept.
+    listener : Listener, optional
     """
     world = question.world
+    listener.say(quick.reason)
+    listener.progress("causes", 0, 0)
     kept = irreducible(world, question.constraints, question.closed)
-    tried = (
-        question.shortest(change) if isinstance(change, Move) else question.least(change)
-        for change in question.changes(kept)
-        if change is not None
-    )
-    repairs = smallest_first(world, [repair for repair in tried if repair is not None])
+    why = f"{joint_causes(world, kept, proven=bool(question.proof))} {question.proof}".strip()
+    listener.say(why)
+    repairs = _repairs(question, kept, listener)
     causes = tuple(cause_of(one, quick) for one in kept) or (arm_too_short(world, quick),)
-    parts = [
-        quick.reason,
-        joint_causes(world, kept, proven=bool(question.proof)),
-        question.proof,
-        mended(repairs),
-    ]
-    return replace(quick, reason=" ".join(part for part in parts if part), causes=causes, repairs=repairs)
+    reason = " ".join(part for part in (quick.reason, why, mended(repairs)) if part)
+    return replace(quick, reason=reason, causes=causes, repairs=repairs)
 
 
-def explained_target(world: World, i: int, quick: Explanation, oracles: Oracles) -> Explanation:
+def _repairs(question: Question, causes: Sequence[Constraint], listener: Listener) -> tuple[Repair, ...]:
+    """Repairs of a question, those first that leave no other set-point out of reach, then the smallest."""
+    changes = [change for change in question.changes(causes) if change is not None]
+    whole, partial = list[Repair](), list[Repair]()
+    for k, change in enumerate(changes):
+        listener.progress("repairs", k, len(changes))
+        found = question.shortest(change) if isinstance(change, Move) else question.least(change)
+        if found is not None:
+            left = question.leaves(found)
+            found = replace(found, text=found.text + left)
+            (partial if left else whole).append(found)
+            listener.say(f"This would mend it: {found.text}.")
+    return smallest_first(question.world, whole) + smallest_first(question.world, partial)
+
+
+def explained_target(
+    world: World, i: int, quick: Explanation, oracles: Oracles, listener: Listener = SILENT
+) -> Explanation:
     """Return `explained` for a set-point whose inner area is empty; if undecided, `reach` is asked first."""
     asked = replace(world, task=(world.task[i],))
     if quick.verdict == "undecided":
         quick = _by_itself(quick, oracles.reach(asked), setpoint(i, len(world.task)))
-    return explained(TargetQuestion(asked, target_name(world, i), oracles), quick)
+    return explained(TargetQuestion(asked, target_name(world, i), oracles, (world, i)), quick, listener)
 
 
 def target_name(world: World, i: int) -> str:

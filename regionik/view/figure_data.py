@@ -177,6 +177,23 @@ def stops_floor(world: World, stops: Sequence[Stop]) -> FloorView:
     return replace(view, driven=False)
 
 
+def world_floor(world: World, area: BaseGeometry | None = None) -> FloorView:
+    """Return the floor of a world as seen from above, with its start and an area of one of its targets."""
+    setpoints = np.array([target.position[:2] for target in world.task]).reshape(-1, 2)
+    base = np.empty((0, 3)) if world.start is None else world.start.base[None]
+    areas = () if area is None else (area,)
+    return _floor_view(
+        world,
+        base=base,
+        areas=areas,
+        used=(areas, ("admissible area", "")),
+        axis_path=np.empty((0, 2)),
+        tool_path=setpoints,
+        setpoints=setpoints,
+        stops=(),
+    )
+
+
 def _floor_view(
     world: World,
     *,
@@ -257,6 +274,7 @@ def seen_from_above(world: World) -> BaseGeometry:
 def window(floor: Polygon, lines: list[Array]) -> tuple[Array, Array]:
     """Corners of the window: around all points, but not far beyond the floor."""
     points = np.vstack(lines)
+    points = points if len(points) else np.reshape(floor.bounds, (2, 2))
     low, high = points.min(axis=0), points.max(axis=0)
     margin = MARGIN + SHARE * (high - low).max()
     bounds = np.array(floor.bounds)

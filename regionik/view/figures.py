@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import os
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path as FilePath
 from typing import Any
 
@@ -22,6 +23,8 @@ from matplotlib.ticker import MaxNLocator
 from shapely.geometry.base import BaseGeometry
 
 from regionik.reachability.field import REACHABLE, UNDECIDED, Field
+from regionik.reachability.reach import Answer
+from regionik.regions import Area
 from regionik.storage.files import write_atomic
 from regionik.values import Plan, Stop
 from regionik.view.figure_data import (
@@ -32,6 +35,7 @@ from regionik.view.figure_data import (
     seen_from_above,
     stops_floor,
     window,
+    world_floor,
 )
 from regionik.view.picture import Color, count_noun
 from regionik.view.world_picture import TURNING_WORDS
@@ -91,6 +95,55 @@ def plot(plan: Plan, path: str | os.PathLike[str]) -> None:
 def plot_stops(world: World, stops: Sequence[Stop], path: str | os.PathLike[str]) -> None:
     """Draw the stops of a world on its floor into an ``.svg`` or ``.png`` file."""
     _save(lambda: _stops_figure(world, stops), path)
+
+
+def plot_floor(what: Plan | World | Area | Answer, axes: Axes | None = None) -> Axes:
+    """Draw the floor of a plan, a world, an area or answers, seen from above.
+
+    Parameters
+    ----------
+    what : Plan, World, Area or Answer
+        Of answers targets and bases are drawn, as they do not know their world.
+    axes : matplotlib Axes, optional
+        By default those of a new figure.
+
+    Returns
+    -------
+    matplotlib Axes
+    """
+    drawn = axes or Figure(figsize=(_RIGHT, _RIGHT)).add_subplot()
+    if isinstance(what, Answer):
+        _answers(drawn, what)
+    elif isinstance(what, Plan):
+        _floor(drawn, plan_floor(what))
+    elif isinstance(what, World):
+        _floor(drawn, world_floor(what))
+    else:
+        _floor(drawn, world_floor(replace(what.world, task=(what.target,)), what.inner))
+    return drawn
+
+
+def floor_image(what: Plan | World | Area | Answer) -> str:
+    """Return the floor as SVG, for pages."""
+
+    def made() -> Figure:
+        figure = Figure(figsize=(_RIGHT, _RIGHT))
+        plot_floor(what, figure.add_subplot())
+        return figure
+
+    return _render(made, ".svg").decode("utf-8")
+
+
+def _answers(ax: Axes, answer: Answer) -> None:
+    """Targets by their verdict, and the bases found."""
+    ax.plot(*answer.base[answer.reachable, :2].T, ".", color=_hex(Color.BASE_PATH), label="base")
+    colors = {"reachable": Color.STRONG, "unreachable": Color.REJECTION, "undecided": Color.PALE}
+    for verdict, color in colors.items():
+        spots = answer.targets[answer.verdict == verdict]
+        if len(spots):
+            ax.plot(*spots[:, :2].T, "o", color=_hex(color), label=verdict)
+    ax.set(aspect="equal", adjustable="datalim", xlabel="x [m]", ylabel="y [m]")
+    _legend(ax)
 
 
 def _save(figure: Callable[[], Figure], path: str | os.PathLike[str]) -> None:
@@ -338,9 +391,10 @@ def _floor(ax: Axes, floor: FloorView) -> None:
     line, width, label = (
         ("-", 1.6, "path of the arm's axis") if floor.driven else (":", 1.0, "order of the stops")
     )
-    key += ax.plot(
-        *floor.axis_path.T, line, color=_hex(Color.AXIS_PATH), linewidth=width, label=label, zorder=5
-    )
+    if len(floor.axis_path):
+        key += ax.plot(
+            *floor.axis_path.T, line, color=_hex(Color.AXIS_PATH), linewidth=width, label=label, zorder=5
+        )
     size = max(2.0, 4.0 * _crowding(60, floor.setpoints))
     key += ax.plot(
         *floor.setpoints.T, "o", color=_hex(Color.AHEAD), markersize=size, mew=0, label="set-points"
@@ -353,7 +407,9 @@ def _floor(ax: Axes, floor: FloorView) -> None:
         _area(ax, outline, facecolor="white", alpha=0.5, zorder=4)
         ax.plot(*shapely.get_coordinates(outline).T, color=_hex(Color.ROBOT), linewidth=0.9, zorder=4)
         ax.plot(*stroke.T, color=_hex(Color.ROBOT), linewidth=2.4, solid_capstyle="butt", zorder=4)
-    key.append(Line2D([], [], color=_hex(Color.ROBOT), linewidth=0.9, label="the base at some set-points"))
+    if len(floor.headings):
+        where = "the base at some set-points" if len(floor.axis_path) else "the base at the start"
+        key.append(Line2D([], [], color=_hex(Color.ROBOT), linewidth=0.9, label=where))
     (x_low, y_low), (x_high, y_high) = floor.low, floor.high
     ax.set(xlim=(x_low, x_high), ylim=(y_low, y_high), aspect="equal", xlabel="x [m]", ylabel="y [m]")
     ax.set_title("floor, by places of the arm's axis")

@@ -11,6 +11,7 @@ from pydantic import ConfigDict, Field
 
 from regionik.worlds.bundled import world_path
 from regionik.worlds.criteria import Criteria
+from regionik.worlds.documents.descriptions import describe_keys
 from regionik.worlds.documents.environment import (
     FloorPart,
     ObstaclePart,
@@ -227,6 +228,7 @@ def world_to_document(world: World) -> dict[str, Any]:
 def world_schema() -> dict[str, Any]:
     """Return the JSON Schema of a world file."""
     schema = WorldDocument.model_json_schema()
+    describe_keys(schema)
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
 
 

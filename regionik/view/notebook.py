@@ -1,0 +1,45 @@
+"""Values as notebooks show them: the floor from above, and a few lines."""
+
+from __future__ import annotations
+
+from html import escape
+from typing import Any
+
+from regionik.reachability.reach import Answer
+from regionik.regions import Area
+from regionik.values import Plan
+from regionik.view.figures import floor_image
+from regionik.worlds.scene import World
+
+_LINES = 5
+
+
+def as_html(value: Plan | World | Area | Answer) -> str:
+    """Return a picture of the floor and a few lines as HTML."""
+    picture = floor_image(value)
+    lines = "\n".join(facts(value)[:_LINES])
+    return f"<div>{picture[picture.index('<svg') :]}<pre>{escape(lines)}</pre></div>"
+
+
+def facts(value: Plan | World | Area | Answer) -> list[str]:
+    """Return lines on a value, the most telling first."""
+    if isinstance(value, Plan):
+        return [repr(value), repr(value.world), repr(value.motion), *_margins(value)]
+    if isinstance(value, World):
+        return [
+            value.about or value.name,
+            repr(value),
+            repr(value.robot),
+            repr(value.floor),
+            repr(value.rules),
+        ]
+    if isinstance(value, Area):
+        return [repr(value), repr(value.world), *(f"rejected: {part.name}" for part in value.causes)]
+    reasons = dict.fromkeys(reason for reason in value.reason if reason)
+    return [repr(value), *reasons]
+
+
+def _margins(plan: Plan) -> list[str]:
+    margins: dict[str, Any] = plan.stats.get("margins", {})
+    timed = "not timed" if plan.motion.time is None else f"{plan.motion.time[-1]:.1f} s"
+    return [timed, ", ".join(f"{name} {value:.3g}" for name, value in margins.items())]

@@ -1,0 +1,89 @@
+"""Words on the keys of world files, for their schema: those of the values they make, and others."""
+
+from __future__ import annotations
+
+import inspect
+import re
+from typing import Any
+
+from regionik.worlds.chain import Joint
+from regionik.worlds.robot import Robot
+from regionik.worlds.scene import Rules
+from regionik.worlds.speeds import Speeds
+
+_MADE = {  # part -> the class that it makes
+    "ChainRobot": Robot,
+    "DhRobot": Robot,
+    "JointPart": Joint,
+    "NamedRobot": Robot,
+    "RulesPart": Rules,
+    "SpeedsPart": Speeds,
+    "UrdfRobot": Robot,
+}
+_COMMON = {
+    "about": "one line for lists of worlds",
+    "base": "how the base drives",
+    "carry": "joints with which the arm is driven about, or a posture of the SRDF file; else a clear one",
+    "cells": "cells of a map that are occupied or unknown",
+    "cone": "allowed deviation from the direction [rad]",
+    "criteria": "what is asked of postures beyond reaching the set-point",
+    "csv": "file of x, y, z, and a tool axis or a quaternion",
+    "dh": "rows of theta, d [m], a [m], alpha [rad]",
+    "direction": "tool axis at all set-points of the piece",
+    "follow": "the tool axis turns with the arc",
+    "footprint": "corners of the base's convex outline in the base frame [m]; one point is a point base",
+    "free_thresh": "cells less likely occupied than this are free",
+    "heading": "which way the base faces while the tool works",
+    "height": "of occupied cells [m]",
+    "holes": "outlines cut out [m]",
+    "joints": "from the base to the tool",
+    "kind": "turns or slides",
+    "limits": "ignore: joints turn without end",
+    "link_radius": "of the capsules along the links [m]",
+    "mesh": "file of triangles, and where it stands",
+    "name": "in messages and pictures",
+    "names": "of the joints",
+    "obstacles": "named solids that the robot keeps away from",
+    "orientation": "of the tool at all set-points of the piece: quaternion x, y, z, w, or rotation matrix",
+    "phase": "of the wave at its start [rad]",
+    "points": "x, y, z of each set-point [m]",
+    "position": "x, y, z [m]",
+    "root": "link that stands for the base",
+    "rpy": "roll, pitch, yaw [rad]",
+    "scale": "that numbers of the file are multiplied by",
+    "solids": "capsules, boxes and hulls of the links",
+    "srdf": "file of MoveIt's with postures and pairs that need not keep apart",
+    "start": "where base and arm stand at first; left out, anywhere",
+    "tip": "link at the end of the arm",
+    "tool": "what is mounted on the flange",
+    "unchecked": "pairs of links or solids that need not keep apart",
+    "urdf": "file of the robot",
+    "yaw": "turn about the vertical [rad]",
+}
+
+
+def describe_keys(schema: dict[str, Any]) -> None:
+    """Give every key of a schema and of its parts that has no description one."""
+    parts = {"": schema, **schema.get("$defs", {})}
+    for part, content in parts.items():
+        words = (attribute_words(_MADE[part]) if part in _MADE else {}) | _COMMON
+        if part.startswith("Sine"):
+            words["axis"] = "direction in which the wave swings"
+        for key, value in content.get("properties", {}).items():
+            if key in words:
+                value.setdefault("description", words[key])
+
+
+def attribute_words(made: type) -> dict[str, str]:
+    """Return what the docstring of a class says of each attribute."""
+    text = inspect.cleandoc(made.__doc__ or "")
+    section = re.search(r"Attributes\n-+\n(.*?)(?:\n\n|\Z)", text, re.DOTALL)
+    if section is None:
+        return {}
+    entries = re.findall(r"^(\S[^:\n]*) : [^\n]*\n((?:    .*\n?)+)", section[1] + "\n", re.MULTILINE)
+    return {name.strip(): _sentence(words) for names, words in entries for name in names.split(",")}
+
+
+def _sentence(words: str) -> str:
+    text = " ".join(words.split())
+    return text[:1].lower() + text[1:].removesuffix(".")
