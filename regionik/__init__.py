@@ -31,7 +31,8 @@ if TYPE_CHECKING:
     from regionik.values import Plan
     from regionik.verification.verifier import verify, verify_answers
     from regionik.view.figures import plot
-    from regionik.view.viewer import show, to_html
+    from regionik.view.page import to_html
+    from regionik.view.viewer import show
     from regionik.worlds.chain import Chain, Joint
     from regionik.worlds.criteria import Criteria
     from regionik.worlds.documents.world_file import load_world
@@ -133,7 +134,7 @@ _HOME = {
     "retime": "regionik.timing.retime",
     "show": "regionik.view.viewer",
     "stops": "regionik.parking.stops",
-    "to_html": "regionik.view.viewer",
+    "to_html": "regionik.view.page",
     "trajectory": "regionik.timing.trajectory",
     "verify": "regionik.verification.verifier",
     "verify_answers": "regionik.verification.verifier",

@@ -256,7 +256,7 @@ def explain_world(
         chosen = parse_targets(scene, target, None)[0] if target else None
         found = why(scene, chosen)
     if html is not None:
-        from regionik.view.viewer import to_html
+        from regionik.view.page import to_html
         from regionik.view.world_picture import picture_of_explanation
 
         to_html(scene if found is None else picture_of_explanation(scene, found, chosen), html)
