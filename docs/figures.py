@@ -61,8 +61,8 @@ def shoot_tutorial(folder: Path) -> None:
 
 
 def save(picture: bytes, path: Path) -> None:
-    """Write a PNG with few colours, a third as large."""
-    Image.open(BytesIO(picture)).convert("RGB").quantize(128, dither=Image.Dither.NONE).save(
+    """Write a PNG of 256 colours, a third as large."""
+    Image.open(BytesIO(picture)).convert("RGB").quantize(256, dither=Image.Dither.NONE).save(
         path, optimize=True
     )
 

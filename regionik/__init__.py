@@ -34,7 +34,8 @@ if TYPE_CHECKING:
     from regionik.values import Plan
     from regionik.verification.verifier import verify, verify_answers
     from regionik.view.figures import plot, plot_floor
-    from regionik.view.viewer import show, to_html
+    from regionik.view.page import to_html
+    from regionik.view.viewer import show
     from regionik.worlds.chain import Chain, Joint
     from regionik.worlds.criteria import Criteria
     from regionik.worlds.documents.world_file import load_world
@@ -142,7 +143,7 @@ _HOME = {
     "show": "regionik.view.viewer",
     "simulate": "regionik.simulation.simulate",
     "stops": "regionik.parking.stops",
-    "to_html": "regionik.view.viewer",
+    "to_html": "regionik.view.page",
     "trajectory": "regionik.timing.trajectory",
     "verify": "regionik.verification.verifier",
     "verify_answers": "regionik.verification.verifier",

@@ -36,7 +36,7 @@ CASES = {
     "configurations": Case(PLAN, "regionik.pipeline.configurations", "interrupted"),
     "motion": Case(PLAN, "regionik.pipeline.connect_configurations", "interrupted"),
     "verification": Case(PLAN, "regionik.pipeline.verify", "interrupted"),
-    "page": Case(PLAN, "regionik.view.viewer.html_page", "interrupted"),
+    "page": Case(PLAN, "regionik.view.page.html_page", "interrupted"),
     "writing": Case("plan {world} -o plan.json", "os.fsync", "interrupted"),
     "terminated": Case(PLAN, "regionik.pipeline.connect_configurations", "terminated"),
     "terminated while it writes": Case("plan {world} -o plan.json", "os.fsync", "terminated"),

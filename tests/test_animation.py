@@ -1,17 +1,28 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from regionik.timing.trajectory import trajectory
 from regionik.values import Motion, Plan
-from regionik.view.plan_picture import LONGEST, MOST_FRAMES, REST, SHORTEST, key_frames, turn_quaternions
+from regionik.view.plan_picture import (
+    LONGEST,
+    MOST_FRAMES,
+    REST,
+    SHORTEST,
+    key_frames,
+    shown_times,
+    turn_quaternions,
+)
+from regionik.view.timeline import timeline, timeline_document
 from regionik.worlds.chain import Joint
 from tests import examples
-from tests.plans import every_solid, l_shape, synthetic_plan
+from tests.plans import every_solid, l_shape, synthetic_plan, timed
 
 
 def _with(plan: Plan, table: np.ndarray, kinds: list[str]) -> Plan:
@@ -37,6 +48,34 @@ def test_setpoints_are_kept_and_time_runs_on(world: object) -> None:
     at = np.searchsorted(frames.times, frames.passed)
     tools = world.robot.tool(frames.base[at], frames.joints[at])[:, :3, 3]  # type: ignore[attr-defined]
     assert np.allclose(tools, [t.position for t in plan.world.task], atol=1e-9)
+
+
+def test_a_timed_plan_keeps_its_times_and_goes_as_its_trajectory_does(plan: Plan) -> None:
+    moving = timed(plan)
+    frames, motion = key_frames(moving), moving.motion
+    at = motion.kind == "setpoint"
+    assert (frames.times[0], frames.times[-1]) == (0.0, motion.time[-1])
+    assert np.array_equal(frames.passed, motion.time[at])
+    assert np.isin(frames.passed, frames.times).all()
+    sample = trajectory(moving).sample(frames.times)
+    assert np.abs(frames.joints - sample.joints).max() < 1e-9
+    assert np.abs(frames.base - sample.base).max() < 1e-9
+    curves = timeline(moving, motion.time)
+    rows = np.searchsorted(curves.times, motion.time[at])
+    assert np.array_equal(curves.times[rows], motion.time[at])
+    assert np.abs(curves.joints[rows] - motion.joints[at]).max() < 1e-9
+    assert curves.timed
+    assert set(curves.speeds) == {"tool", "base"}
+
+
+def test_the_figures_of_a_page_are_numbers_or_null(plan: Plan) -> None:
+    nothing = dataclasses.replace(plan, world=dataclasses.replace(plan.world, obstacles=()))
+    curves = timeline(nothing, shown_times(nothing)[0])
+    assert np.isinf(curves.clearances.arm).all()
+    document = timeline_document(curves)
+    assert set(document["clearances"]) == {"arm to itself"}
+    assert "Infinity" not in json.dumps(document)
+    assert len(document["areas"]) == len(plan.setpoints)
 
 
 @pytest.mark.parametrize(("length", "seconds"), [(0.01, SHORTEST), (5.0, 20.0), (1000.0, LONGEST)])

@@ -249,7 +249,8 @@ def test_it_is_drawn_and_exported(tmp_path: Path) -> None:
     robot = boom()
 
     def drawn(robot: Robot) -> dict[str, Array]:
-        return {body.path: body.mesh.vertices for body in robot_meshes(robot, np.zeros(3), np.zeros(2))[0]}
+        world = World("yard", robot, Floor(shapely.box(-5, -5, 5, 5)))
+        return {body.path: body.mesh.vertices for body in robot_meshes(world, np.zeros(3), np.zeros(2))[0]}
 
     assert "robot/mast" not in drawn(replace(robot, base_solids=()))
     mast = drawn(robot)["robot/mast"]

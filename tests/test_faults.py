@@ -216,13 +216,13 @@ def test_letters_that_the_terminal_does_not_know(tmp_path: Path) -> None:
 
 @contextmanager
 def shown() -> Iterator[tuple[subprocess.Popen[str], int]]:
-    """A viewer in a process of its own, and its server's number."""
-    run = [sys.executable, "-m", "regionik", "show", "free", "--no-browser"]
+    """A live view in a process of its own, and its server's number."""
+    run = [sys.executable, "-m", "regionik", "show", "--live", str(world_path("free")), "--no-browser"]
     pipes = {"stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE}
     with subprocess.Popen(run, text=True, **pipes) as process:  # type: ignore[call-overload]
         try:
             assert process.stderr is not None
-            assert "Ctrl-C" in process.stderr.readline()
+            assert "set-points can be reached" in process.stderr.readline()
             children = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
             yield process, int(children[0])
         finally:

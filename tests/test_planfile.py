@@ -27,7 +27,7 @@ from regionik.storage.plan_document import multipolygon, plan_to_document, plan_
 from regionik.values import Motion, Plan
 from regionik.verification.verifier import verify
 from regionik.view.figures import plot
-from regionik.view.viewer import to_html
+from regionik.view.page import to_html
 from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import InputError
 from tests.plans import every_solid, l_shape, synthetic_plan

@@ -8,6 +8,8 @@ import re
 import subprocess
 from pathlib import Path
 from typing import Any
+from urllib.error import URLError
+from urllib.request import urlopen
 
 import numpy as np
 import pytest
@@ -19,9 +21,9 @@ from regionik.values import Plan
 from regionik.view import film, viewer
 from regionik.view.browser import BrowserPage, chromium, opened
 from regionik.view.clearance import clearances
+from regionik.view.page import served, to_html
 from regionik.view.picture import camera_for
 from regionik.view.plan_picture import MOST_FRAMES, picture_of_plan
-from regionik.view.viewer import to_html
 from regionik.view.world_picture import MARK_RADIUS, picture_of_world, start_pose, tool_radius
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import pose
@@ -348,3 +350,10 @@ def test_the_command_writes_a_page_of_a_world_and_refuses_what_it_cannot(
     for arguments, words in refused.items():
         assert run(["show", *arguments]) == 2
         assert words in capsys.readouterr().err
+
+
+def test_a_served_page_is_the_page_and_ends_with_the_block() -> None:
+    with served("<p>\u00e9</p>") as address, urlopen(address, timeout=5.0) as answer:
+        assert answer.read().decode() == "<p>\u00e9</p>"
+    with pytest.raises(URLError):
+        urlopen(address, timeout=5.0)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import json
 import time
+import webbrowser
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from threading import Event
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -101,7 +102,7 @@ def _write_plan(found: Plan, output: Path | None, html: Path | None, progress: D
         contents[output] = plan_to_text(found)
     if html is not None:
         progress("write", 1, 2)
-        from regionik.view.viewer import html_page
+        from regionik.view.page import html_page
 
         contents[html] = html_page(found)
     progress("write", 2, 2)
@@ -221,8 +222,6 @@ def show_scene(
     ] = None,
 ) -> None:
     """Show a plan or a world in the browser until Ctrl-C, or write a page or a film of it."""
-    from regionik.view.viewer import show
-
     if output is not None:
         _write_view(what, output, live)
         return
@@ -232,7 +231,14 @@ def show_scene(
     with DelayedProgress() as progress:
         progress("load", 0, 1)
         loaded = _plan_or_world(what)
-    with _until_interrupted(show(loaded, open_browser=browser)):
+        progress("load", 1, 1)
+        from regionik.view.page import html_page, served
+
+        page = html_page(loaded)
+    with _until_interrupted(), served(page) as address:
+        print(f"You can open the page by visiting the following URL:\n{address}", flush=True)
+        if browser:
+            webbrowser.open(address)
         print_message("Ctrl-C ends it")
         Event().wait()
 
@@ -247,7 +253,7 @@ def _write_view(what: str, output: Path, live: bool) -> None:
         loaded = _plan_or_world(what)
         progress("load", 1, 1)
         if output.suffix.lower() == ".html":
-            from regionik.view.viewer import to_html
+            from regionik.view.page import to_html
 
             to_html(loaded, output)
         else:
@@ -263,30 +269,29 @@ def _write_view(what: str, output: Path, live: bool) -> None:
 def _watch(what: str, browser: bool) -> None:
     """Show what a world file says now, until Ctrl-C."""
     from regionik.view.live import watch
-    from regionik.view.viewer import start_server
+    from regionik.view.viewer import start_server, stop
 
     path = Path(what)
     if not path.is_file():
         raise InputError(f"{what}: --live watches a world file, and there is no such file")
     visualizer = start_server()
-    with _until_interrupted(visualizer):
-        if browser:
-            visualizer.open()
-        watch(path, visualizer, print_message)
+    try:
+        with _until_interrupted():
+            if browser:
+                visualizer.open()
+            watch(path, visualizer, print_message)
+    finally:
+        stop(visualizer)
 
 
 @contextmanager
-def _until_interrupted(visualizer: Any) -> Iterator[None]:
-    """Stop the server at the end; Ctrl-C is the regular end, other signals are not."""
-    from regionik.view.viewer import stop
-
+def _until_interrupted() -> Iterator[None]:
+    """End with the block; Ctrl-C is the regular end, other signals are not."""
     try:
         yield
     except KeyboardInterrupt:
         if exit_code() != INTERRUPTED:
             raise
-    finally:
-        stop(visualizer)
 
 
 def _plan_or_world(what: str) -> Plan | World:

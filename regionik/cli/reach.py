@@ -266,7 +266,7 @@ def explain_world(
 
         found = why(scene, chosen, say=None if as_json else say, progress=progress)
     if html is not None:
-        from regionik.view.viewer import to_html
+        from regionik.view.page import to_html
         from regionik.view.world_picture import picture_of_explanation
 
         to_html(scene if found is None else picture_of_explanation(scene, found, chosen), html)

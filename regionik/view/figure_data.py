@@ -16,7 +16,7 @@ from regionik.timing.trajectory import is_timed, trajectory
 from regionik.values import Plan, Stop
 from regionik.view.clearance import Clearances, clearances, footprints
 from regionik.view.timeline import lifted_intervals
-from regionik.view.world_picture import DETAIL, floor_parts
+from regionik.view.world_picture import DETAIL, floor_parts, rejected_words
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import World
 
@@ -87,7 +87,7 @@ class FloorView:
     rejected: BaseGeometry  # it has none at any
     pale: BaseGeometry  # admissible for a set-point, but not for the whole path
     strong: BaseGeometry  # admissible for the whole path
-    words: tuple[str, str]  # for what is strong, and what is pale
+    words: tuple[str, str, str]  # for what is strong, what is pale, and what is rejected
     solids: BaseGeometry
     axis_path: Array  # (n, 2) of the arm's axis
     tool_path: Array  # (n, 2)
@@ -219,7 +219,7 @@ def _floor_view(
         rejected=_visible(parts.rejected - admissible, detail),
         pale=_visible(admissible - strong, detail),
         strong=_visible(strong, detail),
-        words=used[1],
+        words=(*used[1], rejected_words(world)),
         solids=seen_from_above(world),
         axis_path=axis_path,
         tool_path=tool_path,

@@ -370,11 +370,11 @@ def _legend(ax: Axes) -> None:
 
 def _floor(ax: Axes, floor: FloorView) -> None:
     """The floor from above, drawn from below upwards."""
-    strong, pale = floor.words
+    strong, pale, rejected = floor.words
     layers = (
         ("free floor", floor.free, Color.NAVIGABLE, None),
         (TURNING_WORDS, floor.turning, Color.TURNING, None),
-        ("rejected: too close to a solid", floor.rejected, Color.REJECTION, "////"),
+        (rejected, floor.rejected, Color.REJECTION, "////"),
         (pale, floor.pale, Color.PALE, None),
         (strong, floor.strong, Color.STRONG, None),
         ("obstacles", floor.solids, Color.SOLID, None),

@@ -16,8 +16,7 @@ from PIL import Image
 from regionik.storage.files import write_atomic
 from regionik.values import Plan
 from regionik.view.browser import BrowserPage, opened
-from regionik.view.plan_picture import picture_of_plan
-from regionik.view.viewer import html_page
+from regionik.view.page import html_page
 from regionik.worlds.errors import EngineError, InputError
 
 FILMS = (".gif", ".mp4")
@@ -52,7 +51,7 @@ def film(
         raise InputError(f"{path}: an MP4 needs ffmpeg, which is not installed; a .gif does not")
     with tempfile.TemporaryDirectory(prefix="regionik") as folder:
         page = Path(folder, "plan.html")
-        page.write_text(html_page(picture_of_plan(plan)), "utf-8")
+        page.write_text(html_page(plan), "utf-8")
         with opened(page, *SIZE) as browser:
             frames = list(_frames(browser, progress or (lambda *_: None)))
         write_atomic(path, _gif(frames) if suffix == ".gif" else _mp4(frames, Path(folder, "film.mp4")))

@@ -367,8 +367,8 @@ def _obstacle_meshes(solid: Solid, k: int, height: float, distance: float) -> tu
     if shadow is None:
         return (mesh,)
     rejected = grow(shadow, distance, inner=False).simplify(DETAIL)
-    words = "rejected: too close to a solid"
-    return mesh, floor_layer(f"floor/rejected/{k}", rejected, Color.REJECTION, 2, words)
+    label = "rejected: too close to a solid"
+    return mesh, floor_layer(f"floor/rejected/{k}", rejected, Color.REJECTION, 2, label)
 
 
 def _area_meshes(areas: LiveAreas) -> list[SceneMesh]:

@@ -71,12 +71,14 @@ function tell(event) {
 // --- views
 
 const camera = viewer.camera, start = { position: camera.position.clone(), zoom: camera.zoom };
-const ASPECT = 1.45, MARGINS = 480; // that the camera was placed for; of the cards on either side [pixels]
+const ASPECT = 1.45; // that the camera was placed for
+const NARROW = 900; // window in which the cards would hide the scene [pixels]
 let above = false;
 
 function look() {
   const width = stage.clientWidth, height = stage.clientHeight;
-  const aspect = Math.max(width - MARGINS, width / 2) / height;
+  const cards = $("legend").offsetWidth + $("readout").offsetWidth;
+  const aspect = Math.max(width - cards, width / 2) / height;
   const tall = Math.tan((camera.fov * Math.PI) / 360), [x, y] = page.half;
   if (above) {
     const far = 12 * Math.max(x, y, 1); // from afar heights are hardly seen aslant
@@ -316,6 +318,7 @@ function toggle(element, button) {
   element.hidden = !element.hidden;
   button.setAttribute("aria-pressed", !element.hidden);
   resize();
+  look();
 }
 
 const commandsByKey = {
@@ -380,7 +383,10 @@ function addMotion() {
   $("show-curves").setAttribute("aria-pressed", !$("curves").hidden);
 }
 
-$("show-legend").setAttribute("aria-pressed", true);
+$("legend").hidden = window.innerWidth < NARROW;
+$("readout").classList.toggle("brief", window.innerWidth < NARROW);
+$("readout").addEventListener("click", () => $("readout").classList.toggle("brief"));
+$("show-legend").setAttribute("aria-pressed", !$("legend").hidden);
 addLayers();
 addControls();
 if (!still) addMotion();

@@ -15,7 +15,7 @@ from regionik.view.clearance import Clearances, clearances
 from regionik.worlds.arrays import Array
 
 SAMPLES = 600  # of a motion, at even times
-DISTANCES = 400  # of them, at which distances are measured
+STRIDE = 2  # of samples, from one at which distances are measured to the next
 _DIGITS = 5
 
 
@@ -41,7 +41,7 @@ def timeline(plan: Plan, clock: Array) -> Timeline:
     motion, robot = plan.motion, plan.world.robot
     at = clock[motion.kind == "setpoint"]
     grid = np.linspace(clock[0], clock[-1], SAMPLES) if clock[-1] > clock[0] else clock[:1]
-    times, measured = np.union1d(grid, at), np.union1d(grid[:: -(-SAMPLES // DISTANCES)], at)
+    times, measured = np.union1d(grid, at), np.union1d(grid[::STRIDE], at)
     speeds: dict[str, Array] = {}
     if is_timed(motion):
         sample = trajectory(plan).sample(times)

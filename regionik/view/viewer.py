@@ -1,11 +1,9 @@
-"""Pictures in MeshCat, served to a browser or as an offline page; the only file that imports it."""
+"""Pictures in MeshCat, as commands to its viewer or on its server; the only file that imports it."""
 
 from __future__ import annotations
 
 import atexit
-import base64
 import io
-import json
 import os
 import subprocess
 import sys
@@ -13,18 +11,15 @@ import textwrap
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from html import escape
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
-from string import Template
 from types import ModuleType
 from typing import Any
 
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from regionik.storage.files import write_atomic
 from regionik.values import Plan
 from regionik.view import triangle_meshes
 from regionik.view.picture import (
@@ -37,14 +32,12 @@ from regionik.view.picture import (
     camera_axes,
 )
 from regionik.view.plan_picture import picture_of_plan
-from regionik.view.timeline import timeline_document
 from regionik.view.world_picture import picture_of_world
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import translation
 from regionik.worlds.errors import EngineError
 from regionik.worlds.scene import World
 
-_PAGE, _SCRIPT = (Path(__file__).with_name(name) for name in ("page.html", "page.js"))
 _ROOT = "/meshcat"
 _BOARD_WIDTH = 1.6  # of the message board, in half heights of the view
 _FOREVER = 1_000_000  # repetitions of the animation
@@ -360,61 +353,3 @@ def _property(path: str, key: str, value: Any) -> _Command:
 def _transform(path: str, T: Array) -> _Command:
     columns = np.asarray(T, dtype=np.float64).T.flatten().tolist()
     return _Command("set_transform", path, {"matrix": columns})
-
-
-# --- offline pages
-
-
-def to_html(what: Plan | World | Picture, path: str | os.PathLike[str]) -> None:
-    """Write a plan, animated, or a world as one HTML file that needs no server and no network.
-
-    The page has a time bar, curves of joints, speeds and clearances, the figures at each set-point, layers
-    to switch off and a view from above. The same plan gives the same bytes.
-
-    Parameters
-    ----------
-    what : Plan, World or Picture
-    path : path
-        The page; written whole or not at all.
-
-    Raises
-    ------
-    InputError
-        When the file cannot be written.
-    """
-    write_atomic(path, html_page(what))
-
-
-def html_page(what: Plan | World | Picture) -> str:
-    """Return the text of the file that `to_html` writes."""
-    picture = picture_of(what)
-    commands = (base64.b64encode(command).decode("ascii") for command in packed_commands(picture))
-    return Template(_PAGE.read_text("utf-8")).substitute(
-        title=escape(picture.title),
-        facts=escape(" · ".join(picture.facts)),
-        viewer=viewer_script(),
-        commands=",\n".join(f'"{command}"' for command in commands),
-        # Nothing in a name may end the script that it stands in.
-        data=json.dumps(page_document(picture), separators=(",", ":")).replace("<", "\\u003c"),
-        script=_SCRIPT.read_text("utf-8"),
-    )
-
-
-def page_document(picture: Picture) -> dict[str, Any]:
-    """Return what the script of a page knows of its picture, as JSON."""
-    layers = [
-        {"color": f"#{color:06x}", "label": label, "paths": list(paths)}
-        for color, label, paths in picture.legend
-    ]
-    names = {
-        body.path: [body.name or body.label, list(body.numbers)]
-        for body in picture.bodies
-        if len(body.mesh.faces) and (body.name or body.label)
-    }
-    motion = None if picture.timeline is None else timeline_document(picture.timeline)
-    return {
-        "layers": layers,
-        "names": names,
-        "half": picture.camera.half.tolist(),
-        "motion": motion,
-    }

@@ -29,7 +29,6 @@ from regionik.worlds.scene import Floor, Target, World
 
 MARK_RADIUS = 0.014  # of set-points [m]
 TOOL = "tool/tip"
-REJECTED_WORDS = "rejected: too close to a solid"
 TURNING_WORDS = "room at some headings only"
 _CAUSE_WORDS = "in the way; the set-point"
 GHOST_WORDS = "robot, where it may stand: the world gives no start"
@@ -62,16 +61,20 @@ def world_meshes(world: World, covered: BaseGeometry | None = None) -> list[Scen
     """Floor, obstacles and tool path; floor areas are left out where ``covered`` by other areas."""
     covered = Polygon() if covered is None else covered
     floor = floor_parts(world)
-    rim = " or the floor's edge" if ground_of(world).near > 0 else ""
     return [
         SceneMesh("floor/all", triangle_meshes.floor_mesh(world.floor.polygon), Color.FLOOR, 1.0, 0),
         floor_layer("floor/free", floor.free - covered, Color.NAVIGABLE, 1, "free floor"),
         floor_layer("floor/turning", floor.turning - covered, Color.TURNING, 1, TURNING_WORDS),
-        floor_layer("floor/rejected", floor.rejected - covered, Color.REJECTION, 2, REJECTED_WORDS + rim),
+        floor_layer("floor/rejected", floor.rejected - covered, Color.REJECTION, 2, rejected_words(world)),
         *(scene_obstacle(f"obstacles/{k}", solid) for k, solid in enumerate(world.obstacles)),
         *map_meshes(world.floor),
         *task_meshes(world),
     ]
+
+
+def rejected_words(world: World) -> str:
+    """Words for places where the base has no room at any heading."""
+    return "rejected: too close to a solid" + (" or the floor's edge" if ground_of(world).near > 0 else "")
 
 
 def floor_layer(path: str, area: BaseGeometry, color: int, order: int, label: str) -> SceneMesh:
@@ -124,7 +127,7 @@ def start_pose(world: World, area: BaseGeometry | None = None) -> tuple[Array, A
 
 
 def _standing_places(world: World) -> Array:
-    """Free places (n, 2) round the first set-point, else one in the middle of the floor."""
+    """Free places (n, 2) round the first set-point, else anywhere at the edge of what is free."""
     free = ground_of(world).inner.free
     if not world.task:
         middle: Array = shapely.get_coordinates(shapely.point_on_surface(free))
@@ -133,7 +136,7 @@ def _standing_places(world: World) -> Array:
     angles = np.radians(np.arange(0.0, 360.0, 360.0 / _PLACES))
     ring = world.task[0].position[:2] + step * np.column_stack([np.cos(angles), np.sin(angles)])
     places: Array = ring[shapely.contains_xy(free, *ring.T)]
-    return places
+    return places if len(places) else shapely.get_coordinates(free)
 
 
 def robot_points(robot: Robot, base: Array, joints: Array) -> Array:

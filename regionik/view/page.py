@@ -1,0 +1,104 @@
+"""Pages of plans and worlds that need no server and no network, and a small server for them."""
+
+from __future__ import annotations
+
+import base64
+import json
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from html import escape
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from string import Template
+from threading import Thread
+from typing import Any
+
+from regionik.storage.files import write_atomic
+from regionik.values import Plan
+from regionik.view.picture import Picture
+from regionik.view.timeline import timeline_document
+from regionik.view.viewer import packed_commands, picture_of, viewer_script
+from regionik.worlds.scene import World
+
+_PAGE, _SCRIPT = (Path(__file__).with_name(name) for name in ("page.html", "page.js"))
+
+
+def to_html(what: Plan | World | Picture, path: str | os.PathLike[str]) -> None:
+    """Write a plan, animated, or a world as one HTML file that needs no server and no network.
+
+    The page has a time bar, curves of joints, speeds and clearances, the figures at each set-point, layers
+    to switch off and a view from above. The same plan gives the same bytes.
+
+    Parameters
+    ----------
+    what : Plan, World or Picture
+    path : path
+        The page; written whole or not at all.
+
+    Raises
+    ------
+    InputError
+        When the file cannot be written.
+    """
+    write_atomic(path, html_page(what))
+
+
+def html_page(what: Plan | World | Picture) -> str:
+    """Return the text of the file that `to_html` writes."""
+    picture = picture_of(what)
+    commands = (base64.b64encode(command).decode("ascii") for command in packed_commands(picture))
+    return Template(_PAGE.read_text("utf-8")).substitute(
+        title=escape(picture.title),
+        facts=escape(" · ".join(picture.facts)),
+        viewer=viewer_script(),
+        commands=",\n".join(f'"{command}"' for command in commands),
+        # Nothing in a name may end the script that it stands in.
+        data=json.dumps(page_document(picture), separators=(",", ":")).replace("<", "\\u003c"),
+        script=_SCRIPT.read_text("utf-8"),
+    )
+
+
+def page_document(picture: Picture) -> dict[str, Any]:
+    """Return what the script of a page knows of its picture, as JSON."""
+    layers = [
+        {"color": f"#{color:06x}", "label": label, "paths": list(paths)}
+        for color, label, paths in picture.legend
+    ]
+    names = {
+        body.path: [body.name or body.label, list(body.numbers)]
+        for body in picture.bodies
+        if len(body.mesh.faces) and (body.name or body.label)
+    }
+    motion = None if picture.timeline is None else timeline_document(picture.timeline)
+    return {
+        "layers": layers,
+        "names": names,
+        "half": picture.camera.half.tolist(),
+        "motion": motion,
+    }
+
+
+@contextmanager
+def served(page: str) -> Iterator[str]:
+    """Serve the text of a page on this machine while the block runs; the value is its address."""
+    data = page.encode()
+
+    class Handler(BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            self.send_response(200)
+            self.send_header("Content-Type", "text/html; charset=utf-8")
+            self.send_header("Content-Length", str(len(data)))
+            self.end_headers()
+            self.wfile.write(data)
+
+        def log_message(self, format: str, *values: Any) -> None:
+            """Keep the terminal clean."""
+
+    server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
+    Thread(target=server.serve_forever, daemon=True).start()
+    try:
+        yield f"http://127.0.0.1:{server.server_port}/"
+    finally:
+        server.shutdown()
+        server.server_close()
