@@ -55,6 +55,7 @@ def test_without_noise_the_tool_keeps_its_path_and_its_speed() -> None:
     assert figures["tool_error"]["worst"] < 1e-3
     assert figures["speed_held"] >= 0.99
     assert max(figures["used"].values()) < 1.01
+    assert figures["base_error"] < 1e-3
     assert np.ptp(run.base[:, 0]) > 0.1  # it drove
 
 
