@@ -37,6 +37,7 @@ SECTIONS = {
         "why",
     ),
     "Time": ("retime", "trajectory", "point_to_point"),
+    "Execution": ("simulate", "Noise"),
     "To look at": ("show", "to_html", "plot", "plot_floor"),
     "Inverse kinematics": ("Solver", "compare"),
     "Errors": ("RegionikError", "InputError", "NoPlanFound"),
@@ -49,6 +50,8 @@ RESULTS = (
     "regionik.values.Stop",
     "regionik.values.Report",
     "regionik.reachability.field.Field",
+    "regionik.simulation.run.SimulatedRun",
+    "regionik.simulation.run.Contact",
     "regionik.worlds.errors.Explanation",
     "regionik.worlds.errors.Repair",
 )

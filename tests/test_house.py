@@ -30,6 +30,7 @@ ENGINES = {
     "sklearn": {"planners/rivals/network.py"},
     "distributed": {"regionik/executors.py"},
     "rasterio": {"regionik/output/field_file.py"},
+    "rosbags": {"regionik/output/ros2_folder.py"},
     "mujoco": {"regionik/simulation/physics.py"},
 }
 

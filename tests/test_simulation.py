@@ -24,10 +24,10 @@ from regionik.simulation.simulate import simulate
 from regionik.simulation.simulated_robot import SUBSTEPS
 from regionik.simulation.tracking import TrackingController
 from regionik.timing.retime import retime
-from regionik.values import Plan
+from regionik.values import Motion, Plan
 from regionik.view.run_picture import picture_of_run
 from regionik.worlds.drives import BaseKind
-from regionik.worlds.errors import InputError
+from regionik.worlds.errors import EngineError, InputError
 from regionik.worlds.robot import Robot
 from regionik.worlds.speeds import Speeds
 from tests import examples
@@ -55,6 +55,7 @@ def test_without_noise_the_tool_keeps_its_path_and_its_speed() -> None:
     assert figures["tool_error"]["worst"] < 1e-3
     assert figures["speed_held"] >= 0.99
     assert max(figures["used"].values()) < 1.01
+    assert figures["base_error"] < 1e-3
     assert np.ptp(run.base[:, 0]) > 0.1  # it drove
 
 
@@ -75,7 +76,12 @@ def test_a_run_fails_where_its_tolerance_is_left() -> None:
     assert run.failure.startswith(f"at {run.time[left[0]]:.2f} s the tool is ")
 
 
-@pytest.mark.parametrize("robot", [youbot(), awkward()], ids=["youbot", "awkward"])
+ROUND = tuple(
+    (0.3 * float(np.cos(angle)), 0.3 * float(np.sin(angle))) for angle in np.arange(40) * np.pi / 20
+)
+
+
+@pytest.mark.parametrize("robot", [youbot(), youbot(ROUND), awkward()], ids=["youbot", "round", "awkward"])
 def test_the_model_moves_as_the_robot_does(robot: Robot) -> None:
     world, rng = replace(every_solid(), robot=robot, start=None), np.random.default_rng(3)
     for _ in range(5):
@@ -110,6 +116,23 @@ def test_a_run_fails_where_the_arm_meets_what_the_plan_does_not_know() -> None:
     assert "lamp" in run.failure
     assert run.contacts[0].time > 0
     assert run.contacts[0].depth > 0
+
+
+def test_a_plan_of_one_state_is_a_run_of_one_row() -> None:
+    plan, one = timed_plan(), slice(0, 1)
+    motion = plan.motion
+    still = Motion(motion.base[one], motion.joints[one], motion.kind[one], motion.setpoint[one], np.zeros(1))
+    run = simulate(replace(plan, motion=still), typical_noise())
+    assert run.ok
+    assert len(run.time) == 1
+
+
+def test_a_motion_that_is_not_finite_is_an_error() -> None:
+    world = every_solid()
+    physics = Physics(world, np.zeros(3), world.robot.carry[None], 50.0)
+    physics.position[0] = np.nan
+    with pytest.raises(EngineError, match="is not finite"):
+        physics.refresh()
 
 
 # --- the controller and the estimate, without the physics

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from regionik.values import Plan
     from regionik.worlds.scene import World
 
-EXPORT_FORMATS = ("csv", "ros2", "joint-trajectory", "path", "geojson", "urdf")
+EXPORT_FORMATS = ("csv", "ros2", "joint-trajectory", "path", "ros2-folder", "geojson", "urdf")
 PICTURES = (".svg", ".png")
 PLANS = (".json",)
 VIEWS = (".html", ".gif", ".mp4")
@@ -184,11 +184,13 @@ def export_plan(
     """Write a plan in a format of other programs.
 
     csv has a row per state, geojson the areas, urdf the robot. joint-trajectory and path are one message
-    each, in YAML or JSON by the ending of the file, as ros2 topic pub reads it; ros2 is both in one file.
+    each, in YAML or JSON by the ending of the file, as ros2 topic pub reads it; ros2 is both in one file, and
+    ros2-folder a new folder with all that a ROS 2 user needs, a script that executes the plan among it.
     """
     if kind not in EXPORT_FORMATS:
         raise InputError(f"--format: expected one of {', '.join(EXPORT_FORMATS)}, got {kind!r}")
-    check_output(output, reads=[path])
+    if kind != "ros2-folder":
+        check_output(output, reads=[path])
     from regionik.output.export import check_options, export
     from regionik.output.plan_file import load_plan
 

@@ -1,4 +1,4 @@
-"""Plans as files for other programs: CSV, ROS 2 messages, GeoJSON, URDF."""
+"""Plans as files for other programs: CSV, ROS 2 messages and folders, GeoJSON, URDF."""
 
 from __future__ import annotations
 
@@ -13,8 +13,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from regionik.output.ros2 import FRAME, SUFFIXES, both_messages, joint_trajectory, message_text, path_message
+from regionik.output.ros2_folder import ros2_files
 from regionik.output.urdf import robot_to_urdf
-from regionik.storage.files import write_atomic
+from regionik.storage.files import write_atomic, write_folder
 from regionik.storage.plan_document import PARTS, feature, multipolygon
 from regionik.timing.limits import tool_velocity
 from regionik.timing.trajectory import is_timed, sample_plan, trajectory
@@ -39,11 +40,12 @@ def export(
     ----------
     plan : Plan
     path : path
-        Messages become YAML or, where it ends in ``.json``, JSON.
-    format : {"csv", "ros2", "joint-trajectory", "path", "geojson", "urdf"}, optional
+        Messages become YAML or, where it ends in ``.json``, JSON. For ``ros2-folder`` a new folder.
+    format : {"csv", "ros2", "joint-trajectory", "path", "ros2-folder", "geojson", "urdf"}, optional
         ``csv``: one row a state. ``joint-trajectory``, ``path``: one message of ROS 2 as ``ros2 topic pub``
-        reads it, the arm's of a timed plan or the base's; ``ros2``: both and their types. ``geojson``: areas,
-        base path and set-points. ``urdf``: the robot. By default the suffix of ``path``.
+        reads it, the arm's of a timed plan or the base's; ``ros2``: both and their types; ``ros2-folder``:
+        these and others, parameters, a script that executes them and a bag. ``geojson``: areas, base path and
+        set-points. ``urdf``: the robot. By default the suffix of ``path``.
     rate : float, optional
         Rows, points or poses a second of a timed plan, instead of one for each state [1/s].
     frame : str, optional
@@ -58,7 +60,11 @@ def export(
     format = Path(path).suffix[1:].lower() if format is None else format
     check_options(format, path, rate, frame)
     options = Options(Path(path).suffix, rate, FRAME if frame is None else frame)
-    write_atomic(path, FORMATS[format].text(plan, options))
+    made = FORMATS[format].content(plan, options)
+    if isinstance(made, dict):
+        write_folder(path, made)
+    else:
+        write_atomic(path, made)
 
 
 class Options(NamedTuple):
@@ -70,11 +76,12 @@ class Options(NamedTuple):
 
 
 class Format(NamedTuple):
-    """A format of `export`: the text of the file, and whether it takes a rate, and is made of messages."""
+    """A format of `export`: the text of the file, or files of a folder; if it takes a rate, and a frame."""
 
-    text: Callable[[Plan, Options], str]
+    content: Callable[[Plan, Options], str | dict[str, str | bytes]]
     sampled: bool = False
     messages: bool = False
+    folder: bool = False
 
 
 def check_options(
@@ -84,7 +91,7 @@ def check_options(
     if format not in FORMATS:
         raise InputError(f"format {format}: expected one of {', '.join(FORMATS)}")
     chosen = FORMATS[format]
-    if chosen.messages and Path(path).suffix.lower() not in SUFFIXES:
+    if chosen.messages and not chosen.folder and Path(path).suffix.lower() not in SUFFIXES:
         raise InputError(f"{path}: expected a file name ending in {', '.join(SUFFIXES)} for format {format}")
     if rate is not None and not chosen.sampled:
         sampled = ", ".join(name for name, one in FORMATS.items() if one.sampled)
@@ -170,6 +177,9 @@ FORMATS = {
     "ros2": _ros2(both_messages),
     "joint-trajectory": _ros2(joint_trajectory),
     "path": _ros2(path_message),
+    "ros2-folder": Format(
+        lambda plan, options: ros2_files(plan, options.rate, options.frame), True, True, folder=True
+    ),
     "geojson": Format(lambda plan, _: plan_to_geojson(plan)),
     "urdf": Format(lambda plan, _: robot_to_urdf(plan.world.robot, plan.world.floor.polygon)),
 }

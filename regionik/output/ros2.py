@@ -1,6 +1,6 @@
 """Plans as ROS 2 messages, in the YAML or JSON that ``ros2 topic pub`` reads.
 
-Fields are those of trajectory_msgs/msg/JointTrajectory and nav_msgs/msg/Path.
+Fields are those of trajectory_msgs/msg/JointTrajectory and MultiDOFJointTrajectory, and of nav_msgs/msg/Path.
 """
 
 from __future__ import annotations
@@ -12,14 +12,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from regionik.timing.trajectory import is_timed, sample_plan, trajectory
+from regionik.timing.trajectory import TrajectorySample, is_timed, sample_plan, trajectory
 from regionik.values import Plan
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError
 
 SUFFIXES = (".yaml", ".yml", ".json")
 JOINT_TRAJECTORY, PATH = "trajectory_msgs/msg/JointTrajectory", "nav_msgs/msg/Path"
-FRAME = "map"
+FRAME, BASE = "map", "base"
 _SECOND = 1_000_000_000  # [ns]
 
 Message = dict[str, Any]
@@ -44,20 +44,46 @@ def joint_trajectory(plan: Plan, rate: float | None = None, frame: str = FRAME) 
     InputError
         When the plan is not timed, or for an invalid rate or frame.
     """
-    trajectory(plan)  # raises what is missing where the plan is not timed
-    rows, header = sample_plan(plan, rate), _header(frame, 0)
-    clock = nanoseconds(rows.sample.time)
     points = [
         {
-            "positions": rows.sample.joints[k].tolist(),
-            "velocities": rows.sample.joint_velocity[k].tolist(),
-            "accelerations": rows.sample.joint_acceleration[k].tolist(),
+            "positions": sample.joints[k].tolist(),
+            "velocities": sample.joint_velocity[k].tolist(),
+            "accelerations": sample.joint_acceleration[k].tolist(),
             "effort": [],
-            "time_from_start": stamp(int(clock[k])),
+            "time_from_start": moment,
         }
-        for k in np.flatnonzero(np.append(np.diff(clock) > 0, True)).tolist()
+        for sample, k, moment in _distinct_moments(plan, rate)
     ]
-    return {"header": header, "joint_names": list(plan.world.robot.chain.names), "points": points}
+    names = list(plan.world.robot.chain.names)
+    return {"header": _header(frame, 0), "joint_names": names, "points": points}
+
+
+def base_trajectory(plan: Plan, rate: float | None = None, frame: str = FRAME) -> Message:
+    """The base's motion as a trajectory_msgs/msg/MultiDOFJointTrajectory, of the same moments as the arm's.
+
+    Its one joint is called `BASE`. Velocities and accelerations are those in the frame, not the base's own.
+    Parameters and errors are those of `joint_trajectory`.
+    """
+    points = [
+        {
+            "transforms": [{"translation": _vector(x, y), "rotation": _quaternion(yaw)}],
+            "velocities": [_twist(sample.base_velocity[k])],
+            "accelerations": [_twist(sample.base_acceleration[k])],
+            "time_from_start": moment,
+        }
+        for sample, k, moment in _distinct_moments(plan, rate)
+        for x, y, yaw in [sample.base[k].tolist()]
+    ]
+    return {"header": _header(frame, 0), "joint_names": [BASE], "points": points}
+
+
+def _distinct_moments(plan: Plan, rate: float | None) -> Iterator[tuple[TrajectorySample, int, Message]]:
+    """Samples of a timed plan, the row and its time from the start; of one nanosecond the last row."""
+    trajectory(plan)  # raises what is missing where the plan is not timed
+    sample = sample_plan(plan, rate).sample
+    clock = nanoseconds(sample.time)
+    for k in np.flatnonzero(np.append(np.diff(clock) > 0, True)).tolist():
+        yield sample, k, stamp(int(clock[k]))
 
 
 def path_message(plan: Plan, rate: float | None = None, frame: str = FRAME) -> Message:
@@ -82,10 +108,7 @@ def path_message(plan: Plan, rate: float | None = None, frame: str = FRAME) -> M
     poses = [
         {
             "header": _header(frame, moment),
-            "pose": {
-                "position": {"x": x, "y": y, "z": 0.0},
-                "orientation": {"x": 0.0, "y": 0.0, "z": float(np.sin(yaw / 2)), "w": float(np.cos(yaw / 2))},
-            },
+            "pose": {"position": _vector(x, y), "orientation": _quaternion(yaw)},
         }
         for moment, (x, y, yaw) in zip(clock.tolist(), rows.sample.base.tolist(), strict=True)
     ]
@@ -108,6 +131,20 @@ def message_text(message: Message, suffix: str) -> str:
     if suffix.lower() == ".json":
         return _flow(message) + "\n"
     return "\n".join(_block(message, "")) + "\n"
+
+
+def _vector(x: float, y: float, z: float = 0.0) -> Message:
+    return {"x": x, "y": y, "z": z}
+
+
+def _quaternion(yaw: float) -> Message:
+    return {"x": 0.0, "y": 0.0, "z": float(np.sin(yaw / 2)), "w": float(np.cos(yaw / 2))}
+
+
+def _twist(rates: Array) -> Message:
+    """Rates of x, y and yaw as the fields of geometry_msgs/msg/Twist."""
+    x, y, turn = rates.tolist()
+    return {"linear": _vector(x, y), "angular": _vector(0.0, 0.0, turn)}
 
 
 def _header(frame: str, clock: int) -> Message:

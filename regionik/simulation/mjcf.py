@@ -39,7 +39,8 @@ def model_text(world: World, timestep: float) -> str:
     root, robot = Element(ROOT, model=world.name), world.robot
     SubElement(root, "compiler", angle="radian", autolimits="true")
     SubElement(root, "size", memory="64M")
-    SubElement(root, "option", timestep=repr(timestep), gravity=f"0 0 {-GRAVITY}", integrator="implicitfast")
+    option = {"timestep": repr(timestep), "gravity": f"0 0 {-GRAVITY}", "integrator": "implicitfast"}
+    SubElement(SubElement(root, "option", option), "flag", autoreset="disable")
     assets, scene = SubElement(root, "asset"), SubElement(root, "worldbody")
     for k, solid in enumerate(world.solids):
         for j, shape in enumerate(_shapes(solid)):
@@ -61,10 +62,10 @@ def _add_robot(assets: Element, scene: Element, robot: Robot) -> None:
     for name, kind, axis in zip(BASE_JOINTS, ("slide", "slide", "hinge"), np.eye(3), strict=True):
         SubElement(base, "joint", name=name, type=kind, axis=_numbers(axis))
     _inertial(base, BASE_MASS, np.zeros(3), np.full(3, BASE_INERTIA))
-    body = base_body(robot)
-    if body is not None:
-        for shape in _shapes(body):
-            _geom(assets, base, f"robot {BODY}", shape)
+    if base_body(robot) is not None:
+        outline = robot.footprint
+        corners = [np.column_stack([outline, np.full(len(outline), z)]) for z in (0.0, robot.body_height)]
+        _geom(assets, base, f"robot {BODY}", _hull(np.concatenate(corners)))
     first = len(robot.solids)
     for k, solid in enumerate(robot.base_solids, first):
         _geom(assets, base, f"robot {k}", _link_shape(solid))
@@ -137,21 +138,25 @@ def _shapes(solid: Solid) -> Iterator[Shape]:
         elif piece.ball:
             yield {"type": "sphere", "pos": middle, "size": repr(float(piece.ball))}
         else:
-            yield {"type": "mesh", "vertex": _numbers(piece.corners.ravel())}
+            yield _hull(piece.corners)
+
+
+def _hull(corners: Array) -> Shape:
+    return {"type": "mesh", "vertex": _numbers(corners.ravel())}
 
 
 def _shell(triangle: Array) -> Shape:
     """A triangle (3, 3) of a closed mesh, thickened inwards."""
     normal = np.cross(triangle[1] - triangle[0], triangle[2] - triangle[0])
     inner = triangle.mean(0) - SHELL * normal / max(float(np.linalg.norm(normal)), 1e-300)
-    return {"type": "mesh", "vertex": _numbers(np.vstack([triangle, inner]).ravel())}
+    return _hull(np.vstack([triangle, inner]))
 
 
 def _link_shape(solid: LinkSolid) -> Shape:
     if isinstance(solid, LinkBox):
         return {"type": "box", "size": _numbers(solid.size / 2), **_frame(solid.T_link_box)}
     if isinstance(solid, LinkHull):
-        return {"type": "mesh", "vertex": _numbers(solid.corners.ravel())}
+        return _hull(solid.corners)
     if np.linalg.norm(solid.end - solid.start) < 1e-9:
         return {"type": "sphere", "pos": _numbers(solid.start), "size": repr(float(solid.radius))}
     ends = np.concatenate([solid.start, solid.end])

@@ -68,7 +68,7 @@ class Physics:
             import mujoco
         except ImportError as error:
             raise InputError(f"a simulation needs regionik[simulate]: {error}") from None
-        self._engine, self._servo = mujoco, servo
+        self._engine, self._servo, self._name = mujoco, servo, world.robot.name
         try:
             self._model = mujoco.MjModel.from_xml_string(model_text(world, STEP))
         except ValueError as error:
@@ -140,7 +140,15 @@ class Physics:
         return found
 
     def refresh(self) -> None:
-        """Bring the tool to the present position: a step leaves it where it was before."""
+        """Bring the tool to the present position: a step leaves it where it was before.
+
+        Raises
+        ------
+        EngineError
+            Where the motion has left all bounds.
+        """
+        if not np.isfinite(self.position).all():
+            raise EngineError(f"MuJoCo: the motion of {self._name} is not finite")
         self._engine.mj_kinematics(self._model, self._data)
 
     def tool_velocity(self) -> Array:

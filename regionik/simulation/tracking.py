@@ -80,38 +80,34 @@ class TrackingController:
         joints : (dof,) array
             Of the command before.
         """
-        asked = self._base_twist(k, pose)
-        mean = twist + (asked - twist) * TAKEN_ON / 2
-        ahead = pose + twist_step(pose[2], mean, PERIOD)
-        wanted = self._arm_joints(k + 1, ahead, joints)
-        bend = 0.0 if self.robot.drive.turns_on_the_spot else self._curvature(k, asked)
-        return Command(asked, bend, wanted, wanted - self.plan.joints[k + 1])
+        wanted = self._base_twist(k, pose)
+        asked = twist + (wanted - twist) / TAKEN_ON  # the drives' lag makes that the one wanted
+        ahead = pose + twist_step(pose[2], (twist + wanted) / 2, PERIOD)
+        reached = self._arm_joints(k + 1, ahead, joints)
+        bend = 0.0 if self.robot.drive.turns_on_the_spot else self._curvature(k, wanted)
+        return Command(asked, bend, reached, reached - self.plan.joints[k + 1])
 
     def _base_twist(self, k: int, pose: Array) -> Array:
-        """Twist (3,) to ask of the base in its own frame at row k, estimated at a pose (3,)."""
-        plan = self.plan
-        velocity, following = plan.twist[k], plan.twist[k + 1]
-        asked = velocity + (following - velocity) / TAKEN_ON  # by which the drives' lag is made up for
-        off = plan.base[k] - pose
+        """Twist (3,) wanted of the base in its own frame at the end of row k, estimated at a pose (3,)."""
+        planned, off = self.plan.twist[k + 1].copy(), self.plan.base[k] - pose
         off[2] = np.remainder(off[2] + np.pi, 2 * np.pi) - np.pi
         off[:2] = _turned(off[:2], -pose[2])
         if not self.robot.drive.rolls:
-            asked[:2] = _turned(asked[:2], off[2])
-            return self._limited(asked + GAIN * off)
+            planned[:2] = _turned(planned[:2], off[2])
+            return self._limited(planned + GAIN * off)
         # The way back to the path is critically damped in the way that is driven, whatever the speed.
-        back = velocity[0] * off[1] / LEAD_BACK**2 + 2 * abs(velocity[0]) * off[2] / LEAD_BACK
+        ahead, turn = planned[0], planned[2]
+        back = ahead * off[1] / LEAD_BACK**2 + 2 * abs(ahead) * off[2] / LEAD_BACK
         spin = GAIN * off[2] if self.robot.drive.turns_on_the_spot else 0.0
-        return self._limited(np.array([asked[0] + GAIN * off[0], 0.0, asked[2] + back + spin]))
+        return self._limited(np.array([ahead + GAIN * off[0], 0.0, turn + back + spin]))
 
-    def _curvature(self, k: int, twist: Array) -> float:
-        """Curvature to steer a car by, where it is asked for a twist (3,) at row k [1/m]."""
-        plan, most = self.plan, 1 / self.robot.turning_radius
-        velocity, following = plan.twist[k], plan.twist[k + 1]
-        bend = plan.curvature[k]
-        if abs(velocity[0]) > SLOW:  # slower ones do not bring it back
-            planned = velocity[2] + (following[2] - velocity[2]) / TAKEN_ON
-            bend += (twist[2] - planned) / velocity[0]
-        return float(np.clip(bend, -most, most))
+    def _curvature(self, k: int, wanted: Array) -> float:
+        """Curvature to steer a car by, of which a twist (3,) is wanted at the end of row k [1/m]."""
+        planned, bend = self.plan.twist[k + 1], float(self.plan.curvature[k])
+        if abs(planned[0]) > SLOW:  # slower ones do not bring it back
+            bend += (wanted[2] - planned[2]) / planned[0]
+        most = 1 / self.robot.turning_radius
+        return min(max(bend, -most), most)
 
     def _arm_joints(self, k: int, pose: Array, joints: Array) -> Array:
         """Joint values (dof,) for row k, from those of the row before and the base pose (3,) expected then.

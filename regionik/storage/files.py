@@ -14,6 +14,7 @@ import os
 import re
 import secrets
 import shutil
+import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
@@ -53,6 +54,37 @@ def write_atomic(path: str | os.PathLike[str], content: str | bytes) -> None:
             target.write_bytes(data)  # a pipe or a device cannot be replaced by a file
         else:
             _replace(target, data)
+
+
+def write_folder(path: str | os.PathLike[str], files: Mapping[str, str | bytes]) -> None:
+    """Write a new folder, whole or not at all.
+
+    Parameters
+    ----------
+    path : path
+    files : mapping of str to str or bytes
+        Contents by their names in it, which may name folders.
+
+    Raises
+    ------
+    InputError
+        When something is there already, the folder around it is missing, or writing is not allowed.
+    """
+    target = Path(os.path.realpath(path))
+    if target.exists():
+        raise InputError(f"{path}: expected the name of a new folder, this is there already")
+    if not target.parent.is_dir():
+        raise InputError(f"{path}: expected an existing folder, {target.parent} is not there")
+    with _os_errors(path):
+        made = Path(tempfile.mkdtemp(prefix=f".{target.name[:_STEM]}.", suffix=".part", dir=target.parent))
+        try:
+            for name, content in files.items():
+                (made / name).parent.mkdir(exist_ok=True)
+                (made / name).write_bytes(content.encode("utf-8") if isinstance(content, str) else content)
+            made.chmod(0o755)
+            made.rename(target)
+        finally:
+            shutil.rmtree(made, ignore_errors=True)
 
 
 @contextmanager

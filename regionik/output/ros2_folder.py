@@ -1,0 +1,214 @@
+"""A timed plan as a folder for ROS 2: messages of arm, base and world, parameters, a script and a bag.
+
+The only file that imports rosbags.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from regionik.output.planning_scene import planning_scene
+from regionik.output.ros2 import (
+    FRAME,
+    Message,
+    base_trajectory,
+    joint_trajectory,
+    message_text,
+    nanoseconds,
+    path_message,
+    stamp,
+)
+from regionik.timing.trajectory import sample_plan
+from regionik.values import Plan
+from regionik.worlds.errors import InputError
+from regionik.worlds.robot import Robot
+from regionik.worlds.speeds import Speeds
+
+RATE = 50.0  # of trajectories, where none is asked for [1/s]
+BASE_FRAME = "base_link"
+ARM, BASE_MOTION, PATH, SCENE = "arm_trajectory", "base_trajectory", "base_path", "planning_scene"
+SCRIPT = "execute_plan.py"
+_SCRIPT_TEXT = Path(__file__).with_name("execute_plan.txt")
+_MOTION_MODELS = {
+    "omni": "Omni",
+    "differential": "DiffDrive",
+    "car": "Ackermann",
+}  # of nav2's MPPI controller
+_GIVES_WAY = 0.05  # joint error at which the arm's controller gives up [rad], [m]
+_ARRIVED = 0.01  # joint error that counts as arrived [rad], [m]
+_LATE = 1.0  # by which the arm may come late [s]
+
+README = """Made by regionik from the plan of world {world}: {duration:.2f} s, frame {frame}.
+
+arm_trajectory.yaml   trajectory_msgs/msg/JointTrajectory
+base_trajectory.yaml  trajectory_msgs/msg/MultiDOFJointTrajectory, of the same moments
+base_path.yaml        nav_msgs/msg/Path, its stamps count from the start
+robot_trajectory.yaml moveit_msgs/msg/RobotTrajectory, of both
+planning_scene.yaml   moveit_msgs/msg/PlanningScene, the world's solids as a difference
+ros2_control.yaml     parameters of a controller manager with a trajectory controller for the arm
+nav2.yaml             parameters of nav2's controller server and local costmap for the base
+settings.yaml         what execute_plan.py asks of the base
+execute_plan.py       sends the arm's trajectory, leads the base along its own, stops both where one fails
+bag/                  rosbag2 (MCAP) of /tf, /joint_states and the messages above, for RViz and Foxglove
+"""
+
+
+def ros2_files(plan: Plan, rate: float | None = None, frame: str = FRAME) -> dict[str, str | bytes]:
+    """Return the files of the folder by their names.
+
+    Parameters
+    ----------
+    plan : Plan
+        A timed one.
+    rate : float, optional
+        Points a second, `RATE` by default [1/s].
+    frame : str
+        Of the base's motion and the solids.
+
+    Raises
+    ------
+    InputError
+        When the plan is not timed, for an invalid rate or frame, and where rosbags is not installed.
+    """
+    rate = RATE if rate is None else rate
+    robot, speeds = plan.world.robot, plan.world.speeds or Speeds()
+    arm, base = joint_trajectory(plan, rate, frame), base_trajectory(plan, rate, frame)
+    path = path_message(plan, rate, frame)
+    documents = {
+        ARM: arm,
+        BASE_MOTION: base,
+        PATH: path,
+        "robot_trajectory": {"joint_trajectory": arm, "multi_dof_joint_trajectory": base},
+        SCENE: planning_scene(plan.world, frame),
+        "ros2_control": arm_parameters(robot),
+        "nav2": base_parameters(robot, speeds, plan.world.rules.clearance, frame),
+        "settings": {
+            "drive": robot.base,
+            "base_velocity": float(speeds.base_velocity),
+            "turn_velocity": float(speeds.turn_velocity),
+        },
+    }
+    texts = {f"{name}.yaml": message_text(document, ".yaml") for name, document in documents.items()}
+    about = README.format(world=plan.world.name, duration=float(plan.motion.time[-1]), frame=frame)
+    bag = bag_files(plan, rate, frame, {ARM: arm, BASE_MOTION: base, PATH: path})
+    return {**texts, SCRIPT: _SCRIPT_TEXT.read_text("utf-8"), "README.txt": about, **bag}
+
+
+def arm_parameters(robot: Robot) -> Message:
+    """Parameters of ros2_control's controller manager and its joint_trajectory_controller."""
+    tolerances = {name: {"trajectory": _GIVES_WAY, "goal": _ARRIVED} for name in robot.chain.names}
+    arm = {
+        "joints": list(robot.chain.names),
+        "command_interfaces": ["position"],
+        "state_interfaces": ["position", "velocity"],
+        "constraints": {"goal_time": _LATE, "stopped_velocity_tolerance": _ARRIVED, **tolerances},
+    }
+    manager = {
+        "update_rate": 100,
+        "joint_state_broadcaster": {"type": "joint_state_broadcaster/JointStateBroadcaster"},
+        "arm_controller": {"type": "joint_trajectory_controller/JointTrajectoryController"},
+    }
+    return {"controller_manager": {"ros__parameters": manager}, "arm_controller": {"ros__parameters": arm}}
+
+
+def base_parameters(robot: Robot, speeds: Speeds, clearance: float, frame: str) -> Message:
+    """Parameters of nav2's controller server, with the MPPI controller, and of its local costmap."""
+    forward, turn = float(speeds.base_velocity), float(speeds.turn_velocity)
+    follow: Message = {
+        "plugin": "nav2_mppi_controller::MPPIController",
+        "motion_model": _MOTION_MODELS[robot.base],
+        "vx_max": forward,
+        "vx_min": -forward,
+        "vy_max": forward if robot.base == "omni" else 0.0,
+        "wz_max": turn,
+        "ax_max": float(speeds.base_acceleration),
+        "ax_min": -float(speeds.base_acceleration),
+        "az_max": float(speeds.turn_acceleration),
+    }
+    if robot.base == "car":
+        follow["AckermannConstraints"] = {"min_turning_r": float(robot.turning_radius)}
+    server = {"controller_frequency": 20.0, "controller_plugins": ["FollowPath"], "FollowPath": follow}
+    costmap: Message = {"global_frame": frame, "robot_base_frame": BASE_FRAME, "rolling_window": True}
+    if len(robot.footprint) > 2:
+        costmap["footprint"] = str(np.round(robot.footprint, 6).tolist())
+    inflation = {"plugin": "nav2_costmap_2d::InflationLayer", "inflation_radius": float(clearance)}
+    costmap |= {"plugins": ["inflation_layer"], "inflation_layer": inflation}
+    return {
+        "controller_server": {"ros__parameters": server},
+        "local_costmap": {"local_costmap": {"ros__parameters": costmap}},
+    }
+
+
+# --- the bag
+
+
+def bag_files(plan: Plan, rate: float, frame: str, whole: dict[str, Message]) -> dict[str, bytes]:
+    """Files of a rosbag2 with MCAP storage: /tf and /joint_states at a rate, and whole messages at 0 s."""
+    try:
+        from rosbags.rosbag2 import StoragePlugin, Writer
+        from rosbags.typesys import Stores, get_typestore
+    except ImportError as error:
+        raise InputError(f"a folder for ROS 2 needs regionik[ros2]: {error}") from None
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    kinds = {
+        f"/{ARM}": "trajectory_msgs/msg/JointTrajectory",
+        f"/{BASE_MOTION}": "trajectory_msgs/msg/MultiDOFJointTrajectory",
+        f"/{PATH}": "nav_msgs/msg/Path",
+        "/tf": "tf2_msgs/msg/TFMessage",
+        "/joint_states": "sensor_msgs/msg/JointState",
+    }
+    with tempfile.TemporaryDirectory() as place:
+        bag = Path(place) / "bag"
+        with Writer(bag, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
+            topics = {
+                topic: writer.add_connection(topic, kind, typestore=store) for topic, kind in kinds.items()
+            }
+            events = [(0, f"/{name}", document) for name, document in whole.items()]
+            for time, topic, document in [*events, *_states(plan, rate, frame)]:
+                message = _ros_message(store, kinds[topic], document)
+                writer.write(topics[topic], time, store.serialize_cdr(message, kinds[topic]))
+        return {f"bag/{path.name}": path.read_bytes() for path in sorted(bag.iterdir())}
+
+
+def _states(plan: Plan, rate: float, frame: str) -> list[tuple[int, str, Message]]:
+    """Times [ns], topics and messages of the robot's motion."""
+    sample, names = sample_plan(plan, rate).sample, list(plan.world.robot.chain.names)
+    found: list[tuple[int, str, Message]] = []
+    for k, time in enumerate(nanoseconds(sample.time).tolist()):
+        header = {"stamp": stamp(time), "frame_id": frame}
+        x, y, yaw = sample.base[k].tolist()
+        turn = {"x": 0.0, "y": 0.0, "z": float(np.sin(yaw / 2)), "w": float(np.cos(yaw / 2))}
+        place = {"translation": {"x": x, "y": y, "z": 0.0}, "rotation": turn}
+        moved = {"header": header, "child_frame_id": BASE_FRAME, "transform": place}
+        joints = {
+            "header": {"stamp": stamp(time), "frame_id": ""},
+            "name": names,
+            "position": sample.joints[k].tolist(),
+            "velocity": sample.joint_velocity[k].tolist(),
+            "effort": [],
+        }
+        found += [(time, "/tf", {"transforms": [moved]}), (time, "/joint_states", joints)]
+    return found
+
+
+def _ros_message(store: Any, kind: str, document: Message) -> Any:
+    """Return a message of a type store, made of a document with all its fields."""
+    fields = {name: _field(store, type_, document[name]) for name, type_ in store.fielddefs[kind][1]}
+    return store.types[kind](**fields)
+
+
+def _field(store: Any, type_: Any, value: Any) -> Any:
+    """Return a field's value as the store wants it: plain, a message, or a sequence of either."""
+    node, inner = type_
+    if node.name == "NAME":
+        return _ros_message(store, inner, value)
+    if node.name not in ("SEQUENCE", "ARRAY"):
+        return value
+    element, name = inner[0]
+    if element.name == "NAME":
+        return [_ros_message(store, name, item) for item in value]
+    return list(value) if name[0] == "string" else np.array(value, dtype=name[0])

@@ -1,0 +1,239 @@
+"""The folder for ROS 2: its messages go over the wire and back, its script leads a base, its bag is read."""
+
+from __future__ import annotations
+
+import math
+import sys
+import types
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+from rosbags.rosbag2 import Reader
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+from regionik.cli import app
+from regionik.output.export import export
+from regionik.output.planning_scene import planning_scene
+from regionik.output.ros2 import base_trajectory
+from regionik.output.ros2_folder import arm_parameters, bag_files, base_parameters, ros2_files
+from regionik.timing.trajectory import trajectory
+from regionik.values import Plan
+from regionik.worlds.bundled import robot_named
+from regionik.worlds.errors import InputError
+from regionik.worlds.speeds import Speeds
+from tests.plans import every_solid, l_shape, synthetic_plan, timed
+
+# The interface of MoveIt's messages as far as the folder uses them.
+COLLISION_OBJECT = """std_msgs/Header header
+geometry_msgs/Pose pose
+string id
+shape_msgs/SolidPrimitive[] primitives
+geometry_msgs/Pose[] primitive_poses
+shape_msgs/Mesh[] meshes
+geometry_msgs/Pose[] mesh_poses
+"""
+ROBOT_TRAJECTORY = """trajectory_msgs/JointTrajectory joint_trajectory
+trajectory_msgs/MultiDOFJointTrajectory multi_dof_joint_trajectory
+"""
+STORE = get_typestore(Stores.ROS2_HUMBLE)
+STORE.register(get_types_from_msg(COLLISION_OBJECT, "moveit_msgs/msg/CollisionObject"))
+STORE.register(get_types_from_msg(ROBOT_TRAJECTORY, "moveit_msgs/msg/RobotTrajectory"))
+PLAIN = {"string": "", "bool": False}
+
+
+def message(kind: str, document: dict[str, Any]) -> Any:
+    """A message of the store; what the document lacks has its default, as with ``ros2 topic pub``."""
+    fields = STORE.fielddefs[kind][1]
+    assert set(document) <= {name for name, _ in fields}
+    return STORE.types[kind](**{name: value_of(type_, document.get(name)) for name, type_ in fields})
+
+
+def value_of(type_: Any, given: Any) -> Any:
+    node, inner = type_[0].name, type_[1]
+    if node == "NAME":
+        return message(inner, given or {})
+    if node == "BASE":
+        return PLAIN.get(inner[0], 0) if given is None else given
+    (element, of), _ = inner
+    items = given if given is not None else []
+    if element.name == "NAME":
+        return [message(of, item) for item in items]
+    return list(items) if of[0] == "string" else np.array(items, dtype=of[0])
+
+
+def over_the_wire(kind: str, document: dict[str, Any]) -> Any:
+    return STORE.deserialize_cdr(STORE.serialize_cdr(message(kind, document), kind), kind)
+
+
+def seconds(moment: Any) -> float:
+    return float(moment.sec + 1e-9 * moment.nanosec)
+
+
+@pytest.fixture(scope="module")
+def plan() -> Plan:
+    return timed(synthetic_plan(l_shape()))
+
+
+@pytest.fixture(scope="module")
+def folder(plan: Plan, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("ros") / "cell"
+    export(plan, path, "ros2-folder", rate=20.0, frame="odom")
+    return path
+
+
+def document(folder: Path, name: str) -> dict[str, Any]:
+    read: dict[str, Any] = yaml.safe_load((folder / f"{name}.yaml").read_text("utf-8"))
+    return read
+
+
+def test_arm_and_base_agree_in_time_and_are_the_plan(plan: Plan, folder: Path) -> None:
+    both = over_the_wire("moveit_msgs/msg/RobotTrajectory", document(folder, "robot_trajectory"))
+    arm, base = both.joint_trajectory, both.multi_dof_joint_trajectory
+    path = over_the_wire("nav_msgs/msg/Path", document(folder, "base_path"))
+    times = np.array([seconds(point.time_from_start) for point in arm.points])
+    assert np.array_equal(times, [seconds(point.time_from_start) for point in base.points])
+    stamps = np.array([seconds(pose.header.stamp) for pose in path.poses])
+    assert np.abs(stamps - times).max() < 1e-3
+    assert (base.joint_names, base.header.frame_id, path.header.frame_id) == (["base"], "odom", "odom")
+    way = trajectory(plan)
+    now = way.sample(np.minimum(times, way.duration))
+    for k, (joint, moved) in enumerate(zip(arm.points, base.points, strict=True)):
+        (place,), (rate,), (gain,) = moved.transforms, moved.velocities, moved.accelerations
+        yaw = 2 * math.atan2(place.rotation.z, place.rotation.w)
+        assert np.abs(joint.positions - now.joints[k]).max() < 1e-8
+        assert np.hypot(place.translation.x - now.base[k, 0], place.translation.y - now.base[k, 1]) < 1e-8
+        assert abs(math.remainder(yaw - now.base[k, 2], 2 * math.pi)) < 1e-8
+        rates = [rate.linear.x, rate.linear.y, rate.angular.z]
+        assert np.abs(rates - now.base_velocity[k]).max() < 1e-6
+        assert np.abs([gain.linear.x, gain.linear.y, gain.angular.z] - now.base_acceleration[k]).max() < 1e-5
+
+
+def test_every_solid_is_in_the_scene() -> None:
+    world = every_solid()
+    scene = planning_scene(world, "map")
+    assert scene["is_diff"]
+    assert scene["robot_state"]["is_diff"]
+    objects = scene["world"]["collision_objects"]
+    assert [one["id"] for one in objects] == [solid.name for solid in world.solids]
+    for solid, one in zip(world.solids, objects, strict=True):
+        read = over_the_wire("moveit_msgs/msg/CollisionObject", one)
+        low, high = solid.bounds
+        assert len(read.primitives) + len(read.meshes) == 1
+        if read.meshes:
+            corners = np.array([[spot.x, spot.y, spot.z] for spot in read.meshes[0].vertices])
+            assert np.abs([corners.min(0) - low, corners.max(0) - high]).max() < 1e-9
+            assert max(triangle.vertex_indices.max() for triangle in read.meshes[0].triangles) < len(corners)
+        else:
+            middle = read.primitive_poses[0].position
+            assert np.abs([middle.x, middle.y, middle.z] - (low + high) / 2).max() < 1e-9
+
+
+def test_the_bag_is_read(plan: Plan, folder: Path) -> None:
+    way = trajectory(plan)
+    with Reader(folder / "bag") as bag:
+        kinds = {connection.topic: connection.msgtype for connection in bag.connections}
+        assert set(kinds) == {"/arm_trajectory", "/base_trajectory", "/base_path", "/tf", "/joint_states"}
+        seen = dict.fromkeys(kinds, 0)
+        for connection, time, raw in bag.messages():
+            read: Any = STORE.deserialize_cdr(raw, connection.msgtype)
+            seen[connection.topic] += 1
+            if connection.topic == "/joint_states":
+                now = way.sample([min(time * 1e-9, way.duration)])
+                assert np.abs(read.position - now.joints[0]).max() < 1e-8
+                assert seconds(read.header.stamp) == pytest.approx(time * 1e-9, abs=1e-9)
+    assert seen["/tf"] == seen["/joint_states"] == len(document(folder, "base_path")["poses"])
+    assert seen["/arm_trajectory"] == seen["/base_trajectory"] == seen["/base_path"] == 1
+
+
+def test_parameters_name_the_robot(plan: Plan, folder: Path) -> None:
+    arm = document(folder, "ros2_control")["arm_controller"]["ros__parameters"]
+    assert arm["joints"] == list(plan.world.robot.chain.names)
+    assert set(arm["joints"]) < set(arm["constraints"])
+    follow = document(folder, "nav2")["controller_server"]["ros__parameters"]["FollowPath"]
+    assert follow["motion_model"] == "Omni"
+    assert follow["vx_max"] == document(folder, "settings")["base_velocity"] > 0
+
+
+def script(folder: Path) -> Any:
+    """The script as a module; what it needs of ROS it imports in its main function."""
+    text = (folder / "execute_plan.py").read_text("utf-8")
+    module = types.ModuleType("execute_plan")
+    module.__file__ = str(folder / "execute_plan.py")
+    exec(compile(text, "execute_plan.py", "exec"), module.__dict__)
+    return module
+
+
+@pytest.mark.parametrize("drive", ["omni", "differential", "car"])
+def test_the_script_leads_a_base_along_its_trajectory(drive: str, folder: Path) -> None:
+    module = script(folder)
+    times = np.arange(0.0, 8.0, 0.05)
+    speed, turn = 0.3, 0.2
+    rows = [
+        (
+            t,
+            speed / turn * math.sin(turn * t),
+            speed / turn * (1 - math.cos(turn * t)),
+            turn * t,
+            speed * math.cos(turn * t),
+            speed * math.sin(turn * t),
+            turn,
+        )
+        for t in times.tolist()
+    ]
+    x, y, yaw = 0.05, -0.04, 0.1
+    for t in np.arange(0.0, times[-1], 0.02).tolist():
+        row = module.row_at(rows, t)
+        ahead, left, spin = module.limited(module.base_command(row, (x, y, yaw), drive), (0.6, 1.0))
+        assert drive == "omni" or left == 0.0
+        x += 0.02 * (ahead * math.cos(yaw) - left * math.sin(yaw))
+        y += 0.02 * (ahead * math.sin(yaw) + left * math.cos(yaw))
+        yaw += 0.02 * spin
+    assert math.hypot(x - rows[-1][1], y - rows[-1][2]) < 0.02
+    assert abs(yaw - rows[-1][3]) < 0.03
+
+
+def test_the_script_reads_the_base_of_its_folder(plan: Plan, folder: Path) -> None:
+    rows = script(folder).rows_of(document(folder, "base_trajectory"))
+    assert rows == script(folder).rows_of(base_trajectory(plan, 20.0))
+    assert rows[-1][0] == pytest.approx(trajectory(plan).duration)
+
+
+@pytest.mark.parametrize("name", ["youbot", "youbot-real", "pioneer-parm", "hinge5", "pioneer7"])
+def test_names_and_drives_of_robots_come_through(name: str) -> None:
+    robot = robot_named(name)
+    arm = arm_parameters(robot)["arm_controller"]["ros__parameters"]
+    assert arm["joints"] == list(robot.chain.names)
+    base = base_parameters(robot, Speeds(), 0.1, "map")["controller_server"]["ros__parameters"]
+    follow = base["FollowPath"]
+    assert (follow["vy_max"] > 0) == (robot.base == "omni")
+
+
+def test_a_folder_is_new_and_the_same_bytes_again(plan: Plan, folder: Path, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="expected the name of a new folder, this is there already"):
+        export(plan, folder, "ros2-folder")
+    export(plan, tmp_path / "again", "ros2-folder", rate=20.0, frame="odom")
+    for path in sorted(folder.rglob("*")):
+        if path.is_file():
+            assert path.read_bytes() == (tmp_path / "again" / path.relative_to(folder)).read_bytes(), path
+    with pytest.raises(InputError, match="there"):
+        export(plan, tmp_path / "no" / "where", "ros2-folder")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["again"]
+
+
+def test_the_command_and_what_it_lacks(
+    plan: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file, made = tmp_path / "timed.json", tmp_path / "cell"
+    plan.save(file)
+    assert app.run(["export", str(file), "--format", "ros2-folder", "--rate", "5", "-o", str(made)]) == 0
+    assert "execute_plan.py" in {path.name for path in made.iterdir()}
+    assert app.run(["export", str(file), "--format", "ros2-folder", "-o", str(made)]) == 2
+    assert "expected the name of a new folder" in capsys.readouterr().err
+    monkeypatch.setitem(sys.modules, "rosbags.rosbag2", None)
+    with pytest.raises(InputError, match=r"a folder for ROS 2 needs regionik\[ros2\]"):
+        bag_files(plan, 5.0, "map", {})
+    with pytest.raises(InputError, match="it is not timed"):
+        ros2_files(synthetic_plan(l_shape()))
