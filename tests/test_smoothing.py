@@ -14,10 +14,12 @@ from scipy.sparse import csc_array
 from regionik import pipeline
 from regionik.planners.smoothing.path_smoothing import tool_jacobians
 from regionik.planners.smoothing.quadratic_program import minimize_quadratic
+from regionik.postures.arm_guard import guard_of
 from regionik.postures.poses import axis_of
 from regionik.pruning import whole_path
 from regionik.smoothing import smooth_motion as stage
 from regionik.smoothing.smooth_motion import smooth_motion
+from regionik.smoothing.state_keeper import StateKeeper
 from regionik.timing.retime import retime
 from regionik.values import Plan, Report, Violation
 from regionik.verification.verifier import verify
@@ -126,6 +128,21 @@ def test_a_base_on_wheels_keeps_its_way() -> None:
     assert np.array_equal(smooth.motion.base, found.motion.base)
     assert not np.array_equal(smooth.motion.joints, found.motion.joints)
     assert verify(smooth).ok
+
+
+def test_a_distance_that_is_demanded_is_not_given_up() -> None:
+    """A state 1 mm within its area may stay, or must come 4 mm farther in where 5 mm are demanded."""
+    world = load_world("free")
+    start = world.start
+    assert start is not None
+    states = np.concatenate([start.base, start.joints])[None]
+    x, y = axis_of(world.robot, states[:, :3])[0]
+    area = np.array([shapely.box(x - 0.001, y - 1, x + 1, y + 1)])
+    asked = [StateKeeper(world.robot, guard_of(world), area, np.array([mm / 1000])) for mm in (0, 5)]
+    easy, strict = (keeper.half_spaces(states) for keeper in asked)
+    assert easy.least[0] <= 0.0
+    assert strict.least[0] == pytest.approx(0.004)
+    assert strict.normal[0, :2] == pytest.approx([1.0, 0.0])
 
 
 @pytest.mark.parametrize("name", ["youbot-real", "hinge5", "pioneer7"])

@@ -9,10 +9,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import block_diag, csc_array, csr_array, diags_array, kron
+from scipy.sparse import bsr_array, csc_array, csr_array, diags_array, kron
 from scipy.spatial.transform import Rotation
 
 from regionik.planners.smoothing.quadratic_program import minimize_quadratic
@@ -27,6 +28,7 @@ TOOL_WEIGHT = 1e4  # of the tool's error against the mean of the roughness
 ANGLE_LENGTH = 0.3  # weighs angles of the tool against lengths [m/rad]
 LENGTH_COST = 0.05  # of motion itself, against its bending along a metre of path
 CORNER_WEIGHT = 0.02  # of bending where the tool's own path has a corner
+EXACT = 1e-12  # miss of the tool that is rounding [m]
 FLAT = 1e-6  # singular values below this part of the largest are left out
 
 
@@ -89,21 +91,32 @@ class PathProblem:
     keep: Callable[[Array], HalfSpaces]
 
 
-def smooth_states(problem: PathProblem, states: Array) -> Array:
-    """Return the states (n, m) made smooth, the tool on its path to rounding where the arm lets it."""
+class _Missed(NamedTuple):
+    """What the tool misses at states, angles as lengths (n, 6), and how states change it (n, 6, m)."""
+
+    miss: Array
+    J: Array
+
+
+def smooth_states(problem: PathProblem, states: Array, trust: float = FIRST_TRUST) -> Array:
+    """Return the states (n, m) made smooth, the tool on its path to rounding where the arm lets it.
+
+    The largest change of a coordinate in the first round is ``trust`` [m] or [rad].
+    """
     rough = _roughness(problem)
-    states = on_path(problem, states)
+    states, missed = _led_back(problem, states)
     kept = problem.keep(states)
-    trust, best = FIRST_TRUST, _cost(problem, rough, states, kept)
+    best = _cost(rough, states, missed, kept)
     for _ in range(ROUNDS):
-        step = _step(problem, rough, states, kept, trust)
+        step = _step(problem, rough, states, missed, kept, trust)
         if step is None:
             break
-        tried = on_path(problem, states + step)
+        tried, missed_there = _led_back(problem, states + step)
         kept_there = problem.keep(tried)
-        cost = _cost(problem, rough, tried, kept_there)
+        cost = _cost(rough, tried, missed_there, kept_there)
         if cost < best:
-            gain, states, kept, best = best - cost, tried, kept_there, cost
+            gain, best = best - cost, cost
+            states, missed, kept = tried, missed_there, kept_there
             trust = min(2.0 * trust, FIRST_TRUST)
             if gain < LEAST_GAIN * best:
                 break
@@ -132,21 +145,20 @@ def _roughness(problem: PathProblem) -> csc_array:
     return csc_array(form / form.diagonal().mean())
 
 
-def _cost(problem: PathProblem, rough: csc_array, states: Array, kept: HalfSpaces) -> float:
+def _cost(rough: csc_array, states: Array, missed: _Missed, kept: HalfSpaces) -> float:
     """Roughness of states, and what the tool and the half-spaces miss."""
-    miss, _ = _tool(problem, states)
     flat = states.ravel()
     beyond = float(kept.cost @ np.maximum(kept.least, 0.0))
-    return float(0.5 * flat @ (rough @ flat) + 0.5 * TOOL_WEIGHT * np.sum(miss**2)) + beyond
+    return float(0.5 * flat @ (rough @ flat) + 0.5 * TOOL_WEIGHT * np.sum(missed.miss**2)) + beyond
 
 
 def _step(
-    problem: PathProblem, rough: csc_array, states: Array, kept: HalfSpaces, trust: float
+    problem: PathProblem, rough: csc_array, states: Array, missed: _Missed, kept: HalfSpaces, trust: float
 ) -> Array | None:
     """Change of all states that one quadratic program finds best within the trust region."""
-    miss, J = _tool(problem, states)
-    blocks = np.einsum("nij,nik->njk", J, J)
-    hessian = rough + TOOL_WEIGHT * block_diag(list(blocks), format="csc")
+    miss, J = missed
+    index, blocks = np.arange(len(states) + 1), np.einsum("nij,nik->njk", J, J)
+    hessian = rough + TOOL_WEIGHT * bsr_array((blocks, index[:-1], index)).tocsc()
     gradient = rough @ states.ravel() - TOOL_WEIGHT * np.einsum("nij,ni->nj", J, miss).ravel()
     n, m = states.shape
     columns = kept.state[:, None] * m + np.arange(m)
@@ -160,8 +172,7 @@ def _step(
     return None if found is None else np.clip(found, lower, upper).reshape(n, m)
 
 
-def _tool(problem: PathProblem, states: Array) -> tuple[Array, Array]:
-    """What the tool misses at each state, angles as lengths (n, 6), and how states change it (n, 6, m)."""
+def _tool(problem: PathProblem, states: Array) -> _Missed:
     frame, J = tool_jacobians(problem.robot, states)
     miss = np.zeros((len(states), 6))
     miss[:, :3] = problem.position - frame[:, :3, 3]
@@ -173,7 +184,7 @@ def _tool(problem: PathProblem, states: Array) -> tuple[Array, Array]:
     J[:, 3:] *= asked[:, None, None]
     axis = frame[:, :3, 2] * (problem.kind == DIRECTION)[:, None]
     J[:, 3:] -= axis[:, :, None] * np.einsum("ni,nij->nj", axis, J[:, 3:])[:, None]  # its roll is free
-    return miss, J
+    return _Missed(miss, J)
 
 
 def _turn_left(problem: PathProblem, turned: Array) -> Array:
@@ -194,12 +205,22 @@ def _turn_left(problem: PathProblem, turned: Array) -> Array:
 
 def on_path(problem: PathProblem, states: Array) -> Array:
     """Bring the tool onto its path by the least changes of the coordinates that are free."""
+    return _led_back(problem, states)[0]
+
+
+def _led_back(problem: PathProblem, states: Array) -> tuple[Array, _Missed]:
+    """States with the tool on its path as near as they come, and what is missed there."""
     free = (problem.upper > problem.lower) / problem.scale
+    asked = slice(None) if problem.kind.any() else slice(3)
+    missed = _tool(problem, states)
     for _ in range(REFINEMENTS):
-        miss, J = _tool(problem, states)
-        step = free * np.einsum("nij,nj->ni", np.linalg.pinv(J * free[:, None, :], rcond=FLAT), miss)
+        if np.abs(missed.miss).max(initial=0.0) <= EXACT:
+            break
+        back = np.linalg.pinv(missed.J[:, asked] * free[:, None, :], rcond=FLAT)
+        step = free * np.einsum("nij,nj->ni", back, missed.miss[:, asked])
         states = np.clip(states + step, problem.lower, problem.upper)
-    return states
+        missed = _tool(problem, states)
+    return states, missed
 
 
 def tool_jacobians(robot: Robot, states: Array) -> tuple[Array, Array]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -14,7 +14,12 @@ from shapely.geometry.base import BaseGeometry
 
 from regionik.areas.ground import Geometries, united
 from regionik.areas.standing import Standing
-from regionik.planners.smoothing.path_smoothing import HalfSpaces, PathProblem, on_path, smooth_states
+from regionik.planners.smoothing.path_smoothing import (
+    FIRST_TRUST,
+    PathProblem,
+    on_path,
+    smooth_states,
+)
 from regionik.postures.arm import aim_of, goal_between
 from regionik.postures.arm_guard import guard_of
 from regionik.postures.poses import axis_of
@@ -27,6 +32,9 @@ from regionik.worlds.criteria import with_joint_margin
 from regionik.worlds.scene import World
 from regionik.worlds.speeds import Speeds
 
+SHORTEST_RUN = 3  # states
+FEW = 0.6  # share of its states that are set-points, up to which a run is begun with these alone
+NEAR_TRUST = 0.03  # of the first round, where it was begun with fewer states [m] or [rad]
 STRIDE = 0.025  # of the tool between two states [m]
 LEAST_STRIDE = 1e-3  # along the path, where the tool rests or nearly so [m]
 BASE_SHARE = 0.4  # of the base's way that counts as way along the path, where the tool rests
@@ -51,8 +59,10 @@ class PathRun:
         x, y, yaw and joints, before smoothing.
     areas : (k,) array of geometry
         Of the arm axis at the set-points.
-    problem : PathProblem
-        With the coordinates held that must be.
+    problem, coarse : PathProblem
+        Of all states, and of the set-points and both ends; coordinates are held that must be.
+    keeper : StateKeeper
+        Of all states.
     """
 
     first: int
@@ -62,13 +72,29 @@ class PathRun:
     states: Array
     areas: Geometries
     problem: PathProblem
+    coarse: PathProblem
+    keeper: StateKeeper
 
-    def smoothed(self, tube: Array, start: Array) -> Array:
-        """States from a start on smoothed, each within its ``tube`` (n,) of what it was [m] or [rad]."""
+    def begun(self) -> Array:
+        """States of the set-points alone smoothed, the others between them, which is soon done."""
+        rows, t = _coarse_rows(self.worked), self.problem.parameter
+        if not SHORTEST_RUN <= len(rows) <= FEW * len(self.states):
+            return self.states
+        found = smooth_states(self.coarse, self.states[rows])
+        return np.stack([np.interp(t, t[rows], column) for column in found.T], axis=1)
+
+    def smoothed(self, tube: Array, demanded: Array, start: Array) -> Array:
+        """States from a start on smoothed, each within its ``tube`` (n,) of what it was [m] or [rad].
+
+        Distances that are ``demanded`` (n,) of them are not given up [m].
+        """
         lower = np.maximum(self.problem.lower, self.states - tube[:, None])
         upper = np.minimum(self.problem.upper, self.states + tube[:, None])
-        problem = replace(self.problem, lower=lower, upper=upper)
-        return self._within(problem, smooth_states(problem, np.clip(start, lower, upper)))
+        keep = replace(self.keeper, demanded=demanded).half_spaces
+        problem = replace(self.problem, lower=lower, upper=upper, keep=keep)
+        begun = start is not self.states and bool(np.isinf(tube).all())
+        trust = NEAR_TRUST if begun else FIRST_TRUST
+        return self._within(problem, smooth_states(problem, np.clip(start, lower, upper), trust))
 
     def _within(self, problem: PathProblem, states: Array) -> Array:
         """States whose arm axis stands in its area to rounding, where it was there before."""
@@ -123,7 +149,13 @@ class _Layout:
         held = first > 0, last < len(motion) - 1
         areas = np.array([self.plan.areas[i].pruned for i in owner[worked]])
         problem = self._problem(states, owner, worked, at, held)
-        return PathRun(first, last, owner, worked, states, areas, problem)
+        few = _coarse_rows(worked)
+        coarse = replace(
+            self._problem(states[few], owner[few], worked[few], at[few], held),
+            parameter=problem.parameter[few],
+        )
+        keeper = self._keeper(owner, worked)
+        return PathRun(first, last, owner, worked, states, areas, problem, coarse, keeper)
 
     def _places(self, first: int, last: int) -> Array:
         """Places of old states along the path: the set-point, and the share of the way to the next."""
@@ -172,7 +204,7 @@ class _Layout:
             _scale(world),
             lower,
             upper,
-            self._keeper(owner, worked),
+            self._keeper(owner, worked).half_spaces,
         )
 
     def _parameter(self, position: Array, states: Array) -> Array:
@@ -197,11 +229,10 @@ class _Layout:
         fixed[0], fixed[-1] = fixed[0] | held[0], fixed[-1] | held[1]
         return np.where(fixed, states, lower), np.where(fixed, states, upper)
 
-    def _keeper(self, owner: Index, worked: NDArray[np.bool_]) -> Callable[[Array], HalfSpaces]:
+    def _keeper(self, owner: Index, worked: NDArray[np.bool_]) -> StateKeeper:
         world, areas, floor = self.plan.world, self.plan.areas, self._floor
         within = np.array([areas[i].pruned if at else floor for i, at in zip(owner, worked, strict=True)])
-        keeper = StateKeeper(world.robot, guard_of(world), within)
-        return keeper.half_spaces
+        return StateKeeper(world.robot, guard_of(world), within, np.zeros(len(within)))
 
     @cached_property
     def _floor(self) -> BaseGeometry:
@@ -210,6 +241,12 @@ class _Layout:
     @cached_property
     def _tools(self) -> Array:
         return self.plan.tools()
+
+
+def _coarse_rows(worked: NDArray[np.bool_]) -> Index:
+    """Set-points and both ends."""
+    ends = np.arange(len(worked))
+    return np.flatnonzero(worked | (ends == 0) | (ends == len(worked) - 1))
 
 
 def _corners(position: Array) -> NDArray[np.bool_]:

@@ -2,8 +2,8 @@
 
 What the search found is a way round things, not a way to drive: it goes to the nearest place again and
 again. Here each run is laid out evenly along the tool's path and smoothed by `path_smoothing`, and the plan
-is proven anew. Where a check fails, the states near it are held closer to what was proven before; a run that
-cannot be proven stays as it was.
+is proven anew. Where a check fails, the states near it are asked to keep farther off, then are held closer to
+what was proven before; a run that cannot be proven stays as it was.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ import shapely
 from regionik.areas.standing import Standing
 from regionik.planners.geometry.angles import wrap
 from regionik.postures.poses import axis_of
-from regionik.smoothing.runs import PathRun, runs_of
+from regionik.smoothing.runs import SHORTEST_RUN, PathRun, runs_of
 from regionik.values import Configuration, Motion, Plan, Report
 from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import World
 
-SHORTEST_RUN = 3  # states
 OUTSIDE = 1e-9  # of its area, by rounding [m]
-TRIES = 6  # of proving a smoothed plan
+TRIES = 7  # of proving a smoothed plan
+SPARE = 0.005  # distance that states are asked for beside one that fails [m]
 BESIDE = 6  # states on either side of one that fails which are held closer
 CLOSER = 0.5  # by this factor
 
@@ -59,11 +59,15 @@ def smooth_motion(plan: Plan, standing: Standing) -> Plan:
 def _proven(plan: Plan, runs: list[PathRun]) -> tuple[Plan, bool]:
     """The plan with those runs smoothed that can be proven so, and whether all of them were."""
     tubes = [np.full(len(run.states), np.inf) for run in runs]
-    smoothed, failed = [run.states for run in runs], Failed({k: [] for k in range(len(runs))})
-    for _ in range(TRIES):
+    smoothed, failed = [run.begun() for run in runs], Failed({k: [] for k in range(len(runs))})
+    demanded = [np.zeros(len(run.states)) for run in runs]
+    for attempt in range(TRIES):
         for k, rows in failed.items():
-            tubes[k] = _held_closer(runs[k], smoothed[k], tubes[k], rows)
-            smoothed[k] = runs[k].smoothed(tubes[k], smoothed[k])
+            if attempt > 1:
+                tubes[k] = _held_closer(runs[k], smoothed[k], tubes[k], rows)
+            for row in rows:  # what a hop cuts off is less than this, mostly
+                demanded[k][_beside(row)] = SPARE
+            smoothed[k] = runs[k].smoothed(tubes[k], demanded[k], smoothed[k])
         found, failed = _checked(plan, runs, smoothed)
         if found is not None:
             return found, True
@@ -150,6 +154,10 @@ def _held_closer(run: PathRun, smoothed: Array, tube: Array, rows: list[int]) ->
     changed = np.abs(smoothed - run.states).max(axis=1)
     narrow = tube.copy()
     for row in rows:
-        beside = slice(max(0, row - BESIDE), row + BESIDE + 1)
+        beside = _beside(row)
         narrow[beside] = np.minimum(narrow[beside], CLOSER * changed[beside])
     return narrow
+
+
+def _beside(row: int) -> slice:
+    return slice(max(0, row - BESIDE), row + BESIDE + 1)

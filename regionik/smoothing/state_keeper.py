@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -9,7 +10,7 @@ import numpy as np
 import shapely
 
 from regionik.areas.ground import Geometries
-from regionik.planners.collision.proximity import Touch, nearest, state_clear
+from regionik.planners.collision.proximity import Touch, nearest, path_clear, state_clear
 from regionik.planners.smoothing.path_smoothing import HalfSpaces
 from regionik.postures.arm_guard import Guard
 from regionik.postures.poses import axis_of
@@ -24,11 +25,22 @@ RECOVERY = 0.01  # by which a state outside is asked to come back in a round [m]
 
 @dataclass(frozen=True, eq=False)
 class StateKeeper:
-    """Keeps the arm axis in its areas and the links clear."""
+    """Keeps the arm axis in its areas and the links clear.
+
+    Attributes
+    ----------
+    robot : Robot
+    guard : Guard
+    within : (n,) array of geometry
+        Where the arm axis may be in each state.
+    demanded : (n,) array
+        Distance from the edge of that, and beyond the clearance of links, that is not given up [m].
+    """
 
     robot: Robot
     guard: Guard
     within: Geometries
+    demanded: Array
 
     def half_spaces(self, states: Array) -> HalfSpaces:
         """Half-spaces about given states, see `path_smoothing`."""
@@ -51,24 +63,32 @@ class StateKeeper:
         normal = np.zeros(states.shape)
         normal[:, :2] = unit
         normal[:, 2] = unit[:, 1] * (axis - states[:, :2])[:, 0] - unit[:, 0] * (axis - states[:, :2])[:, 1]
-        least = _least(sign * depth, AREA_MARGIN)
+        least = _least(sign * depth - self.demanded, AREA_MARGIN)
         return HalfSpaces(np.arange(len(states)), normal, least, np.full(len(states), AREA_COST))
 
     def _clear(self, states: Array) -> list[HalfSpaces]:
         """Links that are near to something come no nearer than they may."""
         bodies, contact = self.guard.bodies, self.guard.contact
         rows = []
-        for k, state in enumerate(states):
-            base, joints = state[:3].copy(), state[3:].copy()
-            if state_clear(bodies, base, joints, NEAR, contact):
-                continue
+        for k in self._near(states):
+            base, joints = states[k, :3].copy(), states[k, 3:].copy()
             touch = nearest(bodies, base, joints, contact=contact, within=NEAR)
             if touch.kind != "none":
-                room = np.array([self.guard.room(touch)])
+                room = np.array([self.guard.room(touch) - self.demanded[k]])
                 normal = self._approach(touch, base, joints)[None]
                 least = _least(room, ARM_MARGIN)
                 rows.append(HalfSpaces(np.array([k]), normal, least, np.array([ARM_COST])))
         return rows
+
+    def _near(self, states: Array) -> Iterator[int]:
+        """States that are not proven clear by a distance; long ways that are take one proof."""
+        bodies, contact = self.guard.bodies, self.guard.contact
+        base, joints, k = states[:, :3].copy(), states[:, 3:].copy(), 0
+        while k < len(states):
+            clear = path_clear(bodies, base[k:], joints[k:], NEAR, contact)[0]
+            if not clear and not state_clear(bodies, base[k], joints[k], NEAR, contact):
+                yield k
+            k += clear + 1
 
     def _approach(self, touch: Touch, base: Array, joints: Array) -> Array:
         """How the distance of a touch changes with each coordinate, (m,)."""

@@ -161,7 +161,7 @@ class RollingSpline(TimeSpline):
         )
         step = rate * np.exp(1j * value[:, 1])
         ways = np.bincount(segment, step.real, count) + 1j * np.bincount(segment, step.imag, count)
-        by_heading: Array = np.bincount(segment, rate * heading, count)
+        by_heading: Array = np.bincount(segment, rate * heading, count).astype(np.float64)
         return ways, by_heading
 
     def _share(self, times: Array, segment: Index) -> Array:
