@@ -92,10 +92,10 @@ def clearances(plan: Plan) -> ClearanceCurves:
     """Return the distances at every state of a plan."""
     world, motion = plan.world, plan.motion
     contact = guard_of(world).contact
-    around = bodies_from(_without_self_collision(world.robot), world.solids)
+    around = bodies_from(_without_self_collision(world.robot), world.solids, floor=world.floor_slab)
     return ClearanceCurves(
         base=_base_clearance(world, motion),
-        arm=_distances(around, motion, contact) if world.solids else np.full(len(motion), np.inf),
+        arm=_distances(around, motion, contact) if world.arm_solids else np.full(len(motion), np.inf),
         own=_distances(bodies_from(world.robot, ()), motion, None),
     )
 
