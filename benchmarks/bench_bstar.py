@@ -57,7 +57,8 @@ def robot_of(data: Path, arm: str) -> Robot:
 def world_of(robot: Robot, name: str, poses: Array) -> World:
     turns = Rotation.from_quat(poses[:, [4, 5, 6, 3]]).as_matrix()
     task = tuple(Target(p, orientation=R, cone=CONE) for p, R in zip(poses[:, :3], turns, strict=True))
-    return World(name, robot, FLOOR, (), task, Rules(mode="stops", tolerance=TOLERANCE))
+    rules = Rules(mode="stops", tolerance=TOLERANCE, solid_floor=False)  # B* knows no floor
+    return World(name, robot, FLOOR, (), task, rules)
 
 
 def solved(world: World) -> tuple[str, float]:

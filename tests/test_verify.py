@@ -19,6 +19,7 @@ from regionik.worlds.chain import Chain, Joint, rot_x, rot_y, translation
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Solid, Sphere
 from regionik.worlds.robot import LinkCapsule, Robot, capsules_along
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
+from regionik.worlds.self_collision import off_floor
 from tests.plans import FOOTPRINT, youbot
 
 Q = np.array([0.0, 1.2, -1.0, 1.0, 0.0])  # the tool 0.424 m ahead of the base and 0.239 m up
@@ -702,11 +703,12 @@ def sampled_gap(world: World, motion: Motion, hop: int) -> float:
     arms = motion.joints[hop] + s[:, None] * (motion.joints[hop + 1] - motion.joints[hop])
     frames = world.robot.frames(bases, arms)
     least = np.inf
-    for capsule in world.robot.solids:
+    for capsule, raised in zip(world.robot.solids, off_floor(world.robot), strict=True):
+        around = world.arm_solids if raised else world.solids
         for t in np.linspace(0, 1, 7):
             spot = (1 - t) * capsule.corners[0] + t * capsule.corners[1]
             points = frames[:, capsule.link, :3, :3] @ spot + frames[:, capsule.link, :3, 3]
-            for solid in world.obstacles:
+            for solid in around:
                 least = min(least, *(solid.distance(p) - capsule.radius for p in points))
     return least
 

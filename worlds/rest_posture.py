@@ -7,7 +7,12 @@ from numpy.typing import NDArray
 
 from regionik.worlds.arrays import Array
 from regionik.worlds.robot import Robot
-from regionik.worlds.self_collision import postures_clear, seeded_postures, solid_frames
+from regionik.worlds.self_collision import (
+    postures_clear,
+    postures_off_floor,
+    seeded_postures,
+    solid_frames,
+)
 
 CLEAR = (0.01, 0.003, 0.0)  # kept between solids, the first that can be had [m]
 NEAR_ENOUGH = 0.02  # by which zeros may be worse than the best posture that was found [m]
@@ -36,7 +41,7 @@ def rest_posture(robot: Robot) -> Array | None:
             found = _better(robot, found, found + spread * rng.uniform(-1, 1, (_ROUND, dof)), margin)
         for k in range(dof):
             found = _better(robot, found, np.where(np.arange(dof) == k, zeros, found), margin)
-        plain = postures_clear(robot, zeros, margin)[0]
+        plain = _clear(robot, zeros, margin)[0]
         worse = overhang(robot, np.stack([zeros[0], found]))
         return zeros[0] if plain and worse[0] <= worse[1] + NEAR_ENOUGH else found
     return None
@@ -76,6 +81,11 @@ def _outside(footprint: Array, points: Array) -> Array:
     return beyond
 
 
+def _clear(robot: Robot, joints: Array, margin: float) -> NDArray[np.bool_]:
+    """Return True for postures (n, dof) that keep a margin [m] between links and off the floor, (n,)."""
+    return postures_off_floor(robot, joints, margin) & postures_clear(robot, joints, margin)
+
+
 def _better(robot: Robot, found: Array, others: Array, margin: float) -> Array:
     """Return the best of a clear posture (dof,) and others (n, dof)."""
     best = _best(robot, np.concatenate([found[None], others]), margin)
@@ -90,7 +100,7 @@ def _best(robot: Robot, joints: Array, margin: float) -> Array | None:
     rounded = np.clip(np.round(joints, _DECIMALS), robot.chain.lower, robot.chain.upper)
     order = np.lexsort([np.abs(rounded).sum(1), np.round(overhang(robot, rounded), 2)])
     for rows in np.array_split(order, max(1, len(order) // _TRIED)):
-        clear: NDArray[np.bool_] = postures_clear(robot, rounded[rows], margin)
+        clear = _clear(robot, rounded[rows], margin)
         if clear.any():
             best: Array = rounded[rows[np.argmax(clear)]]
             return best

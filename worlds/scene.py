@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from math import inf
 from typing import Any, Literal, get_args
 
@@ -12,13 +13,14 @@ from shapely.geometry import Polygon
 from regionik.worlds.arrays import Array, freeze, frozen, one_line, unit_vector
 from regionik.worlds.criteria import Criteria
 from regionik.worlds.errors import InputError
-from regionik.worlds.obstacles import Prism, Solid, as_polygon
+from regionik.worlds.obstacles import Box, Prism, Solid, as_polygon
 from regionik.worlds.robot import Robot
 from regionik.worlds.speeds import Speeds
 
 Heading = Literal["free", "face_target", "fixed"]
 Mode = Literal["continuous", "stops"]
 Order = Literal["given", "any"]
+SLAB = 30.0  # thickness of the solid floor, and how far it goes on beyond the floor's edge [m]
 StopCriterion = Literal["tolerance", "clearance", "manipulability", "effort", "distance"]
 
 
@@ -90,6 +92,8 @@ class Rules:
         Largest number of times that the tool may leave the path; None for any.
     avoidance : bool
         Plans lead the arm around obstacles; without it a plan whose arm touches something is refused.
+    solid_floor : bool
+        The arm keeps clear of the floor, the plane z = 0, as of any other solid.
     mode : {"continuous", "stops"}
         In mode ``continuous`` the base drives while the tool works; in mode ``stops`` it stands still at as
         few stops as possible, and the tool is lifted while it drives from one to the next.
@@ -122,6 +126,7 @@ class Rules:
     reach_margin: float = 0.005
     max_lift_offs: int | None = None
     avoidance: bool = True
+    solid_floor: bool = True
     mode: Mode = "continuous"
     order: Order = "given"
     stop_criterion: StopCriterion = "tolerance"
@@ -272,3 +277,17 @@ class World:
     def solids(self) -> tuple[Solid, ...]:
         """Obstacles and occupied map cells together."""
         return (*self.obstacles, *self.floor.cells)
+
+    @cached_property
+    def floor_slab(self) -> Box | None:
+        """The solid floor below z = 0, which the arm keeps clear of; None where the rules leave it out."""
+        if not self.rules.solid_floor:
+            return None
+        x0, y0, x1, y1 = self.floor.polygon.bounds
+        size = np.array([x1 - x0 + 2 * SLAB, y1 - y0 + 2 * SLAB, SLAB])
+        return Box("the floor", size, np.array([(x0 + x1) / 2, (y0 + y1) / 2, -SLAB / 2]))
+
+    @property
+    def arm_solids(self) -> tuple[Solid, ...]:
+        """Solids that the arm keeps clear of: `solids` and, last, the floor."""
+        return self.solids if self.floor_slab is None else (*self.solids, self.floor_slab)

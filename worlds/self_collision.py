@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from itertools import combinations
+from itertools import combinations, compress
 
 import numpy as np
 from numpy.typing import NDArray
@@ -117,6 +117,43 @@ def self_collision_pairs(robot: Robot) -> tuple[tuple[int, int], ...]:
         if separated(bodies[i], poses[i], bodies[k], poses[k]).any():
             pairs.append((i, k))
     return tuple(pairs)
+
+
+@lru_cache(maxsize=64)
+def off_floor(robot: Robot) -> tuple[bool, ...]:
+    """Return True for the solids of a robot that must keep off the floor.
+
+    Left out are those that no joint raises or lowers, fixed to the base or on its pivot, and those that reach
+    into the floor in every one of `POSTURES` postures.
+
+    Parameters
+    ----------
+    robot : Robot
+
+    Returns
+    -------
+    tuple of bool
+        One for each of ``robot.all_solids``.
+    """
+    heights = _heights(robot, seeded_postures(robot.chain, POSTURES))
+    return tuple(bool(np.ptp(one, axis=0).max() > _LEVEL and one.min(axis=1).max() > 0.0) for one in heights)
+
+
+def postures_off_floor(robot: Robot, joints: Array, margin: float) -> NDArray[np.bool_]:
+    """Return True for postures (n, dof) in which all that must is off the floor by a margin [m], (n,)."""
+    heeded = compress(_heights(robot, joints), off_floor(robot))
+    clear = [heights.min(axis=1) > margin for heights in heeded]
+    found: NDArray[np.bool_] = np.all([np.ones(len(joints), dtype=bool), *clear], axis=0)
+    return found
+
+
+def _heights(robot: Robot, joints: Array) -> list[Array]:
+    """Return, of each solid, heights of its corners less its radius in postures (n, dof), (n, k) [m]."""
+    frames = solid_frames(robot, joints)
+    return [
+        frames[:, solid.link, 2, :3] @ solid.corners.T + frames[:, solid.link, 2, 3:] - solid.radius
+        for solid in robot.all_solids
+    ]
 
 
 def postures_clear(robot: Robot, joints: Array, margin: float) -> NDArray[np.bool_]:

@@ -19,7 +19,7 @@ from regionik.worlds.chain import Chain
 from regionik.worlds.errors import InputError
 from regionik.worlds.obstacles import Mesh
 from regionik.worlds.robot import LinkSolid
-from regionik.worlds.self_collision import base_body, self_collision_pairs
+from regionik.worlds.self_collision import base_body, off_floor, self_collision_pairs
 
 MOST_REDUNDANT = 2  # joints beyond those that the target takes, up to which the search may come to an end
 LEVER = 1e-9  # a joint that moves no point farther than this does not count [m]
@@ -66,8 +66,9 @@ class PostureTask:
 def search_postures(task: PostureTask, accept: Callable[[Array], bool], most: int) -> FixedBaseResult:
     """Search all postures of the arm by branch and bound.
 
-    Boxes of links count as the capsules inside them; meshes, what is fixed to the base, and what the tool may
-    touch at the target count as nothing. So RULED_OUT stays a proof, and ``accept`` judges what is found.
+    Boxes of links count as the capsules inside them; meshes, the floor, what is fixed to the base, and what
+    the tool may touch at the target count as nothing. So RULED_OUT stays a proof, and ``accept`` judges what
+    is found.
 
     Parameters
     ----------
@@ -88,7 +89,7 @@ def search_postures(task: PostureTask, accept: Callable[[Array], bool], most: in
     solids = [
         solid.transformed(T)
         for k, solid in enumerate(bodies.obstacles)
-        if k not in free and not isinstance(solid, Mesh)
+        if k not in free and solid is not bodies.floor and not isinstance(solid, Mesh)
     ]
     inner = [inner_capsule(solid) for solid in robot.solids]
     goal = T[:3, :3] @ task.target + T[:3, 3]
@@ -104,12 +105,13 @@ def solid_at_target(
 ) -> str:
     """Name of the solid that the end of the last link is in, or too near to, in every posture; or empty."""
     chain, free = bodies.robot.chain, (contact or NO_CONTACT).touchable(target, tolerance)
-    end = -np.inf  # how far the obstacle must be from the target at least, to touch nothing
-    for solid in map(inner_capsule, bodies.robot.solids):
+    ends = []  # of each solid: how far the obstacle must be from the target at least, to touch nothing
+    for solid, heeds in zip(map(inner_capsule, bodies.robot.solids), off_floor(bodies.robot), strict=False):
         if solid.link == chain.dof - 1:
             off = np.linalg.norm(solid.corners - chain.T_last_tool[:3, 3], axis=1).min()
-            end = max(end, solid.radius - tolerance - float(off))
+            ends.append((solid.radius - tolerance - float(off), heeds))
     for k, one in enumerate(bodies.obstacles):
+        end = max((end for end, heeds in ends if heeds or one is not bodies.floor), default=-np.inf)
         gap, near = one.distance(target), end + margin + bodies.clearance
         if k in free:  # a tool below the surface takes its link along, deeper by as much
             near = end - bodies.depth - (tolerance if gap < 0 else 0.0)

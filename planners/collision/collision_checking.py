@@ -136,10 +136,10 @@ def first_unproven(
         m = 0
         while m < len(hulls.frame):
             after, within, owner = hulls.next[m], links.radius[k] + margin + ROUNDING, hulls.owner[m]
+            near = links.pairs[k, m]
             if m < hulls.world:
-                near = box_distance(boxes[k], hulls.boxes[m]) <= within
+                near = near and box_distance(boxes[k], hulls.boxes[m]) <= within
             else:
-                near = links.pairs[k, m - hulls.world]
                 near = near and not (start_known and _rests(motion, links.link[k], hulls.frame[m]))
                 if near and owner >= 0:  # where that solid passes is known too
                     near = box_distance(boxes[k], boxes[owner]) <= within + hulls.disc[m] + hulls.ball[m]
@@ -193,11 +193,12 @@ def distance_bounds(scene: RobotScene, rest: MotionSegment, within: float, lower
     for k in range(len(links.link)):
         m = 0
         while m < len(hulls.frame):
-            if m >= hulls.world:
-                lower[k, m] = -np.inf if links.pairs[k, m - hulls.world] else np.inf
-            elif not _touches_as_allowed(scene, rest, k, m, frames):
-                lower[k, m] = box_distance(boxes[k], hulls.boxes[m]) - links.radius[k]
-                if lower[k, m] < nearest:
+            if links.pairs[k, m]:
+                if m >= hulls.world:
+                    lower[k, m] = _bound_by_boxes(links, hulls, boxes, k, m)
+                elif not _touches_as_allowed(scene, rest, k, m, frames):
+                    lower[k, m] = box_distance(boxes[k], hulls.boxes[m]) - links.radius[k]
+                if -np.inf < lower[k, m] < nearest:
                     first_k, first_m, nearest = k, m, lower[k, m]
             m = hulls.next[m]
     best = within
@@ -210,6 +211,15 @@ def distance_bounds(scene: RobotScene, rest: MotionSegment, within: float, lower
             elif lower[k, m] > best + ROUNDING:
                 lower[k, m] = np.inf
     return best
+
+
+@compiled
+def _bound_by_boxes(links: LinkHulls, hulls: Hulls, boxes: Array, k: int, m: int) -> float:
+    """Lower bound of the distance of solid k from hull m of the robot, by boxes round their corners [m]."""
+    if hulls.owner[m] < 0:
+        return -np.inf  # the base's own body
+    thick: float = links.radius[k] + hulls.disc[m] + hulls.ball[m]
+    return box_distance(boxes[k], boxes[hulls.owner[m]]) - thick
 
 
 @compiled
@@ -243,13 +253,19 @@ def _solid_distance(links: LinkHulls, hulls: Hulls, placed: Array, k: int, m: in
 
 
 @compiled
-def _self_clear(scene: RobotScene, rest: MotionSegment, margin: float, frames: Array, placed: Array) -> bool:
-    """True if solids keep their distance from one another and the base; both arrays are overwritten."""
+def _self_clear(
+    scene: RobotScene, rest: MotionSegment, margin: float, boxes: Array, frames: Array, placed: Array
+) -> bool:
+    """True if solids keep their distance from one another and the base.
+
+    ``boxes`` (solids, 2, 3) hold them whole; ``frames`` and ``placed`` are overwritten.
+    """
     robot, links, hulls, _ = scene
     for m in range(hulls.world, len(hulls.frame)):
         seen = False
+        owner = hulls.owner[m]
         for k in range(len(links.link)):
-            if links.pairs[k, m - hulls.world]:
+            if links.pairs[k, m] and (owner < 0 or box_distance(boxes[k], boxes[owner]) < margin + ROUNDING):
                 if not seen:
                     link_frames(robot, rest, 0.0, hulls.frame[m], frames)
                     seen = True
@@ -284,11 +300,11 @@ def is_clear(scene: RobotScene, margin: float, base: Array, joints: Array, tool_
     while m < hulls.world:
         if box_distance(whole, hulls.boxes[m]) <= margin:
             for k in range(len(links.link)):
-                near = box_distance(boxes[k], hulls.boxes[m]) <= margin
+                near = links.pairs[k, m] and box_distance(boxes[k], hulls.boxes[m]) <= margin
                 if near and _solid_distance(links, hulls, placed, k, m)[0] < margin:
                     if not links.outermost[k] or hulls.owner[m] != tool_on:
                         return False
                     if contact_time(scene, rest, k, m, 0.0, frames, 1.0) < 1.0:
                         return False
         m = hulls.next[m]
-    return _self_clear(scene, rest, margin, frames, placed)
+    return _self_clear(scene, rest, margin, boxes, frames, placed)

@@ -51,19 +51,20 @@ def links_clear(
         Takes a link and a pose (4, 4) in the arm's base frame; tells whether the link's solids keep clear of
         obstacles and of the base.
     """
-    robot, world = bodies.robot, bodies.hulls.world
+    robot = bodies.robot
     T_world_arm, around = robot.T_world_arm(base), whole_pieces(bodies)
     links: list[list[_Near]] = [[] for _ in range(robot.chain.dof)]
     for k, solid in enumerate(robot.solids):
         free = (contact or NO_CONTACT).touchable(tool) if bodies.links.outermost[k] else []
-        work = np.isin(bodies.hulls.owner[around], free)
-        own = world + np.flatnonzero(bodies.links.pairs[k] & (bodies.hulls.frame[world:] == BASE))
+        checked = around[bodies.links.pairs[k, around]]
+        work = np.isin(bodies.hulls.owner[checked], free)
+        own = np.flatnonzero(bodies.links.pairs[k] & (bodies.hulls.frame == BASE))
         corners, apart = solid.corners, solid.radius + margin
         core = bodies.links.core[slice(*bodies.links.first[k : k + 2])]
         least = float(bodies.links.core_radius[k])
         links[solid.link] += [
-            _near(bodies, corners, around[~work], T_world_arm, apart + bodies.clearance),
-            _near(bodies, core, around[work], T_world_arm, least),
+            _near(bodies, corners, checked[~work], T_world_arm, apart + bodies.clearance),
+            _near(bodies, core, checked[work], T_world_arm, least),
             _near(bodies, corners, own, bodies.mobile.mount, apart),
         ]
     return lambda link, T_arm_link: all(_clear(near, T_arm_link) for near in links[link])

@@ -18,7 +18,7 @@ from regionik.worlds.arrays import Array, Index, frozen
 from regionik.worlds.errors import InputError
 from regionik.worlds.obstacles import Solid
 from regionik.worlds.robot import LinkHull, LinkSolid, Robot
-from regionik.worlds.self_collision import BODY, base_body, self_collision_pairs
+from regionik.worlds.self_collision import BODY, base_body, off_floor, self_collision_pairs
 
 LEFT = 1e-3  # of the size of a hull that is drawn in, so that it stays a solid
 SPARE, SHARE = 5e-4, 0.2  # that contacts keep from their depth: a length, or a share if that is less [m]
@@ -44,8 +44,8 @@ class LinkHulls(NamedTuple):
         [m]
     outermost : (n,) array of bool
         Of the last link that has a solid.
-    pairs : (n, o) array of bool
-        Which of the o hulls behind those of the world a solid is checked against.
+    pairs : (n, m) array of bool
+        Which hulls a solid is checked against.
     """
 
     corners: Array
@@ -160,6 +160,9 @@ class Bodies:
     ----------
     robot : Robot
     obstacles : tuple of Solid
+        The floor, where there is one, is the last.
+    floor : Solid or None
+        What only some of the links keep clear of, see `off_floor`.
     mobile : MobileArm
     links : LinkHulls
     hulls : Hulls
@@ -173,6 +176,7 @@ class Bodies:
 
     robot: Robot
     obstacles: tuple[Solid, ...]
+    floor: Solid | None
     mobile: MobileArm
     links: LinkHulls
     hulls: Hulls
@@ -202,7 +206,13 @@ class _Row(NamedTuple):
     skips: int = 0  # rows of triangles that follow
 
 
-def bodies_from(robot: Robot, solids: Sequence[Solid], clearance: float = 0.0, depth: float = 0.0) -> Bodies:
+def bodies_from(
+    robot: Robot,
+    solids: Sequence[Solid],
+    clearance: float = 0.0,
+    depth: float = 0.0,
+    floor: Solid | None = None,
+) -> Bodies:
     """Prepare a robot and obstacles for collision queries.
 
     Parameters
@@ -213,11 +223,14 @@ def bodies_from(robot: Robot, solids: Sequence[Solid], clearance: float = 0.0, d
         Every margin asked for later is kept beyond this from obstacles [m].
     depth : float
         How deep the tool may sink into what it touches [m].
+    floor : Solid, optional
+        One more solid, for the links that `off_floor` names.
 
     Returns
     -------
     Bodies
     """
+    solids = (*solids, *([] if floor is None else [floor]))
     around = obstacles_from(solids)
     owned = zip(around.pieces, around.owner.tolist(), strict=True)
     rows = [row for piece, k in owned for row in _rows(piece, WORLD, k)]
@@ -225,11 +238,15 @@ def bodies_from(robot: Robot, solids: Sequence[Solid], clearance: float = 0.0, d
     body = base_body(robot)
     own = obstacles_from([body] if body else []).pieces
     rows += [row for piece in own for row in _rows(piece, BASE, BODY)]
-    pairs = _self_pairs(robot, len(rows) - world)
+    checked = np.ones((len(robot.all_solids), world), dtype=np.bool_)
+    if floor is not None:
+        checked[:, around.owner == len(solids) - 1] = np.array(off_floor(robot), dtype=np.bool_)[:, None]
+    pairs = np.hstack([checked, _self_pairs(robot, len(rows) - world)])
     rows += [_Row(s.corners, link_piece(s), s.link, k) for k, s in enumerate(robot.all_solids)]
     return Bodies(
         robot,
-        tuple(solids),
+        solids,
+        floor,
         MobileArm(serial_arm(robot.chain), np.array(robot.T_base_arm), robot.drive.rolls),
         _link_hulls(robot.all_solids, _cores(robot, _planned(depth)), pairs),
         _hulls(rows, world, clearance),
@@ -269,7 +286,8 @@ def near_bodies(bodies: Bodies, point: Array, far: float) -> Bodies:
         hulls.boxes[kept],
         int(np.count_nonzero(keep[: hulls.world])),
     )
-    return replace(bodies, hulls=left, pieces=tuple(bodies.pieces[m] for m in kept.tolist()))
+    links = bodies.links._replace(pairs=bodies.links.pairs[:, kept])
+    return replace(bodies, links=links, hulls=left, pieces=tuple(bodies.pieces[m] for m in kept.tolist()))
 
 
 @lru_cache(maxsize=64)

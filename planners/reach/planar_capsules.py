@@ -31,7 +31,7 @@ from regionik.planners.solvers.planar_kinematics import PlanarLinkage
 from regionik.worlds.arms import PlanarArm
 from regionik.worlds.arrays import Array, Index
 from regionik.worlds.robot import Robot
-from regionik.worlds.self_collision import BODY, base_body, self_collision_pairs
+from regionik.worlds.self_collision import BODY, base_body, off_floor, self_collision_pairs
 
 PIVOT, UPPER, MIDDLE, LAST = range(4)  # which link of the plane carries a capsule
 SECTIONS = 6  # golden sections along a capsule where a proof is sought
@@ -45,6 +45,7 @@ class PlaneCapsules(NamedTuple):
     ends: Array  # (s, 2, 3) along the link, square to it in the plane, and off the plane, from its anchor [m]
     radius: Array  # (s,) [m]
     outermost: NDArray[np.bool_]  # (s,) of the last link that has a solid
+    off_floor: NDArray[np.bool_]  # (s,) that must keep off the floor
     pairs: Index  # (p, 2) capsules that may touch each other
     heeds: Index  # (h,) capsules that may touch the base
     body: Uprights  # the base's own body, in its frame
@@ -58,6 +59,7 @@ class NearObstacles(NamedTuple):
     deep: Array  # (m,) upper bounds of how far a point of a solid is inside [m]
     near: Index  # (k,) which of them matter
     owner: Index  # (m,) obstacle that each solid is part of
+    floor: int  # obstacle that is the floor, -1 for none
     tool_on: int  # obstacle that the outermost capsules may touch, -1 for none
     clearance: float  # [m]
     tolerance: float  # how far the tool may be off the target [m]
@@ -85,6 +87,7 @@ def plane_capsules(robot: Robot, arm: PlanarArm) -> PlaneCapsules:
     ends: list[Array] = []
     radius: list[float] = []
     outermost: list[bool] = []
+    above: list[bool] = []
     index: dict[int, int] = {}
     for k, solid in enumerate(robot.solids):
         core = inner_capsule(solid)
@@ -101,6 +104,7 @@ def plane_capsules(robot: Robot, arm: PlanarArm) -> PlaneCapsules:
             ends.append(placed)
             radius.append(thick)
             outermost.append(solid.link == last)
+            above.append(off_floor(robot)[k])
     pairs = [(index[i], index[k]) for i, k in self_collision_pairs(robot) if i in index and k in index]
     heeds = [index[k] for i, k in self_collision_pairs(robot) if i == BODY and k in index]
     body = base_body(robot)
@@ -110,6 +114,7 @@ def plane_capsules(robot: Robot, arm: PlanarArm) -> PlaneCapsules:
         np.array(ends, dtype=np.float64).reshape(-1, 2, 3),
         np.array(radius, dtype=np.float64),
         np.array(outermost, dtype=np.bool_),
+        np.array(above, dtype=np.bool_),
         np.array(pairs, dtype=np.int64).reshape(-1, 2),
         np.array(heeds, dtype=np.int64),
         block,
@@ -277,6 +282,8 @@ def judge_obstacles(
         moves += around.tolerance
         for k in around.near:
             if capsules.outermost[s] and around.owner[k] == around.tool_on:
+                continue
+            if around.owner[k] == around.floor and not capsules.off_floor[s]:
                 continue
             reach = capsules.radius[s] + around.clearance - SLACK
             one, all_over = _judge_pair(around.solids, around.deep, k, ends, moves, reach)

@@ -27,6 +27,7 @@ OWN_BODY = "links and base of the robot"
 HEADING = "rules.heading"
 FOOTPRINT = "footprint of the base"
 EDGE = "edge of the floor"
+SOLID_FLOOR = "floor under the arm"
 CELLS = "cells of the map"
 CRITERIA = "rules.criteria"
 START = "start of the base"
@@ -80,7 +81,9 @@ def constraints_of(world: World) -> tuple[Constraint, ...]:
 def arm_constraints_of(world: World) -> tuple[Constraint, ...]:
     """`constraints_of` with the arm's clearance and self-collision."""
     found = [Constraint("self", OWN_BODY, without_own_body)]
-    if world.rules.arm_clearance > 0 and world.solids:
+    if world.rules.solid_floor:
+        found.append(Constraint("floor", SOLID_FLOOR, partial(with_rules, solid_floor=False)))
+    if world.rules.arm_clearance > 0 and world.arm_solids:
         found.append(Constraint("clearance", ARM_CLEARANCE, partial(with_rules, arm_clearance=0.0)))
     return (*constraints_of(world)[:-1], *found, *constraints_of(world)[-1:])
 

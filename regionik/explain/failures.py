@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import compress
 
 import numpy as np
 import shapely
@@ -31,6 +32,7 @@ from regionik.worlds.arms import reach_bound
 from regionik.worlds.errors import Cause, CauseKind, Explanation, Repair
 from regionik.worlds.obstacles import Shadow
 from regionik.worlds.scene import Target, World
+from regionik.worlds.self_collision import off_floor
 
 NO_WAY = 1e-3  # a narrower one is rounding of the floor [m]
 CORNER = 3**0.5  # how much deeper than its sides the corner of a box may be in a mesh
@@ -317,23 +319,25 @@ def target_in_solid(world: World) -> Explanation | None:
     from every solid; into the one that the tool may touch it may sink no deeper than the rules allow. Where
     the tool point lies outside, a target deeper in a solid than the link is away brings the link into it.
     """
-    tip, _ = world.robot.tip_depth
+    tip, part = world.robot.tip_depth
     if not tip:
         return _target_buried(world)
-    rules = world.rules
+    rules, solids = world.rules, world.solids
+    if part in compress((solid.name for solid in world.robot.all_solids), off_floor(world.robot)):
+        solids = world.arm_solids
     need = tip + rules.arm_clearance - rules.tolerance
-    look, obstacles = max(need, rules.tool_contact), obstacles_from(world.solids)
+    look, obstacles = max(need, rules.tool_contact), obstacles_from(solids)
     for i, target in enumerate(world.task):
         gaps = solids_within(obstacles, target.position, look)
         if gaps and rules.tool_contact > 0 and gaps[0][0] <= rules.tool_contact:
-            gap, touched = gaps[0][0], world.solids[gaps[0][1]].name
+            gap, touched = gaps[0][0], solids[gaps[0][1]].name
             most, miss = rules.deepest_contact, rules.tolerance
             if tip - max(0.0, gap) > most + miss or -gap > CORNER * most + miss:
                 return _too_deep(world, i, touched, tip, max(tip - max(0.0, gap), -gap) - miss)
             gaps = gaps[1:]
         if not gaps or gaps[0][0] >= need:
             continue
-        gap, name = gaps[0][0], world.solids[gaps[0][1]].name
+        gap, name = gaps[0][0], solids[gaps[0][1]].name
         missing = need + rules.tolerance - gap
         place = f"{gap:z.4f} m from {name}" if gap >= 0 else f"{-gap:z.4f} m deep in {name}"
         reason = (
@@ -342,7 +346,7 @@ def target_in_solid(world: World) -> Explanation | None:
             f"from it. The set-point would have to lie {missing:.4f} m farther away."
         )
         repair = Repair("move-target", f"set-point {i + 1}", missing, f"move it {missing:.4f} m from {name}")
-        return Explanation("no-posture", i, reason, (Cause("obstacle", name, missing),), (repair,))
+        return Explanation("no-posture", i, reason, (_cause(world, name, missing),), (repair,))
     return None
 
 
@@ -378,7 +382,12 @@ def _too_deep(world: World, i: int, name: str, tip: float, need: float) -> Expla
         f"{rules.contact_depth:g} m (contact_depth). That rule would have to allow {missing:.4f} m more, or "
         f"the link to end at the tool point."
     )
-    return Explanation("no-posture", i, reason, (Cause("obstacle", name, missing),))
+    return Explanation("no-posture", i, reason, (_cause(world, name, missing),))
+
+
+def _cause(world: World, name: str, missing: float) -> Cause:
+    slab = world.floor_slab
+    return Cause("floor" if slab is not None and name == slab.name else "obstacle", name, missing)
 
 
 def blocked_arm(world: World, closest: str, cause: Cause) -> Explanation:

@@ -29,7 +29,7 @@ from regionik.planners.collision.robot_bodies import (
 from regionik.planners.collision.robot_motion import count_on_line, tool_frames
 from regionik.postures.poses import LARGEST_BEND, Pose, arrays
 from regionik.worlds.arrays import Array
-from regionik.worlds.errors import Cause
+from regionik.worlds.errors import Cause, CauseKind
 from regionik.worlds.scene import Target, World
 
 SPARE = 5e-4  # kept beyond what the rules want, so that what is planned can be proven [m]
@@ -113,7 +113,9 @@ class Guard:
     def cause(self, touch: Touch) -> Cause:
         """The touch as a cause of a failure; the margin is what is missing [m]."""
         if touch.kind == "obstacle":
-            return Cause("obstacle", self.other(touch), max(0.0, self.bodies.clearance - touch.distance))
+            floor = self.bodies.obstacles[touch.other] is self.bodies.floor
+            kind: CauseKind = "floor" if floor else "obstacle"
+            return Cause(kind, self.other(touch), max(0.0, self.bodies.clearance - touch.distance))
         return Cause("self", self.other(touch), max(0.0, -touch.distance))
 
 
@@ -121,7 +123,8 @@ class Guard:
 def guard_of(world: World) -> Guard:
     """The guard of a world; kept for the last few worlds."""
     rules = world.rules
-    bodies = bodies_from(world.robot, world.solids, rules.arm_clearance, rules.deepest_contact)
+    near, deep = rules.arm_clearance, rules.deepest_contact
+    bodies = bodies_from(world.robot, world.solids, near, deep, world.floor_slab)
     return Guard(world, bodies, contact_for(world, world.task))
 
 
@@ -135,7 +138,7 @@ def guard_at(world: World, target: Target) -> Guard:
 
 def contact_for(world: World, targets: Sequence[Target]) -> ContactTargets:
     """Each set-point with the solid that it lies on or in, or is nearest to within ``tool_contact``."""
-    reach, obstacles = world.rules.tool_contact, obstacles_from(world.solids)
+    reach, obstacles = world.rules.tool_contact, obstacles_from(world.arm_solids)
     spots, owners = [], []
     for target in targets:
         near = solids_within(obstacles, target.position, reach) if reach > 0 else []

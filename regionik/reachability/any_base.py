@@ -78,7 +78,7 @@ def search_any_base(world: World, target: Target, most: int) -> AnyBaseResult:
     if verdict == Verdict.PROVEN:
         return AnyBaseResult(verdict, Pose(task.base, task.joints), 0.0, ())
     near = np.unique(task.around.owner[task.around.near]).tolist()
-    return AnyBaseResult(verdict, None, gap, tuple(world.solids[k].name for k in near))
+    return AnyBaseResult(verdict, None, gap, tuple(world.arm_solids[k].name for k in near))
 
 
 def any_base_of(world: World, target: Target) -> AnyBase:
@@ -111,7 +111,7 @@ def prepared(world: World) -> PreparedWorld:
     mount = ArmMount(
         stance.plane, stance.mount, stance.zero, stance.low, stance.high, stance.yaw if fixed else np.nan
     )
-    obstacles = obstacles_from(world.solids)
+    obstacles = obstacles_from(world.arm_solids)
     whole = [k for k, piece in enumerate(obstacles.pieces) if piece.mesh is None]
     solids = uprights_from([obstacles.pieces[k] for k in whole])
     levers = np.linalg.norm(capsules.ends, axis=2).max(initial=0.0) + capsules.radius.max(initial=0.0)
@@ -133,7 +133,9 @@ def _around(world: World, target: Target) -> NearObstacles:
     near = np.empty(len(arm.owner), dtype=np.int64)
     near = near[: near_solids(arm.solids, writable(target.position), arm.far, near)]
     tool_on = int(contact.owner[0]) if len(contact.owner) else -1
-    return NearObstacles(arm.solids, arm.deep, near, arm.owner, tool_on, rules.arm_clearance, rules.tolerance)
+    floor = -1 if world.floor_slab is None else len(world.solids)
+    far = rules.arm_clearance, rules.tolerance
+    return NearObstacles(arm.solids, arm.deep, near, arm.owner, floor, tool_on, *far)
 
 
 def _floor(world: World) -> BaseFloor:

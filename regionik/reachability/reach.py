@@ -264,7 +264,7 @@ def _everywhere(search: TargetSearch) -> _Result:
         return _Result("undecided", None, np.inf, "")
     seen = search_any_base(world, target, CELLS)
     if seen.verdict == Verdict.RULED_OUT:
-        around = f"{', '.join(seen.around)} and itself" if seen.around else "itself and its base"
+        around = ", ".join([*seen.around, "itself and its base"])
         return _Result(
             "unreachable", None, 0.0, f"{_who(target)} cannot be reached: {_NO_WAY.format(around)}"
         )

@@ -31,6 +31,7 @@ from regionik.verification.proofs import Finding, Intervals, IntervalVerdicts, S
 from regionik.worlds.arrays import Array
 from regionik.worlds.polytopes import polytope
 from regionik.worlds.scene import World
+from regionik.worlds.self_collision import off_floor
 
 SHORTEST = 1e-4  # motion of a link over half an interval below which it is not bisected [m]
 MARGIN_RANGE = 0.05  # beyond the clearance, up to which distances at states are measured [m]
@@ -90,9 +91,9 @@ def verify_arm_clearance(world: World, segments: MotionSegments, names: StateNam
 
     The second finding is of that contact.
     """
-    if not world.solids or not world.robot.all_solids:
+    if not world.arm_solids or not world.robot.all_solids:
         return [finding("arm", np.inf, [])]
-    return _ArmProof(world, segments, names, obstacles_from(world.solids)).check()
+    return _ArmProof(world, segments, names, obstacles_from(world.arm_solids)).check()
 
 
 def _depth(piece: Piece, corners: Array) -> float:
@@ -152,6 +153,13 @@ class _ArmProof:
         """Bounding boxes of the pieces, projected onto the floor."""
         return shapely.STRtree(shapely.box(*self.obstacles.low[:, :2].T, *self.obstacles.high[:, :2].T))
 
+    @cached_property
+    def _heeded(self) -> Mask:
+        """Which solids keep clear of which pieces: of the floor those that can be off it."""
+        on_floor = self.obstacles.owner == (-1 if self.world.floor_slab is None else len(self.world.solids))
+        heeded: Mask = np.array(off_floor(self.world.robot))[:, None] | ~on_floor
+        return heeded
+
     @property
     def limit(self) -> float:
         return self.world.rules.arm_clearance
@@ -195,7 +203,7 @@ class _ArmProof:
         row, piece = self._floor_boxes.query(around)
         apart = np.maximum(low[row] - self.obstacles.high[piece], self.obstacles.low[piece] - high[row])
         gap = np.linalg.norm(np.maximum(apart, 0.0), axis=1)
-        close = (gap == 0) | (gap < within[row])
+        close = ((gap == 0) | (gap < within[row])) & self._heeded[row % count, piece]
         row, piece = row[close], piece[close]
         order = np.lexsort([piece, row])
         return _ClosePairs(row[order] // count, row[order] % count, piece[order])
@@ -314,7 +322,7 @@ class _ArmProof:
 
     def _violation(self, key: _Key, where: str, distance: float, may_touch: bool) -> Violation:
         state, link, solid = key
-        part, name = self.world.robot.all_solids[link].name, self.world.solids[solid].name
+        part, name = self.world.robot.all_solids[link].name, self.world.arm_solids[solid].name
         if may_touch:
             return self._contact_violation(state, f"{part} touches {name} {where}", distance)
         if distance < 0:

@@ -31,7 +31,7 @@ def clearances(world: World, base: Array, joints: Array) -> Clearances:
     contact = guard_of(world).contact
     return Clearances(
         base=_base_clearance(world, base),
-        arm=_distances(bodies_around(world), base, joints, contact) if world.solids else nothing,
+        arm=_distances(bodies_around(world), base, joints, contact) if world.arm_solids else nothing,
         own=_distances(bodies_from(world.robot, ()), base, joints, None),
     )
 
@@ -40,7 +40,8 @@ def bodies_around(world: World) -> Bodies:
     """A robot among the solids of its world, with nothing of its own that has to keep apart."""
     robot = world.robot
     pairs = tuple(combinations([solid.name for solid in robot.all_solids], 2))
-    return bodies_from(replace(robot, footprint=np.zeros((1, 2)), unchecked=pairs), world.solids)
+    apart = replace(robot, footprint=np.zeros((1, 2)), unchecked=pairs)
+    return bodies_from(apart, world.solids, floor=world.floor_slab)
 
 
 def _distances(bodies: Bodies, base: Array, joints: Array, contact: ContactTargets | None) -> Array:

@@ -188,6 +188,22 @@ class Machine:
         )
         return [pair for pair in pairs if met[names[pair]] < NEARLY_ALWAYS * POSTURES]
 
+    def off_floor(self) -> list[bool]:
+        """Whether each part must keep off the floor: those that joints raise, and that can be off it."""
+        met: Counter[str] = Counter()
+        heights = []
+        for joints in self._postures():
+            self.place(np.zeros(3), joints)
+            frames = self.frames()
+            heights.append(frames[:, 2])
+            lowest = [
+                frame[2, 3] + (part.shape.points @ frame[:3, :3].T)[:, 2].min()
+                for part, frame in zip(self.parts, frames, strict=True)
+            ]
+            met.update({self._solid(k) for k, low in enumerate(lowest) if low <= 0.0})
+        raised = np.ptp(heights, axis=0).max(axis=1) > 1e-9
+        return [bool(up) and met[self._solid(k)] < NEARLY_ALWAYS * POSTURES for k, up in enumerate(raised)]
+
     def _solid(self, k: int) -> str:
         return "" if k < 0 else f"{self.parts[k].link} {self.parts[k].solid}"
 

@@ -10,7 +10,7 @@ import shapely
 
 from tests.opinion.course import Course, angle_between, arc_point, halfway
 from tests.opinion.machine import Array
-from tests.opinion.things import Shape, Thing, distance_of, placed
+from tests.opinion.things import FLOOR, Shape, Thing, distance_of, placed
 
 APART = 1e-5  # of distances in space, whose solver iterates [m]
 FLAT = 3e-6  # of distances on the floor [m]
@@ -32,6 +32,7 @@ class Moment:
         self.cores = shapely.STRtree([thing.core for thing in self.plans])
         self.widest = max((thing.radius for thing in self.plans), default=0.0)
         self.body, self.pairs = self.machine.body(), self.machine.rivals()
+        self.off_floor = self.machine.off_floor()
         self.outline = facts.footprint
         balls = [part.shape.ball for part in self.machine.parts]
         self.middles = np.array([middle for middle, _ in balls]).reshape(-1, 3)
@@ -85,6 +86,8 @@ class Moment:
         for p, n in np.argwhere(np.linalg.norm(apart, axis=2) < around):
             part, (i, piece) = self.machine.parts[p], self.pieces[close[n]]
             thing = self.course.things[i]
+            if thing.name == FLOOR and not self.off_floor[p]:
+                continue
             gap = distance_of(part.shape.solid, placed(frames[p]), piece.solid, piece.placed)
             if part.link == self.machine.last and self._works_on(i, tool):
                 if gap < least + self.berth or thing.contains(spots[p]):

@@ -21,6 +21,8 @@ def _request() -> Any:
     return request
 
 
+FLOOR = "the floor"
+BEYOND = 20.0  # that it goes on beyond the edge of where the base may drive, and how thick it is [m]
 POINTS = 300  # of a solid
 REQUEST, RESULT = _request(), coal.DistanceResult()
 
@@ -128,7 +130,18 @@ def things_of(world: dict[str, Any], below: float) -> list[Thing]:
     """All obstacles and map cells of a world's document; floor plans are of what is lower than ``below``."""
     cells = world["floor"].get("cells", [])
     every = [*world["obstacles"], *({"name": cell["name"], "prism": cell} for cell in cells)]
-    return [_thing(one, below) for one in every]
+    return [
+        *(_thing(one, below) for one in every),
+        *([_slab(world)] if world["rules"]["solid_floor"] else []),
+    ]
+
+
+def _slab(world: dict[str, Any]) -> Thing:
+    """The floor as the arm sees it: everything below z = 0, round about where the base may drive."""
+    low, high = np.min(world["floor"]["polygon"], axis=0), np.max(world["floor"]["polygon"], axis=0)
+    size = np.array([*(high - low) + 2 * BEYOND, BEYOND])
+    T = _at(np.array([*(low + high) / 2, -BEYOND / 2]))
+    return Thing(FLOOR, (Shape(coal.Box(*size), T),))
 
 
 def _thing(entry: dict[str, Any], below: float) -> Thing:

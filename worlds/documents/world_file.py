@@ -78,6 +78,9 @@ class RulesPart(Strict):
     reach_margin: NotNegative = Rules.reach_margin
     max_lift_offs: Annotated[int, Field(ge=0)] | None = Rules.max_lift_offs
     avoidance: bool = Rules.avoidance
+    solid_floor: bool = Field(
+        default=Rules.solid_floor, description="the arm keeps clear of the floor, as of any other solid"
+    )
     mode: Mode = Field(
         default=Rules.mode,
         description="continuous: the base drives while the tool works; stops: it stands still at as few "
