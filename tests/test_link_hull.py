@@ -126,3 +126,14 @@ def test_hulls_are_kept_in_world_files() -> None:
         InputError, match=r"solids\[3\]: expected link, name and either start.*or corners \(a hull\)"
     ):
         world_from_document(document)
+
+
+def test_a_moved_hull_is_the_hull_of_its_moved_corners() -> None:
+    rng = np.random.default_rng(3)
+    corners = rng.normal(size=(14, 3))
+    T = random_frame(rng, 1.0)
+    moved, anew = polytope(corners).moved(T), polytope(corners @ T[:3, :3].T + T[:3, 3])
+    points = rng.normal(size=(200, 3)) + T[:3, 3]
+    assert moved.depth(points) == pytest.approx(anew.depth(points), abs=1e-9)
+    assert len(moved.edges) == len(anew.edges)
+    assert np.abs(moved.edges @ anew.edges.T).max(axis=1) == pytest.approx(1.0, abs=1e-9)

@@ -43,6 +43,13 @@ class Polytope:
         below: Array = (self.offsets - points @ self.normals.T).min(-1)
         return below
 
+    def moved(self, T: Array) -> Polytope:
+        """Return the polytope moved by a transform (4, 4)."""
+        turn = T[:3, :3]
+        normals, corners = self.normals @ turn.T, self.corners @ turn.T + T[:3, 3]
+        offsets = self.offsets + normals @ T[:3, 3]
+        return Polytope(corners, self.triangles, normals, offsets, self.edges @ turn.T)
+
 
 def polytope(corners: Array) -> Polytope:
     """Return the polytope with given corners (n, 3).

@@ -15,7 +15,7 @@ from regionik.planners.collision.meshes import BOX, TriangleTree, surface, trian
 from regionik.planners.geometry.convex_decomposition import convex_pieces
 from regionik.worlds.arrays import Array
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Solid, Sphere
-from regionik.worlds.polytopes import polytope
+from regionik.worlds.polytopes import Polytope, polytope
 from regionik.worlds.robot import LinkCapsule, LinkHull, LinkSolid
 
 TOUCH = 1e-9  # [m]
@@ -198,8 +198,11 @@ def within_hull(corners: Array, points: Array) -> NDArray[np.bool_]:
     return inside
 
 
-def penetration(piece: Piece, corners: Array) -> Separation:
-    """Penetration of a segment, box or hull: least push out along a face normal, or square to two edges."""
+def penetration(piece: Piece, corners: Array, own: Polytope | None = None) -> Separation:
+    """Penetration of a segment, box or hull: least push out along a face normal, or square to two edges.
+
+    ``own`` is the hull of the corners, where it is known.
+    """
     if piece.disc:
         level = np.column_stack([np.cos(FAN), np.sin(FAN), np.zeros(len(FAN))])
         normals = np.vstack([level, UP, -UP])
@@ -208,7 +211,7 @@ def penetration(piece: Piece, corners: Array) -> Separation:
         normals = piece.normals
         edges = piece.edges
     if len(corners) > BOX_ROWS:
-        own = polytope(corners)
+        own = own or polytope(corners)
         sides, faces = own.edges, own.normals
     else:
         sides = corners[[4, 2, 1] if len(corners) == BOX_ROWS else [1]] - corners[0]

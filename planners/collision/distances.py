@@ -35,6 +35,7 @@ from regionik.planners.collision.meshes import (
 )
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.obstacles import Solid
+from regionik.worlds.polytopes import Polytope
 
 EXACT = 1e-8  # of a distance that a plane proves [m]
 
@@ -168,12 +169,13 @@ def segment_separation(piece: Piece, start: Array, end: Array) -> Separation:
     return Separation(-min(gap, distance), out / distance if distance > 0 else UP, on_axis)
 
 
-def hull_separation(piece: Piece, corners: Array) -> Separation:
+def hull_separation(piece: Piece, corners: Array, own: Polytope | None = None) -> Separation:
     """Signed distance from a piece of a segment (2, 3), box (8, 3) or hull, by the corners of `LinkSolid`.
 
     A box that is within a mesh, or a mesh within a box, is as deep as their surfaces are apart; a box that
     cuts the surface of a mesh counts as a nanometre deep. So do hulls. The distance of a cylinder and a box
-    is never too large, and too small by less than a micrometre. The numbers must be finite.
+    is never too large, and too small by less than a micrometre. The numbers must be finite. ``own`` is the
+    hull of the corners, where it is known.
     """
     if len(corners) == 2:
         return segment_separation(piece, corners[0], corners[1])
@@ -184,7 +186,7 @@ def hull_separation(piece: Piece, corners: Array) -> Separation:
         distance = hull_distance(corners, piece.corners, piece.disc, way, on_box)[0]
         if distance > TOUCH:
             return Separation(distance - piece.ball, way, on_box)
-        return penetration(piece, corners)
+        return penetration(piece, corners, own)
     other = segment(piece.corners[0], piece.corners[-1]) if piece.ball else piece.surface
     distance, on_box, on_piece = surface_distance(box(corners), other)
     engulfed = distance > 0 and bool(within_hull(corners, piece.corners).any())

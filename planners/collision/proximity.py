@@ -30,6 +30,7 @@ from regionik.planners.collision.robot_motion import (
     tool_speed,
 )
 from regionik.worlds.arrays import Array, frozen
+from regionik.worlds.robot import LinkHull
 from regionik.worlds.self_collision import BODY
 
 LOOK = 1e-3  # part of a motion between two looks for a link inside a mesh
@@ -195,7 +196,8 @@ def _measure(bodies: Bodies, rest: MotionSegment, k: int, m: int) -> tuple[Separ
     """Signed distance of a solid from the piece of a row, and the pose of its link, seen as the row is."""
     solid = bodies.robot.all_solids[k]
     T = _frames(bodies, rest, int(bodies.hulls.frame[m]))[solid.link]
-    found = hull_separation(bodies.pieces[m], solid.corners @ T[:3, :3].T + T[:3, 3])
+    own = solid.polytope.moved(T) if isinstance(solid, LinkHull) else None  # made anew it takes milliseconds
+    found = hull_separation(bodies.pieces[m], solid.corners @ T[:3, :3].T + T[:3, 3], own)
     on_solid = found.on_axis - solid.radius * found.normal
     return Separation(float(found.distance - solid.radius), found.normal, on_solid), T
 

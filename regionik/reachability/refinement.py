@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 import shapely
-from shapely.geometry import Polygon
+from shapely.geometry import MultiPolygon, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from regionik.areas.ground import EVERY, GUARD, Ground, ground_of
@@ -25,13 +25,14 @@ from regionik.planners.search.box_search import WHOLE, Verdict, begin, explore, 
 from regionik.postures.arm import goal_of
 from regionik.postures.families import BACK, FRONT, Family, families_along
 from regionik.postures.poses import Pose
-from regionik.worlds.arms import reach_bound
+from regionik.regions import round_outer_areas
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import Target, World
 
 ARCS = 768  # vertices of a full circle
 SIDES, MOST_SIDES = 48, 384  # of the polygons for discs, in wide cells and in narrow ones
 NARROW = 0.02  # [rad]
+WIDER = 1.05  # polygons round a footprint's rotations than the circle round it, at the most
 ENOUGH = 1e-4  # widest disc of open places below which a cell is not bisected [m]
 NARROWEST = 1e-4  # width of cells below which they are not bisected [rad]
 MOST_CELLS = 600
@@ -218,14 +219,24 @@ class _CloseAreas:
         return outline
 
     @cached_property
+    def _about(self) -> BaseGeometry:
+        """No place outside it works at any heading; most of the reach is often gone already."""
+        return round_outer_areas(self.world, [self.target], coarse=True)[0]
+
+    @cached_property
     def _near(self) -> Ground:
-        """Floor and shadows that matter to places within reach."""
-        ground, span = ground_of(self.world), reach_bound(self.world.robot.chain)
-        x, y, by = *self.target.position[:2], span.radius + span.length + 2 * ground.far + GUARD
-        return ground.cut_to(shapely.box(x - by, y - by, x + by, y + by))
+        """Floor and shadows that matter to a footprint in one of these places."""
+        ground = ground_of(self.world)
+        if self._about.is_empty:
+            return replace(ground, floor=MultiPolygon(), names=(), shadows=())
+        (x0, y0, x1, y1), by = self._about.bounds, WIDER * ground.far + GUARD
+        return ground.cut_to(shapely.box(x0 - by, y0 - by, x1 + by, y1 + by))
 
     def _free(self, heading: Span) -> tuple[BaseGeometry, BaseGeometry]:
-        """Places of the axis at all headings of a range, from within, and at some, from outside."""
+        """Places of the axis at all headings of a range, from within, and at some, from outside.
+
+        Both are known, and told, about the target alone.
+        """
         if heading not in self._known:
             near = self._near
             low, high = (0.0, 0.0) if heading == EVERY else heading
@@ -235,7 +246,7 @@ class _CloseAreas:
                 sides = SIDES if high - low > NARROW else MOST_SIDES
                 slab = slab_free(self._outline, near.floor, near.shadows, near.clearance, low, high, sides)
                 inner = shapely.buffer(slab.inner, -2 * GUARD, join_style="mitre")
-                self._known[heading] = inner, slab.outer
+                self._known[heading] = inner & self._about, slab.outer & self._about
         return self._known[heading]
 
 
