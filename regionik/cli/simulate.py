@@ -88,8 +88,8 @@ def _write_run(run: SimulatedRun, output: Path | None, html: Path | None) -> lis
 
         written[output] = run_to_csv(run)
     if html is not None:
+        from regionik.view.page import html_page
         from regionik.view.run_picture import picture_of_run
-        from regionik.view.viewer import html_page
 
         written[html] = html_page(picture_of_run(run))
     for path, text in written.items():

@@ -136,7 +136,7 @@ def floor_image(what: Plan | World | Area | Answer) -> str:
 
 def _answers(ax: Axes, answer: Answer) -> None:
     """Targets by their verdict, and the bases found."""
-    ax.plot(*answer.base[answer.reachable, :2].T, ".", color=_hex(Color.BASE_PATH), label="base")
+    ax.plot(*answer.base[answer.reachable, :2].T, ".", color=_hex(Color.AXIS_PATH), label="base")
     colors = {"reachable": Color.STRONG, "unreachable": Color.REJECTION, "undecided": Color.PALE}
     for verdict, color in colors.items():
         spots = answer.targets[answer.verdict == verdict]
