@@ -22,7 +22,7 @@ from regionik.simulation.physics import STEP, Physics
 from regionik.simulation.reference import PERIOD, Reference, reference
 from regionik.simulation.simulate import simulate
 from regionik.simulation.simulated_robot import SUBSTEPS
-from regionik.simulation.tracking import TrackingController
+from regionik.simulation.tracking import MOST_ADDED, TrackingController
 from regionik.timing.retime import retime
 from regionik.values import Motion, Plan
 from regionik.view.run_picture import picture_of_run
@@ -192,6 +192,14 @@ def test_the_arm_takes_up_what_the_base_is_off(off: tuple[float, float, float]) 
     tool = (robot.T_world_arm(pose) @ frames[-1])[:3, 3]
     assert np.linalg.norm(tool - way.T_tool[0, :3, 3]) < 5e-4
     assert ((joints >= robot.chain.lower) & (joints <= robot.chain.upper)).all()
+
+
+def test_the_arm_stays_near_the_plan_where_it_cannot_take_up_what_the_base_is_off() -> None:
+    robot, way = arc("omni", 0.0, 0.0, 1.0)  # carried
+    controller, joints = TrackingController(robot, Speeds(joint_velocity=10.0), way), way.joints[0]
+    for k in range(90):
+        joints = controller._arm_joints(k, way.base[0] + [0.5, 0.3, 0.4], joints)
+        assert np.abs(joints - way.joints[k]).max() <= MOST_ADDED
 
 
 def test_localisation_at_rest_averages() -> None:

@@ -26,6 +26,7 @@ SLOW = 1e-2  # speed at which a car's steering leaves the plan's [m/s]
 GAIN = 2.0  # at which the base is led back to its place [1/s]
 LEAD_BACK = 0.3  # way on which a base that rolls comes back to its path [m]
 TURN_WEIGHT = 0.05  # length that counts as much as a radian of the tool's orientation [m]
+MOST_ADDED = 0.2  # of a joint's deviation from the plan, endless near singular postures [rad], [m]
 DAMPING = 0.01  # length that counts as much as a radian of the arm's deviation from the plan [m]
 
 
@@ -126,8 +127,9 @@ class TrackingController:
         away = joints - plan.joints[k]
         step = np.linalg.solve(J.T @ J + DAMPING**2 * np.eye(n), J.T @ error - DAMPING**2 * away)
         most = self._joint_velocity * PERIOD
-        wished = joints + np.clip(step, -most, most)
-        limited: Array = np.clip(wished, self.robot.chain.lower, self.robot.chain.upper)
+        lower = np.maximum(self.robot.chain.lower, plan.joints[k] - MOST_ADDED)
+        upper = np.minimum(self.robot.chain.upper, plan.joints[k] + MOST_ADDED)
+        limited: Array = np.clip(joints + np.clip(step, -most, most), lower, upper)
         return limited
 
     def _limited(self, twist: Array) -> Array:
