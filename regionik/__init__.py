@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from regionik.output.export import export
     from regionik.output.field_file import write_field
     from regionik.output.plan_file import load_plan
+    from regionik.parking.replanning import replan_stop
     from regionik.parking.stops import stops
     from regionik.pipeline import plan, why
     from regionik.reachability.field import reach_field, reach_slice
@@ -87,6 +88,7 @@ __all__ = [
     "reach",
     "reach_field",
     "reach_slice",
+    "replan_stop",
     "retime",
     "show",
     "simulate",
@@ -139,6 +141,7 @@ _HOME = {
     "reach": "regionik.reachability.reach",
     "reach_field": "regionik.reachability.field",
     "reach_slice": "regionik.reachability.field",
+    "replan_stop": "regionik.parking.replanning",
     "retime": "regionik.timing.retime",
     "show": "regionik.view.viewer",
     "simulate": "regionik.simulation.simulate",

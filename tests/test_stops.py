@@ -17,6 +17,7 @@ from regionik.output.plan_file import load_plan
 from regionik.parking.fewest_stops import park
 from regionik.parking.stops import stops
 from regionik.pipeline import plan
+from regionik.planners.coverage.set_cover import least_cover, undominated
 from regionik.postures.families import BACK, FRONT
 from regionik.regions import path_areas
 from regionik.values import Plan
@@ -138,6 +139,42 @@ def test_the_criterion_chooses_among_fewest_stops(order: str, seed: int) -> None
     assert min(stop.tolerance for some in found for stop in some) >= TAU * 0.999
 
 
+def scattered(seed: int, half: float) -> World:
+    """Thirty holes that an arm with a narrow pivot does from some stops."""
+    rng = np.random.default_rng(seed)
+    spots = np.column_stack([rng.uniform([0, 0], [1.6, 1.0], (30, 2)), rng.uniform(0.2, 0.4, 30)])
+    rules = replace(STOPS, order="any")
+    floor = Floor(shapely.box(-1, -1, 2.6, 2))
+    return narrow(World(f"{seed}", robot_named("youbot"), floor, (), tuple(map(Target, spots)), rules), half)
+
+
+def sampled_cover(world: World, spacing: float) -> int:
+    """Fewest stops from a grid of places and headings, each set-point by the pivot's bearing alone."""
+    joint, x = world.robot.chain.joints[0], np.arange(-0.8, 2.4, spacing)
+    axes = np.stack(np.meshgrid(x, x), axis=-1).reshape(-1, 2)
+    yaws, served = np.arange(0, 2 * np.pi, np.pi / 18), np.zeros((len(axes), 36, len(world.task)), dtype=bool)
+    for facing, turn in ((FRONT, 0.0), (BACK, np.pi)):
+        found = path_areas(world, facings=(facing,))
+        for i, target in enumerate(world.task):
+            parts = [shapely.get_parts(area) for area in found.inner[found.target == i]]
+            area = shapely.union_all([part.buffer(-TAU) for some in parts for part in some])
+            away = target.position[:2] - axes
+            spare = np.arcsin(np.minimum(1.0, TAU / np.hypot(*away.T)))[:, None]
+            bearing = np.arctan2(away[:, 1], away[:, 0])[:, None] + turn
+            pivot = np.mod(bearing - yaws + np.pi, 2 * np.pi) - np.pi
+            fits = (pivot >= joint.lower + spare) & (pivot <= joint.upper - spare)
+            served[:, :, i] |= shapely.contains_xy(area, *axes.T)[:, None] & fits
+    rows = np.unique(served.reshape(-1, len(world.task)), axis=0)
+    return len(least_cover(rows[undominated(rows)]).chosen)
+
+
+@pytest.mark.parametrize("half", [0.4, 0.8])
+@pytest.mark.parametrize("seed", range(3))
+def test_no_cover_from_a_grid_of_places_and_headings_needs_fewer(seed: int, half: float) -> None:
+    world = scattered(seed, half)
+    assert len(stops(world)) <= sampled_cover(world, 0.1)
+
+
 @pytest.mark.parametrize("criterion", ["clearance", "distance"])
 def test_plans_have_as_many_stops_whatever_the_criterion(criterion: str) -> None:
     world = narrow(wave(0, count=8), 1.0)
@@ -161,9 +198,10 @@ def test_stops_on_both_sides_of_a_wall_are_done_side_by_side() -> None:
     assert np.count_nonzero(np.diff(sides)) == 1
 
 
-def test_any_order_never_needs_more_stops() -> None:
+@pytest.mark.parametrize("half", [0.4, 1.0, 3.0])
+def test_any_order_never_needs_more_stops(half: float) -> None:
     for seed in range(3):
-        given, free = (ruled(wave(seed), order=order) for order in ("given", "any"))
+        given, free = (ruled(narrow(wave(seed, 10), half), order=order) for order in ("given", "any"))
         assert len(stops(free)) <= len(stops(given))
 
 

@@ -15,7 +15,8 @@ from tests import examples
 
 
 def distances(points: Array) -> Array:
-    return np.linalg.norm(points[:, None] - points[None], axis=2)
+    far: Array = np.linalg.norm(points[:, None] - points[None], axis=2)
+    return far
 
 
 @given(st.integers(0, 10**6), st.integers(1, 6), st.booleans())

@@ -85,7 +85,7 @@ def _one_tree(far: Array, price: Array, degree: Index) -> float:
     n = len(far)
     cost, root = np.full(n, np.inf), np.full(n, 1)
     degree[:] = 0
-    total = -2.0 * price.sum()
+    total: float = -2.0 * price.sum()
     inside = np.zeros(n, dtype=np.bool_)
     inside[0] = inside[1] = True
     for i in range(2, n):
@@ -174,7 +174,8 @@ def _double_bridge(far: Array, tour: Index, place: Index, part: Index, first: in
         at = (first + 1 + m) % n
         tour[at] = part[m]
         place[part[m]] = at
-    return far[a, d] + far[e, b] + far[c, f] - far[a, b] - far[c, d] - far[e, f]
+    longer: float = far[a, d] + far[e, b] + far[c, f] - far[a, b] - far[c, d] - far[e, f]
+    return longer
 
 
 @compiled
@@ -211,7 +212,7 @@ def _uncross(far: Array, near: Index, tour: Index, place: Index, a: int, ends: I
             if far[a, b] - far[a, c] <= GAIN:
                 break
             d = tour[(place[c] + turn) % n]
-            gain = far[a, b] + far[c, d] - far[a, c] - far[b, d]
+            gain: float = far[a, b] + far[c, d] - far[a, c] - far[b, d]
             if gain > GAIN:
                 if turn == 1:
                     _reverse(tour, place, place[b], place[c])
@@ -254,7 +255,7 @@ def _move(far: Array, near: Index, tour: Index, place: Index, a: int, ends: Inde
                     d = tour[(place[c] + side) % n]
                     if (place[d] - place[a]) * turn % n < length:
                         continue
-                    gain = off + far[c, d] - far[c, a] - far[d, last]
+                    gain: float = off + far[c, d] - far[c, a] - far[d, last]
                     if gain > GAIN:
                         _insert(tour, place, a, turn, length, c, side)
                         ends[:] = (before, a, last, after, c, d)

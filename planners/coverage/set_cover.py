@@ -81,12 +81,17 @@ def overlay_faces(areas: Geometries) -> OverlayFaces:
     _, first = np.unique(np.packbits(inside, axis=1), axis=0, return_index=True)
     first = np.sort(first)
     polygon, inside = polygon[first], inside[first]
-    best = _undominated(inside) & inside.any(axis=1)
+    best = undominated(inside) & inside.any(axis=1)
     return OverlayFaces(polygon[best], inside[best])
 
 
-def _undominated(inside: Mask) -> Mask:
-    """Mask of the rows, all different, that are no subset of another row."""
+def undominated(inside: Mask) -> Mask:
+    """Mask of the rows, all different, that are no subset of another row.
+
+    Parameters
+    ----------
+    inside : (f, n) array of bool
+    """
     best = np.ones(len(inside), dtype=bool)
     numbers, size = inside.astype(np.float32), inside.sum(axis=1)
     for a in range(0, len(inside), CHUNK):

@@ -67,11 +67,11 @@ def shortest_order(distance: ArrayLike, lead: ArrayLike | None = None) -> Visiti
     closed = _closed(far, first)
     tour = improved_tour(closed, 0)
     tour = np.roll(tour, -int(np.flatnonzero(tour == 0)[0]))
-    order = (tour[:1:-1] if tour[1] == 1 else tour[1:-1]) - 2
-    length = _open_length(order, far, first)
+    way = (tour[:1:-1] if tour[1] == 1 else tour[1:-1]) - 2
+    length = _open_length(way, far, first)
     shift = closed[0, 1] + closed[1, 2]
     lower = one_tree_bound(closed, length + shift) - shift
-    return VisitingOrder(tuple(order.tolist()), length, max(0.0, min(length, lower)))
+    return VisitingOrder(tuple(way.tolist()), length, max(0.0, min(length, lower)))
 
 
 def _closed(far: Array, first: Array) -> Array:

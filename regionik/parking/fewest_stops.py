@@ -46,10 +46,13 @@ class StopGroup:
     setpoints : tuple of int
     places : dict of int to geometry
         By side of the standing; shrunk by the circle to park in.
+    spot : (2,) array or None
+        Position of the arm axis from which one heading is known to serve all of them [m].
     """
 
     setpoints: tuple[int, ...]
     places: dict[int, BaseGeometry]
+    spot: Array | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,6 +89,15 @@ class ParkingAreas:
         """The piece of floor that the base gets to, at any heading."""
         floor: BaseGeometry = shapely.union_all(self.standing.whole(self.piece))
         return floor
+
+    @cached_property
+    def _tree(self) -> shapely.STRtree:
+        return shapely.STRtree(self.narrow)
+
+    def around(self, axis: Array, within: float) -> Index:
+        """Components, shrunk by the circle to park in, that are this near to a position of the arm axis."""
+        near: Index = np.sort(self._tree.query(shapely.Point(axis), predicate="dwithin", distance=within))
+        return near
 
     def groups(self, begin: int = 0) -> list[StopGroup]:
         """Fewest groups of set-points in their order, from one of them on, with their places."""
@@ -146,12 +158,15 @@ class Parking:
         No base needs fewer stops.
     stats : dict
         How the bound is known.
+    spots : dict of int to (n, 2) array
+        By side, in any order: places of all sets of set-points whose areas meet, the largest of them [m].
     """
 
     parking_areas: ParkingAreas
     groups: tuple[StopGroup, ...]
     lower: int
     stats: dict[str, int | bool | str] = field(default_factory=dict)
+    spots: dict[int, Array] = field(default_factory=dict)
 
 
 def park(world: World) -> Parking:
@@ -237,7 +252,8 @@ def _covered(world: World, parking_areas: ParkingAreas) -> Parking:
         "count": len(groups), "lower_bound": bound.lower, "bound": "outer areas",
         "fewest_of_inner_areas": cover.lower, "apart": cover.apart, "faces": len(faces.polygon),
     }  # fmt: skip
-    return Parking(parking_areas, tuple(groups), bound.lower, stats)
+    middle = shapely.get_coordinates(shapely.point_on_surface(faces.polygon))
+    return Parking(parking_areas, tuple(groups), bound.lower, stats, {s: middle[side == s] for s in sides})
 
 
 def _areas_of(parking_areas: ParkingAreas, side: int) -> Geometries:

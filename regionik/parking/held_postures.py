@@ -7,7 +7,7 @@ its postures at the first, and the heading of the base is one that leaves its pi
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -21,7 +21,7 @@ from regionik.planners.solvers.serial_chain import serial_arm
 from regionik.postures.arm_guard import Guard
 from regionik.postures.poses import Pose, axis_of, pose_of
 from regionik.postures.serial_solver import MOST_STEPS, SerialSolver, serial_solver
-from regionik.worlds.arms import pivot_index
+from regionik.worlds.arms import pivot_index, pivot_joints
 from regionik.worlds.arrays import Array, Index
 from regionik.worlds.criteria import with_joint_margin
 from regionik.worlds.scene import Target, World
@@ -89,7 +89,34 @@ class PostureCarrier:
             full += len(found.joints) == len(self.targets)
             if full == ENOUGH:
                 break
-        return best
+        if best is None or len(best.joints) == len(self.targets) or self.world.rules.order == "given":
+            return best
+        joints = self._branched(best)
+        return replace(best, joints=joints, spare=self._spare(joints)) if len(joints) else best
+
+    def _branched(self, held: HeldPostures) -> Array:
+        """Postures (k, dof) at the first set-points, of other branches where a carried one touches.
+
+        In any order the tool may be lifted between two set-points, so the arm need not stay in one branch.
+        """
+        base, chain = held.base, self.world.robot.chain
+        axis, yaw = axis_of(self.world.robot, base), float(base[2] + self.world.robot.mount[3])
+        rows, i = held.joints, 0
+        while i < len(self.targets):
+            if i < len(rows) and self.guard.proves(Pose(base, rows[i])):
+                i += 1
+                continue
+            near = rows[i - 1] if i else held.joints[0]
+            tries = self._bound.self_motion(self.targets[i], axis, yaw, pivot_joints(chain, near), STARTS)
+            found = [one.joints[-chain.dof :] for one in tries]
+            clear = [joints for joints in found if self.guard.proves(Pose(base, joints))]
+            if not clear:
+                break
+            nearest = min(clear, key=lambda joints: float(np.abs(joints - near).max()))
+            ahead = np.arange(i, len(self.targets))
+            onward = self._carried(self._bound, axis, float(base[2]), nearest, ahead)
+            rows, i = np.concatenate([rows[:i], nearest[None], onward[1:]]), i + 1
+        return rows[:i]
 
     def _from(
         self, base: Array, joints: Array, axis: Array, span: tuple[float, float]
@@ -107,7 +134,7 @@ class PostureCarrier:
         pose = pose_of(self.world.robot, axis, heading)
         if not len(held):
             return None
-        count = next((i for i, q in enumerate(held) if not self.guard.clear(Pose(pose, q))), len(held))
+        count = next((i for i, q in enumerate(held) if not self.guard.proves(Pose(pose, q))), len(held))
         if count == 0:  # the motion may lead it round what it touches
             return HeldPostures(pose, held[:1], -np.inf)
         return HeldPostures(pose, held[:count], self._spare(held[:count]))

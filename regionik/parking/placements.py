@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -17,6 +17,8 @@ from regionik.mfabrik import Solver, solver_for
 from regionik.moving.configuration_sampling import spread
 from regionik.parking.fewest_stops import ParkingAreas, StopGroup, depth
 from regionik.parking.held_postures import PostureCarrier
+from regionik.parking.pivot_turns import ON_EDGE, PivotTurns
+from regionik.planners.coverage.set_cover import undominated
 from regionik.planners.solvers.serial_chain import chain_frames, chain_jacobian, serial_arm
 from regionik.postures.arm_guard import guard_of
 from regionik.postures.families import Family
@@ -82,6 +84,10 @@ class PlacementSearch:
     parking_areas: ParkingAreas
     _widest: dict[StopGroup, BasePlacement | None] = field(default_factory=dict)
 
+    @cached_property
+    def _pivot(self) -> PivotTurns:
+        return PivotTurns(self.world, self.parking_areas)
+
     def best(self, group: StopGroup, at: Array | None = None) -> BasePlacement | None:
         """Best placement of a stop; it serves only the first of the set-points where none serves all.
 
@@ -118,7 +124,22 @@ class PlacementSearch:
         middle = self.at(group, np.array(shapely.maximum_inscribed_circle(area).coords[0]), side)
         if middle is not None and len(middle.setpoints) == len(group.setpoints):
             return [middle]
-        return [one for one in [middle, *self._spread(group, side)] if one is not None]
+        known = None if group.spot is None else self.at(group, group.spot, side)
+        return [one for one in [middle, known, *self._spread(group, side)] if one is not None]
+
+    def served(self, axis: Array, side: int) -> list[tuple[int, ...]]:
+        """Sets of set-points that one heading serves from a place, none of them a part of another.
+
+        Only for arms that a place gives their posture.
+        """
+        areas = self.parking_areas.areas_at(side)
+        inside = tuple(np.flatnonzero(shapely.intersects_xy(areas, *axis)).tolist())
+        turns = self._pivot.turns(inside, axis, side) if inside else None
+        if turns is None:
+            return []
+        fits = np.unique(turns.room.max(axis=1) >= self.world.rules.stop_tolerance, axis=0)
+        fits = fits[undominated(fits)]
+        return [tuple(i for i, fit in zip(inside, row, strict=True) if fit) for row in fits.tolist()]
 
     def others(self, group: StopGroup) -> Iterator[BasePlacement]:
         """Yield other placements, spread over a stop."""
@@ -163,12 +184,20 @@ class PlacementSearch:
         """Placement with the arm axis at a position of a stop; None where it is outside."""
         if depth(group.places[side], axis) < -1e-9:
             return None
+        if self.world.rules.order == "any" and self._gives_posture(group):
+            faced = self._faced(group, axis, side)
+            return None if faced is None else self._along(group, faced[0], axis, side, faced[1])
         chain = self._chain(group, axis, side)
-        if chain is None:
-            return None
-        span = self.parking_areas.standing.sides[side].span
-        turned = self._by_pivot if self._gives_posture(group) else self._by_carrying
-        held = turned(group, chain, axis, span)
+        return None if chain is None else self._along(group, chain, axis, side)
+
+    def _along(
+        self, group: StopGroup, chain: tuple[int, ...], axis: Array, side: int, yaw: float | None = None
+    ) -> BasePlacement | None:
+        """Placement with the arm axis at a position, by components, at a known heading or at any."""
+        if self._gives_posture(group):
+            held = self._by_pivot(group, chain, axis, side, yaw)
+        else:
+            held = self._by_carrying(group, chain, axis, side)
         if held is None:
             return None
         count = len(held.near)
@@ -180,33 +209,62 @@ class PlacementSearch:
         return all(model_of(self.world, self.world.task[i]).exact for i in group.setpoints)
 
     def _by_pivot(
-        self, group: StopGroup, chain: tuple[int, ...], axis: Array, span: tuple[float, float]
+        self, group: StopGroup, chain: tuple[int, ...], axis: Array, side: int, known: float | None
     ) -> _Heading | None:
-        """The heading that suits the pivot at most set-points."""
-        planes, count = self._planes(group, chain, axis), len(group.setpoints)
-        while True:
-            yaw, pivot, count = self._base_heading(planes[:count], span)
-            if count == 0:
-                return None
-            room = self._pivot_margin(group.setpoints[:count], axis, pivot[:count])
-            if room >= self.world.rules.stop_tolerance - ROUNDING:
-                break
-            count -= 1
-        base = pose_of(self.world.robot, axis, float(np.arctan2(np.sin(yaw), np.cos(yaw))))
-        near = np.tile(self.world.robot.carry, (count, 1))
-        near[:, pivot_index(self.world.robot.chain)] = pivot[:count]
-        return _Heading(base, near, room)
+        """The heading that suits the pivot at most set-points: amid its turns, or the one known."""
+        planes, middle = self._planes(group, chain, axis), self._pivot_middle
+        span = self.parking_areas.standing.sides[side].span
+        for count in range(len(planes), 0, -1):
+            some = planes[:count]
+            yaw = into_span(float(some.max() + some.min()) / 2 - middle, span)
+            options = [(yaw, some - yaw)]
+            if known is not None:
+                options.append((known, middle + np.mod(some - known - middle + np.pi, 2 * np.pi) - np.pi))
+            rooms = [self._pivot_margin(group.setpoints[:count], axis, pivot) for _, pivot in options]
+            yaw, pivot = options[int(np.argmax(rooms))]
+            if max(rooms) >= self.world.rules.stop_tolerance - ROUNDING:
+                base = pose_of(self.world.robot, axis, float(np.arctan2(np.sin(yaw), np.cos(yaw))))
+                near = np.tile(self.world.robot.carry, (count, 1))
+                near[:, pivot_index(self.world.robot.chain)] = pivot
+                return _Heading(base, near, max(rooms))
+        return None
+
+    @property
+    def _pivot_middle(self) -> float:
+        """Middle of the pivot's limits; 0 where it has none [rad]."""
+        joint = self.world.robot.chain.joints[pivot_index(self.world.robot.chain)]
+        return (joint.lower + joint.upper) / 2 if np.isfinite(joint.upper - joint.lower) else 0.0
 
     def _by_carrying(
-        self, group: StopGroup, chain: tuple[int, ...], axis: Array, span: tuple[float, float]
+        self, group: StopGroup, chain: tuple[int, ...], axis: Array, side: int
     ) -> _Heading | None:
         """The heading from which one posture is carried along most set-points."""
+        span = self.parking_areas.standing.sides[side].span
         solver = _any_heading_solver(self.world, self.parking_areas.ladder.family[chain[0]])
         if self.world.rules.heading == "fixed":
             solver = replace(solver, span=span)
         targets = [self.world.task[i] for i in group.setpoints]
         found = PostureCarrier(self.world, guard_of(self.world), targets).best(solver, axis, span)
         return None if found is None else _Heading(found.base, found.joints, np.inf)
+
+    def _faced(self, group: StopGroup, axis: Array, side: int) -> tuple[tuple[int, ...], float] | None:
+        """Components around a position, of the facings in which one heading serves most, and that heading."""
+        turns = self._pivot.turns(group.setpoints, axis, side)
+        if turns is None:
+            return None
+        best, mixed = np.argmax(turns.room, axis=1), turns.room.max(axis=1)
+        rooms = np.concatenate(
+            [turns.room[:, 0], turns.room[:, 1], mixed]
+        )  # of one facing where that is as wide
+        facings = np.concatenate([np.zeros_like(best), np.ones_like(best), best])
+        fits = rooms >= self.world.rules.stop_tolerance - ON_EDGE
+        count = np.argmin(np.column_stack([fits, np.zeros(len(fits), dtype=bool)]), axis=1)
+        spare = np.array([row[: max(n, 1)].min() for row, n in zip(rooms, count.tolist(), strict=True)])
+        both = np.arange(len(rooms)) >= 2 * len(best)
+        k = np.lexsort((both, -np.round(spare, 3), -count))[0]
+        column = np.arange(len(group.setpoints))
+        chain = np.where(rooms[k] > -np.inf, turns.component[facings[k], column], turns.component.max(axis=0))
+        return tuple(chain.tolist()), float(turns.yaw[k % len(best)])
 
     def _chain(self, group: StopGroup, axis: Array, side: int) -> tuple[int, ...] | None:
         """Deepest component of each set-point around a position, each linked to the next."""
@@ -216,7 +274,7 @@ class PlacementSearch:
         for i in group.setpoints:
             row: dict[int, tuple[float, int]] = {}
             for k in range(int(rungs[i]), int(rungs[i + 1])):
-                if ladder.side[k] != side or depth(narrow[k], axis) < -1e-7:
+                if ladder.side[k] != side or depth(narrow[k], axis) < -ON_EDGE:
                     continue
                 room, before = depth(ladder.component[k], axis), -1
                 if rows:
@@ -251,28 +309,12 @@ class PlacementSearch:
         solver = _any_heading_solver(self.world, self.parking_areas.ladder.family[k])
         return solver.hold(self.world.task[i], base, self.world.robot.carry)
 
-    def _base_heading(self, planes: Array, span: tuple[float, float]) -> tuple[float, Array, int]:
-        """Heading, pivot values, and number of first set-points within the pivot's limits.
-
-        The pivot is as near as may be to the middle of its limits.
-        """
-        joint = self.world.robot.chain.joints[pivot_index(self.world.robot.chain)]
-        endless = not np.isfinite(joint.upper - joint.lower)
-        middle = 0.0 if endless else (joint.lower + joint.upper) / 2
-        for count in range(len(planes), 0, -1):
-            some = planes[:count]
-            yaw = into_span((some.max() + some.min()) / 2 - middle, span)
-            pivot = some - yaw
-            if joint.lower - HEADING <= pivot.min() and pivot.max() <= joint.upper + HEADING:
-                return float(yaw), planes - yaw, count
-        return 0.0, planes, 0
-
     def _pivot_margin(self, setpoints: tuple[int, ...], axis: Array, pivot: Array) -> float:
         """Offset of the base at which the pivot gets to a limit, for arms in one plane [m]."""
         joint = self.world.robot.chain.joints[pivot_index(self.world.robot.chain)]
         spots = np.array([self.world.task[i].position[:2] for i in setpoints])
-        left = np.minimum(pivot - joint.lower, joint.upper - pivot)
-        off = np.hypot(*(spots - axis).T) * np.sin(np.clip(left, 0.0, np.pi / 2))
+        left = np.minimum(pivot - joint.lower, joint.upper - pivot) + HEADING
+        off = np.hypot(*(spots - axis).T) * np.sin(np.clip(left, -np.pi / 2, np.pi / 2))
         return float(np.where(left >= np.pi, np.inf, off).min())
 
     def _score(self, placement: BasePlacement) -> float:

@@ -11,9 +11,12 @@ import shapely
 from shapely.geometry import LineString
 from shapely.geometry.base import BaseGeometry
 
+from regionik.areas.reachable import model_of
 from regionik.explain.failures import no_posture
+from regionik.moving.configuration_sampling import spread
 from regionik.parking.fewest_stops import Parking, ParkingAreas, StopGroup, park, reordered
 from regionik.parking.placements import BasePlacement, PlacementSearch
+from regionik.planners.coverage.set_cover import least_cover, undominated
 from regionik.planners.coverage.tours import VisitingOrder, short_tour, shortest_order
 from regionik.planners.geometry.shortest_paths import route
 from regionik.postures.poses import axis_of
@@ -21,6 +24,8 @@ from regionik.values import Stop
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError, NoPlanFound
 from regionik.worlds.scene import World
+
+PLACES = 1500  # all over the areas of a side that are looked at where a pivot splits stops
 
 
 def stops(world: World) -> tuple[Stop, ...]:
@@ -110,7 +115,7 @@ class StopSequence:
             groups = tuple(self.parking_areas.groups(done))
             return replace(self, groups=groups, spots=(None,) * len(groups))
         left = tuple(i for i in self.groups[k].setpoints if i >= done)
-        groups = (StopGroup(left, self.groups[k].places), *self.groups[k + 1 :])
+        groups = (replace(self.groups[k], setpoints=left), *self.groups[k + 1 :])
         return replace(self, groups=groups, spots=(None, *self.spots[k + 1 :]))
 
     def widest(self) -> StopSequence:
@@ -133,14 +138,60 @@ def in_sequence(world: World, parking: Parking) -> StopSequence:
     parking_areas, groups, order = parking.parking_areas, parking.groups, tuple(range(len(world.task)))
     tours: dict[str, float] = {}
     if world.rules.order == "any":
+        groups = _by_one_heading(world, parking)
         groups, tours = _along_tour(world, parking_areas, groups)
         order = tuple(i for group in groups for i in group.setpoints)
         ends = np.cumsum([0, *(len(group.setpoints) for group in groups)]).tolist()
         spans = [tuple(range(a, b)) for a, b in zip(ends[:-1], ends[1:], strict=True)]
-        groups = tuple(StopGroup(span, group.places) for span, group in zip(spans, groups, strict=True))
+        groups = tuple(
+            StopGroup(span, group.places, group.spot) for span, group in zip(spans, groups, strict=True)
+        )
         world = replace(world, task=tuple(world.task[i] for i in order))
         parking_areas = reordered(world, parking_areas, order)
     return StopSequence(world, order, parking_areas, groups, _wanted(world, groups), tours)
+
+
+def _by_one_heading(world: World, parking: Parking) -> tuple[StopGroup, ...]:
+    """Fewest stops found of which one heading serves each: areas do not know how far a pivot turns.
+
+    The least cover by what headings serve from places all over the areas, and by parts that stops split into.
+    """
+    placements, groups = PlacementSearch(world, parking.parking_areas), parking.groups
+    if not all(model_of(world, target).exact for target in world.task):
+        return groups
+    parts = [part for group in groups for part in _parts(placements, group)]
+    if len(parts) <= max(len(groups), parking.lower):
+        return groups
+    for side, spots in parking.spots.items():
+        some = spread(shapely.union_all(parking.parking_areas.areas_at(side)), PLACES, 0)
+        for spot in np.concatenate([spots, some]):
+            found = placements.served(spot, side)
+            parts += [(side, spot, setpoints) for setpoints in found]
+    inside = np.zeros((len(parts), len(world.task)), dtype=bool)
+    for row, (_, _, setpoints) in zip(inside, parts, strict=True):
+        row[list(setpoints)] = True
+    _, first = np.unique(inside, axis=0, return_index=True)
+    parts, inside = [parts[n] for n in first.tolist()], inside[first]
+    best = np.flatnonzero(undominated(inside))
+    chosen = best[list(least_cover(inside[best]).chosen)]
+    owner = np.argmax(inside[chosen], axis=0)
+    return tuple(
+        StopGroup(members, {side: parking.parking_areas.shared(members, side, spot)}, spot)
+        for n, (side, spot, _) in enumerate(parts[k] for k in chosen.tolist())
+        if (members := tuple(np.flatnonzero(owner == n).tolist()))
+    )
+
+
+def _parts(placements: PlacementSearch, group: StopGroup) -> Iterator[tuple[int, Array, tuple[int, ...]]]:
+    """Parts that a stop splits into, each by its side, its place and its set-points."""
+    while group.setpoints:
+        widest = placements.widest(group)
+        if widest is None:
+            raise NoPlanFound(no_posture(placements.world, group.setpoints[0]))
+        side = int(placements.parking_areas.ladder.side[widest.chain[0]])
+        yield side, widest.axis, widest.setpoints
+        left = tuple(i for i in group.setpoints if i not in widest.setpoints)
+        group = StopGroup(left, group.places)
 
 
 def _wanted(world: World, groups: Sequence[StopGroup]) -> tuple[Array | None, ...]:
@@ -211,4 +262,5 @@ def _in_short_order(world: World, group: StopGroup) -> tuple[StopGroup, Visiting
     """Group with its set-points along a short tour of the tool."""
     spots = np.array([world.task[i].position for i in group.setpoints])
     tour = shortest_order(np.linalg.norm(spots[:, None] - spots[None], axis=2))
-    return StopGroup(tuple(group.setpoints[n] for n in tour.order), group.places), tour
+    setpoints = tuple(group.setpoints[n] for n in tour.order)
+    return replace(group, setpoints=setpoints), tour

@@ -1,0 +1,104 @@
+"""Turns of the pivot at a stop: how much room a heading of the base leaves each set-point's pivot.
+
+Of arms that work in one vertical plane: a place gives the direction of that plane but for its facing.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
+
+import numpy as np
+import shapely
+
+from regionik.areas.standing import into_span
+from regionik.mfabrik import solver_for
+from regionik.parking.fewest_stops import ParkingAreas
+from regionik.postures.families import BACK, FRONT, Family
+from regionik.postures.poses import pose_of
+from regionik.worlds.arms import pivot_index
+from regionik.worlds.arrays import Array, Index
+from regionik.worlds.scene import World
+
+TURN = 1e-9  # rounding of headings [rad]
+TINY = 1e-12  # distance below which a target is on the pivot's axis [m]
+ON_EDGE = 1e-7  # how far off a place may lie that is on the edge of an area [m]
+
+
+class Turns(NamedTuple):
+    """Room of n set-points at h headings in both facings.
+
+    Attributes
+    ----------
+    yaw : (h,) array
+        [rad]
+    component : (2, n) array of int
+        In each facing the deepest around a place; -1 where there is none.
+    room : (h, 2, n) array
+        Offset of the base at which the pivot gets to a limit, or the component ends; -inf for none [m].
+    """
+
+    yaw: Array
+    component: Index
+    room: Array
+
+
+@dataclass(frozen=True, eq=False)
+class PivotTurns:
+    """Turns of the pivot of a world's arm, at places in its parking areas."""
+
+    world: World
+    parking_areas: ParkingAreas
+    _zeros: dict[int, float] = field(default_factory=dict)
+
+    def turns(self, setpoints: tuple[int, ...], axis: Array, side: int) -> Turns | None:
+        """Room of set-points at the headings at which some pivot has just enough, and between these.
+
+        None where the position is in no component of one of them.
+        """
+        components, rooms = self._deepest(setpoints, axis, side)
+        if (components < 0).all(axis=0).any():
+            return None
+        away = np.array([self.world.task[i].position[:2] for i in setpoints]) - axis
+        off, bearing = np.hypot(*away.T), np.arctan2(away[:, 1], away[:, 0])
+        zero = [self._plane_zero(setpoints[0], axis, facing) for facing in (FRONT, BACK)]
+        planes = bearing + np.array(zero)[:, None]
+        joint = self.world.robot.chain.joints[pivot_index(self.world.robot.chain)]
+        span, wide = self.parking_areas.standing.sides[side].span, joint.upper - joint.lower
+        if wide >= 2 * np.pi:
+            yaws, pivoted = np.array([into_span(0.0, span)]), np.full((1, *planes.shape), np.inf)
+        else:
+            spare = (
+                np.arcsin(np.clip(self.world.rules.stop_tolerance / np.maximum(off, TINY), 0.0, 1.0)) + TURN
+            )
+            ends = np.unique(np.mod([planes - joint.upper + spare, planes - joint.lower - spare], 2 * np.pi))
+            between = (ends + np.append(ends[1:], ends[0] + 2 * np.pi)) / 2
+            yaws = np.array([into_span(yaw, span) for yaw in np.concatenate([ends, between])])
+            turned = np.mod(planes - yaws[:, None, None] - joint.lower, 2 * np.pi)
+            pivoted = off * np.sin(np.clip(np.minimum(turned, wide - turned), -np.pi / 2, np.pi / 2))
+        return Turns(yaws, components, np.minimum(pivoted, rooms))
+
+    def _deepest(self, setpoints: tuple[int, ...], axis: Array, side: int) -> tuple[Index, Array]:
+        """The deepest component around a position by facing and set-point, -1 for none, and its room."""
+        ladder, spot = self.parking_areas.ladder, shapely.Point(axis)
+        here = self.parking_areas.around(axis, ON_EDGE)
+        here = here[ladder.side[here] == side]
+        room = shapely.distance(shapely.boundary(ladder.component[here]), spot)
+        column = {i: n for n, i in enumerate(setpoints)}
+        best, most = np.full((2, len(setpoints)), -1), np.full((2, len(setpoints)), -np.inf)
+        for k, inside in zip(here.tolist(), room.tolist(), strict=True):
+            at = int(ladder.family[k].facing == BACK), column.get(int(ladder.target[k]), -1)
+            if at[1] >= 0 and inside > most[at]:
+                best[at], most[at] = k, inside
+        return best, most
+
+    def _plane_zero(self, i: int, axis: Array, facing: int) -> float:
+        """Sum of base yaw and pivot less the target's bearing, the same for all targets of one facing."""
+        if facing not in self._zeros:
+            away, pivot = self.world.task[i].position[:2] - axis, pivot_index(self.world.robot.chain)
+            solver = replace(solver_for(self.world, Family(facing)), heading="free")
+            base = pose_of(self.world.robot, axis, 0.0)
+            found = solver.hold(self.world.task[i].position, base, self.world.robot.carry)
+            plane = float(found.base[2] + found.joints[pivot])
+            self._zeros[facing] = plane - float(np.arctan2(away[1], away[0]))
+        return self._zeros[facing]

@@ -1,0 +1,169 @@
+"""A stop replanned from where the base truly stands: the arm's motion solved again state by state.
+
+Every state with the tool on its path keeps the tool there, by damped least squares from the joints that were
+planned; states with the tool lifted keep their joints. `verify` then proves the whole.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from regionik.explain.constraints import setpoint_at
+from regionik.explain.failures import invalid_plan
+from regionik.postures.arm import goal_between
+from regionik.postures.poses import Pose, Row, axis_of, columns, lift_offs, motion_stats
+from regionik.postures.serial_solver import serial_solver
+from regionik.values import Configuration, Motion, Plan, Stop
+from regionik.verification.verifier import verify
+from regionik.worlds.arms import pivot_index, pivot_joints, with_pivot
+from regionik.worlds.arrays import Array, frozen
+from regionik.worlds.criteria import with_joint_margin
+from regionik.worlds.errors import Cause, Explanation, InputError, NoPlanFound
+from regionik.worlds.scene import Start, Target, World
+
+STANDS = 1e-9  # by which states of a stop may be off its pose [m] or [rad]
+SHARE = 0.1  # of the tolerance to which arms are solved between set-points
+SHORTEST = 1e-12  # square of a segment's length, below which all of it is one point [m2]
+
+
+def replan_stop(plan: Plan, stop: int, measured_pose: ArrayLike) -> Plan:
+    """Plan the work of one stop again, from where the base truly stands.
+
+    Parameters
+    ----------
+    plan : Plan
+        With stops.
+    stop : int
+        Index of the stop, from 0.
+    measured_pose : (3,) array_like
+        x, y [m], yaw [rad] of the base.
+
+    Returns
+    -------
+    Plan
+        Of the stop's set-points alone, verified and not timed. It begins with the arm as it was to be when
+        the base had come to rest.
+
+    Raises
+    ------
+    InputError
+        For a plan without that stop, or a pose that is not three finite numbers.
+    NoPlanFound
+        With the set-point that the arm does not reach from there, or the first check that does not hold.
+
+    Examples
+    --------
+    >>> from dataclasses import replace
+    >>> from regionik.pipeline import plan
+    >>> from regionik.worlds.documents.world_file import load_world
+    >>> world = load_world("pillar")
+    >>> found = plan(replace(world, rules=replace(world.rules, mode="stops")))
+    >>> again = replan_stop(found, 1, found.stops[1].base + [0.004, -0.003, 0.02])
+    >>> len(again.setpoints) == len(found.stops[1].setpoints)
+    True
+    """
+    base = frozen(measured_pose, (3,), "measured_pose")
+    if not 0 <= stop < len(plan.stops):
+        choices = f"0 to {len(plan.stops) - 1}" if plan.stops else "none, as the plan has no stops"
+        raise InputError(f"stop: expected one of the plan's stops, {choices}, got {stop}")
+    known = plan.stops[stop]
+    first, last = _states(plan.motion, known)
+    rows = list(_solved(plan, known, base, range(first, last + 1)))
+    world = _alone(plan.world, known, rows[0].pose)
+    found = _assembled(world, plan.seed, rows, replace(known, base=base, tolerance=0.0))
+    report = verify(found)
+    if not report.ok:
+        raise NoPlanFound(invalid_plan(world, report.violations))
+    return replace(found, stats={**found.stats, "margins": report.margins})
+
+
+def _states(motion: Motion, stop: Stop) -> tuple[int, int]:
+    """First and last state of a stop: those that lead to its first set-point with the base at rest count."""
+    done = np.flatnonzero(motion.kind == "setpoint")
+    at = dict(zip(motion.setpoint[done].tolist(), done.tolist(), strict=True))
+    first = at[stop.first]
+    while first > 0 and np.abs(motion.base[first - 1] - stop.base).max() <= STANDS:
+        if motion.kind[first - 1] != "transit":
+            break
+        first -= 1
+    return first, at[stop.last]
+
+
+def _solved(plan: Plan, stop: Stop, base: Array, states: range) -> Iterator[Row]:
+    """Yield the states of a stop with the base elsewhere, set-points counted from the stop's first."""
+    motion, world = plan.motion, plan.world
+    for k in states:
+        kind, i, joints = str(motion.kind[k]), int(motion.setpoint[k]), motion.joints[k]
+        if kind != "transit":
+            target = world.task[i] if kind == "setpoint" else _target_between(plan, i, k)
+            found = _least_change(world, target, base, _turned(world, stop, base, joints), kind)
+            if found is None:
+                raise NoPlanFound(_out_of_reach(world, i))
+            joints = found
+        yield Row(Pose(base, joints), kind, max(i - stop.first, -1))
+
+
+def _target_between(plan: Plan, i: int, k: int) -> Target:
+    """Target of a state between set-points i and i + 1: where their segment is nearest to its tool."""
+    a, b = plan.world.task[i], plan.world.task[i + 1]
+    tool = plan.world.robot.tool(plan.motion.base[k], plan.motion.joints[k])[:3, 3]
+    way = b.position - a.position
+    share = float(np.clip((tool - a.position) @ way / max(float(way @ way), SHORTEST), 0.0, 1.0))
+    return goal_between(a, b, share)
+
+
+def _turned(world: World, stop: Stop, base: Array, joints: Array) -> Array:
+    """Joints with the pivot turned back by what the base is turned, as far as its limits let it."""
+    chain = world.robot.chain
+    if with_pivot(chain) is not chain:
+        return joints
+    pivot = np.arange(chain.dof) == pivot_index(chain)
+    turn = np.remainder(base[2] - stop.base[2] + np.pi, 2 * np.pi) - np.pi
+    turned: Array = np.clip(joints - turn * pivot, chain.lower, chain.upper)
+    return turned
+
+
+def _least_change(world: World, target: Target, base: Array, joints: Array, kind: str) -> Array | None:
+    """Joints near to given ones that meet a target with the base held; None where there are none."""
+    robot, rules = with_joint_margin(world.robot, world.rules.criteria), world.rules
+    tolerance = rules.tolerance * (1.0 if kind == "setpoint" else SHARE)
+    arm = serial_solver(robot.chain, float(robot.mount[2]), tolerance, turns=False)
+    yaw = float(base[2] + robot.mount[3])
+    found = arm.least_change(target, axis_of(robot, base), yaw, pivot_joints(robot.chain, joints))
+    return None if found is None else found.joints[len(found.joints) - robot.chain.dof :]
+
+
+def _out_of_reach(world: World, i: int) -> Explanation:
+    """Explain that no posture near the planned one was found at a set-point, or on the way on from it."""
+    reason = (
+        f"{setpoint_at(world.task, i)}: no posture near the planned one keeps the tool on its path there."
+    )
+    return Explanation("undecided", i, reason, (Cause("limits", world.robot.name),))
+
+
+def _alone(world: World, stop: Stop, start: Pose) -> World:
+    """World of a stop's set-points alone."""
+    rules = replace(world.rules, order="given", stop_tolerance=0.0)
+    task = world.task[stop.first : stop.last + 1]
+    return replace(world, task=task, rules=rules, start=Start(start.base, start.joints))
+
+
+def _assembled(world: World, seed: int, rows: Sequence[Row], stop: Stop) -> Plan:
+    """Plan of one stop's states."""
+    if rows[0].kind != "transit":
+        rows = [Row(rows[0].pose, "transit", -1), *rows]
+    motion = columns(rows)
+    done = np.flatnonzero(motion.kind == "setpoint")
+    tools = world.robot.tool(motion.base[done], motion.joints[done])[:, :3, 3]
+    errors = np.linalg.norm(tools - [target.position for target in world.task], axis=1)
+    setpoints = tuple(
+        Configuration(motion.base[k], motion.joints[k], float(error), 0, bool(error <= world.rules.tolerance))
+        for k, error in zip(done.tolist(), errors, strict=True)
+    )
+    stats = {**motion_stats(world.robot.drive, setpoints, motion, {}), "stops": {"count": 1}}
+    stops = (replace(stop, setpoints=tuple(range(len(setpoints)))),)
+    return Plan(world, seed, setpoints, motion, (), lift_offs(motion), stops, stats)
