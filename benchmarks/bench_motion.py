@@ -1,7 +1,15 @@
 """Motion worth driving: bundled worlds timed with the tool at an asked speed, as found and smoothed.
 
-Printed for each: the time against that of the path at this speed, the share of time at which the tool has it,
-how much the base's path turns and where by more than 20 degrees, and how much the joints move.
+Printed for each: the time with the tool at 0.2 m/s against that of the path at this speed, and the share of
+time on the path at which the tool has it (to 1 in 100); both again with limits of jerk, and with jerk and corners
+cut by 1 mm; the time without a tool speed, and its ratio to a time that nothing can beat; how much the base's
+path turns and where by more than 20 degrees, how much the joints move, the least spare clearance, and the time
+of planning.
+
+The lower bound is the larger of two. The arm's axis has to come from where it starts into the outer area of
+every set-point, in their order: on a way at least as long as the distances between the areas of any of them, one
+after the other, that a base takes at full speed, from rest to rest. And the tool's point has to go the length of
+its path, no faster than base, heading and all joints together can move it.
 
 Run: python benchmarks/bench_motion.py [WORLD ...]
 """
@@ -11,11 +19,16 @@ from __future__ import annotations
 import argparse
 import math
 import time
+from dataclasses import replace
 from unittest.mock import patch
 
 import numpy as np
+import shapely
 
 from regionik import pipeline
+from regionik.postures.poses import axis_of
+from regionik.regions import admissible_area
+from regionik.timing.limits import motion_limits
 from regionik.timing.retime import retime
 from regionik.values import Plan
 from regionik.worlds.arrays import Array
@@ -31,7 +44,9 @@ ROBOT = Speeds(
     turn_velocity=1.5,
     turn_acceleration=3.0,
 )
-ASKED = Speeds(**{**vars(ROBOT), "tool_velocity": TOOL})
+ASKED = replace(ROBOT, tool_velocity=TOOL)
+SMOOTH = replace(ASKED, base_jerk=10.0, turn_jerk=30.0, joint_jerk=30.0)
+CUT = 1e-3  # of the corners of the tool's path, where there is more room than by default [m]
 WORLDS = ("free", "pillar", "slab", "wall", "l_shape", "shelf", "pipe", "depot")
 CORNER, MOVED = math.radians(20), 1e-4
 
@@ -53,16 +68,56 @@ def planned(name: str, smooth: bool) -> tuple[Plan, float]:
         return pipeline.search(world), time.process_time() - start
 
 
+def length_of_path(plan: Plan) -> float:
+    """Of the tool's path [m]."""
+    points = np.array([target.position for target in plan.world.task])
+    return float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
+
+
+def base_way(plan: Plan) -> float:
+    """Lower bound for the way of the arm's axis: the longest chain of distances between areas [m].
+
+    Links of the chain are 1, 2, 4, 8, ... set-points long.
+    """
+    world = plan.world
+    areas = [admissible_area(world, target).outer for target in world.task]
+    if world.start is not None:
+        areas.insert(0, shapely.Point(axis_of(world.robot, world.start.base)))
+    longest = np.zeros(len(areas))
+    for k in range(1, len(areas)):
+        before = k - 2 ** np.arange(int(math.log2(k)) + 1)
+        apart = shapely.distance([areas[i] for i in before], areas[k])
+        longest[k] = (longest[before] + apart).max()
+    return float(longest[-1])
+
+
+def least_time(plan: Plan) -> float:
+    """Lower bound for the time of any motion that does the task at the robot's speeds [s]."""
+    limits = motion_limits(plan.world.robot, ROBOT)
+    mount = float(np.hypot(*plan.world.robot.mount[:2]))
+    fastest = ROBOT.base_velocity + ROBOT.turn_velocity * mount
+    strongest = math.inf if mount else ROBOT.base_acceleration
+    way = base_way(plan)
+    ramps = fastest / strongest
+    by_base = way / fastest + ramps if way > fastest * ramps else 2 * math.sqrt(way / strongest)
+    swing = float(limits.joint_velocity @ limits.levers) + ROBOT.turn_velocity * limits.reach
+    return max(by_base, length_of_path(plan) / (ROBOT.base_velocity + swing))
+
+
+def held(timed: Plan, ideal: float) -> str:
+    """Time against the ideal one, and the share of time at which the tool has its speed."""
+    return f"{timed.motion.time[-1] / ideal:6.2f} {timed.stats['timing']['tool']['held']:5.0%}"
+
+
 def line(name: str, smooth: bool) -> str:
     plan, spent = planned(name, smooth)
-    points = np.array([target.position for target in plan.world.task])
-    ideal = np.linalg.norm(np.diff(points, axis=0), axis=1).sum() / TOOL
+    ideal, turned = length_of_path(plan) / TOOL, turns(plan.motion.base)
     timed, free = retime(plan, ASKED), retime(plan, ROBOT)
-    turned = turns(plan.motion.base)
-    held = timed.stats["timing"]["tool"]["held"]
+    jerks = [held(retime(plan, SMOOTH), ideal), held(retime(plan, SMOOTH, blend=CUT), ideal)]
     return (
         f"{name:8} {'smooth' if smooth else 'found':7} {plan.lift_offs:5} {timed.motion.time[-1]:7.1f} "
-        f"{timed.motion.time[-1] / ideal:6.2f} {held:6.0%} {free.motion.time[-1]:7.1f} {turned.sum():7.1f} "
+        f"{held(timed, ideal)} {' '.join(jerks)} {free.motion.time[-1]:7.1f} "
+        f"{free.motion.time[-1] / least_time(plan):6.2f} {turned.sum():7.1f} "
         f"{(turned > CORNER).sum():7} {np.abs(np.diff(plan.motion.joints, axis=0)).sum():7.1f} "
         f"{plan.stats['margins'].get('clearance', np.inf):8.4f} {spent:6.2f}"
     )
@@ -71,7 +126,10 @@ def line(name: str, smooth: bool) -> str:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("worlds", nargs="*", default=WORLDS)
-    print("world    motion  lifts time[s]  ratio  held  no speed turned corners  joints  margin  plan[s]")
+    print(
+        "world    motion  lifts time[s]  ratio  held   jerk  held  + 1mm held  free[s] bound* "
+        " turned corners  joints   margin plan[s]"
+    )
     for name in parser.parse_args().worlds:
         for smooth in (False, True):
             print(line(name, smooth), flush=True)

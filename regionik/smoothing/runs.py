@@ -33,7 +33,7 @@ from regionik.worlds.scene import World
 from regionik.worlds.speeds import Speeds
 
 SHORTEST_RUN = 3  # states
-FEW = 0.6  # share of its states that are set-points, up to which a run is begun with these alone
+LONG, FEW = 400, 0.6  # states of a run, and share of them that are set-points, to begin with these alone
 NEAR_TRUST = 0.03  # of the first round, where it was begun with fewer states [m] or [rad]
 STRIDE = 0.025  # of the tool between two states [m]
 LEAST_STRIDE = 1e-3  # along the path, where the tool rests or nearly so [m]
@@ -78,7 +78,7 @@ class PathRun:
     def begun(self) -> Array:
         """States of the set-points alone smoothed, the others between them, which is soon done."""
         rows, t = _coarse_rows(self.worked), self.problem.parameter
-        if not SHORTEST_RUN <= len(rows) <= FEW * len(self.states):
+        if len(self.states) < LONG or not SHORTEST_RUN <= len(rows) <= FEW * len(self.states):
             return self.states
         found = smooth_states(self.coarse, self.states[rows])
         return np.stack([np.interp(t, t[rows], column) for column in found.T], axis=1)
