@@ -21,7 +21,7 @@ from regionik.explain.constraints import setpoint
 from regionik.mfabrik import Solver
 from regionik.moving.base_motion import Candidate
 from regionik.moving.configuration_sampling import PITCHES
-from regionik.moving.path_search import HARD_TRIES, JoinedMotion, PathSearch, path_search
+from regionik.moving.path_search import HARD_TRIES, JoinedMotion, PathSearch, search_from_places
 from regionik.parking.fewest_stops import StopGroup
 from regionik.parking.held_postures import PostureCarrier
 from regionik.parking.stops import BasePlacement, PlacementSearch, StopSequence
@@ -69,7 +69,8 @@ def connect_stops(sequence: StopSequence, seed: int, progress: Progress | None =
         Where the arm touches something in every posture that was looked at, the base finds no way, or
         the tool is lifted more often than the rules allow.
     """
-    search = path_search(sequence.world, sequence.parking_areas.ladder, sequence.parking_areas.standing, seed)
+    areas = sequence.parking_areas
+    search = search_from_places(sequence.world, areas.ladder, areas.standing, seed)
     return _StopConnection(sequence, search).made(progress or (lambda *_: None))
 
 
