@@ -13,6 +13,7 @@ from itertools import islice
 from regionik.areas.standing import Standing
 from regionik.explain import failures
 from regionik.moving.base_motion import Candidate
+from regionik.moving.layered_search import LayeredSearch
 from regionik.moving.path_search import JoinedMotion, PathSearch, path_search
 from regionik.postures.poses import Pose, Row
 from regionik.pruning import Pruned
@@ -56,7 +57,10 @@ def connect_configurations(
     NoPlanFound
         Where the arm touches something in every posture that was looked at, or cannot get there.
     """
-    search = path_search(world, pruned.ladder, standing, seed, goals)
+    ladder, layers = pruned.ladder, None
+    if world.robot.drive.rolls:
+        layers = LayeredSearch(world, ladder, pruned.keep, pruned.breaks, standing)
+    search = path_search(world, ladder, standing, seed, layers)
     nominal = tuple(Candidate(goal, k) for goal, k in zip(goals, chain, strict=True))
     return _Connection(pruned, nominal, search).made(progress or (lambda *_: None))
 

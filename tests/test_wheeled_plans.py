@@ -114,10 +114,10 @@ def test_a_base_on_wheels_rolls_along_a_wall(base: BaseKind) -> None:
 
 
 def test_a_car_is_told_where_it_does_not_get_through() -> None:
-    bend = shapely.box(0, 0, 0.8, 6) | shapely.box(0, 5.2, 6, 6)
+    bend = shapely.box(0, 0, 0.62, 6) | shapely.box(0, 5.38, 6, 6)
     robot = replace(robot_named("youbot-real"), base="car", turning_radius=3.0)
-    task = tuple(Target(np.array([x, y, 0.25])) for x, y in ((0.4, 1.2), (5.0, 5.6)))
-    start = Start(np.array([0.4, 0.6, np.pi / 2]), robot.carry)
+    task = tuple(Target(np.array([x, y, 0.25])) for x, y in ((0.31, 1.2), (5.0, 5.69)))
+    start = Start(np.array([0.31, 0.6, np.pi / 2]), robot.carry)
     world = World("bend", robot, Floor(bend), (), task, Rules(clearance=0.0), start)
     with pytest.raises(NoPlanFound) as caught:
         plan(world)

@@ -10,6 +10,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial
+from itertools import chain as one_after_another
+from itertools import islice
 
 import numpy as np
 import shapely
@@ -17,12 +19,13 @@ from numpy.typing import NDArray
 from shapely.geometry import Point
 from shapely.geometry.base import BaseGeometry
 
+from regionik.areas.held_reach import held_reach
 from regionik.areas.reachable import model_of, reach_model
 from regionik.areas.standing import Standing, away, into_span
 from regionik.ladder import Ladder
 from regionik.mfabrik import Solver, solver_for
 from regionik.moving.base_motion import Candidate
-from regionik.moving.rolling_goals import RollingGoals
+from regionik.moving.layered_search import LayeredSearch
 from regionik.planners.avoidance.clear_posture import (
     ClearPosture,
     clear_posture,
@@ -49,6 +52,7 @@ BOXES = 20_000  # of postures weighed there
 NEAREST = 4  # components by heading that are looked through
 TURN_WEIGHT = 0.3  # what a turn of the base counts against driving to them [m/rad]
 GIVEN_UP = 16  # tries in a row at one component that led round nothing, after which no more are made
+STARTS = 8  # of postures at a pose to which a base on wheels comes with the tool lifted
 KEPT = 2  # postures that a place offers to one that asks
 
 
@@ -96,8 +100,8 @@ class ConfigurationSampler:
     ladder : Ladder
     standing : Standing
     seed : int
-    rolling : RollingGoals, optional
-        Where a base on wheels may go next; of another, and of one that stands still, there are none.
+    layers : LayeredSearch, optional
+        Of a base on wheels; of another, and of one that stands still, there is none.
     evidence : dict of int to Evidence
         What was looked at, by set-point.
     """
@@ -107,7 +111,7 @@ class ConfigurationSampler:
     ladder: Ladder
     standing: Standing
     seed: int
-    rolling: RollingGoals | None = None
+    layers: LayeredSearch | None = None
     evidence: dict[int, Evidence] = field(default_factory=dict)
     _places: dict[int, Array] = field(default_factory=dict)
     _clear: dict[tuple[int, int], list[Candidate]] = field(default_factory=dict)
@@ -129,7 +133,16 @@ class ConfigurationSampler:
         nominal : Candidate
             What M-FABRIK found for this set-point.
         """
-        found = self._options(i, components, here, nominal)
+        poses = iter(()) if self.layers is None else self.layers.onward(i, components, here.base)
+        found = one_after_another(self._stood(i, poses, here), self._options(i, components, here, nominal))
+        return (candidate for candidate in found if self.meets(candidate.pose))
+
+    def arrivals(
+        self, i: int, components: Sequence[int], here: Pose, nominal: Candidate
+    ) -> Iterator[Candidate]:
+        """Clear configurations as `options` has them, for a base that comes with the tool lifted."""
+        poses = iter(()) if self.layers is None else self.layers.arrivals(i, components, here.base)
+        found = one_after_another(self._settled(i, poses, here), self._options(i, components, here, nominal))
         return (candidate for candidate in found if self.meets(candidate.pose))
 
     def meets(self, at: Pose) -> bool:
@@ -140,8 +153,6 @@ class ConfigurationSampler:
     def _options(
         self, i: int, components: Sequence[int], here: Pose, nominal: Candidate
     ) -> Iterator[Candidate]:
-        if self.rolling is not None:  # by staying or by one motion
-            yield from self._stood(i, components, here, self.rolling.poses(i, components, here.base))
         reached = nominal.found.converged and nominal.component in components
         if reached and self.clear(i, nominal.pose):
             yield from self._turns(nominal, here)
@@ -170,34 +181,36 @@ class ConfigurationSampler:
         order = np.argsort(shapely.distance(parts, axis) + TURN_WEIGHT * np.array(turns), kind="stable")
         return [components[m] for m in order[:NEAREST].tolist()]
 
-    def arrivals(
-        self, i: int, components: Sequence[int], here: Pose, nominal: Candidate
-    ) -> Iterator[Candidate]:
-        """Clear configurations as `options` has them, for a base that comes with the tool lifted.
-
-        On wheels, headings along the way on come first, by how much of the path can be done from there.
-        """
-        k, ahead = nominal.component, self._ahead(i)
-        if self.rolling is not None and ahead:
-            axes = [axis_of(self.world.robot, nominal.found.base), *self._spread(k)]
-            bases = np.array([pose_of(self.world.robot, axis, yaw) for yaw in ahead for axis in axes])
-            best = bases[np.argsort(-self.rolling.gains(i, bases), kind="stable")]
-            yield from self._stood(i, components, here, ((base, k) for base in best))
-        yield from self.options(i, components, here, nominal)
-
-    def _stood(
-        self, i: int, components: Sequence[int], here: Pose, poses: Iterable[tuple[Array, int]]
-    ) -> Iterator[Candidate]:
-        """Clear postures with the base at given poses, each in a component."""
+    def _stood(self, i: int, poses: Iterable[tuple[Array, int]], here: Pose) -> Iterator[Candidate]:
+        """Clear postures with the base at given poses, each the nearest to the present one that is found."""
         for base, k in poses:
-            found = self.solver(k, float(base[2])).hold(self.world.task[i], base, here.joints)
-            candidate = Candidate(replace(found, base=base), k)
-            if found.converged and k in components and self.clear(i, candidate.pose):
-                yield candidate
+            yield from islice(self._near_postures(i, base, k, here), 1)
 
-    def _ahead(self, i: int) -> list[float]:
-        """Headings of a base on wheels along the way on."""
-        return [] if self.rolling is None else self.rolling.ahead(i)
+    def _settled(self, i: int, poses: Iterable[tuple[Array, int]], here: Pose) -> Iterator[Candidate]:
+        """The same, with other postures where no near one is clear, as an arm that comes may take any."""
+        for base, k in poses:
+            near = list(islice(self._near_postures(i, base, k, here), 1))
+            yield from near or islice(self._other_postures(i, base, k), 1)
+
+    def _near_postures(self, i: int, base: Array, k: int, here: Pose) -> Iterator[Candidate]:
+        """Clear postures at a base pose that FABRIK and damped least squares come to from the present one."""
+        solver, target = self.solver(k, float(base[2])), self.world.task[i]
+        for found in (solver.hold, solver.least_change):
+            one = found(target, base, here.joints)
+            if one is not None and one.converged:
+                candidate = Candidate(replace(one, base=base), k)
+                if self.clear(i, candidate.pose):
+                    yield candidate
+
+    def _other_postures(self, i: int, base: Array, k: int) -> Iterator[Candidate]:
+        """Clear postures at a base pose that lie near to some drawn within the joints' limits."""
+        solver, target = self.solver(k, float(base[2])), self.world.task[i]
+        for start in held_reach(self.world.robot).postures(base, target.position, STARTS):
+            one = solver.least_change(target, base, start)
+            if one is not None:
+                candidate = Candidate(replace(one, base=base), k)
+                if self.clear(i, candidate.pose):
+                    yield candidate
 
     def _turns(self, candidate: Candidate, here: Pose) -> Iterator[Candidate]:
         """A candidate, its endless joints turned the shorter way from here, then each the longer way."""
@@ -319,9 +332,10 @@ class ConfigurationSampler:
         return self._clear[key]
 
     def _heading(self, k: int, target: Array, axis: Array) -> float:
-        """Base yaw of a component's headings: on wheels the way on, else as near as may be to the target."""
-        ahead = self._ahead(int(self.ladder.target[k]))
-        yaw = ahead[0] if ahead else float(np.arctan2(*(target[:2] - axis)[::-1]))
+        """Base yaw of a component's headings: on wheels the cheapest, else the nearest to the target."""
+        yaw = None if self.layers is None else self.layers.heading(int(self.ladder.target[k]), axis)
+        if yaw is None:
+            yaw = float(np.arctan2(*(target[:2] - axis)[::-1]))
         return into_span(yaw, self._span(k))
 
     def _span(self, k: int) -> tuple[float, float]:

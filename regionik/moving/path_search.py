@@ -8,7 +8,7 @@ to a candidate from which the next run begins.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -19,8 +19,8 @@ from regionik.ladder import Ladder
 from regionik.moving.base_motion import Candidate, Interpolator, StandingPaths
 from regionik.moving.configuration_sampling import ConfigurationSampler, Evidence
 from regionik.moving.drivers import driver_for
+from regionik.moving.layered_search import LayeredSearch
 from regionik.moving.path_following import PathFollower
-from regionik.moving.rolling_goals import rolling_goals_for
 from regionik.moving.transit import TransitPlanner
 from regionik.planners.driving.point_planner import NoPathError
 from regionik.postures.arm_guard import Guard, guard_of
@@ -174,21 +174,22 @@ class PathSearch:
 
 
 def path_search(
-    world: World,
-    ladder: Ladder,
-    standing: Standing,
-    seed: int,
-    goals: Sequence[Configuration] | None = None,
+    world: World, ladder: Ladder, standing: Standing, seed: int, layers: LayeredSearch | None
 ) -> PathSearch:
-    """The search of a world, its base going along M-FABRIK's configurations, or standing without them."""
+    """The search of a world, its base moving while the tool is on its path; on wheels by a layered graph."""
+    search = search_from_places(world, ladder, standing, seed)
+    follower = replace(search.follower, paths=search.transits.driver.paths(ladder))
+    return replace(search, sampler=replace(search.sampler, layers=layers), follower=follower)
+
+
+def search_from_places(world: World, ladder: Ladder, standing: Standing, seed: int) -> PathSearch:
+    """The search of a world, its base standing while the tool is on its path."""
     guard = guard_of(world)
     interpolator = Interpolator(world, guard)
     driver = driver_for(world, interpolator, standing, seed)
-    rolling = None if goals is None else rolling_goals_for(world, ladder, standing, goals)
-    paths = StandingPaths(world) if goals is None else driver.paths(ladder)
     return PathSearch(
         world,
-        ConfigurationSampler(world, guard, ladder, standing, seed, rolling),
-        PathFollower(world, ladder, guard, paths),
+        ConfigurationSampler(world, guard, ladder, standing, seed),
+        PathFollower(world, ladder, guard, StandingPaths(world)),
         TransitPlanner(world, guard, interpolator, driver),
     )

@@ -21,7 +21,7 @@ from regionik.explain.constraints import setpoint
 from regionik.mfabrik import Solver
 from regionik.moving.base_motion import Candidate
 from regionik.moving.configuration_sampling import PITCHES
-from regionik.moving.path_search import HARD_TRIES, JoinedMotion, PathSearch, path_search
+from regionik.moving.path_search import HARD_TRIES, JoinedMotion, PathSearch, search_from_places
 from regionik.parking.fewest_stops import StopGroup
 from regionik.parking.held_postures import PostureCarrier
 from regionik.parking.placements import BasePlacement, PlacementSearch
@@ -86,8 +86,8 @@ def connect_stops(sequence: StopSequence, seed: int, progress: Progress | None =
 
 
 def _connection(sequence: StopSequence, seed: int) -> _StopConnection:
-    search = path_search(sequence.world, sequence.parking_areas.ladder, sequence.parking_areas.standing, seed)
-    return _StopConnection(sequence, search)
+    areas = sequence.parking_areas
+    return _StopConnection(sequence, search_from_places(sequence.world, areas.ladder, areas.standing, seed))
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,121 @@
+"""Lattice of base poses, the moves of a base on wheels between them, and the least cost to get on by them.
+
+Poses stand on a square grid with sixteen headings, each along a short vector of the grid, so that a base that
+drives straight on comes to poses of the lattice again. Source: state lattices (Pivtoraiko, Knepper and Kelly,
+J. Field Robotics 26, 2009), with headings as there.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from regionik.planners.driving.reeds_shepp import words_between
+from regionik.worlds.arrays import Array
+
+_QUADRANT = ((1, 0), (2, 1), (1, 1), (1, 2))
+STEPS = tuple(
+    (a * c - b * s, a * s + b * c) for c, s in ((1, 0), (0, 1), (-1, 0), (0, -1)) for a, b in _QUADRANT
+)  # shortest way straight on from each heading, in cells
+HEADINGS = np.array([math.atan2(b, a) for a, b in STEPS])  # [rad]
+DETOUR = 1.1  # longest curve of a car against its chord that is a move
+WIDEST = 2.0  # largest radius of its arcs, in turning radii
+SAVING = 1e-9  # costs that differ less are the same [m]
+
+Mask = NDArray[np.bool_]
+
+
+class Move(NamedTuple):
+    """A move from one heading to another, by an offset in cells, and its cost [m]."""
+
+    start: int
+    end: int
+    dx: int
+    dy: int
+    cost: float
+
+
+def spin_moves(cell: float, turn_weight: float) -> tuple[Move, ...]:
+    """Moves of a base that turns on the spot: to the next heading, and straight on and back.
+
+    Parameters
+    ----------
+    cell : float
+        Of the grid [m].
+    turn_weight : float
+        Cost of turning against driving [m/rad].
+    """
+    count, moves = len(STEPS), list[Move]()
+    for k, (dx, dy) in enumerate(STEPS):
+        length = cell * math.hypot(dx, dy)
+        moves += [Move(k, k, dx, dy, length), Move(k, k, -dx, -dy, length)]
+        for other in ((k + 1) % count, (k - 1) % count):
+            moves.append(Move(k, other, 0, 0, turn_weight * abs(_turn(k, other))))
+    return tuple(moves)
+
+
+def car_moves(cell: float, turning_radius: float) -> tuple[Move, ...]:
+    """Moves of a car: straight on, and curves without a change of direction to the next headings; and back.
+
+    A curve that starts and ends on the lattice is about an arc, of the turning radius or a wider one.
+    """
+    moves = set[Move]()
+    for k, (dx, dy) in enumerate(STEPS):
+        moves.add(Move(k, k, dx, dy, cell * math.hypot(dx, dy)))
+        for other in ((k + 1) % len(STEPS), (k - 1) % len(STEPS)):
+            turn = _turn(k, other)
+            middle = HEADINGS[k] + turn / 2
+            for radius in np.linspace(1.0, WIDEST, 5) * turning_radius:
+                chord = 2 * radius * math.sin(abs(turn) / 2) / cell
+                spot = round(chord * math.cos(middle)), round(chord * math.sin(middle))
+                moves |= _curve(k, other, *spot, cell, turning_radius)
+    return tuple(sorted(moves | {Move(end, start, -dx, -dy, cost) for start, end, dx, dy, cost in moves}))
+
+
+def _curve(k: int, other: int, dx: int, dy: int, cell: float, radius: float) -> set[Move]:
+    """The move of a car between two poses, if its shortest curve goes forwards all along and is short."""
+    here, there = np.array([0.0, 0.0, HEADINGS[k]]), np.array([cell * dx, cell * dy, HEADINGS[other]])
+    words, lengths = words_between(here, there, radius)
+    if not len(words) or (words[0][:, 0] < 0).any():
+        return set()
+    short = lengths[0] <= DETOUR * cell * math.hypot(dx, dy)
+    return {Move(k, other, dx, dy, float(lengths[0]))} if short else set()
+
+
+def relax(value: Array, free: Mask, moves: tuple[Move, ...]) -> None:
+    """Lower values to the least of the costs of moves and the value that these lead to, in place.
+
+    Parameters
+    ----------
+    value : (16, nx, ny) array
+        Cost from each pose, infinite where none is known.
+    free : (16, nx, ny) array of bool
+        Poses that moves may start from and lead through.
+    moves : tuple of Move
+    """
+    lowered = True
+    while lowered:
+        lowered = False
+        for move in moves:
+            if abs(move.dx) >= value.shape[1] or abs(move.dy) >= value.shape[2]:
+                continue
+            rows, columns = (_shifted(d, n) for d, n in zip(move[2:4], value.shape[1:], strict=True))
+            here = value[move.start, rows[0], columns[0]]
+            better = value[move.end, rows[1], columns[1]] + move.cost
+            less = (better < here - SAVING) & free[move.start, rows[0], columns[0]]
+            if less.any():
+                here[less] = better[less]
+                lowered = True
+
+
+def _shifted(by: int, count: int) -> tuple[slice, slice]:
+    """Part of an axis from which a shift stays on it, and the part it leads to."""
+    return slice(max(0, -by), count - max(0, by)), slice(max(0, by), count - max(0, -by))
+
+
+def _turn(k: int, other: int) -> float:
+    """Angle from one heading to another, the shorter way [rad]."""
+    return float(math.remainder(HEADINGS[other] - HEADINGS[k], 2 * math.pi))

@@ -1,0 +1,86 @@
+"""Reach of an arm on a base that keeps its heading: where the tool comes, seen from the base.
+
+Sampled, not proven: it says where a search should look, and what is found there is proven by others.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+from scipy.stats import qmc
+
+from regionik.worlds.arrays import Array, Index
+from regionik.worlds.robot import Robot
+from regionik.worlds.self_collision import postures_clear
+
+CELL = 0.03  # least width of a cell [m]
+SAMPLES = 14  # postures drawn, as a power of two
+SHARED = 4  # postures to a cell, if they were spread evenly
+
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class HeldReach:
+    """Cells of space, seen from the base, to which some posture within limits brings the tool.
+
+    Attributes
+    ----------
+    cell : float
+        Width of a cell [m].
+    corner : (3,) array of int
+        Cell with the index 0, 0, 0.
+    taken : (nx, ny, nz) array of bool
+    tools : (n, 3) array
+        Positions of the tool in the postures drawn [m].
+    joints : (n, dof) array
+    """
+
+    cell: float
+    corner: Index
+    taken: Mask
+    tools: Array
+    joints: Array
+
+    def holds(self, base: Array, position: Array) -> Mask:
+        """Mask of the base poses (n, 3) from which the tool comes to a position (3,) [m]."""
+        cell = np.floor(_seen_from(base, position) / self.cell).astype(np.intp) - self.corner
+        inside = ((cell >= 0) & (cell < self.taken.shape)).all(axis=1)
+        held = np.zeros(len(base), dtype=bool)
+        held[inside] = self.taken[tuple(cell[inside].T)]
+        return held
+
+    def postures(self, base: Array, position: Array, count: int) -> Array:
+        """Postures (count, dof) that bring the tool nearest to a position (3,) from a base pose (3,)."""
+        off = self.tools - _seen_from(base[None], position)
+        near = np.argpartition(np.einsum("ij,ij->i", off, off), count)[:count]
+        return self.joints[np.sort(near)]
+
+
+def _seen_from(base: Array, position: Array) -> Array:
+    """A position (3,) in the frames of base poses (n, 3), (n, 3)."""
+    c, s = np.cos(base[:, 2]), np.sin(base[:, 2])
+    dx, dy = (position[:2] - base[:, :2]).T
+    return np.column_stack([c * dx + s * dy, c * dy - s * dx, np.full(len(base), position[2])])
+
+
+@lru_cache(maxsize=16)
+def held_reach(robot: Robot) -> HeldReach:
+    """Return where a robot's tool comes while its base stands, the arm clear of itself."""
+    chain = robot.chain
+    endless = np.isinf(chain.upper - chain.lower)
+    low, high = np.where(endless, -np.pi, chain.lower), np.where(endless, np.pi, chain.upper)
+    unit = qmc.Sobol(chain.dof, scramble=True, rng=np.random.default_rng(0)).random_base2(SAMPLES)
+    joints = low + unit * (high - low)
+    joints = joints[postures_clear(robot, joints, 0.0)]
+    tools = robot.tool(np.zeros((len(joints), 3)), joints)[:, :3, 3]
+    width = float(max(CELL, (np.ptp(tools, axis=0).prod() * SHARED / len(joints)) ** (1 / 3)))
+    cells = np.floor(tools / width).astype(np.intp)
+    corner = cells.min(axis=0) - 1
+    taken = np.zeros(cells.max(axis=0) - corner + 2, dtype=bool)
+    taken[tuple((cells - corner).T)] = True
+    return HeldReach(width, corner, ndimage.binary_closing(taken), tools, joints)

@@ -1,0 +1,314 @@
+"""Layered graph of a base on wheels: least cost to do the rest of the tool path, lift-offs first.
+
+A layer is a set-point. Its nodes are poses of a lattice whose arm axis lies in a component that pruning
+left, and from which the arm likely reaches the set-point. While the tool rests, the base moves from node to
+node of the layer as its kind drives; the tool goes on to the next set-point while the base stands in a node
+of both; and from any node the tool may be lifted and set down at any node of the next layer. Dynamic
+programming from the last layer back gives the least cost of every node, exact on this graph. The search for
+motion then tries what costs least first, and proves it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from regionik.areas.held_reach import held_reach
+from regionik.areas.reachable import model_of
+from regionik.areas.standing import Standing, away, room_for
+from regionik.ladder import Ladder
+from regionik.planners.driving.arcs import path_of_motions
+from regionik.planners.driving.pose_lattice import HEADINGS, Move, car_moves, relax, spin_moves
+from regionik.planners.driving.pose_planner import REEDS_SHEPP, SPIN, Steering, steer
+from regionik.planners.driving.reeds_shepp import MOTIONS
+from regionik.postures.poses import axis_of
+from regionik.worlds.arrays import Array, Index
+from regionik.worlds.scene import World
+
+ACROSS = 36  # cells across the areas of half the set-points
+CELL = 0.01, 0.08  # least and largest [m]
+TURN_WEIGHT = 0.5  # cost of turning with the tool on its path against driving [m/rad]
+LIFT = 1e3  # cost of a lift-off, more than any driving [m]
+EDGE = 0.5  # cost of standing at the edge of an area against driving, for each metre of the tool's path
+DEPTH = 0.12  # from the edge of an area beyond which that costs nothing [m]
+AHEAD, STRIDE = 384, 256  # set-points whose costs are computed together, and every how many anew
+STEERED = 24  # poses whose way is steered
+BLOCK = 3  # cells across a block, of which the best pose is tried before its neighbours
+ROUND = 10.0  # cost of a way that steering does not find [m]
+INSIDE = 1e-9  # slack of headings [rad]
+
+Labels = NDArray[np.intp]
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Layer:
+    """Nodes at one set-point: facing of the arm, heading, and cell of the grid.
+
+    Attributes
+    ----------
+    corner : (2,) array of int
+        Cell with the index 0, 0.
+    owner : (f, 16, nx, ny) array of int
+        Component that holds the node, -1 for none.
+    value : (f, 16, nx, ny) array
+        Least cost to do the rest of the path from it, infinite where there is no node [m].
+    """
+
+    corner: Index
+    owner: Labels
+    value: Array
+
+
+@dataclass(frozen=True, eq=False)
+class LayeredSearch:
+    """Poses of a base on wheels for every set-point of a pruned ladder, by what the rest of the path costs.
+
+    Attributes
+    ----------
+    world : World
+    ladder : Ladder
+    keep : (m,) array of bool
+        Components that pruning left.
+    breaks : tuple of int
+        Set-points before which it lifts the tool.
+    standing : Standing
+    """
+
+    world: World
+    ladder: Ladder
+    keep: Mask
+    breaks: tuple[int, ...]
+    standing: Standing
+    _layers: dict[int, Layer] = field(default_factory=dict)
+
+    def onward(self, i: int, components: Sequence[int], here: Array) -> Iterator[tuple[Array, int]]:
+        """Poses at set-point i and the components they lie in, the best first, that the base steers to.
+
+        Parameters
+        ----------
+        i : int
+        components : sequence of int
+            Where the base may stand.
+        here : (3,) array
+            Base pose at first.
+        """
+        return ((pose, k) for pose, k, steered in self._ranked(i, components, here) if steered)
+
+    def arrivals(self, i: int, components: Sequence[int], here: Array) -> Iterator[tuple[Array, int]]:
+        """The same for a base that comes with the tool lifted, and gets farther than by steering."""
+        return ((pose, k) for pose, k, _ in self._ranked(i, components, here))
+
+    def lift_offs(self, i: int) -> int | None:
+        """Fewest lift-offs after set-point i in the graph; None where it has no node there.
+
+        They are counted as far as costs are computed together.
+        """
+        least = float(self.layer(i).value.min(initial=np.inf))
+        return None if np.isinf(least) else int(least // LIFT)
+
+    def heading(self, i: int, axis: Array) -> float | None:
+        """Heading of the cheapest node near a place of the arm axis; None without nodes [rad]."""
+        layer = self.layer(i)
+        nodes = np.argwhere(layer.owner >= 0)
+        if not len(nodes):
+            return None
+        poses = self._poses(layer.corner, nodes[:, 1:])
+        far = np.hypot(*(axis_of(self.world.robot, poses) - axis).T)
+        return float(poses[int(np.argmin(layer.value[tuple(nodes.T)] + far)), 2])
+
+    def layer(self, i: int) -> Layer:
+        """Nodes of a set-point, computed together with those of many after it."""
+        first = i // STRIDE * STRIDE
+        if first not in self._layers:
+            self._layers.clear()
+            after: Layer | None = None
+            for j in reversed(range(first, min(first + AHEAD, self.ladder.count))):
+                after = self._layers[j] = self._valued(j, after)
+        return self._layers[i]
+
+    def _valued(self, i: int, after: Layer | None) -> Layer:
+        """Nodes of set-point i, given those of the next one: one step of dynamic programming."""
+        corner, owner = self._nodes(i)
+        free = owner >= 0
+        value = np.full(owner.shape, np.inf)
+        if after is None:
+            value[free] = 0.0
+        else:
+            if i + 1 not in self.breaks:
+                low = np.maximum(corner, after.corner)
+                high = np.minimum(corner + owner.shape[2:], after.corner + after.owner.shape[2:])
+                if (low < high).all():
+                    mine, other = (_box(low - start, high - start) for start in (corner, after.corner))
+                    value[mine] = np.where(free[mine], after.value[other], np.inf)
+            value[free] = np.minimum(value[free], LIFT + after.value.min(initial=np.inf))
+        for one, where in zip(value, free, strict=True):
+            one += EDGE * self._stride(i) * _nearness(where, max(1, round(DEPTH / self.cell)))
+            relax(one, where, self._moves)
+        return Layer(corner, owner, value)
+
+    def _nodes(self, i: int) -> tuple[Index, Labels]:
+        """First cell of a set-point's window, and the component of every node in it."""
+        ladder, kept = self.ladder, self._kept(i)
+        around = np.ceil(np.hypot(*self.world.robot.mount[:2]) / self.cell)
+        cells = shapely.get_coordinates(ladder.component[kept]) @ self._turn / self.cell
+        corner = np.floor(cells.min(axis=0) - around).astype(np.intp)
+        shape = np.ceil(cells.max(axis=0) + around).astype(np.intp) - corner + 1
+        owner = np.full((len(self._facings), len(HEADINGS), *shape), -1, dtype=np.intp)
+        grid = np.indices((1, *shape))[:, 0].reshape(3, -1).T
+        shapely.prepare(ladder.component[kept])
+        for h, yaw in enumerate(self._yaws.tolist()):
+            base = self._poses(corner, grid + np.array([h, 0, 0]))
+            reached, axes = self._reached(i, base), axis_of(self.world.robot, base)
+            for k in kept[::-1]:
+                f = self._facings.index(ladder.family[k].facing)
+                if away(yaw, self.standing.sides[int(ladder.side[k])].span) < INSIDE:
+                    inside = shapely.contains_xy(ladder.component[k], axes) & reached
+                    owner[f, h].flat[inside] = k
+        shapely.destroy_prepared(ladder.component[kept])
+        return corner, owner
+
+    def _reached(self, i: int, base: Array) -> Mask:
+        """Mask of the base poses (n, 3) of one heading from which the arm likely reaches a set-point.
+
+        Areas hold for a base that turns for its arm. One on wheels turns for its way, and where the pivot is
+        limited what its arm reaches depends on that.
+        """
+        target, yaw = self.world.task[i], float(base[0, 2])
+        if model_of(self.world, target).turns_freely(self.world.rules, (yaw, yaw)):
+            return np.ones(len(base), dtype=bool)
+        return held_reach(self.world.robot).holds(base, target.position)
+
+    def _ranked(self, i: int, components: Sequence[int], here: Array) -> Iterator[tuple[Array, int, bool]]:
+        """Poses of set-point i, their components, and whether the base steers there, the best first.
+
+        The best pose of every block of cells comes before all others, so that what blocks the arm at one is
+        soon left behind.
+        """
+        layer = self.layer(i)
+        nodes = np.argwhere(np.isin(layer.owner, components))
+        if not len(nodes):
+            return
+        owner, value = layer.owner[tuple(nodes.T)], layer.value[tuple(nodes.T)]
+        poses = self._poses(layer.corner, nodes[:, 1:])
+        far = self._least(here, poses)
+        total = value + far
+        order = np.argsort(total, kind="stable")
+        block = nodes[order, 2] // BLOCK * layer.owner.shape[3] + nodes[order, 3] // BLOCK
+        first = np.unique(block, return_index=True)[1]
+        rank = np.ones(len(order))
+        rank[first] = 0
+        some = order[np.argsort(rank, kind="stable")][:STEERED]
+        ways = np.array([self._steered(i, here, pose) for pose in poses[some]])
+        cost = value[some] + np.where(np.isinf(ways), ROUND + far[some], ways)
+        for m in np.argsort(cost, kind="stable").tolist():
+            yield poses[some[m]], int(owner[some[m]]), bool(np.isfinite(ways[m]))
+
+    def _least(self, here: Array, poses: Array) -> Array:
+        """Lower bound of the cost of steering to poses (n, 3), (n,) [m]."""
+        drive, (dx, dy, turn) = self.world.robot.drive, (poses - here).T
+        far, turn = np.hypot(dx, dy), np.abs(np.remainder(turn + np.pi, 2 * np.pi) - np.pi)
+        least: Array = (
+            far + TURN_WEIGHT * turn
+            if drive.turns_on_the_spot
+            else np.maximum(far, drive.turning_radius * turn)
+        )
+        return least
+
+    def _steered(self, i: int, here: Array, there: Array) -> float:
+        """Cost of steering to a pose of set-point i, infinite where that is not free or leaves nodes [m]."""
+        ways = np.empty((MOTIONS, 2))
+        cost = float(steer(room_for(self.world), self._steering, here, there, np.inf, ways))
+        if np.isinf(cost) or i == 0:
+            return cost
+        places = path_of_motions(here, ways, "straight").sample(2 * self.cell)[1:-1]
+        held = self._holds(self.layer(i), places) | self._holds(self.layer(i - 1), places)
+        return cost if held.all() else np.inf
+
+    def _holds(self, layer: Layer, poses: Array) -> Mask:
+        """Mask of the base poses (n, 3) that are nearest to a node."""
+        off = np.abs(np.angle(np.exp(1j * (poses[:, 2:] - self._yaws))))
+        cell = np.rint(poses[:, :2] @ self._turn / self.cell).astype(np.intp) - layer.corner
+        inside = ((cell >= 0) & (cell < layer.owner.shape[2:])).all(axis=1)
+        cell[~inside] = 0
+        free: Mask = np.max(layer.owner, axis=0) >= 0
+        taken = free[off.argmin(axis=1), cell[:, 0], cell[:, 1]]
+        held: Mask = np.logical_and(inside, taken)
+        return held
+
+    @cached_property
+    def _steering(self) -> Steering:
+        drive = self.world.robot.drive
+        if drive.turns_on_the_spot:
+            return Steering(SPIN, 0.0, TURN_WEIGHT)
+        return Steering(REEDS_SHEPP, drive.turning_radius, 0.0)
+
+    @cached_property
+    def _moves(self) -> tuple[Move, ...]:
+        drive = self.world.robot.drive
+        if drive.turns_on_the_spot:
+            return spin_moves(self.cell, TURN_WEIGHT)
+        return car_moves(self.cell, drive.turning_radius)
+
+    @cached_property
+    def _facings(self) -> list[int]:
+        return sorted({family.facing for family in self.ladder.family})
+
+    @cached_property
+    def _yaws(self) -> Array:
+        """Headings of the lattice, (16,) [rad]."""
+        yaws: Array = HEADINGS + np.arctan2(*self._turn[:, 0][::-1])
+        return yaws
+
+    @cached_property
+    def _turn(self) -> Array:
+        """Axes of the grid as columns, (2, 2): along most of the tool's path and across."""
+        hops = np.diff([target.position[:2] for target in self.world.task], axis=0)
+        lengths, ways = np.hypot(*hops.T), np.arctan2(hops[:, 1], hops[:, 0])
+        angle = float(np.angle(lengths @ np.exp(4j * ways))) / 4 if len(hops) else 0.0
+        return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+
+    @cached_property
+    def cell(self) -> float:
+        """Width of the lattice's cells [m]."""
+        low, high = np.split(shapely.bounds(self.ladder.component[self.keep]), 2, axis=1)
+        return float(np.clip(np.median(np.max(high - low, axis=1)) / ACROSS, *CELL))
+
+    def _kept(self, i: int) -> list[int]:
+        """Components of a set-point that pruning left."""
+        rungs = self.ladder.rungs
+        return [k for k in range(rungs[i], rungs[i + 1]) if self.keep[k]]
+
+    def _stride(self, i: int) -> float:
+        """Length of the tool's way on from a set-point [m]."""
+        task = self.world.task
+        return float(np.linalg.norm(task[min(i + 1, len(task) - 1)].position - task[i].position))
+
+    def _poses(self, corner: Index, nodes: Index) -> Array:
+        """Base poses (n, 3) of nodes (n, 3): heading, and cell from a corner."""
+        poses: Array = np.column_stack(
+            [(corner + nodes[:, 1:]) * self.cell @ self._turn.T, self._yaws[nodes[:, 0]]]
+        )
+        return poses
+
+
+def _box(low: Index, high: Index) -> tuple[slice, ...]:
+    """Part of a layer's arrays from one cell to another."""
+    return (slice(None), slice(None), *map(slice, low.tolist(), high.tolist()))
+
+
+def _nearness(free: Mask, depth: int) -> Array:
+    """Nearness of nodes (..., nx, ny) to the edge of what is free: 1 there, 0 ``depth`` cells inside."""
+    near, inside = np.ones(free.shape), free
+    for _ in range(depth):
+        shrunk = np.zeros_like(inside)
+        middle = inside[..., 1:-1, 1:-1] & inside[..., 2:, 1:-1] & inside[..., :-2, 1:-1]
+        shrunk[..., 1:-1, 1:-1] = middle & inside[..., 1:-1, 2:] & inside[..., 1:-1, :-2]
+        inside = shrunk
+        near -= inside / depth
+    return near
