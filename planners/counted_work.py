@@ -6,10 +6,15 @@ import ast
 import inspect
 import textwrap
 from collections.abc import Callable
+from math import inf
 from types import CodeType
 from typing import Any
 
-_COUNTER = "_work_of_kernels"
+_COUNTER, _TOO_MUCH = "_work_of_kernels", "_TooMuchWork"
+
+
+class TooMuchWork(Exception):
+    """A function has done more than it was allowed; its arguments may be half changed."""
 
 
 class CountedFunctions:
@@ -22,19 +27,19 @@ class CountedFunctions:
 
     Attributes
     ----------
-    work : list of int
-        One number: the expressions evaluated so far.
+    work : list of float
+        Expressions evaluated so far, and at how many `TooMuchWork` is raised.
 
     Examples
     --------
     >>> import math
     >>> counted = CountedFunctions(lambda value: None)
     >>> counted.size(math.comb), counted.work
-    (1, [0])
+    (1, [0, inf])
     """
 
     def __init__(self, unwrap: Callable[[Any], Callable[..., Any] | None]) -> None:
-        self.work = [0]
+        self.work: list[float] = [0, inf]
         self._unwrap = unwrap
         self._twins: dict[Any, Callable[..., Any]] = {}
         self._sizes: dict[Any, int] = {}
@@ -63,7 +68,7 @@ class CountedFunctions:
 
     def _twin(self, function: Any, tree: ast.Module) -> Callable[..., Any]:
         counting = ast.fix_missing_locations(_Counting().visit(tree))
-        names = {**function.__globals__, _COUNTER: self.work}
+        names = {**function.__globals__, _COUNTER: self.work, _TOO_MUCH: TooMuchWork}
         exec(compile(counting, function.__code__.co_filename, "exec"), names)
         twin: Callable[..., Any] = names[function.__name__]
         self._twins[function] = twin  # before those it calls, which may call it
@@ -77,11 +82,14 @@ class CountedFunctions:
         return {name: called for name, called in found.items() if called is not None}
 
 
+_COUNT = f"{_COUNTER}[0] += {{}}\nif {_COUNTER}[0] > {_COUNTER}[1]: raise {_TOO_MUCH}"
+
+
 class _Counting(ast.NodeTransformer):
-    """Adds to a function, and to the body of each of its loops, a line that counts its expressions."""
+    """Adds to a function, and to the body of each of its loops, lines that count its expressions."""
 
     def _counted(self, node: Any) -> Any:
-        own = ast.parse(f"{_COUNTER}[0] += {_expressions(node)}").body
+        own = ast.parse(_COUNT.format(_expressions(node))).body
         self.generic_visit(node)
         node.body = own + node.body
         return node

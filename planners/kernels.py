@@ -2,14 +2,15 @@
 
 numba takes seconds to compile what plain Python does in milliseconds. So a kernel that Python calls runs its
 machine code where there is some, in memory or on disk; else it runs as plain Python that counts its own work
-(`counted_work`), and is compiled once that has cost about half of what compiling does. No clock decides. Both
-ways give the same bits: what a kernel may use for that stands in `tests/test_kernels.py`.
+(`counted_work`), and is compiled once that has cost about half of what compiling does. A call that gets there
+begins again: what it wrote into its arguments is put back. No clock decides. Both ways give the same bits:
+what a kernel may use for that stands in `tests/test_kernels.py`.
 """
 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from functools import cache
 from multiprocessing import parent_process
@@ -20,8 +21,9 @@ from numba.core import config
 from numba.core.caching import FunctionCache
 from numba.core.dispatcher import Dispatcher, OmittedArg
 from numba.core.registry import CPUDispatcher
+from numpy.typing import NDArray
 
-from regionik.planners.counted_work import CountedFunctions
+from regionik.planners.counted_work import CountedFunctions, TooMuchWork
 
 COMPILING = 50_000  # expressions that plain Python evaluates while one of a kernel is compiled, about half
 
@@ -72,7 +74,7 @@ class Kernel(_Dispatcher):  # type: ignore[misc]
         """Return what to call for arguments that there is no machine code for in memory."""
         if self._is_stored(args):
             return super()._compile_for_args(*args, **kws)
-        if not _at_once and self._work < COMPILING * _plain.size(self.py_func):
+        if not _at_once and self._work < self._worth_compiling:
             return self._run_plainly
         if not isinstance(self._cache, _Kept):
             _warn_uncached()
@@ -80,13 +82,26 @@ class Kernel(_Dispatcher):  # type: ignore[misc]
             listener(self.__name__)
         return super()._compile_for_args(*args, **kws)
 
+    @property
+    def _worth_compiling(self) -> int:
+        return COMPILING * _plain.size(self.py_func)
+
     def _run_plainly(self, *args: Any) -> Any:
+        """Run as plain Python; a call that turns out long is begun again as machine code."""
         given = [value.value if isinstance(value, OmittedArg) else value for value in args]
-        before = _plain.work[0]
-        with np.errstate(all="ignore"):  # what is compiled does not warn
-            result = _plain.counted(self.py_func)(*given)
-        self._work += _plain.work[0] - before
-        return _as_compiled(result)
+        before, function = _plain.work[0], _plain.counted(self.py_func)
+        saved = [(array, array.copy()) for array in _writable_arrays(given)]
+        _plain.work[1] = before + self._worth_compiling - self._work
+        try:
+            with np.errstate(all="ignore"):  # what is compiled does not warn
+                return _as_compiled(function(*given))
+        except TooMuchWork:
+            for array, values in saved:
+                array[...] = values
+        finally:
+            self._work += _plain.work[0] - before
+            _plain.work[1] = np.inf
+        return self(*given)
 
     def _is_stored(self, arguments: tuple[Any, ...]) -> bool:
         self._open()
@@ -138,6 +153,15 @@ def cache_folder() -> str | None:
         return str(_Kept(_as_compiled).cache_path)  # type: ignore[no-untyped-call]
     except RuntimeError:
         return None
+
+
+def _writable_arrays(values: Sequence[Any]) -> Iterator[NDArray[Any]]:
+    """Arrays among values and in tuples of them."""
+    for value in values:
+        if isinstance(value, np.ndarray) and value.flags.writeable:
+            yield value
+        elif isinstance(value, tuple):
+            yield from _writable_arrays(value)
 
 
 def _as_compiled(result: Any) -> Any:

@@ -137,6 +137,27 @@ def test_a_kernel_is_compiled_once_it_has_worked_as_much_as_compiling_costs(
     assert kernel(2.0) == math.sin(2.0) * 2.0
 
 
+def _halved(values: Array, pair: tuple[Array, float]) -> int:
+    for _ in range(10):
+        for k in range(len(values)):
+            values[k] *= 0.5
+            pair[0][k] += values[k]
+    return len(values)
+
+
+def test_a_long_call_is_begun_again_as_machine_code(monkeypatch: pytest.MonkeyPatch) -> None:
+    heard = list[str]()
+    monkeypatch.setattr(kernels, "COMPILING", 3)
+    monkeypatch.setattr(kernels, "_listeners", [heard.append])
+    monkeypatch.setattr(kernels, "_warn_uncached", lambda: None)
+    start = np.arange(50.0)
+    plain, compiled_later = (start.copy(), np.zeros(50)), (start.copy(), np.zeros(50))
+    _halved(plain[0], (plain[1], 0.0))
+    assert unkept(_halved)(compiled_later[0], (compiled_later[1], 0.0)) == 50
+    assert heard == ["_halved"]
+    assert np.array_equal(plain, compiled_later)
+
+
 def test_machine_code_on_disk_is_used_at_once(tmp_path: Path) -> None:
     code = (
         "import sys\n"

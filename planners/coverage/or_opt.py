@@ -66,7 +66,7 @@ def one_tree_bound(far: Array, upper: float) -> float:
         bound = _one_tree(far, price, degree)
         off = 0.0
         for i in range(n):
-            off += (degree[i] - 2) ** 2
+            off += (degree[i] - 2) * (degree[i] - 2)
         if bound > best:
             best = bound
         else:
@@ -85,7 +85,9 @@ def _one_tree(far: Array, price: Array, degree: Index) -> float:
     n = len(far)
     cost, root = np.full(n, np.inf), np.full(n, 1)
     degree[:] = 0
-    total: float = -2.0 * price.sum()
+    total = 0.0
+    for i in range(n):
+        total -= 2.0 * price[i]
     inside = np.zeros(n, dtype=np.bool_)
     inside[0] = inside[1] = True
     for i in range(2, n):

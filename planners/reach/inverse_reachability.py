@@ -149,7 +149,7 @@ def _moved(
         error, angle, _ = polish(arm, there, joints, within.reach, within.error, within.angle, STEPS)
         met[k] = error <= within.error and angle <= within.angle
         dx, dy = places[k, 0] - joints[0], -joints[1]  # the tool as seen from where the base has come to
-        turn = np.arctan2(dy, dx)
+        turn = math.atan2(dy, dx)
         places[k, 0], places[k, 1] = np.hypot(dx, dy), (places[k, 1] + turn) % (2 * np.pi)
         postures[k] = joints[2:]
         postures[k, pivot] -= turn
