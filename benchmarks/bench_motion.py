@@ -1,15 +1,15 @@
 """Motion worth driving: bundled worlds timed with the tool at an asked speed, as found and smoothed.
 
 Printed for each: the time with the tool at 0.2 m/s against that of the path at this speed, and the share of
-time on the path at which the tool has it (to 1 in 100); both again with limits of jerk, and with jerk and corners
-cut by 1 mm; the time without a tool speed, and its ratio to a time that nothing can beat; how much the base's
-path turns and where by more than 20 degrees, how much the joints move, the least spare clearance, and the time
-of planning.
+time on the path at which the tool has it (to 1 in 100); both again with limits of jerk, and with jerk and
+corners cut by 1 mm; the time without a tool speed, and its ratio to a time that nothing can beat; how much
+the base's path turns and where by more than 20 degrees, how much the joints move, the least spare
+clearance, and the time of planning.
 
 The lower bound is the larger of two. The arm's axis has to come from where it starts into the outer area of
-every set-point, in their order: on a way at least as long as the distances between the areas of any of them, one
-after the other, that a base takes at full speed, from rest to rest. And the tool's point has to go the length of
-its path, no faster than base, heading and all joints together can move it.
+every set-point, in their order: on a way at least as long as the distances between the areas of any of
+them, one after the other, that a base takes at full speed, from rest to rest. And the tool's point has to
+go the length of its path, no faster than base, heading and all joints together can move it.
 
 Run: python benchmarks/bench_motion.py [WORLD ...]
 """
