@@ -146,7 +146,7 @@ def test_an_arm_that_would_touch_is_named() -> None:
     world = load_world("free")
     plate = Box("plate", np.array([0.02, 2.0, 0.3]), np.array([0.62, 0.0, 0.35]))
     floor = Floor(shapely.box(-2, -2, 3, 2))
-    rules = Rules(heading="face_target", tool_contact=0.25, contact_depth=0.03)
+    rules = Rules(heading="face_target", tool_contact=0.25, contact_depth=0.03, solid_floor=False)
     plated = World("plate", world.robot, floor, (plate,), world.task, rules, world.start)
     assert plan(plated).lift_offs <= 1
     why = failure(changed(plated, rules=replace(rules, avoidance=False))).explanation
