@@ -15,7 +15,7 @@ from regionik.areas.standing import anywhere
 from regionik.moving import transit
 from regionik.moving.base_motion import TURN_STRIDE, Interpolator
 from regionik.moving.drivers import driver_for
-from regionik.moving.transit import TransitPlanner
+from regionik.moving.transit import ArmPlanner, TransitPlanner
 from regionik.planners.geometry.angles import wrap
 from regionik.postures.arm_guard import guard_of
 from regionik.postures.poses import LARGEST_BEND, Pose, axis_of, pose_between
@@ -122,6 +122,19 @@ def test_sampled_ways_in_a_narrow_place(heading: Heading) -> None:
     assert [pose.joints.tolist() for pose in again] == [pose.joints.tolist() for pose in way]
     if heading == "fixed":
         assert max(abs(pose.base[2]) for pose in way) < 1e-5
+
+
+def test_ways_of_the_arm_alone_lead_round_things() -> None:
+    post = Cylinder("post", 0.03, 0.8, np.array([0.3, 0.0, 0.6]))
+    world = world_of("youbot", post)
+    out = np.array([0.0, 0.4, 0.0, 1.2, 0.0])
+    left, right = (Pose(np.zeros(3), out + [turn, 0, 0, 0, 0]) for turn in (0.5, -0.5))
+    interpolator = Interpolator(world, guard_of(world))
+    assert not interpolator.clear([left, right])
+    way = ArmPlanner(world, interpolator, 0).way(left, right.joints)
+    assert way is not None
+    assert np.array_equal(way[-1].joints, right.joints)
+    check(world, left, way[:-1], way[-1])
 
 
 def test_the_arm_of_a_base_on_wheels_is_led_round_things(monkeypatch: pytest.MonkeyPatch) -> None:
