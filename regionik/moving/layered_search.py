@@ -36,7 +36,7 @@ TURN_WEIGHT = 0.5  # cost of turning with the tool on its path against driving [
 LIFT = 1e3  # cost of a lift-off, more than any driving [m]
 EDGE = 0.5  # cost of standing at the edge of an area against driving, for each metre of the tool's path
 DEPTH = 0.12  # from the edge of an area beyond which that costs nothing [m]
-AHEAD, STRIDE = 384, 256  # set-points whose costs are computed together, and every how many anew
+AHEAD, STRIDE, BEHIND = 384, 256, 32  # set-points computed together, passed before anew, and then kept
 STEERED = 16  # poses, and as many blocks of them, to which the way is steered
 BLOCK = 3  # cells across a block
 ROUND = 10.0  # cost of a way that steering does not find [m]
@@ -124,11 +124,13 @@ class LayeredSearch:
 
     def layer(self, i: int) -> Layer:
         """Nodes of a set-point, computed together with those of many after it."""
-        first = i // STRIDE * STRIDE
-        if first not in self._layers:
+        last = self.ladder.count - 1
+        worn = i >= min(self._layers, default=0) + STRIDE and last not in self._layers
+        if i not in self._layers or worn:
+            first = max(0, i - BEHIND)
             self._layers.clear()
             after: Layer | None = None
-            for j in reversed(range(first, min(first + AHEAD, self.ladder.count))):
+            for j in reversed(range(first, min(first + AHEAD, last + 1))):
                 after = self._layers[j] = self._valued(j, after)
         return self._layers[i]
 
