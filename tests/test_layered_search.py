@@ -142,3 +142,13 @@ def test_a_seam_in_the_open_needs_no_lift_off() -> None:
     heading = seam.heading(0, np.array([0.0, -0.4]))
     assert heading is not None
     assert min(abs(np.sin(heading)), abs(np.cos(heading))) < 1e-9
+
+
+def test_long_paths_are_computed_part_by_part(monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = search(0)
+    wanted = [whole.layer(i).owner for i in range(COUNT)]
+    for name, count in (("AHEAD", 2), ("STRIDE", 1), ("BEHIND", 0)):
+        monkeypatch.setattr(layered_search, name, count)
+    parts = search(0)
+    for i in (*range(COUNT), 0):
+        assert np.array_equal(parts.layer(i).owner, wanted[i])

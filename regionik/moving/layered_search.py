@@ -36,9 +36,9 @@ TURN_WEIGHT = 0.5  # cost of turning with the tool on its path against driving [
 LIFT = 1e3  # cost of a lift-off, more than any driving [m]
 EDGE = 0.5  # cost of standing at the edge of an area against driving, for each metre of the tool's path
 DEPTH = 0.12  # from the edge of an area beyond which that costs nothing [m]
-AHEAD, STRIDE = 384, 256  # set-points whose costs are computed together, and every how many anew
-STEERED = 24  # poses whose way is steered
-BLOCK = 3  # cells across a block, of which the best pose is tried before its neighbours
+AHEAD, STRIDE, BEHIND = 384, 256, 32  # set-points computed together, passed before anew, and then kept
+STEERED = 16  # poses, and as many blocks of them, to which the way is steered
+BLOCK = 3  # cells across a block
 ROUND = 10.0  # cost of a way that steering does not find [m]
 INSIDE = 1e-9  # slack of headings [rad]
 
@@ -124,11 +124,13 @@ class LayeredSearch:
 
     def layer(self, i: int) -> Layer:
         """Nodes of a set-point, computed together with those of many after it."""
-        first = i // STRIDE * STRIDE
-        if first not in self._layers:
+        last = self.ladder.count - 1
+        worn = i >= min(self._layers, default=0) + STRIDE and last not in self._layers
+        if i not in self._layers or worn:
+            first = max(0, i - BEHIND)
             self._layers.clear()
             after: Layer | None = None
-            for j in reversed(range(first, min(first + AHEAD, self.ladder.count))):
+            for j in reversed(range(first, min(first + AHEAD, last + 1))):
                 after = self._layers[j] = self._valued(j, after)
         return self._layers[i]
 
@@ -187,8 +189,8 @@ class LayeredSearch:
     def _ranked(self, i: int, components: Sequence[int], here: Array) -> Iterator[tuple[Array, int, bool]]:
         """Poses of set-point i, their components, and whether the base steers there, the best first.
 
-        The best pose of every block of cells comes before all others, so that what blocks the arm at one is
-        soon left behind.
+        They are those that cost least, and the best of the cheapest blocks of cells, so that what blocks the
+        arm at one place is left behind.
         """
         layer = self.layer(i)
         nodes = np.argwhere(np.isin(layer.owner, components))
@@ -201,9 +203,7 @@ class LayeredSearch:
         order = np.argsort(total, kind="stable")
         block = nodes[order, 2] // BLOCK * layer.owner.shape[3] + nodes[order, 3] // BLOCK
         first = np.unique(block, return_index=True)[1]
-        rank = np.ones(len(order))
-        rank[first] = 0
-        some = order[np.argsort(rank, kind="stable")][:STEERED]
+        some = order[np.union1d(np.arange(min(STEERED, len(order))), np.sort(first)[:STEERED])]
         ways = np.array([self._steered(i, here, pose) for pose in poses[some]])
         cost = value[some] + np.where(np.isinf(ways), ROUND + far[some], ways)
         for m in np.argsort(cost, kind="stable").tolist():
