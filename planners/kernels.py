@@ -63,7 +63,7 @@ _Dispatcher: Any = CPUDispatcher  # it has more than its types say
 class Kernel(_Dispatcher):  # type: ignore[misc]
     """A function that runs as plain Python until it has done as much work as compiling it costs."""
 
-    _work = 0  # done as plain Python
+    _work = 0.0  # done as plain Python
     _opened = False  # its place on disk was looked for
 
     def compile(self, sig: Any) -> Any:

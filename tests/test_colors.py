@@ -22,7 +22,7 @@ from regionik.view.figures import field_image
 from regionik.view.live import failing_setpoints, live_areas, live_picture
 from regionik.view.picture import Color, Picture
 from regionik.view.plan_picture import picture_of_plan
-from regionik.view.world_picture import DETAIL, GHOST_WORDS, floor_parts, picture_of_world, start_pose
+from regionik.view.world_picture import DETAIL, GHOST_WORDS, picture_of_world, shown_floor, shown_start
 from regionik.worlds.bundled import robot_named, world_names
 from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import NoPlanFound
@@ -95,19 +95,19 @@ def test_a_robot_without_a_start_stands_in_nothing(seed: int) -> None:
     world = replace(random_world(seed), start=None)
     picture = picture_of_world(world)
     assert_swatches(picture)
-    pose = start_pose(world)
+    pose = shown_start(world)
     ghosts = {body.label for body in picture.bodies if body.path.startswith("robot")}
     assert ghosts == (set() if pose is None else {GHOST_WORDS})
     if pose is not None:
         assert nearest(bodies_around(world), *pose).distance > 0
         place = shapely.points(axis_of(world.robot, pose[0]))
-        assert floor_parts(world).free.buffer(3 * DETAIL).contains(place)
+        assert shown_floor(world).free.buffer(3 * DETAIL).contains(place)
 
 
 def test_a_robot_hemmed_in_is_not_drawn() -> None:
     world = crowded()
     walled = replace(world, start=None, rules=replace(world.rules, clearance=5.0))
-    assert start_pose(walled) is None
+    assert shown_start(walled) is None
     assert not any(body.path.startswith("robot") for body in picture_of_world(walled).bodies)
 
 

@@ -10,7 +10,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
 from regionik.planners.driving.arcs import path_of_motions
-from regionik.planners.driving.pose_lattice import HEADINGS, Move, car_moves, relax, spin_moves
+from regionik.planners.driving.pose_lattice import HEADINGS, LatticeMove, car_moves, relax, spin_moves
 from regionik.planners.driving.reeds_shepp import words_between
 from regionik.planners.geometry.angles import wrap
 from regionik.worlds.arrays import Array
@@ -19,11 +19,11 @@ CELL, RADIUS, WEIGHT = 0.05, 0.4, 0.3
 SIDE = 5  # cells of a small grid
 
 
-def both() -> list[tuple[Move, ...]]:
+def both() -> list[tuple[LatticeMove, ...]]:
     return [spin_moves(CELL, WEIGHT), car_moves(CELL, RADIUS)]
 
 
-def ends(move: Move) -> tuple[Array, Array]:
+def ends(move: LatticeMove) -> tuple[Array, Array]:
     here = np.array([0.0, 0.0, HEADINGS[move.start]])
     return here, np.array([CELL * move.dx, CELL * move.dy, HEADINGS[move.end]])
 
@@ -50,7 +50,7 @@ def test_a_car_drives_its_moves_in_one_direction() -> None:
 
 
 @pytest.mark.parametrize("moves", both())
-def test_every_move_can_be_taken_back(moves: tuple[Move, ...]) -> None:
+def test_every_move_can_be_taken_back(moves: tuple[LatticeMove, ...]) -> None:
     known = {move[:4]: move.cost for move in moves}
     for start, end, dx, dy, cost in moves:
         assert known[(end, start, -dx, -dy)] == pytest.approx(cost)
@@ -68,7 +68,7 @@ def test_values_relax_to_the_least_costs_of_the_graph(seed: int, spins: bool) ->
     np.testing.assert_allclose(value, wanted, atol=1e-8)
 
 
-def least_costs(value: Array, free: np.ndarray, moves: tuple[Move, ...]) -> Array:
+def least_costs(value: Array, free: np.ndarray, moves: tuple[LatticeMove, ...]) -> Array:
     """Dijkstra's algorithm from a sink that every value is the way to."""
     number = np.arange(value.size).reshape(value.shape)
     rows, columns, costs = [], [], []

@@ -24,7 +24,7 @@ from regionik.view.clearance import clearances
 from regionik.view.page import served, to_html
 from regionik.view.picture import camera_for
 from regionik.view.plan_picture import MOST_FRAMES, picture_of_plan
-from regionik.view.world_picture import MARK_RADIUS, picture_of_world, start_pose, tool_radius
+from regionik.view.world_picture import MARK_RADIUS, picture_of_world, shown_start, tool_radius
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import pose
 from regionik.worlds.errors import InputError
@@ -142,7 +142,7 @@ def test_boxes_on_links_are_drawn_where_the_robot_has_them() -> None:
     robot = dataclasses.replace(world.robot, solids=(*world.robot.solids[:2], box, other))
     picture = picture_of_world(dataclasses.replace(world, robot=robot))
     (drawn,) = (body for body in picture.bodies if body.path.endswith("joint_3/link"))
-    pose_at = start_pose(dataclasses.replace(world, robot=robot))
+    pose_at = shown_start(dataclasses.replace(world, robot=robot))
     assert pose_at is not None
     base, joints = pose_at
     T_world_link = robot.frames(base, joints)[3]

@@ -28,7 +28,7 @@ SAVING = 1e-9  # costs that differ less are the same [m]
 Mask = NDArray[np.bool_]
 
 
-class Move(NamedTuple):
+class LatticeMove(NamedTuple):
     """A move from one heading to another, by an offset in cells, and its cost [m]."""
 
     start: int
@@ -38,7 +38,7 @@ class Move(NamedTuple):
     cost: float
 
 
-def spin_moves(cell: float, turn_weight: float) -> tuple[Move, ...]:
+def spin_moves(cell: float, turn_weight: float) -> tuple[LatticeMove, ...]:
     """Moves of a base that turns on the spot: to the next heading, and straight on and back.
 
     Parameters
@@ -48,23 +48,23 @@ def spin_moves(cell: float, turn_weight: float) -> tuple[Move, ...]:
     turn_weight : float
         Cost of turning against driving [m/rad].
     """
-    count, moves = len(STEPS), list[Move]()
+    count, moves = len(STEPS), list[LatticeMove]()
     for k, (dx, dy) in enumerate(STEPS):
         length = cell * math.hypot(dx, dy)
-        moves += [Move(k, k, dx, dy, length), Move(k, k, -dx, -dy, length)]
+        moves += [LatticeMove(k, k, dx, dy, length), LatticeMove(k, k, -dx, -dy, length)]
         for other in ((k + 1) % count, (k - 1) % count):
-            moves.append(Move(k, other, 0, 0, turn_weight * abs(_turn(k, other))))
+            moves.append(LatticeMove(k, other, 0, 0, turn_weight * abs(_turn(k, other))))
     return tuple(moves)
 
 
-def car_moves(cell: float, turning_radius: float) -> tuple[Move, ...]:
+def car_moves(cell: float, turning_radius: float) -> tuple[LatticeMove, ...]:
     """Moves of a car: straight on, and curves without a change of direction to the next headings; and back.
 
     A curve that starts and ends on the lattice is about an arc, of the turning radius or a wider one.
     """
-    moves = set[Move]()
+    moves = set[LatticeMove]()
     for k, (dx, dy) in enumerate(STEPS):
-        moves.add(Move(k, k, dx, dy, cell * math.hypot(dx, dy)))
+        moves.add(LatticeMove(k, k, dx, dy, cell * math.hypot(dx, dy)))
         for other in ((k + 1) % len(STEPS), (k - 1) % len(STEPS)):
             turn = _turn(k, other)
             middle = HEADINGS[k] + turn / 2
@@ -72,20 +72,22 @@ def car_moves(cell: float, turning_radius: float) -> tuple[Move, ...]:
                 chord = 2 * radius * math.sin(abs(turn) / 2) / cell
                 spot = round(chord * math.cos(middle)), round(chord * math.sin(middle))
                 moves |= _curve(k, other, *spot, cell, turning_radius)
-    return tuple(sorted(moves | {Move(end, start, -dx, -dy, cost) for start, end, dx, dy, cost in moves}))
+    return tuple(
+        sorted(moves | {LatticeMove(end, start, -dx, -dy, cost) for start, end, dx, dy, cost in moves})
+    )
 
 
-def _curve(k: int, other: int, dx: int, dy: int, cell: float, radius: float) -> set[Move]:
+def _curve(k: int, other: int, dx: int, dy: int, cell: float, radius: float) -> set[LatticeMove]:
     """The move of a car between two poses, if its shortest curve goes forwards all along and is short."""
     here, there = np.array([0.0, 0.0, HEADINGS[k]]), np.array([cell * dx, cell * dy, HEADINGS[other]])
     words, lengths = words_between(here, there, radius)
     if not len(words) or (words[0][:, 0] < 0).any():
         return set()
     short = lengths[0] <= DETOUR * cell * math.hypot(dx, dy)
-    return {Move(k, other, dx, dy, float(lengths[0]))} if short else set()
+    return {LatticeMove(k, other, dx, dy, float(lengths[0]))} if short else set()
 
 
-def relax(value: Array, free: Mask, moves: tuple[Move, ...]) -> None:
+def relax(value: Array, free: Mask, moves: tuple[LatticeMove, ...]) -> None:
     """Lower values to the least of the costs of moves and the value that these lead to, in place.
 
     Parameters
@@ -94,7 +96,7 @@ def relax(value: Array, free: Mask, moves: tuple[Move, ...]) -> None:
         Cost from each pose, infinite where none is known.
     free : (16, nx, ny) array of bool
         Poses that moves may start from and lead through.
-    moves : tuple of Move
+    moves : tuple of LatticeMove
     """
     lowered = True
     while lowered:

@@ -23,7 +23,7 @@ from regionik.areas.reachable import model_of
 from regionik.areas.standing import Standing, away, room_for
 from regionik.ladder import Ladder
 from regionik.planners.driving.arcs import path_of_motions
-from regionik.planners.driving.pose_lattice import HEADINGS, Move, car_moves, relax, spin_moves
+from regionik.planners.driving.pose_lattice import HEADINGS, LatticeMove, car_moves, relax, spin_moves
 from regionik.planners.driving.pose_planner import REEDS_SHEPP, SPIN, Steering, steer
 from regionik.planners.driving.reeds_shepp import MOTIONS
 from regionik.postures.poses import axis_of
@@ -249,7 +249,7 @@ class LayeredSearch:
         return Steering(REEDS_SHEPP, drive.turning_radius, 0.0)
 
     @cached_property
-    def _moves(self) -> tuple[Move, ...]:
+    def _moves(self) -> tuple[LatticeMove, ...]:
         drive = self.world.robot.drive
         if drive.turns_on_the_spot:
             return spin_moves(self.cell, TURN_WEIGHT)

@@ -20,7 +20,7 @@ _NAME = re.compile(r"(robot|solid) (-?\d+)")
 
 
 @dataclass(frozen=True, eq=False)
-class Touch:
+class Overlap:
     """Two solids that overlap.
 
     Attributes
@@ -128,7 +128,7 @@ class Physics:
         """True while any two solids overlap that a plan may or may not let touch."""
         return bool(self._data.ncon)
 
-    def touches(self) -> list[Touch]:
+    def touches(self) -> list[Overlap]:
         """Solids that overlap now."""
         contact = self._data.contact
         pairs, depths, points = contact.geom.tolist(), (-contact.dist).tolist(), contact.pos
@@ -136,7 +136,7 @@ class Physics:
         for (one, other), depth, point in zip(pairs, depths, points, strict=True):
             (kind, first), (other_kind, second) = sorted((self._solids[one], self._solids[other]))
             if depth > 0:
-                found.append(Touch(first, second, kind == other_kind, point, depth))
+                found.append(Overlap(first, second, kind == other_kind, point, depth))
         return found
 
     def refresh(self) -> None:

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from regionik.simulation.drives import BaseDrives
-from regionik.simulation.physics import STEP, Physics, Touch
+from regionik.simulation.physics import STEP, Overlap, Physics
 from regionik.simulation.reference import PERIOD, Reference
 from regionik.simulation.run import Contact
 from regionik.simulation.tracking import Command
@@ -84,7 +84,7 @@ class SimulatedRobot:
             known = self.contacts.setdefault(names, Contact(time, *names, touch.depth))
             self.contacts[names] = replace(known, depth=max(known.depth, touch.depth))
 
-    def _is_allowed(self, touch: Touch) -> bool:
+    def _is_allowed(self, touch: Overlap) -> bool:
         """True where the last link touches what a set-point at hand lies on, near the tool and not deep."""
         reach, tool = self._world.rules.tool_contact, self.physics.tool
         if touch.own or touch.robot not in self._tips or touch.depth > self._deepest:
@@ -105,5 +105,5 @@ class SimulatedRobot:
         robot = self._world.robot
         return base_name(robot) if index == BODY else robot.all_solids[index].name
 
-    def _other_solid(self, touch: Touch) -> str:
+    def _other_solid(self, touch: Overlap) -> str:
         return self._robot_solid(touch.other) if touch.own else self._world.solids[touch.other].name

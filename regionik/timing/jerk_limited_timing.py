@@ -31,7 +31,7 @@ BISECTIONS = 50  # for the time at which a state is passed
 CHECKED_SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)  # of the time of each piece, at which limits are checked
 
 
-def jerk_limited(limits: MotionLimits, fine: Motion, blend: float) -> Motion:
+def jerk_limited_motion(limits: MotionLimits, fine: Motion, blend: float) -> Motion:
     """Motion timed within limits of jerk.
 
     Parameters

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from regionik.timing.inserted_states import blended, refined, with_rests
-from regionik.timing.jerk_limited_timing import jerk_limited
+from regionik.timing.jerk_limited_timing import jerk_limited_motion
 from regionik.timing.limits import (
     MotionLimits,
     check_tool_speed,
@@ -96,7 +96,7 @@ def _timed(limits: MotionLimits, motion: Motion, blend: float) -> Motion:
         return replace(motion, time=np.zeros(1))
     fine = blended(limits, refined(limits, blended(limits, motion, blend)), blend)
     if limits.speeds.limit_jerk:
-        motion = jerk_limited(limits, fine, blend)
+        motion = jerk_limited_motion(limits, fine, blend)
     else:
         motion = replace(fine, time=fastest_times(limits, fine))
     for _ in range(SLOWDOWNS):

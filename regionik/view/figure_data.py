@@ -16,7 +16,7 @@ from regionik.timing.trajectory import is_timed, trajectory
 from regionik.values import Plan, Stop
 from regionik.view.clearance import Clearances, clearances, footprints
 from regionik.view.timeline import lifted_intervals
-from regionik.view.world_picture import DETAIL, floor_parts, rejected_words
+from regionik.view.world_picture import DETAIL, rejected_words, shown_floor
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import World
 
@@ -210,7 +210,7 @@ def _floor_view(
     shapes = map(shapely.get_coordinates, (outlines, circles))
     low, high = window(floor, [corners.reshape(-1, 2), axis_path, tool_path, setpoints, *shapes])
     detail = max(DETAIL, float((high - low).max()) / RESOLUTION)
-    parts = floor_parts(world, detail)
+    parts = shown_floor(world, detail)
     admissible, strong = drawn_union(areas, detail), drawn_union(used[0], detail)
     return FloorView(
         all=floor,

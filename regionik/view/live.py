@@ -34,7 +34,7 @@ from regionik.view.world_picture import (
     robot_meshes,
     robot_points,
     scene_obstacle,
-    start_pose,
+    shown_start,
     task_meshes,
 )
 from regionik.worlds.documents.world_file import load_world
@@ -306,7 +306,7 @@ def live_picture(areas: LiveAreas) -> Picture:
     """
     world = areas.world
     first = areas.areas.inner[areas.areas.target == 0]
-    pose = start_pose(world, shapely.union_all(first))
+    pose = shown_start(world, shapely.union_all(first))
     robot, poses = ([], {}) if pose is None else robot_meshes(world, *pose, ghost=world.start is None)
     camera = camera_for(world, np.empty((0, 3)) if pose is None else robot_points(world.robot, *pose))
     bodies = (*live_meshes(areas), *robot)

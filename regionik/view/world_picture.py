@@ -44,7 +44,7 @@ _POINT_RADII = (0.03, 0.16)  # of the body of a base that is a point [m]
 
 def picture_of_world(world: World) -> Picture:
     """The picture of a world before anything is planned."""
-    pose = start_pose(world)
+    pose = shown_start(world)
     robot, poses = ([], {}) if pose is None else robot_meshes(world, *pose, ghost=world.start is None)
     camera = camera_for(world, np.empty((0, 3)) if pose is None else robot_points(world.robot, *pose))
     return Picture(
@@ -60,7 +60,7 @@ def picture_of_world(world: World) -> Picture:
 def world_meshes(world: World, covered: BaseGeometry | None = None) -> list[SceneMesh]:
     """Floor, obstacles and tool path; floor areas are left out where ``covered`` by other areas."""
     covered = Polygon() if covered is None else covered
-    floor = floor_parts(world)
+    floor = shown_floor(world)
     return [
         SceneMesh("floor/all", triangle_meshes.floor_mesh(world.floor.polygon), Color.FLOOR, 1.0, 0),
         floor_layer("floor/free", floor.free - covered, Color.NAVIGABLE, 1, "free floor"),
@@ -82,7 +82,7 @@ def floor_layer(path: str, area: BaseGeometry, color: int, order: int, label: st
     return SceneMesh(path, triangle_meshes.floor_mesh(area), color, 1.0, order, label=label)
 
 
-class FloorParts(NamedTuple):
+class ShownFloor(NamedTuple):
     """Disjoint parts of the floor, by places of the arm's axis."""
 
     free: BaseGeometry  # the footprint has room at every heading
@@ -90,7 +90,7 @@ class FloorParts(NamedTuple):
     rejected: BaseGeometry  # it has none at any heading, for solids or the floor's edge
 
 
-def floor_parts(world: World, detail: float = DETAIL) -> FloorParts:
+def shown_floor(world: World, detail: float = DETAIL) -> ShownFloor:
     """The floor in the parts that pictures show, as fine as ``detail`` [m].
 
     No place in the part that is rejected is one where a plan that holds has its arm's axis: the part is
@@ -103,10 +103,10 @@ def floor_parts(world: World, detail: float = DETAIL) -> FloorParts:
     if ground.far > ground.near:
         turning = shapely.simplify(shapely.buffer(room - ground.inner.free, -detail), detail)
         turning = shapely.buffer(turning, detail, quad_segs=2) & floor - rejected
-    return FloorParts(floor - rejected - turning, turning, rejected)
+    return ShownFloor(floor - rejected - turning, turning, rejected)
 
 
-def start_pose(world: World, area: BaseGeometry | None = None) -> tuple[Array, Array] | None:
+def shown_start(world: World, area: BaseGeometry | None = None) -> tuple[Array, Array] | None:
     """Base (3,) and joints (dof,) at the start.
 
     Where the world gives none: at the edge of an ``area`` of the arm's axis, by default of the floor on

@@ -10,9 +10,9 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Discriminator, Field, Tag
 
-from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named, robot_names
-from regionik.worlds.chain import Chain, Joint, check_rotation, pose
+from regionik.worlds.chain import Chain, Joint, pose
+from regionik.worlds.documents.robot_solids import LinkSolidPart, ToolSolidPart, matrix, solid_document
 from regionik.worlds.drives import BaseKind
 from regionik.worlds.errors import InputError, located
 from regionik.worlds.readers.validation import (
@@ -21,7 +21,6 @@ from regionik.worlds.readers.validation import (
     NotNegative,
     OneLine,
     Positive,
-    Size3,
     Strict,
     Vec2,
     Vec3,
@@ -31,11 +30,7 @@ from regionik.worlds.rest_posture import rest_posture
 from regionik.worlds.robot import (
     BASE,
     BODY_HEIGHT,
-    HULL_LIMIT,
     LINK_RADIUS,
-    LinkBox,
-    LinkCapsule,
-    LinkHull,
     LinkMass,
     LinkSolid,
     Robot,
@@ -59,121 +54,6 @@ Names = Annotated[
         min_length=2,
         max_length=2,
         description="names of two solids, or links of a URDF file, that need not keep apart",
-    ),
-]
-
-
-class _Named(Strict):
-    name: OneLine = Field(description="a name")
-
-
-class _OnLink(Strict):
-    link: Annotated[int, Field(ge=BASE)] = Field(
-        description="the number of a joint, from 0; -1 for what is fixed to the base"
-    )
-
-
-class _Capsule(_Named):
-    start: Vec3 = Field(description="x, y, z [m]")
-    end: Vec3 = Field(description="x, y, z [m]")
-    radius: Positive = Field(description="a length [m]")
-
-    def on(self, link: int) -> LinkCapsule:
-        return LinkCapsule(link, self.name, np.array(self.start), np.array(self.end), self.radius)
-
-
-class _Box(_Named):
-    size: Size3 = Field(description="three lengths [m]")
-    position: Vec3 = Field(default=[0.0, 0.0, 0.0])
-    rpy: Vec3 = Field(default=[0.0, 0.0, 0.0])
-
-    def on(self, link: int) -> LinkBox:
-        return LinkBox(link, self.name, pose(self.position, self.rpy), np.array(self.size))
-
-
-class CapsulePart(_Capsule, _OnLink):
-    """All points within ``radius`` of a segment in the link's frame."""
-
-    def solid(self) -> LinkCapsule:
-        return self.on(self.link)
-
-
-class PosedBox(_Box, _OnLink):
-    """A box by the position of its middle and its roll, pitch, yaw in the link's frame."""
-
-    def solid(self) -> LinkBox:
-        return self.on(self.link)
-
-
-class ToolCapsule(_Capsule):
-    """All points within ``radius`` of a segment in the flange's frame."""
-
-
-class ToolBox(_Box):
-    """A box by the position of its middle and its roll, pitch, yaw in the flange's frame."""
-
-
-class FramedBox(_OnLink):
-    """A box as `regionik.worlds.documents.world_file.world_to_document` writes it, exact to the last bit."""
-
-    name: OneLine = Field(description="a name")
-    size: Size3 = Field(description="three lengths [m]")
-    frame: Matrix4 = Field(description="the box's frame in the link, as a 4 x 4 matrix")
-
-    def solid(self) -> LinkBox:
-        return LinkBox(self.link, self.name, _transform(self.frame, "frame"), np.array(self.size))
-
-
-class HullPart(_OnLink):
-    """The convex hull of corners in the link's frame."""
-
-    name: OneLine = Field(description="a name")
-    corners: Annotated[list[Vec3], Field(min_length=4, max_length=HULL_LIMIT)] = Field(
-        description="corners x, y, z [m]"
-    )
-
-    def solid(self) -> LinkHull:
-        return LinkHull(self.link, self.name, np.array(self.corners))
-
-
-def _tool_solid_kind(value: Any) -> str | None:
-    kind = _solid_kind(value)
-    return kind if kind in ("<capsule>", "<posed>") else None
-
-
-def _solid_kind(value: Any) -> str | None:
-    keys = set(value) if isinstance(value, dict) else set()
-    capsule, box = keys & {"start", "end", "radius"}, keys & {"size", "position", "rpy", "frame"}
-    if bool(capsule) + bool(box) + ("corners" in keys) != 1:
-        return None
-    if "corners" in keys:
-        return "<hull>"
-    if capsule:
-        return "<capsule>"
-    return "<framed>" if "frame" in keys else "<posed>"
-
-
-LinkSolidPart = Annotated[
-    Annotated[CapsulePart, Tag("<capsule>")]
-    | Annotated[PosedBox, Tag("<posed>")]
-    | Annotated[FramedBox, Tag("<framed>")]
-    | Annotated[HullPart, Tag("<hull>")],
-    Discriminator(
-        _solid_kind,
-        custom_error_type="kind",
-        custom_error_message="expected link, name and either start, end, radius (a capsule)"
-        " or size, position, rpy (a box) or corners (a hull)",
-    ),
-]
-
-
-ToolSolidPart = Annotated[
-    Annotated[ToolCapsule, Tag("<capsule>")] | Annotated[ToolBox, Tag("<posed>")],
-    Discriminator(
-        _tool_solid_kind,
-        custom_error_type="kind",
-        custom_error_message="expected name and either start, end, radius (a capsule)"
-        " or size, position, rpy (a box)",
     ),
 ]
 
@@ -266,11 +146,11 @@ class ChainRobot(_OwnRobot):
         joints = []
         for k, part in enumerate(self.chain.joints):
             with located("", f"chain.joints[{k}]."):
-                T = _transform(part.frame, "frame")
+                T = matrix(part.frame, "frame")
             with located("", f"chain.joints[{k}]"):
                 limits, axis = _limits(part.lower, part.upper), np.array(part.axis)
                 joints.append(Joint(part.name, part.kind, *limits, T, axis, part.velocity or inf))
-        return Chain(tuple(joints), _transform(self.chain.tool, "chain.tool"))
+        return Chain(tuple(joints), matrix(self.chain.tool, "chain.tool"))
 
 
 class UrdfRobot(Strict):
@@ -406,15 +286,6 @@ def _limits(lower: float | None, upper: float | None) -> tuple[float, float]:
     return -inf if lower is None else lower, inf if upper is None else upper
 
 
-def _transform(rows: list[list[float]], what: str) -> Array:
-    T = np.array(rows)
-    with located("", what):
-        check_rotation(T[:3, :3])
-        if not np.array_equal(T[3], [0, 0, 0, 1]):
-            raise InputError(f"expected 0, 0, 0, 1 as last row, got {T[3].tolist()}")
-    return T
-
-
 # --- writing
 
 
@@ -474,18 +345,8 @@ def _joint(joint: Joint) -> dict[str, Any]:
 
 def _link_solids(robot: Robot) -> dict[str, Any]:
     """Return one radius where it describes all solids, else every solid."""
-    solids = [_link_solid(solid) for solid in robot.all_solids]
+    solids = [solid_document(solid) for solid in robot.all_solids]
     radius = robot.solids[0].radius if robot.solids else 0.0
-    if radius > 0 and solids == [_link_solid(solid) for solid in capsules_along(robot.chain, radius)]:
+    if radius > 0 and solids == [solid_document(solid) for solid in capsules_along(robot.chain, radius)]:
         return {"link_radius": float(radius)}
     return {"solids": solids}
-
-
-def _link_solid(solid: LinkSolid) -> dict[str, Any]:
-    document: dict[str, Any] = {"link": solid.link, "name": solid.name}
-    if isinstance(solid, LinkCapsule):
-        ends = {"start": solid.start.tolist(), "end": solid.end.tolist()}
-        return {**document, **ends, "radius": float(solid.radius)}
-    if isinstance(solid, LinkHull):
-        return {**document, "corners": solid.corners.tolist()}
-    return {**document, "size": solid.size.tolist(), "frame": solid.T_link_box.tolist()}

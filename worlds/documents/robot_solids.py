@@ -1,0 +1,156 @@
+"""The solids of a robot in a world file: their grammar, reading and writing."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import Discriminator, Field, Tag
+
+from regionik.worlds.arrays import Array
+from regionik.worlds.chain import check_rotation, pose
+from regionik.worlds.errors import InputError, located
+from regionik.worlds.readers.validation import Matrix4, OneLine, Positive, Size3, Strict, Vec3
+from regionik.worlds.robot import BASE, HULL_LIMIT, LinkBox, LinkCapsule, LinkHull, LinkSolid
+
+
+class _Named(Strict):
+    name: OneLine = Field(description="a name")
+
+
+class _OnLink(Strict):
+    link: Annotated[int, Field(ge=BASE)] = Field(
+        description="the number of a joint, from 0; -1 for what is fixed to the base"
+    )
+
+
+class _Capsule(_Named):
+    start: Vec3 = Field(description="x, y, z [m]")
+    end: Vec3 = Field(description="x, y, z [m]")
+    radius: Positive = Field(description="a length [m]")
+
+    def on(self, link: int) -> LinkCapsule:
+        return LinkCapsule(link, self.name, np.array(self.start), np.array(self.end), self.radius)
+
+
+class _Box(_Named):
+    size: Size3 = Field(description="three lengths [m]")
+    position: Vec3 = Field(default=[0.0, 0.0, 0.0])
+    rpy: Vec3 = Field(default=[0.0, 0.0, 0.0])
+
+    def on(self, link: int) -> LinkBox:
+        return LinkBox(link, self.name, pose(self.position, self.rpy), np.array(self.size))
+
+
+class CapsulePart(_Capsule, _OnLink):
+    """All points within ``radius`` of a segment in the link's frame."""
+
+    def solid(self) -> LinkCapsule:
+        return self.on(self.link)
+
+
+class PosedBox(_Box, _OnLink):
+    """A box by the position of its middle and its roll, pitch, yaw in the link's frame."""
+
+    def solid(self) -> LinkBox:
+        return self.on(self.link)
+
+
+class ToolCapsule(_Capsule):
+    """All points within ``radius`` of a segment in the flange's frame."""
+
+
+class ToolBox(_Box):
+    """A box by the position of its middle and its roll, pitch, yaw in the flange's frame."""
+
+
+class FramedBox(_OnLink):
+    """A box as `regionik.worlds.documents.world_file.world_to_document` writes it, exact to the last bit."""
+
+    name: OneLine = Field(description="a name")
+    size: Size3 = Field(description="three lengths [m]")
+    frame: Matrix4 = Field(description="the box's frame in the link, as a 4 x 4 matrix")
+
+    def solid(self) -> LinkBox:
+        return LinkBox(self.link, self.name, matrix(self.frame, "frame"), np.array(self.size))
+
+
+class HullPart(_OnLink):
+    """The convex hull of corners in the link's frame."""
+
+    name: OneLine = Field(description="a name")
+    corners: Annotated[list[Vec3], Field(min_length=4, max_length=HULL_LIMIT)] = Field(
+        description="corners x, y, z [m]"
+    )
+
+    def solid(self) -> LinkHull:
+        return LinkHull(self.link, self.name, np.array(self.corners))
+
+
+def _tool_solid_kind(value: Any) -> str | None:
+    kind = _solid_kind(value)
+    return kind if kind in ("<capsule>", "<posed>") else None
+
+
+def _solid_kind(value: Any) -> str | None:
+    keys = set(value) if isinstance(value, dict) else set()
+    capsule, box = keys & {"start", "end", "radius"}, keys & {"size", "position", "rpy", "frame"}
+    if bool(capsule) + bool(box) + ("corners" in keys) != 1:
+        return None
+    if "corners" in keys:
+        return "<hull>"
+    if capsule:
+        return "<capsule>"
+    return "<framed>" if "frame" in keys else "<posed>"
+
+
+LinkSolidPart = Annotated[
+    Annotated[CapsulePart, Tag("<capsule>")]
+    | Annotated[PosedBox, Tag("<posed>")]
+    | Annotated[FramedBox, Tag("<framed>")]
+    | Annotated[HullPart, Tag("<hull>")],
+    Discriminator(
+        _solid_kind,
+        custom_error_type="kind",
+        custom_error_message="expected link, name and either start, end, radius (a capsule)"
+        " or size, position, rpy (a box) or corners (a hull)",
+    ),
+]
+
+
+ToolSolidPart = Annotated[
+    Annotated[ToolCapsule, Tag("<capsule>")] | Annotated[ToolBox, Tag("<posed>")],
+    Discriminator(
+        _tool_solid_kind,
+        custom_error_type="kind",
+        custom_error_message="expected name and either start, end, radius (a capsule)"
+        " or size, position, rpy (a box)",
+    ),
+]
+
+
+def matrix(rows: list[list[float]], what: str) -> Array:
+    """Return a homogeneous matrix from its rows, checked.
+
+    Raises
+    ------
+    InputError
+        For what is no rotation, or another last row.
+    """
+    T = np.array(rows)
+    with located("", what):
+        check_rotation(T[:3, :3])
+        if not np.array_equal(T[3], [0, 0, 0, 1]):
+            raise InputError(f"expected 0, 0, 0, 1 as last row, got {T[3].tolist()}")
+    return T
+
+
+def solid_document(solid: LinkSolid) -> dict[str, Any]:
+    """Return plain values from which an equal solid is read."""
+    document: dict[str, Any] = {"link": solid.link, "name": solid.name}
+    if isinstance(solid, LinkCapsule):
+        ends = {"start": solid.start.tolist(), "end": solid.end.tolist()}
+        return {**document, **ends, "radius": float(solid.radius)}
+    if isinstance(solid, LinkHull):
+        return {**document, "corners": solid.corners.tolist()}
+    return {**document, "size": solid.size.tolist(), "frame": solid.T_link_box.tolist()}
