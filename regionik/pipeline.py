@@ -135,13 +135,12 @@ def why(
         target = Target(frozen(target, (3,), "target"))
     asked = replace(world, task=(target,))
     buried = failures.target_in_solid(asked)
-    if buried is not None:
-        return _explained_arm(asked, 0, buried, listener)
-    answer = reach(asked, asked.task)
-    if answer.reachable[0]:
+    if buried is None and (answer := reach(asked, asked.task)).reachable[0]:
         return None
     if has_no_known_place(asked):
         return explained_target(asked, 0, failures.no_place(asked, 0), ORACLES, listener)
+    if buried is not None:
+        return _explained_arm(asked, 0, replace(buried, verdict="unreachable"), listener)
     reason, causes = f"{answer.reason[0].rstrip('.')}.", (Cause("limits", world.robot.name),)
     if answer.verdict[0] == "undecided":
         return Explanation("undecided", 0, reason, causes)

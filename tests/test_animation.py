@@ -69,7 +69,8 @@ def test_a_timed_plan_keeps_its_times_and_goes_as_its_trajectory_does(plan: Plan
 
 
 def test_the_figures_of_a_page_are_numbers_or_null(plan: Plan) -> None:
-    nothing = dataclasses.replace(plan, world=dataclasses.replace(plan.world, obstacles=()))
+    rules = dataclasses.replace(plan.world.rules, solid_floor=False)
+    nothing = dataclasses.replace(plan, world=dataclasses.replace(plan.world, obstacles=(), rules=rules))
     curves = timeline(nothing, shown_times(nothing)[0])
     assert np.isinf(curves.clearances.arm).all()
     document = timeline_document(curves)

@@ -252,6 +252,7 @@ def test_workers_or_dask(capfd: pytest.CaptureFixture[str]) -> None:
     assert "--workers and --dask" in capfd.readouterr().err
 
 
+@pytest.mark.slow
 def test_killed_runs_give_the_bytes_of_an_unbroken_one(tmp_path: Path) -> None:
     table = table_of(tmp_path, 300)
     output = tmp_path / "answers.csv"

@@ -26,7 +26,9 @@ def cluttered(arm_clearance: float, task: tuple[Target, ...] = ()) -> World:
         Cylinder("post", 0.04, 0.6, np.array([-0.3, 0.2, 0.5])),
         Sphere("ball", 0.1, np.array([0.0, -0.4, 0.3])),
     )
-    return World("clutter", ROBOT, FLOOR, obstacles, task, Rules(arm_clearance=arm_clearance))
+    return World(
+        "clutter", ROBOT, FLOOR, obstacles, task, Rules(arm_clearance=arm_clearance, solid_floor=False)
+    )
 
 
 def random_pose(rng: np.random.Generator) -> Pose:

@@ -172,11 +172,19 @@ def test_a_folder_that_is_read_only_is_told_before_the_work(
     assert "nothing can be written in that folder" in capfd.readouterr().err
 
 
-@pytest.mark.parametrize("command", ["plan {0} -o {0}", "plan {0} --html {0}", "why {0} --html {0}",
-                                     "reach {0} --csv {1} -o {1}", "reach free --csv {1} -o {1}",
-                                     "field free --targets {2} -o {2}"])  # fmt: skip
+@pytest.mark.parametrize(
+    ("command", "told"),
+    [
+        ("plan {0} -o {0}", "expected a file name ending in .json"),
+        ("plan {0} --html {0}", "expected a file name ending in .html"),
+        ("why {0} --html {0}", "expected a file name ending in .html"),
+        ("reach {0} --csv {1} -o {1}", "is the file to read"),
+        ("reach free --csv {1} -o {1}", "is the file to read"),
+        ("field free --targets {2} -o {2}", "is the file to read"),
+    ],
+)
 def test_what_is_read_is_not_written_over(
-    command: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+    command: str, told: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     texts = {
         "a.world.yaml": world_path("free").read_text("utf-8"), "a.csv": "x,y,z\n1,0,0.3\n", "a.npz": "x,y,z\n"
@@ -184,7 +192,7 @@ def test_what_is_read_is_not_written_over(
     for name, text in texts.items():
         (tmp_path / name).write_text(text, "utf-8")
     assert app.run(command.format(*(tmp_path / name for name in texts)).split()) == 2
-    assert "is the file to read" in capfd.readouterr().err
+    assert told in capfd.readouterr().err
     assert {path.name: path.read_text("utf-8") for path in tmp_path.iterdir()} == texts
 
 

@@ -171,7 +171,7 @@ def test_a_tool_that_sinks_into_its_work_is_objected_to(depth: float, reach: flo
 def boxed(obstacles: list[dict[str, Any]], footprint: ArrayLike, clearance: float) -> Ground:
     """The ground of a base on a floor of 4 m by 2 m."""
     floor = {"polygon": [[-2, -1], [2, -1], [2, 1], [-2, 1]]}
-    world = {"floor": floor, "obstacles": obstacles, "rules": {"clearance": clearance}}
+    world = {"floor": floor, "obstacles": obstacles, "rules": {"clearance": clearance, "solid_floor": True}}
     robot = load_world("pillar").robot
     facts = replace(facts_of(robot), footprint=np.array(footprint, dtype=float))
     machine = Machine(robot_to_urdf(robot, shapely.box(-2, -1, 2, 1)), facts)

@@ -49,7 +49,7 @@ def test_clearances_are_those_of_each_state(plan: Plan) -> None:
 
 
 def test_where_there_are_no_solids_clearance_is_infinite() -> None:
-    empty = replace(l_shape(), obstacles=())
+    empty = replace(l_shape(), obstacles=(), rules=replace(l_shape().rules, solid_floor=False))
     motion = synthetic_plan(empty).motion
     found = clearances(empty, motion.base, motion.joints)
     assert np.isinf(found.base).all()

@@ -23,7 +23,7 @@ TETRAHEDRON = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
 
 
 def check(robot: Robot, motion: Motion, *solids: Solid, clearance: float = 0.0) -> Finding:
-    rules = Rules(arm_clearance=clearance, tool_contact=0.001)
+    rules = Rules(arm_clearance=clearance, tool_contact=0.001, solid_floor=False)
     world = World("by hand", robot, Floor(box(-9, -9, 9, 9)), solids, (FAR,), rules)
     return verify_arm_clearance(world, MotionSegments(robot, motion), StateNames(motion, 1))[0]
 

@@ -79,7 +79,12 @@ def test_a_path_is_mended_by_as_little_as_brute_force_finds(kind: str, world: Wo
     ("seed", "longest"),
     [
         pytest.param(668, 0.25, id="straight down the arm runs into a ball, for another 0.16 m"),
-        pytest.param(716, 0.11, id="along the shortest way of the base the arm touches a box until 0.168 m"),
+        pytest.param(
+            716,
+            0.11,
+            id="along the shortest way of the base the arm touches a box until 0.168 m",
+            marks=pytest.mark.slow,
+        ),
     ],
 )
 def test_a_way_round_what_the_arm_would_touch(seed: int, longest: float) -> None:

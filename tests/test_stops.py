@@ -354,6 +354,7 @@ def test_an_arm_that_touches_something_at_the_start_is_named() -> None:
         plan(replace(world, obstacles=(Sphere("ball", 0.05, tip),)))
 
 
+@pytest.mark.slow
 def test_an_arm_that_is_clear_in_no_posture_is_told() -> None:
     world = replace(wave(0), start=None)
     spot = world.task[5]

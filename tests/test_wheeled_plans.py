@@ -66,7 +66,10 @@ def footprints(made: Plan, shares: int) -> list[shapely.Polygon]:
     return found
 
 
-@pytest.mark.parametrize(("width", "base"), [(0.5, "omni"), (0.3801, "omni"), (0.6, "differential")])
+@pytest.mark.parametrize(
+    ("width", "base"),
+    [pytest.param(0.5, "omni", marks=pytest.mark.slow), (0.3801, "omni"), (0.6, "differential")],
+)
 def test_a_long_base_passes_a_corridor_lengthwise(width: float, base: BaseKind) -> None:
     world = corridor(width, base)
     made = plan(world)
@@ -113,6 +116,7 @@ def test_a_base_on_wheels_rolls_along_a_wall(base: BaseKind) -> None:
             assert arc / abs(turn) >= RADIUS * (1 - 1e-9)
 
 
+@pytest.mark.slow
 def test_a_car_is_told_where_it_does_not_get_through() -> None:
     bend = shapely.box(0, 0, 0.62, 6) | shapely.box(0, 5.38, 6, 6)
     robot = replace(robot_named("youbot-real"), base="car", turning_radius=3.0)

@@ -52,10 +52,11 @@ class KeyFrames:
         return float(self.times[-1]) + REST
 
 
-def key_frames(plan: Plan) -> KeyFrames:
+def key_frames(plan: Plan, clock: Array | None = None) -> KeyFrames:
     """Return at most about `MOST_FRAMES` key frames, all set-points among them.
 
-    A timed plan keeps its times, and goes between its states as `regionik.trajectory` does.
+    A timed plan keeps its times, and goes between its states as `regionik.trajectory` does. States of one
+    that is not may be shown at the times of a ``clock`` (n,) [s].
     """
     motion = plan.motion
     if is_timed(motion):
@@ -68,7 +69,7 @@ def key_frames(plan: Plan) -> KeyFrames:
         return _frames(times, np.column_stack([sample.base, sample.joints, lifted]), shown_times(plan)[1])
     states = _unwrapped(motion.base)
     index = plan.world.robot.drive.cuts(states)
-    clock, passed = shown_times(plan)
+    clock, passed = shown_times(plan, clock)
     times, base = _interpolated(index, clock), plan.world.robot.drive.sampled(states, index)
     keep = _selected(np.isin(index, np.flatnonzero(motion.kind == "setpoint")))
     # A row between two states belongs to the motion to the second.
@@ -85,11 +86,13 @@ def _frames(times: Array, table: Array, passed: Array) -> KeyFrames:
     )
 
 
-def shown_times(plan: Plan) -> tuple[Array, Array]:
+def shown_times(plan: Plan, clock: Array | None = None) -> tuple[Array, Array]:
     """When each state is shown (n,), and when each set-point is reached (k,) [s]."""
     motion = plan.motion
-    timed = is_timed(motion)
-    clock = motion.time if timed else _display_times(_unwrapped(motion.base), motion.joints, plan.tools())
+    if is_timed(motion):
+        clock = motion.time
+    elif clock is None:
+        clock = _display_times(_unwrapped(motion.base), motion.joints, plan.tools())
     return clock, clock[motion.kind == "setpoint"]
 
 
@@ -145,9 +148,9 @@ def turn_quaternions(axis: Array, angles: Array) -> Array:
     return np.hstack([np.sin(half) * axis, np.cos(half)])
 
 
-def picture_of_plan(plan: Plan) -> Picture:
-    """Return the picture of a plan, animated."""
-    world, frames = plan.world, key_frames(plan)
+def picture_of_plan(plan: Plan, clock: Array | None = None) -> Picture:
+    """Return the picture of a plan, animated; see `key_frames`."""
+    world, frames = plan.world, key_frames(plan, clock)
     robot, poses = robot_meshes(world, frames.base[0], frames.joints[0])
     covered = drawn_union([area.admissible for area in plan.areas])
     areas, area_tracks = _areas(plan, frames, covered)
@@ -165,7 +168,7 @@ def picture_of_plan(plan: Plan) -> Picture:
         camera=camera,
         extent=floor_radius(world, camera),
         tracks=tuple(_extended(track, frames.duration) for track in tracks) if moves else (),
-        timeline=timeline(plan, shown_times(plan)[0]) if moves else None,
+        timeline=timeline(plan, shown_times(plan, clock)[0]) if moves else None,
     )
 
 

@@ -18,7 +18,7 @@ _THIN = 0.003  # radius of the planned tool path [m]
 
 def picture_of_run(run: SimulatedRun) -> Picture:
     """Return the picture of a run, animated, with the tool path that was planned beside the one made."""
-    picture, figures = picture_of_plan(_as_plan(run)), run.figures
+    figures, moving = run.figures, picture_of_plan(_as_plan(run), run.time[_frames(len(run.time))])
     error = {key: 1000 * value for key, value in figures["tool_error"].items()}
     facts = (
         f"simulated, {figures['duration']:.1f} s",
@@ -27,10 +27,12 @@ def picture_of_run(run: SimulatedRun) -> Picture:
     )
     planned = tubes(run.reference.T_tool[_frames(len(run.time)), :3, 3], _THIN)
     shown = SceneMesh("tool/planned", planned, Color.AHEAD, lit=False, label="path of the tool as planned")
+    assert moving.timeline is not None
     return replace(
-        picture,
-        facts=(*picture.facts, *facts),
-        bodies=(*picture.bodies, shown),
+        moving,
+        facts=(*moving.facts[:-1], *facts),  # the last one says that states have no times
+        bodies=(*moving.bodies, shown),
+        timeline=replace(moving.timeline, timed=True),
     )
 
 
@@ -47,5 +49,6 @@ def _as_plan(run: SimulatedRun) -> Plan:
     states = np.flatnonzero(plan.motion.kind == "setpoint")
     at = np.searchsorted(run.time[frames], plan.motion.time[states]).clip(0, len(frames) - 1)
     kind[at], setpoint[at] = "setpoint", plan.motion.setpoint[states]
-    motion = Motion(run.base[frames], run.joints[frames], kind, setpoint, run.time[frames])
+    times = np.full(len(frames), np.nan)  # between its states a run goes as it was recorded
+    motion = Motion(run.base[frames], run.joints[frames], kind, setpoint, times)
     return replace(plan, motion=motion)
