@@ -42,7 +42,7 @@ def hall() -> rik.World:
         ],
         task=[rik.Target([0.6 + 0.1 * k, 0, 0.3]) for k in range(5)],
         rules=rik.Rules(clearance=0.05, tool_contact=0.0),
-        start=rik.Start([0, 0, 0], [0, 1.5, -1, 0]),
+        start=rik.Start([0, 0, 0], [0, 1.0, -0.5, 0]),
     )
 
 
@@ -72,7 +72,7 @@ def test_what_is_left_out_of_a_robot_is_plain() -> None:
         (lambda: hall().obstacles[3], "Prism('shelf', polygon=<Polygon>, bottom=0.9, top=1.0)"),
         (lambda: hall().obstacles[4], "Mesh('wedge', vertices=<4 x 3 array>, faces=<4 x 3 array>)"),
         (lambda: hall().rules, "Rules(clearance=0.05, tool_contact=0.0)"),
-        (lambda: hall().start, "Start(base=[0.0, 0.0, 0.0], joints=[0.0, 1.5, -1.0, 0.0])"),
+        (lambda: hall().start, "Start(base=[0.0, 0.0, 0.0], joints=[0.0, 1.0, -0.5, 0.0])"),
         (lambda: hall().task[1], "Target(position=[0.7, 0.0, 0.3])"),
         (lambda: rik.Criteria(effort=[1, 2]), "Criteria(effort=(1.0, 2.0))"),
     ],
