@@ -95,7 +95,13 @@ def row(answer: Answer, i: int) -> Answer:
     return Answer(**{name: value[i : i + 1] for name, value in values.items()})
 
 
-@pytest.mark.parametrize(("name", "cone"), [("l_shape", None), ("depot", None), ("wall", 0.4)])
+@pytest.mark.parametrize(
+    ("name", "cone"),
+    [
+        ("l_shape", None),
+        *(pytest.param(*one, marks=pytest.mark.slow) for one in (("depot", None), ("wall", 0.4))),
+    ],
+)
 def test_a_target_is_answered_alone_as_among_a_thousand(name: str, cone: float | None) -> None:
     world = load_world(name)
     x0, y0, x1, y1 = world.floor.polygon.bounds
@@ -134,7 +140,9 @@ def test_bad_targets_are_refused_before_anything_is_handed_out() -> None:
     assert executor.asked == []
 
 
-@pytest.mark.parametrize("name", world_names())
+@pytest.mark.parametrize(
+    "name", [pytest.param(one, marks=[pytest.mark.slow] if one == "circle" else []) for one in world_names()]
+)
 def test_every_world_goes_to_another_process(name: str) -> None:
     world = load_world(name)
     reach(world, world.task[:2])  # what is cached for it must not hinder

@@ -218,6 +218,7 @@ def standing(world: World, solid: BaseGeometry, tool: Array) -> list[Polygon]:
     return [part for part in shapely.get_parts(area) if part.geom_type == "Polygon" and part.area > 1e-4]
 
 
+@pytest.mark.slow
 def test_the_depot_s_path_can_be_followed_without_lifting_the_tool() -> None:
     world = load_world("depot")
     tools = np.array([target.position for target in world.task])

@@ -232,6 +232,7 @@ def test_postures_that_meet_all_lie_in_the_outer_rings(seed: int, aside: float) 
         assert any(low - 1e-9 <= r <= high + 1e-9 for low, high in outer)
 
 
+@pytest.mark.slow
 @settings(max_examples=8)
 @given(SEEDS, st.sampled_from([0.0, 0.04]))
 @example(282, 0.0)  # a pitch between two of a coarse grid serves

@@ -51,7 +51,7 @@ def test_each_kernel_of_a_plan_says_the_same_as_plain_python(name: str) -> None:
     assert rik.verify(plan).ok
 
 
-@pytest.mark.parametrize("name", ["l_shape", "shelf"])
+@pytest.mark.parametrize("name", ["l_shape", pytest.param("shelf", marks=pytest.mark.slow)])
 def test_each_kernel_of_bulk_answers_says_the_same_as_plain_python(name: str) -> None:
     world = rik.load_world(name)
     targets = np.random.default_rng(0).uniform([-1, -1, 0], [3, 3, 1], (50, 3))

@@ -301,6 +301,7 @@ def test_a_path_goes_nowhere_beyond_its_states() -> None:
     assert (z <= np.maximum(states[k], states[k + 1]) + 1e-12).all()
 
 
+@pytest.mark.slow
 def test_a_path_on_which_the_engine_stumbles_is_timed() -> None:
     """In metres its linear programs end without an answer at one state, by rounding."""
     timed = retime(search(soaked_world("made", 197)))

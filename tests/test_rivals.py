@@ -146,6 +146,7 @@ def test_genes_turn_the_tool_as_asked(kind: int) -> None:
         assert angle < confirm(chain, aim, method.search(aim._replace(kind=POSITION), start).joints)[1]
 
 
+@pytest.mark.slow
 def test_a_network_has_an_output_a_joint_and_repeats() -> None:
     chain = small()
     one, two = (Network(chain, samples=200, epochs=150) for _ in range(2))

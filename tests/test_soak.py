@@ -29,11 +29,13 @@ def test_every_witness_is_a_plan(kind: str) -> None:
     assert against(known) == ()
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_world() -> None:
     one, other = (world_to_document(witness("urdf arms", 1).world) for _ in range(2))
     assert one == other
 
 
+@pytest.mark.slow
 def test_witnesses_are_of_all_sorts() -> None:
     worlds = [witness(kind, seed).world for kind in WITNESSED for seed in range(2)]
     traits = {trait for world in worlds for trait in traits_of(world)}

@@ -87,6 +87,20 @@ def test_a_car_that_steers_too_fast_is_named() -> None:
     assert all("the steering reaches" in one.text for one in told)
 
 
+def test_a_wheel_that_turns_too_fast_is_named() -> None:
+    """A wheel goes as the axle's middle does, and by half the gauge for each radian more or less."""
+    found, gauge = timed("differential"), 0.4
+    times = np.linspace(0.0, found.motion.time[-1], 20_000)
+    moved = trajectory(found).sample(times).base_velocity
+    quickest = float((np.hypot(*moved[:, :2].T) + gauge / 2 * np.abs(moved[:, 2])).max())
+    assert found.world.speeds is not None
+    for share in (1.01, 0.99):
+        speeds = replace(found.world.speeds, wheel_velocity=share * quickest)
+        world = replace(found.world, robot=replace(found.world.robot, gauge=gauge), speeds=speeds)
+        told = verify(replace(found, stats={}, world=world)).violations
+        assert any("the speed of a wheel" in one.text for one in told) == (share < 1)
+
+
 def hasty(span: float, bend: float) -> Plan:
     """A plan at rest for a second, whose first joint then moves for no more than that span, and back."""
     motion = straight(1, 0)

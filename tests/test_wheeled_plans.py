@@ -68,7 +68,11 @@ def footprints(made: Plan, shares: int) -> list[shapely.Polygon]:
 
 @pytest.mark.parametrize(
     ("width", "base"),
-    [pytest.param(0.5, "omni", marks=pytest.mark.slow), (0.3801, "omni"), (0.6, "differential")],
+    [
+        pytest.param(0.5, "omni", marks=pytest.mark.slow),
+        (0.3801, "omni"),
+        pytest.param(0.6, "differential", marks=pytest.mark.slow),
+    ],
 )
 def test_a_long_base_passes_a_corridor_lengthwise(width: float, base: BaseKind) -> None:
     world = corridor(width, base)

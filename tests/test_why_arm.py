@@ -79,6 +79,7 @@ def test_causes_rule_it_out_together_and_no_fewer_do(
         assert answer(names - {name}) == "reachable"
 
 
+@pytest.mark.slow
 def test_repairs_help_and_smaller_ones_do_not(case: tuple[World, Explanation, set[str], set[str]]) -> None:
     world, found, _, _ = case
     for repair in found.repairs:
