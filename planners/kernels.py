@@ -147,6 +147,11 @@ def tell_compiling(listener: Callable[[str], None]) -> None:
     _listeners.append(listener)
 
 
+def plain_work() -> float:
+    """Return how many expressions kernels have evaluated as plain Python in this process."""
+    return _plain.work[0]
+
+
 def cache_folder() -> str | None:
     """Return the folder in which machine code is kept; None where no folder can be written."""
     try:

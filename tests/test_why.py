@@ -209,7 +209,7 @@ def test_a_target_deep_in_a_solid_is_told_before_any_search() -> None:
     def say(sentence: str) -> None:
         raise EnoughError(sentence)
 
-    with pytest.raises(EnoughError, match="into crate"):
+    with pytest.raises(EnoughError, match="crate"):
         why(replace(world, obstacles=(crate,)), middle, say=say)
 
 

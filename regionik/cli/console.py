@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 
 DONE, NO = 0, 1  # exit codes
 PROGRESS_DELAY = 1.0  # shorter work shows no progress bar [s]
+WORTH_WARMING = 1.5e8  # expressions that kernels evaluate as plain Python in some five seconds
 _SHOWN = 20  # violations listed
 PAGES = (".html", ".htm")  # endings
 _UNITS = dict.fromkeys(("direction", "orientation", "joints"), " rad")
@@ -176,6 +177,9 @@ class DelayedProgress:
             self._timer.join()
         if self._bars is not None:
             self._bars.stop()
+            kernels = sys.modules.get("regionik.planners.kernels")
+            if kernels is not None and kernels.plain_work() > WORTH_WARMING:
+                print_message("much of this ran uncompiled: regionik warm-up makes later runs faster")
 
 
 def read_world(name: str, progress: DelayedProgress) -> World:
