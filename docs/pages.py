@@ -34,6 +34,7 @@ SECTIONS = {
         "verify_answers",
         "verify_areas",
         "stops",
+        "replan_stop",
         "why",
     ),
     "Time": ("retime", "trajectory", "point_to_point"),
