@@ -259,6 +259,7 @@ def test_the_command_writes_a_table_and_a_page(tmp_path: Path, capsys: pytest.Ca
         (["--noise", "rate=0"], "noise: rate: must be above 0, got 0"),
         (["--tolerance", "0"], "tolerance: must be above 0, got 0"),
         (["-o", "run.txt"], "run.txt: expected a file name ending in .csv"),
+        (["--html", "run"], "run: expected a file name ending in .html, .htm"),
     ],
 )
 def test_what_does_not_go_is_one_line(

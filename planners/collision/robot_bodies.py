@@ -235,12 +235,12 @@ def bodies_from(
     owned = zip(around.pieces, around.owner.tolist(), strict=True)
     rows = [row for piece, k in owned for row in _rows(piece, WORLD, k)]
     world = len(rows)
-    is_floor = np.array([row.owner == len(solids) - 1 for row in rows], dtype=np.bool_)
     body = base_body(robot)
     own = obstacles_from([body] if body else []).pieces
     rows += [row for piece in own for row in _rows(piece, BASE, BODY)]
     checked = np.ones((len(robot.all_solids), world), dtype=np.bool_)
     if floor is not None:
+        is_floor = np.array([row.owner == len(solids) - 1 for row in rows[:world]])
         checked[:, is_floor] = np.array(off_floor(robot), dtype=np.bool_)[:, None]
     pairs = np.hstack([checked, _self_pairs(robot, len(rows) - world)])
     rows += [_Row(s.corners, link_piece(s), s.link, k) for k, s in enumerate(robot.all_solids)]

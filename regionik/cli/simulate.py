@@ -9,6 +9,7 @@ import typer
 
 from regionik.cli.console import (
     NO,
+    PAGES,
     AsJson,
     DelayedProgress,
     PlanPath,
@@ -44,7 +45,7 @@ def simulate_plan(
     [m], heading [rad], rate [1/s], delay [s] and slip.
     """
     check_output(output, (".csv",), [path])
-    check_output(html, reads=[path])
+    check_output(html, PAGES, [path])
     disturbances = _noise(noise)
     with DelayedProgress() as progress:
         plan = read_plan(path, progress)
