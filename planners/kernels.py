@@ -26,6 +26,7 @@ from numba.core import config
 from numba.core.caching import FunctionCache
 from numba.core.dispatcher import Dispatcher, OmittedArg
 from numba.core.registry import CPUDispatcher
+from numba.core.types import unliteral
 from numpy.typing import NDArray
 
 from regionik.planners.counted_work import CountedFunctions, TooMuchWork
@@ -73,8 +74,9 @@ class Kernel(_Dispatcher):  # type: ignore[misc]
     _opened = False  # its place on disk was looked for
 
     def compile(self, sig: Any) -> Any:
+        """Compile for arguments of these types; numbers written in a call are as any others."""
         self._open()
-        return super().compile(sig)
+        return super().compile(tuple(map(unliteral, sig)))
 
     def _compile_for_args(self, *args: Any, **kws: Any) -> Any:
         """Return what to call for arguments that there is no machine code for in memory."""

@@ -287,7 +287,8 @@ def near_bodies(bodies: Bodies, point: Array, far: float) -> Bodies:
         hulls.boxes[kept],
         int(np.count_nonzero(keep[: hulls.world])),
     )
-    links = bodies.links._replace(pairs=bodies.links.pairs[:, kept])
+    # In C order, as kernels are compiled for each order that they meet.
+    links = bodies.links._replace(pairs=np.take(bodies.links.pairs, kept, axis=1))
     return replace(bodies, links=links, hulls=left, pieces=tuple(bodies.pieces[m] for m in kept.tolist()))
 
 
