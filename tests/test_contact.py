@@ -26,8 +26,9 @@ from regionik.verification.contact import (
 from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import translation
+from regionik.worlds.links import LinkBox, LinkCapsule, LinkSolid
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Solid, Sphere
-from regionik.worlds.robot import LinkBox, LinkCapsule, LinkSolid, Robot
+from regionik.worlds.robot import Robot
 from tests import examples
 from tests.plans import youbot
 from tests.test_proximity import box_mesh

@@ -16,8 +16,9 @@ from regionik.planners.collision.robot_motion import BASE, WORLD, MobileArm
 from regionik.planners.solvers.serial_chain import serial_arm
 from regionik.worlds.arrays import Array, Index, frozen
 from regionik.worlds.errors import InputError
+from regionik.worlds.links import LinkHull, LinkSolid
 from regionik.worlds.obstacles import Solid
-from regionik.worlds.robot import LinkHull, LinkSolid, Robot
+from regionik.worlds.robot import Robot
 from regionik.worlds.self_collision import BODY, base_body, off_floor, self_collision_pairs
 
 LEFT = 1e-3  # of the size of a hull that is drawn in, so that it stays a solid
