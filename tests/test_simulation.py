@@ -245,7 +245,9 @@ def test_the_command_writes_a_table_and_a_page(tmp_path: Path, capsys: pytest.Ca
     assert "path of the tool as planned" in page.read_text("utf-8")
     noisy = ["--noise", "position=0.05,heading=0.02", "--tolerance", "0.001"]
     assert app.run(["simulate", str(plan), *noisy, "--json"]) == 1
-    assert '"ok": false' in capsys.readouterr().out
+    told = capsys.readouterr()
+    assert '"ok": false' in told.out
+    assert "this run needs rules.execution: {base_error: 0." in told.err
 
 
 @pytest.mark.parametrize(

@@ -294,12 +294,12 @@ def _asked(world: World) -> dict[str, tuple[str, float]]:
     found = {
         "step": ("of", rules.step),
         "setpoint": ("of", rules.tolerance),
-        "path": ("of", rules.path_tolerance),
+        "path": ("of", rules.planned_path_tolerance),
         "direction": ("of", cone),
         "orientation": ("of", cone),
         "contact": ("of", rules.deepest_contact),
-        "clearance": ("over", rules.clearance),
-        "arm": ("over", rules.arm_clearance),
+        "clearance": ("over", world.base_clearance),
+        "arm": ("over", world.arm_clearance),
     }
     if criteria is not None:
         found["manipulability"] = ("over", criteria.manipulability or 0.0)

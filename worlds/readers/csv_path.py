@@ -152,7 +152,7 @@ def _path_of_lines(lines: Sequence[str], where: str, row: int, columns: int, num
     rows = _fast_rows(kept, columns)
     if rows is None:
         rows, numbers = _careful_rows(kept, where, row, columns, number)
-    return _path_of_rows(rows, where, numbers)
+    return path_of_rows(rows, where, numbers)
 
 
 def _check_lengths(lines: Sequence[str], where: str, number: int) -> None:
@@ -218,7 +218,14 @@ def _row(cells: list[str], where: str) -> list[float]:
     return values
 
 
-def _path_of_rows(rows: Array, where: str, numbers: Sequence[int]) -> ToolPath:
+def path_of_rows(rows: Array, where: str, numbers: Sequence[int]) -> ToolPath:
+    """Return the path of rows as one of `COLUMNS` has them, from lines of such numbers.
+
+    Raises
+    ------
+    InputError
+        For a direction of no length, or a quaternion that is not of length one.
+    """
     points, rest = rows[:, :3], rows[:, 3:]
     if rest.shape[1] == 0:
         return ToolPath(points)
