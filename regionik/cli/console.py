@@ -298,8 +298,8 @@ def _asked(world: World) -> dict[str, tuple[str, float]]:
         "direction": ("of", cone),
         "orientation": ("of", cone),
         "contact": ("of", rules.deepest_contact),
-        "clearance": ("over", world.base_clearance),
-        "arm": ("over", world.arm_clearance),
+        "clearance": ("over", rules.clearance + round(world.base_clearance - rules.clearance, 4)),
+        "arm": ("over", rules.arm_clearance + round(world.arm_clearance - rules.arm_clearance, 4)),
     }
     if criteria is not None:
         found["manipulability"] = ("over", criteria.manipulability or 0.0)
