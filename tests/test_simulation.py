@@ -57,6 +57,7 @@ def test_without_noise_the_tool_keeps_its_path_and_its_speed() -> None:
     assert max(figures["used"].values()) < 1.01
     assert figures["base_error"] < 1e-3
     assert np.ptp(run.base[:, 0]) > 0.1  # it drove
+    assert run.tool_speed[0] < 0.01  # from rest
 
 
 def test_noise_is_taken_up_by_the_arm_and_a_seed_repeats_its_bytes() -> None:
