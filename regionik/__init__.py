@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from regionik.worlds.criteria import Criteria
     from regionik.worlds.documents.world_file import load_world
     from regionik.worlds.errors import InputError, NoPlanFound, RegionikError
+    from regionik.worlds.execution import Execution
     from regionik.worlds.links import LinkBox, LinkCapsule, LinkHull
     from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Sphere
     from regionik.worlds.robot import Robot, Tool
@@ -55,6 +56,7 @@ __all__ = [
     "Chain",
     "Criteria",
     "Cylinder",
+    "Execution",
     "Floor",
     "InputError",
     "Joint",
@@ -108,6 +110,7 @@ _HOME = {
     "Chain": "regionik.worlds.chain",
     "Criteria": "regionik.worlds.criteria",
     "Cylinder": "regionik.worlds.obstacles",
+    "Execution": "regionik.worlds.execution",
     "Floor": "regionik.worlds.scene",
     "InputError": "regionik.worlds.errors",
     "Joint": "regionik.worlds.chain",

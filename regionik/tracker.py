@@ -352,6 +352,6 @@ def _coarse_poses(world: World, path: PosePath, runs: tuple[TrackedRun, ...]) ->
     for s in (0.25, 0.5, 0.75):
         tool = robot.tool(robot.drive.between(base[:-1], base[1:], s), joints[:-1] + s * bend)
         off = np.linalg.norm(tool - poses[:-1] - s * move, axis=1)
-        coarse |= (off[:, 3] > rules.path_tolerance / 2) | (off[:, 2] > cone / 2)
+        coarse |= (off[:, 3] > rules.planned_path_tolerance / 2) | (off[:, 2] > cone / 2)
     coarse[np.cumsum([len(run.base) for run in runs])[:-1] - 1] = False  # there the tool is lifted
     return np.flatnonzero(coarse).tolist()

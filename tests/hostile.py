@@ -22,8 +22,9 @@ from tests.plans import every_solid, synthetic_plan
 from tests.urdfs import CRANE
 
 Files = Mapping[str, bytes]
-KINDS = ("world", "plan", "csv", "urdf", "map", "parts")
+KINDS = ("world", "plan", "csv", "columns", "gcode", "urdf", "map", "parts")
 READ = {"world": "w.yaml", "plan": "plan.json", "csv": "p.csv", "urdf": "r.urdf", "map": "m.yaml"}
+READ |= {"columns": "t.csv", "gcode": "p.nc"}
 READ["parts"] = "t.csv.parts/manifest.json"  # of a run of many targets that goes on
 MANIFEST = {"world": "a digest", "targets": "another", "versions": {"regionik": "0.1.0"}}
 
@@ -176,6 +177,19 @@ def samples(kind: str) -> list[Files]:
                 "x,y,z,dx,dy,dz\n1,2,3,0,0,-1\n",
             )
             return [{"p.csv": text.encode()} for text in points]
+        case "columns":
+            tables = (
+                '# a\nNo;X (mm);Y (mm);Z;qx;qy;qz;qw\n1;2;3;4;0;0;0;1\n\n2;"2";3;5;0;0;0.6;0.8\n',
+                "X (mm);Y (mm);Z;qx;qy;qz;qw\r\n2;3;4;0;0;0;1\r\n",
+            )
+            return [{READ[kind]: text.encode()} for text in tables]
+        case "gcode":
+            programs = (
+                "%\nO1 (a seam)\nG21 G90 G17\nN10 G0 X0 Y0 Z5\nG1 Z0 F100\nX10\nG2 X20 Y10 I0 J10\nM30\n",
+                "g20g91\ng1x1y1 ; away\ng3x1y0r.6\ng18 g2 x1 z0 i.5 k0\n/g1x9\ng4 p1\n",
+                "G90.1 G19\nG1 Y1 Z1\nG2 Y1 Z1 J2 K1 X3\nG91.1 G54\n",
+            )
+            return [{READ[kind]: text.encode()} for text in programs]
         case "urdf":
             return [{"r.urdf": CRANE.replace("upper.stl", file).encode(), f"meshes/{file}": mesh}
                     for file, mesh in meshes().items()]  # fmt: skip
@@ -260,6 +274,8 @@ def bombs(kind: str) -> dict[str, Files]:
         "world": _world_bombs,
         "plan": _plan_bombs,
         "csv": _csv_bombs,
+        "columns": _columns_bombs,
+        "gcode": _gcode_bombs,
         "urdf": _urdf_bombs,
         "map": _map_bombs,
         "parts": _parts_bombs,
@@ -349,6 +365,33 @@ def _csv_bombs() -> dict[str, bytes | Files]:
         "rows and gaps": b"1,2,3\n\n" * 8_000_000,
         "comments": b"#\n" * 30_000_000,
         "empty lines": b"\n" * 60_000_000,
+        "zeros": bytes(60_000_000),
+        "a pipe": PIPE,
+    }
+
+
+def _columns_bombs() -> dict[str, bytes | Files]:
+    head = b"X (mm);Y (mm);Z;qx;qy;qz;qw\n"
+    return {
+        "a quote without end": head + b'"' + b"1;" * 30_000_000,
+        "titles": b"a;" * 30_000_000,
+        "rows": head + b"1;2;3;0;0;0;1\n" * 4_000_000,
+        "empty lines": head + b"\n" * 60_000_000,
+        "zeros": bytes(60_000_000),
+        "a pipe": PIPE,
+    }
+
+
+def _gcode_bombs() -> dict[str, bytes | Files]:
+    return {
+        "a large circle": b"G1 X1\nG2 I1e9\n",
+        "a circle of a million metres": b"G1 X1\nG2 I999999999\n",
+        "circles": b"G1 X1\n" + b"G2 I100000\n" * 900_000,
+        "words": b"X1" * 30_000_000,
+        "brackets": b"(" * 60_000_000,
+        "comments": b"(a)" * 20_000_000,
+        "moves": b"G1 X1\nX2\n" * 5_000_000,
+        "a long number": b"X" + b"1" * 900,
         "zeros": bytes(60_000_000),
         "a pipe": PIPE,
     }

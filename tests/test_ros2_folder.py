@@ -13,6 +13,7 @@ import pytest
 import yaml
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+from shapely.geometry import box
 
 from regionik.cli import app
 from regionik.output.export import export
@@ -21,9 +22,12 @@ from regionik.output.ros2 import base_trajectory
 from regionik.output.ros2_folder import arm_parameters, bag_files, base_parameters, ros2_files
 from regionik.timing.trajectory import trajectory
 from regionik.values import Plan
+from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.errors import InputError
-from regionik.worlds.speeds import Speeds
+from regionik.worlds.frames import FrameNames
+from regionik.worlds.scene import Floor, World
+from regionik.worlds.toolpath import rotation_from_quaternion
 from tests.plans import every_solid, l_shape, synthetic_plan, timed
 
 # The interface of MoveIt's messages as far as the folder uses them.
@@ -144,8 +148,24 @@ def test_the_bag_is_read(plan: Plan, folder: Path) -> None:
                 now = way.sample([min(time * 1e-9, way.duration)])
                 assert np.abs(read.position - now.joints[0]).max() < 1e-8
                 assert seconds(read.header.stamp) == pytest.approx(time * 1e-9, abs=1e-9)
+            if connection.topic == "/tf":
+                base, tool = read.transforms
+                assert (base.child_frame_id, tool.child_frame_id) == ("base_link", "tool0")
+                assert tool.header.frame_id == "base_link"
+                now = way.sample([min(time * 1e-9, way.duration)])
+                T_world_tool = plan.world.robot.tool(now.base[0], now.joints[0])
+                assert np.abs(matrix(base.transform) @ matrix(tool.transform) - T_world_tool).max() < 1e-8
     assert seen["/tf"] == seen["/joint_states"] == len(document(folder, "base_path")["poses"])
     assert seen["/arm_trajectory"] == seen["/base_trajectory"] == seen["/base_path"] == 1
+
+
+def matrix(transform: Any) -> Array:
+    """A geometry_msgs/Transform as (4, 4)."""
+    place, turn = transform.translation, transform.rotation
+    T = np.eye(4)
+    T[:3, :3] = rotation_from_quaternion([turn.x, turn.y, turn.z, turn.w])
+    T[:3, 3] = place.x, place.y, place.z
+    return T
 
 
 def test_parameters_name_the_robot(plan: Plan, folder: Path) -> None:
@@ -206,8 +226,11 @@ def test_names_and_drives_of_robots_come_through(name: str) -> None:
     robot = robot_named(name)
     arm = arm_parameters(robot)["arm_controller"]["ros__parameters"]
     assert arm["joints"] == list(robot.chain.names)
-    base = base_parameters(robot, Speeds(), 0.1, "map")["controller_server"]["ros__parameters"]
-    follow = base["FollowPath"]
+    world = World("one", robot, Floor(box(-1, -1, 1, 1)), frames=FrameNames(base_link="cart/base_link"))
+    found = base_parameters(world, "map")
+    costmap = found["local_costmap"]["local_costmap"]["ros__parameters"]
+    assert (costmap["global_frame"], costmap["robot_base_frame"]) == ("map", "cart/base_link")
+    follow = found["controller_server"]["ros__parameters"]["FollowPath"]
     assert (follow["vy_max"] > 0) == (robot.base == "omni")
 
 

@@ -57,6 +57,7 @@ def test_without_noise_the_tool_keeps_its_path_and_its_speed() -> None:
     assert max(figures["used"].values()) < 1.01
     assert figures["base_error"] < 1e-3
     assert np.ptp(run.base[:, 0]) > 0.1  # it drove
+    assert run.tool_speed[0] < 0.01  # from rest
 
 
 def test_noise_is_taken_up_by_the_arm_and_a_seed_repeats_its_bytes() -> None:
@@ -245,7 +246,9 @@ def test_the_command_writes_a_table_and_a_page(tmp_path: Path, capsys: pytest.Ca
     assert "path of the tool as planned" in page.read_text("utf-8")
     noisy = ["--noise", "position=0.05,heading=0.02", "--tolerance", "0.001"]
     assert app.run(["simulate", str(plan), *noisy, "--json"]) == 1
-    assert '"ok": false' in capsys.readouterr().out
+    told = capsys.readouterr()
+    assert '"ok": false' in told.out
+    assert "this run needs rules.execution: {base_error: 0." in told.err
 
 
 @pytest.mark.parametrize(

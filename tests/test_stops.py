@@ -21,7 +21,7 @@ from regionik.planners.coverage.set_cover import least_cover, undominated
 from regionik.postures.families import BACK, FRONT
 from regionik.regions import path_areas
 from regionik.values import Plan
-from regionik.verification.stops import _excess, _Goals, _residual_and_jacobian
+from regionik.verification.led_postures import _excess, _Goals, _residual_and_jacobian
 from regionik.verification.verifier import verify
 from regionik.view.figure_data import plan_floor
 from regionik.view.plan_picture import picture_of_plan

@@ -10,7 +10,17 @@ from typing import Literal
 
 Verdict = Literal["unreachable", "undecided", "ladder-broken", "no-posture", "start-blocked", "plan-invalid"]
 CauseKind = Literal[
-    "obstacle", "reach", "limits", "clearance", "direction", "floor", "base", "path", "self", "criteria"
+    "obstacle",
+    "reach",
+    "limits",
+    "clearance",
+    "direction",
+    "floor",
+    "base",
+    "path",
+    "self",
+    "criteria",
+    "execution",
 ]
 RepairKind = Literal["clearance", "move-target", "move-obstacle", "cone", "raise", "lift-off"]
 Unit = Literal["m", "rad", "1"]

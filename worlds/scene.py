@@ -8,11 +8,13 @@ from math import inf
 from typing import Any, Literal, get_args
 
 import numpy as np
-from shapely.geometry import Polygon
+from shapely.geometry import MultiPolygon, Polygon
 
 from regionik.worlds.arrays import Array, freeze, frozen, one_line, unit_vector
 from regionik.worlds.criteria import Criteria
 from regionik.worlds.errors import InputError
+from regionik.worlds.execution import Execution
+from regionik.worlds.frames import FrameNames
 from regionik.worlds.obstacles import Box, Prism, Solid, as_polygon
 from regionik.worlds.robot import Robot
 from regionik.worlds.speeds import Speeds
@@ -108,6 +110,8 @@ class Rules:
         Least radius of the circle in which the base may park at every stop [m].
     criteria : Criteria or None
         Criteria for the arm's posture at every set-point.
+    execution : Execution or None
+        Tracking errors with which the plan must still hold; None for a robot that is where the plan has it.
 
     Examples
     --------
@@ -132,6 +136,7 @@ class Rules:
     stop_criterion: StopCriterion = "tolerance"
     stop_tolerance: float = 0.01
     criteria: Criteria | None = None
+    execution: Execution | None = None
 
     def __post_init__(self) -> None:
         for key, value in vars(self).items():
@@ -149,6 +154,9 @@ class Rules:
         if self.mode == "stops" and self.heading == "face_target":
             text = "face_target turns the base at every set-point; with rules.mode: stops valid choices"
             raise InputError(f"heading: {text}: free, fixed")
+        if self.planned_path_tolerance <= 0:
+            text = f"must be below path_tolerance, {self.path_tolerance:g} m"
+            raise InputError(f"execution: tool_error: {text}, got {self.errors.tool_error:g}")
 
     __repr__ = one_line
 
@@ -156,6 +164,16 @@ class Rules:
     def deepest_contact(self) -> float:
         """Depth to which the last link may sink into what it touches, the tool's tolerance included."""
         return self.contact_depth + self.tolerance
+
+    @property
+    def errors(self) -> Execution:
+        """Tracking errors to allow for, zeros where there is no `execution`."""
+        return self.execution or Execution()
+
+    @property
+    def planned_path_tolerance(self) -> float:
+        """What the tool's tracking error leaves of ``path_tolerance`` to the plan [m]."""
+        return self.path_tolerance - self.errors.tool_error
 
 
 _ABOVE_ZERO = ("step", "tolerance", "path_tolerance")
@@ -235,6 +253,8 @@ class World:
         One line of description.
     speeds : Speeds or None
         Limits by which plans are timed; None leaves them without times, unless the robot has speeds.
+    frames : FrameNames
+        What exports call the frames of world, base and tool.
 
     Examples
     --------
@@ -253,6 +273,7 @@ class World:
     start: Start | None = None
     about: str = ""
     speeds: Speeds | None = None
+    frames: FrameNames = field(default_factory=FrameNames)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "obstacles", tuple(self.obstacles))
@@ -272,6 +293,36 @@ class World:
     def __repr__(self) -> str:
         sizes = f"obstacles={len(self.obstacles)}, set_points={len(self.task)}, mode={self.rules.mode!r}"
         return f"World({self.name!r}, robot={self.robot.name!r}, {sizes})"
+
+    @cached_property
+    def base_allowance(self) -> float:
+        """Distance by which any point of the footprint may be off its place in an execution [m]."""
+        return self.rules.errors.base_allowance(float(np.linalg.norm(self.robot.footprint, axis=1).max()))
+
+    @property
+    def base_clearance(self) -> float:
+        """Clearance of the base as planned: that of the rules and what execution may take of it [m]."""
+        return self.rules.clearance + self.base_allowance
+
+    @cached_property
+    def arm_clearance(self) -> float:
+        """Clearance of the arm as planned: that of the rules and what execution may take of it [m]."""
+        outer = [np.hypot(*one.corners[:, :2].T).max() + one.radius for one in self.robot.base_solids]
+        lever = max([float(np.linalg.norm(self.robot.footprint, axis=1).max()), *map(float, outer)])
+        return self.rules.arm_clearance + self.rules.errors.arm_allowance(lever)
+
+    @property
+    def axis_error(self) -> float:
+        """Distance by which the arm axis may be off its place in an execution [m]."""
+        return self.rules.errors.base_allowance(float(np.hypot(*self.robot.mount[:2])))
+
+    @cached_property
+    def drivable_floor(self) -> Polygon | MultiPolygon:
+        """Floor on which the footprint stays as planned: less a strip that execution may take [m]."""
+        if not self.base_allowance:
+            return self.floor.polygon
+        left: Polygon | MultiPolygon = self.floor.polygon.buffer(-self.base_allowance, join_style="mitre")
+        return left
 
     @property
     def solids(self) -> tuple[Solid, ...]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -142,12 +142,17 @@ def rotation_from_quaternion(quaternion: ArrayLike) -> Array:
     )
 
 
-def transform_path(path: ToolPath, T_world_path: Array, scale: float) -> ToolPath:
-    """Return the path scaled, then moved into the world by a (4, 4) transform."""
+def scaled_path(path: ToolPath, scale: float) -> ToolPath:
+    """Return the path with its points ``scale`` times as large."""
+    return replace(path, points=path.points * scale)
+
+
+def transform_path(path: ToolPath, T_world_path: Array) -> ToolPath:
+    """Return the path moved into the world by a (4, 4) transform."""
     R = T_world_path[:3, :3]
     directions = None if path.directions is None else path.directions @ R.T
     orientations = None if path.orientations is None else R @ path.orientations
-    return ToolPath(transform_points(T_world_path, path.points * scale), directions, orientations)
+    return ToolPath(transform_points(T_world_path, path.points), directions, orientations)
 
 
 def targets_along(path: ToolPath, cone: float) -> tuple[Target, ...]:

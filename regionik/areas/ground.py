@@ -212,10 +212,10 @@ def ground_of(world: World) -> Ground:
         outline = Polygon(corners)
         near = float(outline.exterior.distance(Point(0, 0))) if outline.contains(Point(0, 0)) else 0.0
     return Ground(
-        floor=world.floor.polygon,
+        floor=world.drivable_floor,
         names=tuple(name for name, _ in met),
         shadows=tuple(shadow for _, shadow in met),
-        clearance=world.rules.clearance,
+        clearance=world.base_clearance,
         far=far,
         near=near,
     )

@@ -118,7 +118,7 @@ def reach_rows(
         One for each row.
     shape : (m,) array of geometry
     """
-    margin = world.rules.reach_margin if inner else None
+    margin = world.rules.reach_margin + world.axis_error if inner else None
     query = ReachQuery(world.rules, margin, span, tuple(facings), coarse=coarse)
     alike: dict[ReachModel, list[int]] = {}
     for i, target in enumerate(targets):
@@ -142,7 +142,7 @@ def fine_reach(
     *,
     inner: bool,
 ) -> FineRows:
-    """Reach of one target without the rules' margin, with finer circles: families and shapes.
+    """Reach of one target without the rules' ``reach_margin``, with finer circles: families and shapes.
 
     Parameters
     ----------
@@ -156,7 +156,8 @@ def fine_reach(
     inner : bool
         True for shapes within the true reach, False for shapes around it, by the layer of the height.
     """
-    query = ReachQuery(world.rules, GUARD if inner else None, span, arcs=arcs, coarse=not inner)
+    margin = GUARD + world.axis_error if inner else None
+    query = ReachQuery(world.rules, margin, span, arcs=arcs, coarse=not inner)
     return reach_model(world.robot, goal_of(target)).fine_rows(target, kinds, query)
 
 
@@ -197,7 +198,9 @@ class PivotedReach(ReachModel):
         bound = not PivotedReach.is_proven(self, query.rules)
         heading = query.span[0] + float(self.robot.mount[3]) if bound else None
         shapes = [pose_reach(self.chain, self.height, aim_of(target), heading).area for target in targets]
-        shapes = [shape.buffer(-query.rules.reach_margin, join_style="mitre") for shape in shapes]
+        lever = float(np.hypot(*self.robot.mount[:2]))
+        keep = query.rules.reach_margin + query.rules.errors.base_allowance(lever)
+        shapes = [shape.buffer(-keep, join_style="mitre") for shape in shapes]
         real = [i for i, shape in enumerate(shapes) if not shape.is_empty]
         rows = np.empty(len(real), dtype=object)
         rows[:] = [shapes[i] for i in real]

@@ -294,12 +294,12 @@ def _asked(world: World) -> dict[str, tuple[str, float]]:
     found = {
         "step": ("of", rules.step),
         "setpoint": ("of", rules.tolerance),
-        "path": ("of", rules.path_tolerance),
+        "path": ("of", rules.planned_path_tolerance),
         "direction": ("of", cone),
         "orientation": ("of", cone),
         "contact": ("of", rules.deepest_contact),
-        "clearance": ("over", rules.clearance),
-        "arm": ("over", rules.arm_clearance),
+        "clearance": ("over", rules.clearance + round(world.base_clearance - rules.clearance, 4)),
+        "arm": ("over", rules.arm_clearance + round(world.arm_clearance - rules.arm_clearance, 4)),
     }
     if criteria is not None:
         found["manipulability"] = ("over", criteria.manipulability or 0.0)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -54,10 +55,15 @@ def simulate_plan(
 
         run = simulate(plan, disturbances, seed=seed, tolerance=tolerance)
         written = _write_run(run, output, html)
-    print_message(_summary(run, written))
+    print_message(_summary(run))
+    if disturbances:
+        print_message(f"  this run needs rules.execution: {_execution(run)}")
+    for one in written:
+        print_message(f"  wrote {one}")
     if as_json:
         files = [str(one) for one in written]
-        print_json({"ok": run.ok, "failure": run.failure or None, **run.figures, "files": files})
+        told = {"ok": run.ok, "failure": run.failure or None, **run.figures}
+        print_json({**told, "execution": asdict(run.execution), "files": files})
     if not run.ok:
         raise typer.Exit(NO)
 
@@ -98,7 +104,14 @@ def _write_run(run: SimulatedRun, output: Path | None, html: Path | None) -> lis
     return list(written)
 
 
-def _summary(run: SimulatedRun, written: list[Path]) -> str:
+def _execution(run: SimulatedRun) -> str:
+    """The errors of a run, as a world file takes them."""
+    errors = asdict(run.execution)
+    told = ", ".join(f"{key}: {value:g}" for key, value in errors.items())
+    return f"{{{told}}}"
+
+
+def _summary(run: SimulatedRun) -> str:
     figures, used = run.figures, run.figures["used"]
     error = {key: 1000 * value for key, value in figures["tool_error"].items()}
     shares = ", ".join(f"{name.replace('_', ' ')} {share:.0%}" for name, share in used.items())
@@ -110,6 +123,5 @@ def _summary(run: SimulatedRun, written: list[Path]) -> str:
             f"  tool speed held for {figures['speed_held']:.1%} of the time on the path",
             f"  base off by at most {1000 * figures['base_error']:.1f} mm",
             f"  used of limits: {shares}",
-            *(f"  wrote {path}" for path in written),
         ]
     )

@@ -22,6 +22,7 @@ from regionik.worlds.self_collision import base_body
 
 JOINT_LIMITS = "joint limits"
 CLEARANCE = "rules.clearance"
+EXECUTION = "rules.execution"
 ARM_CLEARANCE = "rules.arm_clearance"
 OWN_BODY = "links and base of the robot"
 HEADING = "rules.heading"
@@ -66,6 +67,8 @@ def constraints_of(world: World) -> tuple[Constraint, ...]:
     found.append(Constraint("floor", EDGE, without_edge))
     if world.rules.clearance > 0 and world.solids:
         found.append(Constraint("clearance", CLEARANCE, partial(with_rules, clearance=0.0)))
+    if world.rules.execution is not None:
+        found.append(Constraint("execution", EXECUTION, partial(with_rules, execution=None)))
     if len(world.robot.footprint) > 1:
         found.append(Constraint("base", FOOTPRINT, without_footprint))
     if world.rules.heading != "free":
@@ -132,7 +135,7 @@ def without_edge(world: World) -> World:
     span = reach_bound(world.robot.chain)
     away = float(np.hypot(*(world.robot.footprint - world.robot.mount[:2]).T).max())
     spots = shapely.MultiPoint([target.position[:2] for target in world.task])
-    margin = 2 * (span.radius + span.length + away) + world.rules.clearance + 1.0
+    margin = 2 * (span.radius + span.length + away) + world.base_clearance + 1.0
     wide = shapely.box(*(world.floor.polygon.union(spots.envelope).bounds)).buffer(margin, join_style="mitre")
     return replace(world, floor=replace(world.floor, polygon=wide))
 
@@ -225,6 +228,7 @@ def _name(world: World, one: Constraint) -> str:
     words = {
         CLEARANCE: f"the clearance of {world.rules.clearance:g} m",
         ARM_CLEARANCE: f"the arm's clearance of {world.rules.arm_clearance:g} m",
+        EXECUTION: f"the errors that {EXECUTION} allows for",
         OWN_BODY: f"that the {OWN_BODY} keep apart",
         HEADING: f"the heading policy '{world.rules.heading}'",
         FOOTPRINT: f"the {FOOTPRINT}",

@@ -80,7 +80,7 @@ def no_place(world: World, i: int, targets: Sequence[Target] | None = None) -> E
         reason, causes, repairs = _crowded_out(world, lead, reach, open_clearance, proven=proven)
     if world.rules.criteria is not None:
         bare = largest_clearance(with_rules(world, criteria=None), target)
-        if bare is not None and bare >= world.rules.clearance:
+        if bare is not None and bare >= world.base_clearance:
             reason += " Without the criteria of the rules it could be reached."
             causes = (Cause("criteria", "rules.criteria"), *causes)
     if not proven:
@@ -166,7 +166,7 @@ def _wanted(world: World, target: Target) -> str:
 def _crowded_out(
     world: World, lead: str, outer: BaseGeometry, open_clearance: float, *, proven: bool
 ) -> tuple[str, tuple[Cause, ...], tuple[Repair, ...]]:
-    wanted = world.rules.clearance
+    wanted = world.base_clearance
     missing = wanted - open_clearance
     blockers = sorted(rejected_by_obstacles(world, outer), key=lambda part: -part.polygon.area)
     names = list(dict.fromkeys(part.name for part in blockers if part.polygon.area > 1e-12))
@@ -177,9 +177,10 @@ def _crowded_out(
         f"{open_clearance:.3f} m, {missing:.3f} m less."
     )
     causes = tuple(Cause("obstacle", name, missing) for name in names)
-    text = f"a clearance of {open_clearance:.3f} m lets it be reached"
-    repair = Repair("clearance", "rules.clearance", open_clearance, text)
-    return reason, causes, (repair,)
+    left = open_clearance - world.base_allowance  # for the rule, as executions take their part
+    text = f"a clearance of {left:.3f} m lets it be reached"
+    repairs = (Repair("clearance", "rules.clearance", left, text),) if left >= 0 else ()
+    return reason, causes, repairs
 
 
 def cut_off(world: World, i: int, here: BaseGeometry, areas: BaseGeometry) -> Explanation:
@@ -205,7 +206,7 @@ def cut_off(world: World, i: int, here: BaseGeometry, areas: BaseGeometry) -> Ex
     reason = (
         f"No way was found {lead} has known places only on floor that the base cannot get to: {names} cuts "
         f"it off. The nearest such place is {gap:.3f} m beyond the floor the base can drive on, at a "
-        f"clearance of {world.rules.clearance:.3f} m."
+        f"clearance of {world.base_clearance:.3f} m."
     )
     reason += narrow_passage(world, here, areas)
     causes = tuple(Cause("obstacle", name, gap) for name in blockers)
@@ -256,8 +257,8 @@ def blocked_start(world: World) -> Explanation | None:
     corners = robot.footprint @ np.array([[c, s], [-s, c]]) + (x, y)
     outline = Point(corners[0]) if len(corners) == 1 else shapely.Polygon(corners)
     where = f"The start at ({x:z.3f}, {y:z.3f})"
-    if not world.floor.polygon.covers(outline):
-        off = max(float(world.floor.polygon.distance(Point(corner))) for corner in corners)
+    if not world.drivable_floor.covers(outline):
+        off = max(float(world.drivable_floor.distance(Point(corner))) for corner in corners)
         reason = f"{where} is off the floor by {off:.3f} m; the base must start on it."
         return Explanation("start-blocked", None, reason, (Cause("floor", "edge of the floor", off),))
     found = ground.nearest(outline)
@@ -325,7 +326,7 @@ def target_in_solid(world: World) -> Explanation | None:
     rules, solids = world.rules, world.solids
     if part in compress((solid.name for solid in world.robot.all_solids), off_floor(world.robot)):
         solids = world.arm_solids
-    need = tip + rules.arm_clearance - rules.tolerance
+    need = tip + world.arm_clearance - rules.tolerance
     look, obstacles = max(need, rules.tool_contact), obstacles_from(solids)
     for i, target in enumerate(world.task):
         gaps = solids_within(obstacles, target.position, look)
@@ -342,7 +343,7 @@ def target_in_solid(world: World) -> Explanation | None:
         place = f"{gap:z.4f} m from {name}" if gap >= 0 else f"{-gap:z.4f} m deep in {name}"
         reason = (
             f"{setpoint_at(world.task, i)} lies {place}: no posture keeps the "
-            f"last link, {tip:g} m round about the tool, at the arm's clearance of {rules.arm_clearance:g} m "
+            f"last link, {tip:g} m round about the tool, at the arm's clearance of {world.arm_clearance:g} m "
             f"from it. The set-point would have to lie {missing:.4f} m farther away."
         )
         repair = Repair("move-target", f"set-point {i + 1}", missing, f"move it {missing:.4f} m from {name}")
@@ -392,7 +393,7 @@ def _cause(world: World, name: str, missing: float) -> Cause:
 
 def blocked_arm(world: World, closest: str, cause: Cause) -> Explanation:
     """Explain why the arm cannot start in the posture that the world gives."""
-    reason = f"The start is blocked: {closest}, and the arm's clearance is {world.rules.arm_clearance:g} m."
+    reason = f"The start is blocked: {closest}, and the arm's clearance is {world.arm_clearance:g} m."
     return Explanation("start-blocked", None, reason, (cause,))
 
 
@@ -438,7 +439,7 @@ def no_clear_posture(
         Clear postures exist, but no way to them was found.
     """
     who = setpoint_at(world.task, i)
-    rule = f"the arm's clearance is {world.rules.arm_clearance:g} m"
+    rule = f"the arm's clearance is {world.arm_clearance:g} m"
     if cut_off:
         reason = (
             f"{who} has postures in which the arm touches nothing, but no way to one of them was found on "

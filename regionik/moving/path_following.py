@@ -205,7 +205,7 @@ class PathFollower:
     ) -> tuple[int, Touch | None]:
         """Number of hops that lead the tool as asked, jump nowhere and are clear, and what stops the next."""
         (leg, share), (bases, joints) = _columns(places), arrays(poses)
-        line, sag = between(segment.points, leg, share), SAG_SHARE * self.world.rules.path_tolerance
+        line, sag = between(segment.points, leg, share), SAG_SHARE * self.world.rules.planned_path_tolerance
         count = self.guard.led(bases, joints, line, LOOKED_AT, sag)
         if not segment.bare:
             tools = self.guard.tools(bases[: count + 1], joints[: count + 1], LOOKED_AT)

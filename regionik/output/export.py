@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from regionik.output.ros2 import FRAME, SUFFIXES, both_messages, joint_trajectory, message_text, path_message
+from regionik.output.ros2 import SUFFIXES, both_messages, joint_trajectory, message_text, path_message
 from regionik.output.ros2_folder import ros2_files
 from regionik.output.urdf import robot_to_urdf
 from regionik.storage.files import write_atomic, write_folder
@@ -59,7 +59,7 @@ def export(
     """
     format = Path(path).suffix[1:].lower() if format is None else format
     check_options(format, path, rate, frame)
-    options = Options(Path(path).suffix, rate, FRAME if frame is None else frame)
+    options = Options(Path(path).suffix, rate, plan.world.frames.map if frame is None else frame)
     made = FORMATS[format].content(plan, options)
     if isinstance(made, dict):
         write_folder(path, made)

@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from regionik.timing.trajectory import TrajectorySample, is_timed, sample_plan, trajectory
 from regionik.values import Plan
 from regionik.worlds.arrays import Array
-from regionik.worlds.errors import InputError
+from regionik.worlds.errors import InputError, located
+from regionik.worlds.frames import check_frame_name
 
 SUFFIXES = (".yaml", ".yml", ".json")
 JOINT_TRAJECTORY, PATH = "trajectory_msgs/msg/JointTrajectory", "nav_msgs/msg/Path"
@@ -148,10 +149,8 @@ def _twist(rates: Array) -> Message:
 
 
 def _header(frame: str, clock: int) -> Message:
-    if not frame.strip() or frame != frame.strip() or frame.startswith("/"):
-        raise InputError(
-            f"frame: expected the name of a frame, as map or odom, without a slash; got {frame!r}"
-        )
+    with located("", "frame"):
+        check_frame_name(frame)
     return {"stamp": stamp(clock), "frame_id": frame}
 
 

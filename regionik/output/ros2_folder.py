@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from regionik.output.planning_scene import planning_scene
 from regionik.output.ros2 import (
@@ -26,10 +27,10 @@ from regionik.timing.trajectory import sample_plan
 from regionik.values import Plan
 from regionik.worlds.errors import InputError
 from regionik.worlds.robot import Robot
+from regionik.worlds.scene import World
 from regionik.worlds.speeds import Speeds
 
 RATE = 50.0  # of trajectories, where none is asked for [1/s]
-BASE_FRAME = "base_link"
 ARM, BASE_MOTION, PATH, SCENE = "arm_trajectory", "base_trajectory", "base_path", "planning_scene"
 SCRIPT = "execute_plan.py"
 _SCRIPT_TEXT = Path(__file__).with_name("execute_plan.txt")
@@ -85,9 +86,10 @@ def ros2_files(plan: Plan, rate: float | None = None, frame: str = FRAME) -> dic
         "robot_trajectory": {"joint_trajectory": arm, "multi_dof_joint_trajectory": base},
         SCENE: planning_scene(plan.world, frame),
         "ros2_control": arm_parameters(robot),
-        "nav2": base_parameters(robot, speeds, plan.world.rules.clearance, frame),
+        "nav2": base_parameters(plan.world, frame),
         "settings": {
             "drive": robot.base,
+            "base_frame": plan.world.frames.base_link,
             "base_velocity": float(speeds.base_velocity),
             "turn_velocity": float(speeds.turn_velocity),
         },
@@ -115,8 +117,9 @@ def arm_parameters(robot: Robot) -> Message:
     return {"controller_manager": {"ros__parameters": manager}, "arm_controller": {"ros__parameters": arm}}
 
 
-def base_parameters(robot: Robot, speeds: Speeds, clearance: float, frame: str) -> Message:
+def base_parameters(world: World, frame: str) -> Message:
     """Parameters of nav2's controller server, with the MPPI controller, and of its local costmap."""
+    robot, speeds = world.robot, world.speeds or Speeds()
     forward, turn = float(speeds.base_velocity), float(speeds.turn_velocity)
     follow: Message = {
         "plugin": "nav2_mppi_controller::MPPIController",
@@ -132,10 +135,14 @@ def base_parameters(robot: Robot, speeds: Speeds, clearance: float, frame: str) 
     if robot.base == "car":
         follow["AckermannConstraints"] = {"min_turning_r": float(robot.turning_radius)}
     server = {"controller_frequency": 20.0, "controller_plugins": ["FollowPath"], "FollowPath": follow}
-    costmap: Message = {"global_frame": frame, "robot_base_frame": BASE_FRAME, "rolling_window": True}
+    base_frame = world.frames.base_link
+    costmap: Message = {"global_frame": frame, "robot_base_frame": base_frame, "rolling_window": True}
     if len(robot.footprint) > 2:
         costmap["footprint"] = str(np.round(robot.footprint, 6).tolist())
-    inflation = {"plugin": "nav2_costmap_2d::InflationLayer", "inflation_radius": float(clearance)}
+    inflation = {
+        "plugin": "nav2_costmap_2d::InflationLayer",
+        "inflation_radius": float(world.rules.clearance),
+    }
     costmap |= {"plugins": ["inflation_layer"], "inflation_layer": inflation}
     return {
         "controller_server": {"ros__parameters": server},
@@ -176,14 +183,23 @@ def bag_files(plan: Plan, rate: float, frame: str, whole: dict[str, Message]) ->
 
 def _states(plan: Plan, rate: float, frame: str) -> list[tuple[int, str, Message]]:
     """Times [ns], topics and messages of the robot's motion."""
-    sample, names = sample_plan(plan, rate).sample, list(plan.world.robot.chain.names)
+    sample, robot, frames = sample_plan(plan, rate).sample, plan.world.robot, plan.world.frames
+    names = list(robot.chain.names)
+    T_base_tool = robot.tool(np.zeros_like(sample.base), sample.joints)
+    turns = Rotation.from_matrix(T_base_tool[:, :3, :3]).as_quat()
     found: list[tuple[int, str, Message]] = []
     for k, time in enumerate(nanoseconds(sample.time).tolist()):
         header = {"stamp": stamp(time), "frame_id": frame}
         x, y, yaw = sample.base[k].tolist()
         turn = {"x": 0.0, "y": 0.0, "z": float(np.sin(yaw / 2)), "w": float(np.cos(yaw / 2))}
         place = {"translation": {"x": x, "y": y, "z": 0.0}, "rotation": turn}
-        moved = {"header": header, "child_frame_id": BASE_FRAME, "transform": place}
+        moved = {"header": header, "child_frame_id": frames.base_link, "transform": place}
+        held = dict(zip("xyz", T_base_tool[k, :3, 3].tolist(), strict=True))
+        tool = {
+            "header": {"stamp": stamp(time), "frame_id": frames.base_link},
+            "child_frame_id": frames.tool0,
+            "transform": {"translation": held, "rotation": dict(zip("xyzw", turns[k].tolist(), strict=True))},
+        }
         joints = {
             "header": {"stamp": stamp(time), "frame_id": ""},
             "name": names,
@@ -191,7 +207,7 @@ def _states(plan: Plan, rate: float, frame: str) -> list[tuple[int, str, Message
             "velocity": sample.joint_velocity[k].tolist(),
             "effort": [],
         }
-        found += [(time, "/tf", {"transforms": [moved]}), (time, "/joint_states", joints)]
+        found += [(time, "/tf", {"transforms": [moved, tool]}), (time, "/joint_states", joints)]
     return found
 
 

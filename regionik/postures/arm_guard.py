@@ -123,7 +123,7 @@ class Guard:
 def guard_of(world: World) -> Guard:
     """The guard of a world; kept for the last few worlds."""
     rules = world.rules
-    near, deep = rules.arm_clearance, rules.deepest_contact
+    near, deep = world.arm_clearance, rules.deepest_contact
     bodies = bodies_from(world.robot, world.solids, near, deep, world.floor_slab)
     return Guard(world, bodies, contact_for(world, world.task))
 

@@ -115,7 +115,7 @@ def prepared(world: World) -> PreparedWorld:
     whole = [k for k, piece in enumerate(obstacles.pieces) if piece.mesh is None]
     solids = uprights_from([obstacles.pieces[k] for k in whole])
     levers = np.linalg.norm(capsules.ends, axis=2).max(initial=0.0) + capsules.radius.max(initial=0.0)
-    far = stance.plane.lengths.sum() + abs(stance.plane.shoulder_r) + levers + world.rules.arm_clearance
+    far = stance.plane.lengths.sum() + abs(stance.plane.shoulder_r) + levers + world.arm_clearance
     return PreparedWorld(
         capsules,
         mount,
@@ -134,7 +134,7 @@ def _around(world: World, target: Target) -> NearObstacles:
     near = near[: near_solids(arm.solids, writable(target.position), arm.far, near)]
     tool_on = int(contact.owner[0]) if len(contact.owner) else -1
     floor = -1 if world.floor_slab is None else len(world.solids)
-    far = rules.arm_clearance, rules.tolerance
+    far = world.arm_clearance, rules.tolerance
     return NearObstacles(arm.solids, arm.deep, near, arm.owner, floor, tool_on, *far)
 
 

@@ -232,7 +232,7 @@ def _distances(world: World, heights: Array, *, inner: bool) -> list[Array]:
     found = _model(world).distances(world.rules.criteria, heights, inner=inner)
     if not inner:
         return found
-    keep = world.rules.reach_margin + GUARD
+    keep = world.rules.reach_margin + world.axis_error + GUARD
     kept = [some + (keep, -keep) for some in found]
     return [some[some[:, 0] < some[:, 1]] for some in kept]
 

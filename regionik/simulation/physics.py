@@ -78,6 +78,7 @@ class Physics:
         self._set_drives(base, joints, servo)
         self._data.qpos[:] = np.concatenate([base, joints[0]])
         self._data.qvel[:] = 0.0
+        self._data.ctrl[3:] = joints[0]  # set to anything else, servos would tear at the robot at once
         mujoco.mj_forward(self._model, self._data)
         self.position: Array = self._data.qpos
         self.velocity: Array = self._data.qvel

@@ -11,8 +11,11 @@ import numpy as np
 from regionik.simulation.reference import Reference
 from regionik.values import Plan
 from regionik.worlds.arrays import Array
+from regionik.worlds.execution import Execution
 from regionik.worlds.speeds import Speeds
 
+ROWS = 1000  # looked at together
+GRID = 1e-4  # to which suggested errors are rounded up [m], [rad]
 SPEED_BAND = 0.02  # share of the nominal tool speed within which the tool's speed counts as held
 
 
@@ -85,6 +88,32 @@ class SimulatedRun:
         """Distance of the tool from where the plan has it at that moment, (n,) [m]."""
         error: Array = np.linalg.norm(self.tool - self.reference.T_tool[:, :3, 3], axis=1)
         return error
+
+    @cached_property
+    def arm_error(self) -> Array:
+        """Largest distance of any point of the arm's solids from where the plan has it, (n,) [m]."""
+        rows = range(0, len(self.time), ROWS)
+        return np.concatenate([self._arm_error(slice(first, first + ROWS)) for first in rows])
+
+    def _arm_error(self, rows: slice) -> Array:
+        robot, error = self.plan.world.robot, np.zeros(len(self.time[rows]))
+        poses = (self.base, self.joints), (self.reference.base, self.reference.joints)
+        off, planned = (robot.frames(base[rows], joints[rows]) for base, joints in poses)
+        moved = off - planned
+        for solid in robot.solids:
+            T = moved[:, solid.link]
+            away = np.einsum("nij,kj->nki", T[:, :3, :3], solid.corners) + T[:, None, :3, 3]
+            error = np.maximum(error, np.linalg.norm(away, axis=2).max(axis=1))
+        return error
+
+    @cached_property
+    def execution(self) -> Execution:
+        """Errors of this run as ``rules.execution`` takes them, rounded up."""
+        turned = self.base[:, 2] - self.reference.base[:, 2]
+        heading = np.abs(np.remainder(turned + np.pi, 2 * np.pi) - np.pi).max()
+        tool, figures = self.tool_error[self.reference.on_path].max(initial=0.0), self.figures
+        errors = figures["base_error"], heading, tool, max(float(self.arm_error.max()), float(tool))
+        return Execution(*(round(float(np.ceil(error / GRID)) * GRID, 9) for error in errors))
 
     @property
     def ok(self) -> bool:

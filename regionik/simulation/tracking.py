@@ -27,7 +27,7 @@ GAIN = 2.0  # at which the base is led back to its place [1/s]
 LEAD_BACK = 0.3  # way on which a base that rolls comes back to its path [m]
 TURN_WEIGHT = 0.05  # length that counts as much as a radian of the tool's orientation [m]
 MOST_ADDED = 0.2  # of a joint's deviation from the plan, endless near singular postures [rad], [m]
-DAMPING = 0.01  # length that counts as much as a radian of the arm's deviation from the plan [m]
+DAMPING = 0.015  # share of the arm's length that counts as much as a radian of its deviation from the plan
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,7 +125,7 @@ class TrackingController:
         error = np.concatenate([wanted[:3, 3] - frames[n, :3, 3], TURN_WEIGHT * _turn(frames[n], wanted)])
         J[3:] *= TURN_WEIGHT
         away = joints - plan.joints[k]
-        step = np.linalg.solve(J.T @ J + DAMPING**2 * np.eye(n), J.T @ error - DAMPING**2 * away)
+        step = np.linalg.solve(J.T @ J + self._damping * np.eye(n), J.T @ error - self._damping * away)
         most = self._joint_velocity * PERIOD
         lower = np.maximum(self.robot.chain.lower, plan.joints[k] - MOST_ADDED)
         upper = np.minimum(self.robot.chain.upper, plan.joints[k] + MOST_ADDED)
@@ -137,6 +137,13 @@ class TrackingController:
         most = self.speeds.base_velocity, self.speeds.turn_velocity
         used = max(float(np.hypot(twist[0], twist[1])) / most[0], abs(float(twist[2])) / most[1], 1.0)
         return twist / used
+
+    @cached_property
+    def _damping(self) -> float:
+        """Weight of the arm's deviation from the plan: longer arms turn less for the same way [m2]."""
+        chain = self.robot.chain
+        frames = [*(joint.T_parent_joint for joint in chain.joints[1:]), chain.T_last_tool]
+        return (DAMPING * sum(float(np.linalg.norm(T[:3, 3])) for T in frames)) ** 2
 
     @cached_property
     def _joint_velocity(self) -> Array:

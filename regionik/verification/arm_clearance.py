@@ -162,7 +162,7 @@ class _ArmProof:
 
     @property
     def limit(self) -> float:
-        return self.world.rules.arm_clearance
+        return self.world.arm_clearance
 
     def check(self) -> list[Finding]:
         motion = self.segments.motion

@@ -82,7 +82,7 @@ def _hulls(corners: Array) -> Shapes:
 def verify_floor(world: World, segments: MotionSegments, names: StateNames) -> Finding:
     """The footprint stays inside the floor."""
     sweep = _SweptFootprint(segments)
-    ground = world.floor.polygon
+    ground = world.drivable_floor
     edge = ground.boundary
     grown = {tol: shapely.buffer(ground, tol, join_style="mitre") for tol in (EXACT, TURNING)}
     for shape in (ground, edge, *grown.values()):
@@ -135,7 +135,7 @@ def verify_base_clearance(world: World, segments: MotionSegments, names: StateNa
     solids = tuple(name for name, _ in known)
     radii = np.array([shadow.radius for _, shadow in known])
     sweep = _SweptFootprint(segments)
-    return _ClearanceProof(sweep, names, world.rules.clearance, solids, cores, radii).check()
+    return _ClearanceProof(sweep, names, world.base_clearance, solids, cores, radii).check()
 
 
 @dataclass(frozen=True, eq=False)

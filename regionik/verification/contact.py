@@ -87,7 +87,7 @@ def tool_contact(world: World, obstacles: Obstacles) -> ToolContact:
     return ToolContact(
         {k: cKDTree(np.array(points)) for k, points in sorted(owners.items())},
         reach,
-        rules.arm_clearance,
+        world.arm_clearance,
         rules.deepest_contact,
     )
 

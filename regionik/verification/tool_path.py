@@ -93,7 +93,7 @@ def _bound_to_path(setpoints: int, segments: MotionSegments) -> _BoundToPath:
 
 def verify_path(world: World, segments: MotionSegments, names: StateNames) -> Finding:
     """The tool is within ``path_tolerance`` of the line between two set-points wherever it is not lifted."""
-    limit = world.rules.path_tolerance
+    limit = world.rules.planned_path_tolerance
     positions = np.array([target.position for target in world.task])
     bound = _bound_to_path(len(world.task), segments)
 

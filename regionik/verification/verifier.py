@@ -17,6 +17,7 @@ from regionik.values import Configuration, Motion, Plan, Report, Violation
 from regionik.verification.arm_clearance import verify_arm_clearance
 from regionik.verification.base_clearance import verify_base_clearance, verify_floor
 from regionik.verification.derived_fields import verify_derived_fields
+from regionik.verification.execution import verify_execution
 from regionik.verification.limits import (
     verify_base_steps,
     verify_criteria,
@@ -62,7 +63,9 @@ def verify(plan: Plan) -> Report:
         that is limited. Those of
         ``arm``, ``contact`` and ``self`` go up to 0.05; that of ``contact`` is how much deeper the tool might
         sink in. Violations of kind ``structure`` or ``derived`` are of the plan's form, or of fields that its
-        states contradict. Of many violations of a kind the first 20 are listed, and the rest in one.
+        states contradict; those of kind ``execution`` tell where the arm does not take up the errors that the
+        rules allow for, which limits of other kinds hold too. Of many violations of a kind the first 20 are
+        listed, and the rest in one.
     """
     malformed = tuple(malformations(plan))
     if malformed:
@@ -89,6 +92,7 @@ def _findings(plan: Plan, segments: MotionSegments, names: StateNames) -> Iterat
     yield from verify_arm_clearance(world, segments, names)
     yield verify_self_collision(segments, names)
     yield verify_stops(plan, names)
+    yield verify_execution(plan, names)
     yield from verify_criteria(world, segments, names)
     yield verify_speeds(world, segments, names)
     yield verify_jerk(world, segments, names)

@@ -343,10 +343,10 @@ def _speeds(ax: Axes, curves: PlanCurves) -> None:
 
 
 def _clearance(ax: Axes, plan: Plan, curves: PlanCurves) -> None:
-    rules, found = plan.world.rules, curves.clearances
+    world, found = plan.world, curves.clearances
     lines = (
-        ("base to solids", found.base, Color.AXIS_PATH, "-", rules.clearance),
-        ("arm to solids", found.arm, Color.AHEAD, "-", rules.arm_clearance),
+        ("base to solids", found.base, Color.AXIS_PATH, "-", world.base_clearance),
+        ("arm to solids", found.arm, Color.AHEAD, "-", world.arm_clearance),
         ("arm to itself", found.own, Color.ARM, ":", 0.0),
     )
     for label, values, color, style, least in lines:

@@ -53,6 +53,35 @@ class Course:
         return rules
 
     @cached_property
+    def errors(self) -> dict[str, float]:
+        """What the robot may be off its plan, zeros where the rules say nothing."""
+        told = {key: value for key, value in (self.rules.get("execution") or {}).items() if value is not None}
+        return dict.fromkeys(("base_error", "heading_error", "tool_error", "arm_error"), 0.0) | told
+
+    @cached_property
+    def strays(self) -> Array:
+        """Offsets of the base at the edge of what it may be off (n, 3), the first none."""
+        angle = np.arange(16) * np.pi / 8
+        off = self.errors["base_error"] * np.column_stack([np.cos(angle), np.sin(angle)])
+        turns = (-self.errors["heading_error"], 0.0, self.errors["heading_error"])
+        ends = np.array([[*xy, turn] for xy in off for turn in turns])
+        return np.unique(np.concatenate([np.zeros((1, 3)), ends]), axis=0)
+
+    @cached_property
+    def arm_stray(self) -> float:
+        """Distance by which any point of the arm may be off its place."""
+        feet = [*self.machine.facts.footprint]
+        feet += [
+            point[:2]
+            for part in self.machine.parts
+            if part.link < 0
+            for point in part.shape.points @ part.shape.where[:3, :3].T + part.shape.where[:3, 3]
+        ]
+        swing = self.errors["heading_error"] * max(float(np.hypot(*one)) for one in feet)
+        off = self.errors
+        return max(off["arm_error"], off["tool_error"], off["base_error"] + swing)
+
+    @cached_property
     def base(self) -> Array:
         return np.array([state["base"] for state in self.document["states"]], dtype=float)
 

@@ -51,7 +51,8 @@ class Moment:
         self.machine.place(base, joints)
         tool, frames = self.machine.tool(), self.machine.frames()
         where = f"in state {k}" if share == 0 else f"{share:.3f} of the way after state {k}"
-        yield from (f"{text} {where}" for text in self._base(base))
+        for off in course.strays:
+            yield from (f"{text} {where}" for text in self._base(base + off))
         yield from (f"{text} {where}" for text in self._arm(frames, tool[:3, 3]))
         yield from (f"{text} {where}" for text in self._itself(frames))
         yield from (f"{text} {where}" for text in self._path(k, there if share else k, tool))
@@ -74,7 +75,7 @@ class Moment:
                 yield f"clearance: the base is {gap:.6f} m from {thing.name}"
 
     def _arm(self, frames: Array, tool: Array) -> Iterator[str]:
-        least = self.course.rules["arm_clearance"]
+        least = self.course.rules["arm_clearance"] + self.course.arm_stray
         spots = np.einsum("nij,nj->ni", frames[:, :3, :3], self.middles) + frames[:, :3, 3]
         if not len(self.pieces) or not len(spots):
             return
@@ -108,7 +109,7 @@ class Moment:
             off = _gap(thing, point)
             if off < -depth * np.sqrt(3) + self.berth:  # a box is as deep as it has to shrink on all sides
                 yield f"arm: a point of {who} is {-off:.6f} m deep in {thing.name}"
-            if aside and off < rules["arm_clearance"] + self.berth:
+            if aside and off < rules["arm_clearance"] + self.course.arm_stray + self.berth:
                 yield f"arm: {who} is {off:.6f} m from {thing.name}, away from the tool"
 
     def _itself(self, frames: Array) -> Iterator[str]:
@@ -133,7 +134,7 @@ class Moment:
         square = float(along @ along)
         t = 0.0 if square == 0 else float(np.clip((tool[:3, 3] - a["point"]) @ along / square, 0, 1))
         off = float(np.linalg.norm(tool[:3, 3] - a["point"] - t * along))
-        if off > course.rules["path_tolerance"] + ALONG:
+        if off > course.rules["path_tolerance"] - course.errors["tool_error"] + ALONG:
             yield f"path: the tool is {off:.6f} m off it"
         if "direction" in a and "direction" in b:
             cone = max(a["cone"], b["cone"])

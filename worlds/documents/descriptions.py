@@ -27,6 +27,7 @@ _COMMON = {
     "cells": "cells of a map that are occupied or unknown",
     "cone": "allowed deviation from the direction [rad]",
     "criteria": "what is asked of postures beyond reaching the set-point",
+    "execution": "largest errors of the robot against its plan, which then holds wherever it is within them",
     "csv": "file of x, y, z, and a tool axis or a quaternion",
     "dh": "rows of theta, d [m], a [m], alpha [rad]",
     "direction": "tool axis at all set-points of the piece",

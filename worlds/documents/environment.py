@@ -13,6 +13,7 @@ from pydantic import Field, Tag
 from shapely.geometry import Polygon
 
 from regionik.worlds.chain import pose
+from regionik.worlds.documents.frames import FrameReference, Poses, frame_pose
 from regionik.worlds.errors import InputError, located
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Solid, Sphere, as_polygon
 from regionik.worlds.readers.meshes import read_mesh
@@ -32,6 +33,7 @@ from regionik.worlds.scene import Floor
 
 Ring = Annotated[Many[Vec2], Field(min_length=3)]
 Range = Annotated[list[float], Field(min_length=2, max_length=2)]
+_UPRIGHT = 1e-9  # by which the cosine of a frame's tilt may be off
 Corner = Annotated[int, Field(ge=0)]
 
 
@@ -111,6 +113,7 @@ MeshShape = Annotated[
 
 class _NamedObstacle(Strict):
     name: OneLine = Field(description="a name")
+    frame: FrameReference | None = None
 
 
 class BoxObstacle(_NamedObstacle):
@@ -176,12 +179,18 @@ def read_floor(part: PolygonFloor | MapFloor, where: str, folder: Path) -> Floor
     return Floor(polygon, tuple(cells))
 
 
-def read_obstacle(part: _NamedObstacle, where: str, place: str, folder: Path) -> Solid:
-    """Return an obstacle; ``place`` is where it stands in the document."""
-    (kind,) = part.model_fields_set - {"name"}
+def read_obstacle(part: _NamedObstacle, where: str, place: str, folder: Path, poses: Poses) -> Solid:
+    """Return an obstacle; ``place`` is where it stands in the document, ``poses`` are those of its frames."""
+    (kind,) = part.model_fields_set - {"name", "frame"}
     with located(where, f"{place}.{kind}."):
         solid: Solid = getattr(part, kind).solid(part.name, folder)
-    return solid
+    if part.frame is None:
+        return solid
+    with located(where, f"{place}."):
+        T = frame_pose(part.frame, poses)
+        if not isinstance(solid, Mesh | Sphere) and T[2, 2] < 1 - _UPRIGHT:
+            raise InputError(f"frame: a {kind} stands upright, expected a frame that turns about z alone")
+    return solid.transformed(T)
 
 
 def _closed(mesh: Mesh) -> Mesh:

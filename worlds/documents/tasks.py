@@ -10,16 +10,30 @@ import numpy as np
 from pydantic import Discriminator, Field, Tag
 
 from regionik.worlds.arrays import Array
-from regionik.worlds.chain import check_rotation, pose
+from regionik.worlds.chain import check_rotation
+from regionik.worlds.documents.frames import FrameReference, Poses, frame_pose
 from regionik.worlds.errors import InputError, located, located_error
+from regionik.worlds.readers.csv_columns import Delimiter, read_csv_columns
 from regionik.worlds.readers.csv_path import read_csv
-from regionik.worlds.readers.validation import FileName, Many, Matrix3, Positive, Strict, Vec3, Vec4, one_of
+from regionik.worlds.readers.gcode_path import read_gcode
+from regionik.worlds.readers.validation import (
+    FileName,
+    Many,
+    Matrix3,
+    OneLine,
+    Positive,
+    Strict,
+    Vec3,
+    Vec4,
+    one_of,
+)
 from regionik.worlds.scene import Target
 from regionik.worlds.toolpath import (
     ToolPath,
     arc,
     line,
     rotation_from_quaternion,
+    scaled_path,
     sine,
     targets_along,
     transform_path,
@@ -35,8 +49,9 @@ def _rotation_kind(value: Any) -> str:
 
 
 class ToolAim(Strict):
-    """Direction or orientation of the tool; both are free where neither is given."""
+    """Direction or orientation of the tool, both free where neither is given; and the frame of all this."""
 
+    frame: FrameReference | None = None
     direction: Vec3 | None = None
     orientation: (
         Annotated[
@@ -68,11 +83,6 @@ class ArcCurve(Strict):
     end: float = Field(alias="to", description="an angle [rad]")
     rise: float = Field(default=0.0, description="a height climbed evenly [m]")
     count: Count = Field(description="a number of set-points")
-
-
-class FramePart(Strict):
-    position: Vec3 = [0.0, 0.0, 0.0]
-    rpy: Vec3 = [0.0, 0.0, 0.0]
 
 
 class LinePiece(ToolAim):
@@ -108,49 +118,89 @@ class PointsPiece(ToolAim):
         return ToolPath(np.array(self.points))
 
 
+class CsvColumns(Strict):
+    """Titles of the columns: of x, y, z, and of nothing more, dx, dy, dz or qx, qy, qz, qw."""
+
+    x: OneLine = Field(description="a title")
+    y: OneLine = Field(description="a title")
+    z: OneLine = Field(description="a title")
+    dx: OneLine | None = None
+    dy: OneLine | None = None
+    dz: OneLine | None = None
+    qx: OneLine | None = None
+    qy: OneLine | None = None
+    qz: OneLine | None = None
+    qw: OneLine | None = None
+
+
 class CsvPiece(ToolAim):
     csv: FileName
-    frame: FramePart = FramePart()
     scale: Positive = 1.0
+    columns: CsvColumns | None = None
+    delimiter: Delimiter = "comma"
 
     def path(self, folder: Path) -> ToolPath:
-        T_world_path = pose(self.frame.position, self.frame.rpy)
-        return transform_path(read_csv(folder / self.csv), T_world_path, self.scale)
+        if self.columns is None:
+            if self.delimiter != "comma":
+                raise InputError("delimiter: goes with columns")
+            return scaled_path(read_csv(folder / self.csv), self.scale)
+        chosen = self.columns.model_dump(exclude_none=True)
+        return scaled_path(read_csv_columns(folder / self.csv, chosen, self.delimiter), self.scale)
 
 
-Piece = LinePiece | SinePiece | ArcPiece | PointsPiece | CsvPiece
-_KINDS = ("line", "sine", "arc", "points", "csv")
+class GcodePiece(ToolAim):
+    """``chord`` is the largest distance of an arc from the chords it is cut into [m]."""
+
+    gcode: FileName
+    chord: Positive = 0.0001
+
+    def path(self, folder: Path) -> ToolPath:
+        return read_gcode(folder / self.gcode, self.chord)
+
+
+Piece = LinePiece | SinePiece | ArcPiece | PointsPiece | CsvPiece | GcodePiece
+_KINDS = ("line", "sine", "arc", "points", "csv", "gcode")
 PiecePart = Annotated[
     Annotated[LinePiece, Tag("<line>")]
     | Annotated[SinePiece, Tag("<sine>")]
     | Annotated[ArcPiece, Tag("<arc>")]
     | Annotated[PointsPiece, Tag("<points>")]
-    | Annotated[CsvPiece, Tag("<csv>")],
+    | Annotated[CsvPiece, Tag("<csv>")]
+    | Annotated[GcodePiece, Tag("<gcode>")],
     one_of(*_KINDS),
 ]
 
 
-def read_task(parts: list[Piece], where: str, folder: Path) -> tuple[tuple[Target, ...], list[str]]:
-    """Return the set-points of all pieces, and the place in the document that each comes from."""
+def read_task(
+    parts: list[Piece], where: str, folder: Path, poses: Poses
+) -> tuple[tuple[Target, ...], list[str]]:
+    """Return the set-points of all pieces, and the place in the document that each comes from.
+
+    ``poses`` are those of the frames that pieces may name.
+    """
     targets: list[Target] = []
     places: list[str] = []
     for k, part in enumerate(parts):
         place = f"task[{k}]"
-        found = _targets(part, where, place, folder, SETPOINTS_LIMIT - len(targets))
+        path = _path(part, where, place, folder, SETPOINTS_LIMIT - len(targets))
+        with located(where, f"{place}."):
+            if part.frame is not None:
+                path = transform_path(path, frame_pose(part.frame, poses))
+            found = targets_along(path, Target.cone if part.cone is None else part.cone)
         targets.extend(found)
         places.extend([place] * len(found))
     return tuple(targets), places
 
 
-def _targets(part: Piece, where: str, place: str, folder: Path, most: int) -> tuple[Target, ...]:
+def _path(part: Piece, where: str, place: str, folder: Path, most: int) -> ToolPath:
+    """Return the path of a piece in its own frame, of so many points at most."""
     kind = next(kind for kind in _KINDS if hasattr(part, kind))
     with located(where, f"{place}.{kind}"):
         path = part.path(folder)
     if len(path.points) > most:
         raise located_error(where, place, f"expected at most {SETPOINTS_LIMIT} set-points in all")
     with located(where, f"{place}."):
-        path = _aimed(part, path)
-    return targets_along(path, Target.cone if part.cone is None else part.cone)
+        return _aimed(part, path)
 
 
 def _aimed(part: Piece, path: ToolPath) -> ToolPath:

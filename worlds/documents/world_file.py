@@ -20,9 +20,12 @@ from regionik.worlds.documents.environment import (
     read_obstacle,
     solid_to_document,
 )
+from regionik.worlds.documents.frames import FramesPart, read_frames
 from regionik.worlds.documents.robots import RobotPart, read_robot, robot_to_document
 from regionik.worlds.documents.tasks import PiecePart, read_task, task_to_document
 from regionik.worlds.errors import InputError, located, located_error
+from regionik.worlds.execution import Execution
+from regionik.worlds.frames import FrameNames
 from regionik.worlds.obstacles import Solid
 from regionik.worlds.readers.text import SUFFIXES, is_file_name, plain_mapping, read_document
 from regionik.worlds.readers.validation import (
@@ -57,6 +60,20 @@ class CriteriaPart(Strict):
     effort: Positive | list[Positive] | None = Field(
         default=None,
         description="largest torque from gravity, for all joints or for each [N m], [N] if sliding",
+    )
+
+
+class ExecutionPart(Strict):
+    """The fields of `regionik.worlds.execution.Execution`, checked."""
+
+    base_error: NotNegative = Field(default=Execution.base_error, description="of the base's place [m]")
+    heading_error: NotNegative = Field(default=Execution.heading_error, description="of its heading [rad]")
+    tool_error: NotNegative = Field(
+        default=Execution.tool_error, description="of the tool on its path; below path_tolerance [m]"
+    )
+    arm_error: NotNegative | None = Field(
+        default=None,
+        description="of any point of the arm [m]; without it as much as base and tool are off",
     )
 
 
@@ -101,6 +118,7 @@ class RulesPart(Strict):
         default=Rules.stop_tolerance, description="least radius of the circle to park in [m]"
     )
     criteria: CriteriaPart | None = None
+    execution: ExecutionPart | None = None
 
 
 class SpeedsPart(Strict):
@@ -131,6 +149,9 @@ class WorldDocument(Strict):
     robot: RobotPart = Field(description="a bundled name, or a mapping with one of name, dh, urdf, chain")
     floor: FloorPart = Field(description="{polygon: [[x, y], ...]} or {map: file}")
     obstacles: Many[ObstaclePart] = []
+    frames: FramesPart = Field(
+        default={}, description="poses by name; map, base_link, tool0: their names in exports"
+    )
     start: StartPart | None = None
     task: Annotated[Many[PiecePart], Field(min_length=1)] = Field(description="set-points")
     rules: RulesPart = RulesPart()
@@ -193,14 +214,15 @@ def world_from_document(document: dict[str, Any], where: str = "world", folder: 
     robot = read_robot(model.robot, where, folder)
     floor = read_floor(model.floor, where, folder)
     parts = enumerate(model.obstacles)
-    obstacles = tuple(read_obstacle(part, where, f"obstacles[{k}]", folder) for k, part in parts)
-    task, places = read_task(model.task, where, folder)
+    frames, poses = read_frames(model.frames, where)
+    obstacles = tuple(read_obstacle(part, where, f"obstacles[{k}]", folder, poses) for k, part in parts)
+    task, places = read_task(model.task, where, folder, poses)
     rules = _rules(model.rules, robot, where)
     start = None if model.start is None else Start(np.array(model.start.base), np.array(model.start.joints))
     speeds = None if model.speeds is None else _speeds(model.speeds, robot, where)
     name = model.name or Path(where).name.partition(".")[0] or "world"
     with located(where, ""):
-        world = World(name, robot, floor, obstacles, task, rules, start, model.about or "", speeds)
+        world = World(name, robot, floor, obstacles, task, rules, start, model.about or "", speeds, frames)
         if start is not None:
             robot.chain.check_limits(start.joints.tolist(), "start.joints")
     _check_targets(task, places, world.solids, where)
@@ -223,6 +245,8 @@ def world_to_document(world: World) -> dict[str, Any]:
         document["start"] = {"base": world.start.base.tolist(), "joints": world.start.joints.tolist()}
     document["task"] = task_to_document(world.task)
     document["rules"] = _plain(asdict(world.rules))
+    if world.frames != FrameNames():
+        document["frames"] = asdict(world.frames)
     if world.speeds is not None:
         document["speeds"] = _plain(asdict(world.speeds))
     return document
@@ -242,7 +266,8 @@ def _rules(part: RulesPart, robot: Robot, where: str) -> Rules:
             criteria = Criteria(**part.criteria.model_dump())
             criteria.check(robot)
     with located(where, "rules."):
-        return Rules(**{**part.model_dump(), "criteria": criteria})
+        execution = None if part.execution is None else Execution(**part.execution.model_dump())
+        return Rules(**{**part.model_dump(), "criteria": criteria, "execution": execution})
 
 
 def _speeds(part: SpeedsPart, robot: Robot, where: str) -> Speeds:

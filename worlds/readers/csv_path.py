@@ -51,7 +51,7 @@ class CsvBlock:
             Names the file, the line and what was expected.
         """
         lines = _text(self.data, self.where).splitlines()
-        _check_lengths(lines, self.where, self.number)
+        check_lengths(lines, self.where, self.number)
         return _path_of_lines(lines, self.where, self.row, self.columns, self.number)
 
 
@@ -93,7 +93,7 @@ def read_csv(path: Path) -> ToolPath:
     lines = read_text(path, CSV_LIMIT).splitlines()
     if len(lines) > LINES_LIMIT:
         raise InputError(f"{path}: expected at most {LINES_LIMIT} lines, got {len(lines)}")
-    _check_lengths(lines, str(path), 1)
+    check_lengths(lines, str(path), 1)
     row, columns = _first_row(lines, str(path))
     return _path_of_lines(lines, str(path), row, columns, 1)
 
@@ -138,7 +138,7 @@ def _text(data: bytes, where: str) -> str:
 def _first_row(lines: Iterable[str], where: str) -> tuple[int, int]:
     """Return the number of the first line with a point, counted from 1, and the number of its columns."""
     for number, line in enumerate(lines, start=1):
-        _check_lengths([line], where, number)
+        check_lengths([line], where, number)
         cells = _cells(line)
         if not _is_skipped(cells) and tuple(cells) not in COLUMNS.values():
             return number, len(_row(cells, f"{where}: line {number}"))
@@ -152,10 +152,10 @@ def _path_of_lines(lines: Sequence[str], where: str, row: int, columns: int, num
     rows = _fast_rows(kept, columns)
     if rows is None:
         rows, numbers = _careful_rows(kept, where, row, columns, number)
-    return _path_of_rows(rows, where, numbers)
+    return path_of_rows(rows, where, numbers)
 
 
-def _check_lengths(lines: Sequence[str], where: str, number: int) -> None:
+def check_lengths(lines: Sequence[str], where: str, number: int) -> None:
     """Refuse lines longer than any row; ``number`` is that of the first."""
     for at, line in enumerate(lines, start=number):
         if len(line) > LENGTH_LIMIT:
@@ -218,7 +218,14 @@ def _row(cells: list[str], where: str) -> list[float]:
     return values
 
 
-def _path_of_rows(rows: Array, where: str, numbers: Sequence[int]) -> ToolPath:
+def path_of_rows(rows: Array, where: str, numbers: Sequence[int]) -> ToolPath:
+    """Return the path of rows as one of `COLUMNS` has them, from lines of such numbers.
+
+    Raises
+    ------
+    InputError
+        For a direction of no length, or a quaternion that is not of length one.
+    """
     points, rest = rows[:, :3], rows[:, 3:]
     if rest.shape[1] == 0:
         return ToolPath(points)

@@ -1,0 +1,100 @@
+"""The frames of a world file: poses in which tasks and obstacles are given, and names for exports."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import Discriminator, Field, Tag
+
+from regionik.worlds.arrays import Array
+from regionik.worlds.chain import pose
+from regionik.worlds.errors import InputError, located
+from regionik.worlds.frames import FrameNames
+from regionik.worlds.readers.validation import OneLine, Strict, Vec3
+
+WORLD = "map"  # the frame of all that names none
+_NAMED = tuple(field.name for field in fields(FrameNames))
+
+
+def _kind(value: Any) -> str:
+    return "<name>" if isinstance(value, str) else "<pose>"
+
+
+class FramePart(Strict):
+    position: Vec3 = [0.0, 0.0, 0.0]
+    rpy: Vec3 = [0.0, 0.0, 0.0]
+
+
+class FrameOfWorld(FramePart):
+    """The pose of a frame in another one of the file, by default in the world's."""
+
+    parent: OneLine = Field(default=WORLD, description="name of a frame")
+
+
+FramesPart = dict[
+    OneLine,
+    Annotated[
+        Annotated[OneLine, Tag("<name>")] | Annotated[FrameOfWorld, Tag("<pose>")], Discriminator(_kind)
+    ],
+]
+FrameReference = Annotated[
+    Annotated[OneLine, Tag("<name>")] | Annotated[FramePart, Tag("<pose>")], Discriminator(_kind)
+]
+Poses = dict[str, Array]  # T_world_frame (4, 4) by the names of frames
+
+
+def read_frames(part: FramesPart, where: str) -> tuple[FrameNames, Poses]:
+    """Return the names of frames for exports, and the poses of the others in the world, (4, 4).
+
+    ``map``, ``base_link`` and ``tool0`` are texts: what exports call them. All others are poses.
+    """
+    names: dict[str, str] = {}
+    frames: dict[str, FrameOfWorld] = {}
+    for key, value in part.items():
+        with located(where, f"frames.{key}"):
+            if isinstance(value, str) and key in _NAMED:
+                names[key] = value
+            elif isinstance(value, FrameOfWorld) and key not in _NAMED:
+                frames[key] = value
+            elif key in _NAMED:
+                raise InputError("expected text, what exports call this frame")
+            else:
+                raise InputError(f"expected position and rpy; {', '.join(_NAMED)} alone are texts")
+    with located(where, "frames."):
+        called = FrameNames(**names)
+    poses: Poses = {WORLD: np.eye(4)}
+    for key in frames:
+        with located(where, f"frames.{key}"):
+            poses[key] = _in_world(key, frames)
+    return called, poses
+
+
+def frame_pose(reference: str | FramePart, poses: Poses) -> Array:
+    """Return the pose of a frame in the world, (4, 4).
+
+    Raises
+    ------
+    InputError
+        For a name that the file does not have.
+    """
+    if isinstance(reference, FramePart):
+        return pose(reference.position, reference.rpy)
+    if reference not in poses:
+        raise InputError(f"frame: unknown frame {reference!r}, valid names: {', '.join(poses)}")
+    return poses[reference]
+
+
+def _in_world(name: str, frames: dict[str, FrameOfWorld]) -> Array:
+    T, way = np.eye(4), [name]
+    while way[-1] != WORLD:
+        frame = frames.get(way[-1])
+        if frame is None:
+            valid = ", ".join([WORLD, *frames])
+            raise InputError(f"parent: unknown frame {way[-1]!r}, valid names: {valid}")
+        T = pose(frame.position, frame.rpy) @ T
+        if frame.parent in way:
+            raise InputError(f"parent: expected no circle of frames, got {' in '.join([*way, frame.parent])}")
+        way.append(frame.parent)
+    return T
