@@ -29,7 +29,7 @@ from regionik.worlds.scene import Target, World
 
 STARTS = 24  # postures at the first set-point that are looked for
 MORE_STARTS = 192  # where redundancy is resolved along the set-points
-LONGEST_TURN, LONGEST_SLIDE = 0.12, 0.02  # of a joint from one target to the next there [rad], [m]
+LONGEST_TURN, LONGEST_SLIDE = 0.1, 0.02  # of a joint from one target to the next there [rad], [m]
 ENOUGH = 3  # of those that serve every set-point, so many are compared
 RIM = np.arange(8) * np.pi / 4  # directions in which a circle to park in is tried [rad]
 RIM_STEPS = 4  # on the way out to its rim, each posture the start of the next

@@ -13,14 +13,16 @@ from itertools import islice
 
 import numpy as np
 import shapely
+from shapely.geometry.base import BaseGeometry
 
+from regionik.areas.ground import united
 from regionik.areas.reachable import model_of
 from regionik.areas.standing import Standing, into_span
 from regionik.moving.configuration_sampling import spread
 from regionik.parking.held_postures import PostureCarrier
 from regionik.postures.arm import deviation, goal_between
 from regionik.postures.arm_guard import guard_of
-from regionik.postures.poses import pose_of
+from regionik.postures.poses import axis_of, pose_of
 from regionik.pruning import Pruned
 from regionik.values import Configuration
 from regionik.worlds.arms import pivot_index, with_pivot
@@ -34,10 +36,10 @@ BEAMS = 48, 384  # postures carried on at once, at first and then
 STRIDE, TURN = 0.02, 0.05  # longest way of the tool between two targets, and its largest turn [m], [rad]
 
 
-def standing_configurations(
+def standing_runs(
     world: World, pruned: Pruned, chain: Sequence[int], standing: Standing
-) -> dict[int, Configuration]:
-    """Configurations by set-point, of the runs that are done from one place.
+) -> tuple[list[int], dict[int, Configuration]]:
+    """Configurations of the runs that are done from one place.
 
     Parameters
     ----------
@@ -46,19 +48,58 @@ def standing_configurations(
     chain : sequence of int
         Component of each set-point.
     standing : Standing
+
+    Returns
+    -------
+    chain : list of int
+        As given, but that runs done from one place have components around it.
+    configurations : dict of int to Configuration
+        Of the set-points of these runs.
     """
-    found: dict[int, Configuration] = {}
+    chosen, found = list(chain), dict[int, Configuration]()
     bounds = [0, *pruned.breaks, len(chain)]
     if world.robot.drive.rolls or not world.rules.avoidance:
-        return found
+        return chosen, found
     for first, end in zip(bounds[:-1], bounds[1:], strict=True):
         targets = world.task[first:end]
         if any(one.direction is None or model_of(world, one).exact for one in targets):
             continue
-        bases = islice(_bases(world, pruned, chain[first:end], standing, targets), TRIES)
+        shared = _shared(pruned, first, end)
+        if shared is None:
+            continue
+        side, area = shared
+        bases = islice(_bases(world, area, standing.sides[side].span, targets), TRIES)
         done = _from_one(world, _laid_out(targets), list(bases))
-        found |= {first + k: one for k, one in enumerate(done)}
-    return found
+        if done:
+            axis = shapely.Point(axis_of(world.robot, done[0].base))
+            chosen[first:end] = [_around(pruned, i, side, axis) for i in range(first, end)]
+            found |= {first + k: one for k, one in enumerate(done)}
+    return chosen, found
+
+
+def _shared(pruned: Pruned, first: int, end: int) -> tuple[int, BaseGeometry] | None:
+    """Side of the floor and the largest part that areas of a run share there; None for nothing."""
+    ladder = pruned.ladder
+    kept = [_kept(pruned, i) for i in range(first, end)]
+    best: tuple[int, BaseGeometry] | None = None
+    for side in sorted({int(ladder.side[k]) for k in kept[0]}):
+        own = [united(ladder.component[[k for k in some if ladder.side[k] == side]]) for some in kept]
+        for part in shapely.get_parts(shapely.intersection_all(own)):
+            if part.area > (0.0 if best is None else best[1].area):
+                best = side, part
+    return best
+
+
+def _kept(pruned: Pruned, i: int) -> list[int]:
+    """Components of a set-point that pruning left."""
+    rungs = pruned.ladder.rungs
+    return [k for k in range(rungs[i], rungs[i + 1]) if pruned.keep[k]]
+
+
+def _around(pruned: Pruned, i: int, side: int, axis: shapely.Point) -> int:
+    """The component of a set-point around a place, or nearest to it."""
+    some = [k for k in _kept(pruned, i) if pruned.ladder.side[k] == side]
+    return min(some, key=lambda k: float(pruned.ladder.component[k].distance(axis)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,24 +136,18 @@ def _configuration(world: World, target: Target, base: Array, joints: Array) -> 
 
 
 def _bases(
-    world: World, pruned: Pruned, chain: Sequence[int], standing: Standing, targets: Sequence[Target]
+    world: World, area: BaseGeometry, span: tuple[float, float], targets: Sequence[Target]
 ) -> Iterator[Array]:
-    """Poses of the base in what the components of a run share, the arm turned to the run at first."""
-    ladder = pruned.ladder
-    sides = {int(ladder.side[k]) for k in chain}
-    shared = shapely.intersection_all(ladder.component[list(chain)])
-    parts = [part for part in shapely.get_parts(shared) if part.area > 0]
-    if len(sides) > 1 or not parts:
-        return
-    area, span = max(parts, key=lambda part: part.area), standing.sides[sides.pop()].span
+    """Poses of the base in an area, the arm turned to the targets at first."""
     middle = shapely.maximum_inscribed_circle(area).coords[0]
     center = np.mean([target.position[:2] for target in targets], axis=0)
     robot, arm = world.robot, with_pivot(world.robot.chain)
     pivot = arm.joints[pivot_index(arm)]
-    ahead = (pivot.lower + pivot.upper) / 2 if np.isfinite(pivot.upper - pivot.lower) else 0.0
+    limited = bool(np.isfinite(pivot.upper - pivot.lower))
+    ahead, quarters = ((pivot.lower + pivot.upper) / 2, QUARTERS) if limited else (0.0, QUARTERS[:1])
     for axis in np.vstack([middle, spread(area, PLACES, 0)]):
         facing = np.arctan2(*(center - axis)[::-1]) - robot.mount[3] - ahead
-        yaws = [into_span(float(yaw), span) for yaw in facing + QUARTERS]
+        yaws = [into_span(float(yaw), span) for yaw in facing + quarters]
         for yaw in dict.fromkeys(yaws):
             yield pose_of(robot, axis, yaw)
 
