@@ -13,6 +13,7 @@ from itertools import islice
 
 import numpy as np
 import shapely
+from shapely.geometry import Point
 from shapely.geometry.base import BaseGeometry
 
 from regionik.areas.ground import united
@@ -71,7 +72,7 @@ def standing_runs(
         bases = islice(_bases(world, area, standing.sides[side].span, targets), TRIES)
         done = _from_one(world, _laid_out(targets), list(bases))
         if done:
-            axis = shapely.Point(axis_of(world.robot, done[0].base))
+            axis = Point(axis_of(world.robot, done[0].base))
             chosen[first:end] = [_around(pruned, i, side, axis) for i in range(first, end)]
             found |= {first + k: one for k, one in enumerate(done)}
     return chosen, found
@@ -96,10 +97,10 @@ def _kept(pruned: Pruned, i: int) -> list[int]:
     return [k for k in range(rungs[i], rungs[i + 1]) if pruned.keep[k]]
 
 
-def _around(pruned: Pruned, i: int, side: int, axis: shapely.Point) -> int:
+def _around(pruned: Pruned, i: int, side: int, axis: Point) -> int:
     """The component of a set-point around a place, or nearest to it."""
     some = [k for k in _kept(pruned, i) if pruned.ladder.side[k] == side]
-    return min(some, key=lambda k: float(pruned.ladder.component[k].distance(axis)))
+    return some[int(np.argmin(shapely.distance(pruned.ladder.component[some], axis)))]
 
 
 @dataclass(frozen=True, eq=False)
