@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import shapely
 
+from regionik.parking.standing_runs import standing_runs
 from regionik.pipeline import plan
+from regionik.postures.poses import axis_of
+from regionik.pruning import choose_chain, whole_path
 from regionik.verification.verifier import verify
 from regionik.worlds.obstacles import Box
 from regionik.worlds.robot import Robot, capsules_along
-from regionik.worlds.scene import Floor, Rules, Target, World
+from regionik.worlds.scene import Floor, Heading, Rules, Target, World
 from tests.test_closed_form import ARMS
 
 DOWN = np.diag([1.0, -1.0, -1.0])
@@ -44,3 +49,23 @@ def test_a_run_from_one_place_needs_no_lift_off(post: float) -> None:
     assert verify(found).ok
     joints = np.array([one.joints for one in found.setpoints])
     assert np.abs(np.diff(joints, axis=0)).max() < 0.5
+
+
+@pytest.mark.parametrize("heading", ["free", "face_target"])
+def test_a_base_that_faces_its_targets_does_not_stand(heading: Heading) -> None:
+    scene = world(wide=0.2, post=0.5)
+    scene = replace(
+        scene,
+        floor=Floor(shapely.box(-0.5, -0.5, 0.5, 0.5)),
+        task=scene.task[::6],
+        rules=replace(scene.rules, heading=heading),
+    )
+    standing, _, pruned = whole_path(scene)
+    chain = choose_chain(pruned, standing, None)
+    chosen, found = standing_runs(scene, pruned, chain, standing)
+    assert len(found) == (5 if heading == "free" else 0)
+    assert len({tuple(one.base) for one in found.values()}) <= 1
+    for i, one in found.items():
+        around = pruned.ladder.component[chosen[i]]
+        assert around.distance(shapely.Point(axis_of(scene.robot, one.base))) < 1e-9
+        assert one.converged

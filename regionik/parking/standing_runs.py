@@ -55,11 +55,12 @@ def standing_runs(
     chain : list of int
         As given, but that runs done from one place have components around it.
     configurations : dict of int to Configuration
-        Of the set-points of these runs.
+        Of the set-points of these runs; of none where the base rolls or has to face its targets.
     """
     chosen, found = list(chain), dict[int, Configuration]()
     bounds = [0, *pruned.breaks, len(chain)]
-    if world.robot.drive.rolls or not world.rules.avoidance:
+    faces = world.rules.heading == "face_target"  # the base would have to turn
+    if faces or world.robot.drive.rolls or not world.rules.avoidance:
         return chosen, found
     for first, end in zip(bounds[:-1], bounds[1:], strict=True):
         targets = world.task[first:end]
