@@ -143,7 +143,9 @@ def test_outer_floor_holds_the_axis_of_every_base_that_stands_free(
 ) -> None:
     """The axis may be beside the footprint, over the floor's edge or over an obstacle."""
     known = robot_named("youbot")
-    corners = half * np.array([(1, -1), (1, 1), (-1, 1), (-1, -1)]) if min(half) > 0 else np.zeros((1, 2))
+    corners = (
+        np.array(half) * np.array([(1, -1), (1, 1), (-1, 1), (-1, -1)]) if min(half) > 0 else np.zeros((1, 2))
+    )
     robot = replace(known, footprint=corners, mount=np.array([*mount, *known.mount[2:]]))
     scene = World(
         "test", robot, Floor(shapely.box(-1, -1, 1, 1)), (box(0.3, 0.2),), (), Rules(clearance=0.02)
