@@ -15,6 +15,7 @@ from __future__ import annotations
 import argparse
 import time
 import warnings
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -32,9 +33,9 @@ TOLERANCE, CONE = 1e-4, np.radians(0.1)
 LARGEST_TURN, LARGEST_SLIDE = np.radians(7.0), 0.02  # of a joint from pose to pose [rad], [m]
 # URDF file, root and tip; the torso of fetch_arm stands still.
 ROBOTS = {
-    "panda": ("panda/panda_arm_hand.urdf", None, "panda_hand"),
-    "fetch": ("fetch/fetch.urdf", None, "gripper_link"),
-    "fetch_arm": ("fetch/fetch.urdf", "torso_lift_link", "gripper_link"),
+    "panda": ("panda/panda_arm_hand_formatted.urdf", None, "panda_hand"),
+    "fetch": ("fetch/fetch_formatted.urdf", None, "gripper_link"),
+    "fetch_arm": ("fetch/fetch_formatted.urdf", "torso_lift_link", "gripper_link"),
 }
 TORSO = np.array([-0.086875, 0.0, 0.37743])  # of torso_lift_link in Fetch's base, the torso down [m]
 
@@ -57,11 +58,15 @@ def world_of(data: Path, robot: Robot, problem: dict[str, Any], mode: str) -> ri
         rik.Target(p, orientation=T, cone=CONE)
         for p, T in zip(rows[:, 1:4] @ R.T + offset, turns, strict=True)
     ]
-    boxes = [_box(k, one, problem["obstacle_xyz_offset"]) for k, one in enumerate(problem["obstacles"])]
+    boxes = [
+        _box(k, one, problem["obstacle_xyz_offset"]) for k, one in enumerate(problem.get("obstacles", []))
+    ]
     floor = shapely.box(-4, -4, 4, 4)
     if mode == "fixed":
         floor = shapely.MultiPoint(robot.footprint).convex_hull.buffer(1e-3, join_style="mitre")
     rules = rik.Rules(clearance=0.0, tolerance=TOLERANCE, solid_floor=False)
+    if mode == "fixed":
+        rules = replace(rules, heading="fixed", reach_margin=0.0)
     name = f"{problem['robot']} {problem['path_name']} {mode}"
     return rik.World(name, robot, rik.Floor(floor), tuple(boxes), tuple(task), rules)
 

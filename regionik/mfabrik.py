@@ -7,7 +7,7 @@ any other. Algorithm 2, the base's way between two configurations, is `driving.g
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
@@ -38,6 +38,7 @@ from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Heading, Target, World
 
 NOWHERE = FlatPolygon(np.empty((0, 2)), np.zeros(1, dtype=np.int64))
+_NONE_KNOWN: Mapping[int, Configuration] = {}
 HEADINGS: dict[Heading, int] = {"free": FREE, "face_target": FACE_TARGET, "fixed": FIXED}
 
 
@@ -312,7 +313,10 @@ def _numbers(values: ArrayLike, count: int, what: str) -> Array:
 
 
 def configurations(
-    task: Sequence[Target], solvers: Iterable[Method], start: tuple[Array, Array]
+    task: Sequence[Target],
+    solvers: Iterable[Method],
+    start: tuple[Array, Array],
+    known: Mapping[int, Configuration] = _NONE_KNOWN,
 ) -> tuple[Configuration, ...]:
     """One configuration for each set-point, each solved from the one before.
 
@@ -323,11 +327,13 @@ def configurations(
         One for each set-point, such as a `Solver` for the area that is chosen there.
     start : (base, joints)
         Of the robot at first.
+    known : mapping of int to Configuration
+        Of some set-points, which are not solved.
     """
     base, joints = start
-    found = []
+    found: list[Configuration] = []
     for target, solver in zip(task, solvers, strict=True):
-        found.append(solver(target, base, joints))
+        found.append(known.get(len(found)) or solver(target, base, joints))
         base, joints = found[-1].base, found[-1].joints
     return tuple(found)
 

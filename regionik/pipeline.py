@@ -15,6 +15,7 @@ from regionik.mfabrik import configurations
 from regionik.motion import connect_configurations
 from regionik.moving.path_search import JoinedMotion
 from regionik.parking.fewest_stops import park
+from regionik.parking.standing_runs import standing_runs
 from regionik.parking.stop_motion import connect_stops
 from regionik.parking.stops import check as check_stops
 from regionik.parking.stops import in_sequence
@@ -222,8 +223,9 @@ def _plan_path(world: World, seed: int, tell: Progress) -> Plan:
     standing, areas, pruned = whole_path(world)
     chain = choose_chain(pruned, standing, start_place(world))
     tell("configurations", 0, len(world.task))
+    chain, known = standing_runs(world, pruned, chain, standing)
     solvers = solvers_along(world, pruned.ladder, standing, chain)
-    goals = configurations(world.task, solvers, start_pose(world, pruned, chain))
+    goals = configurations(world.task, solvers, start_pose(world, pruned, chain), known)
     _refuse(_not_converged(world, goals))
     joined = connect_configurations(world, pruned, chain, goals, standing, seed, tell)
     shown = planned_areas(world, areas, pruned.area)

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import shapely
@@ -128,6 +130,33 @@ def test_tool_direction_gives_ring_sectors() -> None:
     assert (x0, y0, x1, y1) == pytest.approx((-0.134, 0.236, 0.134, 0.517), abs=2e-3)
     outer = outer_areas(scene, [target])[0]
     assert outer.covers(shapely.union_all(areas.inner).buffer(-1e-9))
+
+
+@settings(max_examples=examples(60))
+@given(
+    mount=st.tuples(st.floats(-0.4, 0.4), st.floats(-0.3, 0.3)),
+    half=st.tuples(st.sampled_from([0.0, 0.05, 0.2]), st.sampled_from([0.0, 0.1])),
+    pose=st.tuples(st.floats(-1, 1), st.floats(-1, 1), st.floats(-3.2, 3.2)),
+)
+def test_outer_floor_holds_the_axis_of_every_base_that_stands_free(
+    mount: tuple[float, float], half: tuple[float, float], pose: tuple[float, float, float]
+) -> None:
+    """The axis may be beside the footprint, over the floor's edge or over an obstacle."""
+    known = robot_named("youbot")
+    corners = (
+        np.array(half) * np.array([(1, -1), (1, 1), (-1, 1), (-1, -1)]) if min(half) > 0 else np.zeros((1, 2))
+    )
+    robot = replace(known, footprint=corners, mount=np.array([*mount, *known.mount[2:]]))
+    scene = World(
+        "test", robot, Floor(shapely.box(-1, -1, 1, 1)), (box(0.3, 0.2),), (), Rules(clearance=0.02)
+    )
+    x, y, yaw = pose
+    turn = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
+    stood = shapely.MultiPoint(corners @ turn.T + (x, y)).convex_hull
+    ground = ground_of(scene)
+    if ground.floor.contains(stood) and ground.shadows[0].distance(stood) > 0.02:
+        axis = shapely.Point(turn @ np.array(mount) + (x, y))
+        assert ground.outer.free.distance(axis) < 1e-8
 
 
 def test_out_of_reach_is_an_empty_outer_area() -> None:

@@ -14,7 +14,7 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 from shapely import STRtree
-from shapely.geometry import MultiPolygon, Point, Polygon
+from shapely.geometry import MultiPoint, MultiPolygon, Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
 from regionik.planners.geometry.offsets import grown, shrunk
@@ -22,6 +22,7 @@ from regionik.worlds.obstacles import Shadow, Solid
 from regionik.worlds.scene import World
 
 GRID = 1e-11  # of corners where a union fails without one, far below the guard [m]
+ON_AXIS = 1e-9  # distance at which a footprint is as good as on the arm axis [m]
 GUARD = 1e-6  # margin of inner areas at every bound, against rounding [m]
 
 LARGE = 400  # vertices, from which on a shape is cut to what is looked at before it is worked on
@@ -111,7 +112,8 @@ class Ground:
     clearance : float
         [m]
     far, near : float
-        Largest and smallest distance of the footprint's edge from the arm axis [m].
+        Largest and smallest distance of the footprint's edge from the arm axis; the latter below zero for an
+        axis beside the footprint [m].
     """
 
     floor: Polygon | MultiPolygon
@@ -129,6 +131,8 @@ class Ground:
     @cached_property
     def outer(self) -> Side:
         taken = self.taken(self.clearance, inner=False)
+        if self.near < 0:  # the axis may lie off the floor
+            return Side(grown(self.floor, -self.near, outside=True), disjoint(taken))
         return Side(shrunk(self.floor, self.near, outside=True), disjoint(taken))
 
     def taken(self, clearance: float, *, inner: bool) -> Geometries:
@@ -195,8 +199,9 @@ def shadow_of(solid: Solid, below: float) -> Shadow | None:
 
 @lru_cache(maxsize=4096)
 def grow(shadow: Shadow, by: float, inner: bool) -> BaseGeometry:
-    """A shadow grown by a disc, as a polygon around it (``inner``) or within it."""
-    return grown(shadow.core, shadow.radius + by, outside=inner)
+    """A shadow grown by a disc, as a polygon around it (``inner``) or within it; shrunk where less than 0."""
+    far = shadow.radius + by
+    return grown(shadow.core, far, outside=inner) if far >= 0 else shrunk(shadow.core, -far, outside=inner)
 
 
 @lru_cache(maxsize=8)
@@ -207,10 +212,10 @@ def ground_of(world: World) -> Ground:
     met = [(name, shadow) for name, shadow in found if shadow is not None]
     corners = robot.footprint - robot.mount[:2]
     far = float(np.hypot(corners[:, 0], corners[:, 1]).max())
-    near = 0.0
-    if len(corners) > 2:
-        outline = Polygon(corners)
-        near = float(outline.exterior.distance(Point(0, 0))) if outline.contains(Point(0, 0)) else 0.0
+    outline, axis = MultiPoint(corners).convex_hull, Point(0, 0)
+    within = len(corners) > 2 and outline.contains(axis)
+    off = float(outline.distance(axis))
+    near = float(outline.boundary.distance(axis)) if within else -off if off > ON_AXIS else 0.0
     return Ground(
         floor=world.drivable_floor,
         names=tuple(name for name, _ in met),

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from regionik.areas.standing import into_span
 from regionik.mfabrik import Solver
 from regionik.planners.solvers.damped_least_squares import Aims, polish_along
+from regionik.planners.solvers.redundancy_resolution import PathSolving, resolve_redundancy
 from regionik.planners.solvers.serial_chain import serial_arm
 from regionik.postures.arm_guard import Guard
 from regionik.postures.poses import Pose, axis_of, pose_of
@@ -27,6 +28,8 @@ from regionik.worlds.criteria import with_joint_margin
 from regionik.worlds.scene import Target, World
 
 STARTS = 24  # postures at the first set-point that are looked for
+MORE_STARTS = 192  # where redundancy is resolved along the set-points
+LONGEST_TURN, LONGEST_SLIDE = 0.1, 0.02  # of a joint from one target to the next there [rad], [m]
 ENOUGH = 3  # of those that serve every set-point, so many are compared
 RIM = np.arange(8) * np.pi / 4  # directions in which a circle to park in is tried [rad]
 RIM_STEPS = 4  # on the way out to its rim, each posture the start of the next
@@ -93,6 +96,35 @@ class PostureCarrier:
             return best
         joints = self._branched(best)
         return replace(best, joints=joints, spare=self._spare(joints)) if len(joints) else best
+
+    def resolved(self, base: Array, most: int) -> Array:
+        """Clear postures (k, dof) at the first k targets in a row, `most` of them carried on at once.
+
+        From one target to the next joints change by `LONGEST_TURN` or `LONGEST_SLIDE` at the most.
+        """
+        axis, robot, solver = axis_of(self.world.robot, base), self.world.robot, self._bound
+        yaw, more = float(base[2] + robot.mount[3]), solver.chain.dof - robot.chain.dof
+        near = pivot_joints(robot.chain, robot.carry)
+        starts = solver.self_motion(self.targets[0], axis, yaw, near, MORE_STARTS)
+        if not starts:
+            return np.empty((0, robot.chain.dof))
+        turns = [joint.kind == "revolute" for joint in solver.chain.joints]
+        longest = np.where(turns, LONGEST_TURN, LONGEST_SLIDE)
+        effort = solver.effort
+        found = resolve_redundancy(
+            serial_arm(solver.endless),
+            self._aims(axis, yaw, slice(None)),
+            np.array([one.joints for one in starts]),
+            PathSolving(effort.reach, effort.tolerance, longest, most),
+            lambda here, there: self._goes(base, here[more:], there[more:]),
+        )
+        return found[:, more:]
+
+    def _goes(self, base: Array, here: Array, there: Array) -> bool:
+        """True if the straight motion between two postures is proven clear."""
+        if not self.guard.proves(Pose(base, there)):
+            return False
+        return self.guard.stop([Pose(base, here), Pose(base, there)]) is None
 
     def _branched(self, held: HeldPostures) -> Array:
         """Postures (k, dof) at the first set-points, of other branches where a carried one touches.
