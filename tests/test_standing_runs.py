@@ -13,8 +13,9 @@ from regionik.pipeline import plan
 from regionik.postures.poses import axis_of
 from regionik.pruning import choose_chain, whole_path
 from regionik.verification.verifier import verify
+from regionik.worlds.links import capsules_along
 from regionik.worlds.obstacles import Box
-from regionik.worlds.robot import Robot, capsules_along
+from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Heading, Rules, Target, World
 from tests.test_closed_form import ARMS
 
