@@ -15,7 +15,8 @@ from shapely.geometry import Point
 from regionik.cli.app import run
 from regionik.output.plan_file import load_plan
 from regionik.parking.fewest_stops import park
-from regionik.parking.stops import stops
+from regionik.parking.placements import PlacementSearch
+from regionik.parking.stops import in_sequence, stops
 from regionik.pipeline import plan
 from regionik.planners.coverage.set_cover import least_cover, undominated
 from regionik.postures.families import BACK, FRONT
@@ -173,6 +174,17 @@ def sampled_cover(world: World, spacing: float) -> int:
 def test_no_cover_from_a_grid_of_places_and_headings_needs_fewer(seed: int, half: float) -> None:
     world = scattered(seed, half)
     assert len(stops(world)) <= sampled_cover(world, 0.1)
+
+
+def test_what_a_place_serves_does_not_depend_on_what_was_asked_before() -> None:
+    """The zero of the arm's plane was taken from a set-point out of its reach where that came first."""
+    world = scattered(0, 0.8)
+    sequence = in_sequence(world, park(world))
+    for group in sequence.groups:
+        side, fresh = next(iter(group.places)), PlacementSearch(sequence.world, sequence.parking_areas)
+        placement = None if group.spot is None else fresh.at(group, group.spot, side)
+        assert placement is not None
+        assert placement.setpoints == group.setpoints
 
 
 @pytest.mark.parametrize("criterion", ["clearance", "distance"])

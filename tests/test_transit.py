@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -58,6 +59,29 @@ def check(world: World, here: Pose, way: list[Pose], there: Pose) -> None:
             assert free.distance(shapely.Point(axis_of(robot, at.base))) < 1e-3
             assert (at.joints >= robot.chain.lower - 1e-9).all()
             assert (at.joints <= robot.chain.upper + 1e-9).all()
+
+
+@pytest.mark.parametrize("name", ["youbot", "dof10"])
+def test_a_base_stands_while_the_arm_swings(name: str) -> None:
+    world = world_of(name)
+    here, there = posed(world, HERE, 0.9, -0.2), posed(world, HERE, -0.9, 0.3)
+    way = carrier(world).swung(here, there, 0)
+    assert way is not None
+    check(world, here, way, there)
+    assert all(np.array_equal(pose.base, HERE) for pose in way)
+    assert carrier(world).swung(here, here, 0) == []
+
+
+@pytest.mark.parametrize("name", ["youbot", "pioneer7"])
+def test_an_arm_that_cannot_fold_is_driven_as_it_is(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    world = world_of(name)
+    here, there = posed(world, HERE, 0.5, -0.2), posed(world, THERE, -0.5, 0.2)
+    monkeypatch.setattr(TransitPlanner, "folded", lambda *_: None)
+    way = carrier(world).driven(here, there, 0)
+    assert way is not None
+    check(world, here, way, there)
+    poses = [here, *way, there]
+    assert all((a.base != b.base).any() or (a.joints != b.joints).any() for a, b in pairwise(poses))
 
 
 @pytest.mark.parametrize("name", ["youbot", "youbot-real", "hinge5", "dof10", "pioneer7"])

@@ -103,8 +103,14 @@ def state_clear(
     bodies: Bodies, base: Array, joints: Array, margin: float, contact: ContactTargets | None
 ) -> bool:
     """True if every link is proven to keep a distance from everything in a state; quicker than `nearest`."""
-    bases, both = np.array([base, base]), np.array([joints, joints])
-    return _first_unproven(bodies, bases, both, margin, contact)[1] < 0
+    return is_path_clear(bodies, np.array([base, base]), np.array([joints, joints]), margin, contact)
+
+
+def is_path_clear(
+    bodies: Bodies, bases: Array, joints: Array, margin: float, contact: ContactTargets | None
+) -> bool:
+    """True if `path_clear` proves all motions; what stands in the way of one is not measured."""
+    return _first_unproven(bodies, bases, joints, margin, contact)[1] < 0
 
 
 def path_clear(

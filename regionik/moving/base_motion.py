@@ -235,4 +235,4 @@ class Interpolator:
 
     def clear(self, poses: Sequence[Pose]) -> bool:
         """True if a motion is proven clear, its two ends aside."""
-        return self.guard.stop(poses) is None
+        return self.guard.passes(poses)

@@ -115,14 +115,17 @@ class PathSearch:
         for candidate in asked[:hard]:
             yield candidate, self.transits.sampled(here, candidate.pose, int(floor[candidate.component]))
 
-    def run(self, i: int, count: int, first: Candidate, ahead: Ahead) -> list[SearchStep]:
+    def run(
+        self, i: int, count: int, first: Candidate, ahead: Ahead, patience: int = PATIENCE
+    ) -> list[SearchStep]:
         """The longest run found from a candidate at set-point i, over ``count`` set-points at most.
 
-        Given a set-point and a candidate there, ``ahead`` has those of the next one, the likeliest first.
+        Given a set-point and a candidate there, ``ahead`` has those of the next one, the likeliest first. So
+        many candidates are tried without getting farther.
         """
         steps = [SearchStep(first, [], ahead(i, first))]
         best, tried, seen = list(steps), 0, set[Candidate]()
-        while steps and len(best) < count and tried < PATIENCE:
+        while steps and len(best) < count and tried < patience:
             candidate = next(steps[-1].ahead, None)
             if candidate is None:
                 steps.pop()

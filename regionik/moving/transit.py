@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from itertools import islice, pairwise, product
+from itertools import islice, pairwise
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from regionik.postures.poses import Pose, axis_of, pose_of, turn_to
 from regionik.worlds.arms import pivot_index, with_pivot
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
+from regionik.worlds.robot import Robot
 from regionik.worlds.scene import World
 
 WITHDRAWALS = (0.0, 0.1, 0.2, 0.4, 0.6)  # how far the base draws back before the arm folds [m]
@@ -45,6 +46,7 @@ class TransitPlanner:
     interpolator: Interpolator
     driver: Driver
     refusals: list[NoPathError] = field(default_factory=list)
+    _missed: dict[str, int] = field(default_factory=dict)  # how often the arm did not come to be carried so
 
     def sampled(self, here: Pose, there: Pose, piece: int) -> list[Pose] | None:
         """States strictly between two poses, on a way found in the space of the whole robot or of its arm."""
@@ -77,23 +79,28 @@ class TransitPlanner:
     def _arm_first(self, here: Pose, there: Pose, piece: int) -> list[Pose] | None:
         """States strictly between two poses: the arm moves, the base drives with it still, the arm moves on.
 
-        The arm is driven as it is carried, or as it is at either end; it moves where the robot stands, or
-        where the base has drawn back to.
+        The arm is driven as it is carried, or as it is at either end, what did not work before last; it moves
+        where the robot stands, or where the base has drawn back to.
         """
-        arm = ArmPlanner(self.world, self.interpolator, self.driver.seed)
         leaving, coming = (list(islice(self._stations(at, piece), STATIONS)) for at in (here, there))
-        for joints in (self.world.robot.carry, here.joints, there.joints):
-            for out, back in product(leaving, coming):
-                start, end = Pose(out[-1].base, joints), Pose(back[-1].base, joints)
-                if not (self.guard.clear(start) and self.guard.clear(end)):
-                    continue
-                drive = self._driven(start, end, piece)
-                fold = None if drive is None else arm.way(out[-1], joints)
-                unfold = None if fold is None else arm.way(back[-1], joints)
-                if drive is not None and fold is not None and unfold is not None:
-                    way = [*out, *fold, *drive, *unfold[::-1], *back[::-1]]
-                    return way[1:-1]
+        carried = {"carry": self.world.robot.carry, "here": here.joints, "there": there.joints}
+        for name in sorted(carried, key=lambda name: self._missed.get(name, 0)):
+            joints = carried[name]
+            folds = [(out, way) for out in leaving if (way := self._arm_way(out[-1], joints)) is not None]
+            self._missed[name] = self._missed.get(name, 0) + (not folds)
+            for back in coming if folds else ():
+                unfold = self._arm_way(back[-1], joints)
+                for out, fold in folds if unfold is not None else ():
+                    drive = self._driven(Pose(out[-1].base, joints), Pose(back[-1].base, joints), piece)
+                    if drive is not None:
+                        return [*out, *fold, *drive, *unfold[::-1], *back[::-1]][1:-1]
         return None
+
+    def _arm_way(self, here: Pose, joints: Array) -> list[Pose] | None:
+        """States after a pose, to the last with other joints, the base standing still."""
+        if not self.guard.proves(Pose(here.base, joints)):
+            return None
+        return ArmPlanner(self.world, self.interpolator, self.driver.seed).way(here, joints)
 
     def _stations(self, at: Pose, piece: int) -> Iterator[list[Pose]]:
         """Clear motions of the base with a still arm, from a pose on: none first, then the nearest back."""
@@ -122,6 +129,31 @@ class TransitPlanner:
         drive = self._driven(out[-1], back[-1], piece)
         return None if drive is None else [*lead[1:], *out, *drive, *back[::-1]]
 
+    def swung(self, here: Pose, there: Pose, _: int) -> list[Pose] | None:
+        """States strictly between two postures on a base that stands: straight, or by the carry posture."""
+        for between in ((), (lifted(self.world.robot, here), lifted(self.world.robot, there))):
+            stations = _distinct([here, *between, there])
+            way = [row for a, b in pairwise(stations) for row in [*arm_states(a, b), b]]
+            if self.interpolator.clear([here, *way]):
+                return way[:-1]
+        return None
+
+    def driven(self, here: Pose, there: Pose, piece: int) -> list[Pose] | None:
+        """States strictly between two poses: folded, else driven with the arm as it is at one of them."""
+        way = self.folded(here, there, piece)
+        for joints in (here.joints, there.joints) if way is None else ():
+            start, end = Pose(here.base, joints), Pose(there.base, joints)
+            leaving, coming = self.swung(here, start, piece), self.swung(end, there, piece)
+            drive = None if leaving is None or coming is None else self._driven(start, end, piece)
+            if leaving is not None and coming is not None and drive is not None:
+                return _distinct([here, *leaving, start, *drive, end, *coming, there])[1:-1]
+        return way
+
+    def round_about(self, here: Pose, there: Pose, _: int) -> list[Pose] | None:
+        """States strictly between two postures on a base that stands, on a way found in the joints' space."""
+        found = self._arm_way(here, there.joints)
+        return None if found is None else found[:-1]
+
     def obstruction(self, here: Pose, there: Pose, piece: int) -> Touch | None:
         """First touch of an arm that is folded, driven and unfolded without looking."""
         poses = [here, *self._carried(here, there, piece), there]
@@ -135,11 +167,11 @@ class TransitPlanner:
         route = self.driver.route(here, there, piece)
         if len(route) == 2:
             return self.driver.states(here, there, route)
-        lifted, lowered = self._lifted(here), self._lifted(there)
+        raised, lowered = lifted(self.world.robot, here), lifted(self.world.robot, there)
         return [
-            *arm_states(here, lifted),
-            lifted,
-            *self.driver.states(lifted, lowered, route),
+            *arm_states(here, raised),
+            raised,
+            *self.driver.states(raised, lowered, route),
             lowered,
             *arm_states(lowered, there),
         ]
@@ -159,18 +191,27 @@ class TransitPlanner:
         """Clear ways from a pose to the carry posture: back with a still arm, then fold."""
         for far in WITHDRAWALS:
             for back in self.driver.retreats(here, far, piece):
-                folded = self._lifted(back[-1])
+                folded = lifted(self.world.robot, back[-1])
                 way = [*back, *arm_states(back[-1], folded), folded]
                 if self.interpolator.clear([here, *way]):
                     yield way
 
-    def _lifted(self, at: Pose) -> Pose:
-        """Carry posture with the pivot left where it is, so that the arm folds in its own plane."""
-        q = np.array(self.world.robot.carry)
-        chain = self.world.robot.chain
-        if with_pivot(chain) is chain:
-            q[pivot_index(chain)] = at.joints[pivot_index(chain)]
-        return Pose(at.base, q)
+
+def _distinct(poses: list[Pose]) -> list[Pose]:
+    """Poses without those that are the same as the one before."""
+    kept = poses[:1]
+    for pose in poses[1:]:
+        if (pose.base != kept[-1].base).any() or (pose.joints != kept[-1].joints).any():
+            kept.append(pose)
+    return kept
+
+
+def lifted(robot: Robot, at: Pose) -> Pose:
+    """Carry posture with the pivot left where it is, so that the arm folds in its own plane."""
+    q = np.array(robot.carry)
+    if with_pivot(robot.chain) is robot.chain:
+        q[pivot_index(robot.chain)] = at.joints[pivot_index(robot.chain)]
+    return Pose(at.base, q)
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,7 +235,7 @@ class ArmPlanner:
             return [*arm_states(here, there), there]
         problem = PlanningProblem(
             *joint_box(self.world.robot.chain, here.joints, joints), here.joints, joints,
-            lambda state: self.interpolator.guard.clear(pose(state)),
+            lambda state: self.interpolator.guard.proves(pose(state)),
             lambda p, q: self._goes(pose(p), pose(q)),
         )  # fmt: skip
         path = connect(problem, seed=self.seed, iterations=ARM_ITERATIONS, stride=STRIDE)
@@ -239,7 +280,7 @@ class WholeBodyPlanner:
 
         def free(state: State) -> bool:
             at = self._pose(self._read(state))
-            return self.driver.inside(at, self.piece) and self.interpolator.guard.clear(at)
+            return self.driver.inside(at, self.piece) and self.interpolator.guard.proves(at)
 
         def clear(p: State, q: State) -> bool:
             return self._goes(self._pose(self._read(p)), self._pose(self._read(q)))

@@ -48,11 +48,14 @@ class StopGroup:
         By side of the standing; shrunk by the circle to park in.
     spot : (2,) array or None
         Position of the arm axis from which one heading is known to serve all of them [m].
+    yaw : float or None
+        That heading, where a place does not give the arm its posture [rad].
     """
 
     setpoints: tuple[int, ...]
     places: dict[int, BaseGeometry]
     spot: Array | None = None
+    yaw: float | None = None
 
 
 @dataclass(frozen=True, eq=False)

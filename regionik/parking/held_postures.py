@@ -7,8 +7,9 @@ its postures at the first, and the heading of the base is one that leaves its pi
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,8 @@ from numpy.typing import NDArray
 
 from regionik.areas.standing import into_span
 from regionik.mfabrik import Solver
+from regionik.moving.base_motion import arm_states
+from regionik.moving.transit import lifted
 from regionik.planners.solvers.damped_least_squares import Aims, polish_along
 from regionik.planners.solvers.redundancy_resolution import PathSolving, resolve_redundancy
 from regionik.planners.solvers.serial_chain import serial_arm
@@ -30,6 +33,7 @@ from regionik.worlds.scene import Target, World
 STARTS = 24  # postures at the first set-point that are looked for
 MORE_STARTS = 192  # where redundancy is resolved along the set-points
 LONGEST_TURN, LONGEST_SLIDE = 0.1, 0.02  # of a joint from one target to the next there [rad], [m]
+TRIES = 96  # at others, where the one that is led there does not do
 ENOUGH = 3  # of those that serve every set-point, so many are compared
 RIM = np.arange(8) * np.pi / 4  # directions in which a circle to park in is tried [rad]
 RIM_STEPS = 4  # on the way out to its rim, each posture the start of the next
@@ -42,13 +46,15 @@ class HeldPostures:
     Attributes
     ----------
     base : (3,) array
+    served : tuple of int
+        Indices of the k set-points among those asked for: the first k, or any where their order is free.
     joints : (k, dof) array
-        At each of the first k set-points.
     spare : float
         Least distance of a joint to a limit, as a share of its range.
     """
 
     base: Array
+    served: tuple[int, ...]
     joints: Array
     spare: float
 
@@ -68,7 +74,9 @@ class PostureCarrier:
     guard: Guard
     targets: Sequence[Target]
 
-    def best(self, solver: Solver, axis: Array, span: tuple[float, float]) -> HeldPostures | None:
+    def best(
+        self, solver: Solver, axis: Array, span: tuple[float, float], known: Array
+    ) -> HeldPostures | None:
         """Postures that serve most set-points from a place of the arm axis, and among those have most spare.
 
         Parameters
@@ -79,23 +87,29 @@ class PostureCarrier:
             [m]
         span : (low, high)
             Headings of the base [rad].
+        known : (m, dof) array
+            Postures elsewhere: those that are led from them are taken where they serve all.
         """
         base, robot = pose_of(self.world.robot, axis, into_span(0.0, span)), self.world.robot
         best: HeldPostures | None = None
         full = 0
-        for start in solver.self_motion(self.targets[0], base, robot.carry, STARTS):
-            found = self._from(start.base, start.joints, axis, span)
+        alike = (solver.least_change(self.targets[0], base, joints) for joints in known)
+        others = solver.self_motion(self.targets[0], base, robot.carry, STARTS)
+        if self.world.rules.order == "any":
+            others.sort(key=lambda one: not self.folds(one.base, one.joints))
+        for n, start in enumerate(chain(alike, others)):
+            found = None if start is None else self._from(start.base, start.joints, axis, span)
             if found is None or (best is not None and len(found.joints) < len(best.joints)):
                 continue
             if best is None or (len(found.joints), found.spare) > (len(best.joints), best.spare):
                 best = found
             full += len(found.joints) == len(self.targets)
-            if full == ENOUGH:
+            if full == ENOUGH or (full and n < len(known)):
                 break
-        if best is None or len(best.joints) == len(self.targets) or self.world.rules.order == "given":
+        if best is None or self.world.rules.order == "given":
             return best
-        joints = self._branched(best)
-        return replace(best, joints=joints, spare=self._spare(joints)) if len(joints) else best
+        branched = self.at(best.base, best.joints)
+        return best if branched is None else branched
 
     def resolved(self, base: Array, most: int) -> Array:
         """Clear postures (k, dof) at the first k targets in a row, `most` of them carried on at once.
@@ -126,29 +140,73 @@ class PostureCarrier:
             return False
         return self.guard.stop([Pose(base, here), Pose(base, there)]) is None
 
-    def _branched(self, held: HeldPostures) -> Array:
-        """Postures (k, dof) at the first set-points, of other branches where a carried one touches.
+    def at(self, base: Array, rows: Array) -> HeldPostures | None:
+        """Postures from a pose of the base at all set-points that have a clear one; None where none has.
 
-        In any order the tool may be lifted between two set-points, so the arm need not stay in one branch.
+        In any order the tool may be lifted between two set-points, so the arm need not stay in one branch,
+        and what is not served from here is from elsewhere.
+
+        Parameters
+        ----------
+        base : (3,) array
+        rows : (k, dof) array
+            Postures that are known at the first set-points.
         """
-        base, chain = held.base, self.world.robot.chain
-        axis, yaw = axis_of(self.world.robot, base), float(base[2] + self.world.robot.mount[3])
-        rows, i = held.joints, 0
-        while i < len(self.targets):
-            if i < len(rows) and self.guard.proves(Pose(base, rows[i])):
-                i += 1
-                continue
-            near = rows[i - 1] if i else held.joints[0]
-            tries = self._bound.self_motion(self.targets[i], axis, yaw, pivot_joints(chain, near), STARTS)
-            found = [one.joints[-chain.dof :] for one in tries]
-            clear = [joints for joints in found if self.guard.proves(Pose(base, joints))]
-            if not clear:
-                break
-            nearest = min(clear, key=lambda joints: float(np.abs(joints - near).max()))
-            ahead = np.arange(i, len(self.targets))
-            onward = self._carried(self._bound, axis, float(base[2]), nearest, ahead)
-            rows, i = np.concatenate([rows[:i], nearest[None], onward[1:]]), i + 1
-        return rows[:i]
+        served, found = list[int](), list[Array]()
+        near = rows[0] if len(rows) else self.world.robot.carry
+        for i in range(len(self.targets)):
+            known = rows[i] if i < len(rows) else self._onward(i, base, near)
+            joints = self._posture(i, base, known, near)
+            if joints is not None:
+                served.append(i)
+                found.append(joints)
+                near = joints
+        if not served:
+            return None
+        return HeldPostures(base, tuple(served), np.array(found), self._spare(np.array(found)))
+
+    def _posture(self, i: int, base: Array, known: Array | None, near: Array) -> Array | None:
+        """A clear posture at set-point i, the known one if it folds, else the nearest to another that does.
+
+        Where none folds the first is taken; None where none is clear.
+        """
+        if known is not None and not self.keeps(i, base, known):
+            known = None
+        if known is not None and self.folds(base, known):
+            return known
+        chain, axis = self.world.robot.chain, axis_of(self.world.robot, base)
+        yaw, behind = float(base[2] + self.world.robot.mount[3]), pivot_joints(chain, near)
+        tries = self._bound.self_motion(self.targets[i], axis, yaw, behind, TRIES)
+        others = np.array([one.joints[-chain.dof :] for one in tries]).reshape(-1, chain.dof)
+        nearest = others[np.argsort(np.abs(others - near).max(axis=1), kind="stable")]
+        clear = [joints for joints in nearest if self.guard.proves(Pose(base, joints))]
+        folding = (joints for joints in clear if self.folds(base, joints) and self.keeps(i, base, joints))
+        found = next(folding, known)
+        return found if found is not None else next((q for q in clear if self.keeps(i, base, q)), None)
+
+    def folds(self, base: Array, joints: Array) -> bool:
+        """True if the arm gets straight to the posture in which it is carried, the pivot left as it is.
+
+        The arm can go from each such posture to every other.
+        """
+        pose = Pose(base, joints)
+        folded = lifted(self.world.robot, pose)
+        return self.guard.passes([pose, *arm_states(pose, folded), folded])
+
+    def _onward(self, i: int, base: Array, joints: Array) -> Array | None:
+        """Posture at set-point i that one elsewhere is led to; None where it is not."""
+        axis, near = axis_of(self.world.robot, base), pivot_joints(self.world.robot.chain, joints)
+        found = self._bound.least_change(
+            self.targets[i], axis, float(base[2] + self.world.robot.mount[3]), near
+        )
+        return None if found is None else found.joints[-len(joints) :]
+
+    def keeps(self, i: int, base: Array, joints: Array) -> bool:
+        """True if a posture at set-point i is clear, and kept all round the circle that the rules ask for."""
+        wanted = self.world.rules.stop_tolerance
+        if not self.guard.proves(Pose(base, joints)):
+            return False
+        return wanted == 0.0 or self.reaches_rim(i, base, joints, wanted)
 
     def _from(
         self, base: Array, joints: Array, axis: Array, span: tuple[float, float]
@@ -168,8 +226,8 @@ class PostureCarrier:
             return None
         count = next((i for i, q in enumerate(held) if not self.guard.proves(Pose(pose, q))), len(held))
         if count == 0:  # the motion may lead it round what it touches
-            return HeldPostures(pose, held[:1], -np.inf)
-        return HeldPostures(pose, held[:count], self._spare(held[:count]))
+            return HeldPostures(pose, (0,), held[:1], -np.inf)
+        return HeldPostures(pose, tuple(range(count)), held[:count], self._spare(held[:count]))
 
     def reaches_rim(self, i: int, base: Array, joints: Array, radius: float) -> bool:
         """True where a posture at set-point i can be kept on it while the base goes out to a rim, any way.

@@ -14,7 +14,7 @@ import shapely
 from regionik.areas.standing import into_span
 from regionik.mfabrik import solver_for
 from regionik.parking.fewest_stops import ParkingAreas
-from regionik.postures.families import BACK, FRONT, Family
+from regionik.postures.families import BACK, Family
 from regionik.postures.poses import pose_of
 from regionik.worlds.arms import pivot_index
 from regionik.worlds.arrays import Array, Index
@@ -61,7 +61,7 @@ class PivotTurns:
             return None
         away = np.array([self.world.task[i].position[:2] for i in setpoints]) - axis
         off, bearing = np.hypot(*away.T), np.arctan2(away[:, 1], away[:, 0])
-        zero = [self._plane_zero(setpoints[0], axis, facing) for facing in (FRONT, BACK)]
+        zero = [self._plane_zero(setpoints, row, axis) for row in components]
         planes = bearing + np.array(zero)[:, None]
         joint = self.world.robot.chain.joints[pivot_index(self.world.robot.chain)]
         span, wide = self.parking_areas.standing.sides[side].span, joint.upper - joint.lower
@@ -92,13 +92,21 @@ class PivotTurns:
                 best[at], most[at] = k, inside
         return best, most
 
-    def _plane_zero(self, i: int, axis: Array, facing: int) -> float:
-        """Sum of base yaw and pivot less the target's bearing, the same for all targets of one facing."""
+    def _plane_zero(self, setpoints: tuple[int, ...], components: Index, axis: Array) -> float:
+        """Sum of base yaw and pivot less the target's bearing, the same for all targets of one facing.
+
+        Found at a set-point that has a component of that facing here; 0 where none has, and nothing asks.
+        """
+        known = np.flatnonzero(components >= 0)
+        if not len(known):
+            return 0.0
+        facing = self.parking_areas.ladder.family[int(components[known[0]])].facing
         if facing not in self._zeros:
-            away, pivot = self.world.task[i].position[:2] - axis, pivot_index(self.world.robot.chain)
+            target = self.world.task[setpoints[int(known[0])]]
+            away, pivot = target.position[:2] - axis, pivot_index(self.world.robot.chain)
             solver = replace(solver_for(self.world, Family(facing)), heading="free")
             base = pose_of(self.world.robot, axis, 0.0)
-            found = solver.hold(self.world.task[i].position, base, self.world.robot.carry)
+            found = solver.hold(target.position, base, self.world.robot.carry)
             plane = float(found.base[2] + found.joints[pivot])
             self._zeros[facing] = plane - float(np.arctan2(away[1], away[0]))
         return self._zeros[facing]

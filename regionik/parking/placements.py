@@ -22,13 +22,14 @@ from regionik.planners.coverage.set_cover import undominated
 from regionik.planners.solvers.serial_chain import chain_frames, chain_jacobian, serial_arm
 from regionik.postures.arm_guard import guard_of
 from regionik.postures.families import Family
-from regionik.postures.poses import pose_of
+from regionik.postures.poses import axis_of, pose_of
 from regionik.values import Configuration, Stop
 from regionik.worlds.arms import pivot_index
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import World
 
 PLACES = 24  # of a stop that are looked at before the best is bettered
+CARRIED = 6  # of these, where a place gives the arm no posture, which takes a hundred times as long
 FINEST = 1e-3  # steps by which it is bettered, at the least [m]
 HEADING = 1e-9  # by which the pivot may be over its limits [rad]
 ROUNDING = 1e-9  # by which a circle may be smaller than asked [m]
@@ -65,9 +66,10 @@ class BasePlacement:
 
 
 class _Heading(NamedTuple):
-    """Pose of the base at a place, postures (n, dof) at the first n set-points, and room for both [m]."""
+    """Pose of the base at a place, postures (n, dof) at n set-points by index, and room for both [m]."""
 
     base: Array
+    served: tuple[int, ...]
     near: Array
     room: float
 
@@ -83,6 +85,7 @@ class PlacementSearch:
     world: World
     parking_areas: ParkingAreas
     _widest: dict[StopGroup, BasePlacement | None] = field(default_factory=dict)
+    _known: list[Array] = field(default_factory=list)  # a posture of a stop that was served whole
 
     @cached_property
     def _pivot(self) -> PivotTurns:
@@ -99,7 +102,9 @@ class PlacementSearch:
         at : (2,) array, optional
             Position of the arm axis that the criterion wants [m].
         """
-        widest = self.widest(group)
+        widest = self._leading(self.widest(group), group)
+        if widest is None:
+            widest = self.widest(replace(group, setpoints=group.setpoints[:1]))
         if widest is None:
             return None
         part, criterion = StopGroup(widest.setpoints, group.places), self.world.rules.stop_criterion
@@ -109,6 +114,16 @@ class PlacementSearch:
             return widest
         found = [widest, *(self._best_of_side(part, s) for s in sorted(part.places))]
         return self._served(found, part)
+
+    def _leading(self, placement: BasePlacement | None, group: StopGroup) -> BasePlacement | None:
+        """The placement for the set-points before the first that it leaves out; None without any."""
+        if placement is None or len(placement.setpoints) == len(group.setpoints):
+            return placement
+        pairs = zip(placement.setpoints, group.setpoints, strict=False)
+        count = next((n for n, (a, b) in enumerate(pairs) if a != b), len(placement.setpoints))
+        cut = (row[:count] for row in (placement.setpoints, placement.chain, placement.near))
+        setpoints, chain, near = cut
+        return replace(placement, setpoints=setpoints, chain=chain, near=near) if count else None
 
     def widest(self, group: StopGroup) -> BasePlacement | None:
         """The placement that serves most set-points, and of those the one with the largest circle found."""
@@ -121,10 +136,12 @@ class PlacementSearch:
     def _wide(self, group: StopGroup, side: int) -> list[BasePlacement]:
         """Placement in the middle of the largest circle of a side; others too where it does not serve all."""
         area = group.places[side]
+        known = None if group.spot is None else self.at(group, group.spot, side, group.yaw)
+        if known is not None and group.yaw is not None and len(known.setpoints) == len(group.setpoints):
+            return [known]
         middle = self.at(group, np.array(shapely.maximum_inscribed_circle(area).coords[0]), side)
         if middle is not None and len(middle.setpoints) == len(group.setpoints):
             return [middle]
-        known = None if group.spot is None else self.at(group, group.spot, side)
         return [one for one in [middle, known, *self._spread(group, side)] if one is not None]
 
     def served(self, axis: Array, side: int) -> list[tuple[int, ...]]:
@@ -141,14 +158,26 @@ class PlacementSearch:
         fits = fits[undominated(fits)]
         return [tuple(i for i, fit in zip(inside, row, strict=True) if fit) for row in fits.tolist()]
 
+    def served_from(self, base: Array, side: int) -> tuple[int, ...]:
+        """Set-points that are done from a pose of the base by an arm to which a place gives no posture."""
+        axis, areas = axis_of(self.world.robot, base), self.parking_areas.areas_at(side)
+        inside = tuple(np.flatnonzero(shapely.intersects_xy(areas, *axis)).tolist())
+        group = StopGroup(inside, {side: areas[inside[0]]})
+        placement = self.at(group, axis, side, float(base[2]))
+        return () if placement is None else placement.setpoints
+
     def others(self, group: StopGroup) -> Iterator[BasePlacement]:
         """Yield other placements, spread over a stop."""
         for s in sorted(group.places):
-            yield from self._spread(group, s)
+            for placement in self._spread(group, s):
+                leading = self._leading(placement, group)
+                if leading is not None:
+                    yield leading
 
     def _spread(self, group: StopGroup, side: int) -> Iterator[BasePlacement]:
         """Yield placements spread over one side of a stop."""
-        for spot in spread(group.places[side], PLACES, 0):
+        count = PLACES if self._gives_posture(group) else CARRIED
+        for spot in spread(group.places[side], count, 0):
             placement = self.at(group, spot, side)
             if placement is not None:
                 yield placement
@@ -180,7 +209,7 @@ class PlacementSearch:
                 step /= 2
         return placement
 
-    def at(self, group: StopGroup, axis: Array, side: int) -> BasePlacement | None:
+    def at(self, group: StopGroup, axis: Array, side: int, yaw: float | None = None) -> BasePlacement | None:
         """Placement with the arm axis at a position of a stop; None where it is outside."""
         if depth(group.places[side], axis) < -1e-9:
             return None
@@ -188,7 +217,7 @@ class PlacementSearch:
             faced = self._faced(group, axis, side)
             return None if faced is None else self._along(group, faced[0], axis, side, faced[1])
         chain = self._chain(group, axis, side)
-        return None if chain is None else self._along(group, chain, axis, side)
+        return None if chain is None else self._along(group, chain, axis, side, yaw)
 
     def _along(
         self, group: StopGroup, chain: tuple[int, ...], axis: Array, side: int, yaw: float | None = None
@@ -197,16 +226,20 @@ class PlacementSearch:
         if self._gives_posture(group):
             held = self._by_pivot(group, chain, axis, side, yaw)
         else:
-            held = self._by_carrying(group, chain, axis, side)
+            held = self._by_carrying(group, chain, axis, side, yaw)
         if held is None:
             return None
-        count = len(held.near)
-        room = min(held.room, *(depth(self.parking_areas.ladder.component[k], axis) for k in chain[:count]))
-        return BasePlacement(group.setpoints[:count], chain[:count], axis, held.base, held.near, room)
+        setpoints, held_in = (tuple(row[n] for n in held.served) for row in (group.setpoints, chain))
+        room = min(held.room, *(depth(self.parking_areas.ladder.component[k], axis) for k in held_in))
+        return BasePlacement(setpoints, held_in, axis, held.base, held.near, room)
 
     def _gives_posture(self, group: StopGroup) -> bool:
         """True where a place gives the arm its posture at every set-point, but for a few families."""
-        return all(model_of(self.world, self.world.task[i]).exact for i in group.setpoints)
+        return all(self._exact[i] for i in group.setpoints)
+
+    @cached_property
+    def _exact(self) -> list[bool]:
+        return [model_of(self.world, target).exact for target in self.world.task]
 
     def _by_pivot(
         self, group: StopGroup, chain: tuple[int, ...], axis: Array, side: int, known: float | None
@@ -226,7 +259,7 @@ class PlacementSearch:
                 base = pose_of(self.world.robot, axis, float(np.arctan2(np.sin(yaw), np.cos(yaw))))
                 near = np.tile(self.world.robot.carry, (count, 1))
                 near[:, pivot_index(self.world.robot.chain)] = pivot
-                return _Heading(base, near, max(rooms))
+                return _Heading(base, tuple(range(count)), near, max(rooms))
         return None
 
     @property
@@ -236,16 +269,26 @@ class PlacementSearch:
         return (joint.lower + joint.upper) / 2 if np.isfinite(joint.upper - joint.lower) else 0.0
 
     def _by_carrying(
-        self, group: StopGroup, chain: tuple[int, ...], axis: Array, side: int
+        self, group: StopGroup, chain: tuple[int, ...], axis: Array, side: int, yaw: float | None
     ) -> _Heading | None:
-        """The heading from which one posture is carried along most set-points."""
+        """The heading from which one posture is carried along most set-points, or the one known."""
         span = self.parking_areas.standing.sides[side].span
         solver = _any_heading_solver(self.world, self.parking_areas.ladder.family[chain[0]])
         if self.world.rules.heading == "fixed":
             solver = replace(solver, span=span)
         targets = [self.world.task[i] for i in group.setpoints]
-        found = PostureCarrier(self.world, guard_of(self.world), targets).best(solver, axis, span)
-        return None if found is None else _Heading(found.base, found.joints, np.inf)
+        carrier = PostureCarrier(self.world, guard_of(self.world), targets)
+        dof = self.world.robot.chain.dof
+        if yaw is None:
+            found = carrier.best(solver, axis, span, np.array(self._known).reshape(-1, dof))
+        else:
+            found = carrier.at(pose_of(self.world.robot, axis, yaw), np.empty((0, dof)))
+        if found is None:
+            return None
+        any_order = self.world.rules.order == "any"
+        if any_order and not self._known and len(found.served) == len(targets):
+            self._known.append(found.joints[0])
+        return _Heading(found.base, found.served, found.joints, np.inf)
 
     def _faced(self, group: StopGroup, axis: Array, side: int) -> tuple[tuple[int, ...], float] | None:
         """Components around a position, of the facings in which one heading serves most, and that heading."""

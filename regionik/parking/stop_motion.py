@@ -7,11 +7,10 @@ where none does all of it, places of its first half are, and so on, and the rest
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import chain, islice
 
-import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
@@ -21,7 +20,7 @@ from regionik.explain.constraints import setpoint
 from regionik.mfabrik import Solver
 from regionik.moving.base_motion import Candidate
 from regionik.moving.configuration_sampling import PITCHES
-from regionik.moving.path_search import HARD_TRIES, JoinedMotion, PathSearch, search_from_places
+from regionik.moving.path_search import HARD_TRIES, PATIENCE, JoinedMotion, PathSearch, search_from_places
 from regionik.parking.fewest_stops import StopGroup
 from regionik.parking.held_postures import PostureCarrier
 from regionik.parking.placements import BasePlacement, PlacementSearch
@@ -35,6 +34,8 @@ from regionik.worlds.scene import Target, World
 PLACES = 8  # of a stop that are tried
 HARD_PLACES = 2  # of these, how many of a stop with more set-points are worth a search for the way there
 POSTURES = 8  # at one set-point that are tried from the one before
+ARRIVALS = 3  # of them that are worth a drive, in any order
+FEW = 4  # motions to the next set-point that are tried where the tool may as well be lifted
 SHRINK = 0.7  # of a circle whose rim is not reached all round
 LEAST = 1e-4  # radius below which a circle is only its middle [m]
 
@@ -105,6 +106,8 @@ class _StopConnection:
 
     sequence: StopSequence
     search: PathSearch
+    _looked_at: dict[int, list[Pose]] = field(default_factory=dict)
+    _carriers: dict[int, PostureCarrier] = field(default_factory=dict)
 
     @property
     def world(self) -> World:
@@ -144,16 +147,23 @@ class _StopConnection:
             if count < len(group.setpoints):
                 part = self.sequence.parking_areas.group(group.setpoints[:count], self.world.rules.order)
             first = (one for one in [placements.best(part, spot)] if one is not None)
+            hard = HARD_TRIES if count == 1 or self.world.rules.order == "given" else 1
             for n, placement in enumerate(islice(chain(first, placements.others(part)), PLACES)):
-                tried = self._attempt(placement, here, HARD_TRIES if n < HARD_PLACES or count == 1 else 0)
+                tried = self._attempt(placement, here, hard if n < HARD_PLACES or count == 1 else 0)
                 if best is None or len(tried.candidates) > len(best.candidates):
                     best = tried
                 if len(best.candidates) == count:
                     return best
             count //= 2
         if best is None or not best.candidates:
-            raise NoPlanFound(self.search.why_not(group.setpoints[0], here))
+            raise NoPlanFound(self._why_not(group.setpoints[0], here))
         return best
+
+    def _why_not(self, i: int, here: Pose | None) -> Explanation:
+        """Explain a set-point without a clear posture: only now is it measured what the arm touches."""
+        for pose in self._looked_at.get(i, []):
+            self.search.sampler.clear(i, pose)
+        return self.search.why_not(i, here)
 
     def _attempt(self, placement: BasePlacement, here: Pose | None, hard: int) -> _Attempt:
         """The set-points of a stop from one place; in any order the tool may be lifted between them.
@@ -161,39 +171,56 @@ class _StopConnection:
         So many postures are worth a search in the space of the whole robot.
         """
         rows, done = list[Row](), list[Candidate]()
+        given = self.world.rules.order == "given"
+        patience = PATIENCE if given else FEW
         while len(done) < len(placement.setpoints):
             i = placement.setpoints[len(done)]
             came = self._arrive(placement, i, here, hard)
             if came is None:
                 break
-            rows += came[0]
-            left = len(placement.setpoints) - len(done)
-            for step in self.search.run(i, left, came[1], partial(self._ahead, placement)):
+            before, left = len(done), len(placement.setpoints) - len(done)
+            for step in self.search.run(i, left, came[1], partial(self._ahead, placement), patience):
+                joints = step.candidate.found.joints
+                if not self._keeps(placement, placement.setpoints[len(done)], joints):
+                    break
+                rows += came[0] if len(done) == before else []
                 rows += [*step.rows, Row(step.candidate.pose, "setpoint", placement.setpoints[len(done)])]
                 done.append(step.candidate)
-            here = rows[-1].pose
-            if self.world.rules.order == "given":
+            if given or len(done) == before:
                 break
-        radius = self._parking_radius(placement, done)
-        if radius is None:
-            return _Attempt(placement, [], [])
-        return _Attempt(replace(placement, tolerance=radius), rows, done)
+            here = rows[-1].pose
+        return _Attempt(replace(placement, tolerance=self._parking_radius(placement, done)), rows, done)
 
-    def _parking_radius(self, placement: BasePlacement, done: list[Candidate]) -> float | None:
-        """Radius of a circle all round which postures are found; None where it is less than the rules ask.
+    def _keeps(self, placement: BasePlacement, i: int, joints: Array) -> bool:
+        """True if a posture at a set-point is clear, and can be kept all round the circle that is asked for.
 
         Areas of arms in one plane know it. Those of other arms do not know the limits of a pivot on a base
-        that keeps its heading, and are sampled where the tool is oriented: there it is tried on the rim.
+        that keeps its heading, and are sampled where the tool is oriented: there it is tried on the rim. In
+        any order, where the placement's own posture folds, others must: all that fold can follow each other.
         """
+        base = placement.base
+        if model_of(self.world, self.world.task[i]).exact:
+            return self.search.guard.proves(Pose(base, joints))
+        carrier = self._carrier(i)
+        if not carrier.keeps(0, base, joints):
+            return False
+        own = placement.near[placement.setpoints.index(i)]
+        given = self.world.rules.order == "given"
+        return given or carrier.folds(base, joints) or not carrier.folds(base, own)
+
+    def _carrier(self, i: int) -> PostureCarrier:
+        if i not in self._carriers:
+            self._carriers[i] = PostureCarrier(self.world, self.search.guard, [self.world.task[i]])
+        return self._carriers[i]
+
+    def _parking_radius(self, placement: BasePlacement, done: list[Candidate]) -> float:
+        """Radius of the circle all round which postures at the set-points were found, as `_keeps` does."""
         wanted, radius = self.world.rules.stop_tolerance, placement.tolerance
-        task = [self.world.task[i] for i in placement.setpoints]
-        carrier = PostureCarrier(self.world, self.search.guard, task)
-        for n, candidate in enumerate(done):
-            if model_of(self.world, task[n]).exact:
+        for i, candidate in zip(placement.setpoints, done, strict=False):
+            if model_of(self.world, self.world.task[i]).exact:
                 continue
-            while not carrier.reaches_rim(n, placement.base, candidate.found.joints, radius):
-                if radius <= wanted:
-                    return None
+            carrier, joints = self._carrier(i), candidate.found.joints
+            while radius > wanted and not carrier.reaches_rim(0, placement.base, joints, radius):
                 radius = max(wanted, SHRINK * radius if radius > LEAST else 0.0)
         return radius
 
@@ -203,17 +230,14 @@ class _StopConnection:
         """Get to a set-point of a stop with the tool lifted; the base stays but on the way to the first."""
         first, near = i == placement.setpoints[0], placement.near[placement.setpoints.index(i)].copy()
         components = self._components(placement, i)
-        postures = list(islice(self._postures(i, components, placement.base, near), POSTURES))
+        found = self._postures(placement, i, components, near)
+        postures = list(islice(found, ARRIVALS if first and self.world.rules.order == "any" else POSTURES))
         if not postures and len(placement.setpoints) == 1:
             postures = list(self._round(i, components, placement.base, near))
-        plain = self.search.transits.folded if first else self._folded_still
-        return self.search.arrive(i, here, postures, plain, hard if first else 0)
-
-    def _folded_still(self, here: Pose, there: Pose, piece: int) -> list[Pose] | None:
-        """States strictly between two postures on a transit on which the base stands."""
-        way = self.search.transits.folded(here, there, piece)
-        still = way is not None and all(np.array_equal(at.base, there.base) for at in way)
-        return way if still else None
+        if first:
+            return self.search.arrive(i, here, postures, self.search.transits.driven, hard)
+        came = self.search.arrive(i, here, postures, self.search.transits.swung, 0)
+        return came or self.search.arrive(i, here, postures[:1], self.search.transits.round_about, 0)
 
     def _components(self, placement: BasePlacement, i: int) -> list[int]:
         """Components of a set-point that hold the place, that of the placement first."""
@@ -232,16 +256,19 @@ class _StopConnection:
             for k in self._components(placement, i + 1)
             if here.component in self.sequence.parking_areas.back[k]
         ]
-        return islice(self._postures(i + 1, linked, placement.base, here.found.joints), POSTURES)
+        return islice(self._postures(placement, i + 1, linked, here.found.joints), POSTURES)
 
-    def _postures(self, i: int, components: list[int], base: Array, near: Array) -> Iterator[Candidate]:
+    def _postures(
+        self, placement: BasePlacement, i: int, components: list[int], near: Array
+    ) -> Iterator[Candidate]:
         """Clear postures on a set-point with the base where it is, the least changed first."""
-        target = self.world.task[i]
+        target, base = self.world.task[i], placement.base
         for k in components:
             solver = self.search.sampler.solver(k, float(base[2]))
             for found in _on_target(solver, target, base, near):
                 candidate = Candidate(replace(found, base=base), k)
-                if self.search.sampler.clear(i, candidate.pose):
+                self._looked_at.setdefault(i, []).append(candidate.pose)
+                if self._keeps(placement, i, candidate.found.joints):
                     yield candidate
 
     def _round(self, i: int, components: list[int], base: Array, near: Array) -> Iterator[Candidate]:

@@ -143,53 +143,82 @@ def in_sequence(world: World, parking: Parking) -> StopSequence:
         order = tuple(i for group in groups for i in group.setpoints)
         ends = np.cumsum([0, *(len(group.setpoints) for group in groups)]).tolist()
         spans = [tuple(range(a, b)) for a, b in zip(ends[:-1], ends[1:], strict=True)]
-        groups = tuple(
-            StopGroup(span, group.places, group.spot) for span, group in zip(spans, groups, strict=True)
-        )
+        groups = tuple(replace(one, setpoints=span) for span, one in zip(spans, groups, strict=True))
         world = replace(world, task=tuple(world.task[i] for i in order))
         parking_areas = reordered(world, parking_areas, order)
     return StopSequence(world, order, parking_areas, groups, _wanted(world, groups), tours)
 
 
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """Set-points that are done from one pose of the base, by the side of its standing."""
+
+    side: int
+    axis: Array
+    base: Array
+    setpoints: tuple[int, ...]
+
+
 def _by_one_heading(world: World, parking: Parking) -> tuple[StopGroup, ...]:
     """Fewest stops found of which one heading serves each: areas do not know how far a pivot turns.
 
-    The least cover by what headings serve from places all over the areas, and by parts that stops split into.
+    The least cover by what headings serve from places all over the areas, and by parts that stops split
+    into. Of an arm to which a place gives no posture, these are parts for which clear postures were found.
     """
     placements, groups = PlacementSearch(world, parking.parking_areas), parking.groups
-    if not all(model_of(world, target).exact for target in world.task):
-        return groups
+    exact = all(model_of(world, target).exact for target in world.task)
     parts = [part for group in groups for part in _parts(placements, group)]
-    if len(parts) <= max(len(groups), parking.lower):
+    if exact and len(parts) <= max(len(groups), parking.lower):
         return groups
-    for side, spots in parking.spots.items():
-        some = spread(shapely.union_all(parking.parking_areas.areas_at(side)), PLACES, 0)
-        for spot in np.concatenate([spots, some]):
-            found = placements.served(spot, side)
-            parts += [(side, spot, setpoints) for setpoints in found]
-    inside = np.zeros((len(parts), len(world.task)), dtype=bool)
-    for row, (_, _, setpoints) in zip(inside, parts, strict=True):
-        row[list(setpoints)] = True
-    _, first = np.unique(inside, axis=0, return_index=True)
-    parts, inside = [parts[n] for n in first.tolist()], inside[first]
-    best = np.flatnonzero(undominated(inside))
-    chosen = best[list(least_cover(inside[best]).chosen)]
-    owner = np.argmax(inside[chosen], axis=0)
+    if len(parts) > max(len(groups), parking.lower):
+        more = _from_places(placements, parking) if exact else _from_poses(placements, parts)
+        parts = _covering([*parts, *more], len(world.task))
     return tuple(
-        StopGroup(members, {side: parking.parking_areas.shared(members, side, spot)}, spot)
-        for n, (side, spot, _) in enumerate(parts[k] for k in chosen.tolist())
-        if (members := tuple(np.flatnonzero(owner == n).tolist()))
+        StopGroup(
+            part.setpoints,
+            {part.side: parking.parking_areas.shared(part.setpoints, part.side, part.axis)},
+            part.axis,
+            None if exact else float(part.base[2]),
+        )
+        for part in parts
     )
 
 
-def _parts(placements: PlacementSearch, group: StopGroup) -> Iterator[tuple[int, Array, tuple[int, ...]]]:
-    """Parts that a stop splits into, each by its side, its place and its set-points."""
+def _from_places(placements: PlacementSearch, parking: Parking) -> Iterator[_Part]:
+    """What headings serve from the places of faces, and from places all over the areas."""
+    for side, spots in parking.spots.items():
+        some = spread(shapely.union_all(parking.parking_areas.areas_at(side)), PLACES, 0)
+        for spot in np.concatenate([spots, some]):
+            yield from (_Part(side, spot, spot, found) for found in placements.served(spot, side))
+
+
+def _from_poses(placements: PlacementSearch, parts: Sequence[_Part]) -> Iterator[_Part]:
+    """All that is done from the poses of parts."""
+    for part in parts:
+        yield replace(part, setpoints=placements.served_from(part.base, part.side))
+
+
+def _covering(parts: Sequence[_Part], count: int) -> list[_Part]:
+    """The least cover of all set-points by parts, each set-point left to one of them."""
+    inside = np.zeros((len(parts), count), dtype=bool)
+    for row, part in zip(inside, parts, strict=True):
+        row[list(part.setpoints)] = True
+    _, first = np.unique(inside, axis=0, return_index=True)
+    best = first[undominated(inside[first])]
+    chosen = best[list(least_cover(inside[best]).chosen)]
+    owner = np.argmax(inside[chosen], axis=0)
+    members = [tuple(np.flatnonzero(owner == n).tolist()) for n in range(len(chosen))]
+    return [replace(parts[k], setpoints=own) for k, own in zip(chosen.tolist(), members, strict=True) if own]
+
+
+def _parts(placements: PlacementSearch, group: StopGroup) -> Iterator[_Part]:
+    """Parts that a stop splits into."""
     while group.setpoints:
         widest = placements.widest(group)
         if widest is None:
             raise NoPlanFound(no_posture(placements.world, group.setpoints[0]))
         side = int(placements.parking_areas.ladder.side[widest.chain[0]])
-        yield side, widest.axis, widest.setpoints
+        yield _Part(side, widest.axis, widest.base, widest.setpoints)
         left = tuple(i for i in group.setpoints if i not in widest.setpoints)
         group = StopGroup(left, group.places)
 

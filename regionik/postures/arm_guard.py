@@ -13,6 +13,7 @@ from regionik.planners.collision.proximity import (
     NOTHING,
     Touch,
     describe,
+    is_path_clear,
     name_of_other,
     nearest,
     path_clear,
@@ -73,6 +74,12 @@ class Guard:
     def proves(self, pose: Pose) -> bool:
         """True if every link is quickly proven to keep clear."""
         return not self.on or state_clear(self.bodies, pose.base, pose.joints, SPARE, self.contact)
+
+    def passes(self, poses: Sequence[Pose]) -> bool:
+        """True if the motion through poses is proven clear."""
+        if not self.on or len(poses) < 2:
+            return True
+        return is_path_clear(self.bodies, *arrays(poses), SPARE, self.contact)
 
     def stop(self, poses: Sequence[Pose]) -> Touch | None:
         """The first thing that keeps the motion through poses from being proven clear."""
