@@ -22,6 +22,7 @@ from regionik.areas.ground import EVERY
 from regionik.areas.reach_model import ReachModel
 from regionik.areas.reachable import reach_model
 from regionik.planners.geometry.polygons import FlatPolygon
+from regionik.planners.progress import track
 from regionik.planners.solvers.base_placement import FACE_TARGET, FIXED, FREE, Turning, share_turn
 from regionik.planners.solvers.mfabrik_planar import solve_planar, solve_planar_along, solve_planar_many
 from regionik.planners.solvers.planar_setup import Record
@@ -326,7 +327,7 @@ def configurations(
     """
     base, joints = start
     found = []
-    for target, solver in zip(task, solvers, strict=True):
+    for target, solver in zip(track("configurations", task), solvers, strict=True):
         found.append(solver(target, base, joints))
         base, joints = found[-1].base, found[-1].joints
     return tuple(found)

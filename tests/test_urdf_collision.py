@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import pose
 from regionik.worlds.errors import InputError
-from regionik.worlds.readers.meshes import read_points
+from regionik.worlds.readers.collada import read_points
 from regionik.worlds.robot import BODY_HEIGHT, LINK_RADIUS, LinkBox, LinkCapsule, LinkHull, LinkSolid, Robot
 from regionik.worlds.urdf.bounding import (
     bounding_solid,

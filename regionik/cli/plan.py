@@ -28,6 +28,7 @@ from regionik.cli.console import (
     print_message,
     read_plan,
     read_world,
+    read_world_to_plan,
     report_document,
     report_summary,
 )
@@ -42,6 +43,7 @@ EXPORT_FORMATS = ("csv", "ros2", "joint-trajectory", "path", "ros2-folder", "geo
 PICTURES = (".svg", ".png")
 PLANS = (".json",)
 VIEWS = (".html", ".gif", ".mp4")
+_NOTHING = "nothing is written"
 
 
 def list_worlds(as_json: AsJson = False) -> None:
@@ -71,11 +73,11 @@ def plan_world(
     if output is not None and html is not None and output.resolve() == html.resolve():
         raise InputError(f"{html}: the plan and the page need two different files")
     began = time.monotonic()
-    with DelayedProgress() as progress, explain_no_plan(as_json):
-        scene = read_world(world, progress)
+    with DelayedProgress(_NOTHING) as progress, explain_no_plan(as_json, progress):
+        scene = read_world_to_plan(world, progress)
         from regionik.pipeline import plan
 
-        found = plan(scene, seed=seed, progress=progress)
+        found = plan(scene, seed=seed, say=progress.say if progress.shown and not as_json else None)
         seconds = time.monotonic() - began
         written = _write_plan(found, output, html, progress)
     print_message(plan_summary(found, seconds, written))
@@ -118,12 +120,10 @@ def verify_plan(path: PlanPath, as_json: AsJson = False) -> None:
     """
     with DelayedProgress() as progress:
         found = read_plan(path, progress)
-        progress("verify", 0, 0)
         from regionik.area_verification import verify_areas
         from regionik.verification.verifier import verify
 
         checked = verify(found)
-        progress("areas", 0, 0)
         areas = verify_areas(found)
         ok, violations = checked.ok and areas.ok, checked.violations + areas.violations
         report = replace(checked, ok=ok, violations=violations)
@@ -151,7 +151,6 @@ def retime_plan(
     check_output(output, PLANS)
     with DelayedProgress() as progress:
         found = read_plan(path, progress)
-        progress("timing", 0, 0)
         from regionik.timing.retime import BLEND, retime
         from regionik.worlds.speeds import Speeds
 
@@ -231,9 +230,7 @@ def show_scene(
         _watch(what, browser)
         return
     with DelayedProgress() as progress:
-        progress("load", 0, 1)
-        loaded = _plan_or_world(what)
-        progress("load", 1, 1)
+        loaded = _plan_or_world(what, progress)
         from regionik.view.page import html_page, served
 
         page = html_page(loaded)
@@ -251,12 +248,10 @@ def _write_view(what: str, output: Path, live: bool) -> None:
         raise InputError("--live watches a world file and writes none, expected it without --output")
     check_output(output, VIEWS, [what])
     with DelayedProgress() as progress:
-        progress("load", 0, 1)
-        loaded = _plan_or_world(what)
-        progress("load", 1, 1)
-        if output.suffix.lower() == ".html":
-            from regionik.view.page import to_html
+        loaded = _plan_or_world(what, progress)
+        from regionik.view.page import html_page, to_html
 
+        if output.suffix.lower() == ".html":
             to_html(loaded, output)
         else:
             from regionik.values import Plan
@@ -264,8 +259,8 @@ def _write_view(what: str, output: Path, live: bool) -> None:
 
             if not isinstance(loaded, Plan):
                 raise InputError(f"{what}: expected a plan to film, this is a world; an .html page shows it")
-            film(loaded, output, progress)
-    print_message(f"wrote {output}")
+            film(html_page(loaded), output)
+    print_message(f"wrote {output}, {output.stat().st_size / 1e6:.1f} MB")
 
 
 def _watch(what: str, browser: bool) -> None:
@@ -296,16 +291,13 @@ def _until_interrupted() -> Iterator[None]:
             raise
 
 
-def _plan_or_world(what: str) -> Plan | World:
+def _plan_or_world(what: str, progress: DelayedProgress) -> Plan | World:
     """Load a plan or a world: a plan has states, a world has none."""
-    from regionik.output.plan_file import load_plan
-    from regionik.worlds.documents.world_file import load_world
-
     if what.endswith(".json") and Path(what).is_file():
         try:
             document = json.loads(Path(what).read_bytes())
         except (ValueError, RecursionError):
             document = None  # the loader below says what is wrong with it
         if isinstance(document, dict) and "states" in document:
-            return load_plan(what)
-    return load_world(what)
+            return read_plan(Path(what), progress)
+    return read_world(what, progress)

@@ -200,9 +200,11 @@ def _careful_rows(
 
 
 def _row(cells: list[str], where: str) -> list[float]:
+    valid = " or ".join(",".join(names) for names in COLUMNS.values())
     if len(cells) not in COLUMNS:
-        valid = " or ".join(",".join(names) for names in COLUMNS.values())
         raise InputError(f"{where}: expected {valid}, got {len(cells)} columns")
+    if sorted(cells) == sorted(COLUMNS[len(cells)]):
+        raise InputError(f"{where}: expected the columns {valid} in this order, got {','.join(cells)}")
     values = []
     for name, cell in zip(COLUMNS[len(cells)], cells, strict=True):
         try:
