@@ -130,6 +130,7 @@ def test_visual_elements_are_read_with_their_colours_and_the_rest_passed_over(ro
     flap = next(one for one in robot.visuals if (one.link, one.color) == (BASE, GREY))
     assert np.allclose(flap.vertices.max(axis=0), [0.05, 0.35, 0.25])  # behind a joint that is left out
     assert sum(len(one.faces) for one in robot.visuals) <= TRIANGLES
+    assert {name for one in robot.visuals for name in one.stands_for} == {"upper", "fore"}
 
 
 def test_a_world_file_keeps_what_is_seen_to_the_bit(robot: Robot) -> None:
@@ -138,7 +139,7 @@ def test_a_world_file_keeps_what_is_seen_to_the_bit(robot: Robot) -> None:
     again = world_from_document(document, "again", Path()).robot.visuals
     assert len(again) == len(robot.visuals)
     for one, other in zip(robot.visuals, again, strict=True):
-        assert (one.link, one.color) == (other.link, other.color)
+        assert (one.link, one.color, one.stands_for) == (other.link, other.color, other.stands_for)
         assert np.array_equal(one.vertices, other.vertices)
         assert np.array_equal(one.faces, other.faces)
     document["robot"]["visuals"][0]["faces"] = "AAAA"

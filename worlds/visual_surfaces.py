@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from regionik.worlds.arrays import Array, Index, frozen, one_line, transform_points
+from regionik.worlds.arrays import Array, Index, frozen, one_line
 from regionik.worlds.errors import InputError
 
 MERGED = 1e-5  # corners in one cell of this side are one [m]
@@ -27,13 +27,16 @@ class VisualSurface:
     vertices : (n, 3) array
         In the link's frame, in single precision, as files hold them [m].
     faces : (m, 3) array of int
-        Indices of vertices, counter-clockwise seen from outside.
+        Indices of vertices.
+    stands_for : tuple of str
+        Names of the robot's solids that need not be shown beside it.
     """
 
     link: int
     color: int
     vertices: Array
     faces: Index
+    stands_for: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         rounded = np.asarray(self.vertices, dtype=np.float32)
@@ -47,12 +50,9 @@ class VisualSurface:
             raise InputError(f"visual surface: color: expected 0 to 0xffffff, got {self.color}")
         faces.flags.writeable = False
         object.__setattr__(self, "faces", faces)
+        object.__setattr__(self, "stands_for", tuple(self.stands_for))
 
     __repr__ = one_line
-
-    def moved(self, link: int, T: Array) -> VisualSurface:
-        """Return the same surface on a link, moved by a transform (4, 4)."""
-        return VisualSurface(link, self.color, transform_points(T, self.vertices), self.faces)
 
 
 def coarsened(surfaces: tuple[VisualSurface, ...], most: int) -> tuple[VisualSurface, ...]:

@@ -47,7 +47,7 @@ def compare_methods(
     need regionik[compare].
     """
     check_output(output, (".csv", ".json"), [world])
-    with DelayedProgress("nothing is written") as progress, explain_no_plan(as_json, progress):
+    with DelayedProgress("compare", "nothing is written") as progress, explain_no_plan(as_json, progress):
         scene = read_world(world, progress)
         from regionik.comparison import DEFAULT, compare
 

@@ -131,8 +131,10 @@ class DelayedProgress:
 
     Parameters
     ----------
+    work : str
+        What is shown from beginning to end.
     kept : str
-        What remains of the work when Ctrl-C ends it.
+        What remains of it when Ctrl-C ends it.
 
     Attributes
     ----------
@@ -140,9 +142,9 @@ class DelayedProgress:
         What was said while the work went on.
     """
 
-    def __init__(self, kept: str = "") -> None:
+    def __init__(self, work: str = "", kept: str = "") -> None:
         self.said: list[str] = []
-        self._kept = kept
+        self._work, self._kept = work, kept
         self._bars: Progress | None = None
         self._tasks: dict[str, TaskID] = {}
         self._at: dict[str, tuple[int, int]] = {}  # done and total of stages
@@ -153,21 +155,19 @@ class DelayedProgress:
 
     def __enter__(self) -> DelayedProgress:
         if sys.stderr.isatty():
+            from rich import progress as bars
             from rich.console import Console
-            from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-            columns = (
-                TextColumn("{task.description}"),
-                BarColumn(),
-                MofNCompleteColumn(),
-                TimeRemainingColumn(),
-            )
-            self._bars = Progress(*columns, console=Console(stderr=True), transient=True)
+            columns = bars.TextColumn("{task.description}"), bars.BarColumn(), bars.MofNCompleteColumn()
+            times = bars.TimeElapsedColumn(), bars.TextColumn("left"), bars.TimeRemainingColumn()
+            self._bars = bars.Progress(*columns, *times, console=Console(stderr=True), transient=True)
             self._timer = Timer(PROGRESS_DELAY, self._bars.start)
             self._timer.daemon = True
             self._timer.start()
         self._listening.enter_context(listening(self))
         self._listening.enter_context(interrupts.described(self._stopped))
+        if self._work:
+            self(self._work, 0, 0)
         return self
 
     def __call__(self, stage: str, done: int, total: int) -> None:

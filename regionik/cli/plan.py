@@ -44,6 +44,7 @@ PICTURES = (".svg", ".png")
 PLANS = (".json",)
 VIEWS = (".html", ".gif", ".mp4")
 _NOTHING = "nothing is written"
+_LARGE = 3.0  # size of a page or a film that is told [MB]
 
 
 def list_worlds(as_json: AsJson = False) -> None:
@@ -73,7 +74,7 @@ def plan_world(
     if output is not None and html is not None and output.resolve() == html.resolve():
         raise InputError(f"{html}: the plan and the page need two different files")
     began = time.monotonic()
-    with DelayedProgress(_NOTHING) as progress, explain_no_plan(as_json, progress):
+    with DelayedProgress("plan", _NOTHING) as progress, explain_no_plan(as_json, progress):
         scene = read_world_to_plan(world, progress)
         from regionik.pipeline import plan
 
@@ -118,7 +119,7 @@ def verify_plan(path: PlanPath, as_json: AsJson = False) -> None:
 
     The exit code is 1 if the plan does not hold, and its violations are listed.
     """
-    with DelayedProgress() as progress:
+    with DelayedProgress("verify") as progress:
         found = read_plan(path, progress)
         from regionik.area_verification import verify_areas
         from regionik.verification.verifier import verify
@@ -149,7 +150,7 @@ def retime_plan(
     Speeds that are not given are the world's, or the robot's.
     """
     check_output(output, PLANS)
-    with DelayedProgress() as progress:
+    with DelayedProgress("retime") as progress:
         found = read_plan(path, progress)
         from regionik.timing.retime import BLEND, retime
         from regionik.worlds.speeds import Speeds
@@ -204,9 +205,8 @@ def plot_plan(
 ) -> None:
     """Draw joints, speeds, clearance and floor of a plan."""
     check_output(output, PICTURES, [path])
-    with DelayedProgress() as progress:
+    with DelayedProgress("plot") as progress:
         found = read_plan(path, progress)
-        progress("draw", 0, 0)
         from regionik.view.figures import plot
 
         plot(found, output)
@@ -229,7 +229,7 @@ def show_scene(
     if live:
         _watch(what, browser)
         return
-    with DelayedProgress() as progress:
+    with DelayedProgress("show") as progress:
         loaded = _plan_or_world(what, progress)
         from regionik.view.page import html_page, served
 
@@ -247,7 +247,7 @@ def _write_view(what: str, output: Path, live: bool) -> None:
     if live:
         raise InputError("--live watches a world file and writes none, expected it without --output")
     check_output(output, VIEWS, [what])
-    with DelayedProgress() as progress:
+    with DelayedProgress("show") as progress:
         loaded = _plan_or_world(what, progress)
         from regionik.view.page import html_page, to_html
 
@@ -260,7 +260,8 @@ def _write_view(what: str, output: Path, live: bool) -> None:
             if not isinstance(loaded, Plan):
                 raise InputError(f"{what}: expected a plan to film, this is a world; an .html page shows it")
             film(html_page(loaded), output)
-    print_message(f"wrote {output}, {output.stat().st_size / 1e6:.1f} MB")
+    size = output.stat().st_size / 1e6
+    print_message(f"wrote {output}" + (f", {size:.1f} MB" if size > _LARGE else ""))
 
 
 def _watch(what: str, browser: bool) -> None:

@@ -68,7 +68,7 @@ def reach_targets(
         raise InputError("--workers and --dask: expected one of them")
     streams = not target and not as_json and _can_stream(table, output)
     kept = f"the same command goes on from what is in {output}.parts" if streams else "nothing is written"
-    with DelayedProgress(kept) as progress:
+    with DelayedProgress("reach", kept) as progress:
         scene = read_world(world, progress)
         with _executor(workers, dask) as (pool, ahead):
             if streams and table is not None and output is not None:
@@ -143,9 +143,8 @@ def map_reach(
     check_output(output, FIELD_SUFFIXES, [world, targets])
     if targets is not None and height is not None:
         raise InputError("--targets and --height: expected one of them, a slice has no targets")
-    with DelayedProgress() as progress:
+    with DelayedProgress("field") as progress:
         scene = read_world(world, progress)
-        progress("field", 0, 0)
         from regionik.output.field_file import write_field
         from regionik.reachability.field import reach_field, reach_slice
         from regionik.worlds.readers.csv_path import read_csv
@@ -179,7 +178,7 @@ def find_stops(
     """
     check_output(output, (".geojson",), [world])
     check_output(picture, (".svg", ".png"))
-    with DelayedProgress("nothing is written") as progress, explain_no_plan(as_json, progress):
+    with DelayedProgress("stops", "nothing is written") as progress, explain_no_plan(as_json, progress):
         scene = read_world(world, progress)
         if criterion is not None:
             scene = replace(scene, rules=replace(scene.rules, stop_criterion=_stop_criterion(criterion)))
@@ -248,7 +247,7 @@ def explain_world(
     something stands in the way.
     """
     check_output(html, PAGES, [world])
-    with DelayedProgress() as progress:
+    with DelayedProgress("why") as progress:
         if len(target or []) > 1:
             raise InputError(f"--target: expected one target, got {len(target or [])}")
         scene = read_world(world, progress)

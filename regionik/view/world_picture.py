@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -24,9 +24,8 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.chain import planar_pose
 from regionik.worlds.errors import Explanation
 from regionik.worlds.obstacles import Solid
-from regionik.worlds.robot import BASE, LinkSolid, Robot
+from regionik.worlds.robot import BASE, Robot
 from regionik.worlds.scene import Floor, Target, World
-from regionik.worlds.visual_surfaces import VisualSurface
 
 MARK_RADIUS = 0.014  # of set-points [m]
 TOOL = "tool/tip"
@@ -140,26 +139,18 @@ def robot_meshes(
 
 
 def _link_meshes(path: str, robot: Robot, link: int, color: int, name: str) -> Iterator[SceneMesh]:
-    """What is seen of a link: its visual surfaces, and solids in which there are none."""
+    """What is seen of a link: its visual surfaces, and the solids that these do not stand for."""
     visuals = [one for one in robot.visuals if one.link == link]
+    hidden = {name for one in visuals for name in one.stands_for}
     for k, one in enumerate(visuals):
         mesh = triangle_meshes.split_vertices(
             triangle_meshes.TriangleMesh(one.vertices, one.faces.astype(np.uint32))
         )
         yield SceneMesh(f"{path}/visual {k}", mesh, one.color, name=name)
-    solids = [solid for solid in robot.all_solids if solid.link == link and not _is_shown(solid, visuals)]
+    solids = [solid for solid in robot.all_solids if solid.link == link and solid.name not in hidden]
     if solids:
         mesh = triangle_meshes.merge([triangle_meshes.link_mesh(solid) for solid in solids])
         yield SceneMesh(path, mesh, color, name=name)
-
-
-def _is_shown(solid: LinkSolid, visuals: Sequence[VisualSurface]) -> bool:
-    """True where visual surfaces reach round the middle of a solid: one of a tool is beyond them."""
-    if not visuals:
-        return False
-    corners = np.concatenate([one.vertices for one in visuals])
-    middle = solid.corners.mean(axis=0)
-    return bool((corners.min(axis=0) < middle).all() and (middle < corners.max(axis=0)).all())
 
 
 def joint_node(k: int) -> str:

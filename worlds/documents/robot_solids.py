@@ -142,9 +142,11 @@ class VisualPart(_OnLink):
     vertices: Packed = Field(description="x, y, z of each vertex in the link's frame [m], floats of 4 bytes")
     faces: Packed = Field(description="vertices of each triangle, whole numbers of 4 bytes")
 
+    stands_for: list[OneLine] = Field(default=[], description="solids that are not shown beside it")
+
     def surface(self) -> VisualSurface:
         vertices, faces = _unpacked(self.vertices, "<f4", "vertices"), _unpacked(self.faces, "<u4", "faces")
-        return VisualSurface(self.link, self.color, vertices, faces)
+        return VisualSurface(self.link, self.color, vertices, faces, tuple(self.stands_for))
 
 
 def _unpacked(text: str, kind: str, what: str) -> NDArray[Any]:
@@ -160,7 +162,8 @@ def visual_document(surface: VisualSurface) -> dict[str, Any]:
         key: base64.b64encode(values.astype(kind).tobytes()).decode("ascii")
         for key, values, kind in (("vertices", surface.vertices, "<f4"), ("faces", surface.faces, "<u4"))
     }
-    return {"link": surface.link, "color": surface.color, **packed}
+    names = {"stands_for": list(surface.stands_for)} if surface.stands_for else {}
+    return {"link": surface.link, "color": surface.color, **packed, **names}
 
 
 def matrix(rows: list[list[float]], what: str) -> Array:

@@ -200,7 +200,7 @@ def _from_urdf(
     notes = [*body.notes, *_notes(placement, measured)]
     with located(model.where, ""):
         robot = _robot(model, mount, chain, body, given)
-    seen = visual_surfaces(model, (*placement.links, *placement.seen))
+    seen = visual_surfaces(model, (*placement.links, *placement.seen), (*body.parts, *body.base.parts))
     robot = replace(robot, masses=link_masses(model, placement), visuals=seen)
     if given.tool is not None:
         robot = with_tool(robot, given.tool)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
+from dataclasses import replace
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from regionik.worlds.errors import InputError
 from regionik.worlds.readers.collada import Surface
 from regionik.worlds.robot import CUBE_CORNERS
 from regionik.worlds.urdf.bounding import hull_triangles
+from regionik.worlds.urdf.decomposition import CollisionPart
 from regionik.worlds.urdf.elements import CollisionShape, UrdfModel
 from regionik.worlds.urdf.kinematic_tree import PlacedLink
 from regionik.worlds.urdf.meshes import MeshFiles
@@ -23,25 +25,35 @@ GREY = 0x8A939C  # where a file gives no colour
 _FACETS = 20  # round a circle
 
 
-def visual_surfaces(model: UrdfModel, links: tuple[PlacedLink, ...]) -> tuple[VisualSurface, ...]:
-    """Return what is seen of links, one surface for each colour of a link.
+def visual_surfaces(
+    model: UrdfModel, links: Iterable[PlacedLink], parts: Iterable[CollisionPart]
+) -> tuple[VisualSurface, ...]:
+    """Return what is seen of links, one surface for each colour of what moves together.
 
-    Elements that cannot be read are passed over: pictures do without.
+    Elements that cannot be read are passed over: pictures do without. The first surface on a link stands for
+    those parts of it that are of links with surfaces.
     """
     meshes = MeshFiles(model.path)
     pieces: dict[tuple[int, int], list[Array]] = {}
+    seen: set[str] = set()
     for link in links:
         for shape, color in model.visuals[link.name]:
             for one in _surfaces(shape, meshes):
                 paint = color if color is not None else GREY if one.color is None else one.color
                 placed = transform_points(link.T_owner_link @ shape.T_link_shape, one.triangles)
                 pieces.setdefault((link.owner, paint), []).append(placed)
+                seen.add(link.name)
     surfaces = []
-    for (owner, paint), parts in pieces.items():
-        corners = np.concatenate(parts).reshape(-1, 3)
+    for (owner, paint), some in pieces.items():
+        corners = np.concatenate(some).reshape(-1, 3)
         if np.isfinite(corners).all() and len(corners):
             surfaces.append(VisualSurface(owner, paint, corners, np.arange(len(corners)).reshape(-1, 3)))
-    return coarsened(tuple(surfaces), TRIANGLES)
+    shown: dict[int, tuple[str, ...]] = {}
+    for part in parts:
+        if part.sources & seen:
+            shown[part.link] = (*shown.get(part.link, ()), part.solid.name)
+    coarse = coarsened(tuple(surfaces), TRIANGLES)
+    return tuple(replace(one, stands_for=shown.pop(one.link, ())) for one in coarse)
 
 
 def _surfaces(shape: CollisionShape, meshes: MeshFiles) -> Iterator[Surface]:
