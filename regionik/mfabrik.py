@@ -22,7 +22,6 @@ from regionik.areas.ground import EVERY
 from regionik.areas.reach_model import ReachModel
 from regionik.areas.reachable import reach_model
 from regionik.planners.geometry.polygons import FlatPolygon
-from regionik.planners.progress import track
 from regionik.planners.solvers.base_placement import FACE_TARGET, FIXED, FREE, Turning, share_turn
 from regionik.planners.solvers.mfabrik_planar import solve_planar, solve_planar_along, solve_planar_many
 from regionik.planners.solvers.planar_setup import Record
@@ -313,13 +312,13 @@ def _numbers(values: ArrayLike, count: int, what: str) -> Array:
 
 
 def configurations(
-    task: Sequence[Target], solvers: Iterable[Method], start: tuple[Array, Array]
+    task: Iterable[Target], solvers: Iterable[Method], start: tuple[Array, Array]
 ) -> tuple[Configuration, ...]:
     """One configuration for each set-point, each solved from the one before.
 
     Parameters
     ----------
-    task : sequence of Target
+    task : iterable of Target
     solvers : iterable of Method
         One for each set-point, such as a `Solver` for the area that is chosen there.
     start : (base, joints)
@@ -327,7 +326,7 @@ def configurations(
     """
     base, joints = start
     found = []
-    for target, solver in zip(track("configurations", task), solvers, strict=True):
+    for target, solver in zip(task, solvers, strict=True):
         found.append(solver(target, base, joints))
         base, joints = found[-1].base, found[-1].joints
     return tuple(found)

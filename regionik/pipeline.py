@@ -18,7 +18,7 @@ from regionik.parking.fewest_stops import park
 from regionik.parking.stop_motion import connect_stops
 from regionik.parking.stops import check as check_stops
 from regionik.parking.stops import in_sequence
-from regionik.planners.progress import Progress, listening
+from regionik.planners.progress import Progress, listening, track
 from regionik.postures.poses import lift_offs, motion_stats
 from regionik.pruning import choose_chain, solvers_along, spans, start_place, start_pose, whole_path
 from regionik.reachability.any_base import can_search, search_any_base
@@ -230,7 +230,7 @@ def _plan_path(world: World, seed: int) -> Plan:
     standing, areas, pruned = whole_path(world)
     chain = choose_chain(pruned, standing, start_place(world))
     solvers = solvers_along(world, pruned.ladder, standing, chain)
-    goals = configurations(world.task, solvers, start_pose(world, pruned, chain))
+    goals = configurations(track("configurations", world.task), solvers, start_pose(world, pruned, chain))
     _refuse(_not_converged(world, goals))
     joined = connect_configurations(world, pruned, chain, goals, standing, seed)
     shown = planned_areas(world, areas, pruned.area)
