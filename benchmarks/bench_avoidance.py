@@ -27,8 +27,9 @@ from regionik.planners.search.box_search import Verdict
 from regionik.planners.search.fixed_base import WORDS, search_fixed_base
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, Joint, translation
+from regionik.worlds.links import LinkCapsule
 from regionik.worlds.obstacles import Cylinder
-from regionik.worlds.robot import LinkCapsule, Robot
+from regionik.worlds.robot import Robot
 
 LINKS = 4  # of length 1
 TESTS = ((2.8, 2.5), (2.4, 2.1), (2.0, 1.7))  # target on the diagonal, far corner of the circles' middles

@@ -31,7 +31,8 @@ from regionik.planners.collision.proximity import nearest
 from regionik.planners.collision.robot_bodies import bodies_from
 from regionik.worlds.arms import reach_bound
 from regionik.worlds.arrays import Array
-from regionik.worlds.robot import LinkHull, Robot
+from regionik.worlds.links import LinkHull
+from regionik.worlds.robot import Robot
 from regionik.worlds.self_collision import postures_clear, seeded_postures
 
 POSTURES = 500

@@ -17,8 +17,9 @@ from shapely.geometry import Polygon
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import planar_pose, pose, translation
+from regionik.worlds.links import LinkBox, LinkSolid
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Solid, Sphere
-from regionik.worlds.robot import LinkBox, LinkSolid, Robot
+from regionik.worlds.robot import Robot
 from regionik.worlds.self_collision import base_body, self_collision_pairs
 
 ARMS = ("youbot", "youbot-real", "hinge5", "dof10", "pioneer7", "boxes")

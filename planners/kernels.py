@@ -2,18 +2,23 @@
 
 numba takes seconds to compile what plain Python does in milliseconds. So a kernel that Python calls runs its
 machine code where there is some, in memory or on disk; else it runs as plain Python that counts its own work
-(`counted_work`), and is compiled once that has cost about half of what compiling does. A call that gets there
-begins again: what it wrote into its arguments is put back. No clock decides. Both ways give the same bits:
-what a kernel may use for that stands in `tests/test_kernels.py`.
+(`counted_work`), and is compiled once that has cost about half of what compiling does, the work of earlier
+processes included. A call that gets there begins again: what it wrote into its arguments is put back. No
+clock decides. Both ways give the same bits: `tests/test_kernels.py` says what a kernel may use for that.
 """
 
 from __future__ import annotations
 
+import atexit
+import json
+import os
 import warnings
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from functools import cache
 from multiprocessing import parent_process
+from pathlib import Path
 from typing import Any, Literal, TypeVar, cast
 
 import numpy as np
@@ -21,6 +26,7 @@ from numba.core import config
 from numba.core.caching import FunctionCache
 from numba.core.dispatcher import Dispatcher, OmittedArg
 from numba.core.registry import CPUDispatcher
+from numba.core.types import unliteral
 from numpy.typing import NDArray
 
 from regionik.planners.counted_work import CountedFunctions, TooMuchWork
@@ -32,6 +38,7 @@ Function = TypeVar("Function", bound=Callable[..., Any])
 _plain = CountedFunctions(lambda value: value.py_func if isinstance(value, Dispatcher) else None)
 _at_once = False  # kernels are compiled before their first call
 _listeners: list[Callable[[str], None]] = []
+_work_here: Counter[str] = Counter()  # done as plain Python in this process, by kernel
 
 
 class _Kept(FunctionCache):
@@ -63,12 +70,13 @@ _Dispatcher: Any = CPUDispatcher  # it has more than its types say
 class Kernel(_Dispatcher):  # type: ignore[misc]
     """A function that runs as plain Python until it has done as much work as compiling it costs."""
 
-    _work = 0.0  # done as plain Python
+    _work = 0.0  # done as plain Python, in earlier processes too
     _opened = False  # its place on disk was looked for
 
     def compile(self, sig: Any) -> Any:
+        """Compile for arguments of these types; numbers written in a call are as any others."""
         self._open()
-        return super().compile(sig)
+        return super().compile(tuple(map(unliteral, sig)))
 
     def _compile_for_args(self, *args: Any, **kws: Any) -> Any:
         """Return what to call for arguments that there is no machine code for in memory."""
@@ -86,6 +94,10 @@ class Kernel(_Dispatcher):  # type: ignore[misc]
     def _worth_compiling(self) -> int:
         return COMPILING * _plain.size(self.py_func)
 
+    @property
+    def _full_name(self) -> str:
+        return f"{self.py_func.__module__}.{self.__name__}"
+
     def _run_plainly(self, *args: Any) -> Any:
         """Run as plain Python; a call that turns out long is begun again as machine code."""
         given = [value.value if isinstance(value, OmittedArg) else value for value in args]
@@ -99,7 +111,9 @@ class Kernel(_Dispatcher):  # type: ignore[misc]
             for array, values in saved:
                 array[...] = values
         finally:
-            self._work += _plain.work[0] - before
+            done = _plain.work[0] - before
+            self._work += done
+            _work_here[self._full_name] += int(done)
             _plain.work[1] = np.inf
         return self(*given)
 
@@ -111,6 +125,7 @@ class Kernel(_Dispatcher):  # type: ignore[misc]
         """Find the place on disk on first use: to look for one that can be written takes time."""
         if not self._opened:
             self._opened = True
+            self._work += _work_before().get(self._full_name, 0)
             with suppress(RuntimeError):  # there is no folder that can be written
                 self._cache = _Kept(self.py_func)  # type: ignore[no-untyped-call]
 
@@ -177,6 +192,34 @@ def _as_compiled(result: Any) -> Any:
         parts = map(_as_compiled, result)
         return type(result)(*parts) if hasattr(result, "_fields") else tuple(parts)
     return result
+
+
+def _work_path() -> Path | None:
+    """File of the work that kernels have done as plain Python; None where no folder can be written."""
+    folder = cache_folder()
+    return None if folder is None else Path(folder, "kernel_work.json")
+
+
+@cache
+def _work_before() -> dict[str, int]:
+    """Work that each kernel has done as plain Python in earlier processes."""
+    path = _work_path()
+    if path is not None:
+        with suppress(OSError, ValueError):
+            return dict(json.loads(path.read_text()))
+    return {}
+
+
+@atexit.register
+def _keep_work() -> None:
+    """Add the work of this process to that of earlier ones; one of two that end at once may be lost."""
+    path = _work_path() if _work_here else None
+    if path is not None:
+        _work_before.cache_clear()
+        with suppress(OSError):
+            new = path.with_suffix(f".{os.getpid()}")
+            new.write_text(json.dumps(Counter(_work_before()) + _work_here))
+            new.replace(path)
 
 
 @cache

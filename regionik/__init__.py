@@ -41,8 +41,9 @@ if TYPE_CHECKING:
     from regionik.worlds.criteria import Criteria
     from regionik.worlds.documents.world_file import load_world
     from regionik.worlds.errors import InputError, NoPlanFound, RegionikError
+    from regionik.worlds.links import LinkBox, LinkCapsule, LinkHull
     from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Sphere
-    from regionik.worlds.robot import LinkBox, LinkCapsule, LinkHull, Robot, Tool
+    from regionik.worlds.robot import Robot, Tool
     from regionik.worlds.scene import Floor, Rules, Start, Target, World
     from regionik.worlds.speeds import Speeds
     from regionik.worlds.urdf.loader import load_robot
@@ -110,9 +111,9 @@ _HOME = {
     "Floor": "regionik.worlds.scene",
     "InputError": "regionik.worlds.errors",
     "Joint": "regionik.worlds.chain",
-    "LinkBox": "regionik.worlds.robot",
-    "LinkCapsule": "regionik.worlds.robot",
-    "LinkHull": "regionik.worlds.robot",
+    "LinkBox": "regionik.worlds.links",
+    "LinkCapsule": "regionik.worlds.links",
+    "LinkHull": "regionik.worlds.links",
     "Mesh": "regionik.worlds.obstacles",
     "NoPlanFound": "regionik.worlds.errors",
     "Noise": "regionik.simulation.noise",

@@ -14,7 +14,8 @@ from regionik.planners.collision.robot_bodies import Bodies, ContactTargets
 from regionik.values import Motion
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, Joint, rot_x, rot_y, rot_z, translation
-from regionik.worlds.robot import LinkBox, LinkCapsule, LinkHull, LinkSolid, Robot, capsules_along
+from regionik.worlds.links import LinkBox, LinkCapsule, LinkHull, LinkSolid, capsules_along
+from regionik.worlds.robot import Robot
 
 HEAVY = 1e4  # weight of "the parts add up to one" against distances
 

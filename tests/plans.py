@@ -16,8 +16,9 @@ from shapely.ops import nearest_points
 from regionik.values import Configuration, Motion, Plan, PlannedArea
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
+from regionik.worlds.links import capsules_along
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Solid, Sphere
-from regionik.worlds.robot import Robot, capsules_along
+from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
 
 DH = (

@@ -16,7 +16,8 @@ from regionik.output.urdf import robot_to_urdf
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, Joint, rot_x, rot_z, translation
 from regionik.worlds.drives import BaseKind
-from regionik.worlds.robot import LinkBox, LinkSolid, Robot, capsules_along
+from regionik.worlds.links import LinkBox, LinkSolid, capsules_along
+from regionik.worlds.robot import Robot
 from regionik.worlds.urdf.loader import load_robot
 
 ARMS = (

@@ -31,7 +31,8 @@ from regionik.values import Plan
 from regionik.worlds.bundled import world_names
 from regionik.worlds.documents.world_file import world_to_document
 from regionik.worlds.errors import InputError, NoPlanFound
-from regionik.worlds.robot import LinkHull, Robot
+from regionik.worlds.links import LinkHull
+from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Target, World
 from tests import random_arms
 from tests.bounded import Ended, bounded_calls

@@ -13,7 +13,8 @@ from regionik.worlds.chain import Chain
 from regionik.worlds.criteria import Criteria
 from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.drives import BaseKind
-from regionik.worlds.robot import Robot, capsules_along
+from regionik.worlds.links import capsules_along
+from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Heading, Order, Start, World
 from regionik.worlds.speeds import Speeds
 from tests.grounds import floor_of

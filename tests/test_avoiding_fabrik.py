@@ -12,8 +12,9 @@ from regionik.planners.collision.robot_bodies import Bodies, ContactTargets, bod
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain, Joint, rot_x, rot_y, translation
+from regionik.worlds.links import LinkBox, LinkCapsule, capsules_along
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Solid, Sphere
-from regionik.worlds.robot import LinkBox, LinkCapsule, Robot, capsules_along
+from regionik.worlds.robot import Robot
 
 TOLERANCE = 1e-3
 HERE = np.zeros(3)

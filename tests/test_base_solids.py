@@ -23,8 +23,9 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, Joint, pose, translation
 from regionik.worlds.documents.world_file import world_from_document, world_to_document
 from regionik.worlds.errors import InputError
+from regionik.worlds.links import BASE, LinkBox, LinkCapsule
 from regionik.worlds.obstacles import Box, Solid
-from regionik.worlds.robot import BASE, LinkBox, LinkCapsule, Robot
+from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Rules, Target, World
 from regionik.worlds.self_collision import BODY, self_collision_pairs
 from regionik.worlds.urdf.bounding import convex_hull

@@ -26,8 +26,9 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain, Joint, planar_pose
 from regionik.worlds.errors import InputError
+from regionik.worlds.links import capsules_along
 from regionik.worlds.obstacles import Box, Cylinder, Prism, Sphere
-from regionik.worlds.robot import Robot, capsules_along
+from regionik.worlds.robot import Robot
 
 SCENES = 150
 PROOFS = 4  # swept

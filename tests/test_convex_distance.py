@@ -16,8 +16,8 @@ from regionik.verification.convex_distance import (
 )
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import translation
+from regionik.worlds.links import LinkBox, LinkCapsule, LinkHull
 from regionik.worlds.obstacles import Prism
-from regionik.worlds.robot import LinkBox, LinkCapsule, LinkHull
 from tests.bodies import random_frame, signed_distance
 
 HEPTAGON = Prism("body", Polygon(Point(0, 0).buffer(0.2, 2).exterior.coords[:-2]), 0.0, 0.15)

@@ -26,7 +26,8 @@ from regionik.worlds.chain import Chain, Joint, rot_x, translation
 from regionik.worlds.criteria import Criteria, with_joint_margin
 from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import InputError, NoPlanFound
-from regionik.worlds.robot import GRAVITY, LinkMass, Robot, capsules_along
+from regionik.worlds.links import LinkMass, capsules_along
+from regionik.worlds.robot import GRAVITY, Robot
 from regionik.worlds.scene import Floor, Target, World
 from tests import examples
 from tests.soaked import soaked_world

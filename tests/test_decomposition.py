@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import pose
-from regionik.worlds.robot import LinkBox, LinkSolid
+from regionik.worlds.links import LinkBox, LinkSolid
 from regionik.worlds.urdf.bounding import bounding_solid, convex_hull, rough_volume, volume
 from regionik.worlds.urdf.decomposition import CollisionPart, clip_triangles, decompose, mesh_part
 from tests import examples

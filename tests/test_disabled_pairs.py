@@ -11,7 +11,8 @@ from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain, Joint, translation
 from regionik.worlds.documents.world_file import load_world, world_from_document, world_to_document
 from regionik.worlds.errors import InputError
-from regionik.worlds.robot import LinkBox, Robot
+from regionik.worlds.links import LinkBox
+from regionik.worlds.robot import Robot
 from regionik.worlds.self_collision import disabled_pairs, self_collision_pairs
 
 THIN, WIDE = 0.04, 0.5  # [m]

@@ -24,8 +24,8 @@ from regionik.planners.collision.distances import (
 from regionik.planners.geometry.convex_decomposition import MOST_CORNERS, convex_pieces
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError
+from regionik.worlds.links import LinkBox, LinkCapsule
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Solid, Sphere
-from regionik.worlds.robot import LinkBox, LinkCapsule
 from tests import examples
 
 ELL = Polygon([(-0.4, -0.4), (0.4, -0.4), (0.4, 0.0), (0.0, 0.0), (0.0, 0.4), (-0.4, 0.4)])

@@ -23,7 +23,8 @@ from regionik.values import Plan
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, Joint, pose
 from regionik.worlds.errors import InputError
-from regionik.worlds.robot import LinkBox, LinkCapsule, Robot
+from regionik.worlds.links import LinkBox, LinkCapsule
+from regionik.worlds.robot import Robot
 from tests.plans import FOOTPRINT, every_solid, l_shape, synthetic_plan, timed, youbot
 
 

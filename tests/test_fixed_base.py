@@ -27,8 +27,8 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain, Joint, rot_x, rot_y, translation
 from regionik.worlds.errors import InputError
+from regionik.worlds.links import LinkBox, LinkCapsule, capsules_along
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Solid, Sphere
-from regionik.worlds.robot import LinkBox, LinkCapsule, capsules_along
 from tests import examples
 
 NOTHING = obstacles_from([])

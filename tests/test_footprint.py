@@ -26,7 +26,6 @@ from regionik.planners.driving.footprint_planner import (
     passage_width,
 )
 from regionik.planners.driving.heading_slabs import (
-    _minkowski_sums,
     rotation_core,
     rotation_hull,
     slab_areas,
@@ -34,6 +33,7 @@ from regionik.planners.driving.heading_slabs import (
     slabs,
     slabs_along,
 )
+from regionik.planners.driving.minkowski_sums import minkowski_sums
 from regionik.planners.driving.point_planner import NoPathError
 from regionik.planners.geometry.angles import wrap
 from regionik.worlds.arrays import Array
@@ -366,7 +366,7 @@ def test_sums_of_edges_are_hulls_of_all_sums_of_corners(seed: int) -> None:
     pieces = list(rng.normal(size=(30, 2, 2)).round(1))
     pieces += [np.tile(rng.normal(size=(1, 2)), (2, 1)), np.array([corners[0], corners[1]])]
     for shape in (corners, corners[::-1]):
-        sums = _minkowski_sums(pieces, shape)
+        sums = minkowski_sums(pieces, shape)
         for piece, found in zip(pieces, sums, strict=True):
             spots = (piece[:, None] + shape).reshape(-1, 2)
             assert found.symmetric_difference(shapely.multipoints(spots).convex_hull).area < 1e-9

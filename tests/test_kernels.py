@@ -182,6 +182,31 @@ def test_machine_code_on_disk_is_used_at_once(tmp_path: Path) -> None:
     assert said() == f"{bits} 1"
 
 
+def test_the_work_of_earlier_processes_counts(tmp_path: Path) -> None:
+    code = (
+        "import sys\n"
+        "from regionik.planners import kernels\n"
+        "from regionik.planners.geometry.angles import wrap\n"
+        "kernels.COMPILING = 10_000\n"
+        "for _ in range(int(sys.argv[1])):\n"
+        "    wrap(4.0)\n"
+        "print(len(wrap.signatures))\n"
+    )
+    there = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path), "NUMBA_DISABLE_JIT": "0"}
+
+    def compiled_after(calls: int) -> bool:
+        command = [sys.executable, "-W", "error", "-c", code, str(calls)]
+        ran = subprocess.run(command, cwd=ROOT, env=there, capture_output=True, text=True, check=True)
+        return ran.stdout.strip() == "1"
+
+    assert not compiled_after(5_000)
+    (kept,) = tmp_path.rglob("kernel_work.json")
+    assert not compiled_after(5)
+    kept.write_text("broken")
+    assert not compiled_after(9_000)
+    assert compiled_after(5_000)
+
+
 WORLDS = ["pillar", *(pytest.param(name, marks=pytest.mark.slow) for name in ("shelf", "pipe", "circle"))]
 
 

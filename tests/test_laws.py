@@ -25,8 +25,9 @@ from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain
 from regionik.worlds.documents.world_file import load_world, world_from_document, world_to_document
 from regionik.worlds.errors import NoPlanFound
+from regionik.worlds.links import LinkCapsule
 from regionik.worlds.obstacles import Box, Cylinder, Prism, Solid, Sphere
-from regionik.worlds.robot import LinkCapsule, Robot
+from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
 from tests import examples
 from tests.test_random_worlds import random_world

@@ -17,8 +17,8 @@ from regionik.verification.contact import shrunk_weights
 from regionik.worlds.chain import translation
 from regionik.worlds.documents.world_file import load_world, world_from_document, world_to_document
 from regionik.worlds.errors import InputError
+from regionik.worlds.links import HULL_ROWS, LinkBox, LinkHull
 from regionik.worlds.polytopes import polytope
-from regionik.worlds.robot import HULL_ROWS, LinkBox, LinkHull
 from regionik.worlds.urdf.bounding import MOST_CORNERS, TIGHT, bounding_solid, convex_hull
 from tests import examples
 from tests.bodies import random_frame

@@ -19,8 +19,9 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain, rot_x, rot_z
 from regionik.worlds.errors import NoPlanFound
+from regionik.worlds.links import capsules_along
 from regionik.worlds.obstacles import Box
-from regionik.worlds.robot import Robot, capsules_along
+from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
 
 FLOOR = Floor(shapely.box(-2, -2, 4, 3))

@@ -12,8 +12,9 @@ from regionik.verification.motion import MotionSegments
 from regionik.verification.proofs import Finding, StateNames
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, Joint, translation
+from regionik.worlds.links import LinkBox, LinkSolid
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Solid, Sphere
-from regionik.worlds.robot import LinkBox, LinkSolid, Robot
+from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Rules, Target, World
 from tests.bodies import motion_through, random_robot, signed_distance
 

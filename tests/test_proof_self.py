@@ -16,7 +16,8 @@ from regionik.verification.self_collision import verify_self_collision
 from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, Joint, rot_x, translation
-from regionik.worlds.robot import LinkBox, LinkCapsule, LinkSolid, Robot
+from regionik.worlds.links import LinkBox, LinkCapsule, LinkSolid
+from regionik.worlds.robot import Robot
 from regionik.worlds.self_collision import base_body
 from tests.bodies import motion_through, random_robot, signed_distance
 from tests.plans import FOOTPRINT, youbot

@@ -23,8 +23,9 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain, Joint, planar_pose, rot_x, rot_y, translation
 from regionik.worlds.errors import InputError
+from regionik.worlds.links import LinkBox, LinkCapsule, LinkSolid
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Solid, Sphere
-from regionik.worlds.robot import LinkBox, LinkCapsule, LinkSolid, Robot
+from regionik.worlds.robot import Robot
 from regionik.worlds.self_collision import base_body, self_collision_pairs
 from tests.bodies import motion_clear
 

@@ -11,7 +11,8 @@ from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain, Joint, translation
-from regionik.worlds.robot import LinkBox, LinkCapsule, LinkSolid, Robot, without_limits
+from regionik.worlds.links import LinkBox, LinkCapsule, LinkSolid
+from regionik.worlds.robot import Robot, without_limits
 from regionik.worlds.self_collision import BODY, base_body, self_collision_pairs
 from tests.test_verify import motion_of, only, plan_of, world_of
 

@@ -9,8 +9,8 @@ from regionik.view import triangle_meshes
 from regionik.view.triangle_meshes import TriangleMesh
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import pose
+from regionik.worlds.links import LinkBox, LinkCapsule
 from regionik.worlds.obstacles import Solid
-from regionik.worlds.robot import LinkBox, LinkCapsule
 from tests.plans import every_solid
 
 

@@ -19,8 +19,9 @@ from scipy.spatial.transform import Rotation
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import pose
 from regionik.worlds.errors import InputError
+from regionik.worlds.links import LINK_RADIUS, LinkBox, LinkCapsule, LinkHull, LinkSolid
 from regionik.worlds.readers.collada import read_points
-from regionik.worlds.robot import BODY_HEIGHT, LINK_RADIUS, LinkBox, LinkCapsule, LinkHull, LinkSolid, Robot
+from regionik.worlds.robot import BODY_HEIGHT, Robot
 from regionik.worlds.urdf.bounding import (
     bounding_solid,
     convex_hull,

@@ -16,8 +16,8 @@ from regionik.values import Report, Stop, Violation
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain, Joint
 from regionik.worlds.errors import Explanation, InputError
+from regionik.worlds.links import LinkBox, LinkCapsule, LinkMass
 from regionik.worlds.obstacles import Box, Mesh, Prism
-from regionik.worlds.robot import LinkBox, LinkCapsule, LinkMass
 from regionik.worlds.scene import Target
 from tests.plans import l_shape, synthetic_plan
 

@@ -16,8 +16,9 @@ from regionik.verification.proofs import MAX_VIOLATIONS
 from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, Joint, rot_x, rot_y, translation
+from regionik.worlds.links import LinkCapsule, capsules_along
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Solid, Sphere
-from regionik.worlds.robot import LinkCapsule, Robot, capsules_along
+from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
 from regionik.worlds.self_collision import off_floor
 from tests.plans import FOOTPRINT, youbot

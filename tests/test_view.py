@@ -28,8 +28,8 @@ from regionik.view.world_picture import MARK_RADIUS, picture_of_world, shown_sta
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import pose
 from regionik.worlds.errors import InputError
+from regionik.worlds.links import LinkBox
 from regionik.worlds.obstacles import Box
-from regionik.worlds.robot import LinkBox
 from regionik.worlds.scene import World
 from tests.plans import every_solid, l_shape, synthetic_plan, timed
 

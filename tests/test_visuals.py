@@ -20,8 +20,9 @@ from regionik.worlds.arrays import transform_points
 from regionik.worlds.chain import translation
 from regionik.worlds.documents.world_file import world_from_document, world_to_document
 from regionik.worlds.errors import InputError
+from regionik.worlds.links import BASE, LinkCapsule
 from regionik.worlds.readers.collada import read_surfaces
-from regionik.worlds.robot import BASE, LinkCapsule, Robot, Tool
+from regionik.worlds.robot import Robot, Tool
 from regionik.worlds.scene import Floor, Target, World
 from regionik.worlds.urdf.loader import load_robot
 from regionik.worlds.urdf.visuals import GREY, TRIANGLES

@@ -28,9 +28,10 @@ from regionik.worlds.documents.world_file import (
     world_to_document,
 )
 from regionik.worlds.errors import InputError
+from regionik.worlds.links import LinkBox, LinkCapsule, capsules_along
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Sphere
 from regionik.worlds.readers.text import JSON_LIMIT, YAML_LIMIT, read_document
-from regionik.worlds.robot import LinkBox, LinkCapsule, Robot, capsules_along
+from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Rules, World
 from tests import examples
 from tests.nasty import GOOD, NASTY, Nasty, broken

@@ -12,7 +12,7 @@ from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
 from regionik.worlds.arrays import Array
-from regionik.worlds.robot import LinkBox, LinkHull, LinkSolid
+from regionik.worlds.links import LinkBox, LinkHull, LinkSolid
 
 CRANE = """\
 <?xml version="1.0"?>

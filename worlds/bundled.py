@@ -9,7 +9,8 @@ import numpy as np
 
 from regionik.worlds.chain import Chain, translation
 from regionik.worlds.errors import InputError, suggestion
-from regionik.worlds.robot import BODY_HEIGHT, LINK_RADIUS, Robot, capsules_along
+from regionik.worlds.links import LINK_RADIUS, capsules_along
+from regionik.worlds.robot import BODY_HEIGHT, Robot
 
 DATA = Path(__file__).parent / "data"
 WORLD_SUFFIX = ".world.yaml"

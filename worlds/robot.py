@@ -1,4 +1,4 @@
-"""Mobile manipulators: an arm on a driving base, the solids of its links, and their masses."""
+"""Mobile manipulators: an arm on a driving base, and tools on its flange."""
 
 from __future__ import annotations
 
@@ -11,189 +11,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 from shapely.geometry import MultiPoint, Polygon
 
-from regionik.worlds.arrays import Array, freeze, frozen, one_line, transform_points
+from regionik.worlds.arrays import Array, freeze, frozen, one_line
 from regionik.worlds.chain import Chain, planar_pose
 from regionik.worlds.drives import BaseDrive, BaseKind, drive_of
-from regionik.worlds.errors import InputError, located
-from regionik.worlds.polytopes import Polytope, polytope
+from regionik.worlds.errors import InputError
+from regionik.worlds.links import BASE, LinkMass, LinkSolid
 from regionik.worlds.visual_surfaces import VisualSurface
 
 GRAVITY = 9.80665  # standard gravity [m/s2]
-BASE = -1  # the link of solids that are fixed to the base; its frame is the base frame
 BODY_HEIGHT = 0.14  # of a base of which nothing else is known [m]
-CUBE_CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])  # of side 2
-HULL_ROWS, HULL_LIMIT = 9, 256  # corners of a hull, at least and at most
-LINK_RADIUS = 0.035  # of a link of which nothing else is known [m]
-
-
-@dataclass(frozen=True, eq=False)
-class LinkMass:
-    """A mass that moves with one arm link.
-
-    Attributes
-    ----------
-    link : int
-        Index into ``Chain.frames``: the link that joint ``link`` moves.
-    mass : float
-        [kg]
-    center : (3,) array
-        Centre of mass in the link's frame [m].
-    """
-
-    link: int
-    mass: float
-    center: Array
-
-    def __post_init__(self) -> None:
-        freeze(self, "mass", center=(3,))
-        if not 0 < self.mass < np.inf:
-            raise InputError(f"mass: expected a finite number above 0, got {self.mass}")
-
-    __repr__ = one_line
-
-
-@dataclass(frozen=True, eq=False)
-class LinkCapsule:
-    """A capsule that moves with one arm link: all points within ``radius`` of a segment.
-
-    Attributes
-    ----------
-    link : int
-        Index into ``Chain.frames``: the link that joint ``link`` moves; `BASE` for what is fixed to the base.
-    name : str
-    start, end : (3,) array
-        Ends of the segment in the link's frame [m].
-    radius : float
-        [m]
-    """
-
-    link: int
-    name: str
-    start: Array
-    end: Array
-    radius: float
-
-    def __post_init__(self) -> None:
-        freeze(self, self.name, start=(3,), end=(3,))
-        if not 0 < self.radius < np.inf:
-            raise InputError(f"{self.name}: radius must be above 0, got {self.radius}")
-
-    __repr__ = one_line
-
-    @property
-    def corners(self) -> Array:
-        """Ends of the segment (2, 3): the solid is all points within ``radius`` of their hull [m]."""
-        return np.stack([self.start, self.end])
-
-    def moved(self, link: int, T: Array) -> LinkCapsule:
-        """Return the same solid on a link, moved by a transform (4, 4)."""
-        start, end = transform_points(T, self.corners)
-        return LinkCapsule(link, self.name, start, end, self.radius)
-
-    def depth(self, point: Array) -> float:
-        """Return the depth of a point (3,) of the link's frame in the solid, negative outside [m]."""
-        along = self.end - self.start
-        share = np.clip((point - self.start) @ along / max(float(along @ along), 1e-300), 0.0, 1.0)
-        return float(self.radius - np.linalg.norm(point - self.start - share * along))
-
-
-@dataclass(frozen=True, eq=False)
-class LinkBox:
-    """A box that moves with one arm link.
-
-    Attributes
-    ----------
-    link : int
-        Index into ``Chain.frames``: the link that joint ``link`` moves; `BASE` for what is fixed to the base.
-    name : str
-    T_link_box : (4, 4) array
-        Frame of the box, in its middle and along its sides, in the link's frame.
-    size : (3,) array
-        [m]
-    """
-
-    link: int
-    name: str
-    T_link_box: Array
-    size: Array
-
-    def __post_init__(self) -> None:
-        freeze(self, self.name, T_link_box=(4, 4), size=(3,))
-        if not (self.size > 0).all():
-            raise InputError(f"{self.name}: size must be above 0, got {self.size.tolist()}")
-
-    __repr__ = one_line
-
-    @property
-    def radius(self) -> float:
-        """Zero: the box is the hull of its corners."""
-        return 0.0
-
-    @property
-    def corners(self) -> Array:
-        """Corners in the link's frame (8, 3) [m]."""
-        return transform_points(self.T_link_box, CUBE_CORNERS * self.size / 2)
-
-    def moved(self, link: int, T: Array) -> LinkBox:
-        """Return the same solid on a link, moved by a transform (4, 4)."""
-        return LinkBox(link, self.name, T @ self.T_link_box, self.size)
-
-    def depth(self, point: Array) -> float:
-        """Return the depth of a point (3,) of the link's frame in the box, negative outside [m]."""
-        seen = (point - self.T_link_box[:3, 3]) @ self.T_link_box[:3, :3]
-        return float((self.size / 2 - np.abs(seen)).min())
-
-
-@dataclass(frozen=True, eq=False)
-class LinkHull:
-    """A convex hull that moves with one arm link.
-
-    Attributes
-    ----------
-    link : int
-        Index into ``Chain.frames``: the link that joint ``link`` moves; `BASE` for what is fixed to the base.
-    name : str
-    corners : (n, 3) array
-        In the link's frame [m]. At least `HULL_ROWS` rows, the first again where fewer are given: two rows
-        are a segment, and eight a box, wherever corners stand for a solid.
-    """
-
-    link: int
-    name: str
-    corners: Array
-
-    def __post_init__(self) -> None:
-        freeze(self, self.name, corners=(None, 3))
-        if not 4 <= len(self.corners) <= HULL_LIMIT:
-            raise InputError(f"{self.name}: expected 4 to {HULL_LIMIT} corners, got {len(self.corners)}")
-        again = np.repeat(self.corners[:1], max(0, HULL_ROWS - len(self.corners)), axis=0)
-        object.__setattr__(self, "corners", np.concatenate([self.corners, again]))
-        freeze(self, self.name, corners=(None, 3))
-        with located("", self.name):
-            _ = self.polytope
-
-    __repr__ = one_line
-
-    @cached_property
-    def polytope(self) -> Polytope:
-        """Faces and edges."""
-        return polytope(self.corners)
-
-    @property
-    def radius(self) -> float:
-        """Zero: the solid is the hull of its corners."""
-        return 0.0
-
-    def moved(self, link: int, T: Array) -> LinkHull:
-        """Return the same solid on a link, moved by a transform (4, 4)."""
-        return LinkHull(link, self.name, transform_points(T, self.corners))
-
-    def depth(self, point: Array) -> float:
-        """Return the depth of a point (3,) of the link's frame in the hull, negative outside [m]."""
-        return float(self.polytope.depth(point))
-
-
-LinkSolid = LinkCapsule | LinkBox | LinkHull
 
 
 @dataclass(frozen=True, eq=False)
@@ -384,15 +210,6 @@ def with_tool(robot: Robot, tool: Tool) -> Robot:
     mounted = tuple(solid.moved(last, T) for solid in tool.solids)
     chain = Chain(robot.chain.joints, T @ tool.T_flange_tool)
     return replace(robot, chain=chain, solids=(*robot.solids, *mounted))
-
-
-def capsules_along(chain: Chain, radius: float = LINK_RADIUS) -> tuple[LinkCapsule, ...]:
-    """Return one capsule a link, from its joint to the next or to the tool; links of no length have none."""
-    return tuple(
-        LinkCapsule(k, f"link {k + 1} ({name})", np.zeros(3), end, radius)
-        for k, (name, end) in enumerate(zip(chain.names, chain.link_vectors, strict=True))
-        if np.linalg.norm(end) > 1e-9
-    )
 
 
 def check_turning_radius(base: BaseKind, radius: float) -> None:

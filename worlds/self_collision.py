@@ -18,8 +18,9 @@ from shapely.geometry import Polygon
 
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
+from regionik.worlds.links import BASE
 from regionik.worlds.obstacles import Prism
-from regionik.worlds.robot import BASE, Robot
+from regionik.worlds.robot import Robot
 
 BODY = -1  # the base's own body, among indices of solids
 STEPS = 60  # bodies some hundredths of their size apart need a few; after all, they count as touching

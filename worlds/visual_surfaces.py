@@ -21,7 +21,7 @@ class VisualSurface:
     Attributes
     ----------
     link : int
-        Index into ``Chain.frames``; `regionik.worlds.robot.BASE` for what is fixed to the base.
+        Index into ``Chain.frames``; `regionik.worlds.links.BASE` for what is fixed to the base.
     color : int
         0xRRGGBB.
     vertices : (n, 3) array

@@ -17,8 +17,8 @@ from regionik.planners.search.self_clearance import SelfClearance
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.chain import Chain
 from regionik.worlds.errors import InputError
+from regionik.worlds.links import LinkSolid
 from regionik.worlds.obstacles import Mesh
-from regionik.worlds.robot import LinkSolid
 from regionik.worlds.self_collision import base_body, off_floor, self_collision_pairs
 
 MOST_REDUNDANT = 2  # joints beyond those that the target takes, up to which the search may come to an end

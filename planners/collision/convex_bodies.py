@@ -14,9 +14,9 @@ from regionik.planners.collision.gjk import hull_distance
 from regionik.planners.collision.meshes import BOX, TriangleTree, surface, triangle_tree
 from regionik.planners.geometry.convex_decomposition import convex_pieces
 from regionik.worlds.arrays import Array
+from regionik.worlds.links import LinkCapsule, LinkHull, LinkSolid
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Solid, Sphere
 from regionik.worlds.polytopes import Polytope, polytope
-from regionik.worlds.robot import LinkCapsule, LinkHull, LinkSolid
 
 TOUCH = 1e-9  # [m]
 BOX_ROWS = 8  # corners of a `LinkBox`; segments have 2, hulls more

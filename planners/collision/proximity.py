@@ -30,7 +30,7 @@ from regionik.planners.collision.robot_motion import (
     tool_speed,
 )
 from regionik.worlds.arrays import Array, frozen
-from regionik.worlds.robot import LinkHull
+from regionik.worlds.links import LinkHull
 from regionik.worlds.self_collision import BODY
 
 LOOK = 1e-3  # part of a motion between two looks for a link inside a mesh

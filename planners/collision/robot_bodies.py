@@ -16,8 +16,9 @@ from regionik.planners.collision.robot_motion import BASE, WORLD, MobileArm
 from regionik.planners.solvers.serial_chain import serial_arm
 from regionik.worlds.arrays import Array, Index, frozen
 from regionik.worlds.errors import InputError
+from regionik.worlds.links import LinkHull, LinkSolid
 from regionik.worlds.obstacles import Solid
-from regionik.worlds.robot import LinkHull, LinkSolid, Robot
+from regionik.worlds.robot import Robot
 from regionik.worlds.self_collision import BODY, base_body, off_floor, self_collision_pairs
 
 LEFT = 1e-3  # of the size of a hull that is drawn in, so that it stays a solid
@@ -287,7 +288,8 @@ def near_bodies(bodies: Bodies, point: Array, far: float) -> Bodies:
         hulls.boxes[kept],
         int(np.count_nonzero(keep[: hulls.world])),
     )
-    links = bodies.links._replace(pairs=bodies.links.pairs[:, kept])
+    # In C order, as kernels are compiled for each order that they meet.
+    links = bodies.links._replace(pairs=np.take(bodies.links.pairs, kept, axis=1))
     return replace(bodies, links=links, hulls=left, pieces=tuple(bodies.pieces[m] for m in kept.tolist()))
 
 

@@ -20,11 +20,10 @@ from shapely.geometry.base import BaseGeometry
 from regionik.planners.driving.footprint import (
     FootprintScene,
     core_edges,
-    edges_of,
     footprint_scene,
     side_lines,
 )
-from regionik.planners.geometry.polygons import FlatPolygon
+from regionik.planners.driving.minkowski_sums import grown_by_disc, minkowski_sum, minkowski_sums
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.errors import InputError
 from regionik.worlds.obstacles import Shadow
@@ -239,7 +238,7 @@ def _slab(scene: _ConvexScene, low: float, high: float) -> Slab:
     # The rotations have no point in common. Those about the footprint's middle have, and it keeps to an arc.
     middle = corners.mean(axis=0)
     about = _positions(scene, rotation_core(corners - middle, low, high), inner=False)
-    return Slab(low, high, inner, _sum(about, -rotation_hull(middle[None], low, high)))
+    return Slab(low, high, inner, minkowski_sum(about, -rotation_hull(middle[None], low, high)))
 
 
 class Rejection(NamedTuple):
@@ -284,74 +283,13 @@ def _rejection(scene: _ConvexScene, shape: Array, *, inner: bool) -> Rejection:
     """Floor and forbidden pieces: a shape is free where one point of it is and no edge comes too near."""
     point = shape.mean(axis=0)
     met = [
-        _minkowski_sums(pieces, _grown_by_disc(-shape, keep, scene.sides, outside=inner))
+        minkowski_sums(pieces, grown_by_disc(-shape, keep, scene.sides, outside=inner))
         for keep, pieces in scene.pieces
     ]
     solid = np.concatenate(met)
     here, covered = (shapely.transform(g, lambda p: p - point) for g in (scene.floor, scene.covered))
     floor = shapely.difference(here, covered) if not covered.is_empty else here
     return Rejection(floor, solid[shapely.area(solid) > 0])
-
-
-def _sum(area: BaseGeometry, shape: Array) -> BaseGeometry:
-    """Minkowski sum of an area and a convex shape: the area moved by a corner, its edges by all of it."""
-    if area.is_empty:
-        return area
-    ends = edges_of(FlatPolygon.from_shapely(area))
-    spots = np.concatenate([ends[:, None, :2] + shape, ends[:, None, 2:] + shape], axis=1)
-    grown = shapely.convex_hull(shapely.multipoints(spots))
-    whole: BaseGeometry = shapely.union_all([shapely.transform(area, lambda p: p + shape[0]), *grown])
-    return whole
-
-
-def _grown_by_disc(shape: Array, radius: float, sides: int, *, outside: bool) -> Array:
-    """Corners of a convex shape grown by a polygon round a disc, or inside it.
-
-    Corner by corner: shapely's buffer rounds the number of sides of a quarter.
-    """
-    if radius == 0:
-        return shape
-    turns = 2 * np.pi * np.arange(sides) / sides
-    corner = radius / np.cos(np.pi / sides) if outside else radius
-    disc = corner * np.column_stack([np.cos(turns), np.sin(turns)])
-    hull = shapely.convex_hull(shapely.multipoints((shape[:, None] + disc).reshape(-1, 2)))
-    corners: Array = shapely.get_coordinates(hull)
-    return corners
-
-
-def _minkowski_sums(pieces: Sequence[Array], shape: Array) -> NDArray[np.object_]:
-    """Minkowski sums of convex pieces with a convex shape."""
-    if len(shape) < 3:
-        return _hulls_of_sums(pieces, shape)
-    edges = [piece for piece in pieces if len(piece) == 2]
-    others = [piece for piece in pieces if len(piece) != 2]
-    sums = [_sums_of_edges(np.array(edges), shape)] if edges else []
-    return np.concatenate([*sums, *([_hulls_of_sums(others, shape)] if others else [])])
-
-
-def _sums_of_edges(edges: Array, shape: Array) -> NDArray[np.object_]:
-    """Minkowski sums of edges (m, 2, 2) with a polygon: its half ahead at one end, the rest at the other."""
-    ring = shapely.get_coordinates(shapely.orient_polygons(shapely.Polygon(shape)))[:-1]
-    k, way = len(ring), edges[:, 1] - edges[:, 0]
-    across = way[:, :1] * ring[:, 1] - way[:, 1:] * ring[:, 0]
-    right, left = across.argmin(axis=1), across.argmax(axis=1)
-    ahead = (left - right) % k + 1  # corners from the rightmost to the leftmost, counter-clockwise
-    step = np.arange(k + 2)
-    first = step < ahead[:, None]
-    corner = (right[:, None] + step - ~first) % k
-    rims = shapely.polygons(ring[corner] + np.where(first[..., None], edges[:, 1:], edges[:, :1]))
-    sums: NDArray[np.object_] = shapely.convex_hull(rims)  # rounding may leave a rim that crosses itself
-    return sums
-
-
-def _hulls_of_sums(pieces: Sequence[Array], shape: Array) -> NDArray[np.object_]:
-    """Minkowski sums of convex pieces with a convex shape, as hulls of all sums of their corners."""
-    corners, owner = np.concatenate(pieces), np.repeat(np.arange(len(pieces)), [len(p) for p in pieces])
-    points = shapely.points((corners[:, None] + shape).reshape(-1, 2))
-    sums: NDArray[np.object_] = shapely.convex_hull(
-        shapely.multipoints(points, indices=np.repeat(owner, len(shape)))
-    )
-    return sums
 
 
 def rotation_hull(corners: Array, low: float, high: float) -> Array:

@@ -40,7 +40,7 @@ from regionik.planners.solvers.serial_chain import SerialArm, serial_arm
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.chain import Chain
 from regionik.worlds.errors import InputError
-from regionik.worlds.robot import LinkCapsule
+from regionik.worlds.links import LinkCapsule
 
 WORDS = {Verdict.PROVEN: "found", Verdict.RULED_OUT: "none", Verdict.OPEN: "undecided"}
 ROUNDING = 1e-9  # [m]

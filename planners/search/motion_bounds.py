@@ -17,7 +17,7 @@ from regionik.planners.kernels import compiled
 from regionik.planners.solvers.serial_chain import SerialArm
 from regionik.worlds.arrays import Array, Index
 from regionik.worlds.chain import Chain
-from regionik.worlds.robot import LinkCapsule
+from regionik.worlds.links import LinkCapsule
 
 PARALLEL = 1e-12  # sine of the angle between axes that count as parallel
 

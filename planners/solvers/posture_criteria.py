@@ -23,7 +23,8 @@ from regionik.planners.solvers.planar_kinematics import (
 from regionik.worlds.arms import PlanarArm
 from regionik.worlds.arrays import Array
 from regionik.worlds.criteria import Criteria
-from regionik.worlds.robot import GRAVITY, LinkMass, Robot
+from regionik.worlds.links import LinkMass
+from regionik.worlds.robot import GRAVITY, Robot
 
 REFINEMENTS = 30  # of the pitch, where no sampled one meets the thresholds
 SPARE = 1e-9  # share of a threshold, beyond rounding

@@ -13,7 +13,8 @@ from regionik.view.picture import Color
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Joint, translation
 from regionik.worlds.errors import InputError
-from regionik.worlds.robot import LinkBox, LinkCapsule, LinkHull, LinkSolid, Robot
+from regionik.worlds.links import LinkBox, LinkCapsule, LinkHull, LinkSolid
+from regionik.worlds.robot import Robot
 from regionik.worlds.urdf.bounding import oriented_box
 
 _UNLIMITED = 1e6  # URDF demands a number where a limit is infinite

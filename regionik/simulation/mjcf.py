@@ -15,8 +15,9 @@ import numpy as np
 from regionik.planners.collision.convex_bodies import solid_pieces
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Joint, planar_pose
+from regionik.worlds.links import LinkBox, LinkHull, LinkMass, LinkSolid
 from regionik.worlds.obstacles import Box, Mesh, Solid
-from regionik.worlds.robot import GRAVITY, LinkBox, LinkHull, LinkMass, LinkSolid, Robot
+from regionik.worlds.robot import GRAVITY, Robot
 from regionik.worlds.scene import World
 from regionik.worlds.self_collision import BODY, base_body, self_collision_pairs
 

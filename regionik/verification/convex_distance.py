@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from regionik.planners.collision.gjk import hull_distance
 from regionik.worlds.arrays import Array
+from regionik.worlds.links import LinkBox, LinkCapsule, LinkHull, LinkSolid
 from regionik.worlds.obstacles import Prism
-from regionik.worlds.robot import LinkBox, LinkCapsule, LinkHull, LinkSolid
 
 BLOCK = 200_000  # directions or pairs of edges measured together, so that memory stays small
 DEGENERATE = 1e-9  # length below which a direction is lost in rounding

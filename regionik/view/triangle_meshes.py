@@ -11,8 +11,8 @@ from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from regionik.worlds.arrays import Array, transform_points
+from regionik.worlds.links import LinkBox, LinkCapsule, LinkHull, LinkSolid
 from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Solid, Sphere
-from regionik.worlds.robot import LinkBox, LinkCapsule, LinkHull, LinkSolid
 
 _FACETS = 24  # facets round a circle
 TUBE_SIDES = 5

@@ -23,8 +23,9 @@ from regionik.view.picture import Camera, Color, Picture, SceneMesh, camera_for,
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import planar_pose
 from regionik.worlds.errors import Explanation
+from regionik.worlds.links import BASE
 from regionik.worlds.obstacles import Solid
-from regionik.worlds.robot import BASE, Robot
+from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Target, World
 
 MARK_RADIUS = 0.014  # of set-points [m]

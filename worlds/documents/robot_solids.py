@@ -13,8 +13,8 @@ from pydantic import Discriminator, Field, Tag
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import check_rotation, pose
 from regionik.worlds.errors import InputError, located
+from regionik.worlds.links import BASE, HULL_LIMIT, LinkBox, LinkCapsule, LinkHull, LinkSolid
 from regionik.worlds.readers.validation import Matrix4, OneLine, Positive, Size3, Strict, Vec3
-from regionik.worlds.robot import BASE, HULL_LIMIT, LinkBox, LinkCapsule, LinkHull, LinkSolid
 from regionik.worlds.visual_surfaces import VisualSurface
 
 Packed = Annotated[str, Field(max_length=2**22)]  # base 64

@@ -15,7 +15,7 @@ from scipy.spatial import ConvexHull, HalfspaceIntersection, QhullError
 
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import rot_x, rot_y, rot_z
-from regionik.worlds.robot import LinkBox, LinkCapsule, LinkHull, LinkSolid
+from regionik.worlds.links import LinkBox, LinkCapsule, LinkHull, LinkSolid
 
 _FLAT = 1e-4  # thickness [m], or share of the width where that is more than a metre
 _HULL_FLAT = 1e-7  # as _FLAT: of a cloud much thinner Qhull loses corners without an error

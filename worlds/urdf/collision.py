@@ -20,7 +20,7 @@ from shapely.geometry.polygon import orient
 
 from regionik.worlds.arrays import Array, transform_points
 from regionik.worlds.chain import Chain
-from regionik.worlds.robot import (
+from regionik.worlds.links import (
     BASE,
     CUBE_CORNERS,
     LINK_RADIUS,

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from regionik.worlds.arrays import Array
-from regionik.worlds.robot import BASE, LinkSolid
+from regionik.worlds.links import BASE, LinkSolid
 from regionik.worlds.urdf.bounding import (
     bounding_solid,
     convex_hull,

@@ -13,7 +13,7 @@ import numpy as np
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, Joint
 from regionik.worlds.errors import located, located_error
-from regionik.worlds.robot import BASE, LinkMass
+from regionik.worlds.links import BASE, LinkMass
 from regionik.worlds.urdf.elements import UrdfJoint, UrdfModel, join_names
 
 ENDLESS = 200.0  # travel of a slide that is a base's, or of a turn [m] or [rad]

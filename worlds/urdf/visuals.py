@@ -10,8 +10,8 @@ import numpy as np
 
 from regionik.worlds.arrays import Array, transform_points
 from regionik.worlds.errors import InputError
+from regionik.worlds.links import CUBE_CORNERS
 from regionik.worlds.readers.collada import Surface
-from regionik.worlds.robot import CUBE_CORNERS
 from regionik.worlds.urdf.bounding import hull_triangles
 from regionik.worlds.urdf.decomposition import CollisionPart
 from regionik.worlds.urdf.elements import CollisionShape, UrdfModel

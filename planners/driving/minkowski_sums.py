@@ -1,0 +1,75 @@
+"""Minkowski sums with one convex shape, corners (k, 2) [m]."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
+
+from regionik.planners.driving.footprint import edges_of
+from regionik.planners.geometry.polygons import FlatPolygon
+from regionik.worlds.arrays import Array
+
+
+def minkowski_sum(area: BaseGeometry, shape: Array) -> BaseGeometry:
+    """Minkowski sum of an area and a convex shape: the area moved by a corner, its edges by all of it."""
+    if area.is_empty:
+        return area
+    ends = edges_of(FlatPolygon.from_shapely(area))
+    spots = np.concatenate([ends[:, None, :2] + shape, ends[:, None, 2:] + shape], axis=1)
+    grown = shapely.convex_hull(shapely.multipoints(spots))
+    whole: BaseGeometry = shapely.union_all([shapely.transform(area, lambda p: p + shape[0]), *grown])
+    return whole
+
+
+def grown_by_disc(shape: Array, radius: float, sides: int, *, outside: bool) -> Array:
+    """Corners of a convex shape grown by a polygon round a disc, or inside it.
+
+    Corner by corner: shapely's buffer rounds the number of sides of a quarter.
+    """
+    if radius == 0:
+        return shape
+    turns = 2 * np.pi * np.arange(sides) / sides
+    corner = radius / np.cos(np.pi / sides) if outside else radius
+    disc = corner * np.column_stack([np.cos(turns), np.sin(turns)])
+    hull = shapely.convex_hull(shapely.multipoints((shape[:, None] + disc).reshape(-1, 2)))
+    corners: Array = shapely.get_coordinates(hull)
+    return corners
+
+
+def minkowski_sums(pieces: Sequence[Array], shape: Array) -> NDArray[np.object_]:
+    """Minkowski sums of convex pieces with a convex shape."""
+    if len(shape) < 3:
+        return _hulls_of_sums(pieces, shape)
+    edges = [piece for piece in pieces if len(piece) == 2]
+    others = [piece for piece in pieces if len(piece) != 2]
+    sums = [_sums_of_edges(np.array(edges), shape)] if edges else []
+    return np.concatenate([*sums, *([_hulls_of_sums(others, shape)] if others else [])])
+
+
+def _sums_of_edges(edges: Array, shape: Array) -> NDArray[np.object_]:
+    """Minkowski sums of edges (m, 2, 2) with a polygon: its half ahead at one end, the rest at the other."""
+    ring = shapely.get_coordinates(shapely.orient_polygons(shapely.Polygon(shape)))[:-1]
+    k, way = len(ring), edges[:, 1] - edges[:, 0]
+    across = way[:, :1] * ring[:, 1] - way[:, 1:] * ring[:, 0]
+    right, left = across.argmin(axis=1), across.argmax(axis=1)
+    ahead = (left - right) % k + 1  # corners from the rightmost to the leftmost, counter-clockwise
+    step = np.arange(k + 2)
+    first = step < ahead[:, None]
+    corner = (right[:, None] + step - ~first) % k
+    rims = shapely.polygons(ring[corner] + np.where(first[..., None], edges[:, 1:], edges[:, :1]))
+    sums: NDArray[np.object_] = shapely.convex_hull(rims)  # rounding may leave a rim that crosses itself
+    return sums
+
+
+def _hulls_of_sums(pieces: Sequence[Array], shape: Array) -> NDArray[np.object_]:
+    """Minkowski sums of convex pieces with a convex shape, as hulls of all sums of their corners."""
+    corners, owner = np.concatenate(pieces), np.repeat(np.arange(len(pieces)), [len(p) for p in pieces])
+    points = shapely.points((corners[:, None] + shape).reshape(-1, 2))
+    sums: NDArray[np.object_] = shapely.convex_hull(
+        shapely.multipoints(points, indices=np.repeat(owner, len(shape)))
+    )
+    return sums
