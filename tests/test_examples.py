@@ -53,7 +53,7 @@ def test_examples_are_numbered_from_one() -> None:
 def test_notebook_runs_and_its_values_show_themselves(notebook: Path, tmp_path: Path) -> None:
     (tmp_path / "cells.json").write_text(json.dumps(code_of(notebook)))
     command = [sys.executable, "-c", RUN_CELLS]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=120, check=False)
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, timeout=600, check=False)
     assert done.returncode == 0, done.stderr
     assert done.stdout.splitlines()[-1] == "4 pictures of 4 values"
     assert (tmp_path / "pillar.html").stat().st_size > 500_000
