@@ -17,6 +17,7 @@ import numpy as np
 from regionik.areas.standing import room_for
 from regionik.mfabrik import Method, Solver, configurations
 from regionik.planners.driving.footprint import fits
+from regionik.planners.progress import Progress, listening, track
 from regionik.planners.rivals.genetic import Genetic
 from regionik.planners.rivals.iterative import CyclicDescent, DampedLeastSquares, PseudoInverse, Transpose
 from regionik.planners.rivals.method import ArmMethod, Fabrik, FabrikPolished, SearchResult
@@ -41,7 +42,6 @@ TIME_BUDGET = 0.5  # after which a method is not run again [s]
 ROUNDING = 1e-9  # allowed at tolerances, cones and limits
 TIE_RATIO = 1.05  # of iterations, times or errors below which no method is called better
 TIE_ERROR = 1e-6  # difference of errors below which no method is called better [m]
-Progress = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -265,12 +265,11 @@ def compare(
     """
     if not world.task:
         raise InputError(f"{world.name}: task: expected at least one set-point")
-    report = progress or (lambda stage, done, total: None)
     prepared = prepare_methods(world, methods)
     answers, seconds = {}, {}
-    for done, (name, solvers) in enumerate(prepared.items()):
-        report("compare", done, len(prepared))
-        answers[name], seconds[name] = _solve_and_time(world, solvers)
+    with listening(progress):
+        for name in track("compare", list(prepared)):
+            answers[name], seconds[name] = _solve_and_time(world, prepared[name])
     ours = seconds.get(REFERENCE, np.nan)
     scores = tuple(_score(world, name, answers[name], seconds[name], ours) for name in prepared)
     return Comparison(world.name, scores, answers)

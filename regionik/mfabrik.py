@@ -313,7 +313,7 @@ def _numbers(values: ArrayLike, count: int, what: str) -> Array:
 
 
 def configurations(
-    task: Sequence[Target],
+    task: Iterable[Target],
     solvers: Iterable[Method],
     start: tuple[Array, Array],
     known: Mapping[int, Configuration] = _NONE_KNOWN,
@@ -322,7 +322,7 @@ def configurations(
 
     Parameters
     ----------
-    task : sequence of Target
+    task : iterable of Target
     solvers : iterable of Method
         One for each set-point, such as a `Solver` for the area that is chosen there.
     start : (base, joints)

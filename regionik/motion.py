@@ -6,7 +6,7 @@ set-point are tried. Where a run ends, the tool is lifted and the base drives ov
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import islice
 
@@ -15,6 +15,7 @@ from regionik.explain import failures
 from regionik.moving.base_motion import Candidate
 from regionik.moving.layered_search import LayeredSearch
 from regionik.moving.path_search import JoinedMotion, PathSearch, path_search
+from regionik.planners.progress import tell
 from regionik.postures.poses import Pose, Row
 from regionik.pruning import Pruned
 from regionik.values import Configuration
@@ -22,8 +23,6 @@ from regionik.worlds.errors import Explanation, NoPlanFound
 from regionik.worlds.scene import World
 
 TRIES = 16  # candidates at the next set-point tried from one
-
-Progress = Callable[[str, int, int], None]
 
 
 def connect_configurations(
@@ -33,7 +32,6 @@ def connect_configurations(
     goals: tuple[Configuration, ...],
     standing: Standing,
     seed: int,
-    progress: Progress | None = None,
 ) -> JoinedMotion:
     """Join configurations to one motion.
 
@@ -49,8 +47,6 @@ def connect_configurations(
     standing : Standing
         Where the base may stand; transits drive over its free pieces.
     seed : int
-    progress : callable, optional
-        Called with stage, done, total.
 
     Raises
     ------
@@ -62,7 +58,7 @@ def connect_configurations(
         layers = LayeredSearch(world, ladder, pruned.keep, pruned.breaks, standing)
     search = path_search(world, ladder, standing, seed, layers)
     nominal = tuple(Candidate(goal, k) for goal, k in zip(goals, chain, strict=True))
-    return _Connection(pruned, nominal, search).made(progress or (lambda *_: None))
+    return _Connection(pruned, nominal, search).made()
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +69,7 @@ class _Connection:
     nominal: tuple[Candidate, ...]
     search: PathSearch
 
-    def made(self, tell: Progress) -> JoinedMotion:
+    def made(self) -> JoinedMotion:
         """Join run after run until the path is complete."""
         rows, done, lifts = self.search.start(), list[Candidate](), 0
         most = self.search.world.rules.max_lift_offs

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from regionik.explain import failures
 from regionik.explain.questions import ArmQuestion, Oracles, PathQuestion
-from regionik.explain.why import SILENT, Listener, Progress, Say, explained, explained_target, target_name
+from regionik.explain.why import Say, explained, explained_target, target_name, unsaid
 from regionik.mfabrik import configurations
 from regionik.motion import connect_configurations
 from regionik.moving.path_search import JoinedMotion
@@ -19,6 +19,7 @@ from regionik.parking.standing_runs import standing_runs
 from regionik.parking.stop_motion import connect_stops
 from regionik.parking.stops import check as check_stops
 from regionik.parking.stops import in_sequence
+from regionik.planners.progress import Progress, listening, track
 from regionik.postures.poses import lift_offs, motion_stats
 from regionik.pruning import choose_chain, solvers_along, spans, start_place, start_pose, whole_path
 from regionik.reachability.any_base import can_search, search_any_base
@@ -41,7 +42,7 @@ ORACLES = Oracles(
 )
 
 
-def plan(world: World, *, seed: int = 0, progress: Progress | None = None) -> Plan:
+def plan(world: World, *, seed: int = 0, say: Say | None = None, progress: Progress | None = None) -> Plan:
     """Plan the whole tool path of a world.
 
     Parameters
@@ -49,6 +50,8 @@ def plan(world: World, *, seed: int = 0, progress: Progress | None = None) -> Pl
     world : World
     seed : int
         Same world, same seed, same bytes.
+    say : callable, optional
+        Called with each sentence of an explanation as soon as it is known, as in `why`.
     progress : callable, optional
         Called with stage, done, total.
 
@@ -70,16 +73,22 @@ def plan(world: World, *, seed: int = 0, progress: Progress | None = None) -> Pl
     >>> plan(load_world("free")).lift_offs
     0
     """
-    tell = progress or _untold
+    with listening(progress):
+        return _timed_where_asked(_found_or_explained(world, seed, say or unsaid))
+
+
+def _found_or_explained(world: World, seed: int, say: Say) -> Plan:
     try:
-        found = search(world, seed, tell)
+        return search(world, seed)
     except NoPlanFound as no:
-        tell("why", 0, 1)
-        listener = Listener(progress=tell)
-        raise NoPlanFound(_explained(world, no.explanation, seed, listener)) from None
+        raise NoPlanFound(_explained(world, no.explanation, seed, say)) from None
+
+
+def _timed_where_asked(found: Plan) -> Plan:
+    """Return the plan, timed where its world has speeds or its robot limits of them."""
+    world = found.world
     if world.speeds is None and not world.robot.chain.has_velocity_limits:
         return found
-    tell("timing", 0, 1)
     from regionik.timing.retime import retime  # takes long to load
 
     return retime(found)
@@ -129,9 +138,13 @@ def why(
     >>> [(cause.kind, repair.kind) for cause, repair in zip(found.causes, found.repairs)]
     [('reach', 'move-target')]
     """
-    listener = Listener(say or SILENT.say, progress or SILENT.progress)
-    if target is None:
-        return _why_path(world, listener)
+    with listening(progress):
+        if target is None:
+            return _why_path(world, say or unsaid)
+        return _why_target(world, target, say or unsaid)
+
+
+def _why_target(world: World, target: Target | ArrayLike, say: Say) -> Explanation | None:
     if not isinstance(target, Target):
         target = Target(frozen(target, (3,), "target"))
     asked = replace(world, task=(target,))
@@ -139,46 +152,46 @@ def why(
     if buried is None and (answer := reach(asked, asked.task)).reachable[0]:
         return None
     if has_no_known_place(asked):
-        return explained_target(asked, 0, failures.no_place(asked, 0), ORACLES, listener)
+        return explained_target(asked, 0, failures.no_place(asked, 0), ORACLES, say)
     if buried is not None:
-        return _explained_arm(asked, 0, replace(buried, verdict="unreachable"), listener)
+        return _explained_arm(asked, 0, replace(buried, verdict="unreachable"), say)
     reason, causes = f"{answer.reason[0].rstrip('.')}.", (Cause("limits", world.robot.name),)
     if answer.verdict[0] == "undecided":
         return Explanation("undecided", 0, reason, causes)
-    return _explained_arm(asked, 0, Explanation("unreachable", 0, reason, causes), listener)
+    return _explained_arm(asked, 0, Explanation("unreachable", 0, reason, causes), say)
 
 
-def _why_path(world: World, listener: Listener) -> Explanation | None:
+def _why_path(world: World, say: Say) -> Explanation | None:
     try:
         check_world(world)
         whole_path(world)
     except NoPlanFound as no:
-        return _explained(world, no.explanation, 0, listener)
+        return _explained(world, no.explanation, 0, say)
     return None
 
 
-def _explained(world: World, quick: Explanation, seed: int, listener: Listener) -> Explanation:
+def _explained(world: World, quick: Explanation, seed: int, say: Say) -> Explanation:
     """Return an explanation with irreducible causes and repairs, where areas allow no plan."""
     i = quick.setpoint
     if i is None or can_track(world):
         return quick
     if quick.verdict == "ladder-broken" and not spans(world):
         question = PathQuestion(world, i, spans, lambda changed: _can_be_planned(changed, seed))
-        return explained(question, quick, listener)
+        return explained(question, quick, say)
     if quick.verdict in ("unreachable", "undecided") and has_no_known_place(
         replace(world, task=(world.task[i],))
     ):
-        return explained_target(world, i, quick, ORACLES, listener)  # otherwise there is no room to park
-    return _explained_arm(world, i, quick, listener) if quick.verdict == "no-posture" else quick
+        return explained_target(world, i, quick, ORACLES, say)  # otherwise there is no room to park
+    return _explained_arm(world, i, quick, say) if quick.verdict == "no-posture" else quick
 
 
-def _explained_arm(world: World, i: int, quick: Explanation, listener: Listener) -> Explanation:
+def _explained_arm(world: World, i: int, quick: Explanation, say: Say) -> Explanation:
     """Return an explanation with causes and repairs, where no posture from any place is proven clear."""
     asked = replace(world, task=(world.task[i],))
     question = ArmQuestion(asked, target_name(world, i), ORACLES, (world, i))
     if not (can_search(world) and question.closed(asked)):
         return quick
-    return explained(question, quick, listener)
+    return explained(question, quick, say)
 
 
 def _can_be_planned(world: World, seed: int) -> bool:
@@ -189,15 +202,11 @@ def _can_be_planned(world: World, seed: int) -> bool:
     return True
 
 
-def _untold(stage: str, done: int, total: int) -> None:
-    """Progress that is not reported."""
-
-
-def search(world: World, seed: int = 0, tell: Progress = _untold) -> Plan:
+def search(world: World, seed: int = 0) -> Plan:
     """Return a verified plan, not timed; raise `NoPlanFound` with a quick explanation where there is none."""
     check_world(world)
     _refuse(failures.target_in_solid(world))
-    return strategy_of(world).plan(world, seed, tell)
+    return strategy_of(world).plan(world, seed)
 
 
 @dataclass(frozen=True)
@@ -205,7 +214,7 @@ class Strategy:
     """A way to plan a world's task: its check of the world, and its stages up to a verified plan."""
 
     check: Callable[[World], None]
-    plan: Callable[[World, int, Progress], Plan]
+    plan: Callable[[World, int], Plan]
 
 
 def strategy_of(world: World) -> Strategy:
@@ -217,36 +226,32 @@ def strategy_of(world: World) -> Strategy:
     return Strategy(_check_areas, _plan_path)
 
 
-def _plan_path(world: World, seed: int, tell: Progress) -> Plan:
+def _plan_path(world: World, seed: int) -> Plan:
     """A plan with the tool on its path wherever the base can move with it."""
-    tell("areas", 0, len(world.task))
     standing, areas, pruned = whole_path(world)
     chain = choose_chain(pruned, standing, start_place(world))
-    tell("configurations", 0, len(world.task))
     chain, known = standing_runs(world, pruned, chain, standing)
     solvers = solvers_along(world, pruned.ladder, standing, chain)
-    goals = configurations(world.task, solvers, start_pose(world, pruned, chain), known)
+    task = track("configurations", world.task)
+    goals = configurations(task, solvers, start_pose(world, pruned, chain), known)
     _refuse(_not_converged(world, goals))
-    joined = connect_configurations(world, pruned, chain, goals, standing, seed, tell)
+    joined = connect_configurations(world, pruned, chain, goals, standing, seed)
     shown = planned_areas(world, areas, pruned.area)
-    found = _verified(_finished(world, seed, joined, shown), tell)
-    tell("smoothing", 0, 1)
+    found = _verified(_finished(world, seed, joined, shown))
     return smooth_motion(found, standing)
 
 
-def _plan_stops(world: World, seed: int, tell: Progress) -> Plan:
+def _plan_stops(world: World, seed: int) -> Plan:
     """A plan with the base standing still at the fewest stops."""
-    tell("areas", 0, len(world.task))
     parking = park(world)
-    tell("stops", 0, len(parking.groups))
     work = in_sequence(world, parking)
-    done = connect_stops(work, seed, tell)
+    done = connect_stops(work, seed)
     shown = planned_areas(work.world, work.parking_areas.areas, lambda i: done.places[i])
     stops = {**parking.stats, "count": len(done.stops), "split_before": list(done.split)}
     stats: dict[str, Any] = {"stops": stops}
     if world.rules.order == "any":
         stats |= {"order": list(work.order), "tour": dict(work.tours)}
-    return _verified(_finished(work.world, seed, done.joined, shown, done.stops, stats), tell)
+    return _verified(_finished(work.world, seed, done.joined, shown, done.stops, stats))
 
 
 def _not_converged(world: World, goals: tuple[Configuration, ...]) -> Explanation | None:
@@ -256,9 +261,8 @@ def _not_converged(world: World, goals: tuple[Configuration, ...]) -> Explanatio
     return next((failures.no_posture(world, i) for i, goal in enumerate(goals) if not goal.converged), None)
 
 
-def _verified(found: Plan, tell: Progress) -> Plan:
+def _verified(found: Plan) -> Plan:
     """Return the plan with its margins, if it holds."""
-    tell("verify", 0, 1)
     report = verify(found)
     if not report.ok:
         raise NoPlanFound(failures.invalid_plan(found.world, report.violations))

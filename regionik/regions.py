@@ -28,6 +28,7 @@ from regionik.areas.standing import (
     span_of_rules,
     turns_matter,
 )
+from regionik.planners.progress import track
 from regionik.postures.families import BACK, FRONT
 from regionik.values import PlannedArea
 from regionik.worlds.arms import reach_bound
@@ -159,7 +160,10 @@ def path_areas(
     """
     asked = world.task if targets is None else targets
     sides = (standing or anywhere(world)).sides
-    found = [reach_rows(world, asked, facings, inner=True, span=side.span, coarse=coarse) for side in sides]
+    found = [
+        reach_rows(world, asked, facings, inner=True, span=side.span, coarse=coarse)
+        for side in track("headings", sides)
+    ]
     areas = [side.subtract(rings) for side, (_, _, rings) in zip(sides, found, strict=True)]
     target = np.concatenate([rows for rows, _, _ in found])
     order = np.argsort(target, kind="stable")

@@ -7,7 +7,7 @@ nothing.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
@@ -26,6 +26,7 @@ from regionik.planners.driving.pitch_arm import HeightError, arm_share, pitch_ar
 from regionik.planners.driving.point_planner import NoPathError
 from regionik.planners.driving.pose_planner import drive_differential
 from regionik.planners.driving.pose_tracking import TrackedRun, TrackingRobot, start_headings, track_runs
+from regionik.planners.progress import tell
 from regionik.postures.poses import LARGEST_BEND, Pose, Row, axis_of, columns, lift_offs, motion_stats
 from regionik.values import Configuration, Motion, Plan, PlannedArea, Report
 from regionik.verification.verifier import verify
@@ -34,8 +35,6 @@ from regionik.worlds.drives import DifferentialDrive
 from regionik.worlds.errors import Cause, Explanation, NoPlanFound
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Target, World
-
-Progress = Callable[[str, int, int], None]
 
 FINEST = 6  # halvings of the segment between two set-points at most
 SAME = 1e-9  # [rad] or [m]
@@ -57,7 +56,7 @@ def tracking_robot(robot: Robot) -> TrackingRobot | None:
     return None if arm is None else TrackingRobot(arm, x, lift, robot.chain.lower, robot.chain.upper)
 
 
-def plan_tracked(world: World, seed: int, progress: Progress) -> Plan:
+def plan_tracked(world: World, seed: int) -> Plan:
     """Plan a world that the tracker can plan (`can_track`).
 
     Raises
@@ -67,12 +66,12 @@ def plan_tracked(world: World, seed: int, progress: Progress) -> Plan:
     """
     robot = tracking_robot(world.robot)
     assert robot is not None, "asked of a world that the tracker can plan"
-    progress("tracker", 0, 0)
+    tell("tracker", 0, 0)
     rejected = _Rejected(world)
     joiner = _RunJoiner(world, seed)
     try:
         for k, found in enumerate(tracked_paths(world, robot)):
-            progress("tracker", k, 0)
+            tell("tracker", k, 0)
             try:
                 motion = joiner.motion(found)
             except NoPathError as error:

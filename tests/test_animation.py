@@ -15,8 +15,8 @@ from regionik.view.plan_picture import (
     MOST_FRAMES,
     REST,
     SHORTEST,
+    display_times,
     key_frames,
-    shown_times,
     turn_quaternions,
 )
 from regionik.view.timeline import timeline, timeline_document
@@ -40,7 +40,7 @@ def plan() -> Plan:
 @pytest.mark.parametrize("world", [l_shape(), every_solid()])
 def test_setpoints_are_kept_and_time_runs_on(world: object) -> None:
     plan = synthetic_plan(world)  # type: ignore[arg-type]
-    frames = key_frames(plan)
+    frames = key_frames(plan, display_times(plan))
     assert (np.diff(frames.times) > 0).all()
     assert SHORTEST - 1e-9 <= frames.times[-1] <= LONGEST + 1e-9
     assert frames.duration == pytest.approx(frames.times[-1] + REST)
@@ -52,7 +52,7 @@ def test_setpoints_are_kept_and_time_runs_on(world: object) -> None:
 
 def test_a_timed_plan_keeps_its_times_and_goes_as_its_trajectory_does(plan: Plan) -> None:
     moving = timed(plan)
-    frames, motion = key_frames(moving), moving.motion
+    frames, motion = key_frames(moving, display_times(moving)), moving.motion
     at = motion.kind == "setpoint"
     assert (frames.times[0], frames.times[-1]) == (0.0, motion.time[-1])
     assert np.array_equal(frames.passed, motion.time[at])
@@ -71,7 +71,7 @@ def test_a_timed_plan_keeps_its_times_and_goes_as_its_trajectory_does(plan: Plan
 def test_the_figures_of_a_page_are_numbers_or_null(plan: Plan) -> None:
     rules = dataclasses.replace(plan.world.rules, solid_floor=False)
     nothing = dataclasses.replace(plan, world=dataclasses.replace(plan.world, obstacles=(), rules=rules))
-    curves = timeline(nothing, shown_times(nothing)[0])
+    curves = timeline(nothing, display_times(nothing))
     assert np.isinf(curves.clearances.arm).all()
     document = timeline_document(curves)
     assert set(document["clearances"]) == {"arm to itself"}
@@ -83,7 +83,8 @@ def test_the_figures_of_a_page_are_numbers_or_null(plan: Plan) -> None:
 def test_speed_is_readable_whatever_the_size(plan: Plan, length: float, seconds: float) -> None:
     table = np.zeros((50, 8))
     table[:, 0] = np.linspace(0, length, 50)
-    frames = key_frames(_with(plan, table, ["setpoint"] + ["step"] * 49))
+    shown = _with(plan, table, ["setpoint"] + ["step"] * 49)
+    frames = key_frames(shown, display_times(shown))
     assert frames.times[-1] == pytest.approx(seconds, abs=1e-6)
 
 
@@ -94,7 +95,8 @@ def test_long_motions_are_thinned_but_keep_every_setpoint(plan: Plan) -> None:
     kinds = np.full(n, "step", dtype="<U8")
     chosen = np.sort(rng.choice(n, 700, replace=False))
     kinds[chosen] = "setpoint"
-    frames = key_frames(_with(plan, table, kinds.tolist()))
+    shown = _with(plan, table, kinds.tolist())
+    frames = key_frames(shown, display_times(shown))
     assert len(frames.times) <= 1.1 * MOST_FRAMES
     rows = np.column_stack([frames.base, frames.joints])
     unwrapped = table.copy()
@@ -106,7 +108,8 @@ def test_yaw_goes_the_shorter_way_and_big_turns_are_cut(plan: Plan) -> None:
     table = np.zeros((3, 8))
     table[:, 2] = [3.0, -3.0, 3.0]
     table[:, 3] = [0.0, 5.0, -5.0]
-    frames = key_frames(_with(plan, table, ["setpoint", "transit", "step"]))
+    shown = _with(plan, table, ["setpoint", "transit", "step"])
+    frames = key_frames(shown, display_times(shown))
     assert frames.base[:, 2].max() == pytest.approx(2 * np.pi - 3)
     assert frames.base[:, 2].min() == pytest.approx(3.0)
     assert np.abs(np.diff(frames.joints[:, 0])).max() <= np.pi / 2 + 1e-9
@@ -123,7 +126,8 @@ def test_a_base_on_wheels_is_shown_on_its_arcs(plan: Plan) -> None:
     table[1, :3] = 1.0, 1.0, np.pi / 2  # a quarter of a circle round (0, 1)
     table[2, :4] = 1.0, 3.0, np.pi / 2, 0.8
     table[3] = table[2]
-    frames = key_frames(_with(rolling, table, ["setpoint", "transit", "step", "step"]))
+    shown = _with(rolling, table, ["setpoint", "transit", "step", "step"])
+    frames = key_frames(shown, display_times(shown))
     on_arc = frames.base[:, 1] <= 1.0
     assert on_arc.sum() > 10
     assert np.allclose(np.hypot(frames.base[on_arc, 0], frames.base[on_arc, 1] - 1), 1.0)
@@ -134,7 +138,8 @@ def test_a_base_on_wheels_is_shown_on_its_arcs(plan: Plan) -> None:
 
 
 def test_a_plan_that_rests_is_one_frame(plan: Plan) -> None:
-    frames = key_frames(_with(plan, np.zeros((1, 8)), ["setpoint"]))
+    shown = _with(plan, np.zeros((1, 8)), ["setpoint"])
+    frames = key_frames(shown, display_times(shown))
     assert len(frames.times) == 1
 
 

@@ -21,6 +21,7 @@ from hypothesis import strategies as st
 from regionik.cli import app
 from regionik.output import answers as module
 from regionik.output.answers import csv_header, csv_rows, parse_targets, stream_answers, write_answers
+from regionik.planners.progress import listening
 from regionik.reachability.reach import reach
 from regionik.storage.files import open_partial
 from regionik.worlds.documents.world_file import load_world
@@ -113,11 +114,12 @@ def test_a_table_that_is_not_there(tmp_path: Path) -> None:
 def test_the_table_is_that_of_a_small_run(tmp_path: Path) -> None:
     world, table, output = load_world("l_shape"), table_of(tmp_path, 110), tmp_path / "answers.csv"
     told: list[tuple[str, int, int]] = []
-    yes, total = stream_answers(world, table, output, progress=lambda *row: told.append(row))
+    with listening(lambda *row: told.append(row)):
+        yes, total = stream_answers(world, table, output)
     assert output.read_bytes() == at_once(world, table)
     assert (yes, total) == (output.read_text().count(",reachable,"), 110)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["answers.csv", "targets.csv"]
-    assert [row for row in told if row[0] == "reach"] == [("reach", k, 5) for k in range(6)]
+    assert [row for row in told if row[0] == "blocks"] == [("blocks", k, 5) for k in range(6)]
     whole = tmp_path / "again.csv"
     write_answers(reach(world, parse_targets(world, [], table)), world.robot.chain.names, whole)
     assert whole.read_bytes() == output.read_bytes()

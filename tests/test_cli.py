@@ -6,6 +6,7 @@ import csv
 import io
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -489,7 +490,27 @@ def test_ctrl_c_leaves_nothing(tmp_path: Path) -> None:
     assert out == ""
     assert "Traceback" not in err
     assert len(err.splitlines()) == 1
+    # Imports come before there is anything to say of.
+    assert re.fullmatch(r"regionik: interrupted(( at [^:]+)?: nothing is written)?\n", err)
     assert not list(tmp_path.iterdir())
+
+
+def test_ctrl_c_says_where_it_was_and_what_holds(capfd: pytest.CaptureFixture[str]) -> None:
+    said = """
+import os, signal, time
+from regionik.cli import console, interrupts
+from regionik.planners.progress import track
+interrupts.install_handlers()
+with console.DelayedProgress() as progress:
+    for k in track("areas", range(7)): pass
+    for k in track("repairs", range(5)):
+        if k == 1: progress.say("It is too far.")
+        if k == 2: os.kill(os.getpid(), signal.SIGINT); time.sleep(5)
+"""
+    subprocess.run([sys.executable, "-c", said], check=False, timeout=30)
+    first, second = capfd.readouterr().err.splitlines()[:2]
+    assert first == "It is too far."
+    assert second == "regionik: interrupted at repairs 2 of 5: what is said above holds"
 
 
 def test_show_ends_with_ctrl_c(planned: Path) -> None:

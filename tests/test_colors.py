@@ -15,14 +15,16 @@ from regionik.pipeline import search
 from regionik.planners.collision.proximity import nearest
 from regionik.postures.poses import axis_of
 from regionik.reachability.field import reach_field, reach_slice
+from regionik.tracker import can_track
 from regionik.values import Plan
 from regionik.view.clearance import bodies_around
 from regionik.view.figure_data import plan_floor
 from regionik.view.figures import field_image
-from regionik.view.live import failing_setpoints, live_areas, live_picture
+from regionik.view.floor_areas import DETAIL, shown_floor
+from regionik.view.live import LiveAreas, failing_setpoints, live_areas, live_picture
 from regionik.view.picture import Color, Picture
 from regionik.view.plan_picture import picture_of_plan
-from regionik.view.world_picture import DETAIL, GHOST_WORDS, picture_of_world, shown_floor, shown_start
+from regionik.view.world_picture import GHOST_WORDS, picture_of_world, shown_start
 from regionik.worlds.bundled import robot_named, world_names
 from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import NoPlanFound
@@ -69,6 +71,20 @@ def assert_swatches(picture: Picture) -> None:
             assert body.colors is None
 
 
+def assert_live(world: World) -> LiveAreas:
+    """A set-point is red if and only if the verdict is no, the one that it names among them."""
+    areas = live_areas(world)
+    failing = failing_setpoints(areas)
+    assert failing.any() == (areas.explanation is not None)
+    if areas.explanation is not None and areas.explanation.setpoint is not None:
+        assert failing[areas.explanation.setpoint]
+    picture = live_picture(areas)
+    red = [entry for entry in picture.legend if entry.color == Color.MISSING]
+    assert bool(red) == bool(failing.any())
+    assert_swatches(picture)
+    return areas
+
+
 @pytest.mark.parametrize("name", ["pillar", "shelf", "door"])
 def test_a_plan_that_holds_stands_in_no_red_and_in_no_dead_end(name: str) -> None:
     assert_true(planned(name))
@@ -80,13 +96,28 @@ def test_so_do_the_plans_of_all_bundled_worlds(name: str) -> None:
     assert_true(planned(name))
 
 
+@pytest.mark.parametrize("name", ["pillar", "wall", "door"])
+def test_no_set_point_of_a_world_that_is_planned_is_red(name: str) -> None:
+    assert assert_live(load_world(name)).explanation is None
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", range(0, 100, 4))
-def test_so_do_plans_of_random_worlds(seed: int) -> None:
+@pytest.mark.parametrize("name", sorted(set(world_names()) - {"pillar", "wall", "door"}))
+def test_nor_one_of_any_bundled_world_that_areas_decide(name: str) -> None:
+    world = load_world(name)
+    assert (assert_live(world).explanation is None) or can_track(world)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(100))
+def test_colours_and_verdicts_agree_on_random_worlds(seed: int) -> None:
+    world = random_world(seed)
+    areas = assert_live(world)
     try:
-        found = search(random_world(seed))
+        found = search(world)
     except NoPlanFound:
         return
+    assert areas.explanation is None
     assert_true(found)
 
 
@@ -127,14 +158,7 @@ def spoiled(seed: int) -> World:
 @settings(max_examples=examples(8), deadline=None)
 @given(st.integers(0, 400))
 def test_a_live_set_point_is_red_if_and_only_if_the_verdict_is_no(seed: int) -> None:
-    areas = live_areas(spoiled(seed))
-    failing = failing_setpoints(areas)
-    assert failing.any() == (areas.explanation is not None)
-    if areas.explanation is not None and areas.explanation.setpoint is not None:
-        assert failing[areas.explanation.setpoint]
-    picture = live_picture(areas)
-    red = [entry for entry in picture.legend if entry.color == Color.MISSING]
-    assert bool(red) == bool(failing.any())
+    assert_live(spoiled(seed))
 
 
 def test_fields_show_floor_solids_and_targets_by_a_scale_that_fits() -> None:

@@ -116,6 +116,7 @@ def test_csv_of_points_directions_and_orientations(tmp_path: Path) -> None:
         ("", "at least one line"),
         ("x,y,z\n", "at least one line"),
         ("1,2,3\n1,2\n", "line 2: expected x,y,z or .*got 2 columns"),
+        ("x,y,z,qw,qx,qy,qz\n1,2,3,1,0,0,0\n", "line 1: expected the columns .* in this order, got x,y,z,qw"),
         ("1,2,3\n\n1,2,3,0,0,1\n", "line 3: expected 3 columns as in line 1, got 6"),
         ("1,2,3\n1,two,3\n", "line 2: y: expected a finite number, got 'two'"),
         ("1,2,nan\n", "line 1: z: expected a finite number"),

@@ -16,12 +16,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import regionik as rik
+from regionik.cli import console
 from regionik.output.urdf import robot_to_urdf
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import planar_pose
 from regionik.worlds.documents.world_file import load_world, world_from_document, world_to_document
-from regionik.worlds.errors import InputError
+from regionik.worlds.errors import InputError, RobotNote
 from regionik.worlds.robot import Robot
 from regionik.worlds.urdf.loader import load_robot
 from tests import examples
@@ -570,3 +571,16 @@ def test_masses_are_those_of_all_that_moves_with_a_joint(tmp_path: Path) -> None
     path.write_text(path.read_text().replace('value="2"', 'value="-2"'))
     with pytest.raises(InputError, match="link arm: mass must not be below 0, got -2"):
         load_robot(path, tip="tool")
+
+
+def test_notes_on_a_robot_are_said_by_plan_alone(tmp_path: Path) -> None:
+    (tmp_path / "crane.urdf").write_text(crane(tmp_path).read_text())  # apart from its meshes
+    (tmp_path / "w.yaml").write_text(
+        "version: 1\nrobot: {urdf: crane.urdf, tip: tool}\n"
+        "floor: {polygon: [[-2, -2], [2, -2], [2, 2], [-2, 2]]}\ntask: [{points: [[0.5, 0, 1]]}]\n"
+    )
+    progress = console.DelayedProgress()
+    with pytest.warns(RobotNote, match="upper.stl: there is no such file; a capsule .* replaces it"):
+        noted = console.read_world_to_plan(str(tmp_path / "w.yaml"), progress)
+    quiet = console.read_world(str(tmp_path / "w.yaml"), progress)  # a warning would be an error
+    assert quiet.robot.chain.names == noted.robot.chain.names

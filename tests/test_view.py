@@ -21,7 +21,7 @@ from regionik.values import Plan
 from regionik.view import film, viewer
 from regionik.view.browser import BrowserPage, chromium, opened
 from regionik.view.clearance import clearances
-from regionik.view.page import served, to_html
+from regionik.view.page import html_page, served, to_html
 from regionik.view.picture import camera_for
 from regionik.view.plan_picture import MOST_FRAMES, picture_of_plan
 from regionik.view.world_picture import MARK_RADIUS, picture_of_world, shown_start, tool_radius
@@ -319,20 +319,20 @@ PROJECTED = """(() => {
 def test_a_film_is_a_moving_picture(tmp_path: Path) -> None:
     plan = synthetic_plan(l_shape())
     brief = dataclasses.replace(timed(plan, rate=9.0))
-    film.film(brief, tmp_path / "plan.gif")
+    film.film(html_page(brief), tmp_path / "plan.gif")
     with Image.open(tmp_path / "plan.gif") as image:
         assert getattr(image, "n_frames", 1) >= 2
         assert image.size == film.SIZE
     with pytest.raises(InputError, match=r"expected a file name ending in \.gif, \.mp4"):
-        film.film(brief, tmp_path / "plan.avi")
+        film.film(html_page(brief), tmp_path / "plan.avi")
 
 
 def test_without_a_browser_a_film_is_one_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PATH", "")
     with pytest.raises(InputError, match="this needs Chromium: expected one of chromium"):
-        film.film(synthetic_plan(l_shape()), tmp_path / "plan.gif")
+        film.film(html_page(synthetic_plan(l_shape())), tmp_path / "plan.gif")
     with pytest.raises(InputError, match="an MP4 needs ffmpeg"):
-        film.film(synthetic_plan(l_shape()), tmp_path / "plan.mp4")
+        film.film(html_page(synthetic_plan(l_shape())), tmp_path / "plan.mp4")
     assert list(tmp_path.iterdir()) == []
 
 

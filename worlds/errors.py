@@ -89,6 +89,10 @@ class RegionikError(Exception):
     """Root of every error that regionik raises on purpose."""
 
 
+class RobotNote(UserWarning):
+    """What the reading of a robot's file left out or replaced."""
+
+
 class InputError(RegionikError):
     """Input that cannot be used; the message says where, and what was expected.
 

@@ -16,6 +16,7 @@ from regionik.worlds.chain import Chain, planar_pose
 from regionik.worlds.drives import BaseDrive, BaseKind, drive_of
 from regionik.worlds.errors import InputError
 from regionik.worlds.links import BASE, LinkMass, LinkSolid
+from regionik.worlds.visual_surfaces import VisualSurface
 
 GRAVITY = 9.80665  # standard gravity [m/s2]
 BODY_HEIGHT = 0.14  # of a base of which nothing else is known [m]
@@ -77,6 +78,8 @@ class Robot:
         Of the arm's links; empty where they are not known.
     payload : float
         Mass held at the tool frame's origin [kg].
+    visuals : tuple of VisualSurface
+        What pictures show of links; of others they show the solids.
 
     Examples
     --------
@@ -102,9 +105,10 @@ class Robot:
     unchecked: tuple[tuple[str, str], ...] = ()
     masses: tuple[LinkMass, ...] = ()
     payload: float = 0.0
+    visuals: tuple[VisualSurface, ...] = ()
 
     def __post_init__(self) -> None:
-        for key in ("solids", "base_solids", "unchecked", "masses"):
+        for key in ("solids", "base_solids", "unchecked", "masses", "visuals"):
             object.__setattr__(self, key, tuple(getattr(self, key)))
         if not np.size(self.carry):
             object.__setattr__(self, "carry", np.clip(0.0, self.chain.lower, self.chain.upper))
@@ -120,6 +124,7 @@ class Robot:
         _check_links("masses", self.masses, 0, self.chain.dof - 1)
         _check_links("solids", self.solids, 0, self.chain.dof - 1)
         _check_links("base_solids", self.base_solids, BASE, BASE)
+        _check_links("visuals", self.visuals, BASE, self.chain.dof - 1)
 
     def __repr__(self) -> str:
         sizes = f"joints={self.chain.dof}, solids={len(self.all_solids)}"
@@ -228,7 +233,9 @@ def _check_footprint(corners: Array) -> None:
         raise InputError("footprint: expected the corners of a convex outline, in order")
 
 
-def _check_links(what: str, parts: Sequence[LinkSolid | LinkMass], low: int, high: int) -> None:
+def _check_links(
+    what: str, parts: Sequence[LinkSolid | LinkMass | VisualSurface], low: int, high: int
+) -> None:
     wrong = next((k for k, part in enumerate(parts) if not low <= part.link <= high), None)
     if wrong is not None:
         expected = f"a link from {low} to {high}" if low < high else f"link {low}"

@@ -19,6 +19,7 @@ from regionik.areas.reach_model import (
     sector_polygons,
     wide_enough,
 )
+from regionik.planners.progress import track
 from regionik.planners.reach.level_reach import (
     Intervals,
     inner_reach,
@@ -197,7 +198,10 @@ class PivotedReach(ReachModel):
     def _sampled(self, targets: Sequence[Target], query: ReachQuery) -> Rows:
         bound = not PivotedReach.is_proven(self, query.rules)
         heading = query.span[0] + float(self.robot.mount[3]) if bound else None
-        shapes = [pose_reach(self.chain, self.height, aim_of(target), heading).area for target in targets]
+        shapes = [
+            pose_reach(self.chain, self.height, aim_of(target), heading).area
+            for target in track("areas", targets)
+        ]
         lever = float(np.hypot(*self.robot.mount[:2]))
         keep = query.rules.reach_margin + query.rules.errors.base_allowance(lever)
         shapes = [shape.buffer(-keep, join_style="mitre") for shape in shapes]
@@ -251,7 +255,7 @@ class PivotedReach(ReachModel):
 
     def _distances(self, bound: Callable[[Chain, float], Intervals], heights: Array) -> list[Array]:
         chain, base = self.chain, self.height
-        return [np.array(bound(chain, z - base)).reshape(-1, 2) for z in heights.tolist()]
+        return [np.array(bound(chain, z - base)).reshape(-1, 2) for z in track("areas", heights.tolist())]
 
     def _bound(self, query: ReachQuery) -> Callable[[Chain, float], Intervals]:
         if query.coarse:

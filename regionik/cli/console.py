@@ -8,8 +8,9 @@ from __future__ import annotations
 import json
 import os
 import sys
+import warnings
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import asdict
 from pathlib import Path
 from threading import Lock, Timer
@@ -18,8 +19,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from regionik.cli import interrupts
+from regionik.planners.progress import listening
 from regionik.storage.files import json_values
-from regionik.worlds.errors import Explanation, InputError, NoPlanFound
+from regionik.worlds.errors import Explanation, InputError, NoPlanFound, RobotNote
 
 if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
@@ -123,38 +126,81 @@ def _is_same_file(path: Path, other: Path | str) -> bool:
 class DelayedProgress:
     """Progress bars on stderr for work that takes longer than `PROGRESS_DELAY`.
 
-    Call it with ``(stage, done, total)``. It shows nothing where stderr is no terminal, and leaves nothing
-    behind on one.
+    It listens to all stages while it is entered; call it with ``(stage, done, total)`` for others. It shows
+    those that are not done, nothing where stderr is no terminal, and leaves nothing behind on one.
+
+    Parameters
+    ----------
+    work : str
+        What is shown from beginning to end.
+    kept : str
+        What remains of it when Ctrl-C ends it.
+
+    Attributes
+    ----------
+    said : list of str
+        What was said while the work went on.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, work: str = "", kept: str = "") -> None:
+        self.said: list[str] = []
+        self._work, self._kept = work, kept
         self._bars: Progress | None = None
         self._tasks: dict[str, TaskID] = {}
+        self._at: dict[str, tuple[int, int]] = {}  # done and total of stages
+        self._listening = ExitStack()
         self._lock = Lock()
         self._compiled = 0  # kernels
         self._timer: Timer | None = None
 
     def __enter__(self) -> DelayedProgress:
         if sys.stderr.isatty():
+            from rich import progress as bars
             from rich.console import Console
-            from rich.progress import Progress
 
-            self._bars = Progress(console=Console(stderr=True), transient=True)
+            columns = bars.TextColumn("{task.description}"), bars.BarColumn(), bars.MofNCompleteColumn()
+            times = bars.TimeElapsedColumn(), bars.TextColumn("left"), bars.TimeRemainingColumn()
+            self._bars = bars.Progress(*columns, *times, console=Console(stderr=True), transient=True)
             self._timer = Timer(PROGRESS_DELAY, self._bars.start)
             self._timer.daemon = True
             self._timer.start()
+        self._listening.enter_context(listening(self))
+        self._listening.enter_context(interrupts.described(self._stopped))
+        if self._work:
+            self(self._work, 0, 0)
         return self
 
     def __call__(self, stage: str, done: int, total: int) -> None:
-        if self._bars is None:
-            return
         with self._lock:
+            before, _ = self._at.get(stage, (0, 0))
+            self._at[stage] = (done, total)
+            if self._bars is None:
+                return
             if stage not in self._tasks:
                 self._tasks[stage] = self._bars.add_task(stage, total=total or None)
-            self._bars.update(self._tasks[stage], completed=done, total=total or None)
+            if done < before:
+                self._bars.reset(self._tasks[stage])  # and its estimate
+            shown = done < total or not total
+            self._bars.update(self._tasks[stage], completed=done, total=total or None, visible=shown)
+
+    @property
+    def shown(self) -> bool:
+        """True on a terminal."""
+        return self._bars is not None
+
+    def _stopped(self) -> str:
+        """Where the work was, and what is kept of it."""
+        at = [
+            f"{stage} {done} of {total}" if total else stage
+            for stage, (done, total) in self._at.copy().items()
+            if done < total or not total
+        ]
+        kept = "what is said above holds" if self.said else self._kept
+        return (f" at {', '.join(at)}" if at else "") + (f": {kept}" if kept else "")
 
     def say(self, text: str) -> None:
         """Write text for people on stderr, above the bars."""
+        self.said.append(text)
         if self._bars is None:
             print_message(text)
         else:
@@ -180,10 +226,18 @@ class DelayedProgress:
             kernels = sys.modules.get("regionik.planners.kernels")
             if kernels is not None and kernels.plain_work() > WORTH_WARMING:
                 print_message("much of this ran uncompiled: regionik warm-up makes later runs faster")
+        self._listening.__exit__(kind, error, trace)
 
 
 def read_world(name: str, progress: DelayedProgress) -> World:
-    """Load a bundled world or a world file."""
+    """Load a bundled world or a world file; notes on its robot are left to `read_world_to_plan`."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RobotNote)
+        return read_world_to_plan(name, progress)
+
+
+def read_world_to_plan(name: str, progress: DelayedProgress) -> World:
+    """Load a bundled world or a world file, and say what was left out of its robot."""
     progress("load", 0, 1)
     from regionik.worlds.documents.world_file import load_world
 
@@ -206,15 +260,23 @@ def read_plan(path: Path, progress: DelayedProgress) -> Plan:
 
 
 @contextmanager
-def explain_no_plan(as_json: bool) -> Iterator[None]:
+def explain_no_plan(as_json: bool, progress: DelayedProgress) -> Iterator[None]:
     """Turn a `NoPlanFound` into its explanation, as JSON too if wanted, and exit code 1."""
     try:
         yield
     except NoPlanFound as no:
-        print_message(no.explanation.reason)
+        print_explanation(no.explanation, progress)
         if as_json:
             print_json(explanation_document(no.explanation))
         raise typer.Exit(NO) from None
+
+
+def print_explanation(explanation: Explanation, progress: DelayedProgress) -> None:
+    """Print what of an explanation was not said while it was looked for."""
+    if not progress.said:
+        print_message(explanation.reason)
+    elif len(explanation.repairs) > 1:
+        print_message(f"The smallest change: {explanation.repairs[0].text}.")
 
 
 def explanation_document(explanation: Explanation) -> dict[str, Any]:

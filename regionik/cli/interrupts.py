@@ -11,7 +11,8 @@ import os
 import signal
 import sys
 import time
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from threading import Lock, Thread
 from typing import NoReturn
 
@@ -20,6 +21,8 @@ GRACE = 0.6  # [s]
 _ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 _received: list[int] = []  # signals
 _raising, _printing = Lock(), Lock()  # taken once, to raise and to print, and never released
+_descriptions: list[Callable[[], str]] = []  # of what an interrupt stops
+_stopped: list[str] = []  # what it stopped, as that was when it came
 _SHOW_CURSOR = "\x1b[?25h"  # progress bars hide it
 
 
@@ -45,11 +48,30 @@ def exit_code() -> int:
     return 128 + _received[0] if _received else INTERRUPTED
 
 
+@contextmanager
+def described(describe: Callable[[], str]) -> Iterator[None]:
+    """Have an interrupt of the block described by a function, called when it happens."""
+    _descriptions.append(describe)
+    try:
+        yield
+    except KeyboardInterrupt:
+        print_interrupted()
+        raise
+    finally:
+        _descriptions.remove(describe)
+
+
 def print_interrupted() -> None:
-    """Print once that the command was interrupted."""
+    """Print once that the command was interrupted, and where."""
     if _printing.acquire(blocking=False):
+        _describe()
         with suppress(OSError):
-            os.write(2, b"regionik: interrupted\n")
+            os.write(2, f"regionik: interrupted{_stopped[0]}\n".encode())
+
+
+def _describe() -> None:
+    """Note what the work is at, before an exception ends its stages."""
+    _stopped.append("".join(describe() for describe in _descriptions[-1:]))
 
 
 def end_process(code: int) -> NoReturn:
@@ -67,6 +89,7 @@ def _listen(listening: int) -> None:
     """Wait for a signal, give the command a moment, and end it."""
     while (number := os.read(listening, 1)[0]) not in _ENDING:
         pass
+    _describe()
     _received.append(number)
     time.sleep(GRACE)
     if sys.stderr.isatty():
@@ -77,6 +100,7 @@ def _listen(listening: int) -> None:
 
 def _interrupt(number: int, _: object) -> None:
     """Raise once: a second signal must not disturb the cleanup."""
+    _describe()
     _received.append(number)
     if _raising.acquire(blocking=False):
         raise KeyboardInterrupt

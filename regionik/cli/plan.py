@@ -28,6 +28,7 @@ from regionik.cli.console import (
     print_message,
     read_plan,
     read_world,
+    read_world_to_plan,
     report_document,
     report_summary,
 )
@@ -42,6 +43,8 @@ EXPORT_FORMATS = ("csv", "ros2", "joint-trajectory", "path", "ros2-folder", "geo
 PICTURES = (".svg", ".png")
 PLANS = (".json",)
 VIEWS = (".html", ".gif", ".mp4")
+_NOTHING = "nothing is written"
+_LARGE = 3.0  # size of a page or a film that is told [MB]
 
 
 def list_worlds(as_json: AsJson = False) -> None:
@@ -71,11 +74,11 @@ def plan_world(
     if output is not None and html is not None and output.resolve() == html.resolve():
         raise InputError(f"{html}: the plan and the page need two different files")
     began = time.monotonic()
-    with DelayedProgress() as progress, explain_no_plan(as_json):
-        scene = read_world(world, progress)
+    with DelayedProgress("plan", _NOTHING) as progress, explain_no_plan(as_json, progress):
+        scene = read_world_to_plan(world, progress)
         from regionik.pipeline import plan
 
-        found = plan(scene, seed=seed, progress=progress)
+        found = plan(scene, seed=seed, say=progress.say if progress.shown and not as_json else None)
         seconds = time.monotonic() - began
         written = _write_plan(found, output, html, progress)
     print_message(plan_summary(found, seconds, written))
@@ -116,14 +119,12 @@ def verify_plan(path: PlanPath, as_json: AsJson = False) -> None:
 
     The exit code is 1 if the plan does not hold, and its violations are listed.
     """
-    with DelayedProgress() as progress:
+    with DelayedProgress("verify") as progress:
         found = read_plan(path, progress)
-        progress("verify", 0, 0)
         from regionik.area_verification import verify_areas
         from regionik.verification.verifier import verify
 
         checked = verify(found)
-        progress("areas", 0, 0)
         areas = verify_areas(found)
         ok, violations = checked.ok and areas.ok, checked.violations + areas.violations
         report = replace(checked, ok=ok, violations=violations)
@@ -149,9 +150,8 @@ def retime_plan(
     Speeds that are not given are the world's, or the robot's.
     """
     check_output(output, PLANS)
-    with DelayedProgress() as progress:
+    with DelayedProgress("retime") as progress:
         found = read_plan(path, progress)
-        progress("timing", 0, 0)
         from regionik.timing.retime import BLEND, retime
         from regionik.worlds.speeds import Speeds
 
@@ -205,9 +205,8 @@ def plot_plan(
 ) -> None:
     """Draw joints, speeds, clearance and floor of a plan."""
     check_output(output, PICTURES, [path])
-    with DelayedProgress() as progress:
+    with DelayedProgress("plot") as progress:
         found = read_plan(path, progress)
-        progress("draw", 0, 0)
         from regionik.view.figures import plot
 
         plot(found, output)
@@ -230,10 +229,8 @@ def show_scene(
     if live:
         _watch(what, browser)
         return
-    with DelayedProgress() as progress:
-        progress("load", 0, 1)
-        loaded = _plan_or_world(what)
-        progress("load", 1, 1)
+    with DelayedProgress("show") as progress:
+        loaded = _plan_or_world(what, progress)
         from regionik.view.page import html_page, served
 
         page = html_page(loaded)
@@ -250,13 +247,11 @@ def _write_view(what: str, output: Path, live: bool) -> None:
     if live:
         raise InputError("--live watches a world file and writes none, expected it without --output")
     check_output(output, VIEWS, [what])
-    with DelayedProgress() as progress:
-        progress("load", 0, 1)
-        loaded = _plan_or_world(what)
-        progress("load", 1, 1)
-        if output.suffix.lower() == ".html":
-            from regionik.view.page import to_html
+    with DelayedProgress("show") as progress:
+        loaded = _plan_or_world(what, progress)
+        from regionik.view.page import html_page, to_html
 
+        if output.suffix.lower() == ".html":
             to_html(loaded, output)
         else:
             from regionik.values import Plan
@@ -264,8 +259,9 @@ def _write_view(what: str, output: Path, live: bool) -> None:
 
             if not isinstance(loaded, Plan):
                 raise InputError(f"{what}: expected a plan to film, this is a world; an .html page shows it")
-            film(loaded, output, progress)
-    print_message(f"wrote {output}")
+            film(html_page(loaded), output)
+    size = output.stat().st_size / 1e6
+    print_message(f"wrote {output}" + (f", {size:.1f} MB" if size > _LARGE else ""))
 
 
 def _watch(what: str, browser: bool) -> None:
@@ -296,16 +292,13 @@ def _until_interrupted() -> Iterator[None]:
             raise
 
 
-def _plan_or_world(what: str) -> Plan | World:
+def _plan_or_world(what: str, progress: DelayedProgress) -> Plan | World:
     """Load a plan or a world: a plan has states, a world has none."""
-    from regionik.output.plan_file import load_plan
-    from regionik.worlds.documents.world_file import load_world
-
     if what.endswith(".json") and Path(what).is_file():
         try:
             document = json.loads(Path(what).read_bytes())
         except (ValueError, RecursionError):
             document = None  # the loader below says what is wrong with it
         if isinstance(document, dict) and "states" in document:
-            return load_plan(what)
-    return load_world(what)
+            return read_plan(Path(what), progress)
+    return read_world(what, progress)

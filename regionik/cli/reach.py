@@ -21,6 +21,7 @@ from regionik.cli.console import (
     explain_no_plan,
     explanation_document,
     print_answers,
+    print_explanation,
     print_json,
     print_message,
     read_world,
@@ -66,15 +67,16 @@ def reach_targets(
     if dask is not None and workers > 1:
         raise InputError("--workers and --dask: expected one of them")
     streams = not target and not as_json and _can_stream(table, output)
-    with DelayedProgress() as progress:
+    kept = f"the same command goes on from what is in {output}.parts" if streams else "nothing is written"
+    with DelayedProgress("reach", kept) as progress:
         scene = read_world(world, progress)
         with _executor(workers, dask) as (pool, ahead):
             if streams and table is not None and output is not None:
                 from regionik.output.answers import stream_answers
 
-                count, total = stream_answers(scene, table, output, pool, ahead, progress)
+                count, total = stream_answers(scene, table, output, pool, ahead)
             else:
-                count, total = _reach_at_once(scene, target or [], table, output, as_json, pool, progress)
+                count, total = _reach_at_once(scene, target or [], table, output, as_json, pool)
     print_message(f"{scene.name}: {count} of {total} targets are reachable")
     if count < total:
         raise typer.Exit(NO)
@@ -87,14 +89,12 @@ def _reach_at_once(
     output: Path | None,
     as_json: bool,
     pool: Pool | None,
-    progress: DelayedProgress,
 ) -> tuple[int, int]:
     """Answer targets that are all held in memory; return how many are reachable, and all."""
     from regionik.output.answers import answers_document, parse_targets, write_answers
     from regionik.reachability.reach import reach
 
-    progress("reach", 0, 0)
-    answer = reach(scene, parse_targets(scene, target, table), executor=pool, progress=progress)
+    answer = reach(scene, parse_targets(scene, target, table), executor=pool)
     if output is not None:
         write_answers(answer, scene.robot.chain.names, output)
     if as_json:
@@ -143,9 +143,8 @@ def map_reach(
     check_output(output, FIELD_SUFFIXES, [world, targets])
     if targets is not None and height is not None:
         raise InputError("--targets and --height: expected one of them, a slice has no targets")
-    with DelayedProgress() as progress:
+    with DelayedProgress("field") as progress:
         scene = read_world(world, progress)
-        progress("field", 0, 0)
         from regionik.output.field_file import write_field
         from regionik.reachability.field import reach_field, reach_slice
         from regionik.worlds.readers.csv_path import read_csv
@@ -179,11 +178,10 @@ def find_stops(
     """
     check_output(output, (".geojson",), [world])
     check_output(picture, (".svg", ".png"))
-    with DelayedProgress() as progress, explain_no_plan(as_json):
+    with DelayedProgress("stops", "nothing is written") as progress, explain_no_plan(as_json, progress):
         scene = read_world(world, progress)
         if criterion is not None:
             scene = replace(scene, rules=replace(scene.rules, stop_criterion=_stop_criterion(criterion)))
-        progress("stops", 0, 0)
         from regionik.parking.stops import find
 
         found, parking = find(scene)
@@ -249,22 +247,15 @@ def explain_world(
     something stands in the way.
     """
     check_output(html, PAGES, [world])
-    with DelayedProgress() as progress:
+    with DelayedProgress("why") as progress:
         if len(target or []) > 1:
             raise InputError(f"--target: expected one target, got {len(target or [])}")
         scene = read_world(world, progress)
-        progress("why", 0, 0)
         from regionik.output.answers import parse_targets
         from regionik.pipeline import why
 
         chosen = parse_targets(scene, target, None)[0] if target else None
-        said: list[str] = []
-
-        def say(sentence: str) -> None:
-            said.append(sentence)
-            progress.say(sentence)
-
-        found = why(scene, chosen, say=None if as_json else say, progress=progress)
+        found = why(scene, chosen, say=None if as_json else progress.say)
     if html is not None:
         from regionik.view.page import to_html
         from regionik.view.world_picture import picture_of_explanation
@@ -276,8 +267,5 @@ def explain_world(
     if found is None:
         print_message(f"{scene.name}: nothing stands in the way")
         return
-    if not said:
-        print_message(found.reason)
-    elif len(found.repairs) > 1:
-        print_message(f"The smallest change: {found.repairs[0].text}.")
+    print_explanation(found, progress)
     raise typer.Exit(NO)

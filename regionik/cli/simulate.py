@@ -48,9 +48,8 @@ def simulate_plan(
     check_output(output, (".csv",), [path])
     check_output(html, PAGES, [path])
     disturbances = _noise(noise)
-    with DelayedProgress() as progress:
+    with DelayedProgress("simulate") as progress:
         plan = read_plan(path, progress)
-        progress("simulate", 0, 0)
         from regionik.simulation.simulate import simulate
 
         run = simulate(plan, disturbances, seed=seed, tolerance=tolerance)

@@ -23,7 +23,7 @@ def warm_up() -> None:
     if cache_folder() is None:
         raise InputError("compiled kernels can be kept nowhere: set NUMBA_CACHE_DIR to a folder to write")
     names, heard, began = world_names(), list[str](), time.monotonic()
-    with DelayedProgress() as progress, compiled_at_once(heard.append):
+    with DelayedProgress("warm-up", "what is compiled is kept") as progress, compiled_at_once(heard.append):
         for k, name in enumerate(names):
             progress("worlds", k, len(names))
             world = load_world(name)

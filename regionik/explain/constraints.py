@@ -240,8 +240,8 @@ def _name(world: World, one: Constraint) -> str:
 
 
 def mended(repairs: Sequence[Repair]) -> str:
-    """A sentence on the smallest repair; empty where there is none."""
+    """A sentence on the smallest repair, or on there being none."""
     if not repairs:
-        return ""
+        return "No single change that was tried mends it."
     more = f" ({len(repairs) - 1} more {'way' if len(repairs) == 2 else 'ways'} found)"
     return f"What would mend it: {repairs[0].text}{more if len(repairs) > 1 else ''}."

@@ -3,43 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from regionik.explain.changes import Move, smallest_first
 from regionik.explain.constraints import Constraint, joint_causes, mended, places_open, setpoint
 from regionik.explain.questions import Oracles, Question, TargetQuestion
+from regionik.planners.progress import track
 from regionik.worlds.errors import Cause, Explanation, Repair
 from regionik.worlds.scene import World
 
 Closed = Callable[[World], bool]
 Say = Callable[[str], None]
-Progress = Callable[[str, int, int], None]
 
 if TYPE_CHECKING:
     from regionik.reachability.reach import Answer
 
 
-@dataclass(frozen=True)
-class Listener:
-    """Told what is known of an explanation while the rest is looked for.
-
-    Attributes
-    ----------
-    say : callable
-        Takes a sentence: what failed, then its causes, then each repair as it is found, in no order.
-    progress : callable
-        Takes stage, done, total.
-    """
-
-    say: Say = lambda sentence: None
-    progress: Progress = lambda stage, done, total: None
+def unsaid(sentence: str) -> None:
+    """Say nothing."""
 
 
-SILENT = Listener()
-
-
-def explained(question: Question, quick: Explanation, listener: Listener = SILENT) -> Explanation:
+def explained(question: Question, quick: Explanation, say: Say = unsaid) -> Explanation:
     """Return an explanation with its causes and repairs.
 
     Parameters
@@ -48,43 +33,44 @@ def explained(question: Question, quick: Explanation, listener: Listener = SILEN
         One whose answer is no.
     quick : Explanation
         By the stage that failed; its verdict and margins are kept.
-    listener : Listener, optional
+    say : callable, optional
+        Called with what failed, then its causes, then each repair as it is found, in no order.
     """
     world = question.world
-    listener.say(quick.reason)
-    listener.progress("causes", 0, 0)
+    say(quick.reason)
     kept = irreducible(world, question.constraints, question.closed)
     why = f"{joint_causes(world, kept, proven=bool(question.proof))} {question.proof}".strip()
-    listener.say(why)
-    repairs = _repairs(question, kept, listener)
+    say(why)
+    repairs = _repairs(question, kept, say)
     causes = tuple(cause_of(one, quick) for one in kept) or (arm_too_short(world, quick),)
     reason = " ".join(part for part in (quick.reason, why, mended(repairs)) if part)
     return replace(quick, reason=reason, causes=causes, repairs=repairs)
 
 
-def _repairs(question: Question, causes: Sequence[Constraint], listener: Listener) -> tuple[Repair, ...]:
+def _repairs(question: Question, causes: Sequence[Constraint], say: Say) -> tuple[Repair, ...]:
     """Repairs of a question, those first that leave no other set-point out of reach, then the smallest."""
     changes = [change for change in question.changes(causes) if change is not None]
     whole, partial = list[Repair](), list[Repair]()
-    for k, change in enumerate(changes):
-        listener.progress("repairs", k, len(changes))
+    for change in track("repairs", changes):
         found = question.shortest(change) if isinstance(change, Move) else question.least(change)
         if found is not None:
             left = question.leaves(found)
             found = replace(found, text=found.text + left)
             (partial if left else whole).append(found)
-            listener.say(f"This would mend it: {found.text}.")
+            say(f"This would mend it: {found.text}.")
+    if not whole and not partial:
+        say(mended(()))
     return smallest_first(question.world, whole) + smallest_first(question.world, partial)
 
 
 def explained_target(
-    world: World, i: int, quick: Explanation, oracles: Oracles, listener: Listener = SILENT
+    world: World, i: int, quick: Explanation, oracles: Oracles, say: Say = unsaid
 ) -> Explanation:
     """Return `explained` for a set-point whose inner area is empty; if undecided, `reach` is asked first."""
     asked = replace(world, task=(world.task[i],))
     if quick.verdict == "undecided":
         quick = _by_itself(quick, oracles.reach(asked), setpoint(i, len(world.task)))
-    return explained(TargetQuestion(asked, target_name(world, i), oracles, (world, i)), quick, listener)
+    return explained(TargetQuestion(asked, target_name(world, i), oracles, (world, i)), quick, say)
 
 
 def target_name(world: World, i: int) -> str:
@@ -134,7 +120,7 @@ def irreducible(world: World, constraints: Iterable[Constraint], closed: Closed)
     before = None
     while kept != before:
         before = kept
-        for one in before:
+        for one in track("causes", before):
             rest = tuple(other for other in kept if other is not one)
             if closed(relaxed(world, every, rest)):
                 kept = rest

@@ -26,6 +26,7 @@ from regionik.planners.driving.arcs import path_of_motions
 from regionik.planners.driving.pose_lattice import HEADINGS, LatticeMove, car_moves, relax, spin_moves
 from regionik.planners.driving.pose_planner import REEDS_SHEPP, SPIN, Steering, steer
 from regionik.planners.driving.reeds_shepp import MOTIONS
+from regionik.planners.progress import track
 from regionik.postures.poses import axis_of
 from regionik.worlds.arrays import Array, Index
 from regionik.worlds.scene import World
@@ -130,7 +131,7 @@ class LayeredSearch:
             first = max(0, i - BEHIND)
             self._layers.clear()
             after: Layer | None = None
-            for j in reversed(range(first, min(first + AHEAD, last + 1))):
+            for j in track("base ways", range(first, min(first + AHEAD, last + 1))[::-1]):
                 after = self._layers[j] = self._valued(j, after)
         return self._layers[i]
 

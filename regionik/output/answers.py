@@ -10,7 +10,7 @@ import hashlib
 import io
 import json
 import platform
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -19,6 +19,7 @@ import numpy as np
 from shapely.geometry import Point, mapping
 
 from regionik.executors import AHEAD, Pool, map_unordered
+from regionik.planners.progress import tell, track
 from regionik.reachability.reach import CHUNK, Answer, reach
 from regionik.storage.files import json_text, json_values, open_partial, write_atomic
 from regionik.storage.plan_document import feature, feature_collection
@@ -182,7 +183,6 @@ def stream_answers(
     output: Path,
     executor: Pool | None = None,
     ahead: int = AHEAD,
-    progress: Callable[[str, int, int], None] | None = None,
 ) -> tuple[int, int]:
     """Write the answers to all targets of a CSV file to another.
 
@@ -197,8 +197,6 @@ def stream_answers(
         As for `regionik.reachability.reach.reach`.
     ahead : int
         Blocks handed to the executor at a time.
-    progress : callable, optional
-        Called with a stage, blocks done, blocks in all.
 
     Returns
     -------
@@ -211,28 +209,26 @@ def stream_answers(
     EngineError
         When workers are lost again and again.
     """
-    report = progress or (lambda stage, done, total: None)
     blocks = index_csv(table, CHUNK)
     with open_partial(output, _manifest(world, blocks)) as partial:
         counts = partial.counts()
         if not counts:
-            _check_lines(blocks, report)
+            _check_lines(blocks)
         missing = ((k, blocks.block(k)) for k in range(len(blocks)) if k not in counts)
-        report("reach", len(counts), len(blocks))
+        tell("blocks", len(counts), len(blocks))
         done = dict(counts)
         for k, (data, yes, total) in map_unordered(world, _answer_block, missing, executor, ahead):
             partial.write_part(k, data, yes, total)
             done[k] = yes, total
-            report("reach", len(done), len(blocks))
+            tell("blocks", len(done), len(blocks))
         partial.join(csv_header(world.robot.chain.names).encode())
     return sum(yes for yes, _ in done.values()), sum(total for _, total in done.values())
 
 
-def _check_lines(blocks: CsvTable, report: Callable[[str, int, int], None]) -> None:
+def _check_lines(blocks: CsvTable) -> None:
     """Read every line once: a mistake in the last is reported before the first is answered."""
-    for k in range(len(blocks)):
+    for k in track("read", range(len(blocks))):
         blocks.block(k).path()
-        report("read", k + 1, len(blocks))
 
 
 def _answer_block(world: World, block: CsvBlock) -> tuple[bytes, int, int]:

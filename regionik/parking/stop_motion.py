@@ -6,7 +6,7 @@ where none does all of it, places of its first half are, and so on, and the rest
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import chain, islice
@@ -25,6 +25,7 @@ from regionik.parking.fewest_stops import StopGroup
 from regionik.parking.held_postures import PostureCarrier
 from regionik.parking.placements import BasePlacement, PlacementSearch
 from regionik.parking.stops import StopSequence
+from regionik.planners.progress import tell
 from regionik.postures.poses import Pose, Row
 from regionik.values import Configuration, Stop
 from regionik.worlds.arrays import Array
@@ -38,8 +39,6 @@ ARRIVALS = 3  # of them that are worth a drive, in any order
 FEW = 4  # motions to the next set-point that are tried where the tool may as well be lifted
 SHRINK = 0.7  # of a circle whose rim is not reached all round
 LEAST = 1e-4  # radius below which a circle is only its middle [m]
-
-Progress = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +61,7 @@ class StopMotion:
     places: tuple[BaseGeometry, ...]
 
 
-def connect_stops(sequence: StopSequence, seed: int, progress: Progress | None = None) -> StopMotion:
+def connect_stops(sequence: StopSequence, seed: int) -> StopMotion:
     """Go from stop to stop and do their set-points.
 
     The stops are found with the place of the largest circle at each; the criterion of the rules then chooses
@@ -74,13 +73,12 @@ def connect_stops(sequence: StopSequence, seed: int, progress: Progress | None =
         Where the arm touches something in every posture that was looked at, the base finds no way, or
         the tool is lifted more often than the rules allow.
     """
-    tell = progress or (lambda *_: None)
-    found = _connection(sequence.widest(), seed).made(tell)
+    found = _connection(sequence.widest(), seed).made()
     if sequence.world.rules.stop_criterion == "tolerance":
         return found
     asked = _connection(sequence.divided([stop.setpoints for stop in found.stops]), seed)
     try:
-        chosen = asked.made(tell)
+        chosen = asked.made()
     except NoPlanFound:
         return found
     return replace(chosen, split=found.split) if len(chosen.stops) == len(found.stops) else found
@@ -113,7 +111,7 @@ class _StopConnection:
     def world(self) -> World:
         return self.sequence.world
 
-    def made(self, tell: Progress) -> StopMotion:
+    def made(self) -> StopMotion:
         """Stop after stop until all set-points are done."""
         rows, found = self.search.start(), list[Candidate]()
         placements, sequence, k = PlacementSearch(self.world, self.sequence.parking_areas), self.sequence, 0

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 from functools import lru_cache
 from itertools import chain
@@ -19,6 +19,7 @@ from regionik.explain.constraints import no_way_to, places_open, spot
 from regionik.explain.failures import no_place
 from regionik.mfabrik import Solver, solver_for
 from regionik.planners.avoidance.posture_proof import solid_at_target
+from regionik.planners.progress import Progress, listening, tell, track
 from regionik.planners.search.box_search import Verdict
 from regionik.postures.families import Family
 from regionik.postures.poses import Pose, axis_of, pose_of
@@ -81,7 +82,7 @@ def reach(
     *,
     executor: Pool | None = None,
     chunk: int = CHUNK,
-    progress: Callable[[str, int, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> Answer:
     """Reachability of targets, with base and joints for those that are reachable.
 
@@ -103,7 +104,7 @@ def reach(
     chunk : int
         Targets that are worked on at once.
     progress : callable, optional
-        Called with "reach", targets done, targets in all.
+        Called with a stage, what is done of it, and its total.
 
     Raises
     ------
@@ -124,11 +125,11 @@ def reach(
     chunks = [asked[k : k + chunk] for k in range(0, max(1, len(asked)), chunk)]
     parts: dict[int, Answer] = {}
     done = 0
-    for k, answer in map_unordered(world, _answered, enumerate(chunks), executor):
-        parts[k] = answer
-        done += len(answer.reachable)
-        if progress is not None:
-            progress("reach", done, len(asked))
+    with listening(progress):
+        for k, answer in map_unordered(world, _answered, enumerate(chunks), executor):
+            parts[k] = answer
+            done += len(answer.reachable)
+            tell("reach", done, len(asked))
     return _joined([parts[k] for k in range(len(chunks))])
 
 
@@ -169,8 +170,9 @@ def _decided(world: World, targets: Sequence[Target]) -> list[_Result]:
     rest = [i for i in range(len(targets)) if i not in found]
     outer = round_outer_areas(world, [targets[i] for i in rest], coarse=True)
     results = {i: _Result("reachable", pose, 0.0, "") for i, pose in found.items()}
-    for i, area in zip(rest, outer, strict=True):
-        results[i] = _ruled_out(world, targets[i]) if area.is_empty else _closely(world, targets[i])
+    ruled_out = {i: area.is_empty for i, area in zip(rest, outer, strict=True)}
+    for i in track("targets in doubt", rest):
+        results[i] = _ruled_out(world, targets[i]) if ruled_out[i] else _closely(world, targets[i])
     return [results[i] for i in range(len(targets))]
 
 

@@ -17,6 +17,7 @@ import shapely
 
 from regionik.areas.standing import Standing
 from regionik.planners.geometry.angles import wrap
+from regionik.planners.progress import track
 from regionik.postures.poses import axis_of
 from regionik.smoothing.runs import SHORTEST_RUN, PathRun, runs_of
 from regionik.values import Configuration, Motion, Plan, Report
@@ -61,7 +62,7 @@ def _proven(plan: Plan, runs: list[PathRun]) -> tuple[Plan, bool]:
     tubes = [np.full(len(run.states), np.inf) for run in runs]
     smoothed, failed = [run.begun() for run in runs], Failed({k: [] for k in range(len(runs))})
     demanded = [np.zeros(len(run.states)) for run in runs]
-    for attempt in range(TRIES):
+    for attempt in track("smoothing", range(TRIES)):
         for k, rows in failed.items():
             if attempt > 1:
                 tubes[k] = _held_closer(runs[k], smoothed[k], tubes[k], rows)

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from regionik.planners.progress import track
 from regionik.timing.inserted_states import blended, refined, with_rests
 from regionik.timing.jerk_limited_timing import jerk_limited_motion
 from regionik.timing.limits import (
@@ -75,7 +76,7 @@ def retime(plan: Plan, speeds: Speeds | None = None, *, blend: float = BLEND, ho
     motion = with_rests(plan.motion, path_of(limits.robot, plan.motion).corners)
     stats = {key: value for key, value in plan.stats.items() if key not in ("margins", "timing")}
     plan = replace(plan, world=replace(plan.world, speeds=asked))
-    for _ in range(TRIES):
+    for _ in track("timing", range(TRIES)):
         timed = replace(plan, motion=_timed(limits, motion, blend), stats=stats)
         report = verify(timed)
         if report.ok:

@@ -13,6 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
+from regionik.planners.progress import track
 from regionik.values import Violation
 from regionik.verification.convex_distance import (
     RoundedHull,
@@ -36,7 +37,10 @@ MARGIN_RANGE = 0.05  # up to which distances at states are measured for the marg
 
 def verify_self_collision(segments: MotionSegments, names: StateNames) -> Finding:
     """No two links that could meet overlap, nor a link and the base's own body."""
-    found = [_PairProof(segments, names, *pair).check() for pair in _pairs(segments.robot)]
+    found = [
+        _PairProof(segments, names, *pair).check()
+        for pair in track("pairs of links", [*_pairs(segments.robot)])
+    ]
     margin = min([margin for margin, _ in found], default=np.inf)
     return finding("self", margin, [violation for _, violations in found for violation in violations])
 

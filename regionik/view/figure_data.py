@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
-from shapely.geometry import MultiPolygon, Point, Polygon
+from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from regionik.postures.poses import axis_of
@@ -15,8 +15,17 @@ from regionik.timing.limits import tool_velocity
 from regionik.timing.trajectory import is_timed, trajectory
 from regionik.values import Plan, Stop
 from regionik.view.clearance import Clearances, clearances, footprints
+from regionik.view.floor_areas import (
+    DETAIL,
+    area_words,
+    axis_path,
+    drawn_union,
+    parking_circles,
+    rejected_words,
+    shown_floor,
+    used_areas,
+)
 from regionik.view.timeline import lifted_intervals
-from regionik.view.world_picture import DETAIL, rejected_words, shown_floor
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import World
 
@@ -125,41 +134,6 @@ def plan_floor(plan: Plan) -> FloorView:
     )
 
 
-def used_areas(plan: Plan) -> list[BaseGeometry]:
-    """Areas of the set-points as far as the plan can use them.
-
-    What is left of an area for the whole path, and of a plan that is not parked the whole components in
-    which it has its arm's axis: ladders are those of a base that goes every way, and one on wheels, or a
-    tracker, may work elsewhere.
-    """
-    if plan.stops:
-        return [area.pruned for area in plan.areas]
-    places = shapely.points(axis_of(plan.world.robot, np.array([one.base for one in plan.setpoints])))
-    rolls, found = plan.world.robot.drive.rolls, []
-    for area, place in zip(plan.areas, places, strict=False):
-        parts = shapely.get_parts(area.admissible)
-        held = parts[shapely.dwithin(parts, place, DETAIL)]
-        holds = shapely.dwithin(area.pruned, place, DETAIL) and not rolls
-        found.append(area.pruned if holds else shapely.union_all([area.pruned, *held]))
-    return found
-
-
-def area_words(plan: Plan) -> tuple[str, str]:
-    """Words for areas that a plan can use, and for the rest of what is admissible."""
-    rest = "admissible for some set-point"
-    if plan.stops:
-        return "places to park for the next set-points", rest
-    if plan.world.robot.drive.rolls:
-        return "areas that the plan works in", rest
-    return "areas for the whole path", "admissible, but a dead end"
-
-
-def axis_path(plan: Plan) -> Array:
-    """Path of the arm's axis on the floor, (n, 2) [m]."""
-    motion, drive = plan.motion, plan.world.robot.drive
-    return axis_of(plan.world.robot, drive.sampled(motion.base, drive.cuts(motion.base)))
-
-
 def stops_floor(world: World, stops: Sequence[Stop]) -> FloorView:
     """Return the floor with stops as seen from above, straight lines between them."""
     base = np.array([stop.base for stop in stops])
@@ -232,23 +206,10 @@ def _floor_view(
     )
 
 
-def parking_circles(world: World, stops: Sequence[Stop]) -> BaseGeometry:
-    """Circles in which the arm's axis may park, one for each stop."""
-    places = [Point(axis_of(world.robot, stop.base)) for stop in stops]
-    return MultiPolygon([at.buffer(stop.tolerance) for at, stop in zip(places, stops, strict=True)])
-
-
 def _outlines(world: World, base: Array) -> BaseGeometry:
     if len(world.robot.footprint) > 2:
         return footprints(world.robot, base)
     return shapely.buffer(shapely.points(base[:, :2]), 0.06)
-
-
-def drawn_union(areas: Sequence[BaseGeometry], detail: float = DETAIL) -> BaseGeometry:
-    """The union of many areas, as fine as it is drawn."""
-    union = shapely.union_all([area.simplify(detail) for area in areas])
-    # Overlapping rings leave thousands of holes: simplify and repair is far faster than to stay valid.
-    return shapely.make_valid(union.simplify(detail, preserve_topology=False))
 
 
 def _visible(area: BaseGeometry, detail: float) -> BaseGeometry:

@@ -128,7 +128,10 @@ def floor_image(what: Plan | World | Area | Answer) -> str:
 
     def made() -> Figure:
         figure = Figure(figsize=(_RIGHT, _RIGHT))
-        plot_floor(what, figure.add_subplot())
+        axes = plot_floor(what, figure.add_subplot())
+        (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
+        shape = float(np.clip((high - low) / (right - left), 0.2, 1.2))
+        figure.set_figheight((_RIGHT - 0.8) * shape + 1.6)  # and room for the legend
         return figure
 
     return _render(made, ".svg").decode("utf-8")

@@ -7,16 +7,15 @@ import os
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 from PIL import Image
 
+from regionik.planners.progress import track
 from regionik.storage.files import write_atomic
-from regionik.values import Plan
 from regionik.view.browser import BrowserPage, opened
-from regionik.view.page import html_page
 from regionik.worlds.errors import EngineError, InputError
 
 FILMS = (".gif", ".mp4")
@@ -24,20 +23,17 @@ RATE, LONGEST = 10, 15.0  # frames a second, length of a film [s]
 SIZE = (960, 600)  # [pixels]
 
 
-def film(
-    plan: Plan, path: str | os.PathLike[str], progress: Callable[[str, int, int], None] | None = None
-) -> None:
-    """Write a film of a plan, an animated GIF or an MP4.
+def film(page: str, path: str | os.PathLike[str]) -> None:
+    """Write a film of a plan's page, an animated GIF or an MP4.
 
     Motions longer than `LONGEST` are shown faster. Both need Chromium, an MP4 needs ffmpeg too.
 
     Parameters
     ----------
-    plan : Plan
+    page : str
+        As `regionik.view.page.html_page` makes it.
     path : path
         Ends in ``.gif`` or ``.mp4``; written whole or not at all.
-    progress : callable, optional
-        Called with stage, done, total.
 
     Raises
     ------
@@ -50,20 +46,19 @@ def film(
     if suffix == ".mp4" and shutil.which("ffmpeg") is None:
         raise InputError(f"{path}: an MP4 needs ffmpeg, which is not installed; a .gif does not")
     with tempfile.TemporaryDirectory(prefix="regionik") as folder:
-        page = Path(folder, "plan.html")
-        page.write_text(html_page(plan), "utf-8")
-        with opened(page, *SIZE) as browser:
-            frames = list(_frames(browser, progress or (lambda *_: None)))
+        shown = Path(folder, "plan.html")
+        shown.write_text(page, "utf-8")
+        with opened(shown, *SIZE) as browser:
+            frames = list(_frames(browser))
         write_atomic(path, _gif(frames) if suffix == ".gif" else _mp4(frames, Path(folder, "film.mp4")))
 
 
-def _frames(browser: BrowserPage, progress: Callable[[str, int, int], None]) -> Iterator[bytes]:
+def _frames(browser: BrowserPage) -> Iterator[bytes]:
     """Shoot the page at even times, each frame a PNG."""
     browser.evaluate("film()")
     end = float(browser.evaluate("end"))
     count = max(2, round(RATE * min(end, LONGEST)))
-    for k, moment in enumerate(np.linspace(0.0, end, count).tolist()):
-        progress("film", k, count)
+    for moment in track("film", np.linspace(0.0, end, count).tolist()):
         browser.evaluate(
             f"seek({moment}); new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
         )

@@ -24,10 +24,10 @@ from regionik.areas.standing import PathAreas, anywhere, by_heading, turns_matte
 from regionik.pruning import Pruned, cut_path, prune_path
 from regionik.regions import path_areas, ways_to_stand
 from regionik.view import triangle_meshes
+from regionik.view.floor_areas import DETAIL
 from regionik.view.picture import Color, Picture, SceneMesh, camera_for, count_noun
 from regionik.view.viewer import delete_node, draw_meshes, draw_message, set_scene
 from regionik.view.world_picture import (
-    DETAIL,
     floor_layer,
     floor_radius,
     map_meshes,

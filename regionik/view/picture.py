@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from regionik.view.timeline import Timeline
 from regionik.view.triangle_meshes import TriangleMesh, shadow_polygon
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import World
+
+if TYPE_CHECKING:
+    from regionik.view.timeline import Timeline
 
 TrackKind = Literal["position", "turn", "color", "faces"]
 VIEW_ANGLE = np.radians(42.0)  # from bottom to top of the window

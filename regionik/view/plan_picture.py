@@ -11,12 +11,18 @@ from shapely.geometry.base import BaseGeometry
 
 from regionik.timing.trajectory import is_timed, trajectory
 from regionik.values import Plan
-from regionik.view.figure_data import area_words, axis_path, drawn_union, parking_circles, used_areas
+from regionik.view.floor_areas import (
+    DETAIL,
+    area_words,
+    axis_path,
+    drawn_union,
+    parking_circles,
+    used_areas,
+)
 from regionik.view.picture import Color, KeyframeTrack, Picture, SceneMesh, camera_for, count_noun
 from regionik.view.timeline import timeline
 from regionik.view.triangle_meshes import TUBE_SIDES, TriangleMesh, floor_mesh, merge, spheres, tubes
 from regionik.view.world_picture import (
-    DETAIL,
     MARK_RADIUS,
     TOOL,
     floor_layer,
@@ -52,13 +58,13 @@ class KeyFrames:
         return float(self.times[-1]) + REST
 
 
-def key_frames(plan: Plan, clock: Array | None = None) -> KeyFrames:
+def key_frames(plan: Plan, clock: Array) -> KeyFrames:
     """Return at most about `MOST_FRAMES` key frames, all set-points among them.
 
-    A timed plan keeps its times, and goes between its states as `regionik.trajectory` does. States of one
-    that is not may be shown at the times of a ``clock`` (n,) [s].
+    States are shown at the times of a ``clock`` (n,) [s], see `display_times`. A timed plan goes between them
+    as `regionik.trajectory` does.
     """
-    motion = plan.motion
+    motion, passed = plan.motion, clock[plan.motion.kind == "setpoint"]
     if is_timed(motion):
         kept = motion.time[_selected(motion.kind == "setpoint")]
         end = float(motion.time[-1])
@@ -66,10 +72,9 @@ def key_frames(plan: Plan, clock: Array | None = None) -> KeyFrames:
         times = np.union1d(kept, even) if end > 0 else kept[:1]
         sample = trajectory(plan).sample(times)
         lifted = (motion.kind == "transit")[np.searchsorted(motion.time, times)]
-        return _frames(times, np.column_stack([sample.base, sample.joints, lifted]), shown_times(plan)[1])
+        return _frames(times, np.column_stack([sample.base, sample.joints, lifted]), passed)
     states = _unwrapped(motion.base)
     index = plan.world.robot.drive.cuts(states)
-    clock, passed = shown_times(plan, clock)
     times, base = _interpolated(index, clock), plan.world.robot.drive.sampled(states, index)
     keep = _selected(np.isin(index, np.flatnonzero(motion.kind == "setpoint")))
     # A row between two states belongs to the motion to the second.
@@ -86,14 +91,12 @@ def _frames(times: Array, table: Array, passed: Array) -> KeyFrames:
     )
 
 
-def shown_times(plan: Plan, clock: Array | None = None) -> tuple[Array, Array]:
-    """When each state is shown (n,), and when each set-point is reached (k,) [s]."""
+def display_times(plan: Plan) -> Array:
+    """Times at which states are shown (n,): their own, or those of an even speed [s]."""
     motion = plan.motion
     if is_timed(motion):
-        clock = motion.time
-    elif clock is None:
-        clock = _display_times(_unwrapped(motion.base), motion.joints, plan.tools())
-    return clock, clock[motion.kind == "setpoint"]
+        return motion.time
+    return _even_times(_unwrapped(motion.base), motion.joints, plan.tools())
 
 
 def _unwrapped(base: Array) -> Array:
@@ -106,8 +109,8 @@ def _interpolated(index: Array, column: Array) -> Array:
     return values
 
 
-def _display_times(base: Array, joints: Array, tools: Array) -> Array:
-    """Times at which states are shown (n,) [s]."""
+def _even_times(base: Array, joints: Array, tools: Array) -> Array:
+    """Times (n,) at which base, tool or a joint moves at `SPEED`, whichever moves farther [s]."""
     moves = np.column_stack(
         [
             np.linalg.norm(np.diff(base[:, :2], axis=0), axis=1),
@@ -149,7 +152,8 @@ def turn_quaternions(axis: Array, angles: Array) -> Array:
 
 
 def picture_of_plan(plan: Plan, clock: Array | None = None) -> Picture:
-    """Return the picture of a plan, animated; see `key_frames`."""
+    """Return the picture of a plan, animated by a ``clock`` (n,), by default its `display_times` [s]."""
+    clock = display_times(plan) if clock is None else clock
     world, frames = plan.world, key_frames(plan, clock)
     robot, poses = robot_meshes(world, frames.base[0], frames.joints[0])
     covered = drawn_union([area.admissible for area in plan.areas])
@@ -168,7 +172,7 @@ def picture_of_plan(plan: Plan, clock: Array | None = None) -> Picture:
         camera=camera,
         extent=floor_radius(world, camera),
         tracks=tuple(_extended(track, frames.duration) for track in tracks) if moves else (),
-        timeline=timeline(plan, shown_times(plan, clock)[0]) if moves else None,
+        timeline=timeline(plan, clock) if moves else None,
     )
 
 

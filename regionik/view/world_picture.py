@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -19,10 +18,12 @@ from regionik.postures.poses import pose_of
 from regionik.regions import admissible_area, reach_of
 from regionik.view import triangle_meshes
 from regionik.view.clearance import bodies_around
+from regionik.view.floor_areas import DETAIL, rejected_words, shown_floor
 from regionik.view.picture import Camera, Color, Picture, SceneMesh, camera_for, count_noun
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import planar_pose
 from regionik.worlds.errors import Explanation
+from regionik.worlds.links import BASE
 from regionik.worlds.obstacles import Solid
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, Target, World
@@ -35,11 +36,10 @@ GHOST_WORDS = "robot, where it may stand: the world gives no start"
 _GHOST = 0.35  # opacity of a robot that stands nowhere in particular
 _PLACES, _STEP = 48, 0.3  # places that are tried, and their least distance from the first set-point [m]
 _TALL = 0.6  # obstacles above this height are drawn translucent [m]
-# Floor areas are drawn to this [m], before one is cut from another, so that no gap shows between them.
-DETAIL = 0.002
 _SHAFT = 0.008  # radius of arrows [m]
 _WHEEL = 0.05  # radius of wheels at most [m]
 _POINT_RADII = (0.03, 0.16)  # of the body of a base that is a point [m]
+_SEEN = 0.7  # of the footprint, from which visual surfaces show the whole base
 
 
 def picture_of_world(world: World) -> Picture:
@@ -72,38 +72,9 @@ def world_meshes(world: World, covered: BaseGeometry | None = None) -> list[Scen
     ]
 
 
-def rejected_words(world: World) -> str:
-    """Words for places where the base has no room at any heading."""
-    return "rejected: too close to a solid" + (" or the floor's edge" if ground_of(world).near > 0 else "")
-
-
 def floor_layer(path: str, area: BaseGeometry, color: int, order: int, label: str) -> SceneMesh:
     """A floor area as a flat mesh, in the colour of its swatch but for shadows."""
     return SceneMesh(path, triangle_meshes.floor_mesh(area), color, 1.0, order, label=label)
-
-
-class ShownFloor(NamedTuple):
-    """Disjoint parts of the floor, by places of the arm's axis."""
-
-    free: BaseGeometry  # the footprint has room at every heading
-    turning: BaseGeometry  # it may have room at some
-    rejected: BaseGeometry  # it has none at any heading, for solids or the floor's edge
-
-
-def shown_floor(world: World, detail: float = DETAIL) -> ShownFloor:
-    """The floor in the parts that pictures show, as fine as ``detail`` [m].
-
-    No place in the part that is rejected is one where a plan that holds has its arm's axis: the part is
-    drawn a little too small.
-    """
-    ground, floor = ground_of(world), world.floor.polygon
-    room = ground.outer.free
-    rejected = shapely.simplify(shapely.buffer(floor - room, -detail), detail)
-    turning: BaseGeometry = Polygon()
-    if ground.far > ground.near:
-        turning = shapely.simplify(shapely.buffer(room - ground.inner.free, -detail), detail)
-        turning = shapely.buffer(turning, detail, quad_segs=2) & floor - rejected
-    return ShownFloor(floor - rejected - turning, turning, rejected)
 
 
 def shown_start(world: World, area: BaseGeometry | None = None) -> tuple[Array, Array] | None:
@@ -158,16 +129,29 @@ def robot_meshes(
         node = joint_node(k)
         poses[node.rsplit("/", 1)[0]] = joint.T_parent_joint
         poses[node] = joint.transform(joints[k])
-        links = [triangle_meshes.link_mesh(solid) for solid in robot.solids if solid.link == k]
-        if links:
-            name = f"link that {joint.name} moves"
-            bodies.append(SceneMesh(f"{node}/link", triangle_meshes.merge(links), Color.ARM, name=name))
+        name = f"link that {joint.name} moves"
+        bodies += _link_meshes(f"{node}/link", robot, k, Color.ARM, name)
     last = joint_node(robot.chain.dof - 1)
     poses[f"{last}/tool"] = robot.chain.T_last_tool
     tip = triangle_meshes.capsule(np.zeros(3), np.zeros(3), tool_radius(robot))
     bodies.append(SceneMesh(f"{last}/{TOOL}", tip, Color.PASSED, name="tool point"))
     label, opacity = (GHOST_WORDS, _GHOST) if ghost else ("robot", 1.0)
     return [replace(body, label=label, opacity=opacity) for body in bodies], poses
+
+
+def _link_meshes(path: str, robot: Robot, link: int, color: int, name: str) -> Iterator[SceneMesh]:
+    """What is seen of a link: its visual surfaces, and the solids that these do not stand for."""
+    visuals = [one for one in robot.visuals if one.link == link]
+    hidden = {name for one in visuals for name in one.stands_for}
+    for k, one in enumerate(visuals):
+        mesh = triangle_meshes.split_vertices(
+            triangle_meshes.TriangleMesh(one.vertices, one.faces.astype(np.uint32))
+        )
+        yield SceneMesh(f"{path}/visual {k}", mesh, one.color, name=name)
+    solids = [solid for solid in robot.all_solids if solid.link == link and solid.name not in hidden]
+    if solids:
+        mesh = triangle_meshes.merge([triangle_meshes.link_mesh(solid) for solid in solids])
+        yield SceneMesh(path, mesh, color, name=name)
 
 
 def joint_node(k: int) -> str:
@@ -193,7 +177,11 @@ def _base_meshes(robot: Robot, room: float) -> list[SceneMesh]:
     """Body and wheels within the footprint, the front marked, and solids on it.
 
     A base that is a point in the model is drawn as wide as the ``room`` round it that plans keep free [m].
+    Visual surfaces take the place of all that, where they are not of parts of the base only.
     """
+    seen = list(_link_meshes("robot/seen", robot, BASE, Color.ROBOT, "base"))
+    if _is_seen_whole(robot):
+        return seen
     outline, top = shapely.convex_hull(shapely.MultiPoint(robot.footprint)), robot.body_height
     name = "base"
     if len(robot.footprint) == 1:
@@ -206,18 +194,23 @@ def _base_meshes(robot: Robot, room: float) -> list[SceneMesh]:
     mark = Polygon(
         [(front, middle), (front - 1.5 * size, middle + size), (front - 1.5 * size, middle - size)]
     )
-    mast = [triangle_meshes.link_mesh(solid) for solid in robot.base_solids]
     parts = {
         "base": (triangle_meshes.extrude(outline, wheel, top), Color.ROBOT),
         "wheels": (triangle_meshes.merge(list(_wheels(outline, wheel))), Color.WHEEL),
         "front": (triangle_meshes.extrude(mark & outline, top, top + 0.004), Color.HEADING),
-        "mast": (triangle_meshes.merge(mast), Color.ROBOT),
     }
-    return [
-        SceneMesh(f"robot/{part}", mesh, color, name=name)
-        for part, (mesh, color) in parts.items()
-        if len(mesh.faces)
-    ]
+    made = (SceneMesh(f"robot/{part}", mesh, color, name=name) for part, (mesh, color) in parts.items())
+    return [*(one for one in made if len(one.mesh.faces)), *seen]
+
+
+def _is_seen_whole(robot: Robot) -> bool:
+    """True where visual surfaces of the base cover most of its footprint."""
+    corners = [one.vertices[:, :2] for one in robot.visuals if one.link == BASE]
+    if not corners:
+        return False
+    outline = shapely.convex_hull(shapely.MultiPoint(robot.footprint))
+    seen = shapely.convex_hull(shapely.MultiPoint(np.concatenate(corners)))
+    return bool((seen & outline).area >= _SEEN * outline.area)
 
 
 def _wheels(outline: Polygon, radius: float) -> Iterator[triangle_meshes.TriangleMesh]:

@@ -1,10 +1,13 @@
-"""The solids of a robot in a world file: their grammar, reading and writing."""
+"""The solids and visual surfaces of a robot in a world file: their grammar, reading and writing."""
 
 from __future__ import annotations
 
+import base64
+from contextlib import suppress
 from typing import Annotated, Any
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Discriminator, Field, Tag
 
 from regionik.worlds.arrays import Array
@@ -12,6 +15,9 @@ from regionik.worlds.chain import check_rotation, pose
 from regionik.worlds.errors import InputError, located
 from regionik.worlds.links import BASE, HULL_LIMIT, LinkBox, LinkCapsule, LinkHull, LinkSolid
 from regionik.worlds.readers.validation import Matrix4, OneLine, Positive, Size3, Strict, Vec3
+from regionik.worlds.visual_surfaces import VisualSurface
+
+Packed = Annotated[str, Field(max_length=2**22)]  # base 64
 
 
 class _Named(Strict):
@@ -127,6 +133,37 @@ ToolSolidPart = Annotated[
         " or size, position, rpy (a box)",
     ),
 ]
+
+
+class VisualPart(_OnLink):
+    """A coloured surface, which pictures show."""
+
+    color: Annotated[int, Field(ge=0, le=0xFFFFFF)] = Field(description="red, green and blue, a byte each")
+    vertices: Packed = Field(description="x, y, z of each vertex in the link's frame [m], floats of 4 bytes")
+    faces: Packed = Field(description="vertices of each triangle, whole numbers of 4 bytes")
+
+    stands_for: list[OneLine] = Field(default=[], description="solids that are not shown beside it")
+
+    def surface(self) -> VisualSurface:
+        vertices, faces = _unpacked(self.vertices, "<f4", "vertices"), _unpacked(self.faces, "<u4", "faces")
+        return VisualSurface(self.link, self.color, vertices, faces, tuple(self.stands_for))
+
+
+def _unpacked(text: str, kind: str, what: str) -> NDArray[Any]:
+    """Return rows of three numbers from their bytes in base 64."""
+    with suppress(ValueError):
+        return np.frombuffer(base64.b64decode(text, validate=True), kind).reshape(-1, 3)
+    raise InputError(f"{what}: expected rows of three numbers, 12 bytes each, in base 64")
+
+
+def visual_document(surface: VisualSurface) -> dict[str, Any]:
+    """Return plain values from which the surface is read, its vertices rounded to single precision."""
+    packed = {
+        key: base64.b64encode(values.astype(kind).tobytes()).decode("ascii")
+        for key, values, kind in (("vertices", surface.vertices, "<f4"), ("faces", surface.faces, "<u4"))
+    }
+    names = {"stands_for": list(surface.stands_for)} if surface.stands_for else {}
+    return {"link": surface.link, "color": surface.color, **packed, **names}
 
 
 def matrix(rows: list[list[float]], what: str) -> Array:

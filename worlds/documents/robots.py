@@ -12,7 +12,14 @@ from pydantic import Discriminator, Field, Tag
 
 from regionik.worlds.bundled import robot_named, robot_names
 from regionik.worlds.chain import Chain, Joint, pose
-from regionik.worlds.documents.robot_solids import LinkSolidPart, ToolSolidPart, matrix, solid_document
+from regionik.worlds.documents.robot_solids import (
+    LinkSolidPart,
+    ToolSolidPart,
+    VisualPart,
+    matrix,
+    solid_document,
+    visual_document,
+)
 from regionik.worlds.drives import BaseKind
 from regionik.worlds.errors import InputError, located
 from regionik.worlds.links import BASE, LINK_RADIUS, LinkMass, LinkSolid, capsules_along
@@ -32,6 +39,7 @@ from regionik.worlds.robot import BODY_HEIGHT, Robot, Tool, check_turning_radius
 from regionik.worlds.self_collision import base_name
 from regionik.worlds.urdf.elements import join_names
 from regionik.worlds.urdf.loader import load_robot
+from regionik.worlds.visual_surfaces import VisualSurface
 
 DhRow = Annotated[
     list[float | None],
@@ -94,6 +102,9 @@ class _OwnRobot(_WithMasses):
     link_radius: Positive = LINK_RADIUS
     solids: list[LinkSolidPart] | None = None
     unchecked: list[Names] = Field(default=[])
+    visuals: list[VisualPart] = Field(
+        default=[], description="what pictures show of links, else their solids"
+    )
     carry: list[float] | None = None
     limits: Literal["ignore"] | None = None
 
@@ -230,7 +241,16 @@ def _own_robot(part: DhRobot | ChainRobot) -> Robot:
         turning_radius=part.turning_radius,
         gauge=part.gauge,
         base_solids=tuple(solid for solid in solids if solid.link == BASE),
+        visuals=_visuals(part),
     )
+
+
+def _visuals(part: DhRobot | ChainRobot) -> tuple[VisualSurface, ...]:
+    found = []
+    for k, one in enumerate(part.visuals):
+        with located("", f"visuals[{k}]."):
+            found.append(one.surface())
+    return tuple(found)
 
 
 def _with_tool(robot: Robot, part: ToolPart | None) -> Robot:
@@ -308,6 +328,8 @@ def _full_robot(robot: Robot) -> dict[str, Any]:
     document |= _link_solids(robot)
     if robot.unchecked:
         document["unchecked"] = [list(names) for names in robot.unchecked]
+    if robot.visuals:
+        document["visuals"] = [visual_document(surface) for surface in robot.visuals]
     if robot.masses:
         document["masses"] = [
             {"link": one.link, "mass": float(one.mass), "center": one.center.tolist()} for one in robot.masses

@@ -200,11 +200,14 @@ def _careful_rows(
 
 
 def _row(cells: list[str], where: str) -> list[float]:
+    valid = " or ".join(",".join(names) for names in COLUMNS.values())
     if len(cells) not in COLUMNS:
-        valid = " or ".join(",".join(names) for names in COLUMNS.values())
         raise InputError(f"{where}: expected {valid}, got {len(cells)} columns")
+    names = COLUMNS[len(cells)]
+    if sorted(cells) == sorted(names) and tuple(cells) != names:
+        raise InputError(f"{where}: expected the columns {valid} in this order, got {','.join(cells)}")
     values = []
-    for name, cell in zip(COLUMNS[len(cells)], cells, strict=True):
+    for name, cell in zip(names, cells, strict=True):
         try:
             value = float(cell)
         except ValueError:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import re
 import shlex
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from math import inf, isfinite
 from pathlib import Path
@@ -38,7 +39,7 @@ _SIZES: dict[ShapeKind, tuple[str, ...]] = {
 
 @dataclass(frozen=True, eq=False)
 class CollisionShape:
-    """A collision element of a link."""
+    """A collision or visual element of a link."""
 
     kind: ShapeKind
     T_link_shape: Array  # (4, 4)
@@ -74,6 +75,8 @@ class UrdfModel:
     name: str  # of the robot
     links: dict[str, tuple[CollisionShape, ...]]  # collision shapes of each link, by its name
     joints: tuple[UrdfJoint, ...]  # in the order of the file; each name and each child once, every link known
+    # what is seen of each link, with its colour where the file gives one (0xRRGGBB)
+    visuals: dict[str, tuple[tuple[CollisionShape, int | None], ...]]
     # mass [kg] and its centre (3,) [m] of each link that has any, by its name
     inertials: dict[str, tuple[float, Array]]
 
@@ -134,6 +137,8 @@ def _model(root: Element, path: Path) -> UrdfModel:
     name = name_of(root, "robot")
     links: dict[str, tuple[CollisionShape, ...]] = {}
     inertials: dict[str, tuple[float, Array]] = {}
+    visuals: dict[str, tuple[tuple[CollisionShape, int | None], ...]] = {}
+    palette = _palette(root.all("material"))
     for element in root.all("link"):
         link = name_of(element, "link")
         place = f"line {element.line}: link {link}"
@@ -141,6 +146,7 @@ def _model(root: Element, path: Path) -> UrdfModel:
             raise InputError(f"{place}: this name is given twice")
         shapes = (_shape(solid, link) for solid in element.all("collision"))
         links[link] = tuple(shape for shape in shapes if shape is not None)
+        visuals[link] = tuple(_visuals(element, link, palette))
         inertial = _inertial(element.first("inertial"), link)
         if inertial is not None:
             inertials[link] = inertial
@@ -150,7 +156,32 @@ def _model(root: Element, path: Path) -> UrdfModel:
         raise InputError(f"expected at most {SOLID_LIMIT} collision elements")
     joints = tuple(_joint(element) for element in root.all("joint"))
     _check_joints(joints, links)
-    return UrdfModel(path, name, links, joints, inertials)
+    return UrdfModel(path, name, links, joints, visuals, inertials)
+
+
+def _visuals(
+    link: Element, name: str, palette: dict[str, int]
+) -> Iterator[tuple[CollisionShape, int | None]]:
+    """Yield what is seen of a link and can be read: pictures do without the rest."""
+    for element in link.all("visual"):
+        material = next(element.all("material"), None)
+        named = {} if material is None else {**palette, **_palette([material])}
+        with suppress(InputError):
+            shape = _shape(element, name)
+            if shape is not None:
+                yield shape, named.get("" if material is None else material.attributes.get("name", ""))
+
+
+def _palette(materials: Iterable[Element]) -> dict[str, int]:
+    """Return the colour of each material that gives one, by its name."""
+    found = {}
+    for material in materials:
+        with suppress(InputError):
+            color = _numbers(material.first("color"), "rgba", "", (-1.0, 0.0, 0.0, 0.0))
+            if color[0] >= 0:
+                red, green, blue = (np.clip(color[:3], 0, 1) * 255).round().astype(int).tolist()
+                found[material.attributes.get("name", "")] = red << 16 | green << 8 | blue
+    return found
 
 
 def _check_joints(joints: tuple[UrdfJoint, ...], links: dict[str, tuple[CollisionShape, ...]]) -> None:

@@ -49,6 +49,7 @@ class LinkPlacement:
     """All links, each with what it moves with."""
 
     links: tuple[PlacedLink, ...]
+    seen: tuple[PlacedLink, ...]  # links behind the joints left out: pictures alone show them
     # joints of the base that the arm has not, whose links with solids are not placed
     left_out: tuple[str, ...]
     # joints that mimic one of the arm's and are taken to stand still, with solids behind them
@@ -150,8 +151,14 @@ def place_links(model: UrdfModel, path: KinematicPath, T_base_root: Array) -> Li
             copies += [joint] if joint.mimic in chain else []
             T = link.T_owner_link @ joint.T_parent_joint @ _at_rest(joint)
             stack.append(PlacedLink(joint.child, link.owner, T))
+    where = {link.name: link for link in placed}
+    seen: list[PlacedLink] = []
+    for joint in (part for first in left_out for part in _subtree(first, below)):
+        T = where[joint.parent].T_owner_link @ joint.T_parent_joint @ _at_rest(joint)
+        where[joint.child] = PlacedLink(joint.child, BASE, T)
+        seen.append(where[joint.child])
     solid = [[j.name for j in joints if _has_shapes(model, j, below)] for joints in (left_out, copies)]
-    return LinkPlacement(tuple(placed), tuple(solid[0]), tuple(solid[1]))
+    return LinkPlacement(tuple(placed), tuple(seen), tuple(solid[0]), tuple(solid[1]))
 
 
 def link_masses(model: UrdfModel, placement: LinkPlacement) -> tuple[LinkMass, ...]:

@@ -29,7 +29,7 @@ from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.bundled import robot_named, robot_names
 from regionik.worlds.chain import Chain, planar_pose
 from regionik.worlds.drives import BaseKind, drive_of
-from regionik.worlds.errors import InputError, located, located_error, suggestion
+from regionik.worlds.errors import InputError, RobotNote, located, located_error, suggestion
 from regionik.worlds.links import BASE
 from regionik.worlds.readers.text import is_file_name
 from regionik.worlds.readers.validation import LARGEST
@@ -47,6 +47,7 @@ from regionik.worlds.urdf.kinematic_tree import (
     place_links,
 )
 from regionik.worlds.urdf.srdf import NO_SEMANTICS, SemanticModel, read_srdf, srdf_beside
+from regionik.worlds.urdf.visuals import visual_surfaces
 
 _UPRIGHT = 1e-9
 DEEP_TIP = 1e-3  # of the tool point in its own link, from which on it is told [m]
@@ -107,7 +108,7 @@ def load_robot(
 
     Warns
     -----
-    UserWarning
+    RobotNote
         Where a capsule replaces a mesh, and where links are left out.
 
     Examples
@@ -192,7 +193,8 @@ def _from_urdf(
     notes = [*body.notes, *_notes(placement, measured)]
     with located(model.where, ""):
         robot = _robot(model, mount, chain, body, given)
-    robot = replace(robot, masses=link_masses(model, placement))
+    seen = visual_surfaces(model, (*placement.links, *placement.seen), (*body.parts, *body.base.parts))
+    robot = replace(robot, masses=link_masses(model, placement), visuals=seen)
     if given.tool is not None:
         robot = with_tool(robot, given.tool)
         body = replace(body, parts=(*body.parts, *map(solid_part, robot.solids[len(body.parts) :])))
@@ -201,7 +203,7 @@ def _from_urdf(
         robot = replace(robot, unchecked=tuple(known))
         robot, touching = _at_rest(robot, body, semantics, given.carry)
     for note in (*notes, *_tip_notes(robot), *touching):
-        warnings.warn(f"{model.where}: {note}", stacklevel=3)
+        warnings.warn(f"{model.where}: {note}", RobotNote, stacklevel=3)
     return robot
 
 

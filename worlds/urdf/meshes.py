@@ -11,7 +11,8 @@ import numpy as np
 
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError, located_error
-from regionik.worlds.readers.meshes import COLLADA, read_mesh, read_points
+from regionik.worlds.readers.collada import COLLADA, Surface, read_points, read_surfaces
+from regionik.worlds.readers.meshes import read_mesh
 from regionik.worlds.readers.validation import LARGEST
 from regionik.worlds.urdf.bounding import convex_hull, hull_triangles, outer_hull
 from regionik.worlds.urdf.elements import CollisionShape
@@ -58,6 +59,24 @@ class MeshFiles:
             return surface
         scaled: Array = surface * np.array(shape.size)
         return scaled if np.abs(scaled).max() <= LARGEST else _TOO_LARGE
+
+    def colored(self, shape: CollisionShape) -> list[Surface]:
+        """Return the triangles of a mesh by their colours, in the shape's frame [m].
+
+        Raises
+        ------
+        InputError
+            When there is no such file, or it cannot be read.
+        """
+        found = self._find(shape)
+        if isinstance(found, str):
+            raise located_error(str(self.path), shape.place, found)
+        if found.suffix.lower() == COLLADA:
+            pieces = read_surfaces(found)
+        else:
+            points, faces = read_mesh(found)
+            pieces = [Surface(points[faces], None)]
+        return [Surface(one.triangles * np.array(shape.size), one.color) for one in pieces]
 
     def _find(self, shape: CollisionShape) -> Path | str:
         folder = Path(os.path.realpath(self.path)).parent
