@@ -106,11 +106,14 @@ class _HeldSpeed:
         ]
 
     def _stop_within(self, start: int, end: int) -> str:
-        """Where a slow part of the path is: at an "end" of it, at a "corner", or along the "path"."""
-        for name, times in (("end", self._ends), ("corner", self._at_corners)):
-            if _nearest(self._way_at(times), self._way[start : end + 1]).min() <= self._braking:
-                return name
-        return "path"
+        """Where a slow part is: near an "end" of the path, near a "corner", or on the "path" besides."""
+        rows = slice(start, end + 1)
+        if self._from_stops[rows].max() > self._braking:
+            return "path"
+        ends, corners = (
+            _nearest(self._way_at(one), self._way[rows]) for one in (self._ends, self._at_corners)
+        )
+        return "end" if ends.min() <= corners.min() else "corner"
 
     @cached_property
     def _from_stops(self) -> Array:
