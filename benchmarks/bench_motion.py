@@ -1,10 +1,11 @@
 """Motion worth driving: bundled worlds timed with the tool at an asked speed, as found and smoothed.
 
-Printed for each: the time with the tool at 0.2 m/s against that of the path at this speed, and the share of
-time on the path at which the tool has it (to 1 in 100); both again with limits of jerk, and with jerk and
-corners cut by 1 mm; the time without a tool speed, and its ratio to a time that nothing can beat; how much
-the base's path turns and where by more than 20 degrees, how much the joints move, the least spare
-clearance, and the time of planning.
+Printed for each: the time with the tool at 0.2 m/s against that of the path at this speed, the share of time
+on the path at which the tool has it (to 1 in 100), and the same away from the path's ends and sharp corners;
+all again with limits of jerk, and with jerk and corners cut by 1 mm; the time without a tool speed, and its
+ratio to a time that nothing can beat; how much the base's path turns and where by more than 20 degrees, how
+much the joints move, the least spare clearance, and the time of planning. Below that, for the smooth motion
+with limits of jerk: where the robot's limits keep the tool from its speed, and how many corners the path has.
 
 The lower bound is the larger of two. The arm's axis has to come from where it starts into the outer area of
 every set-point, in their order: on a way at least as long as the distances between the areas of any of
@@ -49,6 +50,7 @@ SMOOTH = replace(ASKED, base_jerk=10.0, turn_jerk=30.0, joint_jerk=30.0)
 CUT = 1e-3  # of the corners of the tool's path, where there is more room than by default [m]
 WORLDS = ("free", "pillar", "slab", "wall", "l_shape", "shelf", "pipe", "depot")
 CORNER, MOVED = math.radians(20), 1e-4
+SHOWN = 5  # places where the tool is slower
 
 
 def turns(base: Array) -> Array:
@@ -105,34 +107,48 @@ def least_time(plan: Plan) -> float:
 
 
 def held(timed: Plan, ideal: float) -> str:
-    """Time against the ideal one, and the share of time at which the tool has its speed."""
-    return f"{timed.motion.time[-1] / ideal:6.2f} {timed.stats['timing']['tool']['held']:5.0%}"
+    """Time against the ideal one, and the shares of time at which the tool has its speed."""
+    tool = timed.stats["timing"]["tool"]
+    return f"{timed.motion.time[-1] / ideal:6.2f} {tool['held']:5.0%} {tool['held_elsewhere']:5.0%}"
 
 
-def line(name: str, smooth: bool) -> str:
+def slow_places(timed: Plan) -> list[str]:
+    """Lines on where the robot's own limits keep the tool from its speed, the longest first."""
+    tool = timed.stats["timing"]["tool"]
+    own = [place for place in tool["places"] if place["at"] == "path"]
+    lines = [
+        f"         {place['to'] - place['from']:5.2f} s about set-point {place['setpoint'] + 1:3}: "
+        f"down to {place['least']:.3f} m/s, {place['by']}"
+        for place in own[:SHOWN]
+    ]
+    return [*lines, f"         {len(tool['corners'])} corners of the path sharper than the blend"]
+
+
+def lines(name: str, smooth: bool) -> list[str]:
     plan, spent = planned(name, smooth)
     ideal, turned = length_of_path(plan) / TOOL, turns(plan.motion.base)
     timed, free = retime(plan, ASKED), retime(plan, ROBOT)
-    jerks = [held(retime(plan, SMOOTH), ideal), held(retime(plan, SMOOTH, blend=CUT), ideal)]
-    return (
+    jerks = [retime(plan, SMOOTH), retime(plan, SMOOTH, blend=CUT)]
+    figures = (
         f"{name:8} {'smooth' if smooth else 'found':7} {plan.lift_offs:5} {timed.motion.time[-1]:7.1f} "
-        f"{held(timed, ideal)} {' '.join(jerks)} {free.motion.time[-1]:7.1f} "
+        f"{held(timed, ideal)} {' '.join(held(one, ideal) for one in jerks)} {free.motion.time[-1]:7.1f} "
         f"{free.motion.time[-1] / least_time(plan):6.2f} {turned.sum():7.1f} "
         f"{(turned > CORNER).sum():7} {np.abs(np.diff(plan.motion.joints, axis=0)).sum():7.1f} "
         f"{plan.stats['margins'].get('clearance', np.inf):8.4f} {spent:6.2f}"
     )
+    return [figures, *(slow_places(jerks[0]) if smooth else [])]
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("worlds", nargs="*", default=WORLDS)
     print(
-        "world    motion  lifts time[s]  ratio  held   jerk  held  + 1mm held  free[s] bound* "
-        " turned corners  joints   margin plan[s]"
+        "world    motion  lifts time[s]  ratio  held  away   jerk  held  away  + 1mm held  away  free[s] "
+        "bound*  turned corners  joints   margin plan[s]"
     )
     for name in parser.parse_args().worlds:
         for smooth in (False, True):
-            print(line(name, smooth), flush=True)
+            print("\n".join(lines(name, smooth)), flush=True)
 
 
 if __name__ == "__main__":

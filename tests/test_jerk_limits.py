@@ -181,11 +181,11 @@ def test_a_bundled_plan_holds_near_its_path_and_reads_back(tmp_path: pytest.Temp
     assert np.array_equal(trajectory(load_plan(path)).sample(time).joints, spline.sample(time).joints)
 
 
-def test_jerk_costs_little_where_the_blend_has_room_for_it() -> None:
-    """Corners of the tool's path cost the more the less they may be cut."""
+def test_corners_rounded_as_the_blend_allows_win_more_than_limited_jerk_costs() -> None:
+    """Without limits of jerk the path passes every state of the plan."""
     jerks = {"base_jerk": 10.0, "turn_jerk": 30.0, "joint_jerk": 30.0}
-    smooth, rough = (retime(planned("l_shape"), Speeds(**one), blend=1e-3) for one in (jerks, {}))
-    assert rough.motion.time[-1] < smooth.motion.time[-1] < 1.15 * rough.motion.time[-1]
+    rounded, passing = (retime(planned("l_shape"), Speeds(**one), blend=1e-3) for one in (jerks, {}))
+    assert rounded.motion.time[-1] < passing.motion.time[-1]
 
 
 def test_limits_in_world_files(tmp_path: pytest.TempPathFactory) -> None:

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from threading import Event
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -39,12 +39,14 @@ if TYPE_CHECKING:
     from regionik.values import Plan
     from regionik.worlds.scene import World
 
+
 EXPORT_FORMATS = ("csv", "ros2", "joint-trajectory", "path", "ros2-folder", "geojson", "urdf")
 PICTURES = (".svg", ".png")
 PLANS = (".json",)
 VIEWS = (".html", ".gif", ".mp4")
 _NOTHING = "nothing is written"
 _LARGE = 3.0  # size of a page or a film that is told [MB]
+SLOW_PLACES, SHORT = 3, 0.02  # of a tool path, that are printed; those are not that are shorter [s]
 
 
 def list_worlds(as_json: AsJson = False) -> None:
@@ -142,6 +144,9 @@ def retime_plan(
     joints: Annotated[float | None, typer.Option("--joint-speed", help="Of each joint [rad/s].")] = None,
     wheels: Annotated[float | None, typer.Option("--wheel-speed", help="Of either wheel [m/s].")] = None,
     tool: Annotated[float | None, typer.Option("--tool-speed", help="Of the tool at work [m/s].")] = None,
+    base_jerk: Annotated[float | None, typer.Option("--base-jerk", help="Of the base [m/s3].")] = None,
+    turn_jerk: Annotated[float | None, typer.Option("--turn-jerk", help="Of its heading [rad/s3].")] = None,
+    joint_jerk: Annotated[float | None, typer.Option("--joint-jerk", help="Of each joint [rad/s3].")] = None,
     blend: Annotated[float | None, typer.Option("--blend", help="How far corners are cut [m].")] = None,
     hold: Annotated[bool, typer.Option("--hold", help="Refuse a tool speed that cannot be held.")] = False,
 ) -> None:
@@ -156,18 +161,32 @@ def retime_plan(
         from regionik.worlds.speeds import Speeds
 
         options = {
-            "base_velocity": base, "joint_velocity": joints, "wheel_velocity": wheels, "tool_velocity": tool
+            "base_velocity": base, "joint_velocity": joints, "wheel_velocity": wheels, "tool_velocity": tool,
+            "base_jerk": base_jerk, "turn_jerk": turn_jerk, "joint_jerk": joint_jerk,
         }  # fmt: skip
         given = {key: value for key, value in options.items() if value is not None}
         speeds = replace(found.world.speeds or Speeds(), **given)
         timed = retime(found, speeds, blend=BLEND if blend is None else blend, hold=hold)
     timed.save(output)
-    timing = timed.stats["timing"]
-    print_message(f"{timed.world.name}: {timing['duration']:.2f} s, {len(timed.motion)} states")
-    if "tool" in timing:
-        speed, share = timing["tool"]["asked"], timing["tool"]["held"]
-        print_message(f"  the tool holds {speed:g} m/s for {share:.0%} of its time on the path")
+    print_message(f"{timed.world.name}: {timed.motion.time[-1]:.2f} s, {len(timed.motion)} states")
+    if "tool" in timed.stats["timing"]:
+        _print_held_speed(timed.stats["timing"]["tool"])
     print_message(f"wrote {output}")
+
+
+def _print_held_speed(tool: dict[str, Any]) -> None:
+    """Print for what share of its time the tool holds its speed, and what keeps it from it where."""
+    print_message(f"  the tool holds {tool['asked']:g} m/s for {tool['held']:.0%} of its time on the path")
+    corners = len(tool["corners"])
+    beside = f"its ends and {corners} sharp corner{'s'[: corners != 1]}" if corners else "its ends"
+    print_message(f"  and for {tool['held_elsewhere']:.0%} away from {beside}")
+    long = [one for one in tool["places"] if one["at"] == "path" and one["to"] - one["from"] > SHORT]
+    for place in long[:SLOW_PLACES]:
+        limit = place["by"].replace("_", " ", 1)
+        print_message(
+            f"  down to {place['least']:.3g} m/s from {place['from']:.2f} to {place['to']:.2f} s, "
+            f"at set-point {place['setpoint'] + 1}: {limit}"
+        )
 
 
 def export_plan(

@@ -2,7 +2,8 @@
 
 The average of a path position over a window as long as a limited jerk needs to build up the acceleration has
 the same velocities, and accelerations without jumps. What this or the path's own bends exceed is made slower
-where it does, by tightening the limits of the time-optimal timing there.
+where it does, by tightening the limits of the time-optimal timing there, and what little is left by
+stretching time there.
 Source: Biagiotti and Melchiorri, FIR filters for online trajectory planning with time- and frequency-domain
 specifications (Control Engineering Practice 2012), sections 2 and 3.
 """
@@ -14,17 +15,22 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
 from regionik.timing.inserted_states import with_states
-from regionik.timing.limits import MotionLimits, segments_on_path
+from regionik.timing.limits import MotionLimits, segments_on_path, tool_velocity
 from regionik.timing.parametrization import fastest_rates, path_of, steering_pauses, timed_path
 from regionik.timing.smooth_path import SmoothPath
 from regionik.timing.time_spline import time_spline
+from regionik.timing.timing_figures import HELD
 from regionik.values import Motion
 from regionik.worlds.arrays import Array, Index
 
-ROUNDS = 12  # of tightening limits
-EXCESS = 1e-3  # by which limits may be exceeded, before the whole motion is slowed
+ROUNDS, PATIENCE = 12, 6  # of tightening limits: at most, and without gain
+EXCESS = 1e-3  # by which limits may be exceeded, before time is stretched
+STRETCHES, SPARE = 8, 1e-4  # of time where limits are still exceeded, and by how much more
+SLOWEST = 0.1  # least time over which such a stretch sets in, but for two ramps [s]
+STEPS = 20  # in that time, at which stretches are laid out
 PERIOD = 0.1  # between knots, at most [s]
 HALVINGS = 6  # of the time between states, until the splines keep to the path
 BISECTIONS = 50  # for the time at which a state is passed
@@ -44,16 +50,19 @@ def jerk_limited_motion(limits: MotionLimits, fine: Motion, blend: float) -> Mot
         states that are found [m].
     """
     path, factor = timed_path(limits, fine), np.ones(len(fine) - 1)
-    best, shortest = fine, np.inf
-    for _ in range(ROUNDS):
+    best, least, found = fine, np.inf, 0
+    for k in range(ROUNDS):
         position, rate = fastest_rates(limits, fine, 0, factor)
         timed, places = _resampled(limits, fine, _TimeLaw(path, rate, limits.ramp), blend)
         excess = np.maximum(_excess(limits, timed), 1.0)
-        duration = float(timed.time[-1] * np.sqrt(excess.max(initial=1.0)))
-        best, shortest = (timed, duration) if duration < shortest else (best, shortest)
-        if excess.max(initial=1.0) <= 1 + EXCESS:
+        slower = stretched(limits, timed, np.sqrt(excess))
+        lost = float(slower.time[-1]) + _time_below(limits, slower)
+        if lost < least:
+            best, least, found = slower, lost, k
+        if excess.max(initial=1.0) <= 1 + EXCESS or k >= found + PATIENCE:
             break
         factor *= _on_segments(position, places, excess)
+    best = _within_limits(limits, best)
     timed = best if limits.robot.drive.rolls else _densely(limits, best, blend)
     turned = path_of(limits.robot, timed).steering
     pauses = steering_pauses(turned, np.diff(timed.time), limits.speeds.steering_velocity)
@@ -227,6 +236,42 @@ def _excess(limits: MotionLimits, timed: Motion) -> Array:
         factor = limits.slowdown(q, velocity, acceleration, on_path[spline.segments], jerk)
         np.maximum.at(excess, spline.segments, factor**2)
     return excess
+
+
+def _within_limits(limits: MotionLimits, timed: Motion) -> Motion:
+    """The same motion slower about segments that exceed a limit, the more the more they do."""
+    for _ in range(STRETCHES):
+        factor = np.sqrt(_excess(limits, timed))
+        if factor.max(initial=1.0) <= 1.0:
+            break
+        timed = stretched(limits, timed, factor)
+    return timed
+
+
+def stretched(limits: MotionLimits, timed: Motion, factor: Array) -> Motion:
+    """Motion by a time that passes slower by factors above 1 on segments (n - 1,), and little less beside."""
+    step, beside = max(2 * limits.ramp, SLOWEST) / STEPS, STEPS + 1
+    instants = np.arange(0.0, timed.time[-1] + step, step)
+    first, end = (np.floor(timed.time / step).astype(np.int64) + shift for shift in (0, 1))
+    needed, factor = np.ones(len(instants)), factor * (1 + SPARE)
+    for k in np.flatnonzero(factor > 1 + SPARE).tolist():
+        rows = slice(first[k], end[k + 1] + 1)
+        needed[rows] = np.maximum(needed[rows], factor[k])
+    rate = maximum_filter1d(needed, 2 * beside - 1)  # as wide as both means together
+    rate = uniform_filter1d(uniform_filter1d(rate, beside), beside)
+    later = np.concatenate([[0.0], np.cumsum((rate[1:] + rate[:-1]) / 2 * step)])
+    return replace(timed, time=np.interp(timed.time, instants, later))
+
+
+def _time_below(limits: MotionLimits, timed: Motion) -> float:
+    """Time on the path for which the tool has not the asked speed; 0 where none is asked [s]."""
+    if limits.speeds.tool_velocity is None:
+        return 0.0
+    span = np.diff(timed.time)
+    spline = time_spline(path_of(limits.robot, timed), timed.time)
+    q, velocity, *_ = spline.evaluate(timed.time[:-1] + span / 2)
+    speed = np.linalg.norm(tool_velocity(limits.robot, q, velocity), axis=1)
+    return float(span @ (segments_on_path(timed) & (speed < HELD * limits.speeds.tool_velocity)))
 
 
 def _on_segments(position: Array, places: Array, values: Array) -> Array:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,8 +21,6 @@ Mask = NDArray[np.bool_]
 RATE = 1000.0  # at which limits are checked [Hz]
 SHARES = (0.0, 0.25, 0.5, 0.75, 1 - 1e-6)  # of each segment, at which they are checked too
 CHUNK = 50_000  # of these instants at a time
-HELD = 0.99  # share of the asked tool speed from which it counts as held
-MAX_PLACES = 20  # where it is not, that are reported
 ROOTS = {"velocity": 1.0, "acceleration": 1 / 2, "jerk": 1 / 3}  # by which time stretches with a share
 AT_REST = 1e-6  # tool speed below which the tool stays at a set-point [m/s]
 
@@ -210,36 +207,19 @@ def tool_velocity(robot: Robot, q: Array, velocity: Array) -> Array:
     return found
 
 
-def largest_slowdown(limits: MotionLimits, motion: Motion) -> float:
-    """Factor by which a motion must be slower to keep all limits.
+def slowdowns(limits: MotionLimits, motion: Motion) -> Array:
+    """Factors by which each segment of a motion must be slower to keep all limits, (n - 1,).
 
     At a thousand instants a second, and at some of each segment, as many are shorter.
     """
-    span = np.diff(motion.time)
+    span, found = np.diff(motion.time), np.zeros(max(len(motion) - 1, 1))
     within = [motion.time[:-1] + share * span for share in SHARES]
-    times = np.sort(np.concatenate([_instants(motion), *within]))
-    sampled = _sampled(limits, motion, times)
-    factors = (float(limits.slowdown(*one.columns, on, jerk).max()) for one, on, jerk in sampled)
-    return max(factors, default=1.0)
-
-
-def timing_figures(limits: MotionLimits, motion: Motion, blend: float) -> dict[str, Any]:
-    """Plain numbers about a timing, for ``Plan.stats``."""
-    used: dict[str, float] = {}
-    time: list[Array] = []
-    speed: list[Array] = []
-    asked = limits.speeds.tool_velocity
-    for sample, on_path, jerk in _sampled(limits, motion, _instants(motion)):
-        q, velocity, _ = sample.columns
-        usage = limits.usage(*sample.columns, on_path, jerk)
-        used = {name: max(used.get(name, 0.0), float(share.max())) for name, share in usage.items()}
-        if asked is not None:
-            time.append(sample.time[on_path])
-            speed.append(np.linalg.norm(tool_velocity(limits.robot, q[on_path], velocity[on_path]), axis=1))
-    figures: dict[str, Any] = {"duration": float(motion.time[-1]), "blend": blend, "used": used}
-    if asked is not None:
-        figures["tool"] = _held_speed(limits, motion, asked, np.concatenate(time), np.concatenate(speed))
-    return figures
+    times = np.sort(np.concatenate([instants(motion), *within]))
+    for sample, on_path, jerk in sampled(limits, motion, times):
+        segment = np.searchsorted(motion.time, sample.time, side="right") - 1
+        factor = limits.slowdown(*sample.columns, on_path, jerk)
+        np.maximum.at(found, np.minimum(segment, len(found) - 1), factor)
+    return found
 
 
 def check_tool_speed(limits: MotionLimits, motion: Motion) -> None:
@@ -253,7 +233,7 @@ def check_tool_speed(limits: MotionLimits, motion: Motion) -> None:
     asked = limits.speeds.tool_velocity
     if asked is None:
         raise InputError("hold: expected a tool speed to hold; give tool_velocity")
-    for sample, on_path, _ in _sampled(limits, motion, _instants(motion)):
+    for sample, on_path, _ in sampled(limits, motion, instants(motion)):
         q, velocity, _ = sample.columns
         speed = np.linalg.norm(tool_velocity(limits.robot, q, velocity), axis=1)
         moves = on_path & (speed > AT_REST)
@@ -268,12 +248,12 @@ def check_tool_speed(limits: MotionLimits, motion: Motion) -> None:
             )
 
 
-def _instants(motion: Motion) -> Array:
+def instants(motion: Motion) -> Array:
     """A thousand instants a second, and the end [s]."""
     return np.append(np.arange(0.0, motion.time[-1], 1 / RATE), motion.time[-1])
 
 
-def _sampled(
+def sampled(
     limits: MotionLimits, motion: Motion, times: Array
 ) -> Iterator[tuple[TrajectorySample, Mask, Array | None]]:
     """The motion at instants, chunk by chunk, where the tool is on its path, and jerk where it is limited."""
@@ -282,23 +262,3 @@ def _sampled(
     for some in np.array_split(times, 1 + len(times) // CHUNK):
         segment = np.searchsorted(motion.time, some, side="right") - 1
         yield trajectory.sample(some), on_path[np.clip(segment, 0, len(on_path) - 1)], trajectory.jerk(some)
-
-
-def _held_speed(
-    limits: MotionLimits, motion: Motion, asked: float, time: Array, speed: Array
-) -> dict[str, Any]:
-    """Share of its time on the path at which the tool holds a speed, and what keeps it from it where."""
-    slow = np.concatenate([[False], speed < HELD * asked, [False]])
-    apart = np.concatenate([[True], np.diff(time) > 1.5 / RATE, [True]])
-    starts = np.flatnonzero(slow[1:] & (~slow[:-1] | apart))
-    ends = np.flatnonzero(slow[:-1] & (~slow[1:] | apart))
-    longest = np.argsort(time[starts] - time[ends - 1], kind="stable")[:MAX_PLACES]
-    slowest = [a + int(np.argmin(speed[a:b])) for a, b in zip(starts[longest], ends[longest], strict=True)]
-    trajectory = trajectory_within(limits.robot, motion, limits.speeds)
-    names = limits.most_used(*trajectory.sample(time[slowest]).columns, trajectory.jerk(time[slowest]))
-    places = [
-        {"from": float(time[starts[k]]), "to": float(time[ends[k] - 1]), "least": float(speed[m]), "by": name}
-        for k, m, name in zip(longest.tolist(), slowest, names, strict=True)
-    ]
-    share = float(np.mean(speed >= HELD * asked)) if len(speed) else 0.0
-    return {"asked": asked, "held": share, "below": len(starts), "places": places}

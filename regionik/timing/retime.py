@@ -2,30 +2,37 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from regionik.planners.progress import track
+from regionik.postures.arm import deviation
+from regionik.timing.corner_rounding import rounded
 from regionik.timing.inserted_states import blended, refined, with_rests
-from regionik.timing.jerk_limited_timing import jerk_limited_motion
+from regionik.timing.jerk_limited_timing import jerk_limited_motion, stretched
 from regionik.timing.limits import (
     MotionLimits,
     check_tool_speed,
-    largest_slowdown,
     motion_limits,
-    timing_figures,
+    slowdowns,
 )
 from regionik.timing.parametrization import fastest_times, path_of
+from regionik.timing.smooth_path import CORNER
+from regionik.timing.timing_figures import timing_figures
 from regionik.values import Motion, Plan
 from regionik.verification.verifier import verify
+from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError
 from regionik.worlds.robot import Robot
 from regionik.worlds.speeds import Speeds
 
+ROUNDED_CORNER = np.radians(60)  # where corners are rounded first, the robot stops at sharper ones
+SPARE_CONE = 0.02  # of a set-point, without which its state stays where it is [rad]
 BLEND = 2e-4  # by which any point of the robot may leave the plan's motion on the smooth path [m]
-SLOWDOWNS, SPARE = 5, 1e-4  # of the whole motion, and by how much more
+SLOWDOWNS, SPARE = 5, 1e-4  # of the motion, and by how much more
 TRIES = 4  # with more states to rest at
 
 
@@ -33,8 +40,10 @@ def retime(plan: Plan, speeds: Speeds | None = None, *, blend: float = BLEND, ho
     """Time a plan: as fast as speeds, accelerations and jerks allow, from rest to rest.
 
     The robot goes on a smooth path through the plan's states, whose points stay within ``blend`` of the
-    motion that was verified; it rests at sharp corners, and where its rounded motion would break a rule of
-    the plan. States are inserted where the path bends or its acceleration, constant between two, changes.
+    motion that was verified. Where jerk is limited and the base does not roll, corners are rounded by that,
+    at set-points too as far as their tolerance allows. The robot rests at sharp corners, and where its
+    rounded motion would break a rule of the plan. States are inserted where the path bends or its
+    acceleration, constant between two, changes.
 
     Parameters
     ----------
@@ -73,17 +82,19 @@ def retime(plan: Plan, speeds: Speeds | None = None, *, blend: float = BLEND, ho
         raise InputError(f"blend: must be above 0, got {blend:g}")
     asked = speeds or plan.world.speeds or Speeds()
     limits = motion_limits(plan.world.robot, asked)
-    motion = with_rests(plan.motion, path_of(limits.robot, plan.motion).corners)
+    sharp = ROUNDED_CORNER if _rounds(limits) else CORNER
+    motion = with_rests(plan.motion, path_of(limits.robot, plan.motion).corners(sharp))
     stats = {key: value for key, value in plan.stats.items() if key not in ("margins", "timing")}
     plan = replace(plan, world=replace(plan.world, speeds=asked))
     for _ in track("timing", range(TRIES)):
-        timed = replace(plan, motion=_timed(limits, motion, blend), stats=stats)
+        found = _timed(limits, motion, blend, _room(plan, motion, blend))
+        timed = _with_motion(replace(plan, stats=stats), found)
         report = verify(timed)
         if report.ok:
             if hold:
                 check_tool_speed(limits, timed.motion)
-            found = {"margins": report.margins, "timing": timing_figures(limits, timed.motion, blend)}
-            return replace(timed, stats={**stats, **found})
+            figures = {"margins": report.margins, "timing": timing_figures(limits, timed.motion, blend)}
+            return replace(timed, stats={**timed.stats, **figures})
         states = [v.state for v in report.violations if v.state is not None]
         motion = with_rests(motion, _inner_states(limits.robot, motion, timed.motion, states))
     raise InputError(
@@ -91,20 +102,62 @@ def retime(plan: Plan, speeds: Speeds | None = None, *, blend: float = BLEND, ho
     )
 
 
-def _timed(limits: MotionLimits, motion: Motion, blend: float) -> Motion:
+def _rounds(limits: MotionLimits) -> bool:
+    """Corners are rounded before the motion is timed; a base on wheels keeps to its arcs."""
+    return limits.speeds.limit_jerk and not limits.robot.drive.rolls
+
+
+def _room(plan: Plan, motion: Motion, blend: float) -> Array:
+    """Distance by which any point may move in each state of a motion, (n,) [m]."""
+    room, task = np.full(len(motion), blend), plan.world.task
+    for k, i in _listed(plan, motion):
+        tool = plan.world.robot.tool(motion.base[k], motion.joints[k])
+        near = plan.world.rules.tolerance - math.dist(tool[:3, 3], task[i].position)
+        free = task[i].direction is None or task[i].cone - deviation(task[i], tool[:3, :3]) > SPARE_CONE
+        room[k] = max(near, 0.0) if free else 0.0
+    return room
+
+
+def _with_motion(plan: Plan, motion: Motion) -> Plan:
+    """The plan with another motion, whose states at set-points are its configurations."""
+    found, rows = list(plan.setpoints), _listed(plan, motion)
+    for k, i in rows:
+        base, joints = motion.base[k], motion.joints[k]
+        if not (np.array_equal(base, found[i].base) and np.array_equal(joints, found[i].joints)):
+            error = math.dist(plan.world.robot.tool(base, joints)[:3, 3], plan.world.task[i].position)
+            found[i] = replace(found[i], base=base, joints=joints, error=error)
+    stats = plan.stats
+    if "largest_error" in stats:
+        stats = {**stats, "largest_error": float(max(one.error for one in found))}
+    return replace(plan, motion=motion, setpoints=tuple(found), stats=stats)
+
+
+def _listed(plan: Plan, motion: Motion) -> list[tuple[int, int]]:
+    """States of a motion at set-points that the plan lists, and which."""
+    rows = np.flatnonzero((motion.kind == "setpoint") & (motion.setpoint >= 0))
+    count = min(len(plan.setpoints), len(plan.world.task))
+    return [(k, i) for k, i in zip(rows.tolist(), motion.setpoint[rows].tolist(), strict=True) if i < count]
+
+
+def _timed(limits: MotionLimits, motion: Motion, blend: float, room: Array) -> Motion:
     """Motion with times, through its own states and more; a single state has time 0."""
     if len(motion) == 1:
         return replace(motion, time=np.zeros(1))
+    if _rounds(limits):
+        motion = rounded(limits, motion, blend, room)
     fine = blended(limits, refined(limits, blended(limits, motion, blend)), blend)
     if limits.speeds.limit_jerk:
         motion = jerk_limited_motion(limits, fine, blend)
     else:
         motion = replace(fine, time=fastest_times(limits, fine))
     for _ in range(SLOWDOWNS):
-        factor = largest_slowdown(limits, motion)
-        if factor <= 1.0:
+        factor = slowdowns(limits, motion)
+        if factor.max() <= 1.0:
             break
-        motion = replace(motion, time=motion.time * factor * (1 + SPARE))
+        if limits.speeds.limit_jerk:
+            motion = stretched(limits, motion, factor)
+        else:
+            motion = replace(motion, time=motion.time * factor.max() * (1 + SPARE))
     return motion
 
 

@@ -79,15 +79,15 @@ class SmoothPath:
         starts, ends = np.flatnonzero(np.diff(going) == 1), np.flatnonzero(np.diff(going) == -1)
         return list(zip(starts.tolist(), ends.tolist(), strict=True))
 
-    @cached_property
-    def corners(self) -> NDArray[np.int64]:
+    def corners(self, sharp: float = CORNER) -> NDArray[np.int64]:
         """States within runs where the robot must rest.
 
-        At sharp corners, where the mode of its wheels changes, and where a car turns its steering.
+        At corners sharper than an angle [rad], where the mode of its wheels changes, and where a car turns
+        its steering.
         """
         tangents = np.diff(self.coordinates, axis=0)
         tangents = tangents / np.maximum(np.linalg.norm(tangents, axis=1), SAME)[:, None]
-        turned = (tangents[:-1] * tangents[1:]).sum(1) <= np.cos(CORNER)
+        turned = (tangents[:-1] * tangents[1:]).sum(1) <= np.cos(sharp)
         changed = (np.diff(self._wheel_mode) != 0) | turned | (np.abs(np.diff(self.steering)) > STEERED)
         return 1 + np.flatnonzero(changed & (self.lengths[:-1] > 0) & (self.lengths[1:] > 0))
 

@@ -1,0 +1,125 @@
+"""Corners of a motion rounded: least jerk at the asked speeds, every point within a distance of the motion.
+
+States are laid out by the time that they take at the limits of speed. A smoothing spline through them has
+least jerk; what a state weighs in it grows where the spline is too far from the motion, and shrinks where it
+is nearer than need be.
+Source: Eilers, A perfect smoother (Analytical Chemistry 2003), with the third differences of uneven instants.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import combinations_with_replacement
+
+import numpy as np
+from scipy.linalg import solveh_banded
+
+from regionik.timing.inserted_states import with_states
+from regionik.timing.limits import MotionLimits, segments_on_path
+from regionik.timing.parametrization import path_of
+from regionik.values import Motion
+from regionik.worlds.arrays import Array
+
+PERIOD = 0.0125  # between states that are laid out, at most [s]
+SHORTEST = 0.01  # of a segment [s]
+ROUNDS = 30, 60  # of weighing states: at least, and at most
+AIM = 0.9  # part of the distance that is aimed at
+WEIGHTS = 1e-3, 1e9  # of a state
+EASING, STIFFENING, POWER = (
+    0.5,
+    4.0,
+    1.5,
+)  # least and largest share of the distance that counts, and its power
+SHORTEST_LEVER = 0.05  # of a joint [m]
+HELD = 0.1  # part of the distance below which a state stays where it is
+MOVED = 0.1  # part of the distance from which states are inserted
+
+
+def rounded(limits: MotionLimits, motion: Motion, blend: float, room: Array) -> Motion:
+    """Motion whose corners are rounded, with more states there.
+
+    Parameters
+    ----------
+    limits : MotionLimits
+        Of a robot that does not roll.
+    motion : Motion
+        Both ends of its runs stay where they are.
+    blend : float
+        By which any point of the robot may leave the motion [m].
+    room : (n,) array
+        The same in its own states; those with hardly any stay where they are [m].
+    """
+    path = path_of(limits.robot, motion)
+    q, moving = path.coordinates, path.lengths > 0
+    change = np.diff(q, axis=0)
+    fastest = limits.largest_squared_velocity(q[:-1] + change / 2, change, segments_on_path(motion))
+    span = np.where(moving, np.maximum(1 / np.sqrt(fastest), SHORTEST), 0.0)
+    count = np.maximum(np.ceil(span / PERIOD).astype(np.int64), 1)
+    own, segment = np.concatenate([[0], np.cumsum(count)]), np.repeat(np.arange(len(count)), count)
+    share = (np.arange(own[-1]) - own[segment]) / count[segment]
+    before = np.vstack([q[segment] + share[:, None] * change[segment], q[-1:]])
+    time = np.append((np.cumsum(span) - span)[segment] + share * span[segment], span.sum())
+    allowed = np.full(len(before), blend)
+    allowed[own] = np.minimum(room, blend)
+    after = before.copy()
+    for a, b in path.runs:
+        rows = slice(int(own[a]), int(own[b]) + 1)
+        after[rows] = _smoothed(limits, before[rows], time[rows], allowed[rows])
+    moved = after - before
+    bent = np.maximum.reduceat(_distance(limits, moved), own[:-1]) > MOVED * blend
+    some = np.flatnonzero((share > 0) & bent[segment])
+    found = replace(motion, base=motion.base + moved[own, :3], joints=motion.joints + moved[own, 3:])
+    return with_states(found, segment[some], after[some, :3], after[some, 3:])
+
+
+def _smoothed(limits: MotionLimits, q: Array, time: Array, allowed: Array) -> Array:
+    """States (n, m) at times (n,) of least jerk within distances (n,); the same where none is found."""
+    held, blend = allowed < HELD * allowed.max(initial=0.0), allowed.max(initial=0.0)
+    held[[0, -1]] = True
+    if held.all() or len(q) < 4:
+        return q
+    s, chain = limits.speeds, limits.robot.chain
+    least = np.array([s.base_acceleration, s.base_acceleration, s.turn_acceleration])
+    lever = np.maximum(np.concatenate([[1.0, 1.0, limits.reach], limits.levers]), SHORTEST_LEVER)
+    pull = (np.concatenate([least, limits.joint_acceleration]) * lever / blend) ** 2
+    lower, upper = np.minimum(chain.lower, q[:, 3:]), np.maximum(chain.upper, q[:, 3:])
+    form, weight, best = _jerk_form(time) * limits.ramp**2, np.ones(len(q)), q
+    for k in range(ROUNDS[1]):
+        weight = np.where(held, WEIGHTS[1], weight)
+        found = np.column_stack(
+            [_fit(form, weight * one, column) for one, column in zip(pull, q.T, strict=True)]
+        )
+        found[:, 3:] = np.clip(found[:, 3:], lower, upper)
+        found[held] = q[held]
+        share = _distance(limits, found - q) / np.where(held, 1.0, allowed)
+        if share.max() <= 1:
+            best = found
+            if k >= ROUNDS[0]:
+                break
+        weight = np.clip(weight * np.clip(share / AIM, EASING, STIFFENING) ** POWER, *WEIGHTS)
+    return best
+
+
+def _distance(limits: MotionLimits, moved: Array) -> Array:
+    """Upper bound for the motion of any point by changes of coordinates (n, m), (n,) [m]."""
+    return limits.displacement_bound(moved[:, :3], moved[:, 3:])
+
+
+def _fit(form: Array, weight: Array, values: Array) -> Array:
+    """Values (n,) with least of a banded form, each held to what it was by a weight."""
+    whole = form.copy()
+    whole[0] += weight
+    found: Array = solveh_banded(whole, weight * values, lower=True)
+    return found
+
+
+def _jerk_form(time: Array) -> Array:
+    """Integral of squared third derivatives of values at times (n,), lower bands of a form, (4, n)."""
+    n = len(time) - 3
+    t = np.stack([time[i : n + i] for i in range(4)])
+    factor = np.sqrt((t[3] - t[0]) / 3) * 6  # third differences over their mean width
+    rates = [factor / np.prod([t[i] - t[j] for j in range(4) if j != i], axis=0) for i in range(4)]
+    form = np.zeros((4, len(time)))
+    for i, j in combinations_with_replacement(range(4), 2):
+        form[j - i, i : n + i] += rates[i] * rates[j]
+    return form

@@ -1,0 +1,186 @@
+"""Figures of a timing: what it uses of its limits, and where and why an asked tool speed is not held."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from regionik.timing.limits import RATE, MotionLimits, instants, sampled, segments_on_path, tool_velocity
+from regionik.timing.trajectory import trajectory_within
+from regionik.values import Motion
+from regionik.worlds.arrays import Array, Index
+
+HELD = 0.99  # share of the asked tool speed from which it counts as held
+MAX_PLACES = 20  # where it is not, that are reported
+BESIDE = 0.15  # before and after such a place, where it is looked for what keeps the tool back [s]
+SHARES = np.linspace(0.0, 1.0, 13)  # of this time, at which it is looked
+SAME = 1e-9  # set-points that are less apart are the same [m]
+
+
+def timing_figures(limits: MotionLimits, motion: Motion, blend: float) -> dict[str, Any]:
+    """Plain numbers about a timing, for ``Plan.stats``."""
+    used: dict[str, float] = {}
+    time: list[Array] = []
+    speed: list[Array] = []
+    asked = limits.speeds.tool_velocity
+    for sample, on_path, jerk in sampled(limits, motion, instants(motion)):
+        q, velocity, _ = sample.columns
+        usage = limits.usage(*sample.columns, on_path, jerk)
+        used = {name: max(used.get(name, 0.0), float(share.max())) for name, share in usage.items()}
+        if asked is not None:
+            time.append(sample.time[on_path])
+            speed.append(np.linalg.norm(tool_velocity(limits.robot, q[on_path], velocity[on_path]), axis=1))
+    figures: dict[str, Any] = {"duration": float(motion.time[-1]), "blend": blend, "used": used}
+    if asked is not None:
+        held = _HeldSpeed(limits, motion, blend, asked, np.concatenate(time), np.concatenate(speed))
+        figures["tool"] = held.figures()
+    return figures
+
+
+@dataclass(frozen=True, eq=False)
+class _HeldSpeed:
+    """Speed of the tool on its path against the one that is asked.
+
+    Attributes
+    ----------
+    limits : MotionLimits
+    motion : Motion
+    blend : float
+        By which corners may be cut [m].
+    asked : float
+        [m/s]
+    time, speed : (n,) arrays
+        Instants at which the tool is on its path, and its speed [s], [m/s].
+    """
+
+    limits: MotionLimits
+    motion: Motion
+    blend: float
+    asked: float
+    time: Array
+    speed: Array
+
+    def figures(self) -> dict[str, Any]:
+        """Shares of time at which the speed is held, and what keeps the tool from it where."""
+        held = self.speed >= HELD * self.asked
+        elsewhere = self._from_stops > self._braking
+        slow, apart = np.concatenate([[False], ~held, [False]]), np.diff(self.time) > 1.5 / RATE
+        apart = np.concatenate([[True], apart, [True]])
+        starts = np.flatnonzero(slow[1:] & (~slow[:-1] | apart))
+        ends = np.flatnonzero(slow[:-1] & (~slow[1:] | apart)) - 1
+        longest = np.argsort(self.time[starts] - self.time[ends], kind="stable")[:MAX_PLACES]
+        return {
+            "asked": self.asked,
+            "held": float(np.mean(held)) if len(held) else 0.0,
+            "held_elsewhere": float(np.mean(held[elsewhere])) if elsewhere.any() else 1.0,
+            "below": len(starts),
+            "places": self._places(starts[longest], ends[longest]),
+            "corners": [{"setpoint": i, "turn": turn} for i, turn in self._corners],
+        }
+
+    def _places(self, starts: Index, ends: Index) -> list[dict[str, Any]]:
+        """Where the tool is slower, from one instant to another: by what, and at what of its path."""
+        trajectory = trajectory_within(self.limits.robot, self.motion, self.limits.speeds)
+        first, last = self.time[starts] - BESIDE, self.time[ends] + BESIDE
+        times = np.clip(first + SHARES[:, None] * (last - first), 0.0, self.motion.time[-1])
+        columns, jerk = trajectory.sample(times.ravel()).columns, trajectory.jerk(times.ravel())
+        factor = self.limits.slowdown(*columns, np.zeros(times.size, dtype=np.bool_), jerk)
+        names = np.array(self.limits.most_used(*columns, jerk), dtype=np.str_).reshape(times.shape)
+        hardest = np.argmax(factor.reshape(times.shape), axis=0)
+        slowest = [float(self.speed[a : b + 1].min()) for a, b in zip(starts, ends, strict=True)]
+        reached = np.maximum.accumulate(np.where(self.motion.kind == "setpoint", self.motion.setpoint, -1))
+        after = reached[np.searchsorted(self.motion.time, self.time[ends], side="right") - 1]
+        return [
+            {
+                "from": float(self.time[a]),
+                "to": float(self.time[b]),
+                "least": slowest[k],
+                "by": str(names[hardest[k], k]),
+                "at": self._stop_within(a, b),
+                "setpoint": int(after[k]),
+            }
+            for k, (a, b) in enumerate(zip(starts, ends, strict=True))
+        ]
+
+    def _stop_within(self, start: int, end: int) -> str:
+        """Where a slow part is: near an "end" of the path, near a "corner", or on the "path" besides."""
+        rows = slice(start, end + 1)
+        if self._from_stops[rows].max() > self._braking:
+            return "path"
+        ends, corners = (
+            _nearest(self._way_at(one), self._way[rows]) for one in (self._ends, self._at_corners)
+        )
+        return "end" if ends.min() <= corners.min() else "corner"
+
+    @cached_property
+    def _from_stops(self) -> Array:
+        """Way of the tool from each instant to the next end or corner, (n,) [m]."""
+        return _nearest(self._way_at(np.concatenate([self._ends, self._at_corners])), self._way)
+
+    @property
+    def _braking(self) -> float:
+        """Way on which the base alone comes to rest [m]."""
+        return self.asked * (self.asked / self.limits.speeds.base_acceleration + self.limits.ramp) / 2
+
+    @cached_property
+    def _way(self) -> Array:
+        """Way of the tool on its path to each instant, (n,) [m]."""
+        span = np.diff(self.time)
+        step = np.where(span < 1.5 / RATE, span * (self.speed[1:] + self.speed[:-1]) / 2, 0.0)
+        return np.concatenate([[0.0], np.cumsum(step)])[: len(self.time)]
+
+    def _way_at(self, times: Array) -> Array:
+        found: Array = np.interp(times, self.time, self._way) if len(self.time) else np.empty(0)
+        return found
+
+    @cached_property
+    def _ends(self) -> Array:
+        """Times at which the tool comes to its path, or leaves it [s]."""
+        on_path = np.concatenate([[False], segments_on_path(self.motion), [False]])
+        found: Array = self.motion.time[np.flatnonzero(np.diff(on_path))]
+        return found
+
+    @cached_property
+    def _corners(self) -> list[tuple[int, float]]:
+        """Set-points at which the path turns more than the base could within the blend, and how much."""
+        return [(int(self.motion.setpoint[k]), turn) for k, turn in self._turns]
+
+    @property
+    def _at_corners(self) -> Array:
+        """Times at which they are passed [s]."""
+        return self.motion.time[[k for k, _ in self._turns]]
+
+    @cached_property
+    def _turns(self) -> list[tuple[int, float]]:
+        """States at which the path turns more than the base could within the blend, and how much."""
+        motion, lifted = self.motion, np.cumsum(self.motion.kind == "transit")
+        rows = np.flatnonzero(motion.kind == "setpoint")
+        way = np.diff(self.limits.robot.tool(motion.base[rows], motion.joints[rows])[:, :3, 3], axis=0)
+        length = np.linalg.norm(way, axis=1)
+        unit = way / np.maximum(length, SAME)[:, None]
+        angle = np.arccos(np.clip((unit[:-1] * unit[1:]).sum(1), -1.0, 1.0))
+        counts = (length[1:] > SAME) & (length[:-1] > SAME) & (lifted[rows[2:]] == lifted[rows[:-2]])
+        some = 1 + np.flatnonzero(counts & (self._cut(angle) > self.blend))
+        return [(int(rows[k]), float(angle[k - 1])) for k in some]
+
+    def _cut(self, angle: Array) -> Array:
+        """Least distance by which corners are cut at the asked speed [m].
+
+        Velocity changes by a pulse of acceleration that is as high as the base allows, or triangular and as
+        steep as it allows.
+        """
+        speeds, change = self.limits.speeds, 2 * self.asked * np.sin(angle / 2)
+        steep = 0.0 if speeds.base_jerk is None else change**1.5 / (6 * np.sqrt(speeds.base_jerk))
+        found: Array = np.maximum(change**2 / (8 * speeds.base_acceleration), steep)
+        return found
+
+
+def _nearest(stops: Array, ways: Array) -> Array:
+    """Distance of each way (n,) to the nearest stop; infinite without any."""
+    ends = np.concatenate([[-np.inf], np.sort(stops), [np.inf]])
+    after = np.searchsorted(ends, ways)
+    found: Array = np.minimum(ways - ends[after - 1], ends[after] - ways)
+    return found
