@@ -90,7 +90,9 @@ class TransitPlanner:
             self._missed[name] = self._missed.get(name, 0) + (not folds)
             for back in coming if folds else ():
                 unfold = self._arm_way(back[-1], joints)
-                for out, fold in folds if unfold is not None else ():
+                if unfold is None:
+                    continue
+                for out, fold in folds:
                     drive = self._driven(Pose(out[-1].base, joints), Pose(back[-1].base, joints), piece)
                     if drive is not None:
                         return [*out, *fold, *drive, *unfold[::-1], *back[::-1]][1:-1]

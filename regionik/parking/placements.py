@@ -121,8 +121,8 @@ class PlacementSearch:
             return placement
         pairs = zip(placement.setpoints, group.setpoints, strict=False)
         count = next((n for n, (a, b) in enumerate(pairs) if a != b), len(placement.setpoints))
-        cut = (row[:count] for row in (placement.setpoints, placement.chain, placement.near))
-        setpoints, chain, near = cut
+        setpoints, chain = (row[:count] for row in (placement.setpoints, placement.chain))
+        near = placement.near[:count]
         return replace(placement, setpoints=setpoints, chain=chain, near=near) if count else None
 
     def widest(self, group: StopGroup) -> BasePlacement | None:
