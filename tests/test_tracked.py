@@ -10,7 +10,7 @@ from shapely.geometry import Point
 
 from regionik.pipeline import check_world, plan
 from regionik.planners.driving.pitch_arm import arm_share
-from regionik.planners.driving.pose_tracking import SaturationError, track, track_runs
+from regionik.planners.driving.pose_tracking import SaturationError, track_poses, track_runs
 from regionik.postures.poses import axis_of
 from regionik.tracker import DRAWN, can_track, tracking_robot
 from regionik.verification.verifier import verify
@@ -141,7 +141,7 @@ def test_where_joint_one_saturates_under_a_leaning_tool_a_new_run_begins() -> No
     robot = tracking_robot(ROBOT)
     assert robot is not None
     with pytest.raises(SaturationError, match=r"joint 1 would stand at .* must be lifted") as stop:
-        track(robot, round_trip(), heading=0.0)
+        track_poses(robot, round_trip(), heading=0.0)
     lower, upper = ROBOT.chain.lower, ROBOT.chain.upper
     runs = track_runs(robot, round_trip(), heading=0.0)
     assert len(runs) > 1

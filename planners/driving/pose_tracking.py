@@ -97,7 +97,7 @@ class _Row(NamedTuple):
     length: float
 
 
-def track(
+def track_poses(
     robot: TrackingRobot, poses: Sequence[Array], *, heading: float | None = None, elbow: int = 1
 ) -> TrackedRun:
     """Follow tool poses with a base that rolls along arcs, whatever shoulder, elbow and roll come to.
@@ -165,7 +165,7 @@ def track_runs(
 
     Between two runs the tool must be lifted and the base driven from the last pose of one to the first of the
     next. The first run starts with ``heading``; each other with that of `start_headings` from which it goes
-    farthest. Parameters are as for `track`.
+    farthest. Parameters are as for `track_poses`.
 
     Returns
     -------
