@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from itertools import islice
 
 from regionik.areas.standing import Standing
-from regionik.explain import failures
+from regionik.explain import arm_failures
 from regionik.moving.base_motion import Candidate
 from regionik.moving.layered_search import LayeredSearch
 from regionik.moving.path_search import JoinedMotion, PathSearch, path_search
@@ -117,5 +117,5 @@ class _Connection:
         """Explain why the tool would have to be lifted before set-point i, against the rules."""
         world, guard, touch = self.search.world, self.search.guard, self.search.follower.stops.get(i - 1)
         if touch is None:
-            return failures.arm_must_lift(world, i, "the arm would have to jump", None)
-        return failures.arm_must_lift(world, i, guard.words(touch), guard.cause(touch))
+            return arm_failures.arm_must_lift(world, i, "the arm would have to jump", None)
+        return arm_failures.arm_must_lift(world, i, guard.words(touch), guard.cause(touch))

@@ -8,7 +8,7 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
-from regionik.explain import failures
+from regionik.explain import arm_failures, failures
 from regionik.explain.questions import ArmQuestion, Oracles, PathQuestion
 from regionik.explain.why import Say, explained, explained_target, target_name, unsaid
 from regionik.mfabrik import configurations
@@ -148,7 +148,7 @@ def _why_target(world: World, target: Target | ArrayLike, say: Say) -> Explanati
     if not isinstance(target, Target):
         target = Target(frozen(target, (3,), "target"))
     asked = replace(world, task=(target,))
-    buried = failures.target_in_solid(asked)
+    buried = arm_failures.target_in_solid(asked)
     if buried is None and (answer := reach(asked, asked.task)).reachable[0]:
         return None
     if has_no_known_place(asked):
@@ -205,7 +205,7 @@ def _can_be_planned(world: World, seed: int) -> bool:
 def search(world: World, seed: int = 0) -> Plan:
     """Return a verified plan, not timed; raise `NoPlanFound` with a quick explanation where there is none."""
     check_world(world)
-    _refuse(failures.target_in_solid(world))
+    _refuse(arm_failures.target_in_solid(world))
     return strategy_of(world).plan(world, seed)
 
 
@@ -258,7 +258,9 @@ def _not_converged(world: World, goals: tuple[Configuration, ...]) -> Explanatio
     """Explain the first set-point without a posture, where the rules allow no search for others."""
     if world.rules.avoidance:
         return None
-    return next((failures.no_posture(world, i) for i, goal in enumerate(goals) if not goal.converged), None)
+    return next(
+        (arm_failures.no_posture(world, i) for i, goal in enumerate(goals) if not goal.converged), None
+    )
 
 
 def _verified(found: Plan) -> Plan:

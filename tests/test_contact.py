@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from regionik.explain.failures import target_in_solid
+from regionik.explain.arm_failures import target_in_solid
 from regionik.planners.collision.contacts import farthest_below as compiled_farthest
 from regionik.planners.collision.distances import obstacles_from
 from regionik.planners.collision.robot_bodies import core_of

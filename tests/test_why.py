@@ -11,9 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from regionik.cli.app import run
+from regionik.explain.arm_failures import target_in_solid
 from regionik.explain.changes import move_obstacle, repaired, share
 from regionik.explain.constraints import Constraint, constraints_of
-from regionik.explain.failures import target_in_solid
 from regionik.explain.minimal_change import (
     FINE,
     circle,

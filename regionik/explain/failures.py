@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import compress
 
 import numpy as np
 import shapely
@@ -16,7 +15,6 @@ from regionik.areas.reachable import model_of
 from regionik.areas.standing import by_heading, outer_by_heading, turns_matter
 from regionik.explain.changes import one_lift_off
 from regionik.explain.constraints import join, no_way_to, setpoint_at, spot, with_rules
-from regionik.planners.collision.distances import obstacles_from, solids_within
 from regionik.planners.driving.footprint import footprint_width
 from regionik.planners.driving.footprint_planner import NarrowPassageError, passage_width
 from regionik.planners.driving.point_planner import NoPathError
@@ -32,10 +30,8 @@ from regionik.worlds.arms import reach_bound
 from regionik.worlds.errors import Cause, CauseKind, Explanation, Repair
 from regionik.worlds.obstacles import Shadow
 from regionik.worlds.scene import Target, World
-from regionik.worlds.self_collision import off_floor
 
 NO_WAY = 1e-3  # a narrower one is rounding of the floor [m]
-CORNER = 3**0.5  # how much deeper than its sides the corner of a box may be in a mesh
 
 
 def no_places(world: World, empty: Sequence[int]) -> Explanation:
@@ -288,15 +284,6 @@ def invalid_plan(world: World, violations: Sequence[Violation]) -> Explanation:
     return Explanation("plan-invalid", first.setpoint, reason, (cause,))
 
 
-def no_posture(world: World, i: int) -> Explanation:
-    """Explain that M-FABRIK found no posture although the area is not empty."""
-    reason = (
-        f"{setpoint_at(world.task, i)} has admissible places for the base, but no posture within the joint "
-        f"limits was found at heading policy '{world.rules.heading}'."
-    )
-    return Explanation("no-posture", i, reason, (Cause("limits", world.robot.name, None),))
-
-
 def _crossed(world: World, bridge: BaseGeometry) -> list[str]:
     """Obstacles whose grown shadows a line on the floor runs through."""
     ground = ground_of(world)
@@ -313,103 +300,6 @@ def _depth(shadow: Shadow, outline: BaseGeometry) -> float:
     return float(shadow.core.boundary.distance(outline)) if shadow.core.covers(outline) else 0.0
 
 
-def target_in_solid(world: World) -> Explanation | None:
-    """Explain which set-point is too near to a solid for any posture; None where none is.
-
-    Where the tool point lies inside its link, the ball of the link about it must keep the arm's clearance
-    from every solid; into the one that the tool may touch it may sink no deeper than the rules allow. Where
-    the tool point lies outside, a target deeper in a solid than the link is away brings the link into it.
-    """
-    tip, part = world.robot.tip_depth
-    if not tip:
-        return _target_buried(world)
-    rules, solids = world.rules, world.solids
-    if part in compress((solid.name for solid in world.robot.all_solids), off_floor(world.robot)):
-        solids = world.arm_solids
-    need = tip + world.arm_clearance - rules.tolerance
-    look, obstacles = max(need, rules.tool_contact), obstacles_from(solids)
-    for i, target in enumerate(world.task):
-        gaps = solids_within(obstacles, target.position, look)
-        if gaps and rules.tool_contact > 0 and gaps[0][0] <= rules.tool_contact:
-            gap, touched = gaps[0][0], solids[gaps[0][1]].name
-            most, miss = rules.deepest_contact, rules.tolerance
-            if tip - max(0.0, gap) > most + miss or -gap > CORNER * most + miss:
-                return _too_deep(world, i, touched, tip, max(tip - max(0.0, gap), -gap) - miss)
-            gaps = gaps[1:]
-        if not gaps or gaps[0][0] >= need:
-            continue
-        gap, name = gaps[0][0], solids[gaps[0][1]].name
-        missing = need + rules.tolerance - gap
-        place = f"{gap:z.4f} m from {name}" if gap >= 0 else f"{-gap:z.4f} m deep in {name}"
-        reason = (
-            f"{setpoint_at(world.task, i)} lies {place}: no posture keeps the "
-            f"last link, {tip:g} m round about the tool, at the arm's clearance of {world.arm_clearance:g} m "
-            f"from it. The set-point would have to lie {missing:.4f} m farther away."
-        )
-        repair = Repair("move-target", f"set-point {i + 1}", missing, f"move it {missing:.4f} m from {name}")
-        return Explanation("no-posture", i, reason, (_cause(world, name, missing),), (repair,))
-    return None
-
-
-def _target_buried(world: World) -> Explanation | None:
-    """Explain which set-point lies so deep in a solid that the tool's link would be in it too."""
-    robot, rules = world.robot, world.rules
-    tool = robot.chain.T_last_tool[:3, 3]
-    own = [solid for solid in robot.solids if solid.link == robot.chain.dof - 1]
-    away = [float(np.linalg.norm(one.corners - tool, axis=1).min()) - one.radius for one in own]  # at most
-    if not away:
-        return None
-    need = min(away) + CORNER * (rules.deepest_contact + rules.tolerance)
-    for i, target in enumerate(world.task):
-        for solid in world.solids:
-            depth = -float(solid.distance(target.position))
-            if depth <= need:
-                continue
-            reason = (
-                f"{setpoint_at(world.task, i)} lies {depth:.4f} m deep in {solid.name}: in every posture the "
-                f"last link, {min(away):.4f} m from the tool point, is in it too. The set-point would have "
-                f"to lie at least {depth - need:.4f} m farther out."
-            )
-            return Explanation("no-posture", i, reason, (Cause("obstacle", solid.name, depth - need),))
-    return None
-
-
-def _too_deep(world: World, i: int, name: str, tip: float, need: float) -> Explanation:
-    """Explain that the tool cannot touch a solid, as its link would sink in too deep."""
-    missing, rules = need - world.rules.contact_depth, world.rules
-    reason = (
-        f"{setpoint_at(world.task, i)} cannot be touched: the last link, "
-        f"{tip:g} m round about the tool, would sink at least {need:.4f} m into {name}, and the rules allow "
-        f"{rules.contact_depth:g} m (contact_depth). That rule would have to allow {missing:.4f} m more, or "
-        f"the link to end at the tool point."
-    )
-    return Explanation("no-posture", i, reason, (_cause(world, name, missing),))
-
-
-def _cause(world: World, name: str, missing: float) -> Cause:
-    slab = world.floor_slab
-    return Cause("floor" if slab is not None and name == slab.name else "obstacle", name, missing)
-
-
-def blocked_arm(world: World, closest: str, cause: Cause) -> Explanation:
-    """Explain why the arm cannot start in the posture that the world gives."""
-    reason = f"The start is blocked: {closest}, and the arm's clearance is {world.arm_clearance:g} m."
-    return Explanation("start-blocked", None, reason, (cause,))
-
-
-def arm_must_lift(world: World, i: int, obstruction: str, cause: Cause | None) -> Explanation:
-    """Explain why the arm cannot go on to set-point i with as few lift-offs as the rules allow."""
-    count = len(world.task)
-    reason = (
-        f"The path breaks between set-points {i} and {i + 1} of {count}: the base has places that serve "
-        f"both, but no way on was found for the arm: {obstruction}; the tool would have to be lifted here, "
-        f"and the rules allow {world.rules.max_lift_offs} lift-offs."
-    )
-    return Explanation(
-        "ladder-broken", i, reason, (cause or Cause("limits", world.robot.name),), (one_lift_off(world, i),)
-    )
-
-
 def no_drive(world: World, i: int, refusal: NoPathError) -> Explanation:
     """Explain why the base does not get to any place that was looked at for set-point i."""
     kind = world.robot.drive.words
@@ -419,37 +309,3 @@ def no_drive(world: World, i: int, refusal: NoPathError) -> Explanation:
     )
     missing = refusal.across - refusal.passage if isinstance(refusal, NarrowPassageError) else None
     return Explanation("ladder-broken", i, reason, (Cause("base", world.robot.name, missing),))
-
-
-def no_clear_posture(
-    world: World, i: int, looked: tuple[int, int, int], closest: str, cause: Cause, *, cut_off: bool
-) -> Explanation:
-    """Explain why the arm cannot be at set-point i, or cannot get there, without touching something.
-
-    Parameters
-    ----------
-    world : World
-    i : int
-    looked : (places, postures, proven)
-        Places of the base and postures looked at, and places where there is proven to be none.
-    closest : str
-        Words on the contact of the posture nearest to being clear.
-    cause : Cause
-    cut_off : bool
-        Clear postures exist, but no way to them was found.
-    """
-    who = setpoint_at(world.task, i)
-    rule = f"the arm's clearance is {world.arm_clearance:g} m"
-    if cut_off:
-        reason = (
-            f"{who} has postures in which the arm touches nothing, but no way to one of them was found on "
-            f"which it touches nothing either; on the straight way {closest}, and {rule}."
-        )
-    else:
-        reason = (
-            f"{who} has admissible places for the base, but in none of the {looked[1]} postures at "
-            f"{looked[0]} places that were looked at is the arm clear: at best {closest}, and {rule}."
-        )
-        if looked[2]:
-            reason += f" At {looked[2]} of the places it is proven that there is none."
-    return Explanation("no-posture", i, reason, (cause,))

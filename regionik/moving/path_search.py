@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from regionik.areas.standing import Standing
-from regionik.explain import failures
+from regionik.explain import arm_failures, failures
 from regionik.ladder import Ladder
 from regionik.moving.base_motion import Candidate, Interpolator, StandingPaths
 from regionik.moving.configuration_sampling import ConfigurationSampler, Evidence
@@ -85,7 +85,7 @@ class PathSearch:
         here = Pose(start.base, start.joints)
         touch = guard.touch(here)
         if guard.on and touch.kind != "none":
-            raise NoPlanFound(failures.blocked_arm(self.world, guard.words(touch), guard.cause(touch)))
+            raise NoPlanFound(arm_failures.blocked_arm(self.world, guard.words(touch), guard.cause(touch)))
         return [Row(here, "transit", -1)]
 
     def arrive(
@@ -173,7 +173,7 @@ class PathSearch:
         if touch is not None:
             closest, cause = guard.words(touch), guard.cause(touch)
         looked = seen.places, seen.postures, seen.proven
-        return failures.no_clear_posture(self.world, i, looked, closest, cause, cut_off=cut_off)
+        return arm_failures.no_clear_posture(self.world, i, looked, closest, cause, cut_off=cut_off)
 
 
 def path_search(

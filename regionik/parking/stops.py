@@ -12,7 +12,7 @@ from shapely.geometry import LineString
 from shapely.geometry.base import BaseGeometry
 
 from regionik.areas.reachable import model_of
-from regionik.explain.failures import no_posture
+from regionik.explain.arm_failures import no_posture
 from regionik.moving.configuration_sampling import spread
 from regionik.parking.fewest_stops import Parking, ParkingAreas, StopGroup, park, reordered
 from regionik.parking.placements import BasePlacement, PlacementSearch
