@@ -253,8 +253,8 @@ def test_it_is_drawn_and_exported(tmp_path: Path) -> None:
         world = World("yard", robot, Floor(shapely.box(-5, -5, 5, 5)))
         return {body.path: body.mesh.vertices for body in robot_meshes(world, np.zeros(3), np.zeros(2))[0]}
 
-    assert "robot/mast" not in drawn(replace(robot, base_solids=()))
-    mast = drawn(robot)["robot/mast"]
+    assert "robot/seen" not in drawn(replace(robot, base_solids=()))
+    mast = drawn(robot)["robot/seen"]
     assert np.allclose([mast.min(0), mast.max(0)], [MAST.corners.min(0), MAST.corners.max(0)])
     path = tmp_path / "boom.urdf"
     path.write_text(robot_to_urdf(robot, shapely.box(-5, -5, 5, 5)))

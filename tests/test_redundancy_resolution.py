@@ -123,3 +123,15 @@ def test_self_motion_leaves_the_tool_in_place(seed: int, kind: int) -> None:
         least = np.linalg.svd(J[:rows], compute_uv=False).min()
         left = np.linalg.norm((J @ drift)[:rows])
         assert least < 1e-2 or left <= 0.05 * np.linalg.norm(drift)
+
+
+def test_too_many_postures_become_few_on_whatever_side_of_zero_their_joints_are() -> None:
+    chain = ARMS["panda"]
+    aims = line(chain, 2, np.array([0.0, 0.01, 0.0]), POSTURE)
+    around = np.random.default_rng(1).normal(scale=0.3, size=(200, 7))
+    solving = PathSolving(REACH, TOLERANCE, np.full(7, LONGEST), 1)
+    first = Aims(*(column[:1] for column in aims))
+    assert resolve_redundancy(serial_arm(chain), first, around, solving, lambda here, there: True).shape == (
+        1,
+        7,
+    )

@@ -84,6 +84,7 @@ class Robot:
     Examples
     --------
     >>> chain = Chain.from_dh([(0, 0.2, 0, -np.pi / 2, -2, 2), (0, 0, 0.4, 0, -2, 2), (0, 0, 0.3, 0, -2, 2)])
+    >>> from regionik.worlds.links import capsules_along
     >>> robot = Robot("lamp", "omni", [[0, 0]], [0, 0, 0.1, 0], chain, capsules_along(chain, 0.03))
     >>> robot
     Robot('lamp', base='omni', joints=3, solids=3)

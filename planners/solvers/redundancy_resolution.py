@@ -121,7 +121,7 @@ def _thinned(layer: _Layer, before: Array, solving: PathSolving, clear: Clear) -
     order = np.argsort(layer.cost, kind="stable")
     width = DRIFT * solving.longest
     while True:
-        cells = np.floor(layer.joints[order] / width)
+        cells = np.rint(layer.joints[order] / width)
         chosen = np.sort(np.unique(cells, axis=0, return_index=True)[1])
         if len(chosen) <= solving.most:
             break
