@@ -194,6 +194,7 @@ def replace_scene(one: Scene, solids: list, base: Array, target: Array) -> Scene
     return one._replace(solids=solids, base=base, target=target)
 
 
+@pytest.mark.slow
 def test_going_round_alone_is_quick_and_says_so() -> None:
     for one, answer in answers(40):
         task = PostureTask(bodies_from(one.robot, one.solids), one.base, one.target)
@@ -208,6 +209,7 @@ def test_going_round_alone_is_quick_and_says_so() -> None:
             assert not faults(one, quick.joints, TOLERANCE)
 
 
+@pytest.mark.slow
 def test_a_slide_without_limits_is_undecided() -> None:
     robot = flat_robot()
     slide = Joint("rail", "prismatic", -np.inf, np.inf, np.eye(4))

@@ -151,6 +151,7 @@ def test_a_network_takes_positions_alone() -> None:
         compare(load_world("wall"), ["network"])
 
 
+@pytest.mark.slow
 def test_a_network_drives_to_the_nearest_place_that_it_knows() -> None:
     world = load_world("pillar")
     world = replace(world, task=world.task[:3])

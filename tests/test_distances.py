@@ -212,6 +212,7 @@ def test_a_mesh_that_swallows_the_link_is_touched() -> None:
     assert near.distance == pytest.approx(-0.9 - 0.035)
 
 
+@pytest.mark.slow
 def test_a_mesh_of_many_triangles() -> None:
     rng = np.random.default_rng(0)
     vertices = rng.normal(size=(600, 3))

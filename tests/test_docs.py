@@ -29,7 +29,12 @@ def alike(told: str, said: str) -> bool:
     )
 
 
-@pytest.mark.parametrize("name", PLAYED)
+SLOW = {"tutorial.md"}
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.slow) if name in SLOW else name for name in PLAYED]
+)
 def test_a_page_says_what_its_commands_say(name: str, tmp_path: Path) -> None:
     for block, said in play((DOCS / name).read_text("utf-8"), tmp_path):
         assert alike(block.text, said), said

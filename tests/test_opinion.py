@@ -206,6 +206,7 @@ def test_shortest_ways(things: list[Any], footprint: Any, clearance: float, leas
     assert not ground.holds(np.array([3.0, 0.0]))
 
 
+@pytest.mark.slow
 def test_brute_force_sees_what_the_arm_runs_into() -> None:
     world = load_world("pillar")
     spot = world.task[5].position

@@ -171,7 +171,14 @@ def test_one_stop_serves_poses_that_one_place_is_known_for(name: str, turn: Arra
 
 
 @pytest.mark.parametrize(
-    ("kind", "seed"), [("offsets", 61), ("offsets", 96), ("offsets", 46), ("offsets", 6), ("urdf arms", 444)]
+    ("kind", "seed"),
+    [
+        pytest.param("offsets", 61, marks=pytest.mark.slow),
+        ("offsets", 96),
+        ("offsets", 46),
+        ("offsets", 6),
+        ("urdf arms", 444),
+    ],
 )
 def test_worlds_with_a_witness_that_were_not_planned(kind: str, seed: int) -> None:
     """No place was known from which their tools are turned as asked; of the last two no way to the path."""

@@ -315,7 +315,7 @@ def motions(bodies: Bodies, count: int, seed: int) -> list[tuple[Array, Array, A
     return found
 
 
-@pytest.mark.parametrize("name", [*ROBOTS, "on wheels"])
+@pytest.mark.parametrize("name", [*ROBOTS, pytest.param("on wheels", marks=pytest.mark.slow)])
 def test_what_is_proven_clear_is_clear_in_every_sample(name: str) -> None:
     bodies = prepared(name)
     clear, count = 0, 40

@@ -63,7 +63,12 @@ NEARLY = replace(UNBROKEN, rules=replace(UNBROKEN.rules, clearance=0.108))
 
 @pytest.mark.parametrize(
     ("kind", "world"),
-    [("lift-off", UNBROKEN), ("clearance", UNBROKEN), ("move-obstacle", UNBROKEN), ("raise", NEARLY)],
+    [
+        ("lift-off", UNBROKEN),
+        ("move-obstacle", UNBROKEN),
+        pytest.param("clearance", UNBROKEN, marks=pytest.mark.slow),
+        pytest.param("raise", NEARLY, marks=pytest.mark.slow),
+    ],
 )
 def test_a_path_is_mended_by_as_little_as_brute_force_finds(kind: str, world: World) -> None:
     repair = of_kind(why(world), kind)

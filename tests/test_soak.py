@@ -19,7 +19,10 @@ from tests.soak import WITNESSED, Judged, against, asked_worlds, judged, report
 from tests.witnesses import random_solid, traits_of, witness
 
 
-@pytest.mark.parametrize("kind", WITNESSED)
+@pytest.mark.parametrize(
+    "kind",
+    [pytest.param(kind, marks=pytest.mark.slow) if kind == "urdf arms" else kind for kind in WITNESSED],
+)
 def test_every_witness_is_a_plan(kind: str) -> None:
     for seed in range(3):
         known = witness(kind, seed)

@@ -313,6 +313,7 @@ def test_verify_finds_every_broken_promise() -> None:
     assert any("no posture was found that reaches" in violation.text for violation in report.violations)
 
 
+@pytest.mark.slow
 def test_tools_that_point_are_verified_all_over_the_circles() -> None:
     asked = load_world("wall")
     found = plan(ruled(replace(asked, task=asked.task[:6]), mode="stops"))

@@ -47,6 +47,7 @@ def test_genes_within_their_band() -> None:
     assert _within(q)
 
 
+@pytest.mark.slow
 def test_network_within_its_band() -> None:
     q, errors = solved(network())
     assert q.shape == (len(TARGETS), 3)

@@ -34,6 +34,7 @@ def test_circles_are_gone_round(test: int, most: float, least: int) -> None:
     assert np.median(many.iterations) <= most
 
 
+@pytest.mark.slow
 def test_circles_that_leave_no_way_are_told_from_those_that_do() -> None:
     many = tao.runs(1, SCENES)
     assert many.refuted == 0
