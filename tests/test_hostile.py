@@ -18,10 +18,10 @@ from regionik.output.plan_file import load_plan
 from regionik.storage.files import open_partial
 from regionik.worlds.documents.world_file import load_world, world_to_document
 from regionik.worlds.errors import InputError
-from regionik.worlds.readers.csv_path import LENGTH_LIMIT, LINES_LIMIT, index_csv, read_csv
+from regionik.worlds.readers.csv_path import LENGTH_LIMIT, index_csv, read_csv
 from regionik.worlds.readers.meshes import read_mesh
 from regionik.worlds.readers.occupancy_map import RUN_LIMIT, load_map
-from regionik.worlds.readers.text import EVENTS_LIMIT, VALUES_LIMIT
+from regionik.worlds.readers.text import EVENTS_LIMIT, LINES_LIMIT, VALUES_LIMIT
 from regionik.worlds.urdf.loader import load_robot
 from tests.fuzz import judged
 from tests.hostile import KINDS, MAP, READ, mutated, samples, write

@@ -11,8 +11,8 @@ from typing import Literal
 import numpy as np
 
 from regionik.worlds.errors import InputError
-from regionik.worlds.readers.csv_path import COLUMNS, CSV_LIMIT, LINES_LIMIT, check_lengths, path_of_rows
-from regionik.worlds.readers.text import clip, read_text
+from regionik.worlds.readers.csv_path import COLUMNS, CSV_LIMIT, check_lengths, path_of_rows
+from regionik.worlds.readers.text import clip, read_lines
 from regionik.worlds.readers.validation import LARGEST
 from regionik.worlds.toolpath import ToolPath
 
@@ -55,9 +55,7 @@ def read_csv_columns(path: Path, columns: Mapping[str, str], delimiter: Delimite
 
 def _table(path: Path, delimiter: str) -> Iterator[tuple[int, list[str]]]:
     """Numbers and cells of the lines that are neither empty nor comments."""
-    lines = read_text(path, CSV_LIMIT).splitlines()
-    if len(lines) > LINES_LIMIT:
-        raise InputError(f"{path}: expected at most {LINES_LIMIT} lines, got {len(lines)}")
+    lines = read_lines(path, CSV_LIMIT)
     check_lengths(lines, str(path), 1)
     reader = csv.reader(lines, delimiter=delimiter, skipinitialspace=True, strict=True)
     try:

@@ -16,12 +16,11 @@ import numpy as np
 
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError
-from regionik.worlds.readers.text import check_plain_file, clip, read_text
+from regionik.worlds.readers.text import check_plain_file, clip, read_lines
 from regionik.worlds.readers.validation import LARGEST
 from regionik.worlds.toolpath import ToolPath, rotation_from_quaternion
 
 CSV_LIMIT = 64 * 2**20  # of a file that is read at once [bytes]
-LINES_LIMIT = 1_000_000  # of a file that is read at once
 LENGTH_LIMIT = 10_000  # of a line [characters]
 COLUMNS = {
     3: ("x", "y", "z"),
@@ -90,9 +89,7 @@ def read_csv(path: Path) -> ToolPath:
     InputError
         Names the file, the line and what was expected.
     """
-    lines = read_text(path, CSV_LIMIT).splitlines()
-    if len(lines) > LINES_LIMIT:
-        raise InputError(f"{path}: expected at most {LINES_LIMIT} lines, got {len(lines)}")
+    lines = read_lines(path, CSV_LIMIT)
     check_lengths(lines, str(path), 1)
     row, columns = _first_row(lines, str(path))
     return _path_of_lines(lines, str(path), row, columns, 1)

@@ -17,12 +17,11 @@ from pathlib import Path
 import numpy as np
 
 from regionik.worlds.errors import InputError
-from regionik.worlds.readers.text import clip, read_text
+from regionik.worlds.readers.text import clip, read_lines
 from regionik.worlds.readers.validation import LARGEST
 from regionik.worlds.toolpath import ToolPath
 
 GCODE_LIMIT = 64 * 2**20  # [bytes]
-LINES_LIMIT = 1_000_000
 POINTS_LIMIT = 1_000_000
 LENGTH_LIMIT = 1000  # of a line [characters]
 INCH, MILLIMETRE = 0.0254, 0.001  # [m]
@@ -51,9 +50,7 @@ def read_gcode(path: Path, chord: float) -> ToolPath:
     InputError
         Names the file, the line and what was expected.
     """
-    lines = read_text(path, GCODE_LIMIT).splitlines()
-    if len(lines) > LINES_LIMIT:
-        raise InputError(f"{path}: expected at most {LINES_LIMIT} lines, got {len(lines)}")
+    lines = read_lines(path, GCODE_LIMIT)
     program = _Program(chord)
     for number, line in enumerate(lines, start=1):
         try:

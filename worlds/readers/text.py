@@ -27,6 +27,7 @@ VALUES_LIMIT = 2_000_000  # of a JSON file
 EVENTS_LIMIT = 400_000  # of a YAML file, which is read far more slowly: values, and both ends of lists
 XML_LIMIT = 16 * 2**20  # [bytes]
 ELEMENT_LIMIT = 100_000  # of an XML file
+LINES_LIMIT = 1_000_000  # of a table or a program that is read at once
 ATTRIBUTE_LIMIT = 150_000  # as the parser's time grows with the square of their number in one element
 SUFFIXES = (".yaml", ".yml", ".json")
 
@@ -76,6 +77,14 @@ def read_text(path: Path, limit: int) -> str:
         raise InputError(f"{path}: expected UTF-8 text, byte {error.start} is not") from None
     except (OSError, ValueError) as error:  # ValueError: a NUL in the path
         raise InputError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from None
+
+
+def read_lines(path: Path, limit: int) -> list[str]:
+    """Return the lines of a UTF-8 file of at most ``limit`` bytes and `LINES_LIMIT` lines."""
+    lines = read_text(path, limit).splitlines()
+    if len(lines) > LINES_LIMIT:
+        raise InputError(f"{path}: expected at most {LINES_LIMIT} lines, got {len(lines)}")
+    return lines
 
 
 def check_plain_file(path: Path) -> None:
