@@ -20,7 +20,6 @@ from regionik.planners.collision.contacts import (
     time_to_plane,
 )
 from regionik.planners.collision.gjk import hull_distance
-from regionik.planners.collision.robot_bodies import Hulls, LinkHulls, RobotScene
 from regionik.planners.collision.robot_motion import (
     BASE,
     WORLD,
@@ -34,6 +33,7 @@ from regionik.planners.collision.robot_motion import (
     tool_speed,
     transform_into,
 )
+from regionik.planners.collision.robot_scene import Hulls, LinkHulls, RobotScene
 from regionik.planners.kernels import compiled
 from regionik.worlds.arrays import Array
 

@@ -11,7 +11,6 @@ import math
 import numpy as np
 
 from regionik.planners.collision.gjk import hull_distance
-from regionik.planners.collision.robot_bodies import AllowedContact, RobotScene
 from regionik.planners.collision.robot_motion import (
     WORLD,
     MotionSegment,
@@ -20,6 +19,7 @@ from regionik.planners.collision.robot_motion import (
     tool_speed,
     transform_into,
 )
+from regionik.planners.collision.robot_scene import AllowedContact, RobotScene
 from regionik.planners.geometry.vectors import squared
 from regionik.planners.kernels import compiled
 from regionik.worlds.arrays import Array

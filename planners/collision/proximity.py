@@ -19,7 +19,7 @@ from regionik.planners.collision.collision_checking import (
 from regionik.planners.collision.contacts import ROUNDING, range_left
 from regionik.planners.collision.convex_bodies import Separation
 from regionik.planners.collision.distances import hull_separation
-from regionik.planners.collision.robot_bodies import Bodies, ContactTargets, Hulls, RobotScene
+from regionik.planners.collision.robot_bodies import Bodies, ContactTargets
 from regionik.planners.collision.robot_motion import (
     WORLD,
     MotionSegment,
@@ -29,6 +29,7 @@ from regionik.planners.collision.robot_motion import (
     segment_between,
     tool_speed,
 )
+from regionik.planners.collision.robot_scene import Hulls, RobotScene
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.links import LinkHull
 from regionik.worlds.self_collision import BODY

@@ -8,9 +8,9 @@ from functools import lru_cache
 from heapq import heappop, heappush
 
 import numpy as np
-import shapely
 from shapely.geometry import MultiPolygon, Polygon
 
+from regionik.planners.geometry.delaunay import delaunay_triangles
 from regionik.planners.geometry.polygons import DEPTH, FlatPolygon, nearest_on_segment
 from regionik.planners.kernels import compiled
 from regionik.worlds.arrays import Array, Index
@@ -55,14 +55,6 @@ def triangulate(free: Polygon | MultiPolygon) -> Triangulation:
     for array in (vertices, corners, neighbours):
         array.flags.writeable = False
     return Triangulation(vertices, corners, neighbours)
-
-
-def delaunay_triangles(polygon: Polygon | MultiPolygon) -> tuple[Array, Index]:
-    """Constrained Delaunay triangles: vertices (v, 2) [m], and indices counter-clockwise, (t, 3)."""
-    triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(polygon))
-    xy = shapely.get_coordinates(shapely.orient_polygons(triangles)).reshape(-1, 4, 2)[:, :3]
-    vertices, corners = np.unique(xy.reshape(-1, 2), axis=0, return_inverse=True)
-    return vertices, corners.reshape(-1, 3).astype(np.int64)
 
 
 def search_through(mesh: Triangulation, start: Array, first: int, last: int) -> list[int] | None:

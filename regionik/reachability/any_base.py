@@ -14,7 +14,7 @@ from regionik.areas.reachable import model_of, planar_reach, reach_model
 from regionik.areas.standing import room_for
 from regionik.planners.avoidance.posture_proof import solid_at_target
 from regionik.planners.collision.distances import obstacles_from
-from regionik.planners.collision.robot_bodies import RobotScene
+from regionik.planners.collision.robot_scene import RobotScene
 from regionik.planners.collision.upright_solids import Uprights, inradii, uprights_from
 from regionik.planners.reach.any_base import AnyBase, BaseFloor, ToolDemand, near_solids, search_cells
 from regionik.planners.reach.floor_distances import FloorParts, parts_of
