@@ -22,7 +22,7 @@ from regionik.storage.plan_document import plan_to_document
 from regionik.timing.retime import retime
 from regionik.values import Plan
 from regionik.verification.verifier import verify
-from regionik.worlds.documents.world_file import world_from_document, world_to_document
+from regionik.worlds.documents.world_file import load_world, world_from_document, world_to_document
 from regionik.worlds.errors import InputError
 from regionik.worlds.execution import Execution
 from regionik.worlds.obstacles import Box
@@ -114,12 +114,13 @@ def test_an_arm_at_its_limits_cannot_take_up_what_the_base_is_off() -> None:
     assert "with the base 0.0100 m and 0.0000 rad off its place, no posture" in found[0].text
 
 
-@given(error=st.floats(0.001, 0.1), angle=st.floats(-np.pi, np.pi))
+@pytest.mark.parametrize("name", ["pillar", "wall"])
+@given(error=st.floats(0.001, 0.05), angle=st.floats(-np.pi, np.pi))
 @settings(max_examples=examples(20))
-def test_areas_are_eroded_by_the_base_error(error: float, angle: float) -> None:
+def test_areas_are_eroded_by_the_base_error(name: str, error: float, angle: float) -> None:
     """Every place of the area, moved by the error, is one of the area without it."""
-    world = planned("pillar").world
-    target = world.task[4].position
+    world = load_world(name)
+    target = world.task[4]
     plain = admissible_area(world, target).outer
     eroded = admissible_area(strict(world, Execution(error)), target).inner
     assert not eroded.is_empty

@@ -63,8 +63,8 @@ class ReachQuery(NamedTuple):
 
     @property
     def guard(self) -> float:
-        """Angle that sectors keep from both ends of their headings [rad]."""
-        return GUARD if self.inner else 0.0
+        """Angle that inner sectors keep from both ends of the headings that base and pivot turn to [rad]."""
+        return GUARD + self.rules.errors.heading_error if self.inner else 0.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+import shapely
 
-from regionik.areas.ground import EVERY, GUARD
+from regionik.areas.ground import EVERY, GUARD, Geometries
 from regionik.areas.planar_reach import PlanarReach
 from regionik.areas.reach_model import (
     FineRows,
@@ -119,7 +120,7 @@ def reach_rows(
         One for each row.
     shape : (m,) array of geometry
     """
-    margin = world.rules.reach_margin + world.axis_error if inner else None
+    margin = world.rules.reach_margin if inner else None
     query = ReachQuery(world.rules, margin, span, tuple(facings), coarse=coarse)
     alike: dict[ReachModel, list[int]] = {}
     for i, target in enumerate(targets):
@@ -130,7 +131,10 @@ def reach_rows(
         rows = model.rows([targets[i] for i in members], query)
         which = np.concatenate([which, np.array(members, dtype=np.intp)[rows[0]]])
         kinds, shapes = kinds + rows[1], np.concatenate([shapes, rows[2]])
+    if inner:
+        shapes = _eroded(shapes, world.axis_error)
     order = np.argsort(which, kind="stable")
+    order = order[~shapely.is_empty(shapes[order])]
     return which[order], tuple(kinds[k] for k in order), shapes[order]
 
 
@@ -157,9 +161,15 @@ def fine_reach(
     inner : bool
         True for shapes within the true reach, False for shapes around it, by the layer of the height.
     """
-    margin = GUARD + world.axis_error if inner else None
-    query = ReachQuery(world.rules, margin, span, arcs=arcs, coarse=not inner)
-    return reach_model(world.robot, goal_of(target)).fine_rows(target, kinds, query)
+    query = ReachQuery(world.rules, GUARD if inner else None, span, arcs=arcs, coarse=not inner)
+    families, shapes = reach_model(world.robot, goal_of(target)).fine_rows(target, kinds, query)
+    return families, _eroded(shapes, world.axis_error) if inner else shapes
+
+
+def _eroded(shapes: Geometries, error: float) -> Geometries:
+    """Places of the arm axis from which it stays in a shape wherever an execution puts it, (n,)."""
+    left: Geometries = shapely.buffer(shapes, -error, join_style="mitre") if error > 0 else shapes
+    return left
 
 
 @dataclass(frozen=True, eq=False)
@@ -202,9 +212,7 @@ class PivotedReach(ReachModel):
             pose_reach(self.chain, self.height, aim_of(target), heading).area
             for target in track("areas", targets)
         ]
-        lever = float(np.hypot(*self.robot.mount[:2]))
-        keep = query.rules.reach_margin + query.rules.errors.base_allowance(lever)
-        shapes = [shape.buffer(-keep, join_style="mitre") for shape in shapes]
+        shapes = [shape.buffer(-query.rules.reach_margin, join_style="mitre") for shape in shapes]
         real = [i for i, shape in enumerate(shapes) if not shape.is_empty]
         rows = np.empty(len(real), dtype=object)
         rows[:] = [shapes[i] for i in real]
