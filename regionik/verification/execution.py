@@ -31,7 +31,7 @@ def verify_execution(plan: Plan, names: StateNames) -> Finding:
         off, worst = offsets[int(excess[i].argmax())], float(excess[i].max())
         text = f"with the base {np.hypot(off[0], off[1]):.4f} m and {abs(off[2]):.4f} rad off its place, "
         text += f"no posture near the planned one reaches {names.setpoint(i)}; the nearest misses its "
-        violations.append(Violation("execution", None, i, worst, f"{text}tolerance by {worst:.4f} m"))
+        violations.append(Violation("execution", None, i, worst, f"{text}tolerance by {worst:.4f} m or rad"))
     return finding("execution", np.inf, violations)
 
 
