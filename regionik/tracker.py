@@ -31,6 +31,7 @@ from regionik.postures.poses import LARGEST_BEND, Pose, Row, axis_of, columns, l
 from regionik.values import Configuration, Motion, Plan, PlannedArea, Report
 from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array
+from regionik.worlds.criteria import with_joint_margin
 from regionik.worlds.drives import DifferentialDrive
 from regionik.worlds.errors import Cause, Explanation, NoPlanFound
 from regionik.worlds.robot import Robot
@@ -64,7 +65,7 @@ def plan_tracked(world: World, seed: int) -> Plan:
     NoPlanFound
         When a height is out of reach, or no heading of the base at the first set-point leads to a valid plan.
     """
-    robot = tracking_robot(world.robot)
+    robot = tracking_robot(with_joint_margin(world.robot, world.rules.criteria))
     assert robot is not None, "asked of a world that the tracker can plan"
     tell("tracker", 0, 0)
     rejected = _Rejected(world)

@@ -17,6 +17,7 @@ from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import planar_pose, rot_y, rot_z
+from regionik.worlds.criteria import Criteria
 from regionik.worlds.documents.world_file import load_world, world_from_document, world_to_document
 from regionik.worlds.drives import wheel_travel
 from regionik.worlds.errors import InputError, NoPlanFound
@@ -129,6 +130,13 @@ def test_a_start_is_driven_away_from() -> None:
     on = planned("circle").motion
     there = replace(world, start=Start(on.base[0], on.joints[0]), task=world.task[:5])
     assert plan(there).motion.kind[0] == "setpoint"
+
+
+def test_joints_keep_the_margin_that_is_asked_for() -> None:
+    world = load_world("circle")
+    rules = replace(world.rules, criteria=Criteria(joint_margin=0.05))
+    found = plan(replace(world, rules=rules, task=world.task[:30]))
+    assert np.abs(found.motion.joints[:, 0]).max() <= 0.9 * np.pi / 2 + 1e-12
 
 
 def round_trip(count: int = 60) -> list[Array]:
