@@ -27,6 +27,7 @@ from regionik.simulation.simulate import simulate
 from regionik.timing.retime import retime
 from regionik.values import Plan
 from regionik.worlds.bundled import world_names
+from regionik.worlds.criteria import Criteria
 from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import NoPlanFound
 from regionik.worlds.execution import Execution
@@ -38,6 +39,7 @@ ON_WHEELS, EVERY_WAY = 2e-3, 1e-3  # largest tool error without noise [m]
 NOISY = 5e-3  # largest 95th percentile of the tool error with noise [m]
 HELD, USED = 0.99, 1.01
 SPARE = 1.5  # times the errors of some runs that others may have
+JOINT_MARGIN = 0.02  # share of their ranges that joints keep from their limits, to take up errors
 
 
 def timed_run(timed: Plan, noise: Noise, seed: int) -> tuple[SimulatedRun, float]:
@@ -66,9 +68,11 @@ def needed(runs: list[SimulatedRun]) -> Execution:
 
 
 def allowing(world: World, errors: Execution) -> World:
-    """The world with errors among its rules, and room for them on its path and floor."""
+    """The world with errors among its rules, and room for them in its joints, on its path and floor."""
     tolerance = max(world.rules.path_tolerance, 2 * errors.tool_error)
-    found = replace(world, rules=replace(world.rules, execution=errors, path_tolerance=tolerance))
+    criteria = world.rules.criteria or Criteria(joint_margin=JOINT_MARGIN)
+    rules = replace(world.rules, execution=errors, path_tolerance=tolerance, criteria=criteria)
+    found = replace(world, rules=rules)
     if not found.drivable_floor.is_empty:
         return found
     wide = world.floor.polygon.buffer(found.base_allowance, join_style="mitre")
