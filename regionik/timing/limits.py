@@ -160,12 +160,17 @@ class MotionLimits:
             usage["tool_velocity"] = speed / s.tool_velocity
         return usage
 
-    def displacement_bound(self, base: Array, joints: Array) -> Array:
-        """Upper bound for the motion of any point by changes (n, 3) and (n, dof), (n,) [m]."""
-        bound: Array = (
-            np.hypot(*base[:, :2].T) + self.reach * np.abs(base[:, 2]) + np.abs(joints) @ self.levers
-        )
-        return bound
+    def displacement(self, q: Array, other: Array) -> Array:
+        """Largest distance between any point of the robot in states q and in others (n, 3 + dof), (n,) [m].
+
+        Points of the arm are those on straight lines from joint to joint, and to the tool.
+        """
+        here, there = (self.robot.frames(one[:, :3], one[:, 3:])[..., :3, 3] for one in (q, other))
+        arm = np.linalg.norm(there - here, axis=2).max(1)
+        moved = other[:, :3] - q[:, :3]
+        corners = float(np.hypot(*self.robot.footprint.T).max())
+        found: Array = np.maximum(arm, np.hypot(*moved[:, :2].T) + corners * np.abs(moved[:, 2]))
+        return found
 
 
 def motion_limits(robot: Robot, speeds: Speeds) -> MotionLimits:
