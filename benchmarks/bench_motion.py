@@ -48,7 +48,7 @@ ROBOT = Speeds(
 ASKED = replace(ROBOT, tool_velocity=TOOL)
 SMOOTH = replace(ASKED, base_jerk=10.0, turn_jerk=30.0, joint_jerk=30.0)
 CUT = 1e-3  # of the corners of the tool's path, where there is more room than by default [m]
-WORLDS = ("free", "pillar", "slab", "wall", "l_shape", "shelf", "pipe", "depot")
+WORLDS = ("free", "pillar", "slab", "wall", "l_shape", "shelf", "pipe", "circle", "depot")
 CORNER, MOVED = math.radians(20), 1e-4
 SHOWN = 5  # places where the tool is slower
 

@@ -26,6 +26,7 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.scene import World
 
 OUTSIDE = 1e-9  # of its area, by rounding [m]
+STRIDES = 0.05, 0.025, math.inf  # of the tool from state to state; where these fail, those found may do [m]
 TRIES = 7  # of proving a smoothed plan
 SPARE = 0.005  # distance that states are asked for beside one that fails [m]
 BESIDE = 6  # states on either side of one that fails which are held closer
@@ -49,8 +50,8 @@ def smooth_motion(plan: Plan, standing: Standing) -> Plan:
     Plan
         The plan itself where nothing could be made smoother.
     """
-    for evenly in (True, False):  # where states laid out evenly fail, those that were found may do
-        runs = [run for run in runs_of(plan, standing, evenly) if len(run.states) >= SHORTEST_RUN]
+    for stride in STRIDES[plan.world.robot.drive.rolls :]:  # wheels keep their states
+        runs = [run for run in runs_of(plan, standing, stride) if len(run.states) >= SHORTEST_RUN]
         plan, complete = _proven(plan, runs)
         if complete:
             break

@@ -34,7 +34,8 @@ SPARE_CONE = 0.02  # of a set-point, without which its state stays where it is [
 BLEND = 2e-4  # by which any point of the robot may leave the plan's motion on the smooth path [m]
 SLOWDOWNS, SPARE = 5, 1e-4  # of the motion, and by how much more
 SLIGHT = 0.05  # share of a limit by which bounds may exceed it where the motion is slowed, not rested
-TRIES = 4  # with more states to rest at
+ALL = 1_000_000
+BESIDE = 0, 0, 1, 4, ALL, ALL  # states next to one that breaks a rule at which to rest too, try by try
 
 
 def retime(plan: Plan, speeds: Speeds | None = None, *, blend: float = BLEND, hold: bool = False) -> Plan:
@@ -86,7 +87,7 @@ def retime(plan: Plan, speeds: Speeds | None = None, *, blend: float = BLEND, ho
     motion = with_rests(plan.motion, _rests(limits, plan.motion))
     stats = {key: value for key, value in plan.stats.items() if key not in ("margins", "timing")}
     plan = replace(plan, world=replace(plan.world, speeds=asked))
-    for _ in track("timing", range(TRIES)):
+    for beside in track("timing", BESIDE):
         found = _timed(limits, motion, blend, _room(plan, motion, blend))
         timed, report = _verified(limits, replace(plan, stats=stats), found)
         if report.ok:
@@ -95,7 +96,10 @@ def retime(plan: Plan, speeds: Speeds | None = None, *, blend: float = BLEND, ho
             figures = {"margins": report.margins, "timing": timing_figures(limits, timed.motion, blend)}
             return replace(timed, stats={**timed.stats, **figures})
         states = [v.state for v in report.violations if v.state is not None]
-        motion = with_rests(motion, _inner_states(limits.robot, motion, timed.motion, states))
+        rests = _nearby_states(limits.robot, motion, timed.motion, states, beside)
+        if not len(rests):
+            break
+        motion = with_rests(motion, rests)
     raise InputError(
         "plan: its motion breaks its own rules, so no smooth motion next to it keeps them; verify it"
     )
@@ -187,10 +191,14 @@ def _timed(limits: MotionLimits, motion: Motion, blend: float, room: Array) -> M
     return motion
 
 
-def _inner_states(robot: Robot, motion: Motion, timed: Motion, broken: list[int]) -> Index:
-    """States within those runs of a motion that break a rule at states of the timed one."""
-    ends = [b for _, b in path_of(robot, timed).runs]
-    runs = np.unique(np.searchsorted(ends, broken))
-    own = path_of(robot, motion).runs
-    inner = [np.arange(own[k][0] + 1, own[k][1]) for k in runs.tolist() if k < len(own)]
-    return np.concatenate([np.empty(0, dtype=np.int64), *inner])
+def _nearby_states(robot: Robot, motion: Motion, timed: Motion, broken: list[int], beside: int) -> Index:
+    """States within runs of a motion, next to those at which the timed one breaks a rule."""
+    own, there = path_of(robot, motion), path_of(robot, timed)
+    ends, found = [b for _, b in there.runs], np.zeros(len(motion), dtype=bool)
+    for k, run in zip(broken, np.searchsorted(ends, broken).tolist(), strict=True):
+        a, b = own.runs[run] if run < len(own.runs) else (0, 0)
+        if b > a + 1:
+            apart = np.linalg.norm(own.coordinates[a + 1 : b] - there.coordinates[k], axis=1)
+            nearest = a + 1 + int(np.argmin(apart))
+            found[max(a + 1, nearest - beside) : min(b, nearest + beside + 1)] = True
+    return np.flatnonzero(found)
