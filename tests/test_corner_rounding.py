@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from regionik.timing.corner_rounding import rounded
 from regionik.timing.jerk_limited_timing import stretched
-from regionik.timing.limits import motion_limits
+from regionik.timing.limits import THICKNESS, motion_limits
 from regionik.timing.retime import retime
 from regionik.values import Motion
 from regionik.verification.verifier import verify
@@ -63,6 +63,24 @@ def test_no_point_leaves_the_motion_by_more_than_asked(turns: list[float], held:
         share = np.clip(((row - q[:-1]) * change).sum(1) / (change**2).sum(1), 0, 1)
         off = row - q[:-1] - share[:, None] * change
         assert LIMITS.displacement(row - off, np.broadcast_to(row, off.shape)).min() <= BLEND * (1 + 1e-9)
+
+
+@settings(max_examples=examples(30))
+@given(st.integers(0, 2**32 - 1), st.floats(1e-5, 1.0))
+def test_no_point_of_a_link_moves_farther_than_the_bound(seed: int, far: float) -> None:
+    rng = np.random.default_rng(seed)
+    here, there = np.cumsum([rng.uniform(-1, 1, 8), far * rng.uniform(-1, 1, 8)], axis=0)
+    bound = LIMITS.displacement(here[None], there[None])[0]
+    frames = [LIMITS.robot.frames(q[:3], q[3:]) for q in (here, there)]
+    for k in range(LIMITS.robot.chain.dof):
+        beside = rng.normal(size=3)
+        beside *= rng.uniform(0, THICKNESS) / np.linalg.norm(beside)
+        point = rng.uniform() * np.linalg.solve(frames[0][k], frames[0][k + 1])[:3, 3] + beside
+        moved = [frame[k, :3, :3] @ point + frame[k, :3, 3] for frame in frames]
+        assert np.linalg.norm(moved[1] - moved[0]) <= bound + 1e-12
+    for corner in LIMITS.robot.footprint @ [1, 1j]:
+        spots = [complex(*q[:2]) + corner * np.exp(1j * q[2]) for q in (here, there)]
+        assert abs(spots[1] - spots[0]) <= bound + 1e-12
 
 
 def test_an_arm_that_turns_against_its_base_has_more_room_than_one_that_turns() -> None:
