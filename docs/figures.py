@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
+from unittest.mock import patch
 
 import matplotlib as mpl
 
@@ -20,15 +22,22 @@ from matplotlib.path import Path as Outline
 from PIL import Image
 
 import regionik as rik
+from regionik import pipeline
 from regionik.areas.reachable import reach_rows
 from regionik.areas.standing import anywhere
 from regionik.postures.families import BACK, FRONT
 from regionik.pruning import Pruned, whole_path
+from regionik.timing.limits import tool_velocity
 from regionik.view.browser import opened
 from tests.pages import DOCS, play
 
 REACH, KEPT, CUT, SOLID, GROWN, UNDECIDED = "#cfd8dc", "#2e7d32", "#a5d6a7", "#546e7a", "#ffab91", "#c62828"
 SIZE = (1100, 720)  # of pictures of pages [pixels]
+ASKED = rik.Speeds(
+    tool_velocity=0.2, base_velocity=0.5, turn_velocity=1.5, joint_velocity=1.5,
+    base_acceleration=1.0, turn_acceleration=3.0, joint_acceleration=3.0,
+)  # fmt: skip
+JERKS = {"base_jerk": 10.0, "turn_jerk": 30.0, "joint_jerk": 30.0}
 SHOWN = 16  # the set-point of l_shape whose components are shown on the floor, counted from 0
 
 
@@ -39,6 +48,9 @@ def main(folder: Path) -> None:
         figure = draw()
         figure.savefig(folder / f"{name}.svg", metadata={"Date": None}, bbox_inches="tight")
         plt.close(figure)
+    picture = BytesIO()
+    motion().savefig(picture, format="png", dpi=100, bbox_inches="tight")
+    save(picture.getvalue(), folder / "motion.png")
     shoot_tutorial(folder)
 
 
@@ -144,6 +156,40 @@ def ladder() -> Any:
     floor.set_aspect("equal")
     floor.set_xlabel("x [m]")
     floor.set_ylabel("y [m]")
+    return figure
+
+
+def motion() -> Any:
+    """The base's path and the tool's speed in `depot`, as found, and as smoothed with limited jerk."""
+    world = rik.load_world("depot")
+    with patch.object(pipeline, "smooth_motion", lambda plan, standing: plan):
+        found = rik.plan(world)
+    figure = plt.figure(figsize=(9.6, 5.4), layout="constrained")
+    floor, *speeds = figure.subplot_mosaic("AB;AC", width_ratios=[1, 1.3]).values()
+    fill(floor, shadows(world), SOLID)
+    for plan, name, asked, colour, panel in (
+        (found, "as found", ASKED, UNDECIDED, speeds[0]),
+        (rik.plan(world), "smoothed", replace(ASKED, **JERKS), KEPT, speeds[1]),
+    ):
+        floor.plot(*plan.motion.base[:, :2].T, color=colour, linewidth=0.8, label=name)
+        timed = rik.retime(plan, asked)
+        moving, figures = rik.trajectory(timed), timed.stats["timing"]["tool"]
+        time = np.arange(0.0, moving.duration, 0.2)
+        q, velocity, _ = moving.sample(time).columns
+        speed = np.linalg.norm(tool_velocity(world.robot, q, velocity), axis=1)
+        panel.plot(time, speed, color=colour, linewidth=0.6)
+        panel.set_title(
+            f"{name}: {moving.duration:.0f} s, {figures['asked']:g} m/s held for {figures['held']:.0%}",
+            fontsize=9,
+        )
+        panel.set_ylim(0.0, 0.25)
+        panel.set_ylabel("speed of the tool [m/s]")
+    speeds[1].set_xlabel("time [s]")
+    speeds[1].sharex(speeds[0])
+    floor.set_aspect("equal")
+    floor.set_xlabel("x [m]")
+    floor.set_ylabel("y [m]")
+    floor.legend(loc="lower center", ncols=2, frameon=False, bbox_to_anchor=(0.5, 1.0))
     return figure
 
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from regionik.timing.corner_rounding import rounded
 from regionik.timing.jerk_limited_timing import stretched
-from regionik.timing.limits import motion_limits
+from regionik.timing.limits import THICKNESS, motion_limits
 from regionik.timing.retime import retime
 from regionik.values import Motion
 from regionik.verification.verifier import verify
@@ -62,7 +62,37 @@ def test_no_point_leaves_the_motion_by_more_than_asked(turns: list[float], held:
         change = np.diff(q, axis=0)
         share = np.clip(((row - q[:-1]) * change).sum(1) / (change**2).sum(1), 0, 1)
         off = row - q[:-1] - share[:, None] * change
-        assert LIMITS.displacement_bound(off[:, :3], off[:, 3:]).min() <= BLEND * (1 + 1e-9)
+        assert LIMITS.displacement(row - off, np.broadcast_to(row, off.shape)).min() <= BLEND * (1 + 1e-9)
+
+
+@settings(max_examples=examples(30))
+@given(st.integers(0, 2**32 - 1), st.floats(1e-5, 1.0))
+def test_no_point_of_a_link_moves_farther_than_the_bound(seed: int, far: float) -> None:
+    rng = np.random.default_rng(seed)
+    here, there = np.cumsum([rng.uniform(-1, 1, 8), far * rng.uniform(-1, 1, 8)], axis=0)
+    bound = LIMITS.displacement(here[None], there[None])[0]
+    frames = [LIMITS.robot.frames(q[:3], q[3:]) for q in (here, there)]
+    for k in range(LIMITS.robot.chain.dof):
+        beside = rng.normal(size=3)
+        beside *= rng.uniform(0, THICKNESS) / np.linalg.norm(beside)
+        point = rng.uniform() * np.linalg.solve(frames[0][k], frames[0][k + 1])[:3, 3] + beside
+        moved = [frame[k, :3, :3] @ point + frame[k, :3, 3] for frame in frames]
+        assert np.linalg.norm(moved[1] - moved[0]) <= bound + 1e-12
+    for corner in LIMITS.robot.footprint @ [1, 1j]:
+        spots = [complex(*q[:2]) + corner * np.exp(1j * q[2]) for q in (here, there)]
+        assert abs(spots[1] - spots[0]) <= bound + 1e-12
+
+
+def test_an_arm_that_turns_against_its_base_has_more_room_than_one_that_turns() -> None:
+    swung = []
+    for yaw in (0.0, -1.0):
+        motion = bent([0.0] * 6)
+        q = np.column_stack([motion.base, motion.joints])
+        q[:, 3] += 0.2 * np.abs(np.arange(len(q)) - 3)
+        q[:, 2] += yaw * (q[:, 3] - q[0, 3])
+        found = rounded(LIMITS, motion_of(q), BLEND, np.full(len(q), BLEND))
+        swung.append(float(np.abs(found.joints[:, 0] - q[3, 3]).min()))
+    assert swung[1] > 1.5 * swung[0] > 0
 
 
 def test_a_corner_bends_less_the_more_room_there_is() -> None:
@@ -95,6 +125,25 @@ def test_one_place_over_a_limit_does_not_slow_the_whole() -> None:
     assert tool["held_elsewhere"] >= tool["held"] > 0.75
     assert {one["at"] for one in tool["places"]} == {"end", "path"}
     assert any("jerk" in one["by"] for one in tool["places"])
+
+
+def test_the_robot_rests_only_about_what_its_rounded_motion_would_touch() -> None:
+    """It rested at all states of the drive under the slab, which is without any room to spare: 35 s."""
+    found = retime(planned("slab"), ASKED)
+    assert found.motion.time[-1] < 25
+    assert verify(found).ok
+
+
+def test_the_robot_rests_where_the_tool_comes_to_a_path_that_has_a_speed() -> None:
+    """It came there slowly, on a corner between two motions, and took longer to the speed than from rest."""
+    before = planned("slab")
+    for asked, rests in ((ASKED, True), (replace(ASKED, tool_velocity=None), False)):
+        found = retime(before, asked).motion
+        lifted = found.kind == "transit"
+        first = np.flatnonzero(lifted[:-1] & ~lifted[1:] & (found.setpoint[1:] >= 0))
+        assert len(first) == before.lift_offs + 1
+        again = [np.array_equal(found.joints[k + 1], found.joints[k + 2]) for k in first.tolist()]
+        assert all(again) == rests
 
 
 @pytest.mark.parametrize("blend", [1e-4, 3e-4, 5e-3])

@@ -28,7 +28,7 @@ TOOL_WEIGHT = 1e4  # of the tool's error against the mean of the roughness
 ANGLE_LENGTH = 0.3  # weighs angles of the tool against lengths [m/rad]
 LENGTH_COST = 0.05  # of motion itself, against its bending along a metre of path
 CORNER_WEIGHT = 0.02  # of bending where the tool's own path has a corner
-EXACT = 1e-12  # miss of the tool that is rounding [m]
+EXACT = 1e-12  # miss of the tool that is rounding, and change of a coordinate [m] or [rad]
 FLAT = 1e-6  # singular values below this part of the largest are left out
 
 
@@ -218,8 +218,11 @@ def _led_back(problem: PathProblem, states: Array) -> tuple[Array, _Missed]:
             break
         back = np.linalg.pinv(missed.J[:, asked] * free[:, None, :], rcond=FLAT)
         step = free * np.einsum("nij,nj->ni", back, missed.miss[:, asked])
-        states = np.clip(states + step, problem.lower, problem.upper)
-        missed = _tool(problem, states)
+        nearer = np.clip(states + step, problem.lower, problem.upper)
+        moved = np.abs(nearer - states).max(initial=0.0)
+        states, missed = nearer, _tool(problem, nearer)
+        if moved <= EXACT:  # states that are held miss what they miss
+            break
     return states, missed
 
 

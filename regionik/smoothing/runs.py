@@ -35,7 +35,7 @@ from regionik.worlds.speeds import Speeds
 SHORTEST_RUN = 3  # states
 LONG, FEW = 400, 0.6  # states of a run, and share of them that are set-points, to begin with these alone
 NEAR_TRUST = 0.03  # of the first round, where it was begun with fewer states [m] or [rad]
-STRIDE = 0.025  # of the tool between two states [m]
+NEAR = 0.025  # set-points that have a state between them are farther apart [m]
 LEAST_STRIDE = 1e-3  # along the path, where the tool rests or nearly so [m]
 BASE_SHARE = 0.4  # of the base's way that counts as way along the path, where the tool rests
 SHARP = 0.35  # turn of the tool's path that is a corner [rad]
@@ -110,9 +110,13 @@ class PathRun:
         return on_path(replace(problem, lower=lower, upper=upper), moved)
 
 
-def runs_of(plan: Plan, standing: Standing, evenly: bool) -> Iterator[PathRun]:
-    """Runs of a plan; long ones in parts, which begin and end where they did."""
-    layout = _Layout(plan, standing, evenly and not plan.world.robot.drive.rolls)
+def runs_of(plan: Plan, standing: Standing, stride: float) -> Iterator[PathRun]:
+    """Runs of a plan; long ones in parts, which begin and end where they did.
+
+    The tool moves evenly by at most a ``stride`` from state to state [m]. Where that is infinite, and of a
+    base on wheels, states are the plan's own.
+    """
+    layout = _Layout(plan, standing, math.inf if plan.world.robot.drive.rolls else stride)
     working = plan.motion.kind != "transit"
     edges = np.flatnonzero(np.diff(np.concatenate([[False], working, [False]])))
     for first, end in edges.reshape(-1, 2).tolist():
@@ -125,7 +129,11 @@ class _Layout:
 
     plan: Plan
     standing: Standing
-    evenly: bool
+    stride: float
+
+    @property
+    def evenly(self) -> bool:
+        return math.isfinite(self.stride)
 
     def parts(self, first: int, last: int) -> Iterator[PathRun]:
         count = 1 + (last - first) // MOST_STATES
@@ -175,7 +183,8 @@ class _Layout:
         task = self.plan.world.task
         at = [places[0]]
         for i in range(int(owner[0]), math.ceil(places[-1])):
-            count = max(1, math.ceil(math.dist(task[i].position, task[i + 1].position) / STRIDE))
+            way = math.dist(task[i].position, task[i + 1].position)
+            count = max(1 + (way > NEAR), math.ceil(way / self.stride))
             at += [p for p in (i + np.arange(1, count + 1) / count) if places[0] < p < places[-1]]
         if places[-1] > places[0]:
             at.append(places[-1])

@@ -26,6 +26,8 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.scene import World
 
 OUTSIDE = 1e-9  # of its area, by rounding [m]
+STRIDES = 0.05, 0.025, math.inf  # of the tool from state to state; where these fail, those found may do [m]
+LONG_PATH = 10.0  # of the tool, for which the first of these is tried [m]
 TRIES = 7  # of proving a smoothed plan
 SPARE = 0.005  # distance that states are asked for beside one that fails [m]
 BESIDE = 6  # states on either side of one that fails which are held closer
@@ -49,8 +51,10 @@ def smooth_motion(plan: Plan, standing: Standing) -> Plan:
     Plan
         The plan itself where nothing could be made smoother.
     """
-    for evenly in (True, False):  # where states laid out evenly fail, those that were found may do
-        runs = [run for run in runs_of(plan, standing, evenly) if len(run.states) >= SHORTEST_RUN]
+    way = np.diff([target.position for target in plan.world.task], axis=0)
+    long = float(np.linalg.norm(way, axis=1).sum()) > LONG_PATH and not plan.world.robot.drive.rolls
+    for stride in STRIDES[not long :]:
+        runs = [run for run in runs_of(plan, standing, stride) if len(run.states) >= SHORTEST_RUN]
         plan, complete = _proven(plan, runs)
         if complete:
             break

@@ -66,7 +66,7 @@ def rounded(limits: MotionLimits, motion: Motion, blend: float, room: Array) -> 
         rows = slice(int(own[a]), int(own[b]) + 1)
         after[rows] = _smoothed(limits, before[rows], time[rows], allowed[rows])
     moved = after - before
-    bent = np.maximum.reduceat(_distance(limits, moved), own[:-1]) > MOVED * blend
+    bent = np.maximum.reduceat(limits.displacement(before, after), own[:-1]) > MOVED * blend
     some = np.flatnonzero((share > 0) & bent[segment])
     found = replace(motion, base=motion.base + moved[own, :3], joints=motion.joints + moved[own, 3:])
     return with_states(found, segment[some], after[some, :3], after[some, 3:])
@@ -91,18 +91,13 @@ def _smoothed(limits: MotionLimits, q: Array, time: Array, allowed: Array) -> Ar
         )
         found[:, 3:] = np.clip(found[:, 3:], lower, upper)
         found[held] = q[held]
-        share = _distance(limits, found - q) / np.where(held, 1.0, allowed)
+        share = limits.displacement(q, found) / np.where(held, 1.0, allowed)
         if share.max() <= 1:
             best = found
             if k >= ROUNDS[0]:
                 break
         weight = np.clip(weight * np.clip(share / AIM, EASING, STIFFENING) ** POWER, *WEIGHTS)
     return best
-
-
-def _distance(limits: MotionLimits, moved: Array) -> Array:
-    """Upper bound for the motion of any point by changes of coordinates (n, m), (n,) [m]."""
-    return limits.displacement_bound(moved[:, :3], moved[:, 3:])
 
 
 def _fit(form: Array, weight: Array, values: Array) -> Array:

@@ -75,7 +75,7 @@ def _deviation(limits: MotionLimits, motion: Motion) -> Array:
         q, _, _ = path.evaluate(path.position[:-1] + share * path.lengths, segment)
         base = limits.robot.drive.between(path.base[:-1], path.base[1:], np.full(len(off), share))
         joints = path.joints[:-1] + share * np.diff(path.joints, axis=0)
-        off = np.maximum(off, limits.displacement_bound(q[:, :3] - base, q[:, 3:] - joints))
+        off = np.maximum(off, limits.displacement(q, np.column_stack([base, joints])))
     return off
 
 

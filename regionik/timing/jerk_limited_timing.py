@@ -187,7 +187,7 @@ def _strayed(limits: MotionLimits, timed: Motion, law: _TimeLaw) -> Array:
         q, ahead, _ = law.path.evaluate(position, np.clip(at, 0, len(law.rate) - 2))
         apart = spline.evaluate(times).q - q
         apart -= ((apart * ahead).sum(1) / (ahead**2).sum(1))[:, None] * ahead  # sooner or later is no matter
-        off[segment] = np.maximum(off[segment], limits.displacement_bound(apart[:, :3], apart[:, 3:]))
+        off[segment] = np.maximum(off[segment], limits.displacement(q, q + apart))
     return off
 
 
@@ -221,7 +221,7 @@ def _deviation(limits: MotionLimits, timed: Motion) -> Array:
         part = ((q - start) * change).sum(1) / (change**2).sum(1)
         base = limits.robot.drive.between(path.base[segment], path.base[segment + 1], part)
         joints = start[:, 3:] + part[:, None] * change[:, 3:]
-        off[segment] = np.maximum(off[segment], limits.displacement_bound(q[:, :3] - base, q[:, 3:] - joints))
+        off[segment] = np.maximum(off[segment], limits.displacement(q, np.column_stack([base, joints])))
     return off
 
 

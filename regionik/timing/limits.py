@@ -22,6 +22,7 @@ RATE = 1000.0  # at which limits are checked [Hz]
 SHARES = (0.0, 0.25, 0.5, 0.75, 1 - 1e-6)  # of each segment, at which they are checked too
 CHUNK = 50_000  # of these instants at a time
 ROOTS = {"velocity": 1.0, "acceleration": 1 / 2, "jerk": 1 / 3}  # by which time stretches with a share
+THICKNESS = 0.05  # of links, about the lines from joint to joint [m]
 AT_REST = 1e-6  # tool speed below which the tool stays at a set-point [m/s]
 
 _ANGLES = np.arange(4) * np.pi / 4  # of an octagon inside the disc of the base's accelerations
@@ -160,12 +161,18 @@ class MotionLimits:
             usage["tool_velocity"] = speed / s.tool_velocity
         return usage
 
-    def displacement_bound(self, base: Array, joints: Array) -> Array:
-        """Upper bound for the motion of any point by changes (n, 3) and (n, dof), (n,) [m]."""
-        bound: Array = (
-            np.hypot(*base[:, :2].T) + self.reach * np.abs(base[:, 2]) + np.abs(joints) @ self.levers
-        )
-        return bound
+    def displacement(self, q: Array, other: Array) -> Array:
+        """Upper bound for any point's distance between states q and others (n, 3 + dof), (n,) [m].
+
+        Points of the arm are those within `THICKNESS` of straight lines from joint to joint, and to the tool.
+        """
+        here, there = (self.robot.frames(one[:, :3], one[:, 3:])[..., :3, :] for one in (q, other))
+        moved = np.linalg.norm((there - here)[..., 3], axis=2)
+        turned = np.linalg.norm((there - here)[..., :3], axis=(2, 3)) / np.sqrt(2)
+        arm = np.maximum(moved[:, :-1], moved[:, 1:]) + THICKNESS * turned[:, :-1]
+        base, corners = other[:, :3] - q[:, :3], float(np.hypot(*self.robot.footprint.T).max())
+        found: Array = np.maximum(arm.max(1), np.hypot(*base[:, :2].T) + corners * np.abs(base[:, 2]))
+        return found
 
 
 def motion_limits(robot: Robot, speeds: Speeds) -> MotionLimits:

@@ -6,7 +6,6 @@ import math
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from regionik.planners.progress import track
 from regionik.postures.arm import deviation
@@ -17,14 +16,15 @@ from regionik.timing.limits import (
     MotionLimits,
     check_tool_speed,
     motion_limits,
+    segments_on_path,
     slowdowns,
 )
 from regionik.timing.parametrization import fastest_times, path_of
 from regionik.timing.smooth_path import CORNER
 from regionik.timing.timing_figures import timing_figures
-from regionik.values import Motion, Plan
+from regionik.values import Motion, Plan, Report
 from regionik.verification.verifier import verify
-from regionik.worlds.arrays import Array
+from regionik.worlds.arrays import Array, Index
 from regionik.worlds.errors import InputError
 from regionik.worlds.robot import Robot
 from regionik.worlds.speeds import Speeds
@@ -33,7 +33,9 @@ ROUNDED_CORNER = np.radians(60)  # where corners are rounded first, the robot st
 SPARE_CONE = 0.02  # of a set-point, without which its state stays where it is [rad]
 BLEND = 2e-4  # by which any point of the robot may leave the plan's motion on the smooth path [m]
 SLOWDOWNS, SPARE = 5, 1e-4  # of the motion, and by how much more
-TRIES = 4  # with more states to rest at
+SLIGHT = 0.05  # share of a limit by which bounds may exceed it where the motion is slowed, not rested
+ALL = 1_000_000
+BESIDE = 0, 0, 1, 4, ALL, ALL  # states next to one that breaks a rule at which to rest too, try by try
 
 
 def retime(plan: Plan, speeds: Speeds | None = None, *, blend: float = BLEND, hold: bool = False) -> Plan:
@@ -82,24 +84,55 @@ def retime(plan: Plan, speeds: Speeds | None = None, *, blend: float = BLEND, ho
         raise InputError(f"blend: must be above 0, got {blend:g}")
     asked = speeds or plan.world.speeds or Speeds()
     limits = motion_limits(plan.world.robot, asked)
-    sharp = ROUNDED_CORNER if _rounds(limits) else CORNER
-    motion = with_rests(plan.motion, path_of(limits.robot, plan.motion).corners(sharp))
+    motion = with_rests(plan.motion, _rests(limits, plan.motion))
     stats = {key: value for key, value in plan.stats.items() if key not in ("margins", "timing")}
     plan = replace(plan, world=replace(plan.world, speeds=asked))
-    for _ in track("timing", range(TRIES)):
+    for beside in track("timing", BESIDE):
         found = _timed(limits, motion, blend, _room(plan, motion, blend))
-        timed = _with_motion(replace(plan, stats=stats), found)
-        report = verify(timed)
+        timed, report = _verified(limits, replace(plan, stats=stats), found)
         if report.ok:
             if hold:
                 check_tool_speed(limits, timed.motion)
             figures = {"margins": report.margins, "timing": timing_figures(limits, timed.motion, blend)}
             return replace(timed, stats={**timed.stats, **figures})
         states = [v.state for v in report.violations if v.state is not None]
-        motion = with_rests(motion, _inner_states(limits.robot, motion, timed.motion, states))
+        rests = _nearby_states(limits.robot, motion, timed.motion, states, beside)
+        if not len(rests):
+            break
+        motion = with_rests(motion, rests)
     raise InputError(
         "plan: its motion breaks its own rules, so no smooth motion next to it keeps them; verify it"
     )
+
+
+def _rests(limits: MotionLimits, motion: Motion) -> Index:
+    """States to rest at: corners, and both ends of a path on which the tool has a speed."""
+    rests = path_of(limits.robot, motion).corners(ROUNDED_CORNER if _rounds(limits) else CORNER)
+    if limits.speeds.tool_velocity is None:
+        return rests
+    return np.union1d(rests, 1 + np.flatnonzero(np.diff(segments_on_path(motion))))
+
+
+def _verified(limits: MotionLimits, plan: Plan, motion: Motion) -> tuple[Plan, Report]:
+    """The plan with a timed motion, slower where by its bounds it is slightly too fast, and the report."""
+    for _ in range(SLOWDOWNS):
+        timed = _with_motion(plan, motion)
+        report = verify(timed)
+        factor = np.ones(max(len(motion) - 1, 1))
+        for fast in report.violations:
+            if fast.kind in ("speeds", "jerk") and fast.state is not None and fast.amount <= SLIGHT:
+                factor[fast.state] = max(factor[fast.state], 1 + fast.amount)
+        if factor.max() <= 1.0:
+            break
+        motion = _slower(limits, motion, factor)
+    return timed, report
+
+
+def _slower(limits: MotionLimits, motion: Motion, factor: Array) -> Motion:
+    """Motion slower by factors on segments (n - 1,): about them where jerk is limited, else as a whole."""
+    if limits.speeds.limit_jerk:
+        return stretched(limits, motion, factor)
+    return replace(motion, time=motion.time * factor.max() * (1 + SPARE))
 
 
 def _rounds(limits: MotionLimits) -> bool:
@@ -154,17 +187,18 @@ def _timed(limits: MotionLimits, motion: Motion, blend: float, room: Array) -> M
         factor = slowdowns(limits, motion)
         if factor.max() <= 1.0:
             break
-        if limits.speeds.limit_jerk:
-            motion = stretched(limits, motion, factor)
-        else:
-            motion = replace(motion, time=motion.time * factor.max() * (1 + SPARE))
+        motion = _slower(limits, motion, factor)
     return motion
 
 
-def _inner_states(robot: Robot, motion: Motion, timed: Motion, broken: list[int]) -> NDArray[np.int64]:
-    """States within those runs of a motion that break a rule at states of the timed one."""
-    ends = [b for _, b in path_of(robot, timed).runs]
-    runs = np.unique(np.searchsorted(ends, broken))
-    own = path_of(robot, motion).runs
-    inner = [np.arange(own[k][0] + 1, own[k][1]) for k in runs.tolist() if k < len(own)]
-    return np.concatenate([np.empty(0, dtype=np.int64), *inner])
+def _nearby_states(robot: Robot, motion: Motion, timed: Motion, broken: list[int], beside: int) -> Index:
+    """States within runs of a motion, next to those at which the timed one breaks a rule."""
+    own, there = path_of(robot, motion), path_of(robot, timed)
+    ends, found = [b for _, b in there.runs], np.zeros(len(motion), dtype=bool)
+    for k, run in zip(broken, np.searchsorted(ends, broken).tolist(), strict=True):
+        a, b = own.runs[run] if run < len(own.runs) else (0, 0)
+        if b > a + 1:
+            apart = np.linalg.norm(own.coordinates[a + 1 : b] - there.coordinates[k], axis=1)
+            nearest = a + 1 + int(np.argmin(apart))
+            found[max(a + 1, nearest - beside) : min(b, nearest + beside + 1)] = True
+    return np.flatnonzero(found)

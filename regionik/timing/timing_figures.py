@@ -106,24 +106,31 @@ class _HeldSpeed:
         ]
 
     def _stop_within(self, start: int, end: int) -> str:
-        """Where a slow part is: near an "end" of the path, near a "corner", or on the "path" besides."""
-        rows = slice(start, end + 1)
-        if self._from_stops[rows].max() > self._braking:
+        """Where a slow part is slowest: near an "end" of the path, a "corner", or on the "path" besides."""
+        slowest = start + int(np.argmin(self.speed[start : end + 1]))
+        if self._from_stops[slowest] > self._braking:
             return "path"
-        ends, corners = (
-            _nearest(self._way_at(one), self._way[rows]) for one in (self._ends, self._at_corners)
-        )
-        return "end" if ends.min() <= corners.min() else "corner"
+        way = self._way[[slowest]]
+        ends, corners = (_nearest(self._way_at(one), way)[0] for one in (self._ends, self._at_corners))
+        return "end" if ends <= corners else "corner"
 
     @cached_property
     def _from_stops(self) -> Array:
         """Way of the tool from each instant to the next end or corner, (n,) [m]."""
         return _nearest(self._way_at(np.concatenate([self._ends, self._at_corners])), self._way)
 
-    @property
+    @cached_property
     def _braking(self) -> float:
-        """Way on which the base alone comes to rest [m]."""
-        return self.asked * (self.asked / self.limits.speeds.base_acceleration + self.limits.ramp) / 2
+        """Longest way on which the base alone comes to rest, or to a lower speed [m].
+
+        To lose half of what the ramps of its acceleration take may be a longer way than to stop.
+        """
+        strongest, ramp = self.limits.speeds.base_acceleration, self.limits.ramp
+        less = self.asked * SHARES
+        needed = np.where(
+            less > strongest * ramp, less / strongest + ramp, 2 * np.sqrt(less * ramp / strongest)
+        )
+        return float(((self.asked - less / 2) * needed).max())
 
     @cached_property
     def _way(self) -> Array:
