@@ -9,7 +9,7 @@ left aside; the same count over outer areas is a bound that no base falls below.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
@@ -22,6 +22,7 @@ from regionik.areas.standing import Index, PathAreas, Standing
 from regionik.explain.constraints import no_way_to, setpoint_at
 from regionik.explain.failures import cut_off, no_place
 from regionik.ladder import Ladder, Mask, build_ladder
+from regionik.parking.held_postures import HeldPostures
 from regionik.planners.coverage.set_cover import (
     OverlayFaces,
     SetCover,
@@ -48,14 +49,19 @@ class StopGroup:
         By side of the standing; shrunk by the circle to park in.
     spot : (2,) array or None
         Position of the arm axis from which one heading is known to serve all of them [m].
-    yaw : float or None
-        That heading, where a place does not give the arm its posture [rad].
+    held : HeldPostures or None
+        Postures at the set-points on a pose of the base there, where a place does not give the arm its own.
     """
 
     setpoints: tuple[int, ...]
     places: dict[int, BaseGeometry]
     spot: Array | None = None
-    yaw: float | None = None
+    held: HeldPostures | None = None
+
+    def of(self, setpoints: tuple[int, ...]) -> StopGroup:
+        """Return the group for some of the set-points, in the order given."""
+        held, at = self.held, [self.setpoints.index(i) for i in setpoints]
+        return replace(self, setpoints=setpoints, held=None if held is None else held.of(at))
 
 
 @dataclass(frozen=True, eq=False)
