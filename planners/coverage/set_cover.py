@@ -61,29 +61,39 @@ class SetCover:
         return len(self.chosen) == self.lower
 
 
-def overlay_faces(areas: Geometries) -> OverlayFaces:
+def overlay_faces(areas: Geometries, some: Index | None = None) -> OverlayFaces:
     """Faces of the overlay of areas, without those that only lie in areas of one other face.
 
     Parameters
     ----------
     areas : (n,) array of polygons
         Valid; an empty one holds no face.
+    some : (k,) array of int, optional
+        Areas that are laid over each other; of the others it is only known whether a point of each face lies
+        in them. By default all.
     """
-    lines = shapely.union_all(shapely.boundary(areas[~shapely.is_empty(areas)]))
+    laid = areas if some is None else areas[some]
+    lines = shapely.union_all(shapely.boundary(laid[~shapely.is_empty(laid)]))
     polygon = shapely.get_parts(shapely.polygonize([lines]))
     polygon = polygon[shapely.area(polygon) > LEAST]
-    shapely.prepare(areas)
-    spots = shapely.get_coordinates(shapely.point_on_surface(polygon))
-    inside = np.zeros((len(polygon), len(areas)), dtype=bool)
-    for column, area in zip(inside.T, areas, strict=True):  # many times as quick as a tree where most overlap
-        column[:] = shapely.contains_xy(area, spots)
+    inside = _holding(polygon, laid)
     order = np.lexsort((-shapely.area(polygon), -inside.sum(axis=1)))  # of equal faces the largest first
     polygon, inside = polygon[order], inside[order]
     _, first = np.unique(np.packbits(inside, axis=1), axis=0, return_index=True)
     first = np.sort(first)
     polygon, inside = polygon[first], inside[first]
     best = undominated(inside) & inside.any(axis=1)
-    return OverlayFaces(polygon[best], inside[best])
+    return OverlayFaces(polygon[best], inside[best] if some is None else _holding(polygon[best], areas))
+
+
+def _holding(faces: Geometries, areas: Geometries) -> Mask:
+    """Mask (f, n) of the areas in which a point of each face lies."""
+    shapely.prepare(areas)
+    spots = shapely.get_coordinates(shapely.point_on_surface(faces))
+    inside = np.zeros((len(faces), len(areas)), dtype=bool)
+    for column, area in zip(inside.T, areas, strict=True):  # many times as quick as a tree where most overlap
+        column[:] = shapely.contains_xy(area, spots)
+    return inside
 
 
 def undominated(inside: Mask) -> Mask:

@@ -37,6 +37,8 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Cause, Explanation, NoPlanFound
 from regionik.worlds.scene import Order, Target, World
 
+MOST = 200  # set-points whose areas are laid over each other at once
+
 
 @dataclass(frozen=True, eq=False)
 class StopGroup:
@@ -246,23 +248,48 @@ def _component_counts(parking_areas: ParkingAreas) -> Index:
 
 def _covered(world: World, parking_areas: ParkingAreas) -> Parking:
     """The least cover, every set-point assigned to one of the faces that meet it."""
-    sides = sorted(set(parking_areas.ladder.side.tolist()))
-    overlays = [overlay_faces(parking_areas.areas_at(s)) for s in sides]
-    side = np.repeat(sides, [len(overlay.polygon) for overlay in overlays])
-    faces = OverlayFaces(
-        np.concatenate([overlay.polygon for overlay in overlays]),
-        np.concatenate([overlay.inside for overlay in overlays]),
-    )
-    cover = least_cover(faces.inside)
+    side, faces, cover = _least_cover_by_faces(parking_areas)
     groups = _assigned(world.task, faces, side, cover, parking_areas)
-    outer = _shrunk(_outer(world), world, outside=True)
+    some = world.task[:: _stride(len(world.task))]  # none does with fewer than some of the set-points need
+    outer = _shrunk(_outer(world, some), world, outside=True)
     bound = least_cover(overlay_faces(outer).inside)
     stats: dict[str, int | bool | str] = {
         "count": len(groups), "lower_bound": bound.lower, "bound": "outer areas",
         "fewest_of_inner_areas": cover.lower, "apart": cover.apart, "faces": len(faces.polygon),
     }  # fmt: skip
     middle = shapely.get_coordinates(shapely.point_on_surface(faces.polygon))
-    return Parking(parking_areas, tuple(groups), bound.lower, stats, {s: middle[side == s] for s in sides})
+    spots = {s: middle[side == s] for s in sorted(set(parking_areas.ladder.side.tolist()))}
+    return Parking(parking_areas, tuple(groups), bound.lower, stats, spots)
+
+
+def _stride(count: int) -> int:
+    """Every how many set-points are laid over each other at first."""
+    return -(-count // MOST)
+
+
+def _least_cover_by_faces(parking_areas: ParkingAreas) -> tuple[Index, OverlayFaces, SetCover]:
+    """Sides and faces of the overlay of all areas, and their least cover.
+
+    Of many set-points only some are laid over each other, as long as the faces that come of it serve all of
+    them by no more than these some need. Else twice as many are, which decides.
+    """
+    sides = sorted(set(parking_areas.ladder.side.tolist()))
+    count = parking_areas.ladder.count
+    stride = _stride(count)
+    while True:
+        some = np.arange(0, count, stride)
+        overlays = [overlay_faces(parking_areas.areas_at(s), some) for s in sides]
+        side = np.repeat(sides, [len(overlay.polygon) for overlay in overlays])
+        polygon = np.concatenate([overlay.polygon for overlay in overlays])
+        inside = np.concatenate([overlay.inside for overlay in overlays])
+        bound = least_cover(inside[:, some])
+        if stride == 1:
+            return side, OverlayFaces(polygon, inside), bound
+        if inside.any(axis=0).all():
+            cover = least_cover(inside)
+            if len(cover.chosen) <= bound.lower or 2 * stride < _stride(count) + 2:
+                return side, OverlayFaces(polygon, inside), replace(bound, chosen=cover.chosen)
+        stride = (stride + 1) // 2
 
 
 def _areas_of(parking_areas: ParkingAreas, side: int) -> Geometries:
@@ -341,9 +368,9 @@ def _pieces(world: World, standing: Standing, ladder: Ladder) -> list[int]:
     return [] if piece is None else [piece]
 
 
-def _outer(world: World) -> Geometries:
-    areas = np.empty(len(world.task), dtype=object)
-    areas[:] = outer_areas(world, world.task)
+def _outer(world: World, task: Sequence[Target]) -> Geometries:
+    areas = np.empty(len(task), dtype=object)
+    areas[:] = outer_areas(world, task)
     return areas
 
 
@@ -365,7 +392,7 @@ def _lower_bound_in_order(world: World, known: Sequence[StopGroup]) -> int:
 
 @lru_cache(maxsize=8)
 def _fewest_outer_runs(world: World) -> int:
-    areas = _shrunk(_outer(world), world, outside=True)
+    areas = _shrunk(_outer(world, world.task), world, outside=True)
     count = len(areas)
     back = [[i - 1] if i else [] for i in range(count)]
     return len(fewest_runs(areas, np.arange(count + 1), back))
