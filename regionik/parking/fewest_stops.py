@@ -271,7 +271,7 @@ def _least_cover_by_faces(parking_areas: ParkingAreas) -> tuple[Index, OverlayFa
     """Sides and faces of the overlay of all areas, and their least cover.
 
     Of many set-points only some are laid over each other, as long as the faces that come of it serve all of
-    them by no more than these some need. Else twice as many are, which decides.
+    them by no more than these some need. Else all are, of up to twice as many.
     """
     sides = sorted(set(parking_areas.ladder.side.tolist()))
     count = parking_areas.ladder.count
@@ -287,7 +287,7 @@ def _least_cover_by_faces(parking_areas: ParkingAreas) -> tuple[Index, OverlayFa
             return side, OverlayFaces(polygon, inside), bound
         if inside.any(axis=0).all():
             cover = least_cover(inside)
-            if len(cover.chosen) <= bound.lower or 2 * stride < _stride(count) + 2:
+            if len(cover.chosen) <= bound.lower or stride > 2:
                 return side, OverlayFaces(polygon, inside), replace(bound, chosen=cover.chosen)
         stride = (stride + 1) // 2
 
