@@ -14,11 +14,11 @@ from shapely.geometry import Point
 
 from regionik.cli.app import run
 from regionik.output.plan_file import load_plan
-from regionik.parking import fewest_stops
 from regionik.parking.fewest_stops import park
 from regionik.parking.placements import PlacementSearch
 from regionik.parking.stops import in_sequence, stops
 from regionik.pipeline import plan
+from regionik.planners.coverage import set_cover
 from regionik.planners.coverage.set_cover import least_cover, undominated
 from regionik.postures.families import BACK, FRONT
 from regionik.regions import path_areas
@@ -183,7 +183,7 @@ def test_some_of_many_areas_are_enough_for_a_cover_and_a_bound(
 ) -> None:
     world = scattered(0, 3.0)
     whole = park(world)
-    monkeypatch.setattr(fewest_stops, "MOST", most)
+    monkeypatch.setattr(set_cover, "MOST", most)
     found = park(world)
     assert found.lower <= whole.lower
     assert int(found.stats["fewest_of_inner_areas"]) <= len(whole.groups) <= len(found.groups)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
@@ -14,6 +14,7 @@ from shapely.geometry.base import BaseGeometry
 LEAST = 1e-10  # faces smaller than this are left out [m2]
 CHUNK = 512  # faces compared with others in one product, the largest first
 NODES = 20_000  # of branch and bound, after which the best cover and bound found are returned
+MOST = 200  # areas that are laid over each other at once
 ROUNDING = 1e-6
 
 Geometries = NDArray[np.object_]
@@ -155,6 +156,42 @@ def least_cover(inside: Mask, nodes: int = NODES) -> SetCover:
             exact = np.flatnonzero(found.x > 0.5).tolist()
             chosen = min(greedy, exact, key=len)
     return SetCover(tuple(sorted(chosen)), lower, _independent(inside))
+
+
+def stride(count: int) -> int:
+    """Return every how many of so many areas are laid over each other at first."""
+    return -(-count // MOST)
+
+
+def least_cover_by_faces(parts: Sequence[Geometries]) -> tuple[Index, OverlayFaces, SetCover]:
+    """Faces of the overlays of areas, the overlay that each is of, and the least cover of all areas by them.
+
+    Of many areas only some are laid over each other, as long as the faces that come of it hit all by no more
+    than these some need. Else all are, of up to twice as many.
+
+    Parameters
+    ----------
+    parts : sequence of (n,) arrays of geometry
+        Each has a part of every area, which a face of its own overlay may hit.
+    """
+    count = len(parts[0])
+    step = stride(count)
+    while True:
+        some = np.arange(0, count, step)
+        overlays = [overlay_faces(areas, some) for areas in parts]
+        which = np.repeat(np.arange(len(parts)), [len(overlay.polygon) for overlay in overlays])
+        faces = OverlayFaces(
+            np.concatenate([overlay.polygon for overlay in overlays]),
+            np.concatenate([overlay.inside for overlay in overlays]),
+        )
+        bound = least_cover(faces.inside[:, some])
+        if step == 1:
+            return which, faces, bound
+        if faces.inside.any(axis=0).all():
+            cover = least_cover(faces.inside)
+            if len(cover.chosen) <= bound.lower or step > 2:
+                return which, faces, replace(bound, chosen=cover.chosen)
+        step = (step + 1) // 2
 
 
 def _greedy(inside: Mask) -> list[int]:

@@ -28,7 +28,9 @@ from regionik.planners.coverage.set_cover import (
     SetCover,
     fewest_runs,
     least_cover,
+    least_cover_by_faces,
     overlay_faces,
+    stride,
 )
 from regionik.planners.geometry.offsets import shrunk
 from regionik.postures.poses import axis_of
@@ -36,8 +38,6 @@ from regionik.regions import outer_areas, path_areas, ways_to_stand
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Cause, Explanation, NoPlanFound
 from regionik.worlds.scene import Order, Target, World
-
-MOST = 200  # set-points whose areas are laid over each other at once
 
 
 @dataclass(frozen=True, eq=False)
@@ -248,9 +248,11 @@ def _component_counts(parking_areas: ParkingAreas) -> Index:
 
 def _covered(world: World, parking_areas: ParkingAreas) -> Parking:
     """The least cover, every set-point assigned to one of the faces that meet it."""
-    side, faces, cover = _least_cover_by_faces(parking_areas)
+    sides = sorted(set(parking_areas.ladder.side.tolist()))
+    part, faces, cover = least_cover_by_faces([parking_areas.areas_at(s) for s in sides])
+    side = np.array(sides, dtype=np.intp)[part]
     groups = _assigned(world.task, faces, side, cover, parking_areas)
-    some = world.task[:: _stride(len(world.task))]  # none does with fewer than some of the set-points need
+    some = world.task[:: stride(len(world.task))]  # none does with fewer than some of the set-points need
     outer = _shrunk(_outer(world, some), world, outside=True)
     bound = least_cover(overlay_faces(outer).inside)
     stats: dict[str, int | bool | str] = {
@@ -258,38 +260,8 @@ def _covered(world: World, parking_areas: ParkingAreas) -> Parking:
         "fewest_of_inner_areas": cover.lower, "apart": cover.apart, "faces": len(faces.polygon),
     }  # fmt: skip
     middle = shapely.get_coordinates(shapely.point_on_surface(faces.polygon))
-    spots = {s: middle[side == s] for s in sorted(set(parking_areas.ladder.side.tolist()))}
+    spots = {s: middle[side == s] for s in sides}
     return Parking(parking_areas, tuple(groups), bound.lower, stats, spots)
-
-
-def _stride(count: int) -> int:
-    """Every how many set-points are laid over each other at first."""
-    return -(-count // MOST)
-
-
-def _least_cover_by_faces(parking_areas: ParkingAreas) -> tuple[Index, OverlayFaces, SetCover]:
-    """Sides and faces of the overlay of all areas, and their least cover.
-
-    Of many set-points only some are laid over each other, as long as the faces that come of it serve all of
-    them by no more than these some need. Else all are, of up to twice as many.
-    """
-    sides = sorted(set(parking_areas.ladder.side.tolist()))
-    count = parking_areas.ladder.count
-    stride = _stride(count)
-    while True:
-        some = np.arange(0, count, stride)
-        overlays = [overlay_faces(parking_areas.areas_at(s), some) for s in sides]
-        side = np.repeat(sides, [len(overlay.polygon) for overlay in overlays])
-        polygon = np.concatenate([overlay.polygon for overlay in overlays])
-        inside = np.concatenate([overlay.inside for overlay in overlays])
-        bound = least_cover(inside[:, some])
-        if stride == 1:
-            return side, OverlayFaces(polygon, inside), bound
-        if inside.any(axis=0).all():
-            cover = least_cover(inside)
-            if len(cover.chosen) <= bound.lower or stride > 2:
-                return side, OverlayFaces(polygon, inside), replace(bound, chosen=cover.chosen)
-        stride = (stride + 1) // 2
 
 
 def _areas_of(parking_areas: ParkingAreas, side: int) -> Geometries:
