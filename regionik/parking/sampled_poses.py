@@ -31,7 +31,7 @@ from regionik.worlds.scene import World
 PLACES = 48  # at which poses are looked for
 DRAWN = 4  # times as many that these are chosen from
 HEADINGS = 8  # at each, of a base that may stand at any
-SOME = 8  # set-points by which they are compared
+SOME = 12  # set-points by which they are compared
 BEST = 2  # headings that are kept at each
 NODES = 200  # of branch and bound for a cover
 ROUNDS = 40  # in which a cover is taken
