@@ -129,11 +129,18 @@ def admissible_area(world: World, target: Target | ArrayLike, criteria: Criteria
 
 def _whole_area(world: World, target: Target, *, inner: bool) -> BaseGeometry:
     """Area of a target at any heading, from within or from outside."""
-    parts = [np.array([Polygon()])]
+    return _whole_areas(world, [target], inner=inner)[0]
+
+
+def _whole_areas(world: World, targets: Sequence[Target], *, inner: bool) -> list[BaseGeometry]:
+    """Area of each target at any heading, from within or from outside."""
+    which, parts = [np.empty(0, dtype=np.intp)], [np.empty(0, dtype=object)]
     for side in (by_heading(world) if inner else outer_by_heading(world)).sides:
-        _, _, rings = reach_rows(world, [target], (FRONT, BACK), inner=inner, span=side.span)
+        rows, _, rings = reach_rows(world, targets, (FRONT, BACK), inner=inner, span=side.span)
+        which.append(rows)
         parts.append(side.subtract(rings))
-    return united(np.concatenate(parts))
+    owner, areas = np.concatenate(which), np.concatenate(parts)
+    return [united(np.append(areas[owner == i], Polygon())) for i in range(len(targets))]
 
 
 def path_areas(
@@ -190,10 +197,10 @@ def outer_areas(world: World, targets: Sequence[Target]) -> list[BaseGeometry]:
     Those that are not empty for the circle inside the footprint are cut to what its headings leave.
     """
     found = round_outer_areas(world, targets)
-    return [
-        area if area.is_empty else area & _whole_area(world, target, inner=False)
-        for area, target in zip(found, targets, strict=True)
-    ]
+    left = [i for i, area in enumerate(found) if not area.is_empty]
+    for i, area in zip(left, _whole_areas(world, [targets[i] for i in left], inner=False), strict=True):
+        found[i] &= area
+    return found
 
 
 def round_outer_areas(world: World, targets: Sequence[Target], *, coarse: bool = False) -> list[BaseGeometry]:

@@ -18,6 +18,7 @@ from regionik.parking.fewest_stops import park
 from regionik.parking.placements import PlacementSearch
 from regionik.parking.stops import in_sequence, stops
 from regionik.pipeline import plan
+from regionik.planners.coverage import set_cover
 from regionik.planners.coverage.set_cover import least_cover, undominated
 from regionik.postures.families import BACK, FRONT
 from regionik.regions import path_areas
@@ -174,6 +175,24 @@ def sampled_cover(world: World, spacing: float) -> int:
 def test_no_cover_from_a_grid_of_places_and_headings_needs_fewer(seed: int, half: float) -> None:
     world = scattered(seed, half)
     assert len(stops(world)) <= sampled_cover(world, 0.1)
+
+
+@pytest.mark.parametrize("most", [15, 10, 7])
+def test_some_of_many_areas_are_enough_for_a_cover_and_a_bound(
+    most: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    world = scattered(0, 3.0)
+    whole = park(world)
+    monkeypatch.setattr(set_cover, "MOST", most)
+    found = park(world)
+    assert found.lower <= whole.lower
+    assert int(found.stats["fewest_of_inner_areas"]) <= len(whole.groups) <= len(found.groups)
+    assert most < 15 or len(found.groups) == len(whole.groups)
+    assert sorted(i for group in found.groups for i in group.setpoints) == list(range(len(world.task)))
+    areas = found.parking_areas.areas_at(0)
+    for group in found.groups:
+        for i in group.setpoints:
+            assert areas[i].buffer(1e-9).covers(group.places[0])
 
 
 def test_what_a_place_serves_does_not_depend_on_what_was_asked_before() -> None:

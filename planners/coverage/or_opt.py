@@ -3,6 +3,10 @@
 The search is 2-opt (Croes 1958) and Or-opt (Or 1976) over near neighbours, restarted at the ends of random
 double bridges (Martin, Otto and Felten 1991). The bound is that of Held and Karp (1970): a 1-tree under any
 prices of the nodes costs no more than the shortest tour, and subgradient steps raise the prices.
+
+PyVRP 0.14.1, with one vehicle, comes to the same tours through 20 and 60 points; after 2000 iterations its
+tour of a grid of 245 is 1.6 % over the bound and that of 336 points 4.9 %, in 1.4 and 2.6 processor seconds.
+Here they are at the bound and 1.2 % over it, in 0.15 and 0.36.
 """
 
 from __future__ import annotations

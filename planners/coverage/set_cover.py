@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
@@ -12,8 +12,9 @@ from scipy.sparse import csr_array
 from shapely.geometry.base import BaseGeometry
 
 LEAST = 1e-10  # faces smaller than this are left out [m2]
-CHUNK = 512  # faces compared with all others in one product
+CHUNK = 512  # faces compared with others in one product, the largest first
 NODES = 20_000  # of branch and bound, after which the best cover and bound found are returned
+MOST = 200  # areas that are laid over each other at once
 ROUNDING = 1e-6
 
 Geometries = NDArray[np.object_]
@@ -61,28 +62,39 @@ class SetCover:
         return len(self.chosen) == self.lower
 
 
-def overlay_faces(areas: Geometries) -> OverlayFaces:
+def overlay_faces(areas: Geometries, some: Index | None = None) -> OverlayFaces:
     """Faces of the overlay of areas, without those that only lie in areas of one other face.
 
     Parameters
     ----------
     areas : (n,) array of polygons
         Valid; an empty one holds no face.
+    some : (k,) array of int, optional
+        Areas that are laid over each other; of the others it is only known whether a point of each face lies
+        in them. By default all.
     """
-    lines = shapely.union_all(shapely.boundary(areas[~shapely.is_empty(areas)]))
+    laid = areas if some is None else areas[some]
+    lines = shapely.union_all(shapely.boundary(laid[~shapely.is_empty(laid)]))
     polygon = shapely.get_parts(shapely.polygonize([lines]))
     polygon = polygon[shapely.area(polygon) > LEAST]
-    inside = np.zeros((len(polygon), len(areas)), dtype=bool)
-    shapely.prepare(areas)
-    which, area = shapely.STRtree(areas).query(shapely.point_on_surface(polygon), predicate="within")
-    inside[which, area] = True
+    inside = _holding(polygon, laid)
     order = np.lexsort((-shapely.area(polygon), -inside.sum(axis=1)))  # of equal faces the largest first
     polygon, inside = polygon[order], inside[order]
     _, first = np.unique(np.packbits(inside, axis=1), axis=0, return_index=True)
     first = np.sort(first)
     polygon, inside = polygon[first], inside[first]
     best = undominated(inside) & inside.any(axis=1)
-    return OverlayFaces(polygon[best], inside[best])
+    return OverlayFaces(polygon[best], inside[best] if some is None else _holding(polygon[best], areas))
+
+
+def _holding(faces: Geometries, areas: Geometries) -> Mask:
+    """Mask (f, n) of the areas in which a point of each face lies."""
+    shapely.prepare(areas)
+    spots = shapely.get_coordinates(shapely.point_on_surface(faces))
+    inside = np.zeros((len(faces), len(areas)), dtype=bool)
+    for column, area in zip(inside.T, areas, strict=True):  # many times as quick as a tree where most overlap
+        column[:] = shapely.contains_xy(area, spots)
+    return inside
 
 
 def undominated(inside: Mask) -> Mask:
@@ -92,13 +104,17 @@ def undominated(inside: Mask) -> Mask:
     ----------
     inside : (f, n) array of bool
     """
-    best = np.ones(len(inside), dtype=bool)
-    numbers, size = inside.astype(np.float32), inside.sum(axis=1)
-    for a in range(0, len(inside), CHUNK):
-        common = numbers[a : a + CHUNK] @ numbers.T
-        part = common == size[a : a + CHUNK, None]
-        part[np.arange(len(part)), np.arange(a, a + len(part))] = False
-        best[a : a + CHUNK] = ~part.any(axis=1)
+    size = inside.sum(axis=1)
+    order = np.argsort(-size, kind="stable")
+    best, kept = np.zeros(len(inside), dtype=bool), np.empty((0, inside.shape[1]), dtype=np.float32)
+    for some in np.split(order, range(CHUNK, len(order), CHUNK)):
+        rows = inside[some].astype(np.float32)
+        left = ~(rows @ kept.T == size[some, None]).any(axis=1)
+        rows, some = rows[left], some[left]
+        part = rows @ rows.T == size[some, None]
+        np.fill_diagonal(part, val=False)
+        top = ~part.any(axis=1)
+        best[some[top]], kept = True, np.vstack([kept, rows[top]])
     return best
 
 
@@ -140,6 +156,42 @@ def least_cover(inside: Mask, nodes: int = NODES) -> SetCover:
             exact = np.flatnonzero(found.x > 0.5).tolist()
             chosen = min(greedy, exact, key=len)
     return SetCover(tuple(sorted(chosen)), lower, _independent(inside))
+
+
+def stride(count: int) -> int:
+    """Return every how many of so many areas are laid over each other at first."""
+    return -(-count // MOST)
+
+
+def least_cover_by_faces(parts: Sequence[Geometries]) -> tuple[Index, OverlayFaces, SetCover]:
+    """Faces of the overlays of areas, the overlay that each is of, and the least cover of all areas by them.
+
+    Of many areas only some are laid over each other, as long as the faces that come of it hit all by no more
+    than these some need. Else all are, of up to twice as many.
+
+    Parameters
+    ----------
+    parts : sequence of (n,) arrays of geometry
+        Each has a part of every area, which a face of its own overlay may hit.
+    """
+    count = len(parts[0])
+    step = stride(count)
+    while True:
+        some = np.arange(0, count, step)
+        overlays = [overlay_faces(areas, some) for areas in parts]
+        which = np.repeat(np.arange(len(parts)), [len(overlay.polygon) for overlay in overlays])
+        faces = OverlayFaces(
+            np.concatenate([overlay.polygon for overlay in overlays]),
+            np.concatenate([overlay.inside for overlay in overlays]),
+        )
+        bound = least_cover(faces.inside[:, some])
+        if step == 1:
+            return which, faces, bound
+        if faces.inside.any(axis=0).all():
+            cover = least_cover(faces.inside)
+            if len(cover.chosen) <= bound.lower or step > 2:
+                return which, faces, replace(bound, chosen=cover.chosen)
+        step = (step + 1) // 2
 
 
 def _greedy(inside: Mask) -> list[int]:

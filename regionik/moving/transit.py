@@ -93,7 +93,7 @@ class TransitPlanner:
                 if unfold is None:
                     continue
                 for out, fold in folds:
-                    drive = self._driven(Pose(out[-1].base, joints), Pose(back[-1].base, joints), piece)
+                    drive = self.carried(Pose(out[-1].base, joints), Pose(back[-1].base, joints), piece)
                     if drive is not None:
                         return [*out, *fold, *drive, *unfold[::-1], *back[::-1]][1:-1]
         return None
@@ -128,13 +128,13 @@ class TransitPlanner:
         back = next(self._withdrawals(there, piece), None)
         if out is None or back is None or not self.interpolator.clear(lead):
             return None
-        drive = self._driven(out[-1], back[-1], piece)
+        drive = self.carried(out[-1], back[-1], piece)
         return None if drive is None else [*lead[1:], *out, *drive, *back[::-1]]
 
     def swung(self, here: Pose, there: Pose, _: int) -> list[Pose] | None:
         """States strictly between two postures on a base that stands: straight, or by the carry posture."""
         for between in ((), (lifted(self.world.robot, here), lifted(self.world.robot, there))):
-            stations = _distinct([here, *between, there])
+            stations = distinct([here, *between, there])
             way = [row for a, b in pairwise(stations) for row in [*arm_states(a, b), b]]
             if self.interpolator.clear([here, *way]):
                 return way[:-1]
@@ -146,9 +146,9 @@ class TransitPlanner:
         for joints in (here.joints, there.joints) if way is None else ():
             start, end = Pose(here.base, joints), Pose(there.base, joints)
             leaving, coming = self.swung(here, start, piece), self.swung(end, there, piece)
-            drive = None if leaving is None or coming is None else self._driven(start, end, piece)
+            drive = None if leaving is None or coming is None else self.carried(start, end, piece)
             if leaving is not None and coming is not None and drive is not None:
-                return _distinct([here, *leaving, start, *drive, end, *coming, there])[1:-1]
+                return distinct([here, *leaving, start, *drive, end, *coming, there])[1:-1]
         return way
 
     def round_about(self, here: Pose, there: Pose, _: int) -> list[Pose] | None:
@@ -178,8 +178,8 @@ class TransitPlanner:
             *arm_states(lowered, there),
         ]
 
-    def _driven(self, here: Pose, there: Pose, piece: int) -> list[Pose] | None:
-        """Drive with a still arm, giving things the widest berth that is needed."""
+    def carried(self, here: Pose, there: Pose, piece: int) -> list[Pose] | None:
+        """States strictly between two poses: a still arm, given the widest berth needed."""
         for berth in BERTHS:
             try:
                 drive = self.driver.states(here, there, self.driver.route(here, there, piece, berth))
@@ -199,7 +199,7 @@ class TransitPlanner:
                     yield way
 
 
-def _distinct(poses: list[Pose]) -> list[Pose]:
+def distinct(poses: list[Pose]) -> list[Pose]:
     """Poses without those that are the same as the one before."""
     kept = poses[:1]
     for pose in poses[1:]:

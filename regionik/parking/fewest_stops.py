@@ -9,7 +9,7 @@ left aside; the same count over outer areas is a bound that no base falls below.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 
 import numpy as np
@@ -22,12 +22,15 @@ from regionik.areas.standing import Index, PathAreas, Standing
 from regionik.explain.constraints import no_way_to, setpoint_at
 from regionik.explain.failures import cut_off, no_place
 from regionik.ladder import Ladder, Mask, build_ladder
+from regionik.parking.held_postures import HeldPostures
 from regionik.planners.coverage.set_cover import (
     OverlayFaces,
     SetCover,
     fewest_runs,
     least_cover,
+    least_cover_by_faces,
     overlay_faces,
+    stride,
 )
 from regionik.planners.geometry.offsets import shrunk
 from regionik.postures.poses import axis_of
@@ -48,14 +51,19 @@ class StopGroup:
         By side of the standing; shrunk by the circle to park in.
     spot : (2,) array or None
         Position of the arm axis from which one heading is known to serve all of them [m].
-    yaw : float or None
-        That heading, where a place does not give the arm its posture [rad].
+    held : HeldPostures or None
+        Postures at the set-points on a pose of the base there, where a place does not give the arm its own.
     """
 
     setpoints: tuple[int, ...]
     places: dict[int, BaseGeometry]
     spot: Array | None = None
-    yaw: float | None = None
+    held: HeldPostures | None = None
+
+    def of(self, setpoints: tuple[int, ...]) -> StopGroup:
+        """Return the group for some of the set-points, in the order given."""
+        held, at = self.held, [self.setpoints.index(i) for i in setpoints]
+        return replace(self, setpoints=setpoints, held=None if held is None else held.of(at))
 
 
 @dataclass(frozen=True, eq=False)
@@ -241,22 +249,19 @@ def _component_counts(parking_areas: ParkingAreas) -> Index:
 def _covered(world: World, parking_areas: ParkingAreas) -> Parking:
     """The least cover, every set-point assigned to one of the faces that meet it."""
     sides = sorted(set(parking_areas.ladder.side.tolist()))
-    overlays = [overlay_faces(parking_areas.areas_at(s)) for s in sides]
-    side = np.repeat(sides, [len(overlay.polygon) for overlay in overlays])
-    faces = OverlayFaces(
-        np.concatenate([overlay.polygon for overlay in overlays]),
-        np.concatenate([overlay.inside for overlay in overlays]),
-    )
-    cover = least_cover(faces.inside)
+    part, faces, cover = least_cover_by_faces([parking_areas.areas_at(s) for s in sides])
+    side = np.array(sides, dtype=np.intp)[part]
     groups = _assigned(world.task, faces, side, cover, parking_areas)
-    outer = _shrunk(_outer(world), world, outside=True)
+    some = world.task[:: stride(len(world.task))]  # none does with fewer than some of the set-points need
+    outer = _shrunk(_outer(world, some), world, outside=True)
     bound = least_cover(overlay_faces(outer).inside)
     stats: dict[str, int | bool | str] = {
         "count": len(groups), "lower_bound": bound.lower, "bound": "outer areas",
         "fewest_of_inner_areas": cover.lower, "apart": cover.apart, "faces": len(faces.polygon),
     }  # fmt: skip
     middle = shapely.get_coordinates(shapely.point_on_surface(faces.polygon))
-    return Parking(parking_areas, tuple(groups), bound.lower, stats, {s: middle[side == s] for s in sides})
+    spots = {s: middle[side == s] for s in sides}
+    return Parking(parking_areas, tuple(groups), bound.lower, stats, spots)
 
 
 def _areas_of(parking_areas: ParkingAreas, side: int) -> Geometries:
@@ -335,9 +340,9 @@ def _pieces(world: World, standing: Standing, ladder: Ladder) -> list[int]:
     return [] if piece is None else [piece]
 
 
-def _outer(world: World) -> Geometries:
-    areas = np.empty(len(world.task), dtype=object)
-    areas[:] = outer_areas(world, world.task)
+def _outer(world: World, task: Sequence[Target]) -> Geometries:
+    areas = np.empty(len(task), dtype=object)
+    areas[:] = outer_areas(world, task)
     return areas
 
 
@@ -359,7 +364,7 @@ def _lower_bound_in_order(world: World, known: Sequence[StopGroup]) -> int:
 
 @lru_cache(maxsize=8)
 def _fewest_outer_runs(world: World) -> int:
-    areas = _shrunk(_outer(world), world, outside=True)
+    areas = _shrunk(_outer(world, world.task), world, outside=True)
     count = len(areas)
     back = [[i - 1] if i else [] for i in range(count)]
     return len(fewest_runs(areas, np.arange(count + 1), back))

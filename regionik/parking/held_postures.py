@@ -7,9 +7,8 @@ its postures at the first, and the heading of the base is one that leaves its pi
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -17,12 +16,12 @@ from numpy.typing import NDArray
 
 from regionik.areas.standing import into_span
 from regionik.mfabrik import Solver
-from regionik.moving.base_motion import arm_states
-from regionik.moving.transit import lifted
-from regionik.planners.solvers.damped_least_squares import Aims, polish_along
+from regionik.parking.arm_roadmap import ArmRoadmap, grown_roadmap, travel_roadmap
+from regionik.planners.avoidance.neighboring_postures import NeighboringTargets, neighboring_postures
+from regionik.planners.solvers.damped_least_squares import POSITION, Aims, polish_along
 from regionik.planners.solvers.redundancy_resolution import PathSolving, resolve_redundancy
 from regionik.planners.solvers.serial_chain import serial_arm
-from regionik.postures.arm_guard import Guard
+from regionik.postures.arm_guard import SPARE, Guard, contact_for
 from regionik.postures.poses import Pose, axis_of, pose_of
 from regionik.postures.serial_solver import MOST_STEPS, SerialSolver, serial_solver
 from regionik.worlds.arms import pivot_index, pivot_joints
@@ -33,7 +32,8 @@ from regionik.worlds.scene import Target, World
 STARTS = 24  # postures at the first set-point that are looked for
 MORE_STARTS = 192  # where redundancy is resolved along the set-points
 LONGEST_TURN, LONGEST_SLIDE = 0.1, 0.02  # of a joint from one target to the next there [rad], [m]
-TRIES = 96  # at others, where the one that is led there does not do
+NEAR = 8  # targets that a posture is led on to
+BEGINNINGS = 4  # postures that the search at a target begins from
 ENOUGH = 3  # of those that serve every set-point, so many are compared
 RIM = np.arange(8) * np.pi / 4  # directions in which a circle to park in is tried [rad]
 RIM_STEPS = 4  # on the way out to its rim, each posture the start of the next
@@ -51,12 +51,19 @@ class HeldPostures:
     joints : (k, dof) array
     spare : float
         Least distance of a joint to a limit, as a share of its range.
+    roadmap : ArmRoadmap or None
+        Of ways from one posture to another and to the carry posture, where those are known.
     """
 
     base: Array
     served: tuple[int, ...]
     joints: Array
     spare: float
+    roadmap: ArmRoadmap | None = None
+
+    def of(self, some: Sequence[int]) -> HeldPostures:
+        """Return what is held at some of the postures, in the order given."""
+        return replace(self, served=tuple(range(len(some))), joints=self.joints[list(some)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,9 +81,7 @@ class PostureCarrier:
     guard: Guard
     targets: Sequence[Target]
 
-    def best(
-        self, solver: Solver, axis: Array, span: tuple[float, float], known: Array
-    ) -> HeldPostures | None:
+    def best(self, solver: Solver, axis: Array, span: tuple[float, float]) -> HeldPostures | None:
         """Postures that serve most set-points from a place of the arm axis, and among those have most spare.
 
         Parameters
@@ -87,28 +92,25 @@ class PostureCarrier:
             [m]
         span : (low, high)
             Headings of the base [rad].
-        known : (m, dof) array
-            Postures elsewhere: those that are led from them are taken where they serve all.
         """
         base, robot = pose_of(self.world.robot, axis, into_span(0.0, span)), self.world.robot
         best: HeldPostures | None = None
         full = 0
-        alike = (solver.least_change(self.targets[0], base, joints) for joints in known)
-        others = solver.self_motion(self.targets[0], base, robot.carry, STARTS)
-        if self.world.rules.order == "any":
-            others.sort(key=lambda one: not self.folds(one.base, one.joints))
-        for n, start in enumerate(chain(alike, others)):
-            found = None if start is None else self._from(start.base, start.joints, axis, span)
+        for start in solver.self_motion(self.targets[0], base, robot.carry, STARTS):
+            found = self._from(start.base, start.joints, axis, span)
             if found is None or (best is not None and len(found.joints) < len(best.joints)):
                 continue
             if best is None or (len(found.joints), found.spare) > (len(best.joints), best.spare):
                 best = found
             full += len(found.joints) == len(self.targets)
-            if full == ENOUGH or (full and n < len(known)):
+            if full == ENOUGH:
                 break
         if best is None or self.world.rules.order == "given":
             return best
-        branched = self.at(best.base, best.joints)
+        every = np.arange(len(self.targets))
+        branched = self.at(best.base, every)
+        if branched is None or branched.roadmap is None:
+            branched = self.kept(best.base, every[: len(best.joints)], best.joints)
         return best if branched is None else branched
 
     def resolved(self, base: Array, most: int) -> Array:
@@ -140,66 +142,93 @@ class PostureCarrier:
             return False
         return self.guard.stop([Pose(base, here), Pose(base, there)]) is None
 
-    def at(self, base: Array, rows: Array) -> HeldPostures | None:
-        """Postures from a pose of the base at all set-points that have a clear one; None where none has.
+    def at(self, base: Array, some: Index) -> HeldPostures | None:
+        """Postures from a pose of the base at all of some set-points that have a clear one.
 
-        In any order the tool may be lifted between two set-points, so the arm need not stay in one branch,
-        and what is not served from here is from elsewhere.
-
-        Parameters
-        ----------
-        base : (3,) array
-        rows : (k, dof) array
-            Postures that are known at the first set-points.
+        In any order the tool may be lifted between two set-points, and what is not served from here is from
+        elsewhere. None where none is found. Where none can be joined to the carry posture, others are taken.
         """
-        served, found = list[int](), list[Array]()
-        near = rows[0] if len(rows) else self.world.robot.carry
-        for i in range(len(self.targets)):
-            known = rows[i] if i < len(rows) else self._onward(i, base, near)
-            joints = self._posture(i, base, known, near)
-            if joints is not None:
-                served.append(i)
-                found.append(joints)
-                near = joints
-        if not served:
+        found, joints = self.neighboring(base, some)
+        held = self.joined(base, found, joints)
+        return held if held is not None else self.kept(base, found, joints)
+
+    def joined(self, base: Array, some: Index, joints: Array) -> HeldPostures | None:
+        """Those of clear postures (n, dof) at set-points that a roadmap joins and that keep all round."""
+        travel = self._travel
+        off = np.abs(joints[:, None] - travel.joints[None]).max(axis=2)
+        between = travel.joints[travel.up_from(np.argmin(off, axis=1))][1:]
+        nodes = np.vstack([between, joints])
+        roadmap, held = grown_roadmap(self.guard, base, travel.joints[0], nodes)
+        held = np.sort(held[held >= len(between)]) - len(between)
+        found = self.kept(base, some[held], joints[held])
+        return None if found is None else replace(found, roadmap=roadmap)
+
+    def kept(self, base: Array, some: Index, joints: Array) -> HeldPostures | None:
+        """Those of postures (n, dof) at set-points that are clear and keep all round the rim."""
+        kept = [n for n, i in enumerate(some.tolist()) if self.keeps(i, base, joints[n])]
+        if not kept:
             return None
-        return HeldPostures(base, tuple(served), np.array(found), self._spare(np.array(found)))
+        return HeldPostures(base, tuple(some[kept].tolist()), joints[kept], self._spare(joints[kept]))
 
-    def _posture(self, i: int, base: Array, known: Array | None, near: Array) -> Array | None:
-        """A clear posture at set-point i, the known one if it folds, else the nearest to another that does.
+    def neighboring(self, base: Array, some: Index) -> tuple[Index, Array]:
+        """Those of some set-points at which a clear posture was soon found, and the postures (n, dof)."""
+        axis, yaw = axis_of(self.world.robot, base), float(base[2] + self.world.robot.mount[3])
+        if not len(some):
+            return some, np.empty((0, self.world.robot.chain.dof))
+        aims, effort = self._aims(axis, yaw, some), self._bound.effort
+        spots = aims.positions
+        far = np.linalg.norm(spots[:, None] - spots[None], axis=2)
+        near = np.argsort(far, axis=1, kind="stable")[:, 1 : NEAR + 1]
+        guard, margin = self.guard, SPARE if self.guard.on else -np.inf
+        targets = NeighboringTargets(
+            guard.bodies.scene(guard.contact), margin, base, serial_arm(self._bound.chain), aims,
+            self._tool_on[some], np.ascontiguousarray(near), effort.reach, effort.tolerance,
+        )  # fmt: skip
+        postures = np.zeros((len(some), self._bound.chain.dof))
+        found = neighboring_postures(targets, self._starts(aims), postures)
+        more = self._bound.chain.dof - self.world.robot.chain.dof
+        return some[found], postures[found][:, more:]
 
-        Where none folds the first is taken; None where none is clear.
-        """
-        if known is not None and not self.keeps(i, base, known):
-            known = None
-        if known is not None and self.folds(base, known):
-            return known
-        chain, axis = self.world.robot.chain, axis_of(self.world.robot, base)
-        yaw, behind = float(base[2] + self.world.robot.mount[3]), pivot_joints(chain, near)
-        tries = self._bound.self_motion(self.targets[i], axis, yaw, behind, TRIES)
-        others = np.array([one.joints[-chain.dof :] for one in tries]).reshape(-1, chain.dof)
-        nearest = others[np.argsort(np.abs(others - near).max(axis=1), kind="stable")]
-        clear = [joints for joints in nearest if self.guard.proves(Pose(base, joints))]
-        folding = (joints for joints in clear if self.folds(base, joints) and self.keeps(i, base, joints))
-        found = next(folding, known)
-        return found if found is not None else next((q for q in clear if self.keeps(i, base, q)), None)
+    def _starts(self, aims: Aims) -> Array:
+        """Postures (n, s, k) to begin from: of the travel roadmap, turned to the target, the nearest."""
+        chain, (postures, points, axes) = self._bound.chain, self._known
+        bearing = np.arctan2(aims.positions[:, 1], aims.positions[:, 0])[:, None]
+        pivot, turn = chain.joints[self._pivot], bearing - np.arctan2(points[:, 1], points[:, 0])
+        turned = postures[:, self._pivot] + turn
+        if np.isfinite(pivot.upper - pivot.lower):
+            middle = (pivot.lower + pivot.upper) / 2
+            within = middle + np.remainder(turned - middle + np.pi, 2 * np.pi) - np.pi
+            turned = np.clip(within, pivot.lower, pivot.upper)
+            turn = turn + turned - within
+        c, s = np.cos(turn), np.sin(turn)
+        moved = [
+            np.stack([c * p[:, 0] - s * p[:, 1], s * p[:, 0] + c * p[:, 1], c * 0 + p[:, 2]], -1)
+            for p in (points, axes)
+        ]
+        off = np.linalg.norm(moved[0] - aims.positions[:, None], axis=2)
+        if (aims.kinds != POSITION).all():
+            off += self._bound.effort.reach * (1 - (moved[1] * aims.turns[:, None, :, 2]).sum(axis=2)) / 2
+        best = np.argsort(off, axis=1, kind="stable")[:, :BEGINNINGS]
+        starts = postures[best]
+        starts[:, :, self._pivot] = np.take_along_axis(turned, best, axis=1)
+        return starts
 
-    def folds(self, base: Array, joints: Array) -> bool:
-        """True if the arm gets straight to the posture in which it is carried, the pivot left as it is.
+    @cached_property
+    def _travel(self) -> ArmRoadmap:
+        return travel_roadmap(self.world)
 
-        The arm can go from each such posture to every other.
-        """
-        pose = Pose(base, joints)
-        folded = lifted(self.world.robot, pose)
-        return self.guard.passes([pose, *arm_states(pose, folded), folded])
+    @cached_property
+    def _known(self) -> tuple[Array, Array, Array]:
+        """Postures of the travel roadmap as the solver has them, and their tools' points and axes."""
+        postures = np.array([pivot_joints(self.world.robot.chain, q) for q in self._travel.joints])
+        tools = np.array([self._bound.chain.forward(q) for q in postures])
+        return postures, tools[:, :3, 3], tools[:, :3, 2]
 
-    def _onward(self, i: int, base: Array, joints: Array) -> Array | None:
-        """Posture at set-point i that one elsewhere is led to; None where it is not."""
-        axis, near = axis_of(self.world.robot, base), pivot_joints(self.world.robot.chain, joints)
-        found = self._bound.least_change(
-            self.targets[i], axis, float(base[2] + self.world.robot.mount[3]), near
-        )
-        return None if found is None else found.joints[-len(joints) :]
+    @cached_property
+    def _tool_on(self) -> Index:
+        """Obstacle that the tool works on at each set-point, -1 for none."""
+        owners = [contact_for(self.world, [target]).owner for target in self.targets]
+        return np.array([own[0] if len(own) else -1 for own in owners], dtype=np.int64)
 
     def keeps(self, i: int, base: Array, joints: Array) -> bool:
         """True if a posture at set-point i is clear, and kept all round the circle that the rules ask for."""

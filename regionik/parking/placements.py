@@ -15,6 +15,7 @@ from regionik.areas.reachable import model_of
 from regionik.areas.standing import into_span
 from regionik.mfabrik import Solver, solver_for
 from regionik.moving.configuration_sampling import spread
+from regionik.parking.arm_roadmap import ArmRoadmap
 from regionik.parking.fewest_stops import ParkingAreas, StopGroup, depth
 from regionik.parking.held_postures import PostureCarrier
 from regionik.parking.pivot_turns import ON_EDGE, PivotTurns
@@ -22,7 +23,7 @@ from regionik.planners.coverage.set_cover import undominated
 from regionik.planners.solvers.serial_chain import chain_frames, chain_jacobian, serial_arm
 from regionik.postures.arm_guard import guard_of
 from regionik.postures.families import Family
-from regionik.postures.poses import axis_of, pose_of
+from regionik.postures.poses import pose_of
 from regionik.values import Configuration, Stop
 from regionik.worlds.arms import pivot_index
 from regionik.worlds.arrays import Array
@@ -51,6 +52,8 @@ class BasePlacement:
         Posture that the arm begins from at each set-point, its pivot running on from one to the next.
     tolerance : float
         Radius of the circle in which all this holds [m].
+    roadmap : ArmRoadmap or None
+        Of ways between the postures, where those are known.
     """
 
     setpoints: tuple[int, ...]
@@ -59,6 +62,7 @@ class BasePlacement:
     base: Array
     near: Array
     tolerance: float
+    roadmap: ArmRoadmap | None = None
 
     def stop(self, world: World) -> Stop:
         """The placement as a plan tells it."""
@@ -72,6 +76,7 @@ class _Heading(NamedTuple):
     served: tuple[int, ...]
     near: Array
     room: float
+    roadmap: ArmRoadmap | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +90,6 @@ class PlacementSearch:
     world: World
     parking_areas: ParkingAreas
     _widest: dict[StopGroup, BasePlacement | None] = field(default_factory=dict)
-    _known: list[Array] = field(default_factory=list)  # a posture of a stop that was served whole
 
     @cached_property
     def _pivot(self) -> PivotTurns:
@@ -136,8 +140,8 @@ class PlacementSearch:
     def _wide(self, group: StopGroup, side: int) -> list[BasePlacement]:
         """Placement in the middle of the largest circle of a side; others too where it does not serve all."""
         area = group.places[side]
-        known = None if group.spot is None else self.at(group, group.spot, side, group.yaw)
-        if known is not None and group.yaw is not None and len(known.setpoints) == len(group.setpoints):
+        known = None if group.spot is None else self.at(group, group.spot, side)
+        if known is not None and group.held is not None:
             return [known]
         middle = self.at(group, np.array(shapely.maximum_inscribed_circle(area).coords[0]), side)
         if middle is not None and len(middle.setpoints) == len(group.setpoints):
@@ -157,14 +161,6 @@ class PlacementSearch:
         fits = np.unique(turns.room.max(axis=1) >= self.world.rules.stop_tolerance, axis=0)
         fits = fits[undominated(fits)]
         return [tuple(i for i, fit in zip(inside, row, strict=True) if fit) for row in fits.tolist()]
-
-    def served_from(self, base: Array, side: int) -> tuple[int, ...]:
-        """Set-points that are done from a pose of the base by an arm to which a place gives no posture."""
-        axis, areas = axis_of(self.world.robot, base), self.parking_areas.areas_at(side)
-        inside = tuple(np.flatnonzero(shapely.intersects_xy(areas, *axis)).tolist())
-        group = StopGroup(inside, {side: areas[inside[0]]})
-        placement = self.at(group, axis, side, float(base[2]))
-        return () if placement is None else placement.setpoints
 
     def others(self, group: StopGroup) -> Iterator[BasePlacement]:
         """Yield other placements, spread over a stop."""
@@ -209,7 +205,7 @@ class PlacementSearch:
                 step /= 2
         return placement
 
-    def at(self, group: StopGroup, axis: Array, side: int, yaw: float | None = None) -> BasePlacement | None:
+    def at(self, group: StopGroup, axis: Array, side: int) -> BasePlacement | None:
         """Placement with the arm axis at a position of a stop; None where it is outside."""
         if depth(group.places[side], axis) < -1e-9:
             return None
@@ -217,7 +213,7 @@ class PlacementSearch:
             faced = self._faced(group, axis, side)
             return None if faced is None else self._along(group, faced[0], axis, side, faced[1])
         chain = self._chain(group, axis, side)
-        return None if chain is None else self._along(group, chain, axis, side, yaw)
+        return None if chain is None else self._along(group, chain, axis, side)
 
     def _along(
         self, group: StopGroup, chain: tuple[int, ...], axis: Array, side: int, yaw: float | None = None
@@ -226,12 +222,17 @@ class PlacementSearch:
         if self._gives_posture(group):
             held = self._by_pivot(group, chain, axis, side, yaw)
         else:
-            held = self._by_carrying(group, chain, axis, side, yaw)
+            held = self._by_carrying(group, chain, axis, side)
         if held is None:
             return None
         setpoints, held_in = (tuple(row[n] for n in held.served) for row in (group.setpoints, chain))
         room = min(held.room, *(depth(self.parking_areas.ladder.component[k], axis) for k in held_in))
-        return BasePlacement(setpoints, held_in, axis, held.base, held.near, room)
+        return BasePlacement(setpoints, held_in, axis, held.base, held.near, room, held.roadmap)
+
+    @property
+    def exact(self) -> bool:
+        """True where a place gives the arm its posture at every set-point."""
+        return all(self._exact)
 
     def _gives_posture(self, group: StopGroup) -> bool:
         """True where a place gives the arm its posture at every set-point, but for a few families."""
@@ -269,26 +270,22 @@ class PlacementSearch:
         return (joint.lower + joint.upper) / 2 if np.isfinite(joint.upper - joint.lower) else 0.0
 
     def _by_carrying(
-        self, group: StopGroup, chain: tuple[int, ...], axis: Array, side: int, yaw: float | None
+        self, group: StopGroup, chain: tuple[int, ...], axis: Array, side: int
     ) -> _Heading | None:
-        """The heading from which one posture is carried along most set-points, or the one known."""
+        """What is held at the place that is known, else the heading from which most set-points are done."""
+        if group.held is not None and np.array_equal(axis, np.asarray(group.spot)):
+            own = group.held
+            return _Heading(own.base, own.served, own.joints, np.inf, own.roadmap)
         span = self.parking_areas.standing.sides[side].span
         solver = _any_heading_solver(self.world, self.parking_areas.ladder.family[chain[0]])
         if self.world.rules.heading == "fixed":
             solver = replace(solver, span=span)
         targets = [self.world.task[i] for i in group.setpoints]
         carrier = PostureCarrier(self.world, guard_of(self.world), targets)
-        dof = self.world.robot.chain.dof
-        if yaw is None:
-            found = carrier.best(solver, axis, span, np.array(self._known).reshape(-1, dof))
-        else:
-            found = carrier.at(pose_of(self.world.robot, axis, yaw), np.empty((0, dof)))
+        found = carrier.best(solver, axis, span)
         if found is None:
             return None
-        any_order = self.world.rules.order == "any"
-        if any_order and not self._known and len(found.served) == len(targets):
-            self._known.append(found.joints[0])
-        return _Heading(found.base, found.served, found.joints, np.inf)
+        return _Heading(found.base, found.served, found.joints, np.inf, found.roadmap)
 
     def _faced(self, group: StopGroup, axis: Array, side: int) -> tuple[tuple[int, ...], float] | None:
         """Components around a position, of the facings in which one heading serves most, and that heading."""

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import chain, islice
 
+import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
@@ -21,6 +22,8 @@ from regionik.mfabrik import Solver
 from regionik.moving.base_motion import Candidate
 from regionik.moving.configuration_sampling import PITCHES
 from regionik.moving.path_search import HARD_TRIES, PATIENCE, JoinedMotion, PathSearch, search_from_places
+from regionik.moving.transit import distinct
+from regionik.parking.arm_roadmap import ArmRoadmap
 from regionik.parking.fewest_stops import StopGroup
 from regionik.parking.held_postures import PostureCarrier
 from regionik.parking.placements import BasePlacement, PlacementSearch
@@ -106,6 +109,7 @@ class _StopConnection:
     search: PathSearch
     _looked_at: dict[int, list[Pose]] = field(default_factory=dict)
     _carriers: dict[int, PostureCarrier] = field(default_factory=dict)
+    _left: list[ArmRoadmap | None] = field(default_factory=list)  # of the stops that are done
 
     @property
     def world(self) -> World:
@@ -126,6 +130,7 @@ class _StopConnection:
             found += best.candidates
             done = best.placement.setpoints[: len(best.candidates)]
             stops.append(replace(best.placement.stop(self.world), setpoints=done))
+            self._left.append(best.placement.roadmap)
             places += [shapely.union_all(list(group.places.values()))] * len(done)
             tell("motion", len(found), len(self.world.task))
             k += 1
@@ -143,7 +148,9 @@ class _StopConnection:
         while count > (len(best.candidates) if best else 0):
             part = group
             if count < len(group.setpoints):
-                part = self.sequence.parking_areas.group(group.setpoints[:count], self.world.rules.order)
+                some = group.setpoints[:count]
+                part = self.sequence.parking_areas.group(some, self.world.rules.order)
+                part = part if group.held is None else group.of(some)
             first = (one for one in [placements.best(part, spot)] if one is not None)
             hard = HARD_TRIES if count == 1 or self.world.rules.order == "given" else 1
             for n, placement in enumerate(islice(chain(first, placements.others(part)), PLACES)):
@@ -193,18 +200,18 @@ class _StopConnection:
         """True if a posture at a set-point is clear, and can be kept all round the circle that is asked for.
 
         Areas of arms in one plane know it. Those of other arms do not know the limits of a pivot on a base
-        that keeps its heading, and are sampled where the tool is oriented: there it is tried on the rim. In
-        any order, where the placement's own posture folds, others must: all that fold can follow each other.
+        that keeps its heading, and are sampled where the tool is oriented: there it is tried on the rim.
+        Where a roadmap leads from posture to posture, it has to lead to this one.
         """
         base = placement.base
         if model_of(self.world, self.world.task[i]).exact:
             return self.search.guard.proves(Pose(base, joints))
-        carrier = self._carrier(i)
-        if not carrier.keeps(0, base, joints):
+        roadmap = placement.roadmap
+        if roadmap is not None and (joints == placement.near[placement.setpoints.index(i)]).all():
+            return True
+        if not self._carrier(i).keeps(0, base, joints):
             return False
-        own = placement.near[placement.setpoints.index(i)]
-        given = self.world.rules.order == "given"
-        return given or carrier.folds(base, joints) or not carrier.folds(base, own)
+        return roadmap is None or roadmap.joins(self.search.guard, joints)
 
     def _carrier(self, i: int) -> PostureCarrier:
         if i not in self._carriers:
@@ -228,7 +235,11 @@ class _StopConnection:
         """Get to a set-point of a stop with the tool lifted; the base stays but on the way to the first."""
         first, near = i == placement.setpoints[0], placement.near[placement.setpoints.index(i)].copy()
         components = self._components(placement, i)
-        found = self._postures(placement, i, components, near)
+        found, roadmap = self._postures(placement, i, components, near), placement.roadmap
+        if roadmap is not None:
+            own = [self._held(placement, i)]
+            way = partial(self._driven if first else self._swung, roadmap)
+            return self.search.arrive(i, here, own, way, hard if first else 1)
         postures = list(islice(found, ARRIVALS if first and self.world.rules.order == "any" else POSTURES))
         if not postures and len(placement.setpoints) == 1:
             postures = list(self._round(i, components, placement.base, near))
@@ -236,6 +247,32 @@ class _StopConnection:
             return self.search.arrive(i, here, postures, self.search.transits.driven, hard)
         came = self.search.arrive(i, here, postures, self.search.transits.swung, 0)
         return came or self.search.arrive(i, here, postures[:1], self.search.transits.round_about, 0)
+
+    def _held(self, placement: BasePlacement, i: int) -> Candidate:
+        """The placement's own posture at a set-point."""
+        at, target = placement.setpoints.index(i), self.world.task[i]
+        joints, robot = placement.near[at], self.world.robot
+        error = float(np.linalg.norm(robot.tool(placement.base, joints)[:3, 3] - target.position))
+        return Candidate(Configuration(placement.base, joints, error, 0, True), placement.chain[at])
+
+    def _swung(self, roadmap: ArmRoadmap, here: Pose, there: Pose, _: int) -> list[Pose] | None:
+        """States strictly between two postures of a stop, by its roadmap."""
+        return roadmap.way(self.search.guard, here.joints, there.joints)
+
+    def _driven(self, roadmap: ArmRoadmap, here: Pose, there: Pose, piece: int) -> list[Pose] | None:
+        """States strictly between postures of two stops, driven in the posture that their roadmaps share."""
+        root, left = roadmap.joints[0], self._left[-1] if self._left else None
+        guard, transits = self.search.guard, self.search.transits
+        folded, ready = Pose(here.base, root), Pose(there.base, root)
+        away: list[Pose] | None = []
+        if (here.joints != root).any():
+            away = None if left is None else left.way(guard, here.joints, root)
+        out = roadmap.way(guard, root, there.joints)
+        if away is not None and out is not None:
+            drive = transits.carried(folded, ready, piece)
+            if drive is not None:
+                return distinct([here, *away, folded, *drive, ready, *out, there])[1:-1]
+        return transits.driven(here, there, piece)
 
     def _components(self, placement: BasePlacement, i: int) -> list[int]:
         """Components of a set-point that hold the place, that of the placement first."""
@@ -249,6 +286,8 @@ class _StopConnection:
         """Postures at the set-point after i of a stop."""
         if i >= placement.setpoints[-1]:
             return iter(())
+        if placement.roadmap is not None:
+            return iter([self._held(placement, i + 1)])
         linked = [
             k
             for k in self._components(placement, i + 1)

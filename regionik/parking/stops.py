@@ -11,11 +11,12 @@ import shapely
 from shapely.geometry import LineString
 from shapely.geometry.base import BaseGeometry
 
-from regionik.areas.reachable import model_of
 from regionik.explain.arm_failures import no_posture
 from regionik.moving.configuration_sampling import spread
 from regionik.parking.fewest_stops import Parking, ParkingAreas, StopGroup, park, reordered
+from regionik.parking.held_postures import HeldPostures
 from regionik.parking.placements import BasePlacement, PlacementSearch
+from regionik.parking.sampled_poses import PoseCover
 from regionik.planners.coverage.set_cover import least_cover, undominated
 from regionik.planners.coverage.tours import VisitingOrder, short_tour, shortest_order
 from regionik.planners.geometry.shortest_paths import route
@@ -115,7 +116,8 @@ class StopSequence:
             groups = tuple(self.parking_areas.groups(done))
             return replace(self, groups=groups, spots=(None,) * len(groups))
         left = tuple(i for i in self.groups[k].setpoints if i >= done)
-        groups = (replace(self.groups[k], setpoints=left), *self.groups[k + 1 :])
+        rest = replace(self.groups[k].of(left), held=None)
+        groups = (rest, *self.groups[k + 1 :])
         return replace(self, groups=groups, spots=(None, *self.spots[k + 1 :]))
 
     def widest(self) -> StopSequence:
@@ -151,34 +153,39 @@ def in_sequence(world: World, parking: Parking) -> StopSequence:
 
 @dataclass(frozen=True, eq=False)
 class _Part:
-    """Set-points that are done from one pose of the base, by the side of its standing."""
+    """Set-points that are done from one place of the arm axis, by the side of its standing."""
 
     side: int
     axis: Array
-    base: Array
     setpoints: tuple[int, ...]
+    held: HeldPostures | None = None  # at the set-points, where a place does not give the arm its posture
+
+    def of(self, setpoints: tuple[int, ...]) -> _Part:
+        """Return the part for some of the set-points."""
+        held, at = self.held, [self.setpoints.index(i) for i in setpoints]
+        return replace(self, setpoints=setpoints, held=None if held is None else held.of(at))
 
 
 def _by_one_heading(world: World, parking: Parking) -> tuple[StopGroup, ...]:
     """Fewest stops found of which one heading serves each: areas do not know how far a pivot turns.
 
     The least cover by what headings serve from places all over the areas, and by parts that stops split
-    into. Of an arm to which a place gives no posture, these are parts for which clear postures were found.
+    into. Of an arm to which a place gives no posture, that of sampled poses.
     """
     placements, groups = PlacementSearch(world, parking.parking_areas), parking.groups
-    exact = all(model_of(world, target).exact for target in world.task)
-    parts = [part for group in groups for part in _parts(placements, group)]
-    if exact and len(parts) <= max(len(groups), parking.lower):
-        return groups
-    if len(parts) > max(len(groups), parking.lower):
-        more = _from_places(placements, parking) if exact else _from_poses(placements, parts)
-        parts = _covering([*parts, *more], len(world.task))
+    if placements.exact:
+        parts = [part for group in groups for part in _parts(placements, group)]
+        if len(parts) <= max(len(groups), parking.lower):
+            return groups
+        parts = _covering([*parts, *_from_places(placements, parking)], len(world.task))
+    else:
+        parts = _from_poses(placements, parking)
     return tuple(
         StopGroup(
             part.setpoints,
             {part.side: parking.parking_areas.shared(part.setpoints, part.side, part.axis)},
             part.axis,
-            None if exact else float(part.base[2]),
+            part.held,
         )
         for part in parts
     )
@@ -189,13 +196,18 @@ def _from_places(placements: PlacementSearch, parking: Parking) -> Iterator[_Par
     for side, spots in parking.spots.items():
         some = spread(shapely.union_all(parking.parking_areas.areas_at(side)), PLACES, 0)
         for spot in np.concatenate([spots, some]):
-            yield from (_Part(side, spot, spot, found) for found in placements.served(spot, side))
+            yield from (_Part(side, spot, found) for found in placements.served(spot, side))
 
 
-def _from_poses(placements: PlacementSearch, parts: Sequence[_Part]) -> Iterator[_Part]:
-    """All that is done from the poses of parts."""
-    for part in parts:
-        yield replace(part, setpoints=placements.served_from(part.base, part.side))
+def _from_poses(placements: PlacementSearch, parking: Parking) -> list[_Part]:
+    """The least cover by sampled poses, and parts of stops for what none of these serves."""
+    found = PoseCover(placements.world, parking).fewest()
+    parts = [_Part(pose.side, pose.axis, pose.held.served, pose.held) for pose in found]
+    served = {i for part in parts for i in part.setpoints}
+    for group in parking.groups:
+        left = tuple(i for i in group.setpoints if i not in served)
+        parts += _parts(placements, group.of(left))
+    return _covering(parts, len(placements.world.task))
 
 
 def _covering(parts: Sequence[_Part], count: int) -> list[_Part]:
@@ -208,7 +220,7 @@ def _covering(parts: Sequence[_Part], count: int) -> list[_Part]:
     chosen = best[list(least_cover(inside[best]).chosen)]
     owner = np.argmax(inside[chosen], axis=0)
     members = [tuple(np.flatnonzero(owner == n).tolist()) for n in range(len(chosen))]
-    return [replace(parts[k], setpoints=own) for k, own in zip(chosen.tolist(), members, strict=True) if own]
+    return [parts[k].of(own) for k, own in zip(chosen.tolist(), members, strict=True) if own]
 
 
 def _parts(placements: PlacementSearch, group: StopGroup) -> Iterator[_Part]:
@@ -218,7 +230,8 @@ def _parts(placements: PlacementSearch, group: StopGroup) -> Iterator[_Part]:
         if widest is None:
             raise NoPlanFound(no_posture(placements.world, group.setpoints[0]))
         side = int(placements.parking_areas.ladder.side[widest.chain[0]])
-        yield _Part(side, widest.axis, widest.base, widest.setpoints)
+        held = HeldPostures(widest.base, widest.setpoints, widest.near, 0.0, widest.roadmap)
+        yield _Part(side, widest.axis, widest.setpoints, None if placements.exact else held)
         left = tuple(i for i in group.setpoints if i not in widest.setpoints)
         group = StopGroup(left, group.places)
 
@@ -292,4 +305,4 @@ def _in_short_order(world: World, group: StopGroup) -> tuple[StopGroup, Visiting
     spots = np.array([world.task[i].position for i in group.setpoints])
     tour = shortest_order(np.linalg.norm(spots[:, None] - spots[None], axis=2))
     setpoints = tuple(group.setpoints[n] for n in tour.order)
-    return replace(group, setpoints=setpoints), tour
+    return group.of(setpoints), tour

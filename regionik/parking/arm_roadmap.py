@@ -1,0 +1,164 @@
+"""Roadmap of an arm whose base stands still: postures, and straight motions between them, proven clear.
+
+It grows as a tree from one posture, by the shortest motion that is left. A motion is only looked at when it
+is the shortest, as in LazyPRM (Bohlin and Kavraki 2000).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from heapq import heappop, heappush
+from itertools import pairwise
+
+import numpy as np
+
+from regionik.moving.base_motion import arm_states
+from regionik.moving.transit import distinct
+from regionik.postures.arm_guard import Guard, guard_of
+from regionik.postures.poses import Pose
+from regionik.worlds.arrays import Array, Index
+from regionik.worlds.criteria import with_joint_margin
+from regionik.worlds.scene import World
+
+DRAWN = 300  # postures at random
+TRIES = 4  # motions to a posture that are looked at
+
+
+@dataclass(frozen=True, eq=False)
+class ArmRoadmap:
+    """Tree of postures on one pose of the base.
+
+    Attributes
+    ----------
+    base : (3,) array
+    joints : (n, dof) array
+        Postures, the root first.
+    parent : (n,) array of int
+        Posture that each is joined to by a straight motion that is proven clear; -1 for the root.
+    """
+
+    base: Array
+    joints: Array
+    parent: Index
+
+    def way(self, guard: Guard, here: Array, there: Array) -> list[Pose] | None:
+        """States strictly between two postures: straight, else along the tree, cut short where that is clear.
+
+        None where an end is no posture of the tree, nor a straight motion from the nearest.
+        """
+        corners = [Pose(self.base, joints) for joints in (here, there)]
+        if not goes(guard, self.base, here, there):
+            between = (Pose(self.base, self.joints[k]) for k in self._between(here, there))
+            corners = distinct([corners[0], *between, corners[1]])
+            if not all(goes(guard, self.base, a.joints, b.joints) for a, b in (corners[:2], corners[-2:])):
+                return None
+            corners = list(self._shortened(guard, corners))
+        rows = [row for a, b in pairwise(corners) for row in [*arm_states(a, b), b]]
+        return rows[:-1]
+
+    def joins(self, guard: Guard, joints: Array) -> bool:
+        """True if a straight motion from the nearest posture of the tree to another is clear."""
+        return goes(guard, self.base, self.joints[self._nearest(joints)], joints)
+
+    def up_from(self, some: Index) -> Index:
+        """Return some postures and all on their ways to the root, each after the one that it is joined to."""
+        found = {k for one in set(some.tolist()) for k in self._to_root(one)} | {0}
+        return np.array(sorted(found), dtype=np.intp)
+
+    def _nearest(self, joints: Array) -> int:
+        return int(np.argmin(np.abs(self.joints - joints).max(axis=1)))
+
+    def _between(self, here: Array, there: Array) -> list[int]:
+        """Postures of the tree from the one nearest to an end to the one nearest to the other."""
+        out, back = (list(self._to_root(self._nearest(joints))) for joints in (here, there))
+        met = next(k for k in out if k in back)
+        return [*out[: out.index(met) + 1], *back[: back.index(met)][::-1]]
+
+    def _to_root(self, k: int) -> Iterator[int]:
+        while k >= 0:
+            yield k
+            k = int(self.parent[k])
+
+    def _shortened(self, guard: Guard, corners: list[Pose]) -> Iterator[Pose]:
+        """Corners of a way without those that a straight motion leaves out, tried by halves."""
+        k = 0
+        yield corners[0]
+        while k < len(corners) - 1:
+            m = len(corners) - 1
+            while m > k + 1 and not goes(guard, self.base, corners[k].joints, corners[m].joints):
+                m = (k + 1 + m) // 2
+            k = m
+            yield corners[k]
+
+
+@lru_cache(maxsize=8)
+def travel_roadmap(world: World) -> ArmRoadmap:
+    """Roadmap of the arm alone, no obstacle near: postures drawn at random that are joined to one another.
+
+    Its root is what the arm is driven in. A start's joints are; else of the carry posture and of some drawn
+    the one that is joined to most.
+    """
+    robot = with_joint_margin(world.robot, world.rules.criteria)
+    alone = replace(world, obstacles=(), task=())
+    guard, base = guard_of(alone), np.zeros(3)
+    low, high = (
+        np.where(np.isfinite(row), row, end)
+        for row, end in ((robot.chain.lower, -np.pi), (robot.chain.upper, np.pi))
+    )
+    drawn = np.random.default_rng(0).uniform(low, high, (DRAWN, robot.chain.dof))
+    nodes = np.array([q for q in drawn if guard.proves(Pose(base, q))]).reshape(-1, robot.chain.dof)
+    root = robot.carry if world.start is None else world.start.joints
+    best, held = grown_roadmap(guard, base, root, nodes)
+    left = np.setdiff1d(np.arange(len(nodes)), held)
+    while world.start is None and len(left) > len(best.joints):
+        found, held = grown_roadmap(guard, base, nodes[left[0]], nodes[left[1:]])
+        left = np.setdiff1d(left[1:], left[1:][held])
+        if len(found.joints) > len(best.joints):
+            best = found
+    return best
+
+
+def grown_roadmap(guard: Guard, base: Array, root: Array, postures: Array) -> tuple[ArmRoadmap, Index]:
+    """Return the roadmap of postures on a base as far as it grows, and which of them it holds, (k,).
+
+    The roadmap holds the root, then these, each before those that are joined to it. Without a clear root it
+    holds the root alone.
+
+    Parameters
+    ----------
+    guard : Guard
+    base : (3,) array
+    root : (dof,) array
+        As a rule the carry posture.
+    postures : (n, dof) array
+        Clear ones.
+    """
+    nodes = np.vstack([root, postures])
+    far = np.abs(nodes[:, None] - nodes[None]).max(axis=2)
+    place, parent, queue = {0: 0}, [-1], list[tuple[float, int, int]]()
+    missed = np.zeros(len(nodes), dtype=np.intp)
+    k = 0 if guard.proves(Pose(base, root)) else -1
+    while k >= 0:
+        for m in range(len(nodes)):
+            if m not in place:
+                heappush(queue, (float(far[k, m]), k, m))
+        k = -1
+        while queue and k < 0:
+            _, a, b = heappop(queue)
+            if b in place or missed[b] >= TRIES:
+                continue
+            if goes(guard, base, nodes[a], nodes[b]):
+                place[b], k = len(place), b
+                parent.append(place[a])
+            else:
+                missed[b] += 1
+    held = np.array(list(place), dtype=np.intp)
+    return ArmRoadmap(base, nodes[held], np.array(parent, dtype=np.intp)), held[1:] - 1
+
+
+def goes(guard: Guard, base: Array, here: Array, there: Array) -> bool:
+    """True if the straight motion between two postures is proven clear."""
+    a, b = Pose(base, here), Pose(base, there)
+    return guard.passes([a, *arm_states(a, b), b])

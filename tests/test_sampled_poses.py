@@ -1,0 +1,111 @@
+"""Stops of arms whose posture no place gives, in any order: sampled poses, and roadmaps of the arm."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from regionik.parking import sampled_poses
+from regionik.parking.fewest_stops import park
+from regionik.parking.sampled_poses import PoseCover
+from regionik.parking.stops import in_sequence
+from regionik.pipeline import plan
+from regionik.planners.coverage.set_cover import least_cover, overlay_faces, undominated
+from regionik.postures.arm_guard import guard_of
+from regionik.postures.poses import Pose
+from regionik.verification.verifier import verify
+from regionik.worlds.links import capsules_along
+from regionik.worlds.obstacles import Box
+from regionik.worlds.robot import Robot
+from regionik.worlds.scene import Floor, Rules, StopCriterion, Target, World
+from tests import examples
+from tests.test_closed_form import ARMS
+
+RULES = Rules(clearance=0.05, mode="stops", order="any", stop_tolerance=0.01)
+
+
+@lru_cache(maxsize=4)
+def holes(columns: int, rows: int) -> World:
+    """Points before the face of a panel that the tool meets square, by an arm of six joints."""
+    chain = ARMS["ur"]
+    outline, mount = 0.2 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]), np.array([0, 0, 0.5, 0])
+    robot = Robot("ur", "omni", outline, mount, chain, capsules_along(chain, 0.04), 0.4)
+    spots = [[x, 0.0, z] for x in np.arange(columns) * 0.5 for z in 0.7 + 0.2 * np.arange(rows)]
+    task = tuple(Target(np.array(spot), direction=np.array([0.0, 1.0, 0.0]), cone=0.05) for spot in spots)
+    panel = Box("panel", np.array([0.5 * columns + 1.0, 0.04, 1.2]), np.array([0.25 * columns, 0.12, 0.9]))
+    floor = Floor(shapely.box(-1.0, -2.5, 0.5 * columns + 1.0, 0.05))
+    return World("holes", robot, floor, (panel,), task, RULES)
+
+
+@pytest.fixture
+def few_poses(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sampled_poses, "PLACES", 8)
+
+
+@pytest.mark.usefixtures("few_poses")
+def test_no_cover_by_the_poses_drawn_has_fewer() -> None:
+    """What each pose serves is proven of all, where the cover asks for it only of those that it takes."""
+    world = holes(6, 2)
+    parking = park(world)
+    cover, every = PoseCover(world, parking), PoseCover(world, parking)
+    found = cover.fewest()
+    inside = np.zeros((len(every._drawn), len(world.task)), dtype=bool)
+    for k in range(len(inside)):
+        every._prove(k, inside)
+    served = {i for pose in found for i in pose.held.served}
+    assert served == set(np.flatnonzero(inside.any(axis=0)).tolist())
+    assert len(found) == len(least_cover(inside[:, sorted(served)]).chosen) >= parking.lower
+
+
+@pytest.mark.usefixtures("few_poses")
+def test_every_posture_of_a_stop_is_clear_and_joined_to_every_other() -> None:
+    world = holes(4, 2)
+    sequence, rng = in_sequence(world, park(world)), np.random.default_rng(0)
+    guard = guard_of(sequence.world)
+    for group in sequence.groups:
+        held = group.held
+        assert held is not None
+        assert held.roadmap is not None
+        for i, joints in zip(group.setpoints, held.joints, strict=True):
+            target, tool = sequence.world.task[i], world.robot.tool(held.base, joints)
+            assert np.linalg.norm(tool[:3, 3] - target.position) <= world.rules.tolerance
+            assert target.direction is not None
+            assert tool[:3, 2] @ target.direction >= np.cos(target.cone) - 1e-9
+        for _ in range(6):
+            a, b = held.joints[rng.integers(len(held.joints), size=2)]
+            way = held.roadmap.way(guard, a, b)
+            assert way is not None
+            assert guard.passes([Pose(held.base, a), *way, Pose(held.base, b)])
+
+
+@pytest.mark.usefixtures("few_poses")
+@pytest.mark.parametrize("criterion", ["tolerance", "distance"])
+def test_a_panel_is_planned_by_as_many_stops_whatever_the_criterion(criterion: StopCriterion) -> None:
+    world = holes(4, 2)
+    found = plan(replace(world, rules=replace(RULES, stop_criterion=criterion)))
+    assert verify(found).ok
+    assert len(found.stops) == len(in_sequence(world, park(world)).groups)
+    assert min(stop.tolerance for stop in found.stops) >= RULES.stop_tolerance * 0.999
+
+
+@given(st.integers(0, 10**6), st.integers(1, 60), st.integers(1, 9))
+@settings(max_examples=examples(60))
+def test_what_no_other_row_contains_is_not_dominated(seed: int, count: int, columns: int) -> None:
+    rows = np.unique(np.random.default_rng(seed).random((count, columns)) < 0.4, axis=0)
+    wanted = [not any((row <= other).all() and (row != other).any() for other in rows) for row in rows]
+    assert undominated(rows).tolist() == wanted
+
+
+def test_faces_of_an_overlay_are_all_that_discs_share() -> None:
+    rng = np.random.default_rng(1)
+    areas = np.array([shapely.Point(spot).buffer(0.3) for spot in rng.uniform(0, 1, (8, 2))], dtype=object)
+    found = overlay_faces(areas)
+    spots = rng.uniform(0, 1, (2000, 2))
+    inside = np.column_stack([shapely.contains_xy(area, spots) for area in areas])
+    assert all((found.inside >= row).all(axis=1).any() for row in inside[inside.any(axis=1)])
