@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from regionik.planners.collision.collision_checking import is_clear
-from regionik.planners.collision.robot_bodies import RobotScene
+from regionik.planners.collision.robot_scene import RobotScene
 from regionik.planners.kernels import compiled
 from regionik.planners.solvers.damped_least_squares import Aim, Aims, polish
 from regionik.planners.solvers.serial_chain import SerialArm
