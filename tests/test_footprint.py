@@ -114,6 +114,16 @@ def test_inner_in_truth_in_outer(footprint: Array, low: float, high: float) -> N
         assert maybe or not any(free)
 
 
+@pytest.mark.parametrize("footprint", FOOTPRINTS)
+@pytest.mark.parametrize(("low", "high"), [(0.1, 0.2), (1.0, 3.0), (0.0, 2 * np.pi)])
+def test_a_window_shows_a_part_of_the_same_areas(footprint: Array, low: float, high: float) -> None:
+    window = shapely.Point(2.0, 2.0).buffer(1.5)
+    whole = slab_free(footprint, FLOOR, OBSTACLES, 0.05, low, high)
+    part = slab_free(footprint, FLOOR, OBSTACLES, 0.05, low, high, window=window)
+    assert part.inner.symmetric_difference(whole.inner & window).area < 1e-9
+    assert part.outer.symmetric_difference(whole.outer & window).area < 1e-9
+
+
 @pytest.mark.parametrize("footprint", [YOUBOT, OFFSET])
 def test_the_gap_between_inner_and_outer_falls_with_the_slab(footprint: Array) -> None:
     areas = [slab_free(footprint, FLOOR, OBSTACLES, 0.05, 0.4 - w, 0.4 + w) for w in (0.1, 0.05, 0.025, 0.0)]

@@ -60,6 +60,16 @@ def test_no_point_is_faster_or_sharper_than_its_bounds(seed: int, dof: int, kind
             assert np.linalg.norm(now, axis=1).max() <= bounds.distance[segment] + mount + 1e-12
 
 
+def test_bounds_of_many_points_are_those_of_each() -> None:
+    segments, points = random_segments(0, 4, "omni"), np.random.default_rng(0).normal(size=(5, 3))
+    for lower in (-1, 1):
+        each = [segments.relative_bounds(lower, 3, point) for point in points]
+        for whole, alone in zip(
+            segments.relative_bounds(lower, 3, points), zip(*each, strict=True), strict=True
+        ):
+            np.testing.assert_allclose(whole, alone, rtol=1e-14)
+
+
 @pytest.mark.parametrize("kind", ["omni", "differential"])
 def test_bounds_are_of_the_size_of_the_motion(kind: BaseKind) -> None:
     """A bound that is never nearly reached would prove nothing worth having."""

@@ -9,6 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from regionik.cli import app
 from regionik.pipeline import plan, why
@@ -18,7 +20,9 @@ from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain
 from regionik.worlds.documents.world_file import world_to_document
 from regionik.worlds.errors import Explanation, NoPlanFound
+from regionik.worlds.obstacles import Box
 from regionik.worlds.scene import Floor, Rules, Target, World
+from tests import examples
 
 PIONEER7 = robot_named("pioneer7")
 
@@ -71,22 +75,30 @@ def test_a_plan_turns_the_base_as_reach_does() -> None:
     assert verify(plan(world)).ok
 
 
-@pytest.mark.parametrize(
-    "seed", [0, 1, 2, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(3, 8))]
-)
-def test_no_answer_contradicts_another(seed: int) -> None:
-    """What `reach` finds nobody rules out, and what a plan rules out `reach` does not find."""
+def small_world(seed: int) -> World:
+    """A target in a room just wide enough, or not, for an arm in one plane or not, with a post or without."""
     rng = np.random.default_rng(seed)
-    first, *rest = PIONEER7.chain.joints
+    arm = robot_named(str(rng.choice(["pioneer7", "youbot-real"])))
+    first, *rest = arm.chain.joints
     half = float(rng.uniform(0.5, 3.1))
-    chain = Chain((replace(first, lower=-half, upper=half), *rest), PIONEER7.chain.T_last_tool)
+    chain = Chain((replace(first, lower=-half, upper=half), *rest), arm.chain.T_last_tool)
     long, wide = rng.uniform([0.2, 0.1], [0.45, 0.2])
     corners = np.array([[long, wide], [-long, wide], [-long, -wide], [long, -wide]])
-    robot = replace(PIONEER7, chain=chain, footprint=corners)
-    room = shapely.box(-1.5, 0, 1.5, float(rng.uniform(1.8, 3.0)) * wide)
-    spot = rng.uniform([-1.5, -0.6, 0.1], [1.5, 0.6, 0.9])
-    world = World("random", robot, Floor(room), (), (Target(spot),), Rules(avoidance=False))
-    answer, cause = reach(world, world.task).verdict[0], why(world, spot)
+    room = Floor(shapely.box(-1.5, 0, 1.5, float(rng.uniform(1.8, 3.0)) * wide))
+    post = Box("post", np.array([0.1, 0.1, 0.5]), np.append(rng.uniform([-1, 0], [1, 0.6]), 0.25))
+    swing = rng.uniform(-np.pi, np.pi)
+    direction = np.array([np.cos(swing), np.sin(swing), -0.5]) if rng.random() < 0.3 else None
+    target = Target(rng.uniform([-1.5, -0.6, 0.1], [1.5, 0.6, 0.9]), direction, 0.3)
+    solids, rules = ((post,) if rng.random() < 0.5 else ()), Rules(avoidance=bool(rng.random() < 0.5))
+    return World("small", replace(arm, chain=chain, footprint=corners), room, solids, (target,), rules)
+
+
+@settings(max_examples=examples(12), deadline=None)
+@given(st.integers(0, 10_000))
+def test_no_answer_contradicts_another(seed: int) -> None:
+    """What `reach` finds nobody rules out, and what a plan rules out `reach` does not find."""
+    world = small_world(seed)
+    answer, cause = reach(world, world.task).verdict[0], why(world, world.task[0])
     told = "reachable" if cause is None else cause.verdict
     try:
         planned = "reachable" if verify(plan(world)).ok else "wrong"

@@ -144,10 +144,13 @@ def quick_clear_posture(
     return found or search.answer(Verdict.OPEN, "no search was made")
 
 
-def sampled_clear_posture(task: PostureTask, joints: ArrayLike, *, seed: int = 0) -> ClearPosture:
+def sampled_clear_posture(
+    task: PostureTask, joints: ArrayLike, *, seed: int = 0, samples: int = SAMPLES
+) -> ClearPosture:
     """The samples of `clear_posture` alone, for one of many targets: found or undecided."""
     search = _Search(task, joints, seed)
-    found = search.by_passes() or search.by_sampling()
+    _at_least_one("samples", samples)
+    found = search.by_passes() or search.by_sampling(samples)
     return found or search.answer(Verdict.OPEN, "no search was made")
 
 
@@ -257,13 +260,13 @@ class _Search:
                 return self._found()
         return None
 
-    def by_sampling(self) -> ClearPosture | None:
+    def by_sampling(self, samples: int = SAMPLES) -> ClearPosture | None:
         """Postures on the target from random starts, every other one near the best so far."""
         self.steps.append("search")
         solver, rng = self.solver, np.random.default_rng([self.seed, 1])
         n, effort = len(solver.pointing.slide), solver.effort
         aim, none = Aim(self.goal, POSITION, np.eye(3)), np.empty((0, n))
-        for k, fresh in enumerate(spread_postures(self.chain, effort.reach, SAMPLES, self.seed)):
+        for k, fresh in enumerate(spread_postures(self.chain, effort.reach, samples, self.seed)):
             q = fresh
             if self.best is None or k % 2 == 0:
                 self.iterations += solve_ik(solver.pointing, aim, none, effort, q)[2]
@@ -311,10 +314,13 @@ class _Search:
         error = float(np.linalg.norm(self.chain.forward(joints)[:3, 3] - self.goal))
         if not within or error > self.task.tolerance:
             return False
-        touch = nearest(self.bodies, self.task.base, joints, contact=self.task.contact)
+        best = -np.inf if self.best is None else room_of(self.bodies, self.best[2])
+        touch = nearest(
+            self.bodies, self.task.base, joints, contact=self.task.contact, enough=min(best, self.task.margin)
+        )
         room = room_of(self.bodies, touch)
         self.met += 1
-        if self.best is None or room > room_of(self.bodies, self.best[2]):
+        if room > best or self.best is None:
             self.best = np.array(joints), error, touch
         return room >= self.task.margin
 

@@ -58,6 +58,7 @@ def nearest(
     *,
     contact: ContactTargets | None = None,
     within: float = np.inf,
+    enough: float = -np.inf,
 ) -> Touch:
     """The nearest thing to the robot's solids: an obstacle, another of its solids, or its own base.
 
@@ -71,6 +72,8 @@ def nearest(
         What may be touched is not looked at.
     within : float
         Distance beyond which nothing is looked for; from obstacles, beyond the bodies' clearance [m].
+    enough : float
+        Distance below which what is met is told without a look at what may be nearer still [m].
 
     Returns
     -------
@@ -87,17 +90,18 @@ def nearest(
     rest = at_rest(place, np.array(frozen(joints, (dof,), "joints")))
     lower = np.empty((len(bodies.robot.all_solids), len(bodies.pieces)))
     bound = distance_bounds(bodies.scene(contact), rest, within, lower)
-    best, at = within, (-1, -1)
+    best, found = within, NOTHING
     near = np.argwhere(lower <= bound + ROUNDING)
     for k, m in near[np.argsort(lower[near[:, 0], near[:, 1]], kind="stable")].tolist():
         if lower[k, m] >= best:
             break
-        distance = _measure(bodies, rest, k, m)[0].distance
-        if m < bodies.hulls.world:
-            distance -= bodies.clearance
-        if distance < best:
-            best, at = distance, (k, m)
-    return NOTHING if at[0] < 0 else _touch(bodies, rest, *at)
+        touch = _touch(bodies, rest, k, m)
+        room = room_of(bodies, touch)
+        if room < best:
+            best, found = room, touch
+        if best < enough:
+            break
+    return found
 
 
 def state_clear(

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -138,6 +139,7 @@ def slab_free(
     low: float,
     high: float,
     sides: int = SIDES,
+    window: BaseGeometry | None = None,
 ) -> Slab:
     """Free area of a footprint while its heading is between two bounds.
 
@@ -155,6 +157,8 @@ def slab_free(
         Headings, the same or rising [rad].
     sides : int
         Of the polygons that stand for discs.
+    window : geometry, optional
+        Positions that are looked at alone.
 
     Returns
     -------
@@ -173,7 +177,7 @@ def slab_free(
     >>> [round(area.area, 3) for area in (slab.inner, slab.outer)]
     [0.057, 0.142]
     """
-    return _slab(_convex_scene(footprint, floor, obstacles, clearance, sides), low, high)
+    return _slab(_convex_scene(footprint, floor, obstacles, clearance, sides, window), low, high)
 
 
 class _ConvexScene(NamedTuple):
@@ -190,6 +194,8 @@ class _ConvexScene(NamedTuple):
         By clearance [m] the corners of convex pieces that the footprint keeps it from.
     sides : int
         Of the polygons that stand for discs.
+    window : geometry or None
+        Positions that are looked at alone.
     """
 
     corners: Array
@@ -197,6 +203,7 @@ class _ConvexScene(NamedTuple):
     covered: BaseGeometry
     pieces: tuple[tuple[float, list[Array]], ...]
     sides: int
+    window: BaseGeometry | None
 
 
 def _convex_scene(
@@ -205,6 +212,7 @@ def _convex_scene(
     obstacles: Sequence[Shadow],
     clearance: float,
     sides: int = SIDES,
+    window: BaseGeometry | None = None,
 ) -> _ConvexScene:
     corners = footprint_scene(footprint, floor, obstacles, clearance).corners
     edges = [(edge.reshape(2, 2), 0.0) for edge in core_edges(floor)]
@@ -218,7 +226,7 @@ def _convex_scene(
     for piece, keep in (*edges, *convex):
         pieces.setdefault(keep, []).append(piece)
     covered = shapely.union_all([core for core, _ in rest])
-    return _ConvexScene(corners, floor, covered, tuple(pieces.items()), sides)
+    return _ConvexScene(corners, floor, covered, tuple(pieces.items()), sides, window)
 
 
 def _is_convex(core: BaseGeometry) -> bool:
@@ -231,14 +239,22 @@ def _slab(scene: _ConvexScene, low: float, high: float) -> Slab:
     if not -np.inf < low <= high < np.inf:
         raise InputError(f"slab: expected two rising headings, got {low} and {high}")
     corners = scene.corners
-    inner = _positions(scene, rotation_hull(corners, low, high), inner=True)
-    shared = rotation_core(corners, low, high)
+    hull, shared = _rotations(tuple(map(tuple, corners.tolist())), low, high)
+    inner = _positions(scene, hull, inner=True)
     if len(shared):
         return Slab(low, high, inner, _positions(scene, shared, inner=False))
     # The rotations have no point in common. Those about the footprint's middle have, and it keeps to an arc.
     middle = corners.mean(axis=0)
-    about = _positions(scene, rotation_core(corners - middle, low, high), inner=False)
-    return Slab(low, high, inner, minkowski_sum(about, -rotation_hull(middle[None], low, high)))
+    about = _positions(scene._replace(window=None), rotation_core(corners - middle, low, high), inner=False)
+    outer = minkowski_sum(about, -rotation_hull(middle[None], low, high))
+    return Slab(low, high, inner, outer if scene.window is None else outer & scene.window)
+
+
+@lru_cache(maxsize=1024)  # many targets ask for the same headings
+def _rotations(corners: tuple[tuple[float, float], ...], low: float, high: float) -> tuple[Array, Array]:
+    """Hull and core of a footprint's rotations."""
+    outline = np.array(corners)
+    return rotation_hull(outline, low, high), rotation_core(outline, low, high)
 
 
 class Rejection(NamedTuple):
@@ -274,6 +290,8 @@ def slab_rejections(
 def _positions(scene: _ConvexScene, shape: Array, *, inner: bool) -> BaseGeometry:
     """Positions at which a convex shape lies on the floor and keeps its distance from the obstacles."""
     here, taken = _rejection(scene, shape, inner=inner)
+    if scene.window is not None:
+        here, taken = here & scene.window, taken[shapely.intersects(taken, scene.window)]
     parts = shapely.get_parts(shapely.difference(here, shapely.union_all(taken)))
     whole: BaseGeometry = shapely.union_all(parts[shapely.area(parts) > 0])
     return whole

@@ -136,6 +136,17 @@ def polish(
 
 
 @compiled
+def polish_each(
+    arm: SerialArm, aim: Aim, joints: Array, reach: float, tolerance: float, angle_tolerance: float, most: int
+) -> tuple[Array, Array]:
+    """`polish` each row of ``joints`` (m, n), overwritten: errors [m] and angle errors [rad], (m,)."""
+    errors, angles = np.empty(len(joints)), np.empty(len(joints))
+    for i in range(len(joints)):
+        errors[i], angles[i], _ = polish(arm, aim, joints[i], reach, tolerance, angle_tolerance, most)
+    return errors, angles
+
+
+@compiled
 def polish_along(arm: SerialArm, aims: Aims, reach: float, tolerance: float, most: int, joints: Array) -> int:
     """Carry a posture from aim to aim, each polished from the one before.
 

@@ -25,6 +25,7 @@ GRID = 1e-11  # of corners where a union fails without one, far below the guard 
 ON_AXIS = 1e-9  # distance at which a footprint is as good as on the arm axis [m]
 GUARD = 1e-6  # margin of inner areas at every bound, against rounding [m]
 
+FEW = 12  # vertices, up to which a shadow is left whole where the ground is cut
 LARGE = 400  # vertices, from which on a shape is cut to what is looked at before it is worked on
 
 EVERY = (-np.inf, np.inf)  # heading of the base
@@ -140,19 +141,18 @@ class Ground:
         spare = self.far if inner else self.near
         return np.array([grow(shadow, clearance + spare, inner) for shadow in self.shadows], dtype=object)
 
-    def cut_to(self, box: BaseGeometry) -> Ground:
-        """The ground with what matters to a footprint within a box alone: floor and shadows are cut to it."""
-        x0, y0, x1, y1 = box.bounds
+    def cut_to(self, region: BaseGeometry) -> Ground:
+        """The ground cut to what matters to a footprint within a region: floor and shadows."""
         shadows, names = [], []
-        for k in self.within(box, self.clearance):
+        for k in self.within(region, self.clearance):
             by = self.clearance + self.shadows[k].radius + GUARD
             core = self.shadows[k].core
-            if shapely.get_num_coordinates(core) > LARGE:
-                core = shapely.intersection(core, shapely.box(x0 - by, y0 - by, x1 + by, y1 + by))
+            if shapely.get_num_coordinates(core) > FEW:
+                core = shapely.intersection(core, shapely.buffer(region, by, join_style="mitre"))
             if not core.is_empty:
                 shadows.append(replace(self.shadows[k], core=core))
                 names.append(self.names[k])
-        parts = shapely.get_parts(shapely.intersection(self.floor, box))
+        parts = shapely.get_parts(shapely.intersection(self.floor, region))
         floor = MultiPolygon([part for part in parts if part.area > 0])
         return replace(self, floor=floor, names=tuple(names), shadows=tuple(shadows))
 

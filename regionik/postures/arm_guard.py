@@ -57,11 +57,14 @@ class Guard:
         """True if the rules ask for the arm to avoid obstacles."""
         return self.world.rules.avoidance
 
-    def touch(self, pose: Pose) -> Touch:
-        """The nearest thing that comes too near to the arm, of kind "none" where nothing does."""
+    def touch(self, pose: Pose, enough: float = -np.inf) -> Touch:
+        """The nearest thing that comes too near to the arm, of kind "none" where nothing does.
+
+        Any thing nearer than ``enough`` is told without a look for nearer ones; see `nearest`.
+        """
         if state_clear(self.bodies, pose.base, pose.joints, SPARE, self.contact):
             return NOTHING
-        return nearest(self.bodies, pose.base, pose.joints, contact=self.contact, within=SPARE)
+        return nearest(self.bodies, pose.base, pose.joints, contact=self.contact, within=SPARE, enough=enough)
 
     def room(self, touch: Touch) -> float:
         """Distance of a touch beyond what the rules want, infinite where nothing is too near [m]."""
@@ -69,7 +72,7 @@ class Guard:
 
     def clear(self, pose: Pose) -> bool:
         """True if every link keeps clear."""
-        return not self.on or self.touch(pose).kind == "none"
+        return not self.on or self.touch(pose, SPARE).kind == "none"
 
     def proves(self, pose: Pose) -> bool:
         """True if every link is quickly proven to keep clear."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
@@ -12,7 +13,7 @@ from regionik.planners.reach.level_reach import posture_at
 from regionik.planners.reach.pose_reach import ANGLE_SHARE, pose_reach
 from regionik.planners.solvers.base_placement import BaseArea
 from regionik.planners.solvers.closed_form import decomposition, postures_at
-from regionik.planners.solvers.damped_least_squares import ORIENTATION, Aim, polish
+from regionik.planners.solvers.damped_least_squares import ORIENTATION, Aim, polish, polish_each
 from regionik.planners.solvers.mfabrik_serial import ArmStand, in_arm_frame, solve_serial
 from regionik.planners.solvers.multistart_ik import Effort, solve_ik, spread_postures
 from regionik.planners.solvers.rigid_bodies import RigidBodies, pointing_bodies, posing_bodies, span
@@ -119,8 +120,9 @@ class SerialSolver:
     ) -> list[Reached]:
         """Postures on target: all that a closed form knows, or those come to from some starts; see `Arm`.
 
-        For a direction every other start lies about the given posture, and damped least squares alone leads
-        on: passes that must meet one wander, and arms that curl up come near to themselves.
+        Damped least squares leads on, and where it misses a point, passes: those that must meet a direction
+        wander, and arms that curl up come near to themselves. So for one every other start lies about the
+        given posture.
         """
         goal, rng = self.goal_for(target), np.random.default_rng(0)
         if goal.aim.kind == ORIENTATION and decomposition(self.endless) is not None:
@@ -132,9 +134,8 @@ class SerialSolver:
         if target.direction is not None:
             starts[::2] = np.clip(joints + rng.normal(size=starts[::2].shape), arm.lower, arm.upper)
         found: list[Reached] = []
-        for start in starts:
-            one = self._on_target(target, goal, axis, yaw, np.concatenate([start, joints[n:]]))
-            if one is not None and all(np.abs(one.joints - other.joints).max() > ALIKE for other in found):
+        for one in self._on_target(target, goal, axis, yaw, starts, joints):
+            if all(np.abs(one.joints - other.joints).max() > ALIKE for other in found):
                 found.append(one)
         return found
 
@@ -148,16 +149,22 @@ class SerialSolver:
         return [goal.reached(axis, q, 0.0, 0.0, 0) for q in found]
 
     def _on_target(
-        self, target: Target, goal: SerialGoal, axis: Array, yaw: float, start: Array
-    ) -> Reached | None:
-        """A posture on target come to from one start, without any other."""
-        if target.direction is not None:
-            return self._polished(goal, axis, yaw, start)
-        none = np.empty((0, len(goal.bodies.slide)))
-        aim = in_arm_frame(axis, yaw, self.height, goal.aim)
-        error, angle, passes, _, _ = solve_ik(goal.bodies, aim, none, goal.effort, start)
-        found = goal.reached(axis, start, error, angle, passes)
-        return found if goal.met(found) else None
+        self, target: Target, goal: SerialGoal, axis: Array, yaw: float, starts: Array, joints: Array
+    ) -> Iterator[Reached]:
+        """Postures on target from starts (m, n), by damped least squares; for a point, else by passes."""
+        effort, arm, ends = goal.effort, goal.bodies.arm, starts.copy()
+        aim, none = in_arm_frame(axis, yaw, self.height, goal.aim), starts[:0]
+        most = effort.reach, effort.tolerance, effort.angle_tolerance, MOST_STEPS
+        for start, end, error, angle in zip(starts, ends, *polish_each(arm, aim, ends, *most), strict=True):
+            q = np.concatenate([end, joints[len(end) :]])
+            if error > effort.tolerance or angle > effort.angle_tolerance:
+                if target.direction is not None:
+                    continue
+                q[: len(end)] = start
+                error, angle, *_ = solve_ik(goal.bodies, aim, none, effort, q)
+            one = goal.reached(axis, q, error, angle, 0)
+            if goal.met(one):
+                yield one
 
     def _from_reach(
         self, goal: SerialGoal, missed: Reached, yaw: float, joints: Array, area: FlatPolygon

@@ -202,7 +202,7 @@ def _carried(search: TargetSearch, solver: Solver, place: Array, family: Family)
     if target.direction is not None:
         return None
     away = target.position[:2] - axis_of(world.robot, place)
-    cells = round(float(np.hypot(*away)) / KNOWN), round(float(target.position[2]) / KNOWN)
+    cells = int(np.hypot(*away) / KNOWN), round(float(target.position[2]) / KNOWN)
     known = _known_postures(world).at(family, *cells)
     if known is None:
         return None
@@ -247,7 +247,7 @@ def _closely(world: World, target: Target) -> _Result:
     seen = _everywhere(search)
     if seen.verdict != "undecided":
         return seen
-    pose, left, tried = refine(world, target, search.within)
+    pose, left, tried = refine(search)
     pose = pose or search.search()
     if pose is not None:
         return _Result("reachable", pose, 0.0, "")

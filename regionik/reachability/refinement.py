@@ -6,26 +6,27 @@ its inner area places that work at some. The cell with the largest outer area is
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 import shapely
-from shapely.geometry import MultiPolygon, Polygon
+from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
-from regionik.areas.ground import EVERY, GUARD, Ground, ground_of
+from regionik.areas.ground import EVERY, GUARD, Geometries, ground_of
 from regionik.areas.reach_model import ReachModel
 from regionik.areas.reachable import fine_reach, reach_model
 from regionik.areas.standing import span_of_rules
 from regionik.planners.driving.heading_slabs import slab_free
-from regionik.planners.search.box_search import WHOLE, Verdict, begin, explore, left_open
+from regionik.planners.search.box_search import WHOLE, Verdict, begin, explore, left_open, verdict_of
 from regionik.postures.arm import goal_of
 from regionik.postures.families import BACK, FRONT, Family, families_along
 from regionik.postures.poses import Pose
-from regionik.regions import round_outer_areas
+from regionik.reachability.target_search import TargetSearch
+from regionik.regions import reach_of, round_outer_areas
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import Target, World
 
@@ -35,11 +36,11 @@ NARROW = 0.02  # [rad]
 WIDER = 1.05  # polygons round a footprint's rotations than the circle round it, at the most
 ENOUGH = 1e-4  # widest disc of open places below which a cell is not bisected [m]
 NARROWEST = 1e-4  # width of cells below which they are not bisected [rad]
-MOST_CELLS = 600
+TURNS = 8  # cells that a full turn is cut in, where it does not do as a whole
+MOST_CELLS = 240
 MOST_TRIES = 16  # inner areas that are searched for a configuration
 
 Span = tuple[float, float]
-Attempt = Callable[[BaseGeometry, Family, Span], Pose | None]
 
 
 class Refinement(NamedTuple):
@@ -66,25 +67,33 @@ class HeadingCell(NamedTuple):
     pitch: Span | None
 
 
-def refine(world: World, target: Target, attempt: Attempt) -> Refinement:
+def refine(search: TargetSearch) -> Refinement:
     """Bisect cells until a configuration is found, or is ruled out, or only small areas are left.
 
     Parameters
     ----------
-    world : World
-    target : Target
-    attempt : callable
-        Searches an inner area for a configuration, given its family and its headings.
+    search : TargetSearch
+        Searches inner areas for a configuration; once it is exhausted no cell is looked at closer, as where
+        there is an inner area there is no proof.
     """
-    close = _CloseAreas(world, target, attempt)
-    low, high = np.array(close.whole).T
-    boxes = begin(_judge, close, low[None], high[None])
+    close = _CloseAreas(search)
+    heading, pitch = close.whole
+    boxes = begin(_judge, close, *_boxes([heading], pitch))
+    if np.pi < heading[1] - heading[0] < np.inf and verdict_of(boxes) == Verdict.OPEN:
+        ends = np.linspace(*heading, TURNS + 1).tolist()
+        boxes = begin(_judge, close, *_boxes(list(zip(ends[:-1], ends[1:], strict=True)), pitch))
     boxes = explore(_judge, close, boxes, MOST_CELLS, 1)
     if close.found is not None:
         return Refinement(close.found, Polygon(), close.tried)
     cells = [close.cell(boxes.low[slot], boxes.high[slot]) for slot in left_open(boxes).tolist()]
     left = [close.outer(cell) for cell in cells]
     return Refinement(None, shapely.union_all(left) if left else Polygon(), close.tried)
+
+
+def _boxes(headings: Sequence[Span], pitch: Span) -> tuple[Array, Array]:
+    """Low and high ends of cells, each (k, 2)."""
+    low, high = np.moveaxis(np.array([(heading, pitch) for heading in headings]), 2, 0)
+    return low.copy(), high.copy()
 
 
 def _judge(close: _CloseAreas, low: Array, high: Array) -> tuple[Verdict, float, int]:
@@ -95,7 +104,7 @@ def _judge(close: _CloseAreas, low: Array, high: Array) -> tuple[Verdict, float,
         return Verdict.RULED_OUT, 0.0, WHOLE
     if close.attempts(cell):
         return Verdict.PROVEN, outer.area, WHOLE
-    settled = close.tried >= MOST_TRIES or diameter(outer) <= ENOUGH
+    settled = close.is_exhausted or diameter(outer) <= ENOUGH
     return Verdict.OPEN, outer.area, WHOLE if settled else close.widest_side(cell)
 
 
@@ -115,13 +124,24 @@ def diameter(area: BaseGeometry) -> float:
 class _CloseAreas:
     """Areas of a target's cells, and the outcome of the attempts in the inner ones."""
 
-    world: World
-    target: Target
-    attempt: Attempt
+    search: TargetSearch
     found: Pose | None = None
     tried: int = 0
     _outer: dict[HeadingCell, BaseGeometry] = field(default_factory=dict)
     _known: dict[Span, tuple[BaseGeometry, BaseGeometry]] = field(default_factory=dict)
+
+    @property
+    def world(self) -> World:
+        return self.search.world
+
+    @property
+    def target(self) -> Target:
+        return self.search.target
+
+    @property
+    def is_exhausted(self) -> bool:
+        """True where no other inner area is searched."""
+        return self.tried >= MOST_TRIES or self.search.is_exhausted
 
     @property
     def whole(self) -> tuple[Span, Span]:
@@ -147,9 +167,11 @@ class _CloseAreas:
 
     def attempts(self, cell: HeadingCell) -> bool:
         """Search the inner areas of a cell for a configuration, the largest first; True if found."""
-        for family, area in self.inner(cell) if self.found is None and self.tried < MOST_TRIES else ():
+        for family, area in self.inner(cell) if self.found is None else ():
+            if self.is_exhausted:
+                break
             self.tried += 1
-            self.found = self.attempt(area, family, cell.heading)
+            self.found = self.search.within(area, family, cell.heading)
             if self.found is not None:
                 return True
         return False
@@ -223,31 +245,49 @@ class _CloseAreas:
         """No place outside it works at any heading; most of the reach is often gone already."""
         return round_outer_areas(self.world, [self.target], coarse=True)[0]
 
-    @cached_property
-    def _near(self) -> Ground:
-        """Floor and shadows that matter to a footprint in one of these places."""
-        ground = ground_of(self.world)
-        if self._about.is_empty:
-            return replace(ground, floor=MultiPolygon(), names=(), shadows=())
-        (x0, y0, x1, y1), by = self._about.bounds, WIDER * ground.far + GUARD
-        return ground.cut_to(shapely.box(x0 - by, y0 - by, x1 + by, y1 + by))
-
     def _free(self, heading: Span) -> tuple[BaseGeometry, BaseGeometry]:
         """Places of the axis at all headings of a range, from within, and at some, from outside.
 
-        Both are known, and told, about the target alone.
+        Both are known, and told, about the target alone, and where some heading of a wider range is free.
         """
         if heading not in self._known:
-            near = self._near
-            low, high = (0.0, 0.0) if heading == EVERY else heading
-            if near.floor.is_empty:
-                self._known[heading] = Polygon(), Polygon()
-            else:
-                sides = SIDES if high - low > NARROW else MOST_SIDES
-                slab = slab_free(self._outline, near.floor, near.shadows, near.clearance, low, high, sides)
-                inner = shapely.buffer(slab.inner, -2 * GUARD, join_style="mitre")
-                self._known[heading] = inner & self._about, slab.outer & self._about
+            about = self._about_at(heading)
+            known = Polygon(), about
+            if not (about.is_empty or self.is_exhausted):
+                known = self._slab(heading, about)
+            self._known[heading] = known
         return self._known[heading]
+
+    def _about_at(self, heading: Span) -> BaseGeometry:
+        """No place outside it works at a heading of the range, by the narrowest range known about it."""
+        wider = [span for span in self._known if span[0] <= heading[0] and heading[1] <= span[1]]
+        if not wider:
+            return self._about
+        about = self._known[min(wider, key=lambda span: span[1] - span[0])][1]
+        return about & self._reach if heading[1] - heading[0] <= NARROW else about
+
+    @cached_property
+    def _reach(self) -> BaseGeometry:
+        """Reach at the target's own height: that of its layer, which comes first, is more."""
+        return reach_of(self.world, self.target)
+
+    def _slab(self, heading: Span, about: BaseGeometry) -> tuple[BaseGeometry, BaseGeometry]:
+        """`_free`, made of the floor and the shadows that matter to a footprint in some places alone."""
+        ground, (low, high) = ground_of(self.world), (0.0, 0.0) if heading == EVERY else heading
+        by = WIDER * ground.far + GUARD
+        near = ground.cut_to(shapely.union_all(_boxes_about(about, by)))
+        if near.floor.is_empty:
+            return Polygon(), Polygon()
+        sides = SIDES if high - low > NARROW else MOST_SIDES
+        slab = slab_free(self._outline, near.floor, near.shadows, near.clearance, low, high, sides, about)
+        return shapely.buffer(slab.inner, -2 * GUARD, join_style="mitre"), slab.outer
+
+
+def _boxes_about(area: BaseGeometry, by: float) -> Geometries:
+    """Boxes about the parts of an area, wider by some way on each side [m]."""
+    x0, y0, x1, y1 = shapely.bounds(shapely.get_parts(area)).T
+    boxes: Geometries = shapely.box(x0 - by, y0 - by, x1 + by, y1 + by)
+    return boxes
 
 
 def _pitch_of(direction: Array) -> float:

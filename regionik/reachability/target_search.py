@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -19,7 +20,7 @@ from regionik.planners.driving.footprint import fits
 from regionik.postures.arm import goal_error
 from regionik.postures.arm_guard import SPARE, Guard, guard_at
 from regionik.postures.families import Family
-from regionik.postures.poses import Pose, pose_of
+from regionik.postures.poses import Pose, arrays, pose_of
 from regionik.regions import path_areas
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import Target, World
@@ -27,7 +28,8 @@ from regionik.worlds.scene import Target, World
 PLACES = 12  # of the base, tried in an area where the arm touches something
 PITCHES = 24  # of the last link, tried at every place
 SEARCHED = 2  # places at which more postures of the arm are sampled
-MOST_MET = 600  # postures that touch something, after which no other place is tried
+SAMPLES = 50  # of them at each
+MOST_MET = 200  # postures that touch something, after which no other place is tried
 MEASURED = 4  # of those at one place, whose distances are measured
 SLACK = 1e-9  # rounding allowed at a bound [m] or [rad]
 
@@ -58,24 +60,32 @@ class TargetSearch:
     def __post_init__(self) -> None:
         self.guard = guard_at(self.world, self.target)
 
+    @property
+    def is_exhausted(self) -> bool:
+        """True where so many postures touch something that no other place is tried."""
+        return self.met >= MOST_MET
+
     def within(self, area: BaseGeometry, family: Family, span: tuple[float, float]) -> Pose | None:
         """A confirmed configuration with the arm axis in an area, the heading in a span, if one is found."""
         solver = solver_for(self.world, family, None, span)
         for axis in self._places(area):
             base = pose_of(self.world.robot, axis, into_span(self._yaw(axis), span))
-            if self.met >= MOST_MET:
+            if self.is_exhausted:
                 break
-            standing = [q for q in self._postures(solver, base) if self.stands(q)]
+            standing = self.standing(self._postures(solver, base))
             clear = next((q for q in standing if self.guard.proves(q)), None)
             if clear is not None:
                 return clear
             self.met += len(standing)
-            rooms = [self._room(q) for q in standing[:MEASURED]]
-            if rooms:
-                best = int(np.argmax(rooms))
-                if rooms[best] == np.inf:
-                    return standing[best]
-                self.nearly.append((rooms[best], standing[best]))
+            best = -np.inf
+            for q in standing[:MEASURED]:
+                room = self._room(q, best)
+                if room == np.inf:
+                    return q
+                if room > best:
+                    best, nearest = room, q
+            if best > -np.inf:
+                self.nearly.append((best, nearest))
         return None
 
     def in_areas(self) -> Pose | None:
@@ -97,18 +107,27 @@ class TargetSearch:
         nearest = sorted(self.nearly, key=lambda one: -one[0])[:SEARCHED]
         return next((q for _, near in nearest if (q := self._searched(near)) is not None), None)
 
-    def stands(self, q: Pose) -> bool:
-        """True where tool, joints and base meet target, limits and floor, whatever the arm touches."""
-        world, chain = self.world, self.world.robot.chain
-        error, angle = goal_error(self.target, world.robot.tool(q.base, q.joints))
-        on_target = error <= world.rules.tolerance + SLACK and angle <= self.target.cone + SLACK
-        within = (q.joints >= chain.lower - SLACK).all() and (q.joints <= chain.upper + SLACK).all()
-        good = bool(within) and reach_model(world.robot, "point").meets(world.rules.criteria, q.joints)
-        return on_target and good and bool(fits(room_for(world), *q.base.tolist()))
+    def standing(self, poses: Sequence[Pose]) -> list[Pose]:
+        """Those whose tool, joints and base meet target, limits and floor, whatever the arm touches."""
+        if not poses:
+            return []
+        world, model = self.world, reach_model(self.world.robot, "point")
+        bases, joints = arrays(poses)
+        chain, room = world.robot.chain, room_for(world)
+        within = ((joints >= chain.lower - SLACK) & (joints <= chain.upper + SLACK)).all(axis=1)
+        errors = [goal_error(self.target, tool) for tool in world.robot.tool(bases, joints)]
+        off, angles = np.array(errors).T
+        good = within & (off <= world.rules.tolerance + SLACK) & (angles <= self.target.cone + SLACK)
+        free = {place: fits(room, *place) for place in {tuple(base) for base in bases[good].tolist()}}
+        return [
+            q
+            for q, on_target in zip(poses, good.tolist(), strict=True)
+            if on_target and free[tuple(q.base.tolist())] and model.meets(world.rules.criteria, q.joints)
+        ]
 
     def confirms(self, q: Pose) -> bool:
         """True where a configuration is an answer."""
-        return self.stands(q) and self.guard.clear(q)
+        return bool(self.standing([q])) and self.guard.clear(q)
 
     def _places(self, area: BaseGeometry) -> Array:
         """The middle of the area's largest part, then places spread over all of it."""
@@ -132,15 +151,18 @@ class TargetSearch:
         """Search postures of the arm about the nearest one, the base held."""
         guard, tolerance = self.guard, self.world.rules.tolerance
         task = PostureTask(guard.bodies, q.base, self.target.position, guard.contact, tolerance, SPARE)
-        found = sampled_clear_posture(task, q.joints)
+        found = sampled_clear_posture(task, q.joints, samples=SAMPLES)
         if found.joints is None:
             return None
         pose = Pose(q.base, np.array(found.joints))
         return pose if self.confirms(pose) else None
 
-    def _room(self, q: Pose) -> float:
-        """Clearance of the arm beyond what is asked, infinite where it is clear [m]."""
-        touch = self.guard.touch(q)
+    def _room(self, q: Pose, best: float) -> float:
+        """Clearance of the arm beyond what is asked, infinite where it is clear [m].
+
+        Where it is less than ``best``, some contact's, not the nearest one's.
+        """
+        touch = self.guard.touch(q, best)
         room = self.guard.room(touch)
         if self.touch is None or room > self.guard.room(self.touch):
             self.touch = touch

@@ -25,7 +25,7 @@ Mask = NDArray[np.bool_]
 
 
 class PointBounds(NamedTuple):
-    """Upper bounds for a point in a frame on every segment, each (segments,)."""
+    """Upper bounds for points in a frame on every segment, each (..., segments)."""
 
     distance: Array  # from the frame's origin [m]
     speed: Array  # [m per segment]
@@ -133,15 +133,16 @@ class MotionSegments:
         return bound
 
     def relative_bounds(self, lower: int, link: int, point: Array) -> PointBounds:
-        """Upper bounds for a point fixed to a link, seen from a lower link or from the arm's mount (-1).
+        """Upper bounds for points (..., 3) fixed to a link, seen from a lower link or the arm's mount (-1).
 
         Joint by joint from the link down: one that turns at rate w under a point that moves at speed v at a
         distance r from its axis adds w^2 r + 2 w v to the acceleration, and w r to the speed.
         """
         chain = self.robot.chain
-        distance = np.full(len(self), float(np.linalg.norm(point)))  # from the joint's origin
-        lever = np.full(len(self), float(np.linalg.norm(np.cross(chain.joints[link].axis, point))))
-        speed, acceleration = np.zeros(len(self)), np.zeros(len(self))
+        still = np.zeros((*point.shape[:-1], len(self)))
+        distance = still + np.linalg.norm(point, axis=-1)[..., None]  # from the joint's origin
+        lever = still + np.linalg.norm(np.cross(chain.joints[link].axis, point), axis=-1)[..., None]
+        speed, acceleration = still.copy(), still.copy()
         for k in range(link, lower, -1):
             rate = np.abs(self.joint_change[:, k])
             if chain.joints[k].kind == "revolute":

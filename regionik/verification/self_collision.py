@@ -33,6 +33,7 @@ from regionik.worlds.self_collision import base_body, self_collision_pairs
 TOUCH = 1e-6  # [m]
 SHORTEST = 1e-4  # motion of a link over half an interval below which it is not bisected [m]
 MARGIN_RANGE = 0.05  # up to which distances at states are measured for the margin [m]
+BLOCK = 1_000_000  # corners times segments that are bounded at once
 
 
 def verify_self_collision(segments: MotionSegments, names: StateNames) -> Finding:
@@ -100,9 +101,14 @@ class _PairProof:
     @cached_property
     def _bounds(self) -> PointBounds:
         """Bounds for any point of the upper body in the lower one's frame: the largest of its corners'."""
-        lower, upper = self.lower.link, self.upper.link
-        bounds = [self.segments.relative_bounds(lower, upper, corner) for corner in self.upper.hull.corners]
-        return PointBounds(*(np.max(column, axis=0) for column in zip(*bounds, strict=True)))
+        corners = self.upper.hull.corners
+        count = min(len(corners), 1 + len(corners) * len(self.segments) // BLOCK)
+        bounds = [
+            self.segments.relative_bounds(self.lower.link, self.upper.link, some)
+            for some in np.array_split(corners, count)
+        ]
+        most = ([part.max(axis=0) for part in column] for column in zip(*bounds, strict=True))
+        return PointBounds(*(np.max(column, axis=0) for column in most))
 
     def _poses(self, joints: Array) -> Array:
         return self.segments.link_pose(self.lower.link, self.upper.link, joints)
