@@ -24,9 +24,9 @@ from regionik.planners.reach.meridian_plane import (
     to_level,
     tool_for,
     tool_motion,
-    walk,
     weights,
 )
+from regionik.planners.reach.meridian_walks import walk
 from regionik.planners.reach.outer_bounds import (
     bound,
     bounds_for,

@@ -16,9 +16,8 @@ from regionik.planners.reach.meridian_plane import (
     Meridian,
     meridian_of,
     tool_for,
-    walk_both_ways,
-    walk_to_posture,
 )
+from regionik.planners.reach.meridian_walks import walk_both_ways, walk_to_posture
 from regionik.planners.reach.outer_bounds import outer_distances
 from regionik.worlds.arms import pivot_index, reach_bound
 from regionik.worlds.arrays import Array
@@ -43,7 +42,7 @@ ENOUGH = 1e-3  # what the outer bound may stand off from the inner one [m]
 def inner_reach(chain: Chain, rise: float) -> Intervals:
     """Distances between pivot axis and target that are proven to be in reach, as ascending intervals.
 
-    Every distance of an interval is that of some posture within the limits (`meridian_plane`), but for
+    Every distance of an interval is that of some posture within the limits (`meridian_walks`), but for
     rounding far below a nanometre. Distances that no walk from some 50 to 150 postures met are missing.
 
     Parameters

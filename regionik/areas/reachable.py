@@ -176,7 +176,7 @@ def _eroded(shapes: Geometries, error: float) -> Geometries:
 class PivotedReach(ReachModel):
     """Reach of the tool's point of any arm.
 
-    R(z) is bounded from within by the distances that walks at the height z pass (`meridian_plane`), and from
+    R(z) is bounded from within by the distances that walks at the height z pass (`meridian_walks`), and from
     outside by those that boxes of joint values do not rule out (`outer_bounds`). At a heading that the rules
     fix, inner areas are sampled on a grid of places (`pose_reach`) where the pivot does not turn all round.
     """

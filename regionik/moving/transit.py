@@ -17,7 +17,7 @@ from regionik.planners.collision.proximity import Touch
 from regionik.planners.driving.point_planner import NoPathError
 from regionik.planners.driving.sampling import PlanningProblem, State, connect
 from regionik.postures.arm_guard import Guard
-from regionik.postures.poses import Pose, axis_of, pose_of, turn_to
+from regionik.postures.poses import Pose, axis_of, distinct, pose_of, turn_to
 from regionik.worlds.arms import pivot_index, with_pivot
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
@@ -197,15 +197,6 @@ class TransitPlanner:
                 way = [*back, *arm_states(back[-1], folded), folded]
                 if self.interpolator.clear([here, *way]):
                     yield way
-
-
-def distinct(poses: list[Pose]) -> list[Pose]:
-    """Poses without those that are the same as the one before."""
-    kept = poses[:1]
-    for pose in poses[1:]:
-        if (pose.base != kept[-1].base).any() or (pose.joints != kept[-1].joints).any():
-            kept.append(pose)
-    return kept
 
 
 def lifted(robot: Robot, at: Pose) -> Pose:

@@ -15,9 +15,8 @@ from itertools import pairwise
 import numpy as np
 
 from regionik.moving.base_motion import arm_states
-from regionik.moving.transit import distinct
 from regionik.postures.arm_guard import Guard, guard_of
-from regionik.postures.poses import Pose
+from regionik.postures.poses import Pose, distinct
 from regionik.worlds.arrays import Array, Index
 from regionik.worlds.criteria import with_joint_margin
 from regionik.worlds.scene import World

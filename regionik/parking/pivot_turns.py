@@ -13,7 +13,7 @@ import shapely
 
 from regionik.areas.standing import into_span
 from regionik.mfabrik import solver_for
-from regionik.parking.fewest_stops import ParkingAreas
+from regionik.parking.parking_areas import ParkingAreas
 from regionik.postures.families import BACK, Family
 from regionik.postures.poses import pose_of
 from regionik.worlds.arms import pivot_index

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from typing import NamedTuple
@@ -16,11 +16,11 @@ from regionik.areas.standing import into_span
 from regionik.mfabrik import Solver, solver_for
 from regionik.moving.configuration_sampling import spread
 from regionik.parking.arm_roadmap import ArmRoadmap
-from regionik.parking.fewest_stops import ParkingAreas, StopGroup, depth
 from regionik.parking.held_postures import PostureCarrier
+from regionik.parking.parking_areas import ParkingAreas, StopGroup, depth
 from regionik.parking.pivot_turns import ON_EDGE, PivotTurns
+from regionik.parking.posture_measures import POSTURE_MEASURES
 from regionik.planners.coverage.set_cover import undominated
-from regionik.planners.solvers.serial_chain import chain_frames, chain_jacobian, serial_arm
 from regionik.postures.arm_guard import guard_of
 from regionik.postures.families import Family
 from regionik.postures.poses import pose_of
@@ -363,34 +363,18 @@ class PlacementSearch:
         if criterion == "clearance":
             side = self.parking_areas.standing.sides[int(self.parking_areas.ladder.side[placement.chain[0]])]
             return float(shapely.distance(shapely.boundary(side.free), Point(placement.axis)))
-        if criterion in _MEASURES:
-            return min(_MEASURES[criterion](self._jacobian(n, placement)) for n in range(len(placement.near)))
+        if criterion in POSTURE_MEASURES:
+            measure, chain = POSTURE_MEASURES[criterion], self.world.robot.chain
+            return min(measure(chain, self._joints(n, placement)) for n in range(len(placement.near)))
         return placement.tolerance
 
-    def _jacobian(self, at: int, placement: BasePlacement) -> Array:
-        """Of the tool's velocity by the joints, at a posture on one of the set-points, (3, dof)."""
-        i, joints = placement.setpoints[at], placement.near[at]
+    def _joints(self, at: int, placement: BasePlacement) -> Array:
+        """Posture on one of the set-points of a placement."""
+        i, near = placement.setpoints[at], placement.near
         if model_of(self.world, self.world.task[i]).exact:
-            joints = self.posture(i, placement.chain[at], placement.base).joints
-        arm = serial_arm(self.world.robot.chain)
-        n = len(arm.axis)
-        frames, J = np.empty((n + 1, 4, 4)), np.empty((6, n))
-        chain_frames(arm, joints, frames)
-        chain_jacobian(arm, frames, J)
-        return J[:3]
-
-
-def _volume(J: Array) -> float:
-    """Manipulability sqrt(det J J^T) (Yoshikawa 1985): volume of the velocity ellipsoid but for a factor."""
-    return float(np.sqrt(max(np.linalg.det(J @ J.T), 0.0)))
-
-
-def _load_capacity(J: Array) -> float:
-    """Negative of the largest joint torque for each newton of load at the tool [N m / N]."""
-    return -float(np.abs(J[2]).max())
-
-
-_MEASURES: dict[str, Callable[[Array], float]] = {"manipulability": _volume, "effort": _load_capacity}
+            return self.posture(i, placement.chain[at], placement.base).joints
+        joints: Array = near[at]
+        return joints
 
 
 @lru_cache(maxsize=256)

@@ -22,14 +22,13 @@ from regionik.mfabrik import Solver
 from regionik.moving.base_motion import Candidate
 from regionik.moving.configuration_sampling import PITCHES
 from regionik.moving.path_search import HARD_TRIES, PATIENCE, JoinedMotion, PathSearch, search_from_places
-from regionik.moving.transit import distinct
 from regionik.parking.arm_roadmap import ArmRoadmap
-from regionik.parking.fewest_stops import StopGroup
 from regionik.parking.held_postures import PostureCarrier
+from regionik.parking.parking_areas import StopGroup
 from regionik.parking.placements import BasePlacement, PlacementSearch
 from regionik.parking.stops import StopSequence
 from regionik.planners.progress import tell
-from regionik.postures.poses import Pose, Row
+from regionik.postures.poses import Pose, Row, distinct
 from regionik.values import Configuration, Stop
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Cause, Explanation, NoPlanFound

@@ -13,8 +13,9 @@ from shapely.geometry.base import BaseGeometry
 
 from regionik.explain.arm_failures import no_posture
 from regionik.moving.configuration_sampling import spread
-from regionik.parking.fewest_stops import Parking, ParkingAreas, StopGroup, park, reordered
+from regionik.parking.fewest_stops import Parking, park
 from regionik.parking.held_postures import HeldPostures
+from regionik.parking.parking_areas import ParkingAreas, StopGroup, reordered
 from regionik.parking.placements import BasePlacement, PlacementSearch
 from regionik.parking.sampled_poses import PoseCover
 from regionik.planners.coverage.set_cover import least_cover, undominated

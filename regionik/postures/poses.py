@@ -51,6 +51,15 @@ def pose_between(here: Pose, there: Pose, share: float, drive: BaseDrive) -> Pos
     return Pose(base, here.joints + share * (there.joints - here.joints))
 
 
+def distinct(poses: Sequence[Pose]) -> list[Pose]:
+    """Poses without those that are the same as the one before."""
+    kept = list(poses[:1])
+    for pose in poses[1:]:
+        if (pose.base != kept[-1].base).any() or (pose.joints != kept[-1].joints).any():
+            kept.append(pose)
+    return kept
+
+
 def arrays(poses: Sequence[Pose]) -> tuple[Array, Array]:
     """Poses as arrays, base (n, 3) and joints (n, dof)."""
     return np.array([one.base for one in poses]), np.array([one.joints for one in poses])

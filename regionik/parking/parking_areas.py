@@ -1,0 +1,218 @@
+"""Areas to park in: those of set-points, shrunk by the circle to park in, and the stops that they allow."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import shapely
+from numpy.typing import ArrayLike
+from shapely.geometry.base import BaseGeometry
+
+from regionik.areas.ground import Geometries
+from regionik.areas.standing import Index, PathAreas, Standing
+from regionik.ladder import Ladder, Mask, build_ladder
+from regionik.parking.held_postures import HeldPostures
+from regionik.planners.coverage.set_cover import fewest_runs
+from regionik.planners.geometry.offsets import shrunk
+from regionik.postures.poses import axis_of
+from regionik.regions import path_areas
+from regionik.worlds.arrays import Array
+from regionik.worlds.scene import Order, World
+
+
+@dataclass(frozen=True, eq=False)
+class StopGroup:
+    """Set-points that one stop can serve, and all positions that do.
+
+    Attributes
+    ----------
+    setpoints : tuple of int
+    places : dict of int to geometry
+        By side of the standing; shrunk by the circle to park in.
+    spot : (2,) array or None
+        Position of the arm axis from which one heading is known to serve all of them [m].
+    held : HeldPostures or None
+        Postures at the set-points on a pose of the base there, where a place does not give the arm its own.
+    """
+
+    setpoints: tuple[int, ...]
+    places: dict[int, BaseGeometry]
+    spot: Array | None = None
+    held: HeldPostures | None = None
+
+    def of(self, setpoints: tuple[int, ...]) -> StopGroup:
+        """Return the group for some of the set-points, in the order given."""
+        held, at = self.held, [self.setpoints.index(i) for i in setpoints]
+        return replace(self, setpoints=setpoints, held=None if held is None else held.of(at))
+
+
+@dataclass(frozen=True, eq=False)
+class ParkingAreas:
+    """Areas to park in, under one way to stand and to face.
+
+    Attributes
+    ----------
+    standing : Standing
+    facings : tuple of int
+    piece : int
+        Label of the floor that the base gets to.
+    areas : PathAreas
+    ladder : Ladder
+    usable : (m,) array of bool
+        Components on the floor that the base gets to.
+    narrow : (m,) array of geometry
+        Components shrunk by the circle to park in.
+    back : tuple of tuples of int
+        For each component those of the set-point before that the arm comes from while the base stands still.
+    """
+
+    standing: Standing
+    facings: tuple[int, ...]
+    piece: int
+    areas: PathAreas
+    ladder: Ladder
+    usable: Mask
+    narrow: Geometries
+    back: tuple[tuple[int, ...], ...]
+
+    @cached_property
+    def floor(self) -> BaseGeometry:
+        """The piece of floor that the base gets to, at any heading."""
+        floor: BaseGeometry = shapely.union_all(self.standing.whole(self.piece))
+        return floor
+
+    @cached_property
+    def _tree(self) -> shapely.STRtree:
+        return shapely.STRtree(self.narrow)
+
+    def around(self, axis: Array, within: float) -> Index:
+        """Components, shrunk by the circle to park in, that are this near to a position of the arm axis."""
+        near: Index = np.sort(self._tree.query(shapely.Point(axis), predicate="dwithin", distance=within))
+        return near
+
+    def groups(self, begin: int = 0) -> list[StopGroup]:
+        """Fewest groups of set-points in their order, from one of them on, with their places."""
+        return self._groups(begin, self.ladder.count)
+
+    def _groups(self, begin: int, end: int) -> list[StopGroup]:
+        rungs = self.ladder.rungs[begin : end + 1]
+        offset = int(rungs[0])
+        back = [[m - offset for m in row if m >= offset] for row in self.back[offset : int(rungs[-1])]]
+        runs = fewest_runs(self.narrow[offset:], rungs - offset, back)
+        return [
+            StopGroup(
+                tuple(range(begin + run.first, begin + run.last + 1)),
+                self._by_side({k + offset: area for k, area in run.ends.items()}),
+            )
+            for run in runs
+        ]
+
+    def group(self, setpoints: tuple[int, ...], order: Order) -> StopGroup:
+        """Group of given set-points with all their places: in their order, or in any."""
+        if order == "given":
+            first, last = setpoints[0], setpoints[-1]
+            return self._groups(first, last + 1)[0]
+        sides = sorted(set(self.ladder.side.tolist()))
+        shared = {s: shapely.intersection_all(self.areas_at(s)[list(setpoints)]) for s in sides}
+        return StopGroup(setpoints, {s: area for s, area in shared.items() if area.area > 0})
+
+    @cached_property
+    def _areas(self) -> dict[int, Geometries]:
+        return {s: _areas_of(self, s) for s in sorted(set(self.ladder.side.tolist()))}
+
+    def areas_at(self, side: int) -> Geometries:
+        """Places to park at one side, by set-point, whatever the posture."""
+        return self._areas[side]
+
+    def shared(self, setpoints: Sequence[int], side: int, near: ArrayLike) -> BaseGeometry:
+        """The connected part of what areas share that is nearest to a place."""
+        parts = shapely.get_parts(shapely.intersection_all(self.areas_at(side)[list(setpoints)]))
+        return parts[int(np.argmin(shapely.distance(parts, shapely.Point(near))))]
+
+    def _by_side(self, ends: dict[int, BaseGeometry]) -> dict[int, BaseGeometry]:
+        sides = sorted({int(self.ladder.side[k]) for k in ends})
+        return {
+            s: shapely.union_all([area for k, area in ends.items() if self.ladder.side[k] == s])
+            for s in sides
+        }
+
+
+def parking_areas_on(
+    world: World, standing: Standing, facings: tuple[int, ...], known: PathAreas | None
+) -> list[ParkingAreas]:
+    """Areas on each piece of floor that the base may be on."""
+    areas = known or path_areas(world, facings=facings, standing=standing)
+    ladder = build_ladder(areas, len(world.task), standing)
+    narrow = shrunk_by_circle(ladder.component, world, outside=False)
+    back: list[list[int]] = [[] for _ in ladder.component]
+    for m, k in ladder.edges.tolist():
+        if ladder.side[m] == ladder.side[k]:
+            back[k].append(m)
+    found = []
+    for piece in _pieces(world, standing, ladder):
+        usable = ladder.floor == piece
+        own = narrow.copy()
+        own[~usable] = shapely.Polygon()
+        linked = tuple(map(tuple, back))
+        found.append(ParkingAreas(standing, facings, piece, areas, ladder, usable, own, linked))
+    return found
+
+
+def reordered(world: World, parking_areas: ParkingAreas, order: Sequence[int]) -> ParkingAreas:
+    """Parking areas for a world of the same set-points in another order.
+
+    Parameters
+    ----------
+    world : World
+        Its set-points in that order.
+    parking_areas : ParkingAreas
+    order : sequence of int
+        Index of each as they were.
+    """
+    areas = parking_areas.areas
+    target = np.argsort(order)[areas.target]
+    by = np.argsort(target, kind="stable")
+    family = tuple(areas.family[k] for k in by.tolist())
+    moved = PathAreas(target[by], family, areas.side[by], areas.reach[by], areas.inner[by])
+    found = parking_areas_on(world, parking_areas.standing, parking_areas.facings, moved)
+    return next(one for one in found if one.piece == parking_areas.piece)
+
+
+def _pieces(world: World, standing: Standing, ladder: Ladder) -> list[int]:
+    """Pieces of free floor that the base may work on: the one it starts on, or any."""
+    if world.start is None:
+        return sorted(set(ladder.floor.tolist()) - {-1})
+    piece = standing.piece_at(axis_of(world.robot, world.start.base), float(world.start.base[2]))
+    return [] if piece is None else [piece]
+
+
+def _areas_of(parking_areas: ParkingAreas, side: int) -> Geometries:
+    """Places to park at one side, by set-point."""
+    ladder, own = parking_areas.ladder, parking_areas.ladder.side == side
+    parts = [parking_areas.narrow[own & (ladder.target == i)] for i in range(ladder.count)]
+    areas = np.empty(ladder.count, dtype=object)
+    areas[:] = [shapely.union_all(part) for part in parts]
+    return areas
+
+
+def shrunk_by_circle(shapes: Geometries, world: World, *, outside: bool) -> Geometries:
+    """Places whose circle to park in lies in a shape, bounded from outside or from inside."""
+    by = world.rules.stop_tolerance
+    if by == 0.0:
+        return shapes
+    return np.array([shrunk(shape, by, outside=outside) for shape in shapes], dtype=object)
+
+
+def radius(area: BaseGeometry) -> float:
+    """Radius of the largest circle inside an area [m]."""
+    return float(shapely.maximum_inscribed_circle(area).length)
+
+
+def depth(area: BaseGeometry, axis: Array) -> float:
+    """Distance of a position to the boundary of an area, below 0 outside [m]."""
+    point = shapely.Point(axis)
+    far = float(shapely.distance(shapely.boundary(area), point))
+    return far if area.covers(point) else -far
