@@ -120,6 +120,8 @@ class SerialSolver:
     ) -> list[Reached]:
         """Postures on target: all that a closed form knows, or those come to from some starts; see `Arm`.
 
+        The first start is the given posture.
+
         Damped least squares leads on, and where it misses a point, passes: those that must meet a direction
         wander, and arms that curl up come near to themselves. So for one every other start lies about the
         given posture.
@@ -133,6 +135,7 @@ class SerialSolver:
         starts = rng.uniform(low, high, (tries, n))
         if target.direction is not None:
             starts[::2] = np.clip(joints + rng.normal(size=starts[::2].shape), arm.lower, arm.upper)
+        starts[0] = joints[:n]
         found: list[Reached] = []
         for one in self._on_target(target, goal, axis, yaw, starts, joints):
             if all(np.abs(one.joints - other.joints).max() > ALIKE for other in found):
