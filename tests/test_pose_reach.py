@@ -176,7 +176,7 @@ def test_one_stop_serves_poses_that_one_place_is_known_for(name: str, turn: Arra
         pytest.param("offsets", 61, marks=pytest.mark.slow),
         ("offsets", 96),
         ("offsets", 46),
-        ("offsets", 6),
+        pytest.param("offsets", 6, marks=pytest.mark.slow),
         ("urdf arms", 444),
     ],
 )

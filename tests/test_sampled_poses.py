@@ -48,6 +48,7 @@ def few_poses(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sampled_poses, "PLACES", 8)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("few_poses")
 def test_no_cover_by_the_poses_drawn_has_fewer() -> None:
     """What each pose serves is proven of all, where the cover asks for it only of those that it takes."""

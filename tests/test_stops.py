@@ -271,8 +271,12 @@ def planned(name: str, order: str = "given") -> Plan:
     return plan(ruled(load_world(name), mode="stops", order=order))
 
 
-@pytest.mark.parametrize("order", ["given", "any"])
-@pytest.mark.parametrize("name", ["pillar", "shelf"])
+@pytest.mark.parametrize(("name", "order"), [
+    ("pillar", "given"),
+    ("pillar", "any"),
+    ("shelf", "given"),
+    pytest.param("shelf", "any", marks=pytest.mark.slow),
+])  # fmt: skip
 def test_the_base_stands_still_at_every_stop(name: str, order: str) -> None:
     found = planned(name, order)
     assert verify(found).ok
