@@ -2,7 +2,8 @@
 
 `python -m benchmarks.bench_simulate [world ...]`; worlds are bundled names or files, `--seeds N` noisy runs a
 world (20). With `--execution` there are as many of a plan that is made again with `rules.execution`: the
-errors of the first half of these runs, and half as much again. Plans are timed for a base of 0.3 m/s and a
+errors of the first half of these runs, and half as much again, and joints kept
+off their limits. Plans are timed for a base of 0.3 m/s and a
 tool of 0.1 m/s. It fails where a run without noise is 1 mm off its path, or 2 mm on wheels, touches
 something, goes beyond a limit, or holds the tool's speed for less than 99 % of the time. Beside the errors,
 how many noisy runs have 95 % of their errors below 5 mm, how many touch something, and how much faster than

@@ -78,7 +78,7 @@ def park_in_order(world: World) -> Parking:
     best: Parking | None = None
     refused: NoPlanFound | None = None
     for standing, facings in ways_to_stand(world):
-        for parking_areas in parking_areas_on(world, standing(world), facings, None):
+        for parking_areas in parking_areas_on(world, standing(world), facings):
             groups = parking_areas.groups()
             done = groups[-1].setpoints[-1] + 1 if groups else 0
             if done < len(world.task):
@@ -106,7 +106,7 @@ def park_in_any_order(world: World) -> Parking:
     refused: NoPlanFound | None = None
     for standing, facings in list(ways_to_stand(world))[1::2]:
         found: list[Parking] = []
-        for parking_areas in parking_areas_on(world, standing(world), facings, None):
+        for parking_areas in parking_areas_on(world, standing(world), facings):
             empty = np.flatnonzero(_component_counts(parking_areas) == 0)
             if len(empty):
                 refused = refused or NoPlanFound(no_room(world, int(empty[0]), parking_areas))

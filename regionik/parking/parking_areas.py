@@ -141,7 +141,7 @@ class ParkingAreas:
 
 
 def parking_areas_on(
-    world: World, standing: Standing, facings: tuple[int, ...], known: PathAreas | None
+    world: World, standing: Standing, facings: tuple[int, ...], known: PathAreas | None = None
 ) -> list[ParkingAreas]:
     """Areas on each piece of floor that the base may be on."""
     areas = known or path_areas(world, facings=facings, standing=standing)
