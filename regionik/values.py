@@ -144,15 +144,21 @@ class Stop:
         and the base keeps its clearance [m].
     criterion : str
         That chose the place, as in `regionik.worlds.scene.Rules`.
+    probability : float or None
+        Proven lower bound: so probably do arm and base as within that circle, once the base has parked with
+        the error of `regionik.worlds.parking_accuracy.ParkingAccuracy`. None without one in the rules.
     """
 
     base: Array
     setpoints: tuple[int, ...]
     tolerance: float
     criterion: StopCriterion
+    probability: float | None = None
 
     def __repr__(self) -> str:
-        return f"Stop({_pose_text(self.base)}, {len(self.setpoints)} set-points, {self.tolerance:.3g} m)"
+        likely = "" if self.probability is None else f", parks with {self.probability:.4f}"
+        served = f"{len(self.setpoints)} set-points, {self.tolerance:.3g} m"
+        return f"Stop({_pose_text(self.base)}, {served}{likely})"
 
     @property
     def first(self) -> int:

@@ -272,6 +272,31 @@ NASTY = (
         broken("step: 0.1", "stop_criterion: luck"),
         ("rules.stop_criterion", "tolerance", "manipulability"),
     ),
+    *(
+        Nasty(f"parking {parking}", broken("step: 0.1", f"mode: stops, parking: {{{parking}}}"), says)
+        for parking, says in (
+            (
+                "covariance: [[1, 0, 0], [0, 1, 0], [0, 0, -1]]",
+                ("rules.parking: covariance", "below 0", "-1"),
+            ),
+            ("covariance: [[1, 2, 0], [2, 1, 0], [0, 0, 1]]", ("rules.parking: covariance", "below 0", "-1")),
+            ("covariance: [[1, 0.5, 0], [0, 1, 0], [0, 0, 1]]", ("rules.parking: covariance", "symmetric")),
+            ("covariance: [[1, 0], [0, 1]]", ("rules.parking.covariance", "3")),
+            ("deviations: [0.1, -0.1, 0]", ("rules.parking: deviations", "at least 0", "-0.1")),
+            ("deviations: [0, 0, 0], probability: 1", ("rules.parking.probability", "1")),
+            ("probability: 0.9", ("rules.parking", "one of covariance, deviations")),
+        )
+    ),
+    Nasty(
+        "parking on the way",
+        broken("step: 0.1", "step: 0.1, parking: {deviations: [0.1, 0.1, 0]}"),
+        ("rules.parking", "rules.mode: stops"),
+    ),
+    Nasty(
+        "probability of nothing",
+        broken("step: 0.1", "mode: stops, stop_criterion: probability"),
+        ("rules.stop_criterion", "rules.parking"),
+    ),
     Nasty(
         "effort without masses",
         broken("step: 0.1", "step: 0.1, criteria: {effort: 5}"),

@@ -16,6 +16,7 @@ from regionik.worlds.errors import InputError
 from regionik.worlds.execution import Execution
 from regionik.worlds.frames import FrameNames
 from regionik.worlds.obstacles import Box, Prism, Solid, as_polygon
+from regionik.worlds.parking_accuracy import ParkingAccuracy
 from regionik.worlds.robot import Robot
 from regionik.worlds.speeds import Speeds
 
@@ -23,7 +24,7 @@ Heading = Literal["free", "face_target", "fixed"]
 Mode = Literal["continuous", "stops"]
 Order = Literal["given", "any"]
 SLAB = 30.0  # thickness of the solid floor, and how far it goes on beyond the floor's edge [m]
-StopCriterion = Literal["tolerance", "clearance", "manipulability", "effort", "distance"]
+StopCriterion = Literal["tolerance", "clearance", "manipulability", "effort", "distance", "probability"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,17 +102,21 @@ class Rules:
         few stops as possible, and the tool is lifted while it drives from one to the next.
     order : {"given", "any"}
         Order of the set-points: as given, or, in mode ``stops``, any that saves stops and distance.
-    stop_criterion : {"tolerance", "clearance", "manipulability", "effort", "distance"}
+    stop_criterion : {"tolerance", "clearance", "manipulability", "effort", "distance", "probability"}
         Best place of a stop: the middle of the largest circle in which the base may park; the farthest from
         where it may not be; the largest of the least manipulability (Yoshikawa's volume of the tool's
         velocities) over its set-points; the smallest of the largest torque with which the arm, itself
-        without weight, holds a load at its tool; or the places of the shortest way through all stops.
+        without weight, holds a load at its tool; the places of the shortest way through all stops; or the
+        most probably good for its set-points after parking.
     stop_tolerance : float
         Least radius of the circle in which the base may park at every stop [m].
     criteria : Criteria or None
         Criteria for the arm's posture at every set-point.
     execution : Execution or None
         Tracking errors with which the plan must still hold; None for a robot that is where the plan has it.
+    parking : ParkingAccuracy or None
+        Error with which the base parks at stops, and the least probability asked that the arm still does its
+        work there; in mode ``stops``.
 
     Examples
     --------
@@ -137,6 +142,7 @@ class Rules:
     stop_tolerance: float = 0.01
     criteria: Criteria | None = None
     execution: Execution | None = None
+    parking: ParkingAccuracy | None = None
 
     def __post_init__(self) -> None:
         for key, value in vars(self).items():
@@ -151,6 +157,10 @@ class Rules:
                 raise InputError(f"{key}: expected one of {valid}, got {getattr(self, key)!r}")
         if self.order == "any" and self.mode != "stops":
             raise InputError("order: any goes with rules.mode: stops, expected given")
+        if self.parking is not None and self.mode != "stops":
+            raise InputError("parking: goes with rules.mode: stops, expected none")
+        if self.parking is None and self.stop_criterion == "probability":
+            raise InputError("stop_criterion: probability goes with rules.parking")
         if self.mode == "stops" and self.heading == "face_target":
             text = "face_target turns the base at every set-point; with rules.mode: stops valid choices"
             raise InputError(f"heading: {text}: free, fixed")

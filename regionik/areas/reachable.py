@@ -121,7 +121,17 @@ def reach_rows(
     shape : (m,) array of geometry
     """
     margin = world.rules.reach_margin if inner else None
-    query = ReachQuery(world.rules, margin, span, tuple(facings), coarse=coarse)
+    which, kinds, shapes = rows_of(
+        world, targets, ReachQuery(world.rules, margin, span, tuple(facings), coarse=coarse)
+    )
+    if inner:
+        shapes = _eroded(shapes, world.axis_error)
+    real = np.flatnonzero(~shapely.is_empty(shapes))
+    return which[real], tuple(kinds[k] for k in real.tolist()), shapes[real]
+
+
+def rows_of(world: World, targets: Sequence[Target], query: ReachQuery) -> Rows:
+    """`reach_rows` as a query asks for them, whatever place an execution puts the arm axis off."""
     alike: dict[ReachModel, list[int]] = {}
     for i, target in enumerate(targets):
         alike.setdefault(model_of(world, target), []).append(i)
@@ -131,10 +141,7 @@ def reach_rows(
         rows = model.rows([targets[i] for i in members], query)
         which = np.concatenate([which, np.array(members, dtype=np.intp)[rows[0]]])
         kinds, shapes = kinds + rows[1], np.concatenate([shapes, rows[2]])
-    if inner:
-        shapes = _eroded(shapes, world.axis_error)
     order = np.argsort(which, kind="stable")
-    order = order[~shapely.is_empty(shapes[order])]
     return which[order], tuple(kinds[k] for k in order), shapes[order]
 
 

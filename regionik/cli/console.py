@@ -6,6 +6,7 @@ Answers go to stdout, everything else to stderr.
 from __future__ import annotations
 
 import json
+import math
 import os
 import sys
 import warnings
@@ -306,6 +307,9 @@ def plan_summary(plan: Plan, seconds: float, written: Iterable[Path]) -> str:
         f"  {count_noun(plan.lift_offs, 'lift-off')}, {length:.2f} m of base travel, "
         f"{count_noun(len(plan.motion), 'state')}",
     ]
+    likely = [stop.probability for stop in plan.stops if stop.probability is not None]
+    if likely:
+        lines.append(f"  each stop is good after parking with at least {percent_text(min(likely))}")
     margins = plan.stats.get("margins")
     if margins:
         lines.append(f"  to spare: {spare_text(margins, plan.world)}")
@@ -314,6 +318,15 @@ def plan_summary(plan: Plan, seconds: float, written: Iterable[Path]) -> str:
     if not keeps_areas(plan):
         lines.append("  areas are left out of the plan file: with so many corners it could not be read back")
     return "\n".join(lines)
+
+
+def percent_text(probability: float) -> str:
+    """Return a lower bound of a probability in percent, rounded down.
+
+    >>> percent_text(0.99999)
+    '99.99 %'
+    """
+    return f"{math.floor(probability * 1e4) / 100:.2f} %"
 
 
 def report_summary(name: str, report: Report, world: World) -> str:

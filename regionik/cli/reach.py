@@ -20,6 +20,7 @@ from regionik.cli.console import (
     check_output,
     explain_no_plan,
     explanation_document,
+    percent_text,
     print_answers,
     print_explanation,
     print_json,
@@ -36,7 +37,7 @@ if TYPE_CHECKING:
 
 TARGET = "X Y Z [DX DY DZ]"
 FIELD_SUFFIXES = (".npz", ".tif", ".tiff", ".png", ".svg")
-STOP_CRITERIA = "tolerance, clearance, manipulability, effort, distance"
+STOP_CRITERIA = "tolerance, clearance, manipulability, effort, distance, probability"
 
 
 def reach_targets(
@@ -221,13 +222,15 @@ def _write_stops(scene: World, found: tuple[Stop, ...], output: Path | None, pic
 
 
 def _print_stops(found: tuple[Stop, ...]) -> None:
-    print("stop  set-points      x [m]     y [m]  yaw [rad]  tolerance [m]")
+    told = any(stop.probability is not None for stop in found)
+    print(f"stop  set-points      x [m]     y [m]  yaw [rad]  tolerance [m]{'  probability' * told}")
     for n, stop in enumerate(found, 1):
         x, y, yaw = stop.base.tolist()
         span = f"{stop.first + 1} to {stop.last + 1}"
+        likely = "" if stop.probability is None else f"  at least {percent_text(stop.probability)}"
         if sorted(stop.setpoints) != list(range(stop.first, stop.last + 1)):
             span = f"{len(stop.setpoints)} of them"
-        print(f"{n:4d}  {span:12s} {x:z9.3f} {y:z9.3f} {yaw:z10.3f} {stop.tolerance:14.4f}")
+        print(f"{n:4d}  {span:12s} {x:z9.3f} {y:z9.3f} {yaw:z10.3f} {stop.tolerance:14.4f}{likely}")
 
 
 def explain_world(

@@ -101,6 +101,9 @@ class StopRecord(Strict):
     setpoints: Annotated[Many[Index], Field(min_length=1)] = Field(description="they follow one another")
     tolerance: NotNegative = Field(description="radius of the circle to park in, at this heading [m]")
     criterion: StopCriterion = Field(description="what made this the best place of the stop")
+    probability: Annotated[float, Field(ge=0, le=1)] | None = Field(
+        default=None, description="lower bound: the stop is good for its set-points after parking"
+    )
 
 
 class PlanRecord(Strict):
@@ -232,7 +235,7 @@ def _configuration(record: SetpointRecord) -> Configuration:
 
 def _stop(record: StopRecord) -> Stop:
     base = np.array(record.base, dtype=np.float64)
-    return Stop(base, tuple(record.setpoints), record.tolerance, record.criterion)
+    return Stop(base, tuple(record.setpoints), record.tolerance, record.criterion, record.probability)
 
 
 def _motion(record: PlanRecord, world: World) -> Motion:

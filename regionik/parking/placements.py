@@ -13,10 +13,12 @@ from shapely.geometry import Point
 
 from regionik.areas.reachable import model_of
 from regionik.areas.standing import into_span, spread
+from regionik.explain.constraints import setpoint_at
 from regionik.mfabrik import Solver, solver_for
 from regionik.parking.arm_roadmap import ArmRoadmap
 from regionik.parking.held_postures import PostureCarrier
 from regionik.parking.parking_areas import ParkingAreas, StopGroup, depth
+from regionik.parking.parking_probability import likely_parking_probability, parking_probability
 from regionik.parking.pivot_turns import ON_EDGE, PivotTurns
 from regionik.parking.posture_measures import POSTURE_MEASURES
 from regionik.planners.coverage.set_cover import undominated
@@ -26,11 +28,14 @@ from regionik.postures.poses import pose_of
 from regionik.values import Configuration, Stop
 from regionik.worlds.arms import pivot_index
 from regionik.worlds.arrays import Array
+from regionik.worlds.errors import Cause, Explanation, NoPlanFound
 from regionik.worlds.scene import World
 
 PLACES = 24  # of a stop that are looked at before the best is bettered
-CARRIED = 6  # of these, where a place gives the arm no posture, which takes a hundred times as long
+CARRIED = 6  # of these, where a place gives the arm no posture, or its score takes as long
 FINEST = 1e-3  # steps by which it is bettered, at the least [m]
+COARSE, WORTH = 0.01, 1e-4  # steps [m] and gains by which a probability is bettered, at the least
+LIKELY = 0.01  # by which an estimated probability may be too low
 HEADING = 1e-9  # by which the pivot may be over its limits [rad]
 ROUNDING = 1e-9  # by which a circle may be smaller than asked [m]
 
@@ -63,9 +68,12 @@ class BasePlacement:
     tolerance: float
     roadmap: ArmRoadmap | None = None
 
-    def stop(self, world: World) -> Stop:
-        """The placement as a plan tells it."""
-        return Stop(self.base, self.setpoints, self.tolerance, world.rules.stop_criterion)
+    def stop(self, world: World, setpoints: tuple[int, ...] = ()) -> Stop:
+        """The placement as a plan tells it, for all its set-points or for some."""
+        served, likely = setpoints or self.setpoints, None
+        if world.rules.parking is not None:
+            likely = parking_probability(world, self.base, served)
+        return Stop(self.base, served, self.tolerance, world.rules.stop_criterion, likely)
 
 
 class _Heading(NamedTuple):
@@ -98,14 +106,72 @@ class PlacementSearch:
     def best(self, group: StopGroup, at: Array | None = None) -> BasePlacement | None:
         """Best placement of a stop; it serves only the first of the set-points where none serves all.
 
-        None where no posture was found from any place of a sampled area.
+        None where no posture was found from any place of a sampled area. Where the criterion's choice is less
+        probably good after parking than asked, the most probable is taken, of as many set-points as can be.
 
         Parameters
         ----------
         group : StopGroup
         at : (2,) array, optional
             Position of the arm axis that the criterion wants [m].
+
+        Raises
+        ------
+        NoPlanFound
+            Where the first set-point alone has not the probability that is asked for.
         """
+        wanted = self._by_criterion(group, at)
+        if wanted is None or self._is_safe(wanted):
+            return wanted
+        found: BasePlacement | None = None
+        enough, too_many = 0, len(wanted.setpoints) + 1
+        while too_many - enough > 1:
+            count = too_many - 1 if too_many > len(wanted.setpoints) else (enough + too_many) // 2
+            tried = self._by_probability._by_criterion(self._first(group, wanted.setpoints[:count]), None)
+            if tried is not None and self._is_safe(tried):
+                found, enough = tried, count
+            else:
+                too_many = count
+        if found is None:
+            raise NoPlanFound(self._no_safe_parking(wanted.setpoints[0], tried or wanted))
+        return found
+
+    def _first(self, group: StopGroup, setpoints: tuple[int, ...]) -> StopGroup:
+        """Group of the first set-points of a stop, at all their places."""
+        if group.held is not None:
+            return group.of(setpoints)
+        return self.parking_areas.group(setpoints, self.world.rules.order)
+
+    def _is_safe(self, placement: BasePlacement) -> bool:
+        """True where a stop here is as probably good after parking as the rules ask."""
+        asked = self.world.rules.parking
+        if asked is None or asked.probability is None:
+            return True
+        stop = self.world, placement.base, placement.setpoints
+        if likely_parking_probability(*stop) < asked.probability - LIKELY:
+            return False
+        return parking_probability(*stop) >= asked.probability
+
+    @cached_property
+    def _by_probability(self) -> PlacementSearch:
+        """The same search with the probability as its criterion."""
+        rules = replace(self.world.rules, stop_criterion="probability")
+        return replace(self, world=replace(self.world, rules=rules))
+
+    def _no_safe_parking(self, i: int, best: BasePlacement) -> Explanation:
+        """Explain that a set-point has no place found that is probable enough after parking."""
+        asked = self.world.rules.parking
+        least = asked.probability if asked and asked.probability else 0.0
+        known = parking_probability(self.world, best.base, (i,))
+        reason = (
+            f"{setpoint_at(self.world.task, i)}: a place to park is asked for that is good with a "
+            f"probability of {least:g}; the best that was found is proven to be with {known:.4f}. A smaller "
+            "covariance or probability of rules.parking would do."
+        )
+        return Explanation("undecided", i, reason, (Cause("floor", "room to park", None),))
+
+    def _by_criterion(self, group: StopGroup, at: Array | None) -> BasePlacement | None:
+        """Best placement by the criterion alone; see `best`."""
         widest = self._leading(self.widest(group), group)
         if widest is None:
             widest = self.widest(replace(group, setpoints=group.setpoints[:1]))
@@ -167,12 +233,12 @@ class PlacementSearch:
         for s in sorted(group.places):
             for placement in self._spread(group, s):
                 leading = self._leading(placement, group)
-                if leading is not None:
+                if leading is not None and self._is_safe(leading):
                     yield leading
 
     def _spread(self, group: StopGroup, side: int) -> Iterator[BasePlacement]:
         """Yield placements spread over one side of a stop."""
-        count = PLACES if self._gives_posture(group) else CARRIED
+        count = PLACES if self._gives_posture(group) and not self._is_slow else CARRIED
         for spot in spread(group.places[side], count, 0):
             placement = self.at(group, spot, side)
             if placement is not None:
@@ -193,12 +259,13 @@ class PlacementSearch:
         x0, y0, x1, y1 = group.places[side].bounds
         step, score = max(x1 - x0, y1 - y0) / 8, self._score(placement)
         turns = np.arange(8) * np.pi / 4
-        while step > FINEST:
+        finest, worth = (COARSE, WORTH) if self._is_slow else (FINEST, 1e-9)
+        while step > finest:
             for move in step * np.column_stack([np.cos(turns), np.sin(turns)]):
                 other = self.at(group, placement.axis + move, side)
                 if other is not None and len(other.setpoints) == len(group.setpoints):
                     better = self._score(other)
-                    if better > score + 1e-9:
+                    if better > score + worth:
                         placement, score = other, better
                         break
             else:
@@ -357,6 +424,11 @@ class PlacementSearch:
         off = np.hypot(*(spots - axis).T) * np.sin(np.clip(left, -np.pi / 2, np.pi / 2))
         return float(np.where(left >= np.pi, np.inf, off).min())
 
+    @property
+    def _is_slow(self) -> bool:
+        """True where the score of a placement takes much longer than the placement."""
+        return self.world.rules.stop_criterion == "probability"
+
     def _score(self, placement: BasePlacement) -> float:
         """Score of a placement by the criterion of the rules; higher is better."""
         criterion = self.world.rules.stop_criterion
@@ -366,6 +438,8 @@ class PlacementSearch:
         if criterion in POSTURE_MEASURES:
             measure, chain = POSTURE_MEASURES[criterion], self.world.robot.chain
             return min(measure(chain, self._joints(n, placement)) for n in range(len(placement.near)))
+        if criterion == "probability":
+            return likely_parking_probability(self.world, placement.base, placement.setpoints)
         return placement.tolerance
 
     def _joints(self, at: int, placement: BasePlacement) -> Array:

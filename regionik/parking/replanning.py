@@ -74,7 +74,7 @@ def replan_stop(plan: Plan, stop: int, measured_pose: ArrayLike) -> Plan:
     first, last = _states(plan.motion, known)
     rows = list(_solved(plan, known, base, range(first, last + 1)))
     world = _alone(plan.world, known, rows[0].pose)
-    found = _assembled(world, plan.seed, rows, replace(known, base=base, tolerance=0.0))
+    found = _assembled(world, plan.seed, rows, replace(known, base=base, tolerance=0.0, probability=None))
     report = verify(found)
     if not report.ok:
         raise NoPlanFound(invalid_plan(world, report.violations))

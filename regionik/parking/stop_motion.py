@@ -128,7 +128,7 @@ class _StopConnection:
             rows += best.rows
             found += best.candidates
             done = best.placement.setpoints[: len(best.candidates)]
-            stops.append(replace(best.placement.stop(self.world), setpoints=done))
+            stops.append(best.placement.stop(self.world, done))
             self._left.append(best.placement.roadmap)
             places += [shapely.union_all(list(group.places.values()))] * len(done)
             tell("motion", len(found), len(self.world.task))

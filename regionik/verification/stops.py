@@ -6,7 +6,8 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 import shapely
-from shapely.geometry.base import BaseGeometry
+from numpy.typing import NDArray
+from scipy.special import bdtr
 
 from regionik.values import Plan, Stop, Violation
 from regionik.verification.led_postures import postures_led_to
@@ -20,20 +21,26 @@ TOUCH = 1e-6  # by which a footprint may pass the floor's edge or a clearance [m
 RIM_POINTS = 8  # places on the rim of a circle where the arm is tried
 RIM_STEPS = 4  # on the way out to the rim, each posture the start of the next
 RESTARTS = 32  # random postures tried where the one led on fails
+FOOTPRINTS = 1024  # parkings after which the room of the base is looked at
+PARKED_ARMS = 512  # targets tried after parkings, in all, but after no fewer parkings than
+FEWEST = 64
+CHANCE = 3e-5  # of fewer good parkings than were counted, below which a promise does not hold
 
 
 def verify_stops(plan: Plan, names: StateNames) -> Finding:
     """Stops stand still, serve all set-points in order, and have room for their circles.
 
     That the footprint keeps its clearance and the floor anywhere in a circle is proven. That the arm reaches
-    all set-points of the stop is tried on the rim, by damped least squares within the joint limits.
+    all set-points of the stop is tried on the rim, by damped least squares within the joint limits. Of what a
+    stop promises after parking with an error it is tried how often it holds.
     """
     if not plan.stops and plan.world.rules.mode != "stops":
         return finding("stops", np.inf, [])
     violations = [*_incomplete(plan, names), *_moving(plan, names)]
     margins = []
     for n, stop in enumerate(plan.stops):
-        room = _room(plan.world, stop)
+        violations += _unlikely(plan, n)
+        room = float(_rooms(plan.world, stop.base[None])[0])
         margins.append(room - stop.tolerance)
         if margins[-1] < -TOUCH:
             text = f"{_name(plan, n)} promises {stop.tolerance:.4f} m to park in, it has {room:.4f} m"
@@ -77,19 +84,73 @@ def _name(plan: Plan, n: int) -> str:
     return f"stop {n + 1} of {len(plan.stops)}"
 
 
-def _room(world: World, stop: Stop) -> float:
-    """Distance by which the base may be off at its heading and keep floor and clearance [m]."""
-    c, s = np.cos(stop.base[2]), np.sin(stop.base[2])
-    corners = world.robot.footprint @ np.array([[c, s], [-s, c]]) + stop.base[:2]
-    shape: BaseGeometry = shapely.convex_hull(shapely.multipoints(corners))
+def _rooms(world: World, bases: Array) -> Array:
+    """Distances (n,) by which the base may be off poses (n, 3), at their headings, and keep its clearance.
+
+    Off the floor at most 0 [m].
+    """
+    c, s = np.cos(bases[:, 2]), np.sin(bases[:, 2])
+    turns = np.array([[c, s], [-s, c]]).transpose(2, 0, 1)
+    corners = shapely.points(world.robot.footprint @ turns + bases[:, None, :2])
+    shapes = shapely.convex_hull(shapely.multipoints(corners))
     floor = world.drivable_floor
-    room = float(shape.distance(floor.boundary)) if floor.covers(shape) else 0.0
+    room: Array = np.where(
+        shapely.covers(floor, shapes),
+        shapely.distance(shapes, floor.boundary),
+        -shapely.distance(corners, floor).max(axis=1),
+    )
     for solid in world.solids:
         shadow = solid.shadow(below=world.robot.body_height)
         if shadow is not None and not shadow.core.is_empty:
-            distance = float(shape.distance(shadow.core)) - shadow.radius
-            room = min(room, distance - world.base_clearance)
+            distance = shapely.distance(shapes, shadow.core) - shadow.radius
+            room = np.minimum(room, distance - world.base_clearance)
     return room
+
+
+def _unlikely(plan: Plan, n: int) -> Iterator[Violation]:
+    """Violation where a stop holds after fewer parkings than its probability allows, or than is asked for."""
+    stop, accuracy = plan.stops[n], plan.world.rules.parking
+    if stop.probability is None:
+        return
+    if accuracy is None:
+        text = (
+            f"{_name(plan, n)} promises a probability after parking, rules.parking says nothing of the error"
+        )
+        yield Violation("stops", None, stop.first, stop.probability, text)
+        return
+    if accuracy.probability is not None and stop.probability < accuracy.probability:
+        short = accuracy.probability - stop.probability
+        text = f"{_name(plan, n)} is good after parking with {stop.probability:.4f}, the rules ask for "
+        yield Violation("stops", None, stop.first, short, text + f"{accuracy.probability:g}")
+    rng, C = np.random.default_rng(0), np.array(accuracy.covariance)
+    poses = rng.multivariate_normal(stop.base, C, FOOTPRINTS, check_valid="ignore")
+    fits = _rooms(plan.world, poses) >= -TOUCH
+    some = np.arange(np.clip(PARKED_ARMS // len(stop.setpoints), FEWEST, FOOTPRINTS))
+    reached = some[fits[some]]
+    reached = reached[_reached(plan, stop, poses[reached])]
+    for good, tried, what in (
+        (int(fits.sum()), FOOTPRINTS, "the base has room"),
+        (len(reached), len(some), "it is good"),
+    ):
+        if bdtr(good, tried, stop.probability) < CHANCE:
+            text = f"{_name(plan, n)} promises to be good after parking with {stop.probability:.4f}: "
+            text += f"{what} after {good} of {tried} parkings"
+            yield Violation("stops", None, stop.first, stop.probability - good / tried, text)
+
+
+def _reached(plan: Plan, stop: Stop, poses: Array) -> NDArray[np.bool_]:
+    """Poses (n, 3) of the base from which a posture was found at every set-point of a stop."""
+    reached = np.ones(len(poses), dtype=bool)
+    for i in stop.setpoints:
+        left = np.flatnonzero(reached)
+        targets, joints = [plan.world.task[i]] * len(left), np.tile(plan.setpoints[i].joints, (len(left), 1))
+        excess = postures_led_to(plan.world, targets, poses[left], joints)[1]
+        missed = np.flatnonzero(excess > 0)
+        if len(missed):
+            again = [targets[k] for k in missed.tolist()]
+            excess[missed] = _restarted(plan.world, again, poses[left[missed]])
+        reached[left] = excess <= 0
+    return reached
 
 
 def _worst_on_rim(plan: Plan, stop: Stop) -> tuple[int, float]:

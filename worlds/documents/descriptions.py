@@ -29,6 +29,7 @@ _COMMON = {
     "columns": "titles of the columns of a table to read, whatever else it has",
     "cone": "allowed deviation from the direction [rad]",
     "criteria": "what is asked of postures beyond reaching the set-point",
+    "parking": "error of the base's pose after parking at a stop, and the probability asked of stops",
     "execution": "largest errors of the robot against its plan, which then holds wherever it is within them",
     "csv": "file of x, y, z, and a tool axis or a quaternion",
     "delimiter": "what stands between columns",

@@ -27,9 +27,11 @@ from regionik.worlds.errors import InputError, located, located_error
 from regionik.worlds.execution import Execution
 from regionik.worlds.frames import FrameNames
 from regionik.worlds.obstacles import Solid
+from regionik.worlds.parking_accuracy import ParkingAccuracy
 from regionik.worlds.readers.text import SUFFIXES, is_file_name, plain_mapping, read_document
 from regionik.worlds.readers.validation import (
     Many,
+    Matrix3,
     NotNegative,
     OneLine,
     Positive,
@@ -77,6 +79,20 @@ class ExecutionPart(Strict):
     )
 
 
+class ParkingPart(Strict):
+    """The fields of `regionik.worlds.parking_accuracy.ParkingAccuracy`, checked."""
+
+    covariance: Matrix3 | None = Field(
+        default=None, description="of x, y [m2], yaw [rad2] in the world's axes"
+    )
+    deviations: Vec3 | None = Field(
+        default=None, description="standard deviations of x, y [m], yaw [rad], in place of a covariance"
+    )
+    probability: Annotated[float, Field(gt=0, lt=1)] | None = Field(
+        default=None, description="least probability that a stop is still good for its set-points"
+    )
+
+
 class RulesPart(Strict):
     """The fields of `regionik.worlds.scene.Rules`, checked."""
 
@@ -112,13 +128,14 @@ class RulesPart(Strict):
         description="best place of a stop: tolerance, the middle of the largest circle to park in; "
         "clearance, farthest from where the base may not be; manipulability, its least over the stop's "
         "set-points largest; effort, the largest joint torque that holds a load at the tool smallest; "
-        "distance, the shortest way through all stops",
+        "distance, the shortest way through all stops; probability, most probably good after parking",
     )
     stop_tolerance: NotNegative = Field(
         default=Rules.stop_tolerance, description="least radius of the circle to park in [m]"
     )
     criteria: CriteriaPart | None = None
     execution: ExecutionPart | None = None
+    parking: ParkingPart | None = None
 
 
 class SpeedsPart(Strict):
@@ -267,7 +284,18 @@ def _rules(part: RulesPart, robot: Robot, where: str) -> Rules:
             check_criteria(criteria, robot)
     with located(where, "rules."):
         execution = None if part.execution is None else Execution(**part.execution.model_dump())
-        return Rules(**{**part.model_dump(), "criteria": criteria, "execution": execution})
+        parking = None if part.parking is None else _parking(part.parking)
+        parts = {"criteria": criteria, "execution": execution, "parking": parking}
+        return Rules(**{**part.model_dump(), **parts})
+
+
+def _parking(part: ParkingPart) -> ParkingAccuracy:
+    if (part.covariance is None) == (part.deviations is None):
+        raise InputError("parking: expected one of covariance, deviations")
+    if part.deviations is not None and min(part.deviations) < 0:
+        raise InputError(f"parking: deviations: must be at least 0, got {min(part.deviations):g}")
+    covariance = part.covariance or np.diag(np.square(part.deviations or ()))
+    return ParkingAccuracy(covariance, part.probability)
 
 
 def _speeds(part: SpeedsPart, robot: Robot, where: str) -> Speeds:
@@ -299,4 +327,4 @@ def _plain(value: Any) -> Any:
     """Return plain values with lists instead of tuples."""
     if isinstance(value, dict):
         return {key: _plain(item) for key, item in value.items()}
-    return list(value) if isinstance(value, tuple) else value
+    return [_plain(item) for item in value] if isinstance(value, tuple) else value

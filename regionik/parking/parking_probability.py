@@ -1,0 +1,156 @@
+"""Probability that a stop is still good for its set-points once the base has parked with an error.
+
+The yaw is cut into slices. In each, places of the base are taken from which every set-point is reached and
+the footprint has room at all headings of the slice; given the yaw, x and y are normal, and the probability of
+those places is known in closed form. So the sum over slices is a lower bound, which thinner slices raise.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+import shapely
+from scipy.special import ndtr, ndtri
+from shapely.affinity import translate
+from shapely.geometry import Polygon
+from shapely.geometry.base import BaseGeometry
+
+from regionik.areas.ground import GUARD, ground_of
+from regionik.areas.reach_model import ReachQuery
+from regionik.areas.reachable import rows_of
+from regionik.planners.driving.heading_slabs import slab_free
+from regionik.planners.geometry.normal_probability import normal_probability
+from regionik.planners.geometry.offsets import shrunk
+from regionik.postures.poses import axis_of
+from regionik.worlds.arrays import Array
+from regionik.worlds.parking_accuracy import ParkingAccuracy
+from regionik.worlds.scene import World
+
+DEVIATIONS = 5.5  # on either side of the stop within which poses count
+FIRST, MOST = 12, 96  # slices of yaw at first, and at most
+FEW = 6  # slices of an estimate
+WIDEST = 0.2  # half of a slice at the start, at most [rad]
+GAIN = 1e-4  # less than this more slices are not worth
+ARCS = 144  # vertices of a full circle
+ROUNDING = 1e-9
+
+
+def parking_probability(world: World, base: Array, setpoints: tuple[int, ...]) -> float:
+    """Return a proven lower bound of the probability that a stop is good after parking.
+
+    Good is a pose from which the arm reaches all the set-points within its limits, and at which the footprint
+    keeps its clearance and the floor. The arm's clearance is not looked at.
+
+    Parameters
+    ----------
+    world : World
+        With ``rules.parking``, and targets whose reach is proven (`regionik.parking.stops.check`).
+    base : (3,) array
+        Where the base is to park: x, y [m], yaw [rad].
+    setpoints : tuple of int
+    """
+    error = _PoseError.of(world)
+    count = max(FIRST, int(np.ceil(DEVIATIONS * error.yaw / WIDEST)))
+    found = _summed(world, base, setpoints, count, proven=True)
+    while error.yaw > 0 and count < MOST:
+        count *= 2
+        better = max(found, _summed(world, base, setpoints, count, proven=True))
+        gain, found = better - found, better
+        if gain < GAIN:
+            break
+    return max(found - ROUNDING, 0.0)
+
+
+def likely_parking_probability(world: World, base: Array, setpoints: tuple[int, ...]) -> float:
+    """Return `parking_probability` as the middles of few slices have it: an estimate, not a bound."""
+    return _summed(world, base, setpoints, FEW, proven=False)
+
+
+class _PoseError(NamedTuple):
+    """Normal error of a pose: of the yaw, and of x and y at a given yaw.
+
+    Attributes
+    ----------
+    yaw : float
+        Standard deviation [rad].
+    slope : (2,) array
+        Shift of the mean of x and y by the yaw [m/rad].
+    covariance : (2, 2) array
+        Of x and y at a given yaw [m2].
+    """
+
+    yaw: float
+    slope: Array
+    covariance: Array
+
+    @classmethod
+    def of(cls, world: World) -> _PoseError:
+        C = np.array((world.rules.parking or ParkingAccuracy(np.zeros((3, 3)))).covariance)
+        variance = float(C[2, 2])
+        slope = C[:2, 2] / variance if variance > 0 else np.zeros(2)
+        return cls(float(np.sqrt(variance)), slope, C[:2, :2] - variance * np.outer(slope, slope))
+
+    def slices(self, count: int) -> tuple[Array, Array]:
+        """Ends (n + 1,) of slices of yaw about its mean [rad], and their probabilities (n,).
+
+        Bounds lose by a slice as its width times its probability: in sum least where widths go by the root of
+        the density, which is that of a normal distribution wider by the root of two.
+        """
+        if self.yaw == 0:
+            return np.zeros(2), np.ones(1)
+        far = float(ndtr(DEVIATIONS / np.sqrt(2)))
+        ends = np.sqrt(2) * ndtri(np.linspace(1 - far, far, count + 1))
+        return self.yaw * ends, np.diff(ndtr(ends))
+
+
+def _summed(world: World, base: Array, setpoints: tuple[int, ...], count: int, *, proven: bool) -> float:
+    """Sum over slices of yaw, of places that are good in all of each, or else in its middle."""
+    error = _PoseError.of(world)
+    ends, weights = error.slices(count)
+    far = DEVIATIONS * np.sqrt(np.maximum(np.diag(error.covariance), 0.0)) + GUARD
+    total = 0.0
+    for low, high, weight in zip(ends[:-1], ends[1:], weights, strict=True):
+        middle, half = float(low + high) / 2, float(high - low) / 2 if proven else 0.0
+        mean = base[:2] + error.slope * middle
+        drift = half * float(np.hypot(*error.slope))  # of the mean, in the slice
+        window = shapely.box(*(mean - far - drift), *(mean + far + drift))
+        places = _good_places(world, setpoints, float(base[2]) + middle, half, window)
+        places = shrunk(places, drift, outside=False) if drift else places
+        total += float(weight) * normal_probability(places, mean, error.covariance)
+    return total
+
+
+def _good_places(
+    world: World, setpoints: tuple[int, ...], yaw: float, half: float, window: Polygon
+) -> BaseGeometry:
+    """Places of the base in a window that are good at all headings within ``half`` of a yaw."""
+    free = _reaching(world, setpoints, yaw, half, window)
+    if free.is_empty:
+        return free
+    outline, (x0, y0, x1, y1) = world.robot.footprint, free.bounds
+    far = float(np.hypot(*outline.T).max()) + GUARD
+    near = ground_of(world).cut_to(shapely.box(x0 - far, y0 - far, x1 + far, y1 + far))
+    if near.floor.is_empty:
+        return near.floor
+    keep, ends = near.clearance + GUARD, (yaw - half, yaw + half)
+    return slab_free(outline, near.floor, near.shadows, keep, *ends, window=free).inner
+
+
+def _reaching(
+    world: World, setpoints: tuple[int, ...], yaw: float, half: float, window: Polygon
+) -> BaseGeometry:
+    """Places of the base in a window from which all set-points are in reach, as `_good_places` has them."""
+    errors, axis = world.rules.errors, axis_of(world.robot, np.array([0.0, 0.0, yaw]))
+    # A fixed heading would have the reach of some arms sampled; that of the query is as fixed, and proven.
+    turning = replace(errors, heading_error=errors.heading_error + half)
+    rules = replace(world.rules, heading="free", execution=turning)
+    query = ReachQuery(rules, GUARD, (yaw, yaw), arcs=ARCS)
+    targets = [world.task[i] for i in setpoints]
+    which, _, shapes = rows_of(world, targets, query)
+    off = world.axis_error + half * float(np.hypot(*axis))
+    shapes = shapely.intersection(shapes, translate(window, *axis).buffer(off, join_style="mitre"))
+    areas = [shapely.union_all(shapes[which == n]) for n in range(len(targets))]
+    common = shapely.intersection_all(areas)
+    return translate(shrunk(common, off, outside=False) if off else common, *-axis)
