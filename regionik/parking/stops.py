@@ -64,7 +64,7 @@ def find(world: World) -> tuple[tuple[Stop, ...], Parking]:
     check(world)
     parking = park(world)
     sequence = in_sequence(world, parking)
-    found = [placement.stop(world) for placement in placed(sequence)]
+    found = [placement.stop(sequence.world) for placement in placed(sequence)]
     named = (replace(stop, setpoints=tuple(sequence.order[i] for i in stop.setpoints)) for stop in found)
     return tuple(named), parking
 
@@ -89,8 +89,8 @@ def _check_proven_reach(world: World) -> None:
         if not model_of(world, target).is_proven(rules):
             raise InputError(
                 f"{world.name}: rules.parking: the reach of set-point {i + 1} of {len(world.task)} is "
-                "sampled, so that no probability is proven; expected positions, or an arm in one vertical plane "
-                "with its tool along the last link"
+                "sampled, so that no probability is proven; expected positions, or an arm in one vertical "
+                "plane with its tool along the last link"
             )
 
 

@@ -21,8 +21,8 @@ TOUCH = 1e-6  # by which a footprint may pass the floor's edge or a clearance [m
 RIM_POINTS = 8  # places on the rim of a circle where the arm is tried
 RIM_STEPS = 4  # on the way out to the rim, each posture the start of the next
 RESTARTS = 32  # random postures tried where the one led on fails
-FOOTPRINTS = 1024  # parkings after which the room of the base is looked at
-PARKED_ARMS = 512  # targets tried after parkings, in all, but after no fewer parkings than
+FOOTPRINTS = 512  # parkings after which the room of the base is looked at
+PARKED_ARMS = 256  # targets tried after parkings, in all, but after no fewer parkings than
 FEWEST = 64
 CHANCE = 3e-5  # of fewer good parkings than were counted, below which a promise does not hold
 
