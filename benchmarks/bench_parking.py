@@ -31,7 +31,7 @@ def holes(seed: int) -> World:
     """Some holes in a row, posts about them, and an error with any correlation."""
     rng = np.random.default_rng(seed)
     task = [
-        Target(np.array([x, 0.0, rng.uniform(0.25, 0.35)])) for x in np.linspace(0, rng.uniform(0.1, 0.5), 3)
+        Target(np.array([x, 0.0, rng.uniform(0.2, 0.3)])) for x in np.linspace(0, rng.uniform(0.1, 0.4), 3)
     ]
     posts = [
         Cylinder(f"post {k}", 0.05, 0.1, np.array([*rng.uniform([-1, 0.6], [1.5, 1.0]), 0.05]))

@@ -20,11 +20,13 @@ from shapely.geometry.base import BaseGeometry
 from regionik.areas.ground import GUARD, ground_of
 from regionik.areas.reach_model import ReachQuery
 from regionik.areas.reachable import rows_of
+from regionik.explain.constraints import setpoint_at
 from regionik.planners.driving.heading_slabs import slab_free
 from regionik.planners.geometry.normal_probability import normal_probability
 from regionik.planners.geometry.offsets import shrunk
 from regionik.postures.poses import axis_of
 from regionik.worlds.arrays import Array
+from regionik.worlds.errors import Cause, Explanation
 from regionik.worlds.parking_accuracy import ParkingAccuracy
 from regionik.worlds.scene import World
 
@@ -32,6 +34,7 @@ DEVIATIONS = 5.5  # on either side of the stop within which poses count
 FIRST, MOST = 12, 96  # slices of yaw at first, and at most
 FEW = 6  # slices of an estimate
 WIDEST = 0.2  # half of a slice at the start, at most [rad]
+LIKELY = 0.01  # by which an estimate may be too low
 GAIN = 1e-4  # less than this more slices are not worth
 ARCS = 144  # vertices of a full circle
 ROUNDING = 1e-9
@@ -66,6 +69,29 @@ def parking_probability(world: World, base: Array, setpoints: tuple[int, ...]) -
 def likely_parking_probability(world: World, base: Array, setpoints: tuple[int, ...]) -> float:
     """Return `parking_probability` as the middles of few slices have it: an estimate, not a bound."""
     return _summed(world, base, setpoints, FEW, proven=False)
+
+
+def is_probable(world: World, base: Array, setpoints: tuple[int, ...]) -> bool:
+    """True where a stop is proven to be as probably good after parking as the rules ask."""
+    asked = world.rules.parking
+    if asked is None or asked.probability is None:
+        return True
+    if likely_parking_probability(world, base, setpoints) < asked.probability - LIKELY:
+        return False
+    return parking_probability(world, base, setpoints) >= asked.probability
+
+
+def not_probable(world: World, i: int, base: Array) -> Explanation:
+    """Explain that set-point i has no place that is probable enough, by the best pose that was found."""
+    asked = world.rules.parking
+    least = asked.probability if asked and asked.probability else 0.0
+    known = parking_probability(world, base, (i,))
+    reason = (
+        f"{setpoint_at(world.task, i)}: a place to park is asked for that is good with a probability of "
+        f"{least:g}; the best that was found is proven to be with {known:.4f}. "
+        "A smaller covariance or probability of rules.parking would do."
+    )
+    return Explanation("undecided", i, reason, (Cause("floor", "room to park", None),))
 
 
 class _PoseError(NamedTuple):

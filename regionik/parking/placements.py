@@ -13,12 +13,16 @@ from shapely.geometry import Point
 
 from regionik.areas.reachable import model_of
 from regionik.areas.standing import into_span, spread
-from regionik.explain.constraints import setpoint_at
 from regionik.mfabrik import Solver, solver_for
 from regionik.parking.arm_roadmap import ArmRoadmap
 from regionik.parking.held_postures import PostureCarrier
 from regionik.parking.parking_areas import ParkingAreas, StopGroup, depth
-from regionik.parking.parking_probability import likely_parking_probability, parking_probability
+from regionik.parking.parking_probability import (
+    is_probable,
+    likely_parking_probability,
+    not_probable,
+    parking_probability,
+)
 from regionik.parking.pivot_turns import ON_EDGE, PivotTurns
 from regionik.parking.posture_measures import POSTURE_MEASURES
 from regionik.planners.coverage.set_cover import undominated
@@ -28,14 +32,13 @@ from regionik.postures.poses import pose_of
 from regionik.values import Configuration, Stop
 from regionik.worlds.arms import pivot_index
 from regionik.worlds.arrays import Array
-from regionik.worlds.errors import Cause, Explanation, NoPlanFound
+from regionik.worlds.errors import NoPlanFound
 from regionik.worlds.scene import World
 
 PLACES = 24  # of a stop that are looked at before the best is bettered
 CARRIED = 6  # of these, where a place gives the arm no posture, or its score takes as long
 FINEST = 1e-3  # steps by which it is bettered, at the least [m]
 COARSE, WORTH = 0.01, 1e-4  # steps [m] and gains by which a probability is bettered, at the least
-LIKELY = 0.01  # by which an estimated probability may be too low
 HEADING = 1e-9  # by which the pivot may be over its limits [rad]
 ROUNDING = 1e-9  # by which a circle may be smaller than asked [m]
 
@@ -121,19 +124,19 @@ class PlacementSearch:
             Where the first set-point alone has not the probability that is asked for.
         """
         wanted = self._by_criterion(group, at)
-        if wanted is None or self._is_safe(wanted):
+        if wanted is None or is_probable(self.world, wanted.base, wanted.setpoints):
             return wanted
         found: BasePlacement | None = None
         enough, too_many = 0, len(wanted.setpoints) + 1
         while too_many - enough > 1:
             count = too_many - 1 if too_many > len(wanted.setpoints) else (enough + too_many) // 2
             tried = self._by_probability._by_criterion(self._first(group, wanted.setpoints[:count]), None)
-            if tried is not None and self._is_safe(tried):
+            if tried is not None and is_probable(self.world, tried.base, tried.setpoints):
                 found, enough = tried, count
             else:
                 too_many = count
         if found is None:
-            raise NoPlanFound(self._no_safe_parking(wanted.setpoints[0], tried or wanted))
+            raise NoPlanFound(not_probable(self.world, wanted.setpoints[0], (tried or wanted).base))
         return found
 
     def _first(self, group: StopGroup, setpoints: tuple[int, ...]) -> StopGroup:
@@ -142,33 +145,11 @@ class PlacementSearch:
             return group.of(setpoints)
         return self.parking_areas.group(setpoints, self.world.rules.order)
 
-    def _is_safe(self, placement: BasePlacement) -> bool:
-        """True where a stop here is as probably good after parking as the rules ask."""
-        asked = self.world.rules.parking
-        if asked is None or asked.probability is None:
-            return True
-        stop = self.world, placement.base, placement.setpoints
-        if likely_parking_probability(*stop) < asked.probability - LIKELY:
-            return False
-        return parking_probability(*stop) >= asked.probability
-
     @cached_property
     def _by_probability(self) -> PlacementSearch:
         """The same search with the probability as its criterion."""
         rules = replace(self.world.rules, stop_criterion="probability")
         return replace(self, world=replace(self.world, rules=rules))
-
-    def _no_safe_parking(self, i: int, best: BasePlacement) -> Explanation:
-        """Explain that a set-point has no place found that is probable enough after parking."""
-        asked = self.world.rules.parking
-        least = asked.probability if asked and asked.probability else 0.0
-        known = parking_probability(self.world, best.base, (i,))
-        reason = (
-            f"{setpoint_at(self.world.task, i)}: a place to park is asked for that is good with a "
-            f"probability of {least:g}; the best that was found is proven to be with {known:.4f}. A smaller "
-            "covariance or probability of rules.parking would do."
-        )
-        return Explanation("undecided", i, reason, (Cause("floor", "room to park", None),))
 
     def _by_criterion(self, group: StopGroup, at: Array | None) -> BasePlacement | None:
         """Best placement by the criterion alone; see `best`."""
@@ -233,8 +214,9 @@ class PlacementSearch:
         for s in sorted(group.places):
             for placement in self._spread(group, s):
                 leading = self._leading(placement, group)
-                if leading is not None and self._is_safe(leading):
-                    yield leading
+                if leading is None or not is_probable(self.world, leading.base, leading.setpoints):
+                    continue
+                yield leading
 
     def _spread(self, group: StopGroup, side: int) -> Iterator[BasePlacement]:
         """Yield placements spread over one side of a stop."""
