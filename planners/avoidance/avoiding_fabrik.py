@@ -39,23 +39,12 @@ LinkClear = Callable[[int, Array], bool]
 
 @dataclass(frozen=True, eq=False)
 class AvoidanceResult:
-    """Outcome of FABRIK with obstacle avoidance.
+    """Outcome of FABRIK with obstacle avoidance."""
 
-    Attributes
-    ----------
-    joints : (dof,) array
-    error : float
-        Distance of the tool from the target [m].
-    iterations : int
-        Passes, each forward and backward.
-    converged : bool
-        The tool is on the target and every link was clear in the last backward pass.
-    """
-
-    joints: Array
-    error: float
-    iterations: int
-    converged: bool
+    joints: Array  # (dof,)
+    error: float  # distance of the tool from the target [m]
+    iterations: int  # passes, each forward and backward
+    converged: bool  # the tool is on the target and every link was clear in the last backward pass
 
 
 def avoid_obstacles(

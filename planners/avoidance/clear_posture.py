@@ -57,38 +57,20 @@ LARGEST_CHANGE = 1.0  # of a joint when the best posture so far is varied [rad] 
 
 @dataclass(frozen=True, eq=False)
 class ClearPosture:
-    """Outcome of the search for a clear posture.
+    """Outcome of the search for a clear posture."""
 
-    Attributes
-    ----------
-    verdict : Verdict
-        PROVEN by a posture; RULED_OUT by a proof that there is none; or OPEN, within the effort made.
-    joints : (dof,) array or None
-        The posture, within limits [rad] or [m].
-    error : float
-        What the tool misses; infinite where no posture on the target was met [m].
-    iterations : int
-        Passes, each forward and backward, of all stages together.
-    steps : tuple of str
-        What was used, in order: "passes", "avoidance", "search".
-    distance : float
-        Least distance of the posture from anything, or of the one met that came nearest to being clear; from
-        obstacles, what is left beyond the bodies' clearance. Infinite where nothing is near, -inf where no
-        posture on the target was met [m].
-    touch : Touch or None
-        Where that distance is; None where no posture on the target was met.
-    note : str
-        The evidence in one line.
-    """
-
+    # PROVEN by a posture; RULED_OUT by a proof that there is none; or OPEN, within the effort made
     verdict: Verdict
-    joints: Array | None
-    error: float
-    iterations: int
-    steps: tuple[str, ...]
+    joints: Array | None  # (dof,) the posture, within limits [rad] or [m]
+    error: float  # what the tool misses; infinite where no posture on the target was met [m]
+    iterations: int  # passes, each forward and backward, of all stages together
+    steps: tuple[str, ...]  # what was used, in order: "passes", "avoidance", "search"
+    # least distance of the posture from anything, or of the one met that came nearest to being clear; from
+    # obstacles, what is left beyond the bodies' clearance. Infinite where nothing is near, -inf where no
+    # posture on the target was met [m].
     distance: float
-    touch: Touch | None
-    note: str
+    touch: Touch | None  # where that distance is; None where no posture on the target was met
+    note: str  # the evidence in one line
 
 
 def clear_posture(

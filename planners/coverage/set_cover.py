@@ -24,17 +24,10 @@ Index = NDArray[np.intp]
 
 @dataclass(frozen=True, eq=False)
 class OverlayFaces:
-    """Faces of an overlay that no other face dominates.
+    """Faces of an overlay that no other face dominates."""
 
-    Attributes
-    ----------
-    polygon : (f,) array of Polygon
-    inside : (f, n) array of bool
-        True where a face lies in an area.
-    """
-
-    polygon: Geometries
-    inside: Mask
+    polygon: Geometries  # (f,) of Polygon
+    inside: Mask  # (f, n) True where a face lies in an area
 
 
 @dataclass(frozen=True, eq=False)
@@ -220,18 +213,12 @@ def _independent(inside: Mask) -> int:
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """Steps that can all be done from one point.
+    """Steps that can all be done from one point."""
 
-    Attributes
-    ----------
-    first, last : int
-        Steps, both included.
-    ends : dict of int to geometry
-        By option of the last step the points from which it ends a chain of linked options.
-    """
-
+    # first, last: steps, both included
     first: int
     last: int
+    # by option of the last step the points from which it ends a chain of linked options
     ends: dict[int, BaseGeometry]
 
 

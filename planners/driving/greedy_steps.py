@@ -35,18 +35,10 @@ SLIT = 1e-9  # narrower sectors are rounding [rad]
 
 @dataclass(frozen=True, eq=False)
 class GreedySteps:
-    """Steps of Algorithm 2.
+    """Steps of Algorithm 2."""
 
-    Attributes
-    ----------
-    points : (k, 2) array
-        The start, the intermediate positions and, when it arrived, the goal [m].
-    arrived : bool
-        False when the steps ended in a dead end before the goal.
-    """
-
-    points: Array
-    arrived: bool
+    points: Array  # (k, 2) the start, the intermediate positions and, when it arrived, the goal [m]
+    arrived: bool  # False when the steps ended in a dead end before the goal
 
 
 def step_to_goal(free: Polygon | MultiPolygon, start: ArrayLike, goal: ArrayLike, rho: float) -> GreedySteps:

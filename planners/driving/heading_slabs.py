@@ -37,21 +37,13 @@ MOST_WALLS = 12  # directions of walls that exact headings are taken from, the l
 
 @dataclass(frozen=True, eq=False)
 class Slab:
-    """Free area of a footprint's reference point while the heading is between two bounds.
+    """Free area of a footprint's reference point while the heading is between two bounds."""
 
-    Attributes
-    ----------
-    low, high : float
-        [rad]
-    inner : Polygon or MultiPolygon
-        The footprint is free at every point of it at every heading of the slab; may be empty.
-    outer : Polygon or MultiPolygon
-        The footprint is free at no point outside it at any heading of the slab.
-    """
-
-    low: float
-    high: float
+    low: float  # [rad]
+    high: float  # [rad]
+    # Polygon or MultiPolygon, may be empty: the footprint is free at each of its points at every heading
     inner: BaseGeometry
+    # Polygon or MultiPolygon: the footprint is free at no point outside it at any heading
     outer: BaseGeometry
 
     @property
@@ -181,29 +173,15 @@ def slab_free(
 
 
 class _ConvexScene(NamedTuple):
-    """Footprint and surroundings, the same for all slabs.
+    """Footprint and surroundings, the same for all slabs."""
 
-    Attributes
-    ----------
-    corners : (n, 2) array
-        Of the footprint [m].
-    floor : Polygon or MultiPolygon
-    covered : geometry
-        Obstacles that are not convex, or have no area.
-    pieces : tuple
-        By clearance [m] the corners of convex pieces that the footprint keeps it from.
-    sides : int
-        Of the polygons that stand for discs.
-    window : geometry or None
-        Positions that are looked at alone.
-    """
-
-    corners: Array
-    floor: BaseGeometry
-    covered: BaseGeometry
+    corners: Array  # (n, 2) of the footprint [m]
+    floor: BaseGeometry  # Polygon or MultiPolygon
+    covered: BaseGeometry  # obstacles that are not convex, or have no area
+    # by clearance [m] the corners of convex pieces that the footprint keeps it from
     pieces: tuple[tuple[float, list[Array]], ...]
-    sides: int
-    window: BaseGeometry | None
+    sides: int  # of the polygons that stand for discs
+    window: BaseGeometry | None  # positions that are looked at alone
 
 
 def _convex_scene(
@@ -258,18 +236,11 @@ def _rotations(corners: tuple[tuple[float, float], ...], low: float, high: float
 
 
 class Rejection(NamedTuple):
-    """Positions that a convex shape may not take, as floor and forbidden pieces.
+    """Positions that a convex shape may not take, as floor and forbidden pieces."""
 
-    Attributes
-    ----------
-    floor : Polygon or MultiPolygon
-        One point of the shape is on the floor, and not in an obstacle that is not convex.
-    taken : array of Polygon
-        An edge of floor or obstacles comes too near to it.
-    """
-
+    # Polygon or MultiPolygon: one point of the shape is on the floor, in no obstacle that is not convex
     floor: BaseGeometry
-    taken: NDArray[np.object_]
+    taken: NDArray[np.object_]  # an edge of floor or obstacles comes too near to it
 
 
 def slab_rejections(

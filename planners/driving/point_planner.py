@@ -35,20 +35,13 @@ ATTEMPTS = 2  # the shorter the path, the fewer corners may lie on one that is s
 
 @dataclass(frozen=True, eq=False)
 class PointPath:
-    """Path of the base from start to goal.
+    """Path of the base from start to goal."""
 
-    Attributes
-    ----------
-    points : (k, 2) array
-        From start to goal, each leg inside the free area and no longer than the step; one point where the two
-        are the same [m].
-    method : {"straight", "steps", "ompl", "triangles"}
-        What found it. "steps" are Algorithm 2's own points; "ompl" is RRTConnect and "triangles" the complete
-        search where it gave up, both pulled tight, and taken another way round obstacles where that is
-        shorter.
-    """
-
+    # (k, 2) from start to goal, each leg inside the free area and no longer than the step; one point where
+    # the two are the same [m]
     points: Array
+    # what found it. "steps" are Algorithm 2's own points; "ompl" is RRTConnect and "triangles" the complete
+    # search where it gave up, both pulled tight, and taken another way round obstacles where that is shorter.
     method: Method
 
 

@@ -34,21 +34,12 @@ TURN_WEIGHT = 0.2  # cost of a turn on the spot against driving [m/rad]
 
 
 class Steering(NamedTuple):
-    """Steering of a base, as values for kernels.
+    """Steering of a base, as values for kernels."""
 
-    Attributes
-    ----------
-    kind : int
-        ``SLIDE`` in any direction, ``SPIN`` on the spot and drive straight, or ``REEDS_SHEPP`` curves.
-    radius : float
-        Turning radius of a car, 0 of others [m].
-    weight : float
-        Cost of turning on the spot or while sliding, as a length [m/rad].
-    """
-
+    # ``SLIDE`` in any direction, ``SPIN`` on the spot and drive straight, or ``REEDS_SHEPP`` curves
     kind: int
-    radius: float
-    weight: float
+    radius: float  # turning radius of a car, 0 of others [m]
+    weight: float  # cost of turning on the spot or while sliding, as a length [m/rad]
 
 
 @compiled

@@ -23,26 +23,16 @@ State = Any  # of OMPL: read by index, valid during the call only
 
 @dataclass(frozen=True, eq=False)
 class PlanningProblem:
-    """Two states of a space to be connected.
+    """Two states of a space to be connected."""
 
-    Attributes
-    ----------
-    lower, upper : (n,) array
-        The box to sample; a side of no width is widened by 1e-6.
-    start, goal : (n,) array
-        Different states that are free.
-    state_is_free : callable
-        Says if a state is free.
-    motion_is_free : callable
-        Says if the motion from one state to another is free.
-    """
-
+    # lower, upper: (n,) the box to sample; a side of no width is widened by 1e-6
     lower: Array
     upper: Array
+    # start, goal: (n,) different states that are free
     start: Array
     goal: Array
-    state_is_free: Callable[[Any], bool]
-    motion_is_free: Callable[[Any, Any], bool]
+    state_is_free: Callable[[Any], bool]  # says if a state is free
+    motion_is_free: Callable[[Any, Any], bool]  # says if the motion from one state to another is free
 
 
 def connect(

@@ -21,21 +21,11 @@ SLACK = 1e-10  # triangles are grown by this when a leg is cut at their edges [m
 
 @dataclass(frozen=True, eq=False)
 class Triangulation:
-    """Triangles that fill a polygon edge to edge, without vertices of their own.
+    """Triangles that fill a polygon edge to edge, without vertices of their own."""
 
-    Attributes
-    ----------
-    vertices : (v, 2) array
-        [m]
-    corners : (t, 3) array of int
-        Vertices of each triangle, counter-clockwise.
-    neighbours : (t, 3) array of int
-        Triangle across the edge from corner k to corner k + 1, -1 for none.
-    """
-
-    vertices: Array
-    corners: Index
-    neighbours: Index
+    vertices: Array  # (v, 2) [m]
+    corners: Index  # (t, 3) vertices of each triangle, counter-clockwise
+    neighbours: Index  # (t, 3) triangle across the edge from corner k to corner k + 1, -1 for none
 
 
 @lru_cache(maxsize=32)

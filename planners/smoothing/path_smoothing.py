@@ -34,61 +34,30 @@ FLAT = 1e-6  # singular values below this part of the largest are left out
 
 @dataclass(frozen=True, eq=False)
 class HalfSpaces:
-    """Linear constraints on changes of states: ``normal @ change`` of a ``state`` is at least ``least``.
+    """Linear constraints on changes of states: ``normal @ change`` of a ``state`` is at least ``least``."""
 
-    Attributes
-    ----------
-    state : (k,) array of int
-    normal : (k, m) array
-    least : (k,) array
-        Above 0 where a constraint does not hold yet [m].
-    cost : (k,) array
-        Of such a constraint [1/m].
-    """
-
-    state: Index
-    normal: Array
-    least: Array
-    cost: Array
+    state: Index  # (k,)
+    normal: Array  # (k, m)
+    least: Array  # (k,) above 0 where a constraint does not hold yet [m]
+    cost: Array  # (k,) of such a constraint [1/m]
 
 
 @dataclass(frozen=True, eq=False)
 class PathProblem:
-    """States along a path of the tool, of coordinates x, y, yaw and joints (n, m).
-
-    Attributes
-    ----------
-    robot : Robot
-    parameter : (n,) array
-        Place of each state along the path, ascending [m].
-    corner : (n,) array of bool
-        States in which the tool's own path turns sharply.
-    position : (n, 3) array
-        Of the tool [m].
-    kind : (n,) array of int
-        What is asked of the tool's axes, see `damped_least_squares.Aim`.
-    turn : (n, 3, 3) array
-    cone : (n,) array
-        [rad]
-    scale : (m,) array
-        Weight of each coordinate: the inverse of the acceleration that it may have.
-    lower, upper : (n, m) array
-        Limits of the coordinates; equal where a coordinate is held.
-    keep : callable
-        Half-spaces that hold near given states (n, m).
-    """
+    """States along a path of the tool, of coordinates x, y, yaw and joints (n, m)."""
 
     robot: Robot
-    parameter: Array
-    corner: NDArray[np.bool_]
-    position: Array
-    kind: Index
-    turn: Array
-    cone: Array
-    scale: Array
+    parameter: Array  # (n,) place of each state along the path, ascending [m]
+    corner: NDArray[np.bool_]  # (n,) states in which the tool's own path turns sharply
+    position: Array  # (n, 3) of the tool [m]
+    kind: Index  # (n,) what is asked of the tool's axes, see `damped_least_squares.Aim`
+    turn: Array  # (n, 3, 3)
+    cone: Array  # (n,) [rad]
+    scale: Array  # (m,) weight of each coordinate: the inverse of the acceleration that it may have
+    # lower, upper: (n, m) limits of the coordinates; equal where a coordinate is held
     lower: Array
     upper: Array
-    keep: Callable[[Array], HalfSpaces]
+    keep: Callable[[Array], HalfSpaces]  # half-spaces that hold near given states (n, m)
 
 
 class _Missed(NamedTuple):

@@ -25,20 +25,11 @@ from regionik.worlds.errors import InputError
 
 @dataclass(frozen=True, eq=False)
 class Goal:
-    """Goal of the tool in the arm's base frame.
+    """Goal of the tool in the arm's base frame."""
 
-    Attributes
-    ----------
-    position : (3,) array
-        [m]
-    direction : (3,) array or None
-        Of the tool's z axis, any length; the roll about it is free.
-    orientation : (3, 3) array or None
-        Rotation matrix of the tool frame. At most one of direction and orientation may be given.
-    """
-
-    position: Array
-    direction: Array | None = None
+    position: Array  # (3,) [m]
+    direction: Array | None = None  # (3,) of the tool's z axis, any length; the roll about it is free
+    # (3, 3) rotation matrix of the tool frame. At most one of direction and orientation may be given.
     orientation: Array | None = None
 
     def __init__(
@@ -63,32 +54,17 @@ class Goal:
 
 @dataclass(frozen=True, eq=False)
 class ArmPosture:
-    """The answer to one goal, checked by the chain's own forward kinematics.
+    """The answer to one goal, checked by the chain's own forward kinematics."""
 
-    Attributes
-    ----------
-    joints : (dof,) array
-        Within limits; the nearest posture found where it did not converge [rad] or [m].
-    error, angle_error : float
-        Of the tool [m], [rad]; the angle is 0 where the goal has none.
-    iterations : int
-        Passes, forward and backward together one, restarts included.
-    restarts : int
-    steps : tuple of str
-        Of "passes", "restarts", "polish": those that led to the answer.
-    converged : bool
-    reason : str
-        One line when not converged, else empty.
-    """
-
-    joints: Array
+    joints: Array  # (dof,) within limits; the nearest posture found where it did not converge [rad] or [m]
+    # error, angle_error: of the tool [m], [rad]; the angle is 0 where the goal has none
     error: float
     angle_error: float
-    iterations: int
+    iterations: int  # passes, forward and backward together one, restarts included
     restarts: int
-    steps: tuple[str, ...]
+    steps: tuple[str, ...]  # of "passes", "restarts", "polish": those that led to the answer
     converged: bool
-    reason: str
+    reason: str  # one line when not converged, else empty
 
 
 class ArmSolver:

@@ -27,17 +27,11 @@ from regionik.worlds.arrays import Array
 
 
 class ArmStand(NamedTuple):
-    """Mounting of an arm on its base.
+    """Mounting of an arm on its base."""
 
-    Attributes
-    ----------
-    pivot : int
-        The joint that turns about the vertical through the arm's base frame; what comes before lifts it.
-    yaw, rise : float
-        Heading and height of the arm's base frame [rad], [m].
-    """
-
+    # the joint that turns about the vertical through the arm's base frame; what comes before lifts it
     pivot: int
+    # yaw, rise: heading and height of the arm's base frame [rad], [m]
     yaw: float
     rise: float
 

@@ -32,23 +32,13 @@ MOST_STEPS = 60  # of polishing one start
 
 
 class Effort(NamedTuple):
-    """Tolerances and limits of a solve.
+    """Tolerances and limits of a solve."""
 
-    Attributes
-    ----------
-    tolerance, angle_tolerance : float
-        [m], [rad]
-    most_passes : int
-        From each start.
-    reach : float
-        Length of the arm [m].
-    polishing : bool
-    """
-
+    # tolerance, angle_tolerance: [m], [rad]
     tolerance: float
     angle_tolerance: float
-    most_passes: int
-    reach: float
+    most_passes: int  # from each start
+    reach: float  # length of the arm [m]
     polishing: bool
 
 

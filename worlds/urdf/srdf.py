@@ -25,18 +25,11 @@ LinkPair = frozenset[str]
 
 @dataclass(frozen=True)
 class SemanticModel:
-    """What regionik uses of an SRDF file.
+    """What regionik uses of an SRDF file."""
 
-    Attributes
-    ----------
-    postures : mapping of str to mapping of str to float
-        Joint values by the names of ``group_state`` elements and of joints [rad] or [m], in the file's order.
-    disabled : frozenset of pairs of str
-        Links that need not keep apart.
-    """
-
+    # joint values by the names of ``group_state`` elements and of joints [rad] or [m], in the file's order
     postures: Mapping[str, Mapping[str, float]]
-    disabled: frozenset[LinkPair]
+    disabled: frozenset[LinkPair]  # links that need not keep apart
 
     def posture(self, name: str, chain: Chain) -> Array:
         """Return the values (dof,) of a named posture; joints that it leaves out rest at zero or the nearest.
