@@ -62,8 +62,7 @@ def sine(
     ----------
     start, end : (3,) array_like
         Ends of the line [m].
-    amplitude : float
-        [m]
+    amplitude : float [m]
     periods : float
         Number of waves between start and end.
     count : int

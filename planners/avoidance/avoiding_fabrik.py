@@ -62,15 +62,13 @@ def avoid_obstacles(
 
     Parameters
     ----------
-    chain : Chain
     target : (3,) array
         In the arm's base frame [m].
     joints : (dof,) array
         Posture to start from, whether clear or not.
     clear : callable
         Whether link k may be at a pose (4, 4) in the arm's base frame.
-    tolerance : float
-        [m]
+    tolerance : float [m]
     seed : int
         Of the random rotations: same input, same answer.
     most, rotations : int

@@ -85,7 +85,6 @@ def clear_posture(
 
     Parameters
     ----------
-    task : PostureTask
     joints : (dof,) array_like
         Posture to start from, clear or not.
     seed : int
@@ -94,10 +93,6 @@ def clear_posture(
         Runs of FABRIK with obstacle avoidance, each with other random rotations.
     most_boxes : int
         Budget of the exhaustive search.
-
-    Returns
-    -------
-    ClearPosture
 
     Raises
     ------
@@ -165,7 +160,6 @@ def clear_posture_at_pose(
         What may be touched.
     margin : float
         Kept beyond the bodies' clearance [m].
-    seed : int
 
     Returns
     -------

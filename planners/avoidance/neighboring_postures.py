@@ -41,7 +41,6 @@ def neighboring_postures(targets: NeighboringTargets, starts: Array, postures: A
 
     Parameters
     ----------
-    targets : NeighboringTargets
     starts : (n, s, k) array
         Postures to begin from, the first that leads to a clear one is taken.
     postures : (n, k) array

@@ -63,10 +63,6 @@ def search_postures(task: PostureTask, accept: Callable[[Array], bool], most: in
         Whether a posture (dof,) is clear of everything.
     most : int
         Budget of boxes.
-
-    Returns
-    -------
-    FixedBaseResult
     """
     bodies, robot = task.bodies, task.bodies.robot
     T = _inverse(robot.T_world_arm(task.base))

@@ -90,11 +90,9 @@ def nearest_solid(obstacles: Obstacles, start: ArrayLike, end: ArrayLike, radius
 
     Parameters
     ----------
-    obstacles : Obstacles
     start, end : (3,) array_like
         Ends of the capsule's axis [m].
-    radius : float
-        [m]
+    radius : float [m]
 
     Returns
     -------

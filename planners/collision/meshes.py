@@ -154,11 +154,8 @@ def nearest_triangle(tree: TriangleTree, A: Array, most: float, normal: Array, s
 
     Parameters
     ----------
-    tree : FaceTree
-    A : (n, 3) array
-        [m]
-    most : float
-        [m]
+    A : (n, 3) array [m]
+    most : float [m]
     normal : (3,) array
         A unit direction from the triangles to A, the better the faster. Overwritten, where something is
         nearer, with that in which it is.

@@ -100,18 +100,12 @@ def bodies_from(
 
     Parameters
     ----------
-    robot : Robot
-    solids : sequence of Solid
     clearance : float
         Every margin asked for later is kept beyond this from obstacles [m].
     depth : float
         How deep the tool may sink into what it touches [m].
     floor : Solid, optional
         One more solid, for the links that `off_floor` names.
-
-    Returns
-    -------
-    Bodies
     """
     solids = (*solids, *([] if floor is None else [floor]))
     around = obstacles_from(solids)
@@ -145,9 +139,7 @@ def near_bodies(bodies: Bodies, point: Array, far: float) -> Bodies:
 
     Parameters
     ----------
-    bodies : Bodies
-    point : (3,) array
-        [m]
+    point : (3,) array [m]
     far : float
         From the boxes round the pieces, their clearance included [m].
     """

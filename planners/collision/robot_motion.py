@@ -156,7 +156,6 @@ def count_on_line(
 
     Parameters
     ----------
-    robot : MobileArm
     bases, joints : (n + 1, 3), (n + 1, dof) arrays
     line : (n + 1, 3) array
         Where the tool is at every state; it goes straight in between [m].

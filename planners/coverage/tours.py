@@ -114,7 +114,6 @@ def short_tour(regions: Sequence[BaseGeometry], start: Array | None) -> Array:
 
     Parameters
     ----------
-    regions : sequence of polygons
     start : (2,) array or None
     """
     points = _best_of_samples([_sampled(region) for region in regions], start)

@@ -105,8 +105,7 @@ def footprint_scene(
         The footprint stays inside, without clearance [m].
     obstacles : sequence of Shadow
         The footprint keeps ``clearance`` from each of them.
-    clearance : float
-        [m]
+    clearance : float [m]
 
     Raises
     ------

@@ -56,10 +56,6 @@ def step_to_goal(free: Polygon | MultiPolygon, start: ArrayLike, goal: ArrayLike
     rho : float
         Longest step [m].
 
-    Returns
-    -------
-    GreedySteps
-
     Raises
     ------
     InputError

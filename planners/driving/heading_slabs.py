@@ -73,7 +73,6 @@ def slabs_along(scene: FootprintScene, count: int, walls: int = MOST_WALLS) -> A
 
     Parameters
     ----------
-    scene : FootprintScene
     count : int
         Of equal slabs.
     walls : int
@@ -143,18 +142,13 @@ def slab_free(
         The whole footprint stays inside [m].
     obstacles : sequence of Shadow
         The footprint keeps ``clearance`` from each of them.
-    clearance : float
-        [m]
+    clearance : float [m]
     low, high : float
         Headings, the same or rising [rad].
     sides : int
         Of the polygons that stand for discs.
     window : geometry, optional
         Positions that are looked at alone.
-
-    Returns
-    -------
-    Slab
 
     Raises
     ------

@@ -111,7 +111,6 @@ def arm_share(
 
     Parameters
     ----------
-    arm : PitchArm
     pose : (4, 4) array
         In the world.
     lift : float

@@ -70,10 +70,6 @@ def drive_point(
     seed : int
         Of the sampling planner, 0 or above. Same input, same path, whatever was planned before.
 
-    Returns
-    -------
-    PointPath
-
     Raises
     ------
     NoPathError

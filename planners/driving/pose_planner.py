@@ -93,12 +93,9 @@ def steer(scene: FootprintScene, base: Steering, a: Array, b: Array, limit: floa
 
     Parameters
     ----------
-    scene : FootprintScene
-    base : Steering
     a, b : (3,) array
         x, y [m], yaw [rad].
-    limit : float
-        [m]
+    limit : float [m]
     motions : (5, 2) array
         Overwritten with the signed length [m] and turn [rad] of each motion; left alone by bases that slide.
     """
@@ -272,7 +269,6 @@ def drive_differential(scene: FootprintScene, start: ArrayLike, goal: ArrayLike,
 
     Parameters
     ----------
-    scene : FootprintScene
     start, goal : (3,) array_like
         x, y [m], yaw [rad].
     seed : int
@@ -313,8 +309,7 @@ def drive_car(
         The footprint's origin is the middle of the axle that does not steer.
     start, goal : (3,) array_like
         x, y [m], yaw [rad].
-    turning_radius : float
-        [m]
+    turning_radius : float [m]
     seed : int
         Of the sampling planner, 0 or above. Same input, same path.
 

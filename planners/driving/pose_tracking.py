@@ -86,7 +86,6 @@ def track_poses(
 
     Parameters
     ----------
-    robot : TrackingRobot
     poses : sequence of (4, 4) array
         Of the tool, in the world.
     heading : float, optional

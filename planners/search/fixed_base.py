@@ -77,7 +77,6 @@ def search_fixed_base(
     ----------
     chain : Chain
         Turning joints without a limit may turn all round; sliding joints need both limits.
-    solids : sequence of LinkCapsule
     obstacles : Obstacles
         In the arm's base frame. Meshes keep postures from being found, but rule no box out.
     target : (3,) array_like

@@ -130,8 +130,6 @@ def polish_along(arm: SerialArm, aims: Aims, reach: float, tolerance: float, mos
 
     Parameters
     ----------
-    arm : SerialArm
-    aims : Aims
     reach, tolerance, most
         As of `polish`.
     joints : (m, n) array

@@ -72,9 +72,7 @@ class ArmSolver:
 
     Parameters
     ----------
-    chain : Chain
-    tolerance, angle_tolerance : float
-        [m], [rad]
+    tolerance, angle_tolerance : float [m], [rad]
     most_passes : int
         From each start.
     restarts : int

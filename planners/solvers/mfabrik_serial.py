@@ -53,15 +53,12 @@ def solve_serial(
     ----------
     bodies : RigidBodies
         Pointing ones for a position, posing ones for more.
-    stand : ArmStand
     starts : (r, n) array
         Postures to start again from.
-    area : BaseArea
     place : (2,) array
         Arm axis on the floor; overwritten with the answer [m].
     aim : Aim
         In the world.
-    effort : Effort
     joints : (dof,) array
         Overwritten with the answer.
 

@@ -62,11 +62,8 @@ def resolve_redundancy(
 
     Parameters
     ----------
-    arm : SerialArm
-    aims : Aims
     starts : (k, n) array
         Postures at the first aim.
-    solving : PathSolving
     clear : callable
         True for joints at an aim and at the next one that the arm may go between; at the first aim it is
         asked about the same joints twice.
