@@ -39,9 +39,8 @@ from regionik.planners.collision.robot_bodies import Bodies, ContactTargets
 from regionik.planners.search.box_search import Verdict
 from regionik.planners.search.fixed_base import WORDS
 from regionik.planners.solvers.damped_least_squares import POSITION, Aim, polish
-from regionik.planners.solvers.inverse_kinematics import ArmSolver, Goal
 from regionik.planners.solvers.mfabrik_serial import in_arm_frame
-from regionik.planners.solvers.multistart_ik import Effort, solve_ik, spread_postures
+from regionik.planners.solvers.multistart_ik import ArmSolver, Effort, solve_ik, spread_postures
 from regionik.planners.solvers.rigid_bodies import posing_bodies
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.chain import Chain
@@ -111,22 +110,17 @@ def clear_posture(
     )
 
 
-def quick_clear_posture(
-    task: PostureTask, joints: ArrayLike, *, seed: int = 0, attempts: int = 1
-) -> ClearPosture:
+def quick_clear_posture(task: PostureTask, joints: ArrayLike, *, attempts: int = 1) -> ClearPosture:
     """The passes of `clear_posture` alone, without the search: found or undecided, and soon."""
-    search = _Search(task, joints, seed)
+    search = _Search(task, joints, 0)
     _at_least_one("attempts", attempts)
     found = search.by_passes() or search.by_avoidance(attempts)
     return found or search.answer(Verdict.OPEN, "no search was made")
 
 
-def sampled_clear_posture(
-    task: PostureTask, joints: ArrayLike, *, seed: int = 0, samples: int = SAMPLES
-) -> ClearPosture:
+def sampled_clear_posture(task: PostureTask, joints: ArrayLike, *, samples: int) -> ClearPosture:
     """The samples of `clear_posture` alone, for one of many targets: found or undecided."""
-    search = _Search(task, joints, seed)
-    _at_least_one("samples", samples)
+    search = _Search(task, joints, 0)
     found = search.by_passes() or search.by_sampling(samples)
     return found or search.answer(Verdict.OPEN, "no search was made")
 
@@ -201,9 +195,9 @@ class _Search:
     def by_passes(self) -> ClearPosture | None:
         """FABRIK-R from the start, obstacles left aside."""
         self.steps.append("passes")
-        found = self.solver(Goal(self.goal), self.start)
-        self.iterations += found.iterations
-        return self._found() if self._offer(found.joints) else None
+        q = self.start.copy()
+        self.iterations += self.solver.solve(Aim(self.goal, POSITION, np.eye(3)), q)[2]
+        return self._found() if self._offer(q) else None
 
     def by_proof(self, most: int) -> ClearPosture | None:
         """A proof that is at hand, or a short search for one; postures that it finds are left aside."""
