@@ -11,11 +11,10 @@ from shapely import box
 from shapely.geometry import MultiPolygon, Polygon
 
 from regionik.planners.geometry.polygons import FlatPolygon, segment_inside
-from regionik.planners.geometry.polylines import resample, spread_along
+from regionik.planners.geometry.polylines import cut, spread_along
 from regionik.planners.geometry.shortest_paths import route
 from regionik.planners.geometry.triangulation import triangulate
 from regionik.worlds.arrays import Array
-from regionik.worlds.errors import InputError
 
 SIDE, OBSTACLES = 10.0, 30
 
@@ -107,15 +106,13 @@ def test_a_route_is_always_found_and_locally_shortest(seed: int, on_grid: bool) 
         assert not stays_inside(free, cut)  # no bend can be cut off
 
 
-def test_resampling_keeps_points_and_bounds_legs() -> None:
+def test_cutting_keeps_points_and_bounds_legs() -> None:
     path = np.array([[0.0, 0.0], [0.3, 0.0], [0.3, 1.0], [0.3, 1.0]])
-    dense = resample(path, 0.1)
+    dense = cut(path, 0.1)
     assert (np.hypot(*np.diff(dense, axis=0).T) <= 0.1 + 1e-9).all()
     assert len(dense) == 1 + 3 + 10 + 1
     assert all((dense == p).all(axis=1).any() for p in path)
     assert length(dense) == pytest.approx(length(path))
-    with pytest.raises(InputError, match="step"):
-        resample(path, 0.0)
 
 
 @pytest.mark.parametrize(("step", "parts"), [(0.3, 1), (0.3, 40), (5.0, 7), (5.0, 1)])

@@ -32,27 +32,12 @@ class OverlayFaces:
 
 @dataclass(frozen=True, eq=False)
 class SetCover:
-    """Faces that hit all areas.
-
-    Attributes
-    ----------
-    chosen : tuple of int
-    lower : int
-        No fewer faces do: the bound of the linear relaxation, or of branch and bound where that is higher.
-    apart : int
-        Areas found of which no face hits two: a lower bound that can be checked by hand.
-    optimal : bool
-        True if ``lower`` is met.
-    """
+    """Faces that hit all areas."""
 
     chosen: tuple[int, ...]
+    # no fewer faces do: the bound of the linear relaxation, or of branch and bound where that is higher
     lower: int
-    apart: int
-
-    @property
-    def optimal(self) -> bool:
-        """See the attributes."""
-        return len(self.chosen) == self.lower
+    apart: int  # areas found of which no face hits two: a lower bound that can be checked by hand
 
 
 def overlay_faces(areas: Geometries, some: Index | None = None) -> OverlayFaces:

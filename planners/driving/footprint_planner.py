@@ -110,12 +110,9 @@ def drive_footprint(
     Raises
     ------
     NarrowPassageError
-        When there is no path, or none was found; the message gives the width of the narrowest place and that
-        of the footprint.
-    NoPathError
-        When the footprint does not fit at start or goal.
-    InputError
-        When the footprint is not convex, the seed or clearance is negative or a pose is not three numbers.
+        When there is no path, or none was found; it has the width of the narrowest place.
+    NoPathError, InputError
+        As `footprint_scene` and `checked_ends`.
 
     Examples
     --------

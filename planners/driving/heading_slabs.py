@@ -136,24 +136,14 @@ def slab_free(
 
     Parameters
     ----------
-    footprint : (n, 2) array_like
-        Corners of a convex outline in the base frame, or one point; the origin may lie anywhere [m].
-    floor : Polygon or MultiPolygon
-        The whole footprint stays inside [m].
-    obstacles : sequence of Shadow
-        The footprint keeps ``clearance`` from each of them.
-    clearance : float [m]
+    footprint, floor, obstacles, clearance
+        As for `footprint_scene`.
     low, high : float
         Headings, the same or rising [rad].
     sides : int
         Of the polygons that stand for discs.
     window : geometry, optional
         Positions that are looked at alone.
-
-    Raises
-    ------
-    InputError
-        When the footprint is not convex, the clearance is negative or the headings fall.
 
     Examples
     --------

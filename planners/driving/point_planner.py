@@ -18,7 +18,7 @@ from regionik.planners.geometry.polygons import (
     clamp,
     segment_inside,
 )
-from regionik.planners.geometry.polylines import cut, resample
+from regionik.planners.geometry.polylines import cut
 from regionik.planners.geometry.shortest_paths import route, shorter_path
 from regionik.planners.kernels import compiled
 from regionik.worlds.arrays import Array, Index, frozen
@@ -92,7 +92,9 @@ def drive_point_inside(
     if known is None:
         raise NoPathError(f"no way through the free area from {_at(a)} to {_at(b)}", a, b)
     shorter = shorter_path(part, a, b, float(np.hypot(*np.diff(known, axis=0).T).sum()))
-    return PointPath(resample(known if shorter is None else shorter, step), "planned")
+    points = cut(known if shorter is None else shorter, step)
+    points.flags.writeable = False
+    return PointPath(points, "planned")
 
 
 @compiled

@@ -267,24 +267,7 @@ def same_pose(a: Array, b: Array) -> bool:
 def drive_differential(scene: FootprintScene, start: ArrayLike, goal: ArrayLike, *, seed: int) -> WheeledPath:
     """Drive a base that turns on the spot: turns and straight lines, backwards where that turns less.
 
-    Parameters
-    ----------
-    start, goal : (3,) array_like
-        x, y [m], yaw [rad].
-    seed : int
-        Of the sampling planner, 0 or above. Same input, same path.
-
-    Returns
-    -------
-    WheeledPath
-        Lines and turns, each proven free.
-
-    Raises
-    ------
-    NoPathError
-        When none was found, or the footprint does not fit at start or goal.
-    InputError
-        When the seed is negative or a pose is not three numbers.
+    As `drive_car`, without a turning radius.
 
     Examples
     --------

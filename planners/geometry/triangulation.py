@@ -5,15 +5,24 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import lru_cache
 from heapq import heappop, heappush
+from math import hypot
 
 import numpy as np
+import shapely
 from shapely.geometry import MultiPolygon, Polygon
 
-from regionik.planners.geometry.delaunay import delaunay_triangles
 from regionik.planners.geometry.polygons import FlatPolygon, nearest_on_segment
 from regionik.planners.kernels import compiled
 from regionik.worlds.arrays import Array, Index
 from regionik.worlds.errors import EngineError
+
+
+def delaunay_triangles(polygon: Polygon | MultiPolygon) -> tuple[Array, Index]:
+    """Constrained Delaunay triangles: vertices (v, 2) [m], and indices counter-clockwise, (t, 3)."""
+    triangles = shapely.get_parts(shapely.constrained_delaunay_triangles(polygon))
+    xy = shapely.get_coordinates(shapely.orient_polygons(triangles)).reshape(-1, 4, 2)[:, :3]
+    vertices, corners = np.unique(xy.reshape(-1, 2), axis=0, return_inverse=True)
+    return vertices, corners.reshape(-1, 3).astype(np.int64)
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +55,8 @@ def triangulate(free: Polygon | MultiPolygon) -> Triangulation:
 
 def search_through(mesh: Triangulation, start: Array, first: int, last: int) -> list[int] | None:
     """Triangles from one to another by Dijkstra over edge midpoints; None where none lead there."""
+    ends, neighbours = mesh.vertices[mesh.corners], mesh.neighbours.tolist()
+    middles = ((ends + np.roll(ends, -1, axis=1)) / 2).tolist()
     heap: list[tuple[float, int, int, tuple[float, float]]] = [(0.0, first, first, (start[0], start[1]))]
     came: dict[int, int] = {}
     while heap:
@@ -58,11 +69,9 @@ def search_through(mesh: Triangulation, start: Array, first: int, last: int) -> 
             while came[chain[-1]] != chain[-1]:
                 chain.append(came[chain[-1]])
             return chain[::-1]
-        ends = mesh.vertices[mesh.corners[t]]
-        middles = (ends + np.roll(ends, -1, axis=0)) / 2
-        for n, (x, y) in zip(mesh.neighbours[t].tolist(), middles.tolist(), strict=True):
+        for n, (x, y) in zip(neighbours[t], middles[t], strict=True):
             if n >= 0 and n not in came:
-                heappush(heap, (cost + float(np.hypot(x - at[0], y - at[1])), n, t, (x, y)))
+                heappush(heap, (cost + hypot(x - at[0], y - at[1]), n, t, (x, y)))
     return None
 
 

@@ -182,7 +182,7 @@ def limited_step(
                     if free[k]:
                         A[i, j] += J[i, k] * J[j, k]
         y[:] = miss[:rows]
-        _solve_symmetric(A, y)
+        solve_symmetric(A, y)
         blocked, longest = False, 0.0
         for k in range(n):
             step[k] = 0.0
@@ -199,7 +199,7 @@ def limited_step(
 
 
 @compiled
-def _solve_symmetric(A: Array, y: Array) -> None:
+def solve_symmetric(A: Array, y: Array) -> None:
     """Solve A x = y for a positive definite A given by its lower half; both are overwritten (Cholesky)."""
     n = len(y)
     for j in range(n):
