@@ -40,13 +40,14 @@ class Steps(NamedTuple):
 
 def step_to_goal(free: Polygon, start: ArrayLike, goal: ArrayLike, rho: float) -> Steps:
     flat = FlatPolygon.from_shapely(free)
-    here = clamp(flat.vertices, flat.starts, *np.asarray(start))
-    return Steps(*greedy_points(flat.vertices, flat.starts, *here, *np.asarray(goal), rho))
+    (x, y), (goal_x, goal_y) = clamp(flat.vertices, flat.starts, *np.asarray(start)), np.asarray(goal)
+    return Steps(*greedy_points(flat.vertices, flat.starts, x, y, goal_x, goal_y, rho))
 
 
 def step_area(free: Polygon, base: ArrayLike, rho: float) -> Array:
     flat = FlatPolygon.from_shapely(free)
-    return visible_star(flat.vertices, flat.starts, *np.asarray(base), rho, np.nan)
+    x, y = np.asarray(base)
+    return visible_star(flat.vertices, flat.starts, x, y, rho, np.nan)
 
 
 def legs_inside(free: Polygon, points: Array) -> bool:

@@ -155,8 +155,8 @@ def experiment(name: str) -> list[Row]:
         if not free.buffer(EDGE).covers(shapely.LineString([here, there])):
             arm = solver_for(world, pruned.ladder.family[chain[i]])
             flat = FlatPolygon.from_shapely(free)
-            first = clamp(flat.vertices, flat.starts, *here)
-            steps, _ = greedy_points(flat.vertices, flat.starts, *first, *there, world.rules.step)
+            x, y = clamp(flat.vertices, flat.starts, *here)
+            steps, _ = greedy_points(flat.vertices, flat.starts, x, y, there[0], there[1], world.rules.step)
             for spot in steps[1:-1]:
                 held = arm.hold(world.task[i], np.array([*spot, base[2]]), joints)
                 rows.append(Row(i + 1, held.iterations if held.converged else None, held.error))
