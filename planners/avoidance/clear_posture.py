@@ -110,9 +110,11 @@ def clear_posture(
     )
 
 
-def quick_clear_posture(task: PostureTask, joints: ArrayLike, *, attempts: int = 1) -> ClearPosture:
+def quick_clear_posture(
+    task: PostureTask, joints: ArrayLike, *, seed: int = 0, attempts: int = 1
+) -> ClearPosture:
     """The passes of `clear_posture` alone, without the search: found or undecided, and soon."""
-    search = _Search(task, joints, 0)
+    search = _Search(task, joints, seed)
     _at_least_one("attempts", attempts)
     found = search.by_passes() or search.by_avoidance(attempts)
     return found or search.answer(Verdict.OPEN, "no search was made")
