@@ -14,9 +14,10 @@ from scipy.sparse.csgraph import dijkstra
 from shapely.geometry import Polygon
 
 from regionik.planners.driving.greedy_steps import greedy_points
-from regionik.planners.driving.point_planner import drive_point
+from regionik.planners.driving.point_planner import _connect, drive_point
 from regionik.planners.geometry.polygons import FlatPolygon, segment_inside
-from regionik.planners.geometry.shortest_paths import route
+from regionik.planners.geometry.polylines import cut
+from regionik.planners.geometry.shortest_paths import route, tighten
 from regionik.planners.geometry.triangulation import triangulate
 from regionik.worlds.arrays import Array
 
@@ -66,26 +67,31 @@ def timed(function, *args, **kwargs):
 def main() -> None:
     rows, methods = [], []
     start, goal = np.array([0.1, 0.1]), np.array([9.9, 9.9])
-    drive_point(clutter(0), start, goal, step=STEP)  # compiles
+    drive_point(clutter(0), start, goal, step=STEP, seed=0)  # compiles
+    tighten(clutter(0), [start, start])
     for seed in range(MAPS):
         free = clutter(seed)
         flat = FlatPolygon.from_shapely(free)
         triangulate.cache_clear()
-        found, ms_drive = timed(drive_point, free, start, goal, step=STEP)
+        found, ms_drive = timed(drive_point, free, start, goal, step=STEP, seed=seed)
         _, ms_mesh = timed(triangulate.__wrapped__, free)
         triangulate(free)
         _, ms_steps = timed(greedy_points, flat.vertices, flat.starts, *start, *goal, STEP)
+        raw, ms_ompl = timed(_connect, flat, start, goal, seed)
+        tight, ms_tight = timed(tighten, free, raw)
         by_triangles, ms_route = timed(route, free, start, goal)
         best = shortest(free, start, goal)
         rows.append(
-            [ms_drive, ms_steps, ms_mesh, ms_route] + [length(p) / best for p in (found.points, by_triangles)]
+            [ms_drive, ms_steps, ms_ompl, ms_mesh, ms_tight, ms_route]
+            + [length(p) / best for p in (found.points, raw, tight, by_triangles)]
         )
         methods.append(found.method)
-    names = ["drive", "Algorithm 2", "triangles made", "route"]
+        assert abs(length(cut(tight, STEP)) - length(tight)) < 1e-9
+    names = ["drive", "Algorithm 2", "RRTConnect", "triangles made", "tighten", "route"]
     for k, name in enumerate(names):
         column = np.array(rows)[:, k]
         print(f"{name:>16}: median {np.median(column):7.2f} ms, worst {column.max():7.2f} ms")
-    for k, name in enumerate(["drive", "triangles' route"], start=len(names)):
+    for k, name in enumerate(["drive", "RRTConnect", "+ tighten", "triangles' route"], start=len(names)):
         column = np.array(rows)[:, k]
         print(f"{name:>16}: length / shortest: median {np.median(column):.3f}, worst {column.max():.3f}")
     print("methods:", {m: methods.count(m) for m in sorted(set(methods))})

@@ -14,8 +14,7 @@ from ompl import util
 from shapely import box
 from shapely.geometry import MultiPolygon, Polygon
 
-from regionik.planners.driving.point_planner import NoPathError, PointPath, drive_point
-from regionik.planners.driving.sampling import PlanningProblem, connect
+from regionik.planners.driving.point_planner import NoPathError, PointPath, _connect, drive_point
 from regionik.planners.geometry.polygons import FlatPolygon, segment_inside
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError, RegionikError
@@ -54,20 +53,20 @@ def holds(free: Polygon | MultiPolygon, answer: PointPath, start: Array, goal: A
 
 
 def test_a_free_way_is_driven_straight() -> None:
-    answer = drive_point(BLOCK, [0, 0], [0.9, 0], step=0.25)
+    answer = drive_point(BLOCK, [0, 0], [0.9, 0], step=0.25, seed=0)
     assert answer.method == "straight"
     np.testing.assert_allclose(answer.points, np.linspace([0, 0], [0.9, 0], 5), atol=1e-15)
 
 
 def test_standing_still_is_one_point() -> None:
-    answer = drive_point(BLOCK, [0.2, 0.1], [0.2, 0.1], step=0.25)
+    answer = drive_point(BLOCK, [0.2, 0.1], [0.2, 0.1], step=0.25, seed=0)
     assert answer.method == "straight"
     assert answer.points.tolist() == [[0.2, 0.1]]
 
 
 def test_experiment_2_is_driven_by_algorithm_2() -> None:
     start, goal = np.array([0.7896162428305282, 0.1585664255264057]), np.array([1.0723551929579735, -0.4])
-    answer = drive_point(SQUARE, start, goal, step=0.25)
+    answer = drive_point(SQUARE, start, goal, step=0.25, seed=0)
     assert answer.method == "steps"
     assert len(answer.points) == 5
     holds(SQUARE, answer, start, goal, 0.25)
@@ -76,8 +75,8 @@ def test_experiment_2_is_driven_by_algorithm_2() -> None:
 @pytest.mark.parametrize("step", [0.10, 0.20, 0.30])
 def test_experiment_2b_needs_the_planner(step: float) -> None:
     start, goal = np.array([0.887, 0.044]), np.array([1.625, 0.033])
-    answer = drive_point(BLOCK, start, goal, step=step)
-    assert answer.method == "planned"
+    answer = drive_point(BLOCK, start, goal, step=step, seed=0)
+    assert answer.method == "ompl"
     holds(BLOCK, answer, start, goal, step)
     length = np.hypot(*np.diff(answer.points, axis=0).T).sum()
     assert 1.5 < length < 1.75  # round one end of the block or the other
@@ -93,67 +92,68 @@ def test_every_pair_of_points_is_connected_or_refused(seed: int) -> None:
     for k in range(0, len(points) - 1, 2):
         start, goal = points[k], points[k + 1]
         if part[k] == part[k + 1]:
-            holds(free, drive_point(free, start, goal, step=0.3), start, goal, 0.3)
+            holds(free, drive_point(free, start, goal, step=0.3, seed=seed), start, goal, 0.3)
         else:
             with pytest.raises(NoPathError, match="do not join"):
-                drive_point(free, start, goal, step=0.3)
+                drive_point(free, start, goal, step=0.3, seed=seed)
 
 
-def test_a_way_too_narrow_for_sampling_is_found() -> None:
+def test_a_way_too_narrow_for_sampling_is_found_in_the_triangles() -> None:
     free = maze()
     start, goal = np.array([0.05, 0.5]), np.array([1.9995, 0.5])
-    answer = drive_point(free, start, goal, step=0.2)
-    assert answer.method == "planned"
+    answer = drive_point(free, start, goal, step=0.2, seed=0)
+    assert answer.method == "triangles"
     holds(free, answer, start, goal, 0.2)
 
 
 def test_ends_are_held_to_the_boundary_by_rounding_only() -> None:
-    answer = drive_point(box(0, 0, 1, 1), [-1e-10, 0.5], [1 + 1e-10, 0.5], step=0.5)
+    answer = drive_point(box(0, 0, 1, 1), [-1e-10, 0.5], [1 + 1e-10, 0.5], step=0.5, seed=0)
     assert answer.points[[0, -1]].tolist() == [[0.0, 0.5], [1.0, 0.5]]
     with pytest.raises(NoPathError, match=r"start \(-0.100, 0.500\) is 0.1 m outside"):
-        drive_point(box(0, 0, 1, 1), [-0.1, 0.5], [0.5, 0.5], step=0.5)
+        drive_point(box(0, 0, 1, 1), [-0.1, 0.5], [0.5, 0.5], step=0.5, seed=0)
     with pytest.raises(NoPathError, match=r"goal \(0.500, 1.200\) is 0.2 m outside"):
-        drive_point(box(0, 0, 1, 1), [0.1, 0.5], [0.5, 1.2], step=0.5)
+        drive_point(box(0, 0, 1, 1), [0.1, 0.5], [0.5, 1.2], step=0.5, seed=0)
 
 
 def test_a_refusal_says_from_where_to_where() -> None:
     apart = MultiPolygon([box(0, 0, 1, 1), box(2, 0, 3, 1)])
     with pytest.raises(NoPathError) as caught:
-        drive_point(apart, [0.5, 0.5], [2.5, 0.5], step=0.1)
+        drive_point(apart, [0.5, 0.5], [2.5, 0.5], step=0.1, seed=0)
     assert isinstance(caught.value, RegionikError)
     assert caught.value.start.tolist() == [0.5, 0.5]
     assert caught.value.goal.tolist() == [2.5, 0.5]
 
 
-@pytest.mark.parametrize("step", [0.0, np.nan])
-def test_bad_numbers_are_refused(step: float) -> None:
-    with pytest.raises(InputError, match="step: expected"):
-        drive_point(BLOCK, [0, 0], [0.5, 0], step=step)
+@pytest.mark.parametrize(("step", "seed", "what"), [(0.0, 0, "step"), (np.nan, 0, "step"), (0.1, -1, "seed")])
+def test_bad_numbers_are_refused(step: float, seed: int, what: str) -> None:
+    with pytest.raises(InputError, match=f"{what}: expected"):
+        drive_point(BLOCK, [0, 0], [0.5, 0], step=step, seed=seed)
 
 
 def raw_paths(seeds: list[int]) -> dict[int, list[list[float]]]:
-    """Paths of RRTConnect round a block."""
+    """RRTConnect's own paths, before pulling makes many of them the same."""
     flat = FlatPolygon.from_shapely(BLOCK)
-    low, high = np.reshape(BLOCK.bounds, (2, 2))
-    ends = np.array([0.887, 0.044]), np.array([1.625, 0.033])
-    problem = PlanningProblem(low, high, *ends, flat.holds, flat.sees)
-    found = {seed: connect(problem, seed=seed, iterations=2000) for seed in seeds}
+    found = {seed: _connect(flat, np.array([0.887, 0.044]), np.array([1.625, 0.033]), seed) for seed in seeds}
     return {seed: path.tolist() for seed, path in sorted(found.items()) if path is not None}
 
 
 def test_same_seed_same_path_whatever_was_planned_before() -> None:
-    first = raw_paths([0, 1, 2, 3])
-    assert len({str(path) for path in first.values()}) == 4
+    def plan(seed: int) -> bytes:
+        return drive_point(BLOCK, [0.887, 0.044], [2.1, 0.033], step=0.1, seed=seed).points.tobytes()
+
+    first, first_raw = [plan(seed) for seed in range(4)], raw_paths([0, 1, 2, 3])
+    assert len({str(path) for path in first_raw.values()}) == 4
     util.RNG().uniform01()
-    raw_paths([99])
-    assert raw_paths([2, 3, 0, 1]) == first
+    drive_point(maze(), [0.05, 0.5], [1.9995, 0.5], step=0.2, seed=99)
+    assert [plan(seed) for seed in (3, 1, 0, 2)] == [first[k] for k in (3, 1, 0, 2)]
+    assert raw_paths([2, 3, 0, 1]) == first_raw
 
 
 SCRIPT = """
 import json, sys
 from tests.test_drive import BLOCK, drive_point, raw_paths
 seeds = json.loads(sys.argv[1])
-answer = drive_point(BLOCK, [0.887, 0.044], [1.625, 0.033], step=0.2)
+answer = drive_point(BLOCK, [0.887, 0.044], [1.625, 0.033], step=0.2, seed=7)
 print(json.dumps([raw_paths(seeds), answer.points.tolist()]))
 """
 
@@ -169,13 +169,14 @@ def test_same_seed_same_path_in_another_process() -> None:
     assert forward == backward
     here = [
         {str(seed): path for seed, path in raw_paths([0, 1, 2]).items()},
-        drive_point(BLOCK, [0.887, 0.044], [1.625, 0.033], step=0.2).points.tolist(),
+        drive_point(BLOCK, [0.887, 0.044], [1.625, 0.033], step=0.2, seed=7).points.tolist(),
     ]
     assert json.loads(forward) == here
 
 
 def test_ompl_keeps_silent_and_its_log_level(capfd: pytest.CaptureFixture[str]) -> None:
     before = util.getLogLevel()
-    assert raw_paths([5])
+    answer = drive_point(BLOCK, [0.887, 0.044], [1.625, 0.033], step=0.2, seed=5)
+    assert answer.method == "ompl"
     assert util.getLogLevel() == before
     assert capfd.readouterr() == ("", "")

@@ -47,9 +47,9 @@ def test_experiment_2_bridges_the_far_pair() -> None:
     assert len(np.unique(between.round(6), axis=0)) >= 3
 
 
-def test_experiment_2b_needs_a_planner() -> None:
+def test_experiment_2b_needs_the_sampling_planner() -> None:
     found = planned("slab")
-    assert found.stats["base_moves"]["planned"] == 1
+    assert found.stats["base_moves"]["ompl"] == 1
     assert len(found.setpoints) == 15
 
 

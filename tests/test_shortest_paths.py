@@ -1,4 +1,4 @@
-"""Triangles of polygons, routes through them against the exact shortest path, and paths cut to steps."""
+"""String pulling: against the exact shortest path, and by its laws on random detours."""
 
 from __future__ import annotations
 
@@ -12,9 +12,10 @@ from shapely.geometry import MultiPolygon, Polygon
 
 from regionik.planners.geometry.polygons import FlatPolygon, segment_inside
 from regionik.planners.geometry.polylines import cut, spread_along
-from regionik.planners.geometry.shortest_paths import route
-from regionik.planners.geometry.triangulation import triangulate
+from regionik.planners.geometry.shortest_paths import route, tighten
+from regionik.planners.geometry.triangulation import Triangulation, triangulate
 from regionik.worlds.arrays import Array
+from regionik.worlds.errors import InputError
 
 SIDE, OBSTACLES = 10.0, 30
 
@@ -63,6 +64,22 @@ def ends(free: Polygon, rng: np.random.Generator) -> tuple[Array, Array]:
     return points[np.argmin(points.sum(axis=1))], points[np.argmax(points.sum(axis=1))]
 
 
+def ramble(mesh: Triangulation, rng: np.random.Generator) -> Array:
+    """A detour through triangle after triangle, through corners and edge middles, back and forth."""
+    t = int(rng.integers(len(mesh.corners)))
+    points = []
+    for _ in range(40):
+        points.append(rng.dirichlet([1, 1, 1]) @ mesh.vertices[mesh.corners[t]])
+        open_edges = np.flatnonzero(mesh.neighbours[t] >= 0)
+        if not len(open_edges):
+            break
+        k = rng.choice(open_edges)
+        p, q = mesh.vertices[mesh.corners[t, k]], mesh.vertices[mesh.corners[t, (k + 1) % 3]]
+        points.append(p + rng.choice([0.0, 0.3, 0.5, 1.0]) * (q - p))
+        t = int(mesh.neighbours[t, k])
+    return np.array(points)
+
+
 def stays_inside(free: Polygon | MultiPolygon, points: Array) -> bool:
     flat = FlatPolygon.from_shapely(free)
     return all(
@@ -86,9 +103,88 @@ def test_triangles_fill_the_area_edge_to_edge(seed: int, on_grid: bool) -> None:
         assert shared <= set(mesh.corners[n])
 
 
-def test_parts_that_touch_in_a_point_have_no_route() -> None:
+@pytest.mark.parametrize(("seed", "on_grid"), MAPS)
+def test_a_path_of_the_shortest_class_becomes_the_shortest_path(seed: int, on_grid: bool) -> None:
+    free = clutter(seed, on_grid)
+    rng = np.random.default_rng(seed)
+    start, goal = ends(free, rng)
+    best = shortest(free, start, goal)
+    # A detour in the same class: every bend is pushed off and every leg bulged, as far as there is room.
+    flat = FlatPolygon.from_shapely(free)
+    path = cut(best, 0.5)
+    detour = path.copy()
+    for k in range(1, len(path) - 1):
+        for reach in (0.3, 0.1, 0.03, 0.01, 0.003):
+            x = path[k] + rng.normal(0, reach, 2)
+            corners = np.array([detour[k - 1], x, path[k + 1]])
+            swept = Polygon([detour[k - 1], x, path[k + 1], path[k]]).buffer(0)
+            if stays_inside(free, corners) and swept.difference(free).area < 1e-12:
+                detour[k] = x
+                break
+    assert length(detour) > length(best) + 0.01
+    tight = tighten(free, detour)
+    assert length(tight) == pytest.approx(length(best), abs=1e-9)
+    assert all(
+        segment_inside(flat.vertices, flat.starts, *p, *q) for p, q in zip(tight[:-1], tight[1:], strict=True)
+    )
+
+
+@pytest.mark.parametrize(("seed", "on_grid"), MAPS)
+def test_laws_of_pulling(seed: int, on_grid: bool) -> None:
+    free = clutter(seed, on_grid)
+    mesh = triangulate(free)
+    rng = np.random.default_rng(seed)
+    for _ in range(4):
+        path = ramble(mesh, rng)
+        tight = tighten(free, path)
+        assert stays_inside(free, tight)
+        assert length(tight) <= length(path) + 1e-12
+        np.testing.assert_array_equal(tight[[0, -1]], path[[0, -1]])
+        for same in (tight, cut(path, 0.05), path[::-1], np.repeat(path, 2, axis=0)):
+            assert length(tighten(free, same)) == pytest.approx(length(tight), abs=1e-9)
+        there_and_back = tighten(free, np.vstack([path, path[::-1]]))
+        assert length(there_and_back) == pytest.approx(0.0, abs=1e-9)
+
+
+def test_the_side_on_which_an_obstacle_is_passed_is_kept() -> None:
+    room = box(0, 0, 3, 3) - box(1, 1, 2, 2)
+    above = tighten(room, [[0.5, 1.4], [0.5, 2.5], [2.5, 2.5], [2.5, 1.4]])
+    below = tighten(room, [[0.5, 1.4], [0.5, 0.5], [2.5, 0.5], [2.5, 1.4]])
+    np.testing.assert_array_equal(above, [[0.5, 1.4], [1, 2], [2, 2], [2.5, 1.4]])
+    np.testing.assert_array_equal(below, [[0.5, 1.4], [1, 1], [2, 1], [2.5, 1.4]])
+    round_once = tighten(room, [[0.5, 1.4], [0.5, 2.5], [2.5, 2.5], [2.5, 0.5], [0.5, 0.5], [0.5, 1.4]])
+    assert len(round_once) == 6
+    assert length(round_once) == pytest.approx(3 + np.hypot(0.5, 0.6) + np.hypot(0.5, 0.4))
+
+
+def test_ends_on_the_boundary_up_to_rounding() -> None:
+    room = box(0, 0, 3, 3) - box(1, 0, 2, 2)
+    for off in (0.0, 1e-12, -1e-12, 1e-16, -1e-16):
+        tight = tighten(room, [[1 + off, 0.5], [0.5, 2.5], [2.5, 2.5], [2 - off, 0.5]])
+        assert length(tight) == pytest.approx(4.0, abs=1e-9)
+        along_the_wall = tighten(room, [[off, 0.1], [off, 1.5], [off, 2.9]])
+        assert length(along_the_wall) == pytest.approx(2.8)
+    corners = tighten(room, [[1, 0], [1, 2], [2, 2], [2, 0]])
+    np.testing.assert_array_equal(corners, [[1, 0], [1, 2], [2, 2], [2, 0]])
+
+
+def test_parts_that_touch_in_a_point_hold_the_string_there() -> None:
     touching = MultiPolygon([box(0, 0, 1, 1), box(1, 1, 2, 2)])
+    tight = tighten(touching, [[0.1, 0.1], [0.9, 0.2], [1.0, 1.0], [1.2, 1.9], [1.9, 1.9]])
+    assert length(tight) == pytest.approx(1.8 * np.sqrt(2))
+    assert stays_inside(touching, tight)
     assert route(touching, [0.1, 0.1], [1.9, 1.9]) is None
+
+
+def test_a_path_that_leaves_is_refused() -> None:
+    with pytest.raises(InputError, match="leg 1 from"):
+        tighten(box(0, 0, 1, 1), [[0.1, 0.1], [0.2, 0.1], [2, 0.1]])
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_short_paths_stay(count: int) -> None:
+    path = np.full((count, 2), 0.25)
+    assert length(tighten(box(0, 0, 1, 1), path)) == 0.0
 
 
 @pytest.mark.parametrize(("seed", "on_grid"), MAPS)
@@ -100,10 +196,7 @@ def test_a_route_is_always_found_and_locally_shortest(seed: int, on_grid: bool) 
     assert stays_inside(free, path)
     best = length(shortest(free, start, goal))
     assert best - 1e-9 <= length(path) <= 1.5 * best
-    for before, at, after in zip(path[:-2], path[1:-1], path[2:], strict=True):
-        ways = [(end - at) / np.hypot(*(end - at)) for end in (before, after)]
-        cut = np.array([at + 1e-4 * way for way in ways])
-        assert not stays_inside(free, cut)  # no bend can be cut off
+    assert length(tighten(free, path)) == pytest.approx(length(path), abs=1e-9)
 
 
 def test_cutting_keeps_points_and_bounds_legs() -> None:

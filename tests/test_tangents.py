@@ -1,4 +1,4 @@
-"""The shortest path in a polygon, against all lines of sight."""
+"""The shortest path in a polygon, against all lines of sight and against paths pulled tight."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ def test_no_path_over_lines_of_sight_is_shorter(free: Polygon) -> None:
         pairs = zip(path[:-1], path[1:], strict=True)
         assert all(segment_inside(flat.vertices, flat.starts, *p, *q) for p, q in pairs)
     assert shorter_path(free, START, GOAL, best - 1e-6) is None
-    assert length(drive_point(free, START, GOAL, step=0.2).points) >= best - 1e-9
+    assert length(drive_point(free, START, GOAL, step=0.2, seed=3).points) >= best - 1e-9
 
 
 @pytest.mark.parametrize("seed", range(8))
@@ -77,8 +77,8 @@ def test_drives_that_are_planned_are_the_shortest(seed: int) -> None:
     free = clutter(seed, 25)
     corners = shapely.get_coordinates(free.exterior)
     a, b = corners[np.argmin(corners.sum(axis=1))], corners[np.argmax(corners.sum(axis=1))]
-    found = drive_point(free, a, b, step=0.3)
-    if found.method == "planned":
+    found = drive_point(free, a, b, step=0.3, seed=seed)
+    if found.method in ("ompl", "triangles"):
         assert length(found.points) == pytest.approx(by_sight(free, a, b), abs=1e-9)
 
 
@@ -100,4 +100,4 @@ def test_ends_may_stand_on_corners_and_edges() -> None:
 
 def test_parts_that_do_not_join_have_no_path() -> None:
     with pytest.raises(NoPathError):
-        drive_point(box(0, 0, 1, 1) | box(2, 0, 3, 1), [0.5, 0.5], [2.5, 0.5], step=0.1)
+        drive_point(box(0, 0, 1, 1) | box(2, 0, 3, 1), [0.5, 0.5], [2.5, 0.5], step=0.1, seed=0)

@@ -135,7 +135,7 @@ def drive_footprint(
     if found is not None and cost <= GOOD * straight:
         return FootprintPath(found, "ompl")
     areas = slab_areas(footprint, floor, obstacles, clearance, slabs_along(scene, SLABS))
-    other = path_through_slabs(scene, areas, a, b)
+    other = path_through_slabs(scene, areas, a, b, seed)
     if other is not None:
         other, least = shortcut(scene, base, other)
         if least < cost:
@@ -194,7 +194,7 @@ def _refusal(
 
 
 def path_through_slabs(
-    scene: FootprintScene, areas: Sequence[Slab], start: Array, goal: Array
+    scene: FootprintScene, areas: Sequence[Slab], start: Array, goal: Array, seed: int
 ) -> Array | None:
     """Poses (k, 3) from start to goal, driven inside slabs and turned where two overlap, or None."""
     graph = [polygon_parts(slab.inner.buffer(-MARGIN)) for slab in areas]
@@ -207,7 +207,7 @@ def path_through_slabs(
         return None
     poses = [start, a]
     for (k, part), to in zip(route, [*_turning_points(graph, route, a[:2]), b[:2]], strict=True):
-        path = drive_point(graph[k][part], poses[-1][:2], to, step=FAR)
+        path = drive_point(graph[k][part], poses[-1][:2], to, step=FAR, seed=seed)
         poses += [np.array([*p, areas[k].middle]) for p in path.points]
     poses += [b, goal]
     kept = [p for k, p in enumerate(poses) if k == 0 or not np.array_equal(p, poses[k - 1])]

@@ -1,13 +1,15 @@
-"""Shortest paths in polygons: through a sleeve of triangles, and of all.
+"""Shortest paths in polygons: pulled out of a known path like a string, and the shortest of all.
 
-A path through a sleeve is pulled tight by the funnel algorithm (Lee and Preparata, 1984). The shortest path
-of all is found in the visibility graph reduced to tangents (de Berg et al., Computational Geometry, chapter
-15): it turns only at corners where the free area's inner angle is more than half a turn, and its legs pass
-their corners without cutting off either. A path that is known leaves fewer lines to look at: nothing outside
-the ellipse that it spans is on a shorter one.
+String pulling runs the funnel algorithm (Lee and Preparata, 1984) through the sleeve of triangles that a path
+passes. The shortest path of all is found in the visibility graph reduced to tangents (de Berg et al.,
+Computational Geometry, chapter 15): it turns only at corners where the free area's inner angle is more than
+half a turn, and its legs pass their corners without cutting off either. A path that is known leaves fewer
+lines to look at: nothing outside the ellipse that it spans is on a shorter one.
 """
 
 from __future__ import annotations
+
+from collections.abc import Iterator
 
 import numpy as np
 import shapely
@@ -16,20 +18,69 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 from shapely.geometry import MultiPolygon, Polygon
 
-from regionik.planners.geometry.polygons import FlatPolygon, segment_inside
+from regionik.planners.geometry.polygons import DEPTH, FlatPolygon, segment_inside
 from regionik.planners.geometry.triangulation import (
     Triangulation,
     gap_to,
+    link_round,
     locate,
+    passed,
     search_through,
     triangulate,
 )
 from regionik.planners.kernels import compiled
 from regionik.worlds.arrays import Array, Index, frozen
+from regionik.worlds.errors import InputError
 
 ON_IT = 1e-11  # a point this near to a triangle is in it, too [m]
+TOUCH = 1e-8  # triangles this near to a point of the path meet there [m]
 MOST_CORNERS = 2000  # beyond that many the lines between them are not looked at
 GRAZE = 1e-9  # a neighbour this near to a line is on it [m]
+
+
+def tighten(free: Polygon | MultiPolygon, points: ArrayLike) -> Array:
+    """Pull a path tight like a string, ends held, without leaving ``free``.
+
+    Parameters
+    ----------
+    free : Polygon or MultiPolygon [m]
+    points : (k, 2) array_like
+        The path; every leg inside ``free`` to 1e-9 m.
+
+    Returns
+    -------
+    (m, 2) array
+        Start, polygon vertices round which the string bends, goal; never longer than the input.
+
+    Raises
+    ------
+    InputError
+        When a leg leaves ``free``.
+
+    Notes
+    -----
+    Exact in the path's homotopy class. Where two parts of ``free`` meet in one point only, the string stays
+    held at that point.
+
+    Examples
+    --------
+    >>> from shapely import box
+    >>> room = box(0, 0, 3, 3) - box(1, 0, 2, 2)
+    >>> tighten(room, [[0.5, 0], [0.2, 2.9], [2.7, 2.5], [2.5, 0]]).tolist()
+    [[0.5, 0.0], [1.0, 2.0], [2.0, 2.0], [2.5, 0.0]]
+    """
+    path = frozen(points, (None, 2), "path")
+    flat = FlatPolygon.from_shapely(free)
+    for k in range(len(path) - 1):
+        if not segment_inside(flat.vertices, flat.starts, *path[k], *path[k + 1]):
+            raise InputError(f"path: leg {k} from {path[k]} to {path[k + 1]} leaves the free area")
+    if len(path) < 2:
+        return path
+    mesh = triangulate(free)
+    pulled = [path[:1]]
+    for start, sleeve, end in _find_sleeves(mesh, path):
+        pulled.append(_pull(mesh, start, sleeve, end)[1:])
+    return frozen(np.concatenate(pulled), (None, 2), "path")
 
 
 def route(free: Polygon | MultiPolygon, start: ArrayLike, goal: ArrayLike) -> Array | None:
@@ -43,6 +94,37 @@ def route(free: Polygon | MultiPolygon, start: ArrayLike, goal: ArrayLike) -> Ar
     first, last = (int(locate(mesh.vertices, mesh.corners, *p)) for p in (a, b))
     sleeve = search_through(mesh, a, first, last)
     return None if sleeve is None else frozen(_pull(mesh, a, sleeve, b), (None, 2), "path")
+
+
+def _find_sleeves(mesh: Triangulation, path: Array) -> Iterator[tuple[Array, list[int], Array]]:
+    """Sleeves of triangles that the path passes, without detours, from one held point to the next."""
+    start, sleeve = path[0], list[int]()
+    for triangle, here, radius in _triangles_along(mesh, path):
+        link = link_round(mesh, sleeve[-1], triangle, here, radius) if sleeve else [triangle]
+        if link is None:
+            yield start, sleeve, here
+            start, sleeve, link = here, [], [triangle]
+        for t in link:
+            if len(sleeve) > 1 and sleeve[-2] == t:
+                sleeve.pop()
+            elif not sleeve or sleeve[-1] != t:
+                sleeve.append(t)
+    yield start, sleeve, path[-1]
+
+
+def _triangles_along(mesh: Triangulation, path: Array) -> Iterator[tuple[int, Array, float]]:
+    """Triangles in turn, with the point where the path enters each and how far it may lie from there."""
+    for a, b in zip(path[:-1], path[1:], strict=True):
+        length = float(np.hypot(*(b - a)))
+        if length <= DEPTH:
+            yield int(locate(mesh.vertices, mesh.corners, *b)), b, TOUCH
+            continue
+        triangles, spans = passed(mesh.vertices, mesh.corners, a, b)
+        left = 0.0
+        for triangle, (enters, leaves) in zip(triangles.tolist(), spans, strict=True):
+            middle, gap = (left + enters) / 2, (enters - left) / 2
+            yield triangle, a + (b - a) * (middle / length), gap + TOUCH
+            left = leaves
 
 
 def _trim(mesh: Triangulation, sleeve: Index, end: Array) -> Index:

@@ -1,7 +1,8 @@
-"""Triangulations of polygons: constrained Delaunay triangles, searched from one to another."""
+"""Triangulations of polygons: constrained Delaunay triangles, searched and located along a path."""
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass
 from functools import lru_cache
 from heapq import heappop, heappush
@@ -11,10 +12,12 @@ import numpy as np
 import shapely
 from shapely.geometry import MultiPolygon, Polygon
 
-from regionik.planners.geometry.polygons import FlatPolygon, nearest_on_segment
+from regionik.planners.geometry.polygons import DEPTH, FlatPolygon, nearest_on_segment
 from regionik.planners.kernels import compiled
 from regionik.worlds.arrays import Array, Index
 from regionik.worlds.errors import EngineError
+
+SLACK = 1e-10  # triangles are grown by this when a leg is cut at their edges [m]
 
 
 def delaunay_triangles(polygon: Polygon | MultiPolygon) -> tuple[Array, Index]:
@@ -65,14 +68,35 @@ def search_through(mesh: Triangulation, start: Array, first: int, last: int) -> 
             continue
         came[t] = parent
         if t == last:
-            chain = [last]
-            while came[chain[-1]] != chain[-1]:
-                chain.append(came[chain[-1]])
-            return chain[::-1]
+            return _trace(came, last)
         for n, (x, y) in zip(neighbours[t], middles[t], strict=True):
             if n >= 0 and n not in came:
                 heappush(heap, (cost + hypot(x - at[0], y - at[1]), n, t, (x, y)))
     return None
+
+
+def link_round(mesh: Triangulation, source: int, target: int, at: Array, radius: float) -> list[int] | None:
+    """Triangles that link one to another round a point that both touch; None when they only meet in it."""
+    if source == target or target in mesh.neighbours[source]:
+        return [target]
+    came = {source: source}
+    queue = deque([source])
+    while queue:
+        t = queue.popleft()
+        if t == target:
+            return _trace(came, target)[1:]
+        for n in mesh.neighbours[t].tolist():
+            if n >= 0 and n not in came and gap_to(mesh.vertices, mesh.corners[n], at[0], at[1]) <= radius:
+                came[n] = t
+                queue.append(n)
+    return None
+
+
+def _trace(came: dict[int, int], last: int) -> list[int]:
+    chain = [last]
+    while came[chain[-1]] != chain[-1]:
+        chain.append(came[chain[-1]])
+    return chain[::-1]
 
 
 def _neighbours(corners: Index, vertex_count: int) -> Index:
@@ -113,3 +137,52 @@ def locate(vertices: Array, corners: Index, x: float, y: float) -> int:
             if gap == 0.0:
                 break
     return best
+
+
+@compiled
+def _clip(vertices: Array, corners: Index, a: Array, u: Array, length: float) -> tuple[float, float]:
+    """Part of a leg inside a triangle grown by ``SLACK``: start and end, the start larger when empty."""
+    enters, leaves = 0.0, length
+    for k in range(3):
+        px, py = vertices[corners[k]]
+        qx, qy = vertices[corners[(k + 1) % 3]]
+        side = np.hypot(qx - px, qy - py)
+        ex, ey = (qx - px) / side, (qy - py) / side
+        height = ex * (a[1] - py) - ey * (a[0] - px) + SLACK
+        climb = ex * u[1] - ey * u[0]
+        if climb == 0.0 and height < 0.0:
+            return 1.0, 0.0
+        if climb > 0.0:
+            enters = max(enters, -height / climb)
+        elif climb < 0.0:
+            leaves = min(leaves, -height / climb)
+    return enters, leaves
+
+
+@compiled
+def passed(vertices: Array, corners: Index, a: Array, b: Array) -> tuple[Index, Array]:
+    """Triangles in the order in which a leg from a to b passes them, and its part in each, (m, 2) [m]."""
+    length = np.hypot(b[0] - a[0], b[1] - a[1])
+    u = (b - a) / length
+    hits = np.empty(len(corners), np.int64)
+    cuts = np.empty(2 * len(corners) + 2)
+    cuts[0], cuts[1] = 0.0, length
+    n = 0
+    for t in range(len(corners)):
+        enters, leaves = _clip(vertices, corners[t], a, u, length)
+        if leaves >= enters:
+            hits[n] = t
+            cuts[2 * n + 2], cuts[2 * n + 3] = enters, leaves
+            n += 1
+    cuts = np.sort(cuts[: 2 * n + 2])
+    triangles, spans = np.empty(len(cuts), np.int64), np.empty((len(cuts), 2))
+    m = 0
+    for k in range(len(cuts) - 1):
+        if cuts[k + 1] - cuts[k] <= DEPTH / 2:
+            continue
+        middle = a + u * (0.5 * (cuts[k] + cuts[k + 1]))
+        hit = locate(vertices, corners[hits[:n]], middle[0], middle[1])
+        triangles[m] = hits[hit]
+        spans[m, 0], spans[m, 1] = cuts[k], cuts[k + 1]
+        m += 1
+    return triangles[:m], spans[:m]

@@ -86,9 +86,9 @@ class AnyHeadingDriver:
             return np.array([a, b])
         step = self.world.rules.step
         if isinstance(free, Polygon):
-            found = drive_point_inside(free, flat, *spots, step=step)
+            found = drive_point_inside(free, flat, *spots, step=step, seed=self.seed)
         else:
-            found = drive_point(free, *spots, step=step)
+            found = drive_point(free, *spots, step=step, seed=self.seed)
         self.methods[found.method] = self.methods.get(found.method, 0) + 1
         points = np.array(found.points)
         points[0], points[-1] = a, b
@@ -161,7 +161,7 @@ class ByHeadingDriver(ShapedDriver):
 
     def paths(self, ladder: Ladder) -> ByHeadingPaths:
         """See `Driver`."""
-        return ByHeadingPaths(self.world, ladder, self.standing)
+        return ByHeadingPaths(self.world, ladder, self.standing, self.seed)
 
 
 @dataclass(frozen=True, eq=False)
@@ -245,6 +245,7 @@ class ByHeadingPaths:
     world: World
     ladder: Ladder
     standing: Standing
+    seed: int
     _slabs: dict[int, tuple[Slab, ...]] = field(default_factory=dict)
 
     def between(self, k: int, j: int, here: Array, goal: Array) -> Iterator[BasePath]:
@@ -281,7 +282,7 @@ class ByHeadingPaths:
         if slide_is_free(room, a, b):
             return np.stack([a, b])
         seen = [np.array([*axis_of(robot, pose), pose[2]]) for pose in (a, b)]
-        found = path_through_slabs(_axis_room(self.world), self._group(k), seen[0], seen[1])
+        found = path_through_slabs(_axis_room(self.world), self._group(k), seen[0], seen[1], self.seed)
         if found is None:
             return None
         poses = np.array([pose_of(robot, p[:2], float(p[2])) for p in _short_turns(found)])
