@@ -18,9 +18,7 @@ from regionik.values import Violation
 from regionik.verification.convex_distance import (
     RoundedHull,
     SignedDistances,
-    face_distances,
     gap_along,
-    link_hull,
     prism_hull,
     signed_distances,
 )
@@ -65,7 +63,7 @@ def _pairs(robot: Robot) -> Iterator[tuple[_Body, _Body]]:
     """The pairs that could meet, the body nearer to the base first."""
     body = base_body(robot)
     base = [] if body is None else [_Body("the robot's own base", -1, prism_hull(body))]
-    links = [_Body(solid.name, solid.link, link_hull(solid)) for solid in robot.all_solids]
+    links = [_Body(s.name, s.link, RoundedHull(s.corners, s.radius)) for s in robot.all_solids]
     for pair in self_collision_pairs(robot):
         if -1 in pair and not base:
             continue
@@ -84,7 +82,7 @@ class _PairProof:
         """Least distance up to `MARGIN_RANGE`, and the violations."""
         near = self._sphere_distances()
         state = np.flatnonzero(near < MARGIN_RANGE)
-        distance = self._distances_at_states(self._poses(self.segments.motion.joints[state]))
+        distance = self._signed_distances(self._poses(self.segments.motion.joints[state])).distance
         hits = {k: d for k, d in zip(state.tolist(), distance.tolist(), strict=True) if d < -TOUCH}
         near[state] = distance
         segment = np.flatnonzero(np.minimum(near[:-1], near[1:]) < self._bounds.speed / 2)
@@ -127,34 +125,17 @@ class _PairProof:
         distance: Array = np.linalg.norm(centre - fixed, axis=1) - r_fixed - r_moving
         return distance
 
-    def _distances_at_states(self, T: Array) -> Array:
-        """Signed distances; a lower bound only of poses that are neither the nearest nor overlap."""
-        found: Array = face_distances(self.lower.hull, self.upper.hull, T).distance
-        if not len(T):
-            return found
-        first = int(found.argmin())
-        least = float(self._signed_distances(T[first : first + 1]).distance[0])
-        refined = found < max(0.0, least)
-        found[refined] = self._signed_distances(T[refined]).distance
-        return found
-
     def _examine(self, segment: Indices, intervals: Intervals) -> IntervalVerdicts:
-        lower, upper = self.lower.hull, self.upper.hull
         shares = (intervals.low, intervals.middle, intervals.high)
         T = np.stack([self._poses_at(segment, s) for s in shares], axis=1)
-        corners = upper.corners_in(T)  # (m, 3 samples, k, 3)
+        corners = self.upper.hull.corners_in(T)  # (m, 3 samples, k, 3)
         moved = np.linalg.norm(corners - corners[:, 1:2], axis=-1).max((1, 2))
         bulge = chord_deviation(self._bounds.acceleration[segment], intervals.length)
-        swept = corners.reshape(len(segment), -1, 3)
-        needed, radii = bulge - TOUCH, lower.radius + upper.radius
-        proven = gap_along(lower, swept, face_distances(lower, upper, T[:, 1]).normal) - radii >= needed
-        refuted = np.zeros(len(segment), dtype=bool)
-        rest = np.flatnonzero(~proven)
-        found = self._signed_distances(T[rest, 1])
-        gap = gap_along(lower, swept[rest], found.normal) - radii
-        proven[rest] = np.maximum(gap, found.distance - moved[rest]) >= needed[rest]
-        refuted[rest] = found.distance < -TOUCH
-        return IntervalVerdicts(proven, refuted, moved + 100 * bulge < SHORTEST)
+        found = self._signed_distances(T[:, 1])
+        swept = gap_along(self.lower.hull, corners.reshape(len(segment), -1, 3), found.normal)
+        gap = swept - self.lower.hull.radius - self.upper.hull.radius
+        proven = np.maximum(gap, found.distance - moved) >= bulge - TOUCH
+        return IntervalVerdicts(proven, found.distance < -TOUCH, moved + 100 * bulge < SHORTEST)
 
     def _violation(self, state: int, where: str, distance: float) -> Violation:
         one, other = self.upper.name, self.lower.name
