@@ -66,7 +66,7 @@ def signed_distances(fixed: RoundedHull, moving: RoundedHull, T: Array) -> Signe
 
 def _normal(fixed: Array, moving: Array) -> Array:
     """Direction from one hull to another along which their gap is largest; zeros where flat ones meet."""
-    normal = moving.mean(0) - fixed.mean(0)
+    normal: Array = moving.mean(0) - fixed.mean(0)
     if hull_distance(moving, fixed, 0.0, normal, np.empty(3))[0] > 0:
         return normal
     try:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from regionik.verification.motion import point_jacobian
-from regionik.verification.tool_path import rotation_to
+from regionik.verification.tool_path import tool_deviations
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import Target, World
 
@@ -43,11 +43,8 @@ def postures_led_to(
         At most 0 where the target is met [m] or [rad].
     """
     chain, close = world.robot.chain, CLOSE * world.rules.tolerance
-    q, goals, left = (
-        np.clip(joints, chain.lower, chain.upper),
-        _Goals.of(targets, close),
-        np.arange(len(joints)),
-    )
+    goals, left = _Goals.of(targets, close), np.arange(len(joints))
+    q = np.clip(joints, chain.lower, chain.upper)
     # Six joints and more turn the tool the shortest way at first, then by its angle alone, as fewer do.
     whole = ITERATIONS // 2 if chain.dof >= 6 else 0
     for n in range(ITERATIONS):
@@ -75,9 +72,7 @@ class _Goals(NamedTuple):
     frames: Array  # (n, 3, 3) asked tool frame, or a direction in its last column
     framed: Mask  # (n,) a frame is asked
     directed: Mask  # (n,) a direction or a frame is asked
-    cones: (
-        Array  # (n,) hardly narrower than asked: at the end of the reach no tool may turn any further [rad]
-    )
+    cones: Array  # (n,) hardly narrower than asked: at the end of the reach no tool may turn farther [rad]
 
     @classmethod
     def of(cls, targets: Sequence[Target], close: float) -> _Goals:
@@ -97,13 +92,8 @@ class _Goals(NamedTuple):
         )
 
     def only(self, some: NDArray[np.intp]) -> _Goals:
-        return _Goals(
-            self.positions[some],
-            self.frames[some],
-            self.framed[some],
-            self.directed[some],
-            self.cones[some],
-        )
+        columns: tuple[Any, ...] = self
+        return _Goals(*(column[some] for column in columns))
 
 
 def _damped_step(J: Array, residual: Array) -> Array:
@@ -158,22 +148,11 @@ def _turn_left(goals: _Goals, R: Array) -> Array:
     return left
 
 
-def _rotation_off(target: Target, R: Array) -> tuple[Array, float]:
-    """Axis (3,), not normalized, and angle [rad] of the rotation from the tool to what is asked."""
-    if target.direction is None:
-        return np.zeros(3), 0.0
-    if target.orientation is not None:
-        return rotation_to(target.orientation, R)
-    axis = np.cross(R[:, 2], target.direction)
-    return axis, float(np.arctan2(np.linalg.norm(axis), R[:, 2] @ target.direction))
-
-
 def _excess(world: World, targets: Sequence[Target], poses: Array, q: Array) -> Array:
     """Amount by which tools miss tolerance or cone, at most 0 where they do not, (n,) [m] or [rad]."""
     tool = world.robot.tool(poses, q)[:, :3]
     positions = np.array([target.position for target in targets])
     excess: Array = np.linalg.norm(tool[:, :, 3] - positions, axis=1) - world.rules.tolerance
     for k, (target, R) in enumerate(zip(targets, tool[:, :, :3], strict=True)):
-        if target.direction is not None:
-            excess[k] = max(excess[k], _rotation_off(target, R)[1] - target.cone)
+        excess[k] = max([excess[k], *(angle - target.cone for _, angle in tool_deviations(target, R))])
     return excess

@@ -40,7 +40,7 @@ def verify_setpoints(world: World, segments: MotionSegments, names: StateNames) 
         if off > allowed + EXACT:
             text = f"the tool is {off:.4f} m off {names.setpoint(i)}; the rules allow {allowed:g} m"
             violations.append(Violation("setpoint", k, i, off - allowed, text))
-        for what, angle in _deviations(target, tool[:3, :3]):
+        for what, angle in tool_deviations(target, tool[:3, :3]):
             if angle > target.cone + EXACT:
                 text = f"the tool's {what} is {angle:.4f} rad off at {names.setpoint(i)}; "
                 text += f"its cone allows {target.cone:g} rad"
@@ -48,20 +48,16 @@ def verify_setpoints(world: World, segments: MotionSegments, names: StateNames) 
     return finding("setpoint", min(margins), violations)
 
 
-def _deviations(target: Target, R: Array) -> list[tuple[str, float]]:
+def tool_deviations(target: Target, R: Array) -> list[tuple[str, float]]:
+    """Angles between a tool frame (3, 3) and what a target asks of it, by name [rad]."""
     found = []
     if target.direction is not None:
         found.append(("axis", float(angle_between(R[:, 2], target.direction))))
     if target.orientation is not None:
-        found.append(("orientation", rotation_to(target.orientation, R)[1]))
+        D = target.orientation @ R.T
+        twist = D[2, 1] - D[1, 2], D[0, 2] - D[2, 0], D[1, 0] - D[0, 1]  # 2 sin(angle) along the axis
+        found.append(("orientation", float(np.arctan2(np.linalg.norm(twist), np.trace(D) - 1.0))))
     return found
-
-
-def rotation_to(wanted: Array, R: Array) -> tuple[Array, float]:
-    """Axis (3,), not normalized, and angle [rad] of the rotation that takes a frame to another."""
-    D = wanted @ R.T
-    axis = np.array([D[2, 1] - D[1, 2], D[0, 2] - D[2, 0], D[1, 0] - D[0, 1]])  # 2 sin(angle) along it
-    return axis, float(np.arctan2(np.linalg.norm(axis), np.trace(D) - 1.0))
 
 
 @dataclass(frozen=True, eq=False)
