@@ -221,20 +221,11 @@ class _Rejected:
 
 @dataclass(frozen=True, eq=False)
 class PosePath:
-    """Poses of the tool: all set-points, and some between.
+    """Poses of the tool: all set-points, and some between."""
 
-    Attributes
-    ----------
-    poses : list of (4, 4) arrays
-    owner : list of int
-        The set-point, or the one before a pose between.
-    exact : list of bool
-        True for a set-point.
-    """
-
-    poses: list[Array]
-    owner: list[int]
-    exact: list[bool]
+    poses: list[Array]  # (4, 4) each
+    owner: list[int]  # the set-point, or the one before a pose between
+    exact: list[bool]  # true for a set-point
 
 
 @dataclass(frozen=True, eq=False)

@@ -59,29 +59,16 @@ def _repair(world: World, kind: RepairKind, name: str, amount: float, by: Iterab
 
 @dataclass(frozen=True, eq=False)
 class Change:
-    """A change of one world by any amount.
-
-    Attributes
-    ----------
-    world : World
-    most : float
-        Largest amount that is tried.
-    repair : callable
-        The repair of an amount, rounded to the grid of `FINE`.
-    as_target : callable, optional
-        The target that in the unchanged world has the areas of the world changed by an amount.
-    monotone : bool
-        True where more of it never takes room away, so that bisection alone finds the least.
-    counted : bool
-        True where amounts are whole numbers.
-    """
+    """A change of one world by any amount."""
 
     world: World
-    most: float
-    repair: Callable[[float], Repair]
+    most: float  # largest amount that is tried
+    repair: Callable[[float], Repair]  # the repair of an amount, rounded to the grid of `FINE`
+    # The target that in the unchanged world has the areas of the world changed by an amount
     as_target: Callable[[float], Target] | None = None
+    # True where more of it never takes room away, so that bisection alone finds the least
     monotone: bool = False
-    counted: bool = False
+    counted: bool = False  # true where amounts are whole numbers
 
     def at(self, amount: float) -> World:
         """Return the world changed by an amount."""

@@ -74,21 +74,13 @@ COARSE = Scan(12, FINE, 0.01)  # for what is dear to ask
 
 @dataclass(frozen=True)
 class Oracles:
-    """Stages that decide on the one target of a world.
+    """Stages that decide on the one target of a world."""
 
-    Attributes
-    ----------
-    reach : callable
-        The answer of `regionik.reach`.
-    seen : callable
-        True where a configuration is found in the areas that hold at every heading: faster than ``reach``,
-        and stricter.
-    look : callable
-        Verdict of a search of all postures from all places, with a budget of cells.
-    """
-
-    reach: Callable[[World], Answer]
+    reach: Callable[[World], Answer]  # the answer of `regionik.reach`
+    # True where a configuration is found in the areas that hold at every heading: faster than ``reach``, and
+    # stricter
     seen: Callable[[World], bool]
+    # Verdict of a search of all postures from all places, with a budget of cells
     look: Callable[[World, int], Verdict]
 
 

@@ -36,21 +36,12 @@ class Candidate:
 
 
 class BasePath(NamedTuple):
-    """A way of the base from one set-point to the next, knot by knot, and how far the tool is at each.
+    """A way of the base from one set-point to the next, knot by knot, and how far the tool is at each."""
 
-    Attributes
-    ----------
-    rolls : bool
-        How the base goes from knot to knot; see `regionik.worlds.drives.BaseDrive`.
-    knots : (k, 3) array
-        Base poses; where the heading is NaN it is free, and the place is that of the arm axis [m], [rad].
-    tool : (k,) array
-        0 at the first set-point, 1 at the second.
-    """
-
-    rolls: bool
+    rolls: bool  # how the base goes from knot to knot; see `regionik.worlds.drives.BaseDrive`
+    # (k, 3) base poses; where the heading is NaN it is free, and the place is that of the arm axis [m], [rad]
     knots: Array
-    tool: Array
+    tool: Array  # (k,) 0 at the first set-point, 1 at the second
 
     def places(self, leg: Index, share: Array) -> Array:
         """Poses (n, 3) at shares (n,) of legs (n,); leg k goes from knot k to the next."""

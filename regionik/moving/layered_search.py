@@ -49,42 +49,22 @@ Mask = NDArray[np.bool_]
 
 @dataclass(frozen=True, eq=False)
 class Layer:
-    """Nodes at one set-point: facing of the arm, heading, and cell of the grid.
+    """Nodes at one set-point: facing of the arm, heading, and cell of the grid."""
 
-    Attributes
-    ----------
-    corner : (2,) array of int
-        Cell with the index 0, 0.
-    owner : (f, 16, nx, ny) array of int
-        Component that holds the node, -1 for none.
-    value : (f, 16, nx, ny) array
-        Least cost to do the rest of the path from it, infinite where there is no node [m].
-    """
-
-    corner: Index
-    owner: Labels
+    corner: Index  # (2,) cell with the index 0, 0
+    owner: Labels  # (f, 16, nx, ny) component that holds the node, -1 for none
+    # (f, 16, nx, ny) least cost to do the rest of the path from it, infinite where there is no node [m]
     value: Array
 
 
 @dataclass(frozen=True, eq=False)
 class LayeredSearch:
-    """Poses of a base on wheels for every set-point of a pruned ladder, by what the rest of the path costs.
-
-    Attributes
-    ----------
-    world : World
-    ladder : Ladder
-    keep : (m,) array of bool
-        Components that pruning left.
-    breaks : tuple of int
-        Set-points before which it lifts the tool.
-    standing : Standing
-    """
+    """Poses of a base on wheels for all set-points of a pruned ladder, by what the rest of the path costs."""
 
     world: World
     ladder: Ladder
-    keep: Mask
-    breaks: tuple[int, ...]
+    keep: Mask  # (m,) components that pruning left
+    breaks: tuple[int, ...]  # set-points before which it lifts the tool
     standing: Standing
     _layers: dict[int, Layer] = field(default_factory=dict)
 

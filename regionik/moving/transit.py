@@ -33,18 +33,13 @@ STATIONS = 3  # places to fold at that are looked at, from where the robot is on
 
 @dataclass(frozen=True, eq=False)
 class TransitPlanner:
-    """Moves the robot with its tool lifted.
-
-    Attributes
-    ----------
-    refusals : list of NoPathError
-        Why the base found no way, one for each time it did not.
-    """
+    """Moves the robot with its tool lifted."""
 
     world: World
     guard: Guard
     interpolator: Interpolator
     driver: Driver
+    # Why the base found no way, one for each time it did not
     refusals: list[NoPathError] = field(default_factory=list)
     _missed: dict[str, int] = field(default_factory=dict)  # how often the arm did not come to be carried so
 

@@ -27,19 +27,11 @@ TRIES = 4  # motions to a posture that are looked at
 
 @dataclass(frozen=True, eq=False)
 class ArmRoadmap:
-    """Tree of postures on one pose of the base.
+    """Tree of postures on one pose of the base."""
 
-    Attributes
-    ----------
-    base : (3,) array
-    joints : (n, dof) array
-        Postures, the root first.
-    parent : (n,) array of int
-        Posture that each is joined to by a straight motion that is proven clear; -1 for the root.
-    """
-
-    base: Array
-    joints: Array
+    base: Array  # (3,)
+    joints: Array  # (n, dof) postures, the root first
+    # (n,) posture that each is joined to by a straight motion that is proven clear; -1 for the root
     parent: Index
 
     def way(self, guard: Guard, here: Array, there: Array) -> list[Pose] | None:

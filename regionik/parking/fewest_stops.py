@@ -38,24 +38,13 @@ from regionik.worlds.scene import Target, World
 
 @dataclass(frozen=True, eq=False)
 class Parking:
-    """Fewest stops and a lower bound of their number.
-
-    Attributes
-    ----------
-    parking_areas : ParkingAreas
-    groups : tuple of StopGroup
-    lower : int
-        No base needs fewer stops.
-    stats : dict
-        How the bound is known.
-    spots : dict of int to (n, 2) array
-        By side, in any order: places of all sets of set-points whose areas meet, the largest of them [m].
-    """
+    """Fewest stops and a lower bound of their number."""
 
     parking_areas: ParkingAreas
     groups: tuple[StopGroup, ...]
-    lower: int
-    stats: dict[str, int | bool | str] = field(default_factory=dict)
+    lower: int  # no base needs fewer stops
+    stats: dict[str, int | bool | str] = field(default_factory=dict)  # how the bound is known
+    # (n, 2) by side, in any order: places of all sets of set-points whose areas meet, the largest of them [m]
     spots: dict[int, Array] = field(default_factory=dict)
 
 

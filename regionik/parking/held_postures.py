@@ -41,24 +41,14 @@ RIM_STEPS = 4  # on the way out to its rim, each posture the start of the next
 
 @dataclass(frozen=True, eq=False)
 class HeldPostures:
-    """Postures at set-points in a row from one pose of the base.
+    """Postures at set-points in a row from one pose of the base."""
 
-    Attributes
-    ----------
-    base : (3,) array
-    served : tuple of int
-        Indices of the k set-points among those asked for: the first k, or any where their order is free.
-    joints : (k, dof) array
-    spare : float
-        Least distance of a joint to a limit, as a share of its range.
-    roadmap : ArmRoadmap or None
-        Of ways from one posture to another and to the carry posture, where those are known.
-    """
-
-    base: Array
+    base: Array  # (3,)
+    # Indices of the k set-points among those asked for: the first k, or any where their order is free
     served: tuple[int, ...]
-    joints: Array
-    spare: float
+    joints: Array  # (k, dof)
+    spare: float  # least distance of a joint to a limit, as a share of its range
+    # Of ways from one posture to another and to the carry posture, where those are known
     roadmap: ArmRoadmap | None = None
 
     def of(self, some: Sequence[int]) -> HeldPostures:
@@ -68,14 +58,7 @@ class HeldPostures:
 
 @dataclass(frozen=True, eq=False)
 class PostureCarrier:
-    """The robot of a world, carried along set-points.
-
-    Attributes
-    ----------
-    world : World
-    guard : Guard
-    targets : sequence of Target
-    """
+    """The robot of a world, carried along set-points."""
 
     world: World
     guard: Guard

@@ -25,22 +25,13 @@ from regionik.worlds.scene import Order, World
 
 @dataclass(frozen=True, eq=False)
 class StopGroup:
-    """Set-points that one stop can serve, and all positions that do.
-
-    Attributes
-    ----------
-    setpoints : tuple of int
-    places : dict of int to geometry
-        By side of the standing; shrunk by the circle to park in.
-    spot : (2,) array or None
-        Position of the arm axis from which one heading is known to serve all of them [m].
-    held : HeldPostures or None
-        Postures at the set-points on a pose of the base there, where a place does not give the arm its own.
-    """
+    """Set-points that one stop can serve, and all positions that do."""
 
     setpoints: tuple[int, ...]
-    places: dict[int, BaseGeometry]
+    places: dict[int, BaseGeometry]  # by side of the standing; shrunk by the circle to park in
+    # (2,) position of the arm axis from which one heading is known to serve all of them [m]
     spot: Array | None = None
+    # Postures at the set-points on a pose of the base there, where a place does not give the arm its own
     held: HeldPostures | None = None
 
     def of(self, setpoints: tuple[int, ...]) -> StopGroup:
@@ -51,31 +42,16 @@ class StopGroup:
 
 @dataclass(frozen=True, eq=False)
 class ParkingAreas:
-    """Areas to park in, under one way to stand and to face.
-
-    Attributes
-    ----------
-    standing : Standing
-    facings : tuple of int
-    piece : int
-        Label of the floor that the base gets to.
-    areas : PathAreas
-    ladder : Ladder
-    usable : (m,) array of bool
-        Components on the floor that the base gets to.
-    narrow : (m,) array of geometry
-        Components shrunk by the circle to park in.
-    back : tuple of tuples of int
-        For each component those of the set-point before that the arm comes from while the base stands still.
-    """
+    """Areas to park in, under one way to stand and to face."""
 
     standing: Standing
     facings: tuple[int, ...]
-    piece: int
+    piece: int  # label of the floor that the base gets to
     areas: PathAreas
     ladder: Ladder
-    usable: Mask
-    narrow: Geometries
+    usable: Mask  # (m,) components on the floor that the base gets to
+    narrow: Geometries  # (m,) components shrunk by the circle to park in
+    # For each component those of the set-point before that the arm comes from while the base stands still
     back: tuple[tuple[int, ...], ...]
 
     @cached_property

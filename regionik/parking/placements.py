@@ -38,31 +38,16 @@ ROUNDING = 1e-9  # by which a circle may be smaller than asked [m]
 
 @dataclass(frozen=True, eq=False)
 class BasePlacement:
-    """Pose of the base at a stop and the set-points that it serves.
-
-    Attributes
-    ----------
-    setpoints, chain : tuple of int
-        Set-points, and the component of each that the base stands in.
-    axis : (2,) array
-        Of the arm [m].
-    base : (3,) array
-        x, y [m], yaw [rad].
-    near : (n, dof) array
-        Posture that the arm begins from at each set-point, its pivot running on from one to the next.
-    tolerance : float
-        Radius of the circle in which all this holds [m].
-    roadmap : ArmRoadmap or None
-        Of ways between the postures, where those are known.
-    """
+    """Pose of the base at a stop and the set-points that it serves."""
 
     setpoints: tuple[int, ...]
-    chain: tuple[int, ...]
-    axis: Array
-    base: Array
+    chain: tuple[int, ...]  # component of each that the base stands in
+    axis: Array  # (2,) of the arm [m]
+    base: Array  # (3,) x, y [m], yaw [rad]
+    # (n, dof) posture that the arm begins from at each set-point, its pivot running on from one to the next
     near: Array
-    tolerance: float
-    roadmap: ArmRoadmap | None = None
+    tolerance: float  # radius of the circle in which all this holds [m]
+    roadmap: ArmRoadmap | None = None  # of ways between the postures, where those are known
 
     def stop(self, world: World) -> Stop:
         """The placement as a plan tells it."""

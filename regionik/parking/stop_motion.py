@@ -45,22 +45,12 @@ LEAST = 1e-4  # radius below which a circle is only its middle [m]
 
 @dataclass(frozen=True, eq=False)
 class StopMotion:
-    """A motion through all stops.
-
-    Attributes
-    ----------
-    joined : JoinedMotion
-    stops : tuple of Stop
-    split : tuple of int
-        Set-points before which a stop had to be split.
-    places : tuple of geometry
-        For each set-point the places of its stop.
-    """
+    """A motion through all stops."""
 
     joined: JoinedMotion
     stops: tuple[Stop, ...]
-    split: tuple[int, ...]
-    places: tuple[BaseGeometry, ...]
+    split: tuple[int, ...]  # set-points before which a stop had to be split
+    places: tuple[BaseGeometry, ...]  # for each set-point the places of its stop
 
 
 def connect_stops(sequence: StopSequence, seed: int) -> StopMotion:

@@ -38,19 +38,11 @@ SPARE = 5e-4  # kept beyond what the rules want, so that what is planned can be 
 
 @dataclass(frozen=True, eq=False)
 class Guard:
-    """The robot among the solids of its world, judged by the world's rules.
-
-    Attributes
-    ----------
-    world : World
-    bodies : Bodies
-    contact : ContactTargets
-        Where the last link may touch.
-    """
+    """The robot among the solids of its world, judged by the world's rules."""
 
     world: World
     bodies: Bodies
-    contact: ContactTargets
+    contact: ContactTargets  # where the last link may touch
 
     @property
     def on(self) -> bool:

@@ -24,25 +24,14 @@ ROUNDING = 1e-6  # by which inner families keep within their cone [rad]
 
 @dataclass(frozen=True)
 class Family:
-    """Postures of one kind for one target.
+    """Postures of one kind for one target."""
 
-    Attributes
-    ----------
-    facing : int
-        `FRONT` where the target lies ahead in the arm's plane (r > 0), `BACK` where behind (r < 0).
-    pitch : float
-        Angle at which the solver holds the last link in the plane [rad]; NaN where it is free.
-    azimuth, half : float
-        The plane may point within ``half`` of ``azimuth``, seen from above [rad].
-    pitches : (low, high)
-        Pitches that the reach allows [rad].
-    """
-
-    facing: int
+    facing: int  # `FRONT` where the target lies ahead in the arm's plane (r > 0), `BACK` where behind (r < 0)
+    # Angle at which the solver holds the last link in the plane [rad]; NaN where it is free
     pitch: float = np.nan
-    azimuth: float = 0.0
+    azimuth: float = 0.0  # the plane may point within ``half`` of ``azimuth``, seen from above [rad]
     half: float = np.pi
-    pitches: tuple[float, float] = FREE
+    pitches: tuple[float, float] = FREE  # (low, high) pitches that the reach allows [rad]
 
 
 @lru_cache(maxsize=4096)

@@ -31,25 +31,13 @@ THRESHOLD_PITCHES = 360  # of the last link, tried for a posture that meets the 
 
 @dataclass(frozen=True, eq=False)
 class PlanarSolver:
-    """Solver of an arm in one vertical plane, for one family of postures.
-
-    Attributes
-    ----------
-    arm : PlanarArm
-    plane : PlanarLinkage
-        The arm for kernels, heights counted from the floor.
-    family : Family
-    tolerance : float
-        [m]
-    asked : Thresholds or None
-        Of manipulability and effort, which postures must meet.
-    """
+    """Solver of an arm in one vertical plane, for one family of postures."""
 
     arm: PlanarArm
-    plane: PlanarLinkage
+    plane: PlanarLinkage  # the arm for kernels, heights counted from the floor
     family: Family
-    tolerance: float
-    asked: Thresholds | None = None
+    tolerance: float  # [m]
+    asked: Thresholds | None = None  # of manipulability and effort, which postures must meet
 
     @property
     def _restarts(self) -> Array:

@@ -45,35 +45,18 @@ JOINT_MARGIN = math.radians(2)  # [rad]
 
 @dataclass(frozen=True, eq=False)
 class PathRun:
-    """States with the tool on its path, from one lift-off to the next, laid out to be smoothed.
+    """States with the tool on its path, from one lift-off to the next, laid out to be smoothed."""
 
-    Attributes
-    ----------
-    first, last : int
-        Rows of the plan's motion that the run takes the place of.
-    owner : (n,) array of int
-        Set-point of each state.
-    worked : (n,) array of bool
-        States that are set-points.
-    states : (n, m) array
-        x, y, yaw and joints, before smoothing.
-    areas : (k,) array of geometry
-        Of the arm axis at the set-points.
-    problem, coarse : PathProblem
-        Of all states, and of the set-points and both ends; coordinates are held that must be.
-    keeper : StateKeeper
-        Of all states.
-    """
-
-    first: int
+    first: int  # rows of the plan's motion that the run takes the place of
     last: int
-    owner: Index
-    worked: NDArray[np.bool_]
-    states: Array
-    areas: Geometries
+    owner: Index  # (n,) set-point of each state
+    worked: NDArray[np.bool_]  # (n,) states that are set-points
+    states: Array  # (n, m) x, y, yaw and joints, before smoothing
+    areas: Geometries  # (k,) of the arm axis at the set-points
+    # Of all states, and of the set-points and both ends; coordinates are held that must be
     problem: PathProblem
     coarse: PathProblem
-    keeper: StateKeeper
+    keeper: StateKeeper  # of all states
 
     def begun(self) -> Array:
         """States of the set-points alone smoothed, the others between them, which is soon done."""

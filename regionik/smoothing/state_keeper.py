@@ -25,21 +25,12 @@ RECOVERY = 0.01  # by which a state outside is asked to come back in a round [m]
 
 @dataclass(frozen=True, eq=False)
 class StateKeeper:
-    """Keeps the arm axis in its areas and the links clear.
-
-    Attributes
-    ----------
-    robot : Robot
-    guard : Guard
-    within : (n,) array of geometry
-        Where the arm axis may be in each state.
-    demanded : (n,) array
-        Distance from the edge of that, and beyond the clearance of links, that is not given up [m].
-    """
+    """Keeps the arm axis in its areas and the links clear."""
 
     robot: Robot
     guard: Guard
-    within: Geometries
+    within: Geometries  # (n,) where the arm axis may be in each state
+    # (n,) distance from the edge of that, and beyond the clearance of links, that is not given up [m]
     demanded: Array
 
     def half_spaces(self, states: Array) -> HalfSpaces:

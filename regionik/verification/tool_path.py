@@ -241,30 +241,15 @@ def _within_cones(motion: _SphereMotion, names: StateNames, kind: str, what: str
 
 @dataclass(frozen=True, eq=False)
 class _SphereMotion:
-    """Motion of a point on a unit sphere, and the cone about the arc that it must stay in.
+    """Motion of a point on a unit sphere, and the cone about the arc that it must stay in."""
 
-    Attributes
-    ----------
-    at_segment : callable
-        Points (m, d) at shares of segments.
-    nearest_sign : callable
-        Of points that mean the same, those nearest to others.
-    segment : (n,) array of int
-    start, end : (n, d) arrays
-        Ends of the arc.
-    cone : (n,) array
-        [rad]
-    acceleration : (n,) array
-        Upper bound for the point's acceleration [1 per segment^2].
-    """
-
-    at_segment: Callable[[Indices, Array], Array]
-    nearest_sign: Callable[[Array, Array], Array]
-    segment: Indices
-    start: Array
-    end: Array
-    cone: Array
-    acceleration: Array
+    at_segment: Callable[[Indices, Array], Array]  # points (m, d) at shares of segments
+    nearest_sign: Callable[[Array, Array], Array]  # of points that mean the same, those nearest to others
+    segment: Indices  # (n,)
+    start: Array  # (n, d) of the arc
+    end: Array  # (n, d) of the arc
+    cone: Array  # (n,) [rad]
+    acceleration: Array  # (n,) upper bound for the point's acceleration [1 per segment^2]
 
     def take(self, which: Mask) -> _SphereMotion:
         return replace(
