@@ -47,6 +47,11 @@ class Pruned:
     keep: Mask
     breaks: tuple[int, ...]
 
+    def kept(self, i: int) -> list[int]:
+        """Components of a set-point that are left."""
+        rungs = self.ladder.rungs
+        return [k for k in range(rungs[i], rungs[i + 1]) if self.keep[k]]
+
     def area(self, i: int) -> BaseGeometry:
         """Return what is left of the area of set-point i."""
         rungs = self.ladder.rungs
@@ -224,14 +229,13 @@ def choose_chain(pruned: Pruned, standing: Standing, start: Array | None) -> lis
     start : (3,) array or None
         Where the arm axis stands at first, and the base's heading.
     """
-    ladder, rungs = pruned.ladder, pruned.ladder.rungs
+    ladder = pruned.ladder
     before: list[int] = [-1] * len(ladder.component)
     spans = [standing.sides[s].span for s in ladder.side.tolist()]
     best: dict[int, _Trip] = {}
     for i in range(ladder.count):
-        kept = [k for k in range(rungs[i], rungs[i + 1]) if pruned.keep[k]]
         now: dict[int, _Trip] = {}
-        for k in kept:
+        for k in pruned.kept(i):
             if i == 0:
                 now[k] = _first(ladder, k, spans[k], start)
                 continue

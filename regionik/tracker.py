@@ -13,7 +13,6 @@ from itertools import pairwise
 
 import numpy as np
 import shapely
-from scipy.spatial.transform import Rotation
 from shapely.geometry import Point
 from shapely.geometry.base import BaseGeometry
 
@@ -27,6 +26,7 @@ from regionik.planners.driving.point_planner import NoPathError
 from regionik.planners.driving.pose_planner import drive_differential
 from regionik.planners.driving.pose_tracking import TrackedRun, TrackingRobot, start_headings, track_runs
 from regionik.planners.progress import tell
+from regionik.postures.arm import goal_between
 from regionik.postures.poses import LARGEST_BEND, Pose, Row, axis_of, columns, lift_offs, motion_stats
 from regionik.values import Configuration, Motion, Plan, PlannedArea, Report
 from regionik.verification.verifier import verify
@@ -310,14 +310,7 @@ def _path(task: tuple[Target, ...], parts: list[int]) -> PosePath:
     """Path with the segment after each set-point in a number of parts, turned evenly."""
     poses, owner = [tool_frame(task[0])], [0]
     for i, (a, b) in enumerate(pairwise(task)):
-        here, there = tool_frame(a), tool_frame(b)
-        turn = Rotation.from_matrix(here[:3, :3].T @ there[:3, :3]).as_rotvec()
-        for k in range(1, parts[i]):
-            s, T = k / parts[i], np.eye(4)
-            T[:3, :3] = here[:3, :3] @ Rotation.from_rotvec(s * turn).as_matrix()
-            T[:3, 3] = here[:3, 3] + s * (there[:3, 3] - here[:3, 3])
-            poses.append(T)
-        poses.append(there)
+        poses += [tool_frame(goal_between(a, b, k / parts[i])) for k in range(1, parts[i] + 1)]
         owner += [i] * (parts[i] - 1) + [i + 1]
     exact = [k == 0 or i != owner[k - 1] for k, i in enumerate(owner)]
     return PosePath(poses, owner, exact)

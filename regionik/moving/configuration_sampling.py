@@ -95,17 +95,9 @@ class ConfigurationSampler:
     def options(
         self, i: int, components: Sequence[int], here: Pose, nominal: Candidate
     ) -> Iterator[Candidate]:
-        """Clear configurations at set-point i, the likeliest first.
+        """Clear configurations at set-point i with the base in some components, the likeliest first.
 
-        Parameters
-        ----------
-        i : int
-        components : sequence of int
-            Where the base may stand.
-        here : Pose
-            Where the robot comes from.
-        nominal : Candidate
-            What M-FABRIK found for this set-point.
+        The robot comes from ``here``, and M-FABRIK found the ``nominal`` one.
         """
         poses = iter(()) if self.layers is None else self.layers.onward(i, components, here.base)
         found = one_after_another(self._stood(i, poses, here), self._options(i, components, here, nominal))

@@ -69,16 +69,7 @@ class LayeredSearch:
     _layers: dict[int, Layer] = field(default_factory=dict)
 
     def onward(self, i: int, components: Sequence[int], here: Array) -> Iterator[tuple[Array, int]]:
-        """Poses at set-point i and the components they lie in, the best first, that the base steers to.
-
-        Parameters
-        ----------
-        i : int
-        components : sequence of int
-            Where the base may stand.
-        here : (3,) array
-            Base pose at first.
-        """
+        """Poses at set-point i, each in one of some components, that the base steers to, the best first."""
         return ((pose, k) for pose, k, steered in self._ranked(i, components, here) if steered)
 
     def arrivals(self, i: int, components: Sequence[int], here: Array) -> Iterator[tuple[Array, int]]:
