@@ -112,19 +112,10 @@ def travel_roadmap(world: World) -> ArmRoadmap:
 
 
 def grown_roadmap(guard: Guard, base: Array, root: Array, postures: Array) -> tuple[ArmRoadmap, Index]:
-    """Return the roadmap of postures on a base as far as it grows, and which of them it holds, (k,).
+    """Roadmap from a root (dof,) to clear postures (n, dof) on a base pose, and which it holds, (k,).
 
-    The roadmap holds the root, then these, each before those that are joined to it. Without a clear root it
-    holds the root alone.
-
-    Parameters
-    ----------
-    guard : Guard
-    base : (3,) array
-    root : (dof,) array
-        As a rule the carry posture.
-    postures : (n, dof) array
-        Clear ones.
+    It holds the root, as a rule the carry posture, then these, each before those that are joined to it.
+    Without a clear root it holds the root alone.
     """
     nodes = np.vstack([root, postures])
     far = np.abs(nodes[:, None] - nodes[None]).max(axis=2)

@@ -138,16 +138,7 @@ def parking_areas_on(
 
 
 def reordered(world: World, parking_areas: ParkingAreas, order: Sequence[int]) -> ParkingAreas:
-    """Parking areas for a world of the same set-points in another order.
-
-    Parameters
-    ----------
-    world : World
-        Its set-points in that order.
-    parking_areas : ParkingAreas
-    order : sequence of int
-        Index of each as they were.
-    """
+    """Parking areas for a world of the same set-points in another order, by the index that each had."""
     areas = parking_areas.areas
     target = np.argsort(order)[areas.target]
     by = np.argsort(target, kind="stable")

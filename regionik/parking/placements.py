@@ -81,15 +81,10 @@ class PlacementSearch:
         return PivotTurns(self.world, self.parking_areas)
 
     def best(self, group: StopGroup, at: Array | None = None) -> BasePlacement | None:
-        """Best placement of a stop; it serves only the first of the set-points where none serves all.
+        """Best placement of a stop, with the arm axis at (2,) where the criterion wants it there [m].
 
-        None where no posture was found from any place of a sampled area.
-
-        Parameters
-        ----------
-        group : StopGroup
-        at : (2,) array, optional
-            Position of the arm axis that the criterion wants [m].
+        It serves only the first of the set-points where none serves all. None where no posture was found from
+        any place of a sampled area.
         """
         widest = self._leading(self.widest(group), group)
         if widest is None:

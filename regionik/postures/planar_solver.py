@@ -50,11 +50,7 @@ class PlanarSolver:
     def setup(self, mount: Array, turning: Turning) -> Record:
         """Return the arm on a base as kernels take it, without the thresholds.
 
-        Parameters
-        ----------
-        mount : (4,) array
-            Arm base in the base frame: x, y, z [m], yaw [rad].
-        turning : Turning
+        The mount (4,) is the arm's base in the base frame: x, y, z [m], yaw [rad].
         """
         arm, plane, family = self.arm, self.plane, self.family
         zero = float(arm.pivot_zero + mount[3])

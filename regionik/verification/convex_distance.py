@@ -51,14 +51,7 @@ def gap_along(fixed: RoundedHull, corners: Array, normal: Array) -> Array:
 
 
 def signed_distances(fixed: RoundedHull, moving: RoundedHull, T: Array) -> SignedDistances:
-    """Signed distances of a moving hull from a fixed one.
-
-    Parameters
-    ----------
-    fixed, moving : RoundedHull
-    T : (m, 4, 4) array
-        Poses of the moving hull in the frame of the fixed one.
-    """
+    """Signed distances of a fixed hull from a moving one, at its poses T (m, 4, 4) in the other's frame."""
     corners, own = moving.corners_in(T), np.ascontiguousarray(fixed.corners)
     normal = np.array([_normal(own, placed) for placed in corners]).reshape(-1, 3)
     return SignedDistances(gap_along(fixed, corners, normal) - fixed.radius - moving.radius, normal)

@@ -25,22 +25,10 @@ CLOSE = 0.05  # share of the tolerance at which iterations end, in metres as in 
 def postures_led_to(
     world: World, targets: Sequence[Target], poses: Array, joints: Array
 ) -> tuple[Array, Array]:
-    """Postures led to targets with the base held, and by how much they miss beyond the tolerances.
+    """Postures (n, dof) led to targets with the base held, and by how much they miss beyond the tolerances.
 
-    Parameters
-    ----------
-    world : World
-    targets : sequence of Target
-    poses : (n, 3) array
-        Of the base.
-    joints : (n, dof) array
-        From which each posture is led, within the joint limits.
-
-    Returns
-    -------
-    joints : (n, dof) array
-    excess : (n,) array
-        At most 0 where the target is met [m] or [rad].
+    Each is led from its joints (n, dof), within their limits, with the base at its pose (n, 3). Where the
+    target is met the excess (n,) is at most 0 [m] or [rad].
     """
     chain, close = world.robot.chain, CLOSE * world.rules.tolerance
     goals, left = _Goals.of(targets, close), np.arange(len(joints))

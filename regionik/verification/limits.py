@@ -140,12 +140,7 @@ def verify_criteria(world: World, segments: MotionSegments, names: StateNames) -
 
 
 def manipulability(robot: Robot, joints: ArrayLike) -> Array:
-    """Manipulability sqrt(det(J J^T)) of the tool's position by all joints of the arm, (...,) [m3].
-
-    Parameters
-    ----------
-    robot : Robot
-    joints : (..., dof) array_like
+    """Manipulability sqrt(det(J J^T)) of the tool's position by joints (..., dof), (...,) [m3].
 
     Source: T. Yoshikawa, Manipulability of robotic mechanisms, IJRR 1985.
     """

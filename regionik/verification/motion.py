@@ -176,15 +176,8 @@ class MotionSegments:
 def point_jacobian(chain: Chain, frames: Array, point: Array, moving: int) -> Array:
     """Velocities of a point per unit speed of each joint, (..., dof, 3).
 
-    Parameters
-    ----------
-    chain : Chain
-    frames : (..., dof + 1, 4, 4) array
-        Link and tool frames.
-    point : (..., 3) array
-        In the frame that ``frames`` are given in [m].
-    moving : int
-        Number of joints, from the first, that move the point.
+    Link and tool frames (..., dof + 1, 4, 4) and point (..., 3) are in one frame [m]; the first ``moving``
+    joints move the point.
     """
     columns = np.zeros((*point.shape[:-1], chain.dof, 3))
     for k, joint in enumerate(chain.joints[:moving]):
