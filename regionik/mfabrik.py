@@ -231,7 +231,6 @@ class Solver:
         return model.solver(self.family, self.tolerance, turns=self._turns)
 
     def _yaw(self, base: Array) -> float:
-        """Heading of the arm's base frame."""
         yaw = self.span[0] if self._bound else base[2]
         return float(yaw + self.robot.mount[3])
 

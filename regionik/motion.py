@@ -97,7 +97,6 @@ class _Connection:
         return sorted(self.pruned.kept(i), key=lambda k: (k != self.nominal[i].component, k))
 
     def _one_lift_too_many(self, i: int) -> Explanation:
-        """Explain why the tool would have to be lifted before set-point i, against the rules."""
         world, guard, touch = self.search.world, self.search.guard, self.search.follower.stops.get(i - 1)
         if touch is None:
             return arm_failures.arm_must_lift(world, i, "the arm would have to jump", None)

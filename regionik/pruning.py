@@ -32,20 +32,11 @@ TURN_WEIGHT = 0.1  # cost of a turn of the base against driving [m/rad]
 
 @dataclass(frozen=True, eq=False)
 class Pruned:
-    """A ladder after both cuts.
-
-    Attributes
-    ----------
-    ladder : Ladder
-    keep : (m,) array of bool
-        Components that some traversal of their run uses.
-    breaks : tuple of int
-        Set-points before which the tool must be lifted.
-    """
+    """A ladder after both cuts."""
 
     ladder: Ladder
-    keep: Mask
-    breaks: tuple[int, ...]
+    keep: Mask  # (m,) components that some traversal of their run uses
+    breaks: tuple[int, ...]  # set-points before which the tool must be lifted
 
     def kept(self, i: int) -> list[int]:
         """Components of a set-point that are left."""

@@ -175,7 +175,6 @@ def _area(world: World, robot: TrackingRobot, target: Target, free: BaseGeometry
 
 
 def _out_of_reach(world: World, error: HeightError) -> Explanation:
-    """Explanation of a height that the arm does not attain."""
     i = error.index
     nearest = error.low if error.height < error.low else error.high
     off, which = abs(nearest - error.height), "low" if error.height < error.low else "high"
@@ -193,8 +192,6 @@ def _out_of_reach(world: World, error: HeightError) -> Explanation:
 
 @dataclass(frozen=True, eq=False)
 class _Rejected:
-    """Paths that gave no valid plan, and why."""
-
     world: World
     reports: list[Report] = field(default_factory=list)
     no_way: list[str] = field(default_factory=list)

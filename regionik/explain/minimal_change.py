@@ -227,8 +227,7 @@ def _beside(way: Array, turn: float) -> Array:
         u /= np.linalg.norm(u)
         c = circle(8)
         across = c[:, :1] * u + c[:, 1:] * np.cross(way, u)
-    beside: Array = np.cos(turn) * way + np.sin(turn) * across
-    return beside
+    return np.cos(turn) * way + np.sin(turn) * across
 
 
 def circle(count: int) -> Array:

@@ -47,8 +47,7 @@ class BasePath(NamedTuple):
 
     def places(self, leg: Index, share: Array) -> Array:
         """Poses (n, 3) at shares (n,) of legs (n,); leg k goes from knot k to the next."""
-        places: Array = bases_between(self.knots, leg, share, self.rolls)
-        return places
+        return bases_between(self.knots, leg, share, self.rolls)
 
 
 def simultaneous(rolls: bool, knots: Array) -> BasePath:

@@ -314,7 +314,6 @@ class ConfigurationSampler:
         return solver if heading is None else replace(solver, span=(heading, heading))
 
     def _spread(self, k: int) -> Array:
-        """Places spread over a component."""
         if k not in self._places:
             self._places[k] = spread(self.ladder.component[k], PLACES, self.seed)
         return self._places[k]

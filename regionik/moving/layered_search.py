@@ -185,12 +185,11 @@ class LayeredSearch:
         """Lower bound of the cost of steering to poses (n, 3), (n,) [m]."""
         drive, (dx, dy, turn) = self.world.robot.drive, (poses - here).T
         far, turn = np.hypot(dx, dy), np.abs(np.remainder(turn + np.pi, 2 * np.pi) - np.pi)
-        least: Array = (
+        return (
             far + TURN_WEIGHT * turn
             if drive.turns_on_the_spot
             else np.maximum(far, drive.turning_radius * turn)
         )
-        return least
 
     def _steered(self, i: int, here: Array, there: Array) -> float:
         """Cost of steering to a pose of set-point i, infinite where that is not free or leaves nodes [m]."""
@@ -210,8 +209,7 @@ class LayeredSearch:
         cell[~inside] = 0
         free: Mask = np.max(layer.owner, axis=0) >= 0
         taken = free[off.argmin(axis=1), cell[:, 0], cell[:, 1]]
-        held: Mask = np.logical_and(inside, taken)
-        return held
+        return np.logical_and(inside, taken)
 
     @cached_property
     def _steering(self) -> Steering:
@@ -234,8 +232,7 @@ class LayeredSearch:
     @cached_property
     def _yaws(self) -> Array:
         """Headings of the lattice, (16,) [rad]."""
-        yaws: Array = HEADINGS + np.arctan2(*self._turn[:, 0][::-1])
-        return yaws
+        return HEADINGS + np.arctan2(*self._turn[:, 0][::-1])
 
     @cached_property
     def _turn(self) -> Array:
@@ -252,7 +249,6 @@ class LayeredSearch:
         return float(np.clip(np.median(np.max(high - low, axis=1)) / ACROSS, *CELL))
 
     def _kept(self, i: int) -> list[int]:
-        """Components of a set-point that pruning left."""
         rungs = self.ladder.rungs
         return [k for k in range(rungs[i], rungs[i + 1]) if self.keep[k]]
 
@@ -263,10 +259,7 @@ class LayeredSearch:
 
     def _poses(self, corner: Index, nodes: Index) -> Array:
         """Base poses (n, 3) of nodes (n, 3): heading, and cell from a corner."""
-        poses: Array = np.column_stack(
-            [(corner + nodes[:, 1:]) * self.cell @ self._turn.T, self._yaws[nodes[:, 0]]]
-        )
-        return poses
+        return np.column_stack([(corner + nodes[:, 1:]) * self.cell @ self._turn.T, self._yaws[nodes[:, 0]]])
 
 
 def _box(low: Index, high: Index) -> tuple[slice, ...]:

@@ -106,8 +106,7 @@ class PathSegment:
 
     def _tool(self, at: SegmentPoint) -> list[float]:
         """Shares of the tool's way at both ends of a leg."""
-        tool: list[float] = self.base.tool[at.leg : at.leg + 2].tolist()
-        return tool
+        return self.base.tool[at.leg : at.leg + 2].tolist()
 
 
 @dataclass(frozen=True, eq=False)
@@ -237,5 +236,4 @@ def _solve(solver: Solver, segment: PathSegment, at: SegmentPoint, near: Pose) -
 
 
 def _columns(places: list[SegmentPoint]) -> tuple[Index, Array]:
-    """Legs and shares of places."""
     return np.array([one.leg for one in places]), np.array([one.share for one in places])

@@ -113,7 +113,6 @@ class PostureCarrier:
         return found[:, more:]
 
     def _goes(self, base: Array, here: Array, there: Array) -> bool:
-        """True if the straight motion between two postures is proven clear."""
         if not self.guard.proves(Pose(base, there)):
             return False
         return self.guard.stop([Pose(base, here), Pose(base, there)]) is None

@@ -57,8 +57,7 @@ class ParkingAreas:
     @cached_property
     def floor(self) -> BaseGeometry:
         """The piece of floor that the base gets to, at any heading."""
-        floor: BaseGeometry = shapely.union_all(self.standing.whole(self.piece))
-        return floor
+        return shapely.union_all(self.standing.whole(self.piece))
 
     @cached_property
     def _tree(self) -> shapely.STRtree:
@@ -66,8 +65,7 @@ class ParkingAreas:
 
     def around(self, axis: Array, within: float) -> Index:
         """Components, shrunk by the circle to park in, that are this near to a position of the arm axis."""
-        near: Index = np.sort(self._tree.query(shapely.Point(axis), predicate="dwithin", distance=within))
-        return near
+        return np.sort(self._tree.query(shapely.Point(axis), predicate="dwithin", distance=within))
 
     def groups(self, begin: int = 0) -> list[StopGroup]:
         """Fewest groups of set-points in their order, from one of them on, with their places."""

@@ -305,7 +305,6 @@ class _StopConnection:
             yield from self.search.sampler.around(i, Candidate(replace(found, base=base), components[0]))
 
     def _one_lift_too_many(self, group: StopGroup) -> Explanation:
-        """One stop more than the rules let the tool be lifted."""
         i, most = group.setpoints[0], self.world.rules.max_lift_offs
         reason = (
             f"{setpoint(i, len(self.world.task))} needs one stop more: the base has done "

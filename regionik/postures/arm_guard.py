@@ -93,8 +93,7 @@ class Guard:
 
     def tools(self, bases: Array, joints: Array, shares: Array) -> Array:
         """Tool frames at k times of every motion between states (n + 1, ...), (n, k, 4, 4)."""
-        frames: Array = tool_frames(self.bodies.mobile, bases, joints, shares)
-        return frames
+        return tool_frames(self.bodies.mobile, bases, joints, shares)
 
     def words(self, touch: Touch) -> str:
         """Text of a touch, with how the link might touch what the tool works on."""

@@ -105,8 +105,7 @@ def _kept_up(arm: PlanarArm, kind: Family, target: Target, slack: float) -> list
 def tool_turn(arm: PlanarArm, yaw: float, pitch: float, roll: float) -> Array:
     """Tool orientation (3, 3) with the plane in direction ``yaw``, the last link at ``pitch`` [rad]."""
     spin = rot_z(arm.roll_sign * roll)
-    turn: Array = (rot_z(yaw) @ rot_y(-pitch))[:3, :3] @ arm.tool_turn @ spin[:3, :3]
-    return turn
+    return (rot_z(yaw) @ rot_y(-pitch))[:3, :3] @ arm.tool_turn @ spin[:3, :3]
 
 
 def roll_for(arm: PlanarArm, yaw: float, pitch: float, turn: Array) -> float:

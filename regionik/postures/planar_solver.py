@@ -44,8 +44,7 @@ class PlanarSolver:
         """Ten postures to restart from, spread over the limits: elbow up and down, folded, stretched."""
         lower = np.where(np.isfinite(self.arm.lower), self.arm.lower, -np.pi)
         upper = np.where(np.isfinite(self.arm.upper), self.arm.upper, np.pi)
-        spread: Array = lower + _SPREAD * (upper - lower)
-        return spread
+        return lower + _SPREAD * (upper - lower)
 
     def setup(self, mount: Array, turning: Turning) -> Record:
         """Return the arm on a base as kernels take it, without the thresholds.
@@ -68,7 +67,6 @@ class PlanarSolver:
         return self.setup(np.zeros(4), Turning(-np.inf, np.inf, FIXED, 0.0, 0.0))
 
     def _at_pitch(self, pitch: float) -> Record:
-        """The arm alone with the last link at another pitch."""
         setup = self._alone.copy()
         setup["pitch"] = pitch
         setup.flags.writeable = False
@@ -185,8 +183,7 @@ def _swung(kind: Family, target: Array, axis: Array) -> Array:
     if abs(swing) <= kind.half:
         return axis
     azimuth = kind.azimuth + float(np.clip(swing, -kind.half, kind.half))
-    place: Array = target[:2] - away * np.array([np.cos(azimuth), np.sin(azimuth)])
-    return place
+    return target[:2] - away * np.array([np.cos(azimuth), np.sin(azimuth)])
 
 
 _SPREAD = np.array(

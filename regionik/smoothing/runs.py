@@ -108,8 +108,6 @@ def runs_of(plan: Plan, standing: Standing, stride: float) -> Iterator[PathRun]:
 
 @dataclass(frozen=True, eq=False)
 class _Layout:
-    """Lays out the runs of a plan."""
-
     plan: Plan
     standing: Standing
     stride: float
@@ -158,8 +156,7 @@ class _Layout:
             way = task[i + 1].position - task[i].position
             share = (tools[k] - task[i].position) @ way / max(float(way @ way), 1e-12)
             places[k] = i + min(max(float(share), 0.0), 1.0)
-        kept: Array = np.maximum.accumulate(places)
-        return kept
+        return np.maximum.accumulate(places)
 
     def _even(self, owner: Index, places: Array) -> tuple[Array, Index, NDArray[np.bool_]]:
         """Evenly laid out places, each with its set-point and whether it is one."""
@@ -236,7 +233,6 @@ class _Layout:
 
 
 def _coarse_rows(worked: NDArray[np.bool_]) -> Index:
-    """Set-points and both ends."""
     ends = np.arange(len(worked))
     return np.flatnonzero(worked | (ends == 0) | (ends == len(worked) - 1))
 

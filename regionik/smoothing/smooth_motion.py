@@ -83,7 +83,6 @@ def _checked(plan: Plan, runs: list[PathRun], smoothed: list[Array]) -> tuple[Pl
 
 
 def _rebuilt(plan: Plan, runs: list[PathRun], smoothed: list[Array]) -> Plan:
-    """The plan with the states of runs in the place of its own."""
     old, done, parts = plan.motion, 0, list[Motion]()
     setpoints = list(plan.setpoints)
     for run, states in zip(runs, smoothed, strict=True):

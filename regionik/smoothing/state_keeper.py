@@ -91,8 +91,7 @@ class StateKeeper:
             moved = moved - self._moved(frames, base, solids[touch.other].link, touch.on_other)
         if touch.kind == "base":
             moved = moved - self._moved(frames, base, -1, touch.on_other)
-        rate: Array = unit @ moved
-        return rate
+        return unit @ moved
 
     def _moved(self, frames: Array, base: Array, link: int, point: Array) -> Array:
         """Velocity of a point of a link for each coordinate's unit speed, (3, m)."""
@@ -107,8 +106,7 @@ class StateKeeper:
 
     @cached_property
     def _edges(self) -> Geometries:
-        edges: Geometries = shapely.boundary(self.within)
-        return edges
+        return shapely.boundary(self.within)
 
 
 def _least(room: Array, margin: float) -> Array:

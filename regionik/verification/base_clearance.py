@@ -30,8 +30,6 @@ Shapes = NDArray[np.object_]
 
 @dataclass(frozen=True, eq=False)
 class _SweptFootprint:
-    """The footprint along a motion."""
-
     segments: MotionSegments
 
     def swept(self, segment: Indices, low: Array, high: Array) -> tuple[Shapes, Array]:
@@ -42,14 +40,12 @@ class _SweptFootprint:
     @property
     def exact(self) -> Mask:
         """Segments on which the hull is what the footprint sweeps: no turn, or a point that goes straight."""
-        straight: Mask = np.abs(self.segments.turn) * (self._radius + np.abs(self.segments.rolled)) < 1e-12
-        return straight
+        return np.abs(self.segments.turn) * (self._radius + np.abs(self.segments.rolled)) < 1e-12
 
     def moved(self, segment: Indices, part: Array) -> Array:
         """Upper bound for the motion of a corner over half an interval [m]."""
         length = self.segments.base_length[segment] + np.abs(self.segments.turn[segment]) * self._radius
-        moved: Array = length * part / 2
-        return moved
+        return length * part / 2
 
     @property
     def _radius(self) -> float:
@@ -60,8 +56,7 @@ class _SweptFootprint:
     def _acceleration(self) -> Array:
         """Upper bound for any point of the footprint: w^2 r + u w, (segments,) [m per segment^2]."""
         rate = np.abs(self.segments.turn)
-        bound: Array = rate * (rate * self._radius + np.abs(self.segments.rolled))
-        return bound
+        return rate * (rate * self._radius + np.abs(self.segments.rolled))
 
 
 def footprints(robot: Robot, base: Array) -> Shapes:
@@ -78,16 +73,14 @@ def base_shadows(world: World) -> list[tuple[str, Shadow]]:
 def _corners(robot: Robot, base: Array) -> Array:
     c, s = np.cos(base[:, 2]), np.sin(base[:, 2])
     R = np.stack([np.stack([c, s], -1), np.stack([-s, c], -1)], 1)
-    corners: Array = robot.footprint @ R + base[:, None, :2]
-    return corners
+    return robot.footprint @ R + base[:, None, :2]
 
 
 def _hulls(corners: Array) -> Shapes:
     n, k, _ = corners.shape
     owner = np.repeat(np.arange(n), k)
     points = shapely.multipoints(shapely.points(corners.reshape(-1, 2)), indices=owner)
-    hulls: Shapes = shapely.convex_hull(points)
-    return hulls
+    return shapely.convex_hull(points)
 
 
 def verify_floor(world: World, segments: MotionSegments, names: StateNames) -> Finding:
@@ -197,8 +190,7 @@ class _ClearanceProof:
         return IntervalVerdicts(proven, refuted, short)
 
     def _distances(self, shapes: Shapes, solid: Indices) -> Array:
-        distance: Array = _distances(shapes, self.cores[solid]) - self.radii[solid]
-        return distance
+        return _distances(shapes, self.cores[solid]) - self.radii[solid]
 
     def _close_pairs(self, shapes: Shapes, bulge: Array | float) -> tuple[Indices, Indices]:
         """Pairs of shapes and shadows that may be closer than the clearance."""

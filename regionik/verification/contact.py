@@ -95,8 +95,7 @@ def shrunk_weights(corners: Array, inset: float, tool: Array) -> Array:
     toward = np.clip(sides @ (tool - corners.mean(0)) / square, -1.0, 1.0)
     signs = SIGNS if len(corners) == 8 else SIGNS[[0, 7], :1]
     at = signs * np.maximum(0.0, 1.0 - shares) - np.clip(toward * np.maximum(0.0, shares - 1.0), -1.0, 1.0)
-    weights: Array = ((1 + at[:, None] * signs[None]) / 2).prod(-1)
-    return weights
+    return ((1 + at[:, None] * signs[None]) / 2).prod(-1)
 
 
 def mesh_depth(contact: ToolContact, swept: SweptSolid, piece: Piece) -> float:

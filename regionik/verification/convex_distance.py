@@ -26,8 +26,7 @@ class RoundedHull:
 
     def corners_in(self, T: Array) -> Array:
         """Corners (..., k, 3) in frames in which the body has the poses T (..., 4, 4)."""
-        corners: Array = self.corners @ T[..., :3, :3].swapaxes(-1, -2) + T[..., None, :3, 3]
-        return corners
+        return self.corners @ T[..., :3, :3].swapaxes(-1, -2) + T[..., None, :3, 3]
 
 
 class SignedDistances(NamedTuple):
@@ -46,8 +45,7 @@ def prism_hull(prism: Prism) -> RoundedHull:
 
 def gap_along(fixed: RoundedHull, corners: Array, normal: Array) -> Array:
     """Gap from the corners of a fixed hull to corners (m, k, 3) along normals (m, 3), (m,) [m]."""
-    gap: Array = np.einsum("mkj,mj->mk", corners, normal).min(-1) - (normal @ fixed.corners.T).max(-1)
-    return gap
+    return np.einsum("mkj,mj->mk", corners, normal).min(-1) - (normal @ fixed.corners.T).max(-1)
 
 
 def signed_distances(fixed: RoundedHull, moving: RoundedHull, T: Array) -> SignedDistances:
@@ -66,5 +64,4 @@ def _normal(fixed: Array, moving: Array) -> Array:
         faces = ConvexHull((moving[:, None] - fixed).reshape(-1, 3)).equations
     except QhullError:
         return np.zeros(3)
-    nearest: Array = -faces[np.argmax(faces[:, 3]), :3]
-    return nearest
+    return -faces[np.argmax(faces[:, 3]), :3]

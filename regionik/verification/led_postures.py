@@ -54,8 +54,6 @@ def postures_led_to(
 
 
 class _Goals(NamedTuple):
-    """Targets as arrays."""
-
     positions: Array  # (n, 3) [m]
     frames: Array  # (n, 3, 3) asked tool frame, or a direction in its last column
     framed: Mask  # (n,) a frame is asked
@@ -88,8 +86,7 @@ def _damped_step(J: Array, residual: Array) -> Array:
     """Damped least squares J^T (J J^T + d^2 I)^-1 r, (n, dof)."""
     transposed = J.transpose(0, 2, 1)
     A = J @ transposed + DAMPING**2 * np.eye(J.shape[1])
-    step: Array = (transposed @ np.linalg.solve(A, residual[..., None]))[..., 0]
-    return step
+    return (transposed @ np.linalg.solve(A, residual[..., None]))[..., 0]
 
 
 def _residual_and_jacobian(world: World, goals: _Goals, poses: Array, q: Array) -> tuple[Array, Array]:
@@ -114,8 +111,7 @@ def _angle_alone(residual: Array, J: Array) -> Array:
     size = np.linalg.norm(residual[:, 3:], axis=1)
     axis = residual[:, 3:] / np.maximum(size, 1e-300)[:, None]
     turning = axis[:, :, None] * np.einsum("na,nak->nk", axis, J[:, 3:])[:, None]
-    alone: Array = np.concatenate([J[:, :3], turning], axis=1)
-    return alone
+    return np.concatenate([J[:, :3], turning], axis=1)
 
 
 def _turn_left(goals: _Goals, R: Array) -> Array:
@@ -132,8 +128,7 @@ def _turn_left(goals: _Goals, R: Array) -> Array:
         turn[pointed] = axis * (angle / np.maximum(sine, 1e-300))[:, None]
     size = np.linalg.norm(turn, axis=1)
     beyond = np.maximum(size - goals.cones, 0.0) / np.maximum(size, 1e-300)
-    left: Array = turn * beyond[:, None]
-    return left
+    return turn * beyond[:, None]
 
 
 def _excess(world: World, targets: Sequence[Target], poses: Array, q: Array) -> Array:

@@ -146,8 +146,7 @@ def manipulability(robot: Robot, joints: ArrayLike) -> Array:
     """
     columns = _link_point_jacobian(robot, joints, robot.chain.dof, robot.chain.T_last_tool[:3, 3])
     J = np.swapaxes(columns, -1, -2)
-    found: Array = np.sqrt(np.maximum(np.linalg.det(J @ columns), 0.0))
-    return found
+    return np.sqrt(np.maximum(np.linalg.det(J @ columns), 0.0))
 
 
 def joint_margins(robot: Robot, joints: ArrayLike) -> Array:

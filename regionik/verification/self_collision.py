@@ -122,8 +122,7 @@ class _PairProof:
         (fixed, r_fixed), (moving, r_moving) = self.lower.sphere, self.upper.sphere
         T = self._poses(self.segments.motion.joints)
         centre = T[:, :3, :3] @ moving + T[:, :3, 3]
-        distance: Array = np.linalg.norm(centre - fixed, axis=1) - r_fixed - r_moving
-        return distance
+        return np.linalg.norm(centre - fixed, axis=1) - r_fixed - r_moving
 
     def _examine(self, segment: Indices, intervals: Intervals) -> IntervalVerdicts:
         shares = (intervals.low, intervals.middle, intervals.high)

@@ -47,7 +47,6 @@ def verify_stops(plan: Plan, names: StateNames) -> Finding:
 
 
 def _incomplete(plan: Plan, names: StateNames) -> Iterator[Violation]:
-    """Violation where set-points are not served once and in order."""
     served = [i for stop in plan.stops for i in stop.setpoints]
     if served != list(range(len(plan.world.task))):
         wrong = next((i for i, s in enumerate(served) if s != i), len(served))
