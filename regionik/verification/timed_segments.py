@@ -15,7 +15,6 @@ import numpy as np
 from numpy.polynomial.legendre import leggauss
 from scipy.interpolate import make_interp_spline
 
-from regionik.values import Motion
 from regionik.verification.motion import Indices, Mask, MotionSegments
 from regionik.worlds.arrays import Array
 from regionik.worlds.speeds import Speeds
@@ -43,15 +42,10 @@ class TimedSegments:
         """What the motion is, in words."""
         return "with constant path acceleration"
 
-    @property
-    def _motion(self) -> Motion:
-        return self.segments.motion
-
     @cached_property
     def span(self) -> Array:
         """[s], (segments,)"""
-        span: Array = np.diff(self._motion.time)
-        return span
+        return np.diff(self.segments.motion.time)
 
     @cached_property
     def lengths(self) -> Array:
@@ -124,7 +118,6 @@ class TimedSegments:
         return np.column_stack([slid, one.turn, one.joint_change])
 
     def _split(self, polynomials: Array) -> tuple[Array, Array]:
-        """Those of coordinates and those of joints."""
         count = 2 if self.segments.robot.drive.rolls else 3
         return polynomials[..., :count], polynomials[..., count:]
 

@@ -29,7 +29,7 @@ from regionik.verification.limits import (
 from regionik.verification.motion import MotionSegments, wrap_angle
 from regionik.verification.proofs import Finding, StateNames, finding
 from regionik.verification.self_collision import verify_self_collision
-from regionik.verification.speeds import verify_jerk, verify_speeds
+from regionik.verification.speeds import verify_speeds
 from regionik.verification.stops import verify_stops
 from regionik.verification.structure import inconsistencies, malformations
 from regionik.verification.tool_path import (
@@ -99,8 +99,7 @@ def _findings(plan: Plan, segments: MotionSegments, names: StateNames) -> Iterat
     yield verify_stops(plan, names)
     yield verify_execution(plan, names)
     yield from verify_criteria(world, segments, names)
-    yield verify_speeds(world, segments, names)
-    yield verify_jerk(world, segments, names)
+    yield from verify_speeds(world, segments, names)
 
 
 def _report(findings: Sequence[Finding]) -> Report:
@@ -180,7 +179,6 @@ def verify_answers(
 
 
 def _wrong_heading(world: World, base: Array) -> Iterator[Violation]:
-    """Violation where the base does not have the heading that the rules fix."""
     if world.rules.heading == "fixed":
         yaw = 0.0 if world.start is None else float(world.start.base[2])
         off = abs(float(wrap_angle(base[2] - yaw)))
@@ -189,7 +187,6 @@ def _wrong_heading(world: World, base: Array) -> Iterator[Violation]:
 
 
 def _standing_plan(world: World, target: Target, base: Array, joints: Array) -> Plan:
-    """Plan that stands on one target, and stays."""
     error = float(np.linalg.norm(world.robot.tool(base, joints)[:3, 3] - target.position))
     motion = Motion(
         np.tile(base, (2, 1)),
