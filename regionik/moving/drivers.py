@@ -19,8 +19,8 @@ import shapely
 from shapely.geometry import LineString, Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from regionik.areas.ground import GUARD, Geometries, ground_of
-from regionik.areas.standing import Index, Standing, into_span, room_for
+from regionik.areas.ground import GUARD, ground_of
+from regionik.areas.standing import Standing, into_span, room_for
 from regionik.ladder import Ladder
 from regionik.moving.base_motion import BasePath, Driver, Interpolator, halting, simultaneous
 from regionik.planners.driving.arcs import WheeledPath, arc_end
@@ -107,9 +107,7 @@ class AnyHeadingDriver(Driver):
         return AnyHeadingPaths(self.world, ladder, self)
 
     def _piece(self, label: int) -> BaseGeometry:
-        """A piece of the free floor."""
-        piece: BaseGeometry = self.standing.pieces.polygon[label]
-        return piece
+        return self.standing.pieces.polygon[label]
 
     def _flat(self, label: int) -> FlatPolygon:
         """A piece of the free floor for kernels, kept."""
@@ -273,17 +271,12 @@ class ByHeadingPaths:
         """Areas that the components of a group cover, slab by slab."""
         group = int(self.ladder.group[k])
         if group not in self._slabs:
-            members = np.flatnonzero(self.ladder.group == group)
+            members, part = self.ladder.group == group, self.ladder.component
             self._slabs[group] = tuple(
-                Slab(*side.span, shapely.union_all(self._of_side(members, s)), shapely.Polygon())
-                for s, side in enumerate(self.standing.sides)
+                Slab(*one.span, shapely.union_all(part[members & (self.ladder.side == s)]), shapely.Polygon())
+                for s, one in enumerate(self.standing.sides)
             )
         return self._slabs[group]
-
-    def _of_side(self, members: Index, s: int) -> Geometries:
-        """Components of one side among the members of a group."""
-        part: Geometries = self.ladder.component[members[self.ladder.side[members] == s]]
-        return part
 
 
 @dataclass(frozen=True, eq=False)
