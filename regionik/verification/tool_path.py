@@ -233,9 +233,9 @@ def _within_cones(motion: _SphereMotion, names: StateNames, kind: str, what: str
         return motion.examine(intervals._replace(item=good[intervals.item]), BETWEEN / scale, np.pi / scale)
 
     for n, s in bisect(len(good), examine).items():
-        item = good[n : n + 1]
-        k, angle = int(motion.segment[item[0]]), float(motion.deviation(item, np.array([s]))[0])
-        violations.append(violation(k, names.segment(k), angle, float(motion.cone[item[0]])))
+        one = good[n : n + 1]
+        k, angle = int(motion.segment[one[0]]), float(motion.deviation(one, np.array([s]))[0])
+        violations.append(violation(k, names.segment(k), angle, float(motion.cone[one[0]])))
     return finding(kind, scale * float((motion.cone - off).min()), violations)
 
 
