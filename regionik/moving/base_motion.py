@@ -22,6 +22,7 @@ from regionik.worlds.scene import World
 
 EVENLY = np.array([0.0, 1.0])  # from one knot to another
 WAYS = 16  # directions of drawing back
+TURN_STRIDE = 0.1  # largest turn of the base between two states [rad]
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,9 +155,6 @@ class Driver(ABC):
     def count(self, method: str) -> None:
         """Note that a method made a move."""
         self.methods[method] = self.methods.get(method, 0) + 1
-
-
-TURN_STRIDE = 0.1  # largest turn of the base between two states [rad]
 
 
 def arm_states(here: Pose, there: Pose) -> list[Pose]:

@@ -8,14 +8,14 @@ Source: Farouki, The Bernstein polynomial basis: a centennial retrospective (CAG
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from math import comb
 
 import numpy as np
+from scipy.special import comb
 
 from regionik.values import Violation
 from regionik.verification.motion import Indices, MotionSegments
 from regionik.verification.proofs import Finding, StateNames, finding
-from regionik.verification.timed_segments import SAME, TimedSegments, product, timed_segments
+from regionik.verification.timed_segments import SAME, TimedSegments, product, substitution, timed_segments
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import World
 from regionik.worlds.speeds import Speeds
@@ -156,9 +156,5 @@ def _largest(polynomials: Array) -> Array:
 
 def _bernstein(order: int, start: float, width: float) -> Array:
     """Matrix from powers to Bernstein coefficients on an interval, (order + 1, order + 1)."""
-    index = range(order + 1)
-    moved = np.array(
-        [[comb(n, i) * start ** max(n - i, 0) * width**i if n >= i else 0.0 for n in index] for i in index]
-    )
-    basis = np.array([[comb(i, n) / comb(order, n) if i >= n else 0.0 for n in index] for i in index])
-    return basis @ moved
+    i, n = np.indices((order + 1, order + 1))
+    return comb(i, n) / comb(order, n) @ substitution(order + 1, start, width)

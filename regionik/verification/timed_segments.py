@@ -9,11 +9,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from math import comb, factorial
+from math import factorial
 
 import numpy as np
 from numpy.polynomial.legendre import leggauss
+from numpy.typing import ArrayLike
 from scipy.interpolate import make_interp_spline
+from scipy.special import comb
 
 from regionik.verification.motion import Indices, Mask, MotionSegments
 from regionik.worlds.arrays import Array
@@ -23,11 +25,9 @@ SAME = 1e-9  # states that differ by less are the same [m], [rad]
 STANDING = 1e-3  # share of the joints' motion below which a base on wheels stands
 CLOSINGS = 20  # steps in which a rolled way is brought to its end
 AT_REST = 1e-5  # path velocity at an end of a run, as a share of the largest
-WAY = (0.0, 0.0, 0.0, 10.0, -15.0, 6.0, 0.0)  # added to a way by the share of time, constant first
-HEADING = (0.0, 0.0, 0.0, 1.0, -3.0, 3.0, -1.0)  # added to a heading
-BY_SHARE = np.array(
-    [(0.0, 0.0, 3.0, -2.0, 0.0), (0.0, 0.0, 1.0, -2.0, 1.0)]
-).T  # both, by the share of the way
+# Polynomials added to a way and to a heading, by the share of time and by that of the way, constant first.
+BY_TIME = np.array([(0.0, 0.0, 0.0, 10.0, -15.0, 6.0, 0.0), (0.0, 0.0, 0.0, 1.0, -3.0, 3.0, -1.0)]).T
+BY_SHARE = np.array([(0.0, 0.0, 3.0, -2.0, 0.0), (0.0, 0.0, 1.0, -2.0, 1.0)]).T
 NODES, WEIGHTS = np.array(leggauss(24)) / 2 + [[0.5], [0.0]]  # of a mean from 0 to 1
 
 
@@ -208,9 +208,8 @@ class SplinedSegments(TimedSegments):
         found[:, 0] = np.where(again[:, None], found[:, 0] - found[np.arange(len(k)) - 1, 0], 0.0)
         if not self.segments.robot.drive.rolls:
             return self._split(found)
-        start, width = np.where(again, 0.5, 0.0), 1 / (1 + self._halved[k])
-        bumps = np.stack([_moved(bump, start, width) for bump in (WAY, HEADING)], axis=-1)
-        return self._split(self._closed(found, bumps))
+        of_segment = substitution(7, np.where(again, 0.5, 0.0), 1 / (1 + self._halved[k]))
+        return self._split(self._closed(found, of_segment @ BY_TIME))
 
 
 def timed_segments(segments: MotionSegments, speeds: Speeds | None) -> TimedSegments:
@@ -233,13 +232,10 @@ def _spline_pieces(span: Array, change: Array) -> Array:
     return np.stack([spline(knots[:-1], n) * h**n / factorial(n) for n in range(4)], axis=1)
 
 
-def _moved(polynomial: tuple[float, ...], start: Array, width: Array) -> Array:
-    """Coefficients (m, n) of a polynomial of ``start + width u`` by u."""
-    found = np.zeros((len(start), len(polynomial)))
-    for n, value in enumerate(polynomial):
-        for i in range(n + 1):
-            found[:, i] += value * comb(n, i) * start ** (n - i) * width**i
-    return found
+def substitution(order: int, start: ArrayLike, width: ArrayLike) -> Array:
+    """Matrices (..., order, order) from coefficients by x to those by u, where x = start + width u."""
+    (i, n), (a, b) = np.indices((order, order)), (np.asarray(x)[..., None, None] for x in (start, width))
+    return comb(n, i) * a ** np.maximum(n - i, 0) * b**i
 
 
 def product(one: Array, other: Array) -> Array:
