@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from shapely.geometry import Point, Polygon
 
-from regionik.verification.convex_distance import (
+from regionik.verification.self_collision import (
     RoundedHull,
     gap_along,
     prism_hull,
