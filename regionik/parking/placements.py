@@ -13,8 +13,8 @@ from shapely.geometry import Point
 from regionik.areas.reachable import model_of
 from regionik.areas.standing import into_span, spread
 from regionik.mfabrik import Solver, solver_for
-from regionik.parking.arm_roadmap import ArmRoadmap
-from regionik.parking.held_postures import HeldPostures, PostureCarrier
+from regionik.parking.arm_roadmap import ArmRoadmap, HeldPostures
+from regionik.parking.held_postures import PostureCarrier
 from regionik.parking.parking_areas import ParkingAreas, StopGroup, depth
 from regionik.parking.pivot_turns import ON_EDGE, PivotTurns
 from regionik.planners.coverage.set_cover import undominated
