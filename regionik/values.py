@@ -202,8 +202,7 @@ class Plan:
     def tools(self) -> Array:
         """Tool position at every state, (n, 3) [m]."""
         frames = self.world.robot.tool(self.motion.base, self.motion.joints)
-        positions: Array = frames[:, :3, 3]
-        return positions
+        return frames[:, :3, 3]
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write ``plan.json``, whole or not at all; `regionik.load_plan` reads it back.

@@ -39,20 +39,11 @@ Carry = Callable[[Pose, Pose, int], list[Pose] | None]
 
 @dataclass(frozen=True, eq=False)
 class JoinedMotion:
-    """Configurations joined to one motion.
-
-    Attributes
-    ----------
-    motion : Motion
-    setpoints : tuple of Configuration
-        As the motion passes them: the arm re-solved along the way.
-    methods : dict
-        How many base moves each method of `drive` made.
-    """
+    """Configurations joined to one motion."""
 
     motion: Motion
-    setpoints: tuple[Configuration, ...]
-    methods: dict[str, int]
+    setpoints: tuple[Configuration, ...]  # as the motion passes them: the arm re-solved along the way
+    methods: dict[str, int]  # how many base moves each method of `drive` made
 
 
 @dataclass(frozen=True, eq=False)

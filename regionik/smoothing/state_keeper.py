@@ -25,21 +25,12 @@ RECOVERY = 0.01  # by which a state outside is asked to come back in a round [m]
 
 @dataclass(frozen=True, eq=False)
 class StateKeeper:
-    """Keeps the arm axis in its areas and the links clear.
-
-    Attributes
-    ----------
-    robot : Robot
-    guard : Guard
-    within : (n,) array of geometry
-        Where the arm axis may be in each state.
-    demanded : (n,) array
-        Distance from the edge of that, and beyond the clearance of links, that is not given up [m].
-    """
+    """Keeps the arm axis in its areas and the links clear."""
 
     robot: Robot
     guard: Guard
-    within: Geometries
+    within: Geometries  # (n,) where the arm axis may be in each state
+    # (n,) distance from the edge of that, and beyond the clearance of links, that is not given up [m]
     demanded: Array
 
     def half_spaces(self, states: Array) -> HalfSpaces:
@@ -100,8 +91,7 @@ class StateKeeper:
             moved = moved - self._moved(frames, base, solids[touch.other].link, touch.on_other)
         if touch.kind == "base":
             moved = moved - self._moved(frames, base, -1, touch.on_other)
-        rate: Array = unit @ moved
-        return rate
+        return unit @ moved
 
     def _moved(self, frames: Array, base: Array, link: int, point: Array) -> Array:
         """Velocity of a point of a link for each coordinate's unit speed, (3, m)."""
@@ -116,8 +106,7 @@ class StateKeeper:
 
     @cached_property
     def _edges(self) -> Geometries:
-        edges: Geometries = shapely.boundary(self.within)
-        return edges
+        return shapely.boundary(self.within)
 
 
 def _least(room: Array, margin: float) -> Array:

@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-import shapely
-from shapely.geometry.base import BaseGeometry
 
 from regionik.values import Plan, Stop, Violation
+from regionik.verification.base_clearance import base_shadows, footprints
 from regionik.verification.led_postures import postures_led_to
 from regionik.verification.motion import wrap_angle
 from regionik.verification.proofs import Finding, StateNames, finding
@@ -48,7 +47,6 @@ def verify_stops(plan: Plan, names: StateNames) -> Finding:
 
 
 def _incomplete(plan: Plan, names: StateNames) -> Iterator[Violation]:
-    """Violation where set-points are not served once and in order."""
     served = [i for stop in plan.stops for i in stop.setpoints]
     if served != list(range(len(plan.world.task))):
         wrong = next((i for i, s in enumerate(served) if s != i), len(served))
@@ -79,16 +77,10 @@ def _name(plan: Plan, n: int) -> str:
 
 def _room(world: World, stop: Stop) -> float:
     """Distance by which the base may be off at its heading and keep floor and clearance [m]."""
-    c, s = np.cos(stop.base[2]), np.sin(stop.base[2])
-    corners = world.robot.footprint @ np.array([[c, s], [-s, c]]) + stop.base[:2]
-    shape: BaseGeometry = shapely.convex_hull(shapely.multipoints(corners))
-    floor = world.drivable_floor
+    shape, floor = footprints(world.robot, stop.base[None])[0], world.drivable_floor
     room = float(shape.distance(floor.boundary)) if floor.covers(shape) else 0.0
-    for solid in world.solids:
-        shadow = solid.shadow(below=world.robot.body_height)
-        if shadow is not None and not shadow.core.is_empty:
-            distance = float(shape.distance(shadow.core)) - shadow.radius
-            room = min(room, distance - world.base_clearance)
+    for _, shadow in base_shadows(world):
+        room = min(room, float(shape.distance(shadow.core)) - shadow.radius - world.base_clearance)
     return room
 
 
