@@ -38,6 +38,11 @@ class Contact:
     other: str
     depth: float
 
+    @property
+    def text(self) -> str:
+        """What touches what, and how deep."""
+        return f"{self.one} touches {self.other}, {1000 * self.depth:.1f} mm deep at most"
+
 
 @dataclass(frozen=True, eq=False)
 class SimulatedRun:
@@ -124,7 +129,7 @@ class SimulatedRun:
     def failure(self) -> str:
         """The first moment at which the run fails, and why; empty where it does not."""
         left = np.flatnonzero(self.reference.on_path & (self.tool_error > self.tolerance))
-        moments = [(contact.time, _contact_text(contact)) for contact in self.contacts]
+        moments = [(contact.time, contact.text) for contact in self.contacts]
         if len(left):
             first = int(left[0])
             text = f"the tool is {1000 * self.tool_error[first]:.1f} mm off its path, {self._place(first)}"
@@ -184,7 +189,3 @@ class SimulatedRun:
     def _place(self, row: int) -> str:
         last = int(self.reference.setpoint[: row + 1].max())
         return "before the first set-point" if last < 0 else f"after set-point {last + 1}"
-
-
-def _contact_text(contact: Contact) -> str:
-    return f"{contact.one} touches {contact.other}, {1000 * contact.depth:.1f} mm deep at most"
