@@ -263,6 +263,16 @@ def test_the_script_reads_the_base_of_its_folder(plan: Plan, folder: Path) -> No
     assert rows[-1][0] == pytest.approx(trajectory(plan).duration)
 
 
+def test_the_script_knows_when_the_tool_is_on_its_path(plan: Plan, folder: Path) -> None:
+    module, spans = script(folder), document(folder, "settings")["tool_on"]
+    motion = plan.motion
+    assert len(spans) == 2  # with the lift-off in the middle
+    said = [module.is_on(spans, time) for time in motion.time.tolist()]
+    assert said == (motion.kind != "transit").tolist()
+    assert not module.is_on(spans, -1.0)
+    assert not module.is_on(spans, motion.time[-1] + 1.0)
+
+
 @pytest.mark.parametrize("name", ROBOTS)
 def test_names_and_drives_of_robots_come_through(name: str) -> None:
     robot = robot_named(name)

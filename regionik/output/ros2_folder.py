@@ -17,7 +17,7 @@ from regionik.output.ros2 import (
     path_message,
 )
 from regionik.timing.trajectory import sample_plan
-from regionik.values import Plan
+from regionik.values import Motion, Plan
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import World
 from regionik.worlds.speeds import Speeds
@@ -44,8 +44,9 @@ robot_trajectory.yaml moveit_msgs/msg/RobotTrajectory, of both
 planning_scene.yaml   moveit_msgs/msg/PlanningScene, the world's solids as a difference
 ros2_control.yaml     parameters of a controller manager with a trajectory controller for the arm
 nav2.yaml             parameters of nav2's controller server and local costmap for the base
-settings.yaml         what execute_plan.py asks of the base
-execute_plan.py       sends the arm's trajectory, leads the base along its own, stops both where one fails
+settings.yaml         what execute_plan.py asks of the base, and from when to when the tool is on its path [s]
+execute_plan.py       sends the arm's trajectory, leads the base along its own, stops both where one fails,
+                      and says on /tool_on when the tool is on its path
 bag/                  rosbag2 (MCAP) of /tf, /joint_states and the messages above, for RViz and Foxglove
 """
 
@@ -84,6 +85,7 @@ def ros2_files(plan: Plan, rate: float | None = None, frame: str = FRAME) -> dic
             "base_frame": plan.world.frames.base_link,
             "base_velocity": float(speeds.base_velocity),
             "turn_velocity": float(speeds.turn_velocity),
+            "tool_on": tool_spans(plan.motion),
         },
     }
     texts = {f"{name}.yaml": message_text(document, ".yaml") for name, document in documents.items()}
@@ -96,6 +98,14 @@ def ros2_files(plan: Plan, rate: float | None = None, frame: str = FRAME) -> dic
     ]
     bag = {f"bag/{name}": content for name, content in bag_files(events).items()}
     return {**texts, SCRIPT: _SCRIPT_TEXT.read_text("utf-8"), "README.txt": about, **bag}
+
+
+def tool_spans(motion: Motion) -> list[Message]:
+    """Times from when to when the tool of a timed motion is on its path, one after the other [s]."""
+    working = np.concatenate([[False], motion.kind != "transit", [False]])
+    first, end = np.flatnonzero(np.diff(working)).reshape(-1, 2).T
+    spans = zip(motion.time[first].tolist(), motion.time[end - 1].tolist(), strict=True)
+    return [{"from": begin, "to": done} for begin, done in spans]
 
 
 def arm_parameters(robot: Robot) -> Message:
