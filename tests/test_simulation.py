@@ -75,6 +75,17 @@ def test_noise_is_taken_up_by_the_arm_and_a_seed_repeats_its_bytes() -> None:
         assert np.abs(one.estimate - one.base).max() > 1e-4
 
 
+def test_the_tool_is_known_as_well_as_the_base_is() -> None:
+    """Its spread is that of tools on bases drawn about the true one by the estimate's covariance."""
+    run, rng = simulate(timed_plan(), typical_noise(), seed=1), np.random.default_rng(0)
+    for k in (0, len(run.time) // 2, len(run.time) - 1):
+        bases = run.base[k] + rng.multivariate_normal(np.zeros(3), run.covariance[k], 4000)
+        tools = run.plan.world.robot.tool(bases, np.tile(run.joints[k], (len(bases), 1)))[:, :2, 3]
+        spread = np.sqrt(np.linalg.eigvalsh(np.cov(tools.T))[-1])
+        assert run.tool_spread[k] == pytest.approx(spread, rel=0.05)
+    assert not simulate(timed_plan()).tool_spread.any()
+
+
 def test_a_run_fails_where_its_tolerance_is_left() -> None:
     run = simulate(timed_plan(), Noise(position=0.05, heading=0.02), tolerance=1e-3)
     assert not run.ok

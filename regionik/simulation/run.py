@@ -55,6 +55,8 @@ class SimulatedRun:
         The plan at the same times.
     base, estimate : (n, 3) arrays
         Where the base was, and where the robot took it to be: x, y [m], yaw [rad].
+    covariance : (n, 3, 3) array
+        Of the estimate's error.
     joints : (n, dof) array
     velocity : (n, 3 + dof) array
         Of the base in the world and of the joints.
@@ -72,6 +74,7 @@ class SimulatedRun:
     reference: Reference
     base: Array
     estimate: Array
+    covariance: Array
     joints: Array
     velocity: Array
     tool: Array
@@ -93,6 +96,19 @@ class SimulatedRun:
         """Distance of the tool from where the plan has it at that moment, (n,) [m]."""
         error: Array = np.linalg.norm(self.tool - self.reference.T_tool[:, :3, 3], axis=1)
         return error
+
+    @cached_property
+    def tool_spread(self) -> Array:
+        """Standard deviation of the tool's place along the direction in which it is known least, (n,) [m].
+
+        It is that of the estimate, which no arm takes up.
+        """
+        x, y = (self.tool - self.base)[:, :2].T
+        J = np.zeros((len(x), 2, 3))
+        J[:, 0, 0] = J[:, 1, 1] = 1.0
+        J[:, 0, 2], J[:, 1, 2] = -y, x
+        spread: Array = np.linalg.eigvalsh(J @ self.covariance @ J.transpose(0, 2, 1))[:, -1]
+        return np.sqrt(np.maximum(spread, 0.0))
 
     @cached_property
     def arm_error(self) -> Array:
