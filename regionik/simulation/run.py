@@ -107,8 +107,9 @@ class SimulatedRun:
         J = np.zeros((len(x), 2, 3))
         J[:, 0, 0] = J[:, 1, 1] = 1.0
         J[:, 0, 2], J[:, 1, 2] = -y, x
-        spread: Array = np.linalg.eigvalsh(J @ self.covariance @ J.transpose(0, 2, 1))[:, -1]
-        return np.sqrt(np.maximum(spread, 0.0))
+        spread = np.linalg.eigvalsh(J @ self.covariance @ J.transpose(0, 2, 1))[:, -1].astype(np.float64)
+        found: Array = np.sqrt(np.maximum(spread, 0.0))
+        return found
 
     @cached_property
     def arm_error(self) -> Array:
