@@ -107,6 +107,21 @@ def test_the_model_moves_as_the_robot_does(robot: Robot) -> None:
         assert np.abs(physics.tool - robot.tool(base, joints[0])[:3, 3]).max() < 1e-9
 
 
+def test_the_speed_of_the_tool_is_that_of_its_motion() -> None:
+    """While the base speeds up evenly."""
+    world = every_solid()
+    physics = Physics(world, np.array([20.0, 20.0, 0.0]), world.robot.carry[None], 100.0)
+    places, speeds = [], []
+    for k in range(100):
+        physics.step((k * STEP, 0.5 * k * STEP, 0.0), world.robot.carry)
+        physics.refresh()
+        places.append(physics.tool.copy())
+        speeds.append(physics.tool_velocity())
+    moved = (np.array(places[2:]) - places[:-2]) / (2 * STEP)
+    assert np.abs(moved - speeds[1:-1])[50:].max() < 5e-5
+    assert np.abs(physics.position[:2] - [20 + (99 * STEP) ** 2 / 2, 20 + (99 * STEP) ** 2 / 4]).max() < 3e-4
+
+
 def test_contacts_name_what_touches() -> None:
     world = every_solid()
     straight_up = np.array([[0.0, np.pi / 2, 0.0, np.pi / 2, 0.0]])
