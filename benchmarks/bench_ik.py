@@ -26,7 +26,8 @@ from scipy.spatial.transform import Rotation
 
 import regionik as rik
 from regionik.planners.solvers.inverse_kinematics import ArmSolver, Goal
-from regionik.planners.solvers.multistart_ik import solve_ik, spread_postures
+from regionik.planners.solvers.multistart_ik import solve_ik
+from regionik.planners.solvers.serial_chain import spread_postures
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
 

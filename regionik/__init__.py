@@ -161,7 +161,7 @@ _HOME = {
 
 
 _SHOWN = {
-    "Answer": "regionik.reachability.reach",
+    "Answer": "regionik.values",
     "Area": "regionik.regions",
     "Plan": "regionik.values",
     "World": "regionik.worlds.scene",

@@ -285,8 +285,6 @@ def check_world(world: World) -> None:
             f"{world.name}: rules.heading: a base on wheels turns as it drives, expected free, "
             f"got {world.rules.heading}"
         )
-    if world.rules.order == "any" and world.rules.mode != "stops":
-        raise InputError(f"{world.name}: rules.order: any goes with rules.mode: stops, expected given")
     strategy_of(world).check(world)
     _refuse(failures.blocked_start(world))
 

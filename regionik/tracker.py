@@ -21,20 +21,27 @@ from regionik.areas.ground import ground_of
 from regionik.areas.standing import room_for
 from regionik.explain.constraints import no_way_to, setpoint_at
 from regionik.explain.failures import invalid_plan
-from regionik.moving.base_motion import arm_states
 from regionik.planners.driving.pitch_arm import HeightError, arm_share, pitch_arm
 from regionik.planners.driving.point_planner import NoPathError
 from regionik.planners.driving.pose_planner import drive_differential
 from regionik.planners.driving.pose_tracking import TrackedRun, TrackingRobot, start_headings, track_runs
 from regionik.planners.progress import tell
-from regionik.postures.poses import LARGEST_BEND, Pose, Row, axis_of, columns, lift_offs, motion_stats
+from regionik.postures.poses import (
+    LARGEST_BEND,
+    Pose,
+    Row,
+    arm_states,
+    axis_of,
+    columns,
+    lift_offs,
+    motion_stats,
+)
 from regionik.values import Configuration, Motion, Plan, PlannedArea, Report
 from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array
-from regionik.worlds.criteria import with_joint_margin
 from regionik.worlds.drives import DifferentialDrive
 from regionik.worlds.errors import Cause, Explanation, NoPlanFound
-from regionik.worlds.robot import Robot
+from regionik.worlds.robot import Robot, with_joint_margin
 from regionik.worlds.scene import Target, World
 
 FINEST = 6  # halvings of the segment between two set-points at most

@@ -255,3 +255,40 @@ class Report:
 def _pose_text(base: Array) -> str:
     x, y, yaw = base.tolist()
     return f"x {x:.3f} m, y {y:.3f} m, yaw {yaw:.3f} rad"
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """Reachability of n targets.
+
+    Attributes
+    ----------
+    targets : (n, 3) array
+        [m]
+    reachable : (n,) array of bool
+    verdict : (n,) array of str
+        "reachable": base and joints were found and checked, on target, on the floor and, with avoidance in
+        the rules, clear of obstacles. "unreachable": the outer area is empty, which is a proof in the model,
+        or each posture from each place is proven to touch something. "undecided": neither, within ``gap``.
+    base : (n, 3) array
+        x, y [m], yaw [rad]; NaN where there is none.
+    joints : (n, dof) array
+        NaN where there is none.
+    reason : list of str
+        One for each target; empty where it is reachable.
+    gap : (n,) array
+        Diameter of the largest circle of undecided places for the arm axis; 0 for a decided target [m].
+    """
+
+    targets: Array
+    reachable: NDArray[np.bool_]
+    verdict: NDArray[np.str_]
+    base: Array
+    joints: Array
+    reason: list[str]
+    gap: Array
+
+    def __repr__(self) -> str:
+        counts = dict(zip(*np.unique(self.verdict, return_counts=True), strict=True))
+        found = ", ".join(f"{count} {verdict}" for verdict, count in counts.items())
+        return f"Answer({len(self.verdict)} targets: {found or 'none'})"

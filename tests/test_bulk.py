@@ -19,7 +19,8 @@ import numpy as np
 import pytest
 
 from regionik.executors import FRESH_POOLS, map_unordered, process_pool
-from regionik.reachability.reach import Answer, reach
+from regionik.reachability.reach import reach
+from regionik.values import Answer
 from regionik.worlds.bundled import world_names
 from regionik.worlds.documents.world_file import load_world, world_to_document
 from regionik.worlds.errors import EngineError, InputError

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 import shapely
 
-from regionik.areas.standing import anywhere
+from regionik.areas.standing import anywhere, spread
 from regionik.mfabrik import configurations
 from regionik.moving.base_motion import Candidate
-from regionik.moving.configuration_sampling import KEPT, PLACES, ConfigurationSampler, Evidence, spread
+from regionik.moving.configuration_sampling import KEPT, PLACES, ConfigurationSampler, Evidence
 from regionik.planners.collision.proximity import Touch
 from regionik.postures.arm_guard import guard_of
 from regionik.postures.poses import Pose, axis_of

@@ -16,8 +16,8 @@ from regionik.areas.reachable import (
     reach_model,
     reach_rows,
 )
+from regionik.areas.standing import spread
 from regionik.mfabrik import solver_for
-from regionik.moving.configuration_sampling import spread
 from regionik.pipeline import plan
 from regionik.planners.solvers.damped_least_squares import DIRECTION
 from regionik.postures.arm import Goal, aim_of, goal_of

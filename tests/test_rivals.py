@@ -20,7 +20,7 @@ from regionik.planners.rivals.method import ArmMethod, Fabrik, FabrikPolished
 from regionik.planners.rivals.network import Network
 from regionik.planners.solvers.damped_least_squares import DIRECTION, ORIENTATION, POSITION, Aim
 from regionik.planners.solvers.inverse_kinematics import Goal, confirm
-from regionik.planners.solvers.multistart_ik import spread_postures
+from regionik.planners.solvers.serial_chain import spread_postures
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain

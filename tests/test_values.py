@@ -11,8 +11,7 @@ import shapely
 
 from regionik.comparison import Comparison, Score
 from regionik.reachability.field import Field
-from regionik.reachability.reach import Answer
-from regionik.values import Report, Stop, Violation
+from regionik.values import Answer, Report, Stop, Violation
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain, Joint
 from regionik.worlds.errors import Explanation, InputError

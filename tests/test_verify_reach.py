@@ -3,7 +3,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from regionik.reachability.reach import Answer, reach
+from regionik.reachability.reach import reach
+from regionik.values import Answer
 from regionik.verification.verifier import verify_answers
 from regionik.worlds.documents.world_file import load_world
 from regionik.worlds.errors import InputError

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from functools import lru_cache
+from dataclasses import dataclass
 
 import numpy as np
 
 from regionik.worlds.arrays import Array, one_line, scalar_or_tuple
-from regionik.worlds.chain import Chain
 from regionik.worlds.errors import InputError
-from regionik.worlds.robot import Robot
 
 
 @dataclass(frozen=True)
@@ -59,45 +56,6 @@ class Criteria:
         """True where more is asked than a margin to the joint limits."""
         return bool(self.manipulability) or self.effort is not None
 
-    def check(self, robot: Robot) -> None:
-        """Refuse criteria that do not apply to a robot.
-
-        Raises
-        ------
-        InputError
-            When effort is limited for a robot without masses, or for another number of joints.
-        """
-        if self.effort is None:
-            return
-        dof = robot.chain.dof
-        if isinstance(self.effort, tuple) and len(self.effort) != dof:
-            raise InputError(
-                f"criteria: effort: expected one limit, or {dof} ({', '.join(robot.chain.names)}), "
-                f"got {len(self.effort)}"
-            )
-        if not robot.loads:
-            raise InputError(
-                f"criteria: effort: {robot.name} has no masses: give robot.masses or robot.payload in the "
-                "world file, or inertial elements in its URDF"
-            )
-
     def efforts(self, dof: int) -> Array:
         """Return the limits of effort (dof,); infinite where there are none."""
         return np.broadcast_to(np.array(np.inf if self.effort is None else self.effort, dtype=float), (dof,))
-
-
-def with_joint_margin(robot: Robot, criteria: Criteria | None) -> Robot:
-    """Return the robot with its joint limits narrowed by the joint margin of the criteria."""
-    margin = None if criteria is None else criteria.joint_margin
-    return robot if not margin else _narrowed(robot, margin)
-
-
-@lru_cache(maxsize=64)
-def _narrowed(robot: Robot, margin: float) -> Robot:
-    joints = tuple(
-        replace(one, lower=one.lower + margin * span, upper=one.upper - margin * span)
-        if np.isfinite(span := one.upper - one.lower)
-        else one
-        for one in robot.chain.joints
-    )
-    return replace(robot, chain=Chain(joints, robot.chain.T_last_tool))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import get_args
 
 import numpy as np
@@ -13,6 +13,7 @@ from shapely.geometry import MultiPoint, Polygon
 
 from regionik.worlds.arrays import Array, freeze, frozen, one_line
 from regionik.worlds.chain import Chain, planar_pose
+from regionik.worlds.criteria import Criteria
 from regionik.worlds.drives import BaseDrive, BaseKind, drive_of
 from regionik.worlds.errors import InputError
 from regionik.worlds.links import BASE, LinkMass, LinkSolid
@@ -241,3 +242,43 @@ def _check_links(
     if wrong is not None:
         expected = f"a link from {low} to {high}" if low < high else f"link {low}"
         raise InputError(f"{what}[{wrong}].link: expected {expected}, got {parts[wrong].link}")
+
+
+def check_criteria(criteria: Criteria, robot: Robot) -> None:
+    """Refuse criteria that do not apply to a robot.
+
+    Raises
+    ------
+    InputError
+        When effort is limited for a robot without masses, or for another number of joints.
+    """
+    if criteria.effort is None:
+        return
+    dof = robot.chain.dof
+    if isinstance(criteria.effort, tuple) and len(criteria.effort) != dof:
+        raise InputError(
+            f"criteria: effort: expected one limit, or {dof} ({', '.join(robot.chain.names)}), "
+            f"got {len(criteria.effort)}"
+        )
+    if not robot.loads:
+        raise InputError(
+            f"criteria: effort: {robot.name} has no masses: give robot.masses or robot.payload in the "
+            "world file, or inertial elements in its URDF"
+        )
+
+
+def with_joint_margin(robot: Robot, criteria: Criteria | None) -> Robot:
+    """Return the robot with its joint limits narrowed by the joint margin of the criteria."""
+    margin = None if criteria is None else criteria.joint_margin
+    return robot if not margin else _narrowed(robot, margin)
+
+
+@lru_cache(maxsize=64)
+def _narrowed(robot: Robot, margin: float) -> Robot:
+    joints = tuple(
+        replace(one, lower=one.lower + margin * span, upper=one.upper - margin * span)
+        if np.isfinite(span := one.upper - one.lower)
+        else one
+        for one in robot.chain.joints
+    )
+    return replace(robot, chain=Chain(joints, robot.chain.T_last_tool))

@@ -41,8 +41,9 @@ from regionik.planners.search.fixed_base import WORDS
 from regionik.planners.solvers.damped_least_squares import POSITION, Aim, polish
 from regionik.planners.solvers.inverse_kinematics import ArmSolver, Goal
 from regionik.planners.solvers.mfabrik_serial import in_arm_frame
-from regionik.planners.solvers.multistart_ik import Effort, solve_ik, spread_postures
+from regionik.planners.solvers.multistart_ik import Effort, solve_ik
 from regionik.planners.solvers.rigid_bodies import posing_bodies
+from regionik.planners.solvers.serial_chain import spread_postures
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.chain import Chain
 from regionik.worlds.errors import InputError

@@ -19,8 +19,7 @@ from numpy.typing import NDArray
 
 from regionik.planners.kernels import compiled
 from regionik.planners.solvers.damped_least_squares import DIRECTION, Aim, polish
-from regionik.planners.solvers.multistart_ik import spread_postures
-from regionik.planners.solvers.serial_chain import SerialArm, serial_arm
+from regionik.planners.solvers.serial_chain import SerialArm, serial_arm, spread_postures
 from regionik.worlds.arms import pivot_index
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, Joint

@@ -16,8 +16,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from regionik.planners.solvers.damped_least_squares import DIRECTION, ORIENTATION, POSITION, Aim
-from regionik.planners.solvers.multistart_ik import Effort, solve_ik, spread_postures
+from regionik.planners.solvers.multistart_ik import Effort, solve_ik
 from regionik.planners.solvers.rigid_bodies import RigidBodies, pointing_bodies, posing_bodies, span
+from regionik.planners.solvers.serial_chain import spread_postures
 from regionik.worlds.arrays import Array, frozen
 from regionik.worlds.chain import Chain
 from regionik.worlds.errors import InputError

@@ -24,7 +24,6 @@ from regionik.planners.solvers.fabrikr import (
 from regionik.planners.solvers.rigid_bodies import RigidBodies
 from regionik.planners.solvers.serial_chain import rotate_about
 from regionik.worlds.arrays import Array
-from regionik.worlds.chain import Chain
 
 WINDOW = 5  # passes over which progress is judged
 PATIENCE = 40  # passes that a start may still need at its present pace
@@ -187,12 +186,3 @@ def _unwind(bodies: RigidBodies, answer: Array, joints: Array) -> None:
         if bodies.arm.revolute[k] and np.isinf(bodies.arm.lower[k]) and np.isinf(bodies.arm.upper[k]):
             value = joints[k] + wrap(value - joints[k])
         joints[k] = value
-
-
-def spread_postures(chain: Chain, reach: float, count: int, seed: int) -> Array:
-    """Postures (count, dof) drawn evenly within the limits; joints without any, within a turn or a reach."""
-    width = np.array([2 * np.pi if joint.kind == "revolute" else reach for joint in chain.joints])
-    lower = np.where(np.isfinite(chain.lower), chain.lower, chain.upper - width)
-    lower = np.where(np.isfinite(lower), lower, -0.5 * width)
-    upper = np.where(np.isfinite(chain.upper), chain.upper, lower + width)
-    return np.random.default_rng(seed).uniform(lower, upper, (count, chain.dof))

@@ -142,3 +142,12 @@ def chain_jacobian(arm: SerialArm, frames: Array, J: Array) -> None:
         else:
             J[:3, k] = axis
             J[3:, k] = 0.0
+
+
+def spread_postures(chain: Chain, reach: float, count: int, seed: int) -> Array:
+    """Postures (count, dof) drawn evenly within the limits; joints without any, within a turn or a reach."""
+    width = np.array([2 * np.pi if joint.kind == "revolute" else reach for joint in chain.joints])
+    lower = np.where(np.isfinite(chain.lower), chain.lower, chain.upper - width)
+    lower = np.where(np.isfinite(lower), lower, -0.5 * width)
+    upper = np.where(np.isfinite(chain.upper), chain.upper, lower + width)
+    return np.random.default_rng(seed).uniform(lower, upper, (count, chain.dof))

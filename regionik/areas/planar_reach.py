@@ -35,6 +35,7 @@ from regionik.postures.planar_solver import PlanarSolver
 from regionik.worlds.arms import PlanarArm
 from regionik.worlds.arrays import Array
 from regionik.worlds.criteria import Criteria
+from regionik.worlds.robot import check_criteria
 from regionik.worlds.scene import Rules, Target
 
 Arc = tuple[float, float]  # middle and half width [rad]
@@ -188,7 +189,7 @@ class PlanarReach(ReachModel):
         """Those of manipulability and effort; see `ReachModel`."""
         if criteria is None or not criteria.beyond_limits:
             return None
-        criteria.check(self.robot)
+        check_criteria(criteria, self.robot)
         return thresholds_of(self.arm, self.robot, criteria)
 
     def meets(self, criteria: Criteria | None, joints: Array) -> bool:

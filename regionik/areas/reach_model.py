@@ -19,8 +19,8 @@ from regionik.postures.families import BACK, FRONT, Family
 from regionik.worlds.arms import with_pivot
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
-from regionik.worlds.criteria import Criteria, with_joint_margin
-from regionik.worlds.robot import Robot
+from regionik.worlds.criteria import Criteria
+from regionik.worlds.robot import Robot, with_joint_margin
 from regionik.worlds.scene import Rules, Target
 
 ARC_POINTS = 48  # vertices of a full circle

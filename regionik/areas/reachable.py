@@ -37,9 +37,9 @@ from regionik.postures.serial_solver import serial_solver
 from regionik.worlds.arms import pivot_index, planar_arm
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
-from regionik.worlds.criteria import Criteria, with_joint_margin
+from regionik.worlds.criteria import Criteria
 from regionik.worlds.errors import InputError
-from regionik.worlds.robot import Robot
+from regionik.worlds.robot import Robot, check_criteria, with_joint_margin
 from regionik.worlds.scene import Rules, Target, World
 
 
@@ -284,7 +284,7 @@ class PivotedReach(ReachModel):
     def thresholds(self, criteria: Criteria | None) -> tuple[Thresholds, Thresholds] | None:
         """None, as nothing but limits can be asked; see `ReachModel`."""
         if criteria is not None and criteria.beyond_limits:
-            criteria.check(self.robot)
+            check_criteria(criteria, self.robot)
             raise InputError(f"criteria: {self._refusal}, valid choices: joint_margin")
         return None
 

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from shapely.geometry import Point, Polygon
+from shapely.geometry.base import BaseGeometry
 
 from regionik.areas.ground import EVERY, GUARD, Geometries, Side, disjoint, ground_of
 from regionik.planners.driving.footprint import FootprintScene, footprint_scene
@@ -245,3 +246,17 @@ def _kept_by(world: World) -> tuple[Corners, Polygon, Shadows, float]:
 def _round(world: World) -> bool:
     ground = ground_of(world)
     return ground.far - ground.near < ROUND
+
+
+def spread(area: BaseGeometry, count: int, seed: int) -> Array:
+    """Points (n, 2) spread evenly over a polygon, at most ``count`` of them and at least one."""
+    from scipy.stats import qmc  # takes long to load
+
+    x0, y0, x1, y1 = area.bounds
+    share = area.area / max((x1 - x0) * (y1 - y0), 1e-12)
+    draws = int(np.ceil(count / max(share, 0.02)))
+    unit = qmc.Halton(2, scramble=True, rng=np.random.default_rng(seed)).random(draws)
+    points = unit * (x1 - x0, y1 - y0) + (x0, y0)
+    inside = points[shapely.contains_xy(area, points)][:count]
+    middle: Point = area.representative_point()
+    return inside if len(inside) else np.array([[middle.x, middle.y]])

@@ -27,8 +27,7 @@ from regionik.worlds.errors import Explanation, InputError, NoPlanFound, RobotNo
 if TYPE_CHECKING:
     from rich.progress import Progress, TaskID
 
-    from regionik.reachability.reach import Answer
-    from regionik.values import Plan, Report
+    from regionik.values import Answer, Plan, Report
     from regionik.worlds.scene import World
 
 DONE, NO = 0, 1  # exit codes

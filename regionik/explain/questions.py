@@ -61,7 +61,7 @@ from regionik.worlds.errors import Repair
 from regionik.worlds.scene import World
 
 if TYPE_CHECKING:
-    from regionik.reachability.reach import Answer
+    from regionik.values import Answer
 
 
 PROOF, SEARCH = 30_000, 1_500  # cells of postures looked at for a cause, and for an amount of a change

@@ -17,7 +17,7 @@ Closed = Callable[[World], bool]
 Say = Callable[[str], None]
 
 if TYPE_CHECKING:
-    from regionik.reachability.reach import Answer
+    from regionik.values import Answer
 
 
 def unsaid(sentence: str) -> None:

@@ -176,13 +176,6 @@ class ShapedDriver:
 TURN_STRIDE = 0.1  # largest turn of the base between two states [rad]
 
 
-def arm_states(here: Pose, there: Pose) -> list[Pose]:
-    """States strictly between two postures, the base standing."""
-    change = there.joints - here.joints
-    count = max(1, int(np.ceil(float(np.abs(change).max()) / LARGEST_BEND * 1.001)))
-    return [Pose(here.base, here.joints + k / count * change) for k in range(1, count)]
-
-
 @dataclass(frozen=True, eq=False)
 class Interpolator:
     """States between poses, and the proof that the arm is clear on them."""

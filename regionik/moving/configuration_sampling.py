@@ -17,11 +17,10 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 from shapely.geometry import Point
-from shapely.geometry.base import BaseGeometry
 
 from regionik.areas.held_reach import held_reach
 from regionik.areas.reachable import model_of, reach_model
-from regionik.areas.standing import Standing, away, into_span
+from regionik.areas.standing import Standing, away, into_span, spread
 from regionik.ladder import Ladder
 from regionik.mfabrik import Solver, solver_for
 from regionik.moving.base_motion import Candidate
@@ -352,20 +351,6 @@ class ConfigurationSampler:
         if k not in self._places:
             self._places[k] = spread(self.ladder.component[k], PLACES, self.seed)
         return self._places[k]
-
-
-def spread(area: BaseGeometry, count: int, seed: int) -> Array:
-    """Points (n, 2) spread evenly over a polygon, at most ``count`` of them and at least one."""
-    from scipy.stats import qmc  # takes long to load
-
-    x0, y0, x1, y1 = area.bounds
-    share = area.area / max((x1 - x0) * (y1 - y0), 1e-12)
-    draws = int(np.ceil(count / max(share, 0.02)))
-    unit = qmc.Halton(2, scramble=True, rng=np.random.default_rng(seed)).random(draws)
-    points = unit * (x1 - x0, y1 - y0) + (x0, y0)
-    inside = points[shapely.contains_xy(area, points)][:count]
-    middle: Point = area.representative_point()
-    return inside if len(inside) else np.array([[middle.x, middle.y]])
 
 
 @lru_cache(maxsize=64)

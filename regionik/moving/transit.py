@@ -12,12 +12,12 @@ from itertools import islice, pairwise
 
 import numpy as np
 
-from regionik.moving.base_motion import Driver, Interpolator, arm_states
+from regionik.moving.base_motion import Driver, Interpolator
 from regionik.planners.collision.proximity import Touch
 from regionik.planners.driving.point_planner import NoPathError
 from regionik.planners.driving.sampling import PlanningProblem, State, connect
 from regionik.postures.arm_guard import Guard
-from regionik.postures.poses import Pose, axis_of, distinct, pose_of, turn_to
+from regionik.postures.poses import Pose, arm_states, axis_of, distinct, pose_of, turn_to
 from regionik.worlds.arms import pivot_index, with_pivot
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain

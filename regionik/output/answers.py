@@ -20,10 +20,10 @@ from shapely.geometry import Point, mapping
 
 from regionik.executors import AHEAD, Pool, map_unordered
 from regionik.planners.progress import tell, track
-from regionik.reachability.reach import CHUNK, Answer, reach
+from regionik.reachability.reach import CHUNK, reach
 from regionik.storage.files import json_text, json_values, open_partial, write_atomic
 from regionik.storage.plan_document import feature, feature_collection
-from regionik.values import Stop
+from regionik.values import Answer, Stop
 from regionik.worlds.documents.world_file import world_to_document
 from regionik.worlds.errors import InputError, located
 from regionik.worlds.readers.csv_path import CsvBlock, CsvTable, index_csv, read_csv

@@ -6,7 +6,7 @@ is the shortest, as in LazyPRM (Bohlin and Kavraki 2000).
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from heapq import heappop, heappush
@@ -14,11 +14,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from regionik.moving.base_motion import arm_states
 from regionik.postures.arm_guard import Guard, guard_of
-from regionik.postures.poses import Pose, distinct
+from regionik.postures.poses import Pose, arm_states, distinct
 from regionik.worlds.arrays import Array, Index
-from regionik.worlds.criteria import with_joint_margin
+from regionik.worlds.robot import with_joint_margin
 from regionik.worlds.scene import World
 
 DRAWN = 300  # postures at random
@@ -90,6 +89,33 @@ class ArmRoadmap:
                 m = (k + 1 + m) // 2
             k = m
             yield corners[k]
+
+
+@dataclass(frozen=True, eq=False)
+class HeldPostures:
+    """Postures at set-points in a row from one pose of the base.
+
+    Attributes
+    ----------
+    base : (3,) array
+    served : tuple of int
+        Indices of the k set-points among those asked for: the first k, or any where their order is free.
+    joints : (k, dof) array
+    spare : float
+        Least distance of a joint to a limit, as a share of its range.
+    roadmap : ArmRoadmap or None
+        Of ways from one posture to another and to the carry posture, where those are known.
+    """
+
+    base: Array
+    served: tuple[int, ...]
+    joints: Array
+    spare: float
+    roadmap: ArmRoadmap | None = None
+
+    def of(self, some: Sequence[int]) -> HeldPostures:
+        """Return what is held at some of the postures, in the order given."""
+        return replace(self, served=tuple(range(len(some))), joints=self.joints[list(some)])
 
 
 @lru_cache(maxsize=8)

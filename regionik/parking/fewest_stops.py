@@ -9,7 +9,6 @@ left aside; the same count over outer areas is a bound that no base falls below.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from functools import lru_cache
 
 import numpy as np
@@ -19,7 +18,14 @@ from regionik.areas.ground import Geometries
 from regionik.areas.standing import Index
 from regionik.explain.constraints import no_way_to, setpoint_at
 from regionik.explain.failures import cut_off, no_place
-from regionik.parking.parking_areas import ParkingAreas, StopGroup, parking_areas_on, radius, shrunk_by_circle
+from regionik.parking.parking_areas import (
+    Parking,
+    ParkingAreas,
+    StopGroup,
+    parking_areas_on,
+    radius,
+    shrunk_by_circle,
+)
 from regionik.planners.coverage.set_cover import (
     OverlayFaces,
     SetCover,
@@ -31,32 +37,8 @@ from regionik.planners.coverage.set_cover import (
 )
 from regionik.planners.geometry.offsets import shrunk
 from regionik.regions import outer_areas, ways_to_stand
-from regionik.worlds.arrays import Array
 from regionik.worlds.errors import Cause, Explanation, NoPlanFound
 from regionik.worlds.scene import Target, World
-
-
-@dataclass(frozen=True, eq=False)
-class Parking:
-    """Fewest stops and a lower bound of their number.
-
-    Attributes
-    ----------
-    parking_areas : ParkingAreas
-    groups : tuple of StopGroup
-    lower : int
-        No base needs fewer stops.
-    stats : dict
-        How the bound is known.
-    spots : dict of int to (n, 2) array
-        By side, in any order: places of all sets of set-points whose areas meet, the largest of them [m].
-    """
-
-    parking_areas: ParkingAreas
-    groups: tuple[StopGroup, ...]
-    lower: int
-    stats: dict[str, int | bool | str] = field(default_factory=dict)
-    spots: dict[int, Array] = field(default_factory=dict)
 
 
 def park(world: World) -> Parking:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from regionik.areas.standing import into_span
 from regionik.mfabrik import Solver
-from regionik.parking.arm_roadmap import ArmRoadmap, grown_roadmap, travel_roadmap
+from regionik.parking.arm_roadmap import ArmRoadmap, HeldPostures, grown_roadmap, travel_roadmap
 from regionik.planners.avoidance.neighboring_postures import NeighboringTargets, neighboring_postures
 from regionik.planners.solvers.damped_least_squares import POSITION, Aims, polish_along
 from regionik.planners.solvers.redundancy_resolution import PathSolving, resolve_redundancy
@@ -26,7 +26,7 @@ from regionik.postures.poses import Pose, axis_of, pose_of
 from regionik.postures.serial_solver import MOST_STEPS, SerialSolver, serial_solver
 from regionik.worlds.arms import pivot_index, pivot_joints
 from regionik.worlds.arrays import Array, Index
-from regionik.worlds.criteria import with_joint_margin
+from regionik.worlds.robot import with_joint_margin
 from regionik.worlds.scene import Target, World
 
 STARTS = 24  # postures at the first set-point that are looked for
@@ -37,33 +37,6 @@ BEGINNINGS = 4  # postures that the search at a target begins from
 ENOUGH = 3  # of those that serve every set-point, so many are compared
 RIM = np.arange(8) * np.pi / 4  # directions in which a circle to park in is tried [rad]
 RIM_STEPS = 4  # on the way out to its rim, each posture the start of the next
-
-
-@dataclass(frozen=True, eq=False)
-class HeldPostures:
-    """Postures at set-points in a row from one pose of the base.
-
-    Attributes
-    ----------
-    base : (3,) array
-    served : tuple of int
-        Indices of the k set-points among those asked for: the first k, or any where their order is free.
-    joints : (k, dof) array
-    spare : float
-        Least distance of a joint to a limit, as a share of its range.
-    roadmap : ArmRoadmap or None
-        Of ways from one posture to another and to the carry posture, where those are known.
-    """
-
-    base: Array
-    served: tuple[int, ...]
-    joints: Array
-    spare: float
-    roadmap: ArmRoadmap | None = None
-
-    def of(self, some: Sequence[int]) -> HeldPostures:
-        """Return what is held at some of the postures, in the order given."""
-        return replace(self, served=tuple(range(len(some))), joints=self.joints[list(some)])
 
 
 @dataclass(frozen=True, eq=False)

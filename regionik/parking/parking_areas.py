@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -12,9 +12,9 @@ from numpy.typing import ArrayLike
 from shapely.geometry.base import BaseGeometry
 
 from regionik.areas.ground import Geometries
-from regionik.areas.standing import Index, PathAreas, Standing
+from regionik.areas.standing import PathAreas, Standing
 from regionik.ladder import Ladder, Mask, build_ladder
-from regionik.parking.held_postures import HeldPostures
+from regionik.parking.arm_roadmap import HeldPostures
 from regionik.planners.coverage.set_cover import fewest_runs
 from regionik.planners.geometry.offsets import shrunk
 from regionik.postures.poses import axis_of
@@ -84,15 +84,6 @@ class ParkingAreas:
         floor: BaseGeometry = shapely.union_all(self.standing.whole(self.piece))
         return floor
 
-    @cached_property
-    def _tree(self) -> shapely.STRtree:
-        return shapely.STRtree(self.narrow)
-
-    def around(self, axis: Array, within: float) -> Index:
-        """Components, shrunk by the circle to park in, that are this near to a position of the arm axis."""
-        near: Index = np.sort(self._tree.query(shapely.Point(axis), predicate="dwithin", distance=within))
-        return near
-
     def groups(self, begin: int = 0) -> list[StopGroup]:
         """Fewest groups of set-points in their order, from one of them on, with their places."""
         return self._groups(begin, self.ladder.count)
@@ -138,6 +129,29 @@ class ParkingAreas:
             s: shapely.union_all([area for k, area in ends.items() if self.ladder.side[k] == s])
             for s in sides
         }
+
+
+@dataclass(frozen=True, eq=False)
+class Parking:
+    """Fewest stops and a lower bound of their number.
+
+    Attributes
+    ----------
+    parking_areas : ParkingAreas
+    groups : tuple of StopGroup
+    lower : int
+        No base needs fewer stops.
+    stats : dict
+        How the bound is known.
+    spots : dict of int to (n, 2) array
+        By side, in any order: places of all sets of set-points whose areas meet, the largest of them [m].
+    """
+
+    parking_areas: ParkingAreas
+    groups: tuple[StopGroup, ...]
+    lower: int
+    stats: dict[str, int | bool | str] = field(default_factory=dict)
+    spots: dict[int, Array] = field(default_factory=dict)
 
 
 def parking_areas_on(

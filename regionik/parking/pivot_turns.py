@@ -6,14 +6,16 @@ Of arms that work in one vertical plane: a place gives the direction of that pla
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 import shapely
 
-from regionik.areas.standing import into_span
+from regionik.areas.ground import Geometries
+from regionik.areas.standing import Standing, into_span
+from regionik.ladder import Ladder
 from regionik.mfabrik import solver_for
-from regionik.parking.parking_areas import ParkingAreas
 from regionik.postures.families import BACK, Family
 from regionik.postures.poses import pose_of
 from regionik.worlds.arms import pivot_index
@@ -45,10 +47,21 @@ class Turns(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class PivotTurns:
-    """Turns of the pivot of a world's arm, at places in its parking areas."""
+    """Turns of the pivot of a world's arm, at places in its parking areas.
+
+    Attributes
+    ----------
+    world : World
+    standing : Standing
+    ladder : Ladder
+    narrow : (m,) array of geometry
+        Components of the ladder shrunk by the circle to park in.
+    """
 
     world: World
-    parking_areas: ParkingAreas
+    standing: Standing
+    ladder: Ladder
+    narrow: Geometries
     _zeros: dict[int, float] = field(default_factory=dict)
 
     def turns(self, setpoints: tuple[int, ...], axis: Array, side: int) -> Turns | None:
@@ -64,7 +77,7 @@ class PivotTurns:
         zero = [self._plane_zero(setpoints, row, axis) for row in components]
         planes = bearing + np.array(zero)[:, None]
         joint = self.world.robot.chain.joints[pivot_index(self.world.robot.chain)]
-        span, wide = self.parking_areas.standing.sides[side].span, joint.upper - joint.lower
+        span, wide = self.standing.sides[side].span, joint.upper - joint.lower
         if wide >= 2 * np.pi:
             yaws, pivoted = np.array([into_span(0.0, span)]), np.full((1, *planes.shape), np.inf)
         else:
@@ -78,10 +91,14 @@ class PivotTurns:
             pivoted = off * np.sin(np.clip(np.minimum(turned, wide - turned), -np.pi / 2, np.pi / 2))
         return Turns(yaws, components, np.minimum(pivoted, rooms))
 
+    @cached_property
+    def _tree(self) -> shapely.STRtree:
+        return shapely.STRtree(self.narrow)
+
     def _deepest(self, setpoints: tuple[int, ...], axis: Array, side: int) -> tuple[Index, Array]:
         """The deepest component around a position by facing and set-point, -1 for none, and its room."""
-        ladder, spot = self.parking_areas.ladder, shapely.Point(axis)
-        here = self.parking_areas.around(axis, ON_EDGE)
+        ladder, spot = self.ladder, shapely.Point(axis)
+        here = np.sort(self._tree.query(spot, predicate="dwithin", distance=ON_EDGE))
         here = here[ladder.side[here] == side]
         room = shapely.distance(shapely.boundary(ladder.component[here]), spot)
         column = {i: n for n, i in enumerate(setpoints)}
@@ -100,7 +117,7 @@ class PivotTurns:
         known = np.flatnonzero(components >= 0)
         if not len(known):
             return 0.0
-        facing = self.parking_areas.ladder.family[int(components[known[0]])].facing
+        facing = self.ladder.family[int(components[known[0]])].facing
         if facing not in self._zeros:
             target = self.world.task[setpoints[int(known[0])]]
             away, pivot = target.position[:2] - axis, pivot_index(self.world.robot.chain)

@@ -12,9 +12,8 @@ import shapely
 from shapely.geometry import Point
 
 from regionik.areas.reachable import model_of
-from regionik.areas.standing import into_span
+from regionik.areas.standing import into_span, spread
 from regionik.mfabrik import Solver, solver_for
-from regionik.moving.configuration_sampling import spread
 from regionik.parking.arm_roadmap import ArmRoadmap
 from regionik.parking.held_postures import PostureCarrier
 from regionik.parking.parking_areas import ParkingAreas, StopGroup, depth
@@ -93,7 +92,8 @@ class PlacementSearch:
 
     @cached_property
     def _pivot(self) -> PivotTurns:
-        return PivotTurns(self.world, self.parking_areas)
+        areas = self.parking_areas
+        return PivotTurns(self.world, areas.standing, areas.ladder, areas.narrow)
 
     def best(self, group: StopGroup, at: Array | None = None) -> BasePlacement | None:
         """Best placement of a stop; it serves only the first of the set-points where none serves all.

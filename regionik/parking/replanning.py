@@ -21,8 +21,8 @@ from regionik.values import Configuration, Motion, Plan, Stop
 from regionik.verification.verifier import verify
 from regionik.worlds.arms import pivot_index, pivot_joints, with_pivot
 from regionik.worlds.arrays import Array, frozen
-from regionik.worlds.criteria import with_joint_margin
 from regionik.worlds.errors import Cause, Explanation, InputError, NoPlanFound
+from regionik.worlds.robot import with_joint_margin
 from regionik.worlds.scene import Start, Target, World
 
 STANDS = 1e-9  # by which states of a stop may be off its pose [m] or [rad]

@@ -18,9 +18,10 @@ import shapely
 from numpy.typing import NDArray
 
 from regionik.areas.ground import Geometries
-from regionik.moving.configuration_sampling import spread
-from regionik.parking.fewest_stops import Parking
-from regionik.parking.held_postures import HeldPostures, PostureCarrier
+from regionik.areas.standing import spread
+from regionik.parking.arm_roadmap import HeldPostures
+from regionik.parking.held_postures import PostureCarrier
+from regionik.parking.parking_areas import Parking
 from regionik.planners.coverage.set_cover import least_cover
 from regionik.postures.arm_guard import guard_of
 from regionik.postures.poses import pose_of

@@ -18,8 +18,7 @@ from shapely.geometry.base import BaseGeometry
 
 from regionik.areas.ground import united
 from regionik.areas.reachable import model_of
-from regionik.areas.standing import Standing, into_span
-from regionik.moving.configuration_sampling import spread
+from regionik.areas.standing import Standing, into_span, spread
 from regionik.parking.held_postures import PostureCarrier
 from regionik.postures.arm import deviation, goal_between
 from regionik.postures.arm_guard import guard_of

@@ -26,7 +26,7 @@ from regionik.parking.arm_roadmap import ArmRoadmap
 from regionik.parking.held_postures import PostureCarrier
 from regionik.parking.parking_areas import StopGroup
 from regionik.parking.placements import BasePlacement, PlacementSearch
-from regionik.parking.stops import StopSequence
+from regionik.parking.stop_sequence import StopSequence
 from regionik.planners.progress import tell
 from regionik.postures.poses import Pose, Row, distinct
 from regionik.values import Configuration, Stop

@@ -2,26 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
 
 import numpy as np
 import shapely
-from shapely.geometry import LineString
-from shapely.geometry.base import BaseGeometry
 
+from regionik.areas.standing import spread
 from regionik.explain.arm_failures import no_posture
-from regionik.moving.configuration_sampling import spread
-from regionik.parking.fewest_stops import Parking, park
-from regionik.parking.held_postures import HeldPostures
-from regionik.parking.parking_areas import ParkingAreas, StopGroup, reordered
+from regionik.parking.arm_roadmap import HeldPostures
+from regionik.parking.fewest_stops import park
+from regionik.parking.parking_areas import Parking, StopGroup
 from regionik.parking.placements import BasePlacement, PlacementSearch
 from regionik.parking.sampled_poses import PoseCover
+from regionik.parking.stop_sequence import StopSequence, stop_sequence
 from regionik.planners.coverage.set_cover import least_cover, undominated
-from regionik.planners.coverage.tours import VisitingOrder, short_tour, shortest_order
-from regionik.planners.geometry.shortest_paths import route
-from regionik.postures.poses import axis_of
 from regionik.values import Stop
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError, NoPlanFound
@@ -84,72 +79,11 @@ def check(world: World) -> None:
         )
 
 
-@dataclass(frozen=True, eq=False)
-class StopSequence:
-    """Stops in the order in which they are done.
-
-    Attributes
-    ----------
-    world : World
-        Its set-points in the order of the work.
-    order : tuple of int
-        Index of each in the world as given.
-    parking_areas : ParkingAreas
-    groups : tuple of StopGroup
-        Of set-points that follow one another.
-    spots : tuple of (2,) arrays or None
-        Position of the arm axis at each; None leaves it to the criterion.
-    tours : dict of str to float
-        Lengths and lower bounds of the drives between the middles of stops, and of the tool's way in them,
-        where any order will do [m].
-    """
-
-    world: World
-    order: tuple[int, ...]
-    parking_areas: ParkingAreas
-    groups: tuple[StopGroup, ...]
-    spots: tuple[Array | None, ...]
-    tours: Mapping[str, float]
-
-    def after(self, k: int, done: int) -> StopSequence:
-        """Sequence that is left where the place of stop k serves only the set-points before ``done``."""
-        if self.world.rules.order == "given":
-            groups = tuple(self.parking_areas.groups(done))
-            return replace(self, groups=groups, spots=(None,) * len(groups))
-        left = tuple(i for i in self.groups[k].setpoints if i >= done)
-        rest = replace(self.groups[k].of(left), held=None)
-        groups = (rest, *self.groups[k + 1 :])
-        return replace(self, groups=groups, spots=(None, *self.spots[k + 1 :]))
-
-    def widest(self) -> StopSequence:
-        """The same stops, the place of each in the middle of the largest circle."""
-        if self.world.rules.stop_criterion == "tolerance":
-            return self
-        rules = replace(self.world.rules, stop_criterion="tolerance")
-        return replace(self, world=replace(self.world, rules=rules), spots=(None,) * len(self.groups))
-
-    def divided(self, setpoints: Sequence[tuple[int, ...]]) -> StopSequence:
-        """The same work, by stops that serve given set-points, at the places that the criterion wants."""
-        areas, order = self.parking_areas, self.world.rules.order
-        known = {group.setpoints: group for group in self.groups}
-        groups = tuple(known.get(some) or areas.group(some, order) for some in setpoints)
-        return replace(self, groups=groups, spots=_wanted(self.world, groups))
-
-
 def in_sequence(world: World, parking: Parking) -> StopSequence:
-    """Put stops in their order: along a short tour of the floor, where any order will do."""
-    parking_areas, groups, order = parking.parking_areas, parking.groups, tuple(range(len(world.task)))
-    tours: dict[str, float] = {}
-    if world.rules.order == "any":
-        groups = _by_one_heading(world, parking)
-        groups, tours = _along_tour(world, parking_areas, groups)
-        order = tuple(i for group in groups for i in group.setpoints)
-        ends = np.cumsum([0, *(len(group.setpoints) for group in groups)]).tolist()
-        spans = [tuple(range(a, b)) for a, b in zip(ends[:-1], ends[1:], strict=True)]
-        groups = tuple(replace(one, setpoints=span) for span, one in zip(spans, groups, strict=True))
-        world = replace(world, task=tuple(world.task[i] for i in order))
-        parking_areas = reordered(world, parking_areas, order)
-    return StopSequence(world, order, parking_areas, groups, _wanted(world, groups), tours)
+    """Put stops in their order; where any order will do, each is one that a heading serves."""
+    any_order = world.rules.order == "any"
+    groups = _by_one_heading(world, parking) if any_order else parking.groups
+    return stop_sequence(world, parking.parking_areas, groups)
 
 
 @dataclass(frozen=True, eq=False)
@@ -237,14 +171,6 @@ def _parts(placements: PlacementSearch, group: StopGroup) -> Iterator[_Part]:
         group = StopGroup(left, group.places)
 
 
-def _wanted(world: World, groups: Sequence[StopGroup]) -> tuple[Array | None, ...]:
-    """Position of the arm axis at each stop that the criterion wants, where it says so of all at once."""
-    if world.rules.stop_criterion != "distance":
-        return (None,) * len(groups)
-    regions = [max(group.places.values(), key=lambda area: area.area) for group in groups]
-    return tuple(short_tour(regions, _start_axis(world)))
-
-
 def placed(sequence: StopSequence) -> Iterator[BasePlacement]:
     """Yield the best placement of every stop; a stop that no heading serves is split."""
     placements = PlacementSearch(sequence.world, sequence.parking_areas)
@@ -257,53 +183,3 @@ def placed(sequence: StopSequence) -> Iterator[BasePlacement]:
         k += 1
         if len(placement.setpoints) < len(sequence.groups[k - 1].setpoints):
             sequence, k = sequence.after(k - 1, placement.setpoints[-1] + 1), 0
-
-
-def _start_axis(world: World) -> Array | None:
-    """Position of the arm axis at the start (2,), if the world has one [m]."""
-    return None if world.start is None else axis_of(world.robot, world.start.base)
-
-
-def _along_tour(
-    world: World, parking_areas: ParkingAreas, groups: tuple[StopGroup, ...]
-) -> tuple[tuple[StopGroup, ...], dict[str, float]]:
-    """Groups along a tour, their set-points in a short order too, and how long these are [m]."""
-    spots = np.array([_middle(group) for group in groups])
-    start, floor = _start_axis(world), parking_areas.floor
-    lead = None if start is None else np.array([_drive(floor, start, spot) for spot in spots])
-    far = np.zeros((len(spots), len(spots)))
-    for a, b in combinations(range(len(spots)), 2):
-        far[a, b] = far[b, a] = _drive(floor, spots[a], spots[b])
-    drive = shortest_order(far, lead)
-    work = [_in_short_order(world, group) for group in groups]
-    tours = {
-        "drive": drive.length,
-        "drive_lower_bound": drive.lower,
-        "tool": sum(tour.length for _, tour in work),
-        "tool_lower_bound": sum(tour.lower for _, tour in work),
-    }
-    return tuple(work[n][0] for n in drive.order), tours
-
-
-def _drive(floor: BaseGeometry, here: Array, there: Array) -> float:
-    """Length of a short way over the floor; straight where an end is off it [m]."""
-    straight = LineString([here, there])
-    ends = shapely.points([here, there])
-    if floor.covers(straight) or not floor.covers(shapely.multipoints(ends)):
-        return float(straight.length)
-    way = route(floor, here, there)
-    return float(straight.length if way is None else np.hypot(*np.diff(way, axis=0).T).sum())
-
-
-def _middle(group: StopGroup) -> Array:
-    """Middle of the largest circle of a stop's largest side (2,) [m]."""
-    area = max(group.places.values(), key=lambda area: float(area.area))
-    return np.array(shapely.maximum_inscribed_circle(area).coords[0])
-
-
-def _in_short_order(world: World, group: StopGroup) -> tuple[StopGroup, VisitingOrder]:
-    """Group with its set-points along a short tour of the tool."""
-    spots = np.array([world.task[i].position for i in group.setpoints])
-    tour = shortest_order(np.linalg.norm(spots[:, None] - spots[None], axis=2))
-    setpoints = tuple(group.setpoints[n] for n in tour.order)
-    return group.of(setpoints), tour

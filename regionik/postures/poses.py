@@ -113,3 +113,10 @@ def pose_of(robot: Robot, axis: Array, yaw: float) -> Array:
     c, s = np.cos(yaw), np.sin(yaw)
     x, y = robot.mount[0], robot.mount[1]
     return np.array([axis[0] - (c * x - s * y), axis[1] - (s * x + c * y), yaw])
+
+
+def arm_states(here: Pose, there: Pose) -> list[Pose]:
+    """States strictly between two postures, the base standing."""
+    change = there.joints - here.joints
+    count = max(1, int(np.ceil(float(np.abs(change).max()) / LARGEST_BEND * 1.001)))
+    return [Pose(here.base, here.joints + k / count * change) for k in range(1, count)]

@@ -15,8 +15,9 @@ from regionik.planners.solvers.base_placement import BaseArea
 from regionik.planners.solvers.closed_form import decomposition, postures_at
 from regionik.planners.solvers.damped_least_squares import ORIENTATION, Aim, polish, polish_each
 from regionik.planners.solvers.mfabrik_serial import ArmStand, in_arm_frame, solve_serial
-from regionik.planners.solvers.multistart_ik import Effort, solve_ik, spread_postures
+from regionik.planners.solvers.multistart_ik import Effort, solve_ik
 from regionik.planners.solvers.rigid_bodies import RigidBodies, pointing_bodies, posing_bodies, span
+from regionik.planners.solvers.serial_chain import spread_postures
 from regionik.postures.arm import CONE_SHARE, MOST_PASSES, Reached, aim_of
 from regionik.worlds.arms import pivot_index, reach_bound, with_pivot
 from regionik.worlds.arrays import Array

@@ -17,8 +17,8 @@ from regionik.planners.geometry.grid_counts import count_rings
 from regionik.postures.families import BACK, FRONT
 from regionik.regions import checked_targets, path_areas
 from regionik.worlds.arrays import Array, frozen
-from regionik.worlds.criteria import with_joint_margin
 from regionik.worlds.errors import InputError
+from regionik.worlds.robot import with_joint_margin
 from regionik.worlds.scene import Target, World
 
 MOST_CELLS = 40_000_000

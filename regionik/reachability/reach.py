@@ -10,7 +10,7 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import shapely
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from shapely.geometry import Point
 
 from regionik.areas.standing import PathAreas, anywhere
@@ -27,6 +27,7 @@ from regionik.reachability.any_base import can_search, search_any_base
 from regionik.reachability.refinement import diameter, refine
 from regionik.reachability.target_search import TargetSearch
 from regionik.regions import checked_targets, path_areas, reach_of, round_outer_areas
+from regionik.values import Answer
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError
 from regionik.worlds.scene import Target, World
@@ -37,43 +38,6 @@ KNOWN = 0.05  # cells of distance and height for which one posture is known [m]
 _NO_WAY = "from no place of the floor and in no posture does the arm keep off {}"
 _CLOSELY = "heading by heading and pitch by pitch, each place for the base is ruled out"
 _IN = "whatever the posture, the end of the arm is in {} there, or nearer to it than the rules allow"
-
-
-@dataclass(frozen=True, eq=False)
-class Answer:
-    """Reachability of n targets.
-
-    Attributes
-    ----------
-    targets : (n, 3) array
-        [m]
-    reachable : (n,) array of bool
-    verdict : (n,) array of str
-        "reachable": base and joints were found and checked, on target, on the floor and, with avoidance in
-        the rules, clear of obstacles. "unreachable": the outer area is empty, which is a proof in the model,
-        or each posture from each place is proven to touch something. "undecided": neither, within ``gap``.
-    base : (n, 3) array
-        x, y [m], yaw [rad]; NaN where there is none.
-    joints : (n, dof) array
-        NaN where there is none.
-    reason : list of str
-        One for each target; empty where it is reachable.
-    gap : (n,) array
-        Diameter of the largest circle of undecided places for the arm axis; 0 for a decided target [m].
-    """
-
-    targets: Array
-    reachable: NDArray[np.bool_]
-    verdict: NDArray[np.str_]
-    base: Array
-    joints: Array
-    reason: list[str]
-    gap: Array
-
-    def __repr__(self) -> str:
-        counts = dict(zip(*np.unique(self.verdict, return_counts=True), strict=True))
-        found = ", ".join(f"{count} {verdict}" for verdict, count in counts.items())
-        return f"Answer({len(self.verdict)} targets: {found or 'none'})"
 
 
 def reach(

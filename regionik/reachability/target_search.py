@@ -10,9 +10,8 @@ import shapely
 from shapely.geometry.base import BaseGeometry
 
 from regionik.areas.reachable import model_of, reach_model
-from regionik.areas.standing import LEAST_AREA, anywhere, into_span, room_for, span_of_rules
+from regionik.areas.standing import LEAST_AREA, anywhere, into_span, room_for, span_of_rules, spread
 from regionik.mfabrik import Solver, solver_for
-from regionik.moving.configuration_sampling import spread
 from regionik.planners.avoidance.clear_posture import sampled_clear_posture
 from regionik.planners.avoidance.posture_proof import PostureTask
 from regionik.planners.collision.proximity import Touch

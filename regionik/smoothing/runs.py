@@ -28,7 +28,7 @@ from regionik.timing.limits import motion_limits
 from regionik.values import Plan
 from regionik.worlds.arms import pivot_index, with_pivot
 from regionik.worlds.arrays import Array, Index
-from regionik.worlds.criteria import with_joint_margin
+from regionik.worlds.robot import with_joint_margin
 from regionik.worlds.scene import World
 from regionik.worlds.speeds import Speeds
 

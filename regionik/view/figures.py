@@ -23,10 +23,9 @@ from matplotlib.ticker import MaxNLocator
 from shapely.geometry.base import BaseGeometry
 
 from regionik.reachability.field import REACHABLE, UNDECIDED, Field
-from regionik.reachability.reach import Answer
 from regionik.regions import Area
 from regionik.storage.files import write_atomic
-from regionik.values import Plan, Stop
+from regionik.values import Answer, Plan, Stop
 from regionik.view.figure_data import (
     FloorView,
     PlanCurves,

@@ -5,9 +5,8 @@ from __future__ import annotations
 from html import escape
 from typing import Any
 
-from regionik.reachability.reach import Answer
 from regionik.regions import Area
-from regionik.values import Plan
+from regionik.values import Answer, Plan
 from regionik.view.figures import floor_image
 from regionik.worlds.scene import World
 

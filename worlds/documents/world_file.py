@@ -38,7 +38,7 @@ from regionik.worlds.readers.validation import (
     check_magnitudes,
     validated,
 )
-from regionik.worlds.robot import Robot
+from regionik.worlds.robot import Robot, check_criteria
 from regionik.worlds.scene import Heading, Mode, Order, Rules, Start, StopCriterion, Target, World
 from regionik.worlds.speeds import Speeds
 
@@ -264,7 +264,7 @@ def _rules(part: RulesPart, robot: Robot, where: str) -> Rules:
     if part.criteria is not None:
         with located(where, "rules"):
             criteria = Criteria(**part.criteria.model_dump())
-            criteria.check(robot)
+            check_criteria(criteria, robot)
     with located(where, "rules."):
         execution = None if part.execution is None else Execution(**part.execution.model_dump())
         return Rules(**{**part.model_dump(), "criteria": criteria, "execution": execution})
