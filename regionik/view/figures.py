@@ -195,7 +195,8 @@ def _field_figure(field: Field) -> Figure:
             *task.T, "o", color=_hex(Color.AHEAD), markersize=size, mew=0, zorder=4, label="targets"
         )
     ax.grid(visible=False)
-    ax.set(title=f"{field.world}: {field.meaning}", xlabel="x [m]", ylabel="y [m]", aspect="equal")
+    title = field.meaning.partition(":")[0]  # of a slice, the legend names its values
+    ax.set(title=f"{field.world}: {title}", xlabel="x [m]", ylabel="y [m]", aspect="equal")
     ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
     ax.legend(handles=key, loc="upper center", bbox_to_anchor=(0.5, 0.0), borderaxespad=4.5, ncols=5)
     return figure
@@ -210,7 +211,7 @@ def _field_values(ax: Axes, field: Field) -> list[Patch]:
         most = max(1, int(field.values.max(initial=0)))
         counts = np.ma.masked_equal(field.values, 0)
         shown = ax.imshow(counts, cmap="viridis", vmin=min(1, most - 1), vmax=most, **place)
-        scale = ax.figure.colorbar(shown, ax=ax, label="targets reached", shrink=0.8)
+        scale = ax.figure.colorbar(shown, cax=ax.inset_axes((1.04, 0.0, 0.04, 1.0)), label="targets reached")
         scale.ax.yaxis.set_major_locator(MaxNLocator(8, integer=True))
         return []
     key = []
