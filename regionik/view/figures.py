@@ -391,7 +391,10 @@ def _floor(ax: Axes, floor: FloorView) -> None:
             paint |= {"edgecolor": "#ffffff80"} if hatch else {}
             _area(ax, area, **paint)
             key.append(Patch(linewidth=0, label=label, **paint))
-    key += ax.plot(*floor.tool_path.T, color=_hex(Color.PASSED), linewidth=1.0, label="path of the tool")
+    if len(floor.tool_path) > 1:
+        label = "tool path asked for" if floor.driven else "order of the set-points"
+        label, color = ("path of the tool", Color.PASSED) if floor.moves else (label, Color.PATH)
+        key += ax.plot(*floor.tool_path.T, color=_hex(color), linewidth=1.0, label=label)
     line, width, label = (
         ("-", 1.6, "path of the arm's axis") if floor.driven else (":", 1.0, "order of the stops")
     )
