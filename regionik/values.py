@@ -196,7 +196,8 @@ class Plan:
     stats: dict[str, Any] = field(default_factory=dict)
 
     def __repr__(self) -> str:
-        counts = f"{len(self.setpoints)} set-points, {len(self.motion)} states, {self.lift_offs} lift-offs"
+        counts = f"{len(self.setpoints)} set-points, {len(self.motion)} states"
+        counts += f", {self.lift_offs} lift-off{'s' * (self.lift_offs != 1)}"
         return f"Plan({self.world.name}: {counts})"
 
     def tools(self) -> Array:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy.sparse import bsr_array, csc_array, csr_array, diags_array, kron
 from scipy.spatial.transform import Rotation
 
+from regionik.planners.progress import track
 from regionik.planners.smoothing.quadratic_program import minimize_quadratic
 from regionik.planners.solvers.damped_least_squares import DIRECTION, ORIENTATION
 from regionik.worlds.arrays import Array, Index
@@ -76,7 +77,7 @@ def smooth_states(problem: PathProblem, states: Array, trust: float = FIRST_TRUS
     states, missed = _led_back(problem, states)
     kept = problem.keep(states)
     best = _cost(rough, states, missed, kept)
-    for _ in range(ROUNDS):
+    for _ in track("rounds", range(ROUNDS)):
         step = _step(problem, rough, states, missed, kept, trust)
         if step is None:
             break

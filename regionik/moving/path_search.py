@@ -23,6 +23,7 @@ from regionik.moving.layered_search import LayeredSearch
 from regionik.moving.path_following import PathFollower
 from regionik.moving.transit import TransitPlanner
 from regionik.planners.driving.point_planner import NoPathError
+from regionik.planners.progress import tell
 from regionik.postures.arm_guard import Guard, guard_of
 from regionik.postures.poses import Pose, Row, arrays, columns, pose_between
 from regionik.values import Configuration, Motion
@@ -116,6 +117,7 @@ class PathSearch:
         """
         steps = [SearchStep(first, [], ahead(i, first))]
         best, tried, seen = list(steps), 0, set[Candidate]()
+        tell("run", 0, count)
         while steps and len(best) < count and tried < patience:
             candidate = next(steps[-1].ahead, None)
             if candidate is None:
@@ -133,6 +135,8 @@ class PathSearch:
             steps.append(SearchStep(arrived, rows[:-1], ahead(k, arrived)))
             if len(steps) > len(best):
                 best, tried = list(steps), 0
+                tell("run", len(best), count)
+        tell("run", count, count)
         return best
 
     def _arrived(self, i: int, candidate: Candidate, pose: Pose) -> Candidate:

@@ -56,8 +56,8 @@ def _proven(plan: Plan, runs: list[PathRun]) -> tuple[Plan, bool]:
     tubes = [np.full(len(run.states), np.inf) for run in runs]
     smoothed, failed = [run.begun() for run in runs], Failed({k: [] for k in range(len(runs))})
     demanded = [np.zeros(len(run.states)) for run in runs]
-    for attempt in track("smoothing", range(TRIES)):
-        for k, rows in failed.items():
+    for attempt in range(TRIES):
+        for k, rows in track("smoothing", list(failed.items())):
             if attempt > 1:
                 tubes[k] = _held_closer(runs[k], smoothed[k], tubes[k], rows)
             for row in rows:  # what a hop cuts off is less than this, mostly
