@@ -59,7 +59,7 @@ class _SweptFootprint:
         return rate * (rate * self._radius + np.abs(self.segments.rolled))
 
 
-def footprints(robot: Robot, base: Array) -> Shapes:
+def footprint_hulls(robot: Robot, base: Array) -> Shapes:
     """Hulls of the footprint at base poses (n, 3), (n,)."""
     return _hulls(_corners(robot, base))
 
@@ -91,7 +91,7 @@ def verify_floor(world: World, segments: MotionSegments, names: StateNames) -> F
     grown = {tol: shapely.buffer(ground, tol, join_style="mitre") for tol in (EXACT, TURNING)}
     for shape in (ground, edge, *grown.values()):
         shapely.prepare(shape)
-    shapes = footprints(world.robot, segments.motion.base)
+    shapes = footprint_hulls(world.robot, segments.motion.base)
     inside = shapely.covers(grown[EXACT], shapes)
     off = np.flatnonzero(~inside).tolist()
     violations = [_off_floor(names, k, names.state(k), shapes[k], ground) for k in off]
@@ -103,7 +103,7 @@ def verify_floor(world: World, segments: MotionSegments, names: StateNames) -> F
         hull, bulge = sweep.swept(k, intervals.low, intervals.high)
         within = np.where(exact[k], shapely.covers(grown[EXACT], hull), shapely.covers(grown[TURNING], hull))
         proven = within & (exact[k] | (bulge <= TURNING) | (shapely.distance(hull, edge) >= bulge))
-        middle = footprints(world.robot, segments.base_at(k, intervals.middle))
+        middle = footprint_hulls(world.robot, segments.base_at(k, intervals.middle))
         refuted = np.where(exact[k], ~within, ~shapely.covers(grown[TURNING], middle))
         return IntervalVerdicts(proven, refuted, sweep.moved(k, intervals.length) + 100 * bulge < SHORTEST)
 
@@ -113,7 +113,7 @@ def verify_floor(world: World, segments: MotionSegments, names: StateNames) -> F
         if exact[k]:
             shape = sweep.swept(segment, np.zeros(1), np.ones(1))[0][0]
         else:
-            shape = footprints(world.robot, segments.base_at(segment, np.array([s])))[0]
+            shape = footprint_hulls(world.robot, segments.base_at(segment, np.array([s])))[0]
         violations.append(_off_floor(names, k, names.segment(k), shape, ground))
     inner = shapely.distance(shapes[inside], edge)
     return finding("floor", float(inner.min(initial=np.inf)), violations)
@@ -152,7 +152,7 @@ class _ClearanceProof:
 
     def check(self) -> Finding:
         segments, exact = self.sweep.segments, self.sweep.exact
-        shapes = footprints(segments.robot, segments.motion.base)
+        shapes = footprint_hulls(segments.robot, segments.motion.base)
         state, solid = self._close_pairs(shapes, 0.0)
         distance = self._distances(shapes[state], solid)
         bad = distance < self.limit - EXACT
@@ -173,7 +173,7 @@ class _ClearanceProof:
             row, j = segment[item : item + 1], solid[item : item + 1]
             k = int(row[0])
             at = segments.base_at(row, np.array([s]))
-            shape = hull[row] if exact[k] else footprints(segments.robot, at)
+            shape = hull[row] if exact[k] else footprint_hulls(segments.robot, at)
             found = float(self._distances(shape, j)[0])
             violations.append(self._violation(k, self.names.segment(k), int(j[0]), found))
         least = self._least_distance(np.concatenate([shapes, hull[exact]]))
@@ -184,7 +184,7 @@ class _ClearanceProof:
         exact = self.sweep.exact[segment]
         proven = self._distances(hull, solid) - np.where(exact, -EXACT, bulge - TURNING) >= self.limit
         segments = self.sweep.segments
-        middle = footprints(segments.robot, segments.base_at(segment, intervals.middle))
+        middle = footprint_hulls(segments.robot, segments.base_at(segment, intervals.middle))
         refuted = np.where(exact, ~proven, self._distances(middle, solid) < self.limit - TURNING)
         short = self.sweep.moved(segment, intervals.length) + 100 * bulge < SHORTEST
         return IntervalVerdicts(proven, refuted, short)

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from regionik.values import Plan, Stop, Violation
-from regionik.verification.base_clearance import base_shadows, footprints
+from regionik.verification.base_clearance import base_shadows, footprint_hulls
 from regionik.verification.led_postures import postures_led_to
 from regionik.verification.motion import wrap_angle
 from regionik.verification.proofs import Finding, StateNames, finding
@@ -77,7 +77,7 @@ def _name(plan: Plan, n: int) -> str:
 
 def _room(world: World, stop: Stop) -> float:
     """Distance by which the base may be off at its heading and keep floor and clearance [m]."""
-    shape, floor = footprints(world.robot, stop.base[None])[0], world.drivable_floor
+    shape, floor = footprint_hulls(world.robot, stop.base[None])[0], world.drivable_floor
     room = float(shape.distance(floor.boundary)) if floor.covers(shape) else 0.0
     for _, shadow in base_shadows(world):
         room = min(room, float(shape.distance(shadow.core)) - shadow.radius - world.base_clearance)
