@@ -13,10 +13,10 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 from shapely.geometry import Polygon
 
-from regionik.planners.driving.greedy_steps import step_to_goal
+from regionik.planners.driving.greedy_steps import greedy_points
 from regionik.planners.driving.point_planner import _connect, drive_point
 from regionik.planners.geometry.polygons import FlatPolygon, segment_inside
-from regionik.planners.geometry.polylines import resample
+from regionik.planners.geometry.polylines import cut
 from regionik.planners.geometry.shortest_paths import route, tighten
 from regionik.planners.geometry.triangulation import triangulate
 from regionik.worlds.arrays import Array
@@ -76,7 +76,7 @@ def main() -> None:
         found, ms_drive = timed(drive_point, free, start, goal, step=STEP, seed=seed)
         _, ms_mesh = timed(triangulate.__wrapped__, free)
         triangulate(free)
-        _, ms_steps = timed(step_to_goal, free, start, goal, STEP)
+        _, ms_steps = timed(greedy_points, flat.vertices, flat.starts, *start, *goal, STEP)
         raw, ms_ompl = timed(_connect, flat, start, goal, seed)
         tight, ms_tight = timed(tighten, free, raw)
         by_triangles, ms_route = timed(route, free, start, goal)
@@ -86,7 +86,7 @@ def main() -> None:
             + [length(p) / best for p in (found.points, raw, tight, by_triangles)]
         )
         methods.append(found.method)
-        assert abs(length(resample(tight, STEP)) - length(tight)) < 1e-9
+        assert abs(length(cut(tight, STEP)) - length(tight)) < 1e-9
     names = ["drive", "Algorithm 2", "RRTConnect", "triangles made", "tighten", "route"]
     for k, name in enumerate(names):
         column = np.array(rows)[:, k]

@@ -25,8 +25,8 @@ from ik_peers import Ask, bounds, pink, toolbox, trac_ik
 from scipy.spatial.transform import Rotation
 
 import regionik as rik
-from regionik.planners.solvers.inverse_kinematics import ArmSolver, Goal
-from regionik.planners.solvers.multistart_ik import solve_ik
+from benchmarks.tables.goals import aim_at, solve_goal
+from regionik.planners.solvers.multistart_ik import ArmSolver, solve_ik
 from regionik.planners.solvers.serial_chain import spread_postures
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
@@ -41,18 +41,18 @@ def ours(chain: Chain, posed: bool) -> Ask:
     solver = ArmSolver(chain, POSITION, ANGLE)
 
     def ask(T: Array, start: Array, _turn: Array) -> Array | None:
-        answer = solver(Goal(T[:3, 3], orientation=T[:3, :3] if posed else None), start)
+        answer = solve_goal(solver, aim_at(T[:3, 3], orientation=T[:3, :3] if posed else None), start)
         return answer.joints if answer.converged else None
 
     return ask
 
 
 def kernel(chain: Chain, posed: bool) -> Ask:
-    """The compiled solver alone: without the façade that checks, confirms and explains."""
+    """The compiled solver alone: without what checks and confirms."""
     solver = ArmSolver(chain, POSITION, ANGLE)
 
     def ask(T: Array, start: Array, _turn: Array) -> Array | None:
-        aim, q = Goal(T[:3, 3], orientation=T[:3, :3] if posed else None).aim, start.copy()
+        aim, q = aim_at(T[:3, 3], orientation=T[:3, :3] if posed else None), start.copy()
         bodies = solver.bodies(aim.kind)
         begun = time.perf_counter()
         solve_ik(bodies, aim, np.ascontiguousarray(solver.starts[:, : len(bodies.slide)]), solver.effort, q)

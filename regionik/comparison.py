@@ -301,7 +301,6 @@ def _start(world: World) -> tuple[Array, Array]:
 
 
 def _score(world: World, name: str, answers: Sequence[Configuration], seconds: float, ours: float) -> Score:
-    """Score answers by forward kinematics and by the checks of plans."""
     robot, room, guard = world.robot, room_for(world), guard_of(world)
     base, joints = np.array([one.base for one in answers]), np.array([one.joints for one in answers])
     tools = robot.tool(base, joints)

@@ -191,6 +191,11 @@ class _ShieldingContext(SpawnContext):
     Process = _ShieldedProcess
 
 
+def cores() -> int:
+    """Return the number of cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
 def process_pool(count: int) -> ProcessPoolExecutor:
     """Return a pool of ``count`` worker processes, none of which outlives this process."""
     if _TRACKER_WARNING not in sys.warnoptions:

@@ -29,34 +29,16 @@ Index = NDArray[np.intp]
 
 @dataclass(frozen=True, eq=False)
 class Ladder:
-    """Components of successive areas, and the pairs that the base can go between with the tool on the path.
+    """Components of successive areas, and the pairs the base can go between with the tool on the path."""
 
-    Attributes
-    ----------
-    count : int
-        Number of set-points.
-    component : (m,) array of Polygon
-    target : (m,) array of int
-        Set-point of each component, ascending.
-    family : tuple of Family
-    side : (m,) array of int
-        Side of the free floor, and so the slab of headings, of each component.
-    floor : (m,) array of int
-        Connected piece of the free floor that holds the component.
-    edges : (e, 2) array of int
-        Pairs of components of neighbouring set-points that overlap.
-    group : (m,) array of int
-        Components of one set-point with the same number are joined by turning the base.
-    """
-
-    count: int
-    component: Geometries
-    target: Index
+    count: int  # number of set-points
+    component: Geometries  # (m,)
+    target: Index  # (m,) set-point of each component, ascending
     family: tuple[Family, ...]
-    side: Index
-    floor: Index
-    edges: Index
-    group: Index
+    side: Index  # (m,) side of the free floor, and so the slab of headings, of each component
+    floor: Index  # (m,) connected piece of the free floor that holds the component
+    edges: Index  # (e, 2) pairs of components of neighbouring set-points that overlap
+    group: Index  # (m,) components of one set-point with the same number are joined by turning the base
     _flats: dict[int, list[FlatPolygon]] = field(init=False, default_factory=dict)
 
     @cached_property

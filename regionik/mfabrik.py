@@ -231,7 +231,6 @@ class Solver:
         return model.solver(self.family, self.tolerance, turns=self._turns)
 
     def _yaw(self, base: Array) -> float:
-        """Heading of the arm's base frame."""
         yaw = self.span[0] if self._bound else base[2]
         return float(yaw + self.robot.mount[3])
 
@@ -318,17 +317,10 @@ def configurations(
     start: tuple[Array, Array],
     known: Mapping[int, Configuration] = _NONE_KNOWN,
 ) -> tuple[Configuration, ...]:
-    """One configuration for each set-point, each solved from the one before.
+    """One configuration for each set-point, each solved from the one before, the first from base and joints.
 
-    Parameters
-    ----------
-    task : iterable of Target
-    solvers : iterable of Method
-        One for each set-point, such as a `Solver` for the area that is chosen there.
-    start : (base, joints)
-        Of the robot at first.
-    known : mapping of int to Configuration
-        Of some set-points, which are not solved.
+    Of the solvers each set-point has its own, such as a `Solver` for the area that is chosen there. Those
+    that are ``known`` are not solved.
     """
     base, joints = start
     found: list[Configuration] = []

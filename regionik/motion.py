@@ -33,25 +33,10 @@ def connect_configurations(
     standing: Standing,
     seed: int,
 ) -> JoinedMotion:
-    """Join configurations to one motion.
+    """Join configurations, one for each set-point, to one motion.
 
-    Parameters
-    ----------
-    world : World
-    pruned : Pruned
-        The ladder, and the set-points before which the tool is lifted.
-    chain : list of int
-        Component of each set-point.
-    goals : tuple of Configuration
-        From M-FABRIK, one for each set-point.
-    standing : Standing
-        Where the base may stand; transits drive over its free pieces.
-    seed : int
-
-    Raises
-    ------
-    NoPlanFound
-        Where the arm touches something in every posture that was looked at, or cannot get there.
+    ``chain`` has the component of each. Raises NoPlanFound where the arm touches something in every posture
+    that was looked at, or cannot get there.
     """
     ladder, layers = pruned.ladder, None
     if world.robot.drive.rolls:
@@ -109,12 +94,9 @@ class _Connection:
 
     def _kept(self, i: int) -> list[int]:
         """Components of a set-point that the pruning left, the chosen one first."""
-        rungs = self.pruned.ladder.rungs
-        kept = [k for k in range(rungs[i], rungs[i + 1]) if self.pruned.keep[k]]
-        return sorted(kept, key=lambda k: (k != self.nominal[i].component, k))
+        return sorted(self.pruned.kept(i), key=lambda k: (k != self.nominal[i].component, k))
 
     def _one_lift_too_many(self, i: int) -> Explanation:
-        """Explain why the tool would have to be lifted before set-point i, against the rules."""
         world, guard, touch = self.search.world, self.search.guard, self.search.follower.stops.get(i - 1)
         if touch is None:
             return arm_failures.arm_must_lift(world, i, "the arm would have to jump", None)

@@ -32,20 +32,16 @@ TURN_WEIGHT = 0.1  # cost of a turn of the base against driving [m/rad]
 
 @dataclass(frozen=True, eq=False)
 class Pruned:
-    """A ladder after both cuts.
-
-    Attributes
-    ----------
-    ladder : Ladder
-    keep : (m,) array of bool
-        Components that some traversal of their run uses.
-    breaks : tuple of int
-        Set-points before which the tool must be lifted.
-    """
+    """A ladder after both cuts."""
 
     ladder: Ladder
-    keep: Mask
-    breaks: tuple[int, ...]
+    keep: Mask  # (m,) components that some traversal of their run uses
+    breaks: tuple[int, ...]  # set-points before which the tool must be lifted
+
+    def kept(self, i: int) -> list[int]:
+        """Components of a set-point that are left."""
+        rungs = self.ladder.rungs
+        return [k for k in range(rungs[i], rungs[i + 1]) if self.keep[k]]
 
     def area(self, i: int) -> BaseGeometry:
         """Return what is left of the area of set-point i."""
@@ -224,14 +220,13 @@ def choose_chain(pruned: Pruned, standing: Standing, start: Array | None) -> lis
     start : (3,) array or None
         Where the arm axis stands at first, and the base's heading.
     """
-    ladder, rungs = pruned.ladder, pruned.ladder.rungs
+    ladder = pruned.ladder
     before: list[int] = [-1] * len(ladder.component)
     spans = [standing.sides[s].span for s in ladder.side.tolist()]
     best: dict[int, _Trip] = {}
     for i in range(ladder.count):
-        kept = [k for k in range(rungs[i], rungs[i + 1]) if pruned.keep[k]]
         now: dict[int, _Trip] = {}
-        for k in kept:
+        for k in pruned.kept(i):
             if i == 0:
                 now[k] = _first(ladder, k, spans[k], start)
                 continue

@@ -13,7 +13,6 @@ from itertools import pairwise
 
 import numpy as np
 import shapely
-from scipy.spatial.transform import Rotation
 from shapely.geometry import Point
 from shapely.geometry.base import BaseGeometry
 
@@ -26,6 +25,7 @@ from regionik.planners.driving.point_planner import NoPathError
 from regionik.planners.driving.pose_planner import drive_differential
 from regionik.planners.driving.pose_tracking import TrackedRun, TrackingRobot, start_headings, track_runs
 from regionik.planners.progress import tell
+from regionik.postures.arm import goal_between
 from regionik.postures.poses import (
     LARGEST_BEND,
     Pose,
@@ -182,7 +182,6 @@ def _area(world: World, robot: TrackingRobot, target: Target, free: BaseGeometry
 
 
 def _out_of_reach(world: World, error: HeightError) -> Explanation:
-    """Explanation of a height that the arm does not attain."""
     i = error.index
     nearest = error.low if error.height < error.low else error.high
     off, which = abs(nearest - error.height), "low" if error.height < error.low else "high"
@@ -200,8 +199,6 @@ def _out_of_reach(world: World, error: HeightError) -> Explanation:
 
 @dataclass(frozen=True, eq=False)
 class _Rejected:
-    """Paths that gave no valid plan, and why."""
-
     world: World
     reports: list[Report] = field(default_factory=list)
     no_way: list[str] = field(default_factory=list)
@@ -228,20 +225,11 @@ class _Rejected:
 
 @dataclass(frozen=True, eq=False)
 class PosePath:
-    """Poses of the tool: all set-points, and some between.
+    """Poses of the tool: all set-points, and some between."""
 
-    Attributes
-    ----------
-    poses : list of (4, 4) arrays
-    owner : list of int
-        The set-point, or the one before a pose between.
-    exact : list of bool
-        True for a set-point.
-    """
-
-    poses: list[Array]
-    owner: list[int]
-    exact: list[bool]
+    poses: list[Array]  # (4, 4) each
+    owner: list[int]  # the set-point, or the one before a pose between
+    exact: list[bool]  # true for a set-point
 
 
 @dataclass(frozen=True, eq=False)
@@ -326,14 +314,7 @@ def _path(task: tuple[Target, ...], parts: list[int]) -> PosePath:
     """Path with the segment after each set-point in a number of parts, turned evenly."""
     poses, owner = [tool_frame(task[0])], [0]
     for i, (a, b) in enumerate(pairwise(task)):
-        here, there = tool_frame(a), tool_frame(b)
-        turn = Rotation.from_matrix(here[:3, :3].T @ there[:3, :3]).as_rotvec()
-        for k in range(1, parts[i]):
-            s, T = k / parts[i], np.eye(4)
-            T[:3, :3] = here[:3, :3] @ Rotation.from_rotvec(s * turn).as_matrix()
-            T[:3, 3] = here[:3, 3] + s * (there[:3, 3] - here[:3, 3])
-            poses.append(T)
-        poses.append(there)
+        poses += [tool_frame(goal_between(a, b, k / parts[i])) for k in range(1, parts[i] + 1)]
         owner += [i] * (parts[i] - 1) + [i + 1]
     exact = [k == 0 or i != owner[k - 1] for k, i in enumerate(owner)]
     return PosePath(poses, owner, exact)

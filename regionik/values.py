@@ -202,14 +202,14 @@ class Plan:
     stats: dict[str, Any] = field(default_factory=dict)
 
     def __repr__(self) -> str:
-        counts = f"{len(self.setpoints)} set-points, {len(self.motion)} states, {self.lift_offs} lift-offs"
+        counts = f"{len(self.setpoints)} set-points, {len(self.motion)} states"
+        counts += f", {self.lift_offs} lift-off{'s' * (self.lift_offs != 1)}"
         return f"Plan({self.world.name}: {counts})"
 
     def tools(self) -> Array:
         """Tool position at every state, (n, 3) [m]."""
         frames = self.world.robot.tool(self.motion.base, self.motion.joints)
-        positions: Array = frames[:, :3, 3]
-        return positions
+        return frames[:, :3, 3]
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write ``plan.json``, whole or not at all; `regionik.load_plan` reads it back.

@@ -84,8 +84,8 @@ FAULTS = (
     Fault(
         "verify: the floor is asked for the middle of the base",
         "regionik/verification/base_clearance.py",
-        "inside = shapely.covers(grown[EXACT], footprints)",
-        "inside = shapely.covers(grown[EXACT], shapely.centroid(footprints))",
+        "inside = shapely.covers(grown[EXACT], shapes)",
+        "inside = shapely.covers(grown[EXACT], shapely.centroid(shapes))",
         ("tests/test_single_states.py",),
     ),
     Fault(

@@ -17,14 +17,16 @@ from typing import Any
 
 import numpy as np
 import pytest
+import shapely
 
 from regionik.executors import FRESH_POOLS, map_unordered, process_pool
 from regionik.reachability.reach import reach
 from regionik.values import Answer
-from regionik.worlds.bundled import world_names
+from regionik.worlds.bundled import robot_named, world_names
 from regionik.worlds.documents.world_file import load_world, world_to_document
 from regionik.worlds.errors import EngineError, InputError
-from regionik.worlds.scene import Target, World
+from regionik.worlds.obstacles import Box
+from regionik.worlds.scene import Floor, Target, World
 
 TARGETS = np.random.default_rng(3).uniform([-1, -1.5, 0], [4.5, 2.5, 0.9], (60, 3))
 
@@ -111,6 +113,21 @@ def test_a_target_is_answered_alone_as_among_a_thousand(name: str, cone: float |
     many = reach(world, asked)
     for i in range(0, 1200, 40):
         assert same(reach(world, asked[i : i + 1]), row(many, i))
+
+
+def test_answers_of_an_arm_out_of_one_plane_do_not_depend_on_others() -> None:
+    box = Box("box", np.array([0.6, 0.6, 0.3]), np.array([0.0, 0.0, 0.15]))
+    robot = replace(
+        robot_named("pioneer7"), footprint=np.array([[0.2, 0.1], [-0.2, 0.1], [-0.2, -0.1], [0.2, -0.1]])
+    )
+    world = World("crate", robot, Floor(shapely.box(-1, -0.8, 1, 0.8)), (box,))
+    spots = np.random.default_rng(2).uniform([-1, -0.8, 0.2], [1, 0.8, 0.2], (12, 3))
+    spots[-1] = 0.0, 0.0, 0.1  # deep in the crate
+    many = reach(world, spots)
+    assert set(many.verdict) >= {"reachable", "unreachable"}
+    assert same(many, reach(world, spots, chunk=5))
+    for i in range(0, 12, 4):
+        assert same(reach(world, spots[i : i + 1]), row(many, i))
 
 
 def test_a_chunk_of_nothing_is_refused() -> None:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from benchmarks.tables.batch import solve_batch
+from benchmarks.tables.goals import aim_at, solve_goal
 from regionik.planners.solvers.fabrikr import (
     backward_choice,
     backward_pass,
@@ -20,7 +21,7 @@ from regionik.planners.solvers.fabrikr import (
     held,
     posture_of,
 )
-from regionik.planners.solvers.inverse_kinematics import ArmSolver, Goal
+from regionik.planners.solvers.multistart_ik import ArmSolver
 from regionik.planners.solvers.rigid_bodies import bodies_of, pointing_bodies, posing_bodies
 from regionik.planners.solvers.serial_chain import serial_arm
 from regionik.worlds.arrays import Array
@@ -96,7 +97,7 @@ def test_parallel_axes_are_plain_fabrik(target: tuple[float, float], iterations:
     assert f"{left[-1]:.6e}" == f"{error:.6e}"
     assert (np.diff(left) < 0).all()
     solver = ArmSolver(chain, restarts=0, polish=False)
-    answer = solver(Goal(goal), [np.pi / 2, 0, 0, 0])
+    answer = solve_goal(solver, aim_at(goal), [np.pi / 2, 0, 0, 0])
     assert answer.iterations == iterations
     assert f"{answer.error:.6e}" == f"{error:.6e}"
 

@@ -26,6 +26,9 @@ from regionik.planners.driving.footprint_planner import (
     passage_width,
 )
 from regionik.planners.driving.heading_slabs import (
+    convex_scene,
+    free_at_all,
+    free_at_some,
     rotation_core,
     rotation_hull,
     slab_areas,
@@ -33,7 +36,7 @@ from regionik.planners.driving.heading_slabs import (
     slabs,
     slabs_along,
 )
-from regionik.planners.driving.minkowski_sums import minkowski_sums
+from regionik.planners.driving.minkowski_sums import grown_by_disc, minkowski_sums
 from regionik.planners.driving.point_planner import NoPathError
 from regionik.planners.geometry.angles import wrap
 from regionik.worlds.arrays import Array
@@ -119,9 +122,9 @@ def test_inner_in_truth_in_outer(footprint: Array, low: float, high: float) -> N
 def test_a_window_shows_a_part_of_the_same_areas(footprint: Array, low: float, high: float) -> None:
     window = shapely.Point(2.0, 2.0).buffer(1.5)
     whole = slab_free(footprint, FLOOR, OBSTACLES, 0.05, low, high)
-    part = slab_free(footprint, FLOOR, OBSTACLES, 0.05, low, high, window=window)
-    assert part.inner.symmetric_difference(whole.inner & window).area < 1e-9
-    assert part.outer.symmetric_difference(whole.outer & window).area < 1e-9
+    part = convex_scene(footprint, FLOOR, OBSTACLES, 0.05, window=window)
+    assert free_at_all(part, low, high).symmetric_difference(whole.inner & window).area < 1e-9
+    assert free_at_some(part, low, high).symmetric_difference(whole.outer & window).area < 1e-9
 
 
 @pytest.mark.parametrize("footprint", [YOUBOT, OFFSET])
@@ -380,3 +383,13 @@ def test_sums_of_edges_are_hulls_of_all_sums_of_corners(seed: int) -> None:
         for piece, found in zip(pieces, sums, strict=True):
             spots = (piece[:, None] + shape).reshape(-1, 2)
             assert found.symmetric_difference(shapely.multipoints(spots).convex_hull).area < 1e-9
+
+
+@pytest.mark.parametrize("outside", [True, False])
+@pytest.mark.parametrize("shape", [*FOOTPRINTS, YOUBOT[:2], -AWAY, rotation_hull(AWAY, 0.2, 1.1)])
+def test_a_shape_grown_by_a_disc_is_the_hull_of_all_sums(shape: Array, outside: bool) -> None:
+    turns = 2 * np.pi * np.arange(48) / 48
+    disc = 0.3 / (np.cos(np.pi / 48) if outside else 1.0) * np.column_stack([np.cos(turns), np.sin(turns)])
+    hull = shapely.multipoints((shape[:, None] + disc).reshape(-1, 2)).convex_hull
+    ring = shapely.Polygon(grown_by_disc(shape, 0.3, 48, outside=outside))
+    assert ring.symmetric_difference(hull).area < 1e-12

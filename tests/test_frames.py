@@ -17,7 +17,7 @@ from regionik.worlds.chain import pose
 from regionik.worlds.documents.world_file import load_world, world_from_document, world_to_document
 from regionik.worlds.errors import InputError
 from regionik.worlds.frames import FrameNames
-from regionik.worlds.readers.csv_columns import Delimiter, read_csv_columns
+from regionik.worlds.readers.csv_path import Delimiter, read_csv_columns
 from regionik.worlds.scene import World
 from tests import examples
 from tests.plans import l_shape, synthetic_plan, timed
@@ -157,12 +157,12 @@ def test_a_world_reads_columns_and_gcode(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("text", "chosen", "told"), [
-    (TABLE, CHOSEN, "line 5: Height: expected a number of at most 1e+09 in size, got '5,0'"),
+    (TABLE, CHOSEN, "line 5: Height: expected a finite number, got '5,0'"),
     (TABLE, {**CHOSEN, "z": "Z"}, "line 2: the title 'Z' is not there, titles: 'No, X (mm), Y (mm), Height"),
     (TABLE.replace("No", "Height"), CHOSEN, "line 2: the title 'Height' is twice there"),
     (TABLE, {**CHOSEN, "z": "No", "y": "No"}, "columns: expected a title of its own for each"),
     (TABLE, {"x": "No", "y": "Height"}, "columns: expected titles for x,y,z or x,y,z,dx,dy,dz or"),
-    ("x;y;z\n1;2\n", {key: key for key in "xyz"}, "line 2: z: expected a number of at most 1e+09"),
+    ("x;y;z\n1;2\n", {key: key for key in "xyz"}, "line 2: z: expected a finite number"),
     ("x;y;z\n1;2;\"3\n", {key: key for key in "xyz"}, "line 2: unexpected end of data"),
     ("x;y;z\n", {key: key for key in "xyz"}, "expected at least one line below the titles"),
     ("", {key: key for key in "xyz"}, "the title 'x' is not there"),

@@ -30,7 +30,7 @@ ENGINES = {
     "sklearn": {"planners/rivals/network.py"},
     "distributed": {"regionik/executors.py"},
     "rasterio": {"regionik/output/field_file.py"},
-    "rosbags": {"regionik/output/ros2_folder.py"},
+    "rosbags": {"regionik/output/bag.py"},
     "mujoco": {"regionik/simulation/physics.py"},
 }
 

@@ -1,4 +1,4 @@
-"""The solver of arms on a fixed base: every answer confirmed, every failure explained."""
+"""The solver of arms on a fixed base: every answer confirmed."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from hypothesis import strategies as st
 from numpy.typing import ArrayLike
 
 from benchmarks.tables.batch import solve_batch
-from regionik.planners.solvers.damped_least_squares import polish
-from regionik.planners.solvers.inverse_kinematics import ArmPosture, ArmSolver, Goal
-from regionik.planners.solvers.multistart_ik import solve_ik
+from benchmarks.tables.goals import ArmPosture, aim_at, solve_goal
+from regionik.planners.solvers.damped_least_squares import DIRECTION, ORIENTATION, Aim, polish
+from regionik.planners.solvers.multistart_ik import ArmSolver, solve_ik
 from regionik.planners.solvers.serial_chain import serial_arm
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
-from regionik.worlds.chain import Chain, Joint, rot_z, translation
+from regionik.worlds.chain import Chain, Joint, translation
 from regionik.worlds.errors import InputError
 from tests import examples
 
@@ -101,24 +101,22 @@ def angle_between(a: Array, b: Array) -> float:
     return float(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b))
 
 
-def check(chain: Chain, solver: ArmSolver, goal: Goal, answer: ArmPosture) -> None:
+def check(chain: Chain, solver: ArmSolver, aim: Aim, answer: ArmPosture) -> None:
     """What holds of every answer, found or not."""
     tool = chain.forward(answer.joints)
     assert np.isfinite(answer.joints).all()
     assert (answer.joints >= chain.lower).all()
     assert (answer.joints <= chain.upper).all()
-    assert answer.error == pytest.approx(np.linalg.norm(tool[:3, 3] - goal.position), abs=1e-12)
+    assert answer.error == pytest.approx(np.linalg.norm(tool[:3, 3] - aim.position), abs=1e-12)
     angle = 0.0
-    if goal.direction is not None:
-        angle = angle_between(tool[:3, 2], goal.direction)
-    elif goal.orientation is not None:
-        turn = goal.orientation @ tool[:3, :3].T
+    if aim.kind == DIRECTION:
+        angle = angle_between(tool[:3, 2], aim.turn[:, 2])
+    elif aim.kind == ORIENTATION:
+        turn = aim.turn @ tool[:3, :3].T
         angle = float(np.arccos(np.clip(0.5 * (np.trace(turn) - 1), -1, 1)))
     assert answer.angle_error == pytest.approx(angle, abs=1e-6)
     within = answer.error <= solver.effort.tolerance and answer.angle_error <= solver.effort.angle_tolerance
     assert answer.converged == within
-    assert bool(answer.reason) != answer.converged
-    assert "\n" not in answer.reason
     assert answer.steps[0] == "passes"
 
 
@@ -142,8 +140,8 @@ def test_poses(name: str, whole: bool) -> None:
     solver = ArmSolver(chain, tolerance=1e-5, angle_tolerance=1e-4)
     met = 0
     for T in chain.forward(postures(chain, 100, 2)):
-        goal = Goal(T[:3, 3], orientation=T[:3, :3]) if whole else Goal(T[:3, 3], direction=T[:3, 2])
-        answer = solver(goal, home(chain))
+        goal = aim_at(T[:3, 3], orientation=T[:3, :3]) if whole else aim_at(T[:3, 3], direction=T[:3, 2])
+        answer = solve_goal(solver, goal, home(chain))
         check(chain, solver, goal, answer)
         met += answer.converged
     assert met >= 98
@@ -155,7 +153,7 @@ def test_the_roll_of_a_direction_is_free() -> None:
     solver = ArmSolver(chain, tolerance=1e-5, angle_tolerance=1e-5)
     for roll in (0.0, 1.0, 2.0):
         start = postures(chain, 1, 4)[0] + roll
-        answer = solver(Goal(T[:3, 3], direction=3.0 * T[:3, 2]), start)
+        answer = solve_goal(solver, aim_at(T[:3, 3], direction=3.0 * T[:3, 2]), start)
         assert answer.converged
         assert angle_between(chain.forward(answer.joints)[:3, 2], T[:3, 2]) <= 1e-5
 
@@ -166,8 +164,8 @@ def test_same_bytes_every_time(name: str) -> None:
     T = chain.forward(postures(chain, 20, 5))
     runs = []
     for _ in range(2):
-        solver = ArmSolver(chain, tolerance=1e-5, seed=3)
-        runs.append([solver(Goal(t[:3, 3], orientation=t[:3, :3]), home(chain)) for t in T])
+        solver = ArmSolver(chain, tolerance=1e-5)
+        runs.append([solve_goal(solver, aim_at(t[:3, 3], orientation=t[:3, :3]), home(chain)) for t in T])
     for a, b in zip(*runs, strict=True):
         assert a.joints.tobytes() == b.joints.tobytes()
         assert (a.error, a.iterations, a.restarts, a.steps) == (b.error, b.iterations, b.restarts, b.steps)
@@ -180,7 +178,7 @@ def test_batch_is_one_by_one() -> None:
     starts = postures(chain, 50, 7)
     together = solve_batch(solver, targets, starts)
     for i, (target, start) in enumerate(zip(targets, starts, strict=True)):
-        alone = solver(Goal(target), start)
+        alone = solve_goal(solver, aim_at(target), start)
         assert alone.joints.tobytes() == together.joints[i].tobytes()
         assert alone.iterations == together.iterations[i]
         assert alone.error == pytest.approx(together.error[i], abs=1e-15)
@@ -190,8 +188,12 @@ def test_batch_is_one_by_one() -> None:
 def test_in_place_already_is_no_pass() -> None:
     robot = robot_named("pioneer7")
     T = robot.chain.forward(robot.carry)
-    for goal in (Goal(T[:3, 3]), Goal(T[:3, 3], direction=T[:3, 2]), Goal(T[:3, 3], orientation=T[:3, :3])):
-        answer = ArmSolver(robot.chain)(goal, robot.carry)
+    for goal in (
+        aim_at(T[:3, 3]),
+        aim_at(T[:3, 3], direction=T[:3, 2]),
+        aim_at(T[:3, 3], orientation=T[:3, :3]),
+    ):
+        answer = solve_goal(ArmSolver(robot.chain), goal, robot.carry)
         assert (answer.iterations, answer.steps, answer.converged) == (0, ("passes",), True)
         np.testing.assert_array_equal(answer.joints, robot.carry)
 
@@ -200,14 +202,14 @@ def test_joints_that_do_not_matter_stay() -> None:
     chain = CHAINS["youbot"]
     start = np.array([0.1, 1.0, 0.5, 1.0, 1.234])
     target = chain.forward(postures(chain, 1, 8)[0])[:3, 3]
-    assert ArmSolver(chain)(Goal(target), start).joints[4] == 1.234
+    assert solve_goal(ArmSolver(chain), aim_at(target), start).joints[4] == 1.234
 
 
 def test_joints_without_limits_take_the_nearest_turn() -> None:
     robot = robot_named("dof10")
     start = robot.carry + 6 * np.pi
     for target in robot.chain.forward(postures(robot.chain, 20, 9))[:, :3, 3]:
-        answer = ArmSolver(robot.chain)(Goal(target), start)
+        answer = solve_goal(ArmSolver(robot.chain), aim_at(target), start)
         assert answer.converged
         assert (np.abs(answer.joints - start) <= np.pi + 1e-12).all()
 
@@ -217,7 +219,9 @@ def test_steps_tell_what_led_to_the_answer() -> None:
     for chain, posed in ((robot_named("hinge5").chain, False), (CHAINS["six_skewed"], True)):
         solver = ArmSolver(chain, tolerance=1e-6, restarts=3)
         for T in chain.forward(postures(chain, 100, 0)):
-            answer = solver(Goal(T[:3, 3], orientation=T[:3, :3] if posed else None), home(chain))
+            answer = solve_goal(
+                solver, aim_at(T[:3, 3], orientation=T[:3, :3] if posed else None), home(chain)
+            )
             assert ("restarts" in answer.steps) == (answer.restarts > 0)
             seen.add(answer.steps)
     assert seen == {("passes",), ("passes", "polish"), ("passes", "restarts", "polish")}
@@ -225,7 +229,7 @@ def test_steps_tell_what_led_to_the_answer() -> None:
 
 def test_a_start_outside_the_limits_is_taken_into_them() -> None:
     chain = CHAINS["youbot"]
-    answer = ArmSolver(chain)(Goal([0.3, 0.1, 0.3]), np.full(5, 9.0))
+    answer = solve_goal(ArmSolver(chain), aim_at([0.3, 0.1, 0.3]), np.full(5, 9.0))
     assert answer.converged
     assert (answer.joints <= chain.upper).all()
 
@@ -236,61 +240,59 @@ STRAIGHT = np.array([np.pi / 2, 0, 0, 0])
 
 
 @pytest.mark.parametrize(
-    ("chain", "joints", "target", "reason"),
+    ("chain", "joints", "target", "met"),
     [
-        pytest.param(NO_LENGTH, [0, 0, 0], [0, 0, 0], "", id="no length, in place"),
-        pytest.param(NO_LENGTH, [0, 0, 0], [0.5, 0, 0], "0.5 m beyond", id="no length"),
-        pytest.param(planar(1, 0, 1), [0, 0, 0], [0.3, -0.7, 0], "", id="a link of no length"),
-        pytest.param(ONE, [0.3], [0, -1, 0], "", id="one joint"),
-        pytest.param(ONE, [0.0], [-1, 0, 0], "", id="one joint, half a turn"),
-        pytest.param(ONE, [0.3], [0, 0.5, 0], "0.5 m closer than the arm can fold", id="one joint, inside"),
-        pytest.param(ONE, [0.3], [0, 0, 0], "1 m closer than the arm can fold", id="one joint, at the root"),
-        pytest.param(ONE, [0.3], [0.8, 0, 0.6], "stalled", id="one joint, off its circle"),
-        pytest.param(planar(1, 1, 1, 1), STRAIGHT, [0, -3, 0], "", id="straight, aimed away"),
-        pytest.param(planar(1, 1, 1, 1), STRAIGHT, [0, 2, 0], "", id="straight, target on the arm"),
-        pytest.param(planar(1, 1, 1, 1), STRAIGHT, [0, 0, 0], "", id="at the root"),
-        pytest.param(planar(1, 1, 1, 1), STRAIGHT, [0, -4, 0], "", id="full stretch, behind"),
-        pytest.param(planar(1, 1, 1, 1), STRAIGHT, [2.4, 3.2, 0], "", id="full stretch"),
-        pytest.param(planar(1, 1, 1, 1), STRAIGHT, [0, 5, 0], "1 m beyond the arm's stretched", id="too far"),
-        pytest.param(planar(3, 1, 1), [0, 1, 1], [0.4, 0, 0], "0.6 m closer than", id="too near"),
-        pytest.param(planar(3, 1, 1), [0, 1, 1], [1, 0, 0], "", id="folded, just"),
-        pytest.param(planar(1, 1), [0, 0], [0, 0, 1], "stalled", id="off the plane"),
-        pytest.param(CHAINS["pioneer7"], np.zeros(7), [0, 0, 0.1489], "", id="pioneer, at its root"),
-        pytest.param(CHAINS["pioneer7"], np.zeros(7), [0, 0, -0.2961], "", id="pioneer, stretched down"),
-        pytest.param(CHAINS["youbot"], [0, 1, 0, 1, 0], [0.2, 0, -0.3], "past its limit", id="limits"),
+        pytest.param(NO_LENGTH, [0, 0, 0], [0, 0, 0], True, id="no length, in place"),
+        pytest.param(NO_LENGTH, [0, 0, 0], [0.5, 0, 0], False, id="no length"),
+        pytest.param(planar(1, 0, 1), [0, 0, 0], [0.3, -0.7, 0], True, id="a link of no length"),
+        pytest.param(ONE, [0.3], [0, -1, 0], True, id="one joint"),
+        pytest.param(ONE, [0.0], [-1, 0, 0], True, id="one joint, half a turn"),
+        pytest.param(ONE, [0.3], [0, 0.5, 0], False, id="one joint, inside"),
+        pytest.param(ONE, [0.3], [0, 0, 0], False, id="one joint, at the root"),
+        pytest.param(ONE, [0.3], [0.8, 0, 0.6], False, id="one joint, off its circle"),
+        pytest.param(planar(1, 1, 1, 1), STRAIGHT, [0, -3, 0], True, id="straight, aimed away"),
+        pytest.param(planar(1, 1, 1, 1), STRAIGHT, [0, 2, 0], True, id="straight, target on the arm"),
+        pytest.param(planar(1, 1, 1, 1), STRAIGHT, [0, 0, 0], True, id="at the root"),
+        pytest.param(planar(1, 1, 1, 1), STRAIGHT, [0, -4, 0], True, id="full stretch, behind"),
+        pytest.param(planar(1, 1, 1, 1), STRAIGHT, [2.4, 3.2, 0], True, id="full stretch"),
+        pytest.param(planar(1, 1, 1, 1), STRAIGHT, [0, 5, 0], False, id="too far"),
+        pytest.param(planar(3, 1, 1), [0, 1, 1], [0.4, 0, 0], False, id="too near"),
+        pytest.param(planar(3, 1, 1), [0, 1, 1], [1, 0, 0], True, id="folded, just"),
+        pytest.param(planar(1, 1), [0, 0], [0, 0, 1], False, id="off the plane"),
+        pytest.param(CHAINS["pioneer7"], np.zeros(7), [0, 0, 0.1489], True, id="pioneer, at its root"),
+        pytest.param(CHAINS["pioneer7"], np.zeros(7), [0, 0, -0.2961], True, id="pioneer, stretched down"),
+        pytest.param(CHAINS["youbot"], [0, 1, 0, 1, 0], [0.2, 0, -0.3], False, id="limits"),
     ],
 )
-def test_degenerate(chain: Chain, joints: ArrayLike, target: ArrayLike, reason: str) -> None:
-    solver, goal = ArmSolver(chain), Goal(target)
-    answer = solver(goal, joints)
+def test_degenerate(chain: Chain, joints: ArrayLike, target: ArrayLike, met: bool) -> None:
+    solver, goal = ArmSolver(chain), aim_at(target)
+    answer = solve_goal(solver, goal, joints)
     check(chain, solver, goal, answer)
-    assert answer.converged == (not reason)
-    assert reason in answer.reason
+    assert answer.converged == met
 
 
 def test_full_stretch_to_the_micrometre() -> None:
     chain = planar(1, 1, 1, 1)
-    answer = ArmSolver(chain, tolerance=1e-6)(Goal([2.4, 3.2, 0]), STRAIGHT)
+    answer = solve_goal(ArmSolver(chain, tolerance=1e-6), aim_at([2.4, 3.2, 0]), STRAIGHT)
     assert answer.converged
 
 
-def test_a_direction_that_cannot_be_met_is_named() -> None:
+def test_a_direction_that_cannot_be_met_is_missed() -> None:
     # The tool axis of a planar arm stays normal to the plane.
     chain = planar(1, 1, 1)
-    solver, goal = ArmSolver(chain), Goal([1.5, 0.5, 0], direction=[1, 0, 1])
-    answer = solver(goal, [0.1, 0.2, 0.3])
+    solver, goal = ArmSolver(chain), aim_at([1.5, 0.5, 0], direction=[1, 0, 1])
+    answer = solve_goal(solver, goal, [0.1, 0.2, 0.3])
     check(chain, solver, goal, answer)
-    assert "position can be reached, but not in this direction" in answer.reason
+    assert not answer.converged
 
 
 def test_a_lift_goes_where_the_arm_cannot() -> None:
     chain = CHAINS["lifted"]
     target = np.array([0.1, 0.1, 0.85])  # above what the arm alone reaches, 0.59 m
-    answer = ArmSolver(chain)(Goal(target), home(chain))
+    answer = solve_goal(ArmSolver(chain), aim_at(target), home(chain))
     assert answer.converged
     assert 0.2 < answer.joints[0] <= 0.4
-    far = ArmSolver(chain)(Goal([0, 0, 1.2]), home(chain))
-    assert "0.2061 m beyond the arm's stretched length" in far.reason
+    assert not solve_goal(ArmSolver(chain), aim_at([0, 0, 1.2]), home(chain)).converged
 
 
 @settings(max_examples=examples(60))
@@ -299,12 +301,10 @@ def test_a_lift_goes_where_the_arm_cannot() -> None:
     st.lists(st.sampled_from([0.0, np.pi / 2, -np.pi / 2, 0.7]), min_size=5, max_size=5),
     st.tuples(*[st.floats(-3, 3)] * 3),
 )
-def test_never_nan_never_unexplained(
-    lengths: list[float], twists: list[float], target: tuple[float, ...]
-) -> None:
+def test_never_nan(lengths: list[float], twists: list[float], target: tuple[float, ...]) -> None:
     chain = Chain.from_dh([(0, 0, a, t, -2.5, 2.5) for a, t in zip(lengths, twists, strict=False)])
-    solver, goal = ArmSolver(chain, restarts=2), Goal(target)
-    check(chain, solver, goal, solver(goal, np.full(chain.dof, 0.2)))
+    solver, goal = ArmSolver(chain, restarts=2), aim_at(target)
+    check(chain, solver, goal, solve_goal(solver, goal, np.full(chain.dof, 0.2)))
 
 
 @pytest.mark.parametrize("name", POSES)
@@ -314,7 +314,7 @@ def test_polishing_alone_from_nearby(name: str) -> None:
     for q in postures(chain, 20, 10):
         T = chain.forward(q)
         near = np.clip(q + 0.02, chain.lower, chain.upper)
-        aim = Goal(T[:3, 3], orientation=T[:3, :3]).aim
+        aim = aim_at(T[:3, 3], orientation=T[:3, :3])
         error, angle, steps = polish(arm, aim, near, 1.0, 1e-8, 1e-8, 100)
         assert error <= 1e-8
         assert angle <= 1e-8
@@ -328,20 +328,20 @@ def test_half_a_turn_away() -> None:
     q = postures(chain, 1, 11)[0]
     T = chain.forward(q)
     for goal in (
-        Goal(T[:3, 3], orientation=T[:3, :3] @ np.diag([1.0, -1, -1])),
-        Goal(T[:3, 3], direction=-T[:3, 2]),
+        aim_at(T[:3, 3], orientation=T[:3, :3] @ np.diag([1.0, -1, -1])),
+        aim_at(T[:3, 3], direction=-T[:3, 2]),
     ):
         solver = ArmSolver(chain, restarts=0)
-        check(chain, solver, goal, solver(goal, q))
+        check(chain, solver, goal, solve_goal(solver, goal, q))
 
 
 def test_the_kernel_solves_without_the_facade() -> None:
     chain = CHAINS["pioneer7"]
     solver, q = ArmSolver(chain), np.zeros(7)
     error, angle, passes, restarts, polished = solve_ik(
-        solver.pointing, Goal([0.2, 0.1, 0.3]).aim, solver.starts, solver.effort, q
+        solver.pointing, aim_at([0.2, 0.1, 0.3]), solver.starts, solver.effort, q
     )
-    answer = solver(Goal([0.2, 0.1, 0.3]), np.zeros(7))
+    answer = solve_goal(solver, aim_at([0.2, 0.1, 0.3]), np.zeros(7))
     assert (passes, restarts, polished, angle) == (answer.iterations, 0, False, 0.0)
     assert error == pytest.approx(answer.error, abs=1e-12)
     np.testing.assert_array_equal(q, answer.joints)
@@ -350,14 +350,9 @@ def test_the_kernel_solves_without_the_facade() -> None:
 @pytest.mark.parametrize(
     ("make", "expected"),
     [
-        (lambda: Goal([0, 0]), "goal: position: expected 3"),
-        (lambda: Goal([0, 0, np.nan]), "goal: position: every number must be finite"),
-        (lambda: Goal([0, 0, 0], direction=[0, 0, 0]), "direction must not be zero"),
-        (lambda: Goal([0, 0, 0], orientation=2 * np.eye(3)), "must be a rotation matrix"),
-        (lambda: Goal([0, 0, 0], [0, 0, 1], rot_z(0)[:3, :3]), "a direction or an orientation, got both"),
         (lambda: ArmSolver(ONE, tolerance=0.0), "tolerance: expected a number above 0"),
         (lambda: ArmSolver(ONE, restarts=-1), "restarts: expected 0 or more"),
-        (lambda: ArmSolver(ONE)(Goal([1, 0, 0]), [0, 0]), "joints: expected 1"),
+        (lambda: solve_goal(ArmSolver(ONE), aim_at([1, 0, 0]), [0, 0]), "joints: expected 1"),
         (lambda: solve_batch(ArmSolver(ONE), [[1, 0, 0]], [[0], [0]]), "joints: expected 1 rows"),
         (lambda: solve_batch(ArmSolver(ONE), [1, 0, 0], [0]), "positions: expected n x 3"),
     ],

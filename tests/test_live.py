@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 import threading
 import time
@@ -10,11 +11,16 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 import yaml
+from PIL import Image
 
 from regionik.cli.app import run
 from regionik.view import live
+from regionik.view.picture import LegendEntry
+from regionik.view.viewer import text_image
+from regionik.view.world_picture import GHOST_WORDS
 from regionik.worlds.documents.world_file import load_world, world_to_document
 from regionik.worlds.errors import InputError
 from tests.test_whatif import crowded
@@ -112,3 +118,9 @@ def test_a_save_is_seen_in_place_and_by_replacement(path: Path) -> None:
 def test_the_command_needs_a_file(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["show", "pillar", "--live"]) == 2
     assert "--live watches a world file" in capsys.readouterr().err
+
+
+def test_no_word_of_the_legend_is_cut_off() -> None:
+    legend = [LegendEntry(0, label, ()) for label in ("free floor", GHOST_WORDS, "set-points")]
+    board = np.asarray(Image.open(io.BytesIO(text_image("All is well.", legend)[0])))
+    assert (board[:, -8:] == board[0, 0]).all()

@@ -66,6 +66,16 @@ def test_floors_are_drawn_into_axes(name: str, values: dict[str, Any]) -> None:
     assert isinstance(rik.plot_floor(values[name]), Axes)
 
 
+def test_only_a_plan_has_a_path_of_the_tool(values: dict[str, Any]) -> None:
+    def keys(value: Any) -> set[str]:
+        legend: Any = rik.plot_floor(value, Figure().add_subplot()).get_legend()
+        return {text.get_text() for text in legend.get_texts() if "tool" in text.get_text()}
+
+    assert keys(values["World"]) == {"tool path asked for"}
+    assert keys(values["Plan"]) == {"path of the tool"}
+    assert keys(values["Area"]) == set()  # of one target
+
+
 def test_a_world_without_a_task_is_drawn_too(values: dict[str, Any]) -> None:
     bare = replace(values["World"], task=(), start=None)
     assert rik.plot_floor(bare).get_xlim()[0] <= bare.floor.polygon.bounds[0]

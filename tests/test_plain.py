@@ -12,9 +12,10 @@ import pytest
 import shapely
 
 import regionik as rik
+from benchmarks.tables.goals import aim_at, solve_goal
 from regionik.mfabrik import Solver
 from regionik.planners.geometry import polygons
-from regionik.planners.solvers.inverse_kinematics import ArmSolver, Goal
+from regionik.planners.solvers.multistart_ik import ArmSolver
 from regionik.worlds.bundled import robot_named
 from tests.twice import kernels_called_twice
 
@@ -31,8 +32,8 @@ def answers() -> list[list[float]]:
     rng = np.random.default_rng(3)
     for _ in range(3):
         tool = chain.frames(rng.uniform(-1, 1, chain.dof))[-1] @ chain.T_last_tool
-        for goal in (Goal(tool[:3, 3]), Goal(tool[:3, 3], orientation=tool[:3, :3])):
-            found.append(ArmSolver(chain)(goal, np.zeros(chain.dof)).joints.tolist())
+        for goal in (aim_at(tool[:3, 3]), aim_at(tool[:3, 3], orientation=tool[:3, :3])):
+            found.append(solve_goal(ArmSolver(chain), goal, np.zeros(chain.dof)).joints.tolist())
     return found
 
 

@@ -9,6 +9,7 @@ import pytest
 import shapely
 from numpy.typing import NDArray
 
+from benchmarks.tables.goals import confirm
 from regionik.pipeline import plan
 from regionik.planners.reach import pose_reach as sampled
 from regionik.planners.reach.inverse_reachability import Tolerances, aim_at, posture_samples, posture_seeds
@@ -16,7 +17,6 @@ from regionik.planners.reach.polar_cells import PolarCells
 from regionik.planners.reach.pose_reach import pose_reach
 from regionik.planners.solvers.closed_form import postures_at
 from regionik.planners.solvers.damped_least_squares import DIRECTION, ORIENTATION, Aim
-from regionik.planners.solvers.inverse_kinematics import confirm
 from regionik.planners.solvers.mfabrik_serial import in_arm_frame
 from regionik.verification.verifier import verify
 from regionik.worlds.arrays import Array

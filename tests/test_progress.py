@@ -53,7 +53,9 @@ def assert_stages_end(told: list[Row]) -> None:
 def test_every_stage_of_a_plan_tells_how_far_it_is() -> None:
     told: list[Row] = []
     found = plan(load_world("free"), progress=lambda *row: told.append(row))
-    assert {"headings", "configurations", "motion", "verify", "smoothing"} <= {stage for stage, _, _ in told}
+    stages = {stage for stage, _, _ in told}
+    assert {"headings", "configurations", "run", "motion", "verify", "smoothing", "rounds"} <= stages
+    assert sum(stage == "run" for stage, _, _ in told) > len(found.setpoints)  # as it grows
     assert ("motion", len(found.setpoints), len(found.setpoints)) in told
     assert_stages_end(told)
 

@@ -6,7 +6,7 @@ import pytest
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from regionik.planners.driving.heading_slabs import Slab, slab_free
+from regionik.planners.driving.heading_slabs import free_at_some
 from regionik.planners.reach.rings import reach_intervals
 from regionik.postures.families import Family
 from regionik.reachability.reach import reach
@@ -125,11 +125,11 @@ def test_no_slab_is_made_once_the_search_gave_up(monkeypatch: pytest.MonkeyPatch
     """Where there is an inner area there is no proof, and where no posture is tried there is no answer."""
     made, world = [], load_world("l_shape")
 
-    def counted(*given: Any) -> Slab:
+    def counted(*given: Any) -> BaseGeometry:
         made.append(given)
-        return slab_free(*given)
+        return free_at_some(*given)
 
-    monkeypatch.setattr("regionik.reachability.refinement.slab_free", counted)
+    monkeypatch.setattr("regionik.reachability.refinement.free_at_some", counted)
 
     class Exhausted(TargetSearch):
         def within(self, area: BaseGeometry, family: Family, span: tuple[float, float]) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from benchmarks.tables.batch import solve_batch
+from benchmarks.tables.goals import aim_at, confirm, solve_goal
 from regionik.planners.rivals.genetic import Genetic
 from regionik.planners.rivals.iterative import (
     CyclicDescent,
@@ -19,7 +20,6 @@ from regionik.planners.rivals.iterative import (
 from regionik.planners.rivals.method import ArmMethod, Fabrik, FabrikPolished
 from regionik.planners.rivals.network import Network
 from regionik.planners.solvers.damped_least_squares import DIRECTION, ORIENTATION, POSITION, Aim
-from regionik.planners.solvers.inverse_kinematics import Goal, confirm
 from regionik.planners.solvers.serial_chain import spread_postures
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
@@ -75,11 +75,12 @@ def test_limits_are_kept_and_answers_are_true(kind: type[ArmMethod], robot: str,
 @pytest.mark.parametrize("kind", [PseudoInverse, DampedLeastSquares, Transpose, CyclicDescent])
 def test_no_step_leads_away(kind: type[ArmMethod]) -> None:
     chain = robot_named("pioneer7").chain
-    goal, start = Goal([2.0, 0.0, 0.4]), robot_named("pioneer7").carry
+    goal, start = aim_at([2.0, 0.0, 0.4]), robot_named("pioneer7").carry
     method = kind(chain, restarts=0)  # type: ignore[call-arg]
-    errors = [kind(chain, max_iterations=n, restarts=0)(goal, start).error for n in (1, 3, 10, 100)]  # type: ignore[call-arg]
+    methods = [kind(chain, max_iterations=n, restarts=0) for n in (1, 3, 10, 100)]  # type: ignore[call-arg]
+    errors = [solve_goal(one, goal, start).error for one in methods]
     assert errors == sorted(errors, reverse=True)
-    assert not method(goal, start).converged
+    assert not solve_goal(method, goal, start).converged
 
 
 @pytest.mark.parametrize("kind", [PseudoInverse, DampedLeastSquares, Transpose, CyclicDescent])
@@ -89,7 +90,7 @@ def test_many_at_once_are_each_alone(kind: type[IterativeMethod]) -> None:
     starts, method = spread_postures(chain, 1.0, 12, 5), kind(chain)
     found = solve_batch(method, goals, starts)
     for i, (goal, start) in enumerate(zip(goals, starts, strict=True)):
-        alone = method(Goal(goal), start)
+        alone = solve_goal(method, aim_at(goal), start)
         assert (found.joints[i] == alone.joints).all()
         assert found.iterations[i] == alone.iterations
         assert bool(found.converged[i]) == alone.converged
@@ -103,7 +104,7 @@ def test_newton_and_damped_need_few_steps() -> None:
     chain = robot_named("pioneer7").chain
     q = spread_postures(chain, 1.0, 20, 7) * 0.5
     for kind in (PseudoInverse, DampedLeastSquares):
-        steps = [kind(chain, 1e-9)(Goal(_tool(chain, one + 0.05)), one).iterations for one in q]
+        steps = [solve_goal(kind(chain, 1e-9), aim_at(_tool(chain, one + 0.05)), one).iterations for one in q]
         assert np.mean(steps) <= 5.0
 
 
@@ -120,14 +121,14 @@ def test_descent_is_best_for_each_joint() -> None:
         for aim_angle in np.linspace(-3.0, 3.0, 13):
             point = np.array([0.5 * np.cos(aim_angle), 0.5 * np.sin(aim_angle), 0.1])
             best = np.linalg.norm(chain.forward(scan)[:, :3, 3] - point, axis=1).min()
-            found = CyclicDescent(chain, 1e-9, restarts=0)(Goal(point), [(low + high) / 2])
+            found = solve_goal(CyclicDescent(chain, 1e-9, restarts=0), aim_at(point), [(low + high) / 2])
             assert found.error <= best + 1e-6
 
 
 def test_genes_keep_the_limits_and_repeat() -> None:
     chain = small()
-    goal, start = Goal([0.03, 0.25, 0.0]), np.full(3, 0.5)
-    one, two = (Genetic(chain, 5e-4, seed=3)(goal, start) for _ in range(2))
+    goal, start = aim_at([0.03, 0.25, 0.0]), np.full(3, 0.5)
+    one, two = (solve_goal(Genetic(chain, 5e-4, seed=3), goal, start) for _ in range(2))
     assert one.converged
     assert 0 < one.iterations <= 500
     assert (one.joints == two.joints).all()
@@ -150,13 +151,13 @@ def test_genes_turn_the_tool_as_asked(kind: int) -> None:
 def test_a_network_has_an_output_a_joint_and_repeats() -> None:
     chain = small()
     one, two = (Network(chain, samples=200, epochs=150) for _ in range(2))
-    goal = Goal([0.03, 0.25, 0.0])
-    a, b = one(goal, np.zeros(3)), two(goal, np.ones(3))
+    goal = aim_at([0.03, 0.25, 0.0])
+    a, b = solve_goal(one, goal, np.zeros(3)), solve_goal(two, goal, np.ones(3))
     assert a.joints.shape == (3,)
     assert (a.joints == b.joints).all()
     assert a.error < 0.02
     with pytest.raises(InputError, match="positions alone"):
-        one(Goal([0.03, 0.25, 0.0], [0.0, 0.0, 1.0]), np.zeros(3))
+        solve_goal(one, aim_at([0.03, 0.25, 0.0], [0.0, 0.0, 1.0]), np.zeros(3))
 
 
 @pytest.mark.parametrize("robot", ["youbot", "hinge5"])
@@ -164,7 +165,8 @@ def test_a_network_turns_with_the_pivot(robot: str) -> None:
     """What is learnt at one heading holds at the others, with limits or without."""
     network = Network(robot_named(robot).chain, samples=300, epochs=150)
     errors = [
-        network(Goal([0.35 * np.cos(a), 0.35 * np.sin(a), 0.2]), np.zeros(5)).error for a in (0.0, 1.0, -2.0)
+        solve_goal(network, aim_at([0.35 * np.cos(a), 0.35 * np.sin(a), 0.2]), np.zeros(5)).error
+        for a in (0.0, 1.0, -2.0)
     ]
     np.testing.assert_allclose(errors, errors[0], atol=1e-9)
     place = network.nearest_learnt(np.array([0.0, 0.35, 0.2]))
@@ -185,4 +187,4 @@ def test_nonsense_is_refused() -> None:
     with pytest.raises(InputError, match="tolerance: expected a number above 0"):
         DampedLeastSquares(small(), -1.0)
     with pytest.raises(InputError, match="joints"):
-        CyclicDescent(small())(Goal([0.1, 0.1, 0.0]), [0.0])
+        solve_goal(CyclicDescent(small()), aim_at([0.1, 0.1, 0.0]), [0.0])

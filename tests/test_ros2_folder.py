@@ -5,27 +5,31 @@ from __future__ import annotations
 import math
 import sys
 import types
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import yaml
+from mcap.reader import make_reader
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from shapely.geometry import box
 
 from regionik.cli import app
+from regionik.output.bag import bag_files
 from regionik.output.export import export
 from regionik.output.planning_scene import planning_scene
 from regionik.output.ros2 import base_trajectory
-from regionik.output.ros2_folder import arm_parameters, bag_files, base_parameters, ros2_files
-from regionik.timing.trajectory import trajectory
-from regionik.values import Plan
+from regionik.output.ros2_folder import arm_parameters, base_parameters, ros2_files
+from regionik.timing.trajectory import sample_plan, trajectory
+from regionik.values import Motion, Plan
 from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.errors import InputError
 from regionik.worlds.frames import FrameNames
+from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Floor, World
 from regionik.worlds.toolpath import rotation_from_quaternion
 from tests.plans import every_solid, l_shape, synthetic_plan, timed
@@ -46,6 +50,7 @@ STORE = get_typestore(Stores.ROS2_HUMBLE)
 STORE.register(get_types_from_msg(COLLISION_OBJECT, "moveit_msgs/msg/CollisionObject"))
 STORE.register(get_types_from_msg(ROBOT_TRAJECTORY, "moveit_msgs/msg/RobotTrajectory"))
 PLAIN = {"string": "", "bool": False}
+ROBOTS = ("youbot", "youbot-real", "pioneer-parm", "hinge5", "pioneer7")
 
 
 def message(kind: str, document: dict[str, Any]) -> Any:
@@ -93,26 +98,44 @@ def document(folder: Path, name: str) -> dict[str, Any]:
     return read
 
 
-def test_arm_and_base_agree_in_time_and_are_the_plan(plan: Plan, folder: Path) -> None:
-    both = over_the_wire("moveit_msgs/msg/RobotTrajectory", document(folder, "robot_trajectory"))
+@pytest.mark.parametrize("name", ROBOTS)
+def test_messages_read_back_are_the_plan(name: str, tmp_path: Path) -> None:
+    plan = driving(robot_named(name))
+    export(plan, tmp_path / "cell", "ros2-folder", rate=20.0, frame="odom")
+    both = over_the_wire("moveit_msgs/msg/RobotTrajectory", document(tmp_path / "cell", "robot_trajectory"))
     arm, base = both.joint_trajectory, both.multi_dof_joint_trajectory
-    path = over_the_wire("nav_msgs/msg/Path", document(folder, "base_path"))
+    path = over_the_wire("nav_msgs/msg/Path", document(tmp_path / "cell", "base_path"))
     times = np.array([seconds(point.time_from_start) for point in arm.points])
     assert np.array_equal(times, [seconds(point.time_from_start) for point in base.points])
-    stamps = np.array([seconds(pose.header.stamp) for pose in path.poses])
-    assert np.abs(stamps - times).max() < 1e-3
+    assert np.array_equal(times, [seconds(pose.header.stamp) for pose in path.poses])
     assert (base.joint_names, base.header.frame_id, path.header.frame_id) == (["base"], "odom", "odom")
-    way = trajectory(plan)
-    now = way.sample(np.minimum(times, way.duration))
-    for k, (joint, moved) in enumerate(zip(arm.points, base.points, strict=True)):
+    now = sample_plan(plan, 20.0).sample
+    assert np.ptp(now.base[:, 0]) > 0.1
+    assert np.ptp(now.joints) > 0.1
+    far = [times - now.time]
+    for k, (joint, moved, stop) in enumerate(zip(arm.points, base.points, path.poses, strict=True)):
         (place,), (rate,), (gain,) = moved.transforms, moved.velocities, moved.accelerations
-        yaw = 2 * math.atan2(place.rotation.z, place.rotation.w)
-        assert np.abs(joint.positions - now.joints[k]).max() < 1e-8
-        assert np.hypot(place.translation.x - now.base[k, 0], place.translation.y - now.base[k, 1]) < 1e-8
-        assert abs(math.remainder(yaw - now.base[k, 2], 2 * math.pi)) < 1e-8
-        rates = [rate.linear.x, rate.linear.y, rate.angular.z]
-        assert np.abs(rates - now.base_velocity[k]).max() < 1e-6
-        assert np.abs([gain.linear.x, gain.linear.y, gain.angular.z] - now.base_acceleration[k]).max() < 1e-5
+        far += [joint.positions - now.joints[k], joint.velocities - now.joint_velocity[k]]
+        far += [joint.accelerations - now.joint_acceleration[k]]
+        far += [[twist.linear.x, twist.linear.y, twist.angular.z] - planned for twist, planned in (
+            (rate, now.base_velocity[k]), (gain, now.base_acceleration[k])
+        )]  # fmt: skip
+        for spot, turn in ((place.translation, place.rotation), (stop.pose.position, stop.pose.orientation)):
+            yaw = math.remainder(2 * math.atan2(turn.z, turn.w) - now.base[k, 2], 2 * math.pi)
+            far.append(np.array([spot.x - now.base[k, 0], spot.y - now.base[k, 1], yaw]))
+    assert np.abs(np.concatenate(far)).max() < 1e-9
+
+
+def driving(robot: Robot) -> Plan:
+    """A timed plan of a robot that drives ahead, turns and drives on, its arm moving all the time."""
+    turn = np.linspace(0.0, 0.9, 4)[1:]
+    base = [[x, 0.0, 0.0] for x in (0.0, 0.1, 0.2, 0.3)] + [[0.3, 0.0, yaw] for yaw in turn]
+    base += [[0.3 + s * np.cos(0.9), s * np.sin(0.9), 0.9] for s in (0.1, 0.2, 0.3)]
+    joints = robot.carry + np.linspace(0.0, 0.3, len(base))[:, None]
+    kind, setpoint = np.array(["step"] * len(base)), np.zeros(len(base), dtype=np.int64)
+    motion = Motion(np.array(base), joints, kind, setpoint, np.full(len(base), np.nan))
+    made = synthetic_plan(l_shape())
+    return timed(replace(made, world=replace(made.world, robot=robot, start=None), motion=motion))
 
 
 def test_every_solid_is_in_the_scene() -> None:
@@ -157,6 +180,19 @@ def test_the_bag_is_read(plan: Plan, folder: Path) -> None:
                 assert np.abs(matrix(base.transform) @ matrix(tool.transform) - T_world_tool).max() < 1e-8
     assert seen["/tf"] == seen["/joint_states"] == len(document(folder, "base_path")["poses"])
     assert seen["/arm_trajectory"] == seen["/base_trajectory"] == seen["/base_path"] == 1
+
+
+def test_any_reader_of_mcap_opens_the_bag(folder: Path) -> None:
+    (path,) = (folder / "bag").glob("*.mcap")
+    with path.open("rb") as file:
+        read = [
+            (schema and schema.name, channel.topic, one.log_time, one.data)
+            for schema, channel, one in make_reader(file).iter_messages()
+        ]
+    with Reader(folder / "bag") as bag:
+        same = [(one.msgtype, one.topic, time, bytes(raw)) for one, time, raw in bag.messages()]
+    assert sorted(same) == sorted(read, key=lambda row: (row[0] or "", *row[1:]))
+    assert len({topic for _, topic, _, _ in read}) == 5
 
 
 def matrix(transform: Any) -> Array:
@@ -221,7 +257,17 @@ def test_the_script_reads_the_base_of_its_folder(plan: Plan, folder: Path) -> No
     assert rows[-1][0] == pytest.approx(trajectory(plan).duration)
 
 
-@pytest.mark.parametrize("name", ["youbot", "youbot-real", "pioneer-parm", "hinge5", "pioneer7"])
+def test_the_script_knows_when_the_tool_is_on_its_path(plan: Plan, folder: Path) -> None:
+    module, spans = script(folder), document(folder, "settings")["tool_on"]
+    motion = plan.motion
+    assert len(spans) == 2  # with the lift-off in the middle
+    said = [module.is_on(spans, time) for time in motion.time.tolist()]
+    assert said == (motion.kind != "transit").tolist()
+    assert not module.is_on(spans, -1.0)
+    assert not module.is_on(spans, motion.time[-1] + 1.0)
+
+
+@pytest.mark.parametrize("name", ROBOTS)
 def test_names_and_drives_of_robots_come_through(name: str) -> None:
     robot = robot_named(name)
     arm = arm_parameters(robot)["arm_controller"]["ros__parameters"]
@@ -256,7 +302,7 @@ def test_the_command_and_what_it_lacks(
     assert app.run(["export", str(file), "--format", "ros2-folder", "-o", str(made)]) == 2
     assert "expected the name of a new folder" in capsys.readouterr().err
     monkeypatch.setitem(sys.modules, "rosbags.rosbag2", None)
-    with pytest.raises(InputError, match=r"a folder for ROS 2 needs regionik\[ros2\]"):
-        bag_files(plan, 5.0, "map", {})
+    with pytest.raises(InputError, match=r"a bag for ROS 2 needs regionik\[ros2\]"):
+        bag_files([])
     with pytest.raises(InputError, match="it is not timed"):
         ros2_files(synthetic_plan(l_shape()))

@@ -2,24 +2,29 @@
 
 from __future__ import annotations
 
+import io
 import sys
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from mcap.reader import make_reader
+from rosbags.typesys import Stores, get_typestore
 
 import regionik as rik
 from regionik.cli import app
-from regionik.output.run_file import run_to_csv
+from regionik.output.run_file import run_to_csv, run_to_mcap
 from regionik.planners.solvers.serial_chain import chain_frames, serial_arm
 from regionik.simulation.drives import BaseDrives
 from regionik.simulation.noise import Noise, PoseEstimate, typical_noise
 from regionik.simulation.physics import STEP, Physics
 from regionik.simulation.reference import PERIOD, Reference, reference
+from regionik.simulation.run import Contact
 from regionik.simulation.simulate import simulate
 from regionik.simulation.simulated_robot import SUBSTEPS
 from regionik.simulation.tracking import MOST_ADDED, TrackingController
@@ -70,6 +75,17 @@ def test_noise_is_taken_up_by_the_arm_and_a_seed_repeats_its_bytes() -> None:
         assert np.abs(one.estimate - one.base).max() > 1e-4
 
 
+def test_the_tool_is_known_as_well_as_the_base_is() -> None:
+    """Its spread is that of tools on bases drawn about the true one by the estimate's covariance."""
+    run, rng = simulate(timed_plan(), typical_noise(), seed=1), np.random.default_rng(0)
+    for k in (0, len(run.time) // 2, len(run.time) - 1):
+        bases = run.base[k] + rng.multivariate_normal(np.zeros(3), run.covariance[k], 4000)
+        tools = run.plan.world.robot.tool(bases, np.tile(run.joints[k], (len(bases), 1)))[:, :2, 3]
+        spread = np.sqrt(np.linalg.eigvalsh(np.cov(tools.T))[-1])
+        assert run.tool_spread[k] == pytest.approx(spread, rel=0.05)
+    assert not simulate(timed_plan()).tool_spread.any()
+
+
 def test_a_run_fails_where_its_tolerance_is_left() -> None:
     run = simulate(timed_plan(), Noise(position=0.05, heading=0.02), tolerance=1e-3)
     assert not run.ok
@@ -89,6 +105,21 @@ def test_the_model_moves_as_the_robot_does(robot: Robot) -> None:
         base, joints = rng.uniform(-2, 2, 3), rng.uniform(-0.3, 0.3, (1, robot.chain.dof))
         physics = Physics(world, base, joints, 50.0)
         assert np.abs(physics.tool - robot.tool(base, joints[0])[:3, 3]).max() < 1e-9
+
+
+def test_the_speed_of_the_tool_is_that_of_its_motion() -> None:
+    """While the base speeds up evenly."""
+    world = every_solid()
+    physics = Physics(world, np.array([20.0, 20.0, 0.0]), world.robot.carry[None], 100.0)
+    places, speeds = [], []
+    for k in range(100):
+        physics.step((k * STEP, 0.5 * k * STEP, 0.0), world.robot.carry)
+        physics.refresh()
+        places.append(physics.tool.copy())
+        speeds.append(physics.tool_velocity())
+    moved = (np.array(places[2:]) - places[:-2]) / (2 * STEP)
+    assert np.abs(moved - speeds[1:-1])[50:].max() < 5e-5
+    assert np.abs(physics.position[:2] - [20 + (99 * STEP) ** 2 / 2, 20 + (99 * STEP) ** 2 / 4]).max() < 3e-4
 
 
 def test_contacts_name_what_touches() -> None:
@@ -203,6 +234,23 @@ def test_the_arm_stays_near_the_plan_where_it_cannot_take_up_what_the_base_is_of
         assert np.abs(joints - way.joints[k]).max() <= MOST_ADDED
 
 
+@settings(max_examples=examples(12))
+@given(st.floats(-np.pi, np.pi))
+def test_off_its_path_the_arm_strays_no_farther_than_the_base_takes_it(angle: float) -> None:
+    robot, way = arc("omni", 0.2, 0.1, 5.0)
+    on_path = (way.time > 2.0) & (way.time < 3.0)
+    controller = TrackingController(robot, Speeds(joint_velocity=10.0), replace(way, on_path=on_path))
+    off, joints = np.array([0.02 * np.cos(angle), 0.02 * np.sin(angle), 0.03]), way.joints[0]
+    added = []
+    for k in range(len(way.time)):
+        joints = controller._arm_joints(k, way.base[k] + off, joints)
+        added.append(float(np.abs(joints - way.joints[k]).max()))
+    kept = (way.time < 1.0) | (way.time > 4.2)
+    assert np.array(added)[kept].max() < 1e-4
+    assert np.array(added)[on_path].min() > 0.01
+    assert np.abs(np.diff(added)).max() < 2e-3  # it begins and ends without a jump
+
+
 def test_localisation_at_rest_averages() -> None:
     noise, rng = Noise(position=0.01, heading=0.01), np.random.default_rng(0)
     true = np.array([1.0, 2.0, 3.1])
@@ -231,6 +279,18 @@ def test_odometry_follows_a_circle_and_grows_less_sure() -> None:
     assert np.abs(estimate.pose - [0.0, 0.8, np.pi]).max() < 1e-3
 
 
+@settings(max_examples=examples(20))
+@given(st.floats(-np.pi, np.pi), st.tuples(st.floats(-0.5, 0.5), st.floats(-0.5, 0.5), st.floats(-1, 1)))
+def test_what_odometry_may_be_off_turns_with_the_base(yaw: float, twist: tuple[float, float, float]) -> None:
+    """A base that drives ahead slips along its heading, whichever that is."""
+    straight, turned = (PoseEstimate(np.array([0.0, 0.0, angle])) for angle in (0.0, yaw))
+    for _ in range(20):
+        straight, turned = (one.moved(np.array(twist), PERIOD, 0.02) for one in (straight, turned))
+    R = np.eye(3)
+    R[:2, :2] = [[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]]
+    assert np.abs(turned.covariance - R @ straight.covariance @ R.T).max() < 1e-12
+
+
 # --- the command
 
 
@@ -244,6 +304,8 @@ def test_the_command_writes_a_table_and_a_page(tmp_path: Path, capsys: pytest.Ca
     assert header.startswith("time,base_x,base_y,base_yaw,joint_1")
     assert len(rows) == len(reference(timed_plan()).time)
     assert "path of the tool as planned" in page.read_text("utf-8")
+    assert app.run(["simulate", str(plan), "-o", str(tmp_path / "run.mcap")]) == 0
+    assert (tmp_path / "run.mcap").read_bytes() == run_to_mcap(simulate(timed_plan()))
     noisy = ["--noise", "position=0.05,heading=0.02", "--tolerance", "0.001"]
     assert app.run(["simulate", str(plan), *noisy, "--json"]) == 1
     told = capsys.readouterr()
@@ -261,7 +323,7 @@ def test_the_command_writes_a_table_and_a_page(tmp_path: Path, capsys: pytest.Ca
         ),
         (["--noise", "rate=0"], "noise: rate: must be above 0, got 0"),
         (["--tolerance", "0"], "tolerance: must be above 0, got 0"),
-        (["-o", "run.txt"], "run.txt: expected a file name ending in .csv"),
+        (["-o", "run.txt"], "run.txt: expected a file name ending in .csv, .mcap"),
         (["--html", "run"], "run: expected a file name ending in .html, .htm"),
     ],
 )
@@ -280,6 +342,21 @@ def test_an_untimed_plan_and_a_missing_engine_are_told(monkeypatch: pytest.Monke
     monkeypatch.setitem(sys.modules, "mujoco", None)
     with pytest.raises(InputError, match=r"a simulation needs regionik\[simulate\]"):
         simulate(timed_plan())
+
+
+def test_a_bag_of_a_run_holds_what_moved_and_what_touched() -> None:
+    run = simulate(timed_plan(), typical_noise(), seed=1)
+    bag = run_to_mcap(replace(run, contacts=(Contact(0.5, "link", "lamp", 0.002),)))
+    store, read = get_typestore(Stores.ROS2_HUMBLE), dict[str, list[Any]]()
+    for schema, channel, message in make_reader(io.BytesIO(bag)).iter_messages():
+        assert schema is not None
+        read.setdefault(channel.topic, []).append(store.deserialize_cdr(message.data, schema.name))
+    assert [state.position.tolist() for state in read["/joint_states"]] == run.joints.tolist()
+    base = [one.transforms[0].transform.translation for one in read["/tf"]]
+    assert [[one.x, one.y] for one in base] == run.base[:, :2].tolist()
+    assert [one.data for one in read["/tool_error"]] == run.tool_error.tolist()
+    assert [one.data for one in read["/contacts"]] == ["link touches lamp, 2.0 mm deep at most"]
+    assert len(read["/planned_path"][0].poses) == len(run.plan.motion)
 
 
 def test_the_picture_shows_the_run_over_the_plan() -> None:

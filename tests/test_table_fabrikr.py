@@ -8,7 +8,7 @@ import pytest
 from benchmarks.tables import fabrikr
 from benchmarks.tables import fabrikr_printed as printed
 from benchmarks.tables.batch import solve_batch
-from regionik.planners.solvers.inverse_kinematics import ArmSolver
+from regionik.planners.solvers.multistart_ik import ArmSolver
 from regionik.worlds.bundled import robot_named
 
 

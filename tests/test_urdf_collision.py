@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import pose
-from regionik.worlds.errors import InputError
+from regionik.worlds.errors import InputError, RobotNote
 from regionik.worlds.links import LINK_RADIUS, LinkBox, LinkCapsule, LinkHull, LinkSolid
 from regionik.worlds.readers.collada import read_points
 from regionik.worlds.robot import BODY_HEIGHT, Robot
@@ -245,6 +245,20 @@ def test_a_missing_mesh_of_the_base_is_said(tmp_path: Path) -> None:
     with pytest.warns(UserWarning, match="none.stl: there is no such file; it is left out of the footprint"):
         robot = load_robot(path, tip="tool")
     assert np.ptp(robot.footprint, axis=0) == pytest.approx([0.2, 0.04], rel=0.01)  # the wheel's
+
+
+def test_meshes_that_are_missing_for_one_reason_share_a_note(tmp_path: Path) -> None:
+    mesh = '<collision><geometry><mesh filename="package://gone/{0}.stl"/></geometry></collision>'
+    links = "".join(f'<link name="{name}">{mesh.format(name)}</link>' for name in "abcd")
+    joint = '<joint name="to_{1}" type="continuous"><parent link="{0}"/><child link="{1}"/></joint>'
+    (tmp_path / "r.urdf").write_text(
+        f'<robot name="r">{links}{"".join(joint.format(*pair) for pair in ("ab", "bc", "cd"))}</robot>'
+    )
+    with pytest.warns(RobotNote) as told:
+        load_robot(tmp_path / "r.urdf")
+    base, arm = (str(note.message) for note in told if "there is no folder gone" in str(note.message))
+    assert base.endswith("it is left out of the footprint")
+    assert arm.endswith("from joint to_b to the next replaces it; likewise of c, d")
 
 
 def test_arms_without_any_solid_get_capsules(tmp_path: Path) -> None:

@@ -258,6 +258,10 @@ def test_the_controls_of_a_page_tell_what_the_plan_holds(tmp_path: Path) -> None
     with opened(tmp_path / "page.html") as browser:
         settle(browser)
         assert_colors(browser, green=0.03, red=0.01, blue=0.1)
+        beside = browser.evaluate("document.querySelector('#curves .values').innerText")
+        assert all(joint.name in beside for joint in plan.world.robot.chain.joints)
+        cut = "[...document.querySelectorAll('#curves .values')].some((e) => e.scrollHeight > e.clientHeight)"
+        assert not browser.evaluate(cut)
 
         x, y, width, height = place(browser, "document.getElementById('bar')")
         browser.drag(*((x + share * width, y + height / 2) for share in (0.01, 0.3, 0.5)))

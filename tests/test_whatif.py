@@ -41,7 +41,8 @@ def changed(world: World, seed: int) -> World:
     what = rng.integers(6)
     solids, task = list(world.obstacles), list(world.task)
     if what == 0:
-        solids[rng.integers(len(solids))] = box("new", *rng.uniform([0.5, 1], [5.5, 5]))
+        k = rng.integers(len(solids))
+        solids[k] = box(f"{solids[k].name} anew", *rng.uniform([0.5, 1], [5.5, 5]))
     elif what == 1:
         k = rng.integers(len(solids))
         solids[k] = box(solids[k].name, *rng.uniform([0.5, 1], [5.5, 5]))

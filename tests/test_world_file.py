@@ -17,6 +17,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from docs.schemas import world_schema
 from regionik.worlds.bundled import robot_named, world_names, world_path
 from regionik.worlds.chain import Chain, Joint, planar_pose
 from regionik.worlds.criteria import Criteria
@@ -24,7 +25,6 @@ from regionik.worlds.documents.world_file import (
     RulesPart,
     load_world,
     world_from_document,
-    world_schema,
     world_to_document,
 )
 from regionik.worlds.errors import InputError

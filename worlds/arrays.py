@@ -22,7 +22,6 @@ def frozen(values: ArrayLike, shape: Sequence[int | None], what: str) -> Array:
 
     Parameters
     ----------
-    values : array_like
     shape : sequence of int or None
         Expected length of each axis; None takes any.
     what : str
@@ -56,7 +55,6 @@ def freeze(value: object, owner: str, **shapes: Sequence[int | None]) -> None:
 
     Parameters
     ----------
-    value : dataclass
     owner : str
         Name of the value in error messages.
     **shapes : sequence of int or None

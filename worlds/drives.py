@@ -22,26 +22,13 @@ BULGE = 5e-4  # that a line through points of a drawn way may cut off an arc [m]
 
 @dataclass(frozen=True)
 class BaseDrive(ABC):
-    """Motion of a base.
+    """Motion of a base."""
 
-    Attributes
-    ----------
-    kind : {"omni", "differential", "car"}
-        Its name in files.
-    rolls : bool
-        It goes along its own heading and nowhere else.
-    turns_on_the_spot : bool
-    headings : tuple of str
-        Rules of heading that it can keep.
-    turning_radius : float
-        Least radius of its arcs [m].
-    """
-
-    kind: ClassVar[BaseKind]
-    rolls: ClassVar[bool]
+    kind: ClassVar[BaseKind]  # its name in files
+    rolls: ClassVar[bool]  # it goes along its own heading and nowhere else
     turns_on_the_spot: ClassVar[bool] = True
-    headings: ClassVar[tuple[str, ...]] = ("free",)
-    turning_radius: float = 0.0
+    headings: ClassVar[tuple[str, ...]] = ("free",)  # rules of heading that it can keep
+    turning_radius: float = 0.0  # least radius of its arcs [m]
 
     @property
     @abstractmethod
@@ -181,21 +168,6 @@ def drive_of(kind: BaseKind, turning_radius: float = 0.0) -> BaseDrive:
         "car": CarDrive(turning_radius),
     }
     return drives[kind]
-
-
-def wheel_travel(base: Array, gauge: float) -> Array:
-    """Way of a differential drive's left and right wheel over each hop through base poses, (n - 1, 2) [m].
-
-    Parameters
-    ----------
-    base : (n, 3) array
-        x, y [m], yaw [rad].
-    gauge : float
-        Distance between the wheels [m].
-    """
-    slide, length = DifferentialDrive().parts(base[:-1], base[1:])
-    turn = slide[:, 2] * gauge / 2
-    return np.column_stack([length - turn, length + turn])
 
 
 def _shorter(here: Array, there: Array) -> Array:

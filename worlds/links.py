@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 
@@ -108,6 +109,7 @@ class LinkBox:
     name: str
     T_link_box: Array
     size: Array
+    radius: ClassVar[float] = 0.0  # the solid is the hull of its corners
 
     def __post_init__(self) -> None:
         freeze(self, self.name, T_link_box=(4, 4), size=(3,))
@@ -115,11 +117,6 @@ class LinkBox:
             raise InputError(f"{self.name}: size must be above 0, got {self.size.tolist()}")
 
     __repr__ = one_line
-
-    @property
-    def radius(self) -> float:
-        """Zero: the box is the hull of its corners."""
-        return 0.0
 
     @property
     def corners(self) -> Array:
@@ -153,6 +150,7 @@ class LinkHull:
     link: int
     name: str
     corners: Array
+    radius: ClassVar[float] = 0.0  # the solid is the hull of its corners
 
     def __post_init__(self) -> None:
         freeze(self, self.name, corners=(None, 3))
@@ -170,11 +168,6 @@ class LinkHull:
     def polytope(self) -> Polytope:
         """Faces and edges."""
         return polytope(self.corners)
-
-    @property
-    def radius(self) -> float:
-        """Zero: the solid is the hull of its corners."""
-        return 0.0
 
     def moved(self, link: int, T: Array) -> LinkHull:
         """Return the same solid on a link, moved by a transform (4, 4)."""

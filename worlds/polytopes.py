@@ -16,27 +16,13 @@ _SAME = 9  # decimals to which directions are told apart
 
 @dataclass(frozen=True, eq=False)
 class Polytope:
-    """The convex hull of corners, with all that its corners tell.
+    """The convex hull of corners, with all that its corners tell."""
 
-    Attributes
-    ----------
-    corners : (n, 3) array
-        As given; some may lie inside [m].
-    triangles : (m, 3) array of int
-        Rows of ``corners``, counter-clockwise seen from outside.
-    normals : (f, 3) array
-        Outward unit normals of the faces.
-    offsets : (f,) array
-        Points x inside have ``normals @ x <= offsets`` [m].
-    edges : (e, 3) array
-        Unit directions of the edges, each once.
-    """
-
-    corners: Array
-    triangles: NDArray[np.int64]
-    normals: Array
-    offsets: Array
-    edges: Array
+    corners: Array  # (n, 3) as given; some may lie inside [m]
+    triangles: NDArray[np.int64]  # (m, 3) rows of ``corners``, counter-clockwise seen from outside
+    normals: Array  # (f, 3) outward unit normals of the faces
+    offsets: Array  # (f,) points x inside have ``normals @ x <= offsets`` [m]
+    edges: Array  # (e, 3) unit directions of the edges, each once
 
     def depth(self, points: Array) -> Array:
         """Return the depth of points (..., 3) below the nearest plane of a face, negative outside [m]."""

@@ -52,7 +52,6 @@ def overhang(robot: Robot, joints: Array) -> Array:
 
     Parameters
     ----------
-    robot : Robot
     joints : (n, dof) array
 
     Returns

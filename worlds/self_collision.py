@@ -89,10 +89,6 @@ def self_collision_pairs(robot: Robot) -> tuple[tuple[int, int], ...]:
     it, and the first link that carries any; pairs that touch in every one of `POSTURES` postures within the
     limits; and those that ``robot.unchecked`` names.
 
-    Parameters
-    ----------
-    robot : Robot
-
     Returns
     -------
     tuple of (int, int)
@@ -126,10 +122,6 @@ def off_floor(robot: Robot) -> tuple[bool, ...]:
 
     Left out are those that no joint raises or lowers, fixed to the base or on its pivot, and those that reach
     into the floor in every one of `POSTURES` postures.
-
-    Parameters
-    ----------
-    robot : Robot
 
     Returns
     -------
@@ -172,7 +164,6 @@ def bodies_clear(robot: Robot, points: Sequence[Array], joints: Array) -> bool:
 
     Parameters
     ----------
-    robot : Robot
     points : sequence of (n, 3) arrays
         As `disabled_pairs` has them.
     joints : (dof,) array
@@ -193,7 +184,6 @@ def disabled_pairs(
 
     Parameters
     ----------
-    robot : Robot
     points : sequence of (n, 3) arrays
         Of each of ``robot.all_solids``, corners of the hull of the body inside it, in its link's frame [m].
     rest : (dof,) array, optional

@@ -22,21 +22,11 @@ _DECIMALS = 12
 
 @dataclass(frozen=True, eq=False)
 class ToolPath:
-    """Points of the tool, each with a direction, with an orientation or with neither.
+    """Points of the tool, each with a direction, with an orientation or with neither."""
 
-    Attributes
-    ----------
-    points : (n, 3) array
-        [m]
-    directions : (n, 3) array or None
-        Tool axes.
-    orientations : (n, 3, 3) array or None
-        Rotations of the tool frame.
-    """
-
-    points: Array
-    directions: Array | None = None
-    orientations: Array | None = None
+    points: Array  # (n, 3) [m]
+    directions: Array | None = None  # (n, 3) tool axes
+    orientations: Array | None = None  # (n, 3, 3) rotations of the tool frame
 
     def __post_init__(self) -> None:
         n = len(self.points)
@@ -72,8 +62,7 @@ def sine(
     ----------
     start, end : (3,) array_like
         Ends of the line [m].
-    amplitude : float
-        [m]
+    amplitude : float [m]
     periods : float
         Number of waves between start and end.
     count : int

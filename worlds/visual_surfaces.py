@@ -16,27 +16,13 @@ _MOST_CELLS = 2_000_000  # along each side of a surface
 
 @dataclass(frozen=True, eq=False)
 class VisualSurface:
-    """A surface of one colour that moves with one arm link.
+    """A surface of one colour that moves with one arm link."""
 
-    Attributes
-    ----------
-    link : int
-        Index into ``Chain.frames``; `regionik.worlds.links.BASE` for what is fixed to the base.
-    color : int
-        0xRRGGBB.
-    vertices : (n, 3) array
-        In the link's frame, in single precision, as files hold them [m].
-    faces : (m, 3) array of int
-        Indices of vertices.
-    stands_for : tuple of str
-        Names of the robot's solids that need not be shown beside it.
-    """
-
-    link: int
-    color: int
-    vertices: Array
-    faces: Index
-    stands_for: tuple[str, ...] = ()
+    link: int  # index into ``Chain.frames``; `regionik.worlds.links.BASE` for what is fixed to the base
+    color: int  # 0xRRGGBB
+    vertices: Array  # (n, 3) in the link's frame, in single precision, as files hold them [m]
+    faces: Index  # (m, 3) indices of vertices
+    stands_for: tuple[str, ...] = ()  # names of the robot's solids that need not be shown beside it
 
     def __post_init__(self) -> None:
         rounded = np.asarray(self.vertices, dtype=np.float32)

@@ -10,8 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from regionik.planners.kernels import compiled
 from regionik.planners.rivals.iterative import DescentLimits, IterativeMethod, descend
 from regionik.planners.solvers.damped_least_squares import POSITION, Aim
-from regionik.planners.solvers.inverse_kinematics import ArmSolver
-from regionik.planners.solvers.multistart_ik import Effort, solve_ik
+from regionik.planners.solvers.multistart_ik import ArmSolver, Effort, solve_ik
 from regionik.planners.solvers.rigid_bodies import RigidBodies
 from regionik.planners.solvers.serial_chain import SerialArm
 from regionik.worlds.arrays import Array, frozen

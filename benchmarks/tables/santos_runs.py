@@ -17,7 +17,8 @@ from numpy.typing import ArrayLike
 from benchmarks.tables.clock import REPEATS, seconds
 from benchmarks.tables.sliding import SlidingRival
 from regionik.mfabrik import Batch, Solver, configurations, solver_for
-from regionik.planners.driving.greedy_steps import step_to_goal
+from regionik.planners.driving.greedy_steps import greedy_points
+from regionik.planners.geometry.polygons import FlatPolygon, clamp
 from regionik.planners.rivals.iterative import DampedLeastSquares, PseudoInverse
 from regionik.postures.poses import axis_of
 from regionik.pruning import choose_chain, solvers_along, start_place, start_pose, whole_path
@@ -153,7 +154,10 @@ def experiment(name: str) -> list[Row]:
         here, there = axis_of(world.robot, base), axis_of(world.robot, goal.base)
         if not free.buffer(EDGE).covers(shapely.LineString([here, there])):
             arm = solver_for(world, pruned.ladder.family[chain[i]])
-            for spot in step_to_goal(free, here, there, world.rules.step).points[1:-1]:
+            flat = FlatPolygon.from_shapely(free)
+            x, y = clamp(flat.vertices, flat.starts, *here)
+            steps, _ = greedy_points(flat.vertices, flat.starts, x, y, there[0], there[1], world.rules.step)
+            for spot in steps[1:-1]:
                 held = arm.hold(world.task[i], np.array([*spot, base[2]]), joints)
                 rows.append(Row(i + 1, held.iterations if held.converged else None, held.error))
         rows.append(Row(i + 1, goal.iterations, goal.error))

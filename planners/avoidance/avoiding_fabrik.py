@@ -39,23 +39,12 @@ LinkClear = Callable[[int, Array], bool]
 
 @dataclass(frozen=True, eq=False)
 class AvoidanceResult:
-    """Outcome of FABRIK with obstacle avoidance.
+    """Outcome of FABRIK with obstacle avoidance."""
 
-    Attributes
-    ----------
-    joints : (dof,) array
-    error : float
-        Distance of the tool from the target [m].
-    iterations : int
-        Passes, each forward and backward.
-    converged : bool
-        The tool is on the target and every link was clear in the last backward pass.
-    """
-
-    joints: Array
-    error: float
-    iterations: int
-    converged: bool
+    joints: Array  # (dof,)
+    error: float  # distance of the tool from the target [m]
+    iterations: int  # passes, each forward and backward
+    converged: bool  # the tool is on the target and every link was clear in the last backward pass
 
 
 def avoid_obstacles(
@@ -73,15 +62,13 @@ def avoid_obstacles(
 
     Parameters
     ----------
-    chain : Chain
     target : (3,) array
         In the arm's base frame [m].
     joints : (dof,) array
         Posture to start from, whether clear or not.
     clear : callable
         Whether link k may be at a pose (4, 4) in the arm's base frame.
-    tolerance : float
-        [m]
+    tolerance : float [m]
     seed : int
         Of the random rotations: same input, same answer.
     most, rotations : int

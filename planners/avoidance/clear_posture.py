@@ -39,9 +39,8 @@ from regionik.planners.collision.robot_bodies import Bodies, ContactTargets
 from regionik.planners.search.box_search import Verdict
 from regionik.planners.search.fixed_base import WORDS
 from regionik.planners.solvers.damped_least_squares import POSITION, Aim, polish
-from regionik.planners.solvers.inverse_kinematics import ArmSolver, Goal
 from regionik.planners.solvers.mfabrik_serial import in_arm_frame
-from regionik.planners.solvers.multistart_ik import Effort, solve_ik
+from regionik.planners.solvers.multistart_ik import ArmSolver, Effort, solve_ik
 from regionik.planners.solvers.rigid_bodies import posing_bodies
 from regionik.planners.solvers.serial_chain import spread_postures
 from regionik.worlds.arrays import Array, frozen
@@ -58,38 +57,20 @@ LARGEST_CHANGE = 1.0  # of a joint when the best posture so far is varied [rad] 
 
 @dataclass(frozen=True, eq=False)
 class ClearPosture:
-    """Outcome of the search for a clear posture.
+    """Outcome of the search for a clear posture."""
 
-    Attributes
-    ----------
-    verdict : Verdict
-        PROVEN by a posture; RULED_OUT by a proof that there is none; or OPEN, within the effort made.
-    joints : (dof,) array or None
-        The posture, within limits [rad] or [m].
-    error : float
-        What the tool misses; infinite where no posture on the target was met [m].
-    iterations : int
-        Passes, each forward and backward, of all stages together.
-    steps : tuple of str
-        What was used, in order: "passes", "avoidance", "search".
-    distance : float
-        Least distance of the posture from anything, or of the one met that came nearest to being clear; from
-        obstacles, what is left beyond the bodies' clearance. Infinite where nothing is near, -inf where no
-        posture on the target was met [m].
-    touch : Touch or None
-        Where that distance is; None where no posture on the target was met.
-    note : str
-        The evidence in one line.
-    """
-
+    # PROVEN by a posture; RULED_OUT by a proof that there is none; or OPEN, within the effort made
     verdict: Verdict
-    joints: Array | None
-    error: float
-    iterations: int
-    steps: tuple[str, ...]
+    joints: Array | None  # (dof,) the posture, within limits [rad] or [m]
+    error: float  # what the tool misses; infinite where no posture on the target was met [m]
+    iterations: int  # passes, each forward and backward, of all stages together
+    steps: tuple[str, ...]  # what was used, in order: "passes", "avoidance", "search"
+    # least distance of the posture from anything, or of the one met that came nearest to being clear; from
+    # obstacles, what is left beyond the bodies' clearance. Infinite where nothing is near, -inf where no
+    # posture on the target was met [m].
     distance: float
-    touch: Touch | None
-    note: str
+    touch: Touch | None  # where that distance is; None where no posture on the target was met
+    note: str  # the evidence in one line
 
 
 def clear_posture(
@@ -104,7 +85,6 @@ def clear_posture(
 
     Parameters
     ----------
-    task : PostureTask
     joints : (dof,) array_like
         Posture to start from, clear or not.
     seed : int
@@ -113,10 +93,6 @@ def clear_posture(
         Runs of FABRIK with obstacle avoidance, each with other random rotations.
     most_boxes : int
         Budget of the exhaustive search.
-
-    Returns
-    -------
-    ClearPosture
 
     Raises
     ------
@@ -145,12 +121,9 @@ def quick_clear_posture(
     return found or search.answer(Verdict.OPEN, "no search was made")
 
 
-def sampled_clear_posture(
-    task: PostureTask, joints: ArrayLike, *, seed: int = 0, samples: int = SAMPLES
-) -> ClearPosture:
+def sampled_clear_posture(task: PostureTask, joints: ArrayLike, *, samples: int) -> ClearPosture:
     """The samples of `clear_posture` alone, for one of many targets: found or undecided."""
-    search = _Search(task, joints, seed)
-    _at_least_one("samples", samples)
+    search = _Search(task, joints, 0)
     found = search.by_passes() or search.by_sampling(samples)
     return found or search.answer(Verdict.OPEN, "no search was made")
 
@@ -184,7 +157,6 @@ def clear_posture_at_pose(
         What may be touched.
     margin : float
         Kept beyond the bodies' clearance [m].
-    seed : int
 
     Returns
     -------
@@ -226,9 +198,9 @@ class _Search:
     def by_passes(self) -> ClearPosture | None:
         """FABRIK-R from the start, obstacles left aside."""
         self.steps.append("passes")
-        found = self.solver(Goal(self.goal), self.start)
-        self.iterations += found.iterations
-        return self._found() if self._offer(found.joints) else None
+        q = self.start.copy()
+        self.iterations += self.solver.solve(Aim(self.goal, POSITION, np.eye(3)), q)[2]
+        return self._found() if self._offer(q) else None
 
     def by_proof(self, most: int) -> ClearPosture | None:
         """A proof that is at hand, or a short search for one; postures that it finds are left aside."""

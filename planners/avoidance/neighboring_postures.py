@@ -21,34 +21,16 @@ Mask = NDArray[np.bool_]
 
 
 class NeighboringTargets(NamedTuple):
-    """Targets that an arm is to reach with the base where it is, for kernels.
-
-    Attributes
-    ----------
-    scene : RobotScene
-    margin : float
-        Kept from all solids beyond what the scene asks [m].
-    base : (3,) array
-        x, y [m], yaw [rad].
-    arm : SerialArm
-        It may have more joints than the robot, the first of which do not move.
-    aims : Aims
-        n targets as the arm's base frame has them.
-    tool_on : (n,) array of int
-        Obstacle that the tool works on at each, -1 for none.
-    near : (n, m) array of int
-        Targets near each, the nearest first.
-    reach, tolerance : float
-        As of `polish`.
-    """
+    """Targets that an arm is to reach with the base where it is, for kernels."""
 
     scene: RobotScene
-    margin: float
-    base: Array
-    arm: SerialArm
-    aims: Aims
-    tool_on: Index
-    near: Index
+    margin: float  # kept from all solids beyond what the scene asks [m]
+    base: Array  # (3,) x, y [m], yaw [rad]
+    arm: SerialArm  # it may have more joints than the robot, the first of which do not move
+    aims: Aims  # n targets as the arm's base frame has them
+    tool_on: Index  # (n,) obstacle that the tool works on at each, -1 for none
+    near: Index  # (n, m) targets near each, the nearest first
+    # reach, tolerance: as of `polish`
     reach: float
     tolerance: float
 
@@ -59,7 +41,6 @@ def neighboring_postures(targets: NeighboringTargets, starts: Array, postures: A
 
     Parameters
     ----------
-    targets : NeighboringTargets
     starts : (n, s, k) array
         Postures to begin from, the first that leads to a clear one is taken.
     postures : (n, k) array

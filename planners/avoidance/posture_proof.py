@@ -27,29 +27,14 @@ LEVER = 1e-9  # a joint that moves no point farther than this does not count [m]
 
 @dataclass(frozen=True, eq=False)
 class PostureTask:
-    """A target for an arm on a base that stands still among obstacles.
+    """A target for an arm on a base that stands still among obstacles."""
 
-    Attributes
-    ----------
-    bodies : Bodies
-        Robot and obstacles.
-    base : (3,) array
-        x, y [m], yaw [rad].
-    target : (3,) array
-        In the world [m].
-    contact : ContactTargets, optional
-        What may be touched.
-    tolerance : float
-        How far from the target the tool may be [m].
-    margin : float
-        Kept by solids from each other, from the base, and from obstacles beyond the bodies' clearance [m].
-    """
-
-    bodies: Bodies
-    base: Array
-    target: Array
-    contact: ContactTargets | None = None
-    tolerance: float = 1e-3
+    bodies: Bodies  # robot and obstacles
+    base: Array  # (3,) x, y [m], yaw [rad]
+    target: Array  # (3,) in the world [m]
+    contact: ContactTargets | None = None  # what may be touched
+    tolerance: float = 1e-3  # how far from the target the tool may be [m]
+    # kept by solids from each other, from the base, and from obstacles beyond the bodies' clearance [m]
     margin: float = 0.0
 
     def __post_init__(self) -> None:
@@ -78,10 +63,6 @@ def search_postures(task: PostureTask, accept: Callable[[Array], bool], most: in
         Whether a posture (dof,) is clear of everything.
     most : int
         Budget of boxes.
-
-    Returns
-    -------
-    FixedBaseResult
     """
     bodies, robot = task.bodies, task.bodies.robot
     T = _inverse(robot.T_world_arm(task.base))

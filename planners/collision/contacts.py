@@ -87,14 +87,11 @@ def farthest_below(points: Array, radius: float, n: Array, height: float, tool: 
     ----------
     points : (2, 3) or (k, 3) array
         Ends of the capsule's axis, or corners of the box or hull [m].
-    radius : float
-        [m]
+    radius : float [m]
     n : (3,) array
         Unit vector upwards.
-    height : float
-        [m]
-    tool : (3,) array
-        [m]
+    height : float [m]
+    tool : (3,) array [m]
     """
     far = 0.0
     if len(points) == 2:  # balls cover it, each as large as their distance asks

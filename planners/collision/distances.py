@@ -51,22 +51,12 @@ class NearestSolid(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Obstacles:
-    """Solids prepared for distance queries; made by `obstacles_from`.
-
-    Attributes
-    ----------
-    solids : tuple of Solid
-    pieces : tuple of Piece
-        Convex parts, and meshes whole.
-    owner : (m,) array of int
-        The solid of each piece.
-    low, high : (m, 3) array
-        Boxes along the axes round the pieces [m].
-    """
+    """Solids prepared for distance queries; made by `obstacles_from`."""
 
     solids: tuple[Solid, ...]
-    pieces: tuple[Piece, ...]
-    owner: NDArray[np.int64]
+    pieces: tuple[Piece, ...]  # convex parts, and meshes whole
+    owner: NDArray[np.int64]  # (m,) the solid of each piece
+    # low, high: (m, 3) boxes along the axes round the pieces [m]
     low: Array
     high: Array
 
@@ -100,11 +90,9 @@ def nearest_solid(obstacles: Obstacles, start: ArrayLike, end: ArrayLike, radius
 
     Parameters
     ----------
-    obstacles : Obstacles
     start, end : (3,) array_like
         Ends of the capsule's axis [m].
-    radius : float
-        [m]
+    radius : float [m]
 
     Returns
     -------

@@ -28,8 +28,7 @@ def hull_distance(A: Array, B: Array, disc: float, normal: Array, spot: Array) -
     ----------
     A : (n, 3) array
     B : (m, 3) array
-    disc : float
-        [m]
+    disc : float [m]
     normal : (3,) array
         A first guess of the direction from B to A, or zeros. Overwritten with the unit direction along which
         the hulls are ``lower`` apart.

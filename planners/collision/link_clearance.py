@@ -35,7 +35,6 @@ def links_clear(
 
     Parameters
     ----------
-    bodies : Bodies
     base : (3,) array
         x, y [m], yaw [rad].
     tool : (3,) array

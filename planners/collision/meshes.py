@@ -106,17 +106,10 @@ class TriangleTree(NamedTuple):
 
     The tree is a full binary one kept as an array: node i has the children 2 i and 2 i + 1, and the last half
     of the nodes are leaves of a few triangles each. Triangles that share a leaf lie beside each other.
-
-    Attributes
-    ----------
-    triangles : (m, 3, 3) array
-        Corners, in the order of the leaves [m].
-    boxes : (2 n, 6) array
-        Least x, y, z and largest x, y, z of every node; the first row is not used [m].
     """
 
-    triangles: Array
-    boxes: Array
+    triangles: Array  # (m, 3, 3) corners, in the order of the leaves [m]
+    boxes: Array  # (2 n, 6) least x, y, z and largest x, y, z of every node; the first row is not used [m]
 
 
 def triangle_tree(vertices: Array, faces: NDArray[np.int64]) -> TriangleTree:
@@ -161,11 +154,8 @@ def nearest_triangle(tree: TriangleTree, A: Array, most: float, normal: Array, s
 
     Parameters
     ----------
-    tree : FaceTree
-    A : (n, 3) array
-        [m]
-    most : float
-        [m]
+    A : (n, 3) array [m]
+    most : float [m]
     normal : (3,) array
         A unit direction from the triangles to A, the better the faster. Overwritten, where something is
         nearer, with that in which it is.

@@ -64,7 +64,6 @@ def nearest(
 
     Parameters
     ----------
-    bodies : Bodies
     base : (3,) array_like
         x, y [m], yaw [rad].
     joints : (dof,) array_like
@@ -128,7 +127,6 @@ def path_clear(
 
     Parameters
     ----------
-    bodies : Bodies
     bases, joints : (n + 1, 3), (n + 1, dof) arrays
         States; finite and writable.
     margin : float

@@ -28,21 +28,11 @@ SPARE, SHARE = 5e-4, 0.2  # that contacts keep from their depth: a length, or a 
 
 @dataclass(frozen=True, eq=False)
 class ContactTargets:
-    """Spots that the tool works on: there the solids of the last link that has one may touch obstacles.
+    """Spots that the tool works on: there the solids of the last link that has one may touch obstacles."""
 
-    Attributes
-    ----------
-    spots : (m, 3) array
-        [m]
-    owner : (m,) array of int
-        Index of the obstacle that each spot belongs to.
-    reach : float
-        Distance of the tool from a spot within which its owner may be touched [m].
-    """
-
-    spots: Array
-    owner: Index
-    reach: float
+    spots: Array  # (m, 3) [m]
+    owner: Index  # (m,) index of the obstacle that each spot belongs to
+    reach: float  # distance of the tool from a spot within which its owner may be touched [m]
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "spots", frozen(self.spots, (None, 3), "contact: spots"))
@@ -65,35 +55,17 @@ NO_CONTACT = ContactTargets(np.zeros((0, 3)), np.zeros(0, dtype=np.int64), 0.0)
 
 @dataclass(frozen=True, eq=False)
 class Bodies:
-    """A robot and obstacles, prepared for the queries of `proximity`; made by `bodies_from`.
-
-    Attributes
-    ----------
-    robot : Robot
-    obstacles : tuple of Solid
-        The floor, where there is one, is the last.
-    floor : Solid or None
-        What only some of the links keep clear of, see `off_floor`.
-    mobile : MobileArm
-    links : LinkHulls
-    hulls : Hulls
-    pieces : tuple of Piece
-        One for each row of ``hulls``, in its frame; triangles name their mesh.
-    clearance : float
-        What links keep from obstacles beyond what they keep from each other and the base [m].
-    depth : float
-        How deep the tool may sink into what it touches [m].
-    """
+    """A robot and obstacles, prepared for the queries of `proximity`; made by `bodies_from`."""
 
     robot: Robot
-    obstacles: tuple[Solid, ...]
-    floor: Solid | None
+    obstacles: tuple[Solid, ...]  # the floor, where there is one, is the last
+    floor: Solid | None  # what only some of the links keep clear of, see `off_floor`
     mobile: MobileArm
     links: LinkHulls
     hulls: Hulls
-    pieces: tuple[Piece, ...]
-    clearance: float
-    depth: float
+    pieces: tuple[Piece, ...]  # one for each row of ``hulls``, in its frame; triangles name their mesh
+    clearance: float  # what links keep from obstacles beyond what they keep from each other and the base [m]
+    depth: float  # how deep the tool may sink into what it touches [m]
 
     @cached_property
     def has_meshes(self) -> bool:
@@ -128,18 +100,12 @@ def bodies_from(
 
     Parameters
     ----------
-    robot : Robot
-    solids : sequence of Solid
     clearance : float
         Every margin asked for later is kept beyond this from obstacles [m].
     depth : float
         How deep the tool may sink into what it touches [m].
     floor : Solid, optional
         One more solid, for the links that `off_floor` names.
-
-    Returns
-    -------
-    Bodies
     """
     solids = (*solids, *([] if floor is None else [floor]))
     around = obstacles_from(solids)
@@ -173,9 +139,7 @@ def near_bodies(bodies: Bodies, point: Array, far: float) -> Bodies:
 
     Parameters
     ----------
-    bodies : Bodies
-    point : (3,) array
-        [m]
+    point : (3,) array [m]
     far : float
         From the boxes round the pieces, their clearance included [m].
     """

@@ -22,40 +22,21 @@ _HERE = np.eye(4)
 
 
 class MobileArm(NamedTuple):
-    """An arm on a base that drives.
-
-    Attributes
-    ----------
-    arm : SerialArm
-    mount : (4, 4) array
-        Pose of the arm's base frame on the base.
-    rolls : bool
-        Whether the base rolls along arcs; others slide.
-    """
+    """An arm on a base that drives."""
 
     arm: SerialArm
-    mount: Array
-    rolls: bool
+    mount: Array  # (4, 4) pose of the arm's base frame on the base
+    rolls: bool  # whether the base rolls along arcs; others slide
 
 
 class MotionSegment(NamedTuple):
-    """A motion between two states.
+    """A motion between two states."""
 
-    Attributes
-    ----------
-    base : (3,) array
-        Base pose at the start: x, y [m], yaw [rad].
-    drive : (3,) array
-        Added to it evenly: all of the way of a base that slides, the turn alone of one that rolls.
-    arc : float
-        Length rolled along the heading, negative in reverse [m].
-    joints, bend : (dof,) array
-        Joints at the start, and what is added to them evenly [rad] or [m].
-    """
-
-    base: Array
+    base: Array  # (3,) base pose at the start: x, y [m], yaw [rad]
+    # (3,) added to it evenly: all of the way of a base that slides, the turn alone of one that rolls
     drive: Array
-    arc: float
+    arc: float  # length rolled along the heading, negative in reverse [m]
+    # joints, bend: (dof,) joints at the start, and what is added to them evenly [rad] or [m]
     joints: Array
     bend: Array
 
@@ -175,7 +156,6 @@ def count_on_line(
 
     Parameters
     ----------
-    robot : MobileArm
     bases, joints : (n + 1, 3), (n + 1, dof) arrays
     line : (n + 1, 3) array
         Where the tool is at every state; it goes straight in between [m].

@@ -24,25 +24,15 @@ LEVEL = 1e-12  # a normal tilted less than this is level
 
 
 class Uprights(NamedTuple):
-    """m solids for kernels; the outline of solid k is ``outlines[starts[k]:starts[k + 1]]``.
+    """m solids for kernels; the outline of solid k is ``outlines[starts[k]:starts[k + 1]]``."""
 
-    Attributes
-    ----------
-    outlines : (n, 2) array
-        Convex, counter-clockwise, not closed [m].
-    starts : (m + 1,) array of int
-    low, high : (m,) array
-        Heights of the outline [m].
-    disc, ball : (m,) array
-        [m]
-    """
-
-    outlines: Array
-    starts: Index
+    outlines: Array  # (n, 2) convex, counter-clockwise, not closed [m]
+    starts: Index  # (m + 1,)
+    # low, high: (m,) heights of the outline [m]
     low: Array
     high: Array
-    disc: Array
-    ball: Array
+    disc: Array  # (m,) [m]
+    ball: Array  # (m,) [m]
 
 
 def uprights_from(pieces: Sequence[Piece]) -> Uprights:

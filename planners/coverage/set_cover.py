@@ -24,42 +24,20 @@ Index = NDArray[np.intp]
 
 @dataclass(frozen=True, eq=False)
 class OverlayFaces:
-    """Faces of an overlay that no other face dominates.
+    """Faces of an overlay that no other face dominates."""
 
-    Attributes
-    ----------
-    polygon : (f,) array of Polygon
-    inside : (f, n) array of bool
-        True where a face lies in an area.
-    """
-
-    polygon: Geometries
-    inside: Mask
+    polygon: Geometries  # (f,) of Polygon
+    inside: Mask  # (f, n) True where a face lies in an area
 
 
 @dataclass(frozen=True, eq=False)
 class SetCover:
-    """Faces that hit all areas.
-
-    Attributes
-    ----------
-    chosen : tuple of int
-    lower : int
-        No fewer faces do: the bound of the linear relaxation, or of branch and bound where that is higher.
-    apart : int
-        Areas found of which no face hits two: a lower bound that can be checked by hand.
-    optimal : bool
-        True if ``lower`` is met.
-    """
+    """Faces that hit all areas."""
 
     chosen: tuple[int, ...]
+    # no fewer faces do: the bound of the linear relaxation, or of branch and bound where that is higher
     lower: int
-    apart: int
-
-    @property
-    def optimal(self) -> bool:
-        """See the attributes."""
-        return len(self.chosen) == self.lower
+    apart: int  # areas found of which no face hits two: a lower bound that can be checked by hand
 
 
 def overlay_faces(areas: Geometries, some: Index | None = None) -> OverlayFaces:
@@ -220,18 +198,12 @@ def _independent(inside: Mask) -> int:
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """Steps that can all be done from one point.
+    """Steps that can all be done from one point."""
 
-    Attributes
-    ----------
-    first, last : int
-        Steps, both included.
-    ends : dict of int to geometry
-        By option of the last step the points from which it ends a chain of linked options.
-    """
-
+    # first, last: steps, both included
     first: int
     last: int
+    # by option of the last step the points from which it ends a chain of linked options
     ends: dict[int, BaseGeometry]
 
 

@@ -24,20 +24,11 @@ Index = NDArray[np.intp]
 
 @dataclass(frozen=True)
 class VisitingOrder:
-    """An order in which to visit points, each once, without going back to the first.
-
-    Attributes
-    ----------
-    order : tuple of int
-    length : float
-        From the start, if there is one, to the last point [m].
-    lower : float
-        No order is shorter [m].
-    """
+    """An order in which to visit points, each once, without going back to the first."""
 
     order: tuple[int, ...]
-    length: float
-    lower: float
+    length: float  # from the start, if there is one, to the last point [m]
+    lower: float  # no order is shorter [m]
 
 
 def shortest_order(distance: ArrayLike, lead: ArrayLike | None = None) -> VisitingOrder:
@@ -123,7 +114,6 @@ def short_tour(regions: Sequence[BaseGeometry], start: Array | None) -> Array:
 
     Parameters
     ----------
-    regions : sequence of polygons
     start : (2,) array or None
     """
     points = _best_of_samples([_sampled(region) for region in regions], start)

@@ -65,21 +65,11 @@ def arc_towards(
 
 @dataclass(frozen=True, eq=False)
 class Segment:
-    """Line, arc or turn on the spot.
+    """Line, arc or turn on the spot."""
 
-    Attributes
-    ----------
-    start : (3,) array
-        x, y [m], yaw [rad].
-    length : float
-        Along the heading, below 0 in reverse [m].
-    turn : float
-        Change of heading, above 0 to the left [rad].
-    """
-
-    start: Array
-    length: float
-    turn: float
+    start: Array  # (3,) x, y [m], yaw [rad]
+    length: float  # along the heading, below 0 in reverse [m]
+    turn: float  # change of heading, above 0 to the left [rad]
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "start", frozen(self.start, (3,), "segment: start"))
@@ -105,21 +95,12 @@ class Segment:
 
 @dataclass(frozen=True, eq=False)
 class WheeledPath:
-    """Path of a base on wheels.
+    """Path of a base on wheels."""
 
-    Attributes
-    ----------
-    start : (3,) array
-        x, y [m], yaw [rad].
-    segments : tuple of Segment
-        Each begins where the one before it ends, to 1e-9; empty where the base stays.
-    method : {"still", "straight", "ompl"}
-        What found it; "straight" is one direct motion.
-    """
-
-    start: Array
+    start: Array  # (3,) x, y [m], yaw [rad]
+    # each begins where the one before it ends, to 1e-9; empty where the base stays
     segments: tuple[Segment, ...]
-    method: str
+    method: str  # {"still", "straight", "ompl"} what found it; "straight" is one direct motion
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "start", frozen(self.start, (3,), "path: start"))

@@ -76,27 +76,15 @@ def side_lines(corners: Array) -> tuple[Array, Array]:
 
 
 class FootprintScene(NamedTuple):
-    """A footprint, the floor and the obstacles, as values for kernels; made by `footprint_scene`.
+    """A footprint, the floor and the obstacles, as values for kernels; made by `footprint_scene`."""
 
-    Attributes
-    ----------
-    corners : (n, 2) array
-        Of the convex footprint in the base frame, counter-clockwise [m].
-    edges : (m, 4) array
-        Both ends of every edge of floor and obstacles [m].
-    clearance : (m,) array
-        The footprint stays farther from an edge than this [m].
-    vertices, starts
-        The floor, as `FlatPolygon`.
-    solid, solid_starts
-        The area that obstacles cover, likewise.
-    """
-
-    corners: Array
-    edges: Array
-    clearance: Array
+    corners: Array  # (n, 2) of the convex footprint in the base frame, counter-clockwise [m]
+    edges: Array  # (m, 4) both ends of every edge of floor and obstacles [m]
+    clearance: Array  # (m,) the footprint stays farther from an edge than this [m]
+    # vertices, starts: the floor, as `FlatPolygon`
     vertices: Array
     starts: Index
+    # solid, solid_starts: the area that obstacles cover, likewise
     solid: Array
     solid_starts: Index
 
@@ -117,8 +105,7 @@ def footprint_scene(
         The footprint stays inside, without clearance [m].
     obstacles : sequence of Shadow
         The footprint keeps ``clearance`` from each of them.
-    clearance : float
-        [m]
+    clearance : float [m]
 
     Raises
     ------

@@ -52,18 +52,12 @@ Parts = NDArray[np.object_]
 
 @dataclass(frozen=True, eq=False)
 class FootprintPath:
-    """Path of an omnidirectional base from one pose to another.
+    """Path of an omnidirectional base from one pose to another."""
 
-    Attributes
-    ----------
-    poses : (k, 3) array
-        x, y [m], yaw [rad]; between neighbours the base goes straight and turns evenly the shorter way, and
-        each such motion is proven free.
-    method : {"straight", "ompl", "slabs"}
-        What found it. "slabs" is the roadmap of areas by heading, where RRTConnect gave up or wandered.
-    """
-
+    # (k, 3) x, y [m], yaw [rad]; between neighbours the base goes straight and turns evenly the shorter way,
+    # and each such motion is proven free
     poses: Array
+    # what found it. "slabs" is the roadmap of areas by heading, where RRTConnect gave up or wandered.
     method: Literal["straight", "ompl", "slabs"]
 
     def __post_init__(self) -> None:
@@ -116,12 +110,9 @@ def drive_footprint(
     Raises
     ------
     NarrowPassageError
-        When there is no path, or none was found; the message gives the width of the narrowest place and that
-        of the footprint.
-    NoPathError
-        When the footprint does not fit at start or goal.
-    InputError
-        When the footprint is not convex, the seed or clearance is negative or a pose is not three numbers.
+        When there is no path, or none was found; it has the width of the narrowest place.
+    NoPathError, InputError
+        As `footprint_scene` and `checked_ends`.
 
     Examples
     --------

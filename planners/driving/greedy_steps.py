@@ -1,18 +1,18 @@
-"""Greedy base steps towards a goal: Algorithm 2 of M-FABRIK."""
+"""Greedy base steps towards a goal: Algorithm 2 of M-FABRIK (Santos et al., IEEE Access 2020), compiled.
+
+The step area is taken from the whole free area, and the segment is tested besides the distance. The distance
+to the goal never grows, so the steps cannot run in circles; they may end at a point from which every step
+leads away, behind an obstacle or in a pocket.
+"""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
-from shapely.geometry import MultiPolygon, Polygon
 
 from regionik.planners.geometry.angles import wrap
 from regionik.planners.geometry.polygons import (
-    FlatPolygon,
-    clamp,
     contains,
     near_boundary,
     nearest_on_boundary,
@@ -21,91 +21,13 @@ from regionik.planners.geometry.polygons import (
 )
 from regionik.planners.geometry.vectors import squared
 from regionik.planners.kernels import compiled
-from regionik.worlds.arrays import Array, Index, frozen
-from regionik.worlds.errors import InputError
+from regionik.worlds.arrays import Array, Index
 
 STALL = 1e-4  # a shorter step than this is no progress [m]
 SIDES = 64  # of the polygon inscribed in the disc of one step
 ON_EDGE = 1e-11  # an edge this near to the base is the one that it stands on [m]
-BEHIND = (
-    np.pi / 2 + np.pi / SIDES
-)  # a sector with its middle farther off the goal than this lies behind [rad]
+BEHIND = np.pi / 2 + np.pi / SIDES  # a sector with its middle farther off the goal lies behind it [rad]
 SLIT = 1e-9  # narrower sectors are rounding [rad]
-
-
-@dataclass(frozen=True, eq=False)
-class GreedySteps:
-    """Steps of Algorithm 2.
-
-    Attributes
-    ----------
-    points : (k, 2) array
-        The start, the intermediate positions and, when it arrived, the goal [m].
-    arrived : bool
-        False when the steps ended in a dead end before the goal.
-    """
-
-    points: Array
-    arrived: bool
-
-
-def step_to_goal(free: Polygon | MultiPolygon, start: ArrayLike, goal: ArrayLike, rho: float) -> GreedySteps:
-    """Go from start to goal in straight steps of at most ``rho``, each the best by itself.
-
-    The distance to the goal never grows, so the steps cannot run in circles; they may end at a point
-    from which every step leads away, behind an obstacle or in a pocket.
-
-    Parameters
-    ----------
-    free : Polygon or MultiPolygon
-        Free area of the base [m].
-    start, goal : (2,) array_like
-        Both in ``free`` [m].
-    rho : float
-        Longest step [m].
-
-    Returns
-    -------
-    GreedySteps
-
-    Raises
-    ------
-    InputError
-        When ``rho`` is not above 0, ``free`` is empty or a point is not two numbers.
-
-    Notes
-    -----
-    M-FABRIK, Algorithm 2, with the step area taken from the whole free area and with the segment
-    tested besides the distance.
-
-    Examples
-    --------
-    >>> from shapely import box
-    >>> step_to_goal(box(0, 0, 1, 1), [0.1, 0.5], [0.9, 0.5], 0.5).points.tolist()
-    [[0.1, 0.5], [0.6, 0.5], [0.9, 0.5]]
-    """
-    if not 0 < rho < np.inf:
-        raise InputError(f"step: expected a length above 0, got {rho}")
-    ends = frozen(start, (2,), "start"), frozen(goal, (2,), "goal")
-    flat = FlatPolygon.from_shapely(free)
-    (x, y), (goal_x, goal_y) = clamp(flat.vertices, flat.starts, *ends[0]), ends[1]
-    points, arrived = greedy_points(flat.vertices, flat.starts, x, y, goal_x, goal_y, rho)
-    return GreedySteps(frozen(points, (None, 2), "steps"), bool(arrived))
-
-
-def step_area(free: Polygon | MultiPolygon, base: ArrayLike, rho: float) -> Array:
-    """Outline of the step area: all points that one straight step of at most ``rho`` reaches inside ``free``.
-
-    Exact but for the disc, which is a polygon of at least 64 sides inscribed in it.
-
-    Returns
-    -------
-    (k, 2) array
-        A star round ``base``, counter-clockwise, not closed; ``base`` itself where the view is blocked [m].
-    """
-    flat = FlatPolygon.from_shapely(free)
-    b = frozen(base, (2,), "base")
-    return _visible_star(flat.vertices, flat.starts, b[0], b[1], rho, np.nan)
 
 
 @compiled
@@ -179,11 +101,13 @@ def _first_edge(edges: Array, cx: float, cy: float, rho: float) -> tuple[int, fl
 
 
 @compiled
-def _visible_star(vertices: Array, starts: Index, bx: float, by: float, rho: float, ahead: float) -> Array:
-    """Visibility star of `step_area`: one triangle for each sector between two directions.
+def visible_star(vertices: Array, starts: Index, bx: float, by: float, rho: float, ahead: float) -> Array:
+    """Step area: all points that one straight step of at most ``rho`` reaches inside a polygon, (k, 2) [m].
 
-    With a direction ``ahead`` (NaN for none) sectors behind are left out: no point of them is nearer to a
-    goal ahead than the base.
+    A star round the base, counter-clockwise, not closed, of one triangle for each sector between two
+    directions; exact but for the disc, which is a polygon of at least 64 sides inscribed in it. With a
+    direction ``ahead`` (NaN for none) sectors behind are left out: no point of them is nearer to a goal ahead
+    than the base.
     """
     edges = _edges_near(vertices, starts, bx, by, rho)
     angles = _directions(edges, rho)
@@ -224,7 +148,7 @@ def _best_step(
     hat_x, hat_y = x + (goal_x - x) * part, y + (goal_y - y) * part
     if segment_inside(vertices, starts, x, y, hat_x, hat_y):  # l. 10, 13
         return hat_x, hat_y
-    star = _visible_star(vertices, starts, x, y, rho, math.atan2(goal_y - y, goal_x - x))
+    star = visible_star(vertices, starts, x, y, rho, math.atan2(goal_y - y, goal_x - x))
     # l. 11: MoveToStepArea
     next_x, next_y = nearest_on_boundary(star, np.array([0, len(star)]), hat_x, hat_y)
     if segment_inside(vertices, starts, x, y, next_x, next_y):
@@ -236,7 +160,7 @@ def _best_step(
 def greedy_points(
     vertices: Array, starts: Index, x: float, y: float, goal_x: float, goal_y: float, rho: float
 ) -> tuple[Array, bool]:
-    """Positions of Algorithm 2, (k, 2), and True if the last of them is the goal."""
+    """Positions of Algorithm 2, (k, 2), and True if the last is the goal; steps are at most ``rho``."""
     far = math.sqrt(squared(goal_x - x) + squared(goal_y - y))
     # Sliding past an obstacle takes a few times the straight number of steps; far more is creeping.
     most = 100 + 20 * math.ceil(far / rho)

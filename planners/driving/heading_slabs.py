@@ -33,25 +33,18 @@ GUARD = 1e-9  # by which a hull of rotations is larger, a core smaller, against 
 PIECE = 0.25  # ranges of headings are cut in pieces no wider than this [rad]
 SIDES = 48  # of the polygons that stand for discs
 MOST_WALLS = 12  # directions of walls that exact headings are taken from, the longest
+COMPASS = np.exp(2j * np.pi * np.arange(16) / 16).view(np.float64).reshape(-1, 2)
 
 
 @dataclass(frozen=True, eq=False)
 class Slab:
-    """Free area of a footprint's reference point while the heading is between two bounds.
+    """Free area of a footprint's reference point while the heading is between two bounds."""
 
-    Attributes
-    ----------
-    low, high : float
-        [rad]
-    inner : Polygon or MultiPolygon
-        The footprint is free at every point of it at every heading of the slab; may be empty.
-    outer : Polygon or MultiPolygon
-        The footprint is free at no point outside it at any heading of the slab.
-    """
-
-    low: float
-    high: float
+    low: float  # [rad]
+    high: float  # [rad]
+    # Polygon or MultiPolygon, may be empty: the footprint is free at each of its points at every heading
     inner: BaseGeometry
+    # Polygon or MultiPolygon: the footprint is free at no point outside it at any heading
     outer: BaseGeometry
 
     @property
@@ -81,7 +74,6 @@ def slabs_along(scene: FootprintScene, count: int, walls: int = MOST_WALLS) -> A
 
     Parameters
     ----------
-    scene : FootprintScene
     count : int
         Of equal slabs.
     walls : int
@@ -127,7 +119,7 @@ def slab_areas(
     bounds: ArrayLike,
 ) -> tuple[Slab, ...]:
     """`slab_free` for many slabs, (n, 2) lowest and highest headings [rad]."""
-    scene = _convex_scene(footprint, floor, obstacles, clearance)
+    scene = convex_scene(footprint, floor, obstacles, clearance)
     return tuple(_slab(scene, low, high) for low, high in frozen(bounds, (None, 2), "slabs").tolist())
 
 
@@ -138,36 +130,15 @@ def slab_free(
     clearance: float,
     low: float,
     high: float,
-    sides: int = SIDES,
-    window: BaseGeometry | None = None,
 ) -> Slab:
     """Free area of a footprint while its heading is between two bounds.
 
     Parameters
     ----------
-    footprint : (n, 2) array_like
-        Corners of a convex outline in the base frame, or one point; the origin may lie anywhere [m].
-    floor : Polygon or MultiPolygon
-        The whole footprint stays inside [m].
-    obstacles : sequence of Shadow
-        The footprint keeps ``clearance`` from each of them.
-    clearance : float
-        [m]
+    footprint, floor, obstacles, clearance
+        As for `footprint_scene`.
     low, high : float
         Headings, the same or rising [rad].
-    sides : int
-        Of the polygons that stand for discs.
-    window : geometry, optional
-        Positions that are looked at alone.
-
-    Returns
-    -------
-    Slab
-
-    Raises
-    ------
-    InputError
-        When the footprint is not convex, the clearance is negative or the headings fall.
 
     Examples
     --------
@@ -177,43 +148,68 @@ def slab_free(
     >>> [round(area.area, 3) for area in (slab.inner, slab.outer)]
     [0.057, 0.142]
     """
-    return _slab(_convex_scene(footprint, floor, obstacles, clearance, sides, window), low, high)
+    return _slab(convex_scene(footprint, floor, obstacles, clearance), low, high)
 
 
-class _ConvexScene(NamedTuple):
-    """Footprint and surroundings, the same for all slabs.
+def _slab(scene: ConvexScene, low: float, high: float) -> Slab:
+    if not -np.inf < low <= high < np.inf:
+        raise InputError(f"slab: expected two rising headings, got {low} and {high}")
+    return Slab(low, high, free_at_all(scene, low, high), free_at_some(scene, low, high))
 
-    Attributes
-    ----------
-    corners : (n, 2) array
-        Of the footprint [m].
-    floor : Polygon or MultiPolygon
-    covered : geometry
-        Obstacles that are not convex, or have no area.
-    pieces : tuple
-        By clearance [m] the corners of convex pieces that the footprint keeps it from.
-    sides : int
-        Of the polygons that stand for discs.
-    window : geometry or None
-        Positions that are looked at alone.
-    """
 
-    corners: Array
-    floor: BaseGeometry
-    covered: BaseGeometry
+def free_at_all(scene: ConvexScene, low: float, high: float) -> BaseGeometry:
+    """Positions at which a footprint is free at every heading of a range [rad], from within."""
+    return _positions(scene, _rotations(scene.outline, low, high)[0], inner=True)
+
+
+def free_at_some(scene: ConvexScene, low: float, high: float) -> BaseGeometry:
+    """Positions at which a footprint is free at some heading of a range [rad], from outside."""
+    shared = _rotations(scene.outline, low, high)[1]
+    if len(shared):
+        return _positions(scene, shared, inner=False)
+    # The rotations have no point in common. Those about the footprint's middle have, and it keeps to an arc.
+    middle = scene.corners.mean(axis=0)
+    core = rotation_core(scene.corners - middle, low, high)
+    about = _positions(scene._replace(window=None), core, inner=False)
+    whole = minkowski_sum(about, -rotation_hull(middle[None], low, high))
+    return whole if scene.window is None else whole & scene.window
+
+
+class ConvexScene(NamedTuple):
+    """Footprint and surroundings, the same for all slabs."""
+
+    corners: Array  # (n, 2) of the footprint [m]
+    floor: BaseGeometry  # Polygon or MultiPolygon
+    covered: BaseGeometry  # obstacles that are not convex, or have no area
+    # by clearance [m] the corners of convex pieces that the footprint keeps it from
     pieces: tuple[tuple[float, list[Array]], ...]
-    sides: int
-    window: BaseGeometry | None
+    sides: int  # of the polygons that stand for discs
+    window: BaseGeometry | None  # positions that are looked at alone
+
+    @property
+    def outline(self) -> tuple[tuple[float, float], ...]:
+        """The corners, hashable."""
+        return tuple(map(tuple, self.corners.tolist()))
 
 
-def _convex_scene(
+def convex_scene(
     footprint: ArrayLike,
     floor: Polygon | MultiPolygon,
     obstacles: Sequence[Shadow],
     clearance: float,
     sides: int = SIDES,
     window: BaseGeometry | None = None,
-) -> _ConvexScene:
+) -> ConvexScene:
+    """Return footprint and surroundings for `free_at_all` and `free_at_some`; see `slab_free`.
+
+    Parameters
+    ----------
+    footprint, floor, obstacles, clearance
+    sides : int
+        Of the polygons that stand for discs.
+    window : geometry, optional
+        Positions that are looked at alone.
+    """
     corners = footprint_scene(footprint, floor, obstacles, clearance).corners
     edges = [(edge.reshape(2, 2), 0.0) for edge in core_edges(floor)]
     solids = [
@@ -226,28 +222,13 @@ def _convex_scene(
     for piece, keep in (*edges, *convex):
         pieces.setdefault(keep, []).append(piece)
     covered = shapely.union_all([core for core, _ in rest])
-    return _ConvexScene(corners, floor, covered, tuple(pieces.items()), sides, window)
+    return ConvexScene(corners, floor, covered, tuple(pieces.items()), sides, window)
 
 
 def _is_convex(core: BaseGeometry) -> bool:
     """True if a part of a shadow is its own hull, as a point is and a bent line is not."""
     hull = shapely.convex_hull(core)
     return bool(hull.geom_type == core.geom_type and hull.area - core.area <= 1e-12 * hull.area)
-
-
-def _slab(scene: _ConvexScene, low: float, high: float) -> Slab:
-    if not -np.inf < low <= high < np.inf:
-        raise InputError(f"slab: expected two rising headings, got {low} and {high}")
-    corners = scene.corners
-    hull, shared = _rotations(tuple(map(tuple, corners.tolist())), low, high)
-    inner = _positions(scene, hull, inner=True)
-    if len(shared):
-        return Slab(low, high, inner, _positions(scene, shared, inner=False))
-    # The rotations have no point in common. Those about the footprint's middle have, and it keeps to an arc.
-    middle = corners.mean(axis=0)
-    about = _positions(scene._replace(window=None), rotation_core(corners - middle, low, high), inner=False)
-    outer = minkowski_sum(about, -rotation_hull(middle[None], low, high))
-    return Slab(low, high, inner, outer if scene.window is None else outer & scene.window)
 
 
 @lru_cache(maxsize=1024)  # many targets ask for the same headings
@@ -258,18 +239,11 @@ def _rotations(corners: tuple[tuple[float, float], ...], low: float, high: float
 
 
 class Rejection(NamedTuple):
-    """Positions that a convex shape may not take, as floor and forbidden pieces.
+    """Positions that a convex shape may not take, as floor and forbidden pieces."""
 
-    Attributes
-    ----------
-    floor : Polygon or MultiPolygon
-        One point of the shape is on the floor, and not in an obstacle that is not convex.
-    taken : array of Polygon
-        An edge of floor or obstacles comes too near to it.
-    """
-
+    # Polygon or MultiPolygon: one point of the shape is on the floor, in no obstacle that is not convex
     floor: BaseGeometry
-    taken: NDArray[np.object_]
+    taken: NDArray[np.object_]  # an edge of floor or obstacles comes too near to it
 
 
 def slab_rejections(
@@ -280,34 +254,45 @@ def slab_rejections(
     bounds: ArrayLike,
 ) -> tuple[Rejection, ...]:
     """Floor and forbidden pieces, of which each inner area is the difference; see `slab_areas`."""
-    scene = _convex_scene(footprint, floor, obstacles, clearance)
+    scene = convex_scene(footprint, floor, obstacles, clearance)
     shapes = [
         rotation_hull(scene.corners, low, high) for low, high in frozen(bounds, (None, 2), "slabs").tolist()
     ]
     return tuple(_rejection(scene, shape, inner=True) for shape in shapes)
 
 
-def _positions(scene: _ConvexScene, shape: Array, *, inner: bool) -> BaseGeometry:
+def _positions(scene: ConvexScene, shape: Array, *, inner: bool) -> BaseGeometry:
     """Positions at which a convex shape lies on the floor and keeps its distance from the obstacles."""
     here, taken = _rejection(scene, shape, inner=inner)
     if scene.window is not None:
         here, taken = here & scene.window, taken[shapely.intersects(taken, scene.window)]
+        if shapely.contains(taken, scene.window).any():
+            return Polygon()
     parts = shapely.get_parts(shapely.difference(here, shapely.union_all(taken)))
     whole: BaseGeometry = shapely.union_all(parts[shapely.area(parts) > 0])
     return whole
 
 
-def _rejection(scene: _ConvexScene, shape: Array, *, inner: bool) -> Rejection:
+def _rejection(scene: ConvexScene, shape: Array, *, inner: bool) -> Rejection:
     """Floor and forbidden pieces: a shape is free where one point of it is and no edge comes too near."""
     point = shape.mean(axis=0)
-    met = [
-        minkowski_sums(pieces, grown_by_disc(-shape, keep, scene.sides, outside=inner))
-        for keep, pieces in scene.pieces
-    ]
+    met = []
+    for keep, pieces in scene.pieces:
+        wide = grown_by_disc(-shape, keep, scene.sides, outside=inner)
+        met.append(minkowski_sums(_near_window(scene, pieces, wide), wide))
     solid = np.concatenate(met)
     here, covered = (shapely.transform(g, lambda p: p - point) for g in (scene.floor, scene.covered))
     floor = shapely.difference(here, covered) if not covered.is_empty else here
     return Rejection(floor, solid[shapely.area(solid) > 0])
+
+
+def _near_window(scene: ConvexScene, pieces: list[Array], shape: Array) -> list[Array]:
+    """Pieces whose sums with a shape no line of a few directions parts from the window."""
+    if scene.window is None:
+        return pieces
+    beyond = (shapely.get_coordinates(scene.window) @ COMPASS.T).min(axis=0, initial=np.inf) - GUARD
+    least = beyond - (shape @ COMPASS.T).max(axis=0)
+    return [piece for piece in pieces if ((piece @ COMPASS.T).max(axis=0) >= least).all()]
 
 
 def rotation_hull(corners: Array, low: float, high: float) -> Array:

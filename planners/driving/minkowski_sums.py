@@ -26,22 +26,26 @@ def minkowski_sum(area: BaseGeometry, shape: Array) -> BaseGeometry:
 
 
 def grown_by_disc(shape: Array, radius: float, sides: int, *, outside: bool) -> Array:
-    """Corners of a convex shape grown by a polygon round a disc, or inside it.
+    """Corners of a convex shape, counter-clockwise, grown by a polygon round a disc, or inside it.
 
-    Corner by corner: shapely's buffer rounds the number of sides of a quarter.
+    By the sides of both in the order of their directions: shapely's buffer rounds the number of sides.
     """
     if radius == 0:
         return shape
     turns = 2 * np.pi * np.arange(sides) / sides
     corner = radius / np.cos(np.pi / sides) if outside else radius
     disc = corner * np.column_stack([np.cos(turns), np.sin(turns)])
-    hull = shapely.convex_hull(shapely.multipoints((shape[:, None] + disc).reshape(-1, 2)))
-    corners: Array = shapely.get_coordinates(hull)
+    sides_of_both = np.concatenate([np.roll(ring, -1, axis=0) - ring for ring in (shape, disc)])
+    order = np.argsort(np.arctan2(*sides_of_both.T[::-1]) % (2 * np.pi), kind="stable")
+    lowest = sum(ring[np.lexsort(ring.T)[0]] for ring in (shape, disc))
+    corners: Array = lowest + np.cumsum(sides_of_both[order], axis=0)
     return corners
 
 
 def minkowski_sums(pieces: Sequence[Array], shape: Array) -> NDArray[np.object_]:
     """Minkowski sums of convex pieces with a convex shape."""
+    if not pieces:
+        return np.empty(0, dtype=object)
     if len(shape) < 3:
         return _hulls_of_sums(pieces, shape)
     edges = [piece for piece in pieces if len(piece) == 2]

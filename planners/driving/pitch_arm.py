@@ -43,41 +43,26 @@ class HeightError(PoseError):
 
 @dataclass(frozen=True)
 class PitchArm:
-    """Five joints: pivot, shoulder, elbow, and two rolls of which the last is kept at zero.
+    """Five joints: pivot, shoulder, elbow, and two rolls of which the last is kept at zero."""
 
-    Attributes
-    ----------
-    shoulder_out, shoulder_up : float
-        From the arm's base frame to the shoulder: a1, d1 [m].
-    upper, fore : float
-        Shoulder to elbow, elbow to tool: a2, d4 + d6 [m].
-    """
-
+    # shoulder_out, shoulder_up: from the arm's base frame to the shoulder: a1, d1 [m]
     shoulder_out: float
     shoulder_up: float
+    # upper, fore: shoulder to elbow, elbow to tool: a2, d4 + d6 [m]
     upper: float
     fore: float
 
 
 @dataclass(frozen=True, eq=False)
 class ArmShare:
-    """Part of a tool pose that the arm takes, and the rest that is left to the base.
+    """Part of a tool pose that the arm takes, and the rest that is left to the base."""
 
-    Attributes
-    ----------
-    joints : (3,) array
-        Shoulder, elbow, roll [rad]; the roll is that of joint 1 at ``turn`` where the tool stands upright.
-    out : float
-        Tool from the pivot axis, along the arm [m].
-    turn : float
-        Heading of the base plus joint 1 [rad]; where the tool stands upright, plus or minus the roll.
-    upright : int
-        +1 where the tool points down, -1 where up, 0 else: the sign with which the roll enters ``turn``.
-    """
-
+    # (3,) shoulder, elbow, roll [rad]; the roll is that of joint 1 at ``turn`` where the tool stands upright
     joints: Array
-    out: float
+    out: float  # tool from the pivot axis, along the arm [m]
+    # heading of the base plus joint 1 [rad]; where the tool stands upright, plus or minus the roll
     turn: float
+    # +1 where the tool points down, -1 where up, 0 else: the sign with which the roll enters ``turn``
     upright: int
 
 
@@ -126,7 +111,6 @@ def arm_share(
 
     Parameters
     ----------
-    arm : PitchArm
     pose : (4, 4) array
         In the world.
     lift : float

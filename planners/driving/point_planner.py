@@ -21,7 +21,7 @@ from regionik.planners.geometry.polygons import (
     contains,
     segment_inside,
 )
-from regionik.planners.geometry.polylines import cut, resample
+from regionik.planners.geometry.polylines import cut
 from regionik.planners.geometry.shortest_paths import route, shorter_path, tighten
 from regionik.planners.kernels import compiled
 from regionik.worlds.arrays import Array, Index, frozen
@@ -35,20 +35,13 @@ ATTEMPTS = 2  # the shorter the path, the fewer corners may lie on one that is s
 
 @dataclass(frozen=True, eq=False)
 class PointPath:
-    """Path of the base from start to goal.
+    """Path of the base from start to goal."""
 
-    Attributes
-    ----------
-    points : (k, 2) array
-        From start to goal, each leg inside the free area and no longer than the step; one point where the two
-        are the same [m].
-    method : {"straight", "steps", "ompl", "triangles"}
-        What found it. "steps" are Algorithm 2's own points; "ompl" is RRTConnect and "triangles" the complete
-        search where it gave up, both pulled tight, and taken another way round obstacles where that is
-        shorter.
-    """
-
+    # (k, 2) from start to goal, each leg inside the free area and no longer than the step; one point where
+    # the two are the same [m]
     points: Array
+    # what found it. "steps" are Algorithm 2's own points; "ompl" is RRTConnect and "triangles" the complete
+    # search where it gave up, both pulled tight, and taken another way round obstacles where that is shorter.
     method: Method
 
 
@@ -76,10 +69,6 @@ def drive_point(
         Longest leg (rho of Algorithm 2) [m].
     seed : int
         Of the sampling planner, 0 or above. Same input, same path, whatever was planned before.
-
-    Returns
-    -------
-    PointPath
 
     Raises
     ------
@@ -118,7 +107,9 @@ def drive_point_inside(
     if path is None:
         raise NoPathError(f"no way through the free area from {_at(a)} to {_at(b)}", a, b)
     shorter = shorter_path(part, a, b, _length(path))
-    return PointPath(resample(path if shorter is None else shorter, step), "ompl" if planned else "triangles")
+    points = cut(path if shorter is None else shorter, step)
+    points.flags.writeable = False
+    return PointPath(points, "ompl" if planned else "triangles")
 
 
 @compiled

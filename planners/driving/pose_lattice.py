@@ -96,7 +96,6 @@ def relax(value: Array, free: Mask, moves: tuple[LatticeMove, ...]) -> None:
         Cost from each pose, infinite where none is known.
     free : (16, nx, ny) array of bool
         Poses that moves may start from and lead through.
-    moves : tuple of LatticeMove
     """
     lowered = True
     while lowered:

@@ -34,21 +34,12 @@ TURN_WEIGHT = 0.2  # cost of a turn on the spot against driving [m/rad]
 
 
 class Steering(NamedTuple):
-    """Steering of a base, as values for kernels.
+    """Steering of a base, as values for kernels."""
 
-    Attributes
-    ----------
-    kind : int
-        ``SLIDE`` in any direction, ``SPIN`` on the spot and drive straight, or ``REEDS_SHEPP`` curves.
-    radius : float
-        Turning radius of a car, 0 of others [m].
-    weight : float
-        Cost of turning on the spot or while sliding, as a length [m/rad].
-    """
-
+    # ``SLIDE`` in any direction, ``SPIN`` on the spot and drive straight, or ``REEDS_SHEPP`` curves
     kind: int
-    radius: float
-    weight: float
+    radius: float  # turning radius of a car, 0 of others [m]
+    weight: float  # cost of turning on the spot or while sliding, as a length [m/rad]
 
 
 @compiled
@@ -102,12 +93,9 @@ def steer(scene: FootprintScene, base: Steering, a: Array, b: Array, limit: floa
 
     Parameters
     ----------
-    scene : FootprintScene
-    base : Steering
     a, b : (3,) array
         x, y [m], yaw [rad].
-    limit : float
-        [m]
+    limit : float [m]
     motions : (5, 2) array
         Overwritten with the signed length [m] and turn [rad] of each motion; left alone by bases that slide.
     """
@@ -279,25 +267,7 @@ def same_pose(a: Array, b: Array) -> bool:
 def drive_differential(scene: FootprintScene, start: ArrayLike, goal: ArrayLike, *, seed: int) -> WheeledPath:
     """Drive a base that turns on the spot: turns and straight lines, backwards where that turns less.
 
-    Parameters
-    ----------
-    scene : FootprintScene
-    start, goal : (3,) array_like
-        x, y [m], yaw [rad].
-    seed : int
-        Of the sampling planner, 0 or above. Same input, same path.
-
-    Returns
-    -------
-    WheeledPath
-        Lines and turns, each proven free.
-
-    Raises
-    ------
-    NoPathError
-        When none was found, or the footprint does not fit at start or goal.
-    InputError
-        When the seed is negative or a pose is not three numbers.
+    As `drive_car`, without a turning radius.
 
     Examples
     --------
@@ -322,8 +292,7 @@ def drive_car(
         The footprint's origin is the middle of the axle that does not steer.
     start, goal : (3,) array_like
         x, y [m], yaw [rad].
-    turning_radius : float
-        [m]
+    turning_radius : float [m]
     seed : int
         Of the sampling planner, 0 or above. Same input, same path.
 

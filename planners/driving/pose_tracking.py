@@ -39,20 +39,13 @@ class SaturationError(PoseError):
 
 @dataclass(frozen=True, eq=False)
 class TrackingRobot:
-    """A differential base with a pitch arm straight ahead of its wheels.
-
-    Attributes
-    ----------
-    arm : PitchArm
-    ahead, lift : float
-        Arm's base frame before and above the middle of the wheels [m].
-    lower, upper : (5,) array
-        Joint limits; joint 1 keeps within the nearer of its two to either side [rad].
-    """
+    """A differential base with a pitch arm straight ahead of its wheels."""
 
     arm: PitchArm
+    # ahead, lift: arm's base frame before and above the middle of the wheels [m]
     ahead: float
     lift: float
+    # lower, upper: (5,) joint limits; joint 1 keeps within the nearer of its two to either side [rad]
     lower: Array
     upper: Array
 
@@ -64,23 +57,12 @@ class TrackingRobot:
 
 @dataclass(frozen=True, eq=False)
 class TrackedRun:
-    """States that follow tool poses; the step of a row leads to its pose.
+    """States that follow tool poses; the step of a row leads to its pose."""
 
-    Attributes
-    ----------
-    base : (n, 3) array
-        x, y [m], yaw [rad].
-    joints : (n, 5) array
-    turn : (n,) array
-        Turn of the base over the step [rad].
-    length : (n,) array
-        Length of the base's arc over the step, 0 in the first row [m].
-    """
-
-    base: Array
-    joints: Array
-    turn: Array
-    length: Array
+    base: Array  # (n, 3) x, y [m], yaw [rad]
+    joints: Array  # (n, 5)
+    turn: Array  # (n,) turn of the base over the step [rad]
+    length: Array  # (n,) length of the base's arc over the step, 0 in the first row [m]
 
     def wheels(self, gauge: float) -> Array:
         """Travel of the left and right wheel over each step, (n, 2), for wheels ``gauge`` apart [m]."""
@@ -104,7 +86,6 @@ def track_poses(
 
     Parameters
     ----------
-    robot : TrackingRobot
     poses : sequence of (4, 4) array
         Of the tool, in the world.
     heading : float, optional

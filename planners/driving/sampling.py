@@ -23,26 +23,16 @@ State = Any  # of OMPL: read by index, valid during the call only
 
 @dataclass(frozen=True, eq=False)
 class PlanningProblem:
-    """Two states of a space to be connected.
+    """Two states of a space to be connected."""
 
-    Attributes
-    ----------
-    lower, upper : (n,) array
-        The box to sample; a side of no width is widened by 1e-6.
-    start, goal : (n,) array
-        Different states that are free.
-    state_is_free : callable
-        Says if a state is free.
-    motion_is_free : callable
-        Says if the motion from one state to another is free.
-    """
-
+    # lower, upper: (n,) the box to sample; a side of no width is widened by 1e-6
     lower: Array
     upper: Array
+    # start, goal: (n,) different states that are free
     start: Array
     goal: Array
-    state_is_free: Callable[[Any], bool]
-    motion_is_free: Callable[[Any, Any], bool]
+    state_is_free: Callable[[Any], bool]  # says if a state is free
+    motion_is_free: Callable[[Any, Any], bool]  # says if the motion from one state to another is free
 
 
 def connect(
@@ -53,7 +43,7 @@ def connect(
     Parameters
     ----------
     problem : PlanningProblem
-        Its callables read the coordinates of a `State` as ``state[i]``.
+        Its callables get points (n,).
     seed : int
         Same input, same path, whatever was planned before.
     iterations : int
@@ -71,12 +61,19 @@ def connect(
         space = base.RealVectorStateSpace(count)
         space.setBounds(_bounds(base, problem))
         ends = [_point_state(space, point) for point in (problem.start, problem.goal)]
-        setup = _setup(base, geometric, space, ends, problem.state_is_free, problem.motion_is_free)
+        setup = _setup(
+            base,
+            geometric,
+            space,
+            ends,
+            lambda p: problem.state_is_free(_point(p, count)),
+            lambda p, q: problem.motion_is_free(_point(p, count), _point(q, count)),
+        )
         planner = geometric.RRTConnect(setup.getSpaceInformation())
         if stride is not None:
             planner.setRange(stride)
         states = _solved(base, setup, planner, iterations)
-        return None if states is None else _path(problem, [[p[i] for i in range(count)] for p in states])
+        return None if states is None else _path(problem, [_point(p, count) for p in states])
 
 
 def connect_poses(
@@ -171,6 +168,11 @@ def _point_state(space: Any, point: Array) -> State:
     for i, value in enumerate(point.tolist()):
         state[i] = value
     return state
+
+
+def _point(state: State, count: int) -> Array:
+    """Point (n,) of a state."""
+    return np.array([state[i] for i in range(count)])
 
 
 def _pose_state(space: Any, pose: Array) -> State:

@@ -25,8 +25,7 @@ def count_rings(
 
     Parameters
     ----------
-    centers : (n, 2) array
-        [m]
+    centers : (n, 2) array [m]
     starts : (n + 1,) array of int
         Center i has the spans from ``starts[i]`` to ``starts[i + 1]``.
     spans : (m, 2) array

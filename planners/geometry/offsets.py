@@ -24,10 +24,8 @@ def grown(shape: BaseGeometry, by: float, *, outside: bool) -> BaseGeometry:
 
     Parameters
     ----------
-    shape : BaseGeometry
     by : float
         Radius [m].
-    outside : bool
 
     Examples
     --------
@@ -48,7 +46,6 @@ def shrunk(shape: BaseGeometry, by: float, *, outside: bool) -> BaseGeometry:
         Polygons.
     by : float
         Radius [m].
-    outside : bool
     """
     left: BaseGeometry = shape.buffer(-_asked(shape, by, -1.0, more=not outside), quad_segs=QUAD_SEGMENTS)
     return left

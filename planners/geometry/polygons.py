@@ -26,18 +26,10 @@ DEPTH = 1e-9  # a segment may leave the polygon this far, which is rounding and 
 
 @dataclass(frozen=True, eq=False)
 class FlatPolygon:
-    """A polygon, or several with holes, as flat vertex arrays.
+    """A polygon, or several with holes, as flat vertex arrays."""
 
-    Attributes
-    ----------
-    vertices : (n, 2) array
-        [m]
-    starts : (m + 1,) array of int
-        Ring r is ``vertices[starts[r]:starts[r + 1]]``, not closed; even-odd rule.
-    """
-
-    vertices: Array
-    starts: Index
+    vertices: Array  # (n, 2) [m]
+    starts: Index  # (m + 1,) ring r is ``vertices[starts[r]:starts[r + 1]]``, not closed; even-odd rule
 
     def __post_init__(self) -> None:  # none may write, and kernels are compiled for one kind of array
         self.vertices.flags.writeable = self.starts.flags.writeable = False

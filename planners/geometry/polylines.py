@@ -5,12 +5,10 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from regionik.planners.geometry.vectors import minus, norm, row
 from regionik.planners.kernels import compiled
-from regionik.worlds.arrays import Array, Index, frozen
-from regionik.worlds.errors import InputError
+from regionik.worlds.arrays import Array, Index
 
 
 @compiled
@@ -78,23 +76,9 @@ def between(knots: Array, leg: Index, share: Array) -> Array:
     return values
 
 
-def resample(points: ArrayLike, step: float) -> Array:
-    """Cut every leg into equal parts no longer than ``step`` [m]; the points given stay.
-
-    Examples
-    --------
-    >>> resample([[0, 0], [1, 0], [1, 0.2]], 0.5).tolist()
-    [[0.0, 0.0], [0.5, 0.0], [1.0, 0.0], [1.0, 0.2]]
-    """
-    path = frozen(points, (None, 2), "path")
-    if not 0 < step < np.inf:
-        raise InputError(f"step: expected a length above 0, got {step}")
-    return frozen(cut(path, float(step)), (None, 2), "path")
-
-
 @compiled
 def cut(path: Array, step: float) -> Array:
-    """As `resample`, for paths (k, 2) that are known to be finite."""
+    """Cut every leg of a path (k, 2) into equal parts no longer than ``step`` [m]; the points given stay."""
     legs = len(path) - 1
     parts = np.ones(legs, np.int64)
     for k in range(legs):

@@ -43,8 +43,7 @@ def tighten(free: Polygon | MultiPolygon, points: ArrayLike) -> Array:
 
     Parameters
     ----------
-    free : Polygon or MultiPolygon
-        [m]
+    free : Polygon or MultiPolygon [m]
     points : (k, 2) array_like
         The path; every leg inside ``free`` to 1e-9 m.
 
@@ -196,8 +195,7 @@ def shorter_path(free: Polygon, start: Array, goal: Array, bound: float) -> Arra
 
     Parameters
     ----------
-    free : Polygon
-        [m]
+    free : Polygon [m]
     start, goal : (2,) array
         Different points of it.
     bound : float

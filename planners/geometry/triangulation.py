@@ -6,6 +6,7 @@ from collections import deque
 from dataclasses import dataclass
 from functools import lru_cache
 from heapq import heappop, heappush
+from math import hypot
 
 import numpy as np
 from shapely.geometry import MultiPolygon, Polygon
@@ -21,21 +22,11 @@ SLACK = 1e-10  # triangles are grown by this when a leg is cut at their edges [m
 
 @dataclass(frozen=True, eq=False)
 class Triangulation:
-    """Triangles that fill a polygon edge to edge, without vertices of their own.
+    """Triangles that fill a polygon edge to edge, without vertices of their own."""
 
-    Attributes
-    ----------
-    vertices : (v, 2) array
-        [m]
-    corners : (t, 3) array of int
-        Vertices of each triangle, counter-clockwise.
-    neighbours : (t, 3) array of int
-        Triangle across the edge from corner k to corner k + 1, -1 for none.
-    """
-
-    vertices: Array
-    corners: Index
-    neighbours: Index
+    vertices: Array  # (v, 2) [m]
+    corners: Index  # (t, 3) vertices of each triangle, counter-clockwise
+    neighbours: Index  # (t, 3) triangle across the edge from corner k to corner k + 1, -1 for none
 
 
 @lru_cache(maxsize=32)
@@ -59,6 +50,8 @@ def triangulate(free: Polygon | MultiPolygon) -> Triangulation:
 
 def search_through(mesh: Triangulation, start: Array, first: int, last: int) -> list[int] | None:
     """Triangles from one to another by Dijkstra over edge midpoints; None where none lead there."""
+    ends, neighbours = mesh.vertices[mesh.corners], mesh.neighbours.tolist()
+    middles = ((ends + np.roll(ends, -1, axis=1)) / 2).tolist()
     heap: list[tuple[float, int, int, tuple[float, float]]] = [(0.0, first, first, (start[0], start[1]))]
     came: dict[int, int] = {}
     while heap:
@@ -68,11 +61,9 @@ def search_through(mesh: Triangulation, start: Array, first: int, last: int) -> 
         came[t] = parent
         if t == last:
             return _trace(came, last)
-        ends = mesh.vertices[mesh.corners[t]]
-        middles = (ends + np.roll(ends, -1, axis=0)) / 2
-        for n, (x, y) in zip(mesh.neighbours[t].tolist(), middles.tolist(), strict=True):
+        for n, (x, y) in zip(neighbours[t], middles[t], strict=True):
             if n >= 0 and n not in came:
-                heappush(heap, (cost + float(np.hypot(x - at[0], y - at[1])), n, t, (x, y)))
+                heappush(heap, (cost + hypot(x - at[0], y - at[1]), n, t, (x, y)))
     return None
 
 

@@ -22,9 +22,7 @@ class Genetic(ArmMethod):
 
     Parameters
     ----------
-    chain : Chain
-    tolerance, angle_tolerance : float
-        [m], [rad]
+    tolerance, angle_tolerance : float [m], [rad]
     mutation : float
         Probability for each gene.
     elite : int

@@ -67,9 +67,7 @@ class IterativeMethod(ArmMethod):
 
     Parameters
     ----------
-    chain : Chain
-    tolerance, angle_tolerance : float
-        [m], [rad]
+    tolerance, angle_tolerance : float [m], [rad]
     max_iterations : int
         Steps from each start.
     restarts : int

@@ -6,13 +6,12 @@ from abc import ABC, abstractmethod
 from typing import ClassVar, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from regionik.planners.solvers.damped_least_squares import Aim
-from regionik.planners.solvers.inverse_kinematics import ArmPosture, ArmSolver, Goal, confirm
+from regionik.planners.solvers.multistart_ik import ArmSolver
 from regionik.planners.solvers.rigid_bodies import span
 from regionik.planners.solvers.serial_chain import serial_arm
-from regionik.worlds.arrays import Array, frozen
+from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
 from regionik.worlds.errors import InputError
 
@@ -53,25 +52,6 @@ class ArmMethod(ABC):
     def search(self, aim: Aim, joints: Array) -> SearchResult:
         """Bring the tool to an aim from joints (dof,) within the limits; ``joints`` is not changed."""
 
-    def __call__(self, goal: Goal, joints: ArrayLike) -> ArmPosture:
-        """Solve one goal from a start posture, which is clipped to the limits first.
-
-        Raises
-        ------
-        InputError
-            For joints that do not fit, and for goals that the method cannot take.
-        """
-        start = np.clip(frozen(joints, (self.chain.dof,), "joints"), self.chain.lower, self.chain.upper)
-        aim = goal.aim
-        found = self.search(aim, start)
-        error, angle = confirm(self.chain, aim, found.joints)
-        converged = error <= self.tolerance and angle <= self.angle_tolerance
-        reason = "" if converged else f"{self.name} ended {error:.4g} m and {angle:.4g} rad off"
-        joints = frozen(found.joints, (self.chain.dof,), "joints")
-        return ArmPosture(
-            joints, error, angle, found.iterations, found.restarts, (self.name,), converged, reason
-        )
-
 
 class Fabrik(ArmMethod):
     """FABRIK-R by passes and restarts alone."""
@@ -98,7 +78,7 @@ class Fabrik(ArmMethod):
 
 
 class FabrikPolished(Fabrik):
-    """FABRIK-R polished by damped least squares, as in `regionik.planners.solvers.inverse_kinematics`."""
+    """FABRIK-R polished by damped least squares, as in `regionik.planners.solvers.multistart_ik`."""
 
     name = "fabrik+dls"
     polishing = True

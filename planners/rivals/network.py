@@ -33,9 +33,7 @@ class Network(ArmMethod):
 
     Parameters
     ----------
-    chain : Chain
-    tolerance : float
-        [m]
+    tolerance : float [m]
     samples : int
         Positions to learn.
     epochs : int

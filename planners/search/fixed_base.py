@@ -49,28 +49,15 @@ PER_REFUSAL = 100  # boxes of the budget for each posture that the exact check r
 
 @dataclass(frozen=True, eq=False)
 class FixedBaseResult:
-    """Outcome of a search for a free posture.
+    """Outcome of a search for a free posture."""
 
-    Attributes
-    ----------
-    verdict : Verdict
-        PROVEN by a free posture, RULED_OUT, or OPEN where the budget is spent.
-    joints : (n,) array or None
-        The posture found [rad] or [m].
-    boxes : int
-        Boxes of joint values judged.
-    clearance : float
-        The posture's least distance from the obstacles; where none was found, the largest one among the
-        postures met that reach the target (meshes left aside), -inf where no posture was met [m].
-    note : str
-        One line in words.
-    """
-
-    verdict: Verdict
-    joints: Array | None
-    boxes: int
+    verdict: Verdict  # PROVEN by a free posture, RULED_OUT, or OPEN where the budget is spent
+    joints: Array | None  # (n,) the posture found [rad] or [m]
+    boxes: int  # boxes of joint values judged
+    # the posture's least distance from the obstacles; where none was found, the largest one among the
+    # postures met that reach the target (meshes left aside), -inf where no posture was met [m]
     clearance: float
-    note: str
+    note: str  # one line in words
 
 
 def search_fixed_base(
@@ -90,7 +77,6 @@ def search_fixed_base(
     ----------
     chain : Chain
         Turning joints without a limit may turn all round; sliding joints need both limits.
-    solids : sequence of LinkCapsule
     obstacles : Obstacles
         In the arm's base frame. Meshes keep postures from being found, but rule no box out.
     target : (3,) array_like

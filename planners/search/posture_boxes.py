@@ -24,6 +24,7 @@ from regionik.planners.search.motion_bounds import (
     tool_displacement,
 )
 from regionik.planners.search.self_clearance import SelfClearance, hits_itself, self_clearance
+from regionik.planners.solvers.damped_least_squares import solve_symmetric
 from regionik.planners.solvers.serial_chain import SerialArm, chain_frames, chain_jacobian, joint_axes
 from regionik.worlds.arrays import Array
 
@@ -271,26 +272,13 @@ def to_target(task: FixedBase) -> float:
         for i in range(3):
             # as far as the near side of what the tolerance allows: the postures differ on all sides of it
             e[i] = (task.target[i] - posed.frames[n, i, 3]) * (1.0 - 0.9 * task.tolerance / off)
-            for j in range(i, 3):
+            for j in range(i + 1):
                 A[i, j] = damping if i == j else 0.0
                 for k in range(n):
                     A[i, j] += posed.J[i, k] * posed.J[j, k]
-        _solve_symmetric(A, e)
+        solve_symmetric(A, e)
         for k in range(n):
             step = posed.J[0, k] * e[0] + posed.J[1, k] * e[1] + posed.J[2, k] * e[2]
             posed.q[k] = min(task.arm.upper[k], max(task.arm.lower[k], posed.q[k] + step))
         off = place_arm(task)
     return off
-
-
-@compiled
-def _solve_symmetric(A: Array, b: Array) -> None:
-    """Solve A x = b for a positive definite A (3, 3), given by its upper half; x replaces b."""
-    p, q, r = A[0, 0], A[0, 1], A[0, 2]
-    s, t, u = A[1, 1], A[1, 2], A[2, 2]
-    a, d, g = s * u - t * t, r * t - q * u, q * t - r * s
-    scale = 1.0 / (p * a + q * d + r * g)
-    x = scale * (a * b[0] + d * b[1] + g * b[2])
-    y = scale * (d * b[0] + (p * u - r * r) * b[1] + (q * r - p * t) * b[2])
-    b[2] = scale * (g * b[0] + (q * r - p * t) * b[1] + (p * s - q * q) * b[2])
-    b[0], b[1] = x, y

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy.sparse import bsr_array, csc_array, csr_array, diags_array, kron
 from scipy.spatial.transform import Rotation
 
+from regionik.planners.progress import track
 from regionik.planners.smoothing.quadratic_program import minimize_quadratic
 from regionik.planners.solvers.damped_least_squares import DIRECTION, ORIENTATION
 from regionik.worlds.arrays import Array, Index
@@ -34,61 +35,30 @@ FLAT = 1e-6  # singular values below this part of the largest are left out
 
 @dataclass(frozen=True, eq=False)
 class HalfSpaces:
-    """Linear constraints on changes of states: ``normal @ change`` of a ``state`` is at least ``least``.
+    """Linear constraints on changes of states: ``normal @ change`` of a ``state`` is at least ``least``."""
 
-    Attributes
-    ----------
-    state : (k,) array of int
-    normal : (k, m) array
-    least : (k,) array
-        Above 0 where a constraint does not hold yet [m].
-    cost : (k,) array
-        Of such a constraint [1/m].
-    """
-
-    state: Index
-    normal: Array
-    least: Array
-    cost: Array
+    state: Index  # (k,)
+    normal: Array  # (k, m)
+    least: Array  # (k,) above 0 where a constraint does not hold yet [m]
+    cost: Array  # (k,) of such a constraint [1/m]
 
 
 @dataclass(frozen=True, eq=False)
 class PathProblem:
-    """States along a path of the tool, of coordinates x, y, yaw and joints (n, m).
-
-    Attributes
-    ----------
-    robot : Robot
-    parameter : (n,) array
-        Place of each state along the path, ascending [m].
-    corner : (n,) array of bool
-        States in which the tool's own path turns sharply.
-    position : (n, 3) array
-        Of the tool [m].
-    kind : (n,) array of int
-        What is asked of the tool's axes, see `damped_least_squares.Aim`.
-    turn : (n, 3, 3) array
-    cone : (n,) array
-        [rad]
-    scale : (m,) array
-        Weight of each coordinate: the inverse of the acceleration that it may have.
-    lower, upper : (n, m) array
-        Limits of the coordinates; equal where a coordinate is held.
-    keep : callable
-        Half-spaces that hold near given states (n, m).
-    """
+    """States along a path of the tool, of coordinates x, y, yaw and joints (n, m)."""
 
     robot: Robot
-    parameter: Array
-    corner: NDArray[np.bool_]
-    position: Array
-    kind: Index
-    turn: Array
-    cone: Array
-    scale: Array
+    parameter: Array  # (n,) place of each state along the path, ascending [m]
+    corner: NDArray[np.bool_]  # (n,) states in which the tool's own path turns sharply
+    position: Array  # (n, 3) of the tool [m]
+    kind: Index  # (n,) what is asked of the tool's axes, see `damped_least_squares.Aim`
+    turn: Array  # (n, 3, 3)
+    cone: Array  # (n,) [rad]
+    scale: Array  # (m,) weight of each coordinate: the inverse of the acceleration that it may have
+    # lower, upper: (n, m) limits of the coordinates; equal where a coordinate is held
     lower: Array
     upper: Array
-    keep: Callable[[Array], HalfSpaces]
+    keep: Callable[[Array], HalfSpaces]  # half-spaces that hold near given states (n, m)
 
 
 class _Missed(NamedTuple):
@@ -107,7 +77,7 @@ def smooth_states(problem: PathProblem, states: Array, trust: float = FIRST_TRUS
     states, missed = _led_back(problem, states)
     kept = problem.keep(states)
     best = _cost(rough, states, missed, kept)
-    for _ in range(ROUNDS):
+    for _ in track("rounds", range(ROUNDS)):
         step = _step(problem, rough, states, missed, kept, trust)
         if step is None:
             break

@@ -19,19 +19,12 @@ ROUNDING = 1e-9  # by which a heading may be outside its span [rad]
 
 
 class BaseArea(NamedTuple):
-    """Admissible area of the arm axis.
+    """Admissible area of the arm axis."""
 
-    Attributes
-    ----------
-    vertices, rings : arrays
-        Admissible area as flat rings, see `flat`; without rings the whole floor is free.
-    mobile : bool
-        False holds the base where it is.
-    """
-
+    # vertices, rings: as `FlatPolygon` has them; without rings the whole floor is free
     vertices: Array
     rings: Index
-    mobile: bool
+    mobile: bool  # False holds the base where it is
 
 
 @compiled
@@ -43,21 +36,13 @@ def move_to_area(area: BaseArea, x: float, y: float) -> tuple[float, float]:
 
 
 class Turning(NamedTuple):
-    """Limits of pivot and base, which share a turn.
+    """Limits of pivot and base, which share a turn."""
 
-    Attributes
-    ----------
-    lower, upper : float
-        Limits of the pivot [rad].
-    heading : int
-        `FREE`, `FACE_TARGET` or `FIXED`.
-    low, high : float
-        Span of headings that the base keeps to [rad].
-    """
-
+    # lower, upper: limits of the pivot [rad]
     lower: float
     upper: float
-    heading: int
+    heading: int  # `FREE`, `FACE_TARGET` or `FIXED`
+    # low, high: span of headings that the base keeps to [rad]
     low: float
     high: float
 

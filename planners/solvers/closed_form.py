@@ -44,21 +44,11 @@ Kind = Literal["meeting", "parallel"]
 
 @dataclass(frozen=True)
 class Decomposition:
-    """The closed form of an arm.
+    """The closed form of an arm."""
 
-    Attributes
-    ----------
-    swept : int or None
-        Joint that is held at one value after the other.
-    reverse : bool
-        The form is that of the arm seen from its tool.
-    kind : {"meeting", "parallel"}
-        Axes 4 to 6 meet, or axes 2 to 4 are parallel and 5 and 6 meet.
-    """
-
-    swept: int | None
-    reverse: bool
-    kind: Kind
+    swept: int | None  # joint that is held at one value after the other
+    reverse: bool  # the form is that of the arm seen from its tool
+    kind: Kind  # axes 4 to 6 meet, or axes 2 to 4 are parallel and 5 and 6 meet
 
 
 class _Lines(NamedTuple):

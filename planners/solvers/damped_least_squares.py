@@ -23,44 +23,22 @@ LONGEST_STEP = 1.0  # [rad] or [m]
 
 
 class Aim(NamedTuple):
-    """Goal of the tool, for kernels.
+    """Goal of the tool, for kernels."""
 
-    Attributes
-    ----------
-    position : (3,) array
-        [m]
-    kind : int
-        POSITION alone, tool z axis in a DIRECTION with free roll, or full ORIENTATION.
-    turn : (3, 3) array
-        Wanted tool frame; a direction is its last column.
-    cone : float
-        Deviation from direction or orientation that counts as none [rad].
-    """
-
-    position: Array
-    kind: int
-    turn: Array
-    cone: float = 0.0
+    position: Array  # (3,) [m]
+    kind: int  # POSITION alone, tool z axis in a DIRECTION with free roll, or full ORIENTATION
+    turn: Array  # (3, 3) wanted tool frame; a direction is its last column
+    cone: float = 0.0  # deviation from direction or orientation that counts as none [rad]
 
 
 class Aims(NamedTuple):
-    """Goals of the tool one after the other, for kernels; see `Aim`.
+    """Goals of the tool one after the other, for kernels; see `Aim`."""
 
-    Attributes
-    ----------
-    positions : (m, 3) array
-    kinds : (m,) array of int
-    turns : (m, 3, 3) array
-    cones : (m,) array
-    angle_tolerances : (m,) array
-        What may be left of each direction or orientation beyond its cone [rad].
-    """
-
-    positions: Array
-    kinds: NDArray[np.int64]
-    turns: Array
-    cones: Array
-    angle_tolerances: Array
+    positions: Array  # (m, 3)
+    kinds: NDArray[np.int64]  # (m,)
+    turns: Array  # (m, 3, 3)
+    cones: Array  # (m,)
+    angle_tolerances: Array  # (m,) what may be left of each direction or orientation beyond its cone [rad]
 
 
 @compiled
@@ -152,8 +130,6 @@ def polish_along(arm: SerialArm, aims: Aims, reach: float, tolerance: float, mos
 
     Parameters
     ----------
-    arm : SerialArm
-    aims : Aims
     reach, tolerance, most
         As of `polish`.
     joints : (m, n) array
@@ -206,7 +182,7 @@ def limited_step(
                     if free[k]:
                         A[i, j] += J[i, k] * J[j, k]
         y[:] = miss[:rows]
-        _solve_symmetric(A, y)
+        solve_symmetric(A, y)
         blocked, longest = False, 0.0
         for k in range(n):
             step[k] = 0.0
@@ -223,7 +199,7 @@ def limited_step(
 
 
 @compiled
-def _solve_symmetric(A: Array, y: Array) -> None:
+def solve_symmetric(A: Array, y: Array) -> None:
     """Solve A x = y for a positive definite A given by its lower half; both are overwritten (Cholesky)."""
     n = len(y)
     for j in range(n):

@@ -24,21 +24,15 @@ NO_DIRECTION = 1e-300  # square of a length from which no direction is taken [m2
 
 
 class BendLimits(NamedTuple):
-    """Limits of a bend as unit vectors.
+    """Limits of a bend as unit vectors."""
 
-    Attributes
-    ----------
-    middle, lower, upper : two floats
-        Cosine and sine of the middle of the limits and of both limits.
-    signs : float
-        Number of conditions that a bend within limits meets, of three: on the middle's side, above the lower
-        limit, below the upper one. 3 where the limits are less than half a turn apart, 1 where they are more,
-        0 where there are none.
-    """
-
+    # middle, lower, upper: cosine and sine of the middle of the limits and of both limits
     middle: Pair
     lower: Pair
     upper: Pair
+    # number of conditions that a bend within limits meets, of three: on the middle's side, above the lower
+    # limit, below the upper one. 3 where the limits are less than half a turn apart, 1 where they are more, 0
+    # where there are none.
     signs: float
 
 

@@ -38,19 +38,11 @@ TIE = 1e-9  # candidates this near to each other are equally good [m, rad]
 
 
 class Posture(NamedTuple):
-    """Poses of the bodies in the arm's base frame; passes write into it.
+    """Poses of the bodies in the arm's base frame; passes write into it."""
 
-    Attributes
-    ----------
-    joints : (n,) array
-    turns : (n, 3, 3) array
-        Orientation of every link.
-    outer, inner : (n + 1, 3) array
-        Outer and inner points of the axes, then the tool point [m].
-    """
-
-    joints: Array
-    turns: Array
+    joints: Array  # (n,)
+    turns: Array  # (n, 3, 3) orientation of every link
+    # outer, inner: (n + 1, 3) outer and inner points of the axes, then the tool point [m]
     outer: Array
     inner: Array
 

@@ -296,8 +296,7 @@ def solve_planar_along(
 
     Parameters
     ----------
-    targets : (n, 3) array
-        [m]
+    targets : (n, 3) array [m]
     places : (n, 3) array
         Base poses; where the heading is free it is NaN, and the place is that of the arm axis [m], [rad].
     wished : (n, dof) array

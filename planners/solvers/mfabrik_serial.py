@@ -27,17 +27,11 @@ from regionik.worlds.arrays import Array
 
 
 class ArmStand(NamedTuple):
-    """Mounting of an arm on its base.
+    """Mounting of an arm on its base."""
 
-    Attributes
-    ----------
-    pivot : int
-        The joint that turns about the vertical through the arm's base frame; what comes before lifts it.
-    yaw, rise : float
-        Heading and height of the arm's base frame [rad], [m].
-    """
-
+    # the joint that turns about the vertical through the arm's base frame; what comes before lifts it
     pivot: int
+    # yaw, rise: heading and height of the arm's base frame [rad], [m]
     yaw: float
     rise: float
 
@@ -59,15 +53,12 @@ def solve_serial(
     ----------
     bodies : RigidBodies
         Pointing ones for a position, posing ones for more.
-    stand : ArmStand
     starts : (r, n) array
         Postures to start again from.
-    area : BaseArea
     place : (2,) array
         Arm axis on the floor; overwritten with the answer [m].
     aim : Aim
         In the world.
-    effort : Effort
     joints : (dof,) array
         Overwritten with the answer.
 

@@ -21,9 +21,11 @@ from regionik.planners.solvers.fabrikr import (
     matmul3_transposed,
     posture_of,
 )
-from regionik.planners.solvers.rigid_bodies import RigidBodies
-from regionik.planners.solvers.serial_chain import rotate_about
+from regionik.planners.solvers.rigid_bodies import RigidBodies, pointing_bodies, posing_bodies, span
+from regionik.planners.solvers.serial_chain import rotate_about, spread_postures
 from regionik.worlds.arrays import Array
+from regionik.worlds.chain import Chain
+from regionik.worlds.errors import InputError
 
 WINDOW = 5  # passes over which progress is judged
 PATIENCE = 40  # passes that a start may still need at its present pace
@@ -31,23 +33,13 @@ MOST_STEPS = 60  # of polishing one start
 
 
 class Effort(NamedTuple):
-    """Tolerances and limits of a solve.
+    """Tolerances and limits of a solve."""
 
-    Attributes
-    ----------
-    tolerance, angle_tolerance : float
-        [m], [rad]
-    most_passes : int
-        From each start.
-    reach : float
-        Length of the arm [m].
-    polishing : bool
-    """
-
+    # tolerance, angle_tolerance: [m], [rad]
     tolerance: float
     angle_tolerance: float
-    most_passes: int
-    reach: float
+    most_passes: int  # from each start
+    reach: float  # length of the arm [m]
     polishing: bool
 
 
@@ -186,3 +178,62 @@ def _unwind(bodies: RigidBodies, answer: Array, joints: Array) -> None:
         if bodies.arm.revolute[k] and np.isinf(bodies.arm.lower[k]) and np.isinf(bodies.arm.upper[k]):
             value = joints[k] + wrap(value - joints[k])
         joints[k] = value
+
+
+class ArmSolver:
+    """A chain prepared for many goals.
+
+    Parameters
+    ----------
+    tolerance, angle_tolerance : float [m], [rad]
+    most_passes : int
+        From each start.
+    restarts : int
+        Other postures to start from, drawn once within the limits.
+    polish : bool
+        Whether damped least squares may finish what passes do not.
+
+    Examples
+    --------
+    >>> from regionik.worlds.bundled import robot_named
+    >>> robot = robot_named("pioneer7")
+    >>> joints = robot.carry.copy()
+    >>> error, _, _, restarts, polished = ArmSolver(robot.chain).solve(
+    ...     Aim(np.array([0.3, 0.0, 0.15]), POSITION, np.eye(3)), joints
+    ... )
+    >>> error < 1e-3, restarts, polished
+    (True, 0, False)
+    """
+
+    def __init__(
+        self,
+        chain: Chain,
+        tolerance: float = 1e-3,
+        angle_tolerance: float = 1e-3,
+        most_passes: int = 300,
+        restarts: int = 10,
+        polish: bool = True,
+    ) -> None:
+        for name, value in (("tolerance", tolerance), ("angle_tolerance", angle_tolerance)):
+            if not 0.0 < value < np.inf:
+                raise InputError(f"{name}: expected a number above 0, got {value}")
+        for name, count in (("most_passes", most_passes), ("restarts", restarts)):
+            if count < 0:
+                raise InputError(f"{name}: expected 0 or more, got {count}")
+        self.chain = chain
+        self.pointing, self.posing = pointing_bodies(chain), posing_bodies(chain)
+        self.effort = Effort(
+            float(tolerance), float(angle_tolerance), int(most_passes), span(self.posing.arm), bool(polish)
+        )
+        self.starts = spread_postures(chain, self.effort.reach, restarts, 0)
+
+    def bodies(self, kind: int) -> RigidBodies:
+        """The bodies that the kernel `solve_ik` needs for a kind of aim."""
+        return self.pointing if kind == POSITION else self.posing
+
+    def solve(self, aim: Aim, joints: Array) -> tuple[float, float, int, int, bool]:
+        """`solve_ik` of the chain; overwrites ``joints`` (dof,), which are within the limits."""
+        bodies = self.bodies(aim.kind)
+        starts = np.ascontiguousarray(self.starts[:, : len(bodies.slide)])
+        found: tuple[float, float, int, int, bool] = solve_ik(bodies, aim, starts, self.effort, joints)
+        return found

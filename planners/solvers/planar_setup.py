@@ -21,52 +21,25 @@ class PlanarSetup(NamedTuple):
     """A planar arm on its base and what is asked of both.
 
     Kernels take it as the one row of `record_of`, in which every field stands under its name.
-
-    Attributes
-    ----------
-    shoulder : (2,) array
-        r, z of the first hinge, heights counted from the floor [m].
-    lengths : (3,) array
-        [m]
-    lower, upper : (3,) array
-        Limits of the bends [rad].
-    limits : (3, 7) array
-        The same as `fabrik.limit_vectors` has them.
-    sign, offset : (3,) array
-        ``bend = sign * joint + offset`` [rad].
-    restarts : (k, 3) array
-        Bends to start again from [rad].
-    mount : (2,) array
-        The arm axis in the base frame [m].
-    plane_zero : float
-        Direction of the arm's plane, seen from the base, with the pivot at zero [rad].
-    turning : five floats
-        As `Turning` has them.
-    facing : int
-        1, or -1 to reach over the arm's back: the target then lies at negative r.
-    pitch : float
-        Of the last link in the plane, NaN where it is free [rad].
-    tolerance : float
-        [m]
-    max_passes : int
-        From each start.
     """
 
-    shoulder: Array
-    lengths: Array
+    shoulder: Array  # (2,) r, z of the first hinge, heights counted from the floor [m]
+    lengths: Array  # (3,) [m]
+    # lower, upper: (3,) limits of the bends [rad]
     lower: Array
     upper: Array
-    limits: Array
+    limits: Array  # (3, 7) the same as `fabrik.limit_vectors` has them
+    # sign, offset: (3,) ``bend = sign * joint + offset`` [rad]
     sign: Array
     offset: Array
-    restarts: Array
-    mount: Array
-    plane_zero: float
-    turning: Turning
-    facing: int
-    pitch: float
-    tolerance: float
-    max_passes: int
+    restarts: Array  # (k, 3) bends to start again from [rad]
+    mount: Array  # (2,) the arm axis in the base frame [m]
+    plane_zero: float  # direction of the arm's plane, seen from the base, with the pivot at zero [rad]
+    turning: Turning  # as `Turning` has them
+    facing: int  # 1, or -1 to reach over the arm's back: the target then lies at negative r
+    pitch: float  # of the last link in the plane, NaN where it is free [rad]
+    tolerance: float  # [m]
+    max_passes: int  # from each start
 
 
 def record_of(setup: PlanarSetup) -> Record:

@@ -32,22 +32,13 @@ COMFORT = 0.01  # share of a threshold, so that a tool moved within its toleranc
 
 
 class Thresholds(NamedTuple):
-    """Thresholds of a planar arm, for kernels.
+    """Thresholds of a planar arm, for kernels."""
 
-    Attributes
-    ----------
-    least : float
-        Manipulability [m3].
-    pull : (3, 2) array
-        Gravity's torque at hinge k is the sum, over links i from k on, of
-        ``pull[i, 0] cos(pull[i, 1] + angle)``, angle being that of link i in the plane [N m], [rad].
-    most : (3,) array
-        Limits of these torques [N m].
-    """
-
-    least: float
+    least: float  # manipulability [m3]
+    # (3, 2) gravity's torque at hinge k is the sum, over links i from k on, of ``pull[i, 0] cos(pull[i, 1] +
+    # angle)``, angle being that of link i in the plane [N m], [rad]
     pull: Array
-    most: Array
+    most: Array  # (3,) limits of these torques [N m]
 
 
 @lru_cache(maxsize=256)

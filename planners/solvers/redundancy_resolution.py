@@ -39,24 +39,12 @@ Clear = Callable[[Array, Array], bool]  # joints (n,) at an aim, and at the next
 
 
 class PathSolving(NamedTuple):
-    """Parameters of `resolve_redundancy`.
+    """Parameters of `resolve_redundancy`."""
 
-    Attributes
-    ----------
-    reach : float
-        Length of the arm [m].
-    tolerance : float
-        [m]
-    longest : (n,) array
-        Largest change of each joint from one aim to the next [rad] or [m].
-    most : int
-        Postures that are carried on at once.
-    """
-
-    reach: float
-    tolerance: float
-    longest: Array
-    most: int
+    reach: float  # length of the arm [m]
+    tolerance: float  # [m]
+    longest: Array  # (n,) largest change of each joint from one aim to the next [rad] or [m]
+    most: int  # postures that are carried on at once
 
 
 class _Layer(NamedTuple):
@@ -74,11 +62,8 @@ def resolve_redundancy(
 
     Parameters
     ----------
-    arm : SerialArm
-    aims : Aims
     starts : (k, n) array
         Postures at the first aim.
-    solving : PathSolving
     clear : callable
         True for joints at an aim and at the next one that the arm may go between; at the first aim it is
         asked about the same joints twice.

@@ -23,45 +23,28 @@ MEETING = 1e-5  # lengths below this part of the arm's reach count as none
 
 
 class RigidBodies(NamedTuple):
-    """Rigid bodies for kernels; every array has one row a joint.
-
-    Attributes
-    ----------
-    arm : SerialArm
-    root : (3,) array
-        Outer point of the first axis in the arm's base frame [m].
-    outer, inner : (n, 3) array
-        In the frame of link k: from the outer (inner) point of axis k to that of axis k + 1, or to the tool.
-        A prismatic joint adds its travel along its axis.
-    slide : (n,) array
-        From the inner to the outer point, along the axis [m].
-    next_axis : (n, 3) array
-        Axis of joint k + 1 in the frame of link k; zeros for the last.
-    outward_aim, inward_aim : (n,) array of int
-        The point that joint k points at in a pass, or -1 where eq. (6) decides its turn.
-    outward_plane, inward_plane : (n,) array of int
-        Eq. (6): the axis that must become normal to the line to the point in ``..._goal``.
-    outward_goal, inward_goal : (n,) array of int
-    last : int
-        The last revolute joint (0 where there is none).
-    start_goal : int
-        Point whose plane the last body takes at the target; -1 where all axes are parallel.
-    """
+    """Rigid bodies for kernels; every array has one row a joint."""
 
     arm: SerialArm
-    root: Array
+    root: Array  # (3,) outer point of the first axis in the arm's base frame [m]
+    # outer, inner: (n, 3) in the frame of link k: from the outer (inner) point of axis k to that of axis k +
+    # 1, or to the tool. A prismatic joint adds its travel along its axis.
     outer: Array
     inner: Array
-    slide: Array
-    next_axis: Array
+    slide: Array  # (n,) from the inner to the outer point, along the axis [m]
+    next_axis: Array  # (n, 3) axis of joint k + 1 in the frame of link k; zeros for the last
+    # outward_aim, inward_aim: (n,) the point that joint k points at in a pass, or -1 where eq. (6) decides
+    # its turn.
     outward_aim: NDArray[np.int64]
     inward_aim: NDArray[np.int64]
+    # outward_plane, inward_plane: (n,) Eq. (6): the axis that must become normal to the line to the point in
+    # ``..._goal``.
     outward_plane: NDArray[np.int64]
     inward_plane: NDArray[np.int64]
-    outward_goal: NDArray[np.int64]
-    inward_goal: NDArray[np.int64]
-    last: int
-    start_goal: int
+    outward_goal: NDArray[np.int64]  # (n,)
+    inward_goal: NDArray[np.int64]  # (n,)
+    last: int  # the last revolute joint (0 where there is none)
+    start_goal: int  # point whose plane the last body takes at the target; -1 where all axes are parallel
 
 
 @lru_cache(maxsize=64)

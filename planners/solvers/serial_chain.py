@@ -19,27 +19,15 @@ _UNTURNED = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 
 
 class SerialArm(NamedTuple):
-    """A chain for kernels; joint k turns about, or slides along, ``axis[k]`` in its own frame.
+    """A chain for kernels; joint k turns about, or slides along, ``axis[k]`` in its own frame."""
 
-    Attributes
-    ----------
-    fixed : (n, 4, 4) array
-        From the link before to the joint at zero.
-    axis : (n, 3) array
-        Unit vectors.
-    revolute : (n,) array of bool
-    lower, upper : (n,) array
-        [rad] or [m]; infinite where there is no limit.
-    tool : (4, 4) array
-        From the last link to the tool.
-    """
-
-    fixed: Array
-    axis: Array
-    revolute: NDArray[np.bool_]
+    fixed: Array  # (n, 4, 4) from the link before to the joint at zero
+    axis: Array  # (n, 3) unit vectors
+    revolute: NDArray[np.bool_]  # (n,)
+    # lower, upper: (n,) [rad] or [m]; infinite where there is no limit
     lower: Array
     upper: Array
-    tool: Array
+    tool: Array  # (4, 4) from the last link to the tool
 
 
 @lru_cache(maxsize=64)

@@ -30,15 +30,9 @@ class KinematicState(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class JerkLimited:
-    """Motion of all joints, which begin and end together.
+    """Motion of all joints, which begin and end together."""
 
-    Attributes
-    ----------
-    duration : float
-        [s]
-    """
-
-    duration: float
+    duration: float  # [s]
     _profile: Any
 
     def at(self, t: ArrayLike) -> KinematicState:

@@ -33,8 +33,9 @@ from regionik.worlds.errors import InputError
 if TYPE_CHECKING:
     from regionik.executors import Pool
     from regionik.values import Stop
-    from regionik.worlds.scene import StopCriterion, World
+    from regionik.worlds.scene import StopCriterion, Target, World
 
+LEAST_SHARE = 1000  # targets, for which a worker is worth its start
 TARGET = "X Y Z [DX DY DZ]"
 FIELD_SUFFIXES = (".npz", ".tif", ".tiff", ".png", ".svg")
 STOP_CRITERIA = "tolerance, clearance, manipulability, effort, distance, probability"
@@ -51,8 +52,15 @@ def reach_targets(
         Path | None, typer.Option("-o", "--output", help="Answers to a .csv, .json or .geojson file.")
     ] = None,
     workers: Annotated[
-        int, typer.Option("--workers", metavar="N", min=1, max=1024, help="Number of worker processes.")
-    ] = 1,
+        int | None,
+        typer.Option(
+            "--workers",
+            metavar="N",
+            min=1,
+            max=1024,
+            help="Number of worker processes; by default one a core, each for 1000 targets or more.",
+        ),
+    ] = None,
     dask: Annotated[
         str | None, typer.Option("--dask", metavar="ADDRESS", help="Work on the Dask cluster at tcp://...")
     ] = None,
@@ -65,37 +73,46 @@ def reach_targets(
     if any target is not reachable.
     """
     check_output(output, (".csv", ".json", ".geojson"), [world, table])
-    if dask is not None and workers > 1:
+    if dask is not None and workers is not None and workers > 1:
         raise InputError("--workers and --dask: expected one of them")
     streams = not target and not as_json and _can_stream(table, output)
     kept = f"the same command goes on from what is in {output}.parts" if streams else "nothing is written"
     with DelayedProgress("reach", kept) as progress:
-        scene = read_world(world, progress)
-        with _executor(workers, dask) as (pool, ahead):
-            if streams and table is not None and output is not None:
-                from regionik.output.answers import stream_answers
+        from regionik.output.answers import parse_targets, stream_answers
 
+        scene = read_world(world, progress)
+        if streams and table is not None and output is not None:
+            with _executor(workers or workers_for(_lines(table)), dask) as (pool, ahead):
                 count, total = stream_answers(scene, table, output, pool, ahead)
-            else:
-                count, total = _reach_at_once(scene, target or [], table, output, as_json, pool)
+        else:
+            asked = parse_targets(scene, target or [], table)
+            with _executor(workers or workers_for(len(asked)), dask) as (pool, _):
+                count, total = _reach_at_once(scene, asked, output, as_json, pool)
     print_message(f"{scene.name}: {count} of {total} targets are reachable")
     if count < total:
         raise typer.Exit(NO)
 
 
+def workers_for(targets: int) -> int:
+    """Number of workers that so many targets are worth."""
+    from regionik.executors import cores
+
+    return max(1, min(cores(), targets // LEAST_SHARE))
+
+
+def _lines(table: Path) -> int:
+    with table.open("rb") as lines:
+        return sum(1 for _ in lines)
+
+
 def _reach_at_once(
-    scene: World,
-    target: list[str],
-    table: Path | None,
-    output: Path | None,
-    as_json: bool,
-    pool: Pool | None,
+    scene: World, targets: list[Target], output: Path | None, as_json: bool, pool: Pool | None
 ) -> tuple[int, int]:
     """Answer targets that are all held in memory; return how many are reachable, and all."""
-    from regionik.output.answers import answers_document, parse_targets, write_answers
+    from regionik.output.answers import answers_document, write_answers
     from regionik.reachability.reach import reach
 
-    answer = reach(scene, parse_targets(scene, target, table), executor=pool)
+    answer = reach(scene, targets, executor=pool)
     if output is not None:
         write_answers(answer, scene.robot.chain.names, output)
     if as_json:

@@ -28,7 +28,9 @@ if TYPE_CHECKING:
 
 def simulate_plan(
     path: PlanPath,
-    output: Annotated[Path | None, typer.Option("-o", "--output", help="A .csv file of the run.")] = None,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="A .csv or .mcap file of the run.")
+    ] = None,
     html: Annotated[Path | None, typer.Option("--html", help="File for an offline page of the run.")] = None,
     noise: Annotated[
         str, typer.Option("--noise", metavar="none|typical|KEY=VALUE,...", help="What disturbs the robot.")
@@ -45,7 +47,7 @@ def simulate_plan(
     10 mm and 0.5 degrees, 20 times a second and 50 ms late, and wheels that slip by 2 %; or give position
     [m], heading [rad], rate [1/s], delay [s] and slip.
     """
-    check_output(output, (".csv",), [path])
+    check_output(output, (".csv", ".mcap"), [path])
     check_output(html, PAGES, [path])
     disturbances = _noise(noise)
     with DelayedProgress("simulate") as progress:
@@ -88,18 +90,18 @@ def _noise(text: str) -> Noise:
 def _write_run(run: SimulatedRun, output: Path | None, html: Path | None) -> list[Path]:
     from regionik.storage.files import write_atomic
 
-    written: dict[Path, str] = {}
+    written: dict[Path, str | bytes] = {}
     if output is not None:
-        from regionik.output.run_file import run_to_csv
+        from regionik.output.run_file import run_to_csv, run_to_mcap
 
-        written[output] = run_to_csv(run)
+        written[output] = run_to_mcap(run) if output.suffix.lower() == ".mcap" else run_to_csv(run)
     if html is not None:
         from regionik.view.page import html_page
         from regionik.view.run_picture import picture_of_run
 
         written[html] = html_page(picture_of_run(run))
-    for path, text in written.items():
-        write_atomic(path, text)
+    for path, content in written.items():
+        write_atomic(path, content)
     return list(written)
 
 

@@ -108,17 +108,9 @@ def no_clear_posture(
 ) -> Explanation:
     """Explain why the arm cannot be at set-point i, or cannot get there, without touching something.
 
-    Parameters
-    ----------
-    world : World
-    i : int
-    looked : (places, postures, proven)
-        Places of the base and postures looked at, and places where there is proven to be none.
-    closest : str
-        Words on the contact of the posture nearest to being clear.
-    cause : Cause
-    cut_off : bool
-        Clear postures exist, but no way to them was found.
+    ``looked`` counts the places and postures looked at, and the places where there is proven to be none;
+    ``closest`` tells of the contact of the posture nearest to being clear. With ``cut_off`` clear postures
+    exist, but no way to them was found.
     """
     who = setpoint_at(world.task, i)
     rule = f"the arm's clearance is {world.arm_clearance:g} m"

@@ -30,7 +30,7 @@ class ChangeKind:
 
 def repaired(world: World, repair: Repair, i: int = 0) -> World:
     """Return the world with a repair made; a moved target is set-point i."""
-    return _row(repair.kind, repair.name).made(world, repair, i)
+    return _TABLE[repair.kind].made(world, repair, i)
 
 
 def share(world: World, repair: Repair) -> float:
@@ -39,7 +39,7 @@ def share(world: World, repair: Repair) -> float:
     Lengths, and the loss of a clearance, count as parts of the arm's length, the gain of a cone as a part of
     a half turn, a lift-off as one.
     """
-    return _row(repair.kind, repair.name).share(world, repair)
+    return _TABLE[repair.kind].share(world, repair)
 
 
 def smallest_first(world: World, repairs: Iterable[Repair]) -> tuple[Repair, ...]:
@@ -48,8 +48,7 @@ def smallest_first(world: World, repairs: Iterable[Repair]) -> tuple[Repair, ...
 
 
 def _repair(world: World, kind: RepairKind, name: str, amount: float, by: Iterable[float] = ()) -> Repair:
-    """A repair with its sentence."""
-    row = _row(kind, name)
+    row = _TABLE[kind]
     silent = Repair(kind, name, amount, "", row.unit, tuple(by))
     return replace(silent, text=row.text(world, silent))
 
@@ -59,29 +58,16 @@ def _repair(world: World, kind: RepairKind, name: str, amount: float, by: Iterab
 
 @dataclass(frozen=True, eq=False)
 class Change:
-    """A change of one world by any amount.
-
-    Attributes
-    ----------
-    world : World
-    most : float
-        Largest amount that is tried.
-    repair : callable
-        The repair of an amount, rounded to the grid of `FINE`.
-    as_target : callable, optional
-        The target that in the unchanged world has the areas of the world changed by an amount.
-    monotone : bool
-        True where more of it never takes room away, so that bisection alone finds the least.
-    counted : bool
-        True where amounts are whole numbers.
-    """
+    """A change of one world by any amount."""
 
     world: World
-    most: float
-    repair: Callable[[float], Repair]
+    most: float  # largest amount that is tried
+    repair: Callable[[float], Repair]  # the repair of an amount, rounded to the grid of `FINE`
+    # The target that in the unchanged world has the areas of the world changed by an amount
     as_target: Callable[[float], Target] | None = None
+    # True where more of it never takes room away, so that bisection alone finds the least
     monotone: bool = False
-    counted: bool = False
+    counted: bool = False  # true where amounts are whole numbers
 
     def at(self, amount: float) -> World:
         """Return the world changed by an amount."""
@@ -112,8 +98,7 @@ class Move:
 
 def on_grid(step: Array) -> Array:
     """A step on the grid of `FINE`; adding zero makes no zero negative."""
-    rounded: Array = np.round(np.round(step / FINE) * FINE, 6) + 0.0
-    return rounded
+    return np.round(np.round(step / FINE) * FINE, 6) + 0.0
 
 
 def lower_clearance(world: World, name: str = CLEARANCE) -> Change | None:
@@ -187,8 +172,12 @@ def move_obstacle(world: World, name: str) -> Move | None:
 # The table ---------------------------------------------------------------------------------------------
 
 
+def _rule(name: str) -> str:
+    return "arm_clearance" if name == ARM_CLEARANCE else "clearance"
+
+
 def _clearance(world: World, name: str) -> float:
-    return world.rules.arm_clearance if name == ARM_CLEARANCE else world.rules.clearance
+    return getattr(world.rules, _rule(name))
 
 
 def _arm_length(world: World) -> float:
@@ -250,15 +239,10 @@ def _lift_off_text(_: World, repair: Repair) -> str:
     return f"allow {round(repair.amount)} more, the first before {repair.name}"
 
 
-_TABLE: dict[str, ChangeKind] = {
-    CLEARANCE: ChangeKind(
-        lambda world, repair, _: with_rules(world, clearance=repair.amount),
-        lambda world, repair: (world.rules.clearance - repair.amount) / _arm_length(world),
-        _clearance_text,
-    ),
-    ARM_CLEARANCE: ChangeKind(
-        lambda world, repair, _: with_rules(world, arm_clearance=repair.amount),
-        lambda world, repair: (world.rules.arm_clearance - repair.amount) / _arm_length(world),
+_TABLE: dict[RepairKind, ChangeKind] = {
+    "clearance": ChangeKind(
+        lambda world, repair, _: with_rules(world, **{_rule(repair.name): repair.amount}),
+        lambda world, repair: (_clearance(world, repair.name) - repair.amount) / _arm_length(world),
         _clearance_text,
     ),
     "cone": ChangeKind(
@@ -279,10 +263,3 @@ _TABLE: dict[str, ChangeKind] = {
     "move-obstacle": ChangeKind(_with_obstacle_moved, _part_of_arm, _move_text),
     "lift-off": ChangeKind(_with_lift_offs, lambda _, repair: repair.amount, _lift_off_text, "1"),
 }
-
-
-def _row(kind: RepairKind, name: str) -> ChangeKind:
-    """Return the row of a repair; clearances differ by the rule that is changed."""
-    if kind == "clearance":
-        return _TABLE[ARM_CLEARANCE if name == ARM_CLEARANCE else CLEARANCE]
-    return _TABLE[kind]

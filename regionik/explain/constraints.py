@@ -37,21 +37,11 @@ LIFT_OFFS = "rules.max_lift_offs"
 
 @dataclass(frozen=True)
 class Constraint:
-    """One constraint of a world, and its relaxation, which makes nothing impossible.
+    """One constraint of a world, and its relaxation, which makes nothing impossible."""
 
-    Attributes
-    ----------
-    kind : str
-        As in `Cause`.
-    name : str
-        An obstacle's own name, or one of the constants of this module.
-    relax : callable
-        World to world without it.
-    """
-
-    kind: CauseKind
-    name: str
-    relax: Callable[[World], World]
+    kind: CauseKind  # as in `Cause`
+    name: str  # an obstacle's own name, or one of the constants of this module
+    relax: Callable[[World], World]  # world to world without it
 
 
 def constraints_of(world: World) -> tuple[Constraint, ...]:

@@ -49,14 +49,8 @@ def no_places(world: World, empty: Sequence[int]) -> Explanation:
 def no_place(world: World, i: int, targets: Sequence[Target] | None = None) -> Explanation:
     """Explain why set-point i has no known place for the base: "unreachable" where its outer area is empty.
 
-    Else the verdict is "undecided": an empty inner area is no proof.
-
-    Parameters
-    ----------
-    world : World
-    i : int
-    targets : sequence of Target, optional
-        The world's task by default. Of others it is not said how wide the ways to them are.
+    Else the verdict is "undecided": an empty inner area is no proof. Of other ``targets`` than the world's
+    task it is not said how wide the ways to them are.
     """
     every = world.task if targets is None else targets
     target = every[i]
@@ -180,17 +174,7 @@ def _crowded_out(
 
 
 def cut_off(world: World, i: int, here: BaseGeometry, areas: BaseGeometry) -> Explanation:
-    """Explain why the base cannot get from the floor it stands on to any place of set-point i.
-
-    Parameters
-    ----------
-    world : World
-    i : int
-    here : BaseGeometry
-        Piece of free floor that the base can drive on.
-    areas : BaseGeometry
-        Admissible area of set-point i, all of it elsewhere.
-    """
+    """Explain why the base cannot get from where it stands, ``here``, to any of the areas of set-point i."""
     bridge = shapely.shortest_line(here, areas)
     blockers = _crossed(world, bridge)
     gap = float(bridge.length)

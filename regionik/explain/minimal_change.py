@@ -65,22 +65,12 @@ def grid_above(amount: float) -> float:
 
 @dataclass(frozen=True)
 class Scan:
-    """A scan of even amounts until one helps, and a bisection down from there.
-
-    Attributes
-    ----------
-    steps : int
-    fine : float
-        Width at which the bisection ends.
-    close : float
-        The same as a part of the amount, where that is more.
-    snap : callable
-        Rounding of an amount to the one that is tried, such as the next on a grid.
-    """
+    """A scan of even amounts until one helps, and a bisection down from there."""
 
     steps: int
-    fine: float
-    close: float
+    fine: float  # width at which the bisection ends
+    close: float  # the same as a part of the amount, where that is more
+    # Rounding of an amount to the one that is tried, such as the next on a grid
     snap: Callable[[float], float] = float
 
     def first(self, helps: Holds, most: float) -> float | None:
@@ -237,8 +227,7 @@ def _beside(way: Array, turn: float) -> Array:
         u /= np.linalg.norm(u)
         c = circle(8)
         across = c[:, :1] * u + c[:, 1:] * np.cross(way, u)
-    beside: Array = np.cos(turn) * way + np.sin(turn) * across
-    return beside
+    return np.cos(turn) * way + np.sin(turn) * across
 
 
 def circle(count: int) -> Array:

@@ -74,21 +74,13 @@ COARSE = Scan(12, FINE, 0.01)  # for what is dear to ask
 
 @dataclass(frozen=True)
 class Oracles:
-    """Stages that decide on the one target of a world.
+    """Stages that decide on the one target of a world."""
 
-    Attributes
-    ----------
-    reach : callable
-        The answer of `regionik.reach`.
-    seen : callable
-        True where a configuration is found in the areas that hold at every heading: faster than ``reach``,
-        and stricter.
-    look : callable
-        Verdict of a search of all postures from all places, with a budget of cells.
-    """
-
-    reach: Callable[[World], Answer]
+    reach: Callable[[World], Answer]  # the answer of `regionik.reach`
+    # True where a configuration is found in the areas that hold at every heading: faster than ``reach``, and
+    # stricter
     seen: Callable[[World], bool]
+    # Verdict of a search of all postures from all places, with a budget of cells
     look: Callable[[World, int], Verdict]
 
 
@@ -125,11 +117,8 @@ class _OneTarget:
         """Return True where the target of a changed world is reachable, and newly in no solid."""
         if self.enters(after):
             return False
-        if not have_known_places(after, after.task)[0] and has_no_known_place(
-            after
-        ):  # sooner known than asked
-            return False
-        return bool(self.oracles.reach(after).reachable.all())
+        known = have_known_places(after, after.task)[0] or not has_no_known_place(after)
+        return bool(known and self.oracles.reach(after).reachable.all())  # sooner known than asked
 
 
 # A target ----------------------------------------------------------------------------------------------
@@ -163,17 +152,17 @@ class TargetQuestion(_OneTarget):
         yield from _obstacles(world, causes)
 
     def least(self, change: Change) -> Repair | None:
-        if change.monotone:
-            return self._confirmed(change, HALVED.first(self._opens_one(change), change.most) or change.most)
-        amount = least_open(lambda amounts: self._opens(change, amounts), change.most)
+        as_target = change.as_target
+        if as_target is None:
+            opens = HALVED.first(
+                lambda one: bool(have_known_places(change.at(one), self.world.task)[0]), change.most
+            )
+            return self._confirmed(change, opens or change.most)
+        amount = least_open(
+            lambda amounts: have_known_places(self.world, [as_target(float(one)) for one in amounts]),
+            change.most,
+        )
         return None if amount is None else self._confirmed(change, amount)
-
-    def _opens_one(self, change: Change) -> Holds:
-        return lambda amount: bool(have_known_places(change.at(amount), self.world.task)[0])
-
-    def _opens(self, change: Change, amounts: Array) -> NDArray[np.bool_]:
-        assert change.as_target is not None, "only targets are looked at many at once"
-        return have_known_places(self.world, [change.as_target(float(amount)) for amount in amounts])
 
     def _confirmed(self, change: Change, amount: float) -> Repair | None:
         """The repair by an amount found by areas, confirmed by asking whether the target is reachable."""

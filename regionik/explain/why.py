@@ -25,16 +25,10 @@ def unsaid(sentence: str) -> None:
 
 
 def explained(question: Question, quick: Explanation, say: Say = unsaid) -> Explanation:
-    """Return an explanation with its causes and repairs.
+    """Return an explanation with its causes and repairs, for a question whose answer is no.
 
-    Parameters
-    ----------
-    question : Question
-        One whose answer is no.
-    quick : Explanation
-        By the stage that failed; its verdict and margins are kept.
-    say : callable, optional
-        Called with what failed, then its causes, then each repair as it is found, in no order.
+    Verdict and margins of the ``quick`` explanation, by the stage that failed, are kept. ``say`` is called
+    with what failed, then its causes, then each repair as it is found, in no order.
     """
     world = question.world
     say(quick.reason)
@@ -95,23 +89,11 @@ def _by_itself(quick: Explanation, answer: Answer, who: str) -> Explanation:
 
 
 def irreducible(world: World, constraints: Iterable[Constraint], closed: Closed) -> tuple[Constraint, ...]:
-    """Constraints that rule a world's task out, and of which none can be left out.
+    """Constraints that rule a world's task out, and of which none can be left out; none where all can be.
 
-    A deletion filter: constraints are dropped one by one where the rest still rules the task out, all
-    obstacles at once first. It is repeated until nothing more is dropped, as areas are rounded.
-
-    Parameters
-    ----------
-    world : World
-    constraints : iterable of Constraint
-        In the order in which they are dropped.
-    closed : callable
-        True where a world's task is ruled out, as this one's is.
-
-    Returns
-    -------
-    tuple of Constraint
-        Empty where the task is ruled out without any of them.
+    A deletion filter: constraints are dropped one by one, in their order, where the rest still rules the task
+    out (``closed`` is True), all obstacles at once first. It is repeated until nothing more is dropped, as
+    areas are rounded.
     """
     every = tuple(constraints)
     kept = tuple(one for one in every if one.kind != "obstacle")

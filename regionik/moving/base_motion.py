@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple, Protocol
@@ -14,12 +15,14 @@ from regionik.planners.collision.robot_motion import bases_between
 from regionik.planners.driving.footprint import FootprintScene, fits
 from regionik.planners.geometry.polylines import leg_lengths, spread_along
 from regionik.postures.arm_guard import Guard
-from regionik.postures.poses import LARGEST_BEND, Pose, axis_of, configuration_pose, turn_to
+from regionik.postures.poses import LARGEST_BEND, Pose, axis_of, configuration_pose, pose_of, turn_to
 from regionik.values import Configuration
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import World
 
 EVENLY = np.array([0.0, 1.0])  # from one knot to another
+WAYS = 16  # directions of drawing back
+TURN_STRIDE = 0.1  # largest turn of the base between two states [rad]
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,26 +39,16 @@ class Candidate:
 
 
 class BasePath(NamedTuple):
-    """A way of the base from one set-point to the next, knot by knot, and how far the tool is at each.
+    """A way of the base from one set-point to the next, knot by knot, and how far the tool is at each."""
 
-    Attributes
-    ----------
-    rolls : bool
-        How the base goes from knot to knot; see `regionik.worlds.drives.BaseDrive`.
-    knots : (k, 3) array
-        Base poses; where the heading is NaN it is free, and the place is that of the arm axis [m], [rad].
-    tool : (k,) array
-        0 at the first set-point, 1 at the second.
-    """
-
-    rolls: bool
+    rolls: bool  # how the base goes from knot to knot; see `regionik.worlds.drives.BaseDrive`
+    # (k, 3) base poses; where the heading is NaN it is free, and the place is that of the arm axis [m], [rad]
     knots: Array
-    tool: Array
+    tool: Array  # (k,) 0 at the first set-point, 1 at the second
 
     def places(self, leg: Index, share: Array) -> Array:
         """Poses (n, 3) at shares (n,) of legs (n,); leg k goes from knot k to the next."""
-        places: Array = bases_between(self.knots, leg, share, self.rolls)
-        return places
+        return bases_between(self.knots, leg, share, self.rolls)
 
 
 def simultaneous(rolls: bool, knots: Array) -> BasePath:
@@ -93,87 +86,75 @@ class StandingPaths:
     world: World
 
     def between(self, k: int, j: int, here: Array, goal: Array) -> Iterator[BasePath]:
-        """See `BasePaths`."""
         if np.array_equal(here, goal):
             yield simultaneous(self.world.robot.drive.rolls, np.stack([here, here]))
 
 
-class Driver(Protocol):
-    """One kind of base that moves."""
+@dataclass(frozen=True, eq=False)
+class Driver(ABC):
+    """One kind of base that moves: by its footprint, proven free, where it has no other way."""
 
-    @property
-    def methods(self) -> dict[str, int]:
-        """Number of moves that each method made."""
+    world: World
+    interpolator: Interpolator
+    standing: Standing
+    seed: int  # of sampling planners
+    methods: dict[str, int] = field(default_factory=dict)  # number of moves that each made
 
-    @property
-    def seed(self) -> int:
-        """Seed of sampling planners."""
+    @abstractmethod
+    def route(self, here: Pose, there: Pose, label: int, berth: float = 0.0) -> Array:
+        """Way over a piece of free floor, with ``berth`` more kept from its edge; raises NoPathError."""
+
+    @abstractmethod
+    def direct(self, here: Pose, there: Pose, label: int) -> list[Pose] | None:
+        """States of the straight motion between two poses; None where it leaves the floor."""
+
+    @abstractmethod
+    def paths(self, ladder: Ladder) -> BasePaths:
+        """Ways while the tool stays on its path."""
 
     def onto(self, here: Pose, label: int) -> list[Pose]:
         """From a pose onto the free floor of a piece, the arm still; the pose alone where it is there.
 
         Raises NoPathError.
         """
-
-    def route(self, here: Pose, there: Pose, label: int, berth: float = 0.0) -> Array:
-        """Way over a piece of free floor, with ``berth`` more kept from its edge; raises NoPathError."""
+        return [here]
 
     def states(self, here: Pose, there: Pose, route: Array) -> list[Pose]:
         """States strictly between two poses along a route."""
-
-    def direct(self, here: Pose, there: Pose, label: int) -> list[Pose] | None:
-        """States of the straight motion between two poses; None where it leaves the floor."""
+        return self.interpolator.over(here, there, route)
 
     def inside(self, at: Pose, label: int) -> bool:
         """True if the base may stand there."""
+        return bool(fits(self.room, *at.base))
 
     def extent(self, label: int) -> Array:
         """Least and greatest x and y of the arm axis on a piece of floor, (2, 2) [m]."""
+        return np.reshape(self.world.floor.polygon.bounds, (2, 2))
 
     def retreats(self, at: Pose, far: float, label: int) -> Iterator[list[Pose]]:
-        """Short ways off, the arm still, the likeliest first: states after the first, to the last."""
+        """Short ways off, the arm still: states after the first, to the last.
 
-    def paths(self, ladder: Ladder) -> BasePaths:
-        """Ways while the tool stays on its path."""
-
-
-@dataclass(frozen=True, eq=False)
-class ShapedDriver:
-    """A base whose footprint is moved as it is, proven free."""
-
-    world: World
-    interpolator: Interpolator
-    standing: Standing
-    seed: int
-    methods: dict[str, int] = field(default_factory=dict)
+        Straight off in sixteen directions, away from the tool first.
+        """
+        robot, axis = self.world.robot, axis_of(self.world.robot, at.base)
+        away = float(np.arctan2(*(axis - robot.tool(at.base, at.joints)[:2, 3])[::-1]))
+        turns = sorted(range(WAYS), key=lambda k: (min(k, WAYS - k), k))
+        for k in turns if far > 0 else turns[:1]:
+            angle = away + 2 * np.pi * k / WAYS
+            spot = axis + far * np.array([np.cos(angle), np.sin(angle)])
+            back = Pose(pose_of(robot, spot, at.base[2]), at.joints)
+            states = self.direct(at, back, label)
+            if states is not None:
+                yield [*states, back]
 
     @property
     def room(self) -> FootprintScene:
         """The footprint and all it keeps away from."""
         return room_for(self.world)
 
-    def onto(self, here: Pose, label: int) -> list[Pose]:
-        """It is there wherever it fits; see `Driver`."""
-        return [here]
-
-    def states(self, here: Pose, there: Pose, route: Array) -> list[Pose]:
-        """Joints spread over the base's poses; see `Driver`."""
-        return self.interpolator.over(here, there, route)
-
-    def inside(self, at: Pose, label: int) -> bool:
-        """See `Driver`."""
-        return bool(fits(self.room, *at.base))
-
-    def extent(self, label: int) -> Array:
-        """See `Driver`."""
-        return np.reshape(self.world.floor.polygon.bounds, (2, 2))
-
     def count(self, method: str) -> None:
         """Note that a method made a move."""
         self.methods[method] = self.methods.get(method, 0) + 1
-
-
-TURN_STRIDE = 0.1  # largest turn of the base between two states [rad]
 
 
 @dataclass(frozen=True, eq=False)

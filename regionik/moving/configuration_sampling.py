@@ -57,28 +57,14 @@ KEPT = 2  # postures that a place offers to one that asks
 
 @dataclass(eq=False)
 class Evidence:
-    """Record of a search at one set-point.
+    """Record of a search at one set-point."""
 
-    Attributes
-    ----------
-    places, postures : int
-        Places of the base and postures that were tried.
-    clear : int
-        How many of the postures were clear.
-    proven : int
-        Places at which there is proven to be no clear posture.
-    best : Touch or None
-        Of the posture that came nearest to being clear.
-    room : float
-        By how much that one keeps its distance; negative where it does not [m].
-    """
-
-    places: int = 0
-    postures: int = 0
-    clear: int = 0
-    proven: int = 0
-    best: Touch | None = None
-    room: float = -np.inf
+    places: int = 0  # of the base that were tried
+    postures: int = 0  # that were tried
+    clear: int = 0  # how many of the postures were clear
+    proven: int = 0  # places at which there is proven to be no clear posture
+    best: Touch | None = None  # of the posture that came nearest to being clear
+    room: float = -np.inf  # by how much that one keeps its distance; negative where it does not [m]
 
     def add(self, touch: Touch, room: float) -> None:
         """Note a posture that was tried."""
@@ -90,28 +76,16 @@ class Evidence:
 
 @dataclass(frozen=True, eq=False)
 class ConfigurationSampler:
-    """Finds clear configurations for the set-points of a world.
-
-    Attributes
-    ----------
-    world : World
-    guard : Guard
-    ladder : Ladder
-    standing : Standing
-    seed : int
-    layers : LayeredSearch, optional
-        Of a base on wheels; of another, and of one that stands still, there is none.
-    evidence : dict of int to Evidence
-        What was looked at, by set-point.
-    """
+    """Finds clear configurations for the set-points of a world."""
 
     world: World
     guard: Guard
     ladder: Ladder
     standing: Standing
     seed: int
+    # Of a base on wheels; of another, and of one that stands still, there is none
     layers: LayeredSearch | None = None
-    evidence: dict[int, Evidence] = field(default_factory=dict)
+    evidence: dict[int, Evidence] = field(default_factory=dict)  # what was looked at, by set-point
     _places: dict[int, Array] = field(default_factory=dict)
     _clear: dict[tuple[int, int], list[Candidate]] = field(default_factory=dict)
     _futile: dict[tuple[int, int], int] = field(default_factory=dict)
@@ -120,17 +94,9 @@ class ConfigurationSampler:
     def options(
         self, i: int, components: Sequence[int], here: Pose, nominal: Candidate
     ) -> Iterator[Candidate]:
-        """Clear configurations at set-point i, the likeliest first.
+        """Clear configurations at set-point i with the base in some components, the likeliest first.
 
-        Parameters
-        ----------
-        i : int
-        components : sequence of int
-            Where the base may stand.
-        here : Pose
-            Where the robot comes from.
-        nominal : Candidate
-            What M-FABRIK found for this set-point.
+        The robot comes from ``here``, and M-FABRIK found the ``nominal`` one.
         """
         poses = iter(()) if self.layers is None else self.layers.onward(i, components, here.base)
         found = one_after_another(self._stood(i, poses, here), self._options(i, components, here, nominal))
@@ -347,7 +313,6 @@ class ConfigurationSampler:
         return solver if heading is None else replace(solver, span=(heading, heading))
 
     def _spread(self, k: int) -> Array:
-        """Places spread over a component."""
         if k not in self._places:
             self._places[k] = spread(self.ladder.component[k], PLACES, self.seed)
         return self._places[k]

@@ -19,10 +19,10 @@ import shapely
 from shapely.geometry import LineString, Point, Polygon
 from shapely.geometry.base import BaseGeometry
 
-from regionik.areas.ground import GUARD, Geometries, ground_of
-from regionik.areas.standing import Index, Standing, into_span, room_for
+from regionik.areas.ground import GUARD, ground_of
+from regionik.areas.standing import Standing, into_span, room_for
 from regionik.ladder import Ladder
-from regionik.moving.base_motion import BasePath, Driver, Interpolator, ShapedDriver, halting, simultaneous
+from regionik.moving.base_motion import BasePath, Driver, Interpolator, halting, simultaneous
 from regionik.planners.driving.arcs import WheeledPath, arc_end
 from regionik.planners.driving.footprint import FootprintScene, arc_is_free, footprint_scene, slide_is_free
 from regionik.planners.driving.footprint_planner import drive_footprint, path_through_slabs
@@ -34,7 +34,6 @@ from regionik.postures.poses import Pose, axis_of, pose_of
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import World
 
-WAYS = 16  # directions of drawing back
 INSET = 0.002  # kept from the edge of what two areas share, where there is room [m]
 TURN_PART = 0.1  # of a turn about the arm axis, which a base frame elsewhere does by short slides [rad]
 
@@ -48,18 +47,13 @@ def driver_for(world: World, interpolator: Interpolator, standing: Standing, see
 
 
 @dataclass(frozen=True, eq=False)
-class AnyHeadingDriver:
+class AnyHeadingDriver(Driver):
     """On floor that is free at every heading: the arm axis is driven as a point."""
 
-    world: World
-    interpolator: Interpolator
-    standing: Standing
-    seed: int
-    methods: dict[str, int] = field(default_factory=dict)
     _floors: dict[int, FlatPolygon] = field(default_factory=dict)
 
     def onto(self, here: Pose, label: int) -> list[Pose]:
-        """A robot may start where only its heading keeps it clear; see `Driver`."""
+        """A robot may start where only its heading keeps it clear."""
         axis = axis_of(self.world.robot, here.base)
         spot = _nearest_inside(self._piece(label), axis)
         if spot is axis:
@@ -69,7 +63,7 @@ class AnyHeadingDriver:
         return [here, *shaped.states(here, there, shaped.route(here, there, label)), there]
 
     def route(self, here: Pose, there: Pose, label: int, berth: float = 0.0) -> Array:
-        """Of the arm axis, (k, 2); see `Driver`."""
+        """Of the arm axis, (k, 2)."""
         a, b = (axis_of(self.world.robot, pose.base) for pose in (here, there))
         piece = self._piece(label)
         free = piece.buffer(-berth) if berth else piece
@@ -89,40 +83,31 @@ class AnyHeadingDriver:
             found = drive_point_inside(free, flat, *spots, step=step, seed=self.seed)
         else:
             found = drive_point(free, *spots, step=step, seed=self.seed)
-        self.methods[found.method] = self.methods.get(found.method, 0) + 1
+        self.count(found.method)
         points = np.array(found.points)
         points[0], points[-1] = a, b
         return points
 
     def states(self, here: Pose, there: Pose, route: Array) -> list[Pose]:
-        """Heading and joints spread over the route; see `Driver`."""
+        """Heading and joints spread over the route."""
         return self.interpolator.along(here, there, route)
 
     def direct(self, here: Pose, there: Pose, label: int) -> list[Pose] | None:
-        """The axis moves straight; see `Driver`."""
+        """The axis moves straight."""
         a, b = (axis_of(self.world.robot, pose.base) for pose in (here, there))
         return self.interpolator.straight(here, there) if self._flat(label).sees(a, b) else None
 
     def inside(self, at: Pose, label: int) -> bool:
-        """See `Driver`."""
         return self._flat(label).holds(axis_of(self.world.robot, at.base))
 
     def extent(self, label: int) -> Array:
-        """See `Driver`."""
         return np.reshape(self._piece(label).bounds, (2, 2))
 
-    def retreats(self, at: Pose, far: float, label: int) -> Iterator[list[Pose]]:
-        """Straight off in sixteen directions, away from the tool first; see `Driver`."""
-        return _retreats(self, at, far, label)
-
     def paths(self, ladder: Ladder) -> AnyHeadingPaths:
-        """See `Driver`."""
         return AnyHeadingPaths(self.world, ladder, self)
 
     def _piece(self, label: int) -> BaseGeometry:
-        """A piece of the free floor."""
-        piece: BaseGeometry = self.standing.pieces.polygon[label]
-        return piece
+        return self.standing.pieces.polygon[label]
 
     def _flat(self, label: int) -> FlatPolygon:
         """A piece of the free floor for kernels, kept."""
@@ -132,11 +117,11 @@ class AnyHeadingDriver:
 
 
 @dataclass(frozen=True, eq=False)
-class ByHeadingDriver(ShapedDriver):
+class ByHeadingDriver(Driver):
     """It turns so as to pass where its circle would not."""
 
     def route(self, here: Pose, there: Pose, label: int, berth: float = 0.0) -> Array:
-        """Of the base, (n, 3); see `Driver`."""
+        """Of the base, (n, 3)."""
         ground, robot = ground_of(self.world), self.world.robot
         found = drive_footprint(
             robot.footprint,
@@ -151,21 +136,16 @@ class ByHeadingDriver(ShapedDriver):
         return found.poses
 
     def direct(self, here: Pose, there: Pose, label: int) -> list[Pose] | None:
-        """The base goes straight and turns evenly; see `Driver`."""
+        """The base goes straight and turns evenly."""
         bases = np.stack([here.base, there.base])
         return self.interpolator.over(here, there, bases) if slide_is_free(self.room, *bases) else None
 
-    def retreats(self, at: Pose, far: float, label: int) -> Iterator[list[Pose]]:
-        """Straight off in sixteen directions, away from the tool first; see `Driver`."""
-        return _retreats(self, at, far, label)
-
     def paths(self, ladder: Ladder) -> ByHeadingPaths:
-        """See `Driver`."""
         return ByHeadingPaths(self.world, ladder, self.standing, self.seed)
 
 
 @dataclass(frozen=True, eq=False)
-class WheeledDriver(ShapedDriver):
+class WheeledDriver(Driver):
     """A base that rolls along lines and arcs, or turns on the spot."""
 
     def path(self, room: FootprintScene, a: Array, b: Array) -> WheeledPath:
@@ -176,19 +156,19 @@ class WheeledDriver(ShapedDriver):
         return drive_car(room, a, b, turning_radius=drive.turning_radius, seed=self.seed)
 
     def route(self, here: Pose, there: Pose, label: int, berth: float = 0.0) -> Array:
-        """Of the base, (n, 3), each hop a line, an arc or a turn on the spot; see `Driver`."""
+        """Of the base, (n, 3), each hop a line, an arc or a turn on the spot."""
         room = self.room._replace(clearance=self.room.clearance + berth) if berth else self.room
         path = self.path(room, here.base, there.base)
         self.count(path.method)
         return path.sample(self.world.rules.step)
 
     def direct(self, here: Pose, there: Pose, label: int) -> list[Pose] | None:
-        """Straight motions of base and arm are no rolling; see `Driver`."""
+        """Straight motions of base and arm are no rolling."""
         still = np.array_equal(here.base, there.base)
         return self.interpolator.over(here, there, np.stack([here.base, there.base])) if still else None
 
     def retreats(self, at: Pose, far: float, label: int) -> Iterator[list[Pose]]:
-        """Straight back and straight ahead; see `Driver`."""
+        """Straight back and straight ahead."""
         x, y, yaw = at.base
         for length in (-far, far) if far else (0.0,):
             if arc_is_free(self.room, at.base, length, 0.0):
@@ -196,7 +176,6 @@ class WheeledDriver(ShapedDriver):
                 yield [*self.interpolator.over(at, back, np.stack([at.base, back.base])), back]
 
     def paths(self, ladder: Ladder) -> WheeledPaths:
-        """See `Driver`."""
         return WheeledPaths(self.world, self)
 
 
@@ -209,7 +188,6 @@ class AnyHeadingPaths:
     driver: AnyHeadingDriver
 
     def between(self, k: int, j: int, here: Array, goal: Array) -> Iterator[BasePath]:
-        """See `BasePaths`."""
         a, b = (axis_of(self.world.robot, pose) for pose in (here, goal))
         if self._within(k, j, a, b):
             yield simultaneous(False, _at_any_heading(np.array([a, b])))
@@ -249,7 +227,6 @@ class ByHeadingPaths:
     _slabs: dict[int, tuple[Slab, ...]] = field(default_factory=dict)
 
     def between(self, k: int, j: int, here: Array, goal: Array) -> Iterator[BasePath]:
-        """See `BasePaths`."""
         if slide_is_free(room_for(self.world), here, goal):
             yield simultaneous(False, np.stack([here, goal]))
         over = self._shared(k, j, here, goal)
@@ -294,17 +271,12 @@ class ByHeadingPaths:
         """Areas that the components of a group cover, slab by slab."""
         group = int(self.ladder.group[k])
         if group not in self._slabs:
-            members = np.flatnonzero(self.ladder.group == group)
+            members, part = self.ladder.group == group, self.ladder.component
             self._slabs[group] = tuple(
-                Slab(*side.span, shapely.union_all(self._of_side(members, s)), shapely.Polygon())
-                for s, side in enumerate(self.standing.sides)
+                Slab(*one.span, shapely.union_all(part[members & (self.ladder.side == s)]), shapely.Polygon())
+                for s, one in enumerate(self.standing.sides)
             )
         return self._slabs[group]
-
-    def _of_side(self, members: Index, s: int) -> Geometries:
-        """Components of one side among the members of a group."""
-        part: Geometries = self.ladder.component[members[self.ladder.side[members] == s]]
-        return part
 
 
 @dataclass(frozen=True, eq=False)
@@ -315,7 +287,6 @@ class WheeledPaths:
     driver: WheeledDriver
 
     def between(self, k: int, j: int, here: Array, goal: Array) -> Iterator[BasePath]:
-        """See `BasePaths`."""
         if np.array_equal(here, goal):
             yield simultaneous(True, np.stack([here, here]))
             return
@@ -350,23 +321,6 @@ def _nearest_inside(free: BaseGeometry, spot: Array) -> Array:
     if free.covers(point):
         return spot
     return np.array(shapely.shortest_line(free, point).coords[0])
-
-
-def _retreats(
-    driver: AnyHeadingDriver | ByHeadingDriver, at: Pose, far: float, label: int
-) -> Iterator[list[Pose]]:
-    """Straight motions off, away from the tool first."""
-    robot = driver.world.robot
-    axis = axis_of(robot, at.base)
-    away = float(np.arctan2(*(axis - robot.tool(at.base, at.joints)[:2, 3])[::-1]))
-    turns = sorted(range(WAYS), key=lambda k: (min(k, WAYS - k), k))
-    for k in turns if far > 0 else turns[:1]:
-        angle = away + 2 * np.pi * k / WAYS
-        spot = axis + far * np.array([np.cos(angle), np.sin(angle)])
-        back = Pose(pose_of(robot, spot, at.base[2]), at.joints)
-        states = driver.direct(at, back, label)
-        if states is not None:
-            yield [*states, back]
 
 
 def _at_any_heading(axes: Array) -> Array:

@@ -49,56 +49,27 @@ Mask = NDArray[np.bool_]
 
 @dataclass(frozen=True, eq=False)
 class Layer:
-    """Nodes at one set-point: facing of the arm, heading, and cell of the grid.
+    """Nodes at one set-point: facing of the arm, heading, and cell of the grid."""
 
-    Attributes
-    ----------
-    corner : (2,) array of int
-        Cell with the index 0, 0.
-    owner : (f, 16, nx, ny) array of int
-        Component that holds the node, -1 for none.
-    value : (f, 16, nx, ny) array
-        Least cost to do the rest of the path from it, infinite where there is no node [m].
-    """
-
-    corner: Index
-    owner: Labels
+    corner: Index  # (2,) cell with the index 0, 0
+    owner: Labels  # (f, 16, nx, ny) component that holds the node, -1 for none
+    # (f, 16, nx, ny) least cost to do the rest of the path from it, infinite where there is no node [m]
     value: Array
 
 
 @dataclass(frozen=True, eq=False)
 class LayeredSearch:
-    """Poses of a base on wheels for every set-point of a pruned ladder, by what the rest of the path costs.
-
-    Attributes
-    ----------
-    world : World
-    ladder : Ladder
-    keep : (m,) array of bool
-        Components that pruning left.
-    breaks : tuple of int
-        Set-points before which it lifts the tool.
-    standing : Standing
-    """
+    """Poses of a base on wheels for all set-points of a pruned ladder, by what the rest of the path costs."""
 
     world: World
     ladder: Ladder
-    keep: Mask
-    breaks: tuple[int, ...]
+    keep: Mask  # (m,) components that pruning left
+    breaks: tuple[int, ...]  # set-points before which it lifts the tool
     standing: Standing
     _layers: dict[int, Layer] = field(default_factory=dict)
 
     def onward(self, i: int, components: Sequence[int], here: Array) -> Iterator[tuple[Array, int]]:
-        """Poses at set-point i and the components they lie in, the best first, that the base steers to.
-
-        Parameters
-        ----------
-        i : int
-        components : sequence of int
-            Where the base may stand.
-        here : (3,) array
-            Base pose at first.
-        """
+        """Poses at set-point i, each in one of some components, that the base steers to, the best first."""
         return ((pose, k) for pose, k, steered in self._ranked(i, components, here) if steered)
 
     def arrivals(self, i: int, components: Sequence[int], here: Array) -> Iterator[tuple[Array, int]]:
@@ -214,12 +185,11 @@ class LayeredSearch:
         """Lower bound of the cost of steering to poses (n, 3), (n,) [m]."""
         drive, (dx, dy, turn) = self.world.robot.drive, (poses - here).T
         far, turn = np.hypot(dx, dy), np.abs(np.remainder(turn + np.pi, 2 * np.pi) - np.pi)
-        least: Array = (
+        return (
             far + TURN_WEIGHT * turn
             if drive.turns_on_the_spot
             else np.maximum(far, drive.turning_radius * turn)
         )
-        return least
 
     def _steered(self, i: int, here: Array, there: Array) -> float:
         """Cost of steering to a pose of set-point i, infinite where that is not free or leaves nodes [m]."""
@@ -239,8 +209,7 @@ class LayeredSearch:
         cell[~inside] = 0
         free: Mask = np.max(layer.owner, axis=0) >= 0
         taken = free[off.argmin(axis=1), cell[:, 0], cell[:, 1]]
-        held: Mask = np.logical_and(inside, taken)
-        return held
+        return np.logical_and(inside, taken)
 
     @cached_property
     def _steering(self) -> Steering:
@@ -263,8 +232,7 @@ class LayeredSearch:
     @cached_property
     def _yaws(self) -> Array:
         """Headings of the lattice, (16,) [rad]."""
-        yaws: Array = HEADINGS + np.arctan2(*self._turn[:, 0][::-1])
-        return yaws
+        return HEADINGS + np.arctan2(*self._turn[:, 0][::-1])
 
     @cached_property
     def _turn(self) -> Array:
@@ -281,7 +249,6 @@ class LayeredSearch:
         return float(np.clip(np.median(np.max(high - low, axis=1)) / ACROSS, *CELL))
 
     def _kept(self, i: int) -> list[int]:
-        """Components of a set-point that pruning left."""
         rungs = self.ladder.rungs
         return [k for k in range(rungs[i], rungs[i + 1]) if self.keep[k]]
 
@@ -292,10 +259,7 @@ class LayeredSearch:
 
     def _poses(self, corner: Index, nodes: Index) -> Array:
         """Base poses (n, 3) of nodes (n, 3): heading, and cell from a corner."""
-        poses: Array = np.column_stack(
-            [(corner + nodes[:, 1:]) * self.cell @ self._turn.T, self._yaws[nodes[:, 0]]]
-        )
-        return poses
+        return np.column_stack([(corner + nodes[:, 1:]) * self.cell @ self._turn.T, self._yaws[nodes[:, 0]]])
 
 
 def _box(low: Index, high: Index) -> tuple[slice, ...]:

@@ -57,25 +57,13 @@ class SegmentPoint(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class PathSegment:
-    """Motion of base, tool and arm from one set-point to the next, even from knot to knot of the base's way.
-
-    Attributes
-    ----------
-    base : BasePath
-    asked : (Target, Target)
-        At both set-points.
-    joints : (2, dof) array
-        Postures wished for there.
-    family : (Family, Family)
-    stride : float
-        Longest part of the base's way, or of the tool's, between two states [m].
-    """
+    """Motion of base, tool and arm from one set-point to the next, even from knot to knot of its way."""
 
     base: BasePath
-    asked: tuple[Target, Target]
-    joints: Array
+    asked: tuple[Target, Target]  # at both set-points
+    joints: Array  # (2, dof) postures wished for there
     family: tuple[Family, Family]
-    stride: float
+    stride: float  # longest part of the base's way, or of the tool's, between two states [m]
 
     @property
     def bare(self) -> bool:
@@ -118,24 +106,18 @@ class PathSegment:
 
     def _tool(self, at: SegmentPoint) -> list[float]:
         """Shares of the tool's way at both ends of a leg."""
-        tool: list[float] = self.base.tool[at.leg : at.leg + 2].tolist()
-        return tool
+        return self.base.tool[at.leg : at.leg + 2].tolist()
 
 
 @dataclass(frozen=True, eq=False)
 class PathFollower:
-    """Moves the robot with its tool on the path.
-
-    Attributes
-    ----------
-    stops : dict of int to Touch
-        What the arm met first on the way on from a set-point.
-    """
+    """Moves the robot with its tool on the path."""
 
     world: World
     ladder: Ladder
     guard: Guard
     paths: BasePaths
+    # What the arm met first on the way on from a set-point
     stops: dict[int, Touch] = field(default_factory=dict)
     _solvers: dict[Family, Solver] = field(default_factory=dict)
 
@@ -254,5 +236,4 @@ def _solve(solver: Solver, segment: PathSegment, at: SegmentPoint, near: Pose) -
 
 
 def _columns(places: list[SegmentPoint]) -> tuple[Index, Array]:
-    """Legs and shares of places."""
     return np.array([one.leg for one in places]), np.array([one.share for one in places])

@@ -23,6 +23,7 @@ from regionik.moving.layered_search import LayeredSearch
 from regionik.moving.path_following import PathFollower
 from regionik.moving.transit import TransitPlanner
 from regionik.planners.driving.point_planner import NoPathError
+from regionik.planners.progress import tell
 from regionik.postures.arm_guard import Guard, guard_of
 from regionik.postures.poses import Pose, Row, arrays, columns, pose_between
 from regionik.values import Configuration, Motion
@@ -39,20 +40,11 @@ Carry = Callable[[Pose, Pose, int], list[Pose] | None]
 
 @dataclass(frozen=True, eq=False)
 class JoinedMotion:
-    """Configurations joined to one motion.
-
-    Attributes
-    ----------
-    motion : Motion
-    setpoints : tuple of Configuration
-        As the motion passes them: the arm re-solved along the way.
-    methods : dict
-        How many base moves each method of `drive` made.
-    """
+    """Configurations joined to one motion."""
 
     motion: Motion
-    setpoints: tuple[Configuration, ...]
-    methods: dict[str, int]
+    setpoints: tuple[Configuration, ...]  # as the motion passes them: the arm re-solved along the way
+    methods: dict[str, int]  # how many base moves each method of `drive` made
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,6 +117,7 @@ class PathSearch:
         """
         steps = [SearchStep(first, [], ahead(i, first))]
         best, tried, seen = list(steps), 0, set[Candidate]()
+        tell("run", 0, count)
         while steps and len(best) < count and tried < patience:
             candidate = next(steps[-1].ahead, None)
             if candidate is None:
@@ -142,6 +135,8 @@ class PathSearch:
             steps.append(SearchStep(arrived, rows[:-1], ahead(k, arrived)))
             if len(steps) > len(best):
                 best, tried = list(steps), 0
+                tell("run", len(best), count)
+        tell("run", count, count)
         return best
 
     def _arrived(self, i: int, candidate: Candidate, pose: Pose) -> Candidate:

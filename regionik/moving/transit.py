@@ -15,7 +15,7 @@ import numpy as np
 from regionik.moving.base_motion import Driver, Interpolator
 from regionik.planners.collision.proximity import Touch
 from regionik.planners.driving.point_planner import NoPathError
-from regionik.planners.driving.sampling import PlanningProblem, State, connect
+from regionik.planners.driving.sampling import PlanningProblem, connect
 from regionik.postures.arm_guard import Guard
 from regionik.postures.poses import Pose, arm_states, axis_of, distinct, pose_of, turn_to
 from regionik.worlds.arms import pivot_index, with_pivot
@@ -33,18 +33,13 @@ STATIONS = 3  # places to fold at that are looked at, from where the robot is on
 
 @dataclass(frozen=True, eq=False)
 class TransitPlanner:
-    """Moves the robot with its tool lifted.
-
-    Attributes
-    ----------
-    refusals : list of NoPathError
-        Why the base found no way, one for each time it did not.
-    """
+    """Moves the robot with its tool lifted."""
 
     world: World
     guard: Guard
     interpolator: Interpolator
     driver: Driver
+    # Why the base found no way, one for each time it did not
     refusals: list[NoPathError] = field(default_factory=list)
     _missed: dict[str, int] = field(default_factory=dict)  # how often the arm did not come to be carried so
 
@@ -64,7 +59,7 @@ class TransitPlanner:
             way, method = self._arm_first(lead[-1], there, piece), "arm alone"
         if way is None:
             return None
-        self.driver.methods[method] = self.driver.methods.get(method, 0) + 1
+        self.driver.count(method)
         return [*lead[1:], *way]
 
     def _whole_body(self, here: Pose, there: Pose, piece: int) -> list[Pose] | None:
@@ -217,10 +212,6 @@ class ArmPlanner:
 
     def way(self, here: Pose, joints: Array) -> list[Pose] | None:
         """States after a pose, to the last with other joints, proven clear; None where none were found."""
-
-        def pose(state: State) -> Pose:
-            return Pose(here.base, np.array([state[i] for i in range(len(joints))]))
-
         there = Pose(here.base, joints)
         if np.array_equal(here.joints, joints):
             return []
@@ -228,8 +219,8 @@ class ArmPlanner:
             return [*arm_states(here, there), there]
         problem = PlanningProblem(
             *joint_box(self.world.robot.chain, here.joints, joints), here.joints, joints,
-            lambda state: self.interpolator.guard.proves(pose(state)),
-            lambda p, q: self._goes(pose(p), pose(q)),
+            lambda q: self.interpolator.guard.proves(Pose(here.base, q)),
+            lambda p, q: self._goes(Pose(here.base, p), Pose(here.base, q)),
         )  # fmt: skip
         path = connect(problem, seed=self.seed, iterations=ARM_ITERATIONS, stride=STRIDE)
         if path is None:
@@ -270,20 +261,18 @@ class WholeBodyPlanner:
 
     def way(self, here: Pose, there: Pose) -> list[Pose] | None:
         """Poses from one to another, both included, with clear straight motions between them."""
-
-        def free(state: State) -> bool:
-            at = self._pose(self._read(state))
-            return self.driver.inside(at, self.piece) and self.interpolator.guard.proves(at)
-
-        def clear(p: State, q: State) -> bool:
-            return self._goes(self._pose(self._read(p)), self._pose(self._read(q)))
-
         start, goal = self._row(here, here), self._row(there, here)
-        problem = PlanningProblem(*self._box(start, goal), start, goal, free, clear)
+        problem = PlanningProblem(
+            *self._box(start, goal), start, goal, lambda q: self._free(self._pose(q)),
+            lambda p, q: self._goes(self._pose(p), self._pose(q)),
+        )  # fmt: skip
         path = connect(problem, seed=self.driver.seed, iterations=ITERATIONS, stride=STRIDE)
         if path is None:
             return None
-        return shortened([here, *(self._pose(self._read(q)) for q in path[1:-1]), there], self._goes)
+        return shortened([here, *(self._pose(q) for q in path[1:-1]), there], self._goes)
+
+    def _free(self, at: Pose) -> bool:
+        return self.driver.inside(at, self.piece) and self.interpolator.guard.proves(at)
 
     def _goes(self, here: Pose, there: Pose) -> bool:
         """True if a straight motion stays on the free floor and keeps the arm clear."""
@@ -296,15 +285,10 @@ class WholeBodyPlanner:
         return np.array([*axis_of(self.world.robot, pose.base), yaw, *pose.joints])
 
     def _pose(self, q: Array) -> Pose:
-        """Pose of a row as `_row` makes them."""
-        return Pose(pose_of(self.world.robot, q[:2], float(q[2])), q[3:])
-
-    def _read(self, state: State) -> Array:
-        """Row of a sampled state, its heading the fixed one where the rules ask for that."""
-        q = np.array([state[i] for i in range(3 + self.world.robot.chain.dof)])
-        if self.world.rules.heading == "fixed" and self.world.start is not None:
-            q[2] = self.world.start.base[2]
-        return q
+        """Pose of a row as `_row` makes them, its heading the fixed one where the rules ask for that."""
+        start = self.world.start if self.world.rules.heading == "fixed" else None
+        yaw = q[2] if start is None else start.base[2]
+        return Pose(pose_of(self.world.robot, q[:2], float(yaw)), q[3:])
 
     def _box(self, start: Array, goal: Array) -> tuple[Array, Array]:
         """Bounds to sample within: the floor's extent, a turn about the start's heading, joint limits."""

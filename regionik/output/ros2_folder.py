@@ -1,17 +1,12 @@
-"""A timed plan as a folder for ROS 2: messages of arm, base and world, parameters, a script and a bag.
-
-The only file that imports rosbags.
-"""
+"""A timed plan as a folder for ROS 2: messages of arm, base and world, parameters, a script and a bag."""
 
 from __future__ import annotations
 
-import tempfile
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
+from regionik.output.bag import Event, bag_files, motion_events
 from regionik.output.planning_scene import planning_scene
 from regionik.output.ros2 import (
     FRAME,
@@ -19,13 +14,10 @@ from regionik.output.ros2 import (
     base_trajectory,
     joint_trajectory,
     message_text,
-    nanoseconds,
     path_message,
-    stamp,
 )
 from regionik.timing.trajectory import sample_plan
-from regionik.values import Plan
-from regionik.worlds.errors import InputError
+from regionik.values import Motion, Plan
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import World
 from regionik.worlds.speeds import Speeds
@@ -52,8 +44,9 @@ robot_trajectory.yaml moveit_msgs/msg/RobotTrajectory, of both
 planning_scene.yaml   moveit_msgs/msg/PlanningScene, the world's solids as a difference
 ros2_control.yaml     parameters of a controller manager with a trajectory controller for the arm
 nav2.yaml             parameters of nav2's controller server and local costmap for the base
-settings.yaml         what execute_plan.py asks of the base
-execute_plan.py       sends the arm's trajectory, leads the base along its own, stops both where one fails
+settings.yaml         what execute_plan.py asks of the base, and from when to when the tool is on its path [s]
+execute_plan.py       sends the arm's trajectory, leads the base along its own, stops both where one fails,
+                      and says on /tool_on when the tool is on its path
 bag/                  rosbag2 (MCAP) of /tf, /joint_states and the messages above, for RViz and Foxglove
 """
 
@@ -92,12 +85,27 @@ def ros2_files(plan: Plan, rate: float | None = None, frame: str = FRAME) -> dic
             "base_frame": plan.world.frames.base_link,
             "base_velocity": float(speeds.base_velocity),
             "turn_velocity": float(speeds.turn_velocity),
+            "tool_on": tool_spans(plan.motion),
         },
     }
     texts = {f"{name}.yaml": message_text(document, ".yaml") for name, document in documents.items()}
     about = README.format(world=plan.world.name, duration=float(plan.motion.time[-1]), frame=frame)
-    bag = bag_files(plan, rate, frame, {ARM: arm, BASE_MOTION: base, PATH: path})
+    events = [
+        Event(0, f"/{ARM}", "trajectory_msgs/msg/JointTrajectory", arm),
+        Event(0, f"/{BASE_MOTION}", "trajectory_msgs/msg/MultiDOFJointTrajectory", base),
+        Event(0, f"/{PATH}", "nav_msgs/msg/Path", path),
+        *motion_events(plan.world, sample_plan(plan, rate).sample, frame),
+    ]
+    bag = {f"bag/{name}": content for name, content in bag_files(events).items()}
     return {**texts, SCRIPT: _SCRIPT_TEXT.read_text("utf-8"), "README.txt": about, **bag}
+
+
+def tool_spans(motion: Motion) -> list[Message]:
+    """Times from when to when the tool of a timed motion is on its path, one after the other [s]."""
+    working = np.concatenate([[False], motion.kind != "transit", [False]])
+    first, end = np.flatnonzero(np.diff(working)).reshape(-1, 2).T
+    spans = zip(motion.time[first].tolist(), motion.time[end - 1].tolist(), strict=True)
+    return [{"from": begin, "to": done} for begin, done in spans]
 
 
 def arm_parameters(robot: Robot) -> Message:
@@ -148,83 +156,3 @@ def base_parameters(world: World, frame: str) -> Message:
         "controller_server": {"ros__parameters": server},
         "local_costmap": {"local_costmap": {"ros__parameters": costmap}},
     }
-
-
-# --- the bag
-
-
-def bag_files(plan: Plan, rate: float, frame: str, whole: dict[str, Message]) -> dict[str, bytes]:
-    """Files of a rosbag2 with MCAP storage: /tf and /joint_states at a rate, and whole messages at 0 s."""
-    try:
-        from rosbags.rosbag2 import StoragePlugin, Writer
-        from rosbags.typesys import Stores, get_typestore
-    except ImportError as error:
-        raise InputError(f"a folder for ROS 2 needs regionik[ros2]: {error}") from None
-    store = get_typestore(Stores.ROS2_HUMBLE)
-    kinds = {
-        f"/{ARM}": "trajectory_msgs/msg/JointTrajectory",
-        f"/{BASE_MOTION}": "trajectory_msgs/msg/MultiDOFJointTrajectory",
-        f"/{PATH}": "nav_msgs/msg/Path",
-        "/tf": "tf2_msgs/msg/TFMessage",
-        "/joint_states": "sensor_msgs/msg/JointState",
-    }
-    with tempfile.TemporaryDirectory() as place:
-        bag = Path(place) / "bag"
-        with Writer(bag, version=9, storage_plugin=StoragePlugin.MCAP) as writer:
-            topics = {
-                topic: writer.add_connection(topic, kind, typestore=store) for topic, kind in kinds.items()
-            }
-            events = [(0, f"/{name}", document) for name, document in whole.items()]
-            for time, topic, document in [*events, *_states(plan, rate, frame)]:
-                message = _ros_message(store, kinds[topic], document)
-                writer.write(topics[topic], time, store.serialize_cdr(message, kinds[topic]))
-        return {f"bag/{path.name}": path.read_bytes() for path in sorted(bag.iterdir())}
-
-
-def _states(plan: Plan, rate: float, frame: str) -> list[tuple[int, str, Message]]:
-    """Times [ns], topics and messages of the robot's motion."""
-    sample, robot, frames = sample_plan(plan, rate).sample, plan.world.robot, plan.world.frames
-    names = list(robot.chain.names)
-    T_base_tool = robot.tool(np.zeros_like(sample.base), sample.joints)
-    turns = Rotation.from_matrix(T_base_tool[:, :3, :3]).as_quat()
-    found: list[tuple[int, str, Message]] = []
-    for k, time in enumerate(nanoseconds(sample.time).tolist()):
-        header = {"stamp": stamp(time), "frame_id": frame}
-        x, y, yaw = sample.base[k].tolist()
-        turn = {"x": 0.0, "y": 0.0, "z": float(np.sin(yaw / 2)), "w": float(np.cos(yaw / 2))}
-        place = {"translation": {"x": x, "y": y, "z": 0.0}, "rotation": turn}
-        moved = {"header": header, "child_frame_id": frames.base_link, "transform": place}
-        held = dict(zip("xyz", T_base_tool[k, :3, 3].tolist(), strict=True))
-        tool = {
-            "header": {"stamp": stamp(time), "frame_id": frames.base_link},
-            "child_frame_id": frames.tool0,
-            "transform": {"translation": held, "rotation": dict(zip("xyzw", turns[k].tolist(), strict=True))},
-        }
-        joints = {
-            "header": {"stamp": stamp(time), "frame_id": ""},
-            "name": names,
-            "position": sample.joints[k].tolist(),
-            "velocity": sample.joint_velocity[k].tolist(),
-            "effort": [],
-        }
-        found += [(time, "/tf", {"transforms": [moved, tool]}), (time, "/joint_states", joints)]
-    return found
-
-
-def _ros_message(store: Any, kind: str, document: Message) -> Any:
-    """Return a message of a type store, made of a document with all its fields."""
-    fields = {name: _field(store, type_, document[name]) for name, type_ in store.fielddefs[kind][1]}
-    return store.types[kind](**fields)
-
-
-def _field(store: Any, type_: Any, value: Any) -> Any:
-    """Return a field's value as the store wants it: plain, a message, or a sequence of either."""
-    node, inner = type_
-    if node.name == "NAME":
-        return _ros_message(store, inner, value)
-    if node.name not in ("SEQUENCE", "ARRAY"):
-        return value
-    element, name = inner[0]
-    if element.name == "NAME":
-        return [_ros_message(store, name, item) for item in value]
-    return list(value) if name[0] == "string" else np.array(value, dtype=name[0])

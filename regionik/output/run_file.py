@@ -1,4 +1,4 @@
-"""A simulated run as a table."""
+"""A simulated run as a table, and as a bag for Foxglove and RViz."""
 
 from __future__ import annotations
 
@@ -7,7 +7,10 @@ import io
 
 import numpy as np
 
+from regionik.output.bag import Event, bag_files, motion_events
+from regionik.output.ros2 import PATH, nanoseconds, path_message
 from regionik.simulation.run import SimulatedRun
+from regionik.timing.trajectory import TrajectorySample
 
 _BASE = ("base_x", "base_y", "base_yaw")
 
@@ -31,3 +34,27 @@ def run_to_csv(run: SimulatedRun) -> str:
     for row, on_path in zip(numbers.tolist(), run.reference.on_path.tolist(), strict=True):
         writer.writerow([*row, int(on_path)])
     return text.getvalue()
+
+
+def run_to_mcap(run: SimulatedRun) -> bytes:
+    """MCAP of a run: /tf and /joint_states as they were, /planned_path of the base, /tool_error, /contacts.
+
+    Raises
+    ------
+    InputError
+        Where rosbags is not installed.
+    """
+    world, frame = run.plan.world, run.plan.world.frames.map
+    base_rate, joint_rate = run.velocity[:, :3], run.velocity[:, 3:]
+    unknown = np.full_like(base_rate, np.nan), np.full_like(joint_rate, np.nan)
+    sample = TrajectorySample(run.time, run.base, run.joints, base_rate, joint_rate, *unknown)
+    errors = zip(nanoseconds(run.time).tolist(), run.tool_error.tolist(), strict=True)
+    events = [
+        Event(0, "/planned_path", PATH, path_message(run.plan, frame=frame)),
+        *(Event(time, "/tool_error", "std_msgs/msg/Float64", {"data": error}) for time, error in errors),
+        *motion_events(world, sample, frame),
+    ]
+    for contact in run.contacts:
+        moment = int(nanoseconds(np.array([contact.time]))[0])
+        events.append(Event(moment, "/contacts", "std_msgs/msg/String", {"data": contact.text}))
+    return bag_files(events)["bag.mcap"]

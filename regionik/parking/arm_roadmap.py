@@ -26,19 +26,11 @@ TRIES = 4  # motions to a posture that are looked at
 
 @dataclass(frozen=True, eq=False)
 class ArmRoadmap:
-    """Tree of postures on one pose of the base.
+    """Tree of postures on one pose of the base."""
 
-    Attributes
-    ----------
-    base : (3,) array
-    joints : (n, dof) array
-        Postures, the root first.
-    parent : (n,) array of int
-        Posture that each is joined to by a straight motion that is proven clear; -1 for the root.
-    """
-
-    base: Array
-    joints: Array
+    base: Array  # (3,)
+    joints: Array  # (n, dof) postures, the root first
+    # (n,) posture that each is joined to by a straight motion that is proven clear; -1 for the root
     parent: Index
 
     def way(self, guard: Guard, here: Array, there: Array) -> list[Pose] | None:
@@ -93,24 +85,14 @@ class ArmRoadmap:
 
 @dataclass(frozen=True, eq=False)
 class HeldPostures:
-    """Postures at set-points in a row from one pose of the base.
+    """Postures at set-points in a row from one pose of the base."""
 
-    Attributes
-    ----------
-    base : (3,) array
-    served : tuple of int
-        Indices of the k set-points among those asked for: the first k, or any where their order is free.
-    joints : (k, dof) array
-    spare : float
-        Least distance of a joint to a limit, as a share of its range.
-    roadmap : ArmRoadmap or None
-        Of ways from one posture to another and to the carry posture, where those are known.
-    """
-
-    base: Array
+    base: Array  # (3,)
+    # Indices of the k set-points among those asked for: the first k, or any where their order is free
     served: tuple[int, ...]
-    joints: Array
-    spare: float
+    joints: Array  # (k, dof)
+    spare: float  # least distance of a joint to a limit, as a share of its range
+    # Of ways from one posture to another and to the carry posture, where those are known
     roadmap: ArmRoadmap | None = None
 
     def of(self, some: Sequence[int]) -> HeldPostures:
@@ -146,19 +128,10 @@ def travel_roadmap(world: World) -> ArmRoadmap:
 
 
 def grown_roadmap(guard: Guard, base: Array, root: Array, postures: Array) -> tuple[ArmRoadmap, Index]:
-    """Return the roadmap of postures on a base as far as it grows, and which of them it holds, (k,).
+    """Roadmap from a root (dof,) to clear postures (n, dof) on a base pose, and which it holds, (k,).
 
-    The roadmap holds the root, then these, each before those that are joined to it. Without a clear root it
-    holds the root alone.
-
-    Parameters
-    ----------
-    guard : Guard
-    base : (3,) array
-    root : (dof,) array
-        As a rule the carry posture.
-    postures : (n, dof) array
-        Clear ones.
+    It holds the root, as a rule the carry posture, then these, each before those that are joined to it.
+    Without a clear root it holds the root alone.
     """
     nodes = np.vstack([root, postures])
     far = np.abs(nodes[:, None] - nodes[None]).max(axis=2)

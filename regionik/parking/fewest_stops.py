@@ -67,11 +67,11 @@ def park_in_order(world: World) -> Parking:
                 refused = refused or NoPlanFound(no_room(world, done, parking_areas))
             elif best is None or len(groups) < len(best.groups):
                 best = Parking(parking_areas, tuple(groups), 1)
-        if best is not None and len(best.groups) <= _lower_bound_in_order(world, best.groups):
+        if best is not None and (len(best.groups) == 1 or len(best.groups) <= _fewest_outer_runs(world)):
             break
     if best is None:
         raise refused or NoPlanFound(no_place(world, 0))
-    lower = _lower_bound_in_order(world, best.groups)
+    lower = 1 if len(best.groups) == 1 else _fewest_outer_runs(world)
     stats: dict[str, int | bool | str] = {
         "count": len(best.groups),
         "lower_bound": lower,
@@ -100,7 +100,6 @@ def park_in_any_order(world: World) -> Parking:
 
 
 def _component_counts(parking_areas: ParkingAreas) -> Index:
-    """Number of components of each set-point that leave room to park."""
     real = shapely.area(parking_areas.narrow) > 0
     return np.bincount(parking_areas.ladder.target[real], minlength=parking_areas.ladder.count).astype(
         np.intp
@@ -149,16 +148,9 @@ def _outer(world: World, task: Sequence[Target]) -> Geometries:
     return areas
 
 
-def _lower_bound_in_order(world: World, known: Sequence[StopGroup]) -> int:
-    """Lower bound of the stops, whatever the headings and postures: fewest runs of outer areas.
-
-    No stop is known to be saved where there is only one, so nothing is asked of the areas then.
-    """
-    return 1 if len(known) == 1 else _fewest_outer_runs(world)
-
-
 @lru_cache(maxsize=8)
 def _fewest_outer_runs(world: World) -> int:
+    """Lower bound of the stops in the given order, whatever the headings and postures."""
     areas = shrunk_by_circle(_outer(world, world.task), world, outside=True)
     count = len(areas)
     back = [[i - 1] if i else [] for i in range(count)]

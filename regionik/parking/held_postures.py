@@ -41,30 +41,16 @@ RIM_STEPS = 4  # on the way out to its rim, each posture the start of the next
 
 @dataclass(frozen=True, eq=False)
 class PostureCarrier:
-    """The robot of a world, carried along set-points.
-
-    Attributes
-    ----------
-    world : World
-    guard : Guard
-    targets : sequence of Target
-    """
+    """The robot of a world, carried along set-points."""
 
     world: World
     guard: Guard
     targets: Sequence[Target]
 
     def best(self, solver: Solver, axis: Array, span: tuple[float, float]) -> HeldPostures | None:
-        """Postures that serve most set-points from a place of the arm axis, and among those have most spare.
+        """Postures that serve most set-points from a place of the arm axis (2,), then have most spare.
 
-        Parameters
-        ----------
-        solver : Solver
-            At any heading, for postures at the first set-point.
-        axis : (2,) array
-            [m]
-        span : (low, high)
-            Headings of the base [rad].
+        The base has a heading within ``span``. The solver finds postures at the first set-point at any one.
         """
         base, robot = pose_of(self.world.robot, axis, into_span(0.0, span)), self.world.robot
         best: HeldPostures | None = None
@@ -110,7 +96,6 @@ class PostureCarrier:
         return found[:, more:]
 
     def _goes(self, base: Array, here: Array, there: Array) -> bool:
-        """True if the straight motion between two postures is proven clear."""
         if not self.guard.proves(Pose(base, there)):
             return False
         return self.guard.stop([Pose(base, here), Pose(base, there)]) is None
@@ -232,16 +217,9 @@ class PostureCarrier:
         return HeldPostures(pose, tuple(range(count)), held[:count], self._spare(held[:count]))
 
     def reaches_rim(self, i: int, base: Array, joints: Array, radius: float) -> bool:
-        """True where a posture at set-point i can be kept on it while the base goes out to a rim, any way.
+        """True where a posture can be kept on the carrier's set-point i while the base goes any way to a rim.
 
-        Parameters
-        ----------
-        i : int
-            Index of the set-point among the carrier's.
-        base : (3,) array
-        joints : (dof,) array
-        radius : float
-            [m]
+        The rim is ``radius`` from a base pose (3,) [m].
         """
         axis, some = axis_of(self.world.robot, base), np.full(RIM_STEPS, i)
         shares = radius * np.arange(1, RIM_STEPS + 1)[:, None] / RIM_STEPS

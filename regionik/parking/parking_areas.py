@@ -25,22 +25,13 @@ from regionik.worlds.scene import Order, World
 
 @dataclass(frozen=True, eq=False)
 class StopGroup:
-    """Set-points that one stop can serve, and all positions that do.
-
-    Attributes
-    ----------
-    setpoints : tuple of int
-    places : dict of int to geometry
-        By side of the standing; shrunk by the circle to park in.
-    spot : (2,) array or None
-        Position of the arm axis from which one heading is known to serve all of them [m].
-    held : HeldPostures or None
-        Postures at the set-points on a pose of the base there, where a place does not give the arm its own.
-    """
+    """Set-points that one stop can serve, and all positions that do."""
 
     setpoints: tuple[int, ...]
-    places: dict[int, BaseGeometry]
+    places: dict[int, BaseGeometry]  # by side of the standing; shrunk by the circle to park in
+    # (2,) position of the arm axis from which one heading is known to serve all of them [m]
     spot: Array | None = None
+    # Postures at the set-points on a pose of the base there, where a place does not give the arm its own
     held: HeldPostures | None = None
 
     def of(self, setpoints: tuple[int, ...]) -> StopGroup:
@@ -51,38 +42,22 @@ class StopGroup:
 
 @dataclass(frozen=True, eq=False)
 class ParkingAreas:
-    """Areas to park in, under one way to stand and to face.
-
-    Attributes
-    ----------
-    standing : Standing
-    facings : tuple of int
-    piece : int
-        Label of the floor that the base gets to.
-    areas : PathAreas
-    ladder : Ladder
-    usable : (m,) array of bool
-        Components on the floor that the base gets to.
-    narrow : (m,) array of geometry
-        Components shrunk by the circle to park in.
-    back : tuple of tuples of int
-        For each component those of the set-point before that the arm comes from while the base stands still.
-    """
+    """Areas to park in, under one way to stand and to face."""
 
     standing: Standing
     facings: tuple[int, ...]
-    piece: int
+    piece: int  # label of the floor that the base gets to
     areas: PathAreas
     ladder: Ladder
-    usable: Mask
-    narrow: Geometries
+    usable: Mask  # (m,) components on the floor that the base gets to
+    narrow: Geometries  # (m,) components shrunk by the circle to park in
+    # For each component those of the set-point before that the arm comes from while the base stands still
     back: tuple[tuple[int, ...], ...]
 
     @cached_property
     def floor(self) -> BaseGeometry:
         """The piece of floor that the base gets to, at any heading."""
-        floor: BaseGeometry = shapely.union_all(self.standing.whole(self.piece))
-        return floor
+        return shapely.union_all(self.standing.whole(self.piece))
 
     def groups(self, begin: int = 0) -> list[StopGroup]:
         """Fewest groups of set-points in their order, from one of them on, with their places."""
@@ -133,24 +108,13 @@ class ParkingAreas:
 
 @dataclass(frozen=True, eq=False)
 class Parking:
-    """Fewest stops and a lower bound of their number.
-
-    Attributes
-    ----------
-    parking_areas : ParkingAreas
-    groups : tuple of StopGroup
-    lower : int
-        No base needs fewer stops.
-    stats : dict
-        How the bound is known.
-    spots : dict of int to (n, 2) array
-        By side, in any order: places of all sets of set-points whose areas meet, the largest of them [m].
-    """
+    """Fewest stops and a lower bound of their number."""
 
     parking_areas: ParkingAreas
     groups: tuple[StopGroup, ...]
-    lower: int
-    stats: dict[str, int | bool | str] = field(default_factory=dict)
+    lower: int  # no base needs fewer stops
+    stats: dict[str, int | bool | str] = field(default_factory=dict)  # how the bound is known
+    # (n, 2) by side, in any order: places of all sets of set-points whose areas meet, the largest of them [m]
     spots: dict[int, Array] = field(default_factory=dict)
 
 
@@ -176,16 +140,7 @@ def parking_areas_on(
 
 
 def reordered(world: World, parking_areas: ParkingAreas, order: Sequence[int]) -> ParkingAreas:
-    """Parking areas for a world of the same set-points in another order.
-
-    Parameters
-    ----------
-    world : World
-        Its set-points in that order.
-    parking_areas : ParkingAreas
-    order : sequence of int
-        Index of each as they were.
-    """
+    """Parking areas for a world of the same set-points in another order, by the index that each had."""
     areas = parking_areas.areas
     target = np.argsort(order)[areas.target]
     by = np.argsort(target, kind="stable")

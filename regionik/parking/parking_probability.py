@@ -21,7 +21,7 @@ from regionik.areas.ground import GUARD, ground_of
 from regionik.areas.reach_model import ReachQuery
 from regionik.areas.reachable import rows_of
 from regionik.explain.constraints import setpoint_at
-from regionik.planners.driving.heading_slabs import slab_free
+from regionik.planners.driving.heading_slabs import convex_scene, free_at_all
 from regionik.planners.geometry.normal_probability import normal_probability
 from regionik.planners.geometry.offsets import shrunk
 from regionik.postures.poses import axis_of
@@ -161,7 +161,7 @@ def _good_places(
     if near.floor.is_empty:
         return near.floor
     keep, ends = near.clearance + GUARD, (yaw - half, yaw + half)
-    return slab_free(outline, near.floor, near.shadows, keep, *ends, window=free).inner
+    return free_at_all(convex_scene(outline, near.floor, near.shadows, keep, window=free), *ends)
 
 
 def _reaching(

@@ -28,40 +28,22 @@ ON_EDGE = 1e-7  # how far off a place may lie that is on the edge of an area [m]
 
 
 class Turns(NamedTuple):
-    """Room of n set-points at h headings in both facings.
+    """Room of n set-points at h headings in both facings."""
 
-    Attributes
-    ----------
-    yaw : (h,) array
-        [rad]
-    component : (2, n) array of int
-        In each facing the deepest around a place; -1 where there is none.
-    room : (h, 2, n) array
-        Offset of the base at which the pivot gets to a limit, or the component ends; -inf for none [m].
-    """
-
-    yaw: Array
-    component: Index
+    yaw: Array  # (h,) [rad]
+    component: Index  # (2, n) in each facing the deepest around a place; -1 where there is none
+    # (h, 2, n) offset of the base at which the pivot gets to a limit or the component ends, -inf for none [m]
     room: Array
 
 
 @dataclass(frozen=True, eq=False)
 class PivotTurns:
-    """Turns of the pivot of a world's arm, at places in its parking areas.
-
-    Attributes
-    ----------
-    world : World
-    standing : Standing
-    ladder : Ladder
-    narrow : (m,) array of geometry
-        Components of the ladder shrunk by the circle to park in.
-    """
+    """Turns of the pivot of a world's arm, at places in its parking areas."""
 
     world: World
     standing: Standing
     ladder: Ladder
-    narrow: Geometries
+    narrow: Geometries  # (m,) components of the ladder shrunk by the circle to park in
     _zeros: dict[int, float] = field(default_factory=dict)
 
     def turns(self, setpoints: tuple[int, ...], axis: Array, side: int) -> Turns | None:

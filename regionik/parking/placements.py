@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
-from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -14,7 +13,7 @@ from shapely.geometry import Point
 from regionik.areas.reachable import model_of
 from regionik.areas.standing import into_span, spread
 from regionik.mfabrik import Solver, solver_for
-from regionik.parking.arm_roadmap import ArmRoadmap
+from regionik.parking.arm_roadmap import ArmRoadmap, HeldPostures
 from regionik.parking.held_postures import PostureCarrier
 from regionik.parking.parking_areas import ParkingAreas, StopGroup, depth
 from regionik.parking.parking_probability import (
@@ -24,14 +23,15 @@ from regionik.parking.parking_probability import (
     parking_probability,
 )
 from regionik.parking.pivot_turns import ON_EDGE, PivotTurns
-from regionik.parking.posture_measures import POSTURE_MEASURES
 from regionik.planners.coverage.set_cover import undominated
+from regionik.planners.solvers.serial_chain import chain_frames, chain_jacobian, serial_arm
 from regionik.postures.arm_guard import guard_of
 from regionik.postures.families import Family
 from regionik.postures.poses import pose_of
 from regionik.values import Configuration, Stop
 from regionik.worlds.arms import pivot_index
 from regionik.worlds.arrays import Array
+from regionik.worlds.chain import Chain
 from regionik.worlds.errors import NoPlanFound
 from regionik.worlds.scene import World
 
@@ -45,31 +45,16 @@ ROUNDING = 1e-9  # by which a circle may be smaller than asked [m]
 
 @dataclass(frozen=True, eq=False)
 class BasePlacement:
-    """Pose of the base at a stop and the set-points that it serves.
-
-    Attributes
-    ----------
-    setpoints, chain : tuple of int
-        Set-points, and the component of each that the base stands in.
-    axis : (2,) array
-        Of the arm [m].
-    base : (3,) array
-        x, y [m], yaw [rad].
-    near : (n, dof) array
-        Posture that the arm begins from at each set-point, its pivot running on from one to the next.
-    tolerance : float
-        Radius of the circle in which all this holds [m].
-    roadmap : ArmRoadmap or None
-        Of ways between the postures, where those are known.
-    """
+    """Pose of the base at a stop and the set-points that it serves."""
 
     setpoints: tuple[int, ...]
-    chain: tuple[int, ...]
-    axis: Array
-    base: Array
+    chain: tuple[int, ...]  # component of each that the base stands in
+    axis: Array  # (2,) of the arm [m]
+    base: Array  # (3,) x, y [m], yaw [rad]
+    # (n, dof) posture that the arm begins from at each set-point, its pivot running on from one to the next
     near: Array
-    tolerance: float
-    roadmap: ArmRoadmap | None = None
+    tolerance: float  # radius of the circle in which all this holds [m]
+    roadmap: ArmRoadmap | None = None  # of ways between the postures, where those are known
 
     def stop(self, world: World, setpoints: tuple[int, ...] = ()) -> Stop:
         """The placement as a plan tells it, for all its set-points or for some."""
@@ -77,16 +62,6 @@ class BasePlacement:
         if world.rules.parking is not None:
             likely = parking_probability(world, self.base, served)
         return Stop(self.base, served, self.tolerance, world.rules.stop_criterion, likely)
-
-
-class _Heading(NamedTuple):
-    """Pose of the base at a place, postures (n, dof) at n set-points by index, and room for both [m]."""
-
-    base: Array
-    served: tuple[int, ...]
-    near: Array
-    room: float
-    roadmap: ArmRoadmap | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,21 +82,11 @@ class PlacementSearch:
         return PivotTurns(self.world, areas.standing, areas.ladder, areas.narrow)
 
     def best(self, group: StopGroup, at: Array | None = None) -> BasePlacement | None:
-        """Best placement of a stop; it serves only the first of the set-points where none serves all.
+        """Best placement of a stop, with the arm axis at (2,) where the criterion wants it there [m].
 
-        None where no posture was found from any place of a sampled area. Where the criterion's choice is less
-        probably good after parking than asked, the most probable is taken, of as many set-points as can be.
-
-        Parameters
-        ----------
-        group : StopGroup
-        at : (2,) array, optional
-            Position of the arm axis that the criterion wants [m].
-
-        Raises
-        ------
-        NoPlanFound
-            Where the first set-point alone has not the probability that is asked for.
+        It serves the first of the set-points where none serves all. None where no posture was found from any
+        place of a sampled area. Where the criterion has one less probably good after parking than asked, the
+        most probable is taken, of as many set-points as can be; `NoPlanFound` where the first alone is not.
         """
         wanted = self._by_criterion(group, at)
         if wanted is None or is_probable(self.world, wanted.base, wanted.setpoints):
@@ -269,14 +234,14 @@ class PlacementSearch:
     ) -> BasePlacement | None:
         """Placement with the arm axis at a position, by components, at a known heading or at any."""
         if self._gives_posture(group):
-            held = self._by_pivot(group, chain, axis, side, yaw)
+            held, room = self._by_pivot(group, chain, axis, side, yaw)
         else:
-            held = self._by_carrying(group, chain, axis, side)
+            held, room = self._by_carrying(group, chain, axis, side), np.inf
         if held is None:
             return None
         setpoints, held_in = (tuple(row[n] for n in held.served) for row in (group.setpoints, chain))
-        room = min(held.room, *(depth(self.parking_areas.ladder.component[k], axis) for k in held_in))
-        return BasePlacement(setpoints, held_in, axis, held.base, held.near, room, held.roadmap)
+        room = min(room, *(depth(self.parking_areas.ladder.component[k], axis) for k in held_in))
+        return BasePlacement(setpoints, held_in, axis, held.base, held.joints, room, held.roadmap)
 
     @property
     def exact(self) -> bool:
@@ -293,8 +258,8 @@ class PlacementSearch:
 
     def _by_pivot(
         self, group: StopGroup, chain: tuple[int, ...], axis: Array, side: int, known: float | None
-    ) -> _Heading | None:
-        """The heading that suits the pivot at most set-points: amid its turns, or the one known."""
+    ) -> tuple[HeldPostures | None, float]:
+        """The heading that suits the pivot at most set-points, amid its turns or one known, and room [m]."""
         planes, middle = self._planes(group, chain, axis), self._pivot_middle
         span = self.parking_areas.standing.sides[side].span
         for count in range(len(planes), 0, -1):
@@ -309,8 +274,8 @@ class PlacementSearch:
                 base = pose_of(self.world.robot, axis, float(np.arctan2(np.sin(yaw), np.cos(yaw))))
                 near = np.tile(self.world.robot.carry, (count, 1))
                 near[:, pivot_index(self.world.robot.chain)] = pivot
-                return _Heading(base, tuple(range(count)), near, max(rooms))
-        return None
+                return HeldPostures(base, tuple(range(count)), near, 0.0), max(rooms)
+        return None, 0.0
 
     @property
     def _pivot_middle(self) -> float:
@@ -320,21 +285,17 @@ class PlacementSearch:
 
     def _by_carrying(
         self, group: StopGroup, chain: tuple[int, ...], axis: Array, side: int
-    ) -> _Heading | None:
+    ) -> HeldPostures | None:
         """What is held at the place that is known, else the heading from which most set-points are done."""
         if group.held is not None and np.array_equal(axis, np.asarray(group.spot)):
-            own = group.held
-            return _Heading(own.base, own.served, own.joints, np.inf, own.roadmap)
+            return group.held
         span = self.parking_areas.standing.sides[side].span
         solver = _any_heading_solver(self.world, self.parking_areas.ladder.family[chain[0]])
         if self.world.rules.heading == "fixed":
             solver = replace(solver, span=span)
         targets = [self.world.task[i] for i in group.setpoints]
         carrier = PostureCarrier(self.world, guard_of(self.world), targets)
-        found = carrier.best(solver, axis, span)
-        if found is None:
-            return None
-        return _Heading(found.base, found.served, found.joints, np.inf, found.roadmap)
+        return carrier.best(solver, axis, span)
 
     def _faced(self, group: StopGroup, axis: Array, side: int) -> tuple[tuple[int, ...], float] | None:
         """Components around a position, of the facings in which one heading serves most, and that heading."""
@@ -412,25 +373,35 @@ class PlacementSearch:
         return self.world.rules.stop_criterion == "probability"
 
     def _score(self, placement: BasePlacement) -> float:
-        """Score of a placement by the criterion of the rules; higher is better."""
         criterion = self.world.rules.stop_criterion
         if criterion == "clearance":
             side = self.parking_areas.standing.sides[int(self.parking_areas.ladder.side[placement.chain[0]])]
             return float(shapely.distance(shapely.boundary(side.free), Point(placement.axis)))
-        if criterion in POSTURE_MEASURES:
-            measure, chain = POSTURE_MEASURES[criterion], self.world.robot.chain
-            return min(measure(chain, self._joints(n, placement)) for n in range(len(placement.near)))
         if criterion == "probability":
             return likely_parking_probability(self.world, placement.base, placement.setpoints)
+        if criterion in ("manipulability", "effort"):
+            postures = [self._joints(n, placement) for n in range(len(placement.near))]
+            return min(_posture_score(self.world.robot.chain, joints, criterion) for joints in postures)
         return placement.tolerance
 
     def _joints(self, at: int, placement: BasePlacement) -> Array:
-        """Posture on one of the set-points of a placement."""
         i, near = placement.setpoints[at], placement.near
         if model_of(self.world, self.world.task[i]).exact:
             return self.posture(i, placement.chain[at], placement.base).joints
-        joints: Array = near[at]
-        return joints
+        return near[at]
+
+
+def _posture_score(chain: Chain, joints: Array, criterion: str) -> float:
+    """Score of a posture: its manipulability, or minus its largest joint torque by load [N m / N].
+
+    Manipulability is sqrt(det J J^T) (Yoshikawa 1985), the load one newton at the tool.
+    """
+    arm, frames, J = serial_arm(chain), np.empty((chain.dof + 1, 4, 4)), np.empty((6, chain.dof))
+    chain_frames(arm, joints, frames)
+    chain_jacobian(arm, frames, J)
+    if criterion == "effort":
+        return -float(np.abs(J[2]).max())
+    return float(np.sqrt(max(np.linalg.det(J[:3] @ J[:3].T), 0.0)))
 
 
 @lru_cache(maxsize=256)
@@ -445,5 +416,4 @@ def _gathered(planes: Array) -> Array:
     gaps = np.diff(np.append(ordered, ordered[0] + 2 * np.pi))
     widest = int(np.argmax(gaps))
     across = ordered[widest] + gaps[widest] / 2 + np.pi
-    gathered: Array = across + np.mod(planes - across + np.pi, 2 * np.pi) - np.pi
-    return gathered
+    return across + np.mod(planes - across + np.pi, 2 * np.pi) - np.pi

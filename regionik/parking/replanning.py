@@ -123,8 +123,7 @@ def _turned(world: World, stop: Stop, base: Array, joints: Array) -> Array:
         return joints
     pivot = np.arange(chain.dof) == pivot_index(chain)
     turn = np.remainder(base[2] - stop.base[2] + np.pi, 2 * np.pi) - np.pi
-    turned: Array = np.clip(joints - turn * pivot, chain.lower, chain.upper)
-    return turned
+    return np.clip(joints - turn * pivot, chain.lower, chain.upper)
 
 
 def _least_change(world: World, target: Target, base: Array, joints: Array, kind: str) -> Array | None:
@@ -138,7 +137,6 @@ def _least_change(world: World, target: Target, base: Array, joints: Array, kind
 
 
 def _out_of_reach(world: World, i: int) -> Explanation:
-    """Explain that no posture near the planned one was found at a set-point, or on the way on from it."""
     reason = (
         f"{setpoint_at(world.task, i)}: no posture near the planned one keeps the tool on its path there."
     )
@@ -146,14 +144,12 @@ def _out_of_reach(world: World, i: int) -> Explanation:
 
 
 def _alone(world: World, stop: Stop, start: Pose) -> World:
-    """World of a stop's set-points alone."""
     rules = replace(world.rules, order="given", stop_tolerance=0.0)
     task = world.task[stop.first : stop.last + 1]
     return replace(world, task=task, rules=rules, start=Start(start.base, start.joints))
 
 
 def _assembled(world: World, seed: int, rows: Sequence[Row], stop: Stop) -> Plan:
-    """Plan of one stop's states."""
     if rows[0].kind != "transit":
         rows = [Row(rows[0].pose, "transit", -1), *rows]
     motion = columns(rows)

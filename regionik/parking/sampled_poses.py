@@ -42,18 +42,10 @@ Mask = NDArray[np.bool_]
 
 @dataclass(frozen=True, eq=False)
 class SampledPose:
-    """A pose of the base, by the side of its standing, and the set-points that are done from there.
-
-    Attributes
-    ----------
-    side : int
-    axis : (2,) array
-        Position of the arm axis [m].
-    held : HeldPostures
-    """
+    """A pose of the base, by the side of its standing, and the set-points that are done from there."""
 
     side: int
-    axis: Array
+    axis: Array  # (2,) position of the arm axis [m]
     held: HeldPostures
 
 

@@ -39,22 +39,11 @@ STRIDE, TURN = 0.02, 0.05  # longest way of the tool between two targets, and it
 def standing_runs(
     world: World, pruned: Pruned, chain: Sequence[int], standing: Standing
 ) -> tuple[list[int], dict[int, Configuration]]:
-    """Configurations of the runs that are done from one place.
+    """Components and configurations of the runs that are done from one place.
 
-    Parameters
-    ----------
-    world : World
-    pruned : Pruned
-    chain : sequence of int
-        Component of each set-point.
-    standing : Standing
-
-    Returns
-    -------
-    chain : list of int
-        As given, but that runs done from one place have components around it.
-    configurations : dict of int to Configuration
-        Of the set-points of these runs; of none where the base rolls or has to face its targets.
+    Components are those of ``chain``, one a set-point, but that runs done from one place have some around it.
+    Configurations are those of these runs, by set-point; none where the base rolls or has to face its
+    targets.
     """
     chosen, found = list(chain), dict[int, Configuration]()
     bounds = [0, *pruned.breaks, len(chain)]
@@ -81,7 +70,7 @@ def standing_runs(
 def _shared(pruned: Pruned, first: int, end: int) -> tuple[int, BaseGeometry] | None:
     """Side of the floor and the largest part that areas of a run share there; None for nothing."""
     ladder = pruned.ladder
-    kept = [_kept(pruned, i) for i in range(first, end)]
+    kept = [pruned.kept(i) for i in range(first, end)]
     best: tuple[int, BaseGeometry] | None = None
     for side in sorted({int(ladder.side[k]) for k in kept[0]}):
         own = [united(ladder.component[[k for k in some if ladder.side[k] == side]]) for some in kept]
@@ -91,15 +80,9 @@ def _shared(pruned: Pruned, first: int, end: int) -> tuple[int, BaseGeometry] | 
     return best
 
 
-def _kept(pruned: Pruned, i: int) -> list[int]:
-    """Components of a set-point that pruning left."""
-    rungs = pruned.ladder.rungs
-    return [k for k in range(rungs[i], rungs[i + 1]) if pruned.keep[k]]
-
-
 def _around(pruned: Pruned, i: int, side: int, axis: Point) -> int:
     """The component of a set-point around a place, or nearest to it."""
-    some = [k for k in _kept(pruned, i) if pruned.ladder.side[k] == side]
+    some = [k for k in pruned.kept(i) if pruned.ladder.side[k] == side]
     return some[int(np.argmin(shapely.distance(pruned.ladder.component[some], axis)))]
 
 

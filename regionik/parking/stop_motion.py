@@ -45,22 +45,12 @@ LEAST = 1e-4  # radius below which a circle is only its middle [m]
 
 @dataclass(frozen=True, eq=False)
 class StopMotion:
-    """A motion through all stops.
-
-    Attributes
-    ----------
-    joined : JoinedMotion
-    stops : tuple of Stop
-    split : tuple of int
-        Set-points before which a stop had to be split.
-    places : tuple of geometry
-        For each set-point the places of its stop.
-    """
+    """A motion through all stops."""
 
     joined: JoinedMotion
     stops: tuple[Stop, ...]
-    split: tuple[int, ...]
-    places: tuple[BaseGeometry, ...]
+    split: tuple[int, ...]  # set-points before which a stop had to be split
+    places: tuple[BaseGeometry, ...]  # for each set-point the places of its stop
 
 
 def connect_stops(sequence: StopSequence, seed: int) -> StopMotion:
@@ -315,7 +305,6 @@ class _StopConnection:
             yield from self.search.sampler.around(i, Candidate(replace(found, base=base), components[0]))
 
     def _one_lift_too_many(self, group: StopGroup) -> Explanation:
-        """One stop more than the rules let the tool be lifted."""
         i, most = group.setpoints[0], self.world.rules.max_lift_offs
         reason = (
             f"{setpoint(i, len(self.world.task))} needs one stop more: the base has done "

@@ -21,29 +21,15 @@ from regionik.worlds.scene import World
 
 @dataclass(frozen=True, eq=False)
 class StopSequence:
-    """Stops in the order in which they are done.
+    """Stops in the order in which they are done."""
 
-    Attributes
-    ----------
-    world : World
-        Its set-points in the order of the work.
-    order : tuple of int
-        Index of each in the world as given.
-    parking_areas : ParkingAreas
-    groups : tuple of StopGroup
-        Of set-points that follow one another.
-    spots : tuple of (2,) arrays or None
-        Position of the arm axis at each; None leaves it to the criterion.
-    tours : dict of str to float
-        Lengths and lower bounds of the drives between the middles of stops, and of the tool's way in them,
-        where any order will do [m].
-    """
-
-    world: World
-    order: tuple[int, ...]
+    world: World  # its set-points in the order of the work
+    order: tuple[int, ...]  # index of each in the world as given
     parking_areas: ParkingAreas
-    groups: tuple[StopGroup, ...]
-    spots: tuple[Array | None, ...]
+    groups: tuple[StopGroup, ...]  # of set-points that follow one another
+    spots: tuple[Array | None, ...]  # (2,) position of the arm axis at each; None leaves it to the criterion
+    # Lengths and lower bounds of the drives between the middles of stops, and of the tool's way in them,
+    # where any order will do [m]
     tours: Mapping[str, float]
 
     def after(self, k: int, done: int) -> StopSequence:

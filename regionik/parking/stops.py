@@ -174,7 +174,6 @@ def _covering(parts: Sequence[_Part], count: int) -> list[_Part]:
 
 
 def _parts(placements: PlacementSearch, group: StopGroup) -> Iterator[_Part]:
-    """Parts that a stop splits into."""
     while group.setpoints:
         widest = placements.widest(group)
         if widest is None:

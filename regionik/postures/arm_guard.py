@@ -38,19 +38,11 @@ SPARE = 5e-4  # kept beyond what the rules want, so that what is planned can be 
 
 @dataclass(frozen=True, eq=False)
 class Guard:
-    """The robot among the solids of its world, judged by the world's rules.
-
-    Attributes
-    ----------
-    world : World
-    bodies : Bodies
-    contact : ContactTargets
-        Where the last link may touch.
-    """
+    """The robot among the solids of its world, judged by the world's rules."""
 
     world: World
     bodies: Bodies
-    contact: ContactTargets
+    contact: ContactTargets  # where the last link may touch
 
     @property
     def on(self) -> bool:
@@ -101,8 +93,7 @@ class Guard:
 
     def tools(self, bases: Array, joints: Array, shares: Array) -> Array:
         """Tool frames at k times of every motion between states (n + 1, ...), (n, k, 4, 4)."""
-        frames: Array = tool_frames(self.bodies.mobile, bases, joints, shares)
-        return frames
+        return tool_frames(self.bodies.mobile, bases, joints, shares)
 
     def words(self, touch: Touch) -> str:
         """Text of a touch, with how the link might touch what the tool works on."""

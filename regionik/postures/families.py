@@ -24,25 +24,14 @@ ROUNDING = 1e-6  # by which inner families keep within their cone [rad]
 
 @dataclass(frozen=True)
 class Family:
-    """Postures of one kind for one target.
+    """Postures of one kind for one target."""
 
-    Attributes
-    ----------
-    facing : int
-        `FRONT` where the target lies ahead in the arm's plane (r > 0), `BACK` where behind (r < 0).
-    pitch : float
-        Angle at which the solver holds the last link in the plane [rad]; NaN where it is free.
-    azimuth, half : float
-        The plane may point within ``half`` of ``azimuth``, seen from above [rad].
-    pitches : (low, high)
-        Pitches that the reach allows [rad].
-    """
-
-    facing: int
+    facing: int  # `FRONT` where the target lies ahead in the arm's plane (r > 0), `BACK` where behind (r < 0)
+    # Angle at which the solver holds the last link in the plane [rad]; NaN where it is free
     pitch: float = np.nan
-    azimuth: float = 0.0
+    azimuth: float = 0.0  # the plane may point within ``half`` of ``azimuth``, seen from above [rad]
     half: float = np.pi
-    pitches: tuple[float, float] = FREE
+    pitches: tuple[float, float] = FREE  # (low, high) pitches that the reach allows [rad]
 
 
 @lru_cache(maxsize=4096)
@@ -116,8 +105,7 @@ def _kept_up(arm: PlanarArm, kind: Family, target: Target, slack: float) -> list
 def tool_turn(arm: PlanarArm, yaw: float, pitch: float, roll: float) -> Array:
     """Tool orientation (3, 3) with the plane in direction ``yaw``, the last link at ``pitch`` [rad]."""
     spin = rot_z(arm.roll_sign * roll)
-    turn: Array = (rot_z(yaw) @ rot_y(-pitch))[:3, :3] @ arm.tool_turn @ spin[:3, :3]
-    return turn
+    return (rot_z(yaw) @ rot_y(-pitch))[:3, :3] @ arm.tool_turn @ spin[:3, :3]
 
 
 def roll_for(arm: PlanarArm, yaw: float, pitch: float, turn: Array) -> float:

@@ -31,42 +31,25 @@ THRESHOLD_PITCHES = 360  # of the last link, tried for a posture that meets the 
 
 @dataclass(frozen=True, eq=False)
 class PlanarSolver:
-    """Solver of an arm in one vertical plane, for one family of postures.
-
-    Attributes
-    ----------
-    arm : PlanarArm
-    plane : PlanarLinkage
-        The arm for kernels, heights counted from the floor.
-    family : Family
-    tolerance : float
-        [m]
-    asked : Thresholds or None
-        Of manipulability and effort, which postures must meet.
-    """
+    """Solver of an arm in one vertical plane, for one family of postures."""
 
     arm: PlanarArm
-    plane: PlanarLinkage
+    plane: PlanarLinkage  # the arm for kernels, heights counted from the floor
     family: Family
-    tolerance: float
-    asked: Thresholds | None = None
+    tolerance: float  # [m]
+    asked: Thresholds | None = None  # of manipulability and effort, which postures must meet
 
     @property
     def _restarts(self) -> Array:
         """Ten postures to restart from, spread over the limits: elbow up and down, folded, stretched."""
         lower = np.where(np.isfinite(self.arm.lower), self.arm.lower, -np.pi)
         upper = np.where(np.isfinite(self.arm.upper), self.arm.upper, np.pi)
-        spread: Array = lower + _SPREAD * (upper - lower)
-        return spread
+        return lower + _SPREAD * (upper - lower)
 
     def setup(self, mount: Array, turning: Turning) -> Record:
         """Return the arm on a base as kernels take it, without the thresholds.
 
-        Parameters
-        ----------
-        mount : (4,) array
-            Arm base in the base frame: x, y, z [m], yaw [rad].
-        turning : Turning
+        The mount (4,) is the arm's base in the base frame: x, y, z [m], yaw [rad].
         """
         arm, plane, family = self.arm, self.plane, self.family
         zero = float(arm.pivot_zero + mount[3])
@@ -84,7 +67,6 @@ class PlanarSolver:
         return self.setup(np.zeros(4), Turning(-np.inf, np.inf, FIXED, 0.0, 0.0))
 
     def _at_pitch(self, pitch: float) -> Record:
-        """The arm alone with the last link at another pitch."""
         setup = self._alone.copy()
         setup["pitch"] = pitch
         setup.flags.writeable = False
@@ -201,8 +183,7 @@ def _swung(kind: Family, target: Array, axis: Array) -> Array:
     if abs(swing) <= kind.half:
         return axis
     azimuth = kind.azimuth + float(np.clip(swing, -kind.half, kind.half))
-    place: Array = target[:2] - away * np.array([np.cos(azimuth), np.sin(azimuth)])
-    return place
+    return target[:2] - away * np.array([np.cos(azimuth), np.sin(azimuth)])
 
 
 _SPREAD = np.array(

@@ -104,8 +104,7 @@ def axis_of(robot: Robot, base: Array) -> Array:
     if x == 0.0 and y == 0.0:
         return np.array(base[..., :2])
     c, s = np.cos(base[..., 2]), np.sin(base[..., 2])
-    spot: Array = base[..., :2] + np.stack([c * x - s * y, s * x + c * y], axis=-1)
-    return spot
+    return base[..., :2] + np.stack([c * x - s * y, s * x + c * y], axis=-1)
 
 
 def pose_of(robot: Robot, axis: Array, yaw: float) -> Array:

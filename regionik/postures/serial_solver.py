@@ -32,28 +32,15 @@ NEAREST = 6  # postures of the reach that are tried where passes and restarts do
 
 @dataclass(frozen=True, eq=False)
 class SerialSolver:
-    """Any arm on a vertical pivot, solved by FABRIK-R with its limits.
+    """Any arm on a vertical pivot, solved by FABRIK-R with its limits."""
 
-    Attributes
-    ----------
-    chain, endless : Chain
-        As it is `with_pivot`, and with a pivot that turns without end, where the base turns.
-    pointing, posing : RigidBodies
-        Of the latter, for positions, and for more.
-    starts : (r, dof) array
-        Postures to start again from.
-    effort : Effort
-    height : float
-        Of the arm's base frame over the floor [m].
-    """
-
-    chain: Chain
-    endless: Chain
-    pointing: RigidBodies
-    posing: RigidBodies
-    starts: Array
+    chain: Chain  # as it is `with_pivot`
+    endless: Chain  # with a pivot that turns without end, where the base turns
+    pointing: RigidBodies  # of the latter, for positions
+    posing: RigidBodies  # and for more
+    starts: Array  # (r, dof) postures to start again from
     effort: Effort
-    height: float
+    height: float  # of the arm's base frame over the floor [m]
 
     @cached_property
     def _pointing_starts(self) -> Array:

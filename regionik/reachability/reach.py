@@ -13,7 +13,7 @@ import shapely
 from numpy.typing import ArrayLike
 from shapely.geometry import Point
 
-from regionik.areas.standing import PathAreas, anywhere
+from regionik.areas.standing import LEAST_AREA, PathAreas, anywhere
 from regionik.executors import Pool, map_unordered
 from regionik.explain.constraints import no_way_to, places_open, spot
 from regionik.explain.failures import no_place
@@ -24,10 +24,10 @@ from regionik.planners.search.box_search import Verdict
 from regionik.postures.families import Family
 from regionik.postures.poses import Pose, axis_of, pose_of
 from regionik.reachability.any_base import can_search, search_any_base
-from regionik.reachability.refinement import diameter, refine
+from regionik.reachability.refinement import KnownArea, diameter, refine
 from regionik.reachability.target_search import TargetSearch
-from regionik.regions import checked_targets, path_areas, reach_of, round_outer_areas
-from regionik.values import Answer
+from regionik.regions import checked_targets, path_areas, round_outer_areas
+from regionik.values import Answer, Configuration
 from regionik.worlds.arrays import Array
 from regionik.worlds.errors import InputError
 from regionik.worlds.scene import Target, World
@@ -130,39 +130,42 @@ class _Result(NamedTuple):
 
 def _decided(world: World, targets: Sequence[Target]) -> list[_Result]:
     """Decide by coarse areas of all targets at once, then closely for each target in doubt."""
-    found = _at_hand(world, targets)
+    areas = path_areas(world, targets, coarse=True)
+    found = _at_hand(world, targets, areas)
     rest = [i for i in range(len(targets)) if i not in found]
     outer = round_outer_areas(world, [targets[i] for i in rest], coarse=True)
     results = {i: _Result("reachable", pose, 0.0, "") for i, pose in found.items()}
     ruled_out = {i: area.is_empty for i, area in zip(rest, outer, strict=True)}
     for i in track("targets in doubt", rest):
-        results[i] = _ruled_out(world, targets[i]) if ruled_out[i] else _closely(world, targets[i])
+        if ruled_out[i]:
+            results[i] = _ruled_out(world, targets[i])
+        else:
+            results[i] = _closely(world, targets[i], _largest_first(areas, i))
     return [results[i] for i in range(len(targets))]
 
 
-def _at_hand(world: World, targets: Sequence[Target]) -> dict[int, Pose]:
+def _at_hand(world: World, targets: Sequence[Target], areas: PathAreas) -> dict[int, Pose]:
     """Configurations that M-FABRIK finds in coarse inner areas, at places nearest to the start."""
-    areas = path_areas(world, targets, coarse=True)
     found: dict[int, Pose] = {}
     for i, row in _nearest_rows(world, areas, len(targets)).items():
         span = anywhere(world).sides[int(areas.side[row])].span
         base, joints = _start(world)
         spot = shapely.shortest_line(areas.inner[row], Point(axis_of(world.robot, base))).coords[0]
         place = pose_of(world.robot, np.array(spot), base[2])
-        search, solver = TargetSearch(world, targets[i]), solver_for(world, areas.family[row], None, span)
-        pose = None if solver.compiled else _carried(search, solver, place, areas.family[row])
-        if pose is None:
+        solver = solver_for(world, areas.family[row], None, span)
+        reached = None if solver.compiled else _carried(world, targets[i], solver, place, areas.family[row])
+        if reached is None:
             reached = solver.inside(areas.inner[row])(targets[i], place, joints)
-            pose = Pose(reached.base, reached.joints)
-            if not (reached.converged and search.confirms(pose)):
-                continue
-        found[i] = pose
+        pose = Pose(reached.base, reached.joints)
+        if reached.converged and TargetSearch(world, targets[i]).confirms(pose):
+            found[i] = pose
     return found
 
 
-def _carried(search: TargetSearch, solver: Solver, place: Array, family: Family) -> Pose | None:
-    """A confirmed posture that a known one for about the same distance and height is led on to."""
-    world, target = search.world, search.target
+def _carried(
+    world: World, target: Target, solver: Solver, place: Array, family: Family
+) -> Configuration | None:
+    """The posture that a known one for about the same distance and height is led on to."""
     if target.direction is not None:
         return None
     away = target.position[:2] - axis_of(world.robot, place)
@@ -172,9 +175,7 @@ def _carried(search: TargetSearch, solver: Solver, place: Array, family: Family)
         return None
     if world.rules.heading != "fixed":
         place = pose_of(world.robot, axis_of(world.robot, place), float(np.arctan2(away[1], away[0])))
-    reached = solver.least_change(target, place, known)
-    pose = None if reached is None else Pose(reached.base, reached.joints)
-    return pose if pose is not None and search.confirms(pose) else None
+    return solver.least_change(target, place, known)
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,7 +201,7 @@ def _known_postures(world: World) -> _KnownPostures:
     return _KnownPostures(world)
 
 
-def _closely(world: World, target: Target) -> _Result:
+def _closely(world: World, target: Target, likely: Sequence[KnownArea]) -> _Result:
     """Result for a target that coarse areas do not decide."""
     search = TargetSearch(world, target)
     if search.guard.on:
@@ -211,12 +212,10 @@ def _closely(world: World, target: Target) -> _Result:
     seen = _everywhere(search)
     if seen.verdict != "undecided":
         return seen
-    pose, left, tried = refine(search)
+    pose, left, tried = refine(search, likely)
     pose = pose or search.search()
     if pose is not None:
         return _Result("reachable", pose, 0.0, "")
-    if not left.is_empty:  # by its layer of heights; the height itself leaves less
-        left = shapely.intersection(left, reach_of(world, target))
     if left.is_empty:
         return _Result("unreachable", None, 0.0, f"{_who(target)} cannot be reached: {_CLOSELY}")
     gap = min(diameter(left), seen.gap)
@@ -259,6 +258,13 @@ def _doubt(search: TargetSearch, gap: float, tried: int) -> str:
 
 def _who(target: Target) -> str:
     return f"The target at {spot(target.position)}"
+
+
+def _largest_first(areas: PathAreas, i: int) -> list[KnownArea]:
+    """Areas of one target that are worth a search."""
+    rows = np.flatnonzero((areas.target == i) & (shapely.area(areas.inner) > LEAST_AREA))
+    rows = rows[np.argsort(-shapely.area(areas.inner[rows]), kind="stable")]
+    return [(areas.family[row], areas.inner[row]) for row in rows.tolist()]
 
 
 def _nearest_rows(world: World, areas: PathAreas, n: int) -> dict[int, int]:

@@ -17,10 +17,10 @@ from shapely.geometry import Polygon
 from shapely.geometry.base import BaseGeometry
 
 from regionik.areas.ground import EVERY, GUARD, Geometries, ground_of
-from regionik.areas.reach_model import ReachModel
+from regionik.areas.reach_model import FineRows, ReachModel
 from regionik.areas.reachable import fine_reach, reach_model
 from regionik.areas.standing import span_of_rules
-from regionik.planners.driving.heading_slabs import slab_free
+from regionik.planners.driving.heading_slabs import ConvexScene, convex_scene, free_at_all, free_at_some
 from regionik.planners.search.box_search import WHOLE, Verdict, begin, explore, left_open, verdict_of
 from regionik.postures.arm import goal_of
 from regionik.postures.families import BACK, FRONT, Family, families_along
@@ -41,6 +41,7 @@ MOST_CELLS = 240
 MOST_TRIES = 16  # inner areas that are searched for a configuration
 
 Span = tuple[float, float]
+KnownArea = tuple[Family, BaseGeometry]
 
 
 class Refinement(NamedTuple):
@@ -67,7 +68,7 @@ class HeadingCell(NamedTuple):
     pitch: Span | None
 
 
-def refine(search: TargetSearch) -> Refinement:
+def refine(search: TargetSearch, likely: Sequence[KnownArea] = ()) -> Refinement:
     """Bisect cells until a configuration is found, or is ruled out, or only small areas are left.
 
     Parameters
@@ -75,8 +76,10 @@ def refine(search: TargetSearch) -> Refinement:
     search : TargetSearch
         Searches inner areas for a configuration; once it is exhausted no cell is looked at closer, as where
         there is an inner area there is no proof.
+    likely : sequence of (Family, geometry)
+        Coarse inner areas at all headings.
     """
-    close = _CloseAreas(search)
+    close = _CloseAreas(search, tuple(likely))
     heading, pitch = close.whole
     boxes = begin(_judge, close, *_boxes([heading], pitch))
     if np.pi < heading[1] - heading[0] < np.inf and verdict_of(boxes) == Verdict.OPEN:
@@ -86,8 +89,8 @@ def refine(search: TargetSearch) -> Refinement:
     if close.found is not None:
         return Refinement(close.found, Polygon(), close.tried)
     cells = [close.cell(boxes.low[slot], boxes.high[slot]) for slot in left_open(boxes).tolist()]
-    left = [close.outer(cell) for cell in cells]
-    return Refinement(None, shapely.union_all(left) if left else Polygon(), close.tried)
+    left: BaseGeometry = shapely.union_all([close.outer(cell) for cell in cells])
+    return Refinement(None, left if close.has_inner or left.is_empty else left & close.reach, close.tried)
 
 
 def _boxes(headings: Sequence[Span], pitch: Span) -> tuple[Array, Array]:
@@ -104,7 +107,7 @@ def _judge(close: _CloseAreas, low: Array, high: Array) -> tuple[Verdict, float,
         return Verdict.RULED_OUT, 0.0, WHOLE
     if close.attempts(cell):
         return Verdict.PROVEN, outer.area, WHOLE
-    settled = close.is_exhausted or diameter(outer) <= ENOUGH
+    settled = close.is_exhausted or diameter(outer) <= ENOUGH or close.stays_open(cell)
     return Verdict.OPEN, outer.area, WHOLE if settled else close.widest_side(cell)
 
 
@@ -125,10 +128,14 @@ class _CloseAreas:
     """Areas of a target's cells, and the outcome of the attempts in the inner ones."""
 
     search: TargetSearch
+    likely: tuple[KnownArea, ...] = ()
     found: Pose | None = None
     tried: int = 0
     _outer: dict[HeadingCell, BaseGeometry] = field(default_factory=dict)
-    _known: dict[Span, tuple[BaseGeometry, BaseGeometry]] = field(default_factory=dict)
+    _free: dict[Span, BaseGeometry] = field(default_factory=dict)
+    _free_inside: dict[Span, BaseGeometry] = field(default_factory=dict)
+    _scenes: dict[Span, ConvexScene] = field(default_factory=dict)
+    _inside: dict[HeadingCell, FineRows] = field(default_factory=dict)
 
     @property
     def world(self) -> World:
@@ -167,7 +174,7 @@ class _CloseAreas:
 
     def attempts(self, cell: HeadingCell) -> bool:
         """Search the inner areas of a cell for a configuration, the largest first; True if found."""
-        for family, area in self.inner(cell) if self.found is None else ():
+        for family, area in self.inner(cell) if self.found is None and not self.is_exhausted else ():
             if self.is_exhausted:
                 break
             self.tried += 1
@@ -187,19 +194,39 @@ class _CloseAreas:
         _, shapes = fine_reach(self.world, self.target, kinds, cell.heading, ARCS, inner=False)
         if not len(shapes):
             return Polygon()
-        return shapely.intersection(shapely.union_all(shapes), self._free(cell.heading)[1])
+        return shapely.intersection(shapely.union_all(shapes), self._free_at_some(cell.heading))
 
-    def inner(self, cell: HeadingCell) -> Iterator[tuple[Family, BaseGeometry]]:
-        """Areas of which every place works at all headings of the cell, the largest first."""
-        free = self._free(cell.heading)[0]
-        if free.is_empty:
+    def inner(self, cell: HeadingCell) -> Iterator[KnownArea]:
+        """Areas of which every place works at all headings of the cell, the largest first.
+
+        Of all headings the likely ones, where there are some.
+        """
+        if self.likely and (cell.heading, cell.pitch or (0.0, 0.0)) == self.whole:
+            yield from self.likely
             return
-        kinds = self._kinds(cell, inner=True)
-        families, shapes = fine_reach(self.world, self.target, kinds, cell.heading, ARCS, inner=True)
-        areas = shapely.intersection(shapes, free)
+        families, shapes = self._reach_inside(cell)
+        if not shapely.intersects(shapes, self.outer(cell)).any():
+            return
+        areas = shapely.intersection(shapes, self._free_at_all(cell.heading))
         for k in np.argsort(-shapely.area(areas), kind="stable").tolist():
             if areas[k].area > 0:
                 yield families[k], areas[k]
+
+    def stays_open(self, cell: HeadingCell) -> bool:
+        """True where no narrower heading decides: the reach is the same, and has open places free at all."""
+        if self._tilts or not self._model.turns_freely(self.world.rules, (0.0, 0.0)):
+            return False
+        outer = self.outer(cell)
+        if shapely.intersects(self._reach_inside(cell)[1], outer).any():
+            return False
+        free: BaseGeometry = outer & self._free_at_all(cell.heading)
+        return not free.is_empty and (free & self.reach).area > 0
+
+    def _reach_inside(self, cell: HeadingCell) -> FineRows:
+        if cell not in self._inside:
+            kinds = self._kinds(cell, inner=True)
+            self._inside[cell] = fine_reach(self.world, self.target, kinds, cell.heading, ARCS, inner=True)
+        return self._inside[cell]
 
     def widest_side(self, cell: HeadingCell) -> int:
         """The side to bisect: headings 0, pitches 1, or `WHOLE` where both are narrow."""
@@ -245,42 +272,58 @@ class _CloseAreas:
         """No place outside it works at any heading; most of the reach is often gone already."""
         return round_outer_areas(self.world, [self.target], coarse=True)[0]
 
-    def _free(self, heading: Span) -> tuple[BaseGeometry, BaseGeometry]:
-        """Places of the axis at all headings of a range, from within, and at some, from outside.
-
-        Both are known, and told, about the target alone, and where some heading of a wider range is free.
-        """
-        if heading not in self._known:
+    def _free_at_some(self, heading: Span) -> BaseGeometry:
+        """Places of the axis at some heading of a range, from outside, and about the target alone."""
+        if heading not in self._free:
             about = self._about_at(heading)
-            known = Polygon(), about
             if not (about.is_empty or self.is_exhausted):
-                known = self._slab(heading, about)
-            self._known[heading] = known
-        return self._known[heading]
+                about = self._cut_by_slab(heading, about)
+            self._free[heading] = about
+        return self._free[heading]
+
+    def _free_at_all(self, heading: Span) -> BaseGeometry:
+        """Places of the axis at all headings of a range, from within; none where none were asked for."""
+        if heading not in self._free_inside:
+            scene = self._scenes.get(heading)
+            inner = Polygon() if scene is None else free_at_all(scene, *_turn(heading))
+            self._free_inside[heading] = shapely.buffer(inner, -2 * GUARD, join_style="mitre")
+        return self._free_inside[heading]
 
     def _about_at(self, heading: Span) -> BaseGeometry:
         """No place outside it works at a heading of the range, by the narrowest range known about it."""
-        wider = [span for span in self._known if span[0] <= heading[0] and heading[1] <= span[1]]
+        wider = [span for span in self._free if span[0] <= heading[0] and heading[1] <= span[1]]
         if not wider:
             return self._about
-        about = self._known[min(wider, key=lambda span: span[1] - span[0])][1]
-        return about & self._reach if heading[1] - heading[0] <= NARROW else about
+        about = self._free[min(wider, key=lambda span: span[1] - span[0])]
+        exact = heading[1] - heading[0] <= NARROW and not self.has_inner
+        return about & self.reach if exact else about
+
+    @property
+    def has_inner(self) -> bool:
+        """True where an inner area is known: then nothing rules the target out but what the arm touches."""
+        return bool(self.likely) or self.tried > 0
 
     @cached_property
-    def _reach(self) -> BaseGeometry:
-        """Reach at the target's own height: that of its layer, which comes first, is more."""
+    def reach(self) -> BaseGeometry:
+        """Reach at the target's own height, which is slow: that of its layer, which comes first, is more."""
         return reach_of(self.world, self.target)
 
-    def _slab(self, heading: Span, about: BaseGeometry) -> tuple[BaseGeometry, BaseGeometry]:
-        """`_free`, made of the floor and the shadows that matter to a footprint in some places alone."""
-        ground, (low, high) = ground_of(self.world), (0.0, 0.0) if heading == EVERY else heading
+    def _cut_by_slab(self, heading: Span, about: BaseGeometry) -> BaseGeometry:
+        """Some places, as far as a heading is free of the floor and the shadows that matter to them."""
+        ground, (low, high) = ground_of(self.world), _turn(heading)
         by = WIDER * ground.far + GUARD
         near = ground.cut_to(shapely.union_all(_boxes_about(about, by)))
         if near.floor.is_empty:
-            return Polygon(), Polygon()
+            return Polygon()
         sides = SIDES if high - low > NARROW else MOST_SIDES
-        slab = slab_free(self._outline, near.floor, near.shadows, near.clearance, low, high, sides, about)
-        return shapely.buffer(slab.inner, -2 * GUARD, join_style="mitre"), slab.outer
+        scene = convex_scene(self._outline, near.floor, near.shadows, near.clearance, sides, about)
+        self._scenes[heading] = scene
+        return free_at_some(scene, low, high)
+
+
+def _turn(heading: Span) -> Span:
+    """A range of headings; one of them where all are the same."""
+    return (0.0, 0.0) if heading == EVERY else heading
 
 
 def _boxes_about(area: BaseGeometry, by: float) -> Geometries:

@@ -28,6 +28,7 @@ PLACES = 12  # of the base, tried in an area where the arm touches something
 PITCHES = 24  # of the last link, tried at every place
 SEARCHED = 2  # places at which more postures of the arm are sampled
 SAMPLES = 50  # of them at each
+DEEPEST = 0.1  # overlap of the posture met there, beyond which none is [m]; those that helped had 0.013 m
 MOST_MET = 200  # postures that touch something, after which no other place is tried
 MEASURED = 4  # of those at one place, whose distances are measured
 SLACK = 1e-9  # rounding allowed at a bound [m] or [rad]
@@ -103,7 +104,9 @@ class TargetSearch:
         """
         if self.target.direction is not None or model_of(self.world, self.target).shows_all_postures:
             return None
-        nearest = sorted(self.nearly, key=lambda one: -one[0])[:SEARCHED]
+        nearest = sorted((one for one in self.nearly if one[0] > -DEEPEST), key=lambda one: -one[0])[
+            :SEARCHED
+        ]
         return next((q for _, near in nearest if (q := self._searched(near)) is not None), None)
 
     def standing(self, poses: Sequence[Pose]) -> list[Pose]:

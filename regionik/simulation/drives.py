@@ -46,13 +46,15 @@ class BaseDrives:
 
         Of a base with a heading, in the world: x, y [m/s], yaw [rad/s].
         """
-        twist = self.twist
+        twist, before = self.twist, self.twist.copy()
         twist += (asked - twist) * _SHARE
         if self._wheelbase:
             wanted = math.atan(self._wheelbase * curvature)
             self._steering += min(max(wanted - self._steering, -self._fastest), self._fastest)
             twist[2] = twist[0] * math.tan(self._steering) / self._wheelbase
-        ahead, left, turn = (twist * self._slips[int(self._steps * STEP / SLIP_TIME)]).tolist()
+        # MuJoCo goes on by the speed that a step ends with: that has to be its middle's.
+        gone = (before + twist) / 2 * self._slips[int(self._steps * STEP / SLIP_TIME)]
+        ahead, left, turn = gone.tolist()
         self._steps += 1
         middle = yaw + turn * STEP / 2
         c, s = math.cos(middle), math.sin(middle)

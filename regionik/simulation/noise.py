@@ -90,8 +90,9 @@ class PoseEstimate:
         F = np.eye(3)
         F[0, 2], F[1, 2] = -step[1], step[0]
         # A draw of the slip lasts: what it adds to the error it adds bit by bit, in the same direction.
-        spread = slip / np.sqrt(3) * np.abs(step) * np.sqrt(SLIP_TIME / time)
-        return PoseEstimate(self.pose + step, F @ self.covariance @ F.T + np.diag(spread**2))
+        spread = slip / np.sqrt(3) * np.abs(twist) * np.sqrt(SLIP_TIME * time)
+        S = _yaw_rotation(self.pose[2] + twist[2] * time / 2) * spread
+        return PoseEstimate(self.pose + step, F @ self.covariance @ F.T + S @ S.T)
 
     def corrected(self, localized: Array, then: Array, deviations: Array) -> PoseEstimate:
         """Return the estimate corrected by a localised pose (3,) of when ``then`` (3,) was estimated."""
@@ -103,6 +104,10 @@ class PoseEstimate:
 
 def twist_step(yaw: float, twist: Array, time: float) -> Array:
     """Motion in the world, (3,), by a twist (3,) of the base in its own frame for a time [s]."""
-    middle = yaw + twist[2] * time / 2
-    c, s = np.cos(middle), np.sin(middle)
-    return time * np.array([c * twist[0] - s * twist[1], s * twist[0] + c * twist[1], twist[2]])
+    step: Array = _yaw_rotation(yaw + twist[2] * time / 2) @ twist * time
+    return step
+
+
+def _yaw_rotation(yaw: float) -> Array:
+    c, s = np.cos(yaw), np.sin(yaw)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])

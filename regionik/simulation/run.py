@@ -38,6 +38,11 @@ class Contact:
     other: str
     depth: float
 
+    @property
+    def text(self) -> str:
+        """What touches what, and how deep."""
+        return f"{self.one} touches {self.other}, {1000 * self.depth:.1f} mm deep at most"
+
 
 @dataclass(frozen=True, eq=False)
 class SimulatedRun:
@@ -50,6 +55,8 @@ class SimulatedRun:
         The plan at the same times.
     base, estimate : (n, 3) arrays
         Where the base was, and where the robot took it to be: x, y [m], yaw [rad].
+    covariance : (n, 3, 3) array
+        Of the estimate's error.
     joints : (n, dof) array
     velocity : (n, 3 + dof) array
         Of the base in the world and of the joints.
@@ -67,6 +74,7 @@ class SimulatedRun:
     reference: Reference
     base: Array
     estimate: Array
+    covariance: Array
     joints: Array
     velocity: Array
     tool: Array
@@ -88,6 +96,20 @@ class SimulatedRun:
         """Distance of the tool from where the plan has it at that moment, (n,) [m]."""
         error: Array = np.linalg.norm(self.tool - self.reference.T_tool[:, :3, 3], axis=1)
         return error
+
+    @cached_property
+    def tool_spread(self) -> Array:
+        """Standard deviation of the tool's place along the direction in which it is known least, (n,) [m].
+
+        It is that of the estimate, which no arm takes up.
+        """
+        x, y = (self.tool - self.base)[:, :2].T
+        J = np.zeros((len(x), 2, 3))
+        J[:, 0, 0] = J[:, 1, 1] = 1.0
+        J[:, 0, 2], J[:, 1, 2] = -y, x
+        spread = np.linalg.eigvalsh(J @ self.covariance @ J.transpose(0, 2, 1))[:, -1].astype(np.float64)
+        found: Array = np.sqrt(np.maximum(spread, 0.0))
+        return found
 
     @cached_property
     def arm_error(self) -> Array:
@@ -124,7 +146,7 @@ class SimulatedRun:
     def failure(self) -> str:
         """The first moment at which the run fails, and why; empty where it does not."""
         left = np.flatnonzero(self.reference.on_path & (self.tool_error > self.tolerance))
-        moments = [(contact.time, _contact_text(contact)) for contact in self.contacts]
+        moments = [(contact.time, contact.text) for contact in self.contacts]
         if len(left):
             first = int(left[0])
             text = f"the tool is {1000 * self.tool_error[first]:.1f} mm off its path, {self._place(first)}"
@@ -184,7 +206,3 @@ class SimulatedRun:
     def _place(self, row: int) -> str:
         last = int(self.reference.setpoint[: row + 1].max())
         return "before the first set-point" if last < 0 else f"after set-point {last + 1}"
-
-
-def _contact_text(contact: Contact) -> str:
-    return f"{contact.one} touches {contact.other}, {1000 * contact.depth:.1f} mm deep at most"

@@ -53,11 +53,11 @@ def simulate(
     estimate, joints = noise.start(way.base[0], rng), way.joints[0]
     for k, now in enumerate(way.time[:-1].tolist()):
         estimate = localization.corrected(estimate, robot.physics.position[:3])
-        record.take(k, robot.physics, estimate.pose)
+        record.take(k, robot.physics, estimate)
         command = controller.command(k, estimate.pose, robot.twist, joints)
         said = robot.run(command, setpoints[k * SUBSTEPS : (k + 1) * SUBSTEPS], now)
         estimate, joints = estimate.moved(said, PERIOD, noise.slip), command.joints
-    record.take(len(way.time) - 1, robot.physics, estimate.pose)
+    record.take(len(way.time) - 1, robot.physics, estimate)
     contacts = tuple(sorted(robot.contacts.values(), key=lambda contact: contact.time))
     return record.run(plan, way, contacts, allowed)
 
@@ -90,20 +90,20 @@ class _Record:
     def __init__(self, rows: int, dof: int) -> None:
         self._base, self._estimate, self._tool = (np.zeros((rows, 3)) for _ in range(3))
         self._joints, self._velocity = np.zeros((rows, dof)), np.zeros((rows, 3 + dof))
-        self._tool_speed = np.zeros(rows)
+        self._tool_speed, self._covariance = np.zeros(rows), np.zeros((rows, 3, 3))
 
-    def take(self, k: int, physics: Physics, estimate: Array) -> None:
+    def take(self, k: int, physics: Physics, estimate: PoseEstimate) -> None:
         """Keep the present state as row k."""
         physics.refresh()
         self._base[k], self._joints[k] = physics.position[:3], physics.position[3:]
         self._velocity[k], self._tool[k] = physics.velocity, physics.tool
         self._tool_speed[k] = np.linalg.norm(physics.tool_velocity())
-        self._estimate[k] = estimate
+        self._estimate[k], self._covariance[k] = estimate.pose, estimate.covariance
 
     def run(
         self, plan: Plan, way: Reference, contacts: tuple[Contact, ...], tolerance: float
     ) -> SimulatedRun:
         return SimulatedRun(
-            plan, way, self._base, self._estimate, self._joints, self._velocity, self._tool, self._tool_speed,
-            contacts, tolerance,
+            plan, way, self._base, self._estimate, self._covariance, self._joints, self._velocity, self._tool,
+            self._tool_speed, contacts, tolerance,
         )  # fmt: skip

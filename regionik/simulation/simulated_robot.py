@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -40,7 +41,7 @@ class SimulatedRobot:
         self._drives = BaseDrives(world.robot, world.speeds or Speeds(), slips, way.curvature[0])
         last = world.robot.chain.dof - 1
         self._tips = {k for k, solid in enumerate(world.robot.solids) if solid.link == last}
-        self._spots: dict[int, Array] = {}
+        self._spots: dict[int, list[list[float]]] = {}
         self._added = np.zeros(world.robot.chain.dof)
 
     @property
@@ -86,19 +87,18 @@ class SimulatedRobot:
 
     def _is_allowed(self, touch: Overlap) -> bool:
         """True where the last link touches what a set-point at hand lies on, near the tool and not deep."""
-        reach, tool = self._world.rules.tool_contact, self.physics.tool
+        reach, tool = self._world.rules.tool_contact, self.physics.tool.tolist()
         if touch.own or touch.robot not in self._tips or touch.depth > self._deepest:
             return False
-        spots = np.linalg.norm(self._worked_on(touch.other) - tool, axis=1)
-        return bool(spots.min(initial=np.inf) <= reach and np.linalg.norm(touch.point - tool) <= reach)
+        spots = self._worked_on(touch.other)
+        return math.dist(touch.point, tool) <= reach and any(math.dist(spot, tool) <= reach for spot in spots)
 
-    def _worked_on(self, solid: int) -> Array:
-        """Set-points that lie on a solid, or within ``tool_contact`` of it, (n, 3) [m]."""
+    def _worked_on(self, solid: int) -> list[list[float]]:
+        """Set-points that lie on a solid, or within ``tool_contact`` of it [m]."""
         if solid not in self._spots:
             reach, one = self._world.rules.tool_contact, self._world.solids[solid]
             spots = [target.position for target in self._world.task]
-            near = [spot for spot in spots if one.distance(spot) <= reach]
-            self._spots[solid] = np.array(near).reshape(-1, 3)
+            self._spots[solid] = [spot.tolist() for spot in spots if one.distance(spot) <= reach]
         return self._spots[solid]
 
     def _robot_solid(self, index: int) -> str:

@@ -25,6 +25,7 @@ TAKEN_ON = 1 - math.exp(-PERIOD / LAG)  # share of a change of speed in one peri
 SLOW = 1e-2  # speed at which a car's steering leaves the plan's [m/s]
 GAIN = 2.0  # at which the base is led back to its place [1/s]
 LEAD_BACK = 0.3  # way on which a base that rolls comes back to its path [m]
+FADE = 1.0  # before and after the tool is on its path, in which the arm begins and ends to hold it there [s]
 TURN_WEIGHT = 0.05  # length that counts as much as a radian of the tool's orientation [m]
 MOST_ADDED = 0.2  # of a joint's deviation from the plan, endless near singular postures [rad], [m]
 DAMPING = 0.015  # share of the arm's length that counts as much as a radian of its deviation from the plan
@@ -113,14 +114,17 @@ class TrackingController:
     def _arm_joints(self, k: int, pose: Array, joints: Array) -> Array:
         """Joint values (dof,) for row k, from those of the row before and the base pose (3,) expected then.
 
-        One step of damped least squares on the tool's frame, drawn to the plan's posture.
+        One step of damped least squares on the tool's frame, drawn to the plan's posture. With the tool off
+        its path the arm keeps that posture: no point of it then strays farther than the base takes it.
         """
         arm, plan = serial_arm(self.robot.chain), self.plan
         n = len(joints)
         frames, J = np.empty((n + 1, 4, 4)), np.empty((6, n))
         chain_frames(arm, joints, frames)
         chain_jacobian(arm, frames, J)
-        T_world_arm = self.robot.T_world_arm(pose)
+        off = pose - plan.base[k]
+        off[2] = np.remainder(off[2] + np.pi, 2 * np.pi) - np.pi
+        T_world_arm = self.robot.T_world_arm(plan.base[k] + self._taken_up[k] * off)
         wanted = np.linalg.solve(T_world_arm, plan.T_tool[k])
         error = np.concatenate([wanted[:3, 3] - frames[n, :3, 3], TURN_WEIGHT * _turn(frames[n], wanted)])
         J[3:] *= TURN_WEIGHT
@@ -137,6 +141,17 @@ class TrackingController:
         most = self.speeds.base_velocity, self.speeds.turn_velocity
         used = max(float(np.hypot(twist[0], twist[1])) / most[0], abs(float(twist[2])) / most[1], 1.0)
         return twist / used
+
+    @cached_property
+    def _taken_up(self) -> Array:
+        """Share of what the base is off that the arm takes up, (n,): all of it with the tool on its path."""
+        rows, on_path = np.arange(len(self.plan.time)), np.flatnonzero(self.plan.on_path)
+        if not len(on_path):
+            return np.zeros(len(rows))
+        after = np.searchsorted(on_path, rows).clip(max=len(on_path) - 1)
+        away = np.abs(on_path[[after, np.maximum(after - 1, 0)]] - rows).min(axis=0)
+        taken_up: Array = np.clip(1 - away * PERIOD / FADE, 0.0, 1.0)
+        return taken_up
 
     @cached_property
     def _damping(self) -> float:
@@ -157,5 +172,5 @@ def _turned(vector: Array, angle: float) -> Array:
 
 def _turn(T: Array, wanted: Array) -> Array:
     """Rotation vector (3,) of a small turn from one frame's axes to another's [rad]."""
-    turn: Array = np.cross(T[:3, :3].T, wanted[:3, :3].T).sum(0) / 2
-    return turn
+    R = wanted[:3, :3] @ T[:3, :3].T
+    return np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]]) / 2

@@ -45,35 +45,18 @@ JOINT_MARGIN = math.radians(2)  # [rad]
 
 @dataclass(frozen=True, eq=False)
 class PathRun:
-    """States with the tool on its path, from one lift-off to the next, laid out to be smoothed.
+    """States with the tool on its path, from one lift-off to the next, laid out to be smoothed."""
 
-    Attributes
-    ----------
-    first, last : int
-        Rows of the plan's motion that the run takes the place of.
-    owner : (n,) array of int
-        Set-point of each state.
-    worked : (n,) array of bool
-        States that are set-points.
-    states : (n, m) array
-        x, y, yaw and joints, before smoothing.
-    areas : (k,) array of geometry
-        Of the arm axis at the set-points.
-    problem, coarse : PathProblem
-        Of all states, and of the set-points and both ends; coordinates are held that must be.
-    keeper : StateKeeper
-        Of all states.
-    """
-
-    first: int
+    first: int  # rows of the plan's motion that the run takes the place of
     last: int
-    owner: Index
-    worked: NDArray[np.bool_]
-    states: Array
-    areas: Geometries
+    owner: Index  # (n,) set-point of each state
+    worked: NDArray[np.bool_]  # (n,) states that are set-points
+    states: Array  # (n, m) x, y, yaw and joints, before smoothing
+    areas: Geometries  # (k,) of the arm axis at the set-points
+    # Of all states, and of the set-points and both ends; coordinates are held that must be
     problem: PathProblem
     coarse: PathProblem
-    keeper: StateKeeper
+    keeper: StateKeeper  # of all states
 
     def begun(self) -> Array:
         """States of the set-points alone smoothed, the others between them, which is soon done."""
@@ -125,8 +108,6 @@ def runs_of(plan: Plan, standing: Standing, stride: float) -> Iterator[PathRun]:
 
 @dataclass(frozen=True, eq=False)
 class _Layout:
-    """Lays out the runs of a plan."""
-
     plan: Plan
     standing: Standing
     stride: float
@@ -175,8 +156,7 @@ class _Layout:
             way = task[i + 1].position - task[i].position
             share = (tools[k] - task[i].position) @ way / max(float(way @ way), 1e-12)
             places[k] = i + min(max(float(share), 0.0), 1.0)
-        kept: Array = np.maximum.accumulate(places)
-        return kept
+        return np.maximum.accumulate(places)
 
     def _even(self, owner: Index, places: Array) -> tuple[Array, Index, NDArray[np.bool_]]:
         """Evenly laid out places, each with its set-point and whether it is one."""
@@ -253,7 +233,6 @@ class _Layout:
 
 
 def _coarse_rows(worked: NDArray[np.bool_]) -> Index:
-    """Set-points and both ends."""
     ends = np.arange(len(worked))
     return np.flatnonzero(worked | (ends == 0) | (ends == len(worked) - 1))
 

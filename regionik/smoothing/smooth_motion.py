@@ -39,17 +39,7 @@ Failed = dict[int, list[int]]  # states that failed, by run
 def smooth_motion(plan: Plan, standing: Standing) -> Plan:
     """Return a plan with smoother motion while the tool is on its path, proven like the one it came from.
 
-    Parameters
-    ----------
-    plan : Plan
-        Verified, not timed.
-    standing : Standing
-        Where the base may stand.
-
-    Returns
-    -------
-    Plan
-        The plan itself where nothing could be made smoother.
+    The plan is verified and not timed; it is returned itself where nothing could be made smoother.
     """
     way = np.diff([target.position for target in plan.world.task], axis=0)
     long = float(np.linalg.norm(way, axis=1).sum()) > LONG_PATH and not plan.world.robot.drive.rolls
@@ -66,8 +56,8 @@ def _proven(plan: Plan, runs: list[PathRun]) -> tuple[Plan, bool]:
     tubes = [np.full(len(run.states), np.inf) for run in runs]
     smoothed, failed = [run.begun() for run in runs], Failed({k: [] for k in range(len(runs))})
     demanded = [np.zeros(len(run.states)) for run in runs]
-    for attempt in track("smoothing", range(TRIES)):
-        for k, rows in failed.items():
+    for attempt in range(TRIES):
+        for k, rows in track("smoothing", list(failed.items())):
             if attempt > 1:
                 tubes[k] = _held_closer(runs[k], smoothed[k], tubes[k], rows)
             for row in rows:  # what a hop cuts off is less than this, mostly
@@ -93,7 +83,6 @@ def _checked(plan: Plan, runs: list[PathRun], smoothed: list[Array]) -> tuple[Pl
 
 
 def _rebuilt(plan: Plan, runs: list[PathRun], smoothed: list[Array]) -> Plan:
-    """The plan with the states of runs in the place of its own."""
     old, done, parts = plan.motion, 0, list[Motion]()
     setpoints = list(plan.setpoints)
     for run, states in zip(runs, smoothed, strict=True):

@@ -25,21 +25,12 @@ RECOVERY = 0.01  # by which a state outside is asked to come back in a round [m]
 
 @dataclass(frozen=True, eq=False)
 class StateKeeper:
-    """Keeps the arm axis in its areas and the links clear.
-
-    Attributes
-    ----------
-    robot : Robot
-    guard : Guard
-    within : (n,) array of geometry
-        Where the arm axis may be in each state.
-    demanded : (n,) array
-        Distance from the edge of that, and beyond the clearance of links, that is not given up [m].
-    """
+    """Keeps the arm axis in its areas and the links clear."""
 
     robot: Robot
     guard: Guard
-    within: Geometries
+    within: Geometries  # (n,) where the arm axis may be in each state
+    # (n,) distance from the edge of that, and beyond the clearance of links, that is not given up [m]
     demanded: Array
 
     def half_spaces(self, states: Array) -> HalfSpaces:
@@ -100,24 +91,25 @@ class StateKeeper:
             moved = moved - self._moved(frames, base, solids[touch.other].link, touch.on_other)
         if touch.kind == "base":
             moved = moved - self._moved(frames, base, -1, touch.on_other)
-        rate: Array = unit @ moved
-        return rate
+        return unit @ moved
 
     def _moved(self, frames: Array, base: Array, link: int, point: Array) -> Array:
         """Velocity of a point of a link for each coordinate's unit speed, (3, m)."""
         J = np.zeros((3, 3 + self.robot.chain.dof))
         J[0, 0] = J[1, 1] = 1.0
         J[:2, 2] = base[1] - point[1], point[0] - base[0]
-        for k, joint in enumerate(self.robot.chain.joints[: link + 1]):
-            axis = frames[k, :3, :3] @ joint.axis
-            revolute = joint.kind == "revolute"
-            J[:, 3 + k] = np.cross(axis, point - frames[k, :3, 3]) if revolute else axis
+        joints = self.robot.chain.joints[: link + 1]
+        if joints:
+            T = frames[: len(joints)]
+            axes = np.einsum("nij,nj->in", T[:, :3, :3], [joint.axis for joint in joints])
+            turned = np.cross(axes, (point - T[:, :3, 3]).T, axis=0)
+            revolute = [joint.kind == "revolute" for joint in joints]
+            J[:, 3 : 3 + len(joints)] = np.where(revolute, turned, axes)
         return J
 
     @cached_property
     def _edges(self) -> Geometries:
-        edges: Geometries = shapely.boundary(self.within)
-        return edges
+        return shapely.boundary(self.within)
 
 
 def _least(room: Array, margin: float) -> Array:

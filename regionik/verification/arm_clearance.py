@@ -57,8 +57,7 @@ class _LinkSolids:
     def last(self) -> Mask:
         """Solids of the last link that has any."""
         links = np.array([solid.link for solid in self.segments.robot.all_solids])
-        last: Mask = links == links.max()
-        return last
+        return links == links.max()
 
     @cached_property
     def acceleration(self) -> Array:
@@ -124,7 +123,7 @@ class _ClosePairs:
     link: Indices
     piece: Indices
 
-    def take(self, which: Mask) -> _ClosePairs:
+    def take(self, which: Mask | Indices | slice) -> _ClosePairs:
         return _ClosePairs(self.row[which], self.link[which], self.piece[which])
 
 
@@ -157,8 +156,7 @@ class _ArmProof:
     def _heeded(self) -> Mask:
         """Which solids keep clear of which pieces: of the floor those that can be off it."""
         on_floor = self.obstacles.owner == (-1 if self.world.floor_slab is None else len(self.world.solids))
-        heeded: Mask = np.array(off_floor(self.world.robot))[:, None] | ~on_floor
-        return heeded
+        return np.array(off_floor(self.world.robot))[:, None] | ~on_floor
 
     @property
     def limit(self) -> float:
@@ -251,7 +249,7 @@ class _ArmProof:
         return SweptSolid(own, radius, np.broadcast_to(tools, (3, 3)), bulge, tool_bulge)
 
     def _examine(self, every: _ClosePairs, intervals: Intervals) -> IntervalVerdicts:
-        pairs = _ClosePairs(*(column[intervals.item] for column in (every.row, every.link, every.piece)))
+        pairs = every.take(intervals.item)
         hulls, tools = self._samples(pairs, intervals)  # (m, 3 samples, k corners, 3), (m, 3 samples, 3)
         bulge = chord_deviation(self.links.acceleration[pairs.link, pairs.row], intervals.length)
         tool_bulge = chord_deviation(self.segments.tool_acceleration_bound[pairs.row], intervals.length)
@@ -294,8 +292,7 @@ class _ArmProof:
     def _boxes_apart(self, hulls: Array, piece: Indices, needed: Array) -> Mask:
         low, high = hulls.min((1, 2)), hulls.max((1, 2))
         gap = np.maximum(np.maximum(low - self.obstacles.high[piece], self.obstacles.low[piece] - high), 0.0)
-        apart: Mask = (np.linalg.norm(gap, axis=1) >= needed) & (gap > 0).any(1)
-        return apart
+        return (np.linalg.norm(gap, axis=1) >= needed) & (gap > 0).any(1)
 
     def _too_close(
         self, pairs: _ClosePairs, distance: Array, may_touch: Mask, allowed: Mask
@@ -311,7 +308,7 @@ class _ArmProof:
         """Violations between states, one for each segment, link and solid."""
         worst: dict[_Key, _Nearest] = {}
         for item, s in where.items():
-            one = _ClosePairs(*(column[item : item + 1] for column in (pairs.row, pairs.link, pairs.piece)))
+            one = pairs.take(slice(item, item + 1))
             hulls, tools = self._placed_at(one.row, np.array([s]))
             own = hulls[:, one.link[0]]
             may_touch = self._may_touch(one, tools[:, None], np.zeros(1))[1]

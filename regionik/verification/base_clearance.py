@@ -16,6 +16,8 @@ from regionik.values import Violation
 from regionik.verification.motion import Indices, Mask, MotionSegments, chord_deviation
 from regionik.verification.proofs import Finding, Intervals, IntervalVerdicts, StateNames, bisect, finding
 from regionik.worlds.arrays import Array
+from regionik.worlds.obstacles import Shadow
+from regionik.worlds.robot import Robot
 from regionik.worlds.scene import World
 
 EXACT = 1e-9  # where the area swept on a segment is known exactly [m]
@@ -28,29 +30,22 @@ Shapes = NDArray[np.object_]
 
 @dataclass(frozen=True, eq=False)
 class _SweptFootprint:
-    """The footprint along a motion."""
-
     segments: MotionSegments
-
-    def footprints(self, base: Array) -> Shapes:
-        return _hulls(self._corners(base))
 
     def swept(self, segment: Indices, low: Array, high: Array) -> tuple[Shapes, Array]:
         """Hulls of the footprints at both ends of intervals, and how far it may leave them between [m]."""
-        ends = [self._corners(self.segments.base_at(segment, s)) for s in (low, high)]
+        ends = [_corners(self.segments.robot, self.segments.base_at(segment, s)) for s in (low, high)]
         return _hulls(np.concatenate(ends, axis=1)), chord_deviation(self._acceleration[segment], high - low)
 
     @property
     def exact(self) -> Mask:
         """Segments on which the hull is what the footprint sweeps: no turn, or a point that goes straight."""
-        straight: Mask = np.abs(self.segments.turn) * (self._radius + np.abs(self.segments.rolled)) < 1e-12
-        return straight
+        return np.abs(self.segments.turn) * (self._radius + np.abs(self.segments.rolled)) < 1e-12
 
     def moved(self, segment: Indices, part: Array) -> Array:
         """Upper bound for the motion of a corner over half an interval [m]."""
         length = self.segments.base_length[segment] + np.abs(self.segments.turn[segment]) * self._radius
-        moved: Array = length * part / 2
-        return moved
+        return length * part / 2
 
     @property
     def _radius(self) -> float:
@@ -61,22 +56,31 @@ class _SweptFootprint:
     def _acceleration(self) -> Array:
         """Upper bound for any point of the footprint: w^2 r + u w, (segments,) [m per segment^2]."""
         rate = np.abs(self.segments.turn)
-        bound: Array = rate * (rate * self._radius + np.abs(self.segments.rolled))
-        return bound
+        return rate * (rate * self._radius + np.abs(self.segments.rolled))
 
-    def _corners(self, base: Array) -> Array:
-        c, s = np.cos(base[:, 2]), np.sin(base[:, 2])
-        R = np.stack([np.stack([c, s], -1), np.stack([-s, c], -1)], 1)
-        corners: Array = self.segments.robot.footprint @ R + base[:, None, :2]
-        return corners
+
+def footprint_hulls(robot: Robot, base: Array) -> Shapes:
+    """Hulls of the footprint at base poses (n, 3), (n,)."""
+    return _hulls(_corners(robot, base))
+
+
+def base_shadows(world: World) -> list[tuple[str, Shadow]]:
+    """Names and shadows of the solids that the base could hit."""
+    shadows = ((solid.name, solid.shadow(below=world.robot.body_height)) for solid in world.solids)
+    return [(name, shadow) for name, shadow in shadows if shadow is not None and not shadow.core.is_empty]
+
+
+def _corners(robot: Robot, base: Array) -> Array:
+    c, s = np.cos(base[:, 2]), np.sin(base[:, 2])
+    R = np.stack([np.stack([c, s], -1), np.stack([-s, c], -1)], 1)
+    return robot.footprint @ R + base[:, None, :2]
 
 
 def _hulls(corners: Array) -> Shapes:
     n, k, _ = corners.shape
     owner = np.repeat(np.arange(n), k)
     points = shapely.multipoints(shapely.points(corners.reshape(-1, 2)), indices=owner)
-    hulls: Shapes = shapely.convex_hull(points)
-    return hulls
+    return shapely.convex_hull(points)
 
 
 def verify_floor(world: World, segments: MotionSegments, names: StateNames) -> Finding:
@@ -87,10 +91,10 @@ def verify_floor(world: World, segments: MotionSegments, names: StateNames) -> F
     grown = {tol: shapely.buffer(ground, tol, join_style="mitre") for tol in (EXACT, TURNING)}
     for shape in (ground, edge, *grown.values()):
         shapely.prepare(shape)
-    footprints = sweep.footprints(segments.motion.base)
-    inside = shapely.covers(grown[EXACT], footprints)
+    shapes = footprint_hulls(world.robot, segments.motion.base)
+    inside = shapely.covers(grown[EXACT], shapes)
     off = np.flatnonzero(~inside).tolist()
-    violations = [_off_floor(names, k, names.state(k), footprints[k], ground) for k in off]
+    violations = [_off_floor(names, k, names.state(k), shapes[k], ground) for k in off]
     candidates = np.flatnonzero(inside[:-1] & inside[1:])
     exact = sweep.exact
 
@@ -99,7 +103,7 @@ def verify_floor(world: World, segments: MotionSegments, names: StateNames) -> F
         hull, bulge = sweep.swept(k, intervals.low, intervals.high)
         within = np.where(exact[k], shapely.covers(grown[EXACT], hull), shapely.covers(grown[TURNING], hull))
         proven = within & (exact[k] | (bulge <= TURNING) | (shapely.distance(hull, edge) >= bulge))
-        middle = sweep.footprints(segments.base_at(k, intervals.middle))
+        middle = footprint_hulls(world.robot, segments.base_at(k, intervals.middle))
         refuted = np.where(exact[k], ~within, ~shapely.covers(grown[TURNING], middle))
         return IntervalVerdicts(proven, refuted, sweep.moved(k, intervals.length) + 100 * bulge < SHORTEST)
 
@@ -109,9 +113,9 @@ def verify_floor(world: World, segments: MotionSegments, names: StateNames) -> F
         if exact[k]:
             shape = sweep.swept(segment, np.zeros(1), np.ones(1))[0][0]
         else:
-            shape = sweep.footprints(segments.base_at(segment, np.array([s])))[0]
+            shape = footprint_hulls(world.robot, segments.base_at(segment, np.array([s])))[0]
         violations.append(_off_floor(names, k, names.segment(k), shape, ground))
-    inner = shapely.distance(footprints[inside], edge)
+    inner = shapely.distance(shapes[inside], edge)
     return finding("floor", float(inner.min(initial=np.inf)), violations)
 
 
@@ -126,8 +130,7 @@ def _off_floor(
 
 def verify_base_clearance(world: World, segments: MotionSegments, names: StateNames) -> Finding:
     """The footprint keeps ``clearance`` from the shadow of every solid it could hit."""
-    shadows = [(solid.name, solid.shadow(below=world.robot.body_height)) for solid in world.solids]
-    known = [(name, shadow) for name, shadow in shadows if shadow is not None and not shadow.core.is_empty]
+    known = base_shadows(world)
     if not known:
         return finding("clearance", np.inf, [])
     cores: Shapes = np.array([shadow.core for _, shadow in known], dtype=object)
@@ -149,9 +152,9 @@ class _ClearanceProof:
 
     def check(self) -> Finding:
         segments, exact = self.sweep.segments, self.sweep.exact
-        footprints = self.sweep.footprints(segments.motion.base)
-        state, solid = self._close_pairs(footprints, 0.0)
-        distance = self._distances(footprints[state], solid)
+        shapes = footprint_hulls(segments.robot, segments.motion.base)
+        state, solid = self._close_pairs(shapes, 0.0)
+        distance = self._distances(shapes[state], solid)
         bad = distance < self.limit - EXACT
         rows = list(zip(state[bad].tolist(), solid[bad].tolist(), distance[bad].tolist(), strict=True))
         violations = [self._violation(k, self.names.state(k), j, d) for k, j, d in rows]
@@ -169,24 +172,25 @@ class _ClearanceProof:
         for item, s in unproven.items():
             row, j = segment[item : item + 1], solid[item : item + 1]
             k = int(row[0])
-            shape = hull[row] if exact[k] else self.sweep.footprints(segments.base_at(row, np.array([s])))
+            at = segments.base_at(row, np.array([s]))
+            shape = hull[row] if exact[k] else footprint_hulls(segments.robot, at)
             found = float(self._distances(shape, j)[0])
             violations.append(self._violation(k, self.names.segment(k), int(j[0]), found))
-        least = self._least_distance(np.concatenate([footprints, hull[exact]]))
+        least = self._least_distance(np.concatenate([shapes, hull[exact]]))
         return finding("clearance", least - self.limit, violations)
 
     def _examine(self, segment: Indices, solid: Indices, intervals: Intervals) -> IntervalVerdicts:
         hull, bulge = self.sweep.swept(segment, intervals.low, intervals.high)
         exact = self.sweep.exact[segment]
         proven = self._distances(hull, solid) - np.where(exact, -EXACT, bulge - TURNING) >= self.limit
-        middle = self.sweep.footprints(self.sweep.segments.base_at(segment, intervals.middle))
+        segments = self.sweep.segments
+        middle = footprint_hulls(segments.robot, segments.base_at(segment, intervals.middle))
         refuted = np.where(exact, ~proven, self._distances(middle, solid) < self.limit - TURNING)
         short = self.sweep.moved(segment, intervals.length) + 100 * bulge < SHORTEST
         return IntervalVerdicts(proven, refuted, short)
 
     def _distances(self, shapes: Shapes, solid: Indices) -> Array:
-        distance: Array = _distances(shapes, self.cores[solid]) - self.radii[solid]
-        return distance
+        return _distances(shapes, self.cores[solid]) - self.radii[solid]
 
     def _close_pairs(self, shapes: Shapes, bulge: Array | float) -> tuple[Indices, Indices]:
         """Pairs of shapes and shadows that may be closer than the clearance."""

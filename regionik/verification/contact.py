@@ -33,24 +33,12 @@ SIGNS = np.array(
 
 @dataclass(frozen=True, eq=False)
 class ToolContact:
-    """What the tool may touch.
+    """What the tool may touch."""
 
-    Attributes
-    ----------
-    trees : dict of int to cKDTree
-        Set-points that lie on, in or near a solid, by the index of the solid.
-    reach : float
-        ``tool_contact`` [m].
-    clearance : float
-        ``arm_clearance``, of all that is farther than ``reach`` from the tool point [m].
-    depth : float
-        Largest penetration, `Rules.deepest_contact` [m].
-    """
-
-    trees: dict[int, cKDTree]
-    reach: float
-    clearance: float
-    depth: float
+    trees: dict[int, cKDTree]  # set-points that lie on, in or near a solid, by the index of the solid
+    reach: float  # ``tool_contact`` [m]
+    clearance: float  # ``arm_clearance``, of all that is farther than ``reach`` from the tool point [m]
+    depth: float  # largest penetration, `Rules.deepest_contact` [m]
 
     def near_setpoint(self, solid: Indices, tools: Array, bulge: Array) -> tuple[Mask, Mask]:
         """Masks of tools (m, samples, 3) near a set-point on their solid: all the time, and in the middle.
@@ -107,8 +95,7 @@ def shrunk_weights(corners: Array, inset: float, tool: Array) -> Array:
     toward = np.clip(sides @ (tool - corners.mean(0)) / square, -1.0, 1.0)
     signs = SIGNS if len(corners) == 8 else SIGNS[[0, 7], :1]
     at = signs * np.maximum(0.0, 1.0 - shares) - np.clip(toward * np.maximum(0.0, shares - 1.0), -1.0, 1.0)
-    weights: Array = ((1 + at[:, None] * signs[None]) / 2).prod(-1)
-    return weights
+    return ((1 + at[:, None] * signs[None]) / 2).prod(-1)
 
 
 def mesh_depth(contact: ToolContact, swept: SweptSolid, piece: Piece) -> float:

@@ -83,7 +83,6 @@ def _wrong_figures(plan: Plan, segments: MotionSegments) -> Iterator[Violation]:
 
 
 def _wrong_margins(stated: Any, margins: dict[str, float]) -> Iterator[Violation]:
-    """Margins in ``stats`` that the checks did not find."""
     if not isinstance(stated, dict):
         return
     for kind, value in stated.items():

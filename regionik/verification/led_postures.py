@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from regionik.verification.motion import point_jacobian
-from regionik.verification.tool_path import rotation_to
+from regionik.verification.tool_path import tool_deviations
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import Target, World
 
@@ -25,29 +25,14 @@ CLOSE = 0.05  # share of the tolerance at which iterations end, in metres as in 
 def postures_led_to(
     world: World, targets: Sequence[Target], poses: Array, joints: Array
 ) -> tuple[Array, Array]:
-    """Postures led to targets with the base held, and by how much they miss beyond the tolerances.
+    """Postures (n, dof) led to targets with the base held, and by how much they miss beyond the tolerances.
 
-    Parameters
-    ----------
-    world : World
-    targets : sequence of Target
-    poses : (n, 3) array
-        Of the base.
-    joints : (n, dof) array
-        From which each posture is led, within the joint limits.
-
-    Returns
-    -------
-    joints : (n, dof) array
-    excess : (n,) array
-        At most 0 where the target is met [m] or [rad].
+    Each is led from its joints (n, dof), within their limits, with the base at its pose (n, 3). Where the
+    target is met the excess (n,) is at most 0 [m] or [rad].
     """
     chain, close = world.robot.chain, CLOSE * world.rules.tolerance
-    q, goals, left = (
-        np.clip(joints, chain.lower, chain.upper),
-        _Goals.of(targets, close),
-        np.arange(len(joints)),
-    )
+    goals, left = _Goals.of(targets, close), np.arange(len(joints))
+    q = np.clip(joints, chain.lower, chain.upper)
     # Six joints and more turn the tool the shortest way at first, then by its angle alone, as fewer do.
     whole = ITERATIONS // 2 if chain.dof >= 6 else 0
     for n in range(ITERATIONS):
@@ -69,15 +54,11 @@ def postures_led_to(
 
 
 class _Goals(NamedTuple):
-    """Targets as arrays."""
-
     positions: Array  # (n, 3) [m]
     frames: Array  # (n, 3, 3) asked tool frame, or a direction in its last column
     framed: Mask  # (n,) a frame is asked
     directed: Mask  # (n,) a direction or a frame is asked
-    cones: (
-        Array  # (n,) hardly narrower than asked: at the end of the reach no tool may turn any further [rad]
-    )
+    cones: Array  # (n,) hardly narrower than asked: at the end of the reach no tool may turn farther [rad]
 
     @classmethod
     def of(cls, targets: Sequence[Target], close: float) -> _Goals:
@@ -97,21 +78,15 @@ class _Goals(NamedTuple):
         )
 
     def only(self, some: NDArray[np.intp]) -> _Goals:
-        return _Goals(
-            self.positions[some],
-            self.frames[some],
-            self.framed[some],
-            self.directed[some],
-            self.cones[some],
-        )
+        columns: tuple[Any, ...] = self
+        return _Goals(*(column[some] for column in columns))
 
 
 def _damped_step(J: Array, residual: Array) -> Array:
     """Damped least squares J^T (J J^T + d^2 I)^-1 r, (n, dof)."""
     transposed = J.transpose(0, 2, 1)
     A = J @ transposed + DAMPING**2 * np.eye(J.shape[1])
-    step: Array = (transposed @ np.linalg.solve(A, residual[..., None]))[..., 0]
-    return step
+    return (transposed @ np.linalg.solve(A, residual[..., None]))[..., 0]
 
 
 def _residual_and_jacobian(world: World, goals: _Goals, poses: Array, q: Array) -> tuple[Array, Array]:
@@ -136,8 +111,7 @@ def _angle_alone(residual: Array, J: Array) -> Array:
     size = np.linalg.norm(residual[:, 3:], axis=1)
     axis = residual[:, 3:] / np.maximum(size, 1e-300)[:, None]
     turning = axis[:, :, None] * np.einsum("na,nak->nk", axis, J[:, 3:])[:, None]
-    alone: Array = np.concatenate([J[:, :3], turning], axis=1)
-    return alone
+    return np.concatenate([J[:, :3], turning], axis=1)
 
 
 def _turn_left(goals: _Goals, R: Array) -> Array:
@@ -154,18 +128,7 @@ def _turn_left(goals: _Goals, R: Array) -> Array:
         turn[pointed] = axis * (angle / np.maximum(sine, 1e-300))[:, None]
     size = np.linalg.norm(turn, axis=1)
     beyond = np.maximum(size - goals.cones, 0.0) / np.maximum(size, 1e-300)
-    left: Array = turn * beyond[:, None]
-    return left
-
-
-def _rotation_off(target: Target, R: Array) -> tuple[Array, float]:
-    """Axis (3,), not normalized, and angle [rad] of the rotation from the tool to what is asked."""
-    if target.direction is None:
-        return np.zeros(3), 0.0
-    if target.orientation is not None:
-        return rotation_to(target.orientation, R)
-    axis = np.cross(R[:, 2], target.direction)
-    return axis, float(np.arctan2(np.linalg.norm(axis), R[:, 2] @ target.direction))
+    return turn * beyond[:, None]
 
 
 def _excess(world: World, targets: Sequence[Target], poses: Array, q: Array) -> Array:
@@ -174,6 +137,5 @@ def _excess(world: World, targets: Sequence[Target], poses: Array, q: Array) -> 
     positions = np.array([target.position for target in targets])
     excess: Array = np.linalg.norm(tool[:, :, 3] - positions, axis=1) - world.rules.tolerance
     for k, (target, R) in enumerate(zip(targets, tool[:, :, :3], strict=True)):
-        if target.direction is not None:
-            excess[k] = max(excess[k], _rotation_off(target, R)[1] - target.cone)
+        excess[k] = max([excess[k], *(angle - target.cone for _, angle in tool_deviations(target, R))])
     return excess

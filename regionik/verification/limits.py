@@ -140,19 +140,13 @@ def verify_criteria(world: World, segments: MotionSegments, names: StateNames) -
 
 
 def manipulability(robot: Robot, joints: ArrayLike) -> Array:
-    """Manipulability sqrt(det(J J^T)) of the tool's position by all joints of the arm, (...,) [m3].
-
-    Parameters
-    ----------
-    robot : Robot
-    joints : (..., dof) array_like
+    """Manipulability sqrt(det(J J^T)) of the tool's position by joints (..., dof), (...,) [m3].
 
     Source: T. Yoshikawa, Manipulability of robotic mechanisms, IJRR 1985.
     """
     columns = _link_point_jacobian(robot, joints, robot.chain.dof, robot.chain.T_last_tool[:3, 3])
     J = np.swapaxes(columns, -1, -2)
-    found: Array = np.sqrt(np.maximum(np.linalg.det(J @ columns), 0.0))
-    return found
+    return np.sqrt(np.maximum(np.linalg.det(J @ columns), 0.0))
 
 
 def joint_margins(robot: Robot, joints: ArrayLike) -> Array:

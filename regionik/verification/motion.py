@@ -45,8 +45,7 @@ class MotionSegments:
     @cached_property
     def _chord(self) -> Array:
         """Displacement of the base, (segments, 2) [m]."""
-        chord: Array = np.diff(self.motion.base[:, :2], axis=0)
-        return chord
+        return np.diff(self.motion.base[:, :2], axis=0)
 
     @cached_property
     def _tangent(self) -> Array:
@@ -62,8 +61,7 @@ class MotionSegments:
         """
         if not self.robot.drive.rolls:
             return np.zeros(len(self))
-        rolled: Array = (self._chord * self._tangent).sum(1) / np.sinc(self.turn / 2 / np.pi)
-        return rolled
+        return (self._chord * self._tangent).sum(1) / np.sinc(self.turn / 2 / np.pi)
 
     @cached_property
     def slide(self) -> Array:
@@ -71,14 +69,12 @@ class MotionSegments:
         if not self.robot.drive.rolls:
             return self._chord
         across = np.column_stack([-self._tangent[:, 1], self._tangent[:, 0]])
-        slide: Array = (self._chord * across).sum(1)[:, None] * across
-        return slide
+        return (self._chord * across).sum(1)[:, None] * across
 
     @cached_property
     def base_length(self) -> Array:
         """Length of the base's path, (segments,) [m]."""
-        length: Array = np.abs(self.rolled) + np.linalg.norm(self.slide, axis=1)
-        return length
+        return np.abs(self.rolled) + np.linalg.norm(self.slide, axis=1)
 
     @cached_property
     def turn(self) -> Array:
@@ -88,8 +84,7 @@ class MotionSegments:
     @cached_property
     def joint_change(self) -> Array:
         """Change of every joint, (segments, dof)."""
-        change: Array = np.diff(self.motion.joints, axis=0)
-        return change
+        return np.diff(self.motion.joints, axis=0)
 
     def base_at(self, segment: Indices, s: Array) -> Array:
         """Base poses at shares s in [0, 1] of segments, (m, 3)."""
@@ -103,8 +98,7 @@ class MotionSegments:
 
     def joints_at(self, segment: Indices, s: Array) -> Array:
         """Joint values at shares s in [0, 1] of segments, (m, dof)."""
-        values: Array = self.motion.joints[segment] + s[:, None] * self.joint_change[segment]
-        return values
+        return self.motion.joints[segment] + s[:, None] * self.joint_change[segment]
 
     def frames_at(self, segment: Indices, s: Array) -> Array:
         """Link and tool frames in the world, (m, dof + 1, 4, 4)."""
@@ -176,15 +170,8 @@ class MotionSegments:
 def point_jacobian(chain: Chain, frames: Array, point: Array, moving: int) -> Array:
     """Velocities of a point per unit speed of each joint, (..., dof, 3).
 
-    Parameters
-    ----------
-    chain : Chain
-    frames : (..., dof + 1, 4, 4) array
-        Link and tool frames.
-    point : (..., 3) array
-        In the frame that ``frames`` are given in [m].
-    moving : int
-        Number of joints, from the first, that move the point.
+    Link and tool frames (..., dof + 1, 4, 4) and point (..., 3) are in one frame [m]; the first ``moving``
+    joints move the point.
     """
     columns = np.zeros((*point.shape[:-1], chain.dof, 3))
     for k, joint in enumerate(chain.joints[:moving]):
@@ -196,8 +183,7 @@ def point_jacobian(chain: Chain, frames: Array, point: Array, moving: int) -> Ar
 
 def wrap_angle(angle: Array) -> Array:
     """Angles brought into [-pi, pi)."""
-    wrapped: Array = np.remainder(angle + np.pi, 2 * np.pi) - np.pi
-    return wrapped
+    return np.remainder(angle + np.pi, 2 * np.pi) - np.pi
 
 
 def chord_deviation(acceleration: Array, part: Array) -> Array:

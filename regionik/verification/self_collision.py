@@ -2,7 +2,9 @@
 
 Each pair is examined in the frame of its lower body, which is fixed there: only the joints between the two
 count, wherever the base drives. In the middle of an interval a plane is laid between the two; while the
-upper body's corners, and their deviation from their chords, stay beyond it, the two are apart.
+upper body's corners, and their deviation from their chords, stay beyond it, the two are apart. The gap of two
+convex bodies along a unit direction is a lower bound of their distance, and the largest gap is the distance
+itself (separating axis theorem): whatever direction the walk of GJK comes to, what is told is proven.
 """
 
 from __future__ import annotations
@@ -10,23 +12,18 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
+from scipy.spatial import ConvexHull, QhullError
 
+from regionik.planners.collision.gjk import hull_distance
 from regionik.planners.progress import track
 from regionik.values import Violation
-from regionik.verification.convex_distance import (
-    RoundedHull,
-    SignedDistances,
-    face_distances,
-    gap_along,
-    link_hull,
-    prism_hull,
-    signed_distances,
-)
 from regionik.verification.motion import Indices, MotionSegments, PointBounds, chord_deviation
 from regionik.verification.proofs import Finding, Intervals, IntervalVerdicts, StateNames, bisect, finding
 from regionik.worlds.arrays import Array
+from regionik.worlds.obstacles import Prism
 from regionik.worlds.robot import Robot
 from regionik.worlds.self_collision import base_body, self_collision_pairs
 
@@ -44,6 +41,56 @@ def verify_self_collision(segments: MotionSegments, names: StateNames) -> Findin
     ]
     margin = min([margin for margin, _ in found], default=np.inf)
     return finding("self", margin, [violation for _, violations in found for violation in violations])
+
+
+@dataclass(frozen=True, eq=False)
+class RoundedHull:
+    """All points within ``radius`` of the convex hull of ``corners``."""
+
+    corners: Array  # (k, 3) [m]
+    radius: float  # [m]
+
+    def corners_in(self, T: Array) -> Array:
+        """Corners (..., k, 3) in frames in which the body has the poses T (..., 4, 4)."""
+        return self.corners @ T[..., :3, :3].swapaxes(-1, -2) + T[..., None, :3, 3]
+
+
+class SignedDistances(NamedTuple):
+    """Distances less both radii, and the unit directions, from fixed to moving, that prove them."""
+
+    distance: Array  # (m,) [m], minus the penetration depth
+    normal: Array  # (m, 3)
+
+
+def prism_hull(prism: Prism) -> RoundedHull:
+    """Upright prism over the convex hull of its polygon."""
+    outline = np.asarray(prism.polygon.convex_hull.exterior.coords)[:-1]
+    ends = [np.column_stack([outline, np.full(len(outline), z)]) for z in prism.z_range]
+    return RoundedHull(np.vstack(ends), 0.0)
+
+
+def gap_along(fixed: RoundedHull, corners: Array, normal: Array) -> Array:
+    """Gap from the corners of a fixed hull to corners (m, k, 3) along normals (m, 3), (m,) [m]."""
+    return np.einsum("mkj,mj->mk", corners, normal).min(-1) - (normal @ fixed.corners.T).max(-1)
+
+
+def signed_distances(fixed: RoundedHull, moving: RoundedHull, T: Array) -> SignedDistances:
+    """Signed distances of a fixed hull from a moving one, at its poses T (m, 4, 4) in the other's frame."""
+    corners, own = moving.corners_in(T), np.ascontiguousarray(fixed.corners)
+    normal = np.array([_normal(own, placed) for placed in corners]).reshape(-1, 3)
+    return SignedDistances(gap_along(fixed, corners, normal) - fixed.radius - moving.radius, normal)
+
+
+def _normal(fixed: Array, moving: Array) -> Array:
+    """Direction from one hull to another along which their gap is largest; zeros where flat ones meet."""
+    normal: Array = moving.mean(0) - fixed.mean(0)
+    if hull_distance(moving, fixed, 0.0, normal, np.empty(3))[0] > 0:
+        return normal
+    try:
+        faces = ConvexHull((moving[:, None] - fixed).reshape(-1, 3)).equations
+    except QhullError:
+        return np.zeros(3)
+    return -faces[np.argmax(faces[:, 3]), :3]
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +112,7 @@ def _pairs(robot: Robot) -> Iterator[tuple[_Body, _Body]]:
     """The pairs that could meet, the body nearer to the base first."""
     body = base_body(robot)
     base = [] if body is None else [_Body("the robot's own base", -1, prism_hull(body))]
-    links = [_Body(solid.name, solid.link, link_hull(solid)) for solid in robot.all_solids]
+    links = [_Body(s.name, s.link, RoundedHull(s.corners, s.radius)) for s in robot.all_solids]
     for pair in self_collision_pairs(robot):
         if -1 in pair and not base:
             continue
@@ -84,7 +131,7 @@ class _PairProof:
         """Least distance up to `MARGIN_RANGE`, and the violations."""
         near = self._sphere_distances()
         state = np.flatnonzero(near < MARGIN_RANGE)
-        distance = self._distances_at_states(self._poses(self.segments.motion.joints[state]))
+        distance = self._signed_distances(self._poses(self.segments.motion.joints[state])).distance
         hits = {k: d for k, d in zip(state.tolist(), distance.tolist(), strict=True) if d < -TOUCH}
         near[state] = distance
         segment = np.flatnonzero(np.minimum(near[:-1], near[1:]) < self._bounds.speed / 2)
@@ -124,37 +171,19 @@ class _PairProof:
         (fixed, r_fixed), (moving, r_moving) = self.lower.sphere, self.upper.sphere
         T = self._poses(self.segments.motion.joints)
         centre = T[:, :3, :3] @ moving + T[:, :3, 3]
-        distance: Array = np.linalg.norm(centre - fixed, axis=1) - r_fixed - r_moving
-        return distance
-
-    def _distances_at_states(self, T: Array) -> Array:
-        """Signed distances; a lower bound only of poses that are neither the nearest nor overlap."""
-        found: Array = face_distances(self.lower.hull, self.upper.hull, T).distance
-        if not len(T):
-            return found
-        first = int(found.argmin())
-        least = float(self._signed_distances(T[first : first + 1]).distance[0])
-        refined = found < max(0.0, least)
-        found[refined] = self._signed_distances(T[refined]).distance
-        return found
+        return np.linalg.norm(centre - fixed, axis=1) - r_fixed - r_moving
 
     def _examine(self, segment: Indices, intervals: Intervals) -> IntervalVerdicts:
-        lower, upper = self.lower.hull, self.upper.hull
         shares = (intervals.low, intervals.middle, intervals.high)
         T = np.stack([self._poses_at(segment, s) for s in shares], axis=1)
-        corners = upper.corners_in(T)  # (m, 3 samples, k, 3)
+        corners = self.upper.hull.corners_in(T)  # (m, 3 samples, k, 3)
         moved = np.linalg.norm(corners - corners[:, 1:2], axis=-1).max((1, 2))
         bulge = chord_deviation(self._bounds.acceleration[segment], intervals.length)
-        swept = corners.reshape(len(segment), -1, 3)
-        needed, radii = bulge - TOUCH, lower.radius + upper.radius
-        proven = gap_along(lower, swept, face_distances(lower, upper, T[:, 1]).normal) - radii >= needed
-        refuted = np.zeros(len(segment), dtype=bool)
-        rest = np.flatnonzero(~proven)
-        found = self._signed_distances(T[rest, 1])
-        gap = gap_along(lower, swept[rest], found.normal) - radii
-        proven[rest] = np.maximum(gap, found.distance - moved[rest]) >= needed[rest]
-        refuted[rest] = found.distance < -TOUCH
-        return IntervalVerdicts(proven, refuted, moved + 100 * bulge < SHORTEST)
+        found = self._signed_distances(T[:, 1])
+        swept = gap_along(self.lower.hull, corners.reshape(len(segment), -1, 3), found.normal)
+        gap = swept - self.lower.hull.radius - self.upper.hull.radius
+        proven = np.maximum(gap, found.distance - moved) >= bulge - TOUCH
+        return IntervalVerdicts(proven, found.distance < -TOUCH, moved + 100 * bulge < SHORTEST)
 
     def _violation(self, state: int, where: str, distance: float) -> Violation:
         one, other = self.upper.name, self.lower.name

@@ -7,15 +7,15 @@ Source: Farouki, The Bernstein polynomial basis: a centennial retrospective (CAG
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from math import comb
+from collections.abc import Iterable, Iterator, Sequence
 
 import numpy as np
+from scipy.special import comb
 
 from regionik.values import Violation
 from regionik.verification.motion import Indices, MotionSegments
 from regionik.verification.proofs import Finding, StateNames, finding
-from regionik.verification.timed_segments import SAME, TimedSegments, product, timed_segments
+from regionik.verification.timed_segments import SAME, TimedSegments, product, substitution, timed_segments
 from regionik.worlds.arrays import Array
 from regionik.worlds.scene import World
 from regionik.worlds.speeds import Speeds
@@ -25,31 +25,25 @@ STEERED = 1e-5  # angle that a car's steering need not be turned for [rad]
 PARTS = 16  # of a segment, each with bounds of its own
 
 
-def verify_speeds(world: World, segments: MotionSegments, names: StateNames) -> Finding:
+def verify_speeds(world: World, segments: MotionSegments, names: StateNames) -> Iterator[Finding]:
     """A timed plan keeps the speeds and accelerations of its world, or those that are its robot's own.
 
     The margin is what is left of the limit that is used most, as a share. Of the tool's speed the mean over
-    each segment counts. A car's steering turns while it stands.
+    each segment counts. A car's steering turns while it stands. Where jerks are limited they are a finding of
+    their own.
     """
     if np.isnan(segments.motion.time).any() or len(segments) == 0:
-        return finding("speeds", np.inf, [])
+        return
     course = timed_segments(segments, world.speeds)
-    wrong = course.impossible
-    if len(wrong):
-        at = int(wrong[0])
+    if len(course.impossible):
+        at = int(course.impossible[0])
         text = f"no motion {course.kind} passes at these times {names.segment(at)}"
-        return finding("speeds", np.inf, [Violation("speeds", at, names.owner(at), 1.0, text)])
-    return _held_against("speeds", _shares(world, segments, course), names)
-
-
-def verify_jerk(world: World, segments: MotionSegments, names: StateNames) -> Finding:
-    """A timed plan keeps the jerks of its world, where that limits any; the margin is as that of speeds."""
-    if world.speeds is None or not world.speeds.limit_jerk or np.isnan(segments.motion.time).any():
-        return finding("jerk", np.inf, [])
-    course = timed_segments(segments, world.speeds)
-    if not len(segments) or len(course.impossible):
-        return finding("jerk", np.inf, [])
-    return _held_against("jerk", _jerks(world, segments, course), names)
+        yield finding("speeds", np.inf, [Violation("speeds", at, names.owner(at), 1.0, text)])
+        return
+    base, joints = (_derivatives(one, course.piece_span) for one in course.polynomials())
+    yield _held_against("speeds", _shares(world, segments, course, base, joints), names)
+    if world.speeds is not None and world.speeds.limit_jerk:
+        yield _held_against("jerk", _jerks(world, course.moving, base, joints), names)
 
 
 def _held_against(kind: str, shares: Iterable[tuple[str, Array, Indices]], names: StateNames) -> Finding:
@@ -65,12 +59,14 @@ def _held_against(kind: str, shares: Iterable[tuple[str, Array, Indices]], names
 
 
 def _shares(
-    world: World, segments: MotionSegments, course: TimedSegments
+    world: World,
+    segments: MotionSegments,
+    course: TimedSegments,
+    base: Sequence[Array],
+    joints: Sequence[Array],
 ) -> Iterator[tuple[str, Array, Indices]]:
-    """Shares of limits that are used at the most, by segments."""
-    robot, speeds = world.robot, world.speeds or Speeds()
-    k, span = course.moving, course.piece_span
-    base, joints = (_derived(one, span) for one in course.polynomials())
+    """Shares of limits that are used at the most, by segments, from derivatives of base and joints."""
+    robot, speeds, k = world.robot, world.speeds or Speeds(), course.moving
     fastest, quickest = speeds.joint_limits(robot.chain)
     for j, name in enumerate(robot.chain.names):
         yield f"the speed of {name}", _largest(joints[0][..., j : j + 1]) / fastest[j], k
@@ -96,25 +92,22 @@ def _shares(
 
 
 def _jerks(
-    world: World, segments: MotionSegments, course: TimedSegments
+    world: World, k: Indices, base: Sequence[Array], joints: Sequence[Array]
 ) -> Iterator[tuple[str, Array, Indices]]:
-    """Shares of limits of jerk that are used at the most, by segments."""
-    robot, speeds = world.robot, world.speeds or Speeds()
-    k, span = course.moving, course.piece_span
-    base, joints = (_derived(one, span) for one in course.polynomials())
-    turned, swung = (_rate(one[1], span) for one in (base, joints))
+    """Shares of limits of jerk that are used at the most on segments k."""
+    robot, speeds, turned, swung = world.robot, world.speeds or Speeds(), base[2], joints[2]
     for j, (name, limit) in enumerate(zip(robot.chain.names, speeds.joint_jerks(robot.chain), strict=True)):
         yield f"the jerk of {name}", _largest(swung[..., j : j + 1]) / limit, k
     if speeds.turn_jerk is not None:
         yield "the base's angular jerk", _largest(turned[..., -1:]) / speeds.turn_jerk, k
     if speeds.base_jerk is not None:
-        moved = _rolled_jerk(base, turned) if robot.drive.rolls else turned[..., :-1]
+        moved = _rolled_jerk(*base) if robot.drive.rolls else turned[..., :-1]
         yield "the base's jerk", _largest(moved) / speeds.base_jerk, k
 
 
-def _rolled_jerk(base: tuple[Array, Array], third: Array) -> Array:
+def _rolled_jerk(first: Array, second: Array, third: Array) -> Array:
     """Jerk of a base on wheels along and across its heading, from derivatives of way and heading."""
-    (v, w), (gain, twist) = (tuple(one[..., column] for column in (0, 1)) for one in base)
+    (v, w), (gain, twist) = ((one[..., 0], one[..., 1]) for one in (first, second))
     along = -product(product(v, w), w)
     along[:, : third.shape[1]] += third[..., 0]
     across = product(v, twist) + 2 * product(gain, w)
@@ -126,8 +119,7 @@ def _tool_speeds(segments: MotionSegments) -> Array:
     motion = segments.motion
     tools = segments.robot.tool(motion.base, motion.joints)[:, :3, 3]
     lifted = motion.kind == "transit"
-    way: Array = np.linalg.norm(np.diff(tools, axis=0), axis=1) * ~(lifted[:-1] | lifted[1:])
-    return way
+    return np.linalg.norm(np.diff(tools, axis=0), axis=1) * ~(lifted[:-1] | lifted[1:])
 
 
 def _steering(
@@ -143,16 +135,13 @@ def _steering(
     yield "the steering", np.minimum(rate / limit, 1e9), rolling[1:]
 
 
-def _derived(polynomials: Array, span: Array) -> tuple[Array, Array]:
-    """First and second derivatives by time of polynomials (m, n, k) of the share of it."""
-    first = _rate(polynomials, span)
-    return first, _rate(first, span)
-
-
-def _rate(polynomials: Array, span: Array) -> Array:
-    """Derivatives by time of polynomials (m, n, k) of the share of it."""
-    found: Array = polynomials[:, 1:] * np.arange(1, polynomials.shape[1])[:, None] / span[:, None, None]
-    return found
+def _derivatives(polynomials: Array, span: Array) -> list[Array]:
+    """First to third derivatives by time of polynomials (m, n, k) of the share of it."""
+    found = [polynomials]
+    for _ in range(3):
+        last = found[-1]
+        found.append(last[:, 1:] * np.arange(1, last.shape[1])[:, None] / span[:, None, None])
+    return found[1:]
 
 
 def _largest(polynomials: Array) -> Array:
@@ -167,10 +156,5 @@ def _largest(polynomials: Array) -> Array:
 
 def _bernstein(order: int, start: float, width: float) -> Array:
     """Matrix from powers to Bernstein coefficients on an interval, (order + 1, order + 1)."""
-    index = range(order + 1)
-    moved = np.array(
-        [[comb(n, i) * start ** max(n - i, 0) * width**i if n >= i else 0.0 for n in index] for i in index]
-    )
-    basis = np.array([[comb(i, n) / comb(order, n) if i >= n else 0.0 for n in index] for i in index])
-    found: Array = basis @ moved
-    return found
+    i, n = np.indices((order + 1, order + 1))
+    return comb(i, n) / comb(order, n) @ substitution(order + 1, start, width)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.special import bdtr
 
 from regionik.values import Plan, Stop, Violation
+from regionik.verification.base_clearance import base_shadows, footprint_hulls
 from regionik.verification.led_postures import postures_led_to
 from regionik.verification.motion import wrap_angle
 from regionik.verification.proofs import Finding, StateNames, finding
@@ -55,7 +56,6 @@ def verify_stops(plan: Plan, names: StateNames) -> Finding:
 
 
 def _incomplete(plan: Plan, names: StateNames) -> Iterator[Violation]:
-    """Violation where set-points are not served once and in order."""
     served = [i for stop in plan.stops for i in stop.setpoints]
     if served != list(range(len(plan.world.task))):
         wrong = next((i for i, s in enumerate(served) if s != i), len(served))
@@ -87,23 +87,13 @@ def _name(plan: Plan, n: int) -> str:
 def _rooms(world: World, bases: Array) -> Array:
     """Distances (n,) by which the base may be off poses (n, 3), at their headings, and keep its clearance.
 
-    Off the floor at most 0 [m].
+    Off the floor minus infinity [m].
     """
-    c, s = np.cos(bases[:, 2]), np.sin(bases[:, 2])
-    turns = np.array([[c, s], [-s, c]]).transpose(2, 0, 1)
-    corners = shapely.points(world.robot.footprint @ turns + bases[:, None, :2])
-    shapes = shapely.convex_hull(shapely.multipoints(corners))
-    floor = world.drivable_floor
-    room: Array = np.where(
-        shapely.covers(floor, shapes),
-        shapely.distance(shapes, floor.boundary),
-        -shapely.distance(corners, floor).max(axis=1),
-    )
-    for solid in world.solids:
-        shadow = solid.shadow(below=world.robot.body_height)
-        if shadow is not None and not shadow.core.is_empty:
-            distance = shapely.distance(shapes, shadow.core) - shadow.radius
-            room = np.minimum(room, distance - world.base_clearance)
+    shapes, floor = footprint_hulls(world.robot, bases), world.drivable_floor
+    on_floor = shapely.covers(floor.buffer(TOUCH), shapes)
+    room: Array = np.where(on_floor, shapely.distance(shapes, floor.boundary), -np.inf)
+    for _, shadow in base_shadows(world):
+        room = np.minimum(room, shapely.distance(shapes, shadow.core) - shadow.radius - world.base_clearance)
     return room
 
 

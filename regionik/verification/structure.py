@@ -65,7 +65,6 @@ def _fault(text: str, state: int | None = None, setpoint: int | None = None) -> 
 
 
 def _out_of_order(plan: Plan, names: StateNames) -> Iterator[Violation]:
-    """Set-points that are missing, repeated or out of the order of the task."""
     motion = plan.motion
     order = [int(i) for i in motion.setpoint[motion.kind == "setpoint"]]
     counts = Counter(order)
@@ -96,7 +95,6 @@ def _misplaced_steps(plan: Plan, names: StateNames) -> Iterator[Violation]:
 
 
 def _wrong_lift_offs(plan: Plan, reached: list[int]) -> Iterator[Violation]:
-    """A number of lift-offs that the states do not have, or that the rules do not allow."""
     lifted = (plan.motion.kind == "transit")[reached[0] :] if reached else np.zeros(0, dtype=bool)
     runs = int(np.count_nonzero(np.diff(lifted.astype(int)) == 1))
     if runs != plan.lift_offs:

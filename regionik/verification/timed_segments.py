@@ -9,11 +9,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from math import comb
+from math import factorial
 
 import numpy as np
+from numpy.polynomial.legendre import leggauss
+from numpy.typing import ArrayLike
+from scipy.interpolate import make_interp_spline
+from scipy.special import comb
 
-from regionik.values import Motion
 from regionik.verification.motion import Indices, Mask, MotionSegments
 from regionik.worlds.arrays import Array
 from regionik.worlds.speeds import Speeds
@@ -22,8 +25,10 @@ SAME = 1e-9  # states that differ by less are the same [m], [rad]
 STANDING = 1e-3  # share of the joints' motion below which a base on wheels stands
 CLOSINGS = 20  # steps in which a rolled way is brought to its end
 AT_REST = 1e-5  # path velocity at an end of a run, as a share of the largest
-WAY = (0.0, 0.0, 0.0, 10.0, -15.0, 6.0, 0.0)  # added to a way by the share of time, constant first
-HEADING = (0.0, 0.0, 0.0, 1.0, -3.0, 3.0, -1.0)  # added to a heading
+# Polynomials added to a way and to a heading, by the share of time and by that of the way, constant first.
+BY_TIME = np.array([(0.0, 0.0, 0.0, 10.0, -15.0, 6.0, 0.0), (0.0, 0.0, 0.0, 1.0, -3.0, 3.0, -1.0)]).T
+BY_SHARE = np.array([(0.0, 0.0, 3.0, -2.0, 0.0), (0.0, 0.0, 1.0, -2.0, 1.0)]).T
+NODES, WEIGHTS = np.array(leggauss(24)) / 2 + [[0.5], [0.0]]  # of a mean from 0 to 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,15 +42,10 @@ class TimedSegments:
         """What the motion is, in words."""
         return "with constant path acceleration"
 
-    @property
-    def _motion(self) -> Motion:
-        return self.segments.motion
-
     @cached_property
     def span(self) -> Array:
         """[s], (segments,)"""
-        span: Array = np.diff(self._motion.time)
-        return span
+        return np.diff(self.segments.motion.time)
 
     @cached_property
     def lengths(self) -> Array:
@@ -99,8 +99,7 @@ class TimedSegments:
         one, k, change = self.segments, self.moving, self._change
         shape = self._by_share(change)[k]
         if one.robot.drive.rolls:
-            shape[:, 0, 1] = -one.turn[k] / 2
-            shape = _closed(shape, one.rolled[k] * np.sinc(one.turn[k] / 2 / np.pi))
+            shape = self._closed(shape, np.tile(BY_SHARE, (len(k), 1, 1)))
         start, end = (np.maximum(rate[k], 0.0) for rate in self._rates)
         first = 2 * start / (start + end)
         share = np.column_stack([np.zeros(len(k)), first, 1 - first])
@@ -119,9 +118,29 @@ class TimedSegments:
         return np.column_stack([slid, one.turn, one.joint_change])
 
     def _split(self, polynomials: Array) -> tuple[Array, Array]:
-        """Those of coordinates and those of joints."""
         count = 2 if self.segments.robot.drive.rolls else 3
         return polynomials[..., :count], polynomials[..., count:]
+
+    def _closed(self, pieces: Array, bumps: Array) -> Array:
+        """Pieces whose rolled ways and headings, with so much of the bumps, come to the base's next state."""
+        one, k, order = self.segments, self.moving, pieces.shape[1]
+        pieces[:, 0, 1] -= one.turn[k] / 2
+        chord = one.rolled * np.sinc(one.turn / 2 / np.pi)
+        rolling, count = np.abs(chord) > SAME, len(one)
+        powers, slopes = np.vander(NODES, order, increasing=True), np.zeros((len(NODES), order))
+        slopes[:, 1:] = np.arange(1, order) * powers[:, :-1]
+        aside_of = bumps[..., 1] @ powers.T
+        for _ in range(CLOSINGS):
+            way, heading = pieces[..., 0] @ slopes.T, pieces[..., 1] @ powers.T
+            ahead, aside, gain = (
+                np.bincount(k, (way * one_of) @ WEIGHTS, count)
+                for one_of in (np.cos(heading), np.sin(heading), aside_of)
+            )
+            added = np.zeros((count, 2))
+            added[rolling, 0] = (chord - ahead)[rolling]
+            added[rolling, 1] = -aside[rolling] / gain[rolling]
+            pieces[..., :2] += bumps * added[k][:, None]
+        return pieces
 
     def _by_share(self, change: Array) -> Array:
         """Monotone cubics of the share of the way, constant first, (segments, 5, k), from 0 at the start.
@@ -151,107 +170,46 @@ class SplinedSegments(TimedSegments):
 
     @property
     def kind(self) -> str:
-        """See `TimedSegments.kind`."""
         return "without jumps of acceleration"
 
     @cached_property
-    def _ends(self) -> tuple[Mask, Mask]:
-        """Segments that begin and that end a run, (segments,)."""
-        still = self.lengths == 0
-        return ~still & np.append(True, still[:-1]), ~still & np.append(still[1:], True)
+    def _runs(self) -> Indices:
+        """First segment of each run, and the one after its last, (runs, 2)."""
+        edges = np.diff(np.concatenate([[False], self.lengths > 0, [False]]))
+        return np.flatnonzero(edges).reshape(-1, 2)
 
     @cached_property
     def impossible(self) -> Indices:
-        """Segments that no motion from rest to rest passes in their time."""
-        first, last = self._ends
-        return np.flatnonzero((self.lengths > 0) & ((self.span <= 0) | (first & last)))
+        alone = self._runs[self._runs[:, 1] - self._runs[:, 0] == 1, 0]
+        return np.union1d(alone, np.flatnonzero((self.lengths > 0) & (self.span <= 0)))
 
     @cached_property
     def _halved(self) -> Mask:
         """Segments in two pieces, (segments,)."""
-        first, last = self._ends
-        return first | last
+        return np.isin(np.arange(len(self.span)), self._runs - [0, 1])
 
     @cached_property
     def moving(self) -> Indices:
-        """Segment of each polynomial."""
         whole = np.flatnonzero(self.lengths > 0)
         return np.repeat(whole, 1 + self._halved[whole])
 
     @property
     def piece_span(self) -> Array:
-        """See `TimedSegments.piece_span`."""
         return self.span[self.moving] / (1 + self._halved[self.moving])
-
-    @cached_property
-    def _start(self) -> Array:
-        """Share of the segment's time at which each piece begins, (moving,)."""
-        again = np.append(False, self.moving[1:] == self.moving[:-1])
-        return np.where(again, 0.5, 0.0)
-
-    def _velocities(self) -> Array:
-        """First derivatives at the states, by which second ones are continuous, (segments + 1, k)."""
-        change, (first, last) = self._change, self._ends
-        h = np.where(self.lengths > 0, self.span, np.inf)
-        inner = (self.lengths[:-1] > 0) & (self.lengths[1:] > 0)
-        by_left, by_right = np.where(first, 6, 4) / h, np.where(last, 6, 4) / h
-        pull = change / h[:, None] ** 2
-        right = np.where(last, 12, 6)[1:, None] * pull[1:] + np.where(first, 12, 6)[:-1, None] * pull[:-1]
-        middle = np.where(inner, by_left[:-1] + by_right[1:], 1.0)
-        below = np.where(inner & ~first[:-1], 2 / h[:-1], 0.0)
-        above = np.where(inner & ~last[1:], 2 / h[1:], 0.0)
-        found = np.zeros((len(h) + 1, change.shape[1]))
-        found[1:-1] = _tridiagonal(below, middle, above, np.where(inner[:, None], right, 0.0))
-        return found
 
     def polynomials(self) -> tuple[Array, Array]:
         """Coordinates and joints of pieces, constant first, (moving, 7, k) and (moving, 7, dof)."""
-        v, k, (first, last) = self._velocities(), self.moving, self._ends
-        change, h = self._change[k], self.span[k, None]
-        start, end = v[k] * h, v[k + 1] * h
-        zero = np.zeros_like(change)
-        whole = [zero, start, 3 * change - 2 * start - end, start + end - 2 * change]
-        ends = np.where(first[k, None], end, -start), np.where(first[k, None], change, -change)
-        # Accelerations times H^2, with H half the span: of the state, and halfway.
-        at_state = (6 * ends[0] - 12 * ends[1]) / 4
-        halfway = (2 * ends[0] - 2 * at_state) / 4
-        way, jump = halfway / 6, (at_state - halfway) / 6
-        from_rest = [zero, zero, zero, way]
-        to_state = [way, halfway / 2, halfway / 2, jump]
-        from_state = [zero, start / 2, at_state / 2, -jump]
-        to_rest = [change + way, -halfway / 2, halfway / 2, -way]
-        late = self._start > 0
-        cases = [first[k] & ~late, first[k] & late, last[k] & ~late, last[k] & late]
+        k, change = self.moving, self._change
         found = np.zeros((len(k), 7, change.shape[1]))
-        for order in range(4):
-            parts = [one[order] for one in (from_rest, to_state, from_state, to_rest)]
-            found[:, order] = np.select([case[:, None] for case in cases], parts, whole[order])
-        return self._split(self._closed(found) if self.segments.robot.drive.rolls else found)
-
-    def _closed(self, found: Array) -> Array:
-        """Pieces whose rolled ways and headings come to the next state of the base."""
-        one, k = self.segments, self.moving
-        found[:, 0, 1] -= one.turn[k] / 2
-        chord = one.rolled * np.sinc(one.turn / 2 / np.pi)
-        bumps = np.stack(
-            [_moved(bump, self._start, 1 / (1 + self._halved[k])) for bump in (WAY, HEADING)], axis=-1
-        )
-        rolling, count = np.abs(chord) > SAME, len(one)
-        u, weights = _simpson()
-        powers, slopes = np.vander(u, 7, increasing=True), np.zeros((len(u), 7))
-        slopes[:, 1:] = np.arange(1, 7) * np.vander(u, 6, increasing=True)
-        aside_of = bumps[..., 1] @ powers.T
-        for _ in range(CLOSINGS):
-            way, heading = found[..., 0] @ slopes.T, found[..., 1] @ powers.T
-            ahead, aside, gain = (
-                np.bincount(k, (way * one_of) @ weights, count)
-                for one_of in (np.cos(heading), np.sin(heading), aside_of)
-            )
-            added = np.zeros((count, 2))
-            added[rolling, 0] = (chord - ahead)[rolling]
-            added[rolling, 1] = -aside[rolling] / gain[rolling]
-            found[..., :2] += bumps * added[k][:, None]
-        return found
+        for first, end in self._runs.tolist():
+            rows = (first <= k) & (k < end)
+            found[rows, :4] = _spline_pieces(self.span[first:end], change[first:end])
+        again = np.append(False, k[1:] == k[:-1])
+        found[:, 0] = np.where(again[:, None], found[:, 0] - found[np.arange(len(k)) - 1, 0], 0.0)
+        if not self.segments.robot.drive.rolls:
+            return self._split(found)
+        of_segment = substitution(7, np.where(again, 0.5, 0.0), 1 / (1 + self._halved[k]))
+        return self._split(self._closed(found, of_segment @ BY_TIME))
 
 
 def timed_segments(segments: MotionSegments, speeds: Speeds | None) -> TimedSegments:
@@ -259,52 +217,25 @@ def timed_segments(segments: MotionSegments, speeds: Speeds | None) -> TimedSegm
     return (SplinedSegments if speeds is not None and speeds.limit_jerk else TimedSegments)(segments)
 
 
-def _tridiagonal(below: Array, middle: Array, above: Array, right: Array) -> Array:
-    """Solve for m rows (m, k), each with its neighbours before and after, by elimination."""
-    ratio, found = np.zeros(len(middle)), right.copy()
-    for i in range(len(middle)):
-        left = below[i] if i else 0.0
-        pivot = middle[i] - left * ratio[i - 1]
-        ratio[i] = above[i] / pivot
-        found[i] = (right[i] - left * found[i - 1]) / pivot
-    for i in range(len(middle) - 2, -1, -1):
-        found[i] -= ratio[i] * found[i + 1]
-    return found
+def _spline_pieces(span: Array, change: Array) -> Array:
+    """Pieces (n + 2, 4, k) of the cubic spline over n segments, by the share of each, constant first.
 
-
-def _moved(polynomial: tuple[float, ...], start: Array, width: Array) -> Array:
-    """Coefficients (m, n) of a polynomial of ``start + width u`` by u."""
-    found = np.zeros((len(start), len(polynomial)))
-    for n, value in enumerate(polynomial):
-        for i in range(n + 1):
-            found[:, i] += value * comb(n, i) * start ** (n - i) * width**i
-    return found
-
-
-def _closed(shape: Array, chord: Array) -> Array:
-    """Rolled ways and headings (m, 5, k) by share, changed so that the base comes to its next state.
-
-    A way a (3 u^2 - 2 u^3) and a heading b u^2 (1 - u)^2 are added, which leave the rates at both ends.
+    With neither velocity nor acceleration at both ends, for which the first and the last have a knot halfway.
     """
-    shape, u, weights = shape.copy(), *_simpson()
-    powers, slopes = np.vander(u, 5, increasing=True), np.zeros((len(u), 5))
-    slopes[:, 1:] = np.arange(1, 5) * np.vander(u, 4, increasing=True)
-    far = np.where(np.abs(chord) > SAME, chord, np.inf)
-    for _ in range(CLOSINGS):
-        way, heading = shape[..., 0] @ slopes.T, shape[..., 1] @ powers.T
-        ahead, aside = (way * np.cos(heading)) @ weights, (way * np.sin(heading)) @ weights
-        missed = np.where(np.isfinite(far), chord - ahead, 0.0)
-        shape[:, 2:4, 0] += np.outer(missed, [3.0, -2.0])
-        shape[:, 2:5, 1] -= np.outer(30.0 * aside / far, [1.0, -2.0, 1.0])
-    return shape
+    time = np.concatenate([[0.0], np.cumsum(span)])
+    places = np.concatenate([np.zeros((1, change.shape[1])), np.cumsum(change, axis=0)])
+    knots = np.concatenate([time[:1], [time[:2].mean()], time[1:-1], [time[-2:].mean()], time[-1:]])
+    rest = [(order, np.zeros(change.shape[1])) for order in (1, 2)]
+    ends = np.repeat(time[:1], 3), np.repeat(time[-1:], 3)
+    spline = make_interp_spline(time, places, 3, np.concatenate([ends[0], knots, ends[1]]), (rest, rest))
+    h = np.diff(knots)[:, None]
+    return np.stack([spline(knots[:-1], n) * h**n / factorial(n) for n in range(4)], axis=1)
 
 
-def _simpson(panels: int = 32) -> tuple[Array, Array]:
-    """Nodes and weights of Simpson's rule from 0 to 1."""
-    weights = np.full(panels + 1, 2.0)
-    weights[1::2] = 4.0
-    weights[[0, -1]] = 1.0
-    return np.linspace(0, 1, panels + 1), weights / (3 * panels)
+def substitution(order: int, start: ArrayLike, width: ArrayLike) -> Array:
+    """Matrices (..., order, order) from coefficients by x to those by u, where x = start + width u."""
+    (i, n), (a, b) = np.indices((order, order)), (np.asarray(x)[..., None, None] for x in (start, width))
+    return comb(n, i) * a ** np.maximum(n - i, 0) * b**i
 
 
 def product(one: Array, other: Array) -> Array:

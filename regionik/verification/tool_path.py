@@ -10,7 +10,7 @@ about an axis form a convex cone, of which the same holds.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -40,7 +40,7 @@ def verify_setpoints(world: World, segments: MotionSegments, names: StateNames) 
         if off > allowed + EXACT:
             text = f"the tool is {off:.4f} m off {names.setpoint(i)}; the rules allow {allowed:g} m"
             violations.append(Violation("setpoint", k, i, off - allowed, text))
-        for what, angle in _deviations(target, tool[:3, :3]):
+        for what, angle in tool_deviations(target, tool[:3, :3]):
             if angle > target.cone + EXACT:
                 text = f"the tool's {what} is {angle:.4f} rad off at {names.setpoint(i)}; "
                 text += f"its cone allows {target.cone:g} rad"
@@ -48,20 +48,16 @@ def verify_setpoints(world: World, segments: MotionSegments, names: StateNames) 
     return finding("setpoint", min(margins), violations)
 
 
-def _deviations(target: Target, R: Array) -> list[tuple[str, float]]:
+def tool_deviations(target: Target, R: Array) -> list[tuple[str, float]]:
+    """Angles between a tool frame (3, 3) and what a target asks of it, by name [rad]."""
     found = []
     if target.direction is not None:
         found.append(("axis", float(angle_between(R[:, 2], target.direction))))
     if target.orientation is not None:
-        found.append(("orientation", rotation_to(target.orientation, R)[1]))
+        D = target.orientation @ R.T
+        twist = D[2, 1] - D[1, 2], D[0, 2] - D[2, 0], D[1, 0] - D[0, 1]  # 2 sin(angle) along the axis
+        found.append(("orientation", float(np.arctan2(np.linalg.norm(twist), np.trace(D) - 1.0))))
     return found
-
-
-def rotation_to(wanted: Array, R: Array) -> tuple[Array, float]:
-    """Axis (3,), not normalized, and angle [rad] of the rotation that takes a frame to another."""
-    D = wanted @ R.T
-    axis = np.array([D[2, 1] - D[1, 2], D[0, 2] - D[2, 0], D[1, 0] - D[0, 1]])  # 2 sin(angle) along it
-    return axis, float(np.arctan2(np.linalg.norm(axis), np.trace(D) - 1.0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,8 +144,7 @@ def _distance_to_line_segment(points: Array, start: Array, end: Array) -> Array:
     along = end - start
     square = np.maximum((along**2).sum(-1), 1e-300)
     t = np.clip(((points - start) * along).sum(-1) / square, 0.0, 1.0)
-    distance: Array = np.linalg.norm(points - start - t[:, None] * along, axis=-1)
-    return distance
+    return np.linalg.norm(points - start - t[:, None] * along, axis=-1)
 
 
 def verify_direction(world: World, segments: MotionSegments, names: StateNames) -> Finding:
@@ -201,8 +196,7 @@ def verify_orientation(world: World, segments: MotionSegments, names: StateNames
 def _both_given(values: Sequence[Array | None], ends: Indices) -> Mask:
     """Segments both of whose set-points ask for something."""
     given = np.array([value is not None for value in values], dtype=np.bool_)
-    both: Mask = given[ends[:, 0]] & given[ends[:, 1]]
-    return both
+    return given[ends[:, 0]] & given[ends[:, 1]]
 
 
 def _arcs(
@@ -233,52 +227,29 @@ def _within_cones(motion: _SphereMotion, names: StateNames, kind: str, what: str
         return Violation(kind, state, names.owner(state), max(0.0, scale * (angle - cone)), text)
 
     violations = [violation(k, names.state(k), *found) for k, found in states.items()]
-    good = motion.take(~(bad[0] | bad[1]))
-    unproven = bisect(
-        len(good.segment), lambda intervals: good.examine(intervals, BETWEEN / scale, np.pi / scale)
-    )
-    for item, s in unproven.items():
-        k, angle = int(good.segment[item]), float(good.deviation(np.array([item]), np.array([s]))[0])
-        violations.append(violation(k, names.segment(k), angle, float(good.cone[item])))
+    good = np.flatnonzero(~(bad[0] | bad[1]))
+
+    def examine(intervals: Intervals) -> IntervalVerdicts:
+        return motion.examine(intervals._replace(item=good[intervals.item]), BETWEEN / scale, np.pi / scale)
+
+    for n, s in bisect(len(good), examine).items():
+        one = good[n : n + 1]
+        k, angle = int(motion.segment[one[0]]), float(motion.deviation(one, np.array([s]))[0])
+        violations.append(violation(k, names.segment(k), angle, float(motion.cone[one[0]])))
     return finding(kind, scale * float((motion.cone - off).min()), violations)
 
 
 @dataclass(frozen=True, eq=False)
 class _SphereMotion:
-    """Motion of a point on a unit sphere, and the cone about the arc that it must stay in.
+    """Motion of a point on a unit sphere, and the cone about the arc that it must stay in."""
 
-    Attributes
-    ----------
-    at_segment : callable
-        Points (m, d) at shares of segments.
-    nearest_sign : callable
-        Of points that mean the same, those nearest to others.
-    segment : (n,) array of int
-    start, end : (n, d) arrays
-        Ends of the arc.
-    cone : (n,) array
-        [rad]
-    acceleration : (n,) array
-        Upper bound for the point's acceleration [1 per segment^2].
-    """
-
-    at_segment: Callable[[Indices, Array], Array]
-    nearest_sign: Callable[[Array, Array], Array]
-    segment: Indices
-    start: Array
-    end: Array
-    cone: Array
-    acceleration: Array
-
-    def take(self, which: Mask) -> _SphereMotion:
-        return replace(
-            self,
-            segment=self.segment[which],
-            start=self.start[which],
-            end=self.end[which],
-            cone=self.cone[which],
-            acceleration=self.acceleration[which],
-        )
+    at_segment: Callable[[Indices, Array], Array]  # points (m, d) at shares of segments
+    nearest_sign: Callable[[Array, Array], Array]  # of points that mean the same, those nearest to others
+    segment: Indices  # (n,)
+    start: Array  # (n, d) of the arc
+    end: Array  # (n, d) of the arc
+    cone: Array  # (n,) [rad]
+    acceleration: Array  # (n,) upper bound for the point's acceleration [1 per segment^2]
 
     def at(self, item: Indices, s: Array) -> Array:
         return self.nearest_sign(self.at_segment(self.segment[item], s), self.start[item] + self.end[item])
@@ -312,8 +283,7 @@ class _SphereMotion:
 
 def angle_between(u: Array, v: Array) -> Array:
     """Angle between unit vectors, accurate near 0."""
-    angle: Array = 2 * np.arctan2(np.linalg.norm(u - v, axis=-1), np.linalg.norm(u + v, axis=-1))
-    return angle
+    return 2 * np.arctan2(np.linalg.norm(u - v, axis=-1), np.linalg.norm(u + v, axis=-1))
 
 
 def _nearest_on_arc(u: Array, a: Array, b: Array) -> Array:
@@ -327,8 +297,7 @@ def _nearest_on_arc(u: Array, a: Array, b: Array) -> Array:
     usable = between & (size[:, 0] > 1e-9) & (np.hypot(x, y) > 1e-9)
     inner = np.cos(angle)[:, None] * a + np.sin(angle)[:, None] * side
     end = np.where((angle_between(u, a) <= angle_between(u, b))[:, None], a, b)
-    nearest: Array = np.where(usable[:, None], inner, end)
-    return nearest
+    return np.where(usable[:, None], inner, end)
 
 
 def _unchanged(points: Array, others: Array) -> Array:
@@ -338,8 +307,7 @@ def _unchanged(points: Array, others: Array) -> Array:
 
 def _same_sign(quaternions: Array, others: Array) -> Array:
     """Quaternions on the side of others: opposite ones are the same frame."""
-    near: Array = np.where((quaternions * others).sum(-1, keepdims=True) < 0, -quaternions, quaternions)
-    return near
+    return np.where((quaternions * others).sum(-1, keepdims=True) < 0, -quaternions, quaternions)
 
 
 def _quaternions(R: Array) -> Array:
@@ -356,5 +324,4 @@ def _quaternions(R: Array) -> Array:
         K[..., 1 + j, 1 + k] = K[..., 1 + k, 1 + j] = R[..., j, k] + R[..., k, j]
     longest = np.argmax(np.linalg.norm(K, axis=-1), axis=-1)
     row = np.take_along_axis(K, longest[..., None, None], axis=-2)[..., 0, :]
-    unit: Array = row / np.linalg.norm(row, axis=-1, keepdims=True)
-    return unit
+    return row / np.linalg.norm(row, axis=-1, keepdims=True)

@@ -6,14 +6,14 @@ bounded (`regionik.verification.motion`), not sampled.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from regionik.planners.progress import track
+from regionik.planners.progress import tell
 from regionik.values import Configuration, Motion, Plan, Report, Violation
 from regionik.verification.arm_clearance import verify_arm_clearance
 from regionik.verification.base_clearance import verify_base_clearance, verify_floor
@@ -29,7 +29,7 @@ from regionik.verification.limits import (
 from regionik.verification.motion import MotionSegments, wrap_angle
 from regionik.verification.proofs import Finding, StateNames, finding
 from regionik.verification.self_collision import verify_self_collision
-from regionik.verification.speeds import verify_jerk, verify_speeds
+from regionik.verification.speeds import verify_speeds
 from regionik.verification.stops import verify_stops
 from regionik.verification.structure import inconsistencies, malformations
 from regionik.verification.tool_path import (
@@ -73,34 +73,33 @@ def verify(plan: Plan) -> Report:
         return _report([finding("structure", np.inf, malformed)])
     segments = MotionSegments(plan.world.robot, plan.motion)
     names = StateNames(plan.motion, len(plan.world.task))
-    findings = list(_findings(plan, segments, names))
+    findings: list[Finding] = []
+    for found in _findings(plan, segments, names):
+        findings.append(found)
+        tell("verify", len(findings), 0)
+    tell("verify", len(findings), len(findings))
     return _report([*findings, verify_derived_fields(plan, segments, names, findings)])
 
 
 def _findings(plan: Plan, segments: MotionSegments, names: StateNames) -> Iterator[Finding]:
     world = plan.world
-    checks: tuple[Callable[[], Iterable[Finding]], ...] = (
-        lambda: [finding("structure", np.inf, inconsistencies(plan, names))],
-        lambda: [verify_joint_limits(segments, names)],
-        lambda: [verify_base_steps(segments, names, world.rules.step)],
-        lambda: [verify_wheels(segments, names)],
-        lambda: [verify_heading(world, segments, names)],
-        lambda: [verify_setpoints(world, segments, names)],
-        lambda: [verify_path(world, segments, names)],
-        lambda: [verify_direction(world, segments, names)],
-        lambda: [verify_orientation(world, segments, names)],
-        lambda: [verify_floor(world, segments, names)],
-        lambda: [verify_base_clearance(world, segments, names)],
-        lambda: verify_arm_clearance(world, segments, names),
-        lambda: [verify_self_collision(segments, names)],
-        lambda: [verify_stops(plan, names)],
-        lambda: [verify_execution(plan, names)],
-        lambda: verify_criteria(world, segments, names),
-        lambda: [verify_speeds(world, segments, names)],
-        lambda: [verify_jerk(world, segments, names)],
-    )
-    for check in track("verify", checks):
-        yield from check()
+    yield finding("structure", np.inf, inconsistencies(plan, names))
+    yield verify_joint_limits(segments, names)
+    yield verify_base_steps(segments, names, world.rules.step)
+    yield verify_wheels(segments, names)
+    yield verify_heading(world, segments, names)
+    yield verify_setpoints(world, segments, names)
+    yield verify_path(world, segments, names)
+    yield verify_direction(world, segments, names)
+    yield verify_orientation(world, segments, names)
+    yield verify_floor(world, segments, names)
+    yield verify_base_clearance(world, segments, names)
+    yield from verify_arm_clearance(world, segments, names)
+    yield verify_self_collision(segments, names)
+    yield verify_stops(plan, names)
+    yield verify_execution(plan, names)
+    yield from verify_criteria(world, segments, names)
+    yield from verify_speeds(world, segments, names)
 
 
 def _report(findings: Sequence[Finding]) -> Report:
@@ -180,7 +179,6 @@ def verify_answers(
 
 
 def _wrong_heading(world: World, base: Array) -> Iterator[Violation]:
-    """Violation where the base does not have the heading that the rules fix."""
     if world.rules.heading == "fixed":
         yaw = 0.0 if world.start is None else float(world.start.base[2])
         off = abs(float(wrap_angle(base[2] - yaw)))
@@ -189,7 +187,6 @@ def _wrong_heading(world: World, base: Array) -> Iterator[Violation]:
 
 
 def _standing_plan(world: World, target: Target, base: Array, joints: Array) -> Plan:
-    """Plan that stands on one target, and stays."""
     error = float(np.linalg.norm(world.robot.tool(base, joints)[:3, 3] - target.position))
     motion = Motion(
         np.tile(base, (2, 1)),

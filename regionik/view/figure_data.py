@@ -116,6 +116,11 @@ class FloorView:
     def height(self) -> float:
         return float(self.high[1] - self.low[1])
 
+    @property
+    def moves(self) -> bool:
+        """True of a plan, false of a world and of stops that nothing drives between yet."""
+        return self.driven and len(self.axis_path) > 0
+
 
 def plan_floor(plan: Plan) -> FloorView:
     """Return the floor of a plan as seen from above."""

@@ -194,7 +194,8 @@ def _field_figure(field: Field) -> Figure:
             *task.T, "o", color=_hex(Color.AHEAD), markersize=size, mew=0, zorder=4, label="targets"
         )
     ax.grid(visible=False)
-    ax.set(title=f"{field.world}: {field.meaning}", xlabel="x [m]", ylabel="y [m]", aspect="equal")
+    title = field.meaning.partition(":")[0]  # of a slice, the legend names its values
+    ax.set(title=f"{field.world}: {title}", xlabel="x [m]", ylabel="y [m]", aspect="equal")
     ax.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]))
     ax.legend(handles=key, loc="upper center", bbox_to_anchor=(0.5, 0.0), borderaxespad=4.5, ncols=5)
     return figure
@@ -209,7 +210,7 @@ def _field_values(ax: Axes, field: Field) -> list[Patch]:
         most = max(1, int(field.values.max(initial=0)))
         counts = np.ma.masked_equal(field.values, 0)
         shown = ax.imshow(counts, cmap="viridis", vmin=min(1, most - 1), vmax=most, **place)
-        scale = ax.figure.colorbar(shown, ax=ax, label="targets reached", shrink=0.8)
+        scale = ax.figure.colorbar(shown, cax=ax.inset_axes((1.04, 0.0, 0.04, 1.0)), label="targets reached")
         scale.ax.yaxis.set_major_locator(MaxNLocator(8, integer=True))
         return []
     key = []
@@ -389,7 +390,10 @@ def _floor(ax: Axes, floor: FloorView) -> None:
             paint |= {"edgecolor": "#ffffff80"} if hatch else {}
             _area(ax, area, **paint)
             key.append(Patch(linewidth=0, label=label, **paint))
-    key += ax.plot(*floor.tool_path.T, color=_hex(Color.PASSED), linewidth=1.0, label="path of the tool")
+    if len(floor.tool_path) > 1:
+        label = "tool path asked for" if floor.driven else "order of the set-points"
+        label, color = ("path of the tool", Color.PASSED) if floor.moves else (label, Color.PATH)
+        key += ax.plot(*floor.tool_path.T, color=_hex(color), linewidth=1.0, label=label)
     line, width, label = (
         ("-", 1.6, "path of the arm's axis") if floor.driven else (":", 1.0, "order of the stops")
     )

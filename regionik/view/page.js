@@ -77,8 +77,8 @@ let above = false;
 
 function look() {
   const width = stage.clientWidth, height = stage.clientHeight;
-  const cards = $("legend").offsetWidth + $("readout").offsetWidth;
-  const aspect = Math.max(width - cards, width / 2) / height;
+  const cards = width < NARROW ? 0 : $("legend").offsetWidth + $("readout").offsetWidth; // in the upper corners
+  const aspect = (width - Math.min(cards, width) / 2) / height;
   const tall = Math.tan((camera.fov * Math.PI) / 360), [x, y] = page.half;
   if (above) {
     const far = 12 * Math.max(x, y, 1); // from afar heights are hardly seen aslant
@@ -212,22 +212,18 @@ class Bar extends Track {
 class Curves extends Track {
   constructor(element, words, values, times, title, unit, curves) {
     super(element);
-    Object.assign(this, { values, times, unit, curves });
-    words.innerHTML = "<b></b>";
-    words.firstChild.textContent = `${title} [${unit}]`;
-    curves.forEach(([name], k) => {
-      const label = document.createElement("span");
-      label.textContent = name;
-      label.style.color = COLORS[k % COLORS.length];
-      words.append(label, " ");
-    });
-    words.title = curves.map(([name]) => name).join(", ");
+    const all = curves.flatMap(([, column]) => column).filter((value) => value !== null);
+    Object.assign(this, { values, times, curves, low: Math.min(0, ...all), high: Math.max(...all, 1e-3) });
+    for (const text of [this.high.toFixed(2), `${title} [${unit}]`, this.low.toFixed(2)]) {
+      const line = document.createElement("span");
+      line.textContent = text;
+      words.append(line);
+    }
   }
 
   draw() {
     const { pen, width, height, x } = this.begin();
-    const all = this.curves.flatMap(([, column]) => column).filter((value) => value !== null);
-    const low = Math.min(0, ...all), high = Math.max(...all, low + 1e-3);
+    const { low, high } = this;
     const y = (value) => 4 + ((height - 8) * (high - value)) / (high - low);
     pen.fillStyle = "rgba(155, 48, 217, .1)";
     for (const [from, to] of motion.lifted) pen.fillRect(x(from), 0, x(to) - x(from), height);
@@ -249,11 +245,13 @@ class Curves extends Track {
   point() {
     super.point();
     this.values.replaceChildren(
-      ...this.curves.flatMap(([, column], k) => {
-        const label = document.createElement("span"), value = valueAt(this.times, column);
-        label.style.color = COLORS[k % COLORS.length];
-        label.textContent = value === null ? "-" : value.toFixed(3);
-        return [label, " "];
+      ...this.curves.flatMap(([name, column], k) => {
+        const label = document.createElement("span"), number = document.createElement("span");
+        const value = valueAt(this.times, column);
+        label.style.color = number.style.color = COLORS[k % COLORS.length];
+        label.textContent = name.replace(/_joint$/, "");
+        number.textContent = value === null ? "-" : value.toFixed(3);
+        return [label, number];
       })
     );
   }
@@ -263,7 +261,7 @@ function addCurves(title, unit, times, curves) {
   if (!curves.length) return;
   const row = document.createElement("div");
   row.className = "row";
-  row.innerHTML = '<span class="words"></span><div class="track"><canvas></canvas><div class="cursor"></div></div><span class="words"></span>';
+  row.innerHTML = '<span class="scale"></span><div class="track"><canvas></canvas><div class="cursor"></div></div><span class="values"></span>';
   $("curves").append(row);
   new Curves(row.children[1], row.children[0], row.children[2], times, title, unit, curves);
 }

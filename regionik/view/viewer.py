@@ -195,16 +195,19 @@ def text_image(text: str, legend: Sequence[LegendEntry] = ()) -> tuple[bytes, fl
     lines = textwrap.wrap(text, _LINE, max_lines=_MOST_LINES, placeholder=" ...") or [""]
     font = ImageFont.load_default(_FONT_SIZE)
     width = 2 * _PADDING + int(max(font.getlength("n" * _LINE) * 0.95, *map(font.getlength, lines)))
-    rows = len(lines) + -(-len(legend) // _KEYS)
+    small = ImageFont.load_default(_KEY_SIZE)
+    longest = max((small.getlength(entry.label) for entry in legend), default=0.0)
+    keys = max(1, min(_KEYS, int((width - _PADDING) // (longest + 50))))  # in a row
+    rows = len(lines) + -(-len(legend) // keys)
     image = Image.new("RGB", (width, 2 * _PADDING + _LINE_HEIGHT * rows), _PAPER)
     pen = ImageDraw.Draw(image)
     for k, line in enumerate(lines):
         pen.text((_PADDING, _PADDING + k * _LINE_HEIGHT), line, font=font, fill=_INK)
     for k, entry in enumerate(legend):
-        x = _PADDING + k % _KEYS * (width // _KEYS)
-        y = _PADDING + (len(lines) + k // _KEYS) * _LINE_HEIGHT
+        x = _PADDING + k % keys * (width // keys)
+        y = _PADDING + (len(lines) + k // keys) * _LINE_HEIGHT
         pen.rectangle((x, y + 8, x + 24, y + 32), fill=f"#{entry.color:06x}")
-        pen.text((x + 34, y + 4), entry.label, font=ImageFont.load_default(_KEY_SIZE), fill=_INK)
+        pen.text((x + 34, y + 4), entry.label, font=small, fill=_INK)
     data = io.BytesIO()
     image.save(data, "PNG")
     return data.getvalue(), image.width / image.height

@@ -13,8 +13,7 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.chain import check_rotation
 from regionik.worlds.documents.frames import FrameReference, Poses, frame_pose
 from regionik.worlds.errors import InputError, located, located_error
-from regionik.worlds.readers.csv_columns import Delimiter, read_csv_columns
-from regionik.worlds.readers.csv_path import read_csv
+from regionik.worlds.readers.csv_path import Delimiter, read_csv, read_csv_columns
 from regionik.worlds.readers.gcode_path import read_gcode
 from regionik.worlds.readers.validation import (
     FileName,

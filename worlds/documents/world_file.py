@@ -11,7 +11,6 @@ from pydantic import ConfigDict, Field
 
 from regionik.worlds.bundled import world_path
 from regionik.worlds.criteria import Criteria
-from regionik.worlds.documents.descriptions import describe_keys
 from regionik.worlds.documents.environment import (
     FloorPart,
     ObstaclePart,
@@ -267,13 +266,6 @@ def world_to_document(world: World) -> dict[str, Any]:
     if world.speeds is not None:
         document["speeds"] = _plain(asdict(world.speeds))
     return document
-
-
-def world_schema() -> dict[str, Any]:
-    """Return the JSON Schema of a world file."""
-    schema = WorldDocument.model_json_schema()
-    describe_keys(schema)
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
 
 
 def _rules(part: RulesPart, robot: Robot, where: str) -> Rules:

@@ -1,16 +1,19 @@
 """Tool paths and targets from CSV files: a short file at once, a long one block by block.
 
 Columns are x, y, z, and either nothing more, or dx, dy, dz (tool axis), or qx, qy, qz, qw (orientation).
-Lines with these names before the first point, empty lines and lines that begin with # are skipped.
+Lines with these names before the first point, empty lines and lines that begin with # are skipped. Of tables
+with a header line, columns may be chosen by their titles.
 """
 
 from __future__ import annotations
 
+import csv
 import hashlib
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
@@ -21,6 +24,8 @@ from regionik.worlds.readers.validation import LARGEST
 from regionik.worlds.toolpath import ToolPath, rotation_from_quaternion
 
 CSV_LIMIT = 64 * 2**20  # of a file that is read at once [bytes]
+Delimiter = Literal["comma", "semicolon", "tab"]
+_SIGNS: dict[Delimiter, str] = {"comma": ",", "semicolon": ";", "tab": "\t"}
 LENGTH_LIMIT = 10_000  # of a line [characters]
 COLUMNS = {
     3: ("x", "y", "z"),
@@ -50,7 +55,7 @@ class CsvBlock:
             Names the file, the line and what was expected.
         """
         lines = _text(self.data, self.where).splitlines()
-        check_lengths(lines, self.where, self.number)
+        _check_lengths(lines, self.where, self.number)
         return _path_of_lines(lines, self.where, self.row, self.columns, self.number)
 
 
@@ -90,7 +95,7 @@ def read_csv(path: Path) -> ToolPath:
         Names the file, the line and what was expected.
     """
     lines = read_lines(path, CSV_LIMIT)
-    check_lengths(lines, str(path), 1)
+    _check_lengths(lines, str(path), 1)
     row, columns = _first_row(lines, str(path))
     return _path_of_lines(lines, str(path), row, columns, 1)
 
@@ -135,7 +140,7 @@ def _text(data: bytes, where: str) -> str:
 def _first_row(lines: Iterable[str], where: str) -> tuple[int, int]:
     """Return the number of the first line with a point, counted from 1, and the number of its columns."""
     for number, line in enumerate(lines, start=1):
-        check_lengths([line], where, number)
+        _check_lengths([line], where, number)
         cells = _cells(line)
         if not _is_skipped(cells) and tuple(cells) not in COLUMNS.values():
             return number, len(_row(cells, f"{where}: line {number}"))
@@ -149,10 +154,10 @@ def _path_of_lines(lines: Sequence[str], where: str, row: int, columns: int, num
     rows = _fast_rows(kept, columns)
     if rows is None:
         rows, numbers = _careful_rows(kept, where, row, columns, number)
-    return path_of_rows(rows, where, numbers)
+    return _path_of_rows(rows, where, numbers)
 
 
-def check_lengths(lines: Sequence[str], where: str, number: int) -> None:
+def _check_lengths(lines: Sequence[str], where: str, number: int) -> None:
     """Refuse lines longer than any row; ``number`` is that of the first."""
     for at, line in enumerate(lines, start=number):
         if len(line) > LENGTH_LIMIT:
@@ -203,29 +208,24 @@ def _row(cells: list[str], where: str) -> list[float]:
     names = COLUMNS[len(cells)]
     if sorted(cells) == sorted(names) and tuple(cells) != names:
         raise InputError(f"{where}: expected the columns {valid} in this order, got {','.join(cells)}")
-    values = []
-    for name, cell in zip(names, cells, strict=True):
-        try:
-            value = float(cell)
-        except ValueError:
-            value = math.nan
-        if not math.isfinite(value):
-            raise InputError(f"{where}: {name}: expected a finite number, got {clip(cell)}")
-        if abs(value) > LARGEST:
-            what = f"expected a number of at most {LARGEST:g} in size"
-            raise InputError(f"{where}: {name}: {what}, got {clip(cell)}")
-        values.append(value)
-    return values
+    return [_number(cell, name, where) for name, cell in zip(names, cells, strict=True)]
 
 
-def path_of_rows(rows: Array, where: str, numbers: Sequence[int]) -> ToolPath:
-    """Return the path of rows as one of `COLUMNS` has them, from lines of such numbers.
+def _number(cell: str, name: str, where: str) -> float:
+    try:
+        value = float(cell)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise InputError(f"{where}: {name}: expected a finite number, got {clip(cell)}")
+    if abs(value) > LARGEST:
+        what = f"expected a number of at most {LARGEST:g} in size"
+        raise InputError(f"{where}: {name}: {what}, got {clip(cell)}")
+    return value
 
-    Raises
-    ------
-    InputError
-        For a direction of no length, or a quaternion that is not of length one.
-    """
+
+def _path_of_rows(rows: Array, where: str, numbers: Sequence[int]) -> ToolPath:
+    """Return the path of rows as one of `COLUMNS` has them, from lines of such numbers."""
     points, rest = rows[:, :3], rows[:, 3:]
     if rest.shape[1] == 0:
         return ToolPath(points)
@@ -241,3 +241,67 @@ def path_of_rows(rows: Array, where: str, numbers: Sequence[int]) -> ToolPath:
         except InputError as error:
             raise InputError(f"{where}: line {number}: qx,qy,qz,qw: {error}") from None
     return ToolPath(points, orientations=np.array(turns).reshape(-1, 3, 3))
+
+
+# --- columns chosen by their titles
+
+
+def read_csv_columns(path: Path, columns: Mapping[str, str], delimiter: Delimiter) -> ToolPath:
+    """Return the tool path in some columns of a CSV file.
+
+    Parameters
+    ----------
+    path : Path
+        Its first line that is neither empty nor begins with # holds the titles.
+    columns : mapping of str to str
+        Titles of the columns for x, y, z, and for nothing more, dx, dy, dz, or qx, qy, qz, qw.
+    delimiter : {"comma", "semicolon", "tab"}
+
+    Raises
+    ------
+    InputError
+        Names the file, the line and what was expected.
+    """
+    names = next((names for names in COLUMNS.values() if set(names) == set(columns)), None)
+    if names is None:
+        valid = " or ".join(",".join(names) for names in COLUMNS.values())
+        raise InputError(f"columns: expected titles for {valid}, got {','.join(columns)}")
+    rows, numbers = [], []
+    table = _table(path, _SIGNS[delimiter])
+    places = _places(path, next(table, (1, [])), [columns[name] for name in names])
+    for number, cells in table:
+        given = cells + [""] * len(names)
+        rows.append(
+            [_number(given[place], title, f"{path}: line {number}") for title, place in places.items()]
+        )
+        numbers.append(number)
+    if not rows:
+        raise InputError(f"{path}: expected at least one line below the titles")
+    return _path_of_rows(np.array(rows), str(path), numbers)
+
+
+def _table(path: Path, delimiter: str) -> Iterator[tuple[int, list[str]]]:
+    """Numbers and cells of the lines that are neither empty nor comments."""
+    lines = read_lines(path, CSV_LIMIT)
+    _check_lengths(lines, str(path), 1)
+    reader = csv.reader(lines, delimiter=delimiter, skipinitialspace=True, strict=True)
+    try:
+        for row in reader:
+            cells = [cell.strip() for cell in row]
+            if any(cells) and not cells[0].startswith("#"):
+                yield reader.line_num, cells
+    except csv.Error as error:
+        raise InputError(f"{path}: line {reader.line_num}: {error}") from None
+
+
+def _places(path: Path, header: tuple[int, list[str]], titles: list[str]) -> dict[str, int]:
+    """Places of titles in the line of the titles, in the order asked for."""
+    number, found = header
+    for title in titles:
+        if found.count(title) != 1:
+            how = "twice" if title in found else "not"
+            valid = clip(", ".join(found))
+            raise InputError(f"{path}: line {number}: the title {title!r} is {how} there, titles: {valid}")
+    if len(set(titles)) < len(titles):
+        raise InputError("columns: expected a title of its own for each")
+    return {title: found.index(title) for title in titles}

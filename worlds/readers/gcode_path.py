@@ -41,7 +41,6 @@ def read_gcode(path: Path, chord: float) -> ToolPath:
 
     Parameters
     ----------
-    path : Path
     chord : float
         Largest distance of an arc from the chords it is cut into [m].
 

@@ -71,14 +71,14 @@ def collision_model(
     meshes = MeshFiles(model.path)
     parts: list[CollisionPart] = []
     fixed: list[CollisionPart] = []
-    notes: list[str] = []
     lacking: dict[int, set[str]] = {}
+    missing: dict[tuple[str, bool], list[tuple[CollisionShape, PlacedLink]]] = {}
     for link in links:
         shapes = model.links[link.name]
         for k, shape in enumerate(shapes):
             surface = meshes.surface(shape) if shape.kind == "mesh" else np.empty((0, 3, 3))
             if isinstance(surface, str):
-                notes.append(_missing(shape, surface, link.owner, chain))
+                missing.setdefault((surface, link.owner == BASE), []).append((shape, link))
                 lacking.setdefault(link.owner, set()).add(link.name)
                 continue
             T = link.T_owner_link @ shape.T_link_shape
@@ -90,6 +90,7 @@ def collision_model(
         for owner, names in sorted(lacking.items())
         if owner != BASE
     ]
+    notes = [_missing(why, some, chain) for (why, _), some in missing.items()]
     pieces = [*decompose(parts), *stand_ins]
     if not pieces:
         notes.append(
@@ -100,13 +101,16 @@ def collision_model(
     return CollisionModel(tuple(ordered), base_shape(fixed, height), tuple(notes))
 
 
-def _missing(shape: CollisionShape, why: str, owner: int, chain: Chain) -> str:
-    if owner == BASE:
+def _missing(why: str, meshes: list[tuple[CollisionShape, PlacedLink]], chain: Chain) -> str:
+    """The note of all meshes that are missing for one reason, of the base or of the arm."""
+    (shape, link), *others = meshes
+    if link.owner == BASE:
         instead = "it is left out of the footprint"
     else:
-        name = chain.names[owner]
+        name = chain.names[link.owner]
         instead = f"a capsule of radius {LINK_RADIUS:g} m from joint {name} to the next replaces it"
-    return f"{shape.place}: mesh {shape.file}: {why}; {instead}"
+    more = f"; likewise of {', '.join(dict.fromkeys(one.name for _, one in others))}" if others else ""
+    return f"{shape.place}: mesh {shape.file}: {why}; {instead}{more}"
 
 
 def _stand_in(chain: Chain, owner: int) -> LinkCapsule:

@@ -36,7 +36,6 @@ from regionik.worlds.readers.validation import LARGEST
 from regionik.worlds.rest_posture import rest_posture
 from regionik.worlds.robot import BODY_HEIGHT, Robot, Tool, check_turning_radius, with_tool, without_limits
 from regionik.worlds.self_collision import bodies_clear, disabled_pairs
-from regionik.worlds.urdf.allowed_collisions import named_pairs, semantic_pairs
 from regionik.worlds.urdf.collision import CollisionModel, collision_model, solid_part
 from regionik.worlds.urdf.elements import SUFFIXES, UrdfModel, join_names, read_urdf
 from regionik.worlds.urdf.kinematic_tree import (
@@ -46,7 +45,14 @@ from regionik.worlds.urdf.kinematic_tree import (
     link_masses,
     place_links,
 )
-from regionik.worlds.urdf.srdf import NO_SEMANTICS, SemanticModel, read_srdf, srdf_beside
+from regionik.worlds.urdf.srdf import (
+    NO_SEMANTICS,
+    SemanticModel,
+    named_pairs,
+    read_srdf,
+    semantic_pairs,
+    srdf_beside,
+)
 from regionik.worlds.urdf.visuals import visual_surfaces
 
 _UPRIGHT = 1e-9

@@ -31,14 +31,9 @@ class MeshFiles:
     the URDF file's own. ``package://name/rest`` is looked up in every folder above of that name, then in
     folders of that name beside the package and inside it; other names are relative to the URDF file. Nothing
     outside the named package is read, and nothing is fetched over a network.
-
-    Attributes
-    ----------
-    path : Path
-        The URDF file.
     """
 
-    path: Path
+    path: Path  # the URDF file
     _surfaces: dict[Path, Array | str] = field(default_factory=dict)
 
     def surface(self, shape: CollisionShape) -> Array | str:

@@ -1,4 +1,4 @@
-"""Words on the keys of world files, for their schema: those of the values they make, and others."""
+"""The JSON Schema of world files, with words on each key: those of the values they make, and others."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import re
 from typing import Any
 
 from regionik.worlds.chain import Joint
+from regionik.worlds.documents.world_file import WorldDocument
 from regionik.worlds.robot import Robot
 from regionik.worlds.scene import Rules
 from regionik.worlds.speeds import Speeds
@@ -69,6 +70,13 @@ _COMMON = {
     "urdf": "file of the robot",
     "yaw": "turn about the vertical [rad]",
 }
+
+
+def world_schema() -> dict[str, Any]:
+    """Return the JSON Schema of a world file."""
+    schema = WorldDocument.model_json_schema()
+    describe_keys(schema)
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
 
 
 def describe_keys(schema: dict[str, Any]) -> None:
