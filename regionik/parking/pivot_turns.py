@@ -109,3 +109,12 @@ class PivotTurns:
             plane = float(found.base[2] + found.joints[pivot])
             self._zeros[facing] = plane - float(np.arctan2(away[1], away[0]))
         return self._zeros[facing]
+
+
+def gathered(planes: Array) -> Array:
+    """Angles (n,) by whole turns into the one turn that begins in the middle of their widest gap."""
+    ordered = np.sort(np.mod(planes, 2 * np.pi))
+    gaps = np.diff(np.append(ordered, ordered[0] + 2 * np.pi))
+    widest = int(np.argmax(gaps))
+    across = ordered[widest] + gaps[widest] / 2 + np.pi
+    return across + np.mod(planes - across + np.pi, 2 * np.pi) - np.pi

@@ -22,16 +22,15 @@ from regionik.parking.parking_probability import (
     not_probable,
     parking_probability,
 )
-from regionik.parking.pivot_turns import ON_EDGE, PivotTurns
+from regionik.parking.pivot_turns import ON_EDGE, PivotTurns, gathered
+from regionik.parking.posture_scores import posture_score
 from regionik.planners.coverage.set_cover import undominated
-from regionik.planners.solvers.serial_chain import chain_frames, chain_jacobian, serial_arm
 from regionik.postures.arm_guard import guard_of
 from regionik.postures.families import Family
 from regionik.postures.poses import pose_of
 from regionik.values import Configuration, Stop
 from regionik.worlds.arms import pivot_index
 from regionik.worlds.arrays import Array
-from regionik.worlds.chain import Chain
 from regionik.worlds.errors import NoPlanFound
 from regionik.worlds.scene import World
 
@@ -352,7 +351,7 @@ class PlacementSearch:
         for i, k in zip(group.setpoints, chain, strict=True):
             found = self.posture(i, k, base)
             planes.append(found.base[2] + found.joints[pivot])
-        return np.unwrap(planes) if self.world.rules.order == "given" else _gathered(np.array(planes))
+        return np.unwrap(planes) if self.world.rules.order == "given" else gathered(np.array(planes))
 
     def posture(self, i: int, k: int, base: Array) -> Configuration:
         """Posture on set-point i with the arm axis held, whatever the heading."""
@@ -373,6 +372,7 @@ class PlacementSearch:
         return self.world.rules.stop_criterion == "probability"
 
     def _score(self, placement: BasePlacement) -> float:
+        """Score of a placement by the criterion of the rules; higher is better."""
         criterion = self.world.rules.stop_criterion
         if criterion == "clearance":
             side = self.parking_areas.standing.sides[int(self.parking_areas.ladder.side[placement.chain[0]])]
@@ -381,7 +381,7 @@ class PlacementSearch:
             return likely_parking_probability(self.world, placement.base, placement.setpoints)
         if criterion in ("manipulability", "effort"):
             postures = [self._joints(n, placement) for n in range(len(placement.near))]
-            return min(_posture_score(self.world.robot.chain, joints, criterion) for joints in postures)
+            return min(posture_score(self.world.robot.chain, joints, criterion) for joints in postures)
         return placement.tolerance
 
     def _joints(self, at: int, placement: BasePlacement) -> Array:
@@ -391,29 +391,7 @@ class PlacementSearch:
         return near[at]
 
 
-def _posture_score(chain: Chain, joints: Array, criterion: str) -> float:
-    """Score of a posture: its manipulability, or minus its largest joint torque by load [N m / N].
-
-    Manipulability is sqrt(det J J^T) (Yoshikawa 1985), the load one newton at the tool.
-    """
-    arm, frames, J = serial_arm(chain), np.empty((chain.dof + 1, 4, 4)), np.empty((6, chain.dof))
-    chain_frames(arm, joints, frames)
-    chain_jacobian(arm, frames, J)
-    if criterion == "effort":
-        return -float(np.abs(J[2]).max())
-    return float(np.sqrt(max(np.linalg.det(J[:3] @ J[:3].T), 0.0)))
-
-
 @lru_cache(maxsize=256)
 def _any_heading_solver(world: World, family: Family) -> Solver:
     """Solver that takes no heed of the rule of heading."""
     return replace(solver_for(world, family), heading="free")
-
-
-def _gathered(planes: Array) -> Array:
-    """Angles (n,) by whole turns into the one turn that begins in the middle of their widest gap."""
-    ordered = np.sort(np.mod(planes, 2 * np.pi))
-    gaps = np.diff(np.append(ordered, ordered[0] + 2 * np.pi))
-    widest = int(np.argmax(gaps))
-    across = ordered[widest] + gaps[widest] / 2 + np.pi
-    return across + np.mod(planes - across + np.pi, 2 * np.pi) - np.pi
