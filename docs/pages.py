@@ -15,7 +15,18 @@ FORMATS = {
     "plan-file.md": ("plan.schema.json", "Plan files", "JSON, written by `regionik.Plan.save`."),
 }
 SECTIONS = {
-    "Worlds": ("load_world", "World", "Floor", "Start", "Target", "Rules", "Criteria", "Execution", "Speeds"),
+    "Worlds": (
+        "load_world",
+        "World",
+        "Floor",
+        "Start",
+        "Target",
+        "Rules",
+        "Criteria",
+        "Execution",
+        "ParkingAccuracy",
+        "Speeds",
+    ),
     "Obstacles": ("Box", "Cylinder", "Sphere", "Prism", "Mesh"),
     "Robots": ("load_robot", "Robot", "Chain", "Joint", "LinkBox", "LinkCapsule", "LinkHull", "Tool"),
     "Areas and reach": (

@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     from regionik.worlds.execution import Execution
     from regionik.worlds.links import LinkBox, LinkCapsule, LinkHull
     from regionik.worlds.obstacles import Box, Cylinder, Mesh, Prism, Sphere
+    from regionik.worlds.parking_accuracy import ParkingAccuracy
     from regionik.worlds.robot import Robot, Tool
     from regionik.worlds.scene import Floor, Rules, Start, Target, World
     from regionik.worlds.speeds import Speeds
@@ -66,6 +67,7 @@ __all__ = [
     "Mesh",
     "NoPlanFound",
     "Noise",
+    "ParkingAccuracy",
     "Plan",
     "Prism",
     "RegionikError",
@@ -120,6 +122,7 @@ _HOME = {
     "Mesh": "regionik.worlds.obstacles",
     "NoPlanFound": "regionik.worlds.errors",
     "Noise": "regionik.simulation.noise",
+    "ParkingAccuracy": "regionik.worlds.parking_accuracy",
     "Plan": "regionik.values",
     "Prism": "regionik.worlds.obstacles",
     "RegionikError": "regionik.worlds.errors",
