@@ -127,6 +127,7 @@ def test_one_place_over_a_limit_does_not_slow_the_whole() -> None:
     assert any("jerk" in one["by"] for one in tool["places"])
 
 
+@pytest.mark.slow
 def test_the_robot_rests_only_about_what_its_rounded_motion_would_touch() -> None:
     """It rested at all states of the drive under the slab, which is without any room to spare: 35 s."""
     found = retime(planned("slab"), ASKED)
@@ -134,6 +135,7 @@ def test_the_robot_rests_only_about_what_its_rounded_motion_would_touch() -> Non
     assert verify(found).ok
 
 
+@pytest.mark.slow
 def test_the_robot_rests_where_the_tool_comes_to_a_path_that_has_a_speed() -> None:
     """It came there slowly, on a corner between two motions, and took longer to the speed than from rest."""
     before = planned("slab")

@@ -166,6 +166,7 @@ def test_levers_bound_every_posture(seed: int, name: str) -> None:
             assert np.linalg.norm(off) <= levers[k] + 1e-12
 
 
+@pytest.mark.slow
 @settings(max_examples=examples(400))
 @given(seed=SEEDS, name=st.sampled_from(sorted(CHAINS)))
 def test_no_free_posture_is_ever_thrown_away(seed: int, name: str) -> None:

@@ -124,6 +124,7 @@ def test_a_smaller_error_and_fewer_setpoints_are_more_probable() -> None:
     assert parking_probability(world, base, stop.setpoints[:1]) >= found[1]
 
 
+@pytest.mark.slow
 def test_a_stop_is_divided_until_each_has_the_probability() -> None:
     easy, asked = stops(drilling("youbot", WIDE, length=0.73)), 0.95
     assert min(stop.probability or 0.0 for stop in easy) < asked

@@ -45,7 +45,7 @@ def test_plain_python_gives_the_same_numbers() -> None:
         np.testing.assert_allclose(mine, other, rtol=0, atol=1e-9)
 
 
-@pytest.mark.parametrize("name", ["pipe", "tao1"])
+@pytest.mark.parametrize("name", [pytest.param("pipe", marks=pytest.mark.slow), "tao1"])
 def test_each_kernel_of_a_plan_says_the_same_as_plain_python(name: str) -> None:
     with kernels_called_twice():
         plan = rik.plan(rik.load_world(name))

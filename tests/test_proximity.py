@@ -169,6 +169,7 @@ def sampled(bodies: Bodies, base: Array, joints: Array) -> Array:
 
 
 ROBOTS = ("youbot", "youbot-real", "lifted")
+SLOW = tuple(pytest.param(name, marks=pytest.mark.slow) for name in ("lifted", "on wheels"))
 
 
 @pytest.mark.parametrize("name", ROBOTS)
@@ -315,7 +316,7 @@ def motions(bodies: Bodies, count: int, seed: int) -> list[tuple[Array, Array, A
     return found
 
 
-@pytest.mark.parametrize("name", [*ROBOTS, pytest.param("on wheels", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", ["youbot", "youbot-real", *SLOW])
 def test_what_is_proven_clear_is_clear_in_every_sample(name: str) -> None:
     bodies = prepared(name)
     clear, count = 0, 40

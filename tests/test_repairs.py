@@ -65,7 +65,7 @@ NEARLY = replace(UNBROKEN, rules=replace(UNBROKEN.rules, clearance=0.108))
     ("kind", "world"),
     [
         ("lift-off", UNBROKEN),
-        ("move-obstacle", UNBROKEN),
+        pytest.param("move-obstacle", UNBROKEN, marks=pytest.mark.slow),
         pytest.param("clearance", UNBROKEN, marks=pytest.mark.slow),
         pytest.param("raise", NEARLY, marks=pytest.mark.slow),
     ],

@@ -64,6 +64,7 @@ def test_no_cover_by_the_poses_drawn_has_fewer() -> None:
     assert len(found) == len(least_cover(inside[:, sorted(served)]).chosen) >= parking.lower
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("few_poses")
 def test_every_posture_of_a_stop_is_clear_and_joined_to_every_other() -> None:
     world = holes(4, 2)

@@ -131,7 +131,9 @@ def narrow(world: World, half: float) -> World:
 
 
 @pytest.mark.parametrize("order", ["given", "any"])
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(
+    "seed", [pytest.param(0, marks=pytest.mark.slow), pytest.param(1, marks=pytest.mark.slow), 2]
+)
 def test_the_criterion_chooses_among_fewest_stops(order: str, seed: int) -> None:
     """A pivot that hardly turns once split stops by one criterion and not by another."""
     world = narrow(wave(seed, count=10), 1.0)

@@ -98,7 +98,7 @@ def test_a_corridor_too_narrow_is_told_with_both_widths() -> None:
     assert "0.360 m wide at its narrowest" in cut.value.explanation.reason
 
 
-@pytest.mark.parametrize("base", ["differential", "car"])
+@pytest.mark.parametrize("base", ["differential", pytest.param("car", marks=pytest.mark.slow)])
 def test_a_base_on_wheels_rolls_along_a_wall(base: BaseKind) -> None:
     world = wall(base)
     made = plan(world)
