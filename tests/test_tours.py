@@ -31,7 +31,7 @@ def test_no_order_of_few_points_is_shorter(seed: int, count: int, started: bool)
     assert found.lower == found.length
 
 
-@pytest.mark.parametrize("seed", [pytest.param(0, marks=pytest.mark.slow), *range(1, 6)])
+@pytest.mark.parametrize("seed", range(6))
 def test_local_search_is_within_a_percent_of_dynamic_programming(seed: int) -> None:
     rng = np.random.default_rng(seed)
     far = distances(rng.uniform(0, 1, (13, 2)))
