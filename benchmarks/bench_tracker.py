@@ -16,9 +16,10 @@ import time
 import numpy as np
 
 import regionik as rik
-from benchmarks.tables.xu import chord_heading_slip, wheel_travel
+from benchmarks.tables.xu import chord_heading_slip
 from regionik.tracker import tracking_robot
 from regionik.worlds.arrays import Array
+from regionik.worlds.drives import wheel_travel
 
 SPEED = 0.5  # of a wheel [m/s]
 

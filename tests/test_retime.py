@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 import shapely
 
-from benchmarks.tables.xu import wheel_travel
 from regionik.output.plan_file import load_plan
 from regionik.pipeline import plan, search
 from regionik.planners.timing.time_optimal import PathDerivatives, time_optimal_velocities
@@ -24,7 +23,7 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named, world_names
 from regionik.worlds.chain import Chain
 from regionik.worlds.documents.world_file import load_world, world_from_document, world_to_document
-from regionik.worlds.drives import OmnidirectionalDrive
+from regionik.worlds.drives import OmnidirectionalDrive, wheel_travel
 from regionik.worlds.errors import InputError
 from regionik.worlds.scene import Floor, Rules, Start, Target, World
 from regionik.worlds.speeds import Speeds

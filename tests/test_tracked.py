@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from shapely.geometry import Point
 
-from benchmarks.tables.xu import wheel_travel
 from regionik.pipeline import check_world, plan
 from regionik.planners.driving.pitch_arm import arm_share
 from regionik.planners.driving.pose_tracking import SaturationError, track_poses, track_runs
@@ -20,6 +19,7 @@ from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import planar_pose, rot_y, rot_z
 from regionik.worlds.criteria import Criteria
 from regionik.worlds.documents.world_file import load_world, world_from_document, world_to_document
+from regionik.worlds.drives import wheel_travel
 from regionik.worlds.errors import InputError, NoPlanFound
 from regionik.worlds.obstacles import Box
 from regionik.worlds.scene import Start, Target, World

@@ -170,6 +170,21 @@ def drive_of(kind: BaseKind, turning_radius: float = 0.0) -> BaseDrive:
     return drives[kind]
 
 
+def wheel_travel(base: Array, gauge: float) -> Array:
+    """Way of a differential drive's left and right wheel over each hop through base poses, (n - 1, 2) [m].
+
+    Parameters
+    ----------
+    base : (n, 3) array
+        x, y [m], yaw [rad].
+    gauge : float
+        Distance between the wheels [m].
+    """
+    slide, length = DifferentialDrive().parts(base[:-1], base[1:])
+    turn = slide[:, 2] * gauge / 2
+    return np.column_stack([length - turn, length + turn])
+
+
 def _shorter(here: Array, there: Array) -> Array:
     """Difference of poses (..., 3), turned the shorter way, half a turn to the left."""
     step = np.array(there - here)

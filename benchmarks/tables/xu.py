@@ -20,7 +20,6 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.bundled import robot_named
 from regionik.worlds.chain import Chain, planar_pose
 from regionik.worlds.documents.world_file import load_world
-from regionik.worlds.drives import DifferentialDrive
 
 ROBOT = robot_named("pioneer-parm")
 SPEED = 0.5  # of a wheel at most, as printed [m/s]
@@ -64,13 +63,6 @@ class Simulation:
     duration: float
     slip: float
     paper_slip: Array
-
-
-def wheel_travel(base: Array, gauge: float) -> Array:
-    """Way of the left and right wheel, ``gauge`` apart, over each hop of poses (n, 3), (n - 1, 2) [m]."""
-    slide, length = DifferentialDrive().parts(base[:-1], base[1:])
-    turn = slide[:, 2] * gauge / 2
-    return np.column_stack([length - turn, length + turn])
 
 
 def chord_heading_slip(robot: TrackingRobot, poses: Sequence[Array]) -> Array:
