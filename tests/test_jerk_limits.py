@@ -143,6 +143,26 @@ def test_what_goes_beyond_a_limit_is_named(kind: BaseKind, limit: str) -> None:
     assert report.margins["jerk"] < 0
 
 
+@pytest.mark.parametrize("kind", ["differential", "car"])
+def test_no_segment_has_more_jerk_of_the_base_than_is_told(kind: BaseKind) -> None:
+    """Along the heading and across it: on arcs that are driven steadily nearly all of it is across."""
+    found, limit = timed(kind), 1e-3
+    speeds = replace(found.world.speeds, base_jerk=limit)  # type: ignore[type-var]
+    report = verify(replace(found, stats={}, world=replace(found.world, speeds=speeds)))
+    told: dict[int, float] = {}  # by segment, of as many as a report lists
+    for one in report.violations:
+        if one.text.startswith("the base's jerk") and one.state is not None:
+            told[one.state] = max(told.get(one.state, 0.0), (1 + one.amount) * limit)
+    jerk = np.hypot(*differences(found, 3)[:, :2].T)
+    begins = STEP * np.arange(len(jerk))
+    here, there = (
+        np.searchsorted(found.motion.time, t, side="right") - 1 for t in (begins, begins + 3 * STEP)
+    )
+    known = np.flatnonzero((here == there) & np.isin(here, list(told)))
+    assert len(known) > 1000
+    assert (jerk[known] <= [told[k] * SLACK + 1e-4 for k in here[known].tolist()]).all()
+
+
 def test_the_second_opinion_objects_to_lower_limits_alone() -> None:
     found = timed("omni")
     assert against(found) == ()
