@@ -25,11 +25,8 @@ SHORTEST = 0.01  # of a segment [s]
 ROUNDS = 30, 60  # of weighing states: at least, and at most
 AIM = 0.9  # part of the distance that is aimed at
 WEIGHTS = 1e-3, 1e9  # of a state
-EASING, STIFFENING, POWER = (
-    0.5,
-    4.0,
-    1.5,
-)  # least and largest share of the distance that counts, and its power
+EASING, STIFFENING = 0.5, 4.0  # least and largest share of the distance that counts
+POWER = 1.5  # of that share
 SHORTEST_LEVER = 0.05  # of a joint [m]
 HELD = 0.1  # part of the distance below which a state stays where it is
 MOVED = 0.1  # part of the distance from which states are inserted
