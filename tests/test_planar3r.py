@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from benchmarks.tables.goals import aim_at, solve_goal
@@ -26,6 +26,7 @@ shares = st.floats(0.0, 1.0)
 
 
 @settings(max_examples=examples(150))
+@example((0.1484375, 0.0, 0.0), (0.0, 0.0, 0.0))  # stretched, and rounding takes the cosine beyond 1
 @given(st.tuples(shares, shares, shares), st.tuples(shares, shares, shares))
 def test_every_place_of_the_arm_is_met_exactly(posture: tuple[float, ...], start: tuple[float, ...]) -> None:
     """The law of the table: whatever posture made the target, to 1e-12 cm and within 0 to 60 degrees."""

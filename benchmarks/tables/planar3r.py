@@ -127,7 +127,8 @@ def _law_of_cosines(target: complex, arm: complex, radius: float) -> tuple[float
     if product == 0.0:
         return ()
     cosine = (abs(target) ** 2 + abs(arm) ** 2 - radius**2) / product
-    if abs(cosine) > 1.0:
+    if abs(cosine) > 1.0 + ANGLE_ROUNDING**2:
         return ()
-    straight, off = float(np.angle(target) - np.angle(arm)), float(np.arccos(cosine))
+    off = float(np.arccos(np.clip(cosine, -1.0, 1.0)))
+    straight = float(np.angle(target) - np.angle(arm))
     return straight - off, straight + off
