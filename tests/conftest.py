@@ -5,11 +5,14 @@ end together. Kernels are compiled before they run, as tests run them for long.
 """
 
 from collections.abc import Iterator
+from importlib import import_module
 from pathlib import Path
+from pkgutil import walk_packages
 
 import pytest
 from hypothesis import settings
 
+import regionik
 from regionik.planners.kernels import compiled_at_once
 
 LONGEST = """opinion doctests proximity stops cli rivals clear_posture motion bulk footprint retime wheels
@@ -19,6 +22,14 @@ _FIRST = {f"test_{name}": k for k, name in enumerate(LONGEST.split())}
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     items.sort(key=lambda item: _FIRST.get(Path(item.path).stem, len(_FIRST)))
+
+
+def pytest_collection_finish(session: pytest.Session) -> None:
+    """Load the whole product if a seed is asked for: hypothesis draws constants of the modules loaded so far too,
+    and which those are would hang on the order of the tests."""
+    if session.config.getoption("hypothesis_seed") is not None:
+        for module in walk_packages(regionik.__path__, "regionik."):
+            import_module(module.name)
 
 
 @pytest.fixture(scope="session", autouse=True)
