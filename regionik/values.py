@@ -297,4 +297,5 @@ class Answer:
     def __repr__(self) -> str:
         counts = dict(zip(*np.unique(self.verdict, return_counts=True), strict=True))
         found = ", ".join(f"{count} {verdict}" for verdict, count in counts.items())
-        return f"Answer({len(self.verdict)} targets: {found or 'none'})"
+        asked = f"{len(self.verdict)} target{'s' * (len(self.verdict) != 1)}"
+        return f"Answer({asked}: {found or 'none'})"

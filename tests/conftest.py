@@ -25,8 +25,10 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 def pytest_collection_finish(session: pytest.Session) -> None:
-    """Load the whole product if a seed is asked for: hypothesis draws constants of the modules loaded so far too,
-    and which those are would hang on the order of the tests."""
+    """Load the whole product if a seed is asked for.
+
+    Hypothesis also draws constants of the modules loaded so far: which those are hangs on the order of tests.
+    """
     if session.config.getoption("hypothesis_seed") is not None:
         for module in walk_packages(regionik.__path__, "regionik."):
             import_module(module.name)

@@ -58,6 +58,13 @@ def test_notebooks_show_a_picture_and_some_lines(name: str, values: dict[str, An
     assert lines
 
 
+def test_the_time_of_a_plan_is_told_only_where_it_is_timed(values: dict[str, Any]) -> None:
+    plan = values["Plan"]
+    assert "not timed" in facts(plan)
+    timed = rik.retime(plan, rik.Speeds(base_velocity=0.5, joint_velocity=1.0))
+    assert f"{timed.motion.time[-1]:.1f} s" in facts(timed)
+
+
 @pytest.mark.parametrize("name", ["World", "Area", "Answer", "Plan"])
 def test_floors_are_drawn_into_axes(name: str, values: dict[str, Any]) -> None:
     axes = Figure().add_subplot()

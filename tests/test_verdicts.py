@@ -55,7 +55,7 @@ def refused(world: World) -> Explanation:
 def check_undecided(found: Explanation | None) -> None:
     assert found is not None
     assert found.verdict == "undecided"
-    assert found.reason.startswith("No way was found to reach set-point 1 of 1 at ")
+    assert found.reason.startswith("No way was found to reach the target at ")
     assert "cannot" not in found.reason
     assert "would decide it" in found.reason
     assert "What rules it out" not in found.reason

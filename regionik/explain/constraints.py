@@ -168,8 +168,8 @@ def _endless(chain: Chain) -> Chain:
 
 
 def setpoint(i: int, count: int) -> str:
-    """A set-point as people count."""
-    return f"Set-point {i + 1} of {count}"
+    """A set-point as people count, and an only one as the target."""
+    return "The target" if count == 1 else f"Set-point {i + 1} of {count}"
 
 
 def setpoint_at(task: Sequence[Target], i: int) -> str:

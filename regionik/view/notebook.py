@@ -6,6 +6,7 @@ from html import escape
 from typing import Any
 
 from regionik.regions import Area
+from regionik.timing.trajectory import is_timed
 from regionik.values import Answer, Plan
 from regionik.view.figures import floor_image
 from regionik.worlds.scene import World
@@ -40,5 +41,5 @@ def facts(value: Plan | World | Area | Answer) -> list[str]:
 
 def _margins(plan: Plan) -> list[str]:
     margins: dict[str, Any] = plan.stats.get("margins", {})
-    timed = "not timed" if plan.motion.time is None else f"{plan.motion.time[-1]:.1f} s"
+    timed = f"{plan.motion.time[-1]:.1f} s" if is_timed(plan.motion) else "not timed"
     return [timed, ", ".join(f"{name} {value:.3g}" for name, value in margins.items())]
