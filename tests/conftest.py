@@ -1,5 +1,7 @@
 """Profiles of hypothesis: three in ten of the examples, or with ``--hypothesis-profile=long`` all of them.
 
+With ``planted``, for `tests.mutations`, the first that fails ends a test: to make it small takes minutes.
+
 No law holds only on a fast machine: neither sets deadlines. The longest files come first, so that two workers
 end together. Kernels are compiled before they run, as tests run them for long.
 """
@@ -10,7 +12,7 @@ from pathlib import Path
 from pkgutil import walk_packages
 
 import pytest
-from hypothesis import settings
+from hypothesis import Phase, settings
 
 import regionik
 from regionik.planners.kernels import compiled_at_once
@@ -42,4 +44,6 @@ def compiled_kernels() -> Iterator[None]:
 
 settings.register_profile("quick", deadline=None, max_examples=30)
 settings.register_profile("long", deadline=None, max_examples=100)
+FOUND = (Phase.explicit, Phase.generate)
+settings.register_profile("planted", deadline=None, max_examples=100, phases=FOUND)
 settings.load_profile("quick")
