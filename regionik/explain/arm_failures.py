@@ -47,7 +47,7 @@ def target_in_solid(world: World) -> Explanation | None:
         reason = (
             f"{setpoint_at(world.task, i)} lies {place}: no posture keeps the "
             f"last link, {tip:g} m round about the tool, at the arm's clearance of {world.arm_clearance:g} m "
-            f"from it. The set-point would have to lie {missing:.4f} m farther away."
+            f"from it. The tool point would have to be {missing:.4f} m farther away."
         )
         repair = Repair("move-target", f"set-point {i + 1}", missing, f"move it {missing:.4f} m from {name}")
         return Explanation("no-posture", i, reason, (_cause(world, name, missing),), (repair,))
@@ -70,8 +70,8 @@ def _target_buried(world: World) -> Explanation | None:
                 continue
             reason = (
                 f"{setpoint_at(world.task, i)} lies {depth:.4f} m deep in {solid.name}: in every posture the "
-                f"last link, {min(away):.4f} m from the tool point, is in it too. The set-point would have "
-                f"to lie at least {depth - need:.4f} m farther out."
+                f"last link, {min(away):.4f} m from the tool point, is in it too. The tool point would "
+                f"have to be at least {depth - need:.4f} m farther out."
             )
             return Explanation("no-posture", i, reason, (Cause("obstacle", solid.name, depth - need),))
     return None
