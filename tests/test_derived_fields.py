@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -139,6 +140,16 @@ def test_the_command_finds_areas_of_another_shape(
     outcome = CliRunner().invoke(app, ["verify", str(path), "--json"])
     assert outcome.exit_code == 1
     assert "set-point 8 of" in outcome.output
+
+
+def test_the_base_of_a_stop_is_in_its_area() -> None:
+    world = load_world("free")
+    parked = plan(replace(world, rules=replace(world.rules, mode="stops", heading="free")))
+    assert verify_areas(parked).ok
+    far = tuple(replace(area, pruned=translate(area.pruned, 3.0)) for area in parked.areas)
+    report = verify_areas(replace(parked, areas=far))
+    assert {violation.setpoint for violation in report.violations} == set(range(len(world.task)))
+    assert "base stands" in report.violations[0].text
 
 
 def test_honest_areas_hold(tmp_path: Path) -> None:
