@@ -61,7 +61,7 @@ OWN = (
 def read(kind: str, path: Path) -> None:
     """Read a file of a kind, and do what is done with everything read of that kind."""
     match kind:
-        case "world":
+        case "world" | "frames" | "execution":
             world = load_world(path)
             world_to_document(world)
             robot_to_urdf(world.robot, world.floor.polygon)
@@ -80,6 +80,8 @@ def read(kind: str, path: Path) -> None:
         case "urdf":
             robot = load_robot(path, tip="tool")
             robot.tool(np.zeros(3), robot.carry)
+        case "srdf":
+            read("urdf", path.with_suffix(".urdf"))
         case "parts":
             with open_partial(path.parent.with_suffix(""), MANIFEST):
                 pass

@@ -22,9 +22,9 @@ from tests.plans import every_solid, synthetic_plan
 from tests.urdfs import CRANE
 
 Files = Mapping[str, bytes]
-KINDS = ("world", "plan", "csv", "columns", "gcode", "urdf", "map", "parts")
+KINDS = ("world", "plan", "csv", "columns", "gcode", "urdf", "srdf", "map", "frames", "execution", "parts")
 READ = {"world": "w.yaml", "plan": "plan.json", "csv": "p.csv", "urdf": "r.urdf", "map": "m.yaml"}
-READ |= {"columns": "t.csv", "gcode": "p.nc"}
+READ |= {"columns": "t.csv", "gcode": "p.nc", "srdf": "r.srdf", "frames": "w.yaml", "execution": "w.yaml"}
 READ["parts"] = "t.csv.parts/manifest.json"  # of a run of many targets that goes on
 MANIFEST = {"world": "a digest", "targets": "another", "versions": {"regionik": "0.1.0"}}
 
@@ -193,6 +193,12 @@ def samples(kind: str) -> list[Files]:
         case "urdf":
             return [{"r.urdf": CRANE.replace("upper.stl", file).encode(), f"meshes/{file}": mesh}
                     for file, mesh in meshes().items()]  # fmt: skip
+        case "srdf":
+            return [{**_crane(), READ[kind]: SRDF.encode()}]
+        case "frames":
+            return [{"w.yaml": FRAMES.encode(), "p.csv": POSES}]
+        case "execution":
+            return [{"w.yaml": _with_rules(rules)} for rules in (EXECUTION, PARKING, PROCESS)]
         case "parts":
             return [{READ[kind]: json.dumps(MANIFEST).encode()}]
         case _:
@@ -200,6 +206,53 @@ def samples(kind: str) -> list[Files]:
                 {"m.yaml": MAP.replace("m.pgm", file).encode(), file: image}
                 for file, image in images().items()
             ]
+
+
+SRDF = """\
+<robot name="crane">
+  <group name="arm"><chain base_link="plate" tip_link="tool"/></group>
+  <group_state name="tucked" group="arm">
+    <joint name="lift" value="0.1"/><joint name="pivot" value="-0.5"/><joint name="elbow" value="1"/>
+  </group_state>
+  <group_state name="base" group="base"><joint name="world" value="0 0 0"/></group_state>
+  <disable_default_collisions link="head"/>
+  <enable_collisions link1="head" link2="fore"/>
+  <disable_collisions link1="left" link2="right" reason="Never"/>
+  <disable_collisions link1="torso" link2="base" reason="Adjacent"/>
+</robot>
+"""
+FRAMES = """\
+version: 1
+robot: {name: youbot, tool: {position: [0, 0, 0.1], rpy: [0, 0.2, 0]}}
+floor: {polygon: [[-1, -1], [4, -1], [4, 2], [-1, 2]]}
+frames:
+  map: odom
+  tool0: flange
+  part: {parent: table, position: [0.1, 0, 0.2], rpy: [0, 0, 0.5]}
+  table: {position: [1, 1, 0.3], rpy: [0.1, 0, 1.57]}
+obstacles:
+  - {name: post, cylinder: {radius: 0.1, height: 1, center: [0, 0, 0.5]}, frame: {position: [3, 0, 0]}}
+task:
+  - {csv: p.csv, frame: part}
+  - {csv: p.csv, frame: {position: [1, 0, 0], rpy: [0, 0, 1]}, scale: 0.5}
+  - {points: [[0, 0, 0], [0.1, 0, 0]], frame: table, direction: [0, 0, -1], cone: 0.1}
+rules: {clearance: 0.2}
+"""
+POSES = b"x,y,z,qx,qy,qz,qw\n0,0,0,0,0,0,1\n0.1,0,0,0,0,0.6,0.8\n"
+EXECUTION = "execution: {base_error: 0.004, heading_error: 0.01, tool_error: 0.0005, arm_error: 0.01}"
+PARKING = (
+    "mode: stops, stop_criterion: probability, "
+    "parking: {covariance: [[1.0e-4, 0, 0], [0, 1.0e-4, 1.0e-5], [0, 1.0e-5, 2.0e-4]], probability: 0.99}"
+)
+PROCESS = "criteria: {joint_margin: 0.1}, mode: stops, order: any, parking: {deviations: [0.01, 0, 0.02]}"
+
+
+def _with_rules(rules: str) -> bytes:
+    return broken("rules: {clearance: 0.2, step: 0.1}", f"rules: {{clearance: 0.2, {rules}}}").encode()
+
+
+def _crane() -> Files:
+    return {"r.urdf": CRANE.encode(), "meshes/upper.stl": meshes()["block.stl"]}
 
 
 MAP = """\
@@ -277,7 +330,10 @@ def bombs(kind: str) -> dict[str, Files]:
         "columns": _columns_bombs,
         "gcode": _gcode_bombs,
         "urdf": _urdf_bombs,
+        "srdf": _srdf_bombs,
         "map": _map_bombs,
+        "frames": _frames_bombs,
+        "execution": _execution_bombs,
         "parts": _parts_bombs,
     }
     return {
@@ -420,6 +476,46 @@ def _urdf_bombs() -> dict[str, bytes | Files]:
         "a long chain": f'<robot name="a">{links}{chain}</robot>'.encode(),
         "many solids": {"r.urdf": crane.encode(), "meshes/upper.stl": block, "meshes/block.stl": block},
         "a pipe": PIPE,
+    }
+
+
+def _srdf_bombs() -> dict[str, bytes | Files]:
+    states = "<group_state name='a{0}' group='arm'><joint name='lift' value='0.1'/></group_state>"
+    pairs = "<disable_collisions link1='left' link2='x{}'/>"
+    laughs = "".join(f'<!ENTITY a{k + 1} "{f"&a{k};" * 10}">' for k in range(30))
+    made = {
+        "entities": f'<!DOCTYPE r [<!ENTITY a0 "ha">{laughs}]><robot name="&a30;"/>'.encode(),
+        "deep": b"<a>" * 1_000_000,
+        "wide": b"<robot name='a'>" + b"<a/>" * 3_000_000,
+        "many postures": ("<robot>" + "".join(map(states.format, range(150_000))) + "</robot>").encode(),
+        "many pairs": ("<robot>" + "".join(map(pairs.format, range(250_000))) + "</robot>").encode(),
+        "a long value": SRDF.replace("-0.5", "1 " * 5_000_000).encode(),
+        "a long name": SRDF.replace("tucked", "a" * 10_000_000).encode(),
+        "a pipe": PIPE,
+    }
+    return {name: {**_crane(), READ["srdf"]: data} for name, data in made.items()}
+
+
+def _frames_bombs() -> dict[str, bytes | Files]:
+    chained = "".join(f"  f{k}: {{parent: f{k + 1}}}\n" for k in range(20_000))
+    made = {
+        "a circle": FRAMES.replace("table: {", "table: {parent: part, "),
+        "a long chain": FRAMES.replace("obstacles", chained + "  f20000: {}\nobstacles"),
+        "many": FRAMES.replace("obstacles", "".join(f"  g{k}: {{}}\n" for k in range(100_000)) + "obstacles"),
+        "far away": FRAMES.replace("[1, 1, 0.3]", "[1.0e+308, 1.0e+308, 0.3]"),
+        "a long name": FRAMES.replace("odom", "o" * 10_000_000),
+    }
+    return {name: {"w.yaml": text.encode(), "p.csv": POSES} for name, text in made.items()}
+
+
+def _execution_bombs() -> dict[str, bytes | Files]:
+    huge = "covariance: [[1.0e+300, 0, 0], [0, 1.0e+300, 0], [0, 0, 1.0e+300]]"
+    return {
+        "errors without bound": _with_rules("execution: {base_error: 1.0e+308, tool_error: 1.0e+308}"),
+        "a heading of turns": _with_rules("execution: {heading_error: 1.0e+9}"),
+        "a covariance without bound": _with_rules(f"mode: stops, parking: {{{huge}}}"),
+        "no covariance": _with_rules("mode: stops, parking: {covariance: [[1, 2, 0], [2, 1, 0], [0, 0, 1]]}"),
+        "nothing": _with_rules("mode: stops, parking: {}"),
     }
 
 

@@ -95,6 +95,15 @@ def test_frames_that_make_no_sense_are_refused(parts: dict[str, Any], told: str)
     assert told in str(caught.value)
 
 
+def test_thousands_of_frames_in_a_row_add_up() -> None:
+    frames: dict[str, Any] = {f"f{k}": {"parent": f"f{k + 1}", "position": [1, 0, 0]} for k in range(5000)}
+    task = [{"points": [[0, 0, 0.3]], "frame": "f0"}]
+    target = world_of(frames={**frames, "f5000": {}}, task=task).task[0]
+    assert target.position.tolist() == [5000, 0, 0.3]
+    with pytest.raises(InputError, match="map, f0, f1, "):
+        world_of(frames={**frames, "f5000": {}}, task=[{**task[0], "frame": "f"}])
+
+
 def test_names_of_frames_come_back_and_go_out() -> None:
     names = {"map": "hall", "base_link": "cart/base_link", "tool0": "cart/tool0"}
     world = world_of(frames={**names, "part": TURNED})

@@ -12,9 +12,11 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.chain import pose
 from regionik.worlds.errors import InputError, located
 from regionik.worlds.frames import FrameNames
+from regionik.worlds.readers.text import join_names
 from regionik.worlds.readers.validation import OneLine, Strict, Vec3
 
 WORLD = "map"  # the frame of all that names none
+SHOWN = 20  # names in a message
 _NAMED = tuple(field.name for field in fields(FrameNames))
 
 
@@ -67,8 +69,8 @@ def read_frames(part: FramesPart, where: str) -> tuple[FrameNames, Poses]:
     poses: Poses = {WORLD: np.eye(4)}
     for key in frames:
         with located(where, f"frames.{key}"):
-            poses[key] = _in_world(key, frames)
-    return called, poses
+            _add_pose(key, frames, poses)
+    return called, {key: poses[key] for key in (WORLD, *frames)}
 
 
 def frame_pose(reference: str | FramePart, poses: Poses) -> Array:
@@ -82,19 +84,23 @@ def frame_pose(reference: str | FramePart, poses: Poses) -> Array:
     if isinstance(reference, FramePart):
         return pose(reference.position, reference.rpy)
     if reference not in poses:
-        raise InputError(f"frame: unknown frame {reference!r}, valid names: {', '.join(poses)}")
+        raise InputError(f"frame: unknown frame {reference!r}, valid names: {join_names(poses, SHOWN)}")
     return poses[reference]
 
 
-def _in_world(name: str, frames: dict[str, FrameOfWorld]) -> Array:
-    T, way = np.eye(4), [name]
-    while way[-1] != WORLD:
-        frame = frames.get(way[-1])
-        if frame is None:
-            valid = ", ".join([WORLD, *frames])
-            raise InputError(f"parent: unknown frame {way[-1]!r}, valid names: {valid}")
-        T = pose(frame.position, frame.rpy) @ T
-        if frame.parent in way:
-            raise InputError(f"parent: expected no circle of frames, got {' in '.join([*way, frame.parent])}")
-        way.append(frame.parent)
-    return T
+def _add_pose(name: str, frames: dict[str, FrameOfWorld], poses: Poses) -> None:
+    """Put the pose of a frame, and of those it is given in, among the poses in the world."""
+    way: dict[str, None] = {}  # in order
+    while name not in poses:
+        if name not in frames:
+            raise InputError(
+                f"parent: unknown frame {name!r}, valid names: {join_names([WORLD, *frames], SHOWN)}"
+            )
+        if name in way:
+            circle = join_names([*way, name], SHOWN)
+            raise InputError(f"parent: expected no circle of frames, got {circle}")
+        way[name] = None
+        name = frames[name].parent
+    for frame in reversed(way):
+        part = frames[frame]
+        poses[frame] = poses[part.parent] @ pose(part.position, part.rpy)

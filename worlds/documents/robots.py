@@ -23,6 +23,7 @@ from regionik.worlds.documents.robot_solids import (
 from regionik.worlds.drives import BaseKind
 from regionik.worlds.errors import InputError, located
 from regionik.worlds.links import BASE, LINK_RADIUS, LinkMass, LinkSolid, capsules_along
+from regionik.worlds.readers.text import join_names
 from regionik.worlds.readers.validation import (
     FileName,
     Matrix4,
@@ -37,7 +38,6 @@ from regionik.worlds.readers.validation import (
 from regionik.worlds.rest_posture import rest_posture
 from regionik.worlds.robot import BODY_HEIGHT, Robot, Tool, check_turning_radius, with_tool, without_limits
 from regionik.worlds.self_collision import base_name
-from regionik.worlds.urdf.elements import join_names
 from regionik.worlds.urdf.loader import load_robot
 from regionik.worlds.visual_surfaces import VisualSurface
 

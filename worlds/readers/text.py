@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -138,6 +138,13 @@ def clip(value: Any) -> str:
     """Return a short one-line form of a value for messages."""
     text = " ".join(repr(value).split())
     return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def join_names(names: Iterable[str], most: int = 60) -> str:
+    """Return names for a message, only the first ``most`` where there are more."""
+    known = list(names)
+    rest = len(known) - most
+    return ", ".join(known[:most]) + (f" and {rest} more" if rest > 0 else "")
 
 
 def _plain(value: Any, where: str, place: str, depth: int) -> None:

@@ -16,7 +16,7 @@ import numpy as np
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import pose
 from regionik.worlds.errors import InputError, located, located_error
-from regionik.worlds.readers.text import Element, clip, read_xml
+from regionik.worlds.readers.text import Element, clip, join_names, read_xml
 from regionik.worlds.readers.validation import LARGEST
 
 SUFFIXES = (".urdf", ".xml")
@@ -104,13 +104,6 @@ def read_urdf(path: Path) -> UrdfModel:
             raise root.error(f"expected <robot> as first element, got <{clip(root.tag)[1:-1]}>")
         _refuse_xacro(root, path)
         return _model(root, path)
-
-
-def join_names(names: Iterable[str], most: int = 60) -> str:
-    """Return names for a message, only the first ``most`` where there are more."""
-    known = list(names)
-    rest = len(known) - most
-    return ", ".join(known[:most]) + (f" and {rest} more" if rest > 0 else "")
 
 
 def _expand_xacro(path: Path) -> str:

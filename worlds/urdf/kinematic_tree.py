@@ -14,7 +14,8 @@ from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain, Joint
 from regionik.worlds.errors import located, located_error
 from regionik.worlds.links import BASE, LinkMass
-from regionik.worlds.urdf.elements import UrdfJoint, UrdfModel, join_names
+from regionik.worlds.readers.text import join_names
+from regionik.worlds.urdf.elements import UrdfJoint, UrdfModel
 
 ENDLESS = 200.0  # travel of a slide that is a base's, or of a turn [m] or [rad]
 _LEVEL = 1e-6

@@ -31,13 +31,13 @@ from regionik.worlds.chain import Chain, planar_pose
 from regionik.worlds.drives import BaseKind, drive_of
 from regionik.worlds.errors import InputError, RobotNote, located, located_error, suggestion
 from regionik.worlds.links import BASE
-from regionik.worlds.readers.text import is_file_name
+from regionik.worlds.readers.text import is_file_name, join_names
 from regionik.worlds.readers.validation import LARGEST
 from regionik.worlds.rest_posture import rest_posture
 from regionik.worlds.robot import BODY_HEIGHT, Robot, Tool, check_turning_radius, with_tool, without_limits
 from regionik.worlds.self_collision import bodies_clear, disabled_pairs
 from regionik.worlds.urdf.collision import CollisionModel, collision_model, solid_part
-from regionik.worlds.urdf.elements import SUFFIXES, UrdfModel, join_names, read_urdf
+from regionik.worlds.urdf.elements import SUFFIXES, UrdfModel, read_urdf
 from regionik.worlds.urdf.kinematic_tree import (
     LinkPlacement,
     chain_along,

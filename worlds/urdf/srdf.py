@@ -12,11 +12,11 @@ import numpy as np
 from regionik.worlds.arrays import Array
 from regionik.worlds.chain import Chain
 from regionik.worlds.errors import InputError, located, located_error
-from regionik.worlds.readers.text import Element, clip, read_xml
+from regionik.worlds.readers.text import Element, clip, join_names, read_xml
 from regionik.worlds.robot import Robot
 from regionik.worlds.self_collision import base_name
 from regionik.worlds.urdf.collision import CollisionModel
-from regionik.worlds.urdf.elements import UrdfModel, finite_numbers, join_names, name_of
+from regionik.worlds.urdf.elements import UrdfModel, finite_numbers, name_of
 
 SUFFIX = ".srdf"
 PAIR_LIMIT = 200_000  # of links
