@@ -227,12 +227,13 @@ def report(found: list[Judged]) -> str:
     """The results as Markdown."""
     known = [one for one in found if one.kind in WITNESSED]
     others = [one for one in found if one.kind not in WITNESSED]
-    drawn = sum(one.kind != "bundled" for one in found)
+    seeds = [one.seed for one in found if one.kind != "bundled"]
+    drawn = f"{len(seeds)} random ones, of seeds {min(seeds)} to {max(seeds)}" if seeds else "no random ones"
     wrong_ones = [one for one in found if one.wrong]
     lines = [
         "# Random worlds and the second opinion",
         "",
-        f"On {date.today()} `make soak` planned {len(found) - drawn} bundled worlds and {drawn} random ones.",
+        f"On {date.today()} `make soak` planned {len(found) - len(seeds)} bundled worlds and {drawn}.",
         "Pinocchio and coal judged every plan and every blocked start, brute force every proven",
         "`unreachable` of a set-point: those are the claims tested.",
         "What dense samples do not show is not proven.",
@@ -342,12 +343,14 @@ def main() -> int:
     """Exit code 1 where a plan or a claim was contradicted."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("worlds", type=int, nargs="?", default=500, help="random ones")
+    parser.add_argument("--first", type=int, default=0, help="seed of the first of each kind's turns")
     parser.add_argument("--kinds", nargs="+", choices=KNOWN, help="of all these only")
     parser.add_argument("-o", "--output", type=Path)
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--kept", type=Path, help="worlds judged, a line each, which are not judged again")
     asked = parser.parse_args()
-    worlds = [(kind, n) for kind, n in asked_worlds(asked.worlds) if kind in (asked.kinds or [kind])]
+    drawn = asked_worlds(asked.worlds, asked.first)
+    worlds = [(kind, n) for kind, n in drawn if kind in (asked.kinds or [kind])]
     seen = _read(asked.kept)
     left = [world for world in worlds if world not in seen]
     with _lines(asked.kept) as lines:
@@ -364,11 +367,15 @@ def main() -> int:
     return int(any(one.wrong for one in found))
 
 
-def asked_worlds(count: int) -> list[tuple[str, int]]:
-    """Kind and seed of all bundled worlds and of ``count`` random ones, every second one with a witness."""
+def asked_worlds(count: int, first: int = 0) -> list[tuple[str, int]]:
+    """Kind and seed of all bundled worlds and of ``count`` random ones, every second one with a witness.
+
+    Seeds begin with the ``first``, so that runs on several days judge worlds that none has seen.
+    """
     bundled = [("bundled", n) for n in range(len(world_names()))]
-    turns = [(DRAWN[n % len(DRAWN)], WITNESSED[n % len(WITNESSED)]) for n in range((count + 1) // 2)]
-    return bundled + [(kind, n) for n, turn in enumerate(turns) for kind in turn][:count]
+    seeds = range(first, first + (count + 1) // 2)
+    turns = [(n, (DRAWN[n % len(DRAWN)], WITNESSED[n % len(WITNESSED)])) for n in seeds]
+    return bundled + [(kind, n) for n, turn in turns for kind in turn][:count]
 
 
 def _ended(kind: str, seed: int, ended: Ended) -> Judged:
