@@ -167,6 +167,7 @@ def test_a_world_reads_columns_and_gcode(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(("text", "chosen", "told"), [
     (TABLE, CHOSEN, "line 5: Height: expected a finite number, got '5,0'"),
+    ("a;a;a;a;x;y;z\n1;2\n", {key: key for key in "xyz"}, "line 2: x: expected a finite number, got ''"),
     (TABLE, {**CHOSEN, "z": "Z"}, "line 2: the title 'Z' is not there, titles: 'No, X (mm), Y (mm), Height"),
     (TABLE.replace("No", "Height"), CHOSEN, "line 2: the title 'Height' is twice there"),
     (TABLE, {**CHOSEN, "z": "No", "y": "No"}, "columns: expected a title of its own for each"),

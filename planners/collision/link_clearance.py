@@ -15,12 +15,17 @@ from regionik.planners.collision.distances import bounding_boxes, hull_separatio
 from regionik.planners.collision.robot_bodies import NO_CONTACT, Bodies, ContactTargets
 from regionik.planners.collision.robot_motion import BASE
 from regionik.worlds.arrays import Array, Index
+from regionik.worlds.links import LinkHull
+from regionik.worlds.polytopes import Polytope
 
 
 class _Near(NamedTuple):
     """Surroundings of one solid of a link, all of them in one frame."""
 
     corners: Array  # (k, 3) of the solid, in its link's frame [m]
+    own: (
+        Polytope | None
+    )  # hull of the corners, where it is known: made anew at each pose it takes milliseconds
     apart: float  # between those corners' hull and each piece [m]
     T: Array  # (4, 4) frame of the pieces <- the arm's base frame
     pieces: tuple[Piece, ...]
@@ -59,12 +64,13 @@ def links_clear(
         work = np.isin(bodies.hulls.owner[checked], free)
         own = np.flatnonzero(bodies.links.pairs[k] & (bodies.hulls.frame == BASE))
         corners, apart = solid.corners, solid.radius + margin
+        whole = solid.polytope if isinstance(solid, LinkHull) else None
         core = bodies.links.core[slice(*bodies.links.first[k : k + 2])]
         least = float(bodies.links.core_radius[k])
         links[solid.link] += [
-            _near(bodies, corners, checked[~work], T_world_arm, apart + bodies.clearance),
-            _near(bodies, core, checked[work], T_world_arm, least),
-            _near(bodies, corners, own, bodies.mobile.mount, apart),
+            _near(bodies, corners, whole, checked[~work], T_world_arm, apart + bodies.clearance),
+            _near(bodies, core, None, checked[work], T_world_arm, least),
+            _near(bodies, corners, whole, own, bodies.mobile.mount, apart),
         ]
     return lambda link, T_arm_link: all(_clear(near, T_arm_link) for near in links[link])
 
@@ -78,10 +84,10 @@ def whole_pieces(bodies: Bodies) -> Index:
     return np.array(rows, dtype=np.int64)
 
 
-def _near(bodies: Bodies, corners: Array, rows: Index, T: Array, apart: float) -> _Near:
+def _near(bodies: Bodies, corners: Array, own: Polytope | None, rows: Index, T: Array, apart: float) -> _Near:
     pieces = tuple(bodies.pieces[m] for m in rows)
     low, high = bounding_boxes(pieces)
-    return _Near(corners, apart, T, pieces, low - apart, high + apart)
+    return _Near(corners, own, apart, T, pieces, low - apart, high + apart)
 
 
 def _clear(near: _Near, T_arm_link: Array) -> bool:
@@ -90,6 +96,10 @@ def _clear(near: _Near, T_arm_link: Array) -> bool:
     T = near.T @ T_arm_link
     corners = near.corners @ T[:3, :3].T + T[:3, 3]
     meet = (corners.min(0) <= near.high).all(1) & (near.low <= corners.max(0)).all(1)
+    if not meet.any():
+        return True
+    own = None if near.own is None else near.own.moved(T)
     return all(
-        hull_separation(near.pieces[m], corners).distance >= near.apart for m in np.flatnonzero(meet).tolist()
+        hull_separation(near.pieces[m], corners, own).distance >= near.apart
+        for m in np.flatnonzero(meet).tolist()
     )

@@ -270,10 +270,8 @@ def read_csv_columns(path: Path, columns: Mapping[str, str], delimiter: Delimite
     table = _table(path, _SIGNS[delimiter])
     places = _places(path, next(table, (1, [])), [columns[name] for name in names])
     for number, cells in table:
-        given = cells + [""] * len(names)
-        rows.append(
-            [_number(given[place], title, f"{path}: line {number}") for title, place in places.items()]
-        )
+        given = {title: cells[place] if place < len(cells) else "" for title, place in places.items()}
+        rows.append([_number(cell, title, f"{path}: line {number}") for title, cell in given.items()])
         numbers.append(number)
     if not rows:
         raise InputError(f"{path}: expected at least one line below the titles")
