@@ -1,4 +1,4 @@
-"""Short tours: open ones through points, or one point of each set, in any order; through polygons in theirs."""
+"""Short tours: open ones through points or sets of them in any order, and one through polygons in theirs."""
 
 from __future__ import annotations
 
@@ -192,9 +192,7 @@ def _held_karp(far: Array, first: Array, last: Array | None = None, owner: Index
     return order[::-1]
 
 
-def _open_length(
-    order: Sequence[int] | Index, far: Array, first: Array, last: Array | None = None
-) -> float:
+def _open_length(order: Sequence[int] | Index, far: Array, first: Array, last: Array | None = None) -> float:
     way = np.asarray(order, dtype=np.intp)
     if not len(way):
         return 0.0
