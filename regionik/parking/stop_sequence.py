@@ -101,7 +101,7 @@ def _along_tour(
         "drive": drive.length,
         "drive_lower_bound": drive.lower,
         "tool": sum(tour.length for tour in work),
-        "tool_lower_bound": sum(tour.lower for tour in work),
+        "tool_lower_bound": float(sum(tour.lower for tour in work)),
     }
     return tuple(groups[n] for n in drive.order), tours
 

@@ -104,7 +104,7 @@ def in_sequence(world: World, parking: Parking) -> StopSequence:
     sequence = stop_sequence(world, parking.parking_areas, tuple(group for group, _ in toured))
     arm = {
         "arm": sum(tour.length for _, tour in toured),
-        "arm_lower_bound": sum(tour.lower for _, tour in toured),
+        "arm_lower_bound": float(sum(tour.lower for _, tour in toured)),
     }
     return replace(sequence, tours={**sequence.tours, **arm})
 
