@@ -1,7 +1,8 @@
 """Holes in a panel by an arm on a base that stands, and in four such panels along a wall by one that drives.
 
-Rows of x, y, z and direction are read from a CSV file, as RoboTSP has them (Suarez-Ruiz, Lembono and Pham 2018):
-245 holes, which took it 22 s to plan and a Denso VS060 78.6 s to do, by the speeds and accelerations below. Run: python benchmarks/bench_panel.py robot.urdf tip_link holes.csv
+Rows of x, y, z and direction come from a CSV file, as RoboTSP has them (Suarez-Ruiz, Lembono and Pham 2018): 245
+holes, which took it 22 s to plan and a Denso VS060 78.6 s to do, by the speeds and accelerations below.
+Run: python benchmarks/bench_panel.py robot.urdf tip_link holes.csv
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from regionik.worlds.urdf.loader import load_robot
 VELOCITY = (1.0, 0.7, 0.7, 1.0, 0.7, 1.57)  # of the published run [rad/s]
 ACCELERATION = (5.0, 4.25, 4.25, 5.25, 6.0, 8.0)  # of the published run [rad/s2]
 PLACE = 1e-3  # half of the floor of a base that stands [m]
-APART = 1.2  # panels along a wall [m]
+APART = 0.6  # panels along a wall, each half a metre wide [m]
 HEIGHT = 0.4  # of the arm on the base that drives [m]
 
 
