@@ -1,6 +1,6 @@
 """Holes in a panel by an arm on a base that stands, and in four such panels along a wall by one that drives.
 
-Rows of x, y, z and direction come from a CSV file, as RoboTSP has them (Suarez-Ruiz, Lembono and Pham 2018): 245
+Rows of x, y, z and direction are those of RoboTSP (Suarez-Ruiz, Lembono and Pham 2018), a CSV file: 245
 holes, which took it 22 s to plan and a Denso VS060 78.6 s to do, by the speeds and accelerations below.
 Run: python benchmarks/bench_panel.py robot.urdf tip_link holes.csv
 """
