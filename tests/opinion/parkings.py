@@ -1,7 +1,7 @@
-"""Whether the robot can do its work from where its base came to stand, by brute force over arms in one plane.
+"""Whether the robot can do its work from where its base came to stand, by brute force.
 
-How far out such an arm reaches at a height is the same all round its pivot. That is looked for step by step
-along a line, each posture begun from that of the step before and from others near it.
+Of an arm on a vertical pivot many postures are drawn. With its pivot turned to a point, those whose tools
+come nearest to it are bent until one meets it.
 """
 
 from __future__ import annotations
@@ -11,14 +11,14 @@ from typing import Any
 import numpy as np
 import shapely
 from numpy.typing import NDArray
+from scipy.spatial import KDTree
 
 from tests.opinion.course import Course, wrapped
 from tests.opinion.machine import Array, Machine, jacobian
 
-STEP = 1e-3  # along a line outwards [m]
-DRAWN = 20_000  # postures that the first are taken from
-NEAREST = 4  # of them that are tried at a step
-FAR = 0.05  # from the nearest of them, beyond which none is looked for [m]
+DRAWN = 20_000  # postures
+NEAREST, TRIED = 48, 8  # of them that are looked at, and that are bent
+FAR = 0.05  # from the nearest of them, beyond which none is bent [m]
 STEPS = 30  # of damped least squares
 CLOSE = 1e-5  # [m]
 
@@ -33,26 +33,16 @@ def good_parkings(document: dict[str, Any], machine: Machine, points: Array, pos
     document : dict
         Of the world.
     machine : Machine
-        Its pivot is vertical, and all that follows lies in one plane with it.
+        Its first joint is a vertical pivot.
     """
     good = _has_room(document, machine, poses)
-    axes = poses[:, :2] + np.einsum("nij,j->ni", _turns(poses[:, 2]), machine.mount[:2, 3])
-    yaw = poses[:, 2] + float(np.arctan2(machine.mount[1, 0], machine.mount[0, 0]))
-    low, high = machine.lower[0], machine.upper[0]
-    known = _drawn(machine)
+    search = _Reach(machine)
     for point in points:
-        radii, met = _line(machine, float(point[2]), *known)
-        away = point[:2] - axes
-        far, bearing = np.hypot(*away.T), np.arctan2(away[:, 1], away[:, 0])
-        reached = np.zeros(len(poses), dtype=bool)
-        for sign, turn in ((1.0, 0.0), (-1.0, np.pi)):
-            at = np.round((sign * far - radii[0]) / STEP).astype(int)
-            inside = (at >= 0) & (at < len(radii))
-            pivot = wrapped(bearing + turn - yaw)
-            turned = pivot[:, None] + 2 * np.pi * np.arange(-2, 3)
-            within = ((low <= turned) & (turned <= high)).any(axis=1)
-            reached |= inside & met[np.clip(at, 0, len(radii) - 1)] & within
-        good &= reached
+        some = np.flatnonzero(good)
+        off = point[:2] - poses[some, :2]
+        seen = np.einsum("nji,nj->ni", _turns(poses[some, 2]), off)
+        spots = np.column_stack([seen, np.full(len(some), point[2])])
+        good[some] = search.meets(spots)
     return good
 
 
@@ -75,53 +65,55 @@ def _turns(yaw: Array) -> Array:
     return np.moveaxis(np.array([[c, -s], [s, c]]), -1, 0)
 
 
-def _line(machine: Machine, height: float, joints: Array, tools: Array) -> tuple[Array, Mask]:
-    """Distances from the pivot's axis (n,), signed, and at which of them the tool gets to a height [m]."""
-    most = float(np.abs(tools[:, 0]).max()) + 5 * STEP
-    radii = np.arange(-most, most, STEP)
-    met, last = np.zeros(len(radii), dtype=bool), None
-    for n, radius in enumerate(radii):
-        off = np.hypot(tools[:, 0] - radius, tools[:, 1] - height)
-        near = np.argpartition(off, NEAREST)[:NEAREST]
-        if off[near].min() > FAR:
-            continue
-        for start in [*([] if last is None else [last]), *joints[near]]:
-            found = _bent(machine, start, radius, height)
-            if found is not None:
-                met[n], last = True, found
-                break
-    return radii, met
+class _Reach:
+    """Postures drawn at random, by where their tools are about the pivot."""
 
+    def __init__(self, machine: Machine) -> None:
+        self.machine, self.mount = machine, machine.mount[:2, 3]
+        low = np.where(np.isfinite(machine.lower), machine.lower, -np.pi)
+        high = np.where(np.isfinite(machine.upper), machine.upper, np.pi)
+        self.joints = np.random.default_rng(0).uniform(low, high, (DRAWN, machine.dof))
+        tools = np.array([self.tool(q) for q in self.joints])
+        off = tools[:, :2] - self.mount
+        self.bearing = np.arctan2(off[:, 1], off[:, 0])
+        self.tree = KDTree(np.column_stack([np.hypot(*off.T), tools[:, 2]]))
 
-def _drawn(machine: Machine) -> tuple[Array, Array]:
-    """Postures with the pivot at zero (m, dof), and their tools' distances from it and heights (m, 2)."""
-    low = np.where(np.isfinite(machine.lower), machine.lower, -np.pi)
-    high = np.where(np.isfinite(machine.upper), machine.upper, np.pi)
-    joints = np.random.default_rng(0).uniform(low, high, (DRAWN, machine.dof))
-    joints[:, 0] = 0.0
-    tools = np.array([_tool(machine, q) for q in joints])
-    assert np.abs(tools[:, 1]).max() < 1e-9, "the arm does not lie in one plane"
-    return joints, tools[:, ::2]
+    def tool(self, joints: Array) -> Array:
+        """The tool with the base at the origin (3,) [m]."""
+        self.machine.place(np.zeros(3), joints)
+        return self.machine.tool()[:3, 3].copy()
 
+    def meets(self, spots: Array) -> Mask:
+        """At which points (n, 3), seen from the base, a posture was found with the tool there."""
+        off = spots[:, :2] - self.mount
+        bearing = np.arctan2(off[:, 1], off[:, 0])
+        far, near = self.tree.query(np.column_stack([np.hypot(*off.T), spots[:, 2]]), NEAREST)
+        found = [
+            bool(d[0] <= FAR) and self._meets(spot, k, b)
+            for spot, k, b, d in zip(spots, near, bearing, far, strict=True)
+        ]
+        return np.array(found, dtype=bool)
 
-def _tool(machine: Machine, joints: Array) -> Array:
-    """The tool from the pivot's axis, along and across the arm's plane, and its height over the floor [m]."""
-    machine.place(np.zeros(3), joints)
-    off = machine.tool()[:3, 3] - np.array([*machine.mount[:2, 3], 0.0])
-    return np.append(machine.mount[:2, :2].T @ off[:2], off[2])
+    def _meets(self, spot: Array, near: NDArray[np.int64], bearing: float) -> bool:
+        """True if one of some postures, its pivot turned to a point within its limits, can be bent to it."""
+        low, high = self.machine.lower[0], self.machine.upper[0]
+        starts = self.joints[near].copy()
+        middle = (low + high) / 2 if np.isfinite(high - low) else 0.0
+        starts[:, 0] = middle + wrapped(starts[:, 0] + bearing - self.bearing[near] - middle)
+        beyond = np.maximum(low - starts[:, 0], starts[:, 0] - high)
+        starts[:, 0] = np.clip(starts[:, 0], low, high)
+        order = np.argsort(np.maximum(beyond, 0.0), kind="stable")[:TRIED]
+        return any(self._bends(start, spot) for start in starts[order])
 
-
-def _bent(machine: Machine, joints: Array, radius: float, height: float) -> Array | None:
-    """Joint values with the tool at a distance and height, by damped least squares; None where it misses."""
-    q, damping = joints.copy(), 1e-3
-    for _ in range(STEPS):
-        off = np.array([radius, 0.0, height]) - _tool(machine, q)
-        if np.abs(off).max() < CLOSE:
-            return q
-        off[:2] = machine.mount[:2, :2] @ off[:2]
-        J = jacobian(machine, machine.configuration(np.zeros(3), q))[:3, machine.columns]
-        J[:, 0] = 0.0
-        step = J.T @ np.linalg.solve(J @ J.T + damping * np.eye(3), off)
-        q = np.clip(q + np.clip(step, -0.5, 0.5), machine.lower, machine.upper)
-        damping = max(damping / 2, 1e-9)
-    return None
+    def _bends(self, joints: Array, spot: Array) -> bool:
+        """True if damped least squares bring the tool to a point."""
+        q, damping, machine = joints, 1e-3, self.machine
+        for _ in range(STEPS):
+            off = spot - self.tool(q)
+            if np.abs(off).max() < CLOSE:
+                return True
+            J = jacobian(machine, machine.configuration(np.zeros(3), q))[:3, machine.columns]
+            step = J.T @ np.linalg.solve(J @ J.T + damping * np.eye(3), off)
+            q = np.clip(q + np.clip(step, -0.5, 0.5), machine.lower, machine.upper)
+            damping = max(damping / 2, 1e-9)
+        return False
