@@ -31,26 +31,34 @@ PROVEN = 12  # rounds in which what was chosen is proven
 ROUNDING = 1e-9  # [s]
 
 
-def in_arm_order(placements: PlacementSearch, group: StopGroup) -> tuple[StopGroup, VisitingOrder]:
-    """Group with its set-points along a short tour of the arm at its widest place, and how long it is [s].
+def in_short_order(placements: PlacementSearch, group: StopGroup) -> tuple[StopGroup, VisitingOrder]:
+    """Group with its set-points along a short tour at its widest place, and the arm's time for that [s].
 
     The bound is that of any order of the postures that were found there. Where a place gives the arm its
-    posture there are no others; set-points that the place leaves out come last.
+    posture there are no others, and the tool keeps to its path where it can: the order is that of its way.
     """
     if group.held is not None:
         held, tour = _toured(placements.world, group, group.held)
         setpoints = tuple(group.setpoints[n] for n in tour.order)
         return replace(group, setpoints=setpoints, held=held), tour
+    world = placements.world
+    spots = np.array([world.task[i].position for i in group.setpoints])
+    way = shortest_order(cdist(spots, spots)).order
+    ordered = group.of(tuple(group.setpoints[n] for n in way))
+    return ordered, _timed(placements, ordered)
+
+
+def _timed(placements: PlacementSearch, group: StopGroup) -> VisitingOrder:
+    """The arm's time for what the widest place serves of a group, in its order, and a bound of all orders."""
     placement = placements.widest(group)
     if placement is None:
-        return group, VisitingOrder((), 0.0, 0.0)
-    world, pivot = placements.world, pivot_index(placements.world.robot.chain)
+        return VisitingOrder((), 0.0, 0.0)
+    pivot = pivot_index(placements.world.robot.chain)
     joints = np.array([placements.joints_at(n, placement) for n in range(len(placement.setpoints))])
     joints[:, pivot] = placement.near[:, pivot]
-    tour = shortest_order(_times(joints, _velocity(world)))
-    served = tuple(placement.setpoints[n] for n in tour.order)
-    left = tuple(i for i in group.setpoints if i not in set(served))
-    return group.of(served + left), tour
+    far = _times(joints, _velocity(placements.world))
+    length = float(np.diagonal(far, 1).sum())
+    return VisitingOrder(tuple(range(len(far))), length, min(length, shortest_order(far).lower))
 
 
 def _velocity(world: World) -> Array:

@@ -12,7 +12,7 @@ from regionik.areas.reachable import model_of
 from regionik.areas.standing import spread
 from regionik.explain.arm_failures import no_posture
 from regionik.parking.arm_roadmap import HeldPostures
-from regionik.parking.arm_tour import in_arm_order
+from regionik.parking.arm_tour import in_short_order
 from regionik.parking.fewest_stops import park
 from regionik.parking.parking_areas import Parking, StopGroup
 from regionik.parking.placements import BasePlacement, PlacementSearch
@@ -100,7 +100,7 @@ def in_sequence(world: World, parking: Parking) -> StopSequence:
     if world.rules.order == "given":
         return stop_sequence(world, parking.parking_areas, parking.groups)
     placements = PlacementSearch(world, parking.parking_areas)
-    toured = [in_arm_order(placements, group) for group in _by_one_heading(world, parking)]
+    toured = [in_short_order(placements, group) for group in _by_one_heading(world, parking)]
     sequence = stop_sequence(world, parking.parking_areas, tuple(group for group, _ in toured))
     arm = {
         "arm": sum(tour.length for _, tour in toured),
